@@ -1,0 +1,75 @@
+//! What makes a camera's numbers a camera.
+
+use nalgebra::{Matrix3, Vector3};
+
+use crate::error::{Error, Result};
+
+/// Largest entry of `RᵀR − I` accepted: single-precision and seven-digit files pass, a scaled or sheared R does not.
+const ORTHONORMAL: f64 = 1e-6;
+/// Largest entry, relative to fx, that still counts as one of K's zeros (rounding of a computed K).
+const ZERO: f64 = 1e-9;
+
+/// Adds the camera's name to the argument of an input error, for use in `map_err`.
+pub fn for_camera(name: &str) -> impl FnOnce(Error) -> Error + '_ {
+    move |error| match error {
+        Error::InvalidInput { argument, expected, actual } => Error::InvalidInput {
+            argument: format!("{argument} of camera '{name}'"),
+            expected,
+            actual,
+        },
+        other => other,
+    }
+}
+
+pub(super) fn intrinsics(k: &Matrix3<f64>) -> Result<()> {
+    finite("K", k.as_slice())?;
+    let (fx, fy) = (k[(0, 0)], k[(1, 1)]);
+    if fx <= 0.0 || fy <= 0.0 {
+        return Err(Error::invalid("K", "positive focal lengths", format!("fx = {fx}, fy = {fy}")));
+    }
+    if k[(0, 1)].abs() > ZERO * fx {
+        return Err(Error::invalid("K", "zero skew", format!("K[0, 1] = {}", k[(0, 1)])));
+    }
+    let rest = [k[(1, 0)] / fx, k[(2, 0)], k[(2, 1)], k[(2, 2)] - 1.0];
+    if rest.iter().any(|v| v.abs() > ZERO) {
+        let rows: Vec<String> =
+            k.row_iter().map(|r| format!("[{}, {}, {}]", r[0], r[1], r[2])).collect();
+        let expected = "[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]";
+        return Err(Error::invalid("K", expected, format!("[{}]", rows.join(", "))));
+    }
+    Ok(())
+}
+
+pub(super) fn rotation(r: &Matrix3<f64>) -> Result<()> {
+    finite("R", r.as_slice())?;
+    let off = (r.tr_mul(r) - Matrix3::identity()).amax();
+    if off > ORTHONORMAL {
+        let expected = format!("an orthonormal matrix (RᵀR = I to {ORTHONORMAL:e})");
+        return Err(Error::invalid("R", expected, format!("one that is off by {off:.3e}")));
+    }
+    if r.determinant() < 0.0 {
+        let actual = "a reflection (determinant -1): an axis is flipped or two are swapped";
+        return Err(Error::invalid("R", "a rotation (determinant +1)", actual));
+    }
+    Ok(())
+}
+
+pub(super) fn translation(t: &Vector3<f64>) -> Result<()> {
+    finite("t", t.as_slice())
+}
+
+pub(super) fn size(size: [u32; 2]) -> Result<()> {
+    if size.contains(&0) {
+        let actual = format!("({}, {})", size[0], size[1]);
+        return Err(Error::invalid("size", "(width, height) of at least 1 pixel", actual));
+    }
+    Ok(())
+}
+
+/// Every value is finite; otherwise the message shows the first that is not.
+pub(super) fn finite(argument: &str, values: &[f64]) -> Result<()> {
+    match values.iter().find(|v| !v.is_finite()) {
+        None => Ok(()),
+        Some(bad) => Err(Error::invalid(argument, "finite values", bad.to_string())),
+    }
+}

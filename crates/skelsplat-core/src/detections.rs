@@ -1,0 +1,117 @@
+//! 2D detections of one frame: where each view saw each joint.
+
+use nalgebra::Vector2;
+
+use crate::camera::{Camera, Undistorted};
+use crate::error::{Error, Result};
+
+/// One frame's detections, `(M, N)`: pixel and confidence of joint `j` in view `i`.
+///
+/// A detection is missing when a coordinate is not finite or its confidence is 0.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Detections {
+    n_views: usize,
+    n_joints: usize,
+    points: Vec<Vector2<f64>>,
+    confidence: Vec<f64>,
+}
+
+impl Detections {
+    /// From row-major `(M, N, 2)` pixels and optional `(M, N)` confidences in [0, 1] (default 1).
+    ///
+    /// # Errors
+    /// [`Error::InvalidInput`] if a length does not match or a confidence is outside [0, 1].
+    /// A confidence that is not a number marks the detection as missing.
+    pub fn new(
+        n_views: usize,
+        n_joints: usize,
+        pixels: &[f64],
+        confidence: Option<&[f64]>,
+    ) -> Result<Self> {
+        let n = n_views * n_joints;
+        if pixels.len() != 2 * n {
+            let expected = format!("{n_views} x {n_joints} x 2 values");
+            return Err(Error::invalid("detections", expected, pixels.len().to_string()));
+        }
+        let confidence = match confidence {
+            None => vec![1.0; n],
+            Some(c) if c.len() == n => c.to_vec(),
+            Some(c) => {
+                let expected = format!("{n_views} x {n_joints} values");
+                return Err(Error::invalid("confidence", expected, c.len().to_string()));
+            }
+        };
+        if let Some(bad) = confidence.iter().position(|c| *c < 0.0 || *c > 1.0) {
+            return Err(Error::invalid(
+                format!("confidence[{}, {}]", bad / n_joints, bad % n_joints),
+                "a value in [0, 1]",
+                confidence[bad].to_string(),
+            ));
+        }
+        let points = pixels.chunks_exact(2).map(|p| Vector2::new(p[0], p[1])).collect();
+        Ok(Self { n_views, n_joints, points, confidence })
+    }
+
+    /// Number of views `M`.
+    #[must_use]
+    pub fn n_views(&self) -> usize {
+        self.n_views
+    }
+
+    /// Number of joints `N`.
+    #[must_use]
+    pub fn n_joints(&self) -> usize {
+        self.n_joints
+    }
+
+    /// The detection of joint `j` in view `i` as (pixel, confidence), or `None` where it is missing.
+    #[must_use]
+    pub fn get(&self, view: usize, joint: usize) -> Option<(Vector2<f64>, f64)> {
+        let k = view * self.n_joints + joint;
+        let (p, c) = (self.points[k], self.confidence[k]);
+        (p.x.is_finite() && p.y.is_finite() && c > 0.0).then_some((p, c))
+    }
+
+    /// In how many views joint `j` is detected.
+    #[must_use]
+    pub fn views_of(&self, joint: usize) -> usize {
+        (0..self.n_views).filter(|&i| self.get(i, joint).is_some()).count()
+    }
+
+    /// The same detections with lens distortion removed: ideal pixels of the same K.
+    /// A pixel that no ray through the lens reaches becomes missing.
+    #[must_use]
+    pub fn undistorted(&self, cameras: &[Camera]) -> Self {
+        self.map(|view, p| match cameras[view].undistort(p) {
+            Undistorted::Converged(q) => Some(q),
+            Undistorted::OutOfRange => None,
+        })
+    }
+
+    /// The same detections without those of a confidence below `threshold`.
+    #[must_use]
+    pub fn above(&self, threshold: f64) -> Self {
+        let mut out = self.clone();
+        for c in &mut out.confidence {
+            if *c < threshold {
+                *c = 0.0;
+            }
+        }
+        out
+    }
+
+    /// Applies `f(view, pixel)` to every detection that is there; `None` makes it missing.
+    #[must_use]
+    pub fn map(&self, f: impl Fn(usize, Vector2<f64>) -> Option<Vector2<f64>>) -> Self {
+        let mut out = self.clone();
+        for view in 0..self.n_views {
+            for joint in 0..self.n_joints {
+                if let Some((p, _)) = self.get(view, joint) {
+                    out.points[view * self.n_joints + joint] =
+                        f(view, p).unwrap_or_else(|| Vector2::repeat(f64::NAN));
+                }
+            }
+        }
+        out
+    }
+}

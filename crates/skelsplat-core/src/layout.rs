@@ -1,0 +1,152 @@
+//! Joint layouts: which joints a pose has, how they are connected and which are mirror images.
+
+mod tables;
+
+use std::ops::Deref;
+
+use crate::error::{Error, Result};
+
+/// A left and a right limb of equal length, entering the symmetry loss from its tier on:
+/// 1 lower arms and legs, 2 upper arms and legs, 3 hip to root and shoulder to neck.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SymmetricPair {
+    /// 1, 2 or 3.
+    pub tier: u8,
+    /// Joints of the left limb, from the trunk outwards.
+    pub left: [usize; 2],
+    /// The same joints of the right limb.
+    pub right: [usize; 2],
+}
+
+/// What a [`Layout`] consists of. Everything but the joints may be empty.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct LayoutSpec {
+    /// Name of the layout.
+    pub name: String,
+    /// Names of the `N` joints in array order.
+    pub joints: Vec<String>,
+    /// Pairs of connected joints.
+    pub limbs: Vec<[usize; 2]>,
+    /// Limbs of equal length.
+    pub symmetric: Vec<SymmetricPair>,
+    /// (left, right) joints that are mirror images.
+    pub left_right: Vec<[usize; 2]>,
+    /// Joints that are occluded most: elbows, wrists and ankles in the built-in layouts.
+    pub occlusion_prone: Vec<usize>,
+    /// Joints whose mean is the root.
+    pub root: Vec<usize>,
+}
+
+/// A validated [`LayoutSpec`], whose fields it lends for reading.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Layout(LayoutSpec);
+
+impl Deref for Layout {
+    type Target = LayoutSpec;
+
+    fn deref(&self) -> &LayoutSpec {
+        &self.0
+    }
+}
+
+impl Layout {
+    /// Names of the built-in layouts.
+    pub const NAMES: [&'static str; 8] = tables::NAMES;
+
+    /// A layout of one's own.
+    ///
+    /// # Errors
+    /// [`Error::InvalidInput`] naming the field: no joints, an empty or repeated joint name, an index
+    /// without a joint, a limb or pair of a joint with itself, a joint in two left-right pairs,
+    /// a tier other than 1, 2, 3.
+    pub fn new(spec: LayoutSpec) -> Result<Self> {
+        check_joints(&spec.joints)?;
+        check_indices(&spec)?;
+        check_pairs(&spec)?;
+        Ok(Self(spec))
+    }
+
+    /// A built-in layout by its name, in upper or lower case: `"h36m17"` or `"H36M17"`.
+    ///
+    /// # Errors
+    /// [`Error::UnknownName`] listing the known names.
+    pub fn by_name(name: &str) -> Result<Self> {
+        tables::spec(&name.to_lowercase()).map(Self).ok_or_else(|| Error::UnknownName {
+            argument: "layout",
+            name: name.to_owned(),
+            known: Self::NAMES.map(str::to_owned).to_vec(),
+        })
+    }
+
+    /// Number of joints `N`.
+    #[must_use]
+    pub fn n_joints(&self) -> usize {
+        self.joints.len()
+    }
+
+    /// (left, right) limbs of equal length up to and including a tier; none for tier 0.
+    pub fn symmetric_pairs(
+        &self,
+        max_tier: u8,
+    ) -> impl Iterator<Item = ([usize; 2], [usize; 2])> + '_ {
+        self.symmetric.iter().filter(move |p| p.tier <= max_tier).map(|p| (p.left, p.right))
+    }
+}
+
+fn check_joints(joints: &[String]) -> Result<()> {
+    if joints.is_empty() {
+        return Err(Error::invalid("joints", "at least one joint", "none"));
+    }
+    for (i, name) in joints.iter().enumerate() {
+        if name.is_empty() {
+            return Err(Error::invalid(format!("joints[{i}]"), "a name", "an empty one"));
+        }
+        if joints[..i].contains(name) {
+            let actual = format!("'{name}' again");
+            return Err(Error::invalid(format!("joints[{i}]"), "a name not used before", actual));
+        }
+    }
+    Ok(())
+}
+
+fn check_indices(spec: &LayoutSpec) -> Result<()> {
+    let symmetric = spec.symmetric.iter().flat_map(|p| [p.left, p.right]).flatten();
+    let fields: [(&str, Vec<usize>); 5] = [
+        ("limbs", spec.limbs.iter().copied().flatten().collect()),
+        ("symmetric", symmetric.collect()),
+        ("left_right", spec.left_right.iter().copied().flatten().collect()),
+        ("occlusion_prone", spec.occlusion_prone.clone()),
+        ("root", spec.root.clone()),
+    ];
+    let n = spec.joints.len();
+    for (field, indices) in fields {
+        if let Some(bad) = indices.iter().find(|&&i| i >= n) {
+            let expected = format!("joint indices below {n}");
+            return Err(Error::invalid(field, expected, bad.to_string()));
+        }
+    }
+    Ok(())
+}
+
+fn check_pairs(spec: &LayoutSpec) -> Result<()> {
+    let symmetric = spec.symmetric.iter().flat_map(|p| [p.left, p.right]);
+    let fields: [(&str, Vec<[usize; 2]>); 3] = [
+        ("limbs", spec.limbs.clone()),
+        ("symmetric", symmetric.collect()),
+        ("left_right", spec.left_right.clone()),
+    ];
+    for (field, pairs) in fields {
+        if let Some([a, b]) = pairs.iter().find(|[a, b]| a == b) {
+            return Err(Error::invalid(field, "two different joints", format!("[{a}, {b}]")));
+        }
+    }
+    if let Some(p) = spec.symmetric.iter().find(|p| !(1..=3).contains(&p.tier)) {
+        return Err(Error::invalid("symmetric", "tiers 1, 2 or 3", format!("tier {}", p.tier)));
+    }
+    let paired: Vec<usize> = spec.left_right.iter().copied().flatten().collect();
+    if let Some((i, joint)) = paired.iter().enumerate().find(|(i, j)| paired[..*i].contains(j)) {
+        let actual = format!("joint {joint} again in pair {}", i / 2);
+        return Err(Error::invalid("left_right", "each joint in one pair", actual));
+    }
+    Ok(())
+}

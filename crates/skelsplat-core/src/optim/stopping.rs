@@ -1,0 +1,46 @@
+//! Early stopping on window minima (paper §3 "Optimization").
+
+/// Stops when the least loss of one window of steps differs by less than `tolerance` from that of the window
+/// before.
+#[derive(Debug, Clone)]
+pub struct WindowMinimum {
+    window: usize,
+    tolerance: f64,
+    count: usize,
+    current: f64,
+    previous: Option<f64>,
+}
+
+impl WindowMinimum {
+    /// Windows of `window` ≥ 1 steps.
+    #[must_use]
+    pub fn new(window: usize, tolerance: f64) -> Self {
+        Self { window: window.max(1), tolerance, count: 0, current: f64::INFINITY, previous: None }
+    }
+
+    /// Takes the loss of one step; true if the optimisation has settled.
+    pub fn settled(&mut self, loss: f64) -> bool {
+        self.current = self.current.min(loss);
+        self.count += 1;
+        if self.count < self.window {
+            return false;
+        }
+        let settled = self.previous.is_some_and(|p| (p - self.current).abs() < self.tolerance);
+        self.previous = Some(self.current);
+        (self.count, self.current) = (0, f64::INFINITY);
+        settled
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn compares_the_minima_of_consecutive_windows() {
+        let mut stop = WindowMinimum::new(2, 0.1);
+        // Windows (5, 4), (4.5, 3), (3.05, 9): minima 4, 3, 3.05.
+        let told: Vec<bool> = [5.0, 4.0, 4.5, 3.0, 3.05, 9.0].map(|l| stop.settled(l)).to_vec();
+        assert_eq!(told, [false, false, false, false, false, true]);
+    }
+}

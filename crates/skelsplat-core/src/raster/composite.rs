@@ -1,0 +1,210 @@
+//! The ablation's shared channel: joints composited front to back by depth, as 3D Gaussian splatting does.
+//!
+//! C(p) = Σ_j a_j T_j with T_j = ∏ (1 − a_l) over the joints l nearer than j. Walking back to front with
+//! S_j = Σ_{l behind j} a_l T_l,
+//!
+//! ```text
+//! ∂C/∂a_j = T_j − S_j / (1 − a_j)
+//! ```
+//!
+//! since every term behind j holds the factor (1 − a_j); a ≤ 0.99 keeps the division safe. The pseudo
+//! ground truth is the sum of the joints' heat maps, scaled to peak 1. Canvases cover the person's window,
+//! never the whole image. This path is for ablations and keeps to doubles.
+
+use nalgebra::Vector2;
+
+use super::masked_l2::Moments;
+use super::pseudo_gt::fill;
+use super::rows::RowTable;
+use super::splat::{ALPHA_MAX, Span, Splat};
+
+/// Doubles on a window of pixels, zero elsewhere.
+#[derive(Debug, Clone, Default)]
+pub struct Canvas {
+    /// Rows of the window.
+    pub rows: Span,
+    /// Columns of the window.
+    pub columns: Span,
+    values: Vec<f64>,
+}
+
+impl Canvas {
+    /// Makes this canvas cover `rows` × `columns`, filled with `value`.
+    pub fn reset(&mut self, rows: Span, columns: Span, value: f64) {
+        (self.rows, self.columns) = (rows, columns);
+        self.values.clear();
+        self.values.resize(rows.len() * columns.len(), value);
+    }
+
+    /// The pixels `span` of row `v`, both inside the window.
+    pub fn line(&mut self, v: i32, span: Span) -> &mut [f64] {
+        let at = |a: i32, b: i32| usize::try_from(a - b).unwrap_or(0);
+        let start =
+            at(v, self.rows.start) * self.columns.len() + at(span.start, self.columns.start);
+        &mut self.values[start..start + span.len()]
+    }
+
+    /// All values, row by row.
+    #[must_use]
+    pub fn values(&self) -> &[f64] {
+        &self.values
+    }
+}
+
+/// One view's shared channel: its pseudo ground truth and the buffers of the compositing.
+#[derive(Debug, Clone, Default)]
+pub struct Composite {
+    pseudo: Canvas,
+    /// C − P after [`Composite::compare`].
+    difference: Canvas,
+    transmittance: Canvas,
+    behind: Canvas,
+    line: Vec<f64>,
+}
+
+/// Σ (C−P)² over the union mask, and the mask's number of pixels.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct CompositeSums {
+    /// Σ (C−P)².
+    pub squared: f64,
+    /// Pixels where C or P is not zero.
+    pub mask: u32,
+}
+
+/// The smallest window that holds all splats.
+fn hull<'a>(splats: impl Iterator<Item = &'a Splat>) -> (Span, Span) {
+    splats.fold((Span::default(), Span::default()), |(rows, columns), s| {
+        if s.rows.is_empty() || s.columns.is_empty() {
+            return (rows, columns);
+        }
+        (rows.hull(s.rows), columns.hull(s.columns))
+    })
+}
+
+/// Calls `visit(v, span, a)` for every covered row of `splat` with its values cut at 0.99 (if `clamp`).
+fn each_row(
+    splat: &Splat,
+    clamp: bool,
+    line: &mut Vec<f64>,
+    mut visit: impl FnMut(i32, Span, &[f64]),
+) {
+    let table = RowTable::new(splat.conic[(0, 0)]);
+    for (v, row) in splat.covered_rows() {
+        line.clear();
+        line.resize(row.span.len(), 0.0);
+        fill(&table, splat, &row, line);
+        if clamp {
+            line.iter_mut().for_each(|a| *a = a.min(ALPHA_MAX));
+        }
+        visit(v, row.span, line);
+    }
+}
+
+impl Composite {
+    /// Takes the pseudo ground truth from the detections' heat maps: their sum, scaled to peak 1.
+    #[must_use]
+    pub fn new(heats: &[Splat]) -> Self {
+        let mut out = Self::default();
+        let (rows, columns) = hull(heats.iter());
+        out.pseudo.reset(rows, columns, 0.0);
+        for heat in heats {
+            each_row(heat, false, &mut out.line, |v, span, values| {
+                let target = out.pseudo.line(v, span);
+                target.iter_mut().zip(values).for_each(|(t, p)| *t += p);
+            });
+        }
+        let peak = out.pseudo.values.iter().copied().fold(0.0, f64::max);
+        if peak > 0.0 {
+            out.pseudo.values.iter_mut().for_each(|p| *p /= peak);
+        }
+        out
+    }
+
+    /// The pseudo ground truth.
+    #[must_use]
+    pub fn pseudo(&self) -> &Canvas {
+        &self.pseudo
+    }
+
+    /// Composites `splats`, nearest first, and compares with the pseudo ground truth.
+    pub fn compare(&mut self, splats: &[Splat]) -> CompositeSums {
+        self.forward(splats);
+        let pseudo = std::mem::take(&mut self.pseudo);
+        let mut mask = 0;
+        let mut at = 0;
+        for v in self.difference.rows.start..self.difference.rows.end {
+            let width = self.difference.columns;
+            let inside = pseudo.rows.start <= v && v < pseudo.rows.end;
+            let shared = if inside { width.intersection(pseudo.columns) } else { Span::default() };
+            for u in width.start..width.end {
+                let held = shared.start <= u && u < shared.end;
+                let p = if held { pseudo.at(v, u) } else { 0.0 };
+                mask += u32::from(p > 0.0 || self.difference.values[at] > 0.0);
+                self.difference.values[at] -= p;
+                at += 1;
+            }
+        }
+        self.pseudo = pseudo;
+        let squared = self.difference.values.iter().map(|d| d * d).sum();
+        CompositeSums { squared, mask }
+    }
+
+    /// C on `difference`, and the light left behind all joints on `transmittance`.
+    fn forward(&mut self, splats: &[Splat]) {
+        let (rows, columns) = hull(splats.iter());
+        let rows = rows.hull(self.pseudo.rows);
+        let columns = columns.hull(self.pseudo.columns);
+        self.difference.reset(rows, columns, 0.0);
+        self.transmittance.reset(rows, columns, 1.0);
+        self.behind.reset(rows, columns, 0.0);
+        for splat in splats {
+            each_row(splat, true, &mut self.line, |v, span, values| {
+                let colour = self.difference.line(v, span).iter_mut();
+                let light = self.transmittance.line(v, span).iter_mut();
+                for ((c, t), a) in colour.zip(light).zip(values) {
+                    *c += *t * a;
+                    *t *= 1.0 - a;
+                }
+            });
+        }
+    }
+
+    /// Moments of every splat after [`Composite::compare`] with the same `splats`, nearest first; hands
+    /// them to `give(index, moments)`, farthest first.
+    pub fn backward(&mut self, splats: &[Splat], mut give: impl FnMut(usize, Moments)) {
+        for (k, splat) in splats.iter().enumerate().rev() {
+            let mut moments = Moments::default();
+            each_row(splat, true, &mut self.line, |v, span, values| {
+                let difference = self.difference.line(v, span).iter();
+                let light = self.transmittance.line(v, span).iter_mut();
+                let behind = self.behind.line(v, span).iter_mut();
+                let mut x = Vector2::new(f64::from(span.start), f64::from(v)) - splat.mean;
+                for (((a, d), t), s) in values.iter().zip(difference).zip(light).zip(behind) {
+                    let before = *t / (1.0 - a);
+                    if *a < ALPHA_MAX {
+                        moments.add(d * (before - *s / (1.0 - a)) * a, x);
+                    }
+                    *s += a * before;
+                    *t = before;
+                    x.x += 1.0;
+                }
+            });
+            give(k, moments);
+        }
+    }
+
+    /// The composite of `splats`, nearest first, on the window that holds them.
+    #[must_use]
+    pub fn render(splats: &[Splat]) -> Canvas {
+        let mut out = Self::default();
+        out.forward(splats);
+        out.difference
+    }
+}
+
+impl Canvas {
+    fn at(&self, v: i32, u: i32) -> f64 {
+        let offset = |a: i32, b: i32| usize::try_from(a - b).unwrap_or(0);
+        self.values[offset(v, self.rows.start) * self.columns.len() + offset(u, self.columns.start)]
+    }
+}

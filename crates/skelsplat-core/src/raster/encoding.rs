@@ -1,0 +1,55 @@
+//! How joints are laid out in channels (paper §3 "Joint encoding and rendering", Tab. "encoding").
+
+use crate::error::{Error, Result};
+
+/// Joint encoding c_j.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Encoding {
+    /// c_j[k] = [k = j]: one channel per joint; joints do not occlude each other. The paper's method.
+    #[default]
+    OneHot,
+    /// Ablation: three shared channels, composited front to back. Every joint is white, so the three
+    /// channels are equal.
+    Rgb,
+    /// Ablation: one shared channel, composited front to back.
+    Single,
+}
+
+impl Encoding {
+    /// The encoding called `"one_hot"`, `"rgb"` or `"single"`.
+    ///
+    /// # Errors
+    /// [`Error::UnknownName`] for any other name.
+    pub fn by_name(name: &str) -> Result<Self> {
+        match name {
+            "one_hot" => Ok(Self::OneHot),
+            "rgb" => Ok(Self::Rgb),
+            "single" => Ok(Self::Single),
+            _ => Err(Error::UnknownName {
+                argument: "encoding",
+                name: name.to_owned(),
+                known: ["one_hot", "rgb", "single"].map(str::to_owned).to_vec(),
+            }),
+        }
+    }
+
+    /// `"one_hot"`, `"rgb"` or `"single"`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::OneHot => "one_hot",
+            Self::Rgb => "rgb",
+            Self::Single => "single",
+        }
+    }
+
+    /// Number of channels for `n_joints` joints.
+    #[must_use]
+    pub fn channels(self, n_joints: usize) -> usize {
+        match self {
+            Self::OneHot => n_joints,
+            Self::Rgb => 3,
+            Self::Single => 1,
+        }
+    }
+}

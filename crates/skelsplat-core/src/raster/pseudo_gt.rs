@@ -1,0 +1,96 @@
+//! Pseudo ground truth: the heat map of one detection (paper §3 "Supervision from 2D Detections").
+//!
+//! P(p) = exp(−½ (p−d)ᵀ(Σ²)⁻¹(p−d)) around the sub-pixel detection d with the projected covariance of the
+//! *initial* Gaussian, peak 1, zero below 1/255. Built once per pose.
+
+use super::rows::{Pixel, RowTable};
+use super::splat::{Row, Span, Splat};
+
+/// A heat map on the window of pixels that it covers, zero elsewhere.
+#[derive(Debug, Clone)]
+pub struct HeatMap<P> {
+    rows: Span,
+    columns: Span,
+    spans: Vec<Span>,
+    values: Vec<P>,
+    /// Number of non-zero pixels.
+    pub count: u32,
+    /// Σ P² over all pixels.
+    pub energy: f64,
+}
+
+/// Number of pixels in a span, for sums.
+fn pixels(span: Span) -> u32 {
+    u32::try_from(span.len()).unwrap_or(u32::MAX)
+}
+
+impl<P: Pixel> HeatMap<P> {
+    /// The heat map of `splat`, whose mean is the detection.
+    #[must_use]
+    pub fn new(splat: &Splat) -> Self {
+        let (rows, columns) = (splat.rows, splat.columns);
+        let width = columns.len();
+        let mut map = Self {
+            rows,
+            columns,
+            spans: vec![Span::default(); rows.len()],
+            values: vec![P::zero(); rows.len() * width],
+            count: 0,
+            energy: 0.0,
+        };
+        let table = RowTable::new(splat.conic[(0, 0)]);
+        for (v, row) in splat.covered_rows() {
+            let k = map.index(v);
+            let offset = usize::try_from(row.span.start - columns.start).unwrap_or(0);
+            let line = &mut map.values[k * width + offset..][..row.span.len()];
+            fill(&table, splat, &row, line);
+            map.energy += line.iter().map(|p| p.wide() * p.wide()).sum::<f64>();
+            map.spans[k] = row.span;
+            map.count += pixels(row.span);
+        }
+        map
+    }
+
+    fn index(&self, v: i32) -> usize {
+        usize::try_from(v - self.rows.start).unwrap_or(usize::MAX)
+    }
+
+    /// The non-zero pixels of row `v`.
+    #[must_use]
+    pub fn span(&self, v: i32) -> Span {
+        self.spans.get(self.index(v)).copied().unwrap_or_default()
+    }
+
+    /// Row `v` over `span`'s pixels that the window holds, with the offset of the first in `span`.
+    #[must_use]
+    pub fn line(&self, v: i32, span: Span) -> (usize, &[P]) {
+        let shared = span.intersection(self.span(v));
+        if shared.is_empty() {
+            return (0, &[]);
+        }
+        let at = |from: i32| usize::try_from(shared.start - from).unwrap_or(0);
+        let start = self.index(v) * self.columns.len() + at(self.columns.start);
+        (at(span.start), &self.values[start..start + shared.len()])
+    }
+
+    /// Rows of the window, `[start, end)`.
+    #[must_use]
+    pub fn rows(&self) -> Span {
+        self.rows
+    }
+
+    /// Columns of the window, `[start, end)`.
+    #[must_use]
+    pub fn columns(&self) -> Span {
+        self.columns
+    }
+}
+
+/// Values of one row of a splat (not clamped to 0.99).
+pub(super) fn fill<P: Pixel>(table: &RowTable<P>, splat: &Splat, row: &Row, line: &mut [P]) {
+    let d = f64::from(row.span.start) - splat.mean.x - row.centre;
+    table.for_each(d, row.floor, line.len(), |first, group| {
+        let end = line.len().min(first + group.len());
+        line[first..end].copy_from_slice(&group[..end - first]);
+    });
+}

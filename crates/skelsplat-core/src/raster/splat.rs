@@ -1,0 +1,137 @@
+//! A Gaussian on the image plane and the rows of pixels it covers.
+
+use nalgebra::{Matrix2, Vector2};
+
+/// A splat is zero where it would be below 1/255, as in 3D Gaussian splatting.
+pub const ALPHA_CUT: f64 = 1.0 / 255.0;
+/// A rendered splat never exceeds 0.99, as in 3D Gaussian splatting.
+pub const ALPHA_MAX: f64 = 0.99;
+
+/// The Mahalanobis distance squared at which exp(−½ q) = [`ALPHA_CUT`]: 2 ln 255.
+fn cut() -> f64 {
+    2.0 * (1.0 / ALPHA_CUT).ln()
+}
+
+/// A run of pixels `[start, end)` in one row.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Span {
+    /// First column.
+    pub start: i32,
+    /// One past the last column; not after `start` if the run is empty.
+    pub end: i32,
+}
+
+impl Span {
+    /// Number of pixels.
+    #[must_use]
+    pub fn len(self) -> usize {
+        usize::try_from(self.end - self.start).unwrap_or(0)
+    }
+
+    /// Whether there is no pixel in it.
+    #[must_use]
+    pub fn is_empty(self) -> bool {
+        self.end <= self.start
+    }
+
+    /// The pixels that are in both.
+    #[must_use]
+    pub fn intersection(self, other: Self) -> Self {
+        Self { start: self.start.max(other.start), end: self.end.min(other.end) }
+    }
+
+    /// The smallest run that holds both; an empty run adds nothing.
+    #[must_use]
+    pub fn hull(self, other: Self) -> Self {
+        match (self.is_empty(), other.is_empty()) {
+            (true, _) => other,
+            (_, true) => self,
+            _ => Self { start: self.start.min(other.start), end: self.end.max(other.end) },
+        }
+    }
+}
+
+/// One row of a splat: q = a (x − x₀)² + e with x = u − m_u, over the pixels of `span`.
+#[derive(Debug, Clone, Copy)]
+pub struct Row {
+    /// Columns with q ≤ 2 ln 255, inside the image.
+    pub span: Span,
+    /// v − m_v.
+    pub y: f64,
+    /// x₀ = −(b/a) y, the row's own centre relative to m_u.
+    pub centre: f64,
+    /// e = (c − b²/a) y², the least q of the row.
+    pub floor: f64,
+}
+
+/// exp(−½ q) with q = (p−m)ᵀ A (p−m), A = Σ⁻¹ = [[a, b], [b, c]], cut at 1/255 and at the image's border.
+#[derive(Debug, Clone, Copy)]
+pub struct Splat {
+    /// Centre m, pixels.
+    pub mean: Vector2<f64>,
+    /// The conic A, pixels⁻².
+    pub conic: Matrix2<f64>,
+    /// Rows that hold at least one pixel of the uncut ellipse's bounding box, `[start, end)`.
+    pub rows: Span,
+    /// Columns of the same bounding box.
+    pub columns: Span,
+}
+
+/// The integers in [centre − half, centre + half] ∩ [0, limit).
+fn pixels_within(centre: f64, half: f64, limit: u32) -> Span {
+    let limit = f64::from(limit);
+    let start = (centre - half).ceil().clamp(0.0, limit);
+    let end = ((centre + half).floor() + 1.0).clamp(start, limit);
+    // Both lie in [0, limit], and image sizes fit an i32.
+    #[allow(clippy::cast_possible_truncation, reason = "bounded by the image size just above")]
+    Span { start: start as i32, end: end as i32 }
+}
+
+impl Splat {
+    /// The splat of `mean` and `covariance` (pixels², positive definite) in an image of `size` = (width,
+    /// height); `None` if the covariance has no inverse.
+    #[must_use]
+    pub fn new(mean: Vector2<f64>, covariance: &Matrix2<f64>, size: [u32; 2]) -> Option<Self> {
+        let conic = covariance.try_inverse()?;
+        let reach = |variance: f64| (cut() * variance).sqrt();
+        Some(Self {
+            mean,
+            conic,
+            columns: pixels_within(mean.x, reach(covariance[(0, 0)]), size[0]),
+            rows: pixels_within(mean.y, reach(covariance[(1, 1)]), size[1]),
+        })
+    }
+
+    /// Row `v` of the splat; its span is empty where the ellipse misses every pixel centre of the row.
+    #[must_use]
+    pub fn row(&self, v: i32) -> Row {
+        let (a, b, c) = (self.conic[(0, 0)], self.conic[(0, 1)], self.conic[(1, 1)]);
+        let y = f64::from(v) - self.mean.y;
+        let centre = -b / a * y;
+        let floor = (c - b * b / a) * y * y;
+        let half_squared = (cut() - floor) / a;
+        let span = if half_squared < 0.0 {
+            Span::default()
+        } else {
+            let limit = u32::try_from(self.columns.end).unwrap_or(0);
+            pixels_within(self.mean.x + centre, half_squared.sqrt(), limit)
+        };
+        Row { span, y, centre, floor }
+    }
+
+    /// The rows that hold a pixel, with their row number.
+    pub fn covered_rows(&self) -> impl Iterator<Item = (i32, Row)> + '_ {
+        (self.rows.start..self.rows.end)
+            .map(|v| (v, self.row(v)))
+            .filter(|(_, row)| !row.span.is_empty())
+    }
+}
+
+impl Splat {
+    /// Whether some pixel belongs to both splats.
+    #[must_use]
+    pub fn overlaps(&self, other: &Self) -> bool {
+        let rows = self.rows.intersection(other.rows);
+        (rows.start..rows.end).any(|v| !self.row(v).span.intersection(other.row(v).span).is_empty())
+    }
+}

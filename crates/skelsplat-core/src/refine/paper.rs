@@ -1,0 +1,77 @@
+//! The paper's optimisation: Adam on the rendering loss, gradients accumulated over views (paper §3
+//! "Optimization").
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::config::RefineConfig;
+use super::objective::{Loss, Objective};
+use super::result::StopReason;
+use crate::error::{Error, Result};
+use crate::gaussian::Gaussian;
+use crate::optim::adam::{Adam, LearningRates};
+use crate::optim::schedule::{ExponentialDecay, views_in_turn};
+use crate::optim::stopping::WindowMinimum;
+use crate::raster::rows::Pixel;
+
+/// How an optimisation went.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Run {
+    /// Steps taken.
+    pub n_iter: usize,
+    /// Why it ended.
+    pub stop_reason: StopReason,
+    /// Loss of every step, if asked for.
+    pub history: Vec<Loss>,
+}
+
+/// Moves `gaussians` to a minimum of `objective` over `n_views` views; `position_lr` in mm per step.
+///
+/// # Errors
+/// [`Error::Cancelled`] once `cancel` is set.
+pub fn optimise<P: Pixel>(
+    gaussians: &mut [Gaussian],
+    objective: &mut Objective<'_, P>,
+    config: &RefineConfig,
+    position_lr: f64,
+    cancel: &AtomicBool,
+) -> Result<Run> {
+    let n_views = objective.n_views();
+    let per_step = config.views_per_step.unwrap_or(n_views);
+    let decay = ExponentialDecay {
+        initial: position_lr,
+        decay: config.lr_decay,
+        steps: config.lr_decay_steps,
+    };
+    let mut adam = Adam::new(gaussians.len(), config.adam_betas, config.adam_epsilon);
+    let mut stopping =
+        WindowMinimum::new(config.stop_window.unwrap_or(n_views), config.stop_tolerance);
+    let mut active = vec![true; n_views];
+    let mut run = Run { n_iter: 0, stop_reason: StopReason::MaxSteps, history: Vec::new() };
+
+    for step in 0..config.max_steps {
+        if cancel.load(Ordering::Relaxed) {
+            return Err(Error::Cancelled);
+        }
+        views_in_turn(step, per_step, &mut active);
+        let loss = objective.evaluate(gaussians, &active);
+        if !loss.total.is_finite() {
+            run.stop_reason = StopReason::Diverged;
+            break;
+        }
+        let rates = LearningRates {
+            position: decay.at(step),
+            log_scale: config.log_scale_lr,
+            rotation: config.rotation_lr,
+        };
+        adam.step(gaussians, objective.gradient(), rates);
+        run.n_iter = step + 1;
+        if config.loss_history {
+            run.history.push(loss);
+        }
+        if stopping.settled(loss.total) {
+            run.stop_reason = StopReason::Converged;
+            break;
+        }
+    }
+    Ok(run)
+}

@@ -1,0 +1,104 @@
+//! Algebraic triangulation by the direct linear transform.
+
+use nalgebra::{Matrix4, RowVector4, Vector2, Vector3, Vector4};
+
+use crate::camera::{Camera, NEAR};
+use crate::detections::Detections;
+
+/// Third singular value, relative to the first, below which the rays leave more than a point undetermined
+/// (one centre, or all centres on the ray).
+const RANK: f64 = 1e-10;
+/// Homogeneous coordinate, relative to the point in rig lengths, below which the point is at infinity.
+const AT_INFINITY: f64 = 1e-9;
+
+/// Triangulates each joint from the ideal pixels of the views that detect it.
+///
+/// Every detection gives the rows c·(u P₃ − P₁) and c·(v P₃ − P₂) with its confidence c and the rows P of K [R | t],
+/// and the point is their right null vector: the algebraic method of learnable triangulation, in which a row weighs
+/// c times a focal length times the point's depth. World coordinates are first moved and scaled to the rig (origin at
+/// the mean camera centre, its RMS distance as unit), so that the unit vector among which the best one is sought, and
+/// with it the answer on noisy data, depends neither on the unit of length nor on the world's origin.
+///
+/// NaN where fewer than two views detect the joint, where the rays are parallel or one and the same,
+/// and where the point lies behind every camera that detects it.
+#[must_use]
+pub fn dlt(detections: &Detections, cameras: &[Camera]) -> Vec<Vector3<f64>> {
+    let rig = Rig::new(cameras);
+    (0..detections.n_joints()).map(|j| rig.point(detections, j)).collect()
+}
+
+/// The cameras' frame of length and origin, and their pinhole projections in it.
+struct Rig<'a> {
+    cameras: &'a [Camera],
+    origin: Vector3<f64>,
+    length: f64,
+    focal: f64,
+}
+
+impl<'a> Rig<'a> {
+    fn new(cameras: &'a [Camera]) -> Self {
+        let n = cameras.len().max(1) as f64;
+        let origin = cameras.iter().map(Camera::centre).sum::<Vector3<f64>>() / n;
+        let square = cameras.iter().map(|c| (c.centre() - origin).norm_squared()).sum::<f64>() / n;
+        let length = if square > 0.0 { square.sqrt() } else { 1.0 };
+        let focal = cameras.iter().flat_map(Camera::focal).fold(1.0, f64::max);
+        Self { cameras, origin, length, focal }
+    }
+
+    fn point(&self, detections: &Detections, joint: usize) -> Vector3<f64> {
+        let nan = Vector3::repeat(f64::NAN);
+        let seen = || {
+            let views = self.cameras.iter().enumerate();
+            views.filter_map(move |(i, camera)| Some((camera, detections.get(i, joint)?)))
+        };
+        let strongest = seen().map(|(_, (_, c))| c).fold(0.0, f64::max);
+        let mut system = Matrix4::zeros();
+        for (camera, (pixel, confidence)) in seen() {
+            for row in self.rows(camera, &pixel) {
+                add_row(&mut system, row * (confidence / strongest));
+            }
+        }
+        let Some(h) = null_vector(&system).filter(|_| seen().count() >= 2) else {
+            return nan;
+        };
+        if h.w.abs() <= AT_INFINITY {
+            return nan;
+        }
+        let x = self.origin + h.xyz() * (self.length / h.w);
+        let in_front = seen().any(|(camera, _)| camera.to_camera(&x).z > NEAR);
+        if in_front { x } else { nan }
+    }
+
+    /// u P₃ − P₁ = fx·(x̂ r₃ − r₁) with x̂ = (u − cx)/fx, and likewise for v, in units of the largest focal length.
+    fn rows(&self, camera: &Camera, pixel: &Vector2<f64>) -> [RowVector4<f64>; 2] {
+        let r = camera.rotation();
+        let t = camera.to_camera(&self.origin) / self.length;
+        let p = |k: usize| RowVector4::new(r[(k, 0)], r[(k, 1)], r[(k, 2)], t[k]);
+        let ([fx, fy], [cx, cy]) = (camera.focal(), camera.principal_point());
+        [
+            (p(2) * ((pixel.x - cx) / fx) - p(0)) * (fx / self.focal),
+            (p(2) * ((pixel.y - cy) / fy) - p(1)) * (fy / self.focal),
+        ]
+    }
+}
+
+/// Rotates one more row into an upper triangular `R` with `RᵀR = AᵀA`, so that the number of views needs no storage.
+fn add_row(triangle: &mut Matrix4<f64>, mut row: RowVector4<f64>) {
+    for k in 0..4 {
+        let length = triangle[(k, k)].hypot(row[k]);
+        if length == 0.0 {
+            continue;
+        }
+        let (c, s) = (triangle[(k, k)] / length, row[k] / length);
+        let top = triangle.row(k).into_owned();
+        triangle.set_row(k, &(top * c + row * s));
+        row = row * c - top * s;
+    }
+}
+
+/// The unit vector that the matrix shortens most, unless more than one does.
+fn null_vector(a: &Matrix4<f64>) -> Option<Vector4<f64>> {
+    let svd = a.try_svd(false, true, f64::EPSILON, 1000)?;
+    let s = svd.singular_values;
+    (s[2] > RANK * s[0]).then(|| svd.v_t.map(|v| v.row(3).transpose()))?
+}

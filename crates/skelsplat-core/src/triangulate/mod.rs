@@ -1,0 +1,59 @@
+//! Initial poses: 3D joints from the detections of several views.
+
+pub mod dlt;
+pub mod fusion;
+
+use nalgebra::Vector3;
+
+use crate::camera::Camera;
+use crate::detections::Detections;
+use crate::error::{Error, Result};
+
+pub use dlt::dlt;
+pub use fusion::fuse_monocular;
+
+/// How joints are triangulated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Method {
+    /// Confidence-weighted algebraic triangulation, [`dlt()`].
+    Dlt,
+}
+
+impl Method {
+    /// Every method with its name.
+    const ALL: [(&'static str, Self); 1] = [("dlt", Self::Dlt)];
+
+    /// A method by its name.
+    ///
+    /// # Errors
+    /// [`Error::UnknownName`] listing the known names.
+    pub fn by_name(name: &str) -> Result<Self> {
+        let found = Self::ALL.iter().find(|(known, _)| *known == name);
+        found.map(|(_, method)| *method).ok_or_else(|| Error::UnknownName {
+            argument: "method",
+            name: name.to_owned(),
+            known: Self::ALL.iter().map(|(known, _)| (*known).to_owned()).collect(),
+        })
+    }
+}
+
+/// Triangulates `(M, N)` detections in pixels of the image, lens distortion included, to `N` world points.
+/// NaN where a joint has no finite answer: see [`dlt()`].
+///
+/// # Errors
+/// [`Error::InvalidInput`] if the number of cameras is not the detections' number of views.
+pub fn triangulate(
+    detections: &Detections,
+    cameras: &[Camera],
+    method: Method,
+) -> Result<Vec<Vector3<f64>>> {
+    if detections.n_views() != cameras.len() {
+        let expected = format!("one camera for each of the {} views", detections.n_views());
+        return Err(Error::invalid("cameras", expected, cameras.len().to_string()));
+    }
+    let ideal = detections.undistorted(cameras);
+    match method {
+        Method::Dlt => Ok(dlt(&ideal, cameras)),
+    }
+}

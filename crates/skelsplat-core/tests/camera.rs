@@ -1,0 +1,347 @@
+//! Cameras: parity with `OpenCV`, derivatives, undistortion and its range, and what is refused.
+
+use nalgebra::{Matrix2x3, Matrix3, Rotation3, Vector2, Vector3};
+use skelsplat_core::Error;
+use skelsplat_core::camera::{Camera, Distortion, NEAR, Undistorted, for_camera};
+
+/// A lens with every term of the general model.
+const C: [f64; 14] = [
+    0.11, -0.24, 0.0012, -0.0009, 0.05, 0.21, -0.03, 0.008, 0.002, -0.0007, -0.0011, 0.0005, 0.04,
+    -0.03,
+];
+const FISHEYE: [f64; 4] = [-0.02, 0.013, -0.009, 0.002];
+/// Strong lenses whose one-to-one range still covers the test image (distorted radius up to 1.1).
+const WIDE: [f64; 8] = [0.9, 0.2, 0.001, -0.002, 0.0, 1.3, 0.5, 0.02];
+const PINCUSHION: [f64; 5] = [0.4, 0.1, 0.0, 0.0, 0.02];
+
+fn k() -> Matrix3<f64> {
+    Matrix3::new(1100.0, 0.0, 980.5, 0.0, 1080.0, 520.25, 0.0, 0.0, 1.0)
+}
+
+/// `cv2.Rodrigues` of (0.3, -0.2, 0.1).
+fn rotation() -> Matrix3<f64> {
+    *Rotation3::new(Vector3::new(0.3, -0.2, 0.1)).matrix()
+}
+
+fn camera(coefficients: &[f64], fisheye: bool) -> Camera {
+    let lens = Distortion::from_coefficients(coefficients, fisheye).unwrap();
+    let t = Vector3::new(50.0, -80.0, 3000.0);
+    Camera::new(&k(), &rotation(), &t, [1920, 1080]).unwrap().with_distortion(lens)
+}
+
+fn lenses() -> Vec<Camera> {
+    let general = [4, 5, 8, 12, 14].map(|n| camera(&C[..n], false));
+    let others = [
+        camera(&[], false),
+        camera(&WIDE, false),
+        camera(&PINCUSHION, false),
+        camera(&FISHEYE, true),
+        camera(&[0.0; 4], true),
+    ];
+    general.into_iter().chain(others).collect()
+}
+
+/// Pixels over the whole image, its corners and the principal point.
+fn pixels() -> impl Iterator<Item = Vector2<f64>> {
+    let grid = (0..=12).flat_map(|i| {
+        (0..=9).map(move |j| Vector2::new(160.0 * f64::from(i), 120.0 * f64::from(j)))
+    });
+    grid.chain([Vector2::new(980.5, 520.25)])
+}
+
+fn converged(camera: &Camera, pixel: Vector2<f64>) -> Vector2<f64> {
+    match camera.undistort(pixel) {
+        Undistorted::Converged(ideal) => ideal,
+        Undistorted::OutOfRange => {
+            panic!("{pixel:?} is out of range of {:?}", camera.distortion())
+        }
+    }
+}
+
+/// `OpenCV`'s pixels of four points, printed with 10 digits after the point:
+///
+/// ```python
+/// import cv2, numpy as np   # OpenCV 5.0.0
+/// K = np.array([[1100.0, 0, 980.5], [0, 1080.0, 520.25], [0, 0, 1]])
+/// rvec, t = np.array([0.3, -0.2, 0.1]), np.array([50.0, -80.0, 3000.0])
+/// X = np.array([[100.0, 200, 300], [-900, 400, -200], [1200, -700, 500], [0, 0, 0]])
+/// for n in (4, 5, 8, 12, 14):   # C and F are the constants above
+///     print(n, cv2.projectPoints(X, rvec, t, K, np.array(C[:n]))[0])
+/// print(cv2.fisheye.projectPoints(X[:, None], rvec, t, K, np.array(F))[0])
+/// ```
+#[test]
+#[rustfmt::skip]
+fn pixels_are_those_of_opencv() {
+    let points = [[100.0, 200.0, 300.0], [-900.0, 400.0, -200.0], [1200.0, -700.0, 500.0], [0.0; 3]];
+    let golden: [(&[f64], bool, [[f64; 2]; 4]); 6] = [
+        (&C[..4], false, [[1002.7402153456, 528.6247514885], [638.4244098783, 639.7685684791], [1365.1943825912, 267.8102679245], [998.8326209565, 491.4508627593]]),
+        (&C[..5], false, [[1002.7402153457, 528.6247514886], [638.4038077844, 639.7757605808], [1365.2936905859, 267.7450722486], [998.8326209574, 491.4508627579]]),
+        (&C[..8], false, [[1002.7380256973, 528.6239270340], [645.7881335495, 637.1979244521], [1352.0596203102, 276.4332363678], [998.8288146500, 491.4568421207]]),
+        (&C[..12], false, [[1002.7390570865, 528.6233701111], [646.0142249600, 637.0772506277], [1352.4179922453, 276.2434508934], [998.8309894526, 491.4556678488]]),
+        (&C[..14], false, [[1002.7695001878, 528.6640164524], [647.4632711151, 636.2193443606], [1352.9997428440, 276.2152324193], [998.8288574717, 491.4705369663]]),
+        (&FISHEYE, true, [[1002.7362456955, 528.6224743565], [653.8039957638, 634.2981595211], [1340.3047167249, 284.0382854900], [998.8269317047, 491.4600563766]]),
+    ];
+    for (coefficients, fisheye, expected) in golden {
+        let camera = camera(coefficients, fisheye);
+        for (x, px) in points.iter().zip(expected) {
+            let got = camera.project(&Vector3::from(*x)).unwrap();
+            // half a unit of the last printed digit, and rounding of 1e3 px in double precision
+            assert!((got - Vector2::from(px)).amax() < 1e-10, "{coefficients:?}: {got:?} {px:?}");
+        }
+    }
+}
+
+#[test]
+fn undistort_inverts_distort_over_the_image() {
+    for camera in lenses() {
+        for pixel in pixels() {
+            let ideal = converged(&camera, pixel);
+            // the tolerance that `undistort` promises
+            assert!((camera.distort(&ideal) - pixel).amax() <= 1e-9, "{pixel:?} {camera:?}");
+            let again = converged(&camera, camera.distort(&ideal));
+            // the same 1e-9 px, in the ideal image stretched by the inverse Jacobian (below 10 here)
+            assert!((again - ideal).amax() <= 1e-8, "{again:?} {ideal:?} {camera:?}");
+        }
+    }
+}
+
+#[test]
+fn distort_is_what_separates_ideal_from_real_projection() {
+    let x = Vector3::new(-400.0, 350.0, 120.0);
+    for camera in lenses() {
+        let ideal = camera.project_ideal(&x).unwrap();
+        // two roundings of 1e3 px
+        assert!((camera.distort(&ideal) - camera.project(&x).unwrap()).amax() < 1e-11);
+        let homogeneous = camera.projection_matrix() * x.push(1.0);
+        assert!((homogeneous.xy() / homogeneous.z - ideal).amax() < 1e-11);
+    }
+}
+
+#[test]
+fn jacobians_are_central_differences() {
+    // Truncation h²f'''/6 and rounding 1e-13 px/h are both some 1e-11 px/mm at h = 0.05 mm, where J is some 0.3 px/mm.
+    let h = 0.05;
+    let on_axis =
+        |c: &Camera| c.rotation().tr_mul(&(Vector3::new(1.0, 2.0, 2500.0) - c.translation()));
+    for camera in lenses() {
+        let at = [
+            Vector3::new(100.0, 200.0, 300.0),
+            Vector3::new(-900.0, 400.0, -200.0),
+            Vector3::new(800.0, -600.0, 900.0),
+            on_axis(&camera),
+        ];
+        for x in at {
+            let (pixel, analytic) = camera.project_with_jacobian(&x).unwrap();
+            assert!((pixel - camera.project(&x).unwrap()).amax() < 1e-11);
+            let columns: [Vector2<f64>; 3] = std::array::from_fn(|i| {
+                let mut d = Vector3::zeros();
+                d[i] = h;
+                (camera.project(&(x + d)).unwrap() - camera.project(&(x - d)).unwrap()) / (2.0 * h)
+            });
+            let error = (Matrix2x3::from_columns(&columns) - analytic).amax();
+            assert!(error < 1e-7 * analytic.amax(), "{error:e} {x:?} {:?}", camera.distortion());
+        }
+    }
+}
+
+/// Distorted pixel at normalised radius `r` to the right of the principal point.
+fn at_radius(r: f64) -> Vector2<f64> {
+    Vector2::new(980.5 + 1100.0 * r, 520.25)
+}
+
+#[test]
+fn pixels_beyond_the_fold_are_out_of_range() {
+    // r (1 - 0.3 r²) turns at r = 1/√0.9 = 1.0541 with 0.70273; r/(1 + r²/2) at √2 with 0.70711; θ ends at π/2 = 1.5708
+    let cases: [(&[f64], bool, f64, f64); 3] = [
+        (&[-0.3, 0.0, 0.0, 0.0], false, 0.70273, 1.0541),
+        (&[0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0], false, 0.70710, 2.0_f64.sqrt()),
+        (&[0.0; 4], true, 1.57079, f64::INFINITY),
+    ];
+    for (coefficients, fisheye, edge, turn) in cases {
+        let camera = camera(coefficients, fisheye);
+        let inside = converged(&camera, at_radius(edge - 1e-4));
+        assert!((inside.x - 980.5) / 1100.0 < turn, "{coefficients:?}: {inside:?}");
+        assert_eq!(camera.undistort(at_radius(edge + 1e-4)), Undistorted::OutOfRange);
+    }
+}
+
+#[test]
+fn the_fold_counts_with_tangential_terms_too() {
+    // p1 moves the fold by some 1e-3 only: 0.68 lies before it, 0.73 beyond, in every direction.
+    let camera = camera(&[-0.3, 0.0, 0.001, -0.001], false);
+    for degrees in 0..36 {
+        let (s, c) = f64::to_radians(10.0 * f64::from(degrees)).sin_cos();
+        let at = |r: f64| Vector2::new(980.5 + 1100.0 * r * c, 520.25 + 1080.0 * r * s);
+        let ideal = converged(&camera, at(0.68));
+        let r = Vector2::new((ideal.x - 980.5) / 1100.0, (ideal.y - 520.25) / 1080.0).norm();
+        assert!(r < 1.06, "{r}");
+        assert_eq!(camera.undistort(at(0.73)), Undistorted::OutOfRange);
+    }
+}
+
+#[test]
+fn a_pole_bounds_the_range() {
+    // r/(1 - r²/2) goes to infinity at √2, so every pixel is reached from before it
+    let camera = camera(&[0.0, 0.0, 0.0, 0.0, 0.0, -0.5, 0.0, 0.0], false);
+    let ideal = converged(&camera, at_radius(50.0));
+    assert!(ideal.x > 980.5 && ideal.x < 980.5 + 1100.0 * 2.0_f64.sqrt());
+}
+
+#[test]
+fn beyond_the_horizon_of_a_tilted_sensor_nothing_is_in_range() {
+    let mut tilted = [0.0; 14];
+    tilted[13] = 0.5;
+    let camera = camera(&tilted, false);
+    let outcome = [-1e3, 1e3].map(|r| camera.undistort(at_radius(r)) == Undistorted::OutOfRange);
+    assert_ne!(outcome[0], outcome[1], "exactly one side ends at the horizon");
+}
+
+#[test]
+fn a_pixel_that_is_no_number_is_out_of_range() {
+    for camera in lenses() {
+        assert_eq!(camera.undistort(Vector2::new(f64::NAN, 5.0)), Undistorted::OutOfRange);
+        assert_eq!(camera.undistort(Vector2::new(5.0, f64::INFINITY)), Undistorted::OutOfRange);
+    }
+}
+
+#[test]
+fn points_at_or_behind_the_near_plane_are_not_seen() {
+    let t = Vector3::zeros();
+    let camera = Camera::new(&k(), &Matrix3::identity(), &t, [1920, 1080]).unwrap();
+    for z in [-5.0, 0.0, NEAR, f64::NAN] {
+        let x = Vector3::new(0.0, 0.0, z);
+        assert_eq!(camera.project(&x), None);
+        assert_eq!(camera.project_ideal(&x), None);
+        assert_eq!(camera.project_with_jacobian(&x), None);
+    }
+    let just = Vector3::new(0.0, 0.0, 2.0 * NEAR);
+    assert_eq!(camera.project(&just), Some(Vector2::new(980.5, 520.25)));
+}
+
+#[test]
+fn coefficients_come_back_as_given() {
+    for n in [0, 4, 5, 8, 12, 14] {
+        let lens = Distortion::from_coefficients(&C[..n], false).unwrap();
+        assert_eq!(lens.coefficients(), C[..n]);
+        assert_eq!(lens.is_none(), n == 0);
+    }
+    let fisheye = Distortion::from_coefficients(&FISHEYE, true).unwrap();
+    assert_eq!((fisheye.coefficients(), fisheye.is_fisheye()), (FISHEYE.to_vec(), true));
+    assert!(Distortion::from_coefficients(&[0.0; 5], false).unwrap().is_none());
+    // an equidistant lens is not a pinhole
+    assert!(!Distortion::from_coefficients(&[0.0; 4], true).unwrap().is_none());
+}
+
+#[test]
+fn a_scaled_camera_sees_the_resized_image() {
+    let x = Vector3::new(100.0, -200.0, 300.0);
+    for camera in lenses() {
+        for factor in [0.25, 0.5, 1.5] {
+            let scaled = camera.scaled(factor).unwrap();
+            let expected = camera.project(&x).unwrap().map(|u| (u + 0.5) * factor - 0.5);
+            assert!((scaled.project(&x).unwrap() - expected).amax() < 1e-11);
+        }
+    }
+    let pinhole = camera(&[], false);
+    assert_eq!(pinhole.scaled(0.3).unwrap().size(), [576, 324]);
+    assert_eq!(pinhole.scaled(1e-9).unwrap().size(), [1, 1]);
+    for factor in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        let message = pinhole.scaled(factor).unwrap_err().to_string();
+        assert_eq!(message, format!("factor: expected a positive finite number, got {factor}"));
+    }
+}
+
+#[test]
+fn another_unit_of_length_leaves_the_pixels() {
+    let x = Vector3::new(100.0, -200.0, 300.0);
+    let metres = camera(&C, false);
+    let millimetres = metres.clone().with_length_scale(1000.0);
+    let moved = millimetres.project(&(x * 1000.0)).unwrap() - metres.project(&x).unwrap();
+    assert!(moved.amax() < 1e-11);
+    // −Rᵀt with t in metres, and rounding of 3e6 mm
+    assert!((millimetres.centre() - metres.centre() * 1000.0).amax() < 1e-8);
+    assert!(metres.to_camera(&metres.centre()).amax() < 1e-11);
+}
+
+/// The message of a camera made from parts of which one is broken.
+fn refusal(k: Matrix3<f64>, r: Matrix3<f64>, t: Vector3<f64>, size: [u32; 2]) -> String {
+    let error = Camera::new(&k, &r, &t, size).unwrap_err();
+    assert!(matches!(error, Error::InvalidInput { .. }), "{error:?}");
+    error.to_string()
+}
+
+#[test]
+fn a_broken_k_is_refused() {
+    let cases = [
+        ((0, 2), f64::NAN, "K: expected finite values, got NaN"),
+        ((0, 0), -1100.0, "K: expected positive focal lengths, got fx = -1100, fy = 1080"),
+        ((1, 1), 0.0, "K: expected positive focal lengths, got fx = 1100, fy = 0"),
+        ((0, 1), 2.0, "K: expected zero skew, got K[0, 1] = 2"),
+        (
+            (2, 2),
+            2.0,
+            "K: expected [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], \
+             got [[1100, 0, 980.5], [0, 1080, 520.25], [0, 0, 2]]",
+        ),
+    ];
+    for (entry, value, message) in cases {
+        let mut broken = k();
+        broken[entry] = value;
+        assert_eq!(refusal(broken, rotation(), Vector3::zeros(), [640, 480]), message);
+    }
+}
+
+#[test]
+fn a_broken_rotation_translation_or_size_is_refused() {
+    let (t, size) = (Vector3::zeros(), [640, 480]);
+    let sheared = Matrix3::new(1.0, 1e-4, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
+    assert_eq!(
+        refusal(k(), sheared, t, size),
+        "R: expected an orthonormal matrix (RᵀR = I to 1e-6), got one that is off by 1.000e-4"
+    );
+    let mirror = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, -1.0));
+    assert_eq!(
+        refusal(k(), mirror, t, size),
+        "R: expected a rotation (determinant +1), \
+         got a reflection (determinant -1): an axis is flipped or two are swapped"
+    );
+    assert_eq!(
+        refusal(k(), Matrix3::repeat(f64::INFINITY), t, size),
+        "R: expected finite values, got inf"
+    );
+    let nowhere = Vector3::new(0.0, f64::NAN, 0.0);
+    assert_eq!(refusal(k(), rotation(), nowhere, size), "t: expected finite values, got NaN");
+    assert_eq!(
+        refusal(k(), rotation(), t, [640, 0]),
+        "size: expected (width, height) of at least 1 pixel, got (640, 0)"
+    );
+}
+
+#[test]
+fn a_rotation_of_file_precision_is_kept_as_given() {
+    let seven_digits = rotation().map(|v| (v * 1e7).round() / 1e7);
+    let camera = Camera::new(&k(), &seven_digits, &Vector3::zeros(), [640, 480]).unwrap();
+    assert_eq!(*camera.rotation(), seven_digits);
+}
+
+#[test]
+fn broken_coefficients_are_refused_and_errors_can_name_the_camera() {
+    let refusal = |c: &[f64], fisheye| {
+        let error =
+            Distortion::from_coefficients(c, fisheye).map_err(for_camera("left")).unwrap_err();
+        assert!(matches!(error, Error::InvalidInput { .. }), "{error:?}");
+        error.to_string()
+    };
+    assert_eq!(
+        refusal(&[0.1; 6], false),
+        "distortion of camera 'left': expected 4, 5, 8, 12 or 14 coefficients, got 6 coefficients"
+    );
+    assert_eq!(
+        refusal(&[0.1; 5], true),
+        "distortion of camera 'left': expected 4 fisheye coefficients, got 5 coefficients"
+    );
+    assert_eq!(
+        refusal(&[0.1, f64::NAN, 0.0, 0.0], false),
+        "distortion of camera 'left': expected finite values, got NaN"
+    );
+}

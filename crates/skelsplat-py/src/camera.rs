@@ -1,0 +1,156 @@
+//! `skelsplat.Camera`.
+
+use nalgebra::{Matrix3, Vector2, Vector3};
+use numpy::{PyArray1, PyArrayDyn};
+use pyo3::prelude::*;
+use pyo3::types::{IntoPyDict, PyDict};
+use skelsplat_core::camera::{Camera as Core, Distortion, Undistorted, for_camera};
+
+use crate::args::{Array, array_out};
+use crate::errors::{OrRaise, invalid};
+
+/// A calibrated camera: pinhole, lens, image size. Immutable.
+#[pyclass(frozen, module = "skelsplat", name = "Camera")]
+pub(crate) struct Camera(pub(crate) Core);
+
+type CameraArguments<'py> =
+    ((Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>), Bound<'py, PyDict>);
+
+fn matrix<'py>(py: Python<'py>, m: &Matrix3<f64>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    array_out(py, m.transpose().as_slice().to_vec(), &[3, 3])
+}
+
+fn translation(value: &Bound<'_, PyAny>) -> PyResult<Vector3<f64>> {
+    let array = Array::new("t", value)?;
+    let ok = matches!(array.shape.as_slice(), [3] | [3, 1] | [1, 3]);
+    let array = array.expect(value.py(), "t", "(3,)", ok)?;
+    Ok(Vector3::from_column_slice(array.values()))
+}
+
+fn lens(
+    value: Option<&Bound<'_, PyAny>>,
+    fisheye: bool,
+) -> PyResult<skelsplat_core::Result<Distortion>> {
+    let Some(value) = value.filter(|v| !v.is_none()) else {
+        return Ok(Ok(Distortion::None));
+    };
+    let array = Array::new("distortion", value)?;
+    Ok(Distortion::from_coefficients(array.values(), fisheye))
+}
+
+#[pymethods]
+impl Camera {
+    #[new]
+    #[pyo3(signature = (K, R, t, *, distortion=None, fisheye=false, size, name=None))]
+    #[allow(non_snake_case, reason = "K and R are the field's names")]
+    #[allow(clippy::too_many_arguments, reason = "a camera's parameters, all but three by keyword")]
+    fn new(
+        K: &Bound<'_, PyAny>,
+        R: &Bound<'_, PyAny>,
+        t: &Bound<'_, PyAny>,
+        distortion: Option<&Bound<'_, PyAny>>,
+        fisheye: bool,
+        size: &Bound<'_, PyAny>,
+        name: Option<String>,
+    ) -> PyResult<Self> {
+        let py = K.py();
+        let square = [Some(3), Some(3)];
+        let k = Matrix3::from_row_slice(Array::of_shape("K", K, &square, "(3, 3)")?.values());
+        let r = Matrix3::from_row_slice(Array::of_shape("R", R, &square, "(3, 3)")?.values());
+        let (t, lens) = (translation(t)?, lens(distortion, fisheye)?);
+        let size = size.extract::<[u32; 2]>().map_err(|_| {
+            invalid(py, "size", "(width, height) as two positive integers", size.to_string())
+        })?;
+        let camera = Core::new(&k, &r, &t, size).and_then(|c| Ok(c.with_distortion(lens?)));
+        match name {
+            None => camera.or_raise(py).map(Self),
+            Some(name) => {
+                let camera = camera.map_err(for_camera(&name)).or_raise(py)?;
+                Ok(Self(camera.with_name(name)))
+            }
+        }
+    }
+
+    #[getter]
+    #[pyo3(name = "K")]
+    fn k<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        matrix(py, &self.0.k())
+    }
+
+    #[getter]
+    #[pyo3(name = "R")]
+    fn r<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        matrix(py, self.0.rotation())
+    }
+
+    #[getter]
+    fn t<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, self.0.translation().as_slice())
+    }
+
+    #[getter]
+    fn centre<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, self.0.centre().as_slice())
+    }
+
+    #[getter]
+    fn size(&self) -> (u32, u32) {
+        self.0.size().into()
+    }
+
+    #[getter]
+    fn name(&self) -> Option<&str> {
+        self.0.name()
+    }
+
+    #[getter]
+    fn fisheye(&self) -> bool {
+        self.0.distortion().is_fisheye()
+    }
+
+    #[getter]
+    fn distortion<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+        let coefficients = self.0.distortion().coefficients();
+        (!coefficients.is_empty()).then(|| PyArray1::from_vec(py, coefficients))
+    }
+
+    fn scaled(&self, py: Python<'_>, factor: f64) -> PyResult<Self> {
+        self.0.scaled(factor).or_raise(py).map(Self)
+    }
+
+    fn undistort<'py>(
+        &self,
+        py: Python<'py>,
+        points: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let array = Array::new("points", points)?;
+        let ok = array.shape.last() == Some(&2);
+        let array = array.expect(py, "points", "(..., 2)", ok)?;
+        let undistort = |p: &[f64]| match self.0.undistort(Vector2::new(p[0], p[1])) {
+            Undistorted::Converged(q) => [q.x, q.y],
+            Undistorted::OutOfRange => [f64::NAN; 2],
+        };
+        array_out(py, array.values().chunks_exact(2).flat_map(undistort).collect(), &array.shape)
+    }
+
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<CameraArguments<'py>> {
+        let keywords = PyDict::new(py);
+        keywords.set_item("distortion", self.distortion(py))?;
+        keywords.set_item("fisheye", self.fisheye())?;
+        keywords.set_item("size", self.size())?;
+        keywords.set_item("name", self.name())?;
+        let keywords = keywords.into_py_dict(py)?;
+        Ok(((self.k(py)?.into_any(), self.r(py)?.into_any(), self.t(py).into_any()), keywords))
+    }
+
+    fn __eq__(&self, other: &Bound<'_, PyAny>) -> bool {
+        other.cast::<Self>().is_ok_and(|other| self.0 == other.get().0)
+    }
+
+    fn __repr__(&self) -> String {
+        let [fx, fy] = self.0.focal();
+        let [w, h] = self.0.size();
+        let name = self.0.name().map_or_else(String::new, |n| format!("'{n}', "));
+        format!("Camera({name}{w}x{h} px, fx={fx:.1}, fy={fy:.1})")
+    }
+}

@@ -1,0 +1,202 @@
+//! `skelsplat.RefineConfig`: the core's settings by keyword. Only what the user sets is touched.
+
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyString};
+use skelsplat_core::raster::encoding::Encoding;
+use skelsplat_core::refine::{Optimizer, PositionLearningRate, RefineConfig as Core, Renderer};
+
+use crate::args::type_name;
+use crate::errors::{OrRaise, invalid, to_python};
+
+/// Settings of `refine`; lengths in mm. Immutable.
+#[pyclass(frozen, eq, module = "skelsplat", name = "RefineConfig")]
+#[derive(PartialEq)]
+pub(crate) struct RefineConfig(pub(crate) Core);
+
+/// A setting as Python sees it.
+trait Field: Sized {
+    const EXPECTED: &'static str;
+    fn parse(value: &Bound<'_, PyAny>) -> Option<Self>;
+    fn show<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>>;
+}
+
+macro_rules! plain_field {
+    ($type:ty, $expected:literal) => {
+        impl Field for $type {
+            const EXPECTED: &'static str = $expected;
+            fn parse(value: &Bound<'_, PyAny>) -> Option<Self> {
+                value.extract().ok()
+            }
+            fn show<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+                self.into_bound_py_any(py)
+            }
+        }
+    };
+}
+
+use pyo3::IntoPyObjectExt;
+plain_field!(f64, "a number");
+plain_field!(u8, "0, 1, 2 or 3");
+plain_field!(usize, "a number of at least 0");
+plain_field!(bool, "True or False");
+plain_field!([f64; 2], "two numbers");
+plain_field!(Option<usize>, "a number of at least 1, or None");
+plain_field!(Option<f64>, "a number or None");
+
+impl Field for Encoding {
+    const EXPECTED: &'static str = "'one_hot', 'rgb' or 'single'";
+    fn parse(value: &Bound<'_, PyAny>) -> Option<Self> {
+        Self::by_name(&value.cast::<PyString>().ok()?.to_string()).ok()
+    }
+    fn show<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.name().into_bound_py_any(py)
+    }
+}
+
+impl Field for PositionLearningRate {
+    const EXPECTED: &'static str = "a number of mm, or 'camera_extent'";
+    fn parse(value: &Bound<'_, PyAny>) -> Option<Self> {
+        if let Ok(name) = value.cast::<PyString>() {
+            return (name.to_string() == "camera_extent").then_some(Self::CameraExtent);
+        }
+        value.extract().ok().map(Self::Millimetres)
+    }
+    fn show<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        match self {
+            Self::Millimetres(mm) => mm.into_bound_py_any(py),
+            Self::CameraExtent => "camera_extent".into_bound_py_any(py),
+        }
+    }
+}
+
+/// A setting with one possible value so far.
+macro_rules! single_field {
+    ($type:ident, $variant:ident, $name:literal) => {
+        impl Field for $type {
+            const EXPECTED: &'static str = concat!("'", $name, "'");
+            fn parse(value: &Bound<'_, PyAny>) -> Option<Self> {
+                let name = value.cast::<PyString>().ok()?.to_string();
+                (name == $name).then_some(Self::$variant)
+            }
+            fn show<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+                $name.into_bound_py_any(py)
+            }
+        }
+    };
+}
+single_field!(Renderer, Raster, "raster");
+single_field!(Optimizer, Adam, "adam");
+
+fn parse<T: Field>(name: &str, value: &Bound<'_, PyAny>) -> PyResult<T> {
+    T::parse(value).ok_or_else(|| {
+        let shown = value.repr().map_or_else(|_| type_name(value), |r| r.to_string());
+        invalid(value.py(), &format!("config.{name}"), T::EXPECTED, shown)
+    })
+}
+
+/// Getters, setters and the list of fields from one table.
+macro_rules! fields {
+    ($($field:ident)*) => {
+        const FIELDS: &[&str] = &[$(stringify!($field)),*];
+
+        fn set(config: &mut Core, name: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
+            match name {
+                $(stringify!($field) => config.$field = parse(name, value)?,)*
+                _ => {
+                    let known = FIELDS.iter().map(ToString::to_string).collect();
+                    let unknown = skelsplat_core::Error::UnknownName {
+                        argument: "config",
+                        name: name.to_owned(),
+                        known,
+                    };
+                    return Err(to_python(value.py(), &unknown));
+                }
+            }
+            Ok(())
+        }
+
+        #[pymethods]
+        impl RefineConfig {
+            #[new]
+            #[pyo3(signature = (**fields))]
+            fn new(py: Python<'_>, fields: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+                Self::with(py, Core::default(), fields)
+            }
+
+            #[staticmethod]
+            #[pyo3(signature = (**fields))]
+            fn paper(py: Python<'_>, fields: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+                Self::with(py, Core::paper(), fields)
+            }
+
+            #[pyo3(signature = (**fields))]
+            fn replace(&self, py: Python<'_>, fields: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+                Self::with(py, self.0.clone(), fields)
+            }
+
+            fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+                let out = PyDict::new(py);
+                $(out.set_item(stringify!($field), self.0.$field.show(py)?)?;)*
+                Ok(out)
+            }
+
+            fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+                let mut shown = Vec::new();
+                $(shown.push(format!("{}={}", stringify!($field), self.0.$field.show(py)?.repr()?));)*
+                Ok(format!("RefineConfig({})", shown.join(", ")))
+            }
+
+            $(
+                #[getter]
+                fn $field<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+                    self.0.$field.show(py)
+                }
+            )*
+        }
+    };
+}
+
+fields! {
+    renderer optimizer sigma occlusion_sigma dilation encoding symmetry_tier symmetry_weight
+    max_steps views_per_step position_lr position_lr_factor log_scale_lr rotation_lr lr_decay
+    lr_decay_steps adam_betas adam_epsilon stop_tolerance stop_window undistort min_confidence
+    resolution loss_history n_threads
+}
+
+/// The paper's f, an input beside the fields: it stands for `occlusion_sigma`.
+const OCCLUSION_FACTOR: &str = "occlusion_factor";
+
+impl RefineConfig {
+    fn with(
+        py: Python<'_>,
+        mut config: Core,
+        fields: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Self> {
+        let Some(fields) = fields else { return Ok(Self(config)) };
+        for (name, value) in fields.iter() {
+            let name = name.to_string();
+            if name != OCCLUSION_FACTOR {
+                set(&mut config, &name, &value)?;
+            }
+        }
+        if let Some(factor) = fields.get_item(OCCLUSION_FACTOR)?.filter(|f| !f.is_none()) {
+            if fields.contains("occlusion_sigma")? {
+                let actual = "occlusion_sigma as well";
+                return Err(invalid(py, "config.occlusion_factor", "one of the two", actual));
+            }
+            let factor = parse(OCCLUSION_FACTOR, &factor)?;
+            config.occlusion_sigma = Some(config.occlusion_sigma_of_factor(factor));
+        }
+        config.validate().or_raise(py)?;
+        Ok(Self(config))
+    }
+}
+
+/// The given settings, or the defaults.
+pub(crate) fn config(value: Option<&Bound<'_, PyAny>>) -> PyResult<Core> {
+    let Some(value) = value.filter(|v| !v.is_none()) else { return Ok(Core::default()) };
+    match value.cast::<RefineConfig>() {
+        Ok(config) => Ok(config.get().0.clone()),
+        Err(_) => Err(invalid(value.py(), "config", "a RefineConfig or None", type_name(value))),
+    }
+}

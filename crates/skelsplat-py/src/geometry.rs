@@ -1,0 +1,132 @@
+//! Projection and initial poses.
+
+use nalgebra::Vector3;
+use numpy::PyArrayDyn;
+use pyo3::prelude::*;
+use skelsplat_core::camera::Camera;
+use skelsplat_core::projection::View;
+use skelsplat_core::refine::RefineConfig;
+use skelsplat_core::triangulate::{self as core, Method};
+
+use crate::args::{Array, Cameras, Frames, array_out, points_out};
+use crate::errors::{OrRaise, invalid};
+
+/// A double array of any shape.
+pub(crate) type Doubles<'py> = Bound<'py, PyArrayDyn<f64>>;
+
+#[pyfunction]
+pub(crate) fn project<'py>(
+    py: Python<'py>,
+    points: &Bound<'py, PyAny>,
+    cameras: &Bound<'py, PyAny>,
+) -> PyResult<Doubles<'py>> {
+    let array = Array::new("points", points)?;
+    let ok = array.shape.last() == Some(&3);
+    let array = array.expect(py, "points", "(..., 3)", ok)?;
+    let (points, cameras) = (array.points(), Cameras::new(cameras)?.cameras);
+    let pixels = py.detach(|| {
+        let one = |c: &Camera, p: &Vector3<f64>| c.project(p).map_or([f64::NAN; 2], |u| [u.x, u.y]);
+        cameras.iter().flat_map(|c| points.iter().flat_map(move |p| one(c, p))).collect()
+    });
+    let mut shape = vec![cameras.len()];
+    shape.extend(&array.shape);
+    *shape.last_mut().unwrap_or(&mut 0) = 2;
+    array_out(py, pixels, &shape)
+}
+
+#[pyfunction]
+#[pyo3(signature = (detections, cameras, *, method="dlt", confidence=None))]
+pub(crate) fn triangulate<'py>(
+    py: Python<'py>,
+    detections: &Bound<'py, PyAny>,
+    cameras: &Bound<'py, PyAny>,
+    method: &str,
+    confidence: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Doubles<'py>> {
+    let method = Method::by_name(method).or_raise(py)?;
+    let (frames, cameras) = (Frames::new(detections, confidence)?, Cameras::new(cameras)?.cameras);
+    frames.expect_views(py, cameras.len())?;
+    let points: skelsplat_core::Result<Vec<Vec<Vector3<f64>>>> = py
+        .detach(|| frames.frames.iter().map(|d| core::triangulate(d, &cameras, method)).collect());
+    points_out(py, &points.or_raise(py)?.concat(), &frames.shape(&[frames.n_joints, 3]))
+}
+
+#[pyfunction]
+pub(crate) fn fuse_monocular<'py>(
+    py: Python<'py>,
+    poses: &Bound<'py, PyAny>,
+    detections: &Bound<'py, PyAny>,
+    cameras: &Bound<'py, PyAny>,
+) -> PyResult<Doubles<'py>> {
+    let (frames, cameras) = (Frames::new(detections, None)?, Cameras::new(cameras)?.cameras);
+    frames.expect_views(py, cameras.len())?;
+    let (t, n) = (frames.frames.len(), frames.n_joints);
+    let array = Array::new("poses", poses)?;
+    let tail = [n, 3];
+    let axes = if frames.batch { 4 } else { 3 };
+    let ok = array.shape.len() == axes
+        && array.shape.ends_with(&tail)
+        && (!frames.batch || array.shape[0] == t)
+        && array.shape[axes - 3] > 0;
+    let array =
+        array.expect(py, "poses", &format!("([T,] views, {n}, 3) as the detections"), ok)?;
+    let points = array.points();
+    let per_frame = points.len() / t.max(1);
+    let fused: Vec<Vector3<f64>> = py.detach(|| {
+        let one = |(t, d): (usize, &_)| {
+            let poses: Vec<Vec<Vector3<f64>>> =
+                points[t * per_frame..(t + 1) * per_frame].chunks(n).map(<[_]>::to_vec).collect();
+            let ideal = skelsplat_core::detections::Detections::undistorted(d, &cameras);
+            core::fuse_monocular(&poses, &ideal, &cameras)
+        };
+        frames.frames.iter().enumerate().flat_map(one).collect()
+    });
+    points_out(py, &fused, &frames.shape(&[n, 3]))
+}
+
+#[pyfunction]
+pub(crate) fn project_gaussians<'py>(
+    py: Python<'py>,
+    means: &Bound<'py, PyAny>,
+    covariances: &Bound<'py, PyAny>,
+    cameras: &Bound<'py, PyAny>,
+) -> PyResult<(Doubles<'py>, Doubles<'py>)> {
+    let (means, covariances) = gaussians(means, covariances)?;
+    let cameras = Cameras::new(cameras)?.cameras;
+    let (mut pixels, mut shapes) = (Vec::new(), Vec::new());
+    let dilation = RefineConfig::default().dilation;
+    for view in cameras.iter().map(View::new) {
+        for (mean, covariance) in means.iter().zip(&covariances) {
+            let p = view.project(mean, covariance, dilation);
+            let s = p.map_or([f64::NAN; 4], |p| {
+                let s = p.covariance;
+                [s[(0, 0)], s[(0, 1)], s[(1, 0)], s[(1, 1)]]
+            });
+            pixels.extend(p.map_or([f64::NAN; 2], |p| [p.mean.x, p.mean.y]));
+            shapes.extend(s);
+        }
+    }
+    let (m, n) = (cameras.len(), means.len());
+    Ok((array_out(py, pixels, &[m, n, 2])?, array_out(py, shapes, &[m, n, 2, 2])?))
+}
+
+/// Means `(N, 3)` and covariances `(N, 3, 3)`.
+pub(crate) fn gaussians(
+    means: &Bound<'_, PyAny>,
+    covariances: &Bound<'_, PyAny>,
+) -> PyResult<(Vec<Vector3<f64>>, Vec<nalgebra::Matrix3<f64>>)> {
+    let means = Array::of_shape("means", means, &[None, Some(3)], "(N, 3)")?;
+    let n = means.shape[0];
+    let shape = [Some(n), Some(3), Some(3)];
+    let expected = format!("({n}, 3, 3), one per mean");
+    let py = covariances.py();
+    let covariances = Array::of_shape("covariances", covariances, &shape, &expected)?.matrices();
+    let not_psd = |c: &nalgebra::Matrix3<f64>| {
+        c.iter().all(|v| v.is_finite()) && (c - c.transpose()).amax() > 1e-6 * c.amax()
+    };
+    if let Some(j) = covariances.iter().position(not_psd) {
+        let name = format!("covariances[{j}]");
+        return Err(invalid(py, &name, "a symmetric matrix", "one that is not"));
+    }
+    Ok((means.points(), covariances))
+}

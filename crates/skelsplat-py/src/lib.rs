@@ -1,0 +1,39 @@
+//! Python module `skelsplat._skelsplat`: parses arguments, releases the interpreter, calls the core, wraps
+//! what comes back. It holds no mathematics, no defaults and no files.
+
+mod args;
+mod camera;
+mod config;
+mod errors;
+mod geometry;
+mod layout;
+mod refine;
+mod rendering;
+
+use pyo3::prelude::*;
+
+/// The compiled core.
+#[pymodule(gil_used = false)]
+mod _skelsplat {
+    use pyo3::prelude::*;
+
+    #[pymodule_export]
+    use crate::camera::Camera;
+    #[pymodule_export]
+    use crate::config::RefineConfig;
+    #[pymodule_export]
+    use crate::geometry::{fuse_monocular, project, project_gaussians, triangulate};
+    #[pymodule_export]
+    use crate::layout::Layout;
+    #[pymodule_export]
+    use crate::refine::{implausible_extent, refine};
+    #[pymodule_export]
+    use crate::rendering::{loss_and_gradient, pseudo_ground_truth, render};
+
+    #[pymodule_init]
+    fn init(m: &Bound<'_, PyModule>) -> PyResult<()> {
+        m.add("__version__", env!("CARGO_PKG_VERSION"))?;
+        m.add("LAYOUT_NAMES", skelsplat_core::layout::Layout::NAMES.to_vec())?;
+        m.add("JOINT_STATUS", crate::refine::JOINT_STATUS.map(|s| s.name()).to_vec())
+    }
+}

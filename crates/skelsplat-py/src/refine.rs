@@ -1,0 +1,181 @@
+//! `refine`, for one frame or many.
+
+use std::sync::Mutex;
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::time::Duration;
+
+use nalgebra::Vector3;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use skelsplat_core::batch::{Progress, refine_batch};
+use skelsplat_core::detections::Detections;
+use skelsplat_core::refine::refiner::Frame;
+use skelsplat_core::refine::{JointStatus, Refinement, Refiner};
+use skelsplat_core::unit::{Unit, implausible_extent as core_extent};
+
+use crate::args::{Array, Cameras, Frames, array_out, layout, matrices_out, points_out};
+use crate::config::config;
+use crate::errors::OrRaise;
+
+/// Statuses in the order of the codes that `refine` returns.
+pub(crate) const JOINT_STATUS: [JointStatus; 3] =
+    [JointStatus::Ok, JointStatus::Weak, JointStatus::Unobserved];
+
+/// How often a running batch looks for signals and reports progress.
+const POLL: Duration = Duration::from_millis(50);
+
+#[pyfunction]
+#[pyo3(signature = (init_pose, detections, cameras, *, layout=None, confidence=None, config=None, progress=None))]
+#[allow(clippy::too_many_arguments, reason = "the settled interface, all but three by keyword")]
+pub(crate) fn refine<'py>(
+    py: Python<'py>,
+    init_pose: Option<&Bound<'py, PyAny>>,
+    detections: &Bound<'py, PyAny>,
+    cameras: &Bound<'py, PyAny>,
+    layout: Option<&Bound<'py, PyAny>>,
+    confidence: Option<&Bound<'py, PyAny>>,
+    config: Option<&Bound<'py, PyAny>>,
+    progress: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let (layout, config) = (self::layout(layout)?, self::config(config)?);
+    let (frames, cameras) = (Frames::new(detections, confidence)?, Cameras::new(cameras)?);
+    let refiner =
+        Refiner::new(&cameras.cameras, cameras.unit, layout.as_ref(), config).or_raise(py)?;
+    let poses = initial_poses(init_pose, &frames)?;
+    let jobs: Vec<Frame> = frames
+        .frames
+        .iter()
+        .zip(poses)
+        .map(|(detections, init_pose)| Frame {
+            detections: Detections::clone(detections),
+            init_pose,
+        })
+        .collect();
+    let done = match jobs.as_slice() {
+        [_] => py.detach(|| refine_batch(&refiner, &jobs, &Progress::default())).or_raise(py)?,
+        _ => run_watched(py, &refiner, &jobs, progress)?,
+    };
+    results(py, &frames, &done)
+}
+
+/// The initial pose of every frame, `None` where it is to be triangulated.
+fn initial_poses(
+    init_pose: Option<&Bound<'_, PyAny>>,
+    frames: &Frames,
+) -> PyResult<Vec<Option<Vec<Vector3<f64>>>>> {
+    let Some(given) = init_pose.filter(|p| !p.is_none()) else {
+        return Ok(vec![None; frames.frames.len()]);
+    };
+    let n = frames.n_joints;
+    let shape: Vec<Option<usize>> = frames.shape(&[n, 3]).into_iter().map(Some).collect();
+    let expected = match frames.batch {
+        true => format!("({}, {n}, 3), as the detections", frames.frames.len()),
+        false => format!("({n}, 3), as the detections"),
+    };
+    let points = Array::of_shape("init_pose", given, &shape, &expected)?.points();
+    Ok(points.chunks(n.max(1)).map(|p| Some(p.to_vec())).collect())
+}
+
+/// Runs a batch on a thread of its own while this one reports progress and listens for Ctrl-C.
+fn run_watched(
+    py: Python<'_>,
+    refiner: &Refiner,
+    jobs: &[Frame],
+    report: Option<&Bound<'_, PyAny>>,
+) -> PyResult<Vec<Refinement>> {
+    let progress = Progress::default();
+    let tell = || match report.filter(|r| !r.is_none()) {
+        Some(report) => report.call1((progress.done(), jobs.len())).map(|_| ()),
+        None => Ok(()),
+    };
+    std::thread::scope(|scope| {
+        let (send, receive) = channel();
+        // Only to make the receiver shareable with the detached closure: nobody else takes the lock.
+        let receive = Mutex::new(receive);
+        let progress = &progress;
+        scope.spawn(move || send.send(refine_batch(refiner, jobs, progress)));
+        loop {
+            let received = py.detach(|| match receive.lock() {
+                Ok(receive) => receive.recv_timeout(POLL),
+                Err(_) => Err(RecvTimeoutError::Disconnected),
+            });
+            let watched = py.check_signals().and_then(|()| tell());
+            if let Err(stop) = watched {
+                progress.cancel();
+                return Err(stop);
+            }
+            match received {
+                Ok(done) => return done.or_raise(py),
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => {
+                    let text = "the refinement thread ended without a result";
+                    return Err(pyo3::exceptions::PyRuntimeError::new_err(text));
+                }
+            }
+        }
+    })
+}
+
+/// The arrays of `Refinement`, with the leading T if there was one.
+fn results<'py>(
+    py: Python<'py>,
+    frames: &Frames,
+    done: &[Refinement],
+) -> PyResult<Bound<'py, PyDict>> {
+    let (m, n) = (frames.n_views, frames.n_joints);
+    let scalars = frames.shape(&[]);
+    let points = |f: fn(&Refinement) -> &Vec<Vector3<f64>>| {
+        points_out(
+            py,
+            &done.iter().flat_map(f).copied().collect::<Vec<_>>(),
+            &frames.shape(&[n, 3]),
+        )
+    };
+    let each = |f: fn(&Refinement) -> f64| array_out(py, done.iter().map(f).collect(), &scalars);
+    let out = PyDict::new(py);
+    out.set_item("pose", points(|r| &r.pose)?)?;
+    out.set_item("init_pose", points(|r| &r.init_pose)?)?;
+    let covariances: Vec<_> = done.iter().flat_map(|r| &r.covariance).copied().collect();
+    out.set_item("covariance", matrices_out(py, &covariances, &frames.shape(&[n, 3, 3]))?)?;
+    let errors = done.iter().flat_map(|r| &r.reprojection_error).copied().collect();
+    out.set_item("reprojection_error", array_out(py, errors, &frames.shape(&[m, n]))?)?;
+    let codes = done.iter().flat_map(|r| r.joint_status.iter().map(|s| *s as u8)).collect();
+    out.set_item("joint_status", array_out(py, codes, &frames.shape(&[n]))?)?;
+    out.set_item("loss", each(|r| r.loss.total)?)?;
+    out.set_item("loss_render", each(|r| r.loss.render)?)?;
+    out.set_item("loss_symmetry", each(|r| r.loss.symmetry)?)?;
+    let steps = done.iter().map(|r| r.n_iter as i64).collect();
+    out.set_item("n_iter", array_out(py, steps, &scalars)?)?;
+    let reasons: Vec<&str> = done.iter().map(|r| r.stop_reason.name()).collect();
+    out.set_item("stop_reason", reasons)?;
+    out.set_item("loss_history", history(py, frames, done)?)?;
+    Ok(out)
+}
+
+/// Total loss per step, `(..., steps)`, NaN after the last step of a frame; no steps unless asked for.
+fn history<'py>(
+    py: Python<'py>,
+    frames: &Frames,
+    done: &[Refinement],
+) -> PyResult<crate::geometry::Doubles<'py>> {
+    let steps = done.iter().map(|r| r.loss_history.len()).max().unwrap_or(0);
+    let padded = |r: &Refinement| -> Vec<f64> {
+        let told = r.loss_history.iter().map(|l| l.total);
+        told.chain(std::iter::repeat(f64::NAN)).take(steps).collect()
+    };
+    array_out(py, done.iter().flat_map(padded).collect(), &frames.shape(&[steps]))
+}
+
+#[pyfunction]
+pub(crate) fn implausible_extent(
+    py: Python<'_>,
+    poses: &Bound<'_, PyAny>,
+    unit: &str,
+) -> PyResult<Option<String>> {
+    let unit = Unit::by_name(unit).or_raise(py)?;
+    let array = Array::of_shape("poses", poses, &[None, None, Some(3)], "(T, N, 3)")?;
+    let n = array.shape[1];
+    let poses: Vec<Vec<Vector3<f64>>> =
+        array.points().chunks(n.max(1)).map(<[_]>::to_vec).collect();
+    Ok(core_extent(&poses, unit))
+}

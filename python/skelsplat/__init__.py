@@ -1,0 +1,48 @@
+"""SkelSplat: accurate 3D human pose from the 2D keypoints of several calibrated cameras, without training.
+
+Each joint is an anisotropic 3D Gaussian, splatted into every view on a channel of its own and matched to a
+Gaussian at the 2D detection. The public names are the ones listed in ``__all__``; everything else may change.
+"""
+
+from skelsplat import layouts, metrics, synthetic
+from skelsplat._refine import LossAndGradient, Refinement, Refiner, loss_and_gradient, refine
+from skelsplat._skelsplat import (
+    Camera,
+    Layout,
+    RefineConfig,
+    __version__,
+    fuse_monocular,
+    project,
+    project_gaussians,
+    pseudo_ground_truth,
+    render,
+    triangulate,
+)
+from skelsplat.cameras import CameraRig
+from skelsplat.exceptions import DatasetError, DegenerateGeometryError, InvalidInputError, SkelSplatError
+
+__all__ = [
+    "Camera",
+    "CameraRig",
+    "DatasetError",
+    "DegenerateGeometryError",
+    "InvalidInputError",
+    "Layout",
+    "LossAndGradient",
+    "RefineConfig",
+    "Refinement",
+    "Refiner",
+    "SkelSplatError",
+    "__version__",
+    "fuse_monocular",
+    "layouts",
+    "loss_and_gradient",
+    "metrics",
+    "project",
+    "project_gaussians",
+    "pseudo_ground_truth",
+    "refine",
+    "render",
+    "synthetic",
+    "triangulate",
+]

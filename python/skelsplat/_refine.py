@@ -1,0 +1,284 @@
+"""``refine``, its result, and ``Refiner`` for a live loop. All computation is in the compiled core."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from skelsplat import _skelsplat
+from skelsplat._skelsplat import Camera, Layout, RefineConfig
+from skelsplat.cameras import CameraRig
+
+Cameras = CameraRig | Sequence[Camera]
+Progress = Callable[[int, int], None]
+
+_STATUS = np.array(_skelsplat.JOINT_STATUS)
+
+
+@dataclass(frozen=True, slots=True)
+class Refinement:
+    """What ``refine`` returns. ``…`` is ``(T,)`` for a batch and nothing for one frame.
+
+    Attributes
+    ----------
+    pose : (…, N, 3) float64
+        Refined joints in the unit of the cameras; NaN where nothing is known.
+    covariance : (…, N, 3, 3) float64
+        Splat covariance Σ, unit². It shapes the rendering and is not an error bar.
+    reprojection_error : (…, M, N) float64
+        Distance between detection and reprojection, pixels of the original image; NaN without a detection.
+    joint_status : (…, N) str
+        ``"ok"``; ``"weak"``: the splat meets its detection in fewer than two views, so depth is not fixed;
+        ``"unobserved"``: no usable detection, the joint keeps its initial position.
+    loss, loss_render, loss_symmetry : (…) float64
+        L_opt, L_render and the unweighted L_sym (mm²) of the returned pose over all views.
+    n_iter : (…) int64
+        Optimisation steps taken.
+    stop_reason : (…) str
+        ``"converged"``, ``"max_steps"``, ``"no_observations"`` or ``"diverged"``.
+    init_pose : (…, N, 3) float64
+        The pose it started from.
+    loss_history : (…, steps) float64
+        L_opt of every step, NaN after a frame's last; zero steps unless ``config.loss_history``.
+    """
+
+    pose: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    reprojection_error: NDArray[np.float64]
+    joint_status: NDArray[np.str_]
+    loss: NDArray[np.float64]
+    loss_render: NDArray[np.float64]
+    loss_symmetry: NDArray[np.float64]
+    n_iter: NDArray[np.int64]
+    stop_reason: NDArray[np.str_]
+    init_pose: NDArray[np.float64]
+    loss_history: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class LossAndGradient:
+    """L_opt of a skeleton of Gaussians and its gradient.
+
+    Attributes
+    ----------
+    loss, render, symmetry : float
+        L_opt = render + λ_sym · symmetry, with symmetry in mm².
+    d_means, d_log_scales : (N, 3) float64
+        Gradient in the means (per unit of the cameras) and the log-scales.
+    d_quaternions : (N, 4) float64
+        Gradient in the quaternions (w, x, y, z) as given, before normalisation.
+    """
+
+    loss: float
+    render: float
+    symmetry: float
+    d_means: NDArray[np.float64]
+    d_log_scales: NDArray[np.float64]
+    d_quaternions: NDArray[np.float64]
+
+
+def refine(
+    init_pose: ArrayLike | None,
+    detections: ArrayLike,
+    cameras: Cameras,
+    *,
+    layout: str | Layout | None = None,
+    confidence: ArrayLike | None = None,
+    config: RefineConfig | None = None,
+    progress: bool | Progress = False,
+) -> Refinement:
+    """Refine one 3D pose, or a batch of frames in parallel (paper §3).
+
+    Parameters
+    ----------
+    init_pose : (N, 3) or (T, N, 3), or None
+        Where to start, in the unit of the cameras. A joint that is NaN, or all of them if None, is
+        triangulated from the detections.
+    detections : (M, N, 2|3) or (T, M, N, 2|3)
+        Pixels, and the confidence in [0, 1] as an optional third channel. NaN or confidence 0: missing.
+    cameras : CameraRig or sequence of Camera
+        M cameras; a plain sequence is in mm.
+    layout : str, Layout or None
+        Joint layout. None takes any N joints and uses no symmetry.
+    confidence : (M, N) or (T, M, N), optional
+        Instead of a third channel. The paper's method uses it for triangulation and to tell what is missing.
+    config : RefineConfig, optional
+        Settings; default ``RefineConfig()``.
+    progress : bool or callable
+        True draws a progress bar; a callable is called with (frames done, frames in all).
+
+    Returns
+    -------
+    Refinement
+
+    Raises
+    ------
+    InvalidInputError
+        Shapes that do not fit, a confidence outside [0, 1], an unknown layout or one of another N.
+
+    Warns
+    -----
+    UserWarning
+        If the skeleton is taller than 10 m or shorter than 10 cm in the stated unit.
+    """
+    with _reporter(progress) as report:
+        out = _skelsplat.refine(
+            init_pose,
+            detections,
+            cameras,
+            layout=layout,
+            confidence=confidence,
+            config=config,
+            progress=report,
+        )
+    _warn_of_unit(out["init_pose"], cameras)
+    return _refinement(out)
+
+
+def _refinement(out: dict[str, Any]) -> Refinement:
+    reasons = np.array(out["stop_reason"])
+    single = out["pose"].ndim == 2
+    return Refinement(
+        **{
+            **out,
+            "joint_status": _STATUS[out["joint_status"]],
+            "stop_reason": reasons.reshape(()) if single else reasons,
+        }
+    )
+
+
+def _warn_of_unit(init_pose: NDArray[np.float64], cameras: Cameras) -> None:
+    unit = cameras.unit if isinstance(cameras, CameraRig) else "mm"
+    doubt = _skelsplat.implausible_extent(init_pose.reshape(-1, *init_pose.shape[-2:]), unit)
+    if doubt is not None:
+        warnings.warn(doubt, UserWarning, stacklevel=3)
+
+
+@contextmanager
+def _reporter(progress: bool | Progress) -> Iterator[Progress | None]:
+    """Yield the callable that the core reports to: None, the user's own, or a progress bar."""
+    if progress is False:
+        yield None
+        return
+    if callable(progress):
+        yield progress
+        return
+    from rich.progress import Progress as Bar
+
+    with Bar(transient=True) as bar:
+        task = bar.add_task("refining", total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)
+
+
+def loss_and_gradient(
+    means: ArrayLike,
+    log_scales: ArrayLike,
+    quaternions: ArrayLike,
+    detections: ArrayLike,
+    cameras: Cameras,
+    *,
+    layout: str | Layout | None = None,
+    config: RefineConfig | None = None,
+    target_means: ArrayLike | None = None,
+    target_covariances: ArrayLike | None = None,
+) -> LossAndGradient:
+    """Evaluate L_opt over all views and its gradient, in double precision, for study and tests.
+
+    Parameters
+    ----------
+    means, log_scales : (N, 3)
+        μ and s = ln σ, in the unit of the cameras.
+    quaternions : (N, 4)
+        Orientation (w, x, y, z), any norm above zero.
+    detections, cameras, layout, config
+        As in ``refine``; one frame.
+    target_means, target_covariances : (N, 3) and (N, 3, 3), optional
+        Gaussians whose projection shapes the pseudo ground truth, which is a constant for the gradient. By
+        default the given ones.
+
+    Raises
+    ------
+    InvalidInputError
+        Shapes that do not fit, a zero quaternion, only one of the two targets.
+    """
+    return LossAndGradient(
+        **_skelsplat.loss_and_gradient(
+            means,
+            log_scales,
+            quaternions,
+            detections,
+            cameras,
+            layout=layout,
+            config=config,
+            target_means=target_means,
+            target_covariances=target_covariances,
+        )
+    )
+
+
+class Refiner:
+    """Refine frame after frame, each from the last pose.
+
+    Parameters
+    ----------
+    cameras, layout, config
+        As in ``refine``, for every frame.
+
+    Examples
+    --------
+    >>> refiner = sk.Refiner(rig, layout="coco17")                                       # doctest: +SKIP
+    >>> for detections in camera_loop():                                                 # doctest: +SKIP
+    ...     pose = refiner.step(detections).pose
+    """
+
+    def __init__(
+        self,
+        cameras: Cameras,
+        *,
+        layout: str | Layout | None = None,
+        config: RefineConfig | None = None,
+    ) -> None:
+        self._cameras = cameras if isinstance(cameras, CameraRig) else CameraRig(cameras)
+        self._layout = layout
+        self._config = config
+        self._last: NDArray[np.float64] | None = None
+
+    def reset(self) -> None:
+        """Forget the last pose: the next frame is triangulated."""
+        self._last = None
+
+    def step(self, detections: ArrayLike, confidence: ArrayLike | None = None) -> Refinement:
+        """Refine one frame ``(M, N, 2|3)``.
+
+        Joints that the last frame left without a reliable position are triangulated anew; so is the whole
+        pose if the person moved so far that most joints no longer meet their detections.
+        """
+        result = self._refine(self._last, detections, confidence)
+        if self._last is not None and self._is_lost(result):
+            result = self._refine(None, detections, confidence)
+        reliable = result.joint_status == "ok"
+        self._last = np.where(reliable[:, None], result.pose, np.nan)
+        return result
+
+    def _refine(
+        self, init: NDArray[np.float64] | None, detections: ArrayLike, confidence: ArrayLike | None
+    ) -> Refinement:
+        return refine(
+            init,
+            detections,
+            self._cameras,
+            layout=self._layout,
+            confidence=confidence,
+            config=self._config,
+        )
+
+    @staticmethod
+    def _is_lost(result: Refinement) -> bool:
+        seen = result.joint_status != "unobserved"
+        return bool(np.count_nonzero(result.joint_status == "ok") * 2 < np.count_nonzero(seen))

@@ -1,0 +1,268 @@
+"""Which person in each view is the one to follow: chosen by agreement between the views.
+
+Two people in two views are a hypothesis: triangulated, projected into every view and compared with everybody who
+stands there. The right pair explains people in many views; a pair of two different people, or of a bystander whom
+few cameras see, does not. The hypotheses of consecutive frames are then linked so that one person is followed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+import skelsplat as sk
+from skelsplat.exceptions import InvalidInputError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    Array = npt.NDArray[np.float64]
+    Index = npt.NDArray[np.int64]
+
+# bounds the memory of a step: distances held at once, 8 bytes each
+_CHUNK = 4_000_000
+# hypotheses of a frame that stay in the running when frames are linked
+_KEPT = 8
+# changing to someone else once must pay for itself: worth two views of one frame
+_SWITCH_COST = 2.0
+# a step from frame to frame of this length counts as someone else; a runner covers 0.4 m in 1/25 s
+_SWITCH_MM = 1000.0
+# two equal explanations are told apart by size
+_SIZE_COST = 1e-3
+
+
+def choose_person(
+    people: npt.ArrayLike,
+    cameras: sk.CameraRig | Sequence[sk.Camera],
+    *,
+    min_confidence: float = 0.2,
+    gate: float = 0.03,
+    min_joints: int = 4,
+) -> tuple[Array, Index]:
+    """Follow one person through all views and frames.
+
+    In every frame the hypothesis that explains people in the most views is best, then the one with the smaller
+    median reprojection error, then the larger person. A view is explained by the person with the smallest median
+    reprojection error, if that is below the gate. Over the frames, going over to someone else more than 1 m away
+    costs as much as two unexplained views, so that a person stays chosen when another is briefly seen better.
+
+    Parameters
+    ----------
+    people : (T, M, P, K, 3)
+        Pixels of the original images and confidence; NaN where nobody or nothing is. The order in P is free.
+    cameras : CameraRig or sequence of Camera
+        M ≥ 2 of them. A plain sequence is taken to be in mm.
+    min_confidence : float
+        Joints below it do not take part in the choice; they are still returned.
+    gate : float
+        Largest median reprojection error, as a part of the image's diagonal: 0.03 is 66 px at 1920×1080.
+    min_joints : int
+        Joints that must be in common for a comparison (all K, if K is smaller).
+
+    Returns
+    -------
+    detections : (T, M, K, 3)
+        The chosen person; NaN in a view or frame where there is none.
+    index : (T, M) int
+        Their place in P, -1 for none.
+
+    Raises
+    ------
+    InvalidInputError
+        If the shapes do not fit or there are fewer than two cameras.
+    """
+    everyone = _check(people, cameras)
+    steps, views, _, joints, _ = everyone.shape
+    usable = np.where(everyone[..., 2:] >= min_confidence, everyone, np.nan)
+    evidence = _Evidence(usable, cameras, gate, min(min_joints, joints))
+    candidates = evidence.candidates()
+    path = _link(candidates, _mm_per_unit(cameras))
+    index = np.full((steps, views), -1, dtype=np.int64)
+    index[candidates.step[path]] = candidates.index[path]
+    picked = np.take_along_axis(everyone, np.maximum(index, 0)[:, :, None, None, None], axis=2)[:, :, 0]
+    return np.where((index >= 0)[..., None, None], picked, np.nan), index
+
+
+def _check(people: npt.ArrayLike, cameras: Sequence[sk.Camera]) -> Array:
+    array = np.asarray(people, dtype=np.float64)
+    if len(cameras) < 2:
+        raise InvalidInputError(f"cameras: expected at least two, got {len(cameras)}")
+    if array.ndim != 5 or array.shape[1] != len(cameras) or array.shape[4] != 3 or 0 in array.shape[2:4]:
+        expected = f"shape (T, {len(cameras)}, P, K, 3) for {len(cameras)} cameras"
+        raise InvalidInputError(f"people: expected {expected}, got {array.shape}")
+    return array
+
+
+def _mm_per_unit(cameras: sk.CameraRig | Sequence[sk.Camera]) -> float:
+    return float(cameras.mm_per_unit) if isinstance(cameras, sk.CameraRig) else 1.0
+
+
+@dataclass(frozen=True)
+class _Candidates:
+    """Different ways to choose people, several per frame, in the order of their frames.
+
+    Attributes
+    ----------
+    step : (C,) index of the frame
+    index : (C, M) person per view, -1 for none
+    cost : (C,) unexplained views + median error as a part of the gate (below 1) + a little for being small
+    pose : (C, K, 3) world
+    """
+
+    step: Index
+    index: Index
+    cost: Array
+    pose: Array
+
+    def take(self, rows: Index) -> _Candidates:
+        return _Candidates(self.step[rows], self.index[rows], self.cost[rows], self.pose[rows])
+
+
+@dataclass(frozen=True)
+class _Evidence:
+    """The usable detections (T, M, P, K, 3) and what it takes to weigh hypotheses on them."""
+
+    people: Array
+    cameras: sk.CameraRig | Sequence[sk.Camera]
+    gate: float
+    min_joints: int
+
+    def candidates(self) -> _Candidates:
+        """Weigh all hypotheses; of each frame the best few different ones are kept."""
+        pairs = self._pairs()
+        _, views, places, joints, _ = self.people.shape
+        size = max(1, _CHUNK // (views * places * joints * 3))
+        parts = [self._weigh(pairs[at : at + size]) for at in range(0, max(1, len(pairs)), size)]
+        step, index, cost, pose = (np.concatenate(column) for column in zip(*parts, strict=True))
+        return _best_few(_Candidates(step, index, cost, pose))
+
+    def _pairs(self) -> Index:
+        """Hypotheses (H, 5): frame, view, person, other view, other person."""
+        enough = np.isfinite(self.people[..., :2]).all(axis=-1).sum(axis=-1) >= self.min_joints
+        found = [np.empty((0, 5), dtype=np.int64)]
+        for i, j in combinations(range(self.people.shape[1]), 2):
+            t, a, b = np.nonzero(enough[:, i, :, None] & enough[:, j, None, :])
+            found.append(np.stack([t, np.full_like(t, i), a, np.full_like(t, j), b], axis=1))
+        rows = np.concatenate(found)
+        return rows[np.argsort(rows[:, 0], kind="stable")]
+
+    def _weigh(self, pairs: Index) -> tuple[Index, Index, Array, Array]:
+        """Frame (C,), person per view (C, M), cost (C,) and pose (C, K, 3) of the hypotheses that hold."""
+        if not len(pairs):
+            views, joints = self.people.shape[1], self.people.shape[3]
+            return pairs[:, 0], np.empty((0, views), dtype=np.int64), np.empty(0), np.empty((0, joints, 3))
+        step, pose = pairs[:, 0], self._triangulate(pairs)
+        error = self._errors(step, pose)
+        index = error.argmin(axis=2)
+        error = error.min(axis=2)
+        explained = error < 1.0
+        index[~explained] = -1
+        count = explained.sum(axis=1)
+        cost = (
+            explained.shape[1]
+            - count
+            + _masked_median(np.where(explained, error, np.nan), 1)
+            + _SIZE_COST * (1.0 - self._size(step, index))
+        )
+        holds = np.flatnonzero(count >= 2)
+        return step[holds], index[holds], cost[holds], pose[holds]
+
+    def _triangulate(self, pairs: Index) -> Array:
+        """Poses (H, K, 3) of the pairs, each from its two views alone."""
+        step, i, a, j, b = pairs.T
+        rows = np.arange(len(pairs))
+        seen = np.full((len(pairs), self.people.shape[1], *self.people.shape[3:]), np.nan)
+        seen[rows, i] = self.people[step, i, a]
+        seen[rows, j] = self.people[step, j, b]
+        pose: Array = np.asarray(sk.triangulate(seen, self.cameras, method="dlt"))
+        return pose
+
+    def _errors(self, step: Index, pose: Array) -> Array:
+        """Median reprojection error as a part of the gate, (H, M, P); infinite without common joints."""
+        gates = np.array([self.gate * np.hypot(*camera.size) for camera in self.cameras])
+        pixels = np.moveaxis(np.asarray(sk.project(pose, self.cameras)), 0, 1)
+        offset = self.people[step][..., :2] - pixels[:, :, None]
+        distance = np.hypot(offset[..., 0], offset[..., 1])
+        median = _masked_median(distance, self.min_joints) / gates[:, None]
+        return np.where(np.isnan(median), np.inf, median)
+
+    def _size(self, step: Index, index: Index) -> Array:
+        """How large the people are in the images, (H,): mean extent as a part of the diagonal, below 1."""
+        extents = self._extents()[step[:, None], np.arange(index.shape[1]), index]
+        shown = np.where(index >= 0, extents, 0.0)
+        mean: Array = shown.sum(axis=1) / np.maximum((index >= 0).sum(axis=1), 1)
+        return mean
+
+    def _extents(self) -> Array:
+        """Diagonal of everybody's bounding box as a part of the image's diagonal, (T, M, P)."""
+        points = self.people[..., :2]
+        there = np.isfinite(points)
+        high = np.where(there, points, -np.inf).max(axis=3)
+        low = np.where(there, points, np.inf).min(axis=3)
+        spans = np.where(there.any(axis=3), high - low, 0.0)
+        diagonals = np.array([np.hypot(*camera.size) for camera in self.cameras])
+        extents: Array = np.hypot(spans[..., 0], spans[..., 1]) / diagonals[:, None]
+        return extents
+
+
+def _masked_median(values: Array, least: int) -> Array:
+    """Median of the numbers along the last axis; NaN where there are fewer than `least`."""
+    ordered = np.sort(values, axis=-1)  # NaN last
+    count = np.isfinite(values).sum(axis=-1)
+    upper = np.take_along_axis(ordered, (count // 2)[..., None].clip(max=values.shape[-1] - 1), axis=-1)
+    lower = np.take_along_axis(ordered, ((count - 1) // 2)[..., None].clip(min=0), axis=-1)
+    middle = np.where(count % 2 == 1, lower[..., 0], 0.5 * (lower[..., 0] + upper[..., 0]))
+    return np.where(count >= max(least, 1), middle, np.nan)
+
+
+def _best_few(candidates: _Candidates) -> _Candidates:
+    """Keep, frame by frame, the cheapest of each choice of people, and of those the cheapest few."""
+    order = np.lexsort((candidates.cost, candidates.step))
+    kept: list[int] = []
+    seen: dict[int, set[tuple[int, ...]]] = {}
+    for row in order.tolist():
+        choices = seen.setdefault(int(candidates.step[row]), set())
+        choice = tuple(candidates.index[row].tolist())
+        if len(choices) < _KEPT and choice not in choices:
+            choices.add(choice)
+            kept.append(row)
+    return candidates.take(np.array(kept, dtype=np.int64))
+
+
+def _link(candidates: _Candidates, mm_per_unit: float) -> Index:
+    """Rows of the chosen candidates, one per frame that has any: the cheapest sequence in all.
+
+    Dynamic programming over the frames, last frame first in the result.
+    """
+    groups = _groups(candidates.step)
+    total = candidates.cost.copy()
+    came_from = np.full(len(total), -1, dtype=np.int64)
+    for before, now in zip(groups, groups[1:], strict=False):
+        ways = total[before][:, None] + _switch_costs(candidates.pose, before, now, mm_per_unit)
+        came_from[now] = before[ways.argmin(axis=0)]
+        total[now] += ways.min(axis=0)
+    path: list[int] = []
+    row = int(groups[-1][total[groups[-1]].argmin()]) if groups else -1
+    while row >= 0:
+        path.append(row)
+        row = int(came_from[row])
+    return np.array(path, dtype=np.int64)
+
+
+def _groups(steps: Index) -> list[Index]:
+    """Rows of each frame; `steps` is ascending."""
+    if not len(steps):
+        return []
+    return list(np.split(np.arange(len(steps)), np.flatnonzero(np.diff(steps)) + 1))
+
+
+def _switch_costs(pose: Array, before: Index, now: Index, mm_per_unit: float) -> Array:
+    """Cost of going from each candidate of a frame to each of the next, (B, A)."""
+    step = np.linalg.norm(pose[before][:, None] - pose[now][None], axis=-1) * mm_per_unit
+    moved = np.nan_to_num(_masked_median(step, 1), nan=_SWITCH_MM)
+    costs: Array = _SWITCH_COST * np.minimum(moved / _SWITCH_MM, 1.0) ** 2
+    return costs

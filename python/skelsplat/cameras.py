@@ -1,0 +1,94 @@
+"""A rig: cameras that belong together, and the unit of their translations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import overload
+
+from skelsplat._skelsplat import Camera
+from skelsplat.exceptions import InvalidInputError
+
+_MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
+
+
+class CameraRig(Sequence[Camera]):
+    """Calibrated cameras of one recording.
+
+    Parameters
+    ----------
+    cameras : sequence of Camera
+        At least one; those that have a name must have different ones.
+    unit : {"mm", "cm", "m"}
+        Unit of the cameras' translations and of every 3D point that goes with them.
+
+    Raises
+    ------
+    InvalidInputError
+        If there is no camera, an item is not a ``Camera``, a name comes twice, or the unit is unknown.
+
+    Examples
+    --------
+    >>> rig["cam_01"].size                                                                # doctest: +SKIP
+    (1088, 1920)
+    """
+
+    __slots__ = ("_cameras", "_unit")
+
+    def __init__(self, cameras: Sequence[Camera], unit: str = "mm") -> None:
+        self._cameras = tuple(cameras)
+        self._unit = unit
+        if not self._cameras:
+            raise InvalidInputError("cameras: expected at least one Camera, got none")
+        for i, camera in enumerate(self._cameras):
+            if not isinstance(camera, Camera):
+                raise InvalidInputError(f"cameras[{i}]: expected a Camera, got {type(camera).__name__}")
+        names = [c.name for c in self._cameras if c.name is not None]
+        twice = sorted({n for n in names if names.count(n) > 1})
+        if twice:
+            raise InvalidInputError(f"cameras: expected different names, got '{twice[0]}' twice")
+        if unit not in _MM_PER_UNIT:
+            raise InvalidInputError(f"unit: expected one of mm, cm, m, got {unit!r}")
+
+    @property
+    def unit(self) -> str:
+        """Unit of translations and points."""
+        return self._unit
+
+    @property
+    def mm_per_unit(self) -> float:
+        """How many millimetres one unit is."""
+        return _MM_PER_UNIT[self._unit]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Name of each camera; ``"0"``, ``"1"``, … for those without one."""
+        return tuple(c.name if c.name is not None else str(i) for i, c in enumerate(self._cameras))
+
+    def __len__(self) -> int:
+        return len(self._cameras)
+
+    def __iter__(self) -> Iterator[Camera]:
+        return iter(self._cameras)
+
+    @overload
+    def __getitem__(self, key: int | str) -> Camera: ...
+    @overload
+    def __getitem__(self, key: slice) -> CameraRig: ...
+    def __getitem__(self, key: int | str | slice) -> Camera | CameraRig:
+        if isinstance(key, slice):
+            return CameraRig(self._cameras[key], self._unit)
+        if isinstance(key, str):
+            if key not in self.names:
+                raise KeyError(f"no camera called {key!r}; there are {', '.join(self.names)}")
+            return self._cameras[self.names.index(key)]
+        return self._cameras[key]
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, CameraRig):
+            return NotImplemented
+        return self._unit == other._unit and self._cameras == other._cameras
+
+    __hash__ = None  # type: ignore[assignment]  # cameras hold arrays of doubles: equal, but not hashable
+
+    def __repr__(self) -> str:
+        return f"CameraRig({len(self)} cameras, unit='{self._unit}': {', '.join(self.names)})"

@@ -1,0 +1,27 @@
+"""The command line: `skelsplat demo` and `skelsplat refine`, one file per command.
+
+The commands share `_pipeline` (read, choose the person, refine), `_statistics` and `_report` (what is said about the
+result), `_figures` (what `skelsplat.viz` draws) and `_run` (the order of it all, and the files).
+"""
+
+from __future__ import annotations
+
+import sys
+
+from skelsplat.cli import demo, refine
+from skelsplat.cli._app import app
+
+__all__ = ["app", "main"]
+
+app.command("demo")(demo.demo)
+app.command("refine", epilog=refine.EPILOG)(refine.refine)
+
+
+def main() -> None:
+    """Run the command line on ``sys.argv`` and leave with its exit status: 0 ok, 1 failed, 2 bad usage."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(
+                errors="replace"
+            )  # a terminal without µ or → shows a "?" instead of a traceback
+    app()

@@ -1,0 +1,89 @@
+"""The application object, and the exit status and one-line message of every way to fail."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated, Any, NoReturn
+
+import typer
+from typer.core import TyperGroup
+
+import skelsplat as sk
+
+FAILED, BAD_USAGE, INTERRUPTED = 1, 2, 130
+
+
+class OneLineErrors(TyperGroup):
+    """A command group that ends with ``error: …`` on one line of stderr instead of a box or a traceback.
+
+    Only errors that a user can act on are caught: wrong usage, `skelsplat.SkelSplatError` and `OSError`. Anything
+    else is a defect of the program and keeps its traceback.
+    """
+
+    def main(self, *args: Any, standalone_mode: bool = True, **extra: Any) -> Any:
+        """Run a command; with ``standalone_mode`` leave the process with its exit status."""
+        if not standalone_mode:
+            return super().main(*args, standalone_mode=False, **extra)
+        try:
+            status = super().main(*args, standalone_mode=False, **extra)
+        except (KeyboardInterrupt, typer.Abort):
+            status = INTERRUPTED
+        except (sk.SkelSplatError, OSError) as error:
+            _fail(FAILED, _describe(error))
+        except Exception as error:
+            if not hasattr(error, "format_message"):  # what every error of usage has, in typer and in click
+                raise
+            _fail(BAD_USAGE, _usage(error))
+        if status == INTERRUPTED:
+            _fail(INTERRUPTED, "interrupted; files already written are complete", prefix="")
+        sys.exit(status if isinstance(status, int) else 0)
+
+
+def _fail(status: int, message: str, prefix: str = "error: ") -> NoReturn:
+    typer.echo(prefix + " ".join(message.split()), err=True)
+    sys.exit(status)
+
+
+def _describe(error: Exception) -> str:
+    """Return one line that names the file, for the errors of the package and of the operating system."""
+    if isinstance(error, OSError) and not isinstance(error, sk.SkelSplatError) and error.filename is not None:
+        return f"{error.filename}: {(error.strerror or 'cannot be used').lower()}"
+    return str(error)
+
+
+def _usage(error: Any) -> str:
+    """Return the message of an error of usage, and where to read on."""
+    context = getattr(error, "ctx", None)
+    command = context.command_path if context is not None else "skelsplat"
+    return f"{error.format_message().rstrip('.')} (see {command} --help)"
+
+
+def _show_version(value: bool) -> None:
+    if value:
+        typer.echo(f"skelsplat {sk.__version__}")
+        raise typer.Exit
+
+
+app = typer.Typer(
+    name="skelsplat",
+    cls=OneLineErrors,
+    help="Multi-view 3D human pose from 2D keypoints, by differentiable Gaussian splatting.",
+    epilog="Exit status: 0 ok, 1 failed, 2 bad usage, 130 interrupted.",
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+@app.callback(invoke_without_command=True)
+def _root(
+    context: typer.Context,
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and leave."),
+    ] = False,
+) -> None:
+    del version  # its callback has done the work
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())

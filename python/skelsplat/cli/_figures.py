@@ -1,0 +1,122 @@
+"""What the figures show: one frame's poses, heat maps and joints, as arrays for `skelsplat.viz`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+import skelsplat as sk
+from skelsplat.cli._statistics import camera_names, finite_median
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import numpy.typing as npt
+
+    from skelsplat.cli._pipeline import Inputs, Outcome
+    from skelsplat.cli._statistics import Statistics
+
+    Array = npt.NDArray[np.float64]
+
+# Mean length of the cameras' upward directions below which they do not agree on a vertical (cameras that look down).
+_AGREED_UP = 0.3
+
+
+def write_figures(folder: Path, inputs: Inputs, outcome: Outcome, statistics: Statistics) -> list[str]:
+    """Write ``overview.png`` and ``heatmaps.png`` of one frame; return their names."""
+    from skelsplat import viz  # noqa: PLC0415 - matplotlib takes long to load; --help does without
+
+    frame = most_moved_frame(statistics.moved_mm)
+    caption = _caption(frame, inputs, statistics)
+    layout, scale = inputs.layout, inputs.rig.mm_per_unit
+    skeleton = viz.Skeleton(limbs=tuple(layout.limbs), left_right=tuple(layout.left_right))
+    data = viz.OverviewData(
+        before=np.asarray(outcome.result.init_pose) * scale,
+        after=np.asarray(outcome.result.pose) * scale,
+        status=np.asarray(outcome.result.joint_status),
+        error_before=statistics.error_before,
+        error_after=statistics.error_after,
+        camera_names=camera_names(inputs),
+        up=world_up(inputs.rig),
+        frame=frame,
+        caption=caption,
+    )
+    viz.write_overview(folder / "overview.png", data, skeleton=skeleton)
+    rows = [_heatmap_row(view, frame, inputs, outcome, statistics) for view in range(len(inputs.rig))]
+    viz.write_heatmaps(folder / "heatmaps.png", rows, skeleton=skeleton, caption=_heat_caption(caption))
+    return ["overview.png", "heatmaps.png"]
+
+
+def most_moved_frame(moved_mm: Array) -> int:
+    """Return the frame whose joints moved most in the mean, (T, N) → index; 0 if no joint has a position."""
+    known = np.isfinite(moved_mm)
+    total = np.where(known, moved_mm, 0.0).sum(axis=1)
+    return int(np.argmax(total / np.maximum(known.sum(axis=1), 1)))
+
+
+def world_up(rig: sk.CameraRig) -> Array:
+    """Return the axis of the world nearest to the cameras' mean upward direction; z if they do not agree."""
+    mean: Array = np.mean([-np.asarray(camera.R)[1] for camera in rig], axis=0)
+    up = np.zeros(3)
+    if np.linalg.norm(mean) < _AGREED_UP:
+        up[2] = 1.0
+        return up
+    axis = int(np.argmax(np.abs(mean)))
+    up[axis] = np.sign(mean[axis])
+    return up
+
+
+def _caption(frame: int, inputs: Inputs, statistics: Statistics) -> str:
+    moved = statistics.moved_mm
+    here = moved[frame][np.isfinite(moved[frame])]
+    mean = f"{here.mean():.0f} mm in the mean" if here.size else "no joint has a position"
+    typical = (
+        f"the median joint of all frames: {finite_median(moved):.0f} mm" if here.size else "in any frame"
+    )
+    return f"Frame {inputs.frames[frame]}, the one whose joints moved most: {mean} ({typical})"
+
+
+def _heat_caption(caption: str) -> str:
+    return f"{caption.partition(',')[0]}: what the loss compares, summed over the joints; cut to the person"
+
+
+def _heatmap_row(view: int, frame: int, inputs: Inputs, outcome: Outcome, statistics: Statistics) -> object:
+    """Compute one camera's heat maps of one frame, in the pixels in which the renderer works (ideal ones)."""
+    from skelsplat import viz  # noqa: PLC0415 - see write_figures
+
+    camera, result = inputs.rig[view], outcome.result
+    pose, covariance = np.asarray(result.pose[frame]), np.asarray(result.covariance[frame])
+    start = np.asarray(result.init_pose[frame])
+    raw = np.where(
+        np.isfinite(result.reprojection_error[frame, view])[:, None], inputs.detections[frame, view], np.nan
+    )
+    seen = np.array(raw)
+    if outcome.config.undistort:
+        seen[:, :2] = camera.undistort(raw[:, :2])
+    pseudo = np.zeros((camera.size[1], camera.size[0]), dtype=np.float32)
+    rendering = np.zeros_like(pseudo)
+    widths = initial_covariances(inputs, outcome.config)
+    for j in np.flatnonzero(np.isfinite(seen[:, :2]).all(axis=1)):
+        one = slice(j, j + 1)  # joint by joint: all images at once would take hundreds of megabytes
+        pseudo += sk.pseudo_ground_truth(raw[one], start[one], widths[one], camera)[0]
+        rendering += sk.render(pose[one], covariance[one], camera)[0]
+    projected, _ = sk.project_gaussians(pose, covariance, [camera])
+    return viz.HeatmapRow(
+        name=camera_names(inputs)[view],
+        pseudo=pseudo,
+        rendering=rendering,
+        detections=seen[:, :2],
+        reprojection=np.asarray(projected)[0],
+        median_error_px=finite_median(statistics.error_after[frame, view]),
+    )
+
+
+def initial_covariances(inputs: Inputs, config: sk.RefineConfig) -> Array:
+    """Return the covariances (N, 3, 3) that the splats start with, in the rig's unit squared."""
+    sigma_mm = np.full(inputs.layout.n_joints, config.sigma)
+    if config.occlusion_sigma is not None:
+        sigma_mm[list(inputs.layout.occlusion_prone)] = config.occlusion_sigma
+    sigma = sigma_mm / inputs.rig.mm_per_unit
+    covariances: Array = sigma[:, None, None] ** 2 * np.eye(3)
+    return covariances

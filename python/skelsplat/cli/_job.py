@@ -1,0 +1,61 @@
+"""What a run is asked to do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Job:
+    """One run: where the input is, how to read it, how to refine it.
+
+    Parameters
+    ----------
+    calibration, detections
+        The calibration file and the folder of detections.
+    unit
+        Length unit of the calibration: ``"mm"``, ``"cm"`` or ``"m"``.
+    layout
+        Name of the joint layout of the detections.
+    out
+        Folder for the results.
+    person
+        ``"consistent"``, ``"largest"`` or the index of a person.
+    frames
+        What to do with cameras of different frame counts: ``"strict"``, ``"intersection"`` or ``"union"``.
+    init
+        A pose file to start from; None for triangulation.
+    fps
+        Frames per second of the recording; None if unknown.
+    y_up
+        Write ``pose.trc`` with y pointing up, for OpenSim, instead of z.
+    settings
+        The fields of `skelsplat.RefineConfig` that the user set; the others keep their defaults.
+    note
+        A sentence about the input that belongs beside its numbers.
+    """
+
+    calibration: Path
+    detections: Path
+    unit: str
+    layout: str
+    out: Path
+    person: str = "consistent"
+    frames: str = "strict"
+    init: Path | None = None
+    fps: float | None = None
+    y_up: bool = False
+    settings: dict[str, Any] = field(default_factory=dict)
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Verbosity:
+    """What a run says while it works: ``quiet`` nothing but warnings, ``as_json`` the report on stdout."""
+
+    quiet: bool = False
+    as_json: bool = False

@@ -1,0 +1,147 @@
+"""From files to a refined sequence: check the output folder, read, choose the person, refine."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+import time
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import skelsplat as sk
+from skelsplat import association
+from skelsplat.exceptions import DatasetError
+from skelsplat.io import read_calibration, read_npz, read_openpose, sample
+from skelsplat.io.poses import MM_PER_UNIT
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    import numpy.typing as npt
+
+    from skelsplat.cli._job import Job
+
+    Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What was read: the rig, one person's detections (T, M, N, 3), frame numbers (T,), the start (T, N, 3) or None."""
+
+    rig: sk.CameraRig
+    layout: sk.Layout
+    detections: Array
+    frames: npt.NDArray[np.int64]
+    init_pose: Array | None
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A refined sequence, the settings behind it, and the wall time of `skelsplat.refine` alone."""
+
+    result: sk.Refinement
+    config: sk.RefineConfig
+    seconds: float
+
+
+def known_layouts() -> tuple[str, ...]:
+    """Return the names of the layouts that the package knows."""
+    return tuple(layout.name for layout in sk.layouts.ALL)
+
+
+def check_output(folder: Path) -> None:
+    """Make the output folder and write into it once, so that a bad one is known before the work.
+
+    Raises
+    ------
+    DatasetError
+        If the folder cannot be made or written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise DatasetError(folder, "--output", "a folder that can be written", reason) from error
+
+
+def extract_input(folder: Path) -> tuple[Path, Path]:
+    """Unpack the recording that ships with the package; return its calibration file and its detections' folder."""
+    paths = sample.extract(folder)
+    return paths.calibration, paths.detections
+
+
+@contextlib.contextmanager
+def collected_warnings() -> Iterator[list[str]]:
+    """Collect the messages of warnings, each once, instead of printing them."""
+    messages: list[str] = []
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        yield messages
+    messages.extend(dict.fromkeys(" ".join(str(warning.message).split()) for warning in caught))
+
+
+def read_inputs(job: Job) -> Inputs:
+    """Read what ``job`` names and follow one person through it.
+
+    Raises
+    ------
+    DatasetError, InvalidInputError
+        If a file is missing or malformed, or the files do not fit each other; the message names it.
+    """
+    rig = read_calibration(job.calibration, unit=job.unit)
+    found = read_openpose(job.detections, rig, layout=job.layout, frames=_frame_mode(job.frames))
+    chosen = association.choose_person(found, rig, method=_person(job.person))
+    init = (
+        None
+        if job.init is None
+        else _read_init(job.init, rig, (len(found.frames), sk.layouts.get(job.layout)))
+    )
+    return Inputs(rig, sk.layouts.get(job.layout), chosen, found.frames, init)
+
+
+def _frame_mode(mode: str) -> Any:
+    return mode  # checked by the command; the reader's type is a Literal
+
+
+def _person(person: str) -> Any:
+    return int(person) if person.isdecimal() else person
+
+
+def _read_init(path: Path, rig: sk.CameraRig, size: tuple[int, sk.Layout]) -> Array:
+    """Read an initial pose for ``size`` = (frames, layout), in the rig's unit."""
+    data = read_npz(path)
+    steps, layout = size
+    expected = (steps, layout.n_joints, 3)
+    if data.pose.shape != expected:
+        raise DatasetError(path, "pose", f"shape {expected} like the detections", data.pose.shape)
+    if data.joint_names != tuple(layout.joints):
+        raise DatasetError(path, "joint_names", f"the joints of {layout.name}", ", ".join(data.joint_names))
+    scaled: Array = data.pose * (MM_PER_UNIT[data.unit] / rig.mm_per_unit)
+    return scaled
+
+
+def refine_inputs(inputs: Inputs, job: Job, progress: Callable[[int, int], None] | None = None) -> Outcome:
+    """Refine all frames; ``progress`` is called with (frames done, frames in all)."""
+    config = sk.RefineConfig(**job.settings)
+    start = time.perf_counter()
+    result = sk.refine(
+        inputs.init_pose,
+        inputs.detections,
+        inputs.rig,
+        layout=inputs.layout,
+        config=config,
+        progress=progress if progress is not None else False,
+    )
+    return Outcome(result, config, time.perf_counter() - start)
+
+
+def default_threads(config: sk.RefineConfig) -> int:
+    """Return the number of threads that a batch uses."""
+    return int(config.n_threads or os.cpu_count() or 1)

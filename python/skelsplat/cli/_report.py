@@ -1,0 +1,138 @@
+"""``report.json``: everything a run says, for programs to read."""
+
+from __future__ import annotations
+
+import json
+import math
+import platform
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import skelsplat as sk
+from skelsplat.cli._pipeline import default_threads
+from skelsplat.cli._statistics import POOR_SHARE, Statistics, finite_median
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from skelsplat.cli._job import Job
+    from skelsplat.cli._pipeline import Inputs, Outcome
+
+FIELDS = (
+    "sigma",
+    "occlusion_sigma",
+    "encoding",
+    "symmetry_tier",
+    "symmetry_weight",
+    "max_steps",
+    "views_per_step",
+    "position_lr",
+    "position_lr_factor",
+    "log_scale_lr",
+    "rotation_lr",
+    "lr_decay",
+    "lr_decay_steps",
+    "stop_tolerance",
+    "stop_window",
+    "undistort",
+    "min_confidence",
+    "resolution",
+    "n_threads",
+)
+
+
+def build_report(
+    job: Job, inputs: Inputs, outcome: Outcome, statistics: Statistics, warnings: Sequence[str]
+) -> dict[str, Any]:
+    """Return the report as JSON values; a number that does not exist is None.
+
+    Lengths carry their unit in the key (``_mm``, ``_px``, ``_s``, ``_ms``); settings are those of
+    `skelsplat.RefineConfig`.
+    """
+    report = {
+        "versions": {
+            "skelsplat": sk.__version__,
+            "python": platform.python_version(),
+            "numpy": np.__version__,
+            "platform": platform.platform(),
+        },
+        "input": _input(job, inputs),
+        "settings": {name: getattr(outcome.config, name) for name in FIELDS},
+        "ground_truth": None,
+        "reprojection_error": {
+            "meaning": "distance of the pose's projection from the detection, px of the original image; medians over the "
+            "detections used; it is agreement with the detections, not accuracy",
+            "poor_share_of_diagonal": POOR_SHARE,
+            "all": _plain(statistics.total),
+            "cameras": [
+                {**_plain(group), "poor_above_px": float(limit)}
+                for group, limit in zip(statistics.cameras, statistics.poor_px, strict=True)
+            ],
+            "joints": _joints(statistics),
+        },
+        "joint_statuses": statistics.statuses,
+        "stop_reasons": statistics.stop_reasons,
+        "iterations": _iterations(outcome),
+        "timing": {
+            "refine_s": outcome.seconds,
+            "ms_per_frame": 1000 * outcome.seconds / len(inputs.frames),
+            "threads": default_threads(outcome.config),
+        },
+        "note": job.note or None,
+        "warnings": list(warnings),
+    }
+    cleaned: dict[str, Any] = _json_value(report)
+    return cleaned
+
+
+def to_text(report: dict[str, Any]) -> str:
+    """Return the report as JSON text, with a final line break."""
+    return json.dumps(report, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _input(job: Job, inputs: Inputs) -> dict[str, Any]:
+    return {
+        "calibration": str(job.calibration),
+        "detections": str(job.detections),
+        "init": None if job.init is None else str(job.init),
+        "unit": job.unit,
+        "layout": inputs.layout.name,
+        "person": job.person,
+        "frame_mode": job.frames,
+        "frames": len(inputs.frames),
+        "first_frame": inputs.frames[0],
+        "last_frame": inputs.frames[-1],
+        "frame_rate_hz": job.fps,
+    }
+
+
+def _joints(statistics: Statistics) -> list[dict[str, Any]]:
+    moved = statistics.moved_mm
+    return [
+        {**_plain(group), "moved_median_mm": finite_median(moved[:, j])}
+        for j, group in enumerate(statistics.joints)
+    ]
+
+
+def _iterations(outcome: Outcome) -> dict[str, float]:
+    steps = np.asarray(outcome.result.n_iter)
+    return {"median": float(np.median(steps)), "max": int(steps.max())}
+
+
+def _plain(group: Any) -> dict[str, Any]:
+    return asdict(group)
+
+
+def _json_value(value: Any) -> Any:
+    """Return ``value`` with numbers of NumPy as Python's, and NaN and infinity as None."""
+    if isinstance(value, dict):
+        return {str(key): _json_value(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_json_value(entry) for entry in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

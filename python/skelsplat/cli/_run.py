@@ -1,0 +1,99 @@
+"""The order of a run, shared by the commands: read, refine, count, write, tell."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from skelsplat.cli._figures import write_figures
+from skelsplat.cli._pipeline import collected_warnings, read_inputs, refine_inputs
+from skelsplat.cli._report import build_report, to_text
+from skelsplat.cli._statistics import summarise
+from skelsplat.cli._table import print_files, print_summary
+from skelsplat.io import PoseData, write_csv, write_npz, write_trc
+from skelsplat.io._atomic import atomic_write_text
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from skelsplat.cli._job import Job, Verbosity
+    from skelsplat.cli._pipeline import Inputs, Outcome
+
+_ASSUMED_FPS = 30.0
+
+
+def run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
+    """Do one job: write its files, print what `verbosity` asks for, and return the report.
+
+    Raises
+    ------
+    SkelSplatError
+        If an input is missing, malformed or does not fit, or a result cannot be written.
+    """
+    with collected_warnings() as warnings:
+        inputs = read_inputs(job)
+        outcome = _refine_with_bar(inputs, job, shown=not verbosity.quiet)
+    if job.fps is None:
+        warnings.append(f"--fps: not given; the times in pose.trc assume {_ASSUMED_FPS:g} frames per second")
+    for warning in warnings:
+        typer.echo(f"warning: {warning}", err=True)
+    statistics = summarise(inputs, outcome)
+    report = build_report(job, inputs, outcome, statistics, warnings)
+    files = _write_poses(job, inputs, outcome)
+    atomic_write_text(job.out / "report.json", to_text(report))
+    files += ["report.json", *write_figures(job.out, inputs, outcome, statistics)]
+    if verbosity.as_json:
+        typer.echo(to_text(report), nl=False)
+    elif not verbosity.quiet:
+        console = Console(highlight=False, markup=False)
+        print_summary(console, job, inputs, outcome, statistics)
+        print_files(console, job.out, files)
+    return report
+
+
+def _refine_with_bar(inputs: Inputs, job: Job, *, shown: bool) -> Outcome:
+    """Refine under a progress bar on stderr, if that is a terminal."""
+    console = Console(stderr=True)
+    bar = Progress(
+        TextColumn("refining"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("frames"),
+        TimeRemainingColumn(),
+        console=console,
+        transient=True,
+        disable=not (shown and console.is_terminal),
+    )
+    with bar:
+        return refine_inputs(inputs, job, _updater(bar, len(inputs.frames)))
+
+
+def _updater(bar: Progress, frames: int) -> Callable[[int, int], None]:
+    task = bar.add_task("refine", total=frames)
+
+    def update(done: int, total: int) -> None:
+        bar.update(task, completed=done, total=total)
+
+    return update
+
+
+def _write_poses(job: Job, inputs: Inputs, outcome: Outcome) -> list[str]:
+    """Write the three pose files; return their names."""
+    data = PoseData.from_refinement(
+        outcome.result,
+        joint_names=inputs.layout.joints,
+        frames=inputs.frames,
+        camera_names=_names(inputs),
+        unit=inputs.rig.unit,
+    )
+    write_npz(job.out / "pose.npz", data)
+    write_csv(job.out / "pose.csv", data)
+    write_trc(job.out / "pose.trc", data, frame_rate=job.fps or _ASSUMED_FPS, y_up=job.y_up)
+    return ["pose.npz", "pose.csv", "pose.trc"]
+
+
+def _names(inputs: Inputs) -> Sequence[str]:
+    return [camera.name or f"camera {i}" for i, camera in enumerate(inputs.rig)]

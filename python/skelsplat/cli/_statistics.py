@@ -1,0 +1,147 @@
+"""What can be counted about a refined sequence without ground truth."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+import skelsplat as sk
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import numpy.typing as npt
+
+    from skelsplat.cli._pipeline import Inputs, Outcome
+
+    Array = npt.NDArray[np.float64]
+
+# A detection is called poor beyond this share of the image's diagonal: 22 px at 1920 × 1080, some 50 mm on a person
+# who fills the image's height.
+POOR_SHARE = 0.01
+
+
+@dataclass(frozen=True)
+class Group:
+    """The detections of one camera or of one joint over all frames.
+
+    ``before_px`` and ``after_px`` are medians over the same detections (NaN without any); ``used`` + ``left_out`` +
+    ``missing`` is their number. Left out are those below the least confidence and those of joints that have
+    no position.
+    """
+
+    name: str
+    before_px: float
+    after_px: float
+    p90_before_px: float
+    p90_after_px: float
+    used: int
+    left_out: int
+    missing: int
+    poor: int
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """All that the table, the report and the figures say in numbers.
+
+    Attributes
+    ----------
+    error_before, error_after : (T, M, N)
+        Reprojection errors in px, NaN for detections that were not used.
+    moved_mm : (T, N)
+        Distance of each refined joint from its start, in mm.
+    poor_px : (M,)
+        The error beyond which a detection of this camera is called poor.
+    cameras, joints : list of Group
+    total : Group
+    stop_reasons, statuses : dict
+        Number of frames per stop reason; number of joints (over all frames) per status.
+    """
+
+    error_before: Array
+    error_after: Array
+    moved_mm: Array
+    poor_px: Array
+    cameras: list[Group]
+    joints: list[Group]
+    total: Group
+    stop_reasons: dict[str, int]
+    statuses: dict[str, int]
+
+
+def summarise(inputs: Inputs, outcome: Outcome) -> Statistics:
+    """Count and measure a refined sequence against its own detections."""
+    result = outcome.result
+    after = np.asarray(result.reprojection_error)
+    init = np.asarray(result.init_pose)
+    before = _reprojection_error(init, inputs)
+    used = np.isfinite(after)
+    before = np.where(used, before, np.nan)
+    there = np.isfinite(inputs.detections[..., :2]).all(axis=-1) & (inputs.detections[..., 2] > 0)
+    poor_px = np.array([POOR_SHARE * np.hypot(*camera.size) for camera in inputs.rig])
+    poor = used & (after > poor_px[:, None])
+    moved = np.linalg.norm(np.asarray(result.pose) - init, axis=-1) * inputs.rig.mm_per_unit
+    parts = (before, after, there, poor)
+    return Statistics(
+        error_before=before,
+        error_after=after,
+        moved_mm=moved,
+        poor_px=poor_px,
+        cameras=[
+            _group(name, *(part[:, i] for part in parts)) for i, name in enumerate(camera_names(inputs))
+        ],
+        joints=[
+            _group(name, *(part[..., j] for part in parts)) for j, name in enumerate(inputs.layout.joints)
+        ],
+        total=_group("all", *parts),
+        stop_reasons=_count(result.stop_reason),
+        statuses=_count(result.joint_status),
+    )
+
+
+def camera_names(inputs: Inputs) -> Sequence[str]:
+    """Return a name for every camera of the rig."""
+    return [camera.name or f"camera {i}" for i, camera in enumerate(inputs.rig)]
+
+
+def finite_median(values: npt.ArrayLike) -> float:
+    """Return the median of the finite values, NaN if there is none."""
+    return _percentile(np.asarray(values, dtype=np.float64), 50)
+
+
+def _reprojection_error(poses: Array, inputs: Inputs) -> Array:
+    """Return the distance in px, (T, M, N), of ``poses`` (T, N, 3) from the detections as they are in the images."""
+    projected = np.moveaxis(np.asarray(sk.project(poses, inputs.rig)), 0, 1)
+    error: Array = np.linalg.norm(projected - inputs.detections[..., :2], axis=-1)
+    return error
+
+
+def _group(
+    name: str, before: Array, after: Array, there: npt.NDArray[np.bool_], poor: npt.NDArray[np.bool_]
+) -> Group:
+    used = np.isfinite(after)
+    both = used & np.isfinite(before)
+    return Group(
+        name=name,
+        before_px=finite_median(before[both]),
+        after_px=finite_median(after[both]),
+        p90_before_px=_percentile(before[both], 90),
+        p90_after_px=_percentile(after[both], 90),
+        used=int(used.sum()),
+        left_out=int((there & ~used).sum()),
+        missing=int((~there & ~used).sum()),
+        poor=int(poor.sum()),
+    )
+
+
+def _percentile(values: Array, share: float) -> float:
+    finite = values[np.isfinite(values)]
+    return float(np.percentile(finite, share)) if finite.size else float("nan")
+
+
+def _count(labels: npt.ArrayLike) -> dict[str, int]:
+    return dict(Counter(str(label) for label in np.asarray(labels).ravel()).most_common())

@@ -1,0 +1,49 @@
+"""``skelsplat demo``: the whole method on the recording that ships with the package."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from skelsplat.cli import _options as options
+from skelsplat.cli._job import Job, Verbosity
+from skelsplat.cli._pipeline import check_output, extract_input
+from skelsplat.cli._run import run
+
+_FPS = 60.0
+_NOTE = (
+    "The sample has no ground truth: these errors say how well the pose agrees with the "
+    "detections, not how far it is from the body."
+)
+
+
+def demo(
+    output: options.Out = Path("skelsplat-demo"),
+    threads: options.Threads = None,
+    quiet: options.Quiet = False,
+    as_json: options.AsJson = False,
+) -> None:
+    """Refine the recording that ships with the package: 4 cameras, 100 frames, OpenPose.
+
+    The input is put into FOLDER/input, as the files a user would have (calibration TOML, one folder of OpenPose JSON
+    per camera), and read from there. The results are pose.npz, pose.csv, pose.trc, report.json, overview.png and
+    heatmaps.png.
+
+    [bold]Examples[/bold]
+
+    skelsplat demo
+
+    skelsplat demo -o /tmp/demo --json > report.json
+    """
+    check_output(output)
+    calibration, detections = extract_input(output / "input")
+    job = Job(
+        calibration=calibration,
+        detections=detections,
+        unit="m",
+        layout="body25b",
+        out=output,
+        fps=_FPS,
+        settings={} if threads is None else {"n_threads": threads},
+        note=_NOTE,
+    )
+    run(job, Verbosity(quiet=quiet, as_json=as_json))

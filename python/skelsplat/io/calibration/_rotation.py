@@ -1,0 +1,55 @@
+"""Rotation vectors (Rodrigues: axis times angle in radians) and matrices."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+
+def matrix_from_vector(vector: Array) -> Array:
+    """Rotation matrix (3, 3) of a rotation vector (3,), radians.
+
+    R = I + sinc(θ)·[v]ₓ + ½·sinc²(θ/2)·[v]ₓ², which holds at θ = 0 without a special case.
+    """
+    angle = float(np.linalg.norm(vector))
+    x, y, z = vector
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    first = np.sinc(angle / np.pi)
+    second = 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2
+    rotation: Array = np.eye(3) + first * cross + second * (cross @ cross)
+    return rotation
+
+
+def vector_from_matrix(rotation: Array) -> Array:
+    """Rotation vector (3,) in radians, angle at most π, of a rotation matrix (3, 3).
+
+    Goes through the quaternion, read off the row with the largest diagonal, so that no angle, π included,
+    loses digits.
+    """
+    w, *xyz = _quaternion(rotation)
+    axis = np.array(xyz)
+    sine = float(np.linalg.norm(axis))
+    if sine == 0.0:
+        return np.zeros(3)
+    # w < 0 is the same rotation the long way round
+    angle = 2.0 * np.arctan2(sine, abs(w))
+    vector: Array = axis * (np.copysign(angle, w) / sine)
+    return vector
+
+
+def _quaternion(rotation: Array) -> Array:
+    """Quaternion (w, x, y, z), not normalised, of a rotation matrix."""
+    # 4·q qᵀ for the unit quaternion q: its row with the largest diagonal is q up to a factor
+    r = rotation
+    outer = np.array(
+        [
+            [1.0 + r[0, 0] + r[1, 1] + r[2, 2], r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]],
+            [r[2, 1] - r[1, 2], 1.0 + r[0, 0] - r[1, 1] - r[2, 2], r[0, 1] + r[1, 0], r[0, 2] + r[2, 0]],
+            [r[0, 2] - r[2, 0], r[0, 1] + r[1, 0], 1.0 - r[0, 0] + r[1, 1] - r[2, 2], r[1, 2] + r[2, 1]],
+            [r[1, 0] - r[0, 1], r[0, 2] + r[2, 0], r[1, 2] + r[2, 1], 1.0 - r[0, 0] - r[1, 1] + r[2, 2]],
+        ]
+    )
+    row: Array = outer[int(np.argmax(np.diag(outer)))]
+    return row

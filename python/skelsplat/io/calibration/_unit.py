@@ -1,0 +1,65 @@
+"""The length unit of a calibration: required, and checked against how far apart the cameras stand."""
+
+from __future__ import annotations
+
+import warnings
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skelsplat.exceptions import InvalidInputError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    import numpy.typing as npt
+
+    Array = npt.NDArray[np.float64]
+
+_METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
+# from a macro rig on a table to a stadium; outside it the unit is wrong rather than the rig unusual
+_PLAUSIBLE_M = (0.05, 100.0)
+# cameras of a room stand about this far apart; the likely unit is the one that comes closest
+_TYPICAL_M = 4.0
+
+
+def check_unit(path: Path, centres: Sequence[Array], unit: str | None) -> str:
+    """Return `unit` if it is given and known; warn if the cameras' spread makes it implausible.
+
+    Parameters
+    ----------
+    path : Path
+        The calibration file, for messages.
+    centres : sequence of (3,)
+        Camera centres in the file's unit.
+    unit : str or None
+
+    Raises
+    ------
+    InvalidInputError
+        If `unit` is None or not one of mm, cm, m.
+    """
+    spread = _spread(centres)
+    if unit is None:
+        raise InvalidInputError(f'unit: expected "mm", "cm" or "m" for {path}, got none; {_hint(spread)}')
+    if unit not in _METRES:
+        raise InvalidInputError(f'unit: expected "mm", "cm" or "m", got {unit!r}')
+    metres = spread * _METRES[unit]
+    if spread > 0.0 and not _PLAUSIBLE_M[0] <= metres <= _PLAUSIBLE_M[1]:
+        message = f"{path}: unit: the cameras would stand {metres:.3g} m apart in {unit}; {_hint(spread)}"
+        warnings.warn(message, UserWarning, stacklevel=3)
+    return unit
+
+
+def _spread(centres: Sequence[Array]) -> float:
+    """Largest distance between two camera centres, in the file's unit; 0 for one camera."""
+    points = np.stack(centres)
+    return float(np.linalg.norm(points[:, None] - points[None], axis=-1).max())
+
+
+def _hint(spread: float) -> str:
+    if spread == 0.0:
+        return "one camera gives no hint of it"
+    likely = min(_METRES, key=lambda name: abs(np.log(spread * _METRES[name] / _TYPICAL_M)))
+    return f'the largest distance between cameras is {spread:.4g} in the file, so "{likely}" is likely'

@@ -1,0 +1,73 @@
+"""The npz file: every array of a refinement, under the names of `PoseData`."""
+
+from __future__ import annotations
+
+import zipfile
+from dataclasses import fields
+from importlib import metadata
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.io._atomic import atomic_write
+from skelsplat.io.poses._pose_data import PoseData
+
+if TYPE_CHECKING:
+    import os
+
+_KEYS = tuple(entry.name for entry in fields(PoseData))
+
+
+def write_npz(path: str | os.PathLike[str], data: PoseData) -> None:
+    """Write all of `data` as a compressed npz file.
+
+    Keys: every attribute of `PoseData` under its name (tuples of names as string arrays, ``unit`` as a string of
+    shape ()), and ``version``, the version of this package. No key needs pickle to be read.
+
+    Raises
+    ------
+    DatasetError
+        If the path cannot be written.
+    """
+    arrays: dict[str, Any] = {key: np.asarray(getattr(data, key)) for key in _KEYS}
+    arrays["camera_names"] = np.array(data.camera_names, dtype=np.str_)
+    arrays["joint_names"] = np.array(data.joint_names, dtype=np.str_)
+    arrays["version"] = np.array(metadata.version("skelsplat"))
+    with atomic_write(path) as stream:
+        np.savez_compressed(stream, allow_pickle=False, **arrays)
+
+
+def read_npz(path: str | os.PathLike[str]) -> PoseData:
+    """Read a file of `write_npz`.
+
+    Raises
+    ------
+    DatasetError
+        If the file cannot be read, lacks a key, or its arrays do not fit each other.
+    """
+    source = Path(path)
+    arrays = _load(source)
+    missing = [key for key in _KEYS if key not in arrays]
+    if missing:
+        raise DatasetError(source, missing[0], "an array under this key", f"keys {', '.join(arrays)}")
+    arrays["unit"] = str(arrays["unit"])
+    for key in ("joint_names", "camera_names"):
+        arrays[key] = tuple(arrays[key].tolist())
+    try:
+        return PoseData(**{key: arrays[key] for key in _KEYS})
+    except InvalidInputError as error:
+        raise DatasetError(source, "arrays", "arrays that fit each other", str(error)) from error
+
+
+def _load(path: Path) -> dict[str, Any]:
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            return dict(archive)
+    except OSError as error:
+        raise DatasetError(
+            path, "file", "a readable npz file", (error.strerror or str(error)).lower()
+        ) from error
+    except (ValueError, zipfile.BadZipFile, TypeError) as error:
+        raise DatasetError(path, "file", "an npz file", str(error)) from error

@@ -1,0 +1,118 @@
+"""What the pose writers write: a refined sequence with the names and numbers that give it meaning."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from skelsplat.exceptions import InvalidInputError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import skelsplat as sk
+
+Array = npt.NDArray[np.float64]
+MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
+STATUSES = ("ok", "weak", "unobserved")
+
+
+@dataclass(frozen=True)
+class PoseData:
+    """A sequence of poses of one person.
+
+    Everything after `unit` may be left out; it is then empty (length 0 along the first axis).
+
+    Attributes
+    ----------
+    pose : (T, N, 3)
+        Joint positions in `unit`; NaN where a joint has none.
+    joint_names : tuple of str, N
+    frames : (T,) int
+        Frame numbers of the source.
+    unit : "mm", "cm" or "m"
+    camera_names : tuple of str, M
+    init_pose : (T, N, 3)
+        The poses that the refinement started from, in `unit`.
+    covariance : (T, N, 3, 3)
+        Splat covariances, in `unit` squared.
+    reprojection_error : (T, M, N)
+        Pixels of the original images; NaN where there is no detection.
+    joint_status : (T, N) str
+        "ok", "weak" or "unobserved".
+    loss : (T,)
+    n_iter : (T,) int
+    stop_reason : (T,) str
+
+    Raises
+    ------
+    InvalidInputError
+        If a shape does not fit the others or the unit is unknown.
+    """
+
+    pose: Array
+    joint_names: tuple[str, ...]
+    frames: npt.NDArray[np.int64]
+    unit: str
+    camera_names: tuple[str, ...] = ()
+    init_pose: Array = field(default_factory=lambda: np.empty((0, 0, 3)))
+    covariance: Array = field(default_factory=lambda: np.empty((0, 0, 3, 3)))
+    reprojection_error: Array = field(default_factory=lambda: np.empty((0, 0, 0)))
+    joint_status: npt.NDArray[np.str_] = field(default_factory=lambda: np.empty((0, 0), dtype=np.str_))
+    loss: Array = field(default_factory=lambda: np.empty(0))
+    n_iter: npt.NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    stop_reason: npt.NDArray[np.str_] = field(default_factory=lambda: np.empty(0, dtype=np.str_))
+
+    def __post_init__(self) -> None:
+        if self.unit not in MM_PER_UNIT:
+            raise InvalidInputError(f'unit: expected "mm", "cm" or "m", got {self.unit!r}')
+        if self.pose.ndim != 3 or self.pose.shape[2] != 3:
+            raise InvalidInputError(f"pose: expected shape (T, N, 3), got {self.pose.shape}")
+        for name, shape in self._shapes().items():
+            actual = np.shape(getattr(self, name))
+            optional = name not in ("joint_names", "frames")
+            if actual != shape and not (optional and actual[0] == 0):
+                raise InvalidInputError(f"{name}: expected shape {shape}, got {actual}")
+
+    def _shapes(self) -> dict[str, tuple[int, ...]]:
+        steps, joints, _ = self.pose.shape
+        return {
+            "joint_names": (joints,),
+            "frames": (steps,),
+            "init_pose": (steps, joints, 3),
+            "covariance": (steps, joints, 3, 3),
+            "reprojection_error": (steps, len(self.camera_names), joints),
+            "joint_status": (steps, joints),
+            "loss": (steps,),
+            "n_iter": (steps,),
+            "stop_reason": (steps,),
+        }
+
+    @classmethod
+    def from_refinement(
+        cls,
+        refinement: sk.Refinement,
+        *,
+        joint_names: Sequence[str],
+        frames: npt.ArrayLike,
+        camera_names: Sequence[str],
+        unit: str,
+    ) -> PoseData:
+        """Collect the result of `skelsplat.refine` over T frames with its names; arrays are not copied."""
+        return cls(
+            pose=np.asarray(refinement.pose),
+            joint_names=tuple(joint_names),
+            frames=np.asarray(frames, dtype=np.int64),
+            unit=unit,
+            camera_names=tuple(camera_names),
+            init_pose=np.asarray(refinement.init_pose),
+            covariance=np.asarray(refinement.covariance),
+            reprojection_error=np.asarray(refinement.reprojection_error),
+            joint_status=np.asarray(refinement.joint_status, dtype=np.str_),
+            loss=np.asarray(refinement.loss, dtype=np.float64),
+            n_iter=np.asarray(refinement.n_iter, dtype=np.int64),
+            stop_reason=np.asarray(refinement.stop_reason, dtype=np.str_),
+        )

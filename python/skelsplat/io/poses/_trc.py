@@ -1,0 +1,149 @@
+"""TRC, the tab-separated marker file of OpenSim and its kin.
+
+Five header lines, a blank line (its documentation asks for it, some writers leave it out), one row per frame.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.io._atomic import atomic_write_text
+from skelsplat.io._files import read_text
+from skelsplat.io.poses._pose_data import MM_PER_UNIT, PoseData
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Sequence
+
+    from skelsplat.io.poses._pose_data import Array
+
+_HEADER = (
+    "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames"
+)
+# a micrometre, far below what keypoints resolve
+_DECIMALS = {"m": 6, "mm": 3}
+# the world's z axis up becomes the file's y axis up by this order of columns (Pose2Sim does the same)
+_Y_UP = [1, 2, 0]
+
+
+def write_trc(
+    path: str | os.PathLike[str],
+    data: PoseData,
+    *,
+    frame_rate: float,
+    unit: str = "m",
+    y_up: bool = False,
+) -> None:
+    """Write the poses as TRC.
+
+    Rows are numbered from 1 at the first frame; a gap in `data.frames` is a gap in the rows' numbers and times.
+    A joint without a position has empty fields, since the text "nan" breaks readers downstream.
+
+    Parameters
+    ----------
+    path : path
+    data : PoseData
+    frame_rate : float
+        Frames per second.
+    unit : "m" or "mm"
+        Unit of the file; lengths are converted.
+    y_up : bool
+        Write a world with z up as y up, (x, y, z) → (y, z, x). The default keeps the axes of the calibration.
+
+    Raises
+    ------
+    InvalidInputError
+        If `unit` or `frame_rate` is not valid.
+    DatasetError
+        If the path cannot be written.
+    """
+    if unit not in _DECIMALS:
+        raise InvalidInputError(f'unit: expected "m" or "mm" in a TRC file, got {unit!r}')
+    if not (math.isfinite(frame_rate) and frame_rate > 0.0):
+        raise InvalidInputError(f"frame_rate: expected a positive number, got {frame_rate}")
+    points = data.pose * (MM_PER_UNIT[data.unit] / MM_PER_UNIT[unit])
+    if y_up:
+        points = points[..., _Y_UP]
+    start = int(data.frames[0]) if data.frames.size else 0
+    lines = _header(Path(path).name, data, frame_rate, unit)
+    for frame, pose in zip(data.frames.tolist(), points, strict=True):
+        step = frame - start
+        fields = [_field(value, _DECIMALS[unit]) for value in pose.ravel().tolist()]
+        lines.append("\t".join([str(step + 1), f"{step / frame_rate:.6f}", *fields]))
+    atomic_write_text(path, "\n".join(lines) + "\n")
+
+
+def _header(file_name: str, data: PoseData, frame_rate: float, unit: str) -> list[str]:
+    rate, steps, joints = f"{frame_rate:g}", len(data.frames), len(data.joint_names)
+    numbers = range(1, joints + 1)
+    return [
+        f"PathFileType\t4\t(X/Y/Z)\t{file_name}",
+        _HEADER,
+        "\t".join([rate, rate, str(steps), str(joints), unit, rate, "1", str(steps)]),
+        "\t".join(["Frame#", "Time", *(f"{name}\t\t" for name in data.joint_names)]),
+        "\t".join(["", "", *(f"X{n}\tY{n}\tZ{n}" for n in numbers)]),
+        "",
+    ]
+
+
+def _field(value: float, decimals: int) -> str:
+    return f"{value:.{decimals}f}" if math.isfinite(value) else ""
+
+
+def read_trc(path: str | os.PathLike[str]) -> PoseData:
+    """Read a TRC file; its axes are kept as they are.
+
+    The blank sixth line may be missing, and empty fields and "nan" are NaN. ``frames`` are the file's own row
+    numbers.
+
+    Raises
+    ------
+    DatasetError
+        If the file cannot be read or does not follow the format; names the line.
+    """
+    source = Path(path)
+    lines = read_text(source).splitlines()
+    if len(lines) < 5 or not lines[0].startswith("PathFileType"):
+        raise DatasetError(source, "header", "five lines that start with PathFileType", f"{len(lines)} lines")
+    unit, markers = _read_unit(source, lines[2]), _marker_names(source, lines)
+    rows = [
+        _read_row(source, number, line, 3 * len(markers))
+        for number, line in enumerate(lines[5:], start=6)
+        if line.strip()
+    ]
+    frames = np.array([frame for frame, _ in rows], dtype=np.int64)
+    points = np.array([values for _, values in rows], dtype=np.float64)
+    return PoseData(points.reshape(len(rows), len(markers), 3), markers, frames, unit)
+
+
+def _read_unit(path: Path, line: str) -> str:
+    values = line.split("\t")
+    if len(values) < 5 or values[4] not in MM_PER_UNIT:
+        raise DatasetError(path, "line 3 Units", "m, cm or mm in the fifth field", repr(line))
+    return values[4]
+
+
+def _marker_names(path: Path, lines: Sequence[str]) -> tuple[str, ...]:
+    names = [name for name in lines[3].split("\t")[2:] if name.strip()]
+    stated = lines[2].split("\t")[3]
+    if str(len(names)) != stated.strip():
+        raise DatasetError(path, "line 4", f"the {stated} marker names that line 3 states", f"{len(names)}")
+    return tuple(names)
+
+
+def _read_row(path: Path, number: int, line: str, count: int) -> tuple[int, list[float]]:
+    """Frame number and `count` coordinates of a row."""
+    fields = line.split("\t")
+    if len(fields) == count + 3 and not fields[-1].strip():
+        fields.pop()  # some writers end rows with a tab
+    if len(fields) != count + 2:
+        raise DatasetError(path, f"line {number}", f"{count + 2} fields", f"{len(fields)}")
+    try:
+        return int(fields[0]), [float(value) if value.strip() else math.nan for value in fields[2:]]
+    except ValueError as error:
+        raise DatasetError(path, f"line {number}", "numbers", str(error)) from error

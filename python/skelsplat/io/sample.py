@@ -1,0 +1,52 @@
+"""The real recording that ships with the package.
+
+A balancing person, 100 frames at 60 frames per second, 4 calibrated cameras (metres, z up), OpenPose BODY_25B
+detections; a bystander stands in the first two views. From Pose2Sim, BSD-3-Clause.
+"""
+
+from __future__ import annotations
+
+import zipfile
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from skelsplat.exceptions import DatasetError
+
+if TYPE_CHECKING:
+    import os
+
+LAYOUT = "body25b"
+UNIT = "m"
+FRAME_RATE_HZ = 60.0
+
+
+@dataclass(frozen=True)
+class SamplePaths:
+    """Where the sample was unpacked: the calibration file and the folder of the detections' folders."""
+
+    calibration: Path
+    detections: Path
+
+
+def extract(folder: str | os.PathLike[str]) -> SamplePaths:
+    """Unpack the sample into `folder` (made if missing) as the files a user would have.
+
+    ``Calib.toml``, ``openpose/camNN_json/*.json`` and the licence of the recording; files of these names are
+    overwritten.
+
+    Raises
+    ------
+    DatasetError
+        If the folder cannot be written.
+    """
+    target = Path(folder)
+    archive = resources.files("skelsplat.data").joinpath("pose2sim_demo.zip")
+    try:
+        with archive.open("rb") as stream, zipfile.ZipFile(stream) as packed:
+            packed.extractall(target)
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise DatasetError(target, "folder", "a folder that can be written", reason) from error
+    return SamplePaths(target / "Calib.toml", target / "openpose")

@@ -1,0 +1,44 @@
+"""Joint layouts: names, limbs, symmetric pairs in three tiers, occlusion-prone joints.
+
+``H36M17`` and its siblings are the built-in ones; ``skelsplat.Layout(...)`` makes one's own. Joint orders are
+those of the data sets' own tools.
+"""
+
+from __future__ import annotations
+
+from skelsplat._skelsplat import LAYOUT_NAMES, Layout
+
+H36M17 = Layout.by_name("h36m17")
+COCO17 = Layout.by_name("coco17")
+PANOPTIC19 = Layout.by_name("panoptic19")
+OCCLUSION_PERSON15 = Layout.by_name("occlusion_person15")
+BODY25 = Layout.by_name("body25")
+BODY25B = Layout.by_name("body25b")
+HALPE26 = Layout.by_name("halpe26")
+SHELF14 = Layout.by_name("shelf14")
+
+names: tuple[str, ...] = tuple(LAYOUT_NAMES)
+
+__all__ = [
+    "BODY25",
+    "BODY25B",
+    "COCO17",
+    "H36M17",
+    "HALPE26",
+    "OCCLUSION_PERSON15",
+    "PANOPTIC19",
+    "SHELF14",
+    "get",
+    "names",
+]
+
+
+def get(name: str) -> Layout:
+    """Return the built-in layout called ``name``, in lower or upper case.
+
+    Raises
+    ------
+    InvalidInputError
+        If there is none of that name; the message lists all names.
+    """
+    return Layout.by_name(name)

@@ -1,0 +1,30 @@
+"""Evaluation metrics for 3D poses.
+
+Arrays are ``(…, N, 3)`` with any number of leading axes (frames, people); lengths are mm.
+
+Missing values follow one rule:
+
+* A joint whose *ground truth* has a NaN coordinate is excluded from every metric.
+* A joint whose *prediction* has a NaN coordinate is missing. Distances (`mpjpe` and its variants) and
+  `sigma_coverage` leave it out, so read them together with `missing_rate`; the rates (`pck`, `auc`, `pcp`)
+  count it as wrong.
+* A mean over nothing is NaN.
+
+``reduce`` says what is averaged: ``"mean"`` everything at once (each joint of each pose counts the same),
+``"per_joint"`` all leading axes, giving ``(N,)``; ``"per_pose"`` the joints, giving ``(…)``; ``"none"``
+nothing, giving ``(…, N)`` with NaN at excluded joints. For `pcp` the limbs take the joints' place.
+"""
+
+from skelsplat.metrics._distances import missing_rate, mpjpe, pa_mpjpe, root_relative_mpjpe
+from skelsplat.metrics._rates import auc, pck, pcp, sigma_coverage
+
+__all__ = [
+    "auc",
+    "missing_rate",
+    "mpjpe",
+    "pa_mpjpe",
+    "pck",
+    "pcp",
+    "root_relative_mpjpe",
+    "sigma_coverage",
+]

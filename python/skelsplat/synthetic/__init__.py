@@ -1,0 +1,27 @@
+"""Simulated rigs, bodies, motions and detections with known truth; everything is seeded.
+
+>>> from skelsplat import synthetic
+>>> synthetic.motion("walk", n_frames=10, seed=1).shape
+(10, 17, 3)
+"""
+
+from skelsplat.synthetic.motions import motion, motion_names
+from skelsplat.synthetic.noise import DetectionNoise, simulate_detections
+from skelsplat.synthetic.poses import monocular_poses, perturb
+from skelsplat.synthetic.rigs import dome, human36m_like, look_at, stereo, table
+from skelsplat.synthetic.skeleton import forward_kinematics
+
+__all__ = [
+    "DetectionNoise",
+    "dome",
+    "forward_kinematics",
+    "human36m_like",
+    "look_at",
+    "monocular_poses",
+    "motion",
+    "motion_names",
+    "perturb",
+    "simulate_detections",
+    "stereo",
+    "table",
+]

@@ -1,0 +1,100 @@
+"""Simulated errors on 3D poses: isotropic noise, and poses as a monocular estimator would give per view."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from skelsplat.exceptions import InvalidInputError
+
+if TYPE_CHECKING:
+    from skelsplat import Camera, CameraRig
+
+FloatArray = NDArray[np.float64]
+
+# Standard deviation along the view's ray over that across it: depth is what a single view knows least.
+_DEPTH_RATIO = 2.5
+# Share of the variance common to all joints of a pose: the body as a whole is placed wrongly.
+_COMMON_SHARE = 0.5
+
+
+def _checked(points: ArrayLike, sigma_mm: float) -> FloatArray:
+    array = np.asarray(points, dtype=np.float64)
+    if array.ndim < 2 or array.shape[-1] != 3:
+        raise InvalidInputError(f"points: expected shape (..., N, 3), got {array.shape}")
+    if not (np.isfinite(sigma_mm) and sigma_mm >= 0):
+        raise InvalidInputError(f"sigma_mm: expected a finite number >= 0, got {sigma_mm!r}")
+    return array
+
+
+def perturb(points: ArrayLike, sigma_mm: float, *, seed: int | np.random.Generator = 0) -> FloatArray:
+    """Add independent normal noise of `sigma_mm` per axis to every joint.
+
+    Parameters
+    ----------
+    points : (…, N, 3) mm
+    sigma_mm : float
+    seed : int or numpy Generator
+
+    Raises
+    ------
+    InvalidInputError
+        If the shape is another or `sigma_mm` is negative.
+    """
+    array = _checked(points, sigma_mm)
+    return array + sigma_mm * np.random.default_rng(seed).standard_normal(array.shape)
+
+
+def monocular_poses(
+    points: ArrayLike,
+    cameras: CameraRig | Sequence[Camera],
+    sigma_mm: float,
+    *,
+    seed: int | np.random.Generator = 0,
+) -> FloatArray:
+    """Simulate one monocular 3D pose per view, in world coordinates.
+
+    Normal errors, independent between views and frames, 2.5 times as large along the ray from the camera to
+    the joint as across it; half of the variance is common to all joints of a pose (the body is placed wrongly
+    as a whole), half is each joint's own. The mean over the three axes of the variance is `sigma_mm`².
+
+    Parameters
+    ----------
+    points : (T, N, 3) or (N, 3)
+        True joints in the rig's unit.
+    cameras : CameraRig or sequence of Camera (then mm)
+        M views.
+    sigma_mm : float
+        Root mean square error per axis, mm.
+    seed : int or numpy Generator
+
+    Returns
+    -------
+    (T, M, N, 3) or (M, N, 3) in the rig's unit.
+
+    Raises
+    ------
+    InvalidInputError
+        If the shape is another or `sigma_mm` is negative.
+    """
+    array = _checked(points, sigma_mm)
+    if array.ndim > 3:
+        raise InvalidInputError(f"points: expected shape (T, N, 3) or (N, 3), got {array.shape}")
+    truth = array[:, None] if array.ndim == 3 else array[None, None]
+    sigma = sigma_mm / float(getattr(cameras, "mm_per_unit", 1.0))
+    centres = np.array([-np.asarray(c.R).T @ np.asarray(c.t) for c in cameras])
+    ray = truth - centres[None, :, None]
+    ray = ray / np.linalg.norm(ray, axis=-1, keepdims=True)
+
+    rng = np.random.default_rng(seed)
+    common = rng.standard_normal((*ray.shape[:2], 1, 3))
+    own = rng.standard_normal(ray.shape)
+    error = np.sqrt(_COMMON_SHARE) * common + np.sqrt(1.0 - _COMMON_SHARE) * own
+    along = (error * ray).sum(axis=-1, keepdims=True) * ray
+    # Two axes across and one along: 2·a² + (2.5·a)² = 3·sigma².
+    across = sigma * np.sqrt(3.0 / (2.0 + _DEPTH_RATIO**2))
+    poses: FloatArray = truth + across * (error + (_DEPTH_RATIO - 1.0) * along)
+    return poses if array.ndim == 3 else poses[0]

@@ -1,0 +1,225 @@
+"""Simulated camera rigs: a room like Human3.6M's, a dome, a stereo pair, a table-size ring.
+
+World frame: mm, z up, floor at z = 0 (the table rig: object at the origin). The ``*_views`` functions give
+plain parameters; the functions without the suffix give a `skelsplat.CameraRig` of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from skelsplat.exceptions import DegenerateGeometryError, InvalidInputError
+
+if TYPE_CHECKING:
+    from skelsplat.cameras import CameraRig
+
+# Chest height: an upright adult fills the image evenly above and below.
+_BODY_CENTRE = (0.0, 0.0, 900.0)
+_GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
+
+
+@dataclass(frozen=True)
+class View:
+    """Parameters of one camera, as `skelsplat.Camera` takes them.
+
+    Attributes
+    ----------
+    K, R, t : (3, 3), (3, 3), (3,)
+        Intrinsics in px; world→camera x_c = R x_w + t, mm.
+    size : (width, height) px
+    name : str
+    distortion : (k1, k2, p1, p2, k3) or None
+    """
+
+    K: NDArray[np.float64]
+    R: NDArray[np.float64]
+    t: NDArray[np.float64]
+    size: tuple[int, int]
+    name: str
+    distortion: tuple[float, ...] | None = None
+
+
+def look_at(
+    eye: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """World→camera R (3, 3) and t (3,) of a camera at `eye` whose optical axis meets `target`, image upright.
+
+    Parameters
+    ----------
+    eye, target : (3,)
+        Camera centre and a point on its axis, one unit.
+    up : (3,)
+        World direction that points up in the image.
+
+    Raises
+    ------
+    DegenerateGeometryError
+        If `eye` equals `target`, or the axis is parallel to `up`.
+    """
+    centre = np.asarray(eye, dtype=np.float64)
+    axis = np.asarray(target, dtype=np.float64) - centre
+    right = np.cross(axis, np.asarray(up, dtype=np.float64))
+    # 1e-9: the sine of the angle to `up` below which rounding decides where "right" is.
+    if np.linalg.norm(right) <= 1e-9 * np.linalg.norm(axis) * np.linalg.norm(up):
+        raise DegenerateGeometryError(
+            f"look_at: expected a viewing direction that is not zero and not parallel to up, got {axis.tolist()}"
+        )
+    z = axis / np.linalg.norm(axis)
+    x = right / np.linalg.norm(right)
+    R = np.stack([x, np.cross(z, x), z])
+    return R, -R @ centre
+
+
+def _view(
+    name: str,
+    eye: ArrayLike,
+    target: ArrayLike,
+    focal_px: float,
+    size: tuple[int, int],
+) -> View:
+    """Square pixels, principal point at the image's centre ((w−1)/2, (h−1)/2): pixel centres are integers."""
+    R, t = look_at(eye, target)
+    K = np.array([[focal_px, 0.0, (size[0] - 1) / 2], [0.0, focal_px, (size[1] - 1) / 2], [0.0, 0.0, 1.0]])
+    return View(K, R, t, size, name)
+
+
+def _rig(views: list[View]) -> CameraRig:
+    """Build the compiled cameras."""
+    from skelsplat._skelsplat import Camera
+    from skelsplat.cameras import CameraRig
+
+    return CameraRig(
+        [Camera(v.K, v.R, v.t, distortion=v.distortion, size=v.size, name=v.name) for v in views], unit="mm"
+    )
+
+
+def _check_count(n_views: int, most: int) -> None:
+    if not 1 <= n_views <= most:
+        raise InvalidInputError(f"n_views: expected 1 to {most}, got {n_views!r}")
+
+
+def _check_positive(**lengths: float) -> None:
+    for name, value in lengths.items():
+        if not (np.isfinite(value) and value > 0):
+            raise InvalidInputError(f"{name}: expected a finite number > 0, got {value!r}")
+
+
+def human36m_views(*, distortion: bool = False) -> list[View]:
+    """Parameters of `human36m_like`."""
+    # (centre x, y, z mm; focal length px; image height px; k1, k2, p1, p2, k3)
+    cameras = (
+        ((1850, 5000, 1560), 1145.0, 1002, (-0.207, 0.246, -0.0010, -0.0014, -0.003)),
+        ((1770, -5060, 1610), 1149.0, 1000, (-0.194, 0.240, -0.0016, -0.0027, -0.007)),
+        ((-1840, 5160, 1490), 1149.0, 1000, (-0.208, 0.255, -0.0008, -0.0001, -0.002)),
+        ((-1800, -4950, 1580), 1145.0, 1002, (-0.198, 0.219, -0.0018, 0.0004, -0.001)),
+    )
+    views = []
+    for k, (eye, focal, height, coefficients) in enumerate(cameras, start=1):
+        view = _view(f"cam{k}", eye, _BODY_CENTRE, focal, (1000, height))
+        views.append(View(view.K, view.R, view.t, view.size, view.name, coefficients if distortion else None))
+    return views
+
+
+def human36m_like(*, distortion: bool = False) -> CameraRig:
+    """Four cameras in the corners of a room, as in Human3.6M: 5.3 m from the centre, 1.5 m high, mm.
+
+    The images are 1000×1000 or 1000×1002 px with a focal length of about 1147 px. The positions are those of
+    such a room rounded and shifted, not a copy of any calibration; `distortion` adds five coefficients of the
+    size that those lenses have.
+    """
+    return _rig(human36m_views(distortion=distortion))
+
+
+def dome_views(n_views: int = 31, *, radius_mm: float = 2800.0) -> list[View]:
+    """Parameters of `dome`."""
+    _check_count(n_views, 31)
+    _check_positive(radius_mm=radius_mm)
+    views = []
+    for k in range(n_views):
+        azimuth = k * _GOLDEN_ANGLE
+        # Elevations fill −5° to 60° by bit reversal, so that any first n are spread out in both angles.
+        elevation = np.deg2rad(-5.0 + 65.0 * _bit_reversed(k))
+        direction = (
+            np.cos(azimuth) * np.cos(elevation),
+            np.sin(azimuth) * np.cos(elevation),
+            np.sin(elevation),
+        )
+        eye = np.asarray(_BODY_CENTRE) + radius_mm * np.asarray(direction)
+        views.append(_view(f"hd{k:02d}", eye, _BODY_CENTRE, 1400.0, (1920, 1080)))
+    return views
+
+
+def _bit_reversed(k: int) -> float:
+    """Van der Corput sequence in base 2: 0, 1/2, 1/4, 3/4, …"""
+    value, weight = 0.0, 0.5
+    while k:
+        value += weight * (k & 1)
+        k >>= 1
+        weight /= 2
+    return value
+
+
+def dome(n_views: int = 31, *, radius_mm: float = 2800.0) -> CameraRig:
+    """Up to 31 cameras on a dome around the centre, as in CMU Panoptic: 1920×1080 px, focal length 1400 px, mm.
+
+    Camera k is the same for every `n_views` > k.
+
+    Raises
+    ------
+    InvalidInputError
+        If `n_views` is not in 1 to 31 or the radius is not positive.
+    """
+    return _rig(dome_views(n_views, radius_mm=radius_mm))
+
+
+def stereo_views(*, baseline_mm: float = 600.0, distance_mm: float = 3500.0) -> list[View]:
+    """Parameters of `stereo`."""
+    _check_positive(baseline_mm=baseline_mm, distance_mm=distance_mm)
+    x, y, z = _BODY_CENTRE
+    # Facing along +y, the world's x axis points right in the image.
+    return [
+        _view(name, (x + side * baseline_mm / 2, y - distance_mm, z), _BODY_CENTRE, 1000.0, (1280, 720))
+        for name, side in (("left", -1.0), ("right", 1.0))
+    ]
+
+
+def stereo(*, baseline_mm: float = 600.0, distance_mm: float = 3500.0) -> CameraRig:
+    """Two cameras side by side, turned toward a person `distance_mm` away: 1280×720 px, focal length 1000 px.
+
+    Raises
+    ------
+    InvalidInputError
+        If a length is not positive.
+    """
+    return _rig(stereo_views(baseline_mm=baseline_mm, distance_mm=distance_mm))
+
+
+def table_views(n_views: int = 4, *, radius_mm: float = 600.0) -> list[View]:
+    """Parameters of `table`."""
+    _check_count(n_views, 16)
+    _check_positive(radius_mm=radius_mm)
+    elevation = np.deg2rad(35.0)
+    views = []
+    for k in range(n_views):
+        azimuth = 2 * np.pi * (k + 0.5) / n_views
+        level = radius_mm * np.cos(elevation)
+        eye = (level * np.cos(azimuth), level * np.sin(azimuth), radius_mm * np.sin(elevation))
+        views.append(_view(f"cam{k + 1}", eye, (0.0, 0.0, 0.0), 600.0, (640, 480)))
+    return views
+
+
+def table(n_views: int = 4, *, radius_mm: float = 600.0) -> CameraRig:
+    """Return a ring of up to 16 cameras that look down at the origin from `radius_mm`, for hand-size objects.
+
+    640×480 px, focal length 600 px, 35° above the horizon.
+
+    Raises
+    ------
+    InvalidInputError
+        If `n_views` is not in 1 to 16 or the radius is not positive.
+    """
+    return _rig(table_views(n_views, radius_mm=radius_mm))

@@ -1,0 +1,121 @@
+"""What is drawn of a body: its limbs, their sides, and the two directions it is looked at from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skelsplat.viz import _style
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+    from matplotlib.axes import Axes
+
+    Array = npt.NDArray[np.float64]
+
+# Mean resultant length below which the left-to-right directions of a sequence do not agree on one heading:
+# the mean of directions spread evenly over 270 degrees has length 0.3.
+_STEADY_HEADING = 0.3
+
+
+@dataclass(frozen=True)
+class Skeleton:
+    """The connections of ``N`` joints.
+
+    Parameters
+    ----------
+    limbs
+        Pairs of joint indices joined by a line; empty for points alone.
+    left_right
+        Pairs (left joint, right joint), from which sides and the body's heading are taken.
+    """
+
+    limbs: tuple[tuple[int, int], ...] = ()
+    left_right: tuple[tuple[int, int], ...] = ()
+
+    def colour(self, joint: int) -> str:
+        """Return the colour of a joint's side: left, right or middle."""
+        if any(joint == left for left, _ in self.left_right):
+            return _style.LEFT
+        if any(joint == right for _, right in self.left_right):
+            return _style.RIGHT
+        return _style.MIDDLE
+
+    def limb_colour(self, limb: tuple[int, int]) -> str:
+        """Return the colour of a limb: that of its side if either end has one and the ends do not differ."""
+        sides = {self.colour(joint) for joint in limb} - {_style.MIDDLE}
+        return sides.pop() if len(sides) == 1 else _style.MIDDLE
+
+
+def body_axes(
+    poses: Array, left_right: tuple[tuple[int, int], ...], up: Array, *, frame: int = 0
+) -> tuple[Array, Array]:
+    """Return the body's horizontal axes over a sequence, as unit vectors.
+
+    The axis to the left is the mean of the horizontal left-minus-right vectors of all pairs and frames, each
+    of length one. Where these cancel (the person turns round) those of ``frame`` alone are used; without
+    pairs, the direction in which the joints spread most.
+
+    Parameters
+    ----------
+    poses : (T, N, 3)
+        Joint positions; NaN where unknown.
+    left_right
+        Pairs (left joint, right joint).
+    up : (3,)
+        The vertical, of unit length.
+    frame
+        The frame that decides if the sequence does not.
+
+    Returns
+    -------
+    left, forward : (3,), (3,)
+        To the body's left and to its front; ``left``, ``up`` and ``forward`` are orthonormal.
+    """
+    left = _mean_heading(poses, left_right, up)
+    if np.linalg.norm(left) < _STEADY_HEADING:
+        left = _mean_heading(poses[frame : frame + 1], left_right, up)
+    if np.linalg.norm(left) < _STEADY_HEADING:
+        left = _widest_direction(poses[frame], up)
+    left = left / np.linalg.norm(left)
+    return left, np.cross(left, up)
+
+
+def _horizontal(vectors: Array, up: Array) -> Array:
+    return vectors - (vectors @ up)[..., None] * up
+
+
+def _mean_heading(poses: Array, left_right: tuple[tuple[int, int], ...], up: Array) -> Array:
+    """Return the mean of the unit left-minus-right vectors, (3,); its length says how well they agree."""
+    if not left_right:
+        return np.zeros(3)
+    pairs = np.asarray(left_right)
+    across = _horizontal(poses[:, pairs[:, 0]] - poses[:, pairs[:, 1]], up).reshape(-1, 3)
+    length = np.linalg.norm(across, axis=1)
+    known = length > 0  # False for NaN
+    if not known.any():
+        return np.zeros(3)
+    mean: Array = (across[known] / length[known, None]).mean(axis=0)
+    return mean
+
+
+def _widest_direction(pose: Array, up: Array) -> Array:
+    """Return the horizontal direction of largest spread of a pose (N, 3), or any if it has no spread."""
+    known = pose[np.isfinite(pose).all(axis=1)]
+    flat = _horizontal(known - known.mean(axis=0), up) if len(known) else np.zeros((1, 3))
+    direction: Array = np.linalg.svd(flat, full_matrices=True)[2][0]
+    direction = _horizontal(direction, up)
+    if np.linalg.norm(direction) < 1e-9:
+        direction = _horizontal(np.eye(3)[np.argmin(np.abs(up))], up)
+    return direction
+
+
+def draw_limbs(axes: Axes, points: Array, skeleton: Skeleton, **line: object) -> None:
+    """Draw the limbs of ``points`` (N, 2) whose two ends are known; without ``color``, in their sides'."""
+    colour = line.pop("color", None)
+    for a, b in skeleton.limbs:
+        ends = points[[a, b]]
+        if np.isfinite(ends).all():
+            axes.plot(ends[:, 0], ends[:, 1], color=colour or skeleton.limb_colour((a, b)), **line)  # type: ignore[arg-type]

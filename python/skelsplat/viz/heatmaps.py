@@ -1,0 +1,177 @@
+"""``heatmaps.png``: per camera the pseudo ground truth beside the rendering, with the joints on both."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.lines import Line2D
+
+from skelsplat.viz import _style
+from skelsplat.viz._skeleton import Skeleton, draw_limbs
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    import numpy.typing as npt
+    from matplotlib.axes import Axes
+
+    Array = npt.NDArray[np.float64]
+    Window = tuple[tuple[int, int], tuple[int, int]]
+
+_PANEL_IN = 6.16  # width of one image
+_TALLEST_IN = 8.0  # of one image, up to four cameras
+_TALLEST_OF_MANY_IN = 4.5
+_HEADER_IN = 1.0
+_ROW_GAP_IN = 1.15  # title above and axis label below an image
+_PAD = 0.08  # of the person's longer side, around the crop
+_MIN_CROP_PX = 40.0
+
+_HEAT = LinearSegmentedColormap.from_list("heat", ["#ffffff", "#d9d3ec", "#a996d2", "#7459b0"])
+
+
+@dataclass(frozen=True)
+class HeatmapRow:
+    """One camera's row; all pixel coordinates are those of the two images.
+
+    Parameters
+    ----------
+    name
+        The camera's name.
+    pseudo, rendering : (H, W)
+        Pseudo ground truth and rendering, each summed over the joints.
+    detections, reprojection : (N, 2)
+        Detected joints and the refined pose projected; NaN where there is none.
+    median_error_px
+        Median distance of the two in this frame, in px; NaN without detections.
+    """
+
+    name: str
+    pseudo: npt.NDArray[np.float32]
+    rendering: npt.NDArray[np.float32]
+    detections: Array
+    reprojection: Array
+    median_error_px: float
+
+
+def write_heatmaps(
+    path: str | os.PathLike[str], rows: Sequence[HeatmapRow], *, skeleton: Skeleton, caption: str = ""
+) -> Path:
+    """Draw one row per camera and write the figure to ``path``.
+
+    Each row shows the same part of the camera's image twice, cut to the person; the ticks are pixels of the
+    whole image.
+
+    Raises
+    ------
+    ValueError
+        If ``rows`` is empty.
+    OSError
+        If ``path`` cannot be written.
+    """
+    if not rows:
+        raise ValueError("rows: expected at least one camera, got none")
+    windows = [crop_window(row) for row in rows]
+    tallest = _TALLEST_IN if len(rows) <= 4 else _TALLEST_OF_MANY_IN
+    heights = [min(_PANEL_IN * _aspect(window), tallest) for window in windows]
+    total = _HEADER_IN + sum(heights) + _ROW_GAP_IN * len(rows)
+    figure = _style.new_figure(total)
+    top = total - _HEADER_IN
+    for row, window, height in zip(rows, windows, heights, strict=True):
+        base = top - height - 0.5
+        for column in (0, 1):
+            box = (0.07 + 0.475 * column, base / total, _PANEL_IN / _style.WIDTH_IN, height / total)
+            _draw_panel(figure.add_axes(box), row, window, skeleton, rendered=bool(column))
+        top -= height + _ROW_GAP_IN
+    figure.text(0.02, 1 - 0.18 / total, caption, fontsize=_style.TITLE_PT, va="top")
+    corner = (0.012, 1 - 0.42 / total)
+    figure.legend(
+        handles=_legend_entries(),
+        loc="upper left",
+        bbox_to_anchor=corner,
+        ncols=4,
+        frameon=False,
+        fontsize=11,
+    )
+    return _style.save_png(figure, path)
+
+
+def _aspect(window: Window) -> float:
+    """Return height over width of a window."""
+    (left, right), (top, bottom) = window
+    return (bottom - top + 1) / (right - left + 1)
+
+
+def _draw_panel(axes: Axes, row: HeatmapRow, window: Window, skeleton: Skeleton, *, rendered: bool) -> None:
+    """Draw one image with its joints; the limbs are those of the pose that the image was made from."""
+    (left, right), (top, bottom) = window
+    image = row.rendering if rendered else row.pseudo
+    part = image[top : bottom + 1, left : right + 1]
+    extent = (left - 0.5, right + 0.5, bottom + 0.5, top - 0.5)  # the edges of the outermost pixels
+    # One joint's peak is 1; where joints overlap the sum is larger and the colour ends at its darkest.
+    axes.imshow(part, cmap=_HEAT, vmin=0, vmax=1, extent=extent, interpolation="nearest", aspect="equal")
+    limbs, colour = (
+        (row.reprojection, _style.REPROJECTION) if rendered else (row.detections, _style.DETECTION)
+    )
+    draw_limbs(axes, limbs, skeleton, color=colour, linewidth=1.1, alpha=0.6)
+    found, detected = row.reprojection, row.detections
+    axes.scatter(found[:, 0], found[:, 1], s=15, color=_style.REPROJECTION, linewidths=0, zorder=3)
+    axes.scatter(
+        detected[:, 0], detected[:, 1], s=32, marker="x", color=_style.DETECTION, linewidths=1.4, zorder=4
+    )
+    axes.set_xlim(extent[0], extent[1])
+    axes.set_ylim(extent[2], extent[3])
+    axes.set_xlabel("u [px]")
+    axes.set_ylabel("v [px]")
+    _style.tidy(axes)
+    error = (
+        f"median error {row.median_error_px:.1f} px" if np.isfinite(row.median_error_px) else "no detections"
+    )
+    axes.set_title(f"{row.name}: rendering, {error}" if rendered else f"{row.name}: pseudo ground truth")
+
+
+def crop_window(row: HeatmapRow) -> Window:
+    """Return the first and last column and the first and last row of the part of the image to show.
+
+    It holds every detected and reprojected joint that lies in the image, with a margin; the whole image
+    if none does.
+    """
+    height, width = row.pseudo.shape
+    points = np.concatenate([row.detections, row.reprojection])
+    inside = (points >= -0.5).all(axis=1) & (points < np.array([width, height]) - 0.5).all(axis=1)
+    if not inside.any():
+        return (0, width - 1), (0, height - 1)
+    low, high = points[inside].min(axis=0), points[inside].max(axis=0)
+    centre = (low + high) / 2
+    margin = _PAD * max(float((high - low).max()), _MIN_CROP_PX)
+    side = np.maximum(high - low, _MIN_CROP_PX) + 2 * margin
+    return _span(centre[0], side[0], width), _span(centre[1], side[1], height)
+
+
+def _span(centre: float, length: float, limit: int) -> tuple[int, int]:
+    """Return the first and last pixel of ``length`` px about ``centre``, within an image of ``limit`` px."""
+    first = int(np.floor(centre - length / 2))
+    last = int(np.ceil(centre + length / 2))
+    return max(first, 0), min(last, limit - 1)
+
+
+def _legend_entries() -> list[Line2D]:
+    return [
+        Line2D(
+            [],
+            [],
+            color=_style.DETECTION,
+            marker="x",
+            linestyle="",
+            markersize=8,
+            markeredgewidth=1.8,
+            label="detection",
+        ),
+        Line2D([], [], color=_style.DETECTION, linewidth=1.6, label="limbs of the detections"),
+        Line2D([], [], color=_style.REPROJECTION, marker="o", linestyle="", label="refined pose, projected"),
+        Line2D([], [], color=_style.REPROJECTION, linewidth=1.6, label="limbs of the refined pose"),
+    ]
