@@ -1,14 +1,15 @@
 """Which person in each view is the one to follow: chosen by agreement between the views.
 
-Two people in two views are a hypothesis: triangulated, projected into every view and compared with everybody who
-stands there. The right pair explains people in many views; a pair of two different people, or of a bystander whom
-few cameras see, does not. The hypotheses of consecutive frames are then linked so that one person is followed.
+Two people in two views are a hypothesis: triangulated, projected into every view and compared with everybody
+who stands there. The right pair explains people in many views; a pair of two different people, or of a
+bystander whom few cameras see, does not. The hypotheses of consecutive frames are then linked so that one
+person is followed.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -45,10 +46,11 @@ def choose_person(
 ) -> tuple[Array, Index]:
     """Follow one person through all views and frames.
 
-    In every frame the hypothesis that explains people in the most views is best, then the one with the smaller
-    median reprojection error, then the larger person. A view is explained by the person with the smallest median
-    reprojection error, if that is below the gate. Over the frames, going over to someone else more than 1 m away
-    costs as much as two unexplained views, so that a person stays chosen when another is briefly seen better.
+    In every frame the hypothesis that explains people in the most views is best, then the one with the
+    smaller median reprojection error, then the larger person. A view is explained by the person with the
+    smallest median reprojection error, if that is below the gate. Over the frames, going over to someone else
+    more than 1 m away costs as much as two unexplained views, so that a person stays chosen when another is
+    briefly seen better.
 
     Parameters
     ----------
@@ -241,7 +243,7 @@ def _link(candidates: _Candidates, mm_per_unit: float) -> Index:
     groups = _groups(candidates.step)
     total = candidates.cost.copy()
     came_from = np.full(len(total), -1, dtype=np.int64)
-    for before, now in zip(groups, groups[1:], strict=False):
+    for before, now in pairwise(groups):
         ways = total[before][:, None] + _switch_costs(candidates.pose, before, now, mm_per_unit)
         came_from[now] = before[ways.argmin(axis=0)]
         total[now] += ways.min(axis=0)

@@ -36,7 +36,9 @@ def covariance(log_scales: Array, quaternion: Array) -> Array:
 
 def covariances(gaussians: Gaussians) -> Array:
     """Σ of every joint, (N,3,3)."""
-    return np.array([covariance(s, q) for s, q in zip(gaussians.log_scales, gaussians.quaternions, strict=True)])
+    return np.array(
+        [covariance(s, q) for s, q in zip(gaussians.log_scales, gaussians.quaternions, strict=True)]
+    )
 
 
 def covariance_gradient(d_covariance: Array, log_scales: Array, quaternion: Array) -> tuple[Array, Array]:

@@ -7,8 +7,8 @@ import numpy as np
 
 from reference.adam import Adam
 from reference.arrays import Array, Gaussians, View
-from reference.symmetry import Pairs
-from reference.total import SYMMETRY_WEIGHT, LossAndGradient, loss_and_gradient, targets
+from reference.symmetry import Pairs, observed_pairs
+from reference.total import SYMMETRY_WEIGHT, detected, loss_and_gradient, targets
 
 
 @dataclass(frozen=True)
@@ -72,11 +72,21 @@ def refine(
 ) -> PaperResult:
     """Run the loop from `gaussians`; the pseudo ground truth is made once, from these."""
     images = targets(gaussians, detections, views, config.encoding)
+    pairs = observed_pairs(pairs, detected(detections).any(axis=0))
     optimizers = [Adam(group.shape) for group in gaussians]
     losses: list[float] = []
     differences: list[float] = []
     for step in range(config.max_steps):
-        result = step_loss(gaussians, detections, views, images, pairs, config=config, step=step)
+        chosen = step_views(step, len(views), config.views_per_step)
+        result = loss_and_gradient(
+            gaussians,
+            detections[chosen],
+            [views[i] for i in chosen],
+            [images[i] for i in chosen],
+            encoding=config.encoding,
+            pairs=pairs,
+            symmetry_weight=config.symmetry_weight,
+        )
         rates = (position_lr(step, config), config.log_scale_lr, config.rotation_lr)
         groups = zip(optimizers, gaussians, result.gradient, rates, strict=True)
         gaussians = Gaussians(*(adam.step(value, slope, rate) for adam, value, slope, rate in groups))
@@ -87,21 +97,3 @@ def refine(
             if difference < config.stop_tolerance:
                 return PaperResult(gaussians, losses, differences, "converged")
     return PaperResult(gaussians, losses, differences, "max_steps")
-
-
-def step_loss(
-    gaussians: Gaussians,
-    detections: Array,
-    views: Sequence[View],
-    images: Sequence[Array],
-    pairs: Pairs,
-    *,
-    config: PaperConfig,
-    step: int,
-) -> LossAndGradient:
-    """The loss over the views of one step. A pair counts if any of *all* the views detects its end points."""
-    from reference.symmetry import observed_pairs
-    from reference.total import detected
-
-    chosen = step_views(step, len(views), config.views_per_step)
-    raise NotImplementedError((chosen, observed_pairs, detected))

@@ -12,7 +12,7 @@ ENCODINGS = ("one_hot", "rgb", "single")
 
 
 def offsets(centre: Array, size: tuple[int, int]) -> Array:
-    """p − centre (H,W,2) in px, for every pixel p = (u, v) of an image of `size` (width, height)."""
+    """P − centre (H,W,2) in px, for every pixel p = (u, v) of an image of `size` (width, height)."""
     v, u = np.mgrid[: size[1], : size[0]]
     return np.stack([u - centre[0], v - centre[1]], axis=-1)
 

@@ -7,9 +7,10 @@ import numpy as np
 
 from reference import raster
 from reference.arrays import Array, Gaussians, Mask, Projected, View
+from reference.camera import to_camera
 from reference.gaussian import covariance_gradient, covariances
-from reference.projection import project_gaussians, projection_gradient
-from reference.symmetry import Pairs, observed_pairs, symmetry
+from reference.projection import clamped_ratios, project_gaussians, projection_gradient
+from reference.symmetry import Pairs, symmetry
 
 SYMMETRY_WEIGHT = 1e-5
 """λ_sym, per mm²."""
@@ -110,11 +111,10 @@ def loss_and_gradient(
 ) -> LossAndGradient:
     """The total loss over `views` with the constant `images` of `targets`, and every gradient.
 
-    `pairs` are the symmetric limbs of the layout and tier; those with an undetected end point are left out.
+    All of `pairs` count: leave out those with an undetected end point by `symmetry.observed_pairs`.
     """
     render, gradient = render_loss(gaussians, detections, views, images, encoding=encoding)
-    seen_pairs = observed_pairs(pairs, detected(detections).any(axis=0))
-    squared, d_squared = symmetry(gaussians.means, seen_pairs)
+    squared, d_squared = symmetry(gaussians.means, pairs)
     in_mm2 = squared * mm_per_unit**2
     d_means = gradient.means + symmetry_weight * mm_per_unit**2 * d_squared
     loss = render + symmetry_weight * in_mm2
@@ -124,16 +124,19 @@ def loss_and_gradient(
 def membership(
     gaussians: Gaussians, detections: Array, views: Sequence[View], joint: int | None = None
 ) -> list[Array]:
-    """Per view and joint the class of every pixel: 0 cut, 1 smooth, 2 clamped at 0.99; and the clamps of J.
+    """What must not change for the loss to be smooth, per view and seen joint (or of one `joint` alone).
 
-    The loss is smooth exactly as long as this does not change: central differences are valid only then.
+    An array of the image's shape with each pixel's class (0 cut, 1 smooth, 2 clamped at 0.99), then an array (2,)
+    of 1 where J's ratio is free and 0 where it is clamped. Central differences hold only if none of it changes.
     """
     joints = range(len(gaussians.means)) if joint is None else [joint]
-    classes = []
+    classes: list[Array] = []
     for points, view in zip(detections, views, strict=True):
         projected = project_detected(gaussians, points, view)
         for j in joints:
             if projected.seen[j]:
                 bell = raster.bell(projected.means2d[j], projected.covariances2d[j], view.size)
                 classes.append((bell >= raster.CUT).astype(float) + (bell >= raster.ALPHA_MAX))
+                ratios = clamped_ratios(to_camera(gaussians.means[j], view.R, view.t), view)
+                classes.append(np.array([float(ratio.free) for ratio in ratios]))
     return classes

@@ -25,6 +25,7 @@ pub mod projection;
 pub mod raster;
 pub mod refine;
 pub mod symmetry;
+pub mod testing;
 pub mod triangulate;
 pub mod unit;
 

@@ -1,5 +1,7 @@
 //! Cameras: parity with `OpenCV`, derivatives, undistortion and its range, and what is refused.
 
+use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_2, SQRT_2};
+
 use nalgebra::{Matrix2x3, Matrix3, Rotation3, Vector2, Vector3};
 use skelsplat_core::Error;
 use skelsplat_core::camera::{Camera, Distortion, NEAR, Undistorted, for_camera};
@@ -41,12 +43,14 @@ fn lenses() -> Vec<Camera> {
     general.into_iter().chain(others).collect()
 }
 
-/// Pixels over the whole image, its corners and the principal point.
-fn pixels() -> impl Iterator<Item = Vector2<f64>> {
-    let grid = (0..=12).flat_map(|i| {
-        (0..=9).map(move |j| Vector2::new(160.0 * f64::from(i), 120.0 * f64::from(j)))
-    });
-    grid.chain([Vector2::new(980.5, 520.25)])
+/// The principal point and pixels around it, to the image's corners or as far as lens `C` is one-to-one:
+/// with eight coefficients to a distorted radius of 0.78, where the corners lie at 1.01.
+fn pixels(camera: &Camera) -> impl Iterator<Item = Vector2<f64>> {
+    let reach = if camera.distortion().coefficients().first() == Some(&C[0]) { 0.7 } else { 1.0 };
+    (-6..=6).flat_map(move |i| {
+        let at = move |j| Vector2::new(163.0 * f64::from(i), 130.0 * f64::from(j)) * reach;
+        (-4..=4).map(move |j| at(j) + Vector2::new(980.5, 520.25))
+    })
 }
 
 fn converged(camera: &Camera, pixel: Vector2<f64>) -> Vector2<f64> {
@@ -73,7 +77,8 @@ fn converged(camera: &Camera, pixel: Vector2<f64>) -> Vector2<f64> {
 #[rustfmt::skip]
 fn pixels_are_those_of_opencv() {
     let points = [[100.0, 200.0, 300.0], [-900.0, 400.0, -200.0], [1200.0, -700.0, 500.0], [0.0; 3]];
-    let golden: [(&[f64], bool, [[f64; 2]; 4]); 6] = [
+    type Lens = (&'static [f64], bool, [[f64; 2]; 4]);
+    let golden: [Lens; 6] = [
         (&C[..4], false, [[1002.7402153456, 528.6247514885], [638.4244098783, 639.7685684791], [1365.1943825912, 267.8102679245], [998.8326209565, 491.4508627593]]),
         (&C[..5], false, [[1002.7402153457, 528.6247514886], [638.4038077844, 639.7757605808], [1365.2936905859, 267.7450722486], [998.8326209574, 491.4508627579]]),
         (&C[..8], false, [[1002.7380256973, 528.6239270340], [645.7881335495, 637.1979244521], [1352.0596203102, 276.4332363678], [998.8288146500, 491.4568421207]]),
@@ -94,7 +99,7 @@ fn pixels_are_those_of_opencv() {
 #[test]
 fn undistort_inverts_distort_over_the_image() {
     for camera in lenses() {
-        for pixel in pixels() {
+        for pixel in pixels(&camera) {
             let ideal = converged(&camera, pixel);
             // the tolerance that `undistort` promises
             assert!((camera.distort(&ideal) - pixel).amax() <= 1e-9, "{pixel:?} {camera:?}");
@@ -154,8 +159,8 @@ fn pixels_beyond_the_fold_are_out_of_range() {
     // r (1 - 0.3 r²) turns at r = 1/√0.9 = 1.0541 with 0.70273; r/(1 + r²/2) at √2 with 0.70711; θ ends at π/2 = 1.5708
     let cases: [(&[f64], bool, f64, f64); 3] = [
         (&[-0.3, 0.0, 0.0, 0.0], false, 0.70273, 1.0541),
-        (&[0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0], false, 0.70710, 2.0_f64.sqrt()),
-        (&[0.0; 4], true, 1.57079, f64::INFINITY),
+        (&[0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0], false, FRAC_1_SQRT_2, SQRT_2),
+        (&[0.0; 4], true, FRAC_PI_2, f64::INFINITY),
     ];
     for (coefficients, fisheye, edge, turn) in cases {
         let camera = camera(coefficients, fisheye);
@@ -184,7 +189,7 @@ fn a_pole_bounds_the_range() {
     // r/(1 - r²/2) goes to infinity at √2, so every pixel is reached from before it
     let camera = camera(&[0.0, 0.0, 0.0, 0.0, 0.0, -0.5, 0.0, 0.0], false);
     let ideal = converged(&camera, at_radius(50.0));
-    assert!(ideal.x > 980.5 && ideal.x < 980.5 + 1100.0 * 2.0_f64.sqrt());
+    assert!(ideal.x > 980.5 && ideal.x < 980.5 + 1100.0 * SQRT_2);
 }
 
 #[test]
@@ -192,8 +197,11 @@ fn beyond_the_horizon_of_a_tilted_sensor_nothing_is_in_range() {
     let mut tilted = [0.0; 14];
     tilted[13] = 0.5;
     let camera = camera(&tilted, false);
-    let outcome = [-1e3, 1e3].map(|r| camera.undistort(at_radius(r)) == Undistorted::OutOfRange);
-    assert_ne!(outcome[0], outcome[1], "exactly one side ends at the horizon");
+    // rays at right angles to the axis end at x = 1/sin τy = 2.086 on the side that leans away
+    let edge = 1.0 / 0.5_f64.sin();
+    converged(&camera, at_radius(-3.0));
+    converged(&camera, at_radius(edge - 1e-3));
+    assert_eq!(camera.undistort(at_radius(edge + 1e-3)), Undistorted::OutOfRange);
 }
 
 #[test]

@@ -1,7 +1,7 @@
 """The command line: `skelsplat demo` and `skelsplat refine`, one file per command.
 
-The commands share `_pipeline` (read, choose the person, refine), `_statistics` and `_report` (what is said about the
-result), `_figures` (what `skelsplat.viz` draws) and `_run` (the order of it all, and the files).
+The commands share `_pipeline` (read, choose the person, refine), `_statistics` and `_report` (what is said
+about the result), `_figures` (what `skelsplat.viz` draws) and `_run` (the order of it all, and the files).
 """
 
 from __future__ import annotations

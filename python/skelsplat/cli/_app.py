@@ -16,8 +16,8 @@ FAILED, BAD_USAGE, INTERRUPTED = 1, 2, 130
 class OneLineErrors(TyperGroup):
     """A command group that ends with ``error: …`` on one line of stderr instead of a box or a traceback.
 
-    Only errors that a user can act on are caught: wrong usage, `skelsplat.SkelSplatError` and `OSError`. Anything
-    else is a defect of the program and keeps its traceback.
+    Only errors that a user can act on are caught: wrong usage, `skelsplat.SkelSplatError` and `OSError`.
+    Anything else is a defect of the program and keeps its traceback.
     """
 
     def main(self, *args: Any, standalone_mode: bool = True, **extra: Any) -> Any:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import skelsplat as sk
-from skelsplat.cli._statistics import camera_names, finite_median
+from skelsplat.cli._statistics import finite_median
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
 
     Array = npt.NDArray[np.float64]
 
-# Mean length of the cameras' upward directions below which they do not agree on a vertical (cameras that look down).
+# Length of the cameras' mean upward direction below which they do not agree on a vertical: they look down.
 _AGREED_UP = 0.3
 
 
 def write_figures(folder: Path, inputs: Inputs, outcome: Outcome, statistics: Statistics) -> list[str]:
     """Write ``overview.png`` and ``heatmaps.png`` of one frame; return their names."""
-    from skelsplat import viz  # noqa: PLC0415 - matplotlib takes long to load; --help does without
+    from skelsplat import viz  # matplotlib takes long to load, and --help does without
 
     frame = most_moved_frame(statistics.moved_mm)
     caption = _caption(frame, inputs, statistics)
@@ -37,7 +37,7 @@ def write_figures(folder: Path, inputs: Inputs, outcome: Outcome, statistics: St
         status=np.asarray(outcome.result.joint_status),
         error_before=statistics.error_before,
         error_after=statistics.error_after,
-        camera_names=camera_names(inputs),
+        camera_names=inputs.rig.names,
         up=world_up(inputs.rig),
         frame=frame,
         caption=caption,
@@ -83,7 +83,7 @@ def _heat_caption(caption: str) -> str:
 
 def _heatmap_row(view: int, frame: int, inputs: Inputs, outcome: Outcome, statistics: Statistics) -> object:
     """Compute one camera's heat maps of one frame, in the pixels in which the renderer works (ideal ones)."""
-    from skelsplat import viz  # noqa: PLC0415 - see write_figures
+    from skelsplat import viz  # as in write_figures
 
     camera, result = inputs.rig[view], outcome.result
     pose, covariance = np.asarray(result.pose[frame]), np.asarray(result.covariance[frame])
@@ -103,7 +103,7 @@ def _heatmap_row(view: int, frame: int, inputs: Inputs, outcome: Outcome, statis
         rendering += sk.render(pose[one], covariance[one], camera)[0]
     projected, _ = sk.project_gaussians(pose, covariance, [camera])
     return viz.HeatmapRow(
-        name=camera_names(inputs)[view],
+        name=inputs.rig.names[view],
         pseudo=pseudo,
         rendering=rendering,
         detections=seen[:, :2],

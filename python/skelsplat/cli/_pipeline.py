@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import skelsplat as sk
-from skelsplat import association
+from skelsplat.cli._person import pick_person
 from skelsplat.exceptions import DatasetError
-from skelsplat.io import read_calibration, read_npz, read_openpose, sample
+from skelsplat.io import read_calibration, read_npz, read_openpose
 from skelsplat.io.poses import MM_PER_UNIT
 
 if TYPE_CHECKING:
@@ -31,7 +31,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Inputs:
-    """What was read: the rig, one person's detections (T, M, N, 3), frame numbers (T,), the start (T, N, 3) or None."""
+    """What was read.
+
+    Parameters
+    ----------
+    rig, layout
+        The cameras, and what the joints are.
+    detections : (T, M, N, 3)
+        One person's detections; NaN where missing.
+    frames : (T,)
+        Frame numbers of the files.
+    init_pose : (T, N, 3)
+        The start in the rig's unit, or None for triangulation.
+    """
 
     rig: sk.CameraRig
     layout: sk.Layout
@@ -49,11 +61,6 @@ class Outcome:
     seconds: float
 
 
-def known_layouts() -> tuple[str, ...]:
-    """Return the names of the layouts that the package knows."""
-    return tuple(layout.name for layout in sk.layouts.ALL)
-
-
 def check_output(folder: Path) -> None:
     """Make the output folder and write into it once, so that a bad one is known before the work.
 
@@ -69,12 +76,6 @@ def check_output(folder: Path) -> None:
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise DatasetError(folder, "--output", "a folder that can be written", reason) from error
-
-
-def extract_input(folder: Path) -> tuple[Path, Path]:
-    """Unpack the recording that ships with the package; return its calibration file and its detections' folder."""
-    paths = sample.extract(folder)
-    return paths.calibration, paths.detections
 
 
 @contextlib.contextmanager
@@ -97,7 +98,7 @@ def read_inputs(job: Job) -> Inputs:
     """
     rig = read_calibration(job.calibration, unit=job.unit)
     found = read_openpose(job.detections, rig, layout=job.layout, frames=_frame_mode(job.frames))
-    chosen = association.choose_person(found, rig, method=_person(job.person))
+    chosen = pick_person(found.people, rig, job.person)
     init = (
         None
         if job.init is None
@@ -108,10 +109,6 @@ def read_inputs(job: Job) -> Inputs:
 
 def _frame_mode(mode: str) -> Any:
     return mode  # checked by the command; the reader's type is a Literal
-
-
-def _person(person: str) -> Any:
-    return int(person) if person.isdecimal() else person
 
 
 def _read_init(path: Path, rig: sk.CameraRig, size: tuple[int, sk.Layout]) -> Array:

@@ -42,6 +42,11 @@ FIELDS = (
     "n_threads",
 )
 
+_MEANING = (
+    "distance of the pose's projection from the detection in px of the original image, over the detections used: "
+    "agreement with the detections, not accuracy"
+)
+
 
 def build_report(
     job: Job, inputs: Inputs, outcome: Outcome, statistics: Statistics, warnings: Sequence[str]
@@ -62,8 +67,7 @@ def build_report(
         "settings": {name: getattr(outcome.config, name) for name in FIELDS},
         "ground_truth": None,
         "reprojection_error": {
-            "meaning": "distance of the pose's projection from the detection, px of the original image; medians over the "
-            "detections used; it is agreement with the detections, not accuracy",
+            "meaning": _MEANING,
             "poor_share_of_diagonal": POOR_SHARE,
             "all": _plain(statistics.total),
             "cameras": [

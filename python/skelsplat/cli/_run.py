@@ -17,7 +17,7 @@ from skelsplat.io import PoseData, write_csv, write_npz, write_trc
 from skelsplat.io._atomic import atomic_write_text
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
     from skelsplat.cli._job import Job, Verbosity
     from skelsplat.cli._pipeline import Inputs, Outcome
@@ -86,14 +86,10 @@ def _write_poses(job: Job, inputs: Inputs, outcome: Outcome) -> list[str]:
         outcome.result,
         joint_names=inputs.layout.joints,
         frames=inputs.frames,
-        camera_names=_names(inputs),
+        camera_names=inputs.rig.names,
         unit=inputs.rig.unit,
     )
     write_npz(job.out / "pose.npz", data)
     write_csv(job.out / "pose.csv", data)
     write_trc(job.out / "pose.trc", data, frame_rate=job.fps or _ASSUMED_FPS, y_up=job.y_up)
     return ["pose.npz", "pose.csv", "pose.trc"]
-
-
-def _names(inputs: Inputs) -> Sequence[str]:
-    return [camera.name or f"camera {i}" for i, camera in enumerate(inputs.rig)]

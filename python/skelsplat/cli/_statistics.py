@@ -11,16 +11,15 @@ import numpy as np
 import skelsplat as sk
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     import numpy.typing as npt
 
     from skelsplat.cli._pipeline import Inputs, Outcome
 
     Array = npt.NDArray[np.float64]
+    Mask = npt.NDArray[np.bool_]
 
-# A detection is called poor beyond this share of the image's diagonal: 22 px at 1920 × 1080, some 50 mm on a person
-# who fills the image's height.
+# A detection is called poor beyond this share of the image's diagonal: 22 px at 1920 × 1080, some 40 mm on a
+# person who fills the longer side.
 POOR_SHARE = 0.01
 
 
@@ -28,9 +27,9 @@ POOR_SHARE = 0.01
 class Group:
     """The detections of one camera or of one joint over all frames.
 
-    ``before_px`` and ``after_px`` are medians over the same detections (NaN without any); ``used`` + ``left_out`` +
-    ``missing`` is their number. Left out are those below the least confidence and those of joints that have
-    no position.
+    ``before_px`` and ``after_px`` are medians over the same detections (NaN without any); ``used`` +
+    ``left_out`` + ``missing`` is their number. Left out are those below the least confidence and those of
+    joints that have no position.
     """
 
     name: str
@@ -91,9 +90,7 @@ def summarise(inputs: Inputs, outcome: Outcome) -> Statistics:
         error_after=after,
         moved_mm=moved,
         poor_px=poor_px,
-        cameras=[
-            _group(name, *(part[:, i] for part in parts)) for i, name in enumerate(camera_names(inputs))
-        ],
+        cameras=[_group(name, *(part[:, i] for part in parts)) for i, name in enumerate(inputs.rig.names)],
         joints=[
             _group(name, *(part[..., j] for part in parts)) for j, name in enumerate(inputs.layout.joints)
         ],
@@ -101,11 +98,6 @@ def summarise(inputs: Inputs, outcome: Outcome) -> Statistics:
         stop_reasons=_count(result.stop_reason),
         statuses=_count(result.joint_status),
     )
-
-
-def camera_names(inputs: Inputs) -> Sequence[str]:
-    """Return a name for every camera of the rig."""
-    return [camera.name or f"camera {i}" for i, camera in enumerate(inputs.rig)]
 
 
 def finite_median(values: npt.ArrayLike) -> float:
@@ -120,9 +112,7 @@ def _reprojection_error(poses: Array, inputs: Inputs) -> Array:
     return error
 
 
-def _group(
-    name: str, before: Array, after: Array, there: npt.NDArray[np.bool_], poor: npt.NDArray[np.bool_]
-) -> Group:
+def _group(name: str, before: Array, after: Array, there: Mask, poor: Mask) -> Group:
     used = np.isfinite(after)
     both = used & np.isfinite(before)
     return Group(

@@ -89,9 +89,7 @@ def _run_line(inputs: Inputs, outcome: Outcome, statistics: Statistics) -> str:
     frames, joints = len(inputs.frames), inputs.layout.n_joints
     threads = default_threads(outcome.config)
     each = 1000 * outcome.seconds / frames
-    reasons = _listed(
-        f"{count} {_REASONS.get(reason, reason)}" for reason, count in statistics.stop_reasons.items()
-    )
+    reasons = _listed(f"{n} {_REASONS.get(reason, reason)}" for reason, n in statistics.stop_reasons.items())
     return (
         f"{frames} frames × {joints} joints: {each:.1f} ms per frame ({threads} thread{'s' * (threads != 1)}, "
         f"refinement alone); frames stopped: {reasons}."
@@ -118,9 +116,8 @@ def _print_joints(console: Console, statistics: Statistics) -> None:
         console.print(table)
     unsure = {name: count for name, count in statistics.statuses.items() if name != "ok"}
     if unsure:
-        console.print(
-            f"Joints that are not well seen, over all frames: {_listed(f'{n} {s}' for s, n in unsure.items())}."
-        )
+        counts = _listed(f"{count} {status}" for status, count in unsure.items())
+        console.print(f"Joints that are not well seen, over all frames: {counts}.")
     console.print()
 
 

@@ -6,10 +6,10 @@ from pathlib import Path
 
 from skelsplat.cli import _options as options
 from skelsplat.cli._job import Job, Verbosity
-from skelsplat.cli._pipeline import check_output, extract_input
+from skelsplat.cli._pipeline import check_output
 from skelsplat.cli._run import run
+from skelsplat.io import sample
 
-_FPS = 60.0
 _NOTE = (
     "The sample has no ground truth: these errors say how well the pose agrees with the "
     "detections, not how far it is from the body."
@@ -24,9 +24,9 @@ def demo(
 ) -> None:
     """Refine the recording that ships with the package: 4 cameras, 100 frames, OpenPose.
 
-    The input is put into FOLDER/input, as the files a user would have (calibration TOML, one folder of OpenPose JSON
-    per camera), and read from there. The results are pose.npz, pose.csv, pose.trc, report.json, overview.png and
-    heatmaps.png.
+    The input is put into FOLDER/input, as the files a user would have (calibration TOML, one folder of OpenPose
+    JSON per camera), and read from there. The results are pose.npz, pose.csv, pose.trc, report.json,
+    overview.png and heatmaps.png.
 
     [bold]Examples[/bold]
 
@@ -35,14 +35,14 @@ def demo(
     skelsplat demo -o /tmp/demo --json > report.json
     """
     check_output(output)
-    calibration, detections = extract_input(output / "input")
+    paths = sample.extract(output / "input")
     job = Job(
-        calibration=calibration,
-        detections=detections,
-        unit="m",
-        layout="body25b",
+        calibration=paths.calibration,
+        detections=paths.detections,
+        unit=sample.UNIT,
+        layout=sample.LAYOUT,
         out=output,
-        fps=_FPS,
+        fps=sample.FRAME_RATE_HZ,
         settings={} if threads is None else {"n_threads": threads},
         note=_NOTE,
     )

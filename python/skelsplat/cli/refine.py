@@ -7,9 +7,11 @@ from typing import Annotated
 
 import typer
 
+import skelsplat as sk
+
 from skelsplat.cli import _options as options
 from skelsplat.cli._job import Job, Verbosity
-from skelsplat.cli._pipeline import check_output, known_layouts
+from skelsplat.cli._pipeline import check_output
 from skelsplat.cli._run import run
 
 EPILOG = "Results: pose.npz, pose.csv, pose.trc, report.json, overview.png and heatmaps.png in FOLDER."
@@ -118,7 +120,7 @@ def refine(
 
     skelsplat refine Calib.toml openpose/ -o out --unit m --layout body25b
 
-    skelsplat refine Calib.toml openpose/ -o out --unit mm --layout body25 --fps 60 --y-up --frames intersection
+    skelsplat refine Calib.toml openpose/ -o out --unit m --layout body25 --fps 60 --y-up
     """
     settings = {
         "sigma": sigma,
@@ -133,7 +135,7 @@ def refine(
         calibration=calibration,
         detections=detections,
         unit=_one_of("--unit", unit, _UNITS),
-        layout=_one_of("--layout", layout, known_layouts()),
+        layout=_one_of("--layout", layout and layout.lower(), sk.layouts.names),
         out=output,
         person=_person(person),
         frames=_one_of("--frames", frames, _FRAMES),

@@ -1,6 +1,7 @@
 """Files in and out: calibrations, 2D detections, poses, and the sample that ships with the package.
 
-Readers raise `skelsplat.DatasetError` with the file and the field; writers replace a file whole or leave it alone.
+Readers raise `skelsplat.DatasetError` with the file and the field; writers replace a file whole or leave it
+alone.
 """
 
 from skelsplat.io.calibration import read_calibration, write_calibration

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 def atomic_write(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     """Open a binary file that takes the place of `path` when the block ends without an exception.
 
-    The bytes go to a temporary file in the same folder, are flushed to disk, and are then moved over `path` in
-    one step; a reader never sees half a file, and on an exception an older file stays as it was. A symbolic
-    link is followed.
+    The bytes go to a temporary file in the same folder, are flushed to disk, and are then moved over `path`
+    in one step; a reader never sees half a file, and on an exception an older file stays as it was. A
+    symbolic link is followed.
 
     Raises
     ------

@@ -15,7 +15,7 @@ BoolArray = NDArray[np.bool_]
 
 
 def jitter(shape: tuple[int, ...], correlation: float, rng: np.random.Generator) -> FloatArray:
-    """Unit normal noise (T, …), with that correlation from one frame to the next (stationary AR(1))."""
+    """Draw unit normal noise (T, …), so correlated from one frame to the next (stationary AR(1))."""
     noise = rng.standard_normal(shape)
     if correlation > 0:
         fresh = np.sqrt(1.0 - correlation**2)
@@ -25,13 +25,13 @@ def jitter(shape: tuple[int, ...], correlation: float, rng: np.random.Generator)
 
 
 def on_disc(shape: tuple[int, ...], rng: np.random.Generator) -> FloatArray:
-    """Points (…, 2) uniform in the unit disc."""
+    """Draw points (…, 2) uniformly in the unit disc."""
     radius = np.sqrt(rng.random(shape))
     return radius[..., None] * directions(shape, rng)
 
 
 def directions(shape: tuple[int, ...], rng: np.random.Generator) -> FloatArray:
-    """Unit vectors (…, 2) of uniform direction."""
+    """Draw unit vectors (…, 2) of uniform direction."""
     angle = rng.uniform(0.0, 2 * np.pi, size=shape)
     return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 

@@ -1,7 +1,7 @@
 """Simulated motions of the articulated skeleton: walk, sit, reach, crouch, wave, turn.
 
-Each motion is a set of joint-angle curves over time, repeated with a natural period; `seed` picks the person's
-habits (amplitudes, speeds, side), place, heading and the moment at which the clip starts.
+Each motion is a set of joint-angle curves over time, repeated with a natural period; `seed` picks the
+person's habits (amplitudes, speeds, side), place, heading and the moment at which the clip starts.
 World: mm, z up, floor z = 0.
 """
 
@@ -39,7 +39,7 @@ class _Script:
 
 
 def _smooth_cycle(seconds: FloatArray, rise: float, hold: float, fall: float, rest: float) -> FloatArray:
-    """0 → 1 in `rise` s, 1 for `hold` s, → 0 in `fall` s, 0 for `rest` s, repeated; continuous acceleration."""
+    """0 → 1 in `rise` s, 1 for `hold` s, → 0 in `fall` s, 0 for `rest` s, repeated; smooth acceleration."""
     edges = np.cumsum([0.0, rise, hold, fall, rest])
     ramp = np.interp(seconds % edges[-1], edges, [0.0, 1.0, 1.0, 0.0, 0.0])
     smooth: FloatArray = ramp**3 * (10.0 - 15.0 * ramp + 6.0 * ramp**2)
@@ -131,7 +131,8 @@ def _crouch(seconds: FloatArray, rng: np.random.Generator) -> _Script:
     angles["lean"] = down * rng.uniform(10.0, 18.0)
     angles["spine_flexion"] = angles["spine_flexion"] + down * rng.uniform(15.0, 30.0)
     for side in "lr":
-        angles[f"shoulder_flexion_{side}"] = angles[f"shoulder_flexion_{side}"] + down * rng.uniform(30.0, 70.0)
+        forward = down * rng.uniform(30.0, 70.0)
+        angles[f"shoulder_flexion_{side}"] = angles[f"shoulder_flexion_{side}"] + forward
     return _Script(angles, _heading(seconds, rng))
 
 

@@ -66,7 +66,7 @@ def look_at(
     # 1e-9: the sine of the angle to `up` below which rounding decides where "right" is.
     if np.linalg.norm(right) <= 1e-9 * np.linalg.norm(axis) * np.linalg.norm(up):
         raise DegenerateGeometryError(
-            f"look_at: expected a viewing direction that is not zero and not parallel to up, got {axis.tolist()}"
+            f"look_at: expected a viewing direction not zero and not parallel to up, got {axis.tolist()}"
         )
     z = axis / np.linalg.norm(axis)
     x = right / np.linalg.norm(right)
@@ -154,7 +154,7 @@ def dome_views(n_views: int = 31, *, radius_mm: float = 2800.0) -> list[View]:
 
 
 def _bit_reversed(k: int) -> float:
-    """Van der Corput sequence in base 2: 0, 1/2, 1/4, 3/4, …"""
+    """Van der Corput sequence in base 2, which starts 0, 1/2, 1/4, 3/4."""
     value, weight = 0.0, 0.5
     while k:
         value += weight * (k & 1)
@@ -164,7 +164,7 @@ def _bit_reversed(k: int) -> float:
 
 
 def dome(n_views: int = 31, *, radius_mm: float = 2800.0) -> CameraRig:
-    """Up to 31 cameras on a dome around the centre, as in CMU Panoptic: 1920×1080 px, focal length 1400 px, mm.
+    """Up to 31 cameras on a dome round the centre, as in CMU Panoptic: 1920×1080 px, focal length 1400 px.
 
     Camera k is the same for every `n_views` > k.
 

@@ -27,7 +27,7 @@ JOINT_NAMES = (
     "left_knee",
     "left_ankle",
     "spine",
-    "thorax",
+    "neck",
     "nose",
     "head",
     "left_shoulder",

@@ -16,7 +16,7 @@
 use nalgebra::{Matrix2, Vector2};
 
 use super::pseudo_gt::HeatMap;
-use super::rows::{LANES, Pixel, RowTable};
+use super::rows::{Group, LANES, Pixel, RowTable, lane_numbers};
 use super::splat::{ALPHA_MAX, Row, Splat};
 
 /// Value of one channel and the moments that its gradient is made of.
@@ -26,8 +26,6 @@ pub struct ChannelSums {
     pub squared: f64,
     /// Number of pixels of the mask.
     pub mask: u32,
-    /// Number of pixels that render and pseudo ground truth share.
-    pub shared: u32,
     /// What the gradient needs of the pixels.
     pub moments: Moments,
 }
@@ -66,17 +64,17 @@ impl Moments {
 }
 
 /// Per-lane sums over a window: Σ R(R−2P), Σw·{x, y, xx, xy, yy}.
-#[derive(Clone, Copy)]
-struct Lanes<P> {
-    squared: [P; LANES],
-    moments: [[P; LANES]; 5],
+struct Lanes<P: Pixel> {
+    squared: P::Group,
+    moments: [P::Group; 5],
 }
 
 /// Compares the render of `splat` with `heat`. `line` is scratch for one row of the pseudo ground truth.
 #[must_use]
 pub fn channel<P: Pixel>(splat: &Splat, heat: &HeatMap<P>, line: &mut Vec<P>) -> ChannelSums {
     let table = RowTable::new(splat.conic[(0, 0)]);
-    let mut lanes = Lanes { squared: [P::zero(); LANES], moments: [[P::zero(); LANES]; 5] };
+    let zero = P::Group::splat(P::zero());
+    let mut lanes = Lanes::<P> { squared: zero, moments: [zero; 5] };
     let (mut rendered, mut shared) = (0_u32, 0_u32);
     for (v, row) in splat.covered_rows() {
         let (offset, pseudo) = heat.line(v, row.span);
@@ -85,12 +83,10 @@ pub fn channel<P: Pixel>(splat: &Splat, heat: &HeatMap<P>, line: &mut Vec<P>) ->
         rendered += u32::try_from(row.span.len()).unwrap_or(u32::MAX);
         shared += u32::try_from(pseudo.len()).unwrap_or(u32::MAX);
     }
-    let sum = |lane: &[P; LANES]| lane.iter().map(|p| p.wide()).sum::<f64>();
-    let [x, y, xx, xy, yy] = std::array::from_fn(|k| sum(&lanes.moments[k]));
+    let [x, y, xx, xy, yy] = lanes.moments.map(|group| group.sum().wide());
     ChannelSums {
-        squared: heat.energy + sum(&lanes.squared),
+        squared: heat.energy + lanes.squared.sum().wide(),
         mask: rendered + heat.count - shared,
-        shared,
         moments: Moments { first: Vector2::new(x, y), second: Matrix2::new(xx, xy, xy, yy) },
     }
 }
@@ -112,30 +108,26 @@ fn compare_row<P: Pixel>(
     line: &[P],
     sums: &mut Lanes<P>,
 ) {
-    let (zero, max, two) = (P::zero(), P::of(ALPHA_MAX), P::of(2.0));
+    let group = |value: f64| P::Group::splat(P::of(value));
+    let (zero, max, two, step) = (group(0.0), group(ALPHA_MAX), group(2.0), group(8.0));
     let from_mean = f64::from(row.span.start) - splat.mean.x;
-    let mut s = [[zero; LANES]; 3];
-    let mut x: [P; LANES] = std::array::from_fn(|l| P::of(from_mean) + P::from(l).unwrap_or(zero));
-    let step = P::from(LANES).unwrap_or(zero);
-    table.for_each(from_mean - row.centre, row.floor, row.span.len(), |first, group| {
-        let pseudo = &line[first..first + LANES];
-        for l in 0..LANES {
-            let (g, p) = (group[l], pseudo[l]);
-            let r = if g < max { g } else { max };
-            let w = if g < max { (g - p) * g } else { zero };
-            sums.squared[l] = sums.squared[l] + r * (r - two * p);
-            s[0][l] = s[0][l] + w;
-            let wx = w * x[l];
-            s[1][l] = s[1][l] + wx;
-            s[2][l] = s[2][l] + wx * x[l];
-            x[l] = x[l] + step;
-        }
+    let mut x = group(from_mean) + lane_numbers::<P>();
+    let (mut squared, mut s0, mut s1, mut s2) = (sums.squared, zero, zero, zero);
+    let (pseudo, _) = line.as_chunks::<LANES>();
+    table.for_each(from_mean - row.centre, row.floor, row.span.len(), |k, g| {
+        let p = P::Group::new(pseudo[k]);
+        let r = g.least(max);
+        let w = g.gate(max, (g - p) * g);
+        squared = squared + r * (r - two * p);
+        let wx = w * x;
+        s0 = s0 + w;
+        s1 = s1 + wx;
+        s2 = s2 + wx * x;
+        x = x + step;
     });
-    let y = P::of(row.y);
-    for l in 0..LANES {
-        let [x, y_, xx, xy, yy] = [s[1][l], y * s[0][l], s[2][l], y * s[1][l], y * y * s[0][l]];
-        for (m, value) in sums.moments.iter_mut().zip([x, y_, xx, xy, yy]) {
-            m[l] = m[l] + value;
-        }
+    let y = group(row.y);
+    sums.squared = squared;
+    for (moment, row_sum) in sums.moments.iter_mut().zip([s1, y * s0, s2, y * s1, y * y * s0]) {
+        *moment = *moment + row_sum;
     }
 }

@@ -3,7 +3,7 @@
 //! P(p) = exp(−½ (p−d)ᵀ(Σ²)⁻¹(p−d)) around the sub-pixel detection d with the projected covariance of the
 //! *initial* Gaussian, peak 1, zero below 1/255. Built once per pose.
 
-use super::rows::{Pixel, RowTable};
+use super::rows::{Group, LANES, Pixel, RowTable};
 use super::splat::{Row, Span, Splat};
 
 /// A heat map on the window of pixels that it covers, zero elsewhere.
@@ -89,8 +89,8 @@ impl<P: Pixel> HeatMap<P> {
 /// Values of one row of a splat (not clamped to 0.99).
 pub(super) fn fill<P: Pixel>(table: &RowTable<P>, splat: &Splat, row: &Row, line: &mut [P]) {
     let d = f64::from(row.span.start) - splat.mean.x - row.centre;
-    table.for_each(d, row.floor, line.len(), |first, group| {
-        let end = line.len().min(first + group.len());
-        line[first..end].copy_from_slice(&group[..end - first]);
+    table.for_each(d, row.floor, line.len(), |k, group| {
+        let end = line.len().min((k + 1) * LANES);
+        line[k * LANES..end].copy_from_slice(&group.lanes()[..end - k * LANES]);
     });
 }

@@ -12,7 +12,10 @@
 //! Each step multiplies rounding into both g and r, so the relative error after k groups is about
 //! k²/2 ulp; the recurrence starts anew every [`RESTART`] groups and stays below 2⁷ ulp (8e-6 in f32).
 
+use std::ops::{Add, Mul, Sub};
+
 use num_traits::Float;
+use wide::{f32x8, f64x8};
 
 /// Pixels that are worked on at once.
 pub const LANES: usize = 8;
@@ -21,116 +24,173 @@ const RESTART: usize = 16;
 
 /// A floating-point type for pixels: `f32` in the solver, `f64` where gradients are studied.
 pub trait Pixel: Float + Default + Send + Sync + std::fmt::Debug + 'static {
+    /// [`LANES`] of them in vector registers.
+    type Group: Group<Self>;
     /// Rounds a double.
     fn of(value: f64) -> Self;
     /// Widens to a double.
     fn wide(self) -> f64;
 }
 
-#[allow(clippy::cast_possible_truncation, reason = "rounding to the pixel type is the purpose")]
-impl Pixel for f32 {
-    fn of(value: f64) -> Self {
-        value as Self
-    }
-    fn wide(self) -> f64 {
-        self.into()
-    }
+/// [`LANES`] pixels in vector registers.
+pub trait Group<P>: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> {
+    /// From one value per lane.
+    fn new(lanes: [P; LANES]) -> Self;
+    /// The same value in every lane.
+    fn splat(value: P) -> Self;
+    /// One value per lane.
+    fn lanes(self) -> [P; LANES];
+    /// The lesser of both, lane by lane.
+    fn least(self, other: Self) -> Self;
+    /// The lanes of `value` where `self` is below `limit`, zero elsewhere.
+    fn gate(self, limit: Self, value: Self) -> Self;
+    /// Σ over the lanes.
+    fn sum(self) -> P;
 }
 
-impl Pixel for f64 {
-    fn of(value: f64) -> Self {
-        value
-    }
-    fn wide(self) -> f64 {
-        self
-    }
+macro_rules! pixel {
+    ($pixel:ty, $group:ty) => {
+        impl Pixel for $pixel {
+            type Group = $group;
+            #[allow(clippy::cast_possible_truncation, reason = "rounding is the purpose")]
+            #[inline]
+            fn of(value: f64) -> Self {
+                value as Self
+            }
+            #[inline]
+            fn wide(self) -> f64 {
+                self.into()
+            }
+        }
+
+        impl Group<$pixel> for $group {
+            #[inline]
+            fn new(lanes: [$pixel; LANES]) -> Self {
+                <$group>::new(lanes)
+            }
+            #[inline]
+            fn splat(value: $pixel) -> Self {
+                <$group>::splat(value)
+            }
+            #[inline]
+            fn lanes(self) -> [$pixel; LANES] {
+                self.to_array()
+            }
+            #[inline]
+            fn least(self, other: Self) -> Self {
+                self.fast_min(other)
+            }
+            #[inline]
+            fn gate(self, limit: Self, value: Self) -> Self {
+                self.simd_lt(limit) & value
+            }
+            #[inline]
+            fn sum(self) -> $pixel {
+                self.reduce_add()
+            }
+        }
+    };
+}
+pixel!(f32, f32x8);
+pixel!(f64, f64x8);
+
+/// Numbers of the lanes, for tables.
+const LANE_NUMBERS: [f64; LANES] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
+/// [`LANES`] as a double.
+const WIDTH: f64 = 8.0;
+
+/// 0, 1, …, 7 in the lanes of a group.
+#[inline]
+#[must_use]
+pub fn lane_numbers<P: Pixel>() -> P::Group {
+    P::Group::new(LANE_NUMBERS.map(P::of))
 }
 
 /// Factors of the recurrence that depend on `a` alone: one table per window.
 #[derive(Debug, Clone, Copy)]
-pub struct RowTable<P> {
+pub struct RowTable<P: Pixel> {
     a: f64,
     /// exp(−½ a l²)
     lane: [P; LANES],
     /// exp(−a (L l + L²/2))
-    ratio: [P; LANES],
+    ratio: P::Group,
     /// exp(−a L²)
-    ratio_step: P,
+    ratio_step: P::Group,
+}
+
+/// The recurrence at one group of a row.
+#[derive(Clone, Copy)]
+struct Run<P: Pixel> {
+    group: P::Group,
+    ratio: P::Group,
 }
 
 impl<P: Pixel> RowTable<P> {
     /// The table of a row's curvature `a` (pixels⁻²).
     #[must_use]
     pub fn new(a: f64) -> Self {
-        let width = Self::lane_number(LANES);
-        // exp(−½ a l²) and exp(−a L l) by powers: two exps and the step for the whole table.
-        let lane = std::array::from_fn(|l| P::of((-0.5 * a * Self::lane_number(l).powi(2)).exp()));
-        let ratio = std::array::from_fn(|l| {
-            P::of((-a * width * (Self::lane_number(l) + 0.5 * width)).exp())
+        // exp(−½ a l²) as a product of odd powers of exp(−½ a): l² is the sum of the first l odd numbers.
+        let unit = (-0.5 * a).exp();
+        let (mut odd, mut value) = (unit, 1.0);
+        let lane = std::array::from_fn(|_| {
+            let now = P::of(value);
+            value *= odd;
+            odd *= unit * unit;
+            now
         });
-        Self { a, lane, ratio, ratio_step: P::of((-a * width * width).exp()) }
+        let ratio = LANE_NUMBERS.map(|l| P::of((-a * WIDTH * (l + 0.5 * WIDTH)).exp()));
+        let ratio_step = P::of((-a * WIDTH * WIDTH).exp());
+        Self { a, lane, ratio: P::Group::new(ratio), ratio_step: P::Group::splat(ratio_step) }
     }
 
-    fn lane_number(l: usize) -> f64 {
-        // At most LANES, exact in a double.
-        #[allow(clippy::cast_precision_loss, reason = "l <= 8")]
-        let l = l as f64;
-        l
-    }
-
-    /// Calls `visit(first, group)` for consecutive groups of `len` pixels, the first of which lies at
-    /// `d` from the row's centre; `floor` is e. Lanes beyond `len` are zero.
-    #[inline]
-    pub fn for_each(
-        &self,
-        d: f64,
-        floor: f64,
-        len: usize,
-        mut visit: impl FnMut(usize, &[P; LANES]),
-    ) {
-        let mut first = 0;
-        while first < len {
-            let stop = len.min(first + RESTART * LANES);
-            first = self.run(d, floor, first..stop, &mut visit);
+    /// Calls `visit(k, group)` for the consecutive groups of `len` pixels, the first of which lies at `d`
+    /// from the row's centre; `floor` is e. Lanes beyond `len` are zero.
+    #[inline(always)]
+    #[allow(clippy::inline_always, reason = "the visitor's sums must stay in registers")]
+    pub fn for_each(&self, d: f64, floor: f64, len: usize, mut visit: impl FnMut(usize, P::Group)) {
+        let groups = len.div_ceil(LANES);
+        if groups == 0 {
+            return;
         }
+        let mut run = self.start(d, floor);
+        for k in 0..groups - 1 {
+            visit(k, run.group);
+            run = self.next(&run, k, d, floor);
+        }
+        let kept = len - (groups - 1) * LANES;
+        visit(groups - 1, keep::<P>(run.group, kept));
     }
 
     #[inline]
-    fn run(
-        &self,
-        d: f64,
-        floor: f64,
-        pixels: std::ops::Range<usize>,
-        visit: &mut impl FnMut(usize, &[P; LANES]),
-    ) -> usize {
-        #[allow(clippy::cast_precision_loss, reason = "pixel counts are far below 2^52")]
-        let d = d + pixels.start as f64;
+    fn next(&self, run: &Run<P>, k: usize, d: f64, floor: f64) -> Run<P> {
+        if (k + 1).is_multiple_of(RESTART) {
+            #[allow(clippy::cast_precision_loss, reason = "pixel counts are far below 2^52")]
+            return self.start(d + ((k + 1) * LANES) as f64, floor);
+        }
+        Run { group: run.group * run.ratio, ratio: run.ratio * self.ratio_step }
+    }
+
+    #[inline]
+    fn start(&self, d: f64, floor: f64) -> Run<P> {
         let base = P::of((-0.5 * (self.a * d * d + floor)).exp());
         let step = P::of((-self.a * d).exp());
-        let mut group = [P::zero(); LANES];
-        let mut power = P::one();
-        for (g, lane) in group.iter_mut().zip(&self.lane) {
-            *g = base * power * *lane;
+        let mut power = base;
+        let group = self.lane.map(|lane| {
+            let value = power * lane;
             power = power * step;
-        }
-        let mut ratio = self.ratio.map(|r| r * power);
-        let mut first = pixels.start;
-        while first + LANES <= pixels.end {
-            visit(first, &group);
-            for l in 0..LANES {
-                group[l] = group[l] * ratio[l];
-                ratio[l] = ratio[l] * self.ratio_step;
-            }
-            first += LANES;
-        }
-        if first < pixels.end {
-            for lane in &mut group[pixels.end - first..] {
-                *lane = P::zero();
-            }
-            visit(first, &group);
-        }
-        pixels.end
+            value
+        });
+        let two = step * step;
+        let four = two * two;
+        Run { group: P::Group::new(group), ratio: self.ratio * P::Group::splat(four * four) }
     }
+}
+
+/// The first `n` lanes of a group, zero in the others.
+#[inline]
+fn keep<P: Pixel>(group: P::Group, n: usize) -> P::Group {
+    let limit = P::Group::splat(P::from(n).unwrap_or_else(P::max_value));
+    lane_numbers::<P>().gate(limit, group)
 }
 
 #[cfg(test)]
@@ -150,8 +210,9 @@ mod tests {
                 reason = "small and positive"
             )]
             let len = (2.0 * reach - 0.3).floor() as usize + 1;
-            RowTable::<P>::new(a).for_each(d, e, len, |first, group| {
-                for (l, g) in group.iter().enumerate().take(len - first) {
+            RowTable::<P>::new(a).for_each(d, e, len, |k, group| {
+                let first = k * LANES;
+                for (l, g) in group.lanes().iter().enumerate().take(len - first) {
                     #[allow(clippy::cast_precision_loss, reason = "small")]
                     let x = d + (first + l) as f64;
                     let exact = (-0.5 * (a * x * x + e)).exp();
@@ -172,8 +233,9 @@ mod tests {
 
     #[test]
     fn lanes_beyond_the_row_are_zero() {
-        RowTable::<f64>::new(0.1).for_each(-2.0, 0.0, 11, |first, group| {
-            if first == 8 {
+        RowTable::<f64>::new(0.1).for_each(-2.0, 0.0, 11, |k, group| {
+            let group = group.lanes();
+            if k == 1 {
                 assert!(
                     group[..3].iter().all(|g| *g > 0.0) && group[3..].iter().all(|g| *g == 0.0)
                 );

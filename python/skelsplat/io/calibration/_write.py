@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 def write_calibration(path: str | os.PathLike[str], rig: sk.CameraRig) -> None:
     """Write `rig` as Anipose TOML, which Pose2Sim, FreeMoCap and Caliscope also read.
 
-    Numbers are written with all their digits. Reading the file back gives the same rig; only rotations, stored
-    as three numbers in this format, may differ in the last digit, and a camera without distortion comes back
-    with zeros. The unit is noted under ``metadata``, where
-    readers of this format do not look: it must be given again on reading.
+    Numbers are written with all their digits. Reading the file back gives the same rig; only rotations,
+    stored as three numbers in this format, may differ in the last digit, and a camera without distortion
+    comes back with zeros. The unit is noted under ``metadata``, where readers of this format do not look: it
+    must be given again on reading.
 
     Parameters
     ----------

@@ -39,4 +39,5 @@ class DetectionSet:
     def people_per_frame(self) -> npt.NDArray[np.int64]:
         """Number of people with at least one joint, (T, M)."""
         there = np.isfinite(self.people[..., 0]).any(axis=-1)
-        return there.sum(axis=-1, dtype=np.int64)
+        count: npt.NDArray[np.int64] = there.sum(axis=-1, dtype=np.int64)
+        return count

@@ -10,7 +10,7 @@ import numpy as np
 from skelsplat.exceptions import DatasetError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     import numpy.typing as npt
@@ -89,7 +89,7 @@ def _names(folders: Sequence[Path]) -> str:
     return ", ".join(folder.name for folder in folders)
 
 
-def common_frames(root: Path, per_folder: dict[str, Sequence[int]], mode: str) -> Frames:
+def common_frames(root: Path, per_folder: Mapping[str, Sequence[int]], mode: str) -> Frames:
     """Return the ascending frame numbers to read, (T,).
 
     Parameters

@@ -1,7 +1,7 @@
 """OpenPose folders: one folder per camera, one JSON file per frame.
 
-``{"people": [{"pose_keypoints_2d": [x, y, c, …]}]}``, pixels of the original image; x = y = c = 0 marks a joint
-that was not detected. The frame number is the last integer in the file's name.
+``{"people": [{"pose_keypoints_2d": [x, y, c, …]}]}``, pixels of the original image; x = y = c = 0 marks a
+joint that was not detected. The frame number is the last integer in the file's name.
 """
 
 from __future__ import annotations
@@ -67,7 +67,8 @@ def read_openpose(
     Raises
     ------
     InvalidInputError
-        If `layout` is missing (the message names those that fit), `frames` is unknown or a camera has no name.
+        If `layout` is missing (the message names those that fit), `frames` is unknown or a camera has no
+        name.
     DatasetError
         If a folder or file is missing or malformed; names the file and the field.
     """
@@ -133,8 +134,7 @@ def _layout_hint(files: Mapping[str, Mapping[int, Path]]) -> str:
 
 def _layouts_of(joints: int) -> str:
     """Names of the known layouts with that many joints, as a phrase."""
-    known = [value for value in vars(sk.layouts).values() if isinstance(value, sk.Layout)]
-    fitting = [layout.name for layout in known if layout.n_joints == joints]
+    fitting = [name for name in sk.layouts.names if sk.layouts.get(name).n_joints == joints]
     return " or ".join(fitting) if fitting else "no known layout, so pass a Layout of your own"
 
 

@@ -13,6 +13,8 @@ from skelsplat.io._atomic import atomic_write_text
 if TYPE_CHECKING:
     import os
 
+    import numpy.typing as npt
+
     from skelsplat.io.poses._pose_data import Array, PoseData
 
 COLUMNS = ("frame", "joint", "x", "y", "z", "unit", "status", "n_views", "reprojection_error_px")
@@ -21,8 +23,8 @@ COLUMNS = ("frame", "joint", "x", "y", "z", "unit", "status", "n_views", "reproj
 def write_csv(path: str | os.PathLike[str], data: PoseData) -> None:
     """Write one row per frame and joint, with the columns of `COLUMNS`.
 
-    ``x, y, z`` are in ``unit`` with all their digits, ``n_views`` counts the views that detected the joint, and
-    ``reprojection_error_px`` is the mean over them. A value that does not exist is an empty field.
+    ``x, y, z`` are in ``unit`` with all their digits, ``n_views`` counts the views that detected the joint,
+    and ``reprojection_error_px`` is the mean over them. A value that does not exist is an empty field.
 
     Raises
     ------
@@ -42,8 +44,8 @@ def write_csv(path: str | os.PathLike[str], data: PoseData) -> None:
     atomic_write_text(path, buffer.getvalue())
 
 
-def _over_views(data: PoseData) -> tuple[np.ndarray[tuple[int, ...], np.dtype[np.int64]], Array]:
-    """Views per joint (T, N) and mean reprojection error (T, N), NaN without a view."""
+def _over_views(data: PoseData) -> tuple[npt.NDArray[np.int64], Array]:
+    """Count the views per joint (T, N) and average the reprojection error (T, N), NaN without a view."""
     seen = np.isfinite(data.reprojection_error)
     count = seen.sum(axis=1, dtype=np.int64)
     total = np.where(seen, data.reprojection_error, 0.0).sum(axis=1)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import zipfile
 from dataclasses import fields
-from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+import skelsplat as sk
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._atomic import atomic_write
 from skelsplat.io.poses._pose_data import PoseData
@@ -23,8 +23,8 @@ _KEYS = tuple(entry.name for entry in fields(PoseData))
 def write_npz(path: str | os.PathLike[str], data: PoseData) -> None:
     """Write all of `data` as a compressed npz file.
 
-    Keys: every attribute of `PoseData` under its name (tuples of names as string arrays, ``unit`` as a string of
-    shape ()), and ``version``, the version of this package. No key needs pickle to be read.
+    Keys: every attribute of `PoseData` under its name (tuples of names as string arrays, ``unit`` as a string
+    of shape ()), and ``version``, the version of this package. No key needs pickle to be read.
 
     Raises
     ------
@@ -34,7 +34,7 @@ def write_npz(path: str | os.PathLike[str], data: PoseData) -> None:
     arrays: dict[str, Any] = {key: np.asarray(getattr(data, key)) for key in _KEYS}
     arrays["camera_names"] = np.array(data.camera_names, dtype=np.str_)
     arrays["joint_names"] = np.array(data.joint_names, dtype=np.str_)
-    arrays["version"] = np.array(metadata.version("skelsplat"))
+    arrays["version"] = np.array(sk.__version__)
     with atomic_write(path) as stream:
         np.savez_compressed(stream, allow_pickle=False, **arrays)
 

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     import os
     from collections.abc import Sequence
 
-    from skelsplat.io.poses._pose_data import Array
 
 _HEADER = (
     "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames"
@@ -41,8 +40,8 @@ def write_trc(
 ) -> None:
     """Write the poses as TRC.
 
-    Rows are numbered from 1 at the first frame; a gap in `data.frames` is a gap in the rows' numbers and times.
-    A joint without a position has empty fields, since the text "nan" breaks readers downstream.
+    Rows are numbered from 1 at the first frame; a gap in `data.frames` is a gap in the rows' numbers and
+    times. A joint without a position has empty fields, since the text "nan" breaks readers downstream.
 
     Parameters
     ----------

@@ -1,0 +1,46 @@
+//! Time of one refinement by the paper's preset: all 125 steps, 17 joints, 4 views, one core.
+//!
+//! `cargo bench -p skelsplat-core --bench refine`. The image size is a parameter to show that it does not matter.
+
+use std::hint::black_box;
+use std::sync::atomic::AtomicBool;
+
+use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
+use skelsplat_core::camera::Camera;
+use skelsplat_core::layout::Layout;
+use skelsplat_core::refine::refiner::Frame;
+use skelsplat_core::refine::{RefineConfig, Refiner};
+use skelsplat_core::testing::scenes::{Noise, noisy_detections, perturbed, room, standing};
+use skelsplat_core::unit::Unit;
+
+/// The same focal length and view in a larger or smaller image: the pixels per mm stay the same.
+fn resized(camera: &Camera, pixels: u32) -> Camera {
+    let centre = 0.5 * (f64::from(pixels) - 1.0);
+    let mut k = camera.k();
+    (k[(0, 2)], k[(1, 2)]) = (centre, centre);
+    Camera::new(&k, camera.rotation(), camera.translation(), [pixels, pixels]).expect("valid")
+}
+
+fn paper(c: &mut Criterion) {
+    let mut group = c.benchmark_group("paper, 17 joints, 4 views, 125 steps");
+    for pixels in [1000, 4000] {
+        let cameras: Vec<Camera> = room(4).iter().map(|c| resized(c, pixels)).collect();
+        let mut noise = Noise::new(1);
+        let frame = Frame {
+            detections: noisy_detections(&standing(), &cameras, 3.0, &mut noise),
+            init_pose: Some(perturbed(&standing(), 20.0, &mut noise)),
+        };
+        let config = RefineConfig { stop_tolerance: 0.0, ..RefineConfig::paper() };
+        let layout = Layout::by_name("h36m17").expect("built in");
+        let refiner =
+            Refiner::new(&cameras, Unit::Millimetre, Some(&layout), config).expect("valid");
+        let cancel = AtomicBool::new(false);
+        group.bench_function(BenchmarkId::from_parameter(format!("{pixels} px")), |b| {
+            b.iter(|| refiner.refine(black_box(&frame), false, &cancel).expect("valid"));
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, paper);
+criterion_main!(benches);

@@ -1,0 +1,57 @@
+"""Whom to follow: the choice that ``--person`` makes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+import skelsplat as sk
+from skelsplat import association
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    Array = npt.NDArray[np.float64]
+
+
+def pick_person(people: Array, rig: sk.CameraRig, person: str) -> Array:
+    """Return the detections (T, M, N, 3) of one person among ``people`` (T, M, P, N, 3).
+
+    Parameters
+    ----------
+    people
+        Everybody's detections; NaN where missing. The order in P is the detector's.
+    rig
+        The M cameras.
+    person
+        ``"consistent"``: the one on whom the views agree; ``"largest"``: the largest in each image; a
+        number: the one at that place of each file, counted from 0.
+
+    Raises
+    ------
+    InvalidInputError
+        If no file has a person at the place asked for.
+    """
+    if person == "consistent":
+        return association.choose_person(people, rig)[0]
+    if person == "largest":
+        place = _extent(people).argmax(axis=2)
+        largest: Array = np.take_along_axis(people, place[:, :, None, None, None], axis=2)[:, :, 0]
+        return largest
+    if int(person) >= people.shape[2]:
+        raise sk.InvalidInputError(
+            f"--person: expected less than {people.shape[2]} (the most people in a file), got {person}"
+        )
+    numbered: Array = people[:, :, int(person)]
+    return numbered
+
+
+def _extent(people: Array) -> Array:
+    """Return the diagonal of everybody's bounding box in px, (T, M, P); 0 for nobody."""
+    points = people[..., :2]
+    there = np.isfinite(points)
+    high = np.where(there, points, -np.inf).max(axis=3)
+    low = np.where(there, points, np.inf).min(axis=3)
+    extent: Array = np.linalg.norm(np.where(there.any(axis=3), high - low, 0.0), axis=-1)
+    return extent

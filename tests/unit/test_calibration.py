@@ -1,0 +1,221 @@
+"""Reading and writing calibrations: one valid file, and one thing broken in it at a time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from skelsplat.io import read_calibration, write_calibration
+from skelsplat.io.calibration._rotation import matrix_from_vector, vector_from_matrix
+
+CAMERA = """[{key}]
+name = "{name}"
+size = [1088.0, 1920.0]
+matrix = [[1681.25, 0.0, 532.5], [0.0, 1681.0, 948.25], [0.0, 0.0, 1.0]]
+distortions = [-0.05, 0.002, 1e-05, -2e-05]
+rotation = [{rotation}, 0.0, 0.0]
+translation = [{x}, 0.5, 3.0]
+fisheye = false
+"""
+VALID = "\n".join(
+    [
+        CAMERA.format(key="cam_b", name="left", rotation=1.5, x=-2.0),
+        CAMERA.format(key="cam_a", name="right", rotation=0.0, x=2.5),
+        "[metadata]\nadjusted = false\nerror = 0.0\n",
+    ]
+)
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(text):
+        path = tmp_path / "Calib.toml"
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        return path
+
+    return write
+
+
+def test_every_number_of_a_camera_is_read(write):
+    rig = read_calibration(write(VALID), unit="m")
+    assert rig.unit == "m"
+    left = rig["left"]
+    np.testing.assert_array_equal(left.K, [[1681.25, 0, 532.5], [0, 1681.0, 948.25], [0, 0, 1]])
+    np.testing.assert_array_equal(left.t, [-2.0, 0.5, 3.0])
+    np.testing.assert_array_equal(left.distortion, [-0.05, 0.002, 1e-05, -2e-05])
+    assert left.size == (1088, 1920)
+    assert left.fisheye is False
+    turn = [[1, 0, 0], [0, np.cos(1.5), -np.sin(1.5)], [0, np.sin(1.5), np.cos(1.5)]]
+    # entries up to 1 from a handful of operations: a few ulp
+    np.testing.assert_allclose(left.R, turn, atol=1e-15)
+
+
+def test_cameras_stay_in_the_order_of_the_file(write):
+    assert read_calibration(write(VALID), unit="m").names == ("left", "right")
+
+
+def test_a_table_without_a_name_is_named_by_its_key(write):
+    assert read_calibration(write(VALID.replace('name = "left"\n', "")), unit="m").names == ("cam_b", "right")
+
+
+def test_tables_that_are_no_cameras_are_passed_over(write):
+    extra = "[capture_volume]\nrotation = [1, 2]\n[charuco]\nsize = [3, 4]\n"
+    assert len(read_calibration(write(VALID + extra), unit="m")) == 2
+
+
+def test_integers_and_image_size_are_accepted(write):
+    text = VALID.replace("size = [1088.0, 1920.0]", "image_size = [1088, 1920]")
+    assert read_calibration(write(text), unit="m")[0].size == (1088, 1920)
+
+
+@pytest.mark.parametrize("count", [4, 5, 8, 12, 14])
+def test_every_opencv_count_of_coefficients_is_read(write, count):
+    coefficients = [0.001 * (i + 1) for i in range(count)]
+    text = VALID.replace("[-0.05, 0.002, 1e-05, -2e-05]", str(coefficients))
+    np.testing.assert_array_equal(read_calibration(write(text), unit="m")[0].distortion, coefficients)
+
+
+@pytest.mark.parametrize("padding", ["", ", 0.0"], ids=["four", "four and a zero"])
+def test_fisheye_coefficients(write, padding):
+    text = VALID.replace("fisheye = false", "fisheye = true").replace("-2e-05]", f"-2e-05{padding}]")
+    camera = read_calibration(write(text), unit="m")[0]
+    assert camera.fisheye is True
+    np.testing.assert_array_equal(camera.distortion, [-0.05, 0.002, 1e-05, -2e-05])
+
+
+def test_a_camera_without_distortions_has_none(write):
+    text = VALID.replace("distortions = [-0.05, 0.002, 1e-05, -2e-05]\n", "")
+    assert read_calibration(write(text), unit="m")[0].distortion is None
+
+
+def test_a_byte_order_mark_is_no_part_of_the_text(write):
+    assert len(read_calibration(write(b"\xef\xbb\xbf" + VALID.encode()), unit="m")) == 2
+
+
+# One key of the second camera replaced (or the text as a whole), with what the message must say.
+LAST = VALID.rindex("[cam_a]")
+
+
+def _broken(old, new):
+    assert old in VALID[LAST:]
+    return VALID[:LAST] + VALID[LAST:].replace(old, new)
+
+
+MATRIX = "matrix = [[1681.25, 0.0, 532.5], [0.0, 1681.0, 948.25], [0.0, 0.0, 1.0]]"
+MALFORMED = {
+    "bad TOML": (VALID[:200], r"TOML: expected valid TOML, got .*line"),
+    "no matrix": (_broken(MATRIX + "\n", ""), r"cam_a\.matrix: expected 3×3 numbers, got nothing"),
+    "no rotation": (_broken("rotation = [0.0, 0.0, 0.0]\n", ""), r"cam_a\.rotation: .*got nothing"),
+    "no size": (_broken("size = [1088.0, 1920.0]\n", ""), r"cam_a\.size: .*got nothing"),
+    "matrix 2×3": (_broken(", [0.0, 0.0, 1.0]]", "]"), r"cam_a\.matrix: expected 3×3 numbers, got shape 2×3"),
+    "ragged matrix": (_broken("532.5]", "]"), r"cam_a\.matrix: expected 3×3 numbers, got lists of different"),
+    "text": (_broken("translation = [2.5", 'translation = ["x"'), r"cam_a\.translation: expected 3 numbers"),
+    "truth value": (_broken("translation = [2.5", "translation = [true"), r"cam_a\.translation: .*True"),
+    "NaN": (_broken("1681.25", "nan"), r"cam_a\.matrix: expected finite numbers, got .*nan"),
+    "infinity": (_broken("translation = [2.5", "translation = [inf"), r"cam_a\.translation: expected finite"),
+    "negative focal length": (_broken("1681.25", "-1681.25"), r"cam_a: expected a valid camera, got "),
+    "three coefficients": (_broken(", -2e-05]", "]"), r"cam_a\.distortions: expected 4 or .*got 3 of them"),
+    "five fisheye coefficients": (
+        _broken("-2e-05]", "-2e-05, 0.1]").replace("fisheye = false", "fisheye = true"),
+        r"cam_a\.distortions: expected 4 fisheye coefficients, got 5 of them",
+    ),
+    "fisheye a number": (_broken("fisheye = false", "fisheye = 1"), r"cam_a\.fisheye: expected true or false"),
+    "half a pixel": (_broken("1088.0", "1088.5"), r"cam_a\.size: expected a positive whole width"),
+    "no width": (_broken("1088.0", "0"), r"cam_a\.size: expected a positive whole width"),
+    "a name twice": (_broken('"right"', '"left"'), r"name: expected a different name .* 2 cameras named 'left'"),
+    "no camera": ("[metadata]\nadjusted = false\n", r"cameras: expected at least one camera table .*metadata"),
+    "not a calibration": ("hello, world", r"content: expected a calibration in a known format \(anipose\)"),
+    "not text": (b"\xff\xfe\x00[cam]", r"file: expected text in UTF-8, got byte 0"),
+}
+
+
+@pytest.mark.parametrize("case", MALFORMED)
+def test_a_malformed_file_is_named_with_its_field(write, case):
+    text, message = MALFORMED[case]
+    path = write(text)
+    with pytest.raises(sk.DatasetError, match=message) as caught:
+        read_calibration(path, unit="m")
+    assert str(caught.value).startswith(f"{path}: ")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_missing_file(tmp_path):
+    with pytest.raises(sk.DatasetError, match=r"none\.toml: file: expected a readable file, got no such file"):
+        read_calibration(tmp_path / "none.toml", unit="m")
+
+
+def test_the_unit_must_be_given_and_the_likely_one_is_named(write):
+    with pytest.raises(sk.InvalidInputError, match=r'unit: expected "mm", "cm" or "m" .*"m" is likely'):
+        read_calibration(write(VALID))
+
+
+@pytest.mark.parametrize(("factor", "likely"), [(1, "m"), (100, "cm"), (1000, "mm")])
+def test_the_likely_unit_follows_the_distance_between_cameras(write, factor, likely):
+    rig = read_calibration(write(VALID), unit="m")
+    scaled = [sk.Camera(c.K, c.R, c.t * factor, size=c.size, name=c.name) for c in rig]
+    path = write("")
+    write_calibration(path, sk.CameraRig(scaled, unit="m"))
+    with pytest.raises(sk.InvalidInputError, match=f'so "{likely}" is likely'):
+        read_calibration(path)
+
+
+def test_an_unknown_unit(write):
+    with pytest.raises(sk.InvalidInputError, match=r"unit: expected \"mm\", \"cm\" or \"m\", got 'inch'"):
+        read_calibration(write(VALID), unit="inch")
+
+
+def test_metres_read_as_millimetres_are_warned_about(write):
+    with pytest.warns(UserWarning, match=r'unit: the cameras would stand 0\.\d+ m apart in mm; .*"m" is likely'):
+        rig = read_calibration(write(VALID), unit="mm")
+    assert rig.unit == "mm"
+
+
+def test_millimetres_read_as_metres_are_warned_about(write):
+    text = VALID.replace("[-2.0, 0.5, 3.0]", "[-2000, 500, 3000]").replace("[2.5, 0.5, 3.0]", "[2500, 500, 3000]")
+    with pytest.warns(UserWarning, match=r'm apart in m; .*"mm" is likely'):
+        read_calibration(write(text), unit="m")
+
+
+def test_an_unknown_format(write):
+    with pytest.raises(sk.InvalidInputError, match=r"format: expected one of anipose, got 'qca'"):
+        read_calibration(write(VALID), unit="m", format="qca")
+
+
+def test_writing_and_reading_gives_the_same_rig(write, tmp_path):
+    rig = read_calibration(write(VALID), unit="m")
+    write_calibration(tmp_path / "copy.toml", rig)
+    copy = read_calibration(tmp_path / "copy.toml", unit="m")
+    assert copy.names == rig.names
+    for a, b in zip(rig, copy, strict=True):
+        np.testing.assert_array_equal(a.K, b.K)
+        np.testing.assert_array_equal(a.t, b.t)
+        np.testing.assert_array_equal(a.distortion, b.distortion)
+        assert (a.size, a.fisheye) == (b.size, b.fisheye)
+        # the format stores three numbers for nine: entries up to 1, a few ulp each way
+        np.testing.assert_allclose(a.R, b.R, rtol=0, atol=2e-15)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-12, 1e-6, 1.0, np.pi - 1e-9, np.pi, np.pi + 1e-3, 6.0])
+@pytest.mark.parametrize("axis", [(1, 0, 0), (0, -1, 0), (0, 0, 1), (2, -1, 3), (-1, -1, -1)])
+def test_rotation_vectors_and_matrices_are_inverse(angle, axis):
+    vector = angle * np.array(axis) / np.linalg.norm(axis)
+    rotation = matrix_from_vector(vector)
+    # sums of a dozen products of numbers up to 6 and 6² carry at most some tens of ulp
+    np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=2e-14)
+    back = vector_from_matrix(rotation)
+    np.testing.assert_allclose(matrix_from_vector(back), rotation, atol=2e-14)
+    assert np.linalg.norm(back) <= np.pi * (1 + 1e-15)
+
+
+def test_rotation_vectors_agree_with_opencv():
+    cv2 = pytest.importorskip("cv2")
+    for vector in np.random.default_rng(0).normal(scale=1.5, size=(20, 3)):
+        # both evaluate the same closed form in double precision
+        np.testing.assert_allclose(matrix_from_vector(vector), cv2.Rodrigues(vector)[0], atol=1e-14)
+
+
+def test_a_calibration_cannot_be_written_into_a_file(write, tmp_path):
+    rig = read_calibration(write(VALID), unit="m")
+    with pytest.raises(sk.DatasetError, match=r"output: expected a path that can be written, got not a directory"):
+        write_calibration(tmp_path / "Calib.toml" / "copy.toml", rig)
