@@ -17,7 +17,7 @@ class Adam:
         self.steps = 0
 
     def step(self, parameter: Array, gradient: Array, learning_rate: float) -> Array:
-        """The parameter after one step: θ − α·m̂/(√v̂ + ε)."""
+        """Return the parameter after one step: θ − α·m̂/(√v̂ + ε)."""
         self.steps += 1
         self.first = BETA1 * self.first + (1 - BETA1) * gradient
         self.second = BETA2 * self.second + (1 - BETA2) * gradient**2

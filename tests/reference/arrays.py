@@ -10,7 +10,7 @@ Mask = npt.NDArray[np.bool_]
 
 
 class View(NamedTuple):
-    """A distortion-free camera: `K` (3,3) px, `R` (3,3) and `t` (3,) world→camera, `size` (width, height) px."""
+    """A distortion-free camera: `K` (3,3) px, `R` (3,3), `t` (3,) world→camera, `size` (width, height) px."""
 
     K: Array
     R: Array
@@ -19,7 +19,7 @@ class View(NamedTuple):
 
 
 class Gaussians(NamedTuple):
-    """A skeleton of Gaussians: `means` (N,3), `log_scales` (N,3) = ln σ, `quaternions` (N,4) as (w, x, y, z)."""
+    """A skeleton: `means` (N,3), `log_scales` (N,3) = ln σ, `quaternions` (N,4) as (w, x, y, z)."""
 
     means: Array
     log_scales: Array

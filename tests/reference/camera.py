@@ -7,13 +7,13 @@ from reference.arrays import Array
 
 def to_camera(points: Array, R: Array, t: Array) -> Array:
     """x_c = R x_w + t for points (...,3)."""
-    return points @ R.T + t
+    return np.asarray(points @ R.T + t)
 
 
 def pinhole(camera_points: Array, K: Array) -> Array:
     """Pixels (...,2) of camera-frame points (...,3); integer coordinates are pixel centres."""
     homogeneous = camera_points @ K.T
-    return homogeneous[..., :2] / homogeneous[..., 2:]
+    return np.asarray(homogeneous[..., :2] / homogeneous[..., 2:])
 
 
 def tilt_matrix(tau_x: float, tau_y: float) -> Array:
@@ -28,7 +28,7 @@ def tilt_matrix(tau_x: float, tau_y: float) -> Array:
 def distort_opencv(ideal: Array, coefficients: Array) -> Array:
     """Distort normalised coordinates (...,2) with 4, 5, 8, 12 or 14 coefficients.
 
-    Order: k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4 [τx τy]]]] (OpenCV's calibration docs, "Detailed description").
+    Order: k1 k2 p1 p2 [k3 [k4 k5 k6 [s1 s2 s3 s4 [τx τy]]]] (OpenCV's calib3d docs, "Detailed description").
     """
     padded = np.concatenate([coefficients, np.zeros(14 - len(coefficients))])
     k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, tau_x, tau_y = padded
@@ -42,7 +42,10 @@ def distort_opencv(ideal: Array, coefficients: Array) -> Array:
 
 
 def distort_fisheye(ideal: Array, coefficients: Array) -> Array:
-    """Distort normalised coordinates (...,2) with k1..k4: θ_d = θ(1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸), θ = atan r."""
+    """Distort normalised coordinates (...,2) with k1..k4.
+
+    θ_d = θ(1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸) with θ = atan r (OpenCV's fisheye docs).
+    """
     r = np.linalg.norm(ideal, axis=-1, keepdims=True)
     theta = np.arctan(r)
     powers = theta ** np.array([2, 4, 6, 8])

@@ -31,7 +31,7 @@ def covariance(log_scales: Array, quaternion: Array) -> Array:
     """Σ = R S Sᵀ Rᵀ (3,3) with S = diag(exp(log_scales))."""
     R = rotation_matrix(quaternion)
     S = np.diag(np.exp(log_scales))
-    return R @ S @ S.T @ R.T
+    return np.asarray(R @ S @ S.T @ R.T)
 
 
 def covariances(gaussians: Gaussians) -> Array:

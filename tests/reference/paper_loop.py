@@ -1,4 +1,4 @@
-"""The whole of `RefineConfig.paper()` for one pose in mm (DESIGN §2 "Optimisation"; paper, "Optimization")."""
+"""The whole of `RefineConfig.paper()` for one pose in mm (DESIGN §2, "Optimisation")."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ class PaperConfig:
 
 @dataclass(frozen=True)
 class PaperResult:
-    """Gaussians after the last step, the loss before each step, and the differences that stopping looked at."""
+    """Gaussians after the last step, the loss before each step, the differences that stopping looked at."""
 
     gaussians: Gaussians
     losses: list[float]
@@ -45,14 +45,14 @@ def initial_gaussians(pose: Array, sigma: float) -> Gaussians:
 
 
 def step_views(step: int, n_views: int, views_per_step: int | None) -> list[int]:
-    """The views of a step, taken cyclically: (t·v + k) mod M for k < v."""
+    """Return the views of a step, taken cyclically: (t·v + k) mod M for k < v."""
     count = n_views if views_per_step is None else views_per_step
     return [(step * count + k) % n_views for k in range(count)]
 
 
 def position_lr(step: int, config: PaperConfig) -> float:
     """lr₀·0.01^(t/1000): by a factor of 100 over 1000 steps. The other groups keep their rate."""
-    return config.position_lr * config.lr_decay ** (step / config.lr_decay_steps)
+    return float(config.position_lr * config.lr_decay ** (step / config.lr_decay_steps))
 
 
 def window_difference(losses: list[float], window: int) -> float | None:

@@ -1,4 +1,4 @@
-"""EWA projection of 3D Gaussians, Σ² = J W Σ Wᵀ Jᵀ + h·I (DESIGN §2 "Projection"; paper, eq. 2 and supplement A)."""
+"""EWA projection of 3D Gaussians, Σ² = J W Σ Wᵀ Jᵀ + h·I (DESIGN §2; paper, eq. 2 and supplement A)."""
 
 from typing import NamedTuple
 
@@ -44,7 +44,7 @@ def jacobian(point: Array, view: View) -> Array:
 
 
 def exact_jacobian(point: Array, view: View) -> Array:
-    """The derivative (2,3) of the projected mean itself: no clamp."""
+    """Return the derivative (2,3) of the projected mean itself: no clamp."""
     (x, y, z), fx, fy = point, view.K[0, 0], view.K[1, 1]
     return np.array([[fx / z, 0.0, -fx * x / z**2], [0.0, fy / z, -fy * y / z**2]])
 
@@ -88,7 +88,8 @@ def projection_gradient(
 ) -> tuple[Array, Array]:
     """Carry ∂L/∂m (2,) and ∂L/∂Σ² (2,2, symmetric) back to the mean (3,) and Σ (3,3).
 
-    With T = J W: ∂L/∂Σ = Tᵀ G T, ∂L/∂T = 2 G T Σ, ∂L/∂J = ∂L/∂T Wᵀ. The mean moves m and, through J, the shape.
+    With T = J W: ∂L/∂Σ = Tᵀ G T, ∂L/∂T = 2 G T Σ, ∂L/∂J = ∂L/∂T Wᵀ. The mean moves m and,
+    through J, the shape.
     """
     point = to_camera(mean, view.R, view.t)
     T = jacobian(point, view) @ view.R

@@ -1,4 +1,4 @@
-"""Rendering over whole images: splats, encodings, pseudo ground truth and masked L2 (DESIGN §2), with gradients."""
+"""Rendering over whole images with gradients: splats, encodings, pseudo ground truth, masked L2 (DESIGN §2)."""
 
 import numpy as np
 
@@ -25,7 +25,7 @@ def bell(centre: Array, covariance2d: Array, size: tuple[int, int]) -> Array:
 
 
 def heat_map(centre: Array, covariance2d: Array, size: tuple[int, int]) -> Array:
-    """A joint's heat map (H,W): peak 1, zero below the cut."""
+    """Return a joint's heat map (H,W): peak 1, zero below the cut."""
     values = bell(centre, covariance2d, size)
     return np.where(values >= CUT, values, 0.0)
 
@@ -38,7 +38,8 @@ def splat(centre: Array, covariance2d: Array, size: tuple[int, int]) -> Array:
 def splat_gradient(d_splat: Array, centre: Array, covariance2d: Array) -> tuple[Array, Array]:
     """Carry ∂L/∂a (H,W) back to the centre (2,) and Σ² (2,2).
 
-    With A = (Σ²)⁻¹ and d = p − m: ∂a/∂m = a A d and ∂a/∂Σ² = ½ a A d dᵀ A; both vanish where a is cut or clamped.
+    With A = (Σ²)⁻¹ and d = p − m: ∂a/∂m = a A d and ∂a/∂Σ² = ½ a A d dᵀ A; both vanish where a is cut
+    or clamped.
     """
     height, width = d_splat.shape
     values = bell(centre, covariance2d, (width, height))
@@ -56,7 +57,7 @@ def splats(projected: Projected, size: tuple[int, int]) -> Array:
 
 
 def front_to_back(projected: Projected) -> list[int]:
-    """Indices of the seen joints, nearest first."""
+    """Order the seen joints by depth, nearest first."""
     return [int(j) for j in np.argsort(projected.depths, kind="stable") if projected.seen[j]]
 
 
@@ -71,7 +72,10 @@ def composite(images: Array, order: list[int]) -> Array:
 
 
 def composite_gradient(d_total: Array, images: Array, order: list[int]) -> Array:
-    """∂L/∂a (N,H,W): ∂C/∂a_j = T_j − (Σ_{k farther} a_k T_k) / (1 − a_j), T_j the light that reaches joint j."""
+    """Carry ∂L/∂C (H,W) back to the splats (N,H,W).
+
+    ∂C/∂a_j = T_j − (Σ_{k farther} a_k T_k) / (1 − a_j), T_j the light that reaches joint j.
+    """
     d_images = np.zeros_like(images)
     transmittance = np.ones(images.shape[1:])
     behind = composite(images, order)
@@ -83,7 +87,7 @@ def composite_gradient(d_total: Array, images: Array, order: list[int]) -> Array
 
 
 def encode(images: Array, order: list[int], encoding: str) -> Array:
-    """Channels (C,H,W) of the rendered image: N for "one_hot", three equal ones for "rgb", one for "single"."""
+    """Make the channels (C,H,W): N for "one_hot", three equal ones for "rgb", one for "single"."""
     if encoding == "one_hot":
         return images
     return np.stack([composite(images, order)] * (3 if encoding == "rgb" else 1))
@@ -97,16 +101,16 @@ def encode_gradient(d_channels: Array, images: Array, order: list[int], encoding
 
 
 def render(projected: Projected, size: tuple[int, int], encoding: str = "one_hot") -> Array:
-    """The rendered image (C,H,W)."""
+    """Render a projected skeleton: (C,H,W)."""
     return encode(splats(projected, size), front_to_back(projected), encoding)
 
 
 def pseudo_ground_truth(
     detections: Array, projected: Projected, size: tuple[int, int], encoding: str = "one_hot"
 ) -> Array:
-    """The target (C,H,W): heat maps at the sub-pixel detections (N,2) with the initial Gaussians' projected shape.
+    """Make the target (C,H,W): heat maps at the sub-pixel detections (N,2), shaped as the initial Gaussians.
 
-    The composited encodings use the sum of the joints' heat maps, scaled to peak 1 over the pixels of the image.
+    The composited encodings use the sum of the joints' heat maps, scaled to peak 1 over the image's pixels.
     """
     images = np.zeros((len(detections), size[1], size[0]))
     for j in np.flatnonzero(projected.seen):
@@ -121,8 +125,8 @@ def pseudo_ground_truth(
 def masked_l2(rendered: Array, target: Array) -> tuple[float, Array] | None:
     """Mean squared difference over the pixels where either image is non-zero, and its gradient (C,H,W).
 
-    All channels share one mean, and the mask is a constant for the gradient (DESIGN §2 "Masked L2"). None if the
-    mask is empty.
+    All channels share one mean, and the mask is a constant for the gradient (DESIGN §2 "Masked L2").
+    None if the mask is empty.
     """
     mask = (rendered > 0) | (target > 0)
     count = int(mask.sum())

@@ -9,7 +9,7 @@ Pairs = tuple[tuple[Limb, Limb], ...]
 
 
 def observed_pairs(pairs: Pairs, observed: Mask) -> Pairs:
-    """The pairs whose four end points are all detected by some view; `observed` is (N,)."""
+    """Keep the pairs whose four end points are all detected by some view; `observed` is (N,)."""
     return tuple(pair for pair in pairs if all(observed[j] for limb in pair for j in limb))
 
 

@@ -28,11 +28,13 @@ class LossAndGradient(NamedTuple):
 def detected(detections: Array) -> Mask:
     """Which detections (...,2|3) exist: finite, and confidence (if given) above 0 (DESIGN §1)."""
     found = np.isfinite(detections[..., :2]).all(axis=-1)
-    return np.asarray(found & (detections[..., 2] > 0) if detections.shape[-1] == 3 else found)
+    if detections.shape[-1] == 3:
+        found = found & (detections[..., 2] > 0)
+    return np.asarray(found)
 
 
 def project_detected(gaussians: Gaussians, detections: Array, view: View) -> Projected:
-    """The skeleton in a view; a joint counts as seen if it lies before the camera and is detected there."""
+    """Project a skeleton; a joint counts as seen if it lies before the camera and is detected there."""
     projected = project_gaussians(gaussians.means, covariances(gaussians), view)
     return projected._replace(seen=projected.seen & detected(detections))
 
@@ -109,7 +111,7 @@ def loss_and_gradient(
     symmetry_weight: float = SYMMETRY_WEIGHT,
     mm_per_unit: float = 1.0,
 ) -> LossAndGradient:
-    """The total loss over `views` with the constant `images` of `targets`, and every gradient.
+    """Evaluate the total loss over `views` with the constant `images` of `targets`, and every gradient.
 
     All of `pairs` count: leave out those with an undetected end point by `symmetry.observed_pairs`.
     """
@@ -124,10 +126,10 @@ def loss_and_gradient(
 def membership(
     gaussians: Gaussians, detections: Array, views: Sequence[View], joint: int | None = None
 ) -> list[Array]:
-    """What must not change for the loss to be smooth, per view and seen joint (or of one `joint` alone).
+    """Tell what must not change for the loss to be smooth, per view and seen joint (or of one `joint` alone).
 
-    An array of the image's shape with each pixel's class (0 cut, 1 smooth, 2 clamped at 0.99), then an array (2,)
-    of 1 where J's ratio is free and 0 where it is clamped. Central differences hold only if none of it changes.
+    An array of the image's shape with each pixel's class (0 cut, 1 smooth, 2 clamped at 0.99), then an array
+    (2,) of 1 where J's ratio is free and 0 where it is clamped. Central differences hold only if none changes.
     """
     joints = range(len(gaussians.means)) if joint is None else [joint]
     classes: list[Array] = []

@@ -12,8 +12,8 @@ from reference.total import detected
 def triangulate_joint(detections: Array, weights: Array, views: Sequence[View]) -> Array:
     """One joint (3,) from ideal pixels (M,2) by DLT (Hartley & Zisserman, §12.2).
 
-    Each view gives the rows w(u·P₃ − P₁) and w(v·P₃ − P₂) of A with P = K [R | t] in pixels; the solution is A's
-    last right singular vector. NaN with fewer than two views.
+    Each view gives the rows w(u·P₃ − P₁) and w(v·P₃ − P₂) of A with P = K [R | t] in pixels; the solution is
+    A's last right singular vector. NaN with fewer than two views.
     """
     rows = []
     for (u, v), weight, view in zip(detections, weights, views, strict=True):
@@ -27,7 +27,7 @@ def triangulate_joint(detections: Array, weights: Array, views: Sequence[View]) 
 
 
 def triangulate(detections: Array, views: Sequence[View], confidence: Array | None = None) -> Array:
-    """A pose (N,3) from detections (M,N,2|3); weights are `confidence` (M,N), else the third channel, else 1."""
+    """Triangulate (N,3) from (M,N,2|3); weights are `confidence` (M,N), else the third channel, else 1."""
     if confidence is None:
         confidence = detections[..., 2] if detections.shape[-1] == 3 else np.ones(detections.shape[:2])
     return np.array(

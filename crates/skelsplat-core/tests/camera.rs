@@ -192,6 +192,18 @@ fn a_pole_bounds_the_range() {
     assert!(ideal.x > 980.5 && ideal.x < 980.5 + 1100.0 * SQRT_2);
 }
 
+/// Around the inflection of this polynomial plain Newton jumps to and fro for ever.
+#[test]
+fn an_inflection_does_not_trap_the_solver() {
+    let camera = camera(&[0.0015, 0.0996, -0.005, -0.0179], true);
+    for step in 1..400 {
+        let ideal = at_radius(0.01 * f64::from(step));
+        let found = converged(&camera, camera.distort(&ideal));
+        // 1e-9 px over the slope of θ_d(atan r), which is above 0.01 up to r = 4
+        assert!((found - ideal).amax() < 1e-7, "{step}: {found:?}");
+    }
+}
+
 #[test]
 fn beyond_the_horizon_of_a_tilted_sensor_nothing_is_in_range() {
     let mut tilted = [0.0; 14];

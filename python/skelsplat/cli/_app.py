@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import sys
-from typing import Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 from typer.core import TyperGroup
 
 import skelsplat as sk
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 FAILED, BAD_USAGE, INTERRUPTED = 1, 2, 130
 
@@ -20,12 +23,21 @@ class OneLineErrors(TyperGroup):
     Anything else is a defect of the program and keeps its traceback.
     """
 
-    def main(self, *args: Any, standalone_mode: bool = True, **extra: Any) -> Any:
+    def main(
+        self,
+        args: Sequence[str] | None = None,
+        prog_name: str | None = None,
+        complete_var: str | None = None,
+        standalone_mode: bool = True,
+        windows_expand_args: bool = True,
+        **extra: Any,
+    ) -> Any:
         """Run a command; with ``standalone_mode`` leave the process with its exit status."""
+        rest = (prog_name, complete_var, False, windows_expand_args)
         if not standalone_mode:
-            return super().main(*args, standalone_mode=False, **extra)
+            return super().main(args, *rest, **extra)
         try:
-            status = super().main(*args, standalone_mode=False, **extra)
+            status = super().main(args, *rest, **extra)
         except (KeyboardInterrupt, typer.Abort):
             status = INTERRUPTED
         except (sk.SkelSplatError, OSError) as error:

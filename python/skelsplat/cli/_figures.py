@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from skelsplat.cli._pipeline import Inputs, Outcome
     from skelsplat.cli._statistics import Statistics
+    from skelsplat.viz import HeatmapRow
 
     Array = npt.NDArray[np.float64]
 
@@ -27,7 +28,7 @@ def write_figures(folder: Path, inputs: Inputs, outcome: Outcome, statistics: St
     """Write ``overview.png`` and ``heatmaps.png`` of one frame; return their names."""
     from skelsplat import viz  # matplotlib takes long to load, and --help does without
 
-    frame = most_moved_frame(statistics.moved_mm)
+    frame = most_moved_frame(statistics.moved_mm, np.asarray(outcome.result.joint_status))
     caption = _caption(frame, inputs, statistics)
     layout, scale = inputs.layout, inputs.rig.mm_per_unit
     skeleton = viz.Skeleton(limbs=tuple(layout.limbs), left_right=tuple(layout.left_right))
@@ -48,11 +49,20 @@ def write_figures(folder: Path, inputs: Inputs, outcome: Outcome, statistics: St
     return ["overview.png", "heatmaps.png"]
 
 
-def most_moved_frame(moved_mm: Array) -> int:
-    """Return the frame whose joints moved most in the mean, (T, N) → index; 0 if no joint has a position."""
-    known = np.isfinite(moved_mm)
-    total = np.where(known, moved_mm, 0.0).sum(axis=1)
-    return int(np.argmax(total / np.maximum(known.sum(axis=1), 1)))
+def most_moved_frame(moved_mm: Array, status: npt.NDArray[np.str_]) -> int:
+    """Return the index of the frame whose median joint moved most; the median keeps a single stray joint from deciding.
+
+    Parameters
+    ----------
+    moved_mm : (T, N)
+        Distance from the start to the refined pose; NaN where there is none.
+    status : (T, N)
+        Frames whose joints are all ``"ok"`` come first, if there are any.
+    """
+    median = np.array([finite_median(frame) for frame in moved_mm])
+    complete = (status == "ok").all(axis=1) & np.isfinite(median)
+    median = np.where(np.isfinite(median) & (complete | ~complete.any()), median, -np.inf)
+    return int(np.argmax(median))
 
 
 def world_up(rig: sk.CameraRig) -> Array:
@@ -68,20 +78,23 @@ def world_up(rig: sk.CameraRig) -> Array:
 
 
 def _caption(frame: int, inputs: Inputs, statistics: Statistics) -> str:
-    moved = statistics.moved_mm
-    here = moved[frame][np.isfinite(moved[frame])]
-    mean = f"{here.mean():.0f} mm in the mean" if here.size else "no joint has a position"
-    typical = (
-        f"the median joint of all frames: {finite_median(moved):.0f} mm" if here.size else "in any frame"
+    here, typical = finite_median(statistics.moved_mm[frame]), finite_median(statistics.moved_mm)
+    name = f"Frame {inputs.frames[frame]}"
+    if not np.isfinite(here):
+        return f"{name}, no joint of any frame has a position"
+    return (
+        f"{name}, chosen for the largest change: its median joint moved {here:.0f} mm "
+        f"(all frames: {typical:.0f} mm)"
     )
-    return f"Frame {inputs.frames[frame]}, the one whose joints moved most: {mean} ({typical})"
 
 
 def _heat_caption(caption: str) -> str:
     return f"{caption.partition(',')[0]}: what the loss compares, summed over the joints; cut to the person"
 
 
-def _heatmap_row(view: int, frame: int, inputs: Inputs, outcome: Outcome, statistics: Statistics) -> object:
+def _heatmap_row(
+    view: int, frame: int, inputs: Inputs, outcome: Outcome, statistics: Statistics
+) -> HeatmapRow:
     """Compute one camera's heat maps of one frame, in the pixels in which the renderer works (ideal ones)."""
     from skelsplat import viz  # as in write_figures
 
@@ -99,7 +112,7 @@ def _heatmap_row(view: int, frame: int, inputs: Inputs, outcome: Outcome, statis
     widths = initial_covariances(inputs, outcome.config)
     for j in np.flatnonzero(np.isfinite(seen[:, :2]).all(axis=1)):
         one = slice(j, j + 1)  # joint by joint: all images at once would take hundreds of megabytes
-        pseudo += sk.pseudo_ground_truth(raw[one], start[one], widths[one], camera)[0]
+        pseudo += sk.pseudo_ground_truth(seen[one], start[one], widths[one], camera)[0]
         rendering += sk.render(pose[one], covariance[one], camera)[0]
     projected, _ = sk.project_gaussians(pose, covariance, [camera])
     return viz.HeatmapRow(

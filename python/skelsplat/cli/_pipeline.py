@@ -17,7 +17,7 @@ import skelsplat as sk
 from skelsplat.cli._person import pick_person
 from skelsplat.exceptions import DatasetError
 from skelsplat.io import read_calibration, read_npz, read_openpose
-from skelsplat.io.poses import MM_PER_UNIT
+from skelsplat.io.poses._pose_data import MM_PER_UNIT
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -43,8 +43,8 @@ FIELDS = (
 )
 
 _MEANING = (
-    "distance of the pose's projection from the detection in px of the original image, over the detections used: "
-    "agreement with the detections, not accuracy"
+    "distance of the pose's projection from the detection in px of the original image, over the detections "
+    "used: agreement with the detections, not accuracy"
 )
 
 

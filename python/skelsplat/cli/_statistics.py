@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -84,17 +84,15 @@ def summarise(inputs: Inputs, outcome: Outcome) -> Statistics:
     poor_px = np.array([POOR_SHARE * np.hypot(*camera.size) for camera in inputs.rig])
     poor = used & (after > poor_px[:, None])
     moved = np.linalg.norm(np.asarray(result.pose) - init, axis=-1) * inputs.rig.mm_per_unit
-    parts = (before, after, there, poor)
+    every = _Detections(before, after, there, poor)
     return Statistics(
         error_before=before,
         error_after=after,
         moved_mm=moved,
         poor_px=poor_px,
-        cameras=[_group(name, *(part[:, i] for part in parts)) for i, name in enumerate(inputs.rig.names)],
-        joints=[
-            _group(name, *(part[..., j] for part in parts)) for j, name in enumerate(inputs.layout.joints)
-        ],
-        total=_group("all", *parts),
+        cameras=[_group(name, every.part(np.s_[:, i])) for i, name in enumerate(inputs.rig.names)],
+        joints=[_group(name, every.part(np.s_[..., j])) for j, name in enumerate(inputs.layout.joints)],
+        total=_group("all", every),
         stop_reasons=_count(result.stop_reason),
         statuses=_count(result.joint_status),
     )
@@ -106,25 +104,39 @@ def finite_median(values: npt.ArrayLike) -> float:
 
 
 def _reprojection_error(poses: Array, inputs: Inputs) -> Array:
-    """Return the distance in px, (T, M, N), of ``poses`` (T, N, 3) from the detections as they are in the images."""
+    """Return the distances in px, (T, M, N), of ``poses`` (T, N, 3) from the detections as given."""
     projected = np.moveaxis(np.asarray(sk.project(poses, inputs.rig)), 0, 1)
     error: Array = np.linalg.norm(projected - inputs.detections[..., :2], axis=-1)
     return error
 
 
-def _group(name: str, before: Array, after: Array, there: Mask, poor: Mask) -> Group:
-    used = np.isfinite(after)
-    both = used & np.isfinite(before)
+@dataclass(frozen=True)
+class _Detections:
+    """Errors before and after, and whether a detection is there and is poor; each (T, M, N) or a part."""
+
+    before: Array
+    after: Array
+    there: Mask
+    poor: Mask
+
+    def part(self, index: Any) -> _Detections:
+        return _Detections(self.before[index], self.after[index], self.there[index], self.poor[index])
+
+
+def _group(name: str, detections: _Detections) -> Group:
+    used = np.isfinite(detections.after)
+    both = used & np.isfinite(detections.before)
+    before, after = detections.before[both], detections.after[both]
     return Group(
         name=name,
-        before_px=finite_median(before[both]),
-        after_px=finite_median(after[both]),
-        p90_before_px=_percentile(before[both], 90),
-        p90_after_px=_percentile(after[both], 90),
+        before_px=finite_median(before),
+        after_px=finite_median(after),
+        p90_before_px=_percentile(before, 90),
+        p90_after_px=_percentile(after, 90),
         used=int(used.sum()),
-        left_out=int((there & ~used).sum()),
-        missing=int((~there & ~used).sum()),
-        poor=int(poor.sum()),
+        left_out=int((detections.there & ~used).sum()),
+        missing=int((~detections.there & ~used).sum()),
+        poor=int(detections.poor.sum()),
     )
 
 

@@ -90,9 +90,10 @@ def _run_line(inputs: Inputs, outcome: Outcome, statistics: Statistics) -> str:
     threads = default_threads(outcome.config)
     each = 1000 * outcome.seconds / frames
     reasons = _listed(f"{n} {_REASONS.get(reason, reason)}" for reason, n in statistics.stop_reasons.items())
+    cores = f"{threads} thread{'s' * (threads != 1)}"
     return (
-        f"{frames} frames × {joints} joints: {each:.1f} ms per frame ({threads} thread{'s' * (threads != 1)}, "
-        f"refinement alone); frames stopped: {reasons}."
+        f"{frames} frames of {joints} joints, {each:.1f} ms per frame (refinement alone, {cores}).\n"
+        f"Frames stopped: {reasons}."
     )
 
 

@@ -8,7 +8,6 @@ from typing import Annotated
 import typer
 
 import skelsplat as sk
-
 from skelsplat.cli import _options as options
 from skelsplat.cli._job import Job, Verbosity
 from skelsplat.cli._pipeline import check_output

@@ -51,7 +51,8 @@ def _sway(seconds: FloatArray, amplitude: float, rng: np.random.Generator) -> Fl
     frequency = rng.uniform(0.15, 0.6, size=3)
     phase = rng.uniform(0.0, 2 * np.pi, size=3)
     waves = np.sin(2 * np.pi * frequency * seconds[:, None] + phase)
-    return amplitude * np.sqrt(2.0 / 3.0) * waves.sum(axis=-1)
+    total: FloatArray = amplitude * np.sqrt(2.0 / 3.0) * waves.sum(axis=-1)
+    return total
 
 
 def _stand(seconds: FloatArray, rng: np.random.Generator) -> dict[str, FloatArray]:
@@ -158,7 +159,7 @@ def _wave(seconds: FloatArray, rng: np.random.Generator) -> _Script:
     up = _smooth_cycle(seconds, 0.7, rng.uniform(2.5, 4.0), 0.7, rng.uniform(0.4, 0.8))
     side = "l" if rng.random() < 0.5 else "r"
     swing = rng.uniform(18.0, 30.0) * np.sin(2 * np.pi * rng.uniform(1.2, 2.0) * seconds)
-    raised = {
+    raised: dict[str, float | FloatArray] = {
         "shoulder_abduction": rng.uniform(90.0, 130.0),
         "shoulder_flexion": 5.0,
         "shoulder_rotation": rng.uniform(52.0, 60.0) + swing,

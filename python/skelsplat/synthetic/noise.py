@@ -11,13 +11,22 @@ the camera has one) becomes a simulated detection in this order:
    (`view_swap_rate` per frame). The confidence does not know.
 4. *Occluders*: in `occluded_views` views, drawn anew for every `occluder_frames` frames, discs lie over the
    body. A joint inside a disc is missing with probability `hidden_missing_rate`; else it is detected at a
-   wrong place: uniformly in the disc, or, with probability `hidden_drawn_rate`, near another joint of the body.
+   wrong place: uniformly in the disc, or, with probability `hidden_drawn_rate`, near another joint.
 5. *Misses*: with probability `miss_rate` a joint is not detected. A joint outside the image never is.
 
 Confidence is about 0.9 for a visible joint, 0.6 for an outlier, 0.4 for a hidden one, 0 for a missing one.
 
-The presets are chosen so that unweighted DLT on the `human36m_like` rig errs about as much as on the simulated
-detections of DESIGN §3 (@MEASURED).
+The presets are chosen so that unweighted DLT on the `human36m_like` rig errs about as much as on the
+simulated detections of DESIGN §3. Mean error over 300 poses, mm (first), and DESIGN's (second),
+from ``pytest tests/synthetic/test_noise.py -k design``, which fails beyond 20 %:
+
+=====================  =====  =====
+good                   @G   22.4
+noisy                  @N   25.5
+occluded(2)            @2   49.7
+occluded(3)            @3   64.9
+occluded(3, hard=True) @H    198
+=====================  =====  =====
 """
 
 from __future__ import annotations
@@ -150,12 +159,12 @@ class DetectionNoise:
     @classmethod
     def good(cls) -> DetectionNoise:
         """Simulate a good detector: small jitter, few outliers."""
-        return cls(sigma_px=2.3, outlier_rate=0.03, outlier_px=26.0)
+        return cls(sigma_px=2.3, outlier_rate=0.03, outlier_px=28.0)
 
     @classmethod
     def noisy(cls) -> DetectionNoise:
         """Simulate a detector with more jitter, some misses."""
-        return cls(sigma_px=3.0, outlier_rate=0.02, outlier_px=25.0, miss_rate=0.01)
+        return cls(sigma_px=3.0, outlier_rate=0.025, outlier_px=25.0, miss_rate=0.01)
 
     @classmethod
     def occluded(cls, n_views: int | None, *, hard: bool = False) -> DetectionNoise:
@@ -167,8 +176,8 @@ class DetectionNoise:
             cls.good(),
             occluded_views=n_views,
             n_discs=2 if hard else 1,
-            disc_radius=(0.12, 0.24) if hard else (0.1, 0.2),
-            hidden_missing_rate=0.0 if hard else 0.15,
+            disc_radius=(0.16, 0.32) if hard else (0.1, 0.22),
+            hidden_missing_rate=0.0 if hard else 0.1,
         )
 
 
@@ -213,7 +222,7 @@ def simulate_detections(
     frames = world if world.ndim == 3 else world[None]
     pixels = np.moveaxis(np.asarray(project(frames, cameras)), 0, 1)
     limits = np.array([camera.size for camera in cameras], dtype=np.float64)[:, None] - 0.5
-    inside = ((pixels >= -0.5) & (pixels < limits)).all(axis=-1)
+    inside = np.all((pixels >= -0.5) & (pixels < limits), axis=-1)
     skeleton = layouts.get(layout) if isinstance(layout, str) else layout
     out = corrupt(np.where(inside[..., None], pixels, np.nan), noise=noise, layout=skeleton, seed=seed)
     return out if world.ndim == 3 else out[0]
@@ -293,8 +302,8 @@ def _one_view(
 
     if layout is not None:
         for chain in _effects.one_sided_chains(layout.left_right, layout.limbs):
-            _effects.swap(pixels, confidence, chain, rng.random(shape[0]) < noise.limb_swap_rate)
-        _effects.swap(pixels, confidence, layout.left_right, rng.random(shape[0]) < noise.view_swap_rate)
+            _effects.swap(pixels, confidence, chain, _happens(noise.limb_swap_rate, shape[0], rng))
+        _effects.swap(pixels, confidence, layout.left_right, _happens(noise.view_swap_rate, shape[0], rng))
     hidden, guess = _hidden_guess(true, noise, rng)
     hidden &= occluded[:, None]
     pixels = np.where(hidden[..., None], guess, pixels)
@@ -305,6 +314,11 @@ def _one_view(
     pixels[missing] = np.nan
     confidence[missing] = 0.0
     return np.concatenate([pixels, confidence[..., None]], axis=-1)
+
+
+def _happens(rate: float, n_frames: int, rng: np.random.Generator) -> NDArray[np.bool_]:
+    """In which frames (T,) an event of that probability happens."""
+    return np.asarray(rng.random(n_frames) < rate)
 
 
 def _joint_factor(joint: str) -> float:

@@ -29,6 +29,7 @@ _VIEWS_LEFT_IN = 0.85
 _VIEWS_GAP_IN = 0.3
 _MARGIN_MM = 120.0
 _GRID_MM = 250.0
+_REACH_MM = 1400.0
 
 
 @dataclass(frozen=True)
@@ -148,11 +149,16 @@ def _flatten(pose: Array, data: OverviewData, right: Array) -> Array:
 
 
 def _limits(points: Array) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the range of (N, 2) points across and in height, with a margin; 1 m about 0 if none is known."""
+    """Return the range of (N, 2) points across and in height, with a margin; 1 m about 0 if none is known.
+
+    Joints further from the median than a body reaches do not widen it: their limbs run out of the picture.
+    """
     known = points[np.isfinite(points).all(axis=1)]
     if not len(known):
         return (-500.0, 500.0), (-500.0, 500.0)
-    low, high = known.min(axis=0) - _MARGIN_MM, known.max(axis=0) + _MARGIN_MM
+    middle = np.median(known, axis=0)
+    near = np.clip(known, middle - _REACH_MM, middle + _REACH_MM)
+    low, high = near.min(axis=0) - _MARGIN_MM, near.max(axis=0) + _MARGIN_MM
     return (float(low[0]), float(high[0])), (float(low[1]), float(high[1]))
 
 

@@ -2,6 +2,8 @@
 
 /// Largest r² looked at: rays 89.99° off the axis.
 const MAX_SQUARED_RADIUS: f64 = 1e8;
+/// Every second step at least halves the bracket or the error, both down to rounding well before this many.
+const MAX_STEPS: usize = 200;
 
 /// Radius at which r·n(r²)/d(r²) first turns back or meets a pole; infinite if it never does.
 /// The derivative's sign is that of n d + 2q (n' d − n d').
@@ -55,22 +57,27 @@ fn bisect(c: &[f64], mut lo: f64, mut hi: f64) -> Option<f64> {
 }
 
 /// The x in [0, max] with g(x) = target, for `g` (value, derivative) that rises there from g(0) = 0:
-/// Newton, bisecting where it would leave the bracket. `None` if the target is not reached.
+/// Newton, bisecting where it would leave the bracket or where a step did not halve the error (Newton alone can
+/// cycle around an inflection). `None` if the target is not reached.
 pub(super) fn invert_rising(g: impl Fn(f64) -> (f64, f64), max: f64, target: f64) -> Option<f64> {
     let (mut lo, mut hi) = (0.0, bracket(&g, max, target)?);
     let mut x = target.min(hi);
-    for _ in 0..200 {
+    let mut last_error = f64::INFINITY;
+    for _ in 0..MAX_STEPS {
         let (value, slope) = g(x);
-        if value > target {
+        let error = value - target;
+        if error > 0.0 {
             hi = x;
         } else {
             lo = x;
         }
-        let newton = x - (value - target) / slope;
-        let next = if newton >= lo && newton <= hi { newton } else { 0.5 * (lo + hi) };
-        if (next - x).abs() <= f64::EPSILON * x {
-            return Some(next);
+        let newton = x - error / slope;
+        let trusted = newton >= lo && newton <= hi && error.abs() <= 0.5 * last_error;
+        let next = if trusted { newton } else { 0.5 * (lo + hi) };
+        if (next - x).abs() <= f64::EPSILON * x || (newton - x).abs() <= f64::EPSILON * x {
+            return Some(x);
         }
+        last_error = error.abs();
         x = next;
     }
     Some(x)

@@ -12,6 +12,8 @@ const STOP_PX: f64 = 1e-11;
 const MAX_STEPS: usize = 50;
 /// Shortest fraction of a Newton step that is tried.
 const SHORTEST: f64 = 1e-6;
+/// Parts of the radial solution to start from, in turn: near a fold the first may lie beyond it.
+const STARTS: [f64; 3] = [1.0, 0.7, 0.4];
 /// Points of the segment from the axis to an answer at which the map must keep its orientation.
 const SHEET_SAMPLES: usize = 16;
 
@@ -62,11 +64,12 @@ fn brown(lens: &BrownConrady, y: &Vector2<f64>, focal: &Vector2<f64>) -> Option<
         _ if lens.fold().is_finite() && rd > 0.0 => y * (0.9 * lens.fold() / rd),
         _ => y,
     };
-    let x = newton(lens, &y, start, focal)?;
-    on_first_sheet(lens, &x).then_some(x)
+    let mut attempts = STARTS.iter().filter_map(|part| newton(lens, &y, start * *part, focal));
+    attempts.find(|x| on_first_sheet(lens, x))
 }
 
-/// Damped Newton that keeps the determinant positive, so that it does not cross a fold.
+/// Damped Newton that keeps the determinant positive, so that it does not cross a fold; `None` if it ends above
+/// the tolerance.
 fn newton(
     lens: &BrownConrady,
     y: &Vector2<f64>,
@@ -99,12 +102,12 @@ fn newton(
             }
             fraction *= 0.5;
             if fraction < SHORTEST {
-                // No way down: either rounding, which the caller's tolerance accepts, or a fold.
-                return Some(x);
+                // No way down: rounding, or a fold.
+                return (at.2 <= TOLERANCE_PX).then_some(x);
             }
         }
     }
-    Some(x)
+    (at.2 <= TOLERANCE_PX).then_some(x)
 }
 
 /// Whether nothing folds between the axis and `x`.

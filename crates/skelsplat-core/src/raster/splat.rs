@@ -8,9 +8,7 @@ pub const ALPHA_CUT: f64 = 1.0 / 255.0;
 pub const ALPHA_MAX: f64 = 0.99;
 
 /// The Mahalanobis distance squared at which exp(−½ q) = [`ALPHA_CUT`]: 2 ln 255.
-fn cut() -> f64 {
-    2.0 * (1.0 / ALPHA_CUT).ln()
-}
+const CUT: f64 = 11.082_527_090_316_852;
 
 /// A run of pixels `[start, end)` in one row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -75,16 +73,26 @@ pub struct Splat {
     pub rows: Span,
     /// Columns of the same bounding box.
     pub columns: Span,
+    /// −b/a: how far the centre of a row moves from one row to the next.
+    slope: f64,
+    /// c − b²/a: the curvature of a row's floor.
+    floor: f64,
+    /// 1/a.
+    inverse: f64,
 }
 
 /// The integers in [centre − half, centre + half] ∩ [0, limit).
-fn pixels_within(centre: f64, half: f64, limit: u32) -> Span {
-    let limit = f64::from(limit);
-    let start = (centre - half).ceil().clamp(0.0, limit);
-    let end = ((centre + half).floor() + 1.0).clamp(start, limit);
-    // Both lie in [0, limit], and image sizes fit an i32.
-    #[allow(clippy::cast_possible_truncation, reason = "bounded by the image size just above")]
-    Span { start: start as i32, end: end as i32 }
+#[inline]
+fn pixels_within(centre: f64, half: f64, limit: f64) -> Span {
+    // Clamped to [0, limit] first, where a cast truncates downwards and image sizes fit an i32.
+    #[allow(clippy::cast_possible_truncation, reason = "bounded by the image size")]
+    let floor = |x: f64| x.clamp(0.0, limit) as i32;
+    let low = (centre - half).clamp(0.0, limit);
+    let start = floor(low);
+    let start = start + i32::from(f64::from(start) < low);
+    let high = centre + half;
+    let end = if high < 0.0 { 0 } else { floor(high + 1.0) };
+    Span { start, end: end.max(start) }
 }
 
 impl Splat {
@@ -93,27 +101,31 @@ impl Splat {
     #[must_use]
     pub fn new(mean: Vector2<f64>, covariance: &Matrix2<f64>, size: [u32; 2]) -> Option<Self> {
         let conic = covariance.try_inverse()?;
-        let reach = |variance: f64| (cut() * variance).sqrt();
+        let (a, b, c) = (conic[(0, 0)], conic[(0, 1)], conic[(1, 1)]);
+        let [width, height] = size.map(f64::from);
+        let reach = |variance: f64| (CUT * variance).sqrt();
         Some(Self {
             mean,
             conic,
-            columns: pixels_within(mean.x, reach(covariance[(0, 0)]), size[0]),
-            rows: pixels_within(mean.y, reach(covariance[(1, 1)]), size[1]),
+            columns: pixels_within(mean.x, reach(covariance[(0, 0)]), width),
+            rows: pixels_within(mean.y, reach(covariance[(1, 1)]), height),
+            slope: -b / a,
+            floor: c - b * b / a,
+            inverse: 1.0 / a,
         })
     }
 
     /// Row `v` of the splat; its span is empty where the ellipse misses every pixel centre of the row.
     #[must_use]
     pub fn row(&self, v: i32) -> Row {
-        let (a, b, c) = (self.conic[(0, 0)], self.conic[(0, 1)], self.conic[(1, 1)]);
         let y = f64::from(v) - self.mean.y;
-        let centre = -b / a * y;
-        let floor = (c - b * b / a) * y * y;
-        let half_squared = (cut() - floor) / a;
+        let centre = self.slope * y;
+        let floor = self.floor * y * y;
+        let half_squared = (CUT - floor) * self.inverse;
         let span = if half_squared < 0.0 {
             Span::default()
         } else {
-            let limit = u32::try_from(self.columns.end).unwrap_or(0);
+            let limit = f64::from(self.columns.end);
             pixels_within(self.mean.x + centre, half_squared.sqrt(), limit)
         };
         Row { span, y, centre, floor }
@@ -133,5 +145,36 @@ impl Splat {
     pub fn overlaps(&self, other: &Self) -> bool {
         let rows = self.rows.intersection(other.rows);
         (rows.start..rows.end).any(|v| !self.row(v).span.intersection(other.row(v).span).is_empty())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_cut_is_where_a_splat_falls_to_1_in_255() {
+        assert!((CUT - 2.0 * 255.0_f64.ln()).abs() < 1e-14);
+    }
+
+    /// Every pixel of the image, one by one, against the spans.
+    #[test]
+    fn rows_hold_exactly_the_pixels_inside_the_ellipse() {
+        let size = [40, 30];
+        let covariance = Matrix2::new(30.0, 12.0, 12.0, 9.0);
+        for mean in [[20.3, 14.8], [-3.0, 5.0], [39.0, 33.0], [80.0, 80.0]].map(Vector2::from) {
+            let splat = Splat::new(mean, &covariance, size).unwrap();
+            let mut covered = 0;
+            for (v, row) in splat.covered_rows() {
+                covered += row.span.len();
+                assert!((0..30).contains(&v) && row.span.start >= 0 && row.span.end <= 40);
+            }
+            let inside = |u: i32, v: i32| {
+                let x = Vector2::new(f64::from(u), f64::from(v)) - mean;
+                (x.transpose() * splat.conic * x)[0] <= CUT
+            };
+            let expected = (0..30).flat_map(|v| (0..40).map(move |u| (u, v)));
+            assert_eq!(covered, expected.filter(|(u, v)| inside(*u, *v)).count(), "{mean}");
+        }
     }
 }

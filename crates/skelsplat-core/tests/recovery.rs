@@ -1,0 +1,163 @@
+//! The whole method on scenes whose answer is known.
+
+use std::sync::atomic::AtomicBool;
+
+use nalgebra::Vector3;
+use skelsplat_core::camera::Camera;
+use skelsplat_core::detections::Detections;
+use skelsplat_core::layout::Layout;
+use skelsplat_core::refine::refiner::Frame;
+use skelsplat_core::refine::{JointStatus, RefineConfig, Refinement, Refiner, StopReason};
+use skelsplat_core::testing::scenes::{Noise, exact_detections, perturbed, room, standing};
+use skelsplat_core::unit::Unit;
+
+fn refine(cameras: &[Camera], unit: Unit, frame: &Frame, config: RefineConfig) -> Refinement {
+    let layout = Layout::by_name("h36m17").unwrap();
+    let refiner = Refiner::new(cameras, unit, Some(&layout), config).unwrap();
+    refiner.refine(frame, false, &AtomicBool::new(false)).unwrap()
+}
+
+fn mean_error(a: &[Vector3<f64>], b: &[Vector3<f64>]) -> f64 {
+    let n = f64::from(u32::try_from(a.len()).unwrap());
+    a.iter().zip(b).map(|(a, b)| (a - b).norm()).sum::<f64>() / n
+}
+
+fn start(noise_mm: f64, seed: u64) -> Option<Vec<Vector3<f64>>> {
+    Some(perturbed(&standing(), noise_mm, &mut Noise::new(seed)))
+}
+
+/// `detections` without joint `j` in the views from `from` on.
+fn without(detections: &Detections, j: usize, from: usize) -> Detections {
+    let (m, n) = (detections.n_views(), detections.n_joints());
+    let mut pixels = Vec::new();
+    for i in 0..m {
+        for k in 0..n {
+            let seen = detections.get(i, k).filter(|_| k != j || i < from);
+            pixels.extend(seen.map_or([f64::NAN; 2], |(p, _)| [p.x, p.y]));
+        }
+    }
+    Detections::new(m, n, &pixels, None).unwrap()
+}
+
+#[test]
+fn exact_detections_recover_the_pose_from_20_mm_of_noise() {
+    let cameras = room(4);
+    let detections = exact_detections(&standing(), &cameras);
+    for seed in 0..5 {
+        let frame = Frame { detections: detections.clone(), init_pose: start(20.0, seed) };
+        let out = refine(&cameras, Unit::Millimetre, &frame, RefineConfig::paper());
+        let before = mean_error(&out.init_pose, &standing());
+        assert!(before > 20.0, "the start is not noisy: {before}");
+        let after = mean_error(&out.pose, &standing());
+        assert!(after < 0.5, "seed {seed}: {after} mm, {:?}", out.stop_reason);
+        assert!(out.joint_status.iter().all(|s| *s == JointStatus::Ok));
+    }
+}
+
+/// The same scene in metres gives the same pose: all lengths are scaled by powers that rounding hardly feels.
+#[test]
+fn the_unit_changes_nothing() {
+    let cameras = room(4);
+    let metres: Vec<Camera> = cameras.iter().map(|c| c.clone().with_length_scale(1e-3)).collect();
+    let detections = exact_detections(&standing(), &cameras);
+    let config = RefineConfig { max_steps: 20, ..RefineConfig::paper() };
+    let in_mm = Frame { detections: detections.clone(), init_pose: start(20.0, 1) };
+    let in_m = Frame {
+        detections,
+        init_pose: in_mm.init_pose.as_ref().map(|p| p.iter().map(|x| x * 1e-3).collect()),
+    };
+    let a = refine(&cameras, Unit::Millimetre, &in_mm, config.clone());
+    let b = refine(&metres, Unit::Metre, &in_m, config);
+    let b_mm: Vec<Vector3<f64>> = b.pose.iter().map(|p| p * 1e3).collect();
+    assert!(mean_error(&a.pose, &b_mm) < 1e-3);
+    assert!((a.covariance[5] - b.covariance[5] * 1e6).amax() < 1e-2);
+}
+
+#[test]
+fn a_joint_that_no_view_sees_keeps_its_start_and_says_so() {
+    let cameras = room(4);
+    let detections = without(&exact_detections(&standing(), &cameras), 13, 0);
+    let frame = Frame { detections, init_pose: start(10.0, 4) };
+    let out = refine(&cameras, Unit::Millimetre, &frame, RefineConfig::paper());
+    assert_eq!(out.joint_status[13], JointStatus::Unobserved);
+    assert!((out.pose[13] - out.init_pose[13]).norm() < 1e-9);
+    assert!(out.reprojection_error.iter().skip(13).step_by(17).all(|e| e.is_nan()));
+}
+
+#[test]
+fn a_joint_that_no_view_sees_and_that_has_no_start_is_nan() {
+    let cameras = room(4);
+    let detections = without(&exact_detections(&standing(), &cameras), 13, 0);
+    let out = refine(
+        &cameras,
+        Unit::Millimetre,
+        &Frame { detections, init_pose: None },
+        RefineConfig::paper(),
+    );
+    assert_eq!(out.joint_status[13], JointStatus::Unobserved);
+    assert!(out.pose[13].x.is_nan() && out.covariance[13][(0, 0)].is_nan());
+    let rest = |p: &[Vector3<f64>]| [&p[..13], &p[14..]].concat();
+    assert!(mean_error(&rest(&out.pose), &rest(&standing())) < 0.5);
+}
+
+#[test]
+fn a_joint_that_one_view_sees_is_weak_but_agrees_with_that_view() {
+    let cameras = room(4);
+    let detections = without(&exact_detections(&standing(), &cameras), 13, 1);
+    let frame = Frame { detections, init_pose: start(10.0, 5) };
+    let config = RefineConfig { stop_tolerance: 0.0, ..RefineConfig::paper() };
+    let out = refine(&cameras, Unit::Millimetre, &frame, config);
+    assert_eq!(out.joint_status[13], JointStatus::Weak);
+    // 10 mm of start are about 2 px here; one view suffices to remove what it sees of them.
+    assert!(out.reprojection_error[13] < 0.5, "{}", out.reprojection_error[13]);
+}
+
+#[test]
+fn a_frame_without_detections_keeps_its_start() {
+    let cameras = room(4);
+    let detections = Detections::new(4, 17, &[f64::NAN; 4 * 17 * 2], None).unwrap();
+    let frame = Frame { detections, init_pose: start(10.0, 6) };
+    let out = refine(&cameras, Unit::Millimetre, &frame, RefineConfig::paper());
+    assert_eq!((out.stop_reason, out.n_iter), (StopReason::NoObservations, 0));
+    assert_eq!(out.pose, out.init_pose);
+    assert!(out.joint_status.iter().all(|s| *s == JointStatus::Unobserved));
+}
+
+#[test]
+fn joints_behind_every_camera_or_outside_every_image_are_outcomes() {
+    let cameras = room(2);
+    let detections = exact_detections(&standing(), &cameras);
+    // Below the floor by 100 m: no image shows it. Far behind camera 0, which looks at the room from one side.
+    let outside = Vector3::new(0.0, 0.0, -1e5);
+    let behind = cameras[0].centre() * 3.0;
+    for (j, place) in [(4, outside), (9, behind)] {
+        let mut init = standing();
+        init[j] = place;
+        let frame = Frame { detections: detections.clone(), init_pose: Some(init) };
+        let out = refine(&cameras, Unit::Millimetre, &frame, RefineConfig::paper());
+        assert_ne!(out.joint_status[j], JointStatus::Ok);
+        assert!(out.pose.iter().flat_map(|p| p.iter()).all(|v| v.is_finite()));
+    }
+}
+
+#[test]
+fn nan_joints_of_the_start_are_triangulated() {
+    let cameras = room(4);
+    let detections = exact_detections(&standing(), &cameras);
+    let mut init = standing();
+    init[2] = Vector3::repeat(f64::NAN);
+    let frame = Frame { detections, init_pose: Some(init) };
+    let out = refine(&cameras, Unit::Millimetre, &frame, RefineConfig::paper());
+    assert!((out.init_pose[2] - standing()[2]).norm() < 1e-6);
+}
+
+#[test]
+fn a_lower_resolution_still_recovers_the_pose() {
+    let cameras = room(4);
+    let detections = exact_detections(&standing(), &cameras);
+    let frame = Frame { detections, init_pose: start(10.0, 8) };
+    let config = RefineConfig { resolution: 0.5, ..RefineConfig::paper() };
+    let out = refine(&cameras, Unit::Millimetre, &frame, config);
+    // A shift of half a pixel at 4.6 mm per pixel would show as more than 2 mm.
+    assert!(mean_error(&out.pose, &standing()) < 1.0);
+}

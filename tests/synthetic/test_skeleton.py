@@ -1,0 +1,226 @@
+"""The articulated body and its motions: geometry that must hold, and each motion does what it is called."""
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from skelsplat import synthetic
+from skelsplat.synthetic import skeleton
+
+SEEDS = range(6)
+# 8 s: longer than one round of any motion.
+FRAMES = 400
+J = {name: k for k, name in enumerate(skeleton.JOINT_NAMES)}
+LEFT = [J[n] for n in skeleton.JOINT_NAMES if n.startswith("left")]
+RIGHT = [J[skeleton.JOINT_NAMES[k].replace("left", "right")] for k in LEFT]
+ANKLES = [J["left_ankle"], J["right_ankle"]]
+
+
+def clip(name, seed):
+    return synthetic.motion(name, FRAMES, seed=seed)
+
+
+def heading(pose):
+    """Direction the pelvis faces, radians, unwrapped over time."""
+    across = pose[:, J["left_hip"]] - pose[:, J["right_hip"]]
+    return np.unwrap(np.arctan2(-across[:, 0], across[:, 1]))
+
+
+def test_joints_and_bones_are_those_of_the_human36m17_layout():
+    assert tuple(sk.layouts.H36M17.joints) == skeleton.JOINT_NAMES
+    bones = {frozenset((k, p)) for k, p in enumerate(skeleton.PARENTS) if p >= 0}
+    assert {frozenset(limb) for limb in sk.layouts.H36M17.limbs} == bones
+
+
+def test_rest_pose_stands_upright_with_left_on_the_left():
+    pose = skeleton.forward_kinematics({})[0]
+    assert 1400 < pose[J["head"], 2] - pose[J["left_ankle"], 2] < 1750
+    assert (pose[LEFT, 1] > 0).all()
+    np.testing.assert_allclose(pose[LEFT] * (1, -1, 1), pose[RIGHT])
+    assert pose[J["nose"], 0] > 0
+    assert pose[J["left_wrist"], 2] < pose[J["left_elbow"], 2] < pose[J["left_shoulder"], 2]
+
+
+@pytest.mark.parametrize(
+    ("angle", "joint", "direction"),
+    [
+        ("hip_flexion", "knee", (1, 0, 0)),
+        ("hip_abduction", "knee", (0, 1, 0)),
+        ("knee_flexion", "ankle", (-1, 0, 0)),
+        ("shoulder_flexion", "elbow", (1, 0, 0)),
+        ("shoulder_abduction", "elbow", (0, 1, 0)),
+        ("elbow_flexion", "wrist", (1, 0, 0)),
+    ],
+)
+def test_positive_angles_move_the_limb_as_documented_on_both_sides(angle, joint, direction):
+    rest = skeleton.forward_kinematics({})[0]
+    for side, name, mirror in (("l", f"left_{joint}", 1), ("r", f"right_{joint}", -1)):
+        moved = skeleton.forward_kinematics({f"{angle}_{side}": 20.0})[0]
+        step = (moved - rest)[J[name]] * (1, mirror, 1)
+        # The limb of length L turns by 20°: L·sin 20° sideways.
+        assert step @ direction == pytest.approx(rest_length(rest, name) * np.sin(np.deg2rad(20)))
+
+
+def rest_length(pose, name):
+    return np.linalg.norm(pose[J[name]] - pose[skeleton.PARENTS[J[name]]])
+
+
+@pytest.mark.parametrize(
+    ("angle", "direction"),
+    [("lean", (1, 0, 0)), ("spine_flexion", (1, 0, 0)), ("tilt", (0, 1, 0)), ("spine_tilt", (0, 1, 0))],
+)
+def test_positive_trunk_angles_move_the_neck_as_documented(angle, direction):
+    rest = skeleton.forward_kinematics({})[0, J["neck"]]
+    moved = skeleton.forward_kinematics({angle: 20.0})[0, J["neck"]]
+    assert (moved - rest) @ direction > 80.0
+
+
+def test_elbow_of_an_arm_turned_outward_bends_outward():
+    # The bent forearm points forward; a quarter turn outward takes it to the body's own side.
+    for side, sign in (("l", 1), ("r", -1)):
+        name = "left" if side == "l" else "right"
+        pose = skeleton.forward_kinematics(
+            {f"elbow_flexion_{side}": 90.0, f"shoulder_rotation_{side}": 90.0}
+        )[0]
+        forearm = pose[J[f"{name}_wrist"]] - pose[J[f"{name}_elbow"]]
+        np.testing.assert_allclose(forearm, (0, sign * 250, 0), atol=1e-9)
+
+
+def test_random_angles_keep_bone_lengths_and_scale_scales_them():
+    rng = np.random.default_rng(3)
+    angles = {}
+    for name in skeleton.angle_names():
+        low, high = skeleton.LIMITS_DEG[name.removesuffix("_l").removesuffix("_r")]
+        angles[name] = rng.uniform(low, high, size=20)
+    rest = skeleton.bone_lengths(skeleton.forward_kinematics({}))
+    pose = skeleton.forward_kinematics(angles, heading_deg=77.0, root=(1, 2, 3), n_frames=20, scale=0.1)
+    np.testing.assert_allclose(skeleton.bone_lengths(pose), 0.1 * np.repeat(rest, 20, axis=0))
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (
+            lambda: skeleton.forward_kinematics({"knee_flexion_l": -5.0}),
+            r"angles\['knee_flexion_l'\]: expected 0.0 to 150.0 degrees, got -5.0",
+        ),
+        (lambda: skeleton.forward_kinematics({"tail": 0.0}), "angles: expected names among .*, got 'tail'"),
+        (lambda: skeleton.forward_kinematics({"lean": np.nan}), r"angles\['lean'\]: expected .*, got nan"),
+        (lambda: skeleton.forward_kinematics({}, scale=0), "scale: expected a finite number > 0, got 0"),
+        (lambda: skeleton.bone_lengths(np.zeros((3, 3))), r"points: expected shape \(\.\.\., 17, 3\)"),
+        (lambda: synthetic.motion("fly", 3), "name: expected one of walk, .*, got 'fly'"),
+        (lambda: synthetic.motion("walk", 0), "n_frames: expected at least 1, got 0"),
+        (lambda: synthetic.motion("walk", 3, fps=0), "fps: expected a finite number > 0, got 0"),
+    ],
+)
+def test_bad_input_is_named(call, message):
+    with pytest.raises(sk.InvalidInputError, match=message):
+        call()
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("name", synthetic.motion_names)
+class TestEveryMotion:
+    def test_bones_keep_their_length_and_are_the_same_left_and_right(self, name, seed):
+        lengths = skeleton.bone_lengths(clip(name, seed))
+        np.testing.assert_allclose(lengths, np.broadcast_to(lengths[0], lengths.shape))
+        np.testing.assert_allclose(lengths[:, np.array(LEFT) - 1], lengths[:, np.array(RIGHT) - 1])
+
+    def test_one_foot_stands_and_nothing_is_below_the_floor(self, name, seed):
+        pose = clip(name, seed)
+        lowest = pose[:, ANKLES, 2].min(axis=1)
+        # The soft minimum may leave the lower ankle ln 2 × 8 mm = 5.5 mm under the ankle's height, never above.
+        assert (lowest <= skeleton.ANKLE_HEIGHT_MM + 1e-9).all()
+        assert (lowest >= skeleton.ANKLE_HEIGHT_MM - 5.6).all()
+        assert (pose[..., 2] > 0).all()
+
+    def test_moves_smoothly_within_the_room(self, name, seed):
+        pose = clip(name, seed)
+        assert np.isfinite(pose).all()
+        assert (np.linalg.norm(pose[..., :2], axis=-1) < 2000).all()
+        # A walker's foot reaches 4 to 5 m/s in swing and 30 to 50 m/s² at its ends; a jump would be far above.
+        assert (np.linalg.norm(np.diff(pose, axis=0), axis=-1) * 50 < 7_000).all()
+        assert (np.linalg.norm(np.diff(pose, n=2, axis=0), axis=-1) * 50**2 < 70_000).all()
+
+    def test_seed_decides(self, name, seed):
+        np.testing.assert_array_equal(clip(name, seed), clip(name, np.random.default_rng(seed)))
+        other = clip(name, seed + 100)
+        ours = clip(name, seed)
+        assert np.linalg.norm((ours - ours[:, :1]) - (other - other[:, :1]), axis=-1).mean() > 20.0
+        np.testing.assert_array_equal(synthetic.motion(name, 10, seed=seed), ours[:10])
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_walk_goes_where_the_body_faces_with_alternating_steps(seed):
+    pose = clip("walk", seed)
+    velocity = np.diff(pose[:, 0, :2], axis=0) * 50
+    speed = np.linalg.norm(velocity, axis=1)
+    assert ((speed > 700) & (speed < 2000)).all()
+    facing = heading(pose)[:-1]
+    forward = (velocity * np.stack([np.cos(facing), np.sin(facing)], axis=1)).sum(axis=1)
+    assert (forward > 0.95 * speed).all()
+    ahead = pose[:, J["left_ankle"]] - pose[:, J["right_ankle"]]
+    lead = ahead[:, 0] * np.cos(heading(pose)) + ahead[:, 1] * np.sin(heading(pose))
+    # 8 s at a stride of 1.0 to 1.3 s: the leading foot changes twice a stride, 12 to 16 times.
+    assert 11 <= (np.diff(np.sign(lead)) != 0).sum() <= 17
+    assert lead.max() > 400
+    assert lead.min() < -400
+
+
+@pytest.mark.parametrize(("name", "least_drop"), [("sit", 380), ("crouch", 430)])
+@pytest.mark.parametrize("seed", SEEDS)
+def test_sit_and_crouch_lower_the_pelvis_between_standing_still(name, least_drop, seed):
+    pelvis = clip(name, seed)[:, 0, 2]
+    assert pelvis.max() > 930
+    assert np.ptp(pelvis) > least_drop
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_sitter_has_level_thighs_and_an_upright_trunk(seed):
+    pose = clip("sit", seed)
+    low = pose[pose[:, 0, 2].argmin()]
+    thigh = low[J["left_knee"]] - low[J["left_hip"]]
+    trunk = low[J["neck"]] - low[0]
+    assert abs(thigh[2]) < 0.25 * np.linalg.norm(thigh)
+    assert trunk[2] > 0.9 * np.linalg.norm(trunk)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_reach_stretches_an_arm_forward_and_takes_it_back(seed):
+    pose = clip("reach", seed)
+    facing = heading(pose)
+    out = []
+    for wrist in (J["left_wrist"], J["right_wrist"]):
+        offset = pose[:, wrist] - pose[:, 0]
+        out.append(offset[:, 0] * np.cos(facing) + offset[:, 1] * np.sin(facing))
+    farthest = np.array(out)
+    active = int(np.ptp(farthest, axis=1).argmax())
+    assert farthest[active].max() > 450
+    assert farthest[active].min() < 250
+    assert np.ptp(farthest[1 - active]) < 300
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_wave_holds_one_wrist_above_its_shoulder_and_swings_it(seed):
+    pose = clip("wave", seed)
+    above = {
+        side: pose[:, J[f"{side}_wrist"], 2] > pose[:, J[f"{side}_shoulder"], 2] for side in ("left", "right")
+    }
+    side = max(above, key=lambda s: above[s].mean())
+    other = "left" if side == "right" else "right"
+    assert above[side].mean() > 0.4
+    assert not above[other].any()
+    swing = (pose[:, J[f"{side}_wrist"]] - pose[:, J[f"{side}_elbow"]])[above[side]]
+    facing = heading(pose)[above[side]]
+    along = swing[:, 0] * np.cos(facing) + swing[:, 1] * np.sin(facing)
+    # 2.5 s of a raised hand at 1.2 Hz or more: at least 4 changes of direction.
+    assert (np.diff(np.sign(np.diff(along))) != 0).sum() >= 4
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_turn_changes_the_heading_by_90_to_180_degrees_on_the_spot(seed):
+    pose = clip("turn", seed)
+    turned = np.rad2deg(np.ptp(heading(pose)))
+    assert 89.0 < turned < 181.0
+    # The hips swing about the feet by a few centimetres.
+    assert np.ptp(pose[:, 0, :2], axis=0).max() < 200

@@ -1,0 +1,202 @@
+"""Metrics against values worked out by hand, and their rule for missing joints."""
+
+import numpy as np
+import pytest
+
+from skelsplat import InvalidInputError, metrics
+
+
+def poses(rng, n_frames=4, n_joints=6):
+    return 500.0 * rng.standard_normal((n_frames, n_joints, 3))
+
+
+def rotation(axis, angle):
+    axis = np.asarray(axis) / np.linalg.norm(axis)
+    K = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    return np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * K @ K
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(7)
+
+
+def test_mpjpe_is_the_mean_distance():
+    gt = np.zeros((2, 2, 3))
+    pred = np.array([[[3.0, 4.0, 0.0], [0.0, 0.0, 1.0]], [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]]])
+    assert metrics.mpjpe(pred, gt) == 2.0
+    np.testing.assert_allclose(metrics.mpjpe(pred, gt, reduce="per_joint"), [2.5, 1.5])
+    np.testing.assert_allclose(metrics.mpjpe(pred, gt, reduce="per_pose"), [3.0, 1.0])
+    np.testing.assert_allclose(metrics.mpjpe(pred, gt, reduce="none"), [[5.0, 1.0], [0.0, 2.0]])
+
+
+def test_missing_joints_are_left_out_of_distances_and_counted_by_missing_rate():
+    gt = np.zeros((2, 2, 3))
+    pred = np.full((2, 2, 3), 0.0)
+    pred[0, 0] = (0.0, np.nan, 0.0)
+    pred[0, 1] = (0.0, 0.0, 6.0)
+    gt[1, 1, 2] = np.nan
+    assert metrics.mpjpe(pred, gt) == 3.0
+    assert metrics.missing_rate(pred, gt) == pytest.approx(1 / 3)
+    np.testing.assert_array_equal(metrics.missing_rate(pred, gt, reduce="per_joint"), [0.5, 0.0])
+
+
+def test_a_mean_over_nothing_is_nan():
+    nothing = np.full((2, 3, 3), np.nan)
+    assert np.isnan(metrics.mpjpe(nothing, np.zeros((2, 3, 3))))
+    assert np.isnan(metrics.pa_mpjpe(nothing, np.zeros((2, 3, 3))))
+    assert np.isnan(metrics.pck(np.zeros((2, 3, 3)), nothing))
+
+
+def test_root_relative_ignores_a_common_shift_and_uses_the_mean_of_several_roots(rng):
+    gt = poses(rng)
+    pred = gt + np.array([100.0, -20.0, 30.0])
+    # Rounding of coordinates of size 1e3 in float64.
+    assert metrics.root_relative_mpjpe(pred, gt, root=0) < 1e-9
+    assert metrics.root_relative_mpjpe(pred, gt, root=(1, 2)) < 1e-9
+    pred[:, 1] += (10.0, 0.0, 0.0)
+    errors = metrics.root_relative_mpjpe(pred, gt, root=(1, 2), reduce="per_joint")
+    # The root moves by half of joint 1's 10 mm.
+    np.testing.assert_allclose(errors, 5.0)
+
+
+def test_root_relative_of_a_pose_without_root_is_missing(rng):
+    gt = poses(rng)
+    pred = gt.copy()
+    pred[0, 0] = np.nan
+    errors = metrics.root_relative_mpjpe(pred, gt, root=0, reduce="per_pose")
+    assert np.isnan(errors[0])
+    assert (errors[1:] == 0).all()
+
+
+def test_procrustes_removes_a_similarity(rng):
+    gt = poses(rng)
+    pred = 0.7 * gt @ rotation((1, 2, 3), 2.0).T + np.array([1000.0, 0.0, -300.0])
+    assert metrics.mpjpe(pred, gt) > 100.0
+    assert metrics.pa_mpjpe(pred, gt) < 1e-9
+
+
+def test_procrustes_does_not_reflect(rng):
+    gt = poses(rng)
+    assert metrics.pa_mpjpe(gt * (-1.0, 1.0, 1.0), gt) > 50.0
+
+
+def test_procrustes_is_the_least_squares_similarity(rng):
+    gt = poses(rng, n_frames=1)
+    pred = gt + 80.0 * rng.standard_normal(gt.shape)
+    best = (metrics.pa_mpjpe(pred, gt, reduce="none") ** 2).sum()
+
+    def squared(scale, angle, axis, shift):
+        centre = pred.mean(axis=1, keepdims=True)
+        return (((scale * (pred - centre) @ rotation(axis, angle).T) + centre + shift - gt) ** 2).sum()
+
+    for _ in range(200):
+        other = squared(rng.uniform(0.9, 1.1), rng.normal(0, 0.1), rng.normal(size=3), rng.normal(0, 20, 3))
+        assert other >= best
+
+
+def test_procrustes_uses_only_present_joints(rng):
+    gt = poses(rng)
+    pred = 1.2 * gt + 50.0
+    pred[:, 2] = np.nan
+    gt[:, 4] = np.nan
+    errors = metrics.pa_mpjpe(pred, gt, reduce="per_joint")
+    assert np.isnan(errors[[2, 4]]).all()
+    assert np.nanmax(errors) < 1e-9
+    pred[0, :4] = np.nan
+    assert np.isnan(metrics.pa_mpjpe(pred, gt, reduce="per_pose")[0])
+
+
+def test_pck_counts_the_threshold_as_correct_and_missing_as_wrong():
+    gt = np.zeros((1, 4, 3))
+    pred = np.zeros((1, 4, 3))
+    pred[0, 0, 0], pred[0, 1, 0], pred[0, 2, 0] = 100.0, 100.1, np.nan
+    assert metrics.pck(pred, gt, threshold_mm=100.0) == 0.5
+    np.testing.assert_array_equal(metrics.pck(pred, gt, threshold_mm=100.0, reduce="none"), [[1, 0, 0, 1]])
+
+
+def test_auc_is_the_mean_pck_from_0_to_150_mm():
+    gt = np.zeros((1, 2, 3))
+    pred = np.zeros((1, 2, 3))
+    pred[0, 1, 0] = 75.0
+    # 75 mm is correct at 75, 80, …, 150: 16 of the 31 thresholds; the other joint at all.
+    assert metrics.auc(pred, gt) == pytest.approx((1 + 16 / 31) / 2)
+    assert metrics.auc(pred, gt, thresholds_mm=[50.0, 100.0]) == 0.75
+    np.testing.assert_allclose(metrics.auc(pred, gt, reduce="per_joint"), [1.0, 16 / 31])
+
+
+def test_pcp_takes_the_mean_of_the_two_endpoint_errors():
+    gt = np.array([[[0.0, 0, 0], [100, 0, 0], [200, 0, 0], [300, 0, 0]]])
+    pred = gt.copy()
+    pred[0, 1, 1] = 99.0
+    pred[0, 2, 1] = 2.0
+    # Half the length is 50: limb (0,1) errs by 49.5, (1,2) by 50.5, (2,3) by 1.
+    limbs = [(0, 1), (1, 2), (2, 3)]
+    np.testing.assert_array_equal(metrics.pcp(pred, gt, limbs, reduce="per_joint"), [1, 0, 1])
+    assert metrics.pcp(pred, gt, limbs) == pytest.approx(2 / 3)
+    assert metrics.pcp(pred, gt, limbs, alpha=0.51) == 1.0
+    # The centre of joints 0 and 1 is off by 49.5, joint 3 by nothing.
+    assert metrics.pcp(pred, gt, [((0, 1), 3)], alpha=0.1) == 1.0
+    pred[0, 0] = np.nan
+    gt[0, 3] = np.nan
+    np.testing.assert_array_equal(metrics.pcp(pred, gt, limbs, reduce="per_joint"), [0, 0, np.nan])
+
+
+def test_sigma_coverage_of_gaussian_errors_is_chi_square_with_three_degrees(rng):
+    n = 20_000
+    root = np.array([[30.0, 0, 0], [10.0, 5.0, 0], [-4.0, 2.0, 60.0]])
+    gt = np.zeros((n, 1, 3))
+    pred = rng.standard_normal((n, 1, 3)) @ root.T
+    covariance = np.broadcast_to(root @ root.T, (n, 1, 3, 3))
+    # Chi-square with 3 degrees at 1, 4, 9; 4 standard errors of a share p: 4·√(p(1−p)/n) ≤ 0.0142.
+    np.testing.assert_allclose(
+        metrics.sigma_coverage(pred, covariance, gt), [0.19875, 0.73854, 0.97071], atol=0.0142
+    )
+
+
+def test_sigma_coverage_excludes_missing_and_keeps_joints_apart():
+    gt = np.zeros((2, 3, 3))
+    pred = np.zeros((2, 3, 3))
+    pred[0, 1, 0], pred[1, 1, 0], pred[0, 2, 0] = 15.0, 25.0, np.nan
+    covariance = np.broadcast_to(100.0 * np.eye(3), (2, 3, 3, 3)).copy()
+    covariance[1, 2] = np.nan
+    got = metrics.sigma_coverage(pred, covariance, gt, reduce="per_joint")
+    np.testing.assert_array_equal(got, [[1, 0, np.nan], [1, 0.5, np.nan], [1, 1, np.nan]])
+    assert metrics.sigma_coverage(pred, covariance, gt, sigmas=(2.0,), reduce="none").shape == (1, 2, 3)
+
+
+GT = np.zeros((2, 4, 3))
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: metrics.mpjpe(GT[..., :2], GT), r"pred: expected shape \(\.\.\., N, 3\), got \(2, 4, 2\)"),
+        (lambda: metrics.mpjpe(GT[:1], GT), r"pred: expected the shape of gt \(2, 4, 3\), got \(1, 4, 3\)"),
+        (lambda: metrics.mpjpe("no", GT), "pred: expected an array of numbers"),
+        (lambda: metrics.mpjpe(GT + np.inf, GT), "pred: expected finite numbers or NaN, got infinity"),
+        (lambda: metrics.mpjpe(GT, GT, reduce="sum"), "reduce: expected one of mean, .*, got 'sum'"),
+        (
+            lambda: metrics.root_relative_mpjpe(GT, GT, root=4),
+            "root: expected joint indices from 0 to 3, got 4",
+        ),
+        (lambda: metrics.root_relative_mpjpe(GT, GT, root=()), r"root: expected a joint index .* got \(\)"),
+        (
+            lambda: metrics.pck(GT, GT, threshold_mm=-1.0),
+            "threshold_mm: expected a finite number >= 0, got -1.0",
+        ),
+        (lambda: metrics.auc(GT, GT, thresholds_mm=[]), r"thresholds_mm: expected a sequence .* got \[\]"),
+        (lambda: metrics.pcp(GT, GT, []), "limbs: expected at least one pair of joints, got none"),
+        (lambda: metrics.pcp(GT, GT, [(0, 9)]), r"limbs\[0\]: expected joint indices from 0 to 3, got 9"),
+        (lambda: metrics.pcp(GT, GT, [(0, 1, 2)]), r"limbs\[0\]: expected two endpoints, got \(0, 1, 2\)"),
+        (lambda: metrics.pcp(GT, GT, [(0, 1)], alpha=-1), "alpha: expected a finite number >= 0, got -1"),
+        (lambda: metrics.sigma_coverage(GT, GT, GT), r"covariance: expected shape \(2, 4, 3, 3\), got"),
+        (
+            lambda: metrics.sigma_coverage(GT, np.zeros((2, 4, 3, 3)), GT),
+            r"covariance\[0, 0\]: expected a symmetric positive definite matrix",
+        ),
+    ],
+)
+def test_bad_input_is_named(call, message):
+    with pytest.raises(InvalidInputError, match=message):
+        call()
