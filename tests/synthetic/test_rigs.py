@@ -37,7 +37,7 @@ def test_images_are_upright_and_centred_on_the_target(views):
     target = np.zeros(3) if views is VIEWS["table"] else np.array([0.0, 0.0, 900.0])
     for view in views:
         there, depth = pixel(view, target)
-        above, _ = pixel(view, target + (0, 0, 10.0))
+        above, _ = pixel(view, target + np.array([0, 0, 10.0]))
         assert depth > 0
         np.testing.assert_allclose(there, (np.array(view.size) - 1) / 2, atol=1e-9)
         assert above[1] < there[1]

@@ -129,7 +129,7 @@ class TestEveryMotion:
     def test_one_foot_stands_and_nothing_is_below_the_floor(self, name, seed):
         pose = clip(name, seed)
         lowest = pose[:, ANKLES, 2].min(axis=1)
-        # The soft minimum may leave the lower ankle ln 2 × 8 mm = 5.5 mm under the ankle's height, never above.
+        # The soft minimum may leave the lower ankle ln 2 × 8 mm = 5.5 mm under its height, never above.
         assert (lowest <= skeleton.ANKLE_HEIGHT_MM + 1e-9).all()
         assert (lowest >= skeleton.ANKLE_HEIGHT_MM - 5.6).all()
         assert (pose[..., 2] > 0).all()
@@ -138,7 +138,7 @@ class TestEveryMotion:
         pose = clip(name, seed)
         assert np.isfinite(pose).all()
         assert (np.linalg.norm(pose[..., :2], axis=-1) < 2000).all()
-        # A walker's foot reaches 4 to 5 m/s in swing and 30 to 50 m/s² at its ends; a jump would be far above.
+        # A walker's foot reaches 4 to 5 m/s in swing and 30 to 50 m/s² at its ends; a jump far more.
         assert (np.linalg.norm(np.diff(pose, axis=0), axis=-1) * 50 < 7_000).all()
         assert (np.linalg.norm(np.diff(pose, n=2, axis=0), axis=-1) * 50**2 < 70_000).all()
 

@@ -57,7 +57,7 @@ impl Field for PositionLearningRate {
     const EXPECTED: &'static str = "a number of mm, or 'camera_extent'";
     fn parse(value: &Bound<'_, PyAny>) -> Option<Self> {
         if let Ok(name) = value.cast::<PyString>() {
-            return (name.to_string() == "camera_extent").then_some(Self::CameraExtent);
+            return (*name == "camera_extent").then_some(Self::CameraExtent);
         }
         value.extract().ok().map(Self::Millimetres)
     }

@@ -1,6 +1,6 @@
 //! Projection and initial poses.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use skelsplat_core::camera::Camera;
@@ -10,6 +10,9 @@ use skelsplat_core::triangulate::{self as core, Method};
 
 use crate::args::{Array, Cameras, Frames, array_out, points_out};
 use crate::errors::{OrRaise, invalid};
+
+/// Means and covariances, one each per joint.
+type MeansAndCovariances = (Vec<Vector3<f64>>, Vec<Matrix3<f64>>);
 
 /// A double array of any shape.
 pub(crate) type Doubles<'py> = Bound<'py, PyArrayDyn<f64>>;
@@ -114,17 +117,17 @@ pub(crate) fn project_gaussians<'py>(
 pub(crate) fn gaussians(
     means: &Bound<'_, PyAny>,
     covariances: &Bound<'_, PyAny>,
-) -> PyResult<(Vec<Vector3<f64>>, Vec<nalgebra::Matrix3<f64>>)> {
+) -> PyResult<MeansAndCovariances> {
     let means = Array::of_shape("means", means, &[None, Some(3)], "(N, 3)")?;
     let n = means.shape[0];
     let shape = [Some(n), Some(3), Some(3)];
     let expected = format!("({n}, 3, 3), one per mean");
     let py = covariances.py();
     let covariances = Array::of_shape("covariances", covariances, &shape, &expected)?.matrices();
-    let not_psd = |c: &nalgebra::Matrix3<f64>| {
+    let asymmetric = |c: &Matrix3<f64>| {
         c.iter().all(|v| v.is_finite()) && (c - c.transpose()).amax() > 1e-6 * c.amax()
     };
-    if let Some(j) = covariances.iter().position(not_psd) {
+    if let Some(j) = covariances.iter().position(asymmetric) {
         let name = format!("covariances[{j}]");
         return Err(invalid(py, &name, "a symmetric matrix", "one that is not"));
     }

@@ -50,7 +50,7 @@ def write_figures(folder: Path, inputs: Inputs, outcome: Outcome, statistics: St
 
 
 def most_moved_frame(moved_mm: Array, status: npt.NDArray[np.str_]) -> int:
-    """Return the index of the frame whose median joint moved most; the median keeps a single stray joint from deciding.
+    """Return the index of the frame whose median joint moved most; one stray joint cannot decide that.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def _caption(frame: int, inputs: Inputs, statistics: Statistics) -> str:
 
 
 def _heat_caption(caption: str) -> str:
-    return f"{caption.partition(',')[0]}: what the loss compares, summed over the joints; cut to the person"
+    return f"{caption.partition(',')[0]}: heat maps summed over the joints (white 0, dark 1 and more), cut to the person"
 
 
 def _heatmap_row(

@@ -187,7 +187,7 @@ def _draw_cameras(axes: Axes, data: OverviewData) -> None:
     axes.set_yticks(rows, data.camera_names)
     axes.set_ylim(len(rows) - 0.5, -0.5)
     axes.set_xlim(left=0)
-    axes.set_xlabel("reprojection error [px]: bar median, line to 90 %")
+    axes.set_xlabel("error [px]: bar median, line to 90th percentile")
     axes.set_title("per camera, all frames")
     axes.grid(axis="x", color="0.9", linewidth=0.8)
     _style.tidy(axes)

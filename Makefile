@@ -1,0 +1,63 @@
+# Two commands on a new machine with Rust and Python >= 3.10:
+#   make demo   set up, build, refine the embedded real sample into ./skelsplat-demo
+#   make test   set up, every check
+PYTHON ?= python3
+VENV   := .venv
+BIN    := $(VENV)/bin
+STAMPS := .stamps
+
+RUST_SOURCES   := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name 'Cargo.toml' 2>/dev/null)
+PYTHON_SOURCES := pyproject.toml README.md $(shell find python -name '*.py' -o -name '*.pyi' -o -name '*.zip' 2>/dev/null)
+
+.PHONY: demo test fmt lint rust-test python-test bench clean
+
+demo: $(STAMPS)/installed
+	$(BIN)/skelsplat demo -o skelsplat-demo
+
+test: lint rust-test python-test
+
+# Its own interpreter: nothing is installed outside this folder.
+$(STAMPS)/venv: pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit("Python >= 3.10 is needed, this is " + sys.version.split()[0] if sys.version_info < (3, 10) else 0)'
+	@command -v cargo >/dev/null || { echo "cargo is needed: install Rust >= 1.89 (https://rustup.rs)" >&2; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --upgrade pip
+	$(BIN)/python -m pip install --quiet 'maturin>=1.9,<2'
+	@mkdir -p $(STAMPS) && touch $@
+
+# The wheel that users get, built and installed; not an editable checkout.
+$(STAMPS)/installed: $(STAMPS)/venv $(RUST_SOURCES) $(PYTHON_SOURCES)
+	rm -rf dist && rm -f python/skelsplat/_skelsplat*.so
+	$(BIN)/maturin build --release --quiet --interpreter $(BIN)/python --out dist
+	$(BIN)/python -m pip install --quiet --force-reinstall --no-deps dist/*.whl
+	$(BIN)/python -m pip install --quiet dist/*.whl
+	@touch $@
+
+$(STAMPS)/dev: $(STAMPS)/installed
+	$(BIN)/python -m pip install --quiet "$$(ls dist/*.whl)[dev]"
+	@touch $@
+
+fmt:
+	cargo fmt --all
+	$(BIN)/ruff format . && $(BIN)/ruff check --fix .
+
+lint: $(STAMPS)/dev
+	cargo fmt --all --check
+	cargo clippy --workspace --all-targets --quiet -- -D warnings
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/python -m mypy.stubtest skelsplat._skelsplat
+
+rust-test:
+	cargo test --workspace --quiet
+	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --quiet
+
+python-test: $(STAMPS)/dev
+	$(BIN)/python -m pytest
+
+bench: $(STAMPS)/dev
+	$(BIN)/python benchmarks/paper.py
+
+clean:
+	rm -rf $(VENV) $(STAMPS) dist target skelsplat-demo

@@ -1,0 +1,357 @@
+"""The compiled core. Arrays in and out are C-ordered float64 unless said otherwise."""
+
+from collections.abc import Callable, Sequence
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from skelsplat.cameras import CameraRig
+
+__version__: str
+LAYOUT_NAMES: list[str]
+JOINT_STATUS: list[str]
+
+_Cameras = CameraRig | Sequence[Camera]
+_Joint = int | str
+
+@final
+class Camera:
+    """A calibrated camera: pinhole, lens and image size. Immutable.
+
+    World to camera is x_c = R x_w + t with x right, y down, z forward; integer pixel coordinates are pixel
+    centres.
+
+    Parameters
+    ----------
+    K : (3, 3)
+        [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels.
+    R : (3, 3)
+        Rotation world to camera.
+    t : (3,)
+        Translation world to camera, in the unit of the rig.
+    distortion : (4 | 5 | 8 | 12 | 14,), optional
+        OpenCV order k1, k2, p1, p2[, k3[, k4, k5, k6[, s1..s4[, tau_x, tau_y]]]]; 4 with ``fisheye``.
+    fisheye : bool
+        The four coefficients are those of OpenCV's fisheye model.
+    size : (width, height)
+        Image size in pixels.
+    name : str, optional
+
+    Raises
+    ------
+    InvalidInputError
+        A wrong shape, a value that is not finite, a focal length that is not positive, an R that is not a
+        rotation, a wrong number of coefficients.
+    """
+
+    def __new__(
+        cls,
+        K: ArrayLike,
+        R: ArrayLike,
+        t: ArrayLike,
+        *,
+        distortion: ArrayLike | None = None,
+        fisheye: bool = False,
+        size: Sequence[int],
+        name: str | None = None,
+    ) -> Camera: ...
+    @property
+    def K(self) -> NDArray[np.float64]:
+        """Camera matrix (3, 3)."""
+    @property
+    def R(self) -> NDArray[np.float64]:
+        """Rotation world to camera (3, 3)."""
+    @property
+    def t(self) -> NDArray[np.float64]:
+        """Translation world to camera (3,)."""
+    @property
+    def centre(self) -> NDArray[np.float64]:
+        """Camera centre −Rᵀt in the world (3,)."""
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height, pixels."""
+    @property
+    def name(self) -> str | None:
+        """Name, if it has one."""
+    @property
+    def fisheye(self) -> bool:
+        """Whether the lens follows OpenCV's fisheye model."""
+    @property
+    def distortion(self) -> NDArray[np.float64] | None:
+        """Distortion coefficients as given."""
+    def scaled(self, factor: float) -> Camera:
+        """Return the camera of images resized by ``factor``: u' = (u + ½) · factor − ½."""
+    def undistort(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Map pixels (…, 2) to ideal pixels of the same K; NaN where no ray through the lens arrives."""
+    def __getnewargs_ex__(self) -> tuple[tuple[Any, ...], dict[str, Any]]: ...
+    def __eq__(self, other: object, /) -> bool: ...
+
+@final
+class Layout:
+    """Joint names, limbs and symmetries of a skeleton. Immutable. Joints are given by index or by name.
+
+    Parameters
+    ----------
+    name : str
+    joints : sequence of str
+        The N joint names, in the order of the arrays.
+    limbs : sequence of (joint, joint)
+    symmetric : sequence of (tier, (l1, l2), (r1, r2))
+        Limbs of equal length; tier 1 (lower arms and legs), 2 (upper arms and legs) or 3.
+    left_right : sequence of (left, right)
+        Joints that are mirror images.
+    occlusion_prone : sequence of joints
+        Those that ``RefineConfig.occlusion_sigma`` applies to.
+    root : sequence of joints
+        Joints whose mean is the root.
+
+    Raises
+    ------
+    InvalidInputError
+        A name or index that is no joint, a joint paired with itself, a tier other than 1, 2, 3.
+    """
+
+    def __new__(
+        cls,
+        name: str,
+        joints: Sequence[str],
+        *,
+        limbs: Sequence[Sequence[_Joint]] | None = None,
+        symmetric: Sequence[tuple[int, Sequence[_Joint], Sequence[_Joint]]] | None = None,
+        left_right: Sequence[Sequence[_Joint]] | None = None,
+        occlusion_prone: Sequence[_Joint] | None = None,
+        root: Sequence[_Joint] | None = None,
+    ) -> Layout: ...
+    @staticmethod
+    def by_name(name: str) -> Layout:
+        """Return the built-in layout of that name."""
+    @property
+    def name(self) -> str:
+        """Name of the layout."""
+    @property
+    def n_joints(self) -> int:
+        """Number of joints N."""
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Joint names in array order."""
+    @property
+    def limbs(self) -> tuple[tuple[int, int], ...]:
+        """Connected joints."""
+    @property
+    def left_right(self) -> tuple[tuple[int, int], ...]:
+        """Mirror images (left, right)."""
+    @property
+    def occlusion_prone(self) -> tuple[int, ...]:
+        """Elbows, wrists and ankles in the built-in layouts."""
+    @property
+    def root(self) -> tuple[int, ...]:
+        """Joints whose mean is the root."""
+    def symmetric_pairs(self, tier: int) -> tuple[tuple[tuple[int, int], tuple[int, int]], ...]:
+        """Return the pairs ((l1, l2), (r1, r2)) of symmetric limbs up to ``tier``."""
+    def __eq__(self, other: object, /) -> bool: ...
+
+@final
+class RefineConfig:
+    """Settings of ``refine``; lengths in mm whatever the unit of the cameras. Immutable.
+
+    Every field is a keyword; those left out keep the core's default, which are the paper's values.
+
+    Parameters
+    ----------
+    renderer, optimizer : str
+        ``"raster"`` and ``"adam"``.
+    sigma : float
+        Initial standard deviation σ₀ of every joint, e³ ≈ 20.09.
+    occlusion_sigma : float or None
+        Initial standard deviation of occlusion-prone joints; None: ``sigma``.
+    occlusion_factor : float
+        Instead of ``occlusion_sigma``, the paper's f: σ = σ₀^f (1.25 → 42.5 mm). Not kept as a field.
+    dilation : float
+        h, added to the projected variances, 0.3 px².
+    encoding : {"one_hot", "rgb", "single"}
+        Joint encoding; the last two are ablations.
+    symmetry_tier : {0, 1, 2, 3}
+        Symmetric limbs up to this tier; 0 switches the symmetry loss off.
+    symmetry_weight : float
+        λ_sym, 1e-5.
+    max_steps : int
+        At most this many optimisation steps, 125.
+    views_per_step : int or None
+        Views whose gradients are accumulated before a step; None: all.
+    position_lr : float or "camera_extent"
+        Initial learning rate of the means, 3 mm; or the formula 5e-4 · 1.1 · the largest distance of a camera
+        centre from their mean.
+    position_lr_factor : float
+        Multiplies ``position_lr``; the paper's dome rigs ran with 10 times the formula.
+    log_scale_lr, rotation_lr : float
+        Learning rates of log-scales (0.005) and quaternions (0.001).
+    lr_decay, lr_decay_steps : float
+        The position's learning rate falls by ``lr_decay`` over ``lr_decay_steps``: 0.01 over 1000.
+    adam_betas, adam_epsilon
+        Adam's β and ε.
+    stop_tolerance : float
+        Stop when the window minimum of the loss changes by less, 1e-6.
+    stop_window : int or None
+        Steps per window; None: the number of views.
+    undistort : bool
+        Remove lens distortion from the detections first; False mirrors numbers published without it.
+    min_confidence : float
+        Detections of a lower confidence count as missing, 0.
+    resolution : float
+        Render at this factor of the cameras' resolution, 1.
+    loss_history : bool
+        Keep the loss of every step.
+    n_threads : int or None
+        Threads for a batch; None: all cores. The result does not depend on it.
+
+    Raises
+    ------
+    InvalidInputError
+        An unknown field, or a value outside its domain; the message names the field.
+    """
+
+    def __new__(cls, **fields: Any) -> RefineConfig: ...
+    @staticmethod
+    def paper(**fields: Any) -> RefineConfig:
+        """Return the published method, with any field changed by keyword."""
+    def replace(self, **fields: Any) -> RefineConfig:
+        """Return a copy with some fields changed."""
+    def to_dict(self) -> dict[str, Any]:
+        """Return every field with its value."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    @property
+    def renderer(self) -> str: ...
+    @property
+    def optimizer(self) -> str: ...
+    @property
+    def sigma(self) -> float: ...
+    @property
+    def occlusion_sigma(self) -> float | None: ...
+    @property
+    def dilation(self) -> float: ...
+    @property
+    def encoding(self) -> str: ...
+    @property
+    def symmetry_tier(self) -> int: ...
+    @property
+    def symmetry_weight(self) -> float: ...
+    @property
+    def max_steps(self) -> int: ...
+    @property
+    def views_per_step(self) -> int | None: ...
+    @property
+    def position_lr(self) -> float | str: ...
+    @property
+    def position_lr_factor(self) -> float: ...
+    @property
+    def log_scale_lr(self) -> float: ...
+    @property
+    def rotation_lr(self) -> float: ...
+    @property
+    def lr_decay(self) -> float: ...
+    @property
+    def lr_decay_steps(self) -> float: ...
+    @property
+    def adam_betas(self) -> list[float]: ...
+    @property
+    def adam_epsilon(self) -> float: ...
+    @property
+    def stop_tolerance(self) -> float: ...
+    @property
+    def stop_window(self) -> int | None: ...
+    @property
+    def undistort(self) -> bool: ...
+    @property
+    def min_confidence(self) -> float: ...
+    @property
+    def resolution(self) -> float: ...
+    @property
+    def loss_history(self) -> bool: ...
+    @property
+    def n_threads(self) -> int | None: ...
+
+def project(points: ArrayLike, cameras: _Cameras) -> NDArray[np.float64]:
+    """Project world points (…, 3) to pixels (M, …, 2), lens distortion included; NaN behind a camera."""
+
+def triangulate(
+    detections: ArrayLike,
+    cameras: _Cameras,
+    *,
+    method: str = "dlt",
+    confidence: ArrayLike | None = None,
+) -> NDArray[np.float64]:
+    """Triangulate detections ([T,] M, N, 2|3) to points ([T,] N, 3); NaN with fewer than two views.
+
+    ``"dlt"`` is confidence-weighted algebraic triangulation, lens distortion removed first.
+
+    Raises
+    ------
+    InvalidInputError
+        Shapes that do not fit, an unknown method, a confidence outside [0, 1].
+    """
+
+def fuse_monocular(
+    poses: ArrayLike, detections: ArrayLike, cameras: _Cameras
+) -> NDArray[np.float64]:
+    """Fuse monocular 3D poses ([T,] V, N, 3) given in the world to one pose ([T,] N, 3).
+
+    X_j = Σ_i w_ij X_ij with w_ij ∝ 1 / (mean reprojection error of X_ij over the views that detect j). A pose
+    that is NaN at a joint has no weight there.
+    """
+
+def project_gaussians(
+    means: ArrayLike, covariances: ArrayLike, cameras: _Cameras
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Project Gaussians (N, 3), (N, 3, 3) to means (M, N, 2) and covariances (M, N, 2, 2) with h·I, ideal pixels.
+
+    Σ² = J W Σ Wᵀ Jᵀ + h·I (paper §3, supplement A); NaN behind a camera.
+    """
+
+def render(
+    means: ArrayLike, covariances: ArrayLike, camera: Camera, *, encoding: str = "one_hot"
+) -> NDArray[np.float32]:
+    """Render Gaussians (N, 3), (N, 3, 3): float32 (N, H, W) for ``"one_hot"``, (3|1, H, W) for ``"rgb"``, ``"single"``."""
+
+def pseudo_ground_truth(
+    detections: ArrayLike,
+    means: ArrayLike,
+    covariances: ArrayLike,
+    camera: Camera,
+    *,
+    encoding: str = "one_hot",
+) -> NDArray[np.float32]:
+    """Draw the heat maps of detections (N, 2|3), ideal pixels, with the shapes of the given Gaussians.
+
+    Same shape of result as ``render``; the channel of a missing detection is zero.
+    """
+
+def loss_and_gradient(
+    means: ArrayLike,
+    log_scales: ArrayLike,
+    quaternions: ArrayLike,
+    detections: ArrayLike,
+    cameras: _Cameras,
+    *,
+    layout: str | Layout | None = None,
+    config: RefineConfig | None = None,
+    target_means: ArrayLike | None = None,
+    target_covariances: ArrayLike | None = None,
+) -> dict[str, Any]:
+    """Fields of ``skelsplat.LossAndGradient``."""
+
+def refine(
+    init_pose: ArrayLike | None,
+    detections: ArrayLike,
+    cameras: _Cameras,
+    *,
+    layout: str | Layout | None = None,
+    confidence: ArrayLike | None = None,
+    config: RefineConfig | None = None,
+    progress: Callable[[int, int], Any] | None = None,
+) -> dict[str, Any]:
+    """Fields of ``skelsplat.Refinement``, with ``joint_status`` as codes into ``JOINT_STATUS``."""
+
+def implausible_extent(poses: ArrayLike, unit: str) -> str | None:
+    """Return a sentence if the skeletons (T, N, 3) are taller than 10 m or shorter than 10 cm, else None."""
