@@ -22,7 +22,8 @@ def tilt_matrix(tau_x: float, tau_y: float) -> Array:
     about_x = np.array([[1, 0, 0], [0, cx, sx], [0, -sx, cx]])
     about_y = np.array([[cy, 0, -sy], [0, 1, 0], [sy, 0, cy]])
     R = about_y @ about_x
-    return np.array([[R[2, 2], 0, -R[0, 2]], [0, R[2, 2], -R[1, 2]], [0, 0, 1]]) @ R
+    onto_sensor = np.array([[R[2, 2], 0, -R[0, 2]], [0, R[2, 2], -R[1, 2]], [0, 0, 1]])
+    return np.asarray(onto_sensor @ R)
 
 
 def distort_opencv(ideal: Array, coefficients: Array) -> Array:

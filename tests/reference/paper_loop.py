@@ -72,7 +72,7 @@ def refine(
 ) -> PaperResult:
     """Run the loop from `gaussians`; the pseudo ground truth is made once, from these."""
     images = targets(gaussians, detections, views, config.encoding)
-    pairs = observed_pairs(pairs, detected(detections).any(axis=0))
+    pairs = observed_pairs(pairs, np.any(detected(detections), axis=0))
     optimizers = [Adam(group.shape) for group in gaussians]
     losses: list[float] = []
     differences: list[float] = []

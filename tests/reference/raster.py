@@ -1,4 +1,4 @@
-"""Rendering over whole images with gradients: splats, encodings, pseudo ground truth, masked L2 (DESIGN §2)."""
+"""Full-image rendering, with gradients: splats, encodings, pseudo ground truth, masked L2 (DESIGN §2)."""
 
 import numpy as np
 
@@ -20,7 +20,7 @@ def offsets(centre: Array, size: tuple[int, int]) -> Array:
 def bell(centre: Array, covariance2d: Array, size: tuple[int, int]) -> Array:
     """exp(−½ (p−c)ᵀ Σ⁻¹ (p−c)) (H,W), uncut."""
     d = offsets(centre, size)
-    q = np.einsum("hwa,ab,hwb->hw", d, np.linalg.inv(covariance2d), d)
+    q = np.sum((d @ np.linalg.inv(covariance2d)) * d, axis=-1)
     return np.asarray(np.exp(-0.5 * q))
 
 
@@ -45,7 +45,8 @@ def splat_gradient(d_splat: Array, centre: Array, covariance2d: Array) -> tuple[
     values = bell(centre, covariance2d, (width, height))
     weight = np.where((values >= CUT) & (values < ALPHA_MAX), d_splat * values, 0.0)
     Ad = offsets(centre, (width, height)) @ np.linalg.inv(covariance2d)
-    return np.einsum("hw,hwa->a", weight, Ad), 0.5 * np.einsum("hw,hwa,hwb->ab", weight, Ad, Ad)
+    weighted = (weight[..., None] * Ad).reshape(-1, 2)
+    return weighted.sum(axis=0), 0.5 * weighted.T @ Ad.reshape(-1, 2)
 
 
 def splats(projected: Projected, size: tuple[int, int]) -> Array:

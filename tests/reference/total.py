@@ -126,10 +126,10 @@ def loss_and_gradient(
 def membership(
     gaussians: Gaussians, detections: Array, views: Sequence[View], joint: int | None = None
 ) -> list[Array]:
-    """Tell what must not change for the loss to be smooth, per view and seen joint (or of one `joint` alone).
+    """Tell what must not change for the loss to be smooth, per view and seen joint (or one `joint`).
 
-    An array of the image's shape with each pixel's class (0 cut, 1 smooth, 2 clamped at 0.99), then an array
-    (2,) of 1 where J's ratio is free and 0 where it is clamped. Central differences hold only if none changes.
+    First each pixel's class (H,W): 0 cut, 1 smooth, 2 clamped at 0.99; then (2,), 1 where J's ratio is free
+    and 0 where it is clamped. Central differences hold only if none changes.
     """
     joints = range(len(gaussians.means)) if joint is None else [joint]
     classes: list[Array] = []

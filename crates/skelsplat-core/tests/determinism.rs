@@ -21,8 +21,8 @@ fn frames(n: u64) -> Vec<Frame> {
         .collect()
 }
 
-fn refiner(threads: usize, config: RefineConfig) -> Refiner {
-    let config = RefineConfig { n_threads: Some(threads), max_steps: 25, ..config };
+fn refiner(threads: usize, config: &RefineConfig) -> Refiner {
+    let config = RefineConfig { n_threads: Some(threads), max_steps: 25, ..config.clone() };
     let layout = Layout::by_name("h36m17").unwrap();
     Refiner::new(&room(4), Unit::Millimetre, Some(&layout), config).unwrap()
 }
@@ -35,7 +35,7 @@ fn bits(results: &[Refinement]) -> Vec<u64> {
 fn a_batch_has_the_same_bits_on_any_number_of_threads() {
     let frames = frames(6);
     let run = |threads| {
-        let refiner = refiner(threads, RefineConfig::paper());
+        let refiner = refiner(threads, &RefineConfig::paper());
         bits(&refine_batch(&refiner, &frames, &Progress::default()).unwrap())
     };
     let one = run(1);
@@ -49,7 +49,7 @@ fn one_pose_has_the_same_bits_on_any_number_of_threads() {
     let wide = RefineConfig { sigma: 60.0, ..RefineConfig::paper() };
     let frames = frames(1);
     let run = |threads| {
-        let refiner = refiner(threads, wide.clone());
+        let refiner = refiner(threads, &wide);
         bits(&refine_batch(&refiner, &frames, &Progress::default()).unwrap())
     };
     assert_eq!(run(1), run(4));
@@ -58,7 +58,7 @@ fn one_pose_has_the_same_bits_on_any_number_of_threads() {
 #[test]
 fn a_frame_in_a_batch_is_what_it_is_alone() {
     let frames = frames(3);
-    let refiner = refiner(2, RefineConfig::paper());
+    let refiner = refiner(2, &RefineConfig::paper());
     let batch = refine_batch(&refiner, &frames, &Progress::default()).unwrap();
     for (frame, expected) in frames.iter().zip(&batch) {
         let alone =
@@ -70,7 +70,7 @@ fn a_frame_in_a_batch_is_what_it_is_alone() {
 #[test]
 fn progress_counts_and_cancel_stops() {
     let progress = Progress::default();
-    let refiner = refiner(2, RefineConfig::paper());
+    let refiner = refiner(2, &RefineConfig::paper());
     refine_batch(&refiner, &frames(3), &progress).unwrap();
     assert_eq!(progress.done(), 3);
     let progress = Progress::default();

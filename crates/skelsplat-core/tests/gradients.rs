@@ -35,7 +35,7 @@ fn weights() -> Matrix3<f64> {
 fn covariance_in_log_scales_and_quaternion() {
     let g = tilted(Vector3::zeros());
     let (d_log, d_q) = g.covariance_backward(&weights());
-    let at = [&g.log_scales.as_slice()[..], g.quaternion.as_slice()].concat();
+    let at = [g.log_scales.as_slice(), g.quaternion.as_slice()].concat();
     let numeric = central_differences(&at, 1e-5, |x| {
         let g = Gaussian {
             log_scales: Vector3::from_column_slice(&x[..3]),

@@ -5,8 +5,9 @@
 (10, 17, 3)
 """
 
+from skelsplat.synthetic.detections import simulate_detections
 from skelsplat.synthetic.motions import motion, motion_names
-from skelsplat.synthetic.noise import DetectionNoise, simulate_detections
+from skelsplat.synthetic.noise import DetectionNoise
 from skelsplat.synthetic.poses import monocular_poses, perturb
 from skelsplat.synthetic.rigs import dome, human36m_like, look_at, stereo, table
 from skelsplat.synthetic.skeleton import forward_kinematics

@@ -42,7 +42,7 @@ def swap(
     """Exchange left and right of `pairs` in the frames (T,) marked, in place."""
     for left, right in pairs:
         for array in (pixels, confidence):
-            array[frames, left], array[frames, right] = array[frames, right], array[frames, left].copy()
+            array[frames, left], array[frames, right] = array[frames, right], array[frames, left]
 
 
 def one_sided_chains(

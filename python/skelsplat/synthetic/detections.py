@@ -1,0 +1,213 @@
+"""Simulated 2D detections of known 3D joints; `skelsplat.synthetic.noise` says by what model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from skelsplat.exceptions import InvalidInputError
+from skelsplat.synthetic import _effects
+from skelsplat.synthetic.noise import DetectionNoise
+
+if TYPE_CHECKING:
+    from skelsplat import Camera, CameraRig
+
+FloatArray = NDArray[np.float64]
+
+# Factor on the jitter by what a joint's name contains: small, fast and loosely dressed joints are harder.
+_JOINT_FACTORS = (
+    ("wri", 1.3),
+    ("ank", 1.2),
+    ("toe", 1.3),
+    ("heel", 1.3),
+    ("elb", 1.1),
+    ("hip", 1.1),
+    ("pelvis", 1.1),
+    ("nose", 0.7),
+    ("eye", 0.7),
+    ("head", 0.8),
+    ("neck", 0.8),
+    ("thorax", 0.8),
+)
+
+
+class SkeletonLike(Protocol):
+    """What the noise needs to know of a `skelsplat.Layout`."""
+
+    @property
+    def name(self) -> str:
+        """Name for messages."""
+
+    @property
+    def joints(self) -> Sequence[str]:
+        """Names of the N joints."""
+
+    @property
+    def limbs(self) -> Sequence[tuple[int, int]]:
+        """Connected joints."""
+
+    @property
+    def left_right(self) -> Sequence[tuple[int, int]]:
+        """Pairs of a left joint and its right counterpart."""
+
+
+def simulate_detections(
+    points: ArrayLike,
+    cameras: CameraRig | Sequence[Camera],
+    *,
+    noise: DetectionNoise,
+    layout: str | SkeletonLike | None = "h36m17",
+    seed: int | np.random.Generator = 0,
+) -> FloatArray:
+    """Simulate what a 2D keypoint detector reports for known 3D joints.
+
+    Parameters
+    ----------
+    points : (T, N, 3) or (N, 3)
+        True joints in the rig's unit.
+    cameras : CameraRig or sequence of Camera
+        M views.
+    noise : DetectionNoise
+    layout : name, Layout or None
+        The joints' names and sides; None = all joints alike and nothing to swap.
+    seed : int or numpy Generator
+        Same seed, same detections. Views are independent of each other, and the same whatever cameras follow;
+        only which views are occluded depends on M.
+
+    Returns
+    -------
+    (T, M, N, 3) or (M, N, 3)
+        Pixel u, v and confidence in [0, 1]; missing = NaN, NaN, 0.
+
+    Raises
+    ------
+    InvalidInputError
+        If shapes, layout and noise do not fit each other.
+    """
+    from skelsplat import layouts, project
+
+    world = np.asarray(points, dtype=np.float64)
+    if world.ndim not in (2, 3) or world.shape[-1] != 3:
+        raise InvalidInputError(f"points: expected shape (T, N, 3) or (N, 3), got {world.shape}")
+    frames = world if world.ndim == 3 else world[None]
+    pixels = np.moveaxis(np.asarray(project(frames, cameras)), 0, 1)
+    limits = np.array([camera.size for camera in cameras], dtype=np.float64)[:, None] - 0.5
+    inside = np.all((pixels >= -0.5) & (pixels < limits), axis=-1)
+    skeleton = layouts.get(layout) if isinstance(layout, str) else layout
+    out = corrupt(np.where(inside[..., None], pixels, np.nan), noise=noise, layout=skeleton, seed=seed)
+    return out if world.ndim == 3 else out[0]
+
+
+def corrupt(
+    pixels: ArrayLike,
+    *,
+    noise: DetectionNoise,
+    layout: SkeletonLike | None = None,
+    seed: int | np.random.Generator = 0,
+) -> FloatArray:
+    """Apply the noise model to true projections.
+
+    Parameters
+    ----------
+    pixels : (T, M, N, 2) px
+        True projections; NaN = not in the image.
+    noise, layout, seed
+        As in `simulate_detections`.
+
+    Returns
+    -------
+    (T, M, N, 3) px, px, confidence.
+
+    Raises
+    ------
+    InvalidInputError
+        If the shape is another, the layout has another number of joints, or more views are to be occluded
+        than there are.
+    """
+    true = np.asarray(pixels, dtype=np.float64)
+    if true.ndim != 4 or true.shape[-1] != 2:
+        raise InvalidInputError(f"pixels: expected shape (T, M, N, 2), got {true.shape}")
+    n_frames, n_views, n_joints = true.shape[:3]
+    if layout is not None and len(layout.joints) != n_joints:
+        raise InvalidInputError(
+            f"layout: expected one of {n_joints} joints, got {layout.name!r} with {len(layout.joints)}"
+        )
+    rng = np.random.default_rng(seed)
+    streams = [np.random.default_rng(s) for s in rng.integers(2**63, size=n_views + 1)]
+    occluded = _occluded_views(n_frames, n_views, noise, streams[0])
+    views = [_one_view(true[:, i], occluded[:, i], noise, layout, streams[i + 1]) for i in range(n_views)]
+    return np.stack(views, axis=1)
+
+
+def _occluded_views(
+    n_frames: int, n_views: int, noise: DetectionNoise, rng: np.random.Generator
+) -> NDArray[np.bool_]:
+    """Which views have an occluder in which frame, (T, M)."""
+    count = n_views if noise.occluded_views is None else noise.occluded_views
+    if count > n_views:
+        raise InvalidInputError(f"noise.occluded_views: expected at most {n_views} (views), got {count}")
+    n_blocks = -(-n_frames // noise.occluder_frames)
+    rank = rng.random((n_blocks, n_views)).argsort(axis=1).argsort(axis=1)
+    chosen: NDArray[np.bool_] = np.repeat(rank < count, noise.occluder_frames, axis=0)[:n_frames]
+    return chosen
+
+
+def _one_view(
+    true: FloatArray,
+    occluded: NDArray[np.bool_],
+    noise: DetectionNoise,
+    layout: SkeletonLike | None,
+    rng: np.random.Generator,
+) -> FloatArray:
+    """Turn the true projections (T, N, 2) of one view into detections (T, N, 3)."""
+    shape = true.shape[:2]
+    factors = np.ones(shape[1]) if layout is None else np.array([_joint_factor(j) for j in layout.joints])
+    pixels = true + noise.sigma_px * factors[:, None] * _effects.jitter(true.shape, noise.correlation, rng)
+    confidence = rng.beta(18.0, 2.0, size=shape)
+
+    outlier = rng.random(shape) < noise.outlier_rate
+    length = rng.exponential(noise.outlier_px, size=shape)
+    pixels += np.where(outlier, length, 0.0)[..., None] * _effects.directions(shape, rng)
+    confidence = np.where(outlier, rng.beta(6.0, 4.0, size=shape), confidence)
+
+    if layout is not None:
+        for chain in _effects.one_sided_chains(layout.left_right, layout.limbs):
+            _effects.swap(pixels, confidence, chain, _happens(noise.limb_swap_rate, shape[0], rng))
+        _effects.swap(pixels, confidence, layout.left_right, _happens(noise.view_swap_rate, shape[0], rng))
+    hidden, guess = _hidden_guess(true, noise, rng)
+    hidden &= occluded[:, None]
+    pixels = np.where(hidden[..., None], guess, pixels)
+    confidence = np.where(hidden, rng.beta(4.0, 6.0, size=shape), confidence)
+
+    miss_rate = np.where(hidden, noise.hidden_missing_rate, noise.miss_rate)
+    missing = (rng.random(shape) < miss_rate) | np.isnan(pixels).any(axis=-1)
+    pixels[missing] = np.nan
+    confidence[missing] = 0.0
+    return np.concatenate([pixels, confidence[..., None]], axis=-1)
+
+
+def _happens(rate: float, n_frames: int, rng: np.random.Generator) -> NDArray[np.bool_]:
+    """In which frames (T,) an event of that probability happens."""
+    return np.asarray(rng.random(n_frames) < rate)
+
+
+def _joint_factor(joint: str) -> float:
+    name = joint.lower()
+    return next((factor for part, factor in _JOINT_FACTORS if part in name), 1.0)
+
+
+def _hidden_guess(
+    true: FloatArray, noise: DetectionNoise, rng: np.random.Generator
+) -> tuple[NDArray[np.bool_], FloatArray]:
+    """Joints (T, N) that an occluder hides, and the pixels (T, N, 2) where a detector would report them."""
+    shape = true.shape[:2]
+    centres, radii = _effects.discs(true, noise.n_discs, noise.disc_radius, noise.occluder_frames, rng)
+    hidden, centre, radius = _effects.covering_disc(true, centres, radii)
+    guess = centre + radius[..., None] * _effects.on_disc(shape, rng)
+    other = true[np.arange(shape[0])[:, None], rng.integers(shape[1], size=shape)]
+    near_other = other + noise.sigma_px * rng.standard_normal(true.shape)
+    drawn = (rng.random(shape) < noise.hidden_drawn_rate) & ~np.isnan(other).any(axis=-1)
+    return hidden, np.where(drawn[..., None], near_other, guess)
