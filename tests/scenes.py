@@ -145,8 +145,8 @@ STEPS = {"means": 5e-5, "log_scales": 2e-6, "quaternions": 2e-6}
 """Steps of the central differences (mm, 1, 1).
 
 Each moves the rim of a splat by about 1e-5 px, so that pixels hardly ever cross the 1/255 cut (`membership`
-says if one did). The loss is about 0.1 with rounding near 1e-17, so a difference quotient is good to 1e-12 per
-mm against gradients of 1e-3 per mm (and 1e-11 against 1e-2 for the others): 1e-9 relative. Truncation,
+says if one did). The loss is about 0.1 with rounding near 1e-17, so a difference quotient is good to 1e-12
+per mm against gradients of 1e-3 per mm (and 1e-11 against 1e-2 for the others): 1e-9 relative. Truncation,
 (step/σ)², is below that.
 """
 

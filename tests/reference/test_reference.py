@@ -1,4 +1,4 @@
-"""The twin checked against itself: central differences, closed forms, and OpenCV's own projection."""
+"""The twin checked against itself: central differences, closed forms, values known by hand."""
 
 import numpy as np
 import pytest

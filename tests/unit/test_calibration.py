@@ -120,11 +120,20 @@ MALFORMED = {
         _broken("-2e-05]", "-2e-05, 0.1]").replace("fisheye = false", "fisheye = true"),
         r"cam_a\.distortions: expected 4 fisheye coefficients, got 5 of them",
     ),
-    "fisheye a number": (_broken("fisheye = false", "fisheye = 1"), r"cam_a\.fisheye: expected true or false"),
+    "fisheye a number": (
+        _broken("fisheye = false", "fisheye = 1"),
+        r"cam_a\.fisheye: expected true or false",
+    ),
     "half a pixel": (_broken("1088.0", "1088.5"), r"cam_a\.size: expected a positive whole width"),
     "no width": (_broken("1088.0", "0"), r"cam_a\.size: expected a positive whole width"),
-    "a name twice": (_broken('"right"', '"left"'), r"name: expected a different name .* 2 cameras named 'left'"),
-    "no camera": ("[metadata]\nadjusted = false\n", r"cameras: expected at least one camera table .*metadata"),
+    "a name twice": (
+        _broken('"right"', '"left"'),
+        r"name: expected a different name .* 2 cameras named 'left'",
+    ),
+    "no camera": (
+        "[metadata]\nadjusted = false\n",
+        r"cameras: expected at least one camera table .*metadata",
+    ),
     "not a calibration": ("hello, world", r"content: expected a calibration in a known format \(anipose\)"),
     "not text": (b"\xff\xfe\x00[cam]", r"file: expected text in UTF-8, got byte 0"),
 }
@@ -141,7 +150,9 @@ def test_a_malformed_file_is_named_with_its_field(write, case):
 
 
 def test_a_missing_file(tmp_path):
-    with pytest.raises(sk.DatasetError, match=r"none\.toml: file: expected a readable file, got no such file"):
+    with pytest.raises(
+        sk.DatasetError, match=r"none\.toml: file: expected a readable file, got no such file"
+    ):
         read_calibration(tmp_path / "none.toml", unit="m")
 
 
@@ -166,13 +177,17 @@ def test_an_unknown_unit(write):
 
 
 def test_metres_read_as_millimetres_are_warned_about(write):
-    with pytest.warns(UserWarning, match=r'unit: the cameras would stand 0\.\d+ m apart in mm; .*"m" is likely'):
+    with pytest.warns(
+        UserWarning, match=r'unit: the cameras would stand 0\.\d+ m apart in mm; .*"m" is likely'
+    ):
         rig = read_calibration(write(VALID), unit="mm")
     assert rig.unit == "mm"
 
 
 def test_millimetres_read_as_metres_are_warned_about(write):
-    text = VALID.replace("[-2.0, 0.5, 3.0]", "[-2000, 500, 3000]").replace("[2.5, 0.5, 3.0]", "[2500, 500, 3000]")
+    text = VALID.replace("[-2.0, 0.5, 3.0]", "[-2000, 500, 3000]").replace(
+        "[2.5, 0.5, 3.0]", "[2500, 500, 3000]"
+    )
     with pytest.warns(UserWarning, match=r'm apart in m; .*"mm" is likely'):
         read_calibration(write(text), unit="m")
 
@@ -217,5 +232,7 @@ def test_rotation_vectors_agree_with_opencv():
 
 def test_a_calibration_cannot_be_written_into_a_file(write, tmp_path):
     rig = read_calibration(write(VALID), unit="m")
-    with pytest.raises(sk.DatasetError, match=r"output: expected a path that can be written, got not a directory"):
+    with pytest.raises(
+        sk.DatasetError, match=r"output: expected a path that can be written, got not a directory"
+    ):
         write_calibration(tmp_path / "Calib.toml" / "copy.toml", rig)

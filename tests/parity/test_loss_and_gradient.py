@@ -1,0 +1,161 @@
+"""Every analytic gradient of the package, against central differences of its own loss and against the twin."""
+
+import numpy as np
+import pytest
+
+import scenes
+import skelsplat as sk
+from parity import bridge
+from reference import raster, total
+from reference.arrays import Gaussians
+from reference.symmetry import observed_pairs
+from reference.test_reference import assert_no_pixel_changes_class
+
+GROUPS = ("means", "log_scales", "quaternions")
+SCENES = {"three_joints": scenes.three_joints, "beyond_the_image": scenes.beyond_the_image}
+LOSS_RELATIVE = 1e-11
+"""Both sides are float64. A row recurrence of 128 pixels gathers at most 128²/2 roundings of 1.1e-16: 1e-12."""
+GRADIENT_RELATIVE = 1e-9
+"""The same, times the cancellation of positive and negative pixels in a gradient's sum, at most some hundreds here."""
+
+
+@pytest.fixture(scope="module", params=SCENES)
+def scene(request: pytest.FixtureRequest) -> scenes.Scene:
+    built = SCENES[request.param]()
+    assert_no_pixel_changes_class(built)
+    return built
+
+
+@pytest.mark.parametrize("encoding", raster.ENCODINGS)
+def test_gradient_equals_central_differences(scene: scenes.Scene, encoding: str) -> None:
+    def value(gaussians: Gaussians) -> float:
+        return float(bridge.loss_and_gradient(scene, gaussians, encoding=encoding).loss)
+
+    found = bridge.gradient(bridge.loss_and_gradient(scene, encoding=encoding))
+    numeric = scenes.central_differences(value, scene.gaussians)
+    for group in GROUPS:
+        error = scenes.worst_relative_error(getattr(found, group), getattr(numeric, group))
+        assert error < 1e-5, group
+
+
+def assert_equals_twin(found: sk.LossAndGradient, expected: total.LossAndGradient) -> None:
+    assert found.loss == pytest.approx(expected.loss, rel=LOSS_RELATIVE)
+    assert found.render == pytest.approx(expected.render, rel=LOSS_RELATIVE)
+    assert found.symmetry == pytest.approx(expected.symmetry, rel=LOSS_RELATIVE)
+    for group in GROUPS:
+        ours, theirs = getattr(bridge.gradient(found), group), getattr(expected.gradient, group)
+        assert scenes.worst_relative_error(ours, theirs) < GRADIENT_RELATIVE, group
+
+
+@pytest.mark.parametrize("encoding", raster.ENCODINGS)
+def test_equals_the_twin(scene: scenes.Scene, encoding: str) -> None:
+    expected = total.loss_and_gradient(
+        scene.gaussians, scene.detections, scene.views, scene.targets(encoding), encoding=encoding
+    )
+    assert_equals_twin(bridge.loss_and_gradient(scene, encoding=encoding), expected)
+
+
+@pytest.mark.parametrize("encoding", raster.ENCODINGS)
+@pytest.mark.parametrize("tier", [0, 1, 2, 3])
+def test_person_with_symmetry_equals_the_twin(encoding: str, tier: int) -> None:
+    scene = scenes.person()
+    scene.detections[:, 5] = np.nan  # the left ankle's limb has an end that no view detects
+    if tier != 1 and encoding != "one_hot":
+        pytest.skip(
+            "the symmetry term does not know the encoding: every tier with one, every encoding with one tier"
+        )
+    observed = np.any(total.detected(scene.detections), axis=0)
+    pairs = observed_pairs(scenes.symmetric_pairs(tier), observed)
+    assert len(pairs) == (0, 1, 2, 4)[tier]
+    expected = total.loss_and_gradient(
+        scene.gaussians,
+        scene.detections,
+        scene.views,
+        scene.targets(encoding),
+        encoding=encoding,
+        pairs=pairs,
+        symmetry_weight=1e-4,
+    )
+    found = bridge.loss_and_gradient(
+        scene, encoding=encoding, symmetry_tier=tier, symmetry_weight=1e-4, layout="h36m17"
+    )
+    assert_equals_twin(found, expected)
+
+
+@pytest.mark.parametrize("tier", [1, 2, 3])
+def test_total_gradient_with_symmetry_equals_central_differences(tier: int) -> None:
+    scene = scenes.person()
+    settings = {"symmetry_tier": tier, "symmetry_weight": 1e-4, "layout": sk.layouts.H36M17}
+    found = bridge.loss_and_gradient(scene, **settings)
+    assert found.loss == pytest.approx(found.render + 1e-4 * found.symmetry, rel=1e-14)
+    assert 1e-4 * found.symmetry > 0.1 * found.render
+    rng = np.random.default_rng(tier)
+    # Random directions test all 51 coordinates at once; no pixel of any joint may change class on the way.
+    for _ in range(6):
+        direction = rng.normal(size=scene.gaussians.means.shape)
+        ends = [
+            scene.gaussians._replace(means=scene.gaussians.means + sign * 2e-5 * direction)
+            for sign in (1, -1)
+        ]
+        classes = [total.membership(end, scene.detections, scene.views) for end in ends]
+        assert all(np.array_equal(a, b) for a, b in zip(*classes, strict=True))
+        above, below = (bridge.loss_and_gradient(scene, end, **settings).loss for end in ends)
+        scale = np.linalg.norm(found.d_means) * np.linalg.norm(direction) / np.sqrt(direction.size)
+        assert np.sum(found.d_means * direction) == pytest.approx((above - below) / 4e-5, abs=1e-5 * scale)
+
+
+def test_target_defaults_to_the_given_gaussians() -> None:
+    scene = scenes.three_joints()
+    own = scenes.Scene(scene.gaussians, scene.gaussians, scene.detections, scene.views)
+    found = sk.loss_and_gradient(*scene.gaussians, scene.detections, bridge.rig(scene.views))
+    expected = total.loss_and_gradient(scene.gaussians, scene.detections, scene.views, own.targets("one_hot"))
+    assert_equals_twin(found, expected)
+
+
+@pytest.mark.parametrize(("unit", "mm"), [("cm", 10.0), ("m", 1000.0)])
+def test_unit_changes_the_numbers_but_not_the_loss(unit: str, mm: float) -> None:
+    scene = scenes.person()
+    cameras = [sk.Camera(v.K, v.R, v.t / mm, size=v.size) for v in scene.views]
+    means, log_scales, quaternions = scene.gaussians
+    found = sk.loss_and_gradient(
+        means / mm,
+        log_scales - np.log(mm),
+        quaternions,
+        scene.detections,
+        sk.CameraRig(cameras, unit=unit),
+        layout="h36m17",
+        target_means=scene.initial.means / mm,
+        target_covariances=scene.initial_covariances / mm**2,
+    )
+    in_mm = bridge.loss_and_gradient(scene, layout="h36m17")
+    assert found.loss == pytest.approx(in_mm.loss, rel=1e-10)
+    assert found.symmetry == pytest.approx(in_mm.symmetry, rel=1e-10)
+    assert scenes.worst_relative_error(found.d_means, in_mm.d_means * mm) < GRADIENT_RELATIVE
+    assert scenes.worst_relative_error(found.d_log_scales, in_mm.d_log_scales) < GRADIENT_RELATIVE
+
+
+def test_views_without_any_detection_do_not_count() -> None:
+    scene = scenes.three_joints()
+    blind = scene.detections.copy()
+    blind[2] = np.nan
+    kept = [0, 1, 3]
+    found = bridge.loss_and_gradient(scenes.Scene(scene.gaussians, scene.initial, blind, scene.views))
+    fewer = scenes.Scene(
+        scene.gaussians, scene.initial, scene.detections[kept], [scene.views[i] for i in kept]
+    )
+    assert found.loss == pytest.approx(bridge.loss_and_gradient(fewer).loss, rel=LOSS_RELATIVE)
+
+
+def test_distorted_cameras_equal_ideal_ones_with_undistorted_detections() -> None:
+    scene = scenes.three_joints()
+    distortion = np.array([-0.12, 0.05, 0.001, -0.002, 0.01])
+    bent = [sk.Camera(v.K, v.R, v.t, distortion=distortion, size=v.size) for v in scene.views]
+    straight = scene.detections.copy()
+    for camera, points in zip(bent, straight, strict=True):
+        points[:, :2] = camera.undistort(points[:, :2])
+    assert np.nanmax(np.abs(straight - scene.detections)) > 0.05
+    arguments = {"target_means": scene.initial.means, "target_covariances": scene.initial_covariances}
+    found = sk.loss_and_gradient(*scene.gaussians, scene.detections, sk.CameraRig(bent), **arguments)
+    ideal = sk.loss_and_gradient(*scene.gaussians, straight, bridge.rig(scene.views), **arguments)
+    assert found.loss == pytest.approx(ideal.loss, rel=LOSS_RELATIVE)
+    assert scenes.worst_relative_error(found.d_means, ideal.d_means) < GRADIENT_RELATIVE

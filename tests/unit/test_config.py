@@ -1,0 +1,100 @@
+"""`RefineConfig`, layouts and cameras as objects."""
+
+from __future__ import annotations
+
+import copy
+import math
+import pickle
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+
+
+def test_paper_holds_the_papers_values():
+    config = sk.RefineConfig.paper()
+    assert math.isclose(config.sigma, math.exp(3.0))
+    assert (config.max_steps, config.symmetry_weight, config.stop_tolerance) == (125, 1e-5, 1e-6)
+    assert (config.renderer, config.optimizer, config.encoding) == ("raster", "adam", "one_hot")
+    assert config.views_per_step is None
+    assert sk.RefineConfig() == config
+
+
+@pytest.mark.parametrize(("factor", "sigma"), [(1.25, 42.5), (1.5, 90.0), (2.0, 403.4)])
+def test_the_occlusion_factor_multiplies_the_log_scale(factor, sigma):
+    config = sk.RefineConfig.paper(occlusion_factor=factor)
+    assert math.isclose(config.occlusion_sigma, sigma, rel_tol=2e-3)
+
+
+def test_fields_are_kept_and_replaced():
+    config = sk.RefineConfig.paper(sigma=30.0, position_lr="camera_extent", views_per_step=2)
+    assert (config.sigma, config.position_lr, config.views_per_step) == (30.0, "camera_extent", 2)
+    other = config.replace(sigma=10.0)
+    assert (other.sigma, other.views_per_step, config.sigma) == (10.0, 2, 30.0)
+    assert sk.RefineConfig.paper(**config.to_dict()) == config
+    assert "sigma=30.0" in repr(config)
+    with pytest.raises(AttributeError):
+        config.sigma = 1.0
+
+
+def test_the_camera_extent_is_3_mm_on_a_human36m_like_rig():
+    rig = sk.synthetic.human36m_like()
+    centres = np.array([c.centre for c in rig])
+    reach = np.linalg.norm(centres - centres.mean(axis=0), axis=1).max()
+    assert 2.5 < 5e-4 * 1.1 * reach < 3.5
+
+
+@pytest.mark.parametrize("name", sk.layouts.names)
+def test_layouts(name):
+    layout = sk.layouts.get(name)
+    assert layout == sk.layouts.get(name.upper())
+    assert len(layout.joints) == layout.n_joints == len(set(layout.joints))
+    assert len(layout.symmetric_pairs(1)) == 4 / 2
+    assert len(layout.symmetric_pairs(2)) == 4
+    assert {layout.joints[j].split("_")[-1] for j in layout.occlusion_prone} == {"elbow", "wrist", "ankle"}
+
+
+def test_a_layout_of_ones_own_takes_names():
+    arm = sk.Layout(
+        "arms",
+        ["left_elbow", "left_wrist", "right_elbow", "right_wrist"],
+        limbs=[("left_elbow", "left_wrist"), (2, 3)],
+        symmetric=[(1, ("left_elbow", "left_wrist"), (2, 3))],
+        left_right=[(0, 2), (1, 3)],
+    )
+    assert arm.limbs == ((0, 1), (2, 3))
+    assert arm.symmetric_pairs(1) == (((0, 1), (2, 3)),)
+    with pytest.raises(sk.InvalidInputError, match="limbs: expected a joint of the layout, got 'nose'"):
+        sk.Layout("arms", ["left_elbow", "left_wrist"], limbs=[("nose", "left_wrist")])
+
+
+def test_cameras_are_values():
+    camera = sk.Camera(
+        np.array([[900.0, 0, 320], [0, 910, 240], [0, 0, 1]]),
+        np.eye(3),
+        [1.0, 2.0, 3.0],
+        distortion=[0.1, -0.05, 0.001, 0.002],
+        size=(640, 480),
+        name="left",
+    )
+    for twin in (pickle.loads(pickle.dumps(camera)), copy.deepcopy(camera)):
+        assert twin == camera
+        assert twin.name == "left"
+    assert np.allclose(camera.centre, [-1, -2, -3])
+    assert camera.size == (640, 480)
+    assert repr(camera) == "Camera('left', 640x480 px, fx=900.0, fy=910.0)"
+    half = camera.scaled(0.5)
+    assert half.size == (320, 240)
+    point = np.array([[0.1, -0.2, 2.0]])
+    full_px, half_px = sk.project(point, [camera])[0, 0], sk.project(point, [half])[0, 0]
+    assert np.allclose(half_px, (full_px + 0.5) * 0.5 - 0.5)
+
+
+def test_rigs_are_sequences():
+    rig = sk.synthetic.human36m_like()
+    assert len(rig) == len(list(rig)) == 4
+    assert rig[rig.names[2]] == rig[2]
+    assert rig[1:3].names == rig.names[1:3]
+    assert rig.mm_per_unit == 1.0
+    assert rig == sk.CameraRig(list(rig))

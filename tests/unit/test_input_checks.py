@@ -1,0 +1,165 @@
+"""From one valid call, one thing broken at a time: the type of the error and its text."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+
+K = np.array([[1000.0, 0, 500], [0, 1000, 400], [0, 0, 1]])
+EYE, ZERO, SIZE = np.eye(3), np.zeros(3), (1000, 800)
+
+
+def changed(matrix, index, value):
+    out = np.array(matrix, dtype=float)
+    out[index] = value
+    return out
+
+
+CAMERA = {
+    "NaN in K": ({"K": changed(K, (0, 0), np.nan)}, r"K: expected finite values, got NaN"),
+    "focal": ({"K": changed(K, (1, 1), -5.0)}, r"K: expected .*focal.*, got .*-5"),
+    "skew": ({"K": changed(K, (0, 1), 3.0)}, r"K: expected .*got .*3"),
+    "K shape": ({"K": np.eye(4)}, r"K: expected shape \(3, 3\), got shape \(4, 4\)"),
+    "R scaled": ({"R": 1.1 * EYE}, r"R: expected .*got .*"),
+    "R reflection": ({"R": np.diag([1.0, 1, -1])}, r"R: expected a rotation .*got a reflection"),
+    "t shape": ({"t": np.zeros(4)}, r"t: expected shape \(3,\), got shape \(4,\)"),
+    "t text": ({"t": ["a", "b", "c"]}, r"t: expected an array of numbers, got .*"),
+    "size": ({"size": (0, 800)}, r"size: expected .*at least 1 pixel, got \(0, 800\)"),
+    "size type": ({"size": "large"}, r"size: expected \(width, height\).*, got large"),
+    "distortion": ({"distortion": [0.1] * 6}, r"distortion: expected .*4, 5, 8, 12 or 14.*got .*6"),
+    "fisheye": ({"distortion": [0.1] * 5, "fisheye": True}, r"distortion: expected .*4.*got .*5"),
+}
+
+
+@pytest.mark.parametrize("case", CAMERA)
+def test_camera(case):
+    broken, message = CAMERA[case]
+    arguments = {"K": K, "R": EYE, "t": ZERO, "size": SIZE} | broken
+    with pytest.raises(sk.InvalidInputError, match=message):
+        sk.Camera(**arguments)
+
+
+def test_a_named_camera_is_named_in_the_message():
+    with pytest.raises(sk.InvalidInputError, match=r"'cam_07'"):
+        sk.Camera(changed(K, (0, 0), -1.0), EYE, ZERO, size=SIZE, name="cam_07")
+
+
+def test_rig():
+    camera = sk.Camera(K, EYE, ZERO, size=SIZE, name="a")
+    for cameras, unit, message in [
+        ([], "mm", "cameras: expected at least one Camera, got none"),
+        ([camera, 3], "mm", r"cameras\[1\]: expected a Camera, got int"),
+        ([camera, camera], "mm", "cameras: expected different names, got 'a' twice"),
+        ([camera], "inch", "unit: expected one of mm, cm, m, got 'inch'"),
+    ]:
+        with pytest.raises(sk.InvalidInputError, match=message):
+            sk.CameraRig(cameras, unit=unit)
+    with pytest.raises(KeyError, match="no camera called 'b'; there are a"):
+        sk.CameraRig([camera])["b"]
+
+
+REFINE = {
+    "detections shape": (
+        lambda s: {"detections": s.detections[0, 0, :, 0]},
+        r"detections: expected shape \(M, N, 2\).*, got shape \(17,\)",
+    ),
+    "number of cameras": (
+        lambda s: {"detections": s.detections[0, :3], "init_pose": s.pose[0]},
+        r"detections: expected one view per camera \(4\), got 3 views",
+    ),
+    "init_pose shape": (
+        lambda s: {"init_pose": s.pose[0, :16]},
+        r"init_pose: expected shape \(17, 3\).*, got shape \(16, 3\)",
+    ),
+    "init_pose for a batch": (
+        lambda s: {"detections": s.detections},
+        r"init_pose: expected shape \(3, 17, 3\).*, got shape \(17, 3\)",
+    ),
+    "confidence shape": (
+        lambda _: {"confidence": np.ones((4, 16))},
+        r"confidence: expected shape \(4, 17\), got shape \(4, 16\)",
+    ),
+    "confidence range": (
+        lambda _: {"confidence": np.full((4, 17), 1.2)},
+        r"confidence\[0, 0\]: expected a value in \[0, 1\], got 1.2",
+    ),
+    "confidence twice": (
+        lambda s: {
+            "detections": np.concatenate([s.detections[0], np.ones((4, 17, 1))], axis=-1),
+            "confidence": np.ones((4, 17)),
+        },
+        r"confidence: expected only one source of confidences",
+    ),
+    "unknown layout": (
+        lambda _: {"layout": "h36m18"},
+        r"layout: unknown name 'h36m18', expected one of h36m17, coco17",
+    ),
+    "layout of another N": (
+        lambda _: {"layout": "body25"},
+        r"detections: expected the layout's 25 joints, got 17 joints",
+    ),
+    "layout type": (lambda _: {"layout": 17}, r"layout: expected a Layout, its name or None, got int"),
+    "cameras type": (
+        lambda _: {"cameras": 4},
+        r"cameras: expected a CameraRig or a sequence of Camera, got int",
+    ),
+    "config type": (
+        lambda _: {"config": {"sigma": 3}},
+        r"config: expected a RefineConfig or None, got dict",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", REFINE)
+def test_refine(case, scene):
+    change, message = REFINE[case]
+    valid = {
+        "init_pose": scene.pose[0],
+        "detections": scene.detections[0],
+        "cameras": scene.rig,
+        "layout": "h36m17",
+    }
+    with pytest.raises(sk.InvalidInputError, match=message) as caught:
+        sk.refine(**(valid | change(scene)))
+    assert isinstance(caught.value, ValueError)
+
+
+CONFIG = {
+    "negative sigma": ({"sigma": -1.0}, r"config.sigma: expected a positive finite number, got -1"),
+    "unknown field": ({"sigmas": 1.0}, r"config: unknown name 'sigmas', expected one of renderer"),
+    "type": ({"max_steps": "many"}, r"config.max_steps: expected a number of at least 0, got 'many'"),
+    "tier": ({"symmetry_tier": 4}, r"config.symmetry_tier: expected 0, 1, 2 or 3, got 4"),
+    "encoding": ({"encoding": "hsv"}, r"config.encoding: expected 'one_hot', 'rgb' or 'single', got 'hsv'"),
+    "learning rate": (
+        {"position_lr": "extent"},
+        r"config.position_lr: expected a number of mm, or 'camera_extent', got 'extent'",
+    ),
+    "two sigmas": (
+        {"occlusion_sigma": 30.0, "occlusion_factor": 1.25},
+        r"config.occlusion_factor: expected one of the two, got occlusion_sigma as well",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CONFIG)
+def test_config(case):
+    fields, message = CONFIG[case]
+    with pytest.raises(sk.InvalidInputError, match=message):
+        sk.RefineConfig.paper(**fields)
+
+
+def test_triangulation_method(scene):
+    with pytest.raises(sk.InvalidInputError, match="method: unknown name 'magic', expected one of dlt"):
+        sk.triangulate(scene.detections, scene.rig, method="magic")
+
+
+def test_loss_and_gradient(scene):
+    zeros = np.zeros((17, 4))
+    with pytest.raises(sk.InvalidInputError, match=r"quaternions\[0\]: expected a quaternion"):
+        sk.loss_and_gradient(scene.pose[0], np.zeros((17, 3)), zeros, scene.detections[0], scene.rig)
+    bad = np.tile(np.eye(3), (17, 1, 1))
+    bad[2, 0, 1] = 0.5
+    with pytest.raises(sk.InvalidInputError, match=r"covariances\[2\]: expected a symmetric matrix"):
+        sk.render(scene.pose[0], bad, scene.rig[0])

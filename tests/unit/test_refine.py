@@ -1,0 +1,193 @@
+"""`refine` and its result as a caller sees them."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+import warnings
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from skelsplat import synthetic
+
+
+def quick(**fields):
+    return sk.RefineConfig.paper(max_steps=5, **fields)
+
+
+def test_one_frame_has_the_documented_shapes(scene):
+    result = sk.refine(scene.pose[0], scene.detections[0], scene.rig, layout="h36m17", config=quick())
+    assert result.pose.shape == result.init_pose.shape == (17, 3)
+    assert result.covariance.shape == (17, 3, 3)
+    assert result.reprojection_error.shape == (4, 17)
+    assert result.joint_status.shape == (17,)
+    assert result.loss.shape == result.n_iter.shape == result.stop_reason.shape == ()
+    assert result.loss_history.shape == (0,)
+    assert str(result.stop_reason) == "max_steps"
+
+
+def test_a_batch_has_a_leading_axis(scene):
+    result = sk.refine(scene.pose, scene.detections, scene.rig, config=quick(loss_history=True))
+    assert result.pose.shape == (3, 17, 3)
+    assert result.reprojection_error.shape == (3, 4, 17)
+    assert result.stop_reason.shape == result.n_iter.shape == (3,)
+    assert result.loss_history.shape == (3, 5)
+
+
+def test_the_loss_is_that_of_the_returned_pose(scene):
+    noisy = synthetic.perturb(scene.pose[0], 10.0, seed=1)
+    result = sk.refine(noisy, scene.detections[0], scene.rig, layout="h36m17")
+    assert np.isclose(result.loss, result.loss_render + 1e-5 * result.loss_symmetry, rtol=1e-12)
+    assert result.loss < 1e-3
+
+
+def test_without_an_initial_pose_the_detections_are_triangulated(scene):
+    result = sk.refine(None, scene.detections, scene.rig, config=quick())
+    assert np.allclose(result.init_pose, sk.triangulate(scene.detections, scene.rig))
+
+
+def test_the_unit_of_the_rig_is_the_unit_of_everything(scene):
+    metres = sk.CameraRig(
+        [sk.Camera(c.K, c.R, c.t / 1e3, size=c.size, name=c.name) for c in scene.rig], unit="m"
+    )
+    start = synthetic.perturb(scene.pose, 10.0, seed=2)
+    mm = sk.refine(start, scene.detections, scene.rig, config=quick())
+    m = sk.refine(start / 1e3, scene.detections, metres, config=quick())
+    # Single-precision pixels react to the last bit of the mean; five steps of 3 mm stay within a hundredth.
+    assert np.allclose(m.pose * 1e3, mm.pose, atol=1e-2)
+    assert np.allclose(m.covariance * 1e6, mm.covariance, rtol=1e-3, atol=1e-2)
+
+
+def test_confidence_as_an_argument_is_the_third_channel(scene):
+    confidence = np.full(scene.detections.shape[:-1], 0.8)
+    confidence[:, 0, 3] = 0.0
+    as_channel = np.concatenate([scene.detections, confidence[..., None]], axis=-1)
+    a = sk.refine(None, as_channel, scene.rig, config=quick())
+    b = sk.refine(None, scene.detections, scene.rig, confidence=confidence, config=quick())
+    assert np.array_equal(a.pose, b.pose)
+    assert np.isnan(a.reprojection_error[:, 0, 3]).all()
+
+
+def test_low_confidence_can_count_as_missing(scene):
+    confidence = np.ones(scene.detections.shape[:-1])
+    confidence[:, 1] = 0.2
+    kept = sk.refine(
+        None, scene.detections, scene.rig, confidence=confidence, config=quick(min_confidence=0.3)
+    )
+    alone = scene.detections.copy()
+    alone[:, 1] = np.nan
+    without = sk.refine(None, alone, scene.rig, config=quick())
+    assert np.array_equal(kept.pose, without.pose)
+
+
+def test_lens_distortion_is_undone_unless_told_otherwise(scene):
+    rig = synthetic.human36m_like(distortion=True)
+    detections = sk.project(scene.pose[0], rig)
+    undone = sk.refine(scene.pose[0], detections, rig, config=quick())
+    left = sk.refine(scene.pose[0], detections, rig, config=quick(undistort=False))
+    assert np.nanmedian(undone.reprojection_error) < 0.5
+    assert np.nanmax(np.abs(left.init_pose - scene.pose[0])) == 0
+    shift = np.linalg.norm(left.pose - scene.pose[0], axis=-1)
+    assert shift.max() > 1.0  # mm: the lens moves joints by several px
+
+
+def test_missing_data_are_outcomes(scene):
+    detections = scene.detections[0].copy()
+    detections[:, 13] = np.nan  # no view
+    detections[1:, 16] = np.nan  # one view
+    result = sk.refine(scene.pose[0], detections, scene.rig, layout="h36m17")
+    assert result.joint_status[13] == "unobserved"
+    assert result.joint_status[16] == "weak"
+    assert np.allclose(result.pose[13], scene.pose[0, 13])
+    blind = sk.refine(None, np.full_like(detections, np.nan), scene.rig)
+    assert str(blind.stop_reason) == "no_observations"
+    assert np.isnan(blind.pose).all()
+
+
+def test_a_unit_mistaken_by_1000_warns(scene):
+    rig = sk.CameraRig(list(scene.rig), unit="m")
+    with pytest.warns(UserWarning, match=r"taller than 10 m: is the unit really 'm'\?"):
+        sk.refine(scene.pose[0], scene.detections[0], rig, config=quick())
+
+
+def test_a_right_unit_does_not_warn(scene):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        sk.refine(scene.pose[0], scene.detections[0], scene.rig, config=quick())
+
+
+def test_progress_reports_frames(scene):
+    calls: list[tuple[int, int]] = []
+    sk.refine(scene.pose, scene.detections, scene.rig, config=quick(), progress=lambda *a: calls.append(a))
+    assert calls[-1] == (3, 3)
+
+
+def test_progress_draws_a_bar(scene, capsys):
+    sk.refine(scene.pose, scene.detections, scene.rig, config=quick(), progress=True)
+    capsys.readouterr()  # transient: nothing has to remain
+
+
+def test_an_error_in_the_progress_callback_ends_the_batch(scene):
+    def fail(_done: int, _total: int) -> None:
+        raise RuntimeError("from the callback")
+
+    with pytest.raises(RuntimeError, match="from the callback"):
+        sk.refine(scene.pose, scene.detections, scene.rig, progress=fail)
+
+
+def test_ctrl_c_stops_a_batch(scene):
+    """A batch of minutes ends at the signal; the bound is a hang guard, not a measurement."""
+    frames = 20_000
+    poses = np.broadcast_to(scene.pose[0], (frames, 17, 3))
+    detections = np.broadcast_to(scene.detections[0], (frames, 4, 17, 2))
+    begun = time.monotonic()
+    timer = threading.Timer(1.0, signal.raise_signal, [signal.SIGINT])
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        sk.refine(poses, detections, scene.rig, config=sk.RefineConfig.paper(stop_tolerance=0.0))
+    timer.join()
+    assert time.monotonic() - begun < 30.0
+
+
+def test_the_interpreter_is_free_during_a_batch(scene):
+    """Another thread makes progress while the core works."""
+    poses = np.broadcast_to(scene.pose[0], (60, 17, 3))
+    detections = np.broadcast_to(scene.detections[0], (60, 4, 17, 2))
+    counted, stop = [0], threading.Event()
+
+    def count() -> None:
+        while not stop.is_set():
+            counted[0] += 1
+            time.sleep(0.001)
+
+    thread = threading.Thread(target=count)
+    thread.start()
+    before = counted[0]
+    sk.refine(poses, detections, scene.rig, config=sk.RefineConfig.paper(stop_tolerance=0.0))
+    during = counted[0] - before
+    stop.set()
+    thread.join()
+    assert during > 10
+
+
+def test_any_number_of_threads_gives_the_same_bits(scene):
+    start = synthetic.perturb(scene.pose, 15.0, seed=3)
+    one, two = (sk.refine(start, scene.detections, scene.rig, config=quick(n_threads=n)).pose for n in (1, 2))
+    assert np.array_equal(one, two)
+
+
+def test_refiner_follows_and_finds_again(scene):
+    refiner = sk.Refiner(scene.rig, layout="h36m17")
+    first = refiner.step(scene.detections[0])
+    second = refiner.step(scene.detections[1])
+    assert np.allclose(second.init_pose, first.pose)
+    assert np.linalg.norm(second.pose - scene.pose[1], axis=-1).mean() < 1.0
+    jumped = scene.pose[2] + np.array([900.0, -700.0, 0.0])
+    third = refiner.step(sk.project(jumped, scene.rig))
+    assert np.linalg.norm(third.pose - jumped, axis=-1).mean() < 1.0
+    refiner.reset()
+    again = refiner.step(scene.detections[0])
+    assert np.allclose(again.init_pose, sk.triangulate(scene.detections[0], scene.rig))
