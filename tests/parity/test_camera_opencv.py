@@ -18,8 +18,8 @@ OPENCV = {
     5: [-0.21, 0.09, 0.0012, -0.0008, -0.02],
     8: [0.31, -0.12, 0.0012, -0.0008, 0.02, 0.42, -0.09, 0.01],
     12: [0.31, -0.12, 0.0012, -0.0008, 0.02, 0.42, -0.09, 0.01, 0.002, -0.001, 0.0015, 0.0007],
-    14: [0.31, -0.12, 0.0012, -0.0008, 0.02, 0.42, -0.09, 0.01, 0.002, -0.001, 0.0015, 0.0007, 0.02, -0.03],
 }
+OPENCV[14] = [*OPENCV[12], 0.02, -0.03]
 FISHEYE = [-0.02, 0.011, -0.006, 0.0012]
 FORWARD_PX = 1e-9
 """A few dozen float64 operations on pixels near 1000: 1e-12 px at best; a thousand times that."""
@@ -42,7 +42,7 @@ def make(distortion: list[float], *, fisheye: bool = False) -> sk.Camera:
 
 
 def opencv_pixels(distortion: list[float], *, fisheye: bool = False) -> Array:
-    """What OpenCV projects `points` to: (60,2)."""
+    """Return what OpenCV projects `points` to: (60,2)."""
     if fisheye:
         found = cv2.fisheye.projectPoints(points()[:, None], ROTATION, T, K, np.array(distortion))[0]
     else:

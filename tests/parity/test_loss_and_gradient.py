@@ -1,4 +1,4 @@
-"""Every analytic gradient of the package, against central differences of its own loss and against the twin."""
+"""Every analytic gradient of the package against central differences of its loss, and against the twin."""
 
 import numpy as np
 import pytest
@@ -14,9 +14,9 @@ from reference.test_reference import assert_no_pixel_changes_class
 GROUPS = ("means", "log_scales", "quaternions")
 SCENES = {"three_joints": scenes.three_joints, "beyond_the_image": scenes.beyond_the_image}
 LOSS_RELATIVE = 1e-11
-"""Both sides are float64. A row recurrence of 128 pixels gathers at most 128²/2 roundings of 1.1e-16: 1e-12."""
+"""Both sides are float64. A row recurrence of 128 px gathers at most 128²/2 roundings of 1.1e-16: 1e-12."""
 GRADIENT_RELATIVE = 1e-9
-"""The same, times the cancellation of positive and negative pixels in a gradient's sum, at most some hundreds here."""
+"""The same times the cancellation of positive and negative pixels in a gradient's sum: some hundreds here."""
 
 
 @pytest.fixture(scope="module", params=SCENES)
@@ -55,8 +55,10 @@ def test_equals_the_twin(scene: scenes.Scene, encoding: str) -> None:
     assert_equals_twin(bridge.loss_and_gradient(scene, encoding=encoding), expected)
 
 
-@pytest.mark.parametrize("encoding", raster.ENCODINGS)
-@pytest.mark.parametrize("tier", [0, 1, 2, 3])
+# The symmetry term does not know the encoding: every tier with one of them, every encoding with one tier.
+@pytest.mark.parametrize(
+    ("encoding", "tier"), [*(("one_hot", tier) for tier in range(4)), ("rgb", 1), ("single", 1)]
+)
 def test_person_with_symmetry_equals_the_twin(encoding: str, tier: int) -> None:
     scene = scenes.person()
     scene.detections[:, 5] = np.nan  # the left ankle's limb has an end that no view detects
@@ -148,7 +150,7 @@ def test_views_without_any_detection_do_not_count() -> None:
 
 def test_distorted_cameras_equal_ideal_ones_with_undistorted_detections() -> None:
     scene = scenes.three_joints()
-    distortion = np.array([-0.12, 0.05, 0.001, -0.002, 0.01])
+    distortion = np.array([-1.2, 0.5, 0.004, -0.006, 0.1])
     bent = [sk.Camera(v.K, v.R, v.t, distortion=distortion, size=v.size) for v in scene.views]
     straight = scene.detections.copy()
     for camera, points in zip(bent, straight, strict=True):

@@ -6,11 +6,9 @@ import pytest
 import scenes
 import skelsplat as sk
 from parity.bridge import camera
+from parity.tolerances import IMAGE, decided
 from reference import raster
 from reference.projection import project_gaussians
-
-ABSOLUTE = 1e-6
-"""Images are float32 with values up to 1: rounding is 6e-8, and the composites add and scale a few times."""
 
 
 @pytest.mark.parametrize("encoding", raster.ENCODINGS)
@@ -25,9 +23,7 @@ def test_pseudo_ground_truth_equals_the_twin(build: type[scenes.Scene], encoding
         projected = project_gaussians(scene.initial.means, sigma, view)
         shapes = zip(points[:, :2], projected.covariances2d, strict=True)
         bells = np.array([raster.bell(d, s, view.size) for d, s in shapes])
-        # Within 1e-5 of the cut float32 may decide otherwise whether a pixel belongs to the heat map.
-        decided = ~np.any(np.abs(bells * 255 - 1) < 1e-5, axis=0)
-        assert np.abs(found - expected)[:, decided].max() < ABSOLUTE
+        assert np.abs(found - expected)[:, decided(bells)].max() < IMAGE
 
 
 def test_missing_detections_leave_their_channel_empty() -> None:
@@ -47,5 +43,6 @@ def test_peak_stands_at_the_sub_pixel_detection() -> None:
         points, scene.initial.means, scene.initial_covariances, camera(scene.views[0])
     )
     assert images[0, 40, 50] == 1.0
-    assert images[1, 47, 61] == pytest.approx(images[1].max())
+    # Half-way between two rows the tilt of the ellipse decides which of the two is the brighter.
+    assert images[1, 47:49, 61].max() == images[1].max()
     assert images[1].max() < 1.0

@@ -9,8 +9,8 @@ from parity.bridge import rig
 from reference import triangulation
 from reference.arrays import Array, View
 
-EXACT_MM = 1e-6
-"""Smallest singular vectors are good to machine epsilon × condition (1e6 here) × 1 m, 1e-7 mm; ten times that."""
+EXACT_MM = 1e-8
+"""Smallest singular vectors are good to machine epsilon × condition (1e3 here) × 4 m, 1e-9 mm."""
 
 
 @pytest.fixture

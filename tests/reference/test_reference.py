@@ -203,6 +203,18 @@ def test_triangulation_of_exact_detections_is_exact(weights: list[float] | None)
     assert pose == pytest.approx(scenes.H36M_POSE, abs=1e-6)
 
 
+@pytest.mark.parametrize(("scale", "shift"), [(1e-3, 0.0), (1.0, 2000.0)])
+def test_triangulation_depends_on_neither_unit_nor_origin(scale: float, shift: float) -> None:
+    views = scenes.small_rig()
+    noise = np.random.default_rng(1).normal(size=(4, 17, 2))
+    found = scenes.pixels(scenes.H36M_POSE, views) + noise
+    offset = np.full(3, shift)
+    other = [view._replace(t=scale * view.t - view.R @ offset) for view in views]
+    pose = triangulation.triangulate(found, views)
+    assert triangulation.triangulate(found, other) == pytest.approx(scale * pose + offset, abs=1e-6)
+    assert np.linalg.norm(pose - scenes.H36M_POSE, axis=1).max() > 1.0
+
+
 def test_fusion_weighs_by_the_inverse_mean_reprojection_error() -> None:
     views = scenes.small_rig()
     truth = scenes.H36M_POSE[:2]

@@ -1,4 +1,4 @@
-"""Initial poses: linear triangulation and the fusion of monocular poses (DESIGN §2 "Initial pose")."""
+"""Initial poses: linear triangulation and the fusion of monocular poses (DESIGN §2, "Initial pose")."""
 
 from collections.abc import Sequence
 
@@ -9,20 +9,34 @@ from reference.camera import pinhole, to_camera
 from reference.total import detected
 
 
+def conditioning(views: Sequence[View]) -> Array:
+    """Similarity (4,4) from a frame centred on the cameras, with rms distance 1 to them, to the world.
+
+    The unit norm that DLT puts on (X, 1) depends on origin and unit; in this frame the solution does not
+    (Hartley & Zisserman, §4.4, on conditioning). All cameras of the rig count, whether they detect the joint or not.
+    """
+    centres = np.array([-view.R.T @ view.t for view in views])
+    middle = centres.mean(axis=0)
+    radius = np.sqrt(np.mean(np.sum((centres - middle) ** 2, axis=1)))
+    T = np.diag([radius, radius, radius, 1.0])
+    T[:3, 3] = middle
+    return T
+
+
 def triangulate_joint(detections: Array, weights: Array, views: Sequence[View]) -> Array:
     """One joint (3,) from ideal pixels (M,2) by DLT (Hartley & Zisserman, §12.2).
 
-    Each view gives the rows w(u·P₃ − P₁) and w(v·P₃ − P₂) of A with P = K [R | t] in pixels; the solution is
-    A's last right singular vector. NaN with fewer than two views.
+    Each view gives the rows w(u·P₃ − P₁) and w(v·P₃ − P₂) of A with P = K [R | t] T in pixels; the solution
+    is A's last right singular vector, brought back by T (`conditioning`). NaN with fewer than two views.
     """
-    rows = []
+    rows, T = [], conditioning(views)
     for (u, v), weight, view in zip(detections, weights, views, strict=True):
         if weight > 0 and np.isfinite([u, v]).all():
-            P = view.K @ np.column_stack([view.R, view.t])
+            P = view.K @ np.column_stack([view.R, view.t]) @ T
             rows += [weight * (u * P[2] - P[0]), weight * (v * P[2] - P[1])]
     if len(rows) < 4:
         return np.full(3, np.nan)
-    X = np.linalg.svd(np.array(rows))[2][-1]
+    X = T @ np.linalg.svd(np.array(rows))[2][-1]
     return np.asarray(X[:3] / X[3])
 
 

@@ -104,7 +104,7 @@ def _broken(old, new):
 
 MATRIX = "matrix = [[1681.25, 0.0, 532.5], [0.0, 1681.0, 948.25], [0.0, 0.0, 1.0]]"
 MALFORMED = {
-    "bad TOML": (VALID[:200], r"TOML: expected valid TOML, got .*line"),
+    "bad TOML": (VALID[:200], r"TOML: expected valid TOML, got .*end of document"),
     "no matrix": (_broken(MATRIX + "\n", ""), r"cam_a\.matrix: expected 3×3 numbers, got nothing"),
     "no rotation": (_broken("rotation = [0.0, 0.0, 0.0]\n", ""), r"cam_a\.rotation: .*got nothing"),
     "no size": (_broken("size = [1088.0, 1920.0]\n", ""), r"cam_a\.size: .*got nothing"),

@@ -1,0 +1,171 @@
+"""Following one person by agreement between the views."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from skelsplat.association import choose_person
+
+RNG_SEED = 5
+FRAMES, VIEWS, JOINTS = 6, 4, 12
+K = [[1000.0, 0.0, 500.0], [0.0, 1000.0, 500.0], [0.0, 0.0, 1.0]]
+
+
+def camera(angle_deg, distance):
+    """A camera `distance` from the origin that looks at it; its y axis points down (−z of the world)."""
+    angle = np.radians(angle_deg)
+    forward = -np.array([np.cos(angle), np.sin(angle), 0.0])
+    down = np.array([0.0, 0.0, -1.0])
+    R = np.stack([np.cross(down, forward), down, forward])
+    return sk.Camera(K, R, [0.0, 0.0, distance], size=(1000, 1000))
+
+
+@pytest.fixture
+def rig():
+    return sk.CameraRig([camera(angle, 5.0) for angle in (0, 80, 170, 250)], unit="m")
+
+
+def body(place):
+    """Points (K, 3) in a box of a person's size, metres, around `place`."""
+    rng = np.random.default_rng(RNG_SEED)
+    return np.asarray(place) + rng.uniform([-0.3, -0.3, -0.9], [0.3, 0.3, 0.9], (JOINTS, 3))
+
+
+def walk(place, step=(0.05, 0.0, 0.0)):
+    """Points (T, K, 3) of someone who moves by `step` every frame."""
+    return body(place) + np.arange(FRAMES)[:, None, None] * np.asarray(step)
+
+
+def seen(points, rig, views=range(VIEWS), noise_px=2.0):
+    """Detections (T, M, K, 3) of one person; NaN outside `views`."""
+    pixels = np.moveaxis(sk.project(points, rig), 0, 1)
+    pixels = pixels + np.random.default_rng(1).normal(scale=noise_px, size=pixels.shape)
+    found = np.concatenate([pixels, np.full((*pixels.shape[:-1], 1), 0.9)], axis=-1)
+    hidden = [view for view in range(VIEWS) if view not in views]
+    found[:, hidden] = np.nan
+    return found
+
+
+def crowd(*detections):
+    """People (T, M, P, K, 3) from detections (T, M, K, 3) each."""
+    return np.stack(detections, axis=2)
+
+
+def shuffled(people):
+    """People in another order in every view and frame, and where each went (T, M, P)."""
+    order = np.argsort(np.random.default_rng(2).random(people.shape[:3]), axis=2)
+    return np.take_along_axis(people, order[..., None, None], axis=2), np.argsort(order, axis=2)
+
+
+def test_one_person_alone_is_chosen_in_every_view(rig):
+    alone = seen(walk((0, 0, 0)), rig)
+    detections, index = choose_person(crowd(alone), rig)
+    np.testing.assert_array_equal(index, 0)
+    np.testing.assert_array_equal(detections, alone)
+
+
+def test_a_bystander_in_two_views_is_left_out(rig):
+    person, bystander = seen(walk((0, 0, 0)), rig), seen(walk((0.9, 1.2, 0)), rig, views=(0, 1))
+    people, place = shuffled(crowd(person, bystander))
+    detections, index = choose_person(people, rig)
+    np.testing.assert_array_equal(index, place[:, :, 0])
+    np.testing.assert_array_equal(detections, person)
+
+
+def test_someone_else_alone_in_a_view_is_not_taken_for_the_person(rig):
+    person = seen(walk((0, 0, 0)), rig, views=(0, 1, 2))
+    person[:, 3] = seen(walk((0, -1.5, 0)), rig)[:, 3]
+    detections, index = choose_person(crowd(person), rig)
+    np.testing.assert_array_equal(index, np.tile([0, 0, 0, -1], (FRAMES, 1)))
+    assert np.isnan(detections[:, 3]).all()
+
+
+def test_the_same_person_is_followed_when_two_are_seen_alike(rig):
+    one, two = walk((-0.8, 0, 0)), walk((0.8, 0.2, 0), step=(-0.05, 0.0, 0.0))
+    people, place = shuffled(crowd(seen(one, rig, noise_px=4.0), seen(two, rig, noise_px=4.0)))
+    _, index = choose_person(people, rig)
+    followed = [np.array_equal(index, place[:, :, p]) for p in (0, 1)]
+    assert followed.count(True) == 1
+
+
+def test_a_view_lost_for_one_frame_does_not_change_the_person(rig):
+    chosen, other = seen(walk((-0.8, 0, 0)), rig), seen(walk((0.8, 0.2, 0)), rig, views=(0, 1, 2))
+    chosen[3, 2:] = np.nan
+    people = crowd(chosen, other)
+    _, index = choose_person(people, rig)
+    expected = np.zeros((FRAMES, VIEWS), dtype=int)
+    expected[3, 2:] = -1
+    np.testing.assert_array_equal(index, expected)
+
+
+def test_the_choice_does_not_depend_on_the_unit(rig):
+    people = crowd(seen(walk((-0.8, 0, 0)), rig, noise_px=4.0), seen(walk((0.8, 0.2, 0)), rig, noise_px=3.0))
+    millimetres = sk.CameraRig([sk.Camera(c.K, c.R, c.t * 1000, size=c.size) for c in rig], unit="mm")
+    np.testing.assert_array_equal(choose_person(people, rig)[1], choose_person(people, millimetres)[1])
+    np.testing.assert_array_equal(choose_person(people, list(millimetres))[1], choose_person(people, rig)[1])
+
+
+def test_joints_of_low_confidence_do_not_take_part_but_are_returned(rig):
+    person = seen(walk((0, 0, 0)), rig)
+    person[:, 1, :5, :2] += 400.0
+    person[:, 1, :5, 2] = 0.1
+    detections, index = choose_person(crowd(person), rig)
+    np.testing.assert_array_equal(index, 0)
+    np.testing.assert_array_equal(detections, person)
+
+
+def test_a_left_right_swap_of_a_few_joints_does_not_lose_the_view(rig):
+    person = seen(walk((0, 0, 0)), rig)
+    person[2, 1, [0, 1, 2, 3]] = person[2, 1, [1, 0, 3, 2]]
+    np.testing.assert_array_equal(choose_person(crowd(person), rig)[1], 0)
+
+
+def test_frames_with_fewer_than_two_views_have_nobody(rig):
+    person = seen(walk((0, 0, 0)), rig)
+    person[2, 1:] = np.nan
+    person[4] = np.nan
+    detections, index = choose_person(crowd(person), rig)
+    np.testing.assert_array_equal(index[[2, 4]], -1)
+    assert np.isnan(detections[[2, 4]]).all()
+    np.testing.assert_array_equal(index[[0, 1, 3, 5]], 0)
+
+
+def test_nobody_at_all(rig):
+    detections, index = choose_person(np.full((FRAMES, VIEWS, 2, JOINTS, 3), np.nan), rig)
+    np.testing.assert_array_equal(index, -1)
+    assert np.isnan(detections).all()
+
+
+def test_no_frames(rig):
+    detections, index = choose_person(np.empty((0, VIEWS, 1, JOINTS, 3)), rig)
+    assert detections.shape == (0, VIEWS, JOINTS, 3)
+    assert index.shape == (0, VIEWS)
+
+
+def test_a_tight_gate_lets_nobody_pass(rig):
+    person = seen(walk((0, 0, 0)), rig, noise_px=10.0)
+    # pairs leave residuals of a few pixels in the other views; 0.0001 of the diagonal is 0.14 px
+    assert (choose_person(crowd(person), rig, gate=1e-4)[1] == -1).all()
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [
+        (FRAMES, 3, 1, JOINTS, 3),
+        (FRAMES, VIEWS, 1, JOINTS, 2),
+        (FRAMES, VIEWS, JOINTS, 3),
+        (FRAMES, VIEWS, 0, JOINTS, 3),
+    ],
+)
+def test_people_of_a_wrong_shape(rig, shape):
+    with pytest.raises(
+        sk.InvalidInputError, match=r"people: expected shape \(T, 4, P, K, 3\) for 4 cameras, got "
+    ):
+        choose_person(np.zeros(shape), rig)
+
+
+def test_one_camera_is_too_few(rig):
+    with pytest.raises(sk.InvalidInputError, match="cameras: expected at least two, got 1"):
+        choose_person(np.zeros((1, 1, 1, JOINTS, 3)), rig[:1])

@@ -1,0 +1,72 @@
+"""The recording that ships with the package, read through the readers a user would use."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from skelsplat.association import choose_person
+from skelsplat.io import read_calibration, read_openpose, sample
+
+
+@pytest.fixture(scope="module")
+def paths(tmp_path_factory):
+    return sample.extract(tmp_path_factory.mktemp("sample"))
+
+
+@pytest.fixture(scope="module")
+def rig(paths):
+    return read_calibration(paths.calibration, unit=sample.UNIT)
+
+
+@pytest.fixture(scope="module")
+def found(paths, rig):
+    return read_openpose(paths.detections, rig, layout=sample.LAYOUT)
+
+
+def test_four_cameras_in_a_room(rig):
+    assert rig.names == ("cam_01", "cam_02", "cam_03", "cam_04")
+    assert {camera.size for camera in rig} == {(1088, 1920)}
+    centres = np.stack([camera.centre for camera in rig])
+    # all stand above the floor (z up), at most a room apart
+    assert (centres[:, 2] > 0.0).all()
+    assert np.linalg.norm(centres[:, None] - centres, axis=-1).max() < 10.0
+
+
+def test_one_hundred_frames_of_body_25b(found):
+    assert found.people.shape[0::3] == (100, 25)
+    np.testing.assert_array_equal(found.frames, np.arange(100))
+
+
+def test_a_bystander_stands_in_two_views(found):
+    np.testing.assert_array_equal(np.median(found.people_per_frame, axis=0), [2, 2, 1, 1])
+
+
+def test_the_first_number_is_the_recordings(found):
+    np.testing.assert_array_equal(found.people[0, 0, 0, 0], [505.232, 431.63, 0.664216])
+
+
+def test_the_licence_is_unpacked_with_it(paths):
+    folder = paths.calibration.parent
+    assert "BSD 3-Clause License" in (folder / "LICENSE.pose2sim").read_text()
+    assert "Pose2Sim" in (folder / "NOTICE.pose2sim").read_text()
+
+
+def test_the_person_that_all_views_see_is_chosen(found, rig):
+    detections, index = choose_person(found.people, rig)
+    assert (index >= 0).all()
+    points = sk.triangulate(detections, rig)
+    # the balancing person keeps to one spot, the bystander is metres away: a change would be a jump
+    trunk = np.nanmedian(points, axis=1)
+    assert np.linalg.norm(trunk - np.median(trunk, axis=0), axis=1).max() < 0.5
+
+
+def test_unpacking_again_is_harmless(paths):
+    assert sample.extract(paths.calibration.parent) == paths
+
+
+def test_unpacking_into_a_file(tmp_path):
+    (tmp_path / "taken").write_text("")
+    with pytest.raises(sk.DatasetError, match="taken: folder: expected a folder that can be written"):
+        sample.extract(tmp_path / "taken")

@@ -1,0 +1,311 @@
+"""Pose files: what is written can be read, and a failed write leaves nothing behind."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from skelsplat.io import PoseData, read_npz, read_trc, write_csv, write_npz, write_trc
+from skelsplat.io._atomic import atomic_write, atomic_write_text
+
+T, N, M = 3, 2, 2
+
+
+@pytest.fixture
+def data():
+    rng = np.random.default_rng(3)
+    pose = rng.normal(scale=1000.0, size=(T, N, 3))
+    pose[1, 1] = np.nan
+    errors = rng.uniform(1.0, 9.0, size=(T, M, N))
+    errors[0, 1, 0] = np.nan
+    errors[1, :, 1] = np.nan
+    status = np.full((T, N), "ok", dtype="<U10")
+    status[1, 1] = "unobserved"
+    return PoseData(
+        pose=pose,
+        joint_names=("nose", "head top, upper"),
+        frames=np.array([10, 11, 13]),
+        unit="mm",
+        camera_names=("cam_01", "cam_02"),
+        init_pose=pose + 1.0,
+        covariance=np.broadcast_to(400.0 * np.eye(3), (T, N, 3, 3)).copy(),
+        reprojection_error=errors,
+        joint_status=status,
+        loss=np.array([0.1, 0.2, np.nan]),
+        n_iter=np.array([125, 40, 0]),
+        stop_reason=np.array(["max_steps", "converged", "no_observations"]),
+    )
+
+
+def assert_equal(a, b):
+    for entry in fields(PoseData):
+        np.testing.assert_array_equal(getattr(a, entry.name), getattr(b, entry.name), err_msg=entry.name)
+
+
+# npz
+
+
+def test_npz_returns_every_field(data, tmp_path):
+    write_npz(tmp_path / "pose.npz", data)
+    assert_equal(read_npz(tmp_path / "pose.npz"), data)
+
+
+def test_npz_states_the_version_and_needs_no_pickle(data, tmp_path):
+    write_npz(tmp_path / "pose.npz", data)
+    with np.load(tmp_path / "pose.npz", allow_pickle=False) as archive:
+        assert str(archive["version"]) == sk.__version__
+        assert str(archive["unit"]) == "mm"
+        assert archive["joint_names"].tolist() == ["nose", "head top, upper"]
+
+
+def test_npz_of_poses_alone(data, tmp_path):
+    bare = PoseData(data.pose, data.joint_names, data.frames, "m")
+    write_npz(tmp_path / "pose.npz", bare)
+    assert_equal(read_npz(tmp_path / "pose.npz"), bare)
+
+
+def test_an_npz_cut_in_half(data, tmp_path):
+    path = tmp_path / "pose.npz"
+    write_npz(path, data)
+    path.write_bytes(path.read_bytes()[:200])
+    with pytest.raises(sk.DatasetError, match=r"pose\.npz: file: expected an npz file"):
+        read_npz(path)
+
+
+def test_an_npz_of_something_else(tmp_path):
+    np.savez(tmp_path / "other.npz", points=np.zeros(3))
+    with pytest.raises(sk.DatasetError, match="pose: expected an array under this key, got keys points"):
+        read_npz(tmp_path / "other.npz")
+
+
+def test_an_npy_is_no_npz(tmp_path):
+    np.save(tmp_path / "a.npy", np.zeros(3))
+    with pytest.raises(sk.DatasetError, match=r"a\.npy: file: expected an npz file"):
+        read_npz(tmp_path / "a.npy")
+
+
+# csv
+
+
+def rows_of(path):
+    with path.open(newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def test_csv_has_a_row_for_every_frame_and_joint(data, tmp_path):
+    write_csv(tmp_path / "pose.csv", data)
+    rows = rows_of(tmp_path / "pose.csv")
+    assert [(row["frame"], row["joint"]) for row in rows[:3]] == [
+        ("10", "nose"),
+        ("10", "head top, upper"),
+        ("11", "nose"),
+    ]
+    assert len(rows) == T * N
+    assert [float(rows[5][axis]) for axis in "xyz"] == data.pose[2, 1].tolist()
+    assert {row["unit"] for row in rows} == {"mm"}
+
+
+def test_csv_counts_views_and_averages_over_them(data, tmp_path):
+    write_csv(tmp_path / "pose.csv", data)
+    rows = rows_of(tmp_path / "pose.csv")
+    assert rows[0]["n_views"] == "1"
+    assert float(rows[0]["reprojection_error_px"]) == data.reprojection_error[0, 0, 0]
+    assert rows[2]["n_views"] == "2"
+    assert float(rows[2]["reprojection_error_px"]) == np.mean(data.reprojection_error[1, :, 0])
+
+
+def test_csv_leaves_missing_values_empty(data, tmp_path):
+    write_csv(tmp_path / "pose.csv", data)
+    row = rows_of(tmp_path / "pose.csv")[3]
+    assert [row[key] for key in ("x", "y", "z", "reprojection_error_px")] == [""] * 4
+    assert (row["status"], row["n_views"]) == ("unobserved", "0")
+
+
+def test_csv_of_poses_alone(data, tmp_path):
+    write_csv(tmp_path / "pose.csv", PoseData(data.pose, data.joint_names, data.frames, "m"))
+    row = rows_of(tmp_path / "pose.csv")[0]
+    assert [row[key] for key in ("status", "n_views", "reprojection_error_px")] == [""] * 3
+
+
+# trc
+
+
+def test_trc_lines(data, tmp_path):
+    small = PoseData(
+        np.array([[[1.0, 2.0, 3.0], [np.nan] * 3], [[-4.0, 5.5, 6.25], [7.0, 8.0, 9.0]]]),
+        ("nose", "head"),
+        np.array([7, 8]),
+        "mm",
+    )
+    write_trc(tmp_path / "pose.trc", small, frame_rate=60.0, unit="mm")
+    assert (tmp_path / "pose.trc").read_text().split("\n") == [
+        "PathFileType\t4\t(X/Y/Z)\tpose.trc",
+        "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames",
+        "60\t60\t2\t2\tmm\t60\t1\t2",
+        "Frame#\tTime\tnose\t\t\thead\t\t",
+        "\t\tX1\tY1\tZ1\tX2\tY2\tZ2",
+        "",
+        "1\t0.000000\t1.000\t2.000\t3.000\t\t\t",
+        "2\t0.016667\t-4.000\t5.500\t6.250\t7.000\t8.000\t9.000",
+        "",
+    ]
+
+
+@pytest.mark.parametrize(("unit", "factor", "half_digit"), [("mm", 1.0, 5e-4), ("m", 1e-3, 5e-7)])
+def test_trc_and_back(data, tmp_path, unit, factor, half_digit):
+    write_trc(tmp_path / "pose.trc", data, frame_rate=50.0, unit=unit)
+    back = read_trc(tmp_path / "pose.trc")
+    assert back.unit == unit
+    assert back.joint_names == data.joint_names
+    # half a unit of the last digit written, and one ulp of slack
+    np.testing.assert_allclose(back.pose, data.pose * factor, rtol=1e-15, atol=half_digit * 1.000001)
+
+
+def test_trc_keeps_gaps_in_time(data, tmp_path):
+    write_trc(tmp_path / "pose.trc", data, frame_rate=50.0)
+    rows = [line.split("\t")[:2] for line in (tmp_path / "pose.trc").read_text().splitlines()[6:]]
+    assert rows == [["1", "0.000000"], ["2", "0.020000"], ["4", "0.060000"]]
+
+
+def test_trc_y_up_puts_the_worlds_z_second(data, tmp_path):
+    write_trc(tmp_path / "pose.trc", data, frame_rate=50.0, unit="mm", y_up=True)
+    x, y, z = read_trc(tmp_path / "pose.trc").pose[0, 0]
+    # half a unit of the third decimal
+    np.testing.assert_allclose([z, x, y], data.pose[0, 0], atol=5.0001e-4)
+
+
+def test_trc_never_says_nan(data, tmp_path):
+    write_trc(tmp_path / "pose.trc", data, frame_rate=50.0)
+    assert "nan" not in (tmp_path / "pose.trc").read_text().lower()
+    assert np.isnan(read_trc(tmp_path / "pose.trc").pose[1, 1]).all()
+
+
+@pytest.mark.parametrize("change", ["no blank line", "nan", "tab at the end", "windows"])
+def test_trc_of_other_writers(data, tmp_path, change):
+    path = tmp_path / "pose.trc"
+    write_trc(path, data, frame_rate=50.0)
+    expected = read_trc(path)
+    lines = path.read_text().split("\n")
+    if change == "no blank line":
+        del lines[5]
+    elif change == "nan":
+        lines[7] = lines[7].replace("\t\t\t", "\tnan\tnan\tnan")
+    elif change == "tab at the end":
+        lines[6:9] = [line + "\t" for line in lines[6:9]]
+    path.write_bytes(("\r\n" if change == "windows" else "\n").join(lines).encode())
+    assert_equal(read_trc(path), expected)
+
+
+MALFORMED_TRC = {
+    "not a trc": (
+        lambda lines: ["hello"],
+        "header: expected five lines that start with PathFileType, got 1 lines",
+    ),
+    "inches": (
+        lambda lines: [line.replace("\tm\t", "\tin\t") for line in lines],
+        "line 3 Units: expected m, cm or mm",
+    ),
+    "a name too few": (
+        lambda lines: [line.replace("nose", "") for line in lines],
+        "line 4: expected the 2 marker names that line 3 states, got 1",
+    ),
+    "a row cut short": (lambda lines: [*lines[:6], lines[6][:30]], r"line 7: expected 8 fields, got \d"),
+    "text": (lambda lines: [*lines[:6], lines[6].replace("1\t0.0", "one\t0.0")], "line 7: expected numbers"),
+}
+
+
+@pytest.mark.parametrize("case", MALFORMED_TRC)
+def test_a_malformed_trc(data, tmp_path, case):
+    change, message = MALFORMED_TRC[case]
+    path = tmp_path / "pose.trc"
+    write_trc(path, data, frame_rate=50.0)
+    path.write_text("\n".join(change(path.read_text().split("\n"))))
+    with pytest.raises(sk.DatasetError, match=rf"pose\.trc: {message}"):
+        read_trc(path)
+
+
+@pytest.mark.parametrize("rate", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_frame_rate_that_is_none(data, tmp_path, rate):
+    with pytest.raises(sk.InvalidInputError, match="frame_rate: expected a positive number, got "):
+        write_trc(tmp_path / "pose.trc", data, frame_rate=rate)
+
+
+def test_a_unit_that_trc_does_not_know(data, tmp_path):
+    with pytest.raises(sk.InvalidInputError, match='unit: expected "m" or "mm" in a TRC file, got \'cm\''):
+        write_trc(tmp_path / "pose.trc", data, frame_rate=50.0, unit="cm")
+
+
+# what all writers share
+
+
+WRITERS = {
+    "npz": write_npz,
+    "csv": write_csv,
+    "trc": lambda path, data: write_trc(path, data, frame_rate=60.0),
+}
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+def test_a_path_that_cannot_be_written(data, tmp_path, kind):
+    (tmp_path / "taken").write_text("")
+    (tmp_path / "folder").mkdir()
+    cases = {
+        "taken/pose": "not a directory",
+        "none/pose": "no such file or directory",
+        "folder": "is a directory",
+    }
+    for name, reason in cases.items():
+        with pytest.raises(
+            sk.DatasetError, match=f"{name}: output: expected a path that can be .*{reason}"
+        ) as caught:
+            WRITERS[kind](tmp_path / name, data)
+        assert "\n" not in str(caught.value)
+    assert sorted(path.name for path in tmp_path.rglob("*")) == ["folder", "taken"]
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+def test_an_older_file_is_replaced(data, tmp_path, kind):
+    path = tmp_path / "pose"
+    path.write_text("old")
+    WRITERS[kind](path, data)
+    assert path.read_bytes() != b"old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_failed_write_leaves_the_older_file(tmp_path):
+    path = tmp_path / "pose"
+    path.write_text("old")
+    with pytest.raises(RuntimeError, match="halfway"), atomic_write(path) as stream:
+        stream.write(b"new")
+        raise RuntimeError("halfway")
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_link_stays_a_link(tmp_path):
+    (tmp_path / "link").symlink_to(tmp_path / "file")
+    atomic_write_text(tmp_path / "link", "text")
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "file").read_text() == "text"
+
+
+WRONG = {
+    "unit": ("inch", "unit: expected"),
+    "pose": (np.zeros((T, N, 2)), r"pose: expected shape \(T, N, 3\), got \(3, 2, 2\)"),
+    "joint_names": (("nose",), r"joint_names: expected shape \(2,\), got \(1,\)"),
+    "frames": (np.arange(T + 1), r"frames: expected shape \(3,\), got \(4,\)"),
+    "camera_names": (("cam_01",), r"reprojection_error: expected shape \(3, 1, 2\), got \(3, 2, 2\)"),
+    "covariance": (np.zeros((T, N, 3)), r"covariance: expected shape \(3, 2, 3, 3\), got \(3, 2, 3\)"),
+    "stop_reason": (np.array("converged"), r"stop_reason: expected shape \(3,\), got \(\)"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_parts_that_do_not_fit(data, name):
+    value, message = WRONG[name]
+    with pytest.raises(sk.InvalidInputError, match=message):
+        replace(data, **{name: value})
