@@ -25,7 +25,7 @@ FORWARD_PX = 1e-9
 """A few dozen float64 operations on pixels near 1000: 1e-12 px at best; a thousand times that."""
 CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 500, 1e-14)
 BACK_PX = 2e-8
-"""The package converges to 1e-9 px. OpenCV's fixed-point iteration stops at its own criterion, on the safe side."""
+"""The package converges to 1e-9 px; OpenCV iterates until its own steps are far below that."""
 
 
 def points() -> Array:

@@ -1,12 +1,19 @@
 """The whole of `refine` with `RefineConfig.paper()` against the twin's loop.
 
-The package draws in float32, the twin in float64. A pixel's relative error is at most 3e-5 (`tolerances`), in sums
-over some hundred pixels, so a step's gradient agrees to about 1e-5. Adam divides gradients by their own running
-size: the error of one step is 1e-5 of 3 mm, 3e-5 mm, and even if 125 of them all pointed the same way they would make
-0.004 mm. Where the loss is flat or its gradient changes sign the quotient is more sensitive; a factor of ten for
-this gives the tolerance of 0.05 mm. Any difference in the method shows more: one step more or less, a decay counted from
-one or no bias correction move the pose by some tenths of a mm to some mm.
+The package draws in float32, the twin in float64. What tells them apart is not a pixel's rounding but the
+loss being piecewise smooth: a pixel at the rim of a splat counts on one side and not yet on the other.
+The twin's own sensitivity shows the size of it: with its pixels disturbed by 1e-7 or 1e-5 (relative) at
+random, its pose after 125 steps moves by 2e-4 mm in both cases, its loss by 1e-5 of itself. `POSE_MM` is
+fifty times that. Differences in the method show more, if one looks before the loop has converged: after
+10 steps a decay counted from one instead of zero moves the pose by 0.1 mm, β₂ = 0.99 by 0.07 mm, h = 0.31
+by 0.02 mm, a cut at 1/256 by 0.015 mm.
+
+At the paper's tolerance of 1e-6 the step that stops can hang on float32, since the losses differ by some
+1e-8: the courses are compared without early stopping, and early stopping at tolerances that leave a
+margin.
 """
+
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,11 +21,12 @@ import pytest
 import scenes
 import skelsplat as sk
 from parity.bridge import rig
-from reference import paper_loop, raster
+from reference import paper_loop
 from reference.arrays import Array, View
 from reference.gaussian import covariances
+from reference.symmetry import Pairs
 
-POSE_MM = 0.05
+POSE_MM = 0.01
 TRUTH = np.array([[-60.0, 40.0, 30.0], [-10.0, 70.0, 75.0], [110.0, -90.0, -110.0]])
 
 
@@ -33,12 +41,11 @@ def start_and_detections(
 
 
 def run_twin(
-    start: Array, detections: Array, views: list[View], **settings: object
+    start: Array, detections: Array, views: list[View], pairs: Pairs = (), **settings: Any
 ) -> paper_loop.PaperResult:
-    config = paper_loop.PaperConfig(**settings)  # type: ignore[arg-type]
-    return paper_loop.refine(
-        paper_loop.initial_gaussians(start, config.sigma), detections, views, config=config
-    )
+    config = paper_loop.PaperConfig(**settings)
+    gaussians = paper_loop.initial_gaussians(start, config.sigma)
+    return paper_loop.refine(gaussians, detections, views, pairs, config=config)
 
 
 def assert_same_course(found: sk.Refinement, expected: paper_loop.PaperResult, start: Array) -> None:
@@ -46,24 +53,33 @@ def assert_same_course(found: sk.Refinement, expected: paper_loop.PaperResult, s
     assert int(found.n_iter) == len(expected.losses)
     pose = expected.gaussians.means
     assert np.linalg.norm(found.pose - pose, axis=-1).max() < POSE_MM
-    assert np.linalg.norm(pose - start, axis=-1).max() > 100 * POSE_MM
+    assert np.linalg.norm(pose - start, axis=-1).max() > 500 * POSE_MM
 
 
-@pytest.mark.parametrize("encoding", raster.ENCODINGS)
-def test_every_encoding_ends_at_the_same_pose(encoding: str) -> None:
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"max_steps": 10},
+        {"max_steps": 40},
+        {"max_steps": 125},
+        {"max_steps": 60, "encoding": "rgb"},
+        {"max_steps": 60, "encoding": "single"},
+        {"max_steps": 60, "views_per_step": 1},
+        {"max_steps": 60, "views_per_step": 2},
+        {"max_steps": 40, "views_per_step": 3},
+        {"max_steps": 30, "sigma": 35.0, "position_lr": 1.5, "log_scale_lr": 0.02, "rotation_lr": 0.01},
+    ],
+)
+def test_same_pose_and_shape_after_so_many_steps(settings: dict[str, Any]) -> None:
     views = scenes.small_rig()
     start, detections = start_and_detections(TRUTH, views)
-    found = sk.refine(start, detections, rig(views), config=sk.RefineConfig.paper(encoding=encoding))
-    assert_same_course(found, run_twin(start, detections, views, encoding=encoding), start)
-
-
-@pytest.mark.parametrize("count", [1, 2, 3])
-def test_fewer_views_per_step_end_at_the_same_pose(count: int) -> None:
-    views = scenes.small_rig()
-    start, detections = start_and_detections(TRUTH, views)
-    config = sk.RefineConfig.paper(views_per_step=count)
-    found = sk.refine(start, detections, rig(views), config=config)
-    assert_same_course(found, run_twin(start, detections, views, views_per_step=count), start)
+    settings = {"stop_tolerance": 0.0, **settings}
+    found = sk.refine(start, detections, rig(views), config=sk.RefineConfig.paper(**settings))
+    expected = run_twin(start, detections, views, **settings)
+    assert_same_course(found, expected, start)
+    # 5e-3 on the covariance is 2.5e-3 on a log-scale, half a step; decaying this rate too would make 2e-2.
+    shape = covariances(expected.gaussians)
+    assert scenes.worst_relative_error(found.covariance, shape) < 5e-3
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-4])
@@ -83,29 +99,19 @@ def test_missing_detections_end_at_the_same_pose() -> None:
     start, detections = start_and_detections(TRUTH, views)
     detections[0, 1] = np.nan
     detections[2, 2] = np.nan
-    found = sk.refine(start, detections, rig(views), config=sk.RefineConfig.paper())
-    assert_same_course(found, run_twin(start, detections, views), start)
+    settings: dict[str, Any] = {"stop_tolerance": 0.0, "max_steps": 40}
+    found = sk.refine(start, detections, rig(views), config=sk.RefineConfig.paper(**settings))
+    assert_same_course(found, run_twin(start, detections, views, **settings), start)
 
 
-@pytest.mark.parametrize("steps", [1, 2, 25])
+@pytest.mark.parametrize("steps", [1, 15])
 def test_person_with_symmetry_ends_at_the_same_pose(steps: int) -> None:
     views = scenes.small_rig(focal=170.0, distance=3500.0)
     start, detections = start_and_detections(scenes.H36M_POSE, views, start_mm=25.0, noise_px=0.3)
-    config = paper_loop.PaperConfig(max_steps=steps, symmetry_weight=1e-4)
-    expected = paper_loop.refine(
-        paper_loop.initial_gaussians(start, config.sigma),
-        detections,
-        views,
-        scenes.symmetric_pairs(1),
-        config=config,
-    )
-    found = sk.refine(
-        start,
-        detections,
-        rig(views),
-        layout="h36m17",
-        config=sk.RefineConfig.paper(max_steps=steps, symmetry_weight=1e-4),
-    )
+    settings: dict[str, Any] = {"max_steps": steps, "symmetry_weight": 1e-4}
+    expected = run_twin(start, detections, views, scenes.symmetric_pairs(1), **settings)
+    config = sk.RefineConfig.paper(**settings)
+    found = sk.refine(start, detections, rig(views), layout="h36m17", config=config)
     assert int(found.n_iter) == steps
     assert np.linalg.norm(found.pose - expected.gaussians.means, axis=-1).max() < POSE_MM
     assert np.linalg.norm(found.pose - start, axis=-1).max() > 2.0
@@ -120,14 +126,3 @@ def test_first_step_moves_every_coordinate_by_the_learning_rate() -> None:
     # Log-scales move by 0.005 each: the variances are σ²·exp(±0.01). Rotating a sphere does nothing.
     variances = np.linalg.eigvalsh(found.covariance) / np.exp(6.0)
     assert np.abs(np.log(variances)) == pytest.approx(np.full((3, 3), 0.01), abs=1e-6)
-
-
-def test_covariances_end_at_the_same_shape() -> None:
-    views = scenes.small_rig()
-    start, detections = start_and_detections(TRUTH, views)
-    found = sk.refine(start, detections, rig(views), config=sk.RefineConfig.paper())
-    expected = covariances(run_twin(start, detections, views).gaussians)
-    # Log-scales take steps of 0.005: by the argument above 125·0.005·1e-5, and with the factor of ten below 1e-3.
-    assert scenes.worst_relative_error(found.covariance, expected) < 1e-3
-    spread = np.linalg.eigvalsh(expected)
-    assert (spread[:, 2] / spread[:, 0]).max() > 1.1

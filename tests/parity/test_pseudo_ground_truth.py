@@ -1,5 +1,7 @@
 """`pseudo_ground_truth` against the twin."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -13,7 +15,7 @@ from reference.projection import project_gaussians
 
 @pytest.mark.parametrize("encoding", raster.ENCODINGS)
 @pytest.mark.parametrize("build", [scenes.three_joints, scenes.beyond_the_image, scenes.person])
-def test_pseudo_ground_truth_equals_the_twin(build: type[scenes.Scene], encoding: str) -> None:
+def test_pseudo_ground_truth_equals_the_twin(build: Callable[[], scenes.Scene], encoding: str) -> None:
     scene = build()
     sigma = scene.initial_covariances
     for view, points, expected in zip(scene.views, scene.detections, scene.targets(encoding), strict=True):

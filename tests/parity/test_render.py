@@ -1,5 +1,7 @@
 """`render` against the twin, and the moments of what it draws against the projected Gaussian."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -14,7 +16,7 @@ from reference.projection import project_gaussians
 
 @pytest.mark.parametrize("encoding", raster.ENCODINGS)
 @pytest.mark.parametrize("build", [scenes.three_joints, scenes.beyond_the_image, scenes.person])
-def test_render_equals_the_twin(build: type[scenes.Scene], encoding: str) -> None:
+def test_render_equals_the_twin(build: Callable[[], scenes.Scene], encoding: str) -> None:
     scene = build()
     sigma = covariances(scene.gaussians)
     drawn = 0
@@ -80,10 +82,11 @@ def test_moment_factors_equal_a_numerical_integral() -> None:
 def test_moments_of_the_image_are_the_projected_gaussian(seed: int) -> None:
     """Draw a rotated anisotropic Gaussian and measure it.
 
-    Sums over pixels stand for the integrals. The smooth part converges beyond all powers; the step of 1/255 at
-    the rim, an ellipse of radius 3.33 σ, does not: counting the pixels inside errs by about its radius to the
-    2/3, 20 px here (radius up to 100 px), each worth 1/255. Relative to the mass 2πσ² ≥ 1000 that is 1e-4; for
-    the mean times 3.33 σ ≤ 100 px: 1e-2 px; for the covariance times 3.33²/2 = 5.5: 6e-4.
+    Sums over pixels stand for the integrals. The smooth part converges beyond all powers; the step of
+    1/255 at the rim, an ellipse of radius 3.33 σ, does not: counting the pixels inside errs by about its
+    radius to the 2/3, 20 px here (radius up to 100 px), each worth 1/255. Relative to the mass 2πσ² ≥
+    1000 that is 1e-4; for the mean times 3.33 σ ≤ 100 px: 1e-2 px; for the covariance times 3.33²/2 =
+    5.5: 6e-4.
     """
     rng = np.random.default_rng(seed)
     view = scenes.small_rig(size=(420, 380), focal=900.0)[seed]

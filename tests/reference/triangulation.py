@@ -13,7 +13,7 @@ def conditioning(views: Sequence[View]) -> Array:
     """Similarity (4,4) from a frame centred on the cameras, with rms distance 1 to them, to the world.
 
     The unit norm that DLT puts on (X, 1) depends on origin and unit; in this frame the solution does not
-    (Hartley & Zisserman, §4.4, on conditioning). All cameras of the rig count, whether they detect the joint or not.
+    (Hartley & Zisserman, §4.4). All cameras of the rig count, whether they detect the joint or not.
     """
     centres = np.array([-view.R.T @ view.t for view in views])
     middle = centres.mean(axis=0)

@@ -14,7 +14,7 @@ K = [[1000.0, 0.0, 500.0], [0.0, 1000.0, 500.0], [0.0, 0.0, 1.0]]
 
 
 def camera(angle_deg, distance):
-    """A camera `distance` from the origin that looks at it; its y axis points down (−z of the world)."""
+    """Place a camera at `distance` from the origin, looking at it; its y axis points down (world −z)."""
     angle = np.radians(angle_deg)
     forward = -np.array([np.cos(angle), np.sin(angle), 0.0])
     down = np.array([0.0, 0.0, -1.0])
@@ -39,7 +39,7 @@ def walk(place, step=(0.05, 0.0, 0.0)):
 
 
 def seen(points, rig, views=range(VIEWS), noise_px=2.0):
-    """Detections (T, M, K, 3) of one person; NaN outside `views`."""
+    """Make the detections (T, M, K, 3) of one person; NaN outside `views`."""
     pixels = np.moveaxis(sk.project(points, rig), 0, 1)
     pixels = pixels + np.random.default_rng(1).normal(scale=noise_px, size=pixels.shape)
     found = np.concatenate([pixels, np.full((*pixels.shape[:-1], 1), 0.9)], axis=-1)
@@ -109,11 +109,27 @@ def test_the_choice_does_not_depend_on_the_unit(rig):
 
 def test_joints_of_low_confidence_do_not_take_part_but_are_returned(rig):
     person = seen(walk((0, 0, 0)), rig)
-    person[:, 1, :5, :2] += 400.0
-    person[:, 1, :5, 2] = 0.1
+    person[:, 1, :8, :2] += 400.0  # two thirds of the joints, so that the median would go with them
+    person[:, 1, :8, 2] = 0.1
     detections, index = choose_person(crowd(person), rig)
     np.testing.assert_array_equal(index, 0)
     np.testing.assert_array_equal(detections, person)
+
+
+def test_too_few_joints_are_no_evidence(rig):
+    person = seen(walk((0, 0, 0)), rig)
+    person[:, 3, 3:] = np.nan
+    np.testing.assert_array_equal(choose_person(crowd(person), rig)[1], np.tile([0, 0, 0, -1], (FRAMES, 1)))
+    np.testing.assert_array_equal(choose_person(crowd(person), rig, min_joints=3)[1], 0)
+
+
+@pytest.mark.parametrize("larger", [0, 1])
+def test_of_two_who_fit_equally_well_the_larger_is_chosen(rig, larger):
+    still = (0.0, 0.0, 0.0)
+    sizes = [1.0 if place == larger else 0.6 for place in (0, 1)]
+    both = [size * walk((0, 0, 0), still) + [x, 0, 0] for size, x in zip(sizes, (-0.8, 0.8), strict=True)]
+    people = crowd(*(seen(points, rig, noise_px=0.0) for points in both))
+    np.testing.assert_array_equal(choose_person(people, rig)[1], larger)
 
 
 def test_a_left_right_swap_of_a_few_joints_does_not_lose_the_view(rig):

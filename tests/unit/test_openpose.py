@@ -151,7 +151,7 @@ def test_no_folder_at_all_is_never_allowed(root):
     for name in ("cam01_json", "cam02_json"):
         shutil.rmtree(root / name)
     (root / "videos").mkdir()
-    with pytest.raises(sk.DatasetError, match="folders: .*got none for cam_01, cam_02"):
+    with pytest.raises(sk.DatasetError, match=r"folders: .*got none for cam_01, cam_02"):
         read_openpose(root, CAMERAS, layout="coco17", allow_missing=True)
 
 
@@ -171,7 +171,7 @@ def test_a_folder_without_detections_may_stand_beside(root):
 def test_folders_that_read_the_same(root):
     shutil.copytree(root / "cam02_json", root / "cam2")
     with pytest.raises(
-        sk.DatasetError, match="expected one folder per camera, got .*cam02_json, cam2 that read the same"
+        sk.DatasetError, match=r"expected one folder per camera, got .*cam02_json, cam2 that read the same"
     ):
         read_openpose(root, CAMERAS, layout="coco17")
 
@@ -274,7 +274,7 @@ def test_a_file_without_a_number(root):
 
 def test_the_layout_must_be_given(root):
     with pytest.raises(
-        sk.InvalidInputError, match="layout: .* got none; .*17 joints per person: h36m17 or coco17"
+        sk.InvalidInputError, match=r"layout: .* got none; .*17 joints per person: h36m17 or coco17"
     ):
         read_openpose(root, CAMERAS)
 

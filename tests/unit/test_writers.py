@@ -71,9 +71,11 @@ def test_npz_of_poses_alone(data, tmp_path):
 def test_an_npz_cut_in_half(data, tmp_path):
     path = tmp_path / "pose.npz"
     write_npz(path, data)
-    path.write_bytes(path.read_bytes()[:200])
-    with pytest.raises(sk.DatasetError, match=r"pose\.npz: file: expected an npz file"):
-        read_npz(path)
+    whole = path.read_bytes()
+    for size in (0, 2, 200, len(whole) // 2, len(whole) - 1):
+        path.write_bytes(whole[:size])
+        with pytest.raises(sk.DatasetError, match=r"pose\.npz: file: expected an npz file"):
+            read_npz(path)
 
 
 def test_an_npz_of_something_else(tmp_path):
@@ -134,7 +136,7 @@ def test_csv_of_poses_alone(data, tmp_path):
 # trc
 
 
-def test_trc_lines(data, tmp_path):
+def test_trc_lines(tmp_path):
     small = PoseData(
         np.array([[[1.0, 2.0, 3.0], [np.nan] * 3], [[-4.0, 5.5, 6.25], [7.0, 8.0, 9.0]]]),
         ("nose", "head"),
@@ -202,7 +204,7 @@ def test_trc_of_other_writers(data, tmp_path, change):
 
 MALFORMED_TRC = {
     "not a trc": (
-        lambda lines: ["hello"],
+        lambda _: ["hello"],
         "header: expected five lines that start with PathFileType, got 1 lines",
     ),
     "inches": (
@@ -279,9 +281,14 @@ def test_an_older_file_is_replaced(data, tmp_path, kind):
 def test_a_failed_write_leaves_the_older_file(tmp_path):
     path = tmp_path / "pose"
     path.write_text("old")
-    with pytest.raises(RuntimeError, match="halfway"), atomic_write(path) as stream:
-        stream.write(b"new")
-        raise RuntimeError("halfway")
+
+    def write():
+        with atomic_write(path) as stream:
+            stream.write(b"new")
+            raise RuntimeError("halfway")
+
+    with pytest.raises(RuntimeError, match="halfway"):
+        write()
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
 

@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix2, SymmetricEigen, Vector2, Vector3, Vector4};
 use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
 use skelsplat_core::gaussian::Gaussian;
 use skelsplat_core::projection::View;
 use skelsplat_core::raster::masked_l2;
@@ -32,7 +33,7 @@ fn covariance() -> impl Strategy<Value = Matrix2<f64>> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 128, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 256, failure_persistence: None, rng_seed: RngSeed::Fixed(2026), ..ProptestConfig::default() })]
 
     #[test]
     fn covariances_have_the_scales_as_axes(g in gaussian()) {
@@ -76,8 +77,8 @@ proptest! {
         prop_assert_eq!(same.mask, heat.count);
     }
 
-    /// Single precision and double precision agree to the recurrence's error (see `raster::rows`): 2⁷ ulp per
-    /// pixel value, and the sum of squares cancels by at most its energy.
+    /// Single and double precision agree to what `raster::rows` derives for a pixel (50 ulp) and what a lane's sum
+    /// over 16 rows of at most 800 px adds (16 · 100 additions): Σ R(R−2P) is at most three times the energy.
     #[test]
     fn single_precision_follows_double(
         s in covariance(),
@@ -90,6 +91,6 @@ proptest! {
         let single = masked_l2::channel(&there, &HeatMap::<f32>::new(&here), &mut Vec::new());
         let energy = HeatMap::<f64>::new(&here).energy;
         prop_assert_eq!(single.mask, double.mask);
-        prop_assert!((single.squared - double.squared).abs() <= 4.0 * 256.0 * 2.0_f64.powi(-24) * energy);
+        prop_assert!((single.squared - double.squared).abs() <= 3.0 * (2.0 * 50.0 + 1600.0) * 2.0_f64.powi(-24) * energy);
     }
 }

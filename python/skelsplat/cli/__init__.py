@@ -24,4 +24,4 @@ def main() -> None:
             stream.reconfigure(
                 errors="replace"
             )  # a terminal without µ or → shows a "?" instead of a traceback
-    app()
+    app(prog_name="skelsplat")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
@@ -64,10 +65,11 @@ def _describe(error: Exception) -> str:
 
 
 def _usage(error: Any) -> str:
-    """Return the message of an error of usage, and where to read on."""
+    """Return the message of an error of usage, beginning with the option's name, and where to read on."""
     context = getattr(error, "ctx", None)
     command = context.command_path if context is not None else "skelsplat"
-    return f"{error.format_message().rstrip('.')} (see {command} --help)"
+    message = re.sub(r"^Invalid value for '?([^\s':]+)'?: ", r"\1: ", error.format_message())
+    return f"{message.rstrip('.')} (see {command} --help)"
 
 
 def _show_version(value: bool) -> None:
@@ -93,7 +95,9 @@ def _root(
     context: typer.Context,
     version: Annotated[
         bool,
-        typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and leave."),
+        typer.Option(
+            "--version", metavar="", callback=_show_version, is_eager=True, help="Show the version and leave."
+        ),
     ] = False,
 ) -> None:
     del version  # its callback has done the work

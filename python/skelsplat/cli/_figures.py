@@ -89,7 +89,8 @@ def _caption(frame: int, inputs: Inputs, statistics: Statistics) -> str:
 
 
 def _heat_caption(caption: str) -> str:
-    return f"{caption.partition(',')[0]}: heat maps summed over the joints (white 0, dark 1 and more), cut to the person"
+    what = "heat maps summed over the joints (white 0, dark 1 and more), cut to the person"
+    return f"{caption.partition(',')[0]}: {what}"
 
 
 def _heatmap_row(

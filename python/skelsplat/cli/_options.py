@@ -1,4 +1,4 @@
-"""Options that commands share, with their help."""
+"""The options of all commands, with their help; each is the annotated type of a parameter."""
 
 from __future__ import annotations
 
@@ -7,22 +7,116 @@ from typing import Annotated
 
 import typer
 
-OUTPUT, METHOD = "Output", "Method"
+_INPUT, _METHOD, _OUTPUT = "Input", "Method", "Output"
 
-Out = Annotated[
-    Path,
-    typer.Option("-o", "--output", metavar="FOLDER", help="Folder for the results.", rich_help_panel=OUTPUT),
+Calibration = Annotated[
+    Path, typer.Argument(metavar="CALIBRATION", help="Calibration file (TOML of Anipose or Pose2Sim).")
 ]
-Quiet = Annotated[
-    bool, typer.Option("--quiet", "-q", help="Say nothing but warnings and errors.", rich_help_panel=OUTPUT)
+Detections = Annotated[
+    Path, typer.Argument(metavar="DETECTIONS", help="Folder with one folder of OpenPose JSON per camera.")
 ]
-AsJson = Annotated[
+
+Unit = Annotated[
+    str | None,
+    typer.Option(metavar="mm|cm|m", help="Length unit of the calibration. Required.", rich_help_panel=_INPUT),
+]
+LayoutName = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME", help="Joint layout of the detections, e.g. body25b. Required.", rich_help_panel=_INPUT
+    ),
+]
+Person = Annotated[
+    str,
+    typer.Option(
+        metavar="WHO",
+        help="consistent: on whom the views agree; largest: in each image; N: place N of each file, from 0.",
+        rich_help_panel=_INPUT,
+    ),
+]
+Frames = Annotated[
+    str,
+    typer.Option(
+        metavar="MODE",
+        help="If cameras have different frames, strict refuses, intersection keeps common ones, union all.",
+        rich_help_panel=_INPUT,
+    ),
+]
+Init = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="POSE.npz", help="Pose to start from.", show_default="triangulation", rich_help_panel=_INPUT
+    ),
+]
+MinConfidence = Annotated[
+    float | None,
+    typer.Option(
+        min=0, max=1, metavar="C", help="Leave out detections of less confidence.", rich_help_panel=_INPUT
+    ),
+]
+NoUndistort = Annotated[
     bool,
-    typer.Option("--json", help="Print the report as JSON on stdout, and no table.", rich_help_panel=OUTPUT),
+    typer.Option("--no-undistort", metavar="", help="Ignore lens distortion.", rich_help_panel=_INPUT),
+]
+
+Sigma = Annotated[
+    float | None, typer.Option(metavar="MM", help="Width σ of a joint's Gaussian.", rich_help_panel=_METHOD)
+]
+OcclusionSigma = Annotated[
+    float | None,
+    typer.Option(metavar="MM", help="Width σ of elbows, wrists and ankles.", rich_help_panel=_METHOD),
+]
+SymmetryTier = Annotated[
+    int | None,
+    typer.Option(
+        min=0,
+        max=3,
+        metavar="0..3",
+        help="Limbs kept equal left and right: 0 none, 1 lower, 2 and upper, 3 and trunk.",
+        rich_help_panel=_METHOD,
+    ),
+]
+MaxSteps = Annotated[
+    int | None, typer.Option(min=0, metavar="N", help="Most steps per frame.", rich_help_panel=_METHOD)
 ]
 Threads = Annotated[
     int | None,
     typer.Option(
-        "--threads", min=1, metavar="N", help="Threads to use.  [default: all cores]", rich_help_panel=METHOD
+        "--threads",
+        min=1,
+        metavar="N",
+        help="Threads to use.",
+        show_default="all cores",
+        rich_help_panel=_METHOD,
+    ),
+]
+
+Out = Annotated[
+    Path,
+    typer.Option("-o", "--output", metavar="FOLDER", help="Folder for the results.", rich_help_panel=_OUTPUT),
+]
+Fps = Annotated[
+    float | None,
+    typer.Option(metavar="HZ", help="Frame rate of the recording, for pose.trc.", rich_help_panel=_OUTPUT),
+]
+YUp = Annotated[
+    bool,
+    typer.Option(
+        "--y-up", metavar="", help="Write pose.trc y up (OpenSim), from z up.", rich_help_panel=_OUTPUT
+    ),
+]
+Quiet = Annotated[
+    bool,
+    typer.Option(
+        "--quiet", "-q", metavar="", help="Say nothing but warnings and errors.", rich_help_panel=_OUTPUT
+    ),
+]
+AsJson = Annotated[
+    bool,
+    typer.Option(
+        "--json",
+        metavar="",
+        help="Print the report as JSON on stdout, and no table.",
+        rich_help_panel=_OUTPUT,
     ),
 ]

@@ -17,7 +17,7 @@ from skelsplat.io import PoseData, write_csv, write_npz, write_trc
 from skelsplat.io._atomic import atomic_write_text
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from skelsplat.cli._job import Job, Verbosity
     from skelsplat.cli._pipeline import Inputs, Outcome
@@ -35,13 +35,14 @@ def run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
     """
     with collected_warnings() as warnings:
         inputs = read_inputs(job)
-        outcome = _refine_with_bar(inputs, job, shown=not verbosity.quiet)
     if job.fps is None:
         warnings.append(f"--fps: not given; the times in pose.trc assume {_ASSUMED_FPS:g} frames per second")
-    for warning in warnings:
-        typer.echo(f"warning: {warning}", err=True)
+    _tell(warnings)
+    with collected_warnings() as more:
+        outcome = _refine_with_bar(inputs, job, shown=not verbosity.quiet)
+    _tell(more)
     statistics = summarise(inputs, outcome)
-    report = build_report(job, inputs, outcome, statistics, warnings)
+    report = build_report(job, inputs, outcome, statistics, [*warnings, *more])
     files = _write_poses(job, inputs, outcome)
     atomic_write_text(job.out / "report.json", to_text(report))
     files += ["report.json", *write_figures(job.out, inputs, outcome, statistics)]
@@ -52,6 +53,11 @@ def run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
         print_summary(console, job, inputs, outcome, statistics)
         print_files(console, job.out, files)
     return report
+
+
+def _tell(warnings: Sequence[str]) -> None:
+    for warning in warnings:
+        typer.echo(f"warning: {warning}", err=True)
 
 
 def _refine_with_bar(inputs: Inputs, job: Job, *, shown: bool) -> Outcome:

@@ -24,9 +24,10 @@ def demo(
 ) -> None:
     """Refine the recording that ships with the package: 4 cameras, 100 frames, OpenPose.
 
-    The input is put into FOLDER/input as the files a user would have (calibration TOML, one folder of
-    OpenPose JSON per camera) and read from there. The results are pose.npz, pose.csv, pose.trc,
-    report.json, overview.png and heatmaps.png.
+    The input is put into FOLDER/input as the files a user would have
+    (calibration TOML, one folder of OpenPose JSON per camera) and read from
+    there. The results are pose.npz, pose.csv, pose.trc, report.json,
+    overview.png and heatmaps.png.
 
     [bold]Examples[/bold]
 

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
-
 import typer
 
 import skelsplat as sk
@@ -14,102 +11,29 @@ from skelsplat.cli._pipeline import check_output
 from skelsplat.cli._run import run
 
 EPILOG = "Results: pose.npz, pose.csv, pose.trc, report.json, overview.png and heatmaps.png in FOLDER."
-_INPUT = "Input"
 _UNITS = ("mm", "cm", "m")
 _FRAMES = ("strict", "intersection", "union")
 
 
 def refine(
-    calibration: Annotated[
-        Path, typer.Argument(metavar="CALIBRATION", help="Calibration file (TOML of Anipose or Pose2Sim).")
-    ],
-    detections: Annotated[
-        Path, typer.Argument(metavar="DETECTIONS", help="Folder with one folder of OpenPose JSON per camera.")
-    ],
-    output: options.Out,
+    calibration: options.Calibration,
+    detections: options.Detections,
     *,
-    unit: Annotated[
-        str | None,
-        typer.Option(
-            metavar="mm|cm|m", help="Length unit of the calibration. Required.", rich_help_panel=_INPUT
-        ),
-    ] = None,
-    layout: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="Joint layout of the detections, e.g. body25b. Required.",
-            rich_help_panel=_INPUT,
-        ),
-    ] = None,
-    person: Annotated[
-        str,
-        typer.Option(
-            metavar="consistent|largest|N",
-            help="Whom to follow: the person on whom the views agree, the largest in each view, or the N-th.",
-            rich_help_panel=_INPUT,
-        ),
-    ] = "consistent",
-    frames: Annotated[
-        str,
-        typer.Option(
-            metavar="strict|intersection|union",
-            help="If cameras have different frames: refuse, keep the common ones, or keep all.",
-            rich_help_panel=_INPUT,
-        ),
-    ] = "strict",
-    init: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="POSE.npz", help="Pose to start from.  [default: triangulation]", rich_help_panel=_INPUT
-        ),
-    ] = None,
-    min_confidence: Annotated[
-        float | None,
-        typer.Option(
-            min=0, max=1, metavar="C", help="Leave out detections of less confidence.", rich_help_panel=_INPUT
-        ),
-    ] = None,
-    no_undistort: Annotated[
-        bool, typer.Option("--no-undistort", help="Ignore lens distortion.", rich_help_panel=_INPUT)
-    ] = False,
-    sigma: Annotated[
-        float | None,
-        typer.Option(metavar="MM", help="Width σ of a joint's Gaussian.", rich_help_panel=options.METHOD),
-    ] = None,
-    occlusion_sigma: Annotated[
-        float | None,
-        typer.Option(
-            metavar="MM", help="Width σ of elbows, wrists and ankles.", rich_help_panel=options.METHOD
-        ),
-    ] = None,
-    symmetry_tier: Annotated[
-        int | None,
-        typer.Option(
-            min=0,
-            max=3,
-            metavar="0..3",
-            help="Limbs kept equal left and right: 0 none, 1 lower, 2 and upper, 3 and trunk.",
-            rich_help_panel=options.METHOD,
-        ),
-    ] = None,
-    max_steps: Annotated[
-        int | None,
-        typer.Option(min=0, metavar="N", help="Most steps per frame.", rich_help_panel=options.METHOD),
-    ] = None,
+    unit: options.Unit = None,
+    layout: options.LayoutName = None,
+    person: options.Person = "consistent",
+    frames: options.Frames = "strict",
+    init: options.Init = None,
+    min_confidence: options.MinConfidence = None,
+    no_undistort: options.NoUndistort = False,
+    sigma: options.Sigma = None,
+    occlusion_sigma: options.OcclusionSigma = None,
+    symmetry_tier: options.SymmetryTier = None,
+    max_steps: options.MaxSteps = None,
     threads: options.Threads = None,
-    fps: Annotated[
-        float | None,
-        typer.Option(
-            metavar="HZ", help="Frame rate of the recording, for pose.trc.", rich_help_panel=options.OUTPUT
-        ),
-    ] = None,
-    y_up: Annotated[
-        bool,
-        typer.Option(
-            "--y-up", help="Write pose.trc y up (OpenSim), from z up.", rich_help_panel=options.OUTPUT
-        ),
-    ] = False,
+    output: options.Out,
+    fps: options.Fps = None,
+    y_up: options.YUp = False,
     quiet: options.Quiet = False,
     as_json: options.AsJson = False,
 ) -> None:

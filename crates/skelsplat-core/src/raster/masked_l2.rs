@@ -17,7 +17,7 @@ use nalgebra::{Matrix2, Vector2};
 
 use super::pseudo_gt::HeatMap;
 use super::rows::{Group, LANES, Pixel, RowTable, lane_numbers};
-use super::splat::{ALPHA_MAX, Row, Splat};
+use super::splat::{ALPHA_MAX, Row, Span, Splat};
 
 /// Value of one channel and the moments that its gradient is made of.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -63,40 +63,60 @@ impl Moments {
     }
 }
 
-/// Per-lane sums over a window: Σ R(R−2P), Σw·{x, y, xx, xy, yy}.
-struct Lanes<P: Pixel> {
-    squared: P::Group,
-    moments: [P::Group; 5],
+/// Rows after which the lanes' sums go into doubles: keeps the error of f32 sums at that of a few rows.
+const FLUSH: usize = 16;
+
+/// Per-lane sums over some rows: Σ R(R−2P), Σw·{x, y, xx, xy, yy}.
+struct Lanes<P: Pixel>([P::Group; 6]);
+
+impl<P: Pixel> Lanes<P> {
+    fn zero() -> Self {
+        Self([P::Group::splat(P::zero()); 6])
+    }
+
+    /// Moves the sums over to `total`.
+    fn flush(&mut self, total: &mut [f64; 6]) {
+        let lanes = std::mem::replace(self, Self::zero());
+        total.iter_mut().zip(lanes.0).for_each(|(t, group)| *t += group.sum().wide());
+    }
 }
 
 /// Compares the render of `splat` with `heat`. `line` is scratch for one row of the pseudo ground truth.
 #[must_use]
 pub fn channel<P: Pixel>(splat: &Splat, heat: &HeatMap<P>, line: &mut Vec<P>) -> ChannelSums {
     let table = RowTable::new(splat.conic[(0, 0)]);
-    let zero = P::Group::splat(P::zero());
-    let mut lanes = Lanes::<P> { squared: zero, moments: [zero; 5] };
+    let (mut lanes, mut total) = (Lanes::<P>::zero(), [0.0; 6]);
     let (mut rendered, mut shared) = (0_u32, 0_u32);
-    for (v, row) in splat.covered_rows() {
-        let (offset, pseudo) = heat.line(v, row.span);
-        load(line, row.span.len(), offset, pseudo);
-        compare_row(&table, splat, &row, line, &mut lanes);
+    for (count, (v, row)) in splat.covered_rows().enumerate() {
+        let groups = match heat.groups(v, row.span) {
+            Some(groups) => groups,
+            None => gather(heat, v, row.span, line),
+        };
+        compare_row(&table, splat, &row, groups, &mut lanes);
         rendered += u32::try_from(row.span.len()).unwrap_or(u32::MAX);
-        shared += u32::try_from(pseudo.len()).unwrap_or(u32::MAX);
+        shared += heat.shared(v, row.span);
+        if count % FLUSH == FLUSH - 1 {
+            lanes.flush(&mut total);
+        }
     }
-    let [x, y, xx, xy, yy] = lanes.moments.map(|group| group.sum().wide());
+    lanes.flush(&mut total);
+    let [squared, x, y, xx, xy, yy] = total;
     ChannelSums {
-        squared: heat.energy + lanes.squared.sum().wide(),
+        squared: heat.energy + squared,
         mask: rendered + heat.count - shared,
         moments: Moments { first: Vector2::new(x, y), second: Matrix2::new(xx, xy, xy, yy) },
     }
 }
 
-/// Fills `line` with one row of the pseudo ground truth, zero where there is none, up to whole groups.
-#[inline]
-fn load<P: Pixel>(line: &mut Vec<P>, len: usize, offset: usize, pseudo: &[P]) {
+/// One row of the pseudo ground truth up to whole groups, put together in `line` where the heat map's window
+/// does not hold all of it.
+#[cold]
+fn gather<'a, P: Pixel>(heat: &HeatMap<P>, v: i32, span: Span, line: &'a mut Vec<P>) -> &'a [P] {
+    let (offset, pseudo) = heat.line(v, span);
     line.clear();
-    line.resize(len.next_multiple_of(LANES), P::zero());
+    line.resize(span.len().next_multiple_of(LANES), P::zero());
     line[offset..offset + pseudo.len()].copy_from_slice(pseudo);
+    line
 }
 
 /// Adds one row's pixels to the sums. Lanes beyond the row have R = 0 and add nothing.
@@ -105,15 +125,15 @@ fn compare_row<P: Pixel>(
     table: &RowTable<P>,
     splat: &Splat,
     row: &Row,
-    line: &[P],
+    pseudo: &[P],
     sums: &mut Lanes<P>,
 ) {
     let group = |value: f64| P::Group::splat(P::of(value));
     let (zero, max, two, step) = (group(0.0), group(ALPHA_MAX), group(2.0), group(8.0));
     let from_mean = f64::from(row.span.start) - splat.mean.x;
     let mut x = group(from_mean) + lane_numbers::<P>();
-    let (mut squared, mut s0, mut s1, mut s2) = (sums.squared, zero, zero, zero);
-    let (pseudo, _) = line.as_chunks::<LANES>();
+    let (mut squared, mut s0, mut s1, mut s2) = (sums.0[0], zero, zero, zero);
+    let (pseudo, _) = pseudo.as_chunks::<LANES>();
     table.for_each(from_mean - row.centre, row.floor, row.span.len(), |k, g| {
         let p = P::Group::new(pseudo[k]);
         let r = g.least(max);
@@ -126,8 +146,8 @@ fn compare_row<P: Pixel>(
         x = x + step;
     });
     let y = group(row.y);
-    sums.squared = squared;
-    for (moment, row_sum) in sums.moments.iter_mut().zip([s1, y * s0, s2, y * s1, y * y * s0]) {
+    sums.0[0] = squared;
+    for (moment, row_sum) in sums.0[1..].iter_mut().zip([s1, y * s0, s2, y * s1, y * y * s0]) {
         *moment = *moment + row_sum;
     }
 }

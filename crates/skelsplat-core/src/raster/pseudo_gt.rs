@@ -6,7 +6,10 @@
 use super::rows::{Group, LANES, Pixel, RowTable};
 use super::splat::{Row, Span, Splat};
 
-/// A heat map on the window of pixels that it covers, zero elsewhere.
+/// Zero columns kept on either side, so that a render nearby finds whole rows in the window.
+const MARGIN: i32 = 8;
+
+/// A heat map on a window of pixels, zero elsewhere.
 #[derive(Debug, Clone)]
 pub struct HeatMap<P> {
     rows: Span,
@@ -28,13 +31,14 @@ impl<P: Pixel> HeatMap<P> {
     /// The heat map of `splat`, whose mean is the detection.
     #[must_use]
     pub fn new(splat: &Splat) -> Self {
-        let (rows, columns) = (splat.rows, splat.columns);
+        let (rows, inner) = (splat.rows, splat.columns);
+        let columns = Span { start: inner.start - MARGIN, end: inner.end + MARGIN };
         let width = columns.len();
         let mut map = Self {
             rows,
             columns,
             spans: vec![Span::default(); rows.len()],
-            values: vec![P::zero(); rows.len() * width],
+            values: vec![P::zero(); rows.len() * width + LANES],
             count: 0,
             energy: 0.0,
         };
@@ -73,16 +77,26 @@ impl<P: Pixel> HeatMap<P> {
         (at(span.start), &self.values[start..start + shared.len()])
     }
 
-    /// Rows of the window, `[start, end)`.
+    /// The pixels of `span` in row `v`, up to whole groups of [`LANES`], if the window holds them all. What lies
+    /// beyond the span is unspecified.
+    #[inline]
     #[must_use]
-    pub fn rows(&self) -> Span {
-        self.rows
+    pub fn groups(&self, v: i32, span: Span) -> Option<&[P]> {
+        let inside = self.rows.start <= v
+            && v < self.rows.end
+            && self.columns.start <= span.start
+            && span.end <= self.columns.end;
+        let at = |a: i32, b: i32| usize::try_from(a - b).unwrap_or(0);
+        let start =
+            at(v, self.rows.start) * self.columns.len() + at(span.start, self.columns.start);
+        inside.then(|| &self.values[start..start + span.len().next_multiple_of(LANES)])
     }
 
-    /// Columns of the window, `[start, end)`.
+    /// Number of pixels that the heat map has in `span` of row `v`.
+    #[inline]
     #[must_use]
-    pub fn columns(&self) -> Span {
-        self.columns
+    pub fn shared(&self, v: i32, span: Span) -> u32 {
+        pixels(span.intersection(self.span(v)))
     }
 }
 

@@ -18,7 +18,7 @@ use crate::raster::splat::Splat;
 use crate::symmetry::{LimbPair, symmetry};
 
 /// Pixels of pseudo ground truth from which sharing one pose's windows among threads pays.
-const PARALLEL_PIXELS: u32 = 40_000;
+const PARALLEL_PIXELS: u32 = 5_000;
 
 /// The loss and its terms.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zipfile
+import zlib
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -63,11 +64,11 @@ def read_npz(path: str | os.PathLike[str]) -> PoseData:
 
 def _load(path: Path) -> dict[str, Any]:
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
             return dict(archive)
     except OSError as error:
         raise DatasetError(
             path, "file", "a readable npz file", (error.strerror or str(error)).lower()
         ) from error
-    except (ValueError, zipfile.BadZipFile, TypeError) as error:
+    except (ValueError, TypeError, EOFError, zipfile.BadZipFile, zlib.error) as error:
         raise DatasetError(path, "file", "an npz file", str(error)) from error

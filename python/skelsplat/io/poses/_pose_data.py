@@ -74,7 +74,7 @@ class PoseData:
         for name, shape in self._shapes().items():
             actual = np.shape(getattr(self, name))
             optional = name not in ("joint_names", "frames")
-            if actual != shape and not (optional and actual[0] == 0):
+            if actual != shape and not (optional and actual[:1] == (0,)):
                 raise InvalidInputError(f"{name}: expected shape {shape}, got {actual}")
 
     def _shapes(self) -> dict[str, tuple[int, ...]]:

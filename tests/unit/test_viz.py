@@ -1,0 +1,237 @@
+"""The figures: size, labels, what is drawn where, and that a file is written whole or not at all."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from matplotlib.image import imread
+
+from skelsplat import viz
+from skelsplat.viz import _style
+from skelsplat.viz.heatmaps import crop_window
+
+UP = np.array([0.0, 0.0, 1.0])
+# hip left, hip right, head: a person who looks along +x, left is +y
+BODY = np.array([[0.0, 150.0, 900.0], [0.0, -150.0, 900.0], [20.0, 0.0, 1700.0]])
+SKELETON = viz.Skeleton(limbs=((0, 1), (0, 2), (1, 2)), left_right=((0, 1),))
+T, M, N = 4, 2, 3
+
+
+@pytest.fixture
+def figures(monkeypatch):
+    """Keep the figures that are written, for looking at their axes."""
+    kept: list[Figure] = []
+    save = _style.save_png
+
+    def keep(figure, path):
+        kept.append(figure)
+        return save(figure, path)
+
+    monkeypatch.setattr(_style, "save_png", keep)
+    return kept
+
+
+def overview_data(**changes):
+    after = np.repeat(BODY[None], T, axis=0)
+    rng = np.random.default_rng(0)
+    data = {
+        "before": after + 30.0,
+        "after": after,
+        "status": np.full((T, N), "ok"),
+        "error_before": rng.uniform(5, 20, (T, M, N)),
+        "error_after": rng.uniform(1, 8, (T, M, N)),
+        "camera_names": ("door", "window"),
+        "up": UP,
+        "frame": 2,
+        "caption": "Frame 2",
+    }
+    return viz.OverviewData(**{**data, **changes})
+
+
+def heatmap_row(name="door", height=200, width=300, **changes):
+    image = np.zeros((height, width), dtype=np.float32)
+    image[85:140, 95:120] = 1.0
+    row = {
+        "name": name,
+        "pseudo": image,
+        "rendering": image,
+        "detections": np.array([[100.0, 80.0], [110.0, 120.0], [np.nan, np.nan]]),
+        "reprojection": np.array([[102.0, 81.0], [111.0, 118.0], [120.0, 100.0]]),
+        "median_error_px": 2.25,
+    }
+    return viz.HeatmapRow(**{**row, **changes})
+
+
+def texts(axes):
+    return [axes.get_title(), axes.get_xlabel(), axes.get_ylabel()]
+
+
+def test_overview_has_two_views_and_the_errors(tmp_path, figures):
+    viz.write_overview(tmp_path / "o.png", overview_data(), skeleton=SKELETON)
+    front, side, cameras, spread = figures[0].axes
+    assert texts(front) == ["front view", "to the body's left [mm]", "height [mm]"]
+    assert texts(side)[:2] == ["side view (from the right)", "to the body's front [mm]"]
+    assert "[px]" in cameras.get_xlabel()
+    assert "[px]" in spread.get_xlabel()
+    assert [label.get_text() for label in cameras.get_yticklabels()] == ["door", "window"]
+    assert figures[0].texts[0].get_text() == "Frame 2"
+
+
+def test_overview_is_1400_px_wide_and_not_blank(tmp_path):
+    path = viz.write_overview(tmp_path / "o.png", overview_data(), skeleton=SKELETON)
+    image = imread(path)
+    assert image.shape[1] == 1400
+    for part in np.array_split(image[..., :3], 3, axis=1):
+        assert part.std() > 0.02  # a white third has 0
+
+
+def test_views_share_one_scale_and_show_the_sides(tmp_path, figures):
+    viz.write_overview(tmp_path / "o.png", overview_data(), skeleton=SKELETON)
+    front, side = figures[0].axes[:2]
+    scales = [axes.bbox.width / np.ptp(axes.get_xlim()) for axes in (front, side)]
+    heights = [axes.bbox.height / np.ptp(axes.get_ylim()) for axes in (front, side)]
+    np.testing.assert_allclose([*scales, *heights], scales[0], rtol=1e-9)
+    joints = np.asarray(front.collections[1].get_offsets())
+    np.testing.assert_allclose(joints[:, 0], [150.0, -150.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(joints[:, 1], [900.0, 900.0, 1700.0], atol=1e-9)
+    ahead = np.asarray(side.collections[1].get_offsets())[:, 0]
+    assert ahead[2] - ahead[0] == pytest.approx(20.0)
+
+
+def test_medians_are_those_of_the_finite_errors(tmp_path, figures):
+    after = np.full((T, M, N), np.nan)
+    after[:, 0] = 3.0
+    after[0, 0, 0] = np.nan
+    viz.write_overview(tmp_path / "o.png", overview_data(error_after=after), skeleton=SKELETON)
+    bars = [patch.get_width() for patch in figures[0].axes[2].patches]
+    assert len(bars) == 3  # the second camera has no error after
+    assert bars[-1] == 3.0
+
+
+def test_joints_that_are_not_ok_are_hollow(tmp_path, figures):
+    status = np.full((T, N), "ok", dtype="<U10")
+    status[2, 1] = "weak"
+    viz.write_overview(tmp_path / "o.png", overview_data(status=status), skeleton=SKELETON)
+    faces = figures[0].axes[0].collections[1].get_facecolors()
+    np.testing.assert_array_equal(faces[1], [1.0, 1.0, 1.0, 1.0])
+    assert not (faces[[0, 2], :3] == 1.0).all(axis=1).any()
+
+
+def test_overview_of_unknown_joints_and_without_pairs(tmp_path, figures):
+    nothing = np.full((T, N, 3), np.nan)
+    viz.write_overview(tmp_path / "a.png", overview_data(before=nothing, after=nothing), skeleton=SKELETON)
+    viz.write_overview(tmp_path / "b.png", overview_data(), skeleton=viz.Skeleton())
+    assert figures[1].axes[0].get_title() == "view 1"
+    assert imread(tmp_path / "a.png").shape[1] == imread(tmp_path / "b.png").shape[1] == 1400
+
+
+def test_a_stray_joint_does_not_shrink_the_body(tmp_path, figures):
+    after = np.repeat(BODY[None], T, axis=0)
+    after = np.concatenate([after, np.full((T, 1, 3), 50_000.0)], axis=1)
+    data = overview_data(before=after, after=after, status=np.full((T, N + 1), "ok"))
+    viz.write_overview(tmp_path / "o.png", data, skeleton=SKELETON)
+    # the body's 800 mm, and the reach with its margin on one side
+    assert np.ptp(figures[0].axes[0].get_ylim()) < 3000.0
+
+
+def test_body_axes_are_left_and_forward():
+    left, forward = viz.body_axes(np.repeat(BODY[None], T, axis=0), ((0, 1),), UP)
+    np.testing.assert_allclose(left, [0.0, 1.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(forward, [1.0, 0.0, 0.0], atol=1e-12)
+
+
+def test_body_axes_of_a_turning_person_are_those_of_the_frame():
+    turned = BODY * [-1.0, -1.0, 1.0]
+    left, _ = viz.body_axes(np.stack([BODY, turned]), ((0, 1),), UP, frame=1)
+    np.testing.assert_allclose(left, [0.0, -1.0, 0.0], atol=1e-12)
+
+
+@pytest.mark.parametrize("pose", [BODY, np.full((3, 3), np.nan), np.zeros((3, 3))])
+def test_body_axes_without_pairs_are_horizontal_unit_vectors(pose):
+    left, forward = viz.body_axes(pose[None], (), UP)
+    np.testing.assert_allclose([left @ UP, forward @ UP, left @ forward], 0.0, atol=1e-9)
+    np.testing.assert_allclose([left @ left, forward @ forward], 1.0, atol=1e-9)
+
+
+def test_heatmaps_have_a_row_of_two_images_per_camera(tmp_path, figures):
+    rows = [heatmap_row("door"), heatmap_row("window", median_error_px=float("nan"))]
+    path = viz.write_heatmaps(tmp_path / "h.png", rows, skeleton=SKELETON, caption="Frame 2")
+    titles = [axes.get_title() for axes in figures[0].axes]
+    assert titles == [
+        "door: pseudo ground truth",
+        "door: rendering, median error 2.2 px",
+        "window: pseudo ground truth",
+        "window: rendering, no detections",
+    ]
+    assert all(texts(axes)[1:] == ["u [px]", "v [px]"] for axes in figures[0].axes)
+    assert imread(path).shape[1] == 1400
+
+
+def test_heatmap_pixels_lie_at_their_coordinates(tmp_path, figures):
+    row = heatmap_row()
+    viz.write_heatmaps(tmp_path / "h.png", [row], skeleton=SKELETON)
+    axes = figures[0].axes[0]
+    image = axes.images[0]
+    left, right, bottom, top = image.get_extent()
+    shown = np.asarray(image.get_array())
+    assert shown.shape == (bottom - top, right - left)
+    v, u = np.argwhere(shown == 1.0)[0]
+    assert (left + 0.5 + u, top + 0.5 + v) == (95.0, 85.0)
+    assert axes.get_ylim()[0] > axes.get_ylim()[1]  # v grows downwards
+    crosses = np.asarray(axes.collections[1].get_offsets())
+    np.testing.assert_array_equal(crosses, row.detections)
+
+
+def test_the_crop_holds_the_person_and_stays_in_the_image():
+    (left, right), (top, bottom) = crop_window(heatmap_row())
+    assert 0 <= left < 100
+    assert 120 < right < 299
+    assert 0 <= top < 80
+    assert 120 < bottom < 199
+    edge = heatmap_row(detections=np.array([[-0.4, 0.0], [299.0, 199.4], [400.0, 50.0]]))
+    assert crop_window(edge) == ((0, 299), (0, 199))
+
+
+def test_the_crop_without_joints_is_the_image():
+    nothing = np.full((3, 2), np.nan)
+    assert crop_window(heatmap_row(detections=nothing, reprojection=nothing)) == ((0, 299), (0, 199))
+
+
+def test_heatmaps_of_many_cameras_are_smaller(tmp_path):
+    tall = {"height": 600, "reprojection": np.array([[100.0, 10.0], [110.0, 590.0], [120.0, 100.0]])}
+    few = viz.write_heatmaps(tmp_path / "few.png", [heatmap_row(**tall)] * 4, skeleton=SKELETON)
+    many = viz.write_heatmaps(tmp_path / "many.png", [heatmap_row(**tall)] * 5, skeleton=SKELETON)
+    assert imread(many).shape[0] < imread(few).shape[0]
+
+
+def test_heatmaps_need_a_camera(tmp_path):
+    with pytest.raises(ValueError, match="rows: expected at least one camera, got none"):
+        viz.write_heatmaps(tmp_path / "h.png", [], skeleton=SKELETON)
+
+
+def test_a_failed_write_leaves_the_former_file_and_nothing_else(tmp_path, monkeypatch):
+    path = viz.write_overview(tmp_path / "o.png", overview_data(), skeleton=SKELETON)
+    before = path.read_bytes()
+
+    def full(_path, _target):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "replace", full)
+    with pytest.raises(OSError, match="No space left"):
+        viz.write_overview(path, overview_data(frame=0), skeleton=SKELETON)
+    assert path.read_bytes() == before
+    assert [p.name for p in tmp_path.iterdir()] == ["o.png"]
+
+
+def test_viz_is_a_leaf_without_pyplot():
+    for source in Path(viz.__file__).parent.glob("*.py"):
+        for node in ast.walk(ast.parse(source.read_text())):
+            names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
+            names += [node.module] if isinstance(node, ast.ImportFrom) and node.module else []
+            for name in names:
+                assert "pyplot" not in name
+                assert not name.startswith("skelsplat") or name.startswith("skelsplat.viz")
