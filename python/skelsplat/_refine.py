@@ -127,6 +127,7 @@ def refine(
     UserWarning
         If the skeleton is taller than 10 m or shorter than 10 cm in the stated unit.
     """
+    _warn_of_unit(init_pose, detections, cameras)
     with _reporter(progress) as report:
         out = _skelsplat.refine(
             init_pose,
@@ -137,7 +138,6 @@ def refine(
             config=config,
             progress=report,
         )
-    _warn_of_unit(out["init_pose"], cameras)
     return _refinement(out)
 
 
@@ -153,9 +153,19 @@ def _refinement(out: dict[str, Any]) -> Refinement:
     )
 
 
-def _warn_of_unit(init_pose: NDArray[np.float64], cameras: Cameras) -> None:
+def _warn_of_unit(init_pose: ArrayLike | None, detections: ArrayLike, cameras: Cameras) -> None:
+    """Warn before the work starts: in a wrong unit the splats can cover whole images and take minutes."""
+    if init_pose is None:
+        first = detections[:1] if isinstance(detections, np.ndarray) and detections.ndim == 4 else detections
+        init_pose = _skelsplat.triangulate(first, cameras)
+    try:
+        poses = np.asarray(init_pose, dtype=float)
+    except (TypeError, ValueError):
+        return  # the core names what is wrong with it
+    if poses.ndim not in (2, 3) or poses.shape[-1] != 3:
+        return
     unit = cameras.unit if isinstance(cameras, CameraRig) else "mm"
-    doubt = _skelsplat.implausible_extent(init_pose.reshape(-1, *init_pose.shape[-2:]), unit)
+    doubt = _skelsplat.implausible_extent(poses.reshape(-1, *poses.shape[-2:]), unit)
     if doubt is not None:
         warnings.warn(doubt, UserWarning, stacklevel=3)
 

@@ -292,9 +292,7 @@ def triangulate(
         Shapes that do not fit, an unknown method, a confidence outside [0, 1].
     """
 
-def fuse_monocular(
-    poses: ArrayLike, detections: ArrayLike, cameras: _Cameras
-) -> NDArray[np.float64]:
+def fuse_monocular(poses: ArrayLike, detections: ArrayLike, cameras: _Cameras) -> NDArray[np.float64]:
     """Fuse monocular 3D poses ([T,] V, N, 3) given in the world to one pose ([T,] N, 3).
 
     X_j = Σ_i w_ij X_ij with w_ij ∝ 1 / (mean reprojection error of X_ij over the views that detect j). A pose
@@ -304,7 +302,7 @@ def fuse_monocular(
 def project_gaussians(
     means: ArrayLike, covariances: ArrayLike, cameras: _Cameras
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Project Gaussians (N, 3), (N, 3, 3) to means (M, N, 2) and covariances (M, N, 2, 2) with h·I, ideal pixels.
+    """Project Gaussians (N, 3), (N, 3, 3) to means (M, N, 2) and covariances (M, N, 2, 2), ideal pixels.
 
     Σ² = J W Σ Wᵀ Jᵀ + h·I (paper §3, supplement A); NaN behind a camera.
     """
@@ -312,7 +310,10 @@ def project_gaussians(
 def render(
     means: ArrayLike, covariances: ArrayLike, camera: Camera, *, encoding: str = "one_hot"
 ) -> NDArray[np.float32]:
-    """Render Gaussians (N, 3), (N, 3, 3): float32 (N, H, W) for ``"one_hot"``, (3|1, H, W) for ``"rgb"``, ``"single"``."""
+    """Render Gaussians (N, 3), (N, 3, 3) as float32 images.
+
+    (N, H, W) for ``"one_hot"``, (3, H, W) for ``"rgb"``, (1, H, W) for ``"single"``; ideal pixels.
+    """
 
 def pseudo_ground_truth(
     detections: ArrayLike,

@@ -40,8 +40,8 @@ def test_exact_detections_recover_the_pose_from_20_mm_of_noise(poses, rig):
 def test_the_noise_ablation_has_the_papers_shape(poses, rig, detections):
     """Paper, Tab. noise: 26.7, 27.8, 27.9, 30.6, 41.5, 63.4, 84.6 mm at 0, 10, 20, 40, 60, 80, 100 mm.
 
-    Flat to 20 mm (the paper's +4.5 %, here with 10 % for 36 poses), rising at 40 (the paper's +15 to +25 %), lost
-    by 80 (more than twice).
+    Flat to 20 mm (the paper's +4.5 %, here with 10 % for 36 poses), rising at 40 (the paper's +15 to +25 %),
+    lost by 80 (more than twice).
     """
     start = sk.triangulate(detections[..., :2], rig)
 
@@ -59,9 +59,9 @@ def test_the_noise_ablation_has_the_papers_shape(poses, rig, detections):
 def test_one_hot_beats_the_shared_encodings(poses, rig, detections):
     """Paper, Tab. encoding: 26.7 against 29.4 mm.
 
-    The margin is three standard errors of the mean paired difference over the poses: were there no difference, a
-    test in a thousand would pass. The `rgb` encoding holds `single`'s composite three times, so its loss and its
-    result are `single`'s.
+    The margin is three standard errors of the mean paired difference over the poses: were there no difference,
+    a test in a thousand would pass. The `rgb` encoding holds `single`'s composite three times, so its loss and
+    its result are `single`'s.
     """
     start = sk.triangulate(detections[..., :2], rig)
 

@@ -1,0 +1,22 @@
+"""The Python blocks of the README run as they stand."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+README = Path(__file__).parents[2] / "README.md"
+BLOCKS = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), flags=re.DOTALL)
+
+
+@pytest.mark.parametrize("block", BLOCKS)
+def test_a_block_runs(block: str, capsys: pytest.CaptureFixture[str]) -> None:
+    exec(compile(block, str(README), "exec"), {})
+    for promised in re.findall(r"print\(.*?\)\s+# (.+)", block):
+        assert promised in capsys.readouterr().out
+
+
+def test_there_are_blocks() -> None:
+    assert BLOCKS
