@@ -59,9 +59,9 @@ def test_the_noise_ablation_has_the_papers_shape(poses, rig, detections):
 def test_one_hot_beats_the_shared_encodings(poses, rig, detections):
     """Paper, Tab. encoding: 26.7 against 29.4 mm.
 
-    The margin is three standard errors of the mean paired difference over the poses: were there no difference,
-    a test in a thousand would pass. The `rgb` encoding holds `single`'s composite three times, so its loss and
-    its result are `single`'s.
+    The margin is three standard errors of the mean paired difference over the poses: were there no
+    difference, a test in a thousand would pass. The `rgb` encoding holds `single`'s composite three times, so
+    its loss and its result are `single`'s.
     """
     start = sk.triangulate(detections[..., :2], rig)
 

@@ -14,8 +14,9 @@ BLOCKS = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), 
 @pytest.mark.parametrize("block", BLOCKS)
 def test_a_block_runs(block: str, capsys: pytest.CaptureFixture[str]) -> None:
     exec(compile(block, str(README), "exec"), {})
+    printed = capsys.readouterr().out
     for promised in re.findall(r"print\(.*?\)\s+# (.+)", block):
-        assert promised in capsys.readouterr().out
+        assert promised in printed
 
 
 def test_there_are_blocks() -> None:
