@@ -23,9 +23,8 @@ if TYPE_CHECKING:
     Array = npt.NDArray[np.float64]
     Window = tuple[tuple[int, int], tuple[int, int]]
 
-_PANEL_IN = 6.16  # width of one image
-_TALLEST_IN = 8.0  # of one image, up to four cameras
-_TALLEST_OF_MANY_IN = 4.5
+_TALLEST_IN = 6.0  # of one image
+_MARGIN_IN = 0.85  # left of an image, for its ticks and label
 _HEADER_IN = 1.0
 _ROW_GAP_IN = 1.15  # title above and axis label below an image
 _PAD = 0.08  # of the person's longer side, around the crop
@@ -61,9 +60,9 @@ class HeatmapRow:
 def write_heatmaps(
     path: str | os.PathLike[str], rows: Sequence[HeatmapRow], *, skeleton: Skeleton, caption: str = ""
 ) -> Path:
-    """Draw one row per camera and write the figure to ``path``.
+    """Draw the two images of every camera and write the figure to ``path``.
 
-    Each row shows the same part of the camera's image twice, cut to the person; the ticks are pixels of the
+    A pair shows the same part of the camera's image twice, cut to the person; the ticks are pixels of the
     whole image.
 
     Raises
@@ -76,16 +75,22 @@ def write_heatmaps(
     if not rows:
         raise ValueError("rows: expected at least one camera, got none")
     windows = [crop_window(row) for row in rows]
-    tallest = _TALLEST_IN if len(rows) <= 4 else _TALLEST_OF_MANY_IN
-    heights = [min(_PANEL_IN * _aspect(window), tallest) for window in windows]
-    total = _HEADER_IN + sum(heights) + _ROW_GAP_IN * len(rows)
+    # An upright person leaves room for two cameras side by side.
+    across = 2 if len(rows) > 1 and np.median([_aspect(window) for window in windows]) > 1 else 1
+    cell = _style.WIDTH_IN / (2 * across)
+    width = cell - _MARGIN_IN
+    lines = [range(k, min(k + across, len(rows))) for k in range(0, len(rows), across)]
+    heights = [max(min(width * _aspect(windows[k]), _TALLEST_IN) for k in line) for line in lines]
+    total = _HEADER_IN + sum(heights) + _ROW_GAP_IN * len(lines)
     figure = _style.new_figure(total)
     top = total - _HEADER_IN
-    for row, window, height in zip(rows, windows, heights, strict=True):
+    for line, height in zip(lines, heights, strict=True):
         base = top - height - 0.5
-        for column in (0, 1):
-            box = (0.07 + 0.475 * column, base / total, _PANEL_IN / _style.WIDTH_IN, height / total)
-            _draw_panel(figure.add_axes(box), row, window, skeleton, rendered=bool(column))
+        for place, k in enumerate(line):
+            for column in (0, 1):
+                left = (2 * place + column) * cell + _MARGIN_IN - 0.1
+                box = (left / _style.WIDTH_IN, base / total, width / _style.WIDTH_IN, height / total)
+                _draw_panel(figure.add_axes(box), rows[k], windows[k], skeleton, rendered=bool(column))
         top -= height + _ROW_GAP_IN
     figure.text(0.02, 1 - 0.18 / total, caption, fontsize=_style.TITLE_PT, va="top")
     corner = (0.012, 1 - 0.42 / total)
@@ -119,9 +124,9 @@ def _draw_panel(axes: Axes, row: HeatmapRow, window: Window, skeleton: Skeleton,
     )
     draw_limbs(axes, limbs, skeleton, color=colour, linewidth=1.1, alpha=0.6)
     found, detected = row.reprojection, row.detections
-    axes.scatter(found[:, 0], found[:, 1], s=15, color=_style.REPROJECTION, linewidths=0, zorder=3)
+    axes.scatter(found[:, 0], found[:, 1], s=9, color=_style.REPROJECTION, linewidths=0, zorder=3)
     axes.scatter(
-        detected[:, 0], detected[:, 1], s=32, marker="x", color=_style.DETECTION, linewidths=1.4, zorder=4
+        detected[:, 0], detected[:, 1], s=20, marker="x", color=_style.DETECTION, linewidths=1.0, zorder=4
     )
     axes.set_xlim(extent[0], extent[1])
     axes.set_ylim(extent[2], extent[3])
@@ -129,9 +134,9 @@ def _draw_panel(axes: Axes, row: HeatmapRow, window: Window, skeleton: Skeleton,
     axes.set_ylabel("v [px]")
     _style.tidy(axes)
     error = (
-        f"median error {row.median_error_px:.1f} px" if np.isfinite(row.median_error_px) else "no detections"
+        f"median {row.median_error_px:.1f} px off" if np.isfinite(row.median_error_px) else "no detections"
     )
-    axes.set_title(f"{row.name}: rendering, {error}" if rendered else f"{row.name}: pseudo ground truth")
+    axes.set_title(f"{row.name}, rendering\n{error}" if rendered else f"{row.name}, pseudo\nground truth")
 
 
 def crop_window(row: HeatmapRow) -> Window:

@@ -10,7 +10,7 @@
 //! ```
 //!
 //! Each step multiplies rounding into both g and r, so the relative error after k groups is about k²/2 ulp, beside
-//! k times that of the first r; the recurrence starts anew every [`RESTART`] groups, where k²/2 has reached 32 ulp.
+//! k times that of the first r; the recurrence starts anew every `RESTART` groups, where k²/2 has reached 32 ulp.
 
 use std::ops::{Add, Mul, Sub};
 
