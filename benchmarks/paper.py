@@ -110,6 +110,17 @@ def rows() -> list[tuple[str, str, str]]:
         per=16,
     )
     out.append(("batch of 16, early stopping, 1 core, per pose", f"{stopping:.1f} ms", ""))
+    closed = milliseconds(
+        lambda: sk.refine(
+            start,
+            detections,
+            rig,
+            layout="h36m17",
+            config=all_steps(n_threads=1, renderer="closed_form"),
+        ),
+        per=16,
+    )
+    out.append(("the same with renderer='closed_form', 125 steps", f"{closed:.1f} ms", ""))
     grown = subprocess.run(
         [sys.executable, __file__, "--memory"], check=True, capture_output=True, text=True
     ).stdout

@@ -159,8 +159,10 @@ class RefineConfig:
 
     Parameters
     ----------
-    renderer, optimizer : str
-        ``"raster"`` and ``"adam"``.
+    renderer : {"raster", "closed_form"}
+        What compares splats with detections: the paper's pixels, or the exact integral of the same loss over the
+        plane, which needs none (one-hot encoding only).
+    optimizer : {"adam"}
     sigma : float
         Initial standard deviation σ₀ of every joint, e³ ≈ 20.09.
     occlusion_sigma : float or None

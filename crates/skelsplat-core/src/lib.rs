@@ -21,6 +21,7 @@ pub mod error;
 pub mod gaussian;
 pub mod layout;
 pub mod optim;
+pub mod overlap;
 pub mod projection;
 pub mod raster;
 pub mod refine;

@@ -10,7 +10,7 @@ use skelsplat_core::gaussian::Gaussian;
 use skelsplat_core::layout::Layout;
 use skelsplat_core::projection::View;
 use skelsplat_core::raster::encoding::Encoding;
-use skelsplat_core::refine::{RefineConfig, Refiner};
+use skelsplat_core::refine::{RefineConfig, Refiner, Renderer};
 use skelsplat_core::symmetry::symmetry;
 use skelsplat_core::testing::differences::{central_differences, relative_error};
 use skelsplat_core::testing::scenes::{
@@ -107,10 +107,15 @@ fn total_loss_in_every_parameter() {
         .into_iter()
         .map(|mean| (mean, Gaussian::isotropic(mean, 20.0).covariance()))
         .collect();
-    for (encoding, tier) in
-        [(Encoding::OneHot, 1), (Encoding::OneHot, 3), (Encoding::Single, 2), (Encoding::Rgb, 0)]
-    {
-        let config = RefineConfig { encoding, symmetry_tier: tier, ..RefineConfig::paper() };
+    for (renderer, encoding, tier) in [
+        (Renderer::Raster, Encoding::OneHot, 1),
+        (Renderer::Raster, Encoding::OneHot, 3),
+        (Renderer::Raster, Encoding::Single, 2),
+        (Renderer::Raster, Encoding::Rgb, 0),
+        (Renderer::ClosedForm, Encoding::OneHot, 1),
+    ] {
+        let config =
+            RefineConfig { renderer, encoding, symmetry_tier: tier, ..RefineConfig::paper() };
         let refiner = Refiner::new(&cameras, Unit::Millimetre, Some(&layout), config).unwrap();
         let of = |gaussians: &[Gaussian]| {
             refiner.loss_and_gradient(gaussians, &detections, Some(targets.clone())).unwrap()

@@ -5,8 +5,9 @@ use std::sync::atomic::AtomicBool;
 use skelsplat_core::Error;
 use skelsplat_core::detections::Detections;
 use skelsplat_core::layout::Layout;
+use skelsplat_core::raster::encoding::Encoding;
 use skelsplat_core::refine::refiner::Frame;
-use skelsplat_core::refine::{PositionLearningRate, RefineConfig, Refiner};
+use skelsplat_core::refine::{PositionLearningRate, RefineConfig, Refiner, Renderer};
 use skelsplat_core::testing::scenes::{exact_detections, room, standing};
 use skelsplat_core::unit::Unit;
 
@@ -69,7 +70,11 @@ fn no_cameras() {
 #[test]
 fn every_setting_outside_its_domain() {
     type Break = fn(&mut RefineConfig);
-    let broken: [(Break, &str); 12] = [
+    let broken: [(Break, &str); 13] = [
+        (
+            |c| (c.renderer, c.encoding) = (Renderer::ClosedForm, Encoding::Single),
+            "config.encoding: expected 'one_hot' with renderer 'closed_form', got single",
+        ),
         (|c| c.sigma = -1.0, "config.sigma: expected a positive finite number, got -1"),
         (|c| c.sigma = f64::NAN, "config.sigma: expected a positive finite number, got NaN"),
         (

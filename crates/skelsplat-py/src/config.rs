@@ -53,6 +53,16 @@ impl Field for Encoding {
     }
 }
 
+impl Field for Renderer {
+    const EXPECTED: &'static str = "'raster' or 'closed_form'";
+    fn parse(value: &Bound<'_, PyAny>) -> Option<Self> {
+        Self::by_name(&value.cast::<PyString>().ok()?.to_string()).ok()
+    }
+    fn show<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.name().into_bound_py_any(py)
+    }
+}
+
 impl Field for PositionLearningRate {
     const EXPECTED: &'static str = "a number of mm, or 'camera_extent'";
     fn parse(value: &Bound<'_, PyAny>) -> Option<Self> {
@@ -84,7 +94,6 @@ macro_rules! single_field {
         }
     };
 }
-single_field!(Renderer, Raster, "raster");
 single_field!(Optimizer, Adam, "adam");
 
 fn parse<T: Field>(name: &str, value: &Bound<'_, PyAny>) -> PyResult<T> {

@@ -39,14 +39,6 @@ pub struct Moments {
     pub second: Matrix2<f64>,
 }
 
-impl ChannelSums {
-    /// A channel whose render is empty: all of the pseudo ground truth is missed.
-    #[must_use]
-    pub fn unseen<P>(heat: &HeatMap<P>) -> Self {
-        Self { squared: heat.energy, mask: heat.count, ..Self::default() }
-    }
-}
-
 impl Moments {
     /// Adds a pixel of weight `w` at `x` from the mean.
     pub fn add(&mut self, w: f64, x: Vector2<f64>) {

@@ -8,7 +8,7 @@ pub const ALPHA_CUT: f64 = 1.0 / 255.0;
 pub const ALPHA_MAX: f64 = 0.99;
 
 /// The Mahalanobis distance squared at which exp(−½ q) = [`ALPHA_CUT`]: 2 ln 255.
-const CUT: f64 = 11.082_527_090_316_852;
+pub const CUT: f64 = 11.082_527_090_316_852;
 
 /// A run of pixels `[start, end)` in one row.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -9,6 +9,35 @@ use crate::raster::encoding::Encoding;
 pub enum Renderer {
     /// Pixels, as the paper.
     Raster,
+    /// The integral of the same loss over the plane, exact and without pixels; one-hot encoding only.
+    ClosedForm,
+}
+
+impl Renderer {
+    /// The renderer called `"raster"` or `"closed_form"`.
+    ///
+    /// # Errors
+    /// [`Error::UnknownName`] for any other name.
+    pub fn by_name(name: &str) -> Result<Self> {
+        match name {
+            "raster" => Ok(Self::Raster),
+            "closed_form" => Ok(Self::ClosedForm),
+            _ => Err(Error::UnknownName {
+                argument: "renderer",
+                name: name.to_owned(),
+                known: ["raster", "closed_form"].map(str::to_owned).to_vec(),
+            }),
+        }
+    }
+
+    /// `"raster"` or `"closed_form"`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Raster => "raster",
+            Self::ClosedForm => "closed_form",
+        }
+    }
 }
 
 /// What moves the parameters.
@@ -143,6 +172,10 @@ impl RefineConfig {
         not_negative("stop_tolerance", self.stop_tolerance)?;
         positive("resolution", self.resolution)?;
         self.validate_counts()?;
+        if self.renderer == Renderer::ClosedForm && self.encoding != Encoding::OneHot {
+            let expected = "'one_hot' with renderer 'closed_form'";
+            return Err(bad("encoding", expected, self.encoding.name()));
+        }
         if !(0.0..=1.0).contains(&self.min_confidence) {
             return Err(bad("min_confidence", "a value in [0, 1]", self.min_confidence));
         }

@@ -1,24 +1,30 @@
 //! L_opt = L_render + λ_sym L_sym of a skeleton, and its gradient in every parameter (paper §3).
 //!
 //! L_render is, per view, the mean of (render − pseudo)² over the union mask of all its channels, then the
-//! mean over the step's views that have any pixel (DESIGN §2).
+//! mean over the step's views that have any pixel (DESIGN §2). The closed form takes the integral over the plane
+//! instead, divided by the area of the targets' ellipses a ≥ 1/255, which the mask has where render and target agree.
 
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 use rayon::prelude::*;
 
+use super::config::Renderer;
 use crate::detections::Detections;
 use crate::gaussian::{Gaussian, GaussianGradient};
+use crate::overlap::PlaneGaussian;
 use crate::projection::{Projected, View};
 use crate::raster::composite::Composite;
 use crate::raster::encoding::Encoding;
-use crate::raster::masked_l2::{self, ChannelSums, Moments};
+use crate::raster::masked_l2::{self, Moments};
 use crate::raster::pseudo_gt::HeatMap;
 use crate::raster::rows::Pixel;
-use crate::raster::splat::Splat;
+use crate::raster::splat::{CUT, Splat};
 use crate::symmetry::{LimbPair, symmetry};
 
 /// Pixels of pseudo ground truth from which sharing one pose's windows among threads pays.
 const PARALLEL_PIXELS: u32 = 5_000;
+
+/// Area of the ellipse a ≥ 1/255, 2π ln 255 √|Σ|, in units of the energy π√|Σ|.
+const ELLIPSE_AREA: f64 = CUT;
 
 /// The loss and its terms.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -43,19 +49,44 @@ pub struct Targets<'a> {
     pub dilation: f64,
     /// Joint encoding.
     pub encoding: Encoding,
+    /// What compares a render with its target.
+    pub renderer: Renderer,
+}
+
+/// What the render of a joint in a view is compared with.
+#[derive(Debug, Clone)]
+enum Target<P> {
+    /// Nothing is detected, or the detection has no pixel in the image.
+    Missing,
+    /// Pixels of its own.
+    Raster(HeatMap<P>),
+    /// The Gaussian itself.
+    ClosedForm(PlaneGaussian),
+    /// Its part in the view's shared channel.
+    Shared,
+}
+
+/// Value and gradient of one channel, not yet divided by its view's area.
+#[derive(Debug, Clone, Copy, Default)]
+struct ChannelLoss {
+    /// Σ or ∫ of (R−P)².
+    squared: f64,
+    /// Pixels of the mask, or area of the target's ellipse a ≥ 1/255.
+    area: f64,
+    d_mean: Vector2<f64>,
+    d_cov: Matrix2<f64>,
 }
 
 /// One joint in one view.
 #[derive(Debug, Clone)]
 struct Channel<P> {
-    /// The detection's Gaussian; `None` where there is nothing to match.
-    target: Option<Splat>,
-    /// Its pixels, for the one-hot encoding.
-    heat: Option<HeatMap<P>>,
+    target: Target<P>,
+    /// The detection's splat, where there is a target.
+    detection: Option<Splat>,
     line: Vec<P>,
     projected: Option<Projected>,
     splat: Option<Splat>,
-    sums: ChannelSums,
+    loss: ChannelLoss,
 }
 
 /// The objective of one pose, with every buffer that an evaluation needs. Nothing is allocated from one
@@ -77,23 +108,34 @@ pub struct Objective<'a, P> {
 
 impl<P: Pixel> Channel<P> {
     fn new(view: &View, targets: &Targets<'_>, i: usize, j: usize) -> Self {
-        let target = targets.detections.get(i, j).and_then(|(pixel, _)| {
-            let (mean, covariance) = &targets.gaussians[j];
+        let (mean, covariance) = &targets.gaussians[j];
+        let found = targets.detections.get(i, j).and_then(|(pixel, _)| {
             let shape = view.project(mean, covariance, targets.dilation)?.covariance;
-            Splat::new(pixel, &shape, view.size).filter(|s| s.covered_rows().next().is_some())
+            let splat = Splat::new(pixel, &shape, view.size)?;
+            splat.covered_rows().next()?;
+            Some((splat, PlaneGaussian { mean: pixel, covariance: shape }))
         });
-        let pixels = target.filter(|_| targets.encoding == Encoding::OneHot);
+        let target = match (&found, targets.encoding, targets.renderer) {
+            (None, _, _) => Target::Missing,
+            (Some(_), Encoding::Rgb | Encoding::Single, _) => Target::Shared,
+            (Some((splat, _)), _, Renderer::Raster) => Target::Raster(HeatMap::new(splat)),
+            (Some((_, gaussian)), _, Renderer::ClosedForm) => Target::ClosedForm(*gaussian),
+        };
         Self {
             target,
-            heat: pixels.as_ref().map(HeatMap::new),
+            detection: found.map(|(splat, _)| splat),
             line: Vec::new(),
             projected: None,
             splat: None,
-            sums: ChannelSums::default(),
+            loss: ChannelLoss::default(),
         }
     }
 
-    /// Projects the joint; in the one-hot encoding also renders and compares it.
+    fn is_missing(&self) -> bool {
+        matches!(self.target, Target::Missing)
+    }
+
+    /// Projects the joint; with a channel of its own also compares it.
     fn forward(
         &mut self,
         view: &View,
@@ -101,16 +143,39 @@ impl<P: Pixel> Channel<P> {
         covariance: &Matrix3<f64>,
         dilation: f64,
     ) {
-        if self.target.is_none() {
+        if self.is_missing() {
             return;
         }
         self.projected = view.project(mean, covariance, dilation);
         self.splat = self.projected.and_then(|p| Splat::new(p.mean, &p.covariance, view.size));
-        if let Some(heat) = &self.heat {
-            self.sums = match &self.splat {
-                Some(splat) => masked_l2::channel(splat, heat, &mut self.line),
-                None => ChannelSums::unseen(heat),
-            };
+        match &self.target {
+            Target::Raster(heat) => {
+                self.loss = ChannelLoss::of_pixels(self.splat.as_ref(), heat, &mut self.line);
+            }
+            Target::ClosedForm(target) => {
+                self.loss = ChannelLoss::of_plane(self.projected.as_ref(), target);
+            }
+            Target::Missing | Target::Shared => {}
+        }
+    }
+}
+
+impl ChannelLoss {
+    fn of_pixels<P: Pixel>(splat: Option<&Splat>, heat: &HeatMap<P>, line: &mut Vec<P>) -> Self {
+        let Some(splat) = splat else {
+            return Self { squared: heat.energy, area: heat.count.into(), ..Self::default() };
+        };
+        let sums = masked_l2::channel(splat, heat, line);
+        let (d_mean, d_cov) = sums.moments.backward(&splat.conic, 1.0);
+        Self { squared: sums.squared, area: sums.mask.into(), d_mean, d_cov }
+    }
+
+    fn of_plane(projected: Option<&Projected>, target: &PlaneGaussian) -> Self {
+        let area = ELLIPSE_AREA * target.energy();
+        let render = projected.map(|p| PlaneGaussian { mean: p.mean, covariance: p.covariance });
+        match render.and_then(|r| r.overlap(target)) {
+            None => Self { squared: target.energy(), area, ..Self::default() },
+            Some(o) => Self { squared: o.loss, area, d_mean: o.d_mean, d_cov: o.d_covariance },
         }
     }
 }
@@ -128,11 +193,14 @@ impl<'a, P: Pixel> Objective<'a, P> {
             Encoding::Rgb | Encoding::Single => channels
                 .chunks(n)
                 .map(|view| {
-                    Composite::new(&view.iter().filter_map(|c| c.target).collect::<Vec<_>>())
+                    Composite::new(&view.iter().filter_map(|c| c.detection).collect::<Vec<_>>())
                 })
                 .collect(),
         };
-        let pixels: u32 = channels.iter().filter_map(|c| c.heat.as_ref()).map(|h| h.count).sum();
+        let pixels: u32 = channels
+            .iter()
+            .map(|c| if let Target::Raster(heat) = &c.target { heat.count } else { 0 })
+            .sum();
         Self {
             views,
             n_joints: n,
@@ -166,14 +234,14 @@ impl<'a, P: Pixel> Objective<'a, P> {
     /// In how many views joint `j` has pseudo ground truth.
     #[must_use]
     pub fn usable_views(&self, j: usize) -> usize {
-        self.of_joint(j).filter(|c| c.target.is_some()).count()
+        self.of_joint(j).filter(|c| !c.is_missing()).count()
     }
 
     /// In how many views the splat of joint `j` met its pseudo ground truth at the last evaluation.
     #[must_use]
     pub fn meeting_views(&self, j: usize) -> usize {
-        let meets = |c: &&Channel<P>| match (&c.target, &c.splat) {
-            (Some(target), Some(splat)) => target.overlaps(splat),
+        let meets = |c: &&Channel<P>| match (&c.detection, &c.splat) {
+            (Some(detection), Some(splat)) => detection.overlaps(splat),
             _ => false,
         };
         self.of_joint(j).filter(meets).count()
@@ -230,23 +298,28 @@ impl<'a, P: Pixel> Objective<'a, P> {
     }
 
     fn one_hot_backward(&mut self, gaussians: &[Gaussian], active: &[bool]) -> f64 {
-        let used = |c: &&Channel<P>| c.target.is_some();
-        let mask = |s: &Self, i: usize| -> u32 {
-            s.channels[s.of_view(i)].iter().filter(used).map(|c| c.sums.mask).sum()
+        let area = |s: &Self, i: usize| -> f64 {
+            let used = s.channels[s.of_view(i)].iter().filter(|c| !c.is_missing());
+            used.map(|c| c.loss.area).sum()
         };
-        let shown = |s: &Self, i: &usize| active[*i] && mask(s, *i) > 0;
+        let shown = |s: &Self, i: &usize| active[*i] && area(s, *i) > 0.0;
         let n_shown = (0..self.views.len()).filter(|i| shown(self, i)).count();
         let mut loss = 0.0;
         for i in 0..self.views.len() {
             if !shown(self, &i) {
                 continue;
             }
-            let scale = 1.0 / (f64::from(mask(self, i)) * count(n_shown));
+            let scale = 1.0 / (area(self, i) * count(n_shown));
             for k in self.of_view(i) {
-                let sums = self.channels[k].sums;
-                if self.channels[k].target.is_some() {
-                    loss += scale * sums.squared;
-                    self.channel_backward(gaussians, k, &sums.moments, scale);
+                if !self.channels[k].is_missing() {
+                    let channel = self.channels[k].loss;
+                    loss += scale * channel.squared;
+                    self.channel_backward(
+                        gaussians,
+                        k,
+                        scale * channel.d_mean,
+                        scale * channel.d_cov,
+                    );
                 }
             }
         }
@@ -273,7 +346,9 @@ impl<'a, P: Pixel> Objective<'a, P> {
         for (value, scale, start, order, moments) in losses {
             loss += value / views;
             for (j, m) in order.iter().zip(&moments) {
-                self.channel_backward(gaussians, start + j, m, scale / views);
+                let Some(splat) = &self.channels[start + j].splat else { continue };
+                let (d_mean, d_cov) = m.backward(&splat.conic, scale / views);
+                self.channel_backward(gaussians, start + j, d_mean, d_cov);
             }
         }
         loss
@@ -284,27 +359,22 @@ impl<'a, P: Pixel> Objective<'a, P> {
         let view = &self.channels[self.of_view(i)];
         order.clear();
         order.extend(
-            (0..self.n_joints).filter(|&j| view[j].target.is_some() && view[j].splat.is_some()),
+            (0..self.n_joints).filter(|&j| !view[j].is_missing() && view[j].splat.is_some()),
         );
         let depth = |j: &usize| view[*j].projected.map_or(f64::INFINITY, |p| p.in_camera.z);
         order.sort_by(|a, b| depth(a).total_cmp(&depth(b)));
     }
 
-    /// Carries the moments of channel `k` back to the parameters of its joint.
+    /// Carries the gradient in the projected mean and covariance of channel `k` back to its joint.
     fn channel_backward(
         &mut self,
         gaussians: &[Gaussian],
         k: usize,
-        moments: &Moments,
-        scale: f64,
+        d_mean2d: Vector2<f64>,
+        d_cov2d: Matrix2<f64>,
     ) {
         let (i, j) = (k / self.n_joints, k % self.n_joints);
-        let (Some(projected), Some(splat)) = (&self.channels[k].projected, &self.channels[k].splat)
-        else {
-            return;
-        };
-        let (d_mean2d, d_cov2d): (Vector2<f64>, Matrix2<f64>) =
-            moments.backward(&splat.conic, scale);
+        let Some(projected) = &self.channels[k].projected else { return };
         let (d_mean, d_cov) =
             self.views[i].backward(projected, &self.covariances[j], &d_mean2d, &d_cov2d);
         let (d_log_scales, d_quaternion) = gaussians[j].covariance_backward(&d_cov);

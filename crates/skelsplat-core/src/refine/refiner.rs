@@ -97,7 +97,9 @@ impl Refiner {
     pub fn refine(&self, frame: &Frame, parallel: bool, cancel: &AtomicBool) -> Result<Refinement> {
         self.check(frame)?;
         match (self.config.renderer, self.config.optimizer) {
-            (Renderer::Raster, Optimizer::Adam) => self.refine_paper(frame, parallel, cancel),
+            (Renderer::Raster | Renderer::ClosedForm, Optimizer::Adam) => {
+                self.refine_paper(frame, parallel, cancel)
+            }
         }
     }
 
@@ -178,6 +180,7 @@ impl Refiner {
             gaussians: shapes,
             dilation: self.config.dilation,
             encoding: self.config.encoding,
+            renderer: self.config.renderer,
         };
         Objective::new(&self.views, &targets, parallel)
             .with_symmetry(self.pairs.iter().copied(), self.config.symmetry_weight)
