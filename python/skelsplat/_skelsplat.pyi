@@ -160,8 +160,8 @@ class RefineConfig:
     Parameters
     ----------
     renderer : {"raster", "closed_form"}
-        What compares splats with detections: the paper's pixels, or the exact integral of the same loss over the
-        plane, which needs none (one-hot encoding only).
+        What compares splats with detections: the paper's pixels, or the exact integral of the same loss over
+        the plane, which needs none (one-hot encoding only).
     optimizer : {"adam"}
     sigma : float
         Initial standard deviation σ₀ of every joint, e³ ≈ 20.09.

@@ -49,7 +49,7 @@ def test_the_raster_is_the_closed_form_but_for_cut_and_clamp() -> None:
     rig = synthetic.human36m_like()[:1]
     mean = np.array([[100.0, 50.0, 900.0]])
     arguments = (np.full((1, 3), np.log(25.0)), np.array([[1.0, 0, 0, 0]]))
-    detections = sk.project(mean, rig) + [[[6.0, -1.0]]]
+    detections = sk.project(mean, rig) + np.array([6.0, -1.0])
     loss = {
         renderer: sk.loss_and_gradient(
             mean, *arguments, detections, rig, config=sk.RefineConfig.paper(renderer=renderer)
@@ -68,7 +68,7 @@ def test_the_raster_is_the_closed_form_but_for_cut_and_clamp() -> None:
 
 
 def test_adam_on_either_ends_at_the_same_pose() -> None:
-    """The cut takes 2 % of a bell's second moment and the clamp 1e-3 of its peak: the minima lie within 0.5 mm."""
+    """The cut takes 2 % of a bell's second moment, the clamp 1 % of its peak: the minima lie close by."""
     rig = synthetic.human36m_like()
     truth = np.concatenate([synthetic.motion(m, 40, seed=2)[::8] for m in synthetic.motion_names])
     noise = synthetic.DetectionNoise.good()
