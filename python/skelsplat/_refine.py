@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from skelsplat import _skelsplat
 from skelsplat._skelsplat import Camera, Layout, RefineConfig
 from skelsplat.cameras import CameraRig
+from skelsplat.exceptions import InvalidInputError
 
 Cameras = CameraRig | Sequence[Camera]
 Progress = Callable[[int, int], None]
@@ -268,7 +269,18 @@ class Refiner:
 
         Joints that the last frame left without a reliable position are triangulated anew; so is the whole
         pose if the person moved so far that most joints no longer meet their detections.
+
+        Raises
+        ------
+        InvalidInputError
+            If ``detections`` is not one frame, or has another number of joints than the frames before.
         """
+        shape = np.shape(detections)
+        if len(shape) != 3:
+            raise InvalidInputError(f"detections: expected one frame (M, N, 2|3), got shape {shape}")
+        if self._last is not None and shape[1] != len(self._last):
+            expected = f"{len(self._last)} joints as in the frames before (or reset() first)"
+            raise InvalidInputError(f"detections: expected {expected}, got {shape[1]}")
         result = self._refine(self._last, detections, confidence)
         if self._last is not None and self._is_lost(result):
             result = self._refine(None, detections, confidence)

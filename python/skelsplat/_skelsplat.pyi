@@ -168,7 +168,8 @@ class RefineConfig:
     occlusion_sigma : float or None
         Initial standard deviation of occlusion-prone joints; None: ``sigma``.
     occlusion_factor : float
-        Instead of ``occlusion_sigma``, the paper's f: σ = σ₀^f (1.25 → 42.5 mm). Not kept as a field.
+        Instead of ``occlusion_sigma``, the paper's f. It multiplies the *logarithm* of σ₀ in mm, σ = σ₀^f: 1.25
+        gives 42.5 mm, 1.5 gives 90, 2 gives 403. Not kept as a field.
     dilation : float
         h, added to the projected variances, 0.3 px².
     encoding : {"one_hot", "rgb", "single"}
@@ -275,7 +276,11 @@ class RefineConfig:
     def n_threads(self) -> int | None: ...
 
 def project(points: ArrayLike, cameras: _Cameras) -> NDArray[np.float64]:
-    """Project world points (…, 3) to pixels (M, …, 2), lens distortion included; NaN behind a camera."""
+    """Project world points (…, 3) to pixels (M, …, 2), lens distortion included; NaN behind a camera.
+
+    The view comes first: a sequence (T, N, 3) gives (M, T, N, 2), while ``refine`` takes (T, M, N, 2), so
+    write ``project(poses, cameras).swapaxes(0, 1)``.
+    """
 
 def triangulate(
     detections: ArrayLike,

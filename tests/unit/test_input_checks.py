@@ -101,6 +101,14 @@ REFINE = {
         r"detections: expected the layout's 25 joints, got 17 joints",
     ),
     "layout type": (lambda _: {"layout": 17}, r"layout: expected a Layout, its name or None, got int"),
+    "a camera's type": (
+        lambda s: {"cameras": [*list(s.rig)[:3], {"K": 1}]},
+        r"cameras\[3\]: expected a Camera, got dict",
+    ),
+    "one camera": (
+        lambda s: {"cameras": s.rig[0]},
+        r"cameras: expected a CameraRig or a sequence of Camera, got Camera",
+    ),
     "cameras type": (
         lambda _: {"cameras": 4},
         r"cameras: expected a CameraRig or a sequence of Camera, got int",
@@ -129,7 +137,7 @@ def test_refine(case, scene):
 CONFIG = {
     "negative sigma": ({"sigma": -1.0}, r"config.sigma: expected a positive finite number, got -1"),
     "unknown field": ({"sigmas": 1.0}, r"config: unknown name 'sigmas', expected one of renderer"),
-    "type": ({"max_steps": "many"}, r"config.max_steps: expected a number of at least 0, got 'many'"),
+    "type": ({"max_steps": "many"}, r"config.max_steps: expected a whole number of at least 0, got 'many'"),
     "tier": ({"symmetry_tier": 4}, r"config.symmetry_tier: expected 0, 1, 2 or 3, got 4"),
     "encoding": ({"encoding": "hsv"}, r"config.encoding: expected 'one_hot', 'rgb' or 'single', got 'hsv'"),
     "learning rate": (

@@ -191,3 +191,12 @@ def test_refiner_follows_and_finds_again(scene):
     refiner.reset()
     again = refiner.step(scene.detections[0])
     assert np.allclose(again.init_pose, sk.triangulate(scene.detections[0], scene.rig))
+
+
+def test_refiner_takes_one_frame_of_the_same_joints(scene):
+    refiner = sk.Refiner(scene.rig)
+    with pytest.raises(sk.InvalidInputError, match=r"detections: expected one frame \(M, N, 2\|3\), got shape"):
+        refiner.step(scene.detections)
+    refiner.step(scene.detections[0])
+    with pytest.raises(sk.InvalidInputError, match=r"expected 17 joints as in the frames before .*, got 16"):
+        refiner.step(scene.detections[0, :, :16])

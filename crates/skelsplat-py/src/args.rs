@@ -109,14 +109,14 @@ impl Cameras {
             None => Unit::default(),
         };
         let items = value.try_iter().map_err(|_| wrong(type_name(value)))?;
-        let cameras: PyResult<Vec<_>> = items
-            .map(|item| {
-                let item = item?;
-                let camera =
-                    item.cast::<Camera>().map_err(|_| wrong(format!("a {}", type_name(&item))))?;
-                Ok(camera.get().0.clone())
-            })
-            .collect();
+        let one = |(i, item): (usize, PyResult<Bound<'_, PyAny>>)| {
+            let item = item?;
+            match item.cast::<Camera>() {
+                Ok(camera) => Ok(camera.get().0.clone()),
+                Err(_) => Err(invalid(py, &format!("cameras[{i}]"), "a Camera", type_name(&item))),
+            }
+        };
+        let cameras: PyResult<Vec<_>> = items.enumerate().map(one).collect();
         let cameras = cameras?;
         if cameras.is_empty() {
             return Err(wrong("none".to_owned()));

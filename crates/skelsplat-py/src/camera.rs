@@ -9,7 +9,32 @@ use skelsplat_core::camera::{Camera as Core, Distortion, Undistorted, for_camera
 use crate::args::{Array, array_out};
 use crate::errors::{OrRaise, invalid};
 
-/// A calibrated camera: pinhole, lens, image size. Immutable.
+/// A calibrated camera: pinhole, lens and image size. Immutable.
+///
+/// World to camera is x_c = R x_w + t with x right, y down, z forward; integer pixel coordinates are pixel
+/// centres.
+///
+/// Parameters
+/// ----------
+/// K : (3, 3)
+///     [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels.
+/// R : (3, 3)
+///     Rotation world to camera.
+/// t : (3,)
+///     Translation world to camera, in the unit of the rig.
+/// distortion : (4 | 5 | 8 | 12 | 14,), optional
+///     OpenCV order k1, k2, p1, p2[, k3[, k4, k5, k6[, s1..s4[, tau_x, tau_y]]]]; 4 with ``fisheye``.
+/// fisheye : bool
+///     The four coefficients are those of OpenCV's fisheye model.
+/// size : (width, height)
+///     Image size in pixels.
+/// name : str, optional
+///
+/// Raises
+/// ------
+/// InvalidInputError
+///     A wrong shape, a value that is not finite, a focal length that is not positive, an R that is not a
+///     rotation, a wrong number of coefficients.
 #[pyclass(frozen, module = "skelsplat", name = "Camera")]
 pub(crate) struct Camera(pub(crate) Core);
 
@@ -71,53 +96,63 @@ impl Camera {
         }
     }
 
+    /// Camera matrix (3, 3).
     #[getter]
     #[pyo3(name = "K")]
     fn k<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         matrix(py, &self.0.k())
     }
 
+    /// Rotation world to camera (3, 3).
     #[getter]
     #[pyo3(name = "R")]
     fn r<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         matrix(py, self.0.rotation())
     }
 
+    /// Translation world to camera (3,).
     #[getter]
     fn t<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, self.0.translation().as_slice())
     }
 
+    /// Camera centre −Rᵀt in the world (3,).
     #[getter]
     fn centre<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, self.0.centre().as_slice())
     }
 
+    /// Width and height, pixels.
     #[getter]
     fn size(&self) -> (u32, u32) {
         self.0.size().into()
     }
 
+    /// Name, if it has one.
     #[getter]
     fn name(&self) -> Option<&str> {
         self.0.name()
     }
 
+    /// Whether the lens follows OpenCV's fisheye model.
     #[getter]
     fn fisheye(&self) -> bool {
         self.0.distortion().is_fisheye()
     }
 
+    /// Distortion coefficients as given.
     #[getter]
     fn distortion<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
         let coefficients = self.0.distortion().coefficients();
         (!coefficients.is_empty()).then(|| PyArray1::from_vec(py, coefficients))
     }
 
+    /// Return the camera of images resized by ``factor``: u' = (u + ½) · factor − ½.
     fn scaled(&self, py: Python<'_>, factor: f64) -> PyResult<Self> {
         self.0.scaled(factor).or_raise(py).map(Self)
     }
 
+    /// Map pixels (…, 2) to ideal pixels of the same K; NaN where no ray through the lens arrives.
     fn undistort<'py>(
         &self,
         py: Python<'py>,

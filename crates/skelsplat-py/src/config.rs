@@ -8,7 +8,65 @@ use skelsplat_core::refine::{Optimizer, PositionLearningRate, RefineConfig as Co
 use crate::args::type_name;
 use crate::errors::{OrRaise, invalid, to_python};
 
-/// Settings of `refine`; lengths in mm. Immutable.
+/// Settings of ``refine``; lengths in mm whatever the unit of the cameras. Immutable.
+///
+/// Every field is a keyword; those left out keep the core's default, which are the paper's values.
+///
+/// Parameters
+/// ----------
+/// renderer : {"raster", "closed_form"}
+///     What compares splats with detections: the paper's pixels, or the exact integral of the same loss over
+///     the plane, which needs none (one-hot encoding only).
+/// optimizer : {"adam"}
+/// sigma : float
+///     Initial standard deviation σ₀ of every joint, e³ ≈ 20.09.
+/// occlusion_sigma : float or None
+///     Initial standard deviation of occlusion-prone joints; None: ``sigma``.
+/// occlusion_factor : float
+///     Instead of ``occlusion_sigma``, the paper's f. It multiplies the *logarithm* of σ₀ in mm, σ = σ₀^f: 1.25
+///     gives 42.5 mm, 1.5 gives 90, 2 gives 403. Not kept as a field.
+/// dilation : float
+///     h, added to the projected variances, 0.3 px².
+/// encoding : {"one_hot", "rgb", "single"}
+///     Joint encoding; the last two are ablations.
+/// symmetry_tier : {0, 1, 2, 3}
+///     Symmetric limbs up to this tier; 0 switches the symmetry loss off.
+/// symmetry_weight : float
+///     λ_sym, 1e-5.
+/// max_steps : int
+///     At most this many optimisation steps, 125.
+/// views_per_step : int or None
+///     Views whose gradients are accumulated before a step; None: all.
+/// position_lr : float or "camera_extent"
+///     Initial learning rate of the means, 3 mm; or the formula 5e-4 · 1.1 · the largest distance of a camera
+///     centre from their mean.
+/// position_lr_factor : float
+///     Multiplies ``position_lr``; the paper's dome rigs ran with 10 times the formula.
+/// log_scale_lr, rotation_lr : float
+///     Learning rates of log-scales (0.005) and quaternions (0.001).
+/// lr_decay, lr_decay_steps : float
+///     The position's learning rate falls by ``lr_decay`` over ``lr_decay_steps``: 0.01 over 1000.
+/// adam_betas, adam_epsilon
+///     Adam's β and ε.
+/// stop_tolerance : float
+///     Stop when the window minimum of the loss changes by less, 1e-6.
+/// stop_window : int or None
+///     Steps per window; None: the number of views.
+/// undistort : bool
+///     Remove lens distortion from the detections first; False mirrors numbers published without it.
+/// min_confidence : float
+///     Detections of a lower confidence count as missing, 0.
+/// resolution : float
+///     Render at this factor of the cameras' resolution, 1.
+/// loss_history : bool
+///     Keep the loss of every step.
+/// n_threads : int or None
+///     Threads for a batch; None: all cores. The result does not depend on it.
+///
+/// Raises
+/// ------
+/// InvalidInputError
+///     An unknown field, or a value outside its domain; the message names the field.
 #[pyclass(frozen, eq, module = "skelsplat", name = "RefineConfig")]
 #[derive(PartialEq)]
 pub(crate) struct RefineConfig(pub(crate) Core);
@@ -37,10 +95,10 @@ macro_rules! plain_field {
 use pyo3::IntoPyObjectExt;
 plain_field!(f64, "a number");
 plain_field!(u8, "0, 1, 2 or 3");
-plain_field!(usize, "a number of at least 0");
+plain_field!(usize, "a whole number of at least 0");
 plain_field!(bool, "True or False");
 plain_field!([f64; 2], "two numbers");
-plain_field!(Option<usize>, "a number of at least 1, or None");
+plain_field!(Option<usize>, "a whole number of at least 1, or None");
 plain_field!(Option<f64>, "a number or None");
 
 impl Field for Encoding {
@@ -132,17 +190,20 @@ macro_rules! fields {
                 Self::with(py, Core::default(), fields)
             }
 
+            /// Return the published method, with any field changed by keyword.
             #[staticmethod]
             #[pyo3(signature = (**fields))]
             fn paper(py: Python<'_>, fields: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
                 Self::with(py, Core::paper(), fields)
             }
 
+            /// Return a copy with some fields changed.
             #[pyo3(signature = (**fields))]
             fn replace(&self, py: Python<'_>, fields: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
                 Self::with(py, self.0.clone(), fields)
             }
 
+            /// Return every field with its value.
             fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
                 let out = PyDict::new(py);
                 $(out.set_item(stringify!($field), self.0.$field.show(py)?)?;)*

@@ -17,6 +17,10 @@ type MeansAndCovariances = (Vec<Vector3<f64>>, Vec<Matrix3<f64>>);
 /// A double array of any shape.
 pub(crate) type Doubles<'py> = Bound<'py, PyArrayDyn<f64>>;
 
+/// Project world points (…, 3) to pixels (M, …, 2), lens distortion included; NaN behind a camera.
+///
+/// The view comes first: a sequence (T, N, 3) gives (M, T, N, 2), while ``refine`` takes (T, M, N, 2), so
+/// write ``project(poses, cameras).swapaxes(0, 1)``.
 #[pyfunction]
 pub(crate) fn project<'py>(
     py: Python<'py>,
@@ -37,6 +41,14 @@ pub(crate) fn project<'py>(
     array_out(py, pixels, &shape)
 }
 
+/// Triangulate detections ([T,] M, N, 2|3) to points ([T,] N, 3); NaN with fewer than two views.
+///
+/// ``"dlt"`` is confidence-weighted algebraic triangulation, lens distortion removed first.
+///
+/// Raises
+/// ------
+/// InvalidInputError
+///     Shapes that do not fit, an unknown method, a confidence outside [0, 1].
 #[pyfunction]
 #[pyo3(signature = (detections, cameras, *, method="dlt", confidence=None))]
 pub(crate) fn triangulate<'py>(
@@ -54,6 +66,10 @@ pub(crate) fn triangulate<'py>(
     points_out(py, &points.or_raise(py)?.concat(), &frames.shape(&[frames.n_joints, 3]))
 }
 
+/// Fuse monocular 3D poses ([T,] V, N, 3) given in the world to one pose ([T,] N, 3).
+///
+/// X_j = Σ_i w_ij X_ij with w_ij ∝ 1 / (mean reprojection error of X_ij over the views that detect j). A pose
+/// that is NaN at a joint has no weight there.
 #[pyfunction]
 pub(crate) fn fuse_monocular<'py>(
     py: Python<'py>,
@@ -87,6 +103,9 @@ pub(crate) fn fuse_monocular<'py>(
     points_out(py, &fused, &frames.shape(&[n, 3]))
 }
 
+/// Project Gaussians (N, 3), (N, 3, 3) to means (M, N, 2) and covariances (M, N, 2, 2), ideal pixels.
+///
+/// Σ² = J W Σ Wᵀ Jᵀ + h·I (paper §3, supplement A); NaN behind a camera.
 #[pyfunction]
 pub(crate) fn project_gaussians<'py>(
     py: Python<'py>,

@@ -7,7 +7,27 @@ use skelsplat_core::layout::{Layout as Core, LayoutSpec, SymmetricPair};
 use crate::args::type_name;
 use crate::errors::{OrRaise, invalid};
 
-/// Joint names, limbs and symmetries of a skeleton. Immutable.
+/// Joint names, limbs and symmetries of a skeleton. Immutable. Joints are given by index or by name.
+///
+/// Parameters
+/// ----------
+/// name : str
+/// joints : sequence of str
+///     The N joint names, in the order of the arrays.
+/// limbs : sequence of (joint, joint)
+/// symmetric : sequence of (tier, (l1, l2), (r1, r2))
+///     Limbs of equal length; tier 1 (lower arms and legs), 2 (upper arms and legs) or 3.
+/// left_right : sequence of (left, right)
+///     Joints that are mirror images.
+/// occlusion_prone : sequence of joints
+///     Those that ``RefineConfig.occlusion_sigma`` applies to.
+/// root : sequence of joints
+///     Joints whose mean is the root.
+///
+/// Raises
+/// ------
+/// InvalidInputError
+///     A name or index that is no joint, a joint paired with itself, a tier other than 1, 2, 3.
 #[pyclass(frozen, module = "skelsplat", name = "Layout")]
 pub(crate) struct Layout(pub(crate) Core);
 
@@ -88,46 +108,55 @@ impl Layout {
         Core::new(spec).or_raise(py).map(Self)
     }
 
+    /// Return the built-in layout of that name.
     #[staticmethod]
     fn by_name(py: Python<'_>, name: &str) -> PyResult<Self> {
         Core::by_name(name).or_raise(py).map(Self)
     }
 
+    /// Name of the layout.
     #[getter]
     fn name(&self) -> &str {
         &self.0.name
     }
 
+    /// Number of joints N.
     #[getter]
     fn n_joints(&self) -> usize {
         self.0.n_joints()
     }
 
+    /// Joint names in array order.
     #[getter]
     fn joints<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         PyTuple::new(py, &self.0.joints)
     }
 
+    /// Connected joints.
     #[getter]
     fn limbs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         PyTuple::new(py, self.0.limbs.iter().map(|[a, b]| (*a, *b)))
     }
 
+    /// Mirror images (left, right).
     #[getter]
     fn left_right<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         PyTuple::new(py, self.0.left_right.iter().map(|[a, b]| (*a, *b)))
     }
 
+    /// Elbows, wrists and ankles in the built-in layouts.
     #[getter]
     fn occlusion_prone<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         PyTuple::new(py, &self.0.occlusion_prone)
     }
 
+    /// Joints whose mean is the root.
     #[getter]
     fn root<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         PyTuple::new(py, &self.0.root)
     }
 
+    /// Return the pairs ((l1, l2), (r1, r2)) of symmetric limbs up to ``tier``.
     fn symmetric_pairs<'py>(&self, py: Python<'py>, tier: u8) -> PyResult<Bound<'py, PyTuple>> {
         let pairs: Vec<_> =
             self.0.symmetric_pairs(tier).map(|([a, b], [c, d])| ((a, b), (c, d))).collect();

@@ -24,6 +24,7 @@ pub(crate) const JOINT_STATUS: [JointStatus; 3] =
 /// How often a running batch looks for signals and reports progress.
 const POLL: Duration = Duration::from_millis(50);
 
+/// Fields of ``skelsplat.Refinement``, with ``joint_status`` as codes into ``JOINT_STATUS``.
 #[pyfunction]
 #[pyo3(signature = (init_pose, detections, cameras, *, layout=None, confidence=None, config=None, progress=None))]
 #[allow(clippy::too_many_arguments, reason = "the settled interface, all but three by keyword")]
@@ -166,6 +167,7 @@ fn history<'py>(
     array_out(py, done.iter().flat_map(padded).collect(), &frames.shape(&[steps]))
 }
 
+/// Return a sentence if the skeletons (T, N, 3) are taller than 10 m or shorter than 10 cm, else None.
 #[pyfunction]
 pub(crate) fn implausible_extent(
     py: Python<'_>,

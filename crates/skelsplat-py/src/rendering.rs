@@ -44,6 +44,9 @@ fn splats(
     means.iter().zip(covariances).map(one).collect()
 }
 
+/// Render Gaussians (N, 3), (N, 3, 3) as float32 images.
+///
+/// (N, H, W) for ``"one_hot"``, (3, H, W) for ``"rgb"``, (1, H, W) for ``"single"``; ideal pixels.
 #[pyfunction]
 #[pyo3(signature = (means, covariances, camera, *, encoding="one_hot"))]
 pub(crate) fn render<'py>(
@@ -61,6 +64,9 @@ pub(crate) fn render<'py>(
     images_out(py, images)
 }
 
+/// Draw the heat maps of detections (N, 2|3), ideal pixels, with the shapes of the given Gaussians.
+///
+/// Same shape of result as ``render``; the channel of a missing detection is zero.
 #[pyfunction]
 #[pyo3(signature = (detections, means, covariances, camera, *, encoding="one_hot"))]
 pub(crate) fn pseudo_ground_truth<'py>(
@@ -96,6 +102,7 @@ fn heat(d: &[f64], shape: Splat, size: [u32; 2]) -> Option<Splat> {
     Splat::new(Vector2::new(d[0], d[1]), &covariance, size)
 }
 
+/// Fields of ``skelsplat.LossAndGradient``.
 #[pyfunction]
 #[pyo3(signature = (means, log_scales, quaternions, detections, cameras, *, layout=None, config=None, target_means=None, target_covariances=None))]
 #[allow(clippy::too_many_arguments, reason = "the settled interface, all but five by keyword")]
