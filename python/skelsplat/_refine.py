@@ -19,6 +19,9 @@ from skelsplat.exceptions import InvalidInputError
 Cameras = CameraRig | Sequence[Camera]
 Progress = Callable[[int, int], None]
 
+# Frames spread over a batch whose median size tells whether the unit is plausible.
+_FRAMES_TO_JUDGE = 16
+
 _STATUS = np.array(_skelsplat.JOINT_STATUS)
 
 
@@ -157,13 +160,17 @@ def _refinement(out: dict[str, Any]) -> Refinement:
 def _warn_of_unit(init_pose: ArrayLike | None, detections: ArrayLike, cameras: Cameras) -> None:
     """Warn before the work starts: in a wrong unit the splats can cover whole images and take minutes."""
     if init_pose is None:
-        first = detections[:1] if isinstance(detections, np.ndarray) and detections.ndim == 4 else detections
-        init_pose = _skelsplat.triangulate(first, cameras)
+        try:
+            frames = np.asarray(detections, dtype=float)
+        except (TypeError, ValueError):
+            return  # the core names what is wrong with it
+        some = frames[:: max(1, len(frames) // _FRAMES_TO_JUDGE)] if frames.ndim == 4 else frames
+        init_pose = _skelsplat.triangulate(some, cameras)
     try:
         poses = np.asarray(init_pose, dtype=float)
     except (TypeError, ValueError):
-        return  # the core names what is wrong with it
-    if poses.ndim not in (2, 3) or poses.shape[-1] != 3:
+        return
+    if poses.ndim not in (2, 3) or poses.shape[-1] != 3 or poses.size == 0:
         return
     unit = cameras.unit if isinstance(cameras, CameraRig) else "mm"
     doubt = _skelsplat.implausible_extent(poses.reshape(-1, *poses.shape[-2:]), unit)
@@ -256,7 +263,7 @@ class Refiner:
         config: RefineConfig | None = None,
     ) -> None:
         self._cameras = cameras if isinstance(cameras, CameraRig) else CameraRig(cameras)
-        self._layout = layout
+        self._layout = Layout.by_name(layout) if isinstance(layout, str) else layout
         self._config = config
         self._last: NDArray[np.float64] | None = None
 

@@ -168,8 +168,8 @@ class RefineConfig:
     occlusion_sigma : float or None
         Initial standard deviation of occlusion-prone joints; None: ``sigma``.
     occlusion_factor : float
-        Instead of ``occlusion_sigma``, the paper's f. It multiplies the *logarithm* of σ₀ in mm, σ = σ₀^f: 1.25
-        gives 42.5 mm, 1.5 gives 90, 2 gives 403. Not kept as a field.
+        Instead of ``occlusion_sigma``, the paper's f. It multiplies the *logarithm* of σ₀ in mm, σ = σ₀^f:
+        1.25 gives 42.5 mm, 1.5 gives 90, 2 gives 403. Not kept as a field.
     dilation : float
         h, added to the projected variances, 0.3 px².
     encoding : {"one_hot", "rgb", "single"}

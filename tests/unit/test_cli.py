@@ -91,7 +91,8 @@ def test_the_printed_table_fits_80_columns_and_counts_missing_detections(argumen
     # a line may end in the path of the results, which has no place to break
     assert all(len(line) <= 80 for line in lines if "Wrote to" not in line and not line.startswith("/"))
     last_camera = next(line.split() for line in lines if line.split()[:1] == ["cam4"])
-    assert last_camera[3:5] == [str(16 * T), str(T)]
+    # camera, median "a → b", 90th percentile "a → b", used, missing, poor
+    assert last_camera[7:9] == [str(16 * T), str(T)]
     assert "ms per frame" in result.stdout
     assert "\x1b[" not in result.stdout
 
@@ -360,3 +361,34 @@ def test_world_up_is_the_axis_that_the_cameras_agree_on():
     turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])  # z up to y down
     turned = [sk.Camera(c.K, c.R @ turn, c.t, size=c.size) for c in rig]
     np.testing.assert_array_equal(world_up(sk.CameraRig(turned)), turn.T @ [0.0, 0.0, 1.0])
+
+
+def test_what_to_distrust_is_said_in_words(recording, arguments):
+    """One camera lies 28 px off on either axis: too far for the splats, near enough to be the same person."""
+    folder, _, _ = recording
+    shifted = [path for path in (folder / "openpose").rglob("*.json") if "cam3" in path.parent.name]
+    assert len(shifted) == T
+    for path in shifted:
+        frame = json.loads(path.read_text())
+        for person in frame["people"]:
+            points = np.array(person["pose_keypoints_2d"]).reshape(-1, 3)
+            points[points[:, 2] > 0, :2] += 28.0
+            person["pose_keypoints_2d"] = points.ravel().tolist()
+        path.write_text(json.dumps(frame))
+    result = invoke(*arguments, *READ)
+    assert result.exit_code == 0, result.output
+    text = " ".join(result.stdout.split())
+    assert "! cam3: the pose follows the other cameras and moves away from this one" in text
+    doubts = json.loads((folder / "out" / "report.json").read_text())["doubts"]
+    assert [doubt.split(":")[0] for doubt in doubts] == ["cam3"]
+
+
+def test_detections_that_are_no_pixels_are_doubted(recording, arguments):
+    folder, _, _ = recording
+    for path in (folder / "openpose").rglob("*.json"):
+        frame = json.loads(path.read_text())
+        for person in frame["people"]:
+            person["pose_keypoints_2d"] = [0.0] * len(person["pose_keypoints_2d"])
+        path.write_text(json.dumps(frame))
+    result = invoke(*arguments, *READ, *FAST)
+    assert "! No detection could be used" in " ".join(result.stdout.split())

@@ -65,6 +65,10 @@ REFINE = {
         lambda s: {"detections": s.detections[0, 0, :, 0]},
         r"detections: expected shape \(M, N, 2\).*, got shape \(17,\)",
     ),
+    "no joints": (
+        lambda _: {"detections": np.zeros((4, 0, 2)), "init_pose": None},
+        r"detections: expected at least one view and one joint, got shape \(4, 0, 2\)",
+    ),
     "number of cameras": (
         lambda s: {"detections": s.detections[0, :3], "init_pose": s.pose[0]},
         r"detections: expected one view per camera \(4\), got 3 views",
@@ -161,6 +165,19 @@ def test_config(case):
 def test_triangulation_method(scene):
     with pytest.raises(sk.InvalidInputError, match="method: unknown name 'magic', expected one of dlt"):
         sk.triangulate(scene.detections, scene.rig, method="magic")
+
+
+def test_a_covariance_with_a_negative_variance(scene):
+    bad = np.tile(np.eye(3), (17, 1, 1))
+    bad[4, 1, 1] = -2.0
+    for call in (
+        lambda: sk.render(scene.pose[0], bad, scene.rig[0]),
+        lambda: sk.project_gaussians(scene.pose[0], bad, scene.rig),
+    ):
+        with pytest.raises(
+            sk.InvalidInputError, match=r"covariances\[4\]: expected no negative variance, got .*-2"
+        ):
+            call()
 
 
 def test_loss_and_gradient(scene):

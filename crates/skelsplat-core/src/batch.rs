@@ -38,6 +38,9 @@ pub fn refine_batch(
     progress: &Progress,
 ) -> Result<Vec<Refinement>> {
     let one = |(frame, parallel): (&Frame, bool)| {
+        if progress.cancel.load(Ordering::Relaxed) {
+            return Err(Error::Cancelled);
+        }
         let out = refiner.refine(frame, parallel, &progress.cancel);
         progress.done.fetch_add(1, Ordering::Relaxed);
         out

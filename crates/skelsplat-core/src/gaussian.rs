@@ -47,6 +47,13 @@ impl Gaussian {
         }
     }
 
+    /// Whether the mean, the variances and the orientation are numbers that can be computed with.
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        let parameters = self.mean.iter().chain(self.quaternion.iter());
+        parameters.chain(self.variances().iter()).all(|v| v.is_finite())
+    }
+
     /// Variances along the principal axes, exp(2 s).
     #[must_use]
     pub fn variances(&self) -> Vector3<f64> {

@@ -68,12 +68,19 @@ fn a_frame_in_a_batch_is_what_it_is_alone() {
 }
 
 #[test]
-fn progress_counts_and_cancel_stops() {
+fn progress_counts_frames() {
     let progress = Progress::default();
     let refiner = refiner(2, &RefineConfig::paper());
     refine_batch(&refiner, &frames(3), &progress).unwrap();
     assert_eq!(progress.done(), 3);
+}
+
+/// No frame is begun once the batch is cancelled, however many are left.
+#[test]
+fn cancel_begins_no_further_frame() {
     let progress = Progress::default();
+    let refiner = refiner(2, &RefineConfig::paper());
     progress.cancel();
     assert_eq!(refine_batch(&refiner, &frames(3), &progress), Err(Error::Cancelled));
+    assert_eq!(progress.done(), 0);
 }

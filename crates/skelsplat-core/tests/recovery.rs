@@ -7,7 +7,9 @@ use skelsplat_core::camera::Camera;
 use skelsplat_core::detections::Detections;
 use skelsplat_core::layout::Layout;
 use skelsplat_core::refine::refiner::Frame;
-use skelsplat_core::refine::{JointStatus, RefineConfig, Refinement, Refiner, StopReason};
+use skelsplat_core::refine::{
+    JointStatus, PositionLearningRate, RefineConfig, Refinement, Refiner, StopReason,
+};
 use skelsplat_core::testing::scenes::{Noise, exact_detections, perturbed, room, standing};
 use skelsplat_core::unit::Unit;
 
@@ -160,4 +162,25 @@ fn a_lower_resolution_still_recovers_the_pose() {
     let out = refine(&cameras, Unit::Millimetre, &frame, config);
     // A shift of half a pixel at 4.6 mm per pixel would show as more than 2 mm.
     assert!(mean_error(&out.pose, &standing()) < 1.0);
+}
+
+/// A learning rate that throws the parameters out of range ends with the last state that can be computed with.
+#[test]
+fn divergence_is_an_outcome_with_finite_numbers() {
+    let cameras = room(4);
+    let detections = exact_detections(&standing(), &cameras);
+    let frame = Frame { detections, init_pose: Some(start(10.0, 9)) };
+    for config in [
+        RefineConfig { log_scale_lr: 400.0, ..RefineConfig::paper() },
+        RefineConfig {
+            position_lr: PositionLearningRate::Millimetres(1e308),
+            position_lr_factor: 100.0,
+            ..RefineConfig::paper()
+        },
+    ] {
+        let out = refine(&cameras, Unit::Millimetre, &frame, config);
+        assert_eq!(out.stop_reason, StopReason::Diverged);
+        assert!(out.pose.iter().flat_map(|p| p.iter()).all(|v| v.is_finite()));
+        assert!(out.loss.total.is_finite());
+    }
 }

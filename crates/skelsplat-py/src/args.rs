@@ -163,6 +163,10 @@ impl Frames {
             matches!(array.shape.as_slice(), [.., 2 | 3] if (3..=4).contains(&array.shape.len()));
         let array = array.expect(py, "detections", expected, ok)?;
         let (lead, last) = array.shape.split_at(array.shape.len() - 1);
+        if lead[lead.len() - 2..].contains(&0) {
+            let actual = format!("shape {}", shown(&array.shape));
+            return Err(invalid(py, "detections", "at least one view and one joint", actual));
+        }
         let (pixels, mut scores) = split(array.values(), last[0]);
         if let Some(confidence) = confidence.filter(|c| !c.is_none()) {
             if !scores.is_empty() {

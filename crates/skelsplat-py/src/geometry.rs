@@ -150,5 +150,14 @@ pub(crate) fn gaussians(
         let name = format!("covariances[{j}]");
         return Err(invalid(py, &name, "a symmetric matrix", "one that is not"));
     }
+    let least = |c: &Matrix3<f64>| c.symmetric_eigenvalues().min();
+    let negative = |c: &Matrix3<f64>| {
+        c.iter().all(|v| v.is_finite()) && least(c) < -1e-9 * c.amax().max(f64::MIN_POSITIVE)
+    };
+    if let Some(j) = covariances.iter().position(negative) {
+        let name = format!("covariances[{j}]");
+        let actual = format!("a variance of {:.3e}", least(&covariances[j]));
+        return Err(invalid(py, &name, "no negative variance", actual));
+    }
     Ok((means.points(), covariances))
 }

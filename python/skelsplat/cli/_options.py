@@ -7,13 +7,21 @@ from typing import Annotated
 
 import typer
 
+from skelsplat import RefineConfig, layouts
+
 _INPUT, _METHOD, _OUTPUT = "Input", "Method", "Output"
+_DEFAULT = RefineConfig()
 
 Calibration = Annotated[
-    Path, typer.Argument(metavar="CALIBRATION", help="Calibration file (TOML of Anipose or Pose2Sim).")
+    Path,
+    typer.Argument(metavar="CALIBRATION", help="Calibration TOML (Anipose, Pose2Sim, FreeMoCap, Caliscope)."),
 ]
 Detections = Annotated[
-    Path, typer.Argument(metavar="DETECTIONS", help="Folder with one folder of OpenPose JSON per camera.")
+    Path,
+    typer.Argument(
+        metavar="DETECTIONS",
+        help="Folder with one folder of OpenPose JSON per camera, named like the camera.",
+    ),
 ]
 
 Unit = Annotated[
@@ -23,7 +31,9 @@ Unit = Annotated[
 LayoutName = Annotated[
     str | None,
     typer.Option(
-        metavar="NAME", help="Joint layout of the detections, e.g. body25b. Required.", rich_help_panel=_INPUT
+        metavar="NAME",
+        help=f"Joint layout of the detections: {', '.join(layouts.names)}. Required.",
+        rich_help_panel=_INPUT,
     ),
 ]
 Person = Annotated[
@@ -45,13 +55,21 @@ Frames = Annotated[
 Init = Annotated[
     Path | None,
     typer.Option(
-        metavar="POSE.npz", help="Pose to start from.", show_default="triangulation", rich_help_panel=_INPUT
+        metavar="POSE.npz",
+        help="Pose to start from, as refine writes it.",
+        show_default="triangulation",
+        rich_help_panel=_INPUT,
     ),
 ]
 MinConfidence = Annotated[
     float | None,
     typer.Option(
-        min=0, max=1, metavar="C", help="Leave out detections of less confidence.", rich_help_panel=_INPUT
+        min=0,
+        max=1,
+        metavar="C",
+        help="Leave out detections of less confidence.",
+        show_default=f"{_DEFAULT.min_confidence:g}",
+        rich_help_panel=_INPUT,
     ),
 ]
 NoUndistort = Annotated[
@@ -60,11 +78,22 @@ NoUndistort = Annotated[
 ]
 
 Sigma = Annotated[
-    float | None, typer.Option(metavar="MM", help="Width σ of a joint's Gaussian.", rich_help_panel=_METHOD)
+    float | None,
+    typer.Option(
+        metavar="MM",
+        help="Width σ of a joint's Gaussian.",
+        show_default=f"{_DEFAULT.sigma:.1f}",
+        rich_help_panel=_METHOD,
+    ),
 ]
 OcclusionSigma = Annotated[
     float | None,
-    typer.Option(metavar="MM", help="Width σ of elbows, wrists and ankles.", rich_help_panel=_METHOD),
+    typer.Option(
+        metavar="MM",
+        help="Width σ of elbows, wrists and ankles.",
+        show_default="as --sigma",
+        rich_help_panel=_METHOD,
+    ),
 ]
 SymmetryTier = Annotated[
     int | None,
@@ -73,11 +102,19 @@ SymmetryTier = Annotated[
         max=3,
         metavar="0..3",
         help="Limbs kept equal left and right: 0 none, 1 lower, 2 and upper, 3 and trunk.",
+        show_default=str(_DEFAULT.symmetry_tier),
         rich_help_panel=_METHOD,
     ),
 ]
 MaxSteps = Annotated[
-    int | None, typer.Option(min=0, metavar="N", help="Most steps per frame.", rich_help_panel=_METHOD)
+    int | None,
+    typer.Option(
+        min=0,
+        metavar="N",
+        help="Most steps per frame.",
+        show_default=str(_DEFAULT.max_steps),
+        rich_help_panel=_METHOD,
+    ),
 ]
 Threads = Annotated[
     int | None,

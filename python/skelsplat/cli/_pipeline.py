@@ -9,7 +9,7 @@ import time
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 import numpy as np
 
@@ -79,13 +79,27 @@ def check_output(folder: Path) -> None:
 
 
 @contextlib.contextmanager
-def collected_warnings() -> Iterator[list[str]]:
-    """Collect the messages of warnings, each once, instead of printing them."""
+def collected_warnings(tell: Callable[[str], None]) -> Iterator[list[str]]:
+    """Collect the messages of warnings, each once, and ``tell`` each as it comes, before long work."""
     messages: list[str] = []
-    with warnings.catch_warnings(record=True) as caught:
+
+    def show(
+        message: Warning | str,
+        category: type[Warning],  # noqa: ARG001  the signature is that of warnings.showwarning
+        filename: str,  # noqa: ARG001
+        lineno: int,  # noqa: ARG001
+        file: TextIO | None = None,  # noqa: ARG001
+        line: str | None = None,  # noqa: ARG001
+    ) -> None:
+        text = " ".join(str(message).split())
+        if text not in messages:
+            messages.append(text)
+            tell(text)
+
+    with warnings.catch_warnings():
         warnings.simplefilter("always")
+        warnings.showwarning = show
         yield messages
-    messages.extend(dict.fromkeys(" ".join(str(warning.message).split()) for warning in caught))
 
 
 def read_inputs(job: Job) -> Inputs:
@@ -97,6 +111,8 @@ def read_inputs(job: Job) -> Inputs:
         If a file is missing or malformed, or the files do not fit each other; the message names it.
     """
     rig = read_calibration(job.calibration, unit=job.unit)
+    if len(rig) < 2:
+        raise DatasetError(job.calibration, "cameras", "at least two cameras", len(rig))
     found = read_openpose(job.detections, rig, layout=job.layout, frames=_frame_mode(job.frames))
     chosen = pick_person(found.people, rig, job.person)
     init = (

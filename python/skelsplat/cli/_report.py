@@ -15,32 +15,8 @@ from skelsplat.cli._pipeline import default_threads
 from skelsplat.cli._statistics import POOR_SHARE, Statistics, finite_median
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from skelsplat.cli._job import Job
     from skelsplat.cli._pipeline import Inputs, Outcome
-
-FIELDS = (
-    "sigma",
-    "occlusion_sigma",
-    "encoding",
-    "symmetry_tier",
-    "symmetry_weight",
-    "max_steps",
-    "views_per_step",
-    "position_lr",
-    "position_lr_factor",
-    "log_scale_lr",
-    "rotation_lr",
-    "lr_decay",
-    "lr_decay_steps",
-    "stop_tolerance",
-    "stop_window",
-    "undistort",
-    "min_confidence",
-    "resolution",
-    "n_threads",
-)
 
 _MEANING = (
     "distance of the pose's projection from the detection in px of the original image, over the detections "
@@ -49,11 +25,12 @@ _MEANING = (
 
 
 def build_report(
-    job: Job, inputs: Inputs, outcome: Outcome, statistics: Statistics, warnings: Sequence[str]
+    job: Job, inputs: Inputs, outcome: Outcome, statistics: Statistics, remarks: dict[str, list[str]]
 ) -> dict[str, Any]:
     """Return the report as JSON values; a number that does not exist is None.
 
-    Lengths carry their unit in the key (``_mm``, ``_px``, ``_s``, ``_ms``); settings are those of
+    ``remarks`` are lists of sentences by key, such as the warnings. Lengths carry their unit in the key
+    (``_mm``, ``_px``, ``_s``, ``_ms``); settings are those of
     `skelsplat.RefineConfig`.
     """
     report = {
@@ -64,7 +41,7 @@ def build_report(
             "platform": platform.platform(),
         },
         "input": _input(job, inputs),
-        "settings": {name: getattr(outcome.config, name) for name in FIELDS},
+        "settings": outcome.config.to_dict(),
         "ground_truth": None,
         "reprojection_error": {
             "meaning": _MEANING,
@@ -85,7 +62,7 @@ def build_report(
             "threads": default_threads(outcome.config),
         },
         "note": job.note or None,
-        "warnings": list(warnings),
+        **remarks,
     }
     cleaned: dict[str, Any] = _json_value(report)
     return cleaned

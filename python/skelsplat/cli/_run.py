@@ -8,16 +8,17 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from skelsplat.cli._doubts import find_doubts
 from skelsplat.cli._figures import write_figures
 from skelsplat.cli._pipeline import collected_warnings, read_inputs, refine_inputs
 from skelsplat.cli._report import build_report, to_text
 from skelsplat.cli._statistics import summarise
-from skelsplat.cli._table import print_files, print_summary
+from skelsplat.cli._table import print_doubts, print_files, print_summary
 from skelsplat.io import PoseData, write_csv, write_npz, write_trc
 from skelsplat.io._atomic import atomic_write_text
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
     from skelsplat.cli._job import Job, Verbosity
     from skelsplat.cli._pipeline import Inputs, Outcome
@@ -33,16 +34,15 @@ def run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
     SkelSplatError
         If an input is missing, malformed or does not fit, or a result cannot be written.
     """
-    with collected_warnings() as warnings:
+    with collected_warnings(_tell) as warnings:
         inputs = read_inputs(job)
-    if job.fps is None:
-        warnings.append(f"--fps: not given; the times in pose.trc assume {_ASSUMED_FPS:g} frames per second")
-    _tell(warnings)
-    with collected_warnings() as more:
+        if job.fps is None:
+            warnings.append(f"--fps: not given; the times in pose.trc assume {_ASSUMED_FPS:g} per second")
+            _tell(warnings[-1])
         outcome = _refine_with_bar(inputs, job, shown=not verbosity.quiet)
-    _tell(more)
     statistics = summarise(inputs, outcome)
-    report = build_report(job, inputs, outcome, statistics, [*warnings, *more])
+    doubts = find_doubts(inputs, outcome, statistics)
+    report = build_report(job, inputs, outcome, statistics, {"warnings": warnings, "doubts": doubts})
     files = _write_poses(job, inputs, outcome)
     atomic_write_text(job.out / "report.json", to_text(report))
     files += ["report.json", *write_figures(job.out, inputs, outcome, statistics)]
@@ -51,13 +51,13 @@ def run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
     elif not verbosity.quiet:
         console = Console(highlight=False, markup=False)
         print_summary(console, job, inputs, outcome, statistics)
+        print_doubts(console, doubts)
         print_files(console, job.out, files)
     return report
 
 
-def _tell(warnings: Sequence[str]) -> None:
-    for warning in warnings:
-        typer.echo(f"warning: {warning}", err=True)
+def _tell(warning: str) -> None:
+    typer.echo(f"warning: {warning}", err=True)
 
 
 def _refine_with_bar(inputs: Inputs, job: Job, *, shown: bool) -> Outcome:

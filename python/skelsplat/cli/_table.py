@@ -47,6 +47,14 @@ def print_summary(
         console.print()
 
 
+def print_doubts(console: Console, doubts: Sequence[str]) -> None:
+    """Print what a person should look at, a paragraph each."""
+    for doubt in doubts:
+        console.print(f"! {doubt}")
+    if doubts:
+        console.print()
+
+
 def print_files(console: Console, folder: Path, names: Sequence[str]) -> None:
     """Print where the results are."""
     console.print(Text.assemble("Wrote to ", (f"{folder}/", "bold"), f": {', '.join(names)}"))
@@ -54,10 +62,12 @@ def print_files(console: Console, folder: Path, names: Sequence[str]) -> None:
 
 def _cameras(statistics: Statistics) -> Table:
     table = Table(
-        title="Reprojection error (median) and detections", title_justify="left", box=box.SIMPLE_HEAD
+        title="Reprojection error before → after [px], and detections",
+        title_justify="left",
+        box=box.SIMPLE_HEAD,
     )
     table.add_column("camera")
-    for name in ("before [px]", "after [px]", "used", "missing", "poor"):
+    for name in ("median", "90th percentile", "used", "missing", "poor"):
         table.add_column(name, justify="right")
     left_out = statistics.total.left_out > 0
     if left_out:
@@ -69,7 +79,9 @@ def _cameras(statistics: Statistics) -> Table:
 
 
 def _cells(group: Group, left_out: bool) -> list[str]:
-    cells = [group.name, _number(group.before_px), _number(group.after_px)]
+    median = f"{_number(group.before_px)} → {_number(group.after_px)}"
+    p90 = f"{_number(group.p90_before_px)} → {_number(group.p90_after_px)}"
+    cells = [group.name, median, p90]
     cells += [str(group.used), str(group.missing), str(group.poor)]
     return [*cells, str(group.left_out)] if left_out else cells
 
@@ -115,10 +127,6 @@ def _print_joints(console: Console, statistics: Statistics) -> None:
             total = f"of {group.used + group.missing + group.left_out}"
             table.add_row(f"  {group.name}", f"{group.missing} missing", f"{group.poor} poor", out, total)
         console.print(table)
-    unsure = {name: count for name, count in statistics.statuses.items() if name != "ok"}
-    if unsure:
-        counts = _listed(f"{count} {status}" for status, count in unsure.items())
-        console.print(f"Joints that are not well seen, over all frames: {counts}.")
     console.print()
 
 

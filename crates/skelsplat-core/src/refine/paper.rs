@@ -46,6 +46,7 @@ pub fn optimise<P: Pixel>(
     let mut stopping =
         WindowMinimum::new(config.stop_window.unwrap_or(n_views), config.stop_tolerance);
     let mut active = vec![true; n_views];
+    let mut last = gaussians.to_vec();
     let mut run = Run { n_iter: 0, stop_reason: StopReason::MaxSteps, history: Vec::new() };
 
     for step in 0..config.max_steps {
@@ -55,6 +56,7 @@ pub fn optimise<P: Pixel>(
         views_in_turn(step, per_step, &mut active);
         let loss = objective.evaluate(gaussians, &active);
         if !loss.total.is_finite() {
+            gaussians.copy_from_slice(&last);
             run.stop_reason = StopReason::Diverged;
             break;
         }
@@ -63,7 +65,13 @@ pub fn optimise<P: Pixel>(
             log_scale: config.log_scale_lr,
             rotation: config.rotation_lr,
         };
+        last.copy_from_slice(gaussians);
         adam.step(gaussians, objective.gradient(), rates);
+        if !gaussians.iter().zip(&last).all(|(now, before)| before.is_finite() <= now.is_finite()) {
+            gaussians.copy_from_slice(&last);
+            run.stop_reason = StopReason::Diverged;
+            break;
+        }
         run.n_iter = step + 1;
         if config.loss_history {
             run.history.push(loss);

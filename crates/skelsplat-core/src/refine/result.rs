@@ -14,7 +14,7 @@ pub enum StopReason {
     MaxSteps,
     /// No joint has a usable detection: nothing was optimised.
     NoObservations,
-    /// The loss stopped being finite; the last finite state is returned.
+    /// The loss or a parameter stopped being finite; the last finite state is returned.
     Diverged,
 }
 

@@ -100,4 +100,6 @@ def _build(path: Path, raw: RawCamera) -> sk.Camera:
             name=raw.name,
         )
     except InvalidInputError as error:
-        raise DatasetError(path, raw.table, "a valid camera", str(error)) from error
+        field, _, rest = str(error).partition(": expected ")
+        expected, _, actual = rest.partition(", got ")
+        raise DatasetError(path, field, expected, actual) from error

@@ -119,7 +119,7 @@ def common_frames(root: Path, per_folder: Mapping[str, Sequence[int]], mode: str
 
 
 def _difference(sets: dict[str, set[int]], uneven: set[int]) -> str:
-    advice = 'frames="intersection" or frames="union" reads them all the same'
+    advice = 'frames="intersection" or "union" (--frames) reads them all the same'
     first = min(uneven)
     if len({len(frames) for frames in sets.values()}) > 1:
         return f"{_counts(sets)}; {advice}"
