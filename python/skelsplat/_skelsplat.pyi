@@ -8,6 +8,24 @@ from numpy.typing import ArrayLike, NDArray
 
 from skelsplat.cameras import CameraRig
 
+__all__ = [
+    "JOINT_STATUS",
+    "LAYOUT_NAMES",
+    "Camera",
+    "Layout",
+    "RefineConfig",
+    "__version__",
+    "fuse_monocular",
+    "implausible_extent",
+    "loss_and_gradient",
+    "project",
+    "project_gaussians",
+    "pseudo_ground_truth",
+    "refine",
+    "render",
+    "triangulate",
+]
+
 __version__: str
 LAYOUT_NAMES: list[str]
 JOINT_STATUS: list[str]
