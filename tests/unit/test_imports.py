@@ -1,0 +1,51 @@
+"""Imports inside the package point one way (ARCHITECTURE.md)."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parents[2] / "python" / "skelsplat"
+
+# Part of the package → what it must not import. `skelsplat` itself re-exports `_refine`.
+FORBIDDEN = {
+    "viz": ("cli", "io", "association", "synthetic", "_refine", "_skelsplat"),
+    "io": ("cli", "viz", "_refine", "synthetic"),
+    "synthetic": ("cli", "viz", "io", "_refine", "association"),
+    "metrics": ("cli", "viz", "io", "_refine", "association", "synthetic"),
+    "association": ("cli", "viz", "_refine"),
+    "_refine": ("cli", "viz", "io", "association", "synthetic", "metrics"),
+    "cameras": ("cli", "viz", "io", "association", "synthetic", "metrics", "_refine"),
+    "layouts": ("cli", "viz", "io", "association", "synthetic", "metrics", "_refine"),
+    "exceptions": ("cli", "viz", "io", "association", "synthetic", "metrics", "_refine", "_skelsplat"),
+}
+
+
+def files(part: str) -> list[Path]:
+    folder = PACKAGE / part
+    return sorted(folder.rglob("*.py")) if folder.is_dir() else [folder.with_suffix(".py")]
+
+
+def imported(path: Path) -> set[str]:
+    """First-level parts of the package that a file imports."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+        if isinstance(node, ast.ImportFrom) and node.module:
+            names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+        found |= {name.split(".")[1] for name in names if name.startswith("skelsplat.")}
+    return found
+
+
+@pytest.mark.parametrize("part", FORBIDDEN)
+def test_imports_point_one_way(part: str) -> None:
+    for path in files(part):
+        assert not imported(path) & set(FORBIDDEN[part]), path.relative_to(PACKAGE)
+
+
+def test_the_compiled_core_knows_no_python() -> None:
+    manifest = (PACKAGE.parents[1] / "crates" / "skelsplat-core" / "Cargo.toml").read_text(encoding="utf-8")
+    assert "pyo3" not in manifest
+    assert "numpy" not in manifest
