@@ -8,7 +8,7 @@ from typing import overload
 from skelsplat._skelsplat import Camera
 from skelsplat.exceptions import InvalidInputError
 
-_MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
+MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 
 
 class CameraRig(Sequence[Camera]):
@@ -46,7 +46,7 @@ class CameraRig(Sequence[Camera]):
         twice = sorted({n for n in names if names.count(n) > 1})
         if twice:
             raise InvalidInputError(f"cameras: expected different names, got '{twice[0]}' twice")
-        if unit not in _MM_PER_UNIT:
+        if unit not in MM_PER_UNIT:
             raise InvalidInputError(f"unit: expected one of mm, cm, m, got {unit!r}")
 
     @property
@@ -57,7 +57,7 @@ class CameraRig(Sequence[Camera]):
     @property
     def mm_per_unit(self) -> float:
         """How many millimetres one unit is."""
-        return _MM_PER_UNIT[self._unit]
+        return MM_PER_UNIT[self._unit]
 
     @property
     def names(self) -> tuple[str, ...]:

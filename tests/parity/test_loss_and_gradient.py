@@ -9,21 +9,12 @@ from parity import bridge
 from reference import raster, total
 from reference.arrays import Gaussians
 from reference.symmetry import observed_pairs
-from reference.test_reference import assert_no_pixel_changes_class
 
 GROUPS = ("means", "log_scales", "quaternions")
-SCENES = {"three_joints": scenes.three_joints, "beyond_the_image": scenes.beyond_the_image}
 LOSS_RELATIVE = 1e-11
 """Both sides are float64. A row recurrence of 128 px gathers at most 128²/2 roundings of 1.1e-16: 1e-12."""
 GRADIENT_RELATIVE = 1e-9
 """The same times the cancellation of positive and negative pixels in a gradient's sum: some hundreds here."""
-
-
-@pytest.fixture(scope="module", params=SCENES)
-def scene(request: pytest.FixtureRequest) -> scenes.Scene:
-    built = SCENES[request.param]()
-    assert_no_pixel_changes_class(built)
-    return built
 
 
 @pytest.mark.parametrize("encoding", raster.ENCODINGS)

@@ -7,26 +7,7 @@ import scenes
 from reference import adam, gaussian, paper_loop, projection, raster, symmetry, total, triangulation
 from reference.arrays import Array, Gaussians
 
-SCENES = {"three_joints": scenes.three_joints, "beyond_the_image": scenes.beyond_the_image}
 GROUPS = ("means", "log_scales", "quaternions")
-
-
-def assert_no_pixel_changes_class(scene: scenes.Scene) -> None:
-    """No step of the central differences may move a pixel over a threshold: there the loss has a kink."""
-    for group, step in scenes.STEPS.items():
-        for index in np.ndindex(getattr(scene.gaussians, group).shape):
-            here = total.membership(scene.gaussians, scene.detections, scene.views, index[0])
-            for sign in (-1, 1):
-                there = scenes.moved(scene.gaussians, group, index, sign * step)
-                after = total.membership(there, scene.detections, scene.views, index[0])
-                assert all(np.array_equal(a, b) for a, b in zip(here, after, strict=True)), (group, index)
-
-
-@pytest.fixture(scope="module", params=SCENES)
-def scene(request: pytest.FixtureRequest) -> scenes.Scene:
-    built = SCENES[request.param]()
-    assert_no_pixel_changes_class(built)
-    return built
 
 
 @pytest.mark.parametrize("encoding", raster.ENCODINGS)

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any, TextIO
 import numpy as np
 
 import skelsplat as sk
+from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.cli._person import pick_person
 from skelsplat.exceptions import DatasetError
 from skelsplat.io import read_calibration, read_npz, read_openpose
-from skelsplat.io.poses._pose_data import MM_PER_UNIT
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

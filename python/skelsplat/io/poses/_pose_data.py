@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import InvalidInputError
 
 if TYPE_CHECKING:
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
     import skelsplat as sk
 
 Array = npt.NDArray[np.float64]
-MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 STATUSES = ("ok", "weak", "unobserved")
 
 

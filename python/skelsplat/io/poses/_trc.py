@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._atomic import atomic_write_text
 from skelsplat.io._files import read_text
-from skelsplat.io.poses._pose_data import MM_PER_UNIT, PoseData
+from skelsplat.io.poses._pose_data import PoseData
 
 if TYPE_CHECKING:
     import os
