@@ -2,6 +2,7 @@
 
 pub mod dlt;
 pub mod fusion;
+pub mod ransac;
 
 use nalgebra::Vector3;
 
@@ -11,6 +12,7 @@ use crate::error::{Error, Result};
 
 pub use dlt::dlt;
 pub use fusion::fuse_monocular;
+pub use ransac::ransac;
 
 /// How joints are triangulated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -18,11 +20,13 @@ pub use fusion::fuse_monocular;
 pub enum Method {
     /// Confidence-weighted algebraic triangulation, [`dlt()`].
     Dlt,
+    /// The same over the largest set of views that agree, [`ransac()`].
+    Ransac,
 }
 
 impl Method {
     /// Every method with its name.
-    const ALL: [(&'static str, Self); 1] = [("dlt", Self::Dlt)];
+    const ALL: [(&'static str, Self); 2] = [("dlt", Self::Dlt), ("ransac", Self::Ransac)];
 
     /// A method by its name.
     ///
@@ -38,6 +42,15 @@ impl Method {
     }
 }
 
+/// Triangulated joints, and the detections that they do without.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Triangulated {
+    /// `N` world points; NaN where a joint has no finite answer.
+    pub points: Vec<Vector3<f64>>,
+    /// Whether the method left a detection out, row-major `(M, N)`; `false` where nothing is detected.
+    pub rejected: Vec<bool>,
+}
+
 /// Triangulates `(M, N)` detections in pixels of the image, lens distortion included, to `N` world points.
 /// NaN where a joint has no finite answer: see [`dlt()`].
 ///
@@ -47,13 +60,17 @@ pub fn triangulate(
     detections: &Detections,
     cameras: &[Camera],
     method: Method,
-) -> Result<Vec<Vector3<f64>>> {
+) -> Result<Triangulated> {
     if detections.n_views() != cameras.len() {
         let expected = format!("one camera for each of the {} views", detections.n_views());
         return Err(Error::invalid("cameras", expected, cameras.len().to_string()));
     }
     let ideal = detections.undistorted(cameras);
-    match method {
-        Method::Dlt => Ok(dlt(&ideal, cameras)),
-    }
+    Ok(match method {
+        Method::Dlt => {
+            let rejected = vec![false; ideal.n_views() * ideal.n_joints()];
+            Triangulated { points: dlt(&ideal, cameras), rejected }
+        }
+        Method::Ransac => ransac(&ideal, cameras),
+    })
 }
