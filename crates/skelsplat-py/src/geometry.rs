@@ -65,7 +65,7 @@ pub(crate) fn project<'py>(
 /// InvalidInputError
 ///     Shapes that do not fit, an unknown method, a confidence outside [0, 1].
 #[pyfunction]
-#[pyo3(signature = (detections, cameras, *, method="dlt", confidence=None, return_rejected=false))]
+#[pyo3(signature = (detections, cameras, *, method="robust", confidence=None, return_rejected=false))]
 pub(crate) fn triangulate<'py>(
     py: Python<'py>,
     detections: &Bound<'py, PyAny>,
@@ -75,10 +75,11 @@ pub(crate) fn triangulate<'py>(
     return_rejected: bool,
 ) -> PyResult<Bound<'py, PyAny>> {
     let method = Method::by_name(method).or_raise(py)?;
-    let (frames, cameras) = (Frames::new(detections, confidence)?, Cameras::new(cameras)?.cameras);
+    let frames = Frames::new(detections, confidence)?;
+    let Cameras { cameras, unit } = Cameras::new(cameras)?;
     frames.expect_views(py, cameras.len())?;
     let found: skelsplat_core::Result<Vec<Triangulated>> = py
-        .detach(|| frames.frames.iter().map(|d| core::triangulate(d, &cameras, method)).collect());
+        .detach(|| frames.frames.iter().map(|d| core::triangulate(d, &cameras, unit, method)).collect());
     let (points, rejected): (Vec<_>, Vec<_>) =
         found.or_raise(py)?.into_iter().map(|t| (t.points, t.rejected)).unzip();
     let points = points_out(py, &points.concat(), &frames.shape(&[frames.n_joints, 3]))?;

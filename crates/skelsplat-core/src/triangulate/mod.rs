@@ -3,16 +3,19 @@
 pub mod dlt;
 pub mod fusion;
 pub mod ransac;
+pub mod robust;
 
 use nalgebra::Vector3;
 
 use crate::camera::Camera;
 use crate::detections::Detections;
 use crate::error::{Error, Result};
+use crate::unit::Unit;
 
 pub use dlt::dlt;
 pub use fusion::fuse_monocular;
 pub use ransac::ransac;
+pub use robust::robust;
 
 /// How joints are triangulated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -22,11 +25,14 @@ pub enum Method {
     Dlt,
     /// The same over the largest set of views that agree, [`ransac()`].
     Ransac,
+    /// Annealed splatting of every joint, [`robust()`].
+    Robust,
 }
 
 impl Method {
     /// Every method with its name.
-    const ALL: [(&'static str, Self); 2] = [("dlt", Self::Dlt), ("ransac", Self::Ransac)];
+    const ALL: [(&'static str, Self); 3] =
+        [("robust", Self::Robust), ("dlt", Self::Dlt), ("ransac", Self::Ransac)];
 
     /// A method by its name.
     ///
@@ -51,14 +57,15 @@ pub struct Triangulated {
     pub rejected: Vec<bool>,
 }
 
-/// Triangulates `(M, N)` detections in pixels of the image, lens distortion included, to `N` world points.
-/// NaN where a joint has no finite answer: see [`dlt()`].
+/// Triangulates `(M, N)` detections in pixels of the image, lens distortion included, to `N` world points in the
+/// `unit` of the cameras. NaN where a joint has no finite answer: see [`dlt()`].
 ///
 /// # Errors
 /// [`Error::InvalidInput`] if the number of cameras is not the detections' number of views.
 pub fn triangulate(
     detections: &Detections,
     cameras: &[Camera],
+    unit: Unit,
     method: Method,
 ) -> Result<Triangulated> {
     if detections.n_views() != cameras.len() {
@@ -72,5 +79,12 @@ pub fn triangulate(
             Triangulated { points: dlt(&ideal, cameras), rejected }
         }
         Method::Ransac => ransac(&ideal, cameras),
+        Method::Robust => {
+            let mm = unit.millimetres();
+            let scaled: Vec<Camera> =
+                cameras.iter().map(|c| c.clone().with_length_scale(mm)).collect();
+            let found = robust(&ideal, &scaled);
+            Triangulated { points: found.points.iter().map(|p| p / mm).collect(), ..found }
+        }
     })
 }
