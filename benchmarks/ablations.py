@@ -29,7 +29,7 @@ class Setting:
     def __init__(self, poses: int, seed: int) -> None:
         scene = simulated(poses, seed=seed)
         self.rig, self.truth, self.detections = scene.rig, scene.truth, scene.detections
-        self.dlt = sk.triangulate(self.detections[..., :2], self.rig)
+        self.dlt = sk.triangulate(self.detections[..., :2], self.rig, method="dlt")
 
     def error(self, start: np.ndarray, **fields: object) -> tuple[float, float]:
         """Return MPJPE in mm and the mean number of steps."""
