@@ -16,8 +16,13 @@ import report
 from measures.coverage import coverage
 from measures.noises import table
 from measures.operating_room import mvor
+from measures.starts import start
+from measures.swaps import swaps
+from measures.sweep import sweep
+from measures.useless import useless
+from measures.views import views
 
-MEASURES = {function.__name__: function for function in (table, coverage, mvor)}
+MEASURES = {f.__name__: f for f in (table, start, coverage, mvor, swaps, useless, sweep, views)}
 
 
 def parsed(text: str) -> tuple[str, Any]:

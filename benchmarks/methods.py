@@ -24,15 +24,15 @@ class UnavailableError(Exception):
 
 
 def available(columns: Mapping[str, Callable[[], T]]) -> tuple[dict[str, T], list[str]]:
-    """Call every entry; give the results, and a note for each that this version cannot compute."""
+    """Call every entry; give the results, and a note on those that this version cannot compute."""
     out: dict[str, T] = {}
-    notes = []
+    absent: dict[str, list[str]] = {}
     for name, call in columns.items():
         try:
             out[name] = call()
         except (UnavailableError, ImportError, AttributeError, TypeError) as reason:
-            notes.append(f"without {name}: {reason}")
-    return out, notes
+            absent.setdefault(str(reason), []).append(name)
+    return out, [f"without {', '.join(names)}: {reason}" for reason, names in absent.items()]
 
 
 def dlt(scene: Scene, *, weighted: bool = False) -> FloatArray:
