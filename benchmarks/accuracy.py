@@ -59,7 +59,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     commands = parser.add_subparsers(dest="command", required=True)
     for name, function in MEASURES.items():
-        add_options(commands.add_parser(name, help=inspect.getdoc(function)), function)
+        about = inspect.getdoc(function) or ""
+        add_options(commands.add_parser(name, help=about.splitlines()[0], description=about), function)
     options = vars(parser.parse_args())
     function = MEASURES[options.pop("command")]
     options["fields"] = dict(options["fields"])
