@@ -1,0 +1,71 @@
+"""Measure the accuracy of the solver beside the baselines; every subcommand prints one table.
+
+    python benchmarks/accuracy.py table [--poses 300] [--seed 0] [--fast] [--set field=value ...]
+
+`--set` changes a field of ``RefineConfig()`` (int, float, true/false, none, or text) and may be repeated. The
+functions of the same names can be imported and return the figures as a dict.
+"""
+
+from __future__ import annotations
+
+import argparse
+import inspect
+from typing import Any
+
+import report
+from measures.coverage import coverage
+from measures.noises import table
+from measures.operating_room import mvor
+from measures.starts import start
+from measures.swaps import swaps
+from measures.sweep import sweep
+from measures.useless import useless
+from measures.views import views
+
+MEASURES = {f.__name__: f for f in (table, start, coverage, mvor, swaps, useless, sweep, views)}
+
+
+def parsed(text: str) -> tuple[str, Any]:
+    """Split ``field=value`` and turn the value into what it looks like."""
+    field, equals, value = text.partition("=")
+    if not equals:
+        raise argparse.ArgumentTypeError(f"expected field=value, got {text!r}")
+    words = {"true": True, "false": False, "none": None}
+    if value.lower() in words:
+        return field, words[value.lower()]
+    for kind in (int, float):
+        try:
+            return field, kind(value)
+        except ValueError:
+            continue
+    return field, value
+
+
+def add_options(parser: argparse.ArgumentParser, function: Any) -> None:
+    """Give the subcommand an option for every keyword of its function."""
+    for name, parameter in inspect.signature(function).parameters.items():
+        option = f"--{name.replace('_', '-')}"
+        if name == "fields":
+            parser.add_argument(
+                "--set", dest="fields", action="append", type=parsed, default=[], metavar="FIELD=VALUE"
+            )
+        elif isinstance(parameter.default, bool):
+            parser.add_argument(option, action="store_true")
+        else:
+            parser.add_argument(option, type=type(parameter.default), default=parameter.default)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    commands = parser.add_subparsers(dest="command", required=True)
+    for name, function in MEASURES.items():
+        about = inspect.getdoc(function) or ""
+        add_options(commands.add_parser(name, help=about.splitlines()[0], description=about), function)
+    options = vars(parser.parse_args())
+    function = MEASURES[options.pop("command")]
+    options["fields"] = dict(options["fields"])
+    report.show(function(**options))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,127 @@
+"""The methods that are compared: each takes a scene and gives the pose (T, N, 3)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
+
+import numpy as np
+from scenarios import FloatArray, Scene
+
+import skelsplat as sk
+from skelsplat import synthetic
+
+Fields = Mapping[str, Any]
+T = TypeVar("T")
+
+# Residual beyond which SciPy's Cauchy loss flattens, px.
+CAUCHY_SCALE_PX = 5.0
+# Side of the crop in whose pixels Iskakov's threshold is given.
+CROP_PX = 384.0
+# A body reaches past its joints.
+BOX_MARGIN = 1.1
+
+
+class UnavailableError(Exception):
+    """A method that this version of the package does not have."""
+
+
+def available(columns: Mapping[str, Callable[[], T]]) -> tuple[dict[str, T], list[str]]:
+    """Call every entry; give the results, and a note on those that this version cannot compute."""
+    out: dict[str, T] = {}
+    absent: dict[str, list[str]] = {}
+    for name, call in columns.items():
+        try:
+            out[name] = call()
+        except (UnavailableError, ImportError, AttributeError, TypeError) as reason:
+            absent.setdefault(str(reason), []).append(name)
+    return out, [f"without {', '.join(names)}: {reason}" for reason, names in absent.items()]
+
+
+def dlt(scene: Scene, *, weighted: bool = False) -> FloatArray:
+    """Plain triangulation, with the confidences as weights or without any."""
+    detections = scene.detections if weighted else scene.detections[..., :2]
+    return sk.triangulate(detections, scene.rig, method="dlt")
+
+
+def core_ransac(scene: Scene) -> FloatArray:
+    try:
+        return sk.triangulate(scene.detections, scene.rig, method="ransac")
+    except sk.InvalidInputError as error:
+        if "method" not in str(error):
+            raise
+        raise UnavailableError(str(error)) from error
+
+
+def ransac_iskakov(scene: Scene) -> FloatArray:
+    """Run Iskakov's with its threshold in the pixels of a 384 px crop of the person, as published."""
+    from skelsplat.evaluation import baselines
+
+    return baselines.ransac_iskakov(scene.detections, scene.rig, crop_scale=_box_px(scene) / CROP_PX)
+
+
+def _box_px(scene: Scene) -> FloatArray:
+    """Side of the square box round the detections of each view, (T, M) px; a crop's if there are none."""
+    pixels = np.where(scene.detected[..., None], scene.detections[..., :2], np.nan)
+    low = np.fmin.reduce(pixels, axis=2)
+    high = np.fmax.reduce(pixels, axis=2)
+    side = BOX_MARGIN * (high - low).max(axis=-1)
+    return np.where(side > 0, side, CROP_PX)
+
+
+def ransac_adafuse(scene: Scene) -> FloatArray:
+    from skelsplat.evaluation import baselines
+
+    return baselines.ransac_adafuse(scene.detections, scene.rig)
+
+
+def cauchy(scene: Scene) -> FloatArray:
+    """Minimise SciPy's Cauchy loss of the reprojection errors from DLT, joint by joint."""
+    from skelsplat.evaluation import baselines
+
+    return baselines.cauchy(scene.detections, scene.rig, f_scale=CAUCHY_SCALE_PX)
+
+
+RANSACS: dict[str, Callable[[Scene], FloatArray]] = {
+    "RANSAC AdaFuse": ransac_adafuse,
+    "RANSAC core": core_ransac,
+}
+# With least squares by SciPy, joint by joint: some ms each.
+ALL_RANSACS = {"RANSAC Iskakov": ransac_iskakov, **RANSACS}
+
+
+def paper(scene: Scene, start: FloatArray | None = None, **fields: Any) -> sk.Refinement:
+    """Run the paper's method from `start`, by default from DLT without weights."""
+    first = dlt(scene) if start is None else start
+    config = sk.RefineConfig.paper(**fields)
+    return sk.refine(first, scene.detections, scene.rig, layout=scene.layout, config=config)
+
+
+def default(
+    scene: Scene,
+    start: FloatArray | None = None,
+    *,
+    init_sigma: float | None = None,
+    fields: Fields | None = None,
+) -> sk.Refinement:
+    """Run ``RefineConfig()`` with `fields` changed."""
+    if sk.RefineConfig() == sk.RefineConfig.paper():
+        raise UnavailableError("RefineConfig() is still RefineConfig.paper()")
+    config = sk.RefineConfig(**(fields or {}))
+    prior = {} if init_sigma is None else {"init_sigma": init_sigma}
+    return sk.refine(start, scene.detections, scene.rig, layout=scene.layout, config=config, **prior)
+
+
+def monocular_start(scene: Scene, error_mm: float, seed: int) -> FloatArray:
+    """Fuse simulated monocular poses whose noise is such that the fused pose errs `error_mm` (MPJPE)."""
+    sigma = error_mm
+    for _ in range(4):
+        poses = synthetic.monocular_poses(scene.truth, scene.rig, sigma, seed=seed)
+        start = sk.fuse_monocular(poses, scene.detections, scene.rig)
+        sigma *= error_mm / float(sk.metrics.mpjpe(start, scene.truth))
+    return start
+
+
+def per_axis_sigma(start: FloatArray, truth: FloatArray) -> float:
+    """Root mean square error per axis, mm."""
+    return float(np.sqrt(np.nanmean((start - truth) ** 2)))

@@ -1,0 +1,202 @@
+"""Poses, rigs and detections on which the accuracy is measured; everything follows from the seed.
+
+Poses are frames of the CMU motion capture if it lies in ``../shared/data`` (see ``pose_source``), otherwise
+the package's synthetic motions. Their detections are simulated. ``mvor`` gives real detections; which of them
+belongs to which person is taken from the ground truth (oracle association).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+import skelsplat as sk
+from skelsplat import synthetic
+from skelsplat.synthetic import DetectionNoise
+
+FloatArray = NDArray[np.float64]
+
+DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
+CMU = DATA / "cmu_mocap" / "cmu_s01_to_s12_10hz.npz"
+MVOR = DATA / "mvor" / "mvor_days12.npz"
+
+NOISES = {
+    "good": DetectionNoise.good(),
+    "noisy": DetectionNoise.noisy(),
+    "occluded 2": DetectionNoise.occluded(2),
+    "occluded 3": DetectionNoise.occluded(3),
+    "occluded 3 hard": DetectionNoise.occluded(3, hard=True),
+}
+
+# Human3.6M-17 from CMU's 19 joints; the nose, which the capture has not, is put close to the head.
+_CMU_JOINTS = [
+    "pelvis", "r_hip", "r_knee", "r_ankle", "l_hip", "l_knee", "l_ankle", "abdomen", "neck", "head", "head",
+    "l_shoulder", "l_elbow", "l_wrist", "r_shoulder", "r_elbow", "r_wrist",
+]  # fmt: skip
+_NOSE = 9
+_NOSE_OFFSET_MM = (60.0, 0.0, -20.0)
+_SCATTER_MM = 500.0
+# A person of 1.8 m becomes an object of 180 mm, which fills the images of `synthetic.table` as a hand would.
+_TABLE_SCALE = 0.1
+# Distance of the human36m_like cameras from the centre of the room.
+_ROOM_RADIUS_MM = 5300.0
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What is given to a method, and the truth.
+
+    Attributes
+    ----------
+    truth : (T, N, 3)
+        True joints in the rig's unit, mm; NaN where there is none.
+    detections : (T, M, N, 3)
+        Pixels and confidence; missing = NaN or confidence 0.
+    rig : CameraRig of M cameras
+    layout : str
+    source : str
+        What the poses and detections are, in words.
+    """
+
+    truth: FloatArray
+    detections: FloatArray
+    rig: sk.CameraRig
+    layout: str
+    source: str
+
+    @property
+    def detected(self) -> NDArray[np.bool_]:
+        """Which joints have a usable detection, (T, M, N)."""
+        found: NDArray[np.bool_] = np.isfinite(self.detections).all(axis=-1) & (self.detections[..., 2] > 0)
+        return found
+
+    @property
+    def judged(self) -> FloatArray:
+        """Truth (T, N, 3), NaN where fewer than two views detect the joint; it judges all methods alike."""
+        return np.where((self.detected.sum(axis=1) >= 2)[..., None], self.truth, np.nan)
+
+
+def pose_source() -> str:
+    """Say which poses `cmu_poses` takes."""
+    return "CMU motion capture" if CMU.is_file() else "synthetic motions (no CMU motion capture here)"
+
+
+@cache
+def _cmu_takes() -> tuple[FloatArray, ...]:
+    """All takes as (F, 17, 3) mm."""
+    with np.load(CMU) as archive:
+        order = [list(archive["joint_names"]).index(name) for name in _CMU_JOINTS]
+        takes = [
+            archive[name][:, order].astype(np.float64) for name in archive.files if name != "joint_names"
+        ]
+    for take in takes:
+        take *= 1000.0
+        take[:, _NOSE] += _NOSE_OFFSET_MM
+    return tuple(takes)
+
+
+def cmu_poses(n: int, seed: int) -> FloatArray:
+    """Return (n, 17, 3) mm: frames of all takes in turn, at any heading, in the middle of the room.
+
+    The pelvis stands within ±0.5 m of the centre on both axes. Without the data: ``synthetic.motion``.
+    """
+    rng = np.random.default_rng(seed)
+    if CMU.is_file():
+        takes = _cmu_takes()
+        order = np.resize(rng.permutation(len(takes)), n)
+        poses = np.stack([takes[k][rng.integers(len(takes[k]))] for k in order])
+    else:
+        poses = _synthetic_poses(n, seed)[rng.permutation(n)]
+    poses = poses - poses[:, :1] * [1.0, 1.0, 0.0]
+    angle = rng.uniform(0.0, 2 * np.pi, size=(n, 1))
+    x, y = poses[..., 0], poses[..., 1]
+    cos, sin = np.cos(angle), np.sin(angle)
+    poses = np.stack([cos * x - sin * y, sin * x + cos * y, poses[..., 2]], axis=-1)
+    poses[..., :2] += rng.uniform(-_SCATTER_MM, _SCATTER_MM, size=(n, 1, 2))
+    return poses
+
+
+def _synthetic_poses(n: int, seed: int) -> FloatArray:
+    """Every fourth frame of all motions, (n, 17, 3) mm."""
+    each = -(-n // len(synthetic.motion_names))
+    takes = [
+        synthetic.motion(name, 4 * each, seed=seed + k)[::4] for k, name in enumerate(synthetic.motion_names)
+    ]
+    return np.concatenate(takes)[:n]
+
+
+def rig(kind: str, n_views: int) -> sk.CameraRig:
+    """Return a rig of `n_views` cameras.
+
+    "room" is `human36m_like` or the first of it, and beyond four cameras those and more on a dome of the same
+    distance; "dome", "table" and "stereo" are the package's.
+    """
+    if kind == "room":
+        more = synthetic.dome(n_views - 4, radius_mm=_ROOM_RADIUS_MM) if n_views > 4 else ()
+        return sk.CameraRig([*list(synthetic.human36m_like())[:n_views], *more], unit="mm")
+    if kind == "stereo":
+        return synthetic.stereo()
+    return {"dome": synthetic.dome, "table": synthetic.table}[kind](n_views)
+
+
+def scene(
+    noise: str | DetectionNoise,
+    poses: int,
+    seed: int,
+    *,
+    kind: str = "room",
+    n_views: int = 4,
+    n_seeds: int = 1,
+) -> Scene:
+    """Simulate detections of `poses` poses in all, drawn with the seeds `seed`, `seed` + 1, …."""
+    cameras = rig(kind, n_views)
+    model = NOISES[noise] if isinstance(noise, str) else noise
+    truths, detections = [], []
+    for k in range(n_seeds):
+        truth = cmu_poses(-(-poses // n_seeds), seed + k)
+        if kind == "table":
+            truth = _TABLE_SCALE * (truth - truth.mean(axis=(0, 1)))
+        truths.append(truth)
+        detections.append(
+            synthetic.simulate_detections(truth, cameras, noise=model, layout="h36m17", seed=seed + k)
+        )
+    source = f"{pose_source()}, {kind} rig, simulated detections"
+    return Scene(np.concatenate(truths), np.concatenate(detections), cameras, "h36m17", source)
+
+
+def louder(noise: DetectionNoise, factor: float) -> DetectionNoise:
+    """Return the same detector with `factor` times the jitter."""
+    return replace(noise, sigma_px=factor * noise.sigma_px)
+
+
+def mvor(detector: str = "openpose") -> Scene:
+    """MVOR, an operating room: every labelled person whom at least two views detect, real detections.
+
+    The association is oracle. The truth has the eight joints that COCO-17 and the labels share (shoulders,
+    elbows, wrists, hips), labelled to about ±50 mm. The published distortion is not applied: it makes the
+    labels' reprojection error larger.
+    """
+    with np.load(MVOR) as archive:
+        size = tuple(int(s) for s in archive["image_size"])
+        matrices = list(zip(archive["K"], archive["w2c"], strict=True))
+        match, found = archive[f"gt_match_{detector}"], archive[f"det2d_{detector}"]
+        labels, names = archive["gt3d"].astype(np.float64), [str(n) for n in archive["gt_joint_names"]]
+    cameras = sk.CameraRig([sk.Camera(K, w2c[:, :3], w2c[:, 3], size=size) for K, w2c in matrices], unit="mm")
+    frame, person = np.nonzero((match >= 0).sum(axis=-1) >= 2)
+    chosen = match[frame, person]
+    detections = found[frame[:, None], np.arange(3), np.maximum(chosen, 0)].astype(np.float64)
+    detections[chosen < 0] = np.nan
+    detections[..., 2] = np.clip(detections[..., 2], 0.0, 1.0)
+
+    truth = np.full((len(frame), 17, 3), np.nan)
+    for j, name in enumerate(names):
+        if name in sk.layouts.COCO17.joints:
+            truth[:, sk.layouts.COCO17.joints.index(name)] = labels[frame, person, j, :3]
+    truth[(truth == 0.0).all(axis=-1)] = np.nan
+    return Scene(
+        truth, detections, cameras, "coco17", f"MVOR, {detector}, real detections, oracle association"
+    )
