@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 
 import numpy as np
+from common import simulated
 from rich.console import Console
 from rich.table import Table
 
@@ -26,18 +27,9 @@ class Setting:
     """Poses, simulated detections and their triangulation."""
 
     def __init__(self, poses: int, seed: int) -> None:
-        self.rig = synthetic.human36m_like()
-        per_motion = -(-poses // len(synthetic.motion_names))
-        takes = [
-            synthetic.motion(name, 4 * per_motion, seed=seed + k)[::4]
-            for k, name in enumerate(synthetic.motion_names)
-        ]
-        self.truth = np.concatenate(takes)[:poses]
-        noise = synthetic.DetectionNoise.good()
-        self.detections = synthetic.simulate_detections(
-            self.truth, self.rig, noise=noise, layout="h36m17", seed=seed
-        )
-        self.dlt = sk.triangulate(self.detections[..., :2], self.rig)
+        scene = simulated(poses, seed=seed)
+        self.rig, self.truth, self.detections = scene.rig, scene.truth, scene.detections
+        self.dlt = sk.triangulate(self.detections[..., :2], self.rig, method="dlt")
 
     def error(self, start: np.ndarray, **fields: object) -> tuple[float, float]:
         """Return MPJPE in mm and the mean number of steps."""

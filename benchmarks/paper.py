@@ -19,6 +19,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from common import cpu
 from rich.console import Console
 from rich.table import Table
 
@@ -73,14 +74,6 @@ def memory_of_one_refinement() -> None:
 def all_steps(**fields: object) -> sk.RefineConfig:
     """Return the preset without early stopping."""
     return sk.RefineConfig.paper(stop_tolerance=0.0, **fields)
-
-
-def cpu() -> str:
-    """Return the processor's name."""
-    info = Path("/proc/cpuinfo")
-    lines = info.read_text(encoding="utf-8").splitlines() if info.exists() else []
-    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-    return f"{names[0] if names else platform.processor()}, {len(names) or '?'} cores"
 
 
 def rows() -> list[tuple[str, str, str]]:

@@ -54,6 +54,10 @@ class Refinement:
 
     pose: NDArray[np.float64]
     covariance: NDArray[np.float64]
+    uncertainty: NDArray[np.float64]
+    view_weights: NDArray[np.float64]
+    swapped: NDArray[np.bool_]
+    noise: NDArray[np.float64]
     reprojection_error: NDArray[np.float64]
     joint_status: NDArray[np.str_]
     loss: NDArray[np.float64]
@@ -94,6 +98,7 @@ def refine(
     *,
     layout: str | Layout | None = None,
     confidence: ArrayLike | None = None,
+    init_sigma: ArrayLike | None = None,
     config: RefineConfig | None = None,
     progress: bool | Progress = False,
 ) -> Refinement:
@@ -139,6 +144,7 @@ def refine(
             cameras,
             layout=layout,
             confidence=confidence,
+            init_sigma=init_sigma,
             config=config,
             progress=report,
         )

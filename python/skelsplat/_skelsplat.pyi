@@ -1,7 +1,7 @@
 """The compiled core. Arrays in and out are C-ordered float64 unless said otherwise."""
 
 from collections.abc import Callable, Sequence
-from typing import Any, final
+from typing import Any, Literal, final, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -300,16 +300,33 @@ def project(points: ArrayLike, cameras: _Cameras) -> NDArray[np.float64]:
     write ``project(poses, cameras).swapaxes(0, 1)``.
     """
 
+@overload
 def triangulate(
     detections: ArrayLike,
     cameras: _Cameras,
     *,
     method: str = "dlt",
     confidence: ArrayLike | None = None,
+    return_rejected: Literal[False] = False,
 ) -> NDArray[np.float64]:
     """Triangulate detections ([T,] M, N, 2|3) to points ([T,] N, 3); NaN with fewer than two views.
 
-    ``"dlt"`` is confidence-weighted algebraic triangulation, lens distortion removed first.
+    ``"dlt"`` is confidence-weighted algebraic triangulation, lens distortion removed first. ``"ransac"`` is
+    the same over the largest set of views that agree: of at most 10 pairs of views the one whose point
+    projects within 20 px of most detections decides; where no two views agree, all are used.
+
+    Parameters
+    ----------
+    detections : ([T,] M, N, 2 | 3)
+        Pixels and, in a third channel, confidences; NaN or a confidence of 0 where missing.
+    cameras : CameraRig or sequence of Camera
+        The M cameras.
+    method : {"dlt", "ransac"}
+    confidence : ([T,] M, N), optional
+        Instead of a third channel.
+    return_rejected : bool
+        Also return which detections the method left out, ([T,] M, N) bool. ``"dlt"`` rejects none; a missing
+        detection is not rejected.
 
     Raises
     ------
@@ -317,6 +334,24 @@ def triangulate(
         Shapes that do not fit, an unknown method, a confidence outside [0, 1].
     """
 
+@overload
+def triangulate(
+    detections: ArrayLike,
+    cameras: _Cameras,
+    *,
+    method: str = "dlt",
+    confidence: ArrayLike | None = None,
+    return_rejected: Literal[True],
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]: ...
+@overload
+def triangulate(
+    detections: ArrayLike,
+    cameras: _Cameras,
+    *,
+    method: str = "dlt",
+    confidence: ArrayLike | None = None,
+    return_rejected: bool,
+) -> NDArray[np.float64] | tuple[NDArray[np.float64], NDArray[np.bool_]]: ...
 def fuse_monocular(poses: ArrayLike, detections: ArrayLike, cameras: _Cameras) -> NDArray[np.float64]:
     """Fuse monocular 3D poses ([T,] V, N, 3) given in the world to one pose ([T,] N, 3).
 

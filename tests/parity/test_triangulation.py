@@ -1,4 +1,4 @@
-"""`triangulate` (DLT) and `fuse_monocular` against the twin."""
+"""`triangulate` (DLT, RANSAC) and `fuse_monocular` against the twin."""
 
 import numpy as np
 import pytest
@@ -56,6 +56,55 @@ def test_missing_detections_and_batches(views: list[View], noisy: Array) -> None
     assert np.isnan(pose[1, 4]).all()
     assert np.isnan(pose).sum() == 3
     assert pose == pytest.approx(np.array(expected), abs=EXACT_MM, nan_ok=True)
+
+
+def ring(n: int) -> list[View]:
+    """Make n cameras around the scenes' person, at different heights, 640 × 480 px."""
+    angles = 2 * np.pi * (np.arange(n) + 0.3) / n
+    centres = [(4e3 * np.cos(a), 4e3 * np.sin(a), 300.0 + 200.0 * (k % 3)) for k, a in enumerate(angles)]
+    return [scenes.look_at(np.array(c), np.zeros(3), (600.0, 610.0), (640, 480)) for c in centres]
+
+
+def with_outliers(views: list[View], share: float) -> Array:
+    """Make detections (M,17,3) with 1 px of noise, a share of them up to 200 px off, a tenth missing."""
+    rng = np.random.default_rng(14)
+    found = scenes.pixels(scenes.H36M_POSE, views) + rng.normal(scale=1.0, size=(len(views), 17, 2))
+    far = rng.uniform(size=found.shape[:2]) < share
+    found[far] += rng.uniform(-200.0, 200.0, found.shape)[far]
+    found[rng.uniform(size=far.shape) < 0.1] = np.nan
+    return np.concatenate([found, rng.uniform(0.2, 1.0, (*far.shape, 1))], axis=-1)
+
+
+@pytest.mark.parametrize(("n_views", "share"), [(2, 0.3), (4, 0.3), (5, 0.4), (9, 0.5), (30, 0.6)])
+def test_ransac_equals_the_twin(n_views: int, share: float) -> None:
+    views = ring(n_views)
+    detections = with_outliers(views, share)
+    pose, rejected = sk.triangulate(detections, rig(views), method="ransac", return_rejected=True)
+    expected_pose, expected_rejected = triangulation.ransac(detections, views)
+    assert np.array_equal(rejected, expected_rejected)
+    assert rejected.any() or n_views == 2
+    assert pose == pytest.approx(expected_pose, abs=EXACT_MM, nan_ok=True)
+
+
+def test_ransac_of_a_batch(views: list[View], noisy: Array) -> None:
+    batch = np.stack([noisy, noisy, noisy])
+    batch[1, 2, 5] += [0.0, 90.0]
+    batch[2, :3, 6] = np.nan
+    pose, rejected = sk.triangulate(batch, rig(views), method="ransac", return_rejected=True)
+    assert pose.shape == (3, 17, 3)
+    assert rejected.dtype == np.bool_
+    assert np.argwhere(rejected).tolist() == [[1, 2, 5]]
+    assert np.isnan(pose[2, 6]).all()
+    assert np.array_equal(sk.triangulate(batch, rig(views), method="ransac"), pose, equal_nan=True)
+    assert np.array_equal(pose[0], sk.triangulate(noisy, rig(views), method="dlt"))
+
+
+def test_dlt_rejects_nothing(views: list[View], noisy: Array) -> None:
+    noisy[1, 3] += 200.0
+    pose, rejected = sk.triangulate(noisy, rig(views), method="dlt", return_rejected=True)
+    assert rejected.shape == (4, 17)
+    assert not rejected.any()
+    assert np.array_equal(pose, sk.triangulate(noisy, rig(views), method="dlt"))
 
 
 def monocular_poses() -> Array:

@@ -1,10 +1,11 @@
-"""Initial poses: linear triangulation and the fusion of monocular poses (DESIGN §2, "Initial pose")."""
+"""Initial poses: triangulation, linear or by consensus, and the fusion of monocular poses (DESIGN §2)."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import combinations
 
 import numpy as np
 
-from reference.arrays import Array, View
+from reference.arrays import Array, Mask, View
 from reference.camera import pinhole, to_camera
 from reference.total import detected
 
@@ -42,11 +43,71 @@ def triangulate_joint(detections: Array, weights: Array, views: Sequence[View]) 
 
 def triangulate(detections: Array, views: Sequence[View], confidence: Array | None = None) -> Array:
     """Triangulate (N,3) from (M,N,2|3); weights are `confidence` (M,N), else the third channel, else 1."""
+    weights = weights_of(detections, confidence)
+    return np.array(
+        [triangulate_joint(detections[:, j, :2], weights[:, j], views) for j in range(detections.shape[1])]
+    )
+
+
+def weights_of(detections: Array, confidence: Array | None) -> Array:
+    """Confidences (M,N): the argument, else the third channel, else 1; 0 where a pixel is missing."""
     if confidence is None:
         confidence = detections[..., 2] if detections.shape[-1] == 3 else np.ones(detections.shape[:2])
-    return np.array(
-        [triangulate_joint(detections[:, j, :2], confidence[:, j], views) for j in range(detections.shape[1])]
-    )
+    return np.where(np.isfinite(detections[..., :2]).all(axis=-1), confidence, 0.0)
+
+
+PAIRS_TRIED = 10
+INLIER_PX = 20.0
+
+
+def splitmix64(state: int) -> Iterator[int]:
+    """64-bit numbers of SplitMix64 (Steele, Lea & Flood, 2014)."""
+    while True:
+        state = (state + 0x9E3779B97F4A7C15) % 2**64
+        z = (state ^ (state >> 30)) * 0xBF58476D1CE4E5B9 % 2**64
+        z = (z ^ (z >> 27)) * 0x94D049BB133111EB % 2**64
+        yield z ^ (z >> 31)
+
+
+def tried_pairs(detecting: Sequence[int], joint: int) -> list[tuple[int, int]]:
+    """All pairs, ordered by the later view, or ten by Floyd's sampling seeded with the joint's index."""
+    pairs = sorted(combinations(detecting, 2), key=lambda pair: pair[::-1])
+    if len(pairs) <= PAIRS_TRIED:
+        return pairs
+    drawn: list[int] = []
+    for last, number in zip(range(len(pairs) - PAIRS_TRIED, len(pairs)), splitmix64(joint), strict=False):
+        candidate = number % (last + 1)
+        drawn.append(last if candidate in drawn else candidate)
+    return [pairs[k] for k in drawn]
+
+
+def reprojection_errors(point: Array, detections: Array, views: Sequence[View]) -> Array:
+    """Distances (M,) in px between a point's projections and its detections (M,2); ∞ behind a camera."""
+    in_camera = np.array([to_camera(point, view.R, view.t) for view in views])
+    found = np.array([pinhole(x, view.K) for x, view in zip(in_camera, views, strict=True)])
+    return np.where(in_camera[:, 2] > 0, np.linalg.norm(found - detections, axis=1), np.inf)
+
+
+def ransac_joint(detections: Array, weights: Array, views: Sequence[View], joint: int) -> tuple[Array, Mask]:
+    """One joint (3,) over the inliers of the best pair, and the rejected views (M,)."""
+    index = np.arange(len(views))
+    used, best = weights > 0, (2, -np.inf)
+    for pair in tried_pairs(index[weights > 0].tolist(), joint):
+        point = triangulate_joint(detections, np.where(np.isin(index, pair), weights, 0), views)
+        errors = reprojection_errors(point, detections, views)
+        inliers = (errors <= INLIER_PX) & (weights > 0)
+        score = (int(inliers.sum()), -float(errors[inliers].sum()))
+        if score > best:
+            used, best = inliers, score
+    return triangulate_joint(detections, np.where(used, weights, 0), views), (weights > 0) & ~used
+
+
+def ransac(detections: Array, views: Sequence[View], confidence: Array | None = None) -> tuple[Array, Mask]:
+    """Points (N,3) from the largest set of views that agree (Fischler & Bolles, 1981), and rejected (M,N)."""
+    weights = weights_of(detections, confidence)
+    joints = range(detections.shape[1])
+    found = [ransac_joint(detections[:, j, :2], weights[:, j], views, j) for j in joints]
+    return np.array([point for point, _ in found]), np.array([rejected for _, rejected in found]).T
 
 
 def fuse_monocular(poses: Array, detections: Array, views: Sequence[View]) -> Array:

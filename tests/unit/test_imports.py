@@ -11,15 +11,26 @@ PACKAGE = Path(__file__).parents[2] / "python" / "skelsplat"
 
 # Part of the package → what it must not import. `skelsplat` itself re-exports `_refine`.
 FORBIDDEN = {
-    "viz": ("cli", "io", "association", "synthetic", "_refine", "_skelsplat"),
-    "io": ("cli", "viz", "_refine", "synthetic"),
-    "synthetic": ("cli", "viz", "io", "_refine", "association"),
-    "metrics": ("cli", "viz", "io", "_refine", "association", "synthetic"),
-    "association": ("cli", "viz", "_refine"),
-    "_refine": ("cli", "viz", "io", "association", "synthetic", "metrics"),
-    "cameras": ("cli", "viz", "io", "association", "synthetic", "metrics", "_refine"),
-    "layouts": ("cli", "viz", "io", "association", "synthetic", "metrics", "_refine"),
-    "exceptions": ("cli", "viz", "io", "association", "synthetic", "metrics", "_refine", "_skelsplat"),
+    "evaluation": ("cli", "viz"),
+    "viz": ("cli", "io", "association", "synthetic", "_refine", "_skelsplat", "evaluation"),
+    "io": ("cli", "viz", "_refine", "synthetic", "evaluation"),
+    "synthetic": ("cli", "viz", "io", "_refine", "association", "evaluation"),
+    "metrics": ("cli", "viz", "io", "_refine", "association", "synthetic", "evaluation"),
+    "association": ("cli", "viz", "_refine", "evaluation"),
+    "_refine": ("cli", "viz", "io", "association", "synthetic", "metrics", "evaluation"),
+    "cameras": ("cli", "viz", "io", "association", "synthetic", "metrics", "_refine", "evaluation"),
+    "layouts": ("cli", "viz", "io", "association", "synthetic", "metrics", "_refine", "evaluation"),
+    "exceptions": (
+        "cli",
+        "viz",
+        "io",
+        "association",
+        "synthetic",
+        "metrics",
+        "_refine",
+        "_skelsplat",
+        "evaluation",
+    ),
 }
 
 

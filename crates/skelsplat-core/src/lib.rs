@@ -14,6 +14,7 @@
 //! (WACV 2026). This crate knows no Python, no files and no data sets. Lengths are millimetres inside;
 //! [`refine::Refiner`] takes any [`unit::Unit`].
 
+pub mod annealed;
 pub mod batch;
 pub mod camera;
 pub mod detections;
@@ -28,6 +29,7 @@ pub mod refine;
 pub mod symmetry;
 pub mod testing;
 pub mod triangulate;
+pub mod uncertainty;
 pub mod unit;
 
 pub use error::{Error, Result};

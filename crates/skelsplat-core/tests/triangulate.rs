@@ -81,8 +81,9 @@ fn the_lens_is_undone_first() {
     let cameras: Vec<_> = room().into_iter().map(|c| c.with_distortion(lens.clone())).collect();
     let detections = detect(&cameras, &joints());
     let found = triangulate(&detections, &cameras, Method::by_name("dlt").unwrap()).unwrap();
+    assert_eq!(found.rejected, [false; 12]);
     let ignored = dlt(&detections, &cameras);
-    for ((x, without), truth) in found.iter().zip(&ignored).zip(joints()) {
+    for ((x, without), truth) in found.points.iter().zip(&ignored).zip(joints()) {
         // 1e-9 px of undistortion at f = 1145 px and 6 m
         assert!((x - truth).norm() < 1e-7);
         // the joint nearest to the optical axes moves least
@@ -225,7 +226,7 @@ fn wrong_counts_and_names_are_refused() {
     assert_eq!(error.to_string(), "cameras: expected one camera for each of the 4 views, got 3");
     let error = Method::by_name("DLT2").unwrap_err();
     assert!(matches!(error, Error::UnknownName { argument: "method", .. }));
-    assert_eq!(error.to_string(), "method: unknown name 'DLT2', expected one of dlt");
+    assert_eq!(error.to_string(), "method: unknown name 'DLT2', expected one of dlt, ransac");
 }
 
 #[test]

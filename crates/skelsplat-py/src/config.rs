@@ -121,6 +121,27 @@ impl Field for Renderer {
     }
 }
 
+impl Field for Optimizer {
+    const EXPECTED: &'static str = "'adam' or 'gauss_newton'";
+    fn parse(value: &Bound<'_, PyAny>) -> Option<Self> {
+        Self::by_name(&value.cast::<PyString>().ok()?.to_string()).ok()
+    }
+    fn show<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.name().into_bound_py_any(py)
+    }
+}
+
+impl Field for Option<Vec<f64>> {
+    const EXPECTED: &'static str = "a sequence of numbers, or None";
+    fn parse(value: &Bound<'_, PyAny>) -> Option<Self> {
+        value.extract().ok()
+    }
+    fn show<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let Some(values) = self else { return Ok(py.None().into_bound(py)) };
+        Ok(pyo3::types::PyTuple::new(py, values)?.into_any())
+    }
+}
+
 impl Field for PositionLearningRate {
     const EXPECTED: &'static str = "a number of mm, or 'camera_extent'";
     fn parse(value: &Bound<'_, PyAny>) -> Option<Self> {
@@ -136,23 +157,6 @@ impl Field for PositionLearningRate {
         }
     }
 }
-
-/// A setting with one possible value so far.
-macro_rules! single_field {
-    ($type:ident, $variant:ident, $name:literal) => {
-        impl Field for $type {
-            const EXPECTED: &'static str = concat!("'", $name, "'");
-            fn parse(value: &Bound<'_, PyAny>) -> Option<Self> {
-                let name = value.cast::<PyString>().ok()?.to_string();
-                (name == $name).then_some(Self::$variant)
-            }
-            fn show<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-                $name.into_bound_py_any(py)
-            }
-        }
-    };
-}
-single_field!(Optimizer, Adam, "adam");
 
 fn parse<T: Field>(name: &str, value: &Bound<'_, PyAny>) -> PyResult<T> {
     T::parse(value).ok_or_else(|| {
@@ -227,8 +231,9 @@ macro_rules! fields {
 }
 
 fields! {
-    renderer optimizer sigma occlusion_sigma dilation encoding symmetry_tier symmetry_weight
-    max_steps views_per_step position_lr position_lr_factor log_scale_lr rotation_lr lr_decay
+    renderer optimizer sigma occlusion_sigma joint_sigmas sigma_start sigma_decay sigma_per_noise
+    detection_sigma view_weights symmetry_tier symmetry_sigma find_swaps max_steps step_tolerance
+    dilation encoding symmetry_weight views_per_step position_lr position_lr_factor log_scale_lr rotation_lr lr_decay
     lr_decay_steps adam_betas adam_epsilon stop_tolerance stop_window undistort min_confidence
     resolution loss_history n_threads
 }

@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use skelsplat_core::camera::Camera;
 use skelsplat_core::projection::View;
 use skelsplat_core::refine::RefineConfig;
-use skelsplat_core::triangulate::{self as core, Method};
+use skelsplat_core::triangulate::{self as core, Method, Triangulated};
 
 use crate::args::{Array, Cameras, Frames, array_out, points_out};
 use crate::errors::{OrRaise, invalid};
@@ -43,27 +43,52 @@ pub(crate) fn project<'py>(
 
 /// Triangulate detections ([T,] M, N, 2|3) to points ([T,] N, 3); NaN with fewer than two views.
 ///
-/// ``"dlt"`` is confidence-weighted algebraic triangulation, lens distortion removed first.
+/// ``"dlt"`` is confidence-weighted algebraic triangulation, lens distortion removed first. ``"ransac"`` is
+/// the same over the largest set of views that agree: of at most 10 pairs of views the one whose point
+/// projects within 20 px of most detections decides; where no two views agree, all are used.
+///
+/// Parameters
+/// ----------
+/// detections : ([T,] M, N, 2 | 3)
+///     Pixels and, in a third channel, confidences; NaN or a confidence of 0 where missing.
+/// cameras : CameraRig or sequence of Camera
+///     The M cameras.
+/// method : {"dlt", "ransac"}
+/// confidence : ([T,] M, N), optional
+///     Instead of a third channel.
+/// return_rejected : bool
+///     Also return which detections the method left out, ([T,] M, N) bool. ``"dlt"`` rejects none; a missing
+///     detection is not rejected.
 ///
 /// Raises
 /// ------
 /// InvalidInputError
 ///     Shapes that do not fit, an unknown method, a confidence outside [0, 1].
 #[pyfunction]
-#[pyo3(signature = (detections, cameras, *, method="dlt", confidence=None))]
+#[pyo3(signature = (detections, cameras, *, method="robust", confidence=None, return_rejected=false))]
 pub(crate) fn triangulate<'py>(
     py: Python<'py>,
     detections: &Bound<'py, PyAny>,
     cameras: &Bound<'py, PyAny>,
     method: &str,
     confidence: Option<&Bound<'py, PyAny>>,
-) -> PyResult<Doubles<'py>> {
+    return_rejected: bool,
+) -> PyResult<Bound<'py, PyAny>> {
     let method = Method::by_name(method).or_raise(py)?;
-    let (frames, cameras) = (Frames::new(detections, confidence)?, Cameras::new(cameras)?.cameras);
+    let frames = Frames::new(detections, confidence)?;
+    let Cameras { cameras, unit } = Cameras::new(cameras)?;
     frames.expect_views(py, cameras.len())?;
-    let points: skelsplat_core::Result<Vec<Vec<Vector3<f64>>>> = py
-        .detach(|| frames.frames.iter().map(|d| core::triangulate(d, &cameras, method)).collect());
-    points_out(py, &points.or_raise(py)?.concat(), &frames.shape(&[frames.n_joints, 3]))
+    let found: skelsplat_core::Result<Vec<Triangulated>> = py
+        .detach(|| frames.frames.iter().map(|d| core::triangulate(d, &cameras, unit, method)).collect());
+    let (points, rejected): (Vec<_>, Vec<_>) =
+        found.or_raise(py)?.into_iter().map(|t| (t.points, t.rejected)).unzip();
+    let points = points_out(py, &points.concat(), &frames.shape(&[frames.n_joints, 3]))?;
+    if !return_rejected {
+        return Ok(points.into_any());
+    }
+    let shape = frames.shape(&[frames.n_views, frames.n_joints]);
+    let rejected = array_out(py, rejected.concat(), &shape)?;
+    Ok((points, rejected).into_pyobject(py)?.into_any())
 }
 
 /// Fuse monocular 3D poses ([T,] V, N, 3) given in the world to one pose ([T,] N, 3).

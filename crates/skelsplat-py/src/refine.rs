@@ -4,7 +4,7 @@ use std::sync::Mutex;
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use skelsplat_core::batch::{Progress, refine_batch};
@@ -15,7 +15,7 @@ use skelsplat_core::unit::{Unit, implausible_extent as core_extent};
 
 use crate::args::{Array, Cameras, Frames, array_out, layout, matrices_out, points_out};
 use crate::config::config;
-use crate::errors::OrRaise;
+use crate::errors::{OrRaise, invalid};
 
 /// Statuses in the order of the codes that `refine` returns.
 pub(crate) const JOINT_STATUS: [JointStatus; 3] =
@@ -26,7 +26,7 @@ const POLL: Duration = Duration::from_millis(50);
 
 /// Fields of ``skelsplat.Refinement``, with ``joint_status`` as codes into ``JOINT_STATUS``.
 #[pyfunction]
-#[pyo3(signature = (init_pose, detections, cameras, *, layout=None, confidence=None, config=None, progress=None))]
+#[pyo3(signature = (init_pose, detections, cameras, *, layout=None, confidence=None, init_sigma=None, config=None, progress=None))]
 #[allow(clippy::too_many_arguments, reason = "the settled interface, all but three by keyword")]
 pub(crate) fn refine<'py>(
     py: Python<'py>,
@@ -35,6 +35,7 @@ pub(crate) fn refine<'py>(
     cameras: &Bound<'py, PyAny>,
     layout: Option<&Bound<'py, PyAny>>,
     confidence: Option<&Bound<'py, PyAny>>,
+    init_sigma: Option<&Bound<'py, PyAny>>,
     config: Option<&Bound<'py, PyAny>>,
     progress: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
@@ -43,13 +44,16 @@ pub(crate) fn refine<'py>(
     let refiner =
         Refiner::new(&cameras.cameras, cameras.unit, layout.as_ref(), config).or_raise(py)?;
     let poses = initial_poses(init_pose, &frames)?;
+    let covariances = initial_covariances(init_sigma, &frames)?;
     let jobs: Vec<Frame> = frames
         .frames
         .iter()
         .zip(poses)
-        .map(|(detections, init_pose)| Frame {
+        .zip(covariances)
+        .map(|((detections, init_pose), init_covariance)| Frame {
             detections: Detections::clone(detections),
             init_pose,
+            init_covariance,
         })
         .collect();
     let done = match jobs.as_slice() {
@@ -75,6 +79,39 @@ fn initial_poses(
     };
     let points = Array::of_shape("init_pose", given, &shape, &expected)?.points();
     Ok(points.chunks(n.max(1)).map(|p| Some(p.to_vec())).collect())
+}
+
+/// Covariances of the initial pose of every frame, from standard deviations or covariances.
+fn initial_covariances(
+    init_sigma: Option<&Bound<'_, PyAny>>,
+    frames: &Frames,
+) -> PyResult<Vec<Option<Vec<Matrix3<f64>>>>> {
+    let (t, n) = (frames.frames.len(), frames.n_joints);
+    let Some(given) = init_sigma.filter(|s| !s.is_none()) else { return Ok(vec![None; t]) };
+    let py = given.py();
+    let array = Array::new("init_sigma", given)?;
+    let isotropic = |sigma: &f64| Matrix3::from_diagonal_element(sigma * sigma);
+    let covariances: Vec<Matrix3<f64>> = match array.shape.as_slice() {
+        [] => vec![isotropic(&array.values()[0]); n],
+        [k] if *k == n => array.values().iter().map(isotropic).collect(),
+        [k, 3, 3] if *k == n => array.matrices(),
+        [f, k, 3, 3] if frames.batch && *f == t && *k == n => array.matrices(),
+        _ => {
+            let expected = format!("a number, ({n},), ({n}, 3, 3) or one of those per frame");
+            return Err(array.expect(py, "init_sigma", &expected, false).err().unwrap_or_else(
+                || invalid(py, "init_sigma", &expected, "another shape"),
+            ));
+        }
+    };
+    let valid = |c: &Matrix3<f64>| c.iter().any(|v| v.is_nan()) || c.cholesky().is_some();
+    if let Some(k) = covariances.iter().position(|c| !valid(c)) {
+        let expected = "a positive standard deviation, or a positive definite covariance";
+        return Err(invalid(py, &format!("init_sigma[{}]", k % n), expected, "one that is not"));
+    }
+    Ok((0..t).map(|f| {
+        let of_frame = if covariances.len() == n { 0..n } else { f * n..(f + 1) * n };
+        Some(covariances[of_frame].to_vec())
+    }).collect())
 }
 
 /// Runs a batch on a thread of its own while this one reports progress and listens for Ctrl-C.
@@ -138,6 +175,13 @@ fn results<'py>(
     out.set_item("init_pose", points(|r| &r.init_pose)?)?;
     let covariances: Vec<_> = done.iter().flat_map(|r| &r.covariance).copied().collect();
     out.set_item("covariance", matrices_out(py, &covariances, &frames.shape(&[n, 3, 3]))?)?;
+    let covariances: Vec<_> = done.iter().flat_map(|r| &r.uncertainty).copied().collect();
+    out.set_item("uncertainty", matrices_out(py, &covariances, &frames.shape(&[n, 3, 3]))?)?;
+    let weights = done.iter().flat_map(|r| &r.view_weights).copied().collect();
+    out.set_item("view_weights", array_out(py, weights, &frames.shape(&[m, n]))?)?;
+    let swapped = done.iter().flat_map(|r| &r.swapped).copied().collect();
+    out.set_item("swapped", array_out(py, swapped, &frames.shape(&[m, n]))?)?;
+    out.set_item("noise", each(|r| r.noise)?)?;
     let errors = done.iter().flat_map(|r| &r.reprojection_error).copied().collect();
     out.set_item("reprojection_error", array_out(py, errors, &frames.shape(&[m, n]))?)?;
     let codes = done.iter().flat_map(|r| r.joint_status.iter().map(|s| *s as u8)).collect();

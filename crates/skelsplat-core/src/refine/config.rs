@@ -1,5 +1,6 @@
 //! Every setting of `refine`, with the paper's values (DESIGN §2). Defaults live here and nowhere else.
 
+use crate::annealed::Annealing;
 use crate::error::{Error, Result};
 use crate::raster::encoding::Encoding;
 
@@ -46,6 +47,35 @@ impl Renderer {
 pub enum Optimizer {
     /// Adam, as the paper.
     Adam,
+    /// Re-weighted Gauss–Newton on the closed form, with a kernel that narrows.
+    GaussNewton,
+}
+
+impl Optimizer {
+    /// The optimiser called `"adam"` or `"gauss_newton"`.
+    ///
+    /// # Errors
+    /// [`Error::UnknownName`] for any other name.
+    pub fn by_name(name: &str) -> Result<Self> {
+        match name {
+            "adam" => Ok(Self::Adam),
+            "gauss_newton" => Ok(Self::GaussNewton),
+            _ => Err(Error::UnknownName {
+                argument: "optimizer",
+                name: name.to_owned(),
+                known: ["adam", "gauss_newton"].map(str::to_owned).to_vec(),
+            }),
+        }
+    }
+
+    /// `"adam"` or `"gauss_newton"`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Adam => "adam",
+            Self::GaussNewton => "gauss_newton",
+        }
+    }
 }
 
 /// The position's initial learning rate, mm per step.
@@ -64,10 +94,22 @@ pub struct RefineConfig {
     pub renderer: Renderer,
     /// Optimiser of the loss.
     pub optimizer: Optimizer,
-    /// Initial standard deviation σ₀ of every joint.
+    /// Standard deviation of every joint's splat: the initial σ₀ for Adam, the widest final one for Gauss–Newton.
     pub sigma: f64,
     /// Initial standard deviation of occlusion-prone joints (elbows, wrists, ankles); `None`: `sigma`.
     pub occlusion_sigma: Option<f64>,
+    /// A standard deviation for each joint, instead of the two above.
+    pub joint_sigmas: Option<Vec<f64>>,
+    /// Gauss–Newton: σ the kernel starts from.
+    pub sigma_start: f64,
+    /// Gauss–Newton: factor on σ from one step to the next.
+    pub sigma_decay: f64,
+    /// Gauss–Newton: σ goes on narrowing to this multiple of the detections' noise; `None`: it ends at `sigma`.
+    pub sigma_per_noise: Option<f64>,
+    /// Gauss–Newton: standard deviation of the detections' noise, pixels; `None`: estimated in every frame.
+    pub detection_sigma: Option<f64>,
+    /// How much each view counts.
+    pub view_weights: Option<Vec<f64>>,
     /// h, added to the projected variances, pixels².
     pub dilation: f64,
     /// Joint encoding; the shared ones are ablations.
@@ -76,6 +118,12 @@ pub struct RefineConfig {
     pub symmetry_tier: u8,
     /// λ_sym, mm⁻².
     pub symmetry_weight: f64,
+    /// Gauss–Newton: standard deviation of the difference between symmetric limbs.
+    pub symmetry_sigma: f64,
+    /// Gauss–Newton: look for exchanged left and right.
+    pub find_swaps: bool,
+    /// Gauss–Newton: least step, in multiples of the detections' noise, at which it goes on.
+    pub step_tolerance: f64,
     /// Largest number of optimisation steps.
     pub max_steps: usize,
     /// Views whose gradients are accumulated before a step; `None`: all of them.
@@ -124,10 +172,19 @@ impl RefineConfig {
             optimizer: Optimizer::Adam,
             sigma: PAPER_LOG_SCALE.exp(),
             occlusion_sigma: None,
+            joint_sigmas: None,
+            sigma_start: Annealing::START,
+            sigma_decay: Annealing::FACTOR,
+            sigma_per_noise: None,
+            detection_sigma: None,
+            view_weights: None,
             dilation: 0.3,
             encoding: Encoding::OneHot,
             symmetry_tier: 1,
             symmetry_weight: 1e-5,
+            symmetry_sigma: Annealing::SYMMETRY_SIGMA,
+            find_swaps: false,
+            step_tolerance: Annealing::TOLERANCE,
             max_steps: 125,
             views_per_step: None,
             position_lr: PositionLearningRate::Millimetres(3.0),
@@ -170,12 +227,14 @@ impl RefineConfig {
         positive("lr_decay_steps", self.lr_decay_steps)?;
         positive("adam_epsilon", self.adam_epsilon)?;
         not_negative("stop_tolerance", self.stop_tolerance)?;
+        positive("step_tolerance", self.step_tolerance)?;
         positive("resolution", self.resolution)?;
         self.validate_counts()?;
         if self.renderer == Renderer::ClosedForm && self.encoding != Encoding::OneHot {
             let expected = "'one_hot' with renderer 'closed_form'";
             return Err(bad("encoding", expected, self.encoding.name()));
         }
+        self.validate_optimizer()?;
         if !(0.0..=1.0).contains(&self.min_confidence) {
             return Err(bad("min_confidence", "a value in [0, 1]", self.min_confidence));
         }
@@ -187,6 +246,22 @@ impl RefineConfig {
 
     fn validate_lengths(&self) -> Result<()> {
         positive("sigma", self.sigma)?;
+        positive("sigma_start", self.sigma_start)?;
+        positive("symmetry_sigma", self.symmetry_sigma)?;
+        for (field, value) in [
+            ("sigma_per_noise", self.sigma_per_noise),
+            ("detection_sigma", self.detection_sigma),
+        ] {
+            if let Some(value) = value {
+                positive(field, value)?;
+            }
+        }
+        for (j, sigma) in self.joint_sigmas.iter().flatten().enumerate() {
+            positive(&format!("joint_sigmas[{j}]"), *sigma)?;
+        }
+        for (i, weight) in self.view_weights.iter().flatten().enumerate() {
+            not_negative(&format!("view_weights[{i}]"), *weight)?;
+        }
         if let Some(sigma) = self.occlusion_sigma {
             positive("occlusion_sigma", sigma)?;
         }
@@ -194,6 +269,22 @@ impl RefineConfig {
             not_negative("position_lr", mm)?;
         }
         Ok(())
+    }
+
+    fn validate_optimizer(&self) -> Result<()> {
+        if !(self.sigma_decay > 0.0 && self.sigma_decay < 1.0) {
+            return Err(bad("sigma_decay", "a number between 0 and 1", self.sigma_decay));
+        }
+        match self.optimizer {
+            Optimizer::GaussNewton if self.renderer != Renderer::ClosedForm => {
+                let expected = "'closed_form' with optimizer 'gauss_newton'";
+                Err(bad("renderer", expected, self.renderer.name()))
+            }
+            Optimizer::Adam if self.view_weights.is_some() => {
+                Err(bad("view_weights", "None with optimizer 'adam'", "weights"))
+            }
+            _ => Ok(()),
+        }
     }
 
     fn validate_counts(&self) -> Result<()> {
@@ -213,8 +304,17 @@ impl RefineConfig {
 }
 
 impl Default for RefineConfig {
+    /// The closed form, annealed, by Gauss–Newton: any start, and error bars.
     fn default() -> Self {
-        Self::paper()
+        Self {
+            renderer: Renderer::ClosedForm,
+            optimizer: Optimizer::GaussNewton,
+            sigma: Annealing::END,
+            sigma_per_noise: Some(Annealing::PER_NOISE),
+            find_swaps: true,
+            max_steps: Annealing::MAX_STEPS,
+            ..Self::paper()
+        }
     }
 }
 

@@ -1,5 +1,7 @@
 //! Refining a pose: configuration, objective, the paper's loop and what comes out.
 
+mod adam;
+mod annealed;
 pub mod config;
 pub mod objective;
 pub mod paper;

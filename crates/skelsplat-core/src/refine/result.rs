@@ -8,7 +8,7 @@ use super::objective::Loss;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum StopReason {
-    /// The window minimum of the loss settled.
+    /// The window minimum of the loss settled, or the steps became small.
     Converged,
     /// The step limit came first.
     MaxSteps,
@@ -61,6 +61,14 @@ pub struct Refinement {
     pub pose: Vec<Vector3<f64>>,
     /// Splat covariances Σ `(N)`, unit²; not an error bar.
     pub covariance: Vec<Matrix3<f64>>,
+    /// Posterior covariance of the position `(N)`, unit²: the error bar. NaN where nothing is known.
+    pub uncertainty: Vec<Matrix3<f64>>,
+    /// k of every detection `(M, N)`, how far it is believed; NaN where there is none.
+    pub view_weights: Vec<f64>,
+    /// Detections `(M, N)` that were used with left and right exchanged.
+    pub swapped: Vec<bool>,
+    /// ŝ, standard deviation of the detections' noise across the ray, in the unit of the cameras.
+    pub noise: f64,
     /// The initial pose that was used `(N)`.
     pub init_pose: Vec<Vector3<f64>>,
     /// Distance between detection and reprojection `(M, N)`, pixels of the original image; NaN where

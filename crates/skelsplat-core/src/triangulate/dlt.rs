@@ -24,11 +24,11 @@ const AT_INFINITY: f64 = 1e-9;
 #[must_use]
 pub fn dlt(detections: &Detections, cameras: &[Camera]) -> Vec<Vector3<f64>> {
     let rig = Rig::new(cameras);
-    (0..detections.n_joints()).map(|j| rig.point(detections, j)).collect()
+    (0..detections.n_joints()).map(|j| rig.point(detections, j, |_| true)).collect()
 }
 
 /// The cameras' frame of length and origin, and their pinhole projections in it.
-struct Rig<'a> {
+pub(super) struct Rig<'a> {
     cameras: &'a [Camera],
     origin: Vector3<f64>,
     length: f64,
@@ -36,7 +36,7 @@ struct Rig<'a> {
 }
 
 impl<'a> Rig<'a> {
-    fn new(cameras: &'a [Camera]) -> Self {
+    pub(super) fn new(cameras: &'a [Camera]) -> Self {
         let n = cameras.len().max(1) as f64;
         let origin = cameras.iter().map(Camera::centre).sum::<Vector3<f64>>() / n;
         let square = cameras.iter().map(|c| (c.centre() - origin).norm_squared()).sum::<f64>() / n;
@@ -45,10 +45,17 @@ impl<'a> Rig<'a> {
         Self { cameras, origin, length, focal }
     }
 
-    fn point(&self, detections: &Detections, joint: usize) -> Vector3<f64> {
+    /// The joint from those of its detections whose view is in `used`; NaN as said at [`dlt()`].
+    pub(super) fn point(
+        &self,
+        detections: &Detections,
+        joint: usize,
+        used: impl Fn(usize) -> bool,
+    ) -> Vector3<f64> {
         let nan = Vector3::repeat(f64::NAN);
+        let used = &used;
         let seen = || {
-            let views = self.cameras.iter().enumerate();
+            let views = self.cameras.iter().enumerate().filter(|(i, _)| used(*i));
             views.filter_map(move |(i, camera)| Some((camera, detections.get(i, joint)?)))
         };
         let strongest = seen().map(|(_, (_, c))| c).fold(0.0, f64::max);

@@ -2,15 +2,20 @@
 
 pub mod dlt;
 pub mod fusion;
+pub mod ransac;
+pub mod robust;
 
 use nalgebra::Vector3;
 
 use crate::camera::Camera;
 use crate::detections::Detections;
 use crate::error::{Error, Result};
+use crate::unit::Unit;
 
 pub use dlt::dlt;
 pub use fusion::fuse_monocular;
+pub use ransac::ransac;
+pub use robust::robust;
 
 /// How joints are triangulated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -18,11 +23,16 @@ pub use fusion::fuse_monocular;
 pub enum Method {
     /// Confidence-weighted algebraic triangulation, [`dlt()`].
     Dlt,
+    /// The same over the largest set of views that agree, [`ransac()`].
+    Ransac,
+    /// Annealed splatting of every joint, [`robust()`].
+    Robust,
 }
 
 impl Method {
     /// Every method with its name.
-    const ALL: [(&'static str, Self); 1] = [("dlt", Self::Dlt)];
+    const ALL: [(&'static str, Self); 3] =
+        [("robust", Self::Robust), ("dlt", Self::Dlt), ("ransac", Self::Ransac)];
 
     /// A method by its name.
     ///
@@ -38,22 +48,43 @@ impl Method {
     }
 }
 
-/// Triangulates `(M, N)` detections in pixels of the image, lens distortion included, to `N` world points.
-/// NaN where a joint has no finite answer: see [`dlt()`].
+/// Triangulated joints, and the detections that they do without.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Triangulated {
+    /// `N` world points; NaN where a joint has no finite answer.
+    pub points: Vec<Vector3<f64>>,
+    /// Whether the method left a detection out, row-major `(M, N)`; `false` where nothing is detected.
+    pub rejected: Vec<bool>,
+}
+
+/// Triangulates `(M, N)` detections in pixels of the image, lens distortion included, to `N` world points in the
+/// `unit` of the cameras. NaN where a joint has no finite answer: see [`dlt()`].
 ///
 /// # Errors
 /// [`Error::InvalidInput`] if the number of cameras is not the detections' number of views.
 pub fn triangulate(
     detections: &Detections,
     cameras: &[Camera],
+    unit: Unit,
     method: Method,
-) -> Result<Vec<Vector3<f64>>> {
+) -> Result<Triangulated> {
     if detections.n_views() != cameras.len() {
         let expected = format!("one camera for each of the {} views", detections.n_views());
         return Err(Error::invalid("cameras", expected, cameras.len().to_string()));
     }
     let ideal = detections.undistorted(cameras);
-    match method {
-        Method::Dlt => Ok(dlt(&ideal, cameras)),
-    }
+    Ok(match method {
+        Method::Dlt => {
+            let rejected = vec![false; ideal.n_views() * ideal.n_joints()];
+            Triangulated { points: dlt(&ideal, cameras), rejected }
+        }
+        Method::Ransac => ransac(&ideal, cameras),
+        Method::Robust => {
+            let mm = unit.millimetres();
+            let scaled: Vec<Camera> =
+                cameras.iter().map(|c| c.clone().with_length_scale(mm)).collect();
+            let found = robust(&ideal, &scaled);
+            Triangulated { points: found.points.iter().map(|p| p / mm).collect(), ..found }
+        }
+    })
 }

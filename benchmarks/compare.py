@@ -1,0 +1,194 @@
+"""Time per pose and accuracy of SkelSplat beside other triangulations, on the same simulated detections.
+
+    python benchmarks/compare.py [--poses 300] [--noise good|noisy|occluded2|occluded3] [--markdown]
+
+Six simulated motions seen by four cameras in a Human3.6M-like room. Everything runs on one core. Every method
+gets every pose for its accuracy; its time is the best of repeated runs, of a slow one on every k-th pose
+("timed on" says how many). Accuracy counts the joints that at least two views see, the same for every method;
+"missing" is the share of these that a method leaves without a position. The paper's preset and Adam start
+from DLT weighted by confidence. Then the speed lines of ``speed.py``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import _one_core  # noqa: F401  before numpy
+import common
+import numpy as np
+import speed
+
+import skelsplat as sk
+from skelsplat.evaluation import baselines
+
+Method = Callable[[slice], np.ndarray]
+
+# A run that takes longer is timed on fewer poses.
+_LONGEST_RUN_S = 1.0
+
+
+def brief(number: float) -> str:
+    """Write a positive number with at least two significant digits and no exponent above 1e-4."""
+    return f"{number:.0f}" if number >= 100 else f"{number:.2g}"
+
+
+@dataclass(frozen=True)
+class Row:
+    """What was measured of one method: lengths in mm, share 0 to 1."""
+
+    name: str
+    ms_per_pose: float
+    mean: float
+    median: float
+    p90: float
+    missing: float
+    timed_on: int
+
+    def cells(self, default_ms: float) -> list[str]:
+        """Return the row as text, its time also as a multiple of the default's."""
+        return [
+            self.name,
+            brief(self.ms_per_pose),
+            brief(self.ms_per_pose / default_ms),
+            *(f"{value:.1f}" for value in (self.mean, self.median, self.p90)),
+            f"{100 * self.missing:.1f}",
+            str(self.timed_on),
+        ]
+
+
+def others(scene: common.Scene, crop_scale: np.ndarray) -> dict[str, Method]:
+    """Return the methods that are not ours: name → poses of some frames."""
+    rig, found = scene.rig, scene.detections
+    return {
+        "DLT, NumPy": lambda f: baselines.dlt(found[f], rig),
+        "DLT with confidence, NumPy": lambda f: baselines.dlt(found[f], rig, confidence=True),
+        "DLT of two views, OpenCV": lambda f: baselines.opencv_dlt(found[f], rig),
+        "RANSAC of AdaFuse": lambda f: baselines.ransac_adafuse(found[f], rig),
+        "RANSAC of Iskakov et al.": lambda f: baselines.ransac_iskakov(
+            found[f], rig, crop_scale=crop_scale[f]
+        ),
+        "Cauchy loss, SciPy": lambda f: baselines.cauchy(found[f], rig),
+        **anipose(scene),
+    }
+
+
+def ours(scene: common.Scene) -> dict[str, Method]:
+    """Return SkelSplat: the paper's preset and its closed form from weighted DLT, then the default."""
+
+    def from_dlt(frames: slice, **fields: object) -> np.ndarray:
+        found = scene.detections[frames]
+        start = sk.triangulate(found, scene.rig, method="dlt")
+        config = sk.RefineConfig.paper(n_threads=1, **fields)
+        return sk.refine(start, found, scene.rig, layout="h36m17", config=config).pose
+
+    default = sk.RefineConfig(n_threads=1)
+    return {
+        "SkelSplat, paper": from_dlt,
+        "SkelSplat, closed form, Adam": lambda f: from_dlt(f, renderer="closed_form"),
+        "SkelSplat, default": lambda f: (
+            sk.refine(None, scene.detections[f], scene.rig, layout="h36m17", config=default).pose
+        ),
+    }
+
+
+def anipose(scene: common.Scene) -> dict[str, Method]:
+    """Return aniposelib's methods where it is installed."""
+    try:
+        import cv2
+        from aniposelib.cameras import Camera, CameraGroup
+    except ImportError:
+        return {}
+    group = CameraGroup(
+        [Camera(matrix=c.K, rvec=cv2.Rodrigues(c.R)[0].ravel(), tvec=c.t, size=c.size) for c in scene.rig]
+    )
+
+    def run(call: Callable[..., np.ndarray], frames: slice) -> np.ndarray:
+        found = scene.detections[frames, ..., :2]
+        points = np.ascontiguousarray(np.moveaxis(found, 1, 0)).reshape(len(scene.rig), -1, 2)
+        return np.asarray(call(points)).reshape(len(found), -1, 3)
+
+    return {
+        "DLT, aniposelib": lambda f: run(group.triangulate, f),
+        "RANSAC, aniposelib": lambda f: run(lambda p: group.triangulate_ransac(p)[0], f),
+    }
+
+
+def crop_scales(scene: common.Scene) -> np.ndarray:
+    """Return pixels of the image per pixel of a 384 px crop round the true person, (T, M)."""
+    pixels = sk.project(scene.truth, scene.rig).swapaxes(0, 1)
+    return np.ptp(pixels, axis=2).max(axis=-1) / 384.0
+
+
+def measure(name: str, method: Method, scene: common.Scene, repeat: int) -> Row:
+    """Run one method on every pose for its accuracy, then repeatedly for its time."""
+    method(slice(0, 1))  # imports and compiles what it needs
+    begun = time.perf_counter()
+    points = method(slice(None))
+    every = int(np.ceil((time.perf_counter() - begun) / _LONGEST_RUN_S))
+    timed = slice(None, None, every)
+    timed_on = len(scene.truth[timed])
+    best = common.seconds(lambda: method(timed), repeat)
+    judged = (scene.detections[..., 2] > 0).sum(axis=1) >= 2
+    errors = sk.metrics.mpjpe(points, scene.truth, reduce="none")[judged]
+    missing = np.isnan(errors)
+    found = errors[~missing]
+    return Row(
+        name,
+        1e3 * best / timed_on,
+        float(found.mean()),
+        float(np.median(found)),
+        float(np.percentile(found, 90)),
+        float(missing.mean()),
+        timed_on,
+    )
+
+
+def compared(scene: common.Scene, repeat: int) -> tuple[list[Row], list[str]]:
+    """Measure every method; return the rows, SkelSplat's default last, and what is missing here and why."""
+    rows, notes = [], []
+    for name, method in {**others(scene, crop_scales(scene)), **ours(scene)}.items():
+        try:
+            rows.append(measure(name, method, scene, repeat))
+        except ImportError as error:
+            notes.append(f"{name}: left out, {error}")
+    return rows, notes
+
+
+def only_one_core() -> None:
+    """Keep OpenCV on one core too: it does not read the variables that NumPy reads."""
+    try:
+        import cv2
+    except ImportError:
+        return
+    cv2.setNumThreads(1)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--poses", type=int, default=300, help="poses compared (300)")
+    parser.add_argument("--noise", choices=common.NOISE, default="good", help="simulated detections (good)")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--repeat", type=int, default=5, help="runs of which the best time counts (5)")
+    parser.add_argument("--batch", type=int, default=1000, help="poses of the speed lines (1000)")
+    parser.add_argument("--markdown", action="store_true", help="print Markdown")
+    options = parser.parse_args()
+    only_one_core()
+    scene = common.simulated(options.poses, noise=common.NOISE[options.noise], seed=options.seed)
+    rows, notes = compared(scene, options.repeat)
+    common.show(
+        f"{len(scene.truth)} poses, 17 joints, simulated detections '{options.noise}', one core",
+        ["method", "ms/pose", "× default", "mean mm", "median", "p90", "missing %", "timed on"],
+        [row.cells(rows[-1].ms_per_pose) for row in rows],
+        markdown=options.markdown,
+    )
+    for note in notes:
+        print(note)
+    speed.show(options.batch, options.repeat, markdown=options.markdown)
+    print(common.circumstances())
+
+
+if __name__ == "__main__":
+    main()

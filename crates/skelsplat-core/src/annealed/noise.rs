@@ -1,0 +1,73 @@
+//! The detections' noise, from the residuals.
+//!
+//! e has two degrees of freedom and variance s² along each; a detection of weight c k contributes c k |e|², and a joint's
+//! three coordinates take up three degrees. For normal e the kernel k = exp(−|e|²/4σ²) shrinks the mean of |e|² to
+//! 2 s² c²/(s²+c²) with c² = 2σ²: E[k|e|²] = 2s²(1+s²/c²)⁻² and E[k] = (1+s²/c²)⁻¹. A scaled inverse χ² prior keeps the
+//! estimate sane where few detections are left over.
+
+use super::rays::Rays;
+use nalgebra::Vector3;
+
+/// What is known of the noise before the frame is seen.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum NoiseModel {
+    /// Its standard deviation per axis, pixels.
+    Given(f64),
+    /// To be estimated.
+    Estimated,
+}
+
+/// The estimate's prior: three pixels, worth this many residuals.
+const PRIOR_PX: f64 = 3.0;
+const PRIOR_DOF: f64 = 6.0;
+/// The shrinking by the kernel is undone up to this factor of the variance.
+const MOST_UNSHRUNK: f64 = 4.0;
+
+/// Mean size of a pixel at the joints, mm; `None` if nothing is detected in front of a camera.
+pub(super) fn pixel_size(rays: &Rays, points: &[Vector3<f64>]) -> Option<f64> {
+    let (mut sum, mut n) = (0.0, 0.0);
+    for (j, x) in points.iter().enumerate().filter(|(_, x)| x.x.is_finite()) {
+        for ray in rays.of_joint(j).iter().filter(|ray| ray.is_there()) {
+            let range = ray.offset(x).range;
+            if range > 0.0 {
+                sum += range * ray.pixel;
+                n += 1.0;
+            }
+        }
+    }
+    (n > 0.0).then(|| sum / n)
+}
+
+/// Weighted squares and degrees of freedom of one joint.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Residuals {
+    /// Σ c k |e|², mm².
+    pub squares: f64,
+    /// Σ k.
+    pub support: f64,
+    /// 2 Σ k − 3, at least 0.
+    pub freedom: f64,
+}
+
+impl Residuals {
+    pub(super) fn new(squares: f64, support: f64) -> Self {
+        Self { squares, support, freedom: (2.0 * support - 3.0).max(0.0) }
+    }
+}
+
+impl NoiseModel {
+    /// s², mm², from the joints' residuals under a kernel of standard deviation `sigma`, with pixels of `pixel` mm.
+    pub(super) fn variance(self, residuals: &[Residuals], sigma: f64, pixel: f64) -> f64 {
+        match self {
+            Self::Given(px) => (px * pixel).powi(2),
+            Self::Estimated => {
+                let squares: f64 = residuals.iter().map(|r| r.squares).sum();
+                let freedom: f64 = residuals.iter().map(|r| r.freedom).sum();
+                let prior = PRIOR_DOF * (PRIOR_PX * pixel).powi(2);
+                let shrunk = (prior + squares) / (PRIOR_DOF + freedom);
+                let kernel = 2.0 * sigma * sigma;
+                shrunk / (1.0 - shrunk / kernel).max(1.0 / MOST_UNSHRUNK)
+            }
+        }
+    }
+}

@@ -1,0 +1,162 @@
+//! Detections as rays: where a joint has to lie for one view to be satisfied.
+//!
+//! An isotropic splat of standard deviation σ projects to Σ = σ² J W Wᵀ Jᵀ, and the residual to r ≈ J W (x − y) for
+//! the point y of the detection's ray that is nearest to x. J W has the ray as its null space, so that to first order
+//!
+//! ```text
+//! rᵀ (J W Wᵀ Jᵀ)⁻¹ r = |e|²      (J W)ᵀ (J W Wᵀ Jᵀ)⁻¹ (J W) = I − d dᵀ      e = (I − d dᵀ)(x − c)
+//! ```
+//!
+//! with the camera's centre c and the ray's unit direction d. The weight of the closed form (`overlap`, with
+//! Σr = Σp = Σ) becomes k = exp(−|e|²/4σ²), and the residual e is *linear* in x: no projection inside the loop, one exp
+//! per view and joint. The dilation h (0.3 px²) serves pixels and is left out.
+
+use nalgebra::{Matrix3, Vector3};
+
+use crate::camera::Camera;
+use crate::detections::Detections;
+
+/// One detection, seen from its camera.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ray {
+    /// The camera's centre c, mm.
+    pub centre: Vector3<f64>,
+    /// Unit vector d towards the joint.
+    pub direction: Vector3<f64>,
+    /// Confidence times the view's weight; 0 where nothing is detected.
+    pub weight: f64,
+    /// Angle that one pixel spans, radians: times the range it is a pixel's size in mm.
+    pub pixel: f64,
+}
+
+/// Where a point lies with respect to a ray.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Offset {
+    /// e, from the ray to the point, mm.
+    pub across: Vector3<f64>,
+    /// Distance along the ray, mm; behind the camera it is negative.
+    pub range: f64,
+}
+
+impl Ray {
+    /// No detection.
+    const NONE: Self = Self {
+        centre: Vector3::new(0.0, 0.0, 0.0),
+        direction: Vector3::new(0.0, 0.0, 0.0),
+        weight: 0.0,
+        pixel: 0.0,
+    };
+
+    /// Whether there is a detection.
+    #[must_use]
+    pub fn is_there(&self) -> bool {
+        self.weight > 0.0
+    }
+
+    /// Where `x` lies with respect to the ray.
+    #[inline]
+    #[must_use]
+    pub fn offset(&self, x: &Vector3<f64>) -> Offset {
+        let from = x - self.centre;
+        let range = self.direction.dot(&from);
+        Offset { across: from - self.direction * range, range }
+    }
+
+    /// I − d dᵀ, what the detection says about the joint.
+    #[inline]
+    #[must_use]
+    pub fn information(&self) -> Matrix3<f64> {
+        Matrix3::identity() - self.direction * self.direction.transpose()
+    }
+}
+
+impl Offset {
+    /// k = exp(−|e|²/4σ²), 0 behind the camera.
+    #[inline]
+    #[must_use]
+    pub fn weight(&self, sigma: f64) -> f64 {
+        if self.range <= 0.0 {
+            return 0.0;
+        }
+        (-0.25 * self.across.norm_squared() / (sigma * sigma)).exp()
+    }
+}
+
+/// The rays of one frame, the views of a joint side by side.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Rays {
+    n_views: usize,
+    rays: Vec<Ray>,
+}
+
+impl Rays {
+    /// From ideal pixels. A view counts `view_weights[i]` times (empty: once).
+    #[must_use]
+    pub fn new(detections: &Detections, cameras: &[Camera], view_weights: &[f64]) -> Self {
+        let (m, n) = (cameras.len(), detections.n_joints());
+        let mut rays = vec![Ray::NONE; m * n];
+        for (i, camera) in cameras.iter().enumerate() {
+            let centre = camera.centre();
+            let ([fx, fy], [cx, cy]) = (camera.focal(), camera.principal_point());
+            let view_weight = view_weights.get(i).copied().unwrap_or(1.0);
+            for j in 0..n {
+                if let Some((p, confidence)) = detections.get(i, j) {
+                    let through = Vector3::new((p.x - cx) / fx, (p.y - cy) / fy, 1.0);
+                    let cosine = 1.0 / through.norm();
+                    rays[j * m + i] = Ray {
+                        centre,
+                        direction: camera.rotation().tr_mul(&(through * cosine)),
+                        weight: confidence * view_weight,
+                        pixel: cosine / (fx * fy).sqrt(),
+                    };
+                }
+            }
+        }
+        Self { n_views: m, rays }
+    }
+
+    /// Number of views M.
+    #[must_use]
+    pub fn n_views(&self) -> usize {
+        self.n_views
+    }
+
+    /// Number of joints N.
+    #[must_use]
+    pub fn n_joints(&self) -> usize {
+        self.rays.len() / self.n_views
+    }
+
+    /// The rays of joint `j`, one per view.
+    #[must_use]
+    pub fn of_joint(&self, j: usize) -> &[Ray] {
+        &self.rays[j * self.n_views..(j + 1) * self.n_views]
+    }
+
+    /// Exchanges the detections of joints `a` and `b` in view `i`.
+    pub fn swap(&mut self, i: usize, a: usize, b: usize) {
+        self.rays.swap(a * self.n_views + i, b * self.n_views + i);
+    }
+}
+
+/// Smallest determinant of Σ w (I − d dᵀ), relative to the cube of its mean eigenvalue, that fixes a point: two rays at
+/// 0.1 mrad from each other.
+const RANK: f64 = 1e-8;
+
+/// The point with the least Σ w |e|², or `None` if the rays leave it open.
+#[must_use]
+pub fn nearest_point(rays: &[Ray], weight: impl Fn(usize, &Ray) -> f64) -> Option<Vector3<f64>> {
+    let (mut information, mut pull) = (Matrix3::zeros(), Vector3::zeros());
+    for (i, ray) in rays.iter().enumerate() {
+        let w = weight(i, ray);
+        if w > 0.0 {
+            information += w * ray.information();
+            pull += w * (ray.centre - ray.direction * ray.direction.dot(&ray.centre));
+        }
+    }
+    let scale = information.trace() / 3.0;
+    if information.determinant() <= RANK * scale.powi(3) {
+        return None;
+    }
+    information.cholesky().map(|c| c.solve(&pull))
+}

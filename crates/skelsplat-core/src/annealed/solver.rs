@@ -1,0 +1,295 @@
+//! The loop: weights, normal equations, a step, a narrower kernel.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::noise::{NoiseModel, Residuals, pixel_size};
+use super::rays::Rays;
+use crate::optim::gauss_newton::{Coupling, NormalEquations};
+use crate::symmetry::LimbPair;
+
+/// An independent start as a Gaussian prior of one joint.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Prior {
+    /// x⁰, mm.
+    pub mean: Vector3<f64>,
+    /// Π, the inverse of its covariance, mm⁻².
+    pub precision: Matrix3<f64>,
+}
+
+/// How the kernel narrows and when it is enough.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Annealing {
+    /// Widest kernel, mm.
+    pub start: f64,
+    /// Final kernel of each joint, mm; narrower where `per_noise` says so.
+    pub end: Vec<f64>,
+    /// The final kernel is at most this multiple of the noise; infinite: `end` as it stands.
+    pub per_noise: f64,
+    /// Factor from one step to the next.
+    pub factor: f64,
+    /// σ_sym, mm.
+    pub symmetry_sigma: f64,
+    /// Largest number of steps.
+    pub max_steps: usize,
+    /// The solver stops when no joint moves by more than this part of the noise.
+    pub tolerance: f64,
+    /// What is known of the noise.
+    pub noise: NoiseModel,
+}
+
+impl Annealing {
+    /// Widest and widest final kernel, mm.
+    pub const START: f64 = 320.0;
+    /// See [`Self::START`].
+    pub const END: f64 = 30.0;
+    /// σ per noise at which a detection loses its pull.
+    pub const PER_NOISE: f64 = 2.0;
+    /// Factor on σ per step.
+    pub const FACTOR: f64 = 0.5;
+    /// σ_sym, mm.
+    pub const SYMMETRY_SIGMA: f64 = 15.0;
+    /// Steps.
+    pub const MAX_STEPS: usize = 50;
+    /// Parts of the noise.
+    pub const TOLERANCE: f64 = 0.01;
+
+    /// The measured defaults for `n` joints (docs/decisions.md).
+    #[must_use]
+    pub fn of_joints(n: usize) -> Self {
+        Self {
+            start: Self::START,
+            end: vec![Self::END; n],
+            per_noise: Self::PER_NOISE,
+            factor: Self::FACTOR,
+            symmetry_sigma: Self::SYMMETRY_SIGMA,
+            max_steps: Self::MAX_STEPS,
+            tolerance: Self::TOLERANCE,
+            noise: NoiseModel::Estimated,
+        }
+    }
+}
+
+/// A pose to be found.
+#[derive(Debug, Clone, Copy)]
+pub struct Problem<'a> {
+    /// The detections.
+    pub rays: &'a Rays,
+    /// Limbs of equal length.
+    pub pairs: &'a [LimbPair],
+    /// Independent start per joint `(N)`, if there is one.
+    pub priors: Option<&'a [Prior]>,
+    /// Settings.
+    pub annealing: &'a Annealing,
+}
+
+/// Where the joints are and what is left over.
+#[derive(Debug, Clone)]
+pub struct Solution {
+    /// Positions `(N)`, mm; as given where a joint has no detection.
+    pub points: Vec<Vector3<f64>>,
+    /// Kernel of each joint at the end, mm.
+    pub sigma: Vec<f64>,
+    /// Residuals of each joint at the end.
+    pub residuals: Vec<Residuals>,
+    /// ŝ, standard deviation of the detections' noise across the ray, mm.
+    pub noise: f64,
+    /// Steps taken.
+    pub n_iter: usize,
+    /// Whether the steps became small.
+    pub converged: bool,
+    /// The system at the solution, undamped, for the covariance.
+    pub equations: NormalEquations,
+}
+
+/// Limb pairs that differ by this multiple of σ_sym lose their pull like a detection far off.
+const SYMMETRY_REACH: f64 = 3.0;
+/// A step is no longer than this part of the way to the nearest camera.
+const TRUST: f64 = 0.5;
+
+/// State of a run.
+struct Run<'a> {
+    problem: &'a Problem<'a>,
+    points: Vec<Vector3<f64>>,
+    /// Whether the joint is estimated: it has a position and a detection.
+    active: Vec<bool>,
+    /// Infinite at first: every detection counts.
+    sigma: Vec<f64>,
+    residuals: Vec<Residuals>,
+    /// Distance of the farthest ray and of the nearest camera.
+    farthest: Vec<f64>,
+    nearest: Vec<f64>,
+    variance: f64,
+    pixel: f64,
+    equations: NormalEquations,
+}
+
+/// Solves `problem` from `start`, whose joints may be NaN: those stay so. `sigma` is the kernel to begin with; infinite
+/// begins with plain least squares, after which the start matters no more where the detections fix a joint.
+#[must_use]
+pub fn solve(problem: &Problem<'_>, start: Vec<Vector3<f64>>, sigma: Vec<f64>) -> Solution {
+    let mut run = Run::new(problem, start, sigma);
+    let annealing = problem.annealing;
+    let (mut n_iter, mut converged) = (0, false);
+    while n_iter < annealing.max_steps && !converged {
+        run.linearise();
+        let longest = run.step();
+        n_iter += 1;
+        let narrow = run.narrow();
+        converged = narrow && longest <= annealing.tolerance * run.variance.sqrt();
+    }
+    run.linearise();
+    run.estimate_noise();
+    Solution {
+        points: run.points,
+        sigma: run.sigma,
+        residuals: run.residuals,
+        noise: run.variance.sqrt(),
+        n_iter,
+        converged,
+        equations: run.equations,
+    }
+}
+
+impl<'a> Run<'a> {
+    fn new(problem: &'a Problem<'a>, points: Vec<Vector3<f64>>, sigma: Vec<f64>) -> Self {
+        let n = points.len();
+        let known = |j: usize| points[j].iter().all(|v| v.is_finite());
+        let seen = |j: usize| problem.rays.of_joint(j).iter().any(super::rays::Ray::is_there);
+        let pixel = pixel_size(problem.rays, &points).unwrap_or(1.0);
+        let mut run = Self {
+            active: (0..n).map(|j| known(j) && (seen(j) || problem.priors.is_some())).collect(),
+            sigma,
+            residuals: vec![Residuals::default(); n],
+            farthest: vec![0.0; n],
+            nearest: vec![f64::INFINITY; n],
+            variance: 0.0,
+            pixel,
+            equations: NormalEquations::new(n),
+            points,
+            problem,
+        };
+        run.variance = problem.annealing.noise.variance(&[], f64::INFINITY, pixel);
+        run
+    }
+
+    /// Fills the normal equations at the present points: D = Σ c k (I − d dᵀ)/ŝ² + Π, −∇ = −Σ c k e/ŝ² − Π(x − x⁰).
+    fn linearise(&mut self) {
+        let precision = 1.0 / self.variance;
+        for j in 0..self.points.len() {
+            let x = self.points[j];
+            let (mut block, mut pull) = (Matrix3::zeros(), Vector3::zeros());
+            let (mut squares, mut support, mut weight_sum) = (0.0, 0.0, 0.0);
+            let (mut farthest, mut nearest) = (0.0_f64, f64::INFINITY);
+            if self.active[j] {
+                for ray in self.problem.rays.of_joint(j) {
+                    if !ray.is_there() {
+                        continue;
+                    }
+                    let offset = ray.offset(&x);
+                    let k = offset.weight(self.sigma[j]);
+                    let w = ray.weight * k;
+                    let square = offset.across.norm_squared();
+                    let d = &ray.direction;
+                    block -= (w * d) * d.transpose();
+                    weight_sum += w;
+                    pull -= w * offset.across;
+                    squares += w * square;
+                    support += k;
+                    farthest = farthest.max(square);
+                    nearest = if offset.range > 0.0 { nearest.min(offset.range) } else { nearest };
+                }
+                block = (block + Matrix3::from_diagonal_element(weight_sum)) * precision;
+                pull *= precision;
+                if let Some(prior) = self.problem.priors.map(|p| &p[j]) {
+                    block += prior.precision;
+                    pull -= prior.precision * (x - prior.mean);
+                }
+            }
+            self.equations.set(j, block, pull);
+            self.residuals[j] = Residuals::new(squares, support);
+            (self.farthest[j], self.nearest[j]) = (farthest.sqrt(), nearest);
+        }
+        self.couple();
+    }
+
+    /// Limb pairs as scalar residuals ‖l‖ − ‖r‖, once the joints are where they were seen.
+    fn couple(&mut self) {
+        self.equations.uncouple();
+        let sigma = self.problem.annealing.symmetry_sigma;
+        for ([l1, l2], [r1, r2]) in self.problem.pairs.iter().copied() {
+            let joints = [l1, l2, r1, r2];
+            if joints.iter().any(|j| !self.active[*j] || self.sigma[*j].is_infinite()) {
+                continue;
+            }
+            let (left, right) =
+                (self.points[l1] - self.points[l2], self.points[r1] - self.points[r2]);
+            let (ll, lr) = (left.norm(), right.norm());
+            if ll > 0.0 && lr > 0.0 {
+                let (residual, el, er) = (ll - lr, left / ll, right / lr);
+                let kept = (-0.5 * (residual / (SYMMETRY_REACH * sigma)).powi(2)).exp();
+                self.equations.couple(Coupling {
+                    joints,
+                    gradient: [el, -el, -er, er],
+                    residual,
+                    precision: kept / (sigma * sigma),
+                });
+            }
+        }
+    }
+
+    /// Moves the joints and returns the longest step, mm.
+    fn step(&mut self) -> f64 {
+        let damping = self.problem.annealing.start.powi(-2);
+        let steps = self.equations.solve(|_| damping);
+        let mut longest = 0.0_f64;
+        for (j, step) in steps.iter().enumerate().filter(|(j, _)| self.active[*j]) {
+            let length = step.norm();
+            let most = TRUST * self.nearest[j];
+            let step = if length > most { step * (most / length) } else { *step };
+            self.points[j] += step;
+            longest = longest.max(length);
+        }
+        longest
+    }
+
+    /// Re-estimates the noise and narrows the kernels; whether all of them have come to their end.
+    fn narrow(&mut self) -> bool {
+        let annealing = self.problem.annealing;
+        let widest_end = annealing.end.iter().copied().fold(0.0, f64::max);
+        let first = self.sigma.iter().any(|s| s.is_infinite());
+        if first {
+            self.pixel = pixel_size(self.problem.rays, &self.points).unwrap_or(self.pixel);
+            self.measure();
+        } else {
+            self.estimate_noise();
+        }
+        let share = (annealing.per_noise * self.variance.sqrt() / widest_end).min(1.0);
+        let mut done = true;
+        for j in 0..self.sigma.len() {
+            let end = annealing.end[j] * share;
+            let next = if first {
+                self.farthest[j].min(annealing.start)
+            } else {
+                self.sigma[j] * annealing.factor
+            };
+            done &= !self.active[j] || self.sigma[j] <= 1.05 * end;
+            self.sigma[j] = next.max(end);
+        }
+        done
+    }
+
+    fn estimate_noise(&mut self) {
+        let mean = self.sigma.iter().sum::<f64>() / self.sigma.len() as f64;
+        let model = self.problem.annealing.noise;
+        self.variance = model.variance(&self.residuals, mean, self.pixel);
+    }
+
+    /// Distance of each joint's farthest ray.
+    fn measure(&mut self) {
+        for (j, x) in self.points.iter().enumerate() {
+            let rays = self.problem.rays.of_joint(j).iter().filter(|ray| ray.is_there());
+            let squares = rays.map(|ray| ray.offset(x).across.norm_squared());
+            self.farthest[j] = squares.fold(0.0, f64::max).sqrt();
+        }
+    }
+}

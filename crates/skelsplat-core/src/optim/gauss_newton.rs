@@ -1,0 +1,206 @@
+//! One Gauss–Newton step for joints that few scalar residuals couple.
+//!
+//! The normal matrix is H = D + G Λ Gᵀ: a 3×3 block D_j per joint (its detections and its prior) and one rank-one term
+//! per coupling (a symmetric pair of limbs), whose gradient is the column g of G. Woodbury's identity solves the whole
+//! system exactly, coupled limbs together, with nothing larger than the number of couplings P:
+//!
+//! ```text
+//! H⁻¹ = D⁻¹ − D⁻¹ G Q⁻¹ Gᵀ D⁻¹        Q = Λ⁻¹ + Gᵀ D⁻¹ G   (P × P)
+//! ```
+
+use nalgebra::{Matrix3, Vector3};
+
+/// A scalar residual r of four joints.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Coupling {
+    /// The joints.
+    pub joints: [usize; 4],
+    /// ∂r/∂x of each.
+    pub gradient: [Vector3<f64>; 4],
+    /// r.
+    pub residual: f64,
+    /// Λ, its inverse variance.
+    pub precision: f64,
+}
+
+/// Normal equations of ½ Σ |residual|², filled anew for every step; buffers are kept.
+#[derive(Debug, Clone, Default)]
+pub struct NormalEquations {
+    blocks: Vec<Matrix3<f64>>,
+    /// Minus the gradient of the joints' own residuals.
+    pulls: Vec<Vector3<f64>>,
+    couplings: Vec<Coupling>,
+    inverse: Vec<Matrix3<f64>>,
+    /// Cholesky factor of Q, row-major.
+    factor: Vec<f64>,
+    middle: Vec<f64>,
+    steps: Vec<Vector3<f64>>,
+}
+
+impl NormalEquations {
+    /// For `n` joints.
+    #[must_use]
+    pub fn new(n: usize) -> Self {
+        Self {
+            blocks: vec![Matrix3::zeros(); n],
+            pulls: vec![Vector3::zeros(); n],
+            inverse: vec![Matrix3::zeros(); n],
+            steps: vec![Vector3::zeros(); n],
+            ..Self::default()
+        }
+    }
+
+    /// Sets joint `j`'s own part: D_j and minus its gradient.
+    pub fn set(&mut self, j: usize, block: Matrix3<f64>, pull: Vector3<f64>) {
+        (self.blocks[j], self.pulls[j]) = (block, pull);
+    }
+
+    /// Replaces D_j.
+    pub fn set_block(&mut self, j: usize, block: Matrix3<f64>) {
+        self.blocks[j] = block;
+    }
+
+    /// Forgets the couplings.
+    pub fn uncouple(&mut self) {
+        self.couplings.clear();
+    }
+
+    /// Adds a coupling; one without precision says nothing.
+    pub fn couple(&mut self, coupling: Coupling) {
+        if coupling.precision > 0.0 {
+            self.couplings.push(coupling);
+        }
+    }
+
+    /// H as a dense `(3N, 3N)` row-major matrix, without damping, for study and tests.
+    #[must_use]
+    pub fn dense(&self) -> Vec<f64> {
+        let n = 3 * self.blocks.len();
+        let mut h = vec![0.0; n * n];
+        for (j, block) in self.blocks.iter().enumerate() {
+            for (a, b) in (0..3).flat_map(|a| (0..3).map(move |b| (a, b))) {
+                h[(3 * j + a) * n + 3 * j + b] += block[(a, b)];
+            }
+        }
+        for c in &self.couplings {
+            for (p, q) in (0..12).flat_map(|p| (0..12).map(move |q| (p, q))) {
+                let (row, column) = (3 * c.joints[p / 3] + p % 3, 3 * c.joints[q / 3] + q % 3);
+                h[row * n + column] +=
+                    c.precision * c.gradient[p / 3][p % 3] * c.gradient[q / 3][q % 3];
+            }
+        }
+        h
+    }
+
+    /// The step −(H + μI)⁻¹ ∇ of every joint, with damping `mu(j)`. A joint whose block stays singular does not move.
+    pub fn solve(&mut self, mu: impl Fn(usize) -> f64) -> &[Vector3<f64>] {
+        self.factorise(mu);
+        for (step, (inverse, pull)) in self.steps.iter_mut().zip(self.inverse.iter().zip(&self.pulls)) {
+            *step = inverse * pull;
+        }
+        // δ = D⁻¹(b − G Q⁻¹ (Gᵀ D⁻¹ b + r)): the coupling's own gradient Λ r is folded in.
+        let along = |c: &Coupling, y: &[Vector3<f64>]| -> f64 {
+            c.joints.iter().zip(&c.gradient).map(|(j, g)| g.dot(&y[*j])).sum()
+        };
+        self.middle.clear();
+        self.middle.extend(self.couplings.iter().map(|c| along(c, &self.steps) + c.residual));
+        solve_cholesky(&self.factor, &mut self.middle);
+        for (c, push) in self.couplings.iter().zip(&self.middle) {
+            for (j, g) in c.joints.iter().zip(&c.gradient) {
+                self.steps[*j] -= self.inverse[*j] * g * *push;
+            }
+        }
+        &self.steps
+    }
+
+    /// The block of (H + μI)⁻¹ that belongs to joint `j`, for the `mu` of the last [`Self::factorise`].
+    #[must_use]
+    pub fn covariance(&mut self, j: usize) -> Matrix3<f64> {
+        let inverse = self.inverse[j];
+        let part = |c: &Coupling| -> Vector3<f64> {
+            let own = c.joints.iter().zip(&c.gradient).filter(|(k, _)| **k == j);
+            own.map(|(_, g)| inverse * g).sum()
+        };
+        let mut out = inverse;
+        if !self.couplings.iter().any(|c| c.joints.contains(&j)) {
+            return out;
+        }
+        for axis in 0..3 {
+            self.middle.clear();
+            self.middle.extend(self.couplings.iter().map(|c| part(c)[axis]));
+            solve_cholesky(&self.factor, &mut self.middle);
+            for (c, q) in self.couplings.iter().zip(&self.middle) {
+                out.set_column(axis, &(out.column(axis) - part(c) * *q));
+            }
+        }
+        0.5 * (out + out.transpose())
+    }
+
+    /// Inverts the blocks and factorises Q.
+    pub fn factorise(&mut self, mu: impl Fn(usize) -> f64) {
+        for (j, (inverse, block)) in self.inverse.iter_mut().zip(&self.blocks).enumerate() {
+            *inverse = inverse_of(&(block + Matrix3::from_diagonal_element(mu(j))));
+        }
+        let p = self.couplings.len();
+        self.factor.clear();
+        self.factor.resize(p * p, 0.0);
+        for a in 0..p {
+            for b in 0..=a {
+                let (ca, cb) = (&self.couplings[a], &self.couplings[b]);
+                let mut q = if a == b { 1.0 / ca.precision } else { 0.0 };
+                for (ja, ga) in ca.joints.iter().zip(&ca.gradient) {
+                    for (jb, gb) in cb.joints.iter().zip(&cb.gradient) {
+                        if ja == jb {
+                            q += ga.dot(&(self.inverse[*ja] * gb));
+                        }
+                    }
+                }
+                self.factor[a * p + b] = q;
+            }
+        }
+        cholesky(&mut self.factor, p);
+    }
+}
+
+/// Inverse of a symmetric positive definite matrix, zero where it has none.
+fn inverse_of(m: &Matrix3<f64>) -> Matrix3<f64> {
+    let determinant = m.determinant();
+    if determinant.is_nan() || determinant <= 0.0 {
+        return Matrix3::zeros();
+    }
+    let (a, b, c) = (m[(0, 0)], m[(0, 1)], m[(0, 2)]);
+    let (d, e, f) = (m[(1, 1)], m[(1, 2)], m[(2, 2)]);
+    let (p, q, r) = (d * f - e * e, c * e - b * f, b * e - c * d);
+    let (s, t, u) = (a * f - c * c, b * c - a * e, a * d - b * b);
+    Matrix3::new(p, q, r, q, s, t, r, t, u) / determinant
+}
+
+/// Cholesky factor of a `p × p` positive definite matrix, in place, lower triangle, row-major.
+fn cholesky(a: &mut [f64], p: usize) {
+    for i in 0..p {
+        for j in 0..=i {
+            let mut sum = a[i * p + j];
+            for k in 0..j {
+                sum -= a[i * p + k] * a[j * p + k];
+            }
+            a[i * p + j] = if i == j { sum.max(f64::MIN_POSITIVE).sqrt() } else { sum / a[j * p + j] };
+        }
+    }
+}
+
+/// Solves L Lᵀ x = b in place.
+fn solve_cholesky(factor: &[f64], b: &mut [f64]) {
+    let p = b.len();
+    for i in 0..p {
+        for k in 0..i {
+            b[i] -= factor[i * p + k] * b[k];
+        }
+        b[i] /= factor[i * p + i];
+    }
+    for i in (0..p).rev() {
+        for k in i + 1..p {
+            b[i] -= factor[k * p + i] * b[k];
+        }
+        b[i] /= factor[i * p + i];
+    }
+}

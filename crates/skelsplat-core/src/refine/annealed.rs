@@ -1,0 +1,181 @@
+//! The default method for one frame: annealed splatting by Gauss–Newton.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::objective::Loss;
+use super::refiner::{Frame, Refiner};
+use super::result::{JointStatus, Refinement, StopReason};
+use crate::annealed::{Annealing, NoiseModel, Prior, Problem, Rays, Solution, solve};
+use crate::detections::Detections;
+use crate::triangulate::robust::{REJECTED, locate, start};
+use crate::uncertainty::posterior;
+
+/// What follows from residuals alone, in the unit of the cameras.
+pub(super) struct ErrorBars {
+    pub(super) uncertainty: Vec<Matrix3<f64>>,
+    pub(super) view_weights: Vec<f64>,
+    pub(super) noise: f64,
+}
+
+impl Refiner {
+    pub(super) fn refine_annealed(&self, frame: &Frame) -> Refinement {
+        let used = self.usable(&frame.detections);
+        let rays = Rays::new(&used, &self.cameras, self.view_weights());
+        let annealing = self.annealing(used.n_joints());
+        let priors = self.priors(frame);
+        let problem = Problem {
+            rays: &rays,
+            pairs: &self.pairs,
+            priors: priors.as_deref(),
+            annealing: &annealing,
+        };
+        let (init, sigma) = self.annealed_start(frame, &rays, &annealing);
+        let mut solution = solve(&problem, init.clone(), sigma);
+        let uncertainty = posterior(&problem, &mut solution);
+        self.annealed_result(frame, &problem, (&init, &solution), uncertainty)
+    }
+
+    /// Where to begin, mm, and with which kernel.
+    fn annealed_start(
+        &self,
+        frame: &Frame,
+        rays: &Rays,
+        annealing: &Annealing,
+    ) -> (Vec<Vector3<f64>>, Vec<f64>) {
+        let Some(pose) = &frame.init_pose else {
+            let found = locate(rays, annealing);
+            return (found.points, found.sigma);
+        };
+        let mm = self.unit.millimetres();
+        let given = pose.iter().enumerate().map(|(j, p)| {
+            if p.iter().all(|v| v.is_finite()) { p * mm } else { start(rays, j) }
+        });
+        let sigma = if frame.init_covariance.is_some() { annealing.start } else { f64::INFINITY };
+        (given.collect(), vec![sigma; pose.len()])
+    }
+
+    /// The precision of the initial pose, mm⁻²; none for a joint that the initial pose does not have.
+    fn priors(&self, frame: &Frame) -> Option<Vec<Prior>> {
+        let (pose, covariance) = (frame.init_pose.as_ref()?, frame.init_covariance.as_ref()?);
+        let mm = self.unit.millimetres();
+        let prior = |(p, c): (&Vector3<f64>, &Matrix3<f64>)| match (c * (mm * mm)).cholesky() {
+            Some(factor) if p.iter().all(|v| v.is_finite()) => {
+                Prior { mean: p * mm, precision: factor.inverse() }
+            }
+            _ => Prior { mean: Vector3::zeros(), precision: Matrix3::zeros() },
+        };
+        Some(pose.iter().zip(covariance).map(prior).collect())
+    }
+
+    fn view_weights(&self) -> &[f64] {
+        self.config.view_weights.as_deref().unwrap_or_default()
+    }
+
+    fn annealing(&self, n_joints: usize) -> Annealing {
+        let config = &self.config;
+        Annealing {
+            start: config.sigma_start,
+            end: (0..n_joints).map(|j| self.sigma(j)).collect(),
+            per_noise: config.sigma_per_noise.unwrap_or(f64::INFINITY),
+            factor: config.sigma_decay,
+            symmetry_sigma: config.symmetry_sigma,
+            max_steps: config.max_steps,
+            tolerance: config.step_tolerance,
+            noise: config.detection_sigma.map_or(NoiseModel::Estimated, NoiseModel::Given),
+        }
+    }
+
+    /// The posterior at `points`, mm, that another method has found.
+    pub(super) fn error_bars(&self, used: &Detections, points: &[Vector3<f64>]) -> ErrorBars {
+        let rays = Rays::new(used, &self.cameras, self.view_weights());
+        let annealing = Annealing { max_steps: 0, ..self.annealing(points.len()) };
+        let problem =
+            Problem { rays: &rays, pairs: &self.pairs, priors: None, annealing: &annealing };
+        let mut solution = solve(&problem, points.to_vec(), annealing.end.clone());
+        let covariances = posterior(&problem, &mut solution);
+        self.bars(&rays, &solution, &covariances)
+    }
+
+    fn bars(&self, rays: &Rays, solution: &Solution, covariances: &[Matrix3<f64>]) -> ErrorBars {
+        let mm = self.unit.millimetres();
+        let (m, n) = (rays.n_views(), rays.n_joints());
+        let weight = |k: usize| {
+            let (ray, x) = (&rays.of_joint(k % n)[k / n], &solution.points[k % n]);
+            if ray.is_there() { ray.offset(x).weight(solution.sigma[k % n]) } else { f64::NAN }
+        };
+        ErrorBars {
+            uncertainty: covariances.iter().map(|c| c / (mm * mm)).collect(),
+            view_weights: (0..m * n).map(weight).collect(),
+            noise: solution.noise / mm,
+        }
+    }
+
+    fn annealed_result(
+        &self,
+        frame: &Frame,
+        problem: &Problem<'_>,
+        (init, solution): (&[Vector3<f64>], &Solution),
+        covariances: Vec<Matrix3<f64>>,
+    ) -> Refinement {
+        let mm = self.unit.millimetres();
+        let rays = problem.rays;
+        let bars = self.bars(rays, solution, &covariances);
+        let splat = |(x, sigma): (&Vector3<f64>, &f64)| {
+            let variance = if x.x.is_nan() { f64::NAN } else { (sigma / mm).powi(2) };
+            Matrix3::from_diagonal_element(variance)
+        };
+        let joint_status = joint_status(rays, &bars.view_weights);
+        let observed = joint_status.iter().any(|s| *s != JointStatus::Unobserved);
+        Refinement {
+            pose: solution.points.iter().map(|p| p / mm).collect(),
+            covariance: solution.points.iter().zip(&solution.sigma).map(splat).collect(),
+            uncertainty: bars.uncertainty,
+            swapped: vec![false; bars.view_weights.len()],
+            view_weights: bars.view_weights,
+            noise: bars.noise,
+            init_pose: init.iter().map(|p| p / mm).collect(),
+            reprojection_error: self.reprojection_error(&frame.detections, &solution.points),
+            joint_status,
+            loss: loss(problem, solution),
+            loss_history: Vec::new(),
+            n_iter: solution.n_iter,
+            stop_reason: match (observed, solution.converged) {
+                (false, _) => StopReason::NoObservations,
+                (true, true) => StopReason::Converged,
+                (true, false) => StopReason::MaxSteps,
+            },
+        }
+    }
+}
+
+fn joint_status(rays: &Rays, weights: &[f64]) -> Vec<JointStatus> {
+    let (m, n) = (rays.n_views(), rays.n_joints());
+    let one = |j: usize| {
+        let of_joint = (0..m).map(|i| weights[i * n + j]);
+        match of_joint.clone().filter(|k| *k >= REJECTED).count() {
+            _ if of_joint.clone().all(f64::is_nan) && !rays.of_joint(j).iter().any(|r| r.is_there()) => {
+                JointStatus::Unobserved
+            }
+            0 | 1 => JointStatus::Weak,
+            _ => JointStatus::Ok,
+        }
+    };
+    (0..n).map(one).collect()
+}
+
+/// The terms of F (see [`crate::annealed`]): data and symmetry.
+fn loss(problem: &Problem<'_>, solution: &Solution) -> Loss {
+    let mut render = 0.0;
+    for (j, x) in solution.points.iter().enumerate().filter(|(_, x)| x.x.is_finite()) {
+        let scale = 2.0 * (solution.sigma[j] / solution.noise).powi(2);
+        for ray in problem.rays.of_joint(j).iter().filter(|ray| ray.is_there()) {
+            render += ray.weight * scale * (1.0 - ray.offset(x).weight(solution.sigma[j]));
+        }
+    }
+    let symmetry = crate::symmetry::symmetry(
+        |j| solution.points[j],
+        problem.pairs,
+        |_, _| (),
+    );
+    Loss { total: render, render, symmetry }
+}

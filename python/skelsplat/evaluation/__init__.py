@@ -1,0 +1,1 @@
+"""What SkelSplat is measured with and against."""

@@ -1,0 +1,124 @@
+"""Detections and cameras as the arrays that linear algebra wants."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from skelsplat._skelsplat import Camera
+from skelsplat.cameras import CameraRig
+from skelsplat.exceptions import InvalidInputError
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.intp]
+Cameras = CameraRig | Sequence[Camera]
+
+
+@dataclass(frozen=True, slots=True)
+class Observations:
+    """B = T·N joints, each seen by some of M views.
+
+    Attributes
+    ----------
+    pixels : (B, M, 2) px
+        Ideal pixels; 0 where the joint is missing.
+    seen : (B, M)
+    confidence : (B, M)
+        In [0, 1]; 0 where the joint is missing, 1 where none was given.
+    projections : (M, 3, 4)
+        K [R | t], from the unit of the cameras to px.
+    leading : tuple of int
+        (T, N), or (N,) for one frame.
+    """
+
+    pixels: FloatArray
+    seen: BoolArray
+    confidence: FloatArray
+    projections: FloatArray
+    leading: tuple[int, ...]
+
+    @property
+    def determined(self) -> BoolArray:
+        """Whether at least two views see the joint, (B,)."""
+        enough: BoolArray = self.seen.sum(axis=1) >= 2
+        return enough
+
+    def take(self, joints: IntArray) -> Observations:
+        """Return some of the joints; ``leading`` is then their number."""
+        return Observations(
+            self.pixels[joints],
+            self.seen[joints],
+            self.confidence[joints],
+            self.projections,
+            (len(joints),),
+        )
+
+    def points(self, values: FloatArray) -> FloatArray:
+        """Give points (B, 3) the shape of the detections, (T, N, 3) or (N, 3)."""
+        return values.reshape(*self.leading, 3)
+
+
+def observe(detections: ArrayLike, cameras: Cameras) -> Observations:
+    """Check the arguments of a baseline and remove lens distortion.
+
+    Raises
+    ------
+    InvalidInputError
+        If the shape is not (T, M, N, 2|3) or (M, N, 2|3) with as many views as cameras, or a confidence is
+        outside [0, 1].
+    """
+    found = _checked(detections, len(cameras))
+    single = found.ndim == 3
+    frames = found[None] if single else found
+    n_frames, n_views, n_joints, channels = frames.shape
+    ideal = np.stack([c.undistort(frames[:, i, :, :2]) for i, c in enumerate(cameras)], axis=2)
+    pixels = ideal.reshape(n_frames * n_joints, n_views, 2)
+    seen: BoolArray = np.asarray(np.isfinite(pixels).all(axis=-1))
+    confidence = np.ones(seen.shape)
+    if channels == 3:
+        confidence = np.swapaxes(frames[..., 2], 1, 2).reshape(seen.shape)
+        seen &= confidence > 0
+    return Observations(
+        pixels=np.where(seen[..., None], pixels, 0.0),
+        seen=seen,
+        confidence=np.where(seen, confidence, 0.0),
+        projections=np.stack([c.K @ np.column_stack([c.R, c.t]) for c in cameras]),
+        leading=(n_joints,) if single else (n_frames, n_joints),
+    )
+
+
+def _checked(detections: ArrayLike, n_views: int) -> FloatArray:
+    """Return the detections as float64 of a shape and with confidences that make sense."""
+    try:
+        found = np.asarray(detections, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(f"detections: expected an array of numbers, got {error}") from None
+    if found.ndim not in (3, 4) or found.shape[-1] not in (2, 3):
+        raise InvalidInputError(
+            f"detections: expected shape (T, M, N, 2|3) or (M, N, 2|3), got {found.shape}"
+        )
+    if found.shape[-3] != n_views:
+        raise InvalidInputError(
+            f"detections: expected M = {n_views} views, one per camera, got {found.shape[-3]}"
+        )
+    if found.shape[-1] == 3:
+        confidence = found[..., 2]
+        outside = confidence[(confidence < 0) | (confidence > 1)]
+        if outside.size:
+            raise InvalidInputError(
+                f"detections: expected confidences in [0, 1], got {float(outside.flat[0])!r}"
+            )
+    return found
+
+
+def reproject(points: FloatArray, projections: FloatArray) -> FloatArray:
+    """Project points (B, 3) into every view: (B, M, 2) px; not finite on a camera's focal plane."""
+    rows = projections.reshape(-1, 4)
+    image = (points @ rows[:, :3].T + rows[:, 3]).reshape(len(points), -1, 3)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        pixels: FloatArray = image[..., :2] / image[..., 2:]
+    return pixels

@@ -1,0 +1,189 @@
+"""RANSAC over pairs of views, as two published evaluations run it. Every joint is a problem of its own.
+
+Both draw ``n_iters`` pairs of views, triangulate the joint from each and keep the largest set of views that
+agree; the joints of a batch are drawn and triangulated together. They differ in what agreement is:
+
+=====================  ==========================================  ======================================
+what                   ``ransac_iskakov``                          ``ransac_adafuse``
+=====================  ==========================================  ======================================
+error                  ½ · distance, in pixels of a 384 px crop    distance, in pixels of the image
+threshold              15, that is 30 crop pixels                  20
+the drawn pair         always in the set                           in the set if it agrees
+fewer than two agree   cannot be                                   all views are used
+after the final DLT    least squares, Huber loss                   nothing
+=====================  ==========================================  ======================================
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from skelsplat.evaluation.baselines._least_squares import huber_on_half_distances, positive
+from skelsplat.evaluation.baselines._linear import solve
+from skelsplat.evaluation.baselines._observations import (
+    BoolArray,
+    Cameras,
+    FloatArray,
+    Observations,
+    observe,
+    reproject,
+)
+from skelsplat.exceptions import InvalidInputError
+
+
+def ransac_iskakov(
+    detections: ArrayLike,
+    cameras: Cameras,
+    *,
+    epsilon: float = 15.0,
+    crop_scale: ArrayLike = 1.0,
+    n_iters: int = 10,
+    direct_optimization: bool = True,
+    seed: int | np.random.Generator = 0,
+) -> FloatArray:
+    """Triangulate by the RANSAC of "Learnable Triangulation of Human Pose" (Iskakov et al., ICCV 2019).
+
+    Parameters
+    ----------
+    detections : (T, M, N, 2|3) or (M, N, 2|3) px
+        Pixels of the images, not of crops.
+    cameras : CameraRig or sequence of Camera
+    epsilon : float
+        A view agrees if *half* its reprojection distance is below this. In crop pixels if ``crop_scale`` is
+        given; with its default in pixels of the image, so 15 means a distance of 30 px.
+    crop_scale : number or (T, M), for one frame (M,)
+        Pixels of the image per pixel of the crop: the side of the person's square box / 384 for published
+        numbers. Errors, and with them the Huber threshold of 1, are divided by it.
+    n_iters : int
+        Pairs drawn, with replacement.
+    direct_optimization : bool
+        After the DLT of the largest set, minimise the Huber loss of ½ · the distances in its views.
+    seed : int or numpy Generator
+        Same seed and same batch, same result.
+
+    Returns
+    -------
+    (T, N, 3) or (N, 3)
+        NaN with fewer than two views.
+
+    Raises
+    ------
+    InvalidInputError
+        Shapes that do not fit, a confidence outside [0, 1], a number that is not positive.
+    ImportError
+        With ``direct_optimization``, if SciPy is not installed.
+    """
+    positive("epsilon", epsilon)
+    positive("n_iters", n_iters, kind="integer")
+    joints = observe(detections, cameras)
+    scale = _per_joint(crop_scale, joints)
+    inliers = _largest_set(joints, 2.0 * epsilon * scale, n_iters, np.random.default_rng(seed), forced=True)
+    points = solve(joints, inliers.astype(np.float64))
+    if direct_optimization:
+        for b in np.flatnonzero(np.isfinite(points).all(axis=1)):
+            kept = inliers[b]
+            # In crop pixels: the two pixel rows of P and the pixels themselves, divided by the scale.
+            shrink = np.stack([1 / scale[b, kept], 1 / scale[b, kept], np.ones(kept.sum())], axis=1)
+            points[b] = huber_on_half_distances(
+                points[b],
+                joints.pixels[b, kept] * shrink[:, :2],
+                joints.projections[kept] * shrink[..., None],
+            )
+    return joints.points(points)
+
+
+def ransac_adafuse(
+    detections: ArrayLike,
+    cameras: Cameras,
+    *,
+    epsilon: float = 20.0,
+    n_iters: int = 10,
+    seed: int | np.random.Generator = 0,
+) -> FloatArray:
+    """Triangulate by the RANSAC that AdaFuse (Zhang et al., IJCV 2021) is compared with.
+
+    Parameters
+    ----------
+    detections : (T, M, N, 2|3) or (M, N, 2|3) px
+    cameras : CameraRig or sequence of Camera
+    epsilon : float
+        A view agrees if its reprojection distance is below this, px.
+    n_iters : int
+        Pairs drawn at most, with replacement; a joint is done once all its views agree.
+    seed : int or numpy Generator
+        Same seed and same batch, same result.
+
+    Returns
+    -------
+    (T, N, 3) or (N, 3)
+        Unweighted DLT of the largest set, of all views if fewer than two agree. NaN where fewer than two
+        views see the joint.
+
+    Raises
+    ------
+    InvalidInputError
+        Shapes that do not fit, a confidence outside [0, 1], a number that is not positive.
+    """
+    positive("epsilon", epsilon)
+    positive("n_iters", n_iters, kind="integer")
+    joints = observe(detections, cameras)
+    tolerance = np.full(joints.seen.shape, float(epsilon))
+    inliers = _largest_set(joints, tolerance, n_iters, np.random.default_rng(seed), forced=False)
+    too_few = inliers.sum(axis=1) < 2
+    inliers[too_few] = joints.seen[too_few]
+    return joints.points(solve(joints, inliers.astype(np.float64)))
+
+
+def _largest_set(
+    joints: Observations, tolerance: FloatArray, n_iters: int, rng: np.random.Generator, *, forced: bool
+) -> BoolArray:
+    """Return for each joint the largest set of agreeing views (B, M) that a drawn pair leads to.
+
+    The first of several largest sets stays. A joint whose set holds every view that sees it is done: no other
+    pair could lead to a larger one.
+    """
+    best = np.zeros_like(joints.seen)
+    open_joints = np.flatnonzero(joints.determined)
+    for _ in range(n_iters):
+        if open_joints.size == 0:
+            break
+        some = joints.take(open_joints)
+        pair = sample_pairs(some.seen, rng)
+        agree = _distances(some, solve(some, pair.astype(np.float64))) < tolerance[open_joints]
+        if forced:
+            agree |= pair
+        larger = agree.sum(axis=1) > best[open_joints].sum(axis=1)
+        best[open_joints[larger]] = agree[larger]
+        open_joints = open_joints[(best[open_joints] != some.seen).any(axis=1)]
+    return best
+
+
+def sample_pairs(seen: BoolArray, rng: np.random.Generator) -> BoolArray:
+    """Draw two of the views that see each joint, uniformly: (B, M) with two True per row."""
+    order = np.argsort(np.where(seen, rng.random(seen.shape), np.inf), axis=1)
+    pair = np.zeros_like(seen)
+    np.put_along_axis(pair, order[:, :2], True, axis=1)
+    return pair
+
+
+def _distances(joints: Observations, points: FloatArray) -> FloatArray:
+    """Reprojection distance (B, M) px; infinite where the joint is missing or the point is at infinity."""
+    distance = np.linalg.norm(reproject(points, joints.projections) - joints.pixels, axis=-1)
+    return np.where(joints.seen & np.isfinite(distance), distance, np.inf)
+
+
+def _per_joint(crop_scale: ArrayLike, joints: Observations) -> FloatArray:
+    """Spread ``crop_scale`` over the joints, (B, M)."""
+    scale = np.asarray(crop_scale, dtype=np.float64)
+    *frames, n_joints = joints.leading
+    n_views = joints.seen.shape[1]
+    if scale.ndim != 0 and scale.shape != (*frames, n_views):
+        raise InvalidInputError(
+            f"crop_scale: expected a number or shape {(*frames, n_views)}, got {scale.shape}"
+        )
+    if not (np.isfinite(scale).all() and (scale > 0).all()):
+        raise InvalidInputError("crop_scale: expected finite numbers > 0, got others")
+    per_frame = np.broadcast_to(scale, (*frames, n_views))[..., None, :]
+    spread = np.broadcast_to(per_frame, (*frames, n_joints, n_views))
+    return np.ascontiguousarray(spread).reshape(-1, n_views)

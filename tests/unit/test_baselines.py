@@ -1,0 +1,289 @@
+"""The triangulations that SkelSplat is measured against."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import scipy.linalg
+from numpy.typing import NDArray
+
+import skelsplat as sk
+from skelsplat.evaluation import baselines
+from skelsplat.evaluation.baselines import _least_squares, _ransac
+
+Array = NDArray[np.float64]
+
+ALL = {
+    "dlt": baselines.dlt,
+    "opencv_dlt": baselines.opencv_dlt,
+    "ransac_iskakov": baselines.ransac_iskakov,
+    "ransac_adafuse": baselines.ransac_adafuse,
+    "cauchy": baselines.cauchy,
+}
+# Rounding of pixels near 1e3 and lengths near 5e3 mm leaves 1e-9 mm; the condition of a pair of rays and the
+# lens's iteration take three digits, the stopping rule of SciPy (1e-8 relative) three more.
+EXACT_MM = 1e-3
+
+
+@pytest.fixture
+def rig() -> sk.CameraRig:
+    return sk.synthetic.human36m_like()
+
+
+@pytest.fixture
+def truth() -> Array:
+    return sk.synthetic.motion("reach", 3, seed=2)
+
+
+def pixels(truth: Array, rig: sk.CameraRig) -> Array:
+    return sk.project(truth, rig).swapaxes(0, 1).copy()
+
+
+def noisy(truth: Array, rig: sk.CameraRig, sigma_px: float = 4.0) -> Array:
+    exact = pixels(truth, rig)
+    return exact + np.random.default_rng(1).normal(0, sigma_px, exact.shape)
+
+
+def without(detections: Array, view: int) -> Array:
+    rest = detections.copy()
+    rest[:, view] = np.nan
+    return rest
+
+
+def always_draw(monkeypatch: pytest.MonkeyPatch, *views: int) -> None:
+    """Make every drawn pair this one."""
+
+    def pair(seen: NDArray[np.bool_], _: np.random.Generator) -> NDArray[np.bool_]:
+        drawn = np.zeros_like(seen)
+        drawn[:, views] = True
+        return drawn
+
+    monkeypatch.setattr(_ransac, "sample_pairs", pair)
+
+
+@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize("unit", ["mm", "m"])
+def test_exact_detections_give_the_truth_through_a_lens(name: str, unit: str, truth: Array) -> None:
+    rig = sk.synthetic.human36m_like(distortion=True)
+    if unit == "m":
+        rig = sk.CameraRig(
+            [sk.Camera(c.K, c.R, c.t / 1000, distortion=c.distortion, size=c.size) for c in rig], unit="m"
+        )
+        truth = truth / 1000
+    found = ALL[name](pixels(truth, rig), rig)
+    np.testing.assert_allclose(found, truth, atol=EXACT_MM / rig.mm_per_unit)
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_one_frame_is_a_batch_of_one(name: str, rig: sk.CameraRig, truth: Array) -> None:
+    detections = noisy(truth, rig)[:1]
+    np.testing.assert_array_equal(ALL[name](detections[0], rig), ALL[name](detections, rig)[0])
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_missing_detections_take_no_part(name: str, rig: sk.CameraRig, truth: Array) -> None:
+    detections = np.concatenate([noisy(truth, rig), np.ones((3, 4, 17, 1))], axis=-1)
+    detections[0, 1:, 2] = np.nan  # one view left
+    detections[1, :2, 3] = (1e4, 1e4, 0.0)  # two left: nothing to choose from
+    found = ALL[name](detections, rig)
+    assert np.isnan(found[0, 2]).all()
+    assert np.isnan(found).any(axis=-1).sum() == 1
+    detections[1, :2, 3] = np.nan
+    np.testing.assert_array_equal(found, ALL[name](detections, rig))
+    of_two = sk.triangulate(detections[1, :, 3:4, :2], rig, method="dlt")[0]
+    # The two rays pass each other by some px · 5 m / 1147 px; what lies between them is a matter of weights.
+    np.testing.assert_allclose(found[1, 3], of_two, atol=20.0)
+
+
+def test_dlt_is_the_last_singular_vector(rig: sk.CameraRig, truth: Array) -> None:
+    detections = noisy(truth, rig)
+    centres = np.array([camera.centre for camera in rig])
+    frame = np.eye(4)
+    frame[:3, 3] = centres.mean(axis=0)
+    frame[:3, :3] *= np.sqrt(np.mean(np.sum((centres - frame[:3, 3]) ** 2, axis=1)))
+    rows = []
+    for camera, (u, v) in zip(rig, detections[0, :, 5], strict=True):
+        P = camera.K @ np.column_stack([camera.R, camera.t]) @ frame
+        rows += [u * P[2] - P[0], v * P[2] - P[1]]
+    X = frame @ scipy.linalg.svd(np.array(rows))[2][-1]
+    np.testing.assert_allclose(baselines.dlt(detections, rig)[0, 5], X[:3] / X[3], atol=1e-6)
+
+
+@pytest.mark.parametrize("weighted", [False, True])
+def test_dlt_is_the_one_of_the_core(weighted: bool, truth: Array) -> None:
+    rig = sk.synthetic.human36m_like(distortion=True)
+    noise = sk.synthetic.DetectionNoise.occluded(2)
+    detections = sk.synthetic.simulate_detections(truth, rig, noise=noise, seed=3)
+    found = baselines.dlt(detections, rig, confidence=weighted)
+    given = detections if weighted else detections[..., :2]
+    np.testing.assert_allclose(found, sk.triangulate(given, rig, method="dlt"), atol=1e-5)
+
+
+def test_opencv_takes_the_first_two_views_that_see_the_joint(rig: sk.CameraRig, truth: Array) -> None:
+    detections = noisy(truth, rig)
+    detections[:, 0, 4] = np.nan
+    found = baselines.opencv_dlt(detections, rig)
+    for joint, views in ((4, (1, 2)), (5, (0, 1))):
+        rows = []
+        for view in views:
+            u, v = detections[0, view, joint]
+            P = rig[view].K @ np.column_stack([rig[view].R, rig[view].t])
+            rows += [u * P[2] - P[0], v * P[2] - P[1]]
+        X = scipy.linalg.svd(np.array(rows))[2][-1]
+        # Without a frame of the rig's size σ₁/σ₃ is near 1e6, and OpenCV need not take the same route.
+        np.testing.assert_allclose(found[0, joint], X[:3] / X[3], atol=1e-3)
+
+
+@pytest.mark.parametrize("ransac", [baselines.ransac_iskakov, baselines.ransac_adafuse])
+def test_ransac_leaves_out_a_view_that_is_wrong(ransac, rig: sk.CameraRig, truth: Array) -> None:
+    detections = pixels(truth, rig)
+    detections[:, 2] += (0.0, 200.0)
+    keywords = {"direct_optimization": False} if ransac is baselines.ransac_iskakov else {}
+    np.testing.assert_array_equal(
+        ransac(detections, rig, **keywords), baselines.dlt(without(detections, 2), rig)
+    )
+
+
+@pytest.mark.parametrize(("distance_px", "agrees"), [(29.0, True), (31.0, False)])
+def test_iskakov_halves_the_distance(
+    distance_px: float, agrees: bool, rig: sk.CameraRig, truth: Array, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    always_draw(monkeypatch, 0, 1)
+    detections = pixels(truth, rig)
+    detections[:, 3] += (0.6 * distance_px, 0.8 * distance_px)
+    expected = baselines.dlt(detections if agrees else without(detections, 3), rig)
+    found = baselines.ransac_iskakov(detections, rig, epsilon=15.0, direct_optimization=False)
+    np.testing.assert_array_equal(found, expected)
+    of_a_crop = baselines.ransac_iskakov(
+        detections, rig, epsilon=7.5, crop_scale=np.full((3, 4), 2.0), direct_optimization=False
+    )
+    np.testing.assert_array_equal(of_a_crop, expected)
+
+
+@pytest.mark.parametrize(("distance_px", "agrees"), [(19.0, True), (21.0, False)])
+def test_adafuse_takes_the_whole_distance(
+    distance_px: float, agrees: bool, rig: sk.CameraRig, truth: Array, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    always_draw(monkeypatch, 0, 1)
+    detections = pixels(truth, rig)
+    detections[:, 3] += (0.6 * distance_px, 0.8 * distance_px)
+    expected = baselines.dlt(detections if agrees else without(detections, 3), rig)
+    np.testing.assert_array_equal(baselines.ransac_adafuse(detections, rig), expected)
+
+
+def test_where_no_two_views_agree(rig: sk.CameraRig, truth: Array) -> None:
+    """Iskakov keeps the pair that was drawn first, whatever it is; AdaFuse falls back on all views."""
+    detections = noisy(truth, rig)
+    detections[:, 3] = np.nan
+    everything = baselines.dlt(detections, rig)
+    np.testing.assert_array_equal(baselines.ransac_adafuse(detections, rig, epsilon=1e-9), everything)
+    pairs = [baselines.dlt(without(detections, view), rig) for view in range(3)]
+    found = baselines.ransac_iskakov(detections, rig, epsilon=1e-9, direct_optimization=False)
+    drawn = np.array([(found == pair).all(axis=-1).sum() for pair in pairs])
+    assert drawn.sum() == 51
+    assert drawn.min() > 5, drawn  # one pair in three: mean 17, standard deviation 3.4
+
+
+def test_two_views_are_always_a_set_for_iskakov(rig: sk.CameraRig, truth: Array) -> None:
+    detections = without(without(pixels(truth, rig), 0), 1)
+    detections[:, 2] += (0.0, 400.0)
+    found = baselines.ransac_iskakov(detections, rig, direct_optimization=False)
+    np.testing.assert_array_equal(found, baselines.dlt(detections, rig))
+
+
+def test_the_huber_step_pulls_toward_the_views_that_agree(rig: sk.CameraRig, truth: Array) -> None:
+    detections = pixels(truth, rig)
+    detections[:, 3] += (20.0, 20.0)  # ½ · 28.3 px: within the threshold
+    linear = baselines.ransac_iskakov(detections, rig, direct_optimization=False)
+    refined = baselines.ransac_iskakov(detections, rig)
+    linear_mm, refined_mm = (sk.metrics.mpjpe(points, truth) for points in (linear, refined))
+    # Beyond ½ · 2 px Huber's pull is constant: 2 px instead of 28, against three views instead of four.
+    assert refined_mm < 0.2 * linear_mm
+
+
+def test_half_distances_are_what_huber_sees(rig: sk.CameraRig, truth: Array) -> None:
+    P = np.stack([c.K @ np.column_stack([c.R, c.t]) for c in rig])
+    detections = noisy(truth, rig)[0, :, 6]
+    problem = _least_squares.Reprojection(detections, P)
+    away = np.linalg.norm(sk.project(truth[0, 6], rig) - detections, axis=-1)
+    np.testing.assert_allclose(problem.half_distances(truth[0, 6]), away / 2)
+
+
+@pytest.mark.parametrize("residual", ["offset", "half_distance"])
+def test_slopes_are_central_differences(residual: str, rig: sk.CameraRig, truth: Array) -> None:
+    P = np.stack([c.K @ np.column_stack([c.R, c.t]) for c in rig])
+    problem = _least_squares.Reprojection(noisy(truth, rig)[0, :, 6], P)
+    value, slopes = getattr(problem, f"{residual}s"), getattr(problem, f"{residual}_slopes")(truth[0, 6])
+    step = 1e-3 * np.eye(3)
+    differences = np.stack([(value(truth[0, 6] + d) - value(truth[0, 6] - d)) / 2e-3 for d in step], axis=1)
+    # Truncation: (step / distance from the residual's zero, at least 1 mm)² = 1e-6 of slopes near 0.1 px/mm.
+    np.testing.assert_allclose(slopes, differences, atol=1e-7)
+
+
+def test_cauchy_hardly_heeds_an_outlier(rig: sk.CameraRig, truth: Array) -> None:
+    detections = pixels(truth, rig)
+    detections[:, 2] += (60.0, 80.0)
+    robust_mm, linear_mm = (
+        sk.metrics.mpjpe(method(detections, rig), truth) for method in (baselines.cauchy, baselines.dlt)
+    )
+    # Its weight is 1 / (1 + (100 / 5)²) = 1/401; three views hold against it instead of four.
+    assert robust_mm < linear_mm / 50
+
+
+@pytest.mark.parametrize("ransac", [baselines.ransac_iskakov, baselines.ransac_adafuse])
+def test_a_seed_says_which_pairs_are_drawn(ransac, rig: sk.CameraRig, truth: Array) -> None:
+    noise = sk.synthetic.DetectionNoise.occluded(3, hard=True)
+    detections = sk.synthetic.simulate_detections(truth, rig, noise=noise, seed=3)
+    first, again, other = (ransac(detections, rig, n_iters=1, seed=seed) for seed in (0, 0, 1))
+    np.testing.assert_array_equal(first, again)
+    assert not np.array_equal(first, other, equal_nan=True)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda d, c: baselines.dlt(d[0, 0], c), "detections: expected shape (T, M, N, 2|3)"),
+        (lambda d, c: baselines.dlt(d[:, :3], c), "detections: expected M = 4 views, one per camera, got 3"),
+        (lambda _, c: baselines.cauchy("here", c), "detections: expected an array of numbers"),
+        (lambda d, c: baselines.cauchy(d, c, f_scale=0), "f_scale: expected a positive number, got 0"),
+        (lambda d, c: baselines.ransac_adafuse(d, c, epsilon=-1), "epsilon: expected a positive number"),
+        (lambda d, c: baselines.ransac_iskakov(d, c, n_iters=0), "n_iters: expected a positive integer"),
+        (
+            lambda d, c: baselines.ransac_iskakov(d, c, crop_scale=[1, 1]),
+            "crop_scale: expected a number or shape (3, 4), got (2,)",
+        ),
+        (
+            lambda d, c: baselines.ransac_iskakov(d, c, crop_scale=0.0),
+            "crop_scale: expected finite numbers > 0",
+        ),
+        (
+            lambda d, c: baselines.dlt(np.concatenate([d, d[..., :1]], axis=-1), c),
+            "detections: expected confidences in [0, 1], got",
+        ),
+    ],
+)
+def test_wrong_arguments_are_named(call, message: str, rig: sk.CameraRig, truth: Array) -> None:
+    with pytest.raises(sk.InvalidInputError) as caught:
+        call(pixels(truth, rig), rig)
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("module", "name"),
+    [("cv2", "opencv_dlt"), ("scipy.optimize", "cauchy"), ("scipy.optimize", "ransac_iskakov")],
+)
+def test_a_missing_module_says_how_to_install_it(
+    module: str, name: str, rig: sk.CameraRig, truth: Array, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(ImportError, match=r"pip install 'skelsplat\[evaluation\]'"):
+        ALL[name](pixels(truth, rig), rig)
+
+
+def test_importing_needs_neither_scipy_nor_opencv() -> None:
+    code = "import sys, skelsplat.evaluation.baselines; print({'scipy', 'cv2'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    assert done.stdout.strip() == "set()"

@@ -1,0 +1,20 @@
+"""The comparison with other triangulations runs; what it measures is not judged here."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+
+
+def test_the_comparison_runs() -> None:
+    small = ["--poses", "2", "--batch", "2", "--repeat", "1", "--markdown"]
+    command = [sys.executable, str(BENCHMARKS / "compare.py"), *small]
+    lines = subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()
+    rows = [line.split("|")[1].strip() for line in lines if line.startswith("|")]
+    for name in ("DLT, NumPy", "RANSAC of Iskakov et al.", "Cauchy loss, SciPy", "SkelSplat, default"):
+        assert name in rows
+    assert "nan" not in "\n".join(lines)
+    assert not [line for line in lines if "left out" in line]
