@@ -45,7 +45,7 @@ def show(measured: Mapping[str, Any]) -> None:
     table.add_column(measured["head"], no_wrap=True)
     names = list(dict.fromkeys(name for row in measured["rows"].values() for name in row))
     for name in names:
-        table.add_column(name, justify="right")
+        table.add_column(name, justify="right", overflow="fold")
     for row, values in measured["rows"].items():
         table.add_row(row, *[_text(values.get(name)) for name in names])
     console.print(table)

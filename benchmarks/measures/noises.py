@@ -44,11 +44,12 @@ def table(
         sigma, spread = per_axis_sigma(start, here.truth), covariance(start, here.truth)
         found, absent = available(_columns(here, start, (sigma, spread), fast, fields))
         rows[name] = {column: report.mpjpe(pose, here) for column, pose in found.items()}
-        rows[name] |= {"start": report.mpjpe(start, here)}
         errors_of_mean[name] = {column: _standard_error(pose, here) for column, pose in found.items()}
         notes += absent + report.missing(found, here, name)
         axes = ", ".join(f"{s:.1f}" for s in np.sqrt(np.diagonal(spread.mean(axis=0))))
-        notes.append(f"{name}: start errs by {sigma:.1f} mm per axis ({axes} on x, y, z)")
+        notes.append(
+            f"{name}: start {report.mpjpe(start, here):.1f} mm, {sigma:.1f} mm per axis ({axes} on x, y, z)"
+        )
     return report.figures(
         "MPJPE, mm (joints that at least two views detect)",
         "detections",
