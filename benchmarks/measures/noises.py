@@ -77,7 +77,7 @@ def _columns(
         columns["paper, DLT"] = lambda: paper(here).pose
         columns["paper, start"] = lambda: paper(here, start).pose
     columns["default"] = lambda: default(here, fields=fields).pose
-    columns["default, start"] = lambda: default(here, start, fields=fields).pose
+    columns["from start"] = lambda: default(here, start, fields=fields).pose
     columns["with sigma"] = lambda: default(here, start, init_sigma=prior[0], fields=fields).pose
     columns["with covar."] = lambda: default(here, start, init_sigma=prior[1], fields=fields).pose
     return columns
