@@ -21,7 +21,11 @@ impl Refiner {
     pub(super) fn refine_annealed(&self, frame: &Frame) -> Refinement {
         let used = self.usable(&frame.detections);
         let rays = Rays::new(&used, &self.cameras, self.view_weights());
-        let annealing = self.annealing(used.n_joints());
+        let mut annealing = self.annealing(used.n_joints());
+        if frame.init_covariance.is_some() {
+            // Without the prior: one that is wrong must not pass for noise of the detections.
+            annealing.noise = NoiseModel::Millimetres(locate(&rays, &annealing).noise);
+        }
         let priors = self.priors(frame);
         let problem = Problem {
             rays: &rays,
@@ -81,7 +85,7 @@ impl Refiner {
             symmetry_sigma: config.symmetry_sigma,
             max_steps: config.max_steps,
             tolerance: config.step_tolerance,
-            noise: config.detection_sigma.map_or(NoiseModel::Estimated, NoiseModel::Given),
+            noise: config.detection_sigma.map_or(NoiseModel::Estimated, NoiseModel::Pixels),
         }
     }
 
