@@ -11,6 +11,7 @@ from skelsplat.cameras import CameraRig
 __all__ = [
     "JOINT_STATUS",
     "LAYOUT_NAMES",
+    "REJECTED_WEIGHT",
     "Camera",
     "Layout",
     "RefineConfig",
@@ -29,6 +30,8 @@ __all__ = [
 __version__: str
 LAYOUT_NAMES: list[str]
 JOINT_STATUS: list[str]
+REJECTED_WEIGHT: float
+"""Detections whose ``Refinement.view_weights`` are below this count as rejected."""
 
 _Cameras = CameraRig | Sequence[Camera]
 _Joint = int | str
