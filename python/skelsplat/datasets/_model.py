@@ -64,7 +64,7 @@ class Take:
 
     def _expect(self, name: str, value: NDArray[np.generic], shape: tuple[int, ...]) -> None:
         if value.shape != shape:
-            raise DatasetError(f"{self.key}: {name}: expected shape {shape}, got {value.shape}")
+            raise DatasetError(self.key, name, f"shape {shape}", value.shape)
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -118,11 +118,11 @@ class Dataset:
     def __post_init__(self) -> None:
         keys = [take.key for take in self.takes]
         if len(set(keys)) != len(keys):
-            raise DatasetError(f"{self.name}: expected takes with different keys, got {sorted(keys)}")
+            raise DatasetError(self.name, "takes", "different keys", sorted(keys))
         for take in self.takes:
             if take.truth.shape[1] != self.layout.n_joints:
                 expected = f"{self.layout.n_joints} joints of {self.layout.name}"
-                raise DatasetError(f"{take.key}: truth: expected {expected}, got {take.truth.shape[1]}")
+                raise DatasetError(take.key, "truth", expected, take.truth.shape[1])
 
     def __iter__(self) -> Iterator[Take]:
         return iter(self.takes)
