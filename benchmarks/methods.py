@@ -83,11 +83,11 @@ def cauchy(scene: Scene) -> FloatArray:
 
 
 RANSACS: dict[str, Callable[[Scene], FloatArray]] = {
-    "RANSAC AdaFuse": ransac_adafuse,
-    "RANSAC core": core_ransac,
+    "AdaFuse": ransac_adafuse,
+    "RANSAC": core_ransac,
 }
 # With least squares by SciPy, joint by joint: some ms each.
-ALL_RANSACS = {"RANSAC Iskakov": ransac_iskakov, **RANSACS}
+ALL_RANSACS = {"Iskakov": ransac_iskakov, **RANSACS}
 
 
 def paper(scene: Scene, start: FloatArray | None = None, **fields: Any) -> sk.Refinement:
@@ -101,7 +101,7 @@ def default(
     scene: Scene,
     start: FloatArray | None = None,
     *,
-    init_sigma: float | None = None,
+    init_sigma: float | FloatArray | None = None,
     fields: Fields | None = None,
 ) -> sk.Refinement:
     """Run ``RefineConfig()`` with `fields` changed."""
@@ -125,3 +125,9 @@ def monocular_start(scene: Scene, error_mm: float, seed: int) -> FloatArray:
 def per_axis_sigma(start: FloatArray, truth: FloatArray) -> float:
     """Root mean square error per axis, mm."""
     return float(np.sqrt(np.nanmean((start - truth) ** 2)))
+
+
+def covariance(start: FloatArray, truth: FloatArray) -> FloatArray:
+    """Mean square error of every joint, (N, 3, 3) mm²; about zero, as that of an unbiased start would be."""
+    error = start - truth
+    return np.einsum("tni,tnj->nij", error, error) / len(error)

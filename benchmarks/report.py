@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 from scenarios import FloatArray, Scene
@@ -38,11 +39,13 @@ def missing(columns: Mapping[str, FloatArray], scene: Scene, where: str) -> list
 def show(measured: Mapping[str, Any]) -> None:
     """Print one table, the conditions and the notes, at most 110 characters wide."""
     console = Console(width=110, highlight=False)
-    table = Table(title=measured["title"], title_justify="left")
-    table.add_column(measured["head"])
+    table = Table(
+        title=measured["title"], title_justify="left", box=SIMPLE_HEAD, pad_edge=False, collapse_padding=True
+    )
+    table.add_column(measured["head"], no_wrap=True)
     names = list(dict.fromkeys(name for row in measured["rows"].values() for name in row))
     for name in names:
-        table.add_column(name, justify="right")
+        table.add_column(name, justify="right", overflow="fold")
     for row, values in measured["rows"].items():
         table.add_row(row, *[_text(values.get(name)) for name in names])
     console.print(table)

@@ -180,6 +180,8 @@ def mvor(detector: str = "openpose") -> Scene:
     elbows, wrists, hips), labelled to about ±50 mm. The published distortion is not applied: it makes the
     labels' reprojection error larger.
     """
+    if not MVOR.is_file():
+        raise FileNotFoundError(f"the operating-room data are not at {MVOR}")
     with np.load(MVOR) as archive:
         size = tuple(int(s) for s in archive["image_size"])
         matrices = list(zip(archive["K"], archive["w2c"], strict=True))

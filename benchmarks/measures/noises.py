@@ -11,6 +11,7 @@ from methods import (
     RANSACS,
     Fields,
     available,
+    covariance,
     default,
     dlt,
     monocular_start,
@@ -40,13 +41,15 @@ def table(
     for name, noise in NOISES.items():
         here = scene(noise, poses, seed, kind=kind, n_views=n_views, n_seeds=n_seeds)
         start = monocular_start(here, START_MM, seed)
-        sigma = per_axis_sigma(start, here.truth)
-        found, absent = available(_columns(here, start, sigma, fast, fields))
+        sigma, spread = per_axis_sigma(start, here.truth), covariance(start, here.truth)
+        found, absent = available(_columns(here, start, (sigma, spread), fast, fields))
         rows[name] = {column: report.mpjpe(pose, here) for column, pose in found.items()}
-        rows[name] |= {"start": report.mpjpe(start, here)}
         errors_of_mean[name] = {column: _standard_error(pose, here) for column, pose in found.items()}
         notes += absent + report.missing(found, here, name)
-        notes.append(f"{name}: init_sigma {sigma:.1f} mm")
+        axes = ", ".join(f"{s:.1f}" for s in np.sqrt(np.diagonal(spread.mean(axis=0))))
+        notes.append(
+            f"{name}: start {report.mpjpe(start, here):.1f} mm, {sigma:.1f} mm per axis ({axes} on x, y, z)"
+        )
     return report.figures(
         "MPJPE, mm (joints that at least two views detect)",
         "detections",
@@ -60,22 +63,23 @@ def table(
 
 
 def _columns(
-    here: Scene, start: FloatArray, sigma: float, fast: bool, fields: Fields | None
+    here: Scene, start: FloatArray, prior: tuple[float, FloatArray], fast: bool, fields: Fields | None
 ) -> dict[str, Any]:
     columns: dict[str, Any] = {
         "DLT": lambda: dlt(here),
-        "DLT weighted": lambda: dlt(here, weighted=True),
+        "DLT conf.": lambda: dlt(here, weighted=True),
         **{
             name: lambda method=method: method(here)
             for name, method in (RANSACS if fast else ALL_RANSACS).items()
         },
     }
     if not fast:
-        columns["paper from DLT"] = lambda: paper(here).pose
-        columns["paper from start"] = lambda: paper(here, start).pose
+        columns["paper, DLT"] = lambda: paper(here).pose
+        columns["paper, start"] = lambda: paper(here, start).pose
     columns["default"] = lambda: default(here, fields=fields).pose
-    columns["default from start"] = lambda: default(here, start, fields=fields).pose
-    columns["default with prior"] = lambda: default(here, start, init_sigma=sigma, fields=fields).pose
+    columns["from start"] = lambda: default(here, start, fields=fields).pose
+    columns["with sigma"] = lambda: default(here, start, init_sigma=prior[0], fields=fields).pose
+    columns["with covar."] = lambda: default(here, start, init_sigma=prior[1], fields=fields).pose
     return columns
 
 

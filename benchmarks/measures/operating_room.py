@@ -20,7 +20,7 @@ def mvor(*, detector: str = "openpose", fast: bool = False, fields: Fields | Non
     here = mvor_scene(detector)
     columns: dict[str, Any] = {
         "DLT": lambda: dlt(here),
-        "DLT weighted": lambda: dlt(here, weighted=True),
+        "DLT conf.": lambda: dlt(here, weighted=True),
         **{
             name: lambda method=method: method(here)
             for name, method in (RANSACS if fast else ALL_RANSACS).items()

@@ -22,7 +22,7 @@ def useless(
 ) -> dict[str, Any]:
     """Change of the result in mm, and MPJPE without and with the fifth view; `fast` leaves the slow out."""
     four = scene("good", poses, seed)
-    methods: dict[str, Any] = {"DLT": dlt, "DLT weighted": lambda s: dlt(s, weighted=True)}
+    methods: dict[str, Any] = {"DLT": dlt, "DLT conf.": lambda s: dlt(s, weighted=True)}
     methods |= RANSACS if fast else ALL_RANSACS
     if not fast:
         methods["paper"] = lambda s: paper(s).pose

@@ -12,7 +12,11 @@ use skelsplat_core::testing::scenes::{exact_detections, room, standing};
 use skelsplat_core::unit::Unit;
 
 fn valid_frame() -> Frame {
-    Frame { detections: exact_detections(&standing(), &room(4)), init_pose: Some(standing()), init_covariance: None }
+    Frame {
+        detections: exact_detections(&standing(), &room(4)),
+        init_pose: Some(standing()),
+        init_covariance: None,
+    }
 }
 
 fn refine(frame: &Frame) -> Result<(), Error> {
@@ -42,7 +46,11 @@ fn wrong_number_of_views() {
 #[test]
 fn a_layout_of_another_number_of_joints() {
     let pose = &standing()[..15];
-    let frame = Frame { detections: exact_detections(pose, &room(4)), init_pose: None, init_covariance: None };
+    let frame = Frame {
+        detections: exact_detections(pose, &room(4)),
+        init_pose: None,
+        init_covariance: None,
+    };
     assert_eq!(text(refine(&frame)), "detections: expected the layout's 17 joints, got 15 joints");
 }
 

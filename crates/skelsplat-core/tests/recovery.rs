@@ -46,7 +46,11 @@ fn exact_detections_recover_the_pose_from_20_mm_of_noise() {
     let cameras = room(4);
     let detections = exact_detections(&standing(), &cameras);
     for seed in 0..5 {
-        let frame = Frame { detections: detections.clone(), init_pose: Some(start(20.0, seed)), init_covariance: None };
+        let frame = Frame {
+            detections: detections.clone(),
+            init_pose: Some(start(20.0, seed)),
+            init_covariance: None,
+        };
         let out = refine(&cameras, Unit::Millimetre, &frame, RefineConfig::paper());
         let before = mean_error(&out.init_pose, &standing());
         assert!(before > 20.0, "the start is not noisy: {before}");
@@ -63,7 +67,11 @@ fn the_unit_changes_nothing() {
     let metres: Vec<Camera> = cameras.iter().map(|c| c.clone().with_length_scale(1e-3)).collect();
     let detections = exact_detections(&standing(), &cameras);
     let config = RefineConfig { max_steps: 20, ..RefineConfig::paper() };
-    let in_mm = Frame { detections: detections.clone(), init_pose: Some(start(20.0, 1)), init_covariance: None };
+    let in_mm = Frame {
+        detections: detections.clone(),
+        init_pose: Some(start(20.0, 1)),
+        init_covariance: None,
+    };
     let in_m = Frame {
         detections,
         init_pose: in_mm.init_pose.as_ref().map(|p| p.iter().map(|x| x * 1e-3).collect()),
@@ -135,7 +143,8 @@ fn joints_behind_every_camera_or_outside_every_image_are_outcomes() {
     for (j, place) in [(4, outside), (9, behind)] {
         let mut init = standing();
         init[j] = place;
-        let frame = Frame { detections: detections.clone(), init_pose: Some(init), init_covariance: None };
+        let frame =
+            Frame { detections: detections.clone(), init_pose: Some(init), init_covariance: None };
         let out = refine(&cameras, Unit::Millimetre, &frame, RefineConfig::paper());
         assert_ne!(out.joint_status[j], JointStatus::Ok);
         assert!(out.pose.iter().flat_map(|p| p.iter()).all(|v| v.is_finite()));

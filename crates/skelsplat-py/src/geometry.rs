@@ -78,8 +78,9 @@ pub(crate) fn triangulate<'py>(
     let frames = Frames::new(detections, confidence)?;
     let Cameras { cameras, unit } = Cameras::new(cameras)?;
     frames.expect_views(py, cameras.len())?;
-    let found: skelsplat_core::Result<Vec<Triangulated>> = py
-        .detach(|| frames.frames.iter().map(|d| core::triangulate(d, &cameras, unit, method)).collect());
+    let found: skelsplat_core::Result<Vec<Triangulated>> = py.detach(|| {
+        frames.frames.iter().map(|d| core::triangulate(d, &cameras, unit, method)).collect()
+    });
     let (points, rejected): (Vec<_>, Vec<_>) =
         found.or_raise(py)?.into_iter().map(|t| (t.points, t.rejected)).unzip();
     let points = points_out(py, &points.concat(), &frames.shape(&[frames.n_joints, 3]))?;

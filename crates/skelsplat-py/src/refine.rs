@@ -98,9 +98,10 @@ fn initial_covariances(
         [f, k, 3, 3] if frames.batch && *f == t && *k == n => array.matrices(),
         _ => {
             let expected = format!("a number, ({n},), ({n}, 3, 3) or one of those per frame");
-            return Err(array.expect(py, "init_sigma", &expected, false).err().unwrap_or_else(
-                || invalid(py, "init_sigma", &expected, "another shape"),
-            ));
+            return Err(array
+                .expect(py, "init_sigma", &expected, false)
+                .err()
+                .unwrap_or_else(|| invalid(py, "init_sigma", &expected, "another shape")));
         }
     };
     let valid = |c: &Matrix3<f64>| c.iter().any(|v| v.is_nan()) || c.cholesky().is_some();
@@ -108,10 +109,12 @@ fn initial_covariances(
         let expected = "a positive standard deviation, or a positive definite covariance";
         return Err(invalid(py, &format!("init_sigma[{}]", k % n), expected, "one that is not"));
     }
-    Ok((0..t).map(|f| {
-        let of_frame = if covariances.len() == n { 0..n } else { f * n..(f + 1) * n };
-        Some(covariances[of_frame].to_vec())
-    }).collect())
+    Ok((0..t)
+        .map(|f| {
+            let of_frame = if covariances.len() == n { 0..n } else { f * n..(f + 1) * n };
+            Some(covariances[of_frame].to_vec())
+        })
+        .collect())
 }
 
 /// Runs a batch on a thread of its own while this one reports progress and listens for Ctrl-C.

@@ -15,6 +15,7 @@ pub mod consensus;
 pub mod noise;
 pub mod rays;
 pub mod solver;
+pub mod swaps;
 
 pub use noise::NoiseModel;
 pub use rays::{Offset, Ray, Rays};

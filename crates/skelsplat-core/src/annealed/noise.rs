@@ -12,7 +12,9 @@ use nalgebra::Vector3;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum NoiseModel {
     /// Its standard deviation per axis, pixels.
-    Given(f64),
+    Pixels(f64),
+    /// Its standard deviation across the ray, mm.
+    Millimetres(f64),
     /// To be estimated.
     Estimated,
 }
@@ -59,7 +61,8 @@ impl NoiseModel {
     /// s², mm², from the joints' residuals under a kernel of standard deviation `sigma`, with pixels of `pixel` mm.
     pub(super) fn variance(self, residuals: &[Residuals], sigma: f64, pixel: f64) -> f64 {
         match self {
-            Self::Given(px) => (px * pixel).powi(2),
+            Self::Pixels(px) => (px * pixel).powi(2),
+            Self::Millimetres(mm) => mm * mm,
             Self::Estimated => {
                 let squares: f64 = residuals.iter().map(|r| r.squares).sum();
                 let freedom: f64 = residuals.iter().map(|r| r.freedom).sum();

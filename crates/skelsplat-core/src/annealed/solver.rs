@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::noise::{NoiseModel, Residuals, pixel_size};
-use super::rays::Rays;
+use super::rays::{Ray, Rays};
 use crate::optim::gauss_newton::{Coupling, NormalEquations};
 use crate::symmetry::LimbPair;
 
@@ -106,6 +106,63 @@ const SYMMETRY_REACH: f64 = 3.0;
 /// A step is no longer than this part of the way to the nearest camera.
 const TRUST: f64 = 0.5;
 
+/// What one joint's rays add up to.
+#[derive(Debug, Clone, Copy)]
+struct Sums {
+    /// Σ c k.
+    weight: f64,
+    /// Σ c k d dᵀ: xx, xy, xz, yy, yz, zz.
+    outer: [f64; 6],
+    /// −Σ c k e.
+    pull: Vector3<f64>,
+    squares: f64,
+    support: f64,
+    farthest: f64,
+    nearest: f64,
+}
+
+impl Default for Sums {
+    fn default() -> Self {
+        Self {
+            weight: 0.0,
+            outer: [0.0; 6],
+            pull: Vector3::zeros(),
+            squares: 0.0,
+            support: 0.0,
+            farthest: 0.0,
+            nearest: f64::INFINITY,
+        }
+    }
+}
+
+impl Sums {
+    #[inline]
+    fn add(&mut self, ray: &Ray, x: &Vector3<f64>, sigma: f64) {
+        let offset = ray.offset(x);
+        let k = offset.weight(sigma);
+        let w = ray.weight * k;
+        let (d, square) = (&ray.direction, offset.across.norm_squared());
+        let wd = w * d;
+        let outer = [wd.x * d.x, wd.x * d.y, wd.x * d.z, wd.y * d.y, wd.y * d.z, wd.z * d.z];
+        self.outer.iter_mut().zip(outer).for_each(|(sum, o)| *sum += o);
+        self.weight += w;
+        self.pull -= w * offset.across;
+        self.squares += w * square;
+        self.support += k;
+        self.farthest = self.farthest.max(square);
+        if offset.range > 0.0 {
+            self.nearest = self.nearest.min(offset.range);
+        }
+    }
+
+    /// Σ c k (I − d dᵀ).
+    fn information(&self) -> Matrix3<f64> {
+        let [xx, xy, xz, yy, yz, zz] = self.outer;
+        let w = self.weight;
+        Matrix3::new(w - xx, -xy, -xz, -xy, w - yy, -yz, -xz, -yz, w - zz)
+    }
+}
+
 /// State of a run.
 struct Run<'a> {
     problem: &'a Problem<'a>,
@@ -154,7 +211,7 @@ impl<'a> Run<'a> {
     fn new(problem: &'a Problem<'a>, points: Vec<Vector3<f64>>, sigma: Vec<f64>) -> Self {
         let n = points.len();
         let known = |j: usize| points[j].iter().all(|v| v.is_finite());
-        let seen = |j: usize| problem.rays.of_joint(j).iter().any(super::rays::Ray::is_there);
+        let seen = |j: usize| problem.rays.of_joint(j).iter().any(Ray::is_there);
         let pixel = pixel_size(problem.rays, &points).unwrap_or(1.0);
         let mut run = Self {
             active: (0..n).map(|j| known(j) && (seen(j) || problem.priors.is_some())).collect(),
@@ -177,37 +234,20 @@ impl<'a> Run<'a> {
         let precision = 1.0 / self.variance;
         for j in 0..self.points.len() {
             let x = self.points[j];
-            let (mut block, mut pull) = (Matrix3::zeros(), Vector3::zeros());
-            let (mut squares, mut support, mut weight_sum) = (0.0, 0.0, 0.0);
-            let (mut farthest, mut nearest) = (0.0_f64, f64::INFINITY);
+            let mut sums = Sums::default();
             if self.active[j] {
-                for ray in self.problem.rays.of_joint(j) {
-                    if !ray.is_there() {
-                        continue;
-                    }
-                    let offset = ray.offset(&x);
-                    let k = offset.weight(self.sigma[j]);
-                    let w = ray.weight * k;
-                    let square = offset.across.norm_squared();
-                    let d = &ray.direction;
-                    block -= (w * d) * d.transpose();
-                    weight_sum += w;
-                    pull -= w * offset.across;
-                    squares += w * square;
-                    support += k;
-                    farthest = farthest.max(square);
-                    nearest = if offset.range > 0.0 { nearest.min(offset.range) } else { nearest };
-                }
-                block = (block + Matrix3::from_diagonal_element(weight_sum)) * precision;
-                pull *= precision;
-                if let Some(prior) = self.problem.priors.map(|p| &p[j]) {
-                    block += prior.precision;
-                    pull -= prior.precision * (x - prior.mean);
+                for ray in self.problem.rays.of_joint(j).iter().filter(|ray| ray.is_there()) {
+                    sums.add(ray, &x, self.sigma[j]);
                 }
             }
+            let (mut block, mut pull) = (sums.information() * precision, sums.pull * precision);
+            if let Some(prior) = self.problem.priors.map(|p| &p[j]).filter(|_| self.active[j]) {
+                block += prior.precision;
+                pull -= prior.precision * (x - prior.mean);
+            }
             self.equations.set(j, block, pull);
-            self.residuals[j] = Residuals::new(squares, support);
-            (self.farthest[j], self.nearest[j]) = (farthest.sqrt(), nearest);
+            self.residuals[j] = Residuals::new(sums.squares, sums.support);
+            (self.farthest[j], self.nearest[j]) = (sums.farthest.sqrt(), sums.nearest);
         }
         self.couple();
     }

@@ -95,7 +95,9 @@ impl NormalEquations {
     /// The step −(H + μI)⁻¹ ∇ of every joint, with damping `mu(j)`. A joint whose block stays singular does not move.
     pub fn solve(&mut self, mu: impl Fn(usize) -> f64) -> &[Vector3<f64>] {
         self.factorise(mu);
-        for (step, (inverse, pull)) in self.steps.iter_mut().zip(self.inverse.iter().zip(&self.pulls)) {
+        for (step, (inverse, pull)) in
+            self.steps.iter_mut().zip(self.inverse.iter().zip(&self.pulls))
+        {
             *step = inverse * pull;
         }
         // δ = D⁻¹(b − G Q⁻¹ (Gᵀ D⁻¹ b + r)): the coupling's own gradient Λ r is folded in.
@@ -183,7 +185,8 @@ fn cholesky(a: &mut [f64], p: usize) {
             for k in 0..j {
                 sum -= a[i * p + k] * a[j * p + k];
             }
-            a[i * p + j] = if i == j { sum.max(f64::MIN_POSITIVE).sqrt() } else { sum / a[j * p + j] };
+            a[i * p + j] =
+                if i == j { sum.max(f64::MIN_POSITIVE).sqrt() } else { sum / a[j * p + j] };
         }
     }
 }

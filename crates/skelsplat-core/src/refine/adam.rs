@@ -76,7 +76,11 @@ impl Refiner {
         targets: Option<Shapes>,
     ) -> Result<(Loss, Vec<GaussianGradient>)> {
         let means = gaussians.iter().map(|g| g.mean).collect();
-        self.check(&Frame { detections: detections.clone(), init_pose: Some(means), init_covariance: None })?;
+        self.check(&Frame {
+            detections: detections.clone(),
+            init_pose: Some(means),
+            init_covariance: None,
+        })?;
         let mm = self.unit.millimetres();
         let in_mm = |g: &Gaussian| Gaussian {
             mean: g.mean * mm,
@@ -146,7 +150,7 @@ impl Refiner {
             view_weights: bars.view_weights,
             noise: bars.noise,
             init_pose: init.iter().map(|p| p / mm).collect(),
-            reprojection_error: self.reprojection_error(&frame.detections, &points),
+            reprojection_error: self.reprojection_error(&frame.detections, &points, |_, j| j),
             joint_status,
             loss,
             loss_history: run.history,

@@ -5,6 +5,8 @@ use nalgebra::{Matrix3, Vector3};
 use super::objective::Loss;
 use super::refiner::{Frame, Refiner};
 use super::result::{JointStatus, Refinement, StopReason};
+use crate::annealed::consensus::agreement;
+use crate::annealed::swaps;
 use crate::annealed::{Annealing, NoiseModel, Prior, Problem, Rays, Solution, solve};
 use crate::detections::Detections;
 use crate::triangulate::robust::{REJECTED, locate, start};
@@ -17,22 +19,114 @@ pub(super) struct ErrorBars {
     pub(super) noise: f64,
 }
 
+/// A solution for one assignment of left and right.
+struct Found {
+    rays: Rays,
+    init: Vec<Vector3<f64>>,
+    solution: Solution,
+}
+
+/// Rounds of looking for exchanged sides.
+const SWAP_ROUNDS: usize = 3;
+/// Detections of weight 1 that an exchange has to explain more after the pose was solved again.
+const SWAP_GAIN: f64 = 1.0;
+
+impl Found {
+    /// Whether a joint that `other` locates has no position here.
+    fn loses_against(&self, other: &Self) -> bool {
+        let (here, there) = (&self.solution.points, &other.solution.points);
+        here.iter().zip(there).any(|(x, y)| x.x.is_nan() && y.x.is_finite())
+    }
+
+    /// Σ c k over all detections, under the widest final kernel of both solutions that are compared.
+    fn explained(&self) -> f64 {
+        let joints = self.solution.points.iter().enumerate().filter(|(_, x)| x.x.is_finite());
+        joints.map(|(j, x)| agreement(self.rays.of_joint(j), x, Annealing::END)).sum()
+    }
+}
+
 impl Refiner {
     pub(super) fn refine_annealed(&self, frame: &Frame) -> Refinement {
         let used = self.usable(&frame.detections);
         let rays = Rays::new(&used, &self.cameras, self.view_weights());
-        let annealing = self.annealing(used.n_joints());
+        let mut annealing = self.annealing(used.n_joints());
+        if frame.init_covariance.is_some() {
+            // Without the prior: one that is wrong must not pass for noise of the detections.
+            annealing.noise = NoiseModel::Millimetres(locate(&rays, &annealing).noise);
+        }
         let priors = self.priors(frame);
-        let problem = Problem {
-            rays: &rays,
-            pairs: &self.pairs,
-            priors: priors.as_deref(),
-            annealing: &annealing,
-        };
-        let (init, sigma) = self.annealed_start(frame, &rays, &annealing);
-        let mut solution = solve(&problem, init.clone(), sigma);
-        let uncertainty = posterior(&problem, &mut solution);
-        self.annealed_result(frame, &problem, (&init, &solution), uncertainty)
+        let mut found = self.find(frame, rays, priors.as_deref(), &annealing);
+        let mut swapped = vec![false; used.n_views() * used.n_joints()];
+        for _ in 0..SWAP_ROUNDS {
+            let swaps = swaps::find(&found.rays, &self.chains, &found.solution);
+            if swaps.is_empty() {
+                break;
+            }
+            let rays = self.exchanged(&found.rays, &swaps);
+            let other = self.find(frame, rays, priors.as_deref(), &annealing);
+            if other.loses_against(&found) || other.explained() <= found.explained() + SWAP_GAIN {
+                break;
+            }
+            found = other;
+            self.mark(&swaps, &mut swapped, used.n_joints());
+        }
+        let problem = self.problem(&found.rays, priors.as_deref(), &annealing);
+        let uncertainty = posterior(&problem, &mut found.solution);
+        self.annealed_result(frame, &problem, &found, (swapped, uncertainty))
+    }
+
+    fn problem<'a>(
+        &'a self,
+        rays: &'a Rays,
+        priors: Option<&'a [Prior]>,
+        annealing: &'a Annealing,
+    ) -> Problem<'a> {
+        Problem { rays, pairs: &self.pairs, priors, annealing }
+    }
+
+    fn find(
+        &self,
+        frame: &Frame,
+        rays: Rays,
+        priors: Option<&[Prior]>,
+        annealing: &Annealing,
+    ) -> Found {
+        let (init, sigma) = self.annealed_start(frame, &rays, annealing);
+        let solution = solve(&self.problem(&rays, priors, annealing), init.clone(), sigma);
+        Found { rays, init, solution }
+    }
+
+    /// The rays with the chains of `swaps` exchanged.
+    fn exchanged(&self, rays: &Rays, swaps: &[(usize, usize)]) -> Rays {
+        let mut out = rays.clone();
+        for (view, chain) in swaps {
+            for [l, r] in &self.chains[*chain] {
+                out.swap(*view, *l, *r);
+            }
+        }
+        out
+    }
+
+    fn mark(&self, swaps: &[(usize, usize)], swapped: &mut [bool], n_joints: usize) {
+        for (view, chain) in swaps {
+            for j in self.chains[*chain].iter().flatten() {
+                swapped[view * n_joints + j] ^= true;
+            }
+        }
+    }
+
+    /// For detection `(view, joint)` as it was given, the joint that it was used for.
+    fn used_for(&self, swapped: &[bool], view: usize, joint: usize, n_joints: usize) -> usize {
+        if !swapped[view * n_joints + joint] {
+            return joint;
+        }
+        let pairs = self.chains.iter().flatten();
+        let mut partners = pairs.filter_map(|[l, r]| match joint {
+            j if j == *l => Some(*r),
+            j if j == *r => Some(*l),
+            _ => None,
+        });
+        partners.next().unwrap_or(joint)
     }
 
     /// Where to begin, mm, and with which kernel.
@@ -47,9 +141,10 @@ impl Refiner {
             return (found.points, found.sigma);
         };
         let mm = self.unit.millimetres();
-        let given = pose.iter().enumerate().map(|(j, p)| {
-            if p.iter().all(|v| v.is_finite()) { p * mm } else { start(rays, j) }
-        });
+        let given = pose
+            .iter()
+            .enumerate()
+            .map(|(j, p)| if p.iter().all(|v| v.is_finite()) { p * mm } else { start(rays, j) });
         let sigma = if frame.init_covariance.is_some() { annealing.start } else { f64::INFINITY };
         (given.collect(), vec![sigma; pose.len()])
     }
@@ -81,7 +176,7 @@ impl Refiner {
             symmetry_sigma: config.symmetry_sigma,
             max_steps: config.max_steps,
             tolerance: config.step_tolerance,
-            noise: config.detection_sigma.map_or(NoiseModel::Estimated, NoiseModel::Given),
+            noise: config.detection_sigma.map_or(NoiseModel::Estimated, NoiseModel::Pixels),
         }
     }
 
@@ -89,19 +184,25 @@ impl Refiner {
     pub(super) fn error_bars(&self, used: &Detections, points: &[Vector3<f64>]) -> ErrorBars {
         let rays = Rays::new(used, &self.cameras, self.view_weights());
         let annealing = Annealing { max_steps: 0, ..self.annealing(points.len()) };
-        let problem =
-            Problem { rays: &rays, pairs: &self.pairs, priors: None, annealing: &annealing };
+        let problem = self.problem(&rays, None, &annealing);
         let mut solution = solve(&problem, points.to_vec(), annealing.end.clone());
         let covariances = posterior(&problem, &mut solution);
-        self.bars(&rays, &solution, &covariances)
+        self.bars(&rays, &solution, &covariances, &vec![false; used.n_views() * used.n_joints()])
     }
 
-    fn bars(&self, rays: &Rays, solution: &Solution, covariances: &[Matrix3<f64>]) -> ErrorBars {
+    fn bars(
+        &self,
+        rays: &Rays,
+        solution: &Solution,
+        covariances: &[Matrix3<f64>],
+        swapped: &[bool],
+    ) -> ErrorBars {
         let mm = self.unit.millimetres();
         let (m, n) = (rays.n_views(), rays.n_joints());
         let weight = |k: usize| {
-            let (ray, x) = (&rays.of_joint(k % n)[k / n], &solution.points[k % n]);
-            if ray.is_there() { ray.offset(x).weight(solution.sigma[k % n]) } else { f64::NAN }
+            let (i, j) = (k / n, self.used_for(swapped, k / n, k % n, n));
+            let (ray, x) = (&rays.of_joint(j)[i], &solution.points[j]);
+            if ray.is_there() { ray.offset(x).weight(solution.sigma[j]) } else { f64::NAN }
         };
         ErrorBars {
             uncertainty: covariances.iter().map(|c| c / (mm * mm)).collect(),
@@ -114,27 +215,30 @@ impl Refiner {
         &self,
         frame: &Frame,
         problem: &Problem<'_>,
-        (init, solution): (&[Vector3<f64>], &Solution),
-        covariances: Vec<Matrix3<f64>>,
+        found: &Found,
+        (swapped, covariances): (Vec<bool>, Vec<Matrix3<f64>>),
     ) -> Refinement {
         let mm = self.unit.millimetres();
-        let rays = problem.rays;
-        let bars = self.bars(rays, solution, &covariances);
+        let (rays, solution) = (problem.rays, &found.solution);
+        let n = rays.n_joints();
+        let bars = self.bars(rays, solution, &covariances, &swapped);
+        let used_for = |i: usize, j: usize| self.used_for(&swapped, i, j, n);
+        let errors = self.reprojection_error(&frame.detections, &solution.points, used_for);
         let splat = |(x, sigma): (&Vector3<f64>, &f64)| {
             let variance = if x.x.is_nan() { f64::NAN } else { (sigma / mm).powi(2) };
             Matrix3::from_diagonal_element(variance)
         };
-        let joint_status = joint_status(rays, &bars.view_weights);
+        let joint_status = joint_status(rays, solution);
         let observed = joint_status.iter().any(|s| *s != JointStatus::Unobserved);
         Refinement {
             pose: solution.points.iter().map(|p| p / mm).collect(),
             covariance: solution.points.iter().zip(&solution.sigma).map(splat).collect(),
             uncertainty: bars.uncertainty,
-            swapped: vec![false; bars.view_weights.len()],
+            reprojection_error: errors,
+            swapped,
             view_weights: bars.view_weights,
             noise: bars.noise,
-            init_pose: init.iter().map(|p| p / mm).collect(),
-            reprojection_error: self.reprojection_error(&frame.detections, &solution.points),
+            init_pose: found.init.iter().map(|p| p / mm).collect(),
             joint_status,
             loss: loss(problem, solution),
             loss_history: Vec::new(),
@@ -148,19 +252,17 @@ impl Refiner {
     }
 }
 
-fn joint_status(rays: &Rays, weights: &[f64]) -> Vec<JointStatus> {
-    let (m, n) = (rays.n_views(), rays.n_joints());
+fn joint_status(rays: &Rays, solution: &Solution) -> Vec<JointStatus> {
     let one = |j: usize| {
-        let of_joint = (0..m).map(|i| weights[i * n + j]);
-        match of_joint.clone().filter(|k| *k >= REJECTED).count() {
-            _ if of_joint.clone().all(f64::is_nan) && !rays.of_joint(j).iter().any(|r| r.is_there()) => {
-                JointStatus::Unobserved
-            }
+        let (x, sigma) = (&solution.points[j], solution.sigma[j]);
+        let there = || rays.of_joint(j).iter().filter(|ray| ray.is_there());
+        match there().filter(|ray| ray.offset(x).weight(sigma) >= REJECTED).count() {
+            _ if there().next().is_none() => JointStatus::Unobserved,
             0 | 1 => JointStatus::Weak,
             _ => JointStatus::Ok,
         }
     };
-    (0..n).map(one).collect()
+    (0..rays.n_joints()).map(one).collect()
 }
 
 /// The terms of F (see [`crate::annealed`]): data and symmetry.
@@ -172,10 +274,6 @@ fn loss(problem: &Problem<'_>, solution: &Solution) -> Loss {
             render += ray.weight * scale * (1.0 - ray.offset(x).weight(solution.sigma[j]));
         }
     }
-    let symmetry = crate::symmetry::symmetry(
-        |j| solution.points[j],
-        problem.pairs,
-        |_, _| (),
-    );
+    let symmetry = crate::symmetry::symmetry(|j| solution.points[j], problem.pairs, |_, _| ());
     Loss { total: render, render, symmetry }
 }

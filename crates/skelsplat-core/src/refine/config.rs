@@ -248,10 +248,9 @@ impl RefineConfig {
         positive("sigma", self.sigma)?;
         positive("sigma_start", self.sigma_start)?;
         positive("symmetry_sigma", self.symmetry_sigma)?;
-        for (field, value) in [
-            ("sigma_per_noise", self.sigma_per_noise),
-            ("detection_sigma", self.detection_sigma),
-        ] {
+        for (field, value) in
+            [("sigma_per_noise", self.sigma_per_noise), ("detection_sigma", self.detection_sigma)]
+        {
             if let Some(value) = value {
                 positive(field, value)?;
             }

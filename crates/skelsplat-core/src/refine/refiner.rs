@@ -7,6 +7,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::adam::position_lr;
 use super::config::{Optimizer, RefineConfig};
 use super::result::Refinement;
+use crate::annealed::swaps::{Chain, chains};
 use crate::camera::Camera;
 use crate::detections::Detections;
 use crate::error::{Error, Result};
@@ -39,6 +40,7 @@ pub struct Refiner {
     /// At the rendering resolution.
     pub(super) views: Vec<View>,
     pub(super) pairs: Vec<LimbPair>,
+    pub(super) chains: Vec<Chain>,
     pub(super) occlusion_prone: Vec<usize>,
     pub(super) n_joints: Option<usize>,
     pub(super) position_lr: f64,
@@ -76,6 +78,7 @@ impl Refiner {
             views: scaled?.iter().map(View::new).collect(),
             position_lr: position_lr(&config, &cameras),
             pairs: pairs.unwrap_or_default(),
+            chains: layout.filter(|_| config.find_swaps).map(chains).unwrap_or_default(),
             occlusion_prone: layout.map(|l| l.occlusion_prone.clone()).unwrap_or_default(),
             n_joints: layout.map(|l| l.joints.len()),
             cameras,
@@ -150,15 +153,17 @@ impl Refiner {
         }
     }
 
-    /// ‖detection − reprojection‖ `(M, N)` in the image as it was given.
+    /// ‖detection − reprojection‖ `(M, N)` in the image as it was given; `used_for(view, joint)` says to which joint a
+    /// detection belongs.
     pub(super) fn reprojection_error(
         &self,
         detections: &Detections,
         points: &[Vector3<f64>],
+        used_for: impl Fn(usize, usize) -> usize,
     ) -> Vec<f64> {
         let n = points.len();
         let one = |k: usize| {
-            let (camera, mean) = (&self.cameras[k / n], &points[k % n]);
+            let (camera, mean) = (&self.cameras[k / n], &points[used_for(k / n, k % n)]);
             let (pixel, _) = detections.get(k / n, k % n)?;
             let project =
                 if self.config.undistort { Camera::project } else { Camera::project_ideal };
@@ -167,4 +172,3 @@ impl Refiner {
         (0..self.cameras.len() * n).map(|k| one(k).unwrap_or(f64::NAN)).collect()
     }
 }
-

@@ -50,7 +50,8 @@ pub fn locate(rays: &Rays, annealing: &Annealing) -> Solution {
 /// The point nearest to all rays of joint `j`.
 #[must_use]
 pub fn start(rays: &Rays, j: usize) -> Vector3<f64> {
-    nearest_point(rays.of_joint(j), |_, ray| ray.weight).unwrap_or_else(|| Vector3::repeat(f64::NAN))
+    nearest_point(rays.of_joint(j), |_, ray| ray.weight)
+        .unwrap_or_else(|| Vector3::repeat(f64::NAN))
 }
 
 /// Moves joints without a majority to the point on which more detections agree; whether any has moved.
@@ -66,7 +67,8 @@ fn reconsider(rays: &Rays, solution: &mut Solution) -> bool {
         let mean = of_joint.iter().map(|ray| ray.weight).sum::<f64>() / views;
         let sigma = solution.sigma[j];
         let now = agreement(of_joint, &solution.points[j], sigma);
-        if let Some((x, agreed)) = best_pair(of_joint, sigma).filter(|b| b.1 > now + MARGIN * mean) {
+        if let Some((x, agreed)) = best_pair(of_joint, sigma).filter(|b| b.1 > now + MARGIN * mean)
+        {
             let _ = agreed;
             solution.points[j] = x;
             moved = true;

@@ -1,0 +1,221 @@
+//! Left and right exchanged in a view: found by hypothesis.
+//!
+//! A detector that takes the left arm for the right one exchanges all joints of the arm. In units of detections, what view
+//! i explains of a chain of joints is Σ c k over its detections; exchanged, each is judged at the other side's
+//! joint. A view counts as exchanged where that explains clearly more. Where no assignment explains the chain at its present
+//! position, so that the position itself may be a mixture of both sides, two views at a time (the same way round or not)
+//! propose another one and all views are judged at it.
+
+use nalgebra::Vector3;
+
+use super::rays::{Ray, Rays, nearest_point};
+use super::solver::Solution;
+use crate::layout::Layout;
+
+/// Detections of mean weight by which the exchange has to explain more.
+const GAIN: f64 = 1.5;
+/// A view that differs by less between both ways round is undecided (the limbs cover each other).
+const UNDECIDED: f64 = 0.5;
+/// Detections of mean weight by which a view may fail to explain a chain before it is against the chain's position.
+const UNEXPLAINED: f64 = 1.0;
+/// Of two views that contradict each other nothing says which is exchanged.
+const LEAST_VIEWS: usize = 3;
+/// Views of which two at a time propose a position.
+const MOST_PROPOSERS: usize = 8;
+
+/// Kernel, in multiples of the final one, under which a proposed position settles.
+const SETTLE: f64 = 2.0;
+
+/// (left, right) joints that a detector exchanges together, from the trunk outwards: arms, legs, face.
+pub type Chain = Vec<[usize; 2]>;
+
+/// The left-right pairs of a layout, grouped by its limbs. Limbs that join two groups (shoulder to hip) are no part.
+#[must_use]
+pub fn chains(layout: &Layout) -> Vec<Chain> {
+    let pairs = &layout.left_right;
+    let of_joint = |j: usize| pairs.iter().position(|pair| pair[0] == j);
+    let mut group: Vec<usize> = (0..pairs.len()).collect();
+    let symmetric = layout.symmetric.iter().filter(|p| p.tier <= 2).map(|p| p.left);
+    for [a, b] in symmetric.chain(layout.limbs.iter().copied()) {
+        let (Some(a), Some(b)) = (of_joint(a), of_joint(b)) else { continue };
+        let (kept, gone) = (group[a].min(group[b]), group[a].max(group[b]));
+        let size = |g: usize| group.iter().filter(|other| **other == g).count();
+        if kept != gone && (size(kept) == 1 || size(gone) == 1) {
+            group.iter_mut().filter(|g| **g == gone).for_each(|g| *g = kept);
+        }
+    }
+    let members = |g: usize| -> Chain {
+        let mut chain: Chain =
+            (0..pairs.len()).filter(|k| group[*k] == g).map(|k| pairs[k]).collect();
+        let at_trunk = |pair: &[usize; 2]| {
+            let limbs = layout.symmetric.iter().filter(|p| p.tier == 2);
+            limbs.clone().all(|p| p.left[0] != pair[0])
+        };
+        chain.sort_by_key(at_trunk);
+        chain
+    };
+    (0..pairs.len()).map(members).filter(|chain| !chain.is_empty()).collect()
+}
+
+/// Both ways round of a chain in one view, in Σ c k, and how much there is to explain.
+#[derive(Debug, Clone, Copy, Default)]
+struct Ways {
+    own: f64,
+    exchanged: f64,
+    all: f64,
+}
+
+/// A frame whose chains are judged.
+struct Judge<'a> {
+    rays: &'a Rays,
+    sigma: &'a [f64],
+    /// Mean weight of a detection.
+    unit: f64,
+}
+
+/// Which chains are exchanged in which views, as (view, chain).
+#[must_use]
+pub fn find(rays: &Rays, chains: &[Chain], solution: &Solution) -> Vec<(usize, usize)> {
+    let there = || (0..rays.n_joints()).flat_map(|j| rays.of_joint(j)).filter(|ray| ray.is_there());
+    let unit = there().map(|ray| ray.weight).sum::<f64>() / there().count().max(1) as f64;
+    let judge = Judge { rays, sigma: &solution.sigma, unit };
+    let mut found = Vec::new();
+    for (c, chain) in chains.iter().enumerate() {
+        let others = chains.iter().enumerate().filter(|(o, _)| *o != c).map(|(_, o)| o[0]);
+        let across = others.map(|[l, r]| solution.points[l] - solution.points[r]);
+        let sideways = across.filter(|v| v.x.is_finite()).sum();
+        found.extend(judge.views(chain, &solution.points, &sideways).into_iter().map(|i| (i, c)));
+    }
+    found
+}
+
+impl Judge<'_> {
+    fn weight(&self, ray: &Ray, x: &Vector3<f64>, sigma: f64) -> f64 {
+        if ray.is_there() && x.x.is_finite() {
+            ray.weight * ray.offset(x).weight(sigma)
+        } else {
+            0.0
+        }
+    }
+
+    /// Both ways round of `chain` in view `i` with its joints at `at`: (left, right) per pair.
+    fn ways(&self, i: usize, chain: &Chain, at: &[[Vector3<f64>; 2]]) -> Ways {
+        let mut ways = Ways::default();
+        for (pair, x) in chain.iter().zip(at) {
+            for side in 0..2 {
+                let ray = &self.rays.of_joint(pair[side])[i];
+                ways.all += ray.weight;
+                ways.own += self.weight(ray, &x[side], self.sigma[pair[side]]);
+                ways.exchanged += self.weight(ray, &x[1 - side], self.sigma[pair[1 - side]]);
+            }
+        }
+        ways
+    }
+
+    fn all_ways(&self, chain: &Chain, at: &[[Vector3<f64>; 2]]) -> Vec<Ways> {
+        (0..self.rays.n_views()).map(|i| self.ways(i, chain, at)).collect()
+    }
+
+    /// Views in which the chain is exchanged; `sideways` is the sum of the other chains' right-to-left vectors at the trunk.
+    fn views(&self, chain: &Chain, points: &[Vector3<f64>], sideways: &Vector3<f64>) -> Vec<usize> {
+        let at: Vec<[Vector3<f64>; 2]> = chain.iter().map(|p| p.map(|j| points[j])).collect();
+        let ways = self.all_ways(chain, &at);
+        if ways.iter().filter(|w| w.all > 0.0).count() < LEAST_VIEWS {
+            return Vec::new();
+        }
+        let explained = best_ways(&ways);
+        let against = |w: &&Ways| w.all - w.own.max(w.exchanged) > UNEXPLAINED * self.unit;
+        if 2 * ways.iter().filter(against).count() >= ways.len() {
+            if let Some((proposal, there)) = self.best_proposal(chain) {
+                if best_ways(&there) >= explained + GAIN * self.unit {
+                    return self.right_way_round(&proposal, &there, sideways);
+                }
+            }
+        }
+        let gains = |w: &Ways| w.exchanged - w.own >= GAIN * self.unit;
+        (0..ways.len()).filter(|i| gains(&ways[*i])).collect()
+    }
+
+    /// The position of the chain, from two views, that explains most when every view chooses its way round.
+    fn best_proposal(&self, chain: &Chain) -> Option<(Vec<[Vector3<f64>; 2]>, Vec<Ways>)> {
+        let proposers = self.rays.n_views().min(MOST_PROPOSERS);
+        let mut best: Option<(Vec<[Vector3<f64>; 2]>, Vec<Ways>)> = None;
+        for (a, b) in (0..proposers).flat_map(|a| (a + 1..proposers).map(move |b| (a, b))) {
+            for exchanged in [false, true] {
+                let at = self.proposal(chain, a, b, exchanged);
+                let at = self.settled(chain, &at, &self.all_ways(chain, &at));
+                let ways = self.all_ways(chain, &at);
+                if best.as_ref().is_none_or(|(_, most)| best_ways(&ways) > best_ways(most)) {
+                    best = Some((at, ways));
+                }
+            }
+        }
+        best
+    }
+
+    fn proposal(
+        &self,
+        chain: &Chain,
+        a: usize,
+        b: usize,
+        exchanged: bool,
+    ) -> Vec<[Vector3<f64>; 2]> {
+        let meet = |pair: &[usize; 2], side: usize| {
+            let first = self.rays.of_joint(pair[side])[a];
+            let second = self.rays.of_joint(pair[if exchanged { 1 - side } else { side }])[b];
+            let both = first.is_there() && second.is_there();
+            let x = if both { nearest_point(&[first, second], |_, _| 1.0) } else { None };
+            x.unwrap_or_else(|| Vector3::repeat(f64::NAN))
+        };
+        chain.iter().map(|pair| [meet(pair, 0), meet(pair, 1)]).collect()
+    }
+
+    /// One weighted step of the chain's joints, every view the way round that explains more.
+    fn settled(
+        &self,
+        chain: &Chain,
+        at: &[[Vector3<f64>; 2]],
+        ways: &[Ways],
+    ) -> Vec<[Vector3<f64>; 2]> {
+        let step = |pair: &[usize; 2], side: usize, x: &Vector3<f64>| {
+            let ray = |i: usize| {
+                let exchanged = ways[i].exchanged > ways[i].own;
+                self.rays.of_joint(pair[if exchanged { 1 - side } else { side }])[i]
+            };
+            let rays: Vec<Ray> = (0..ways.len()).map(ray).collect();
+            let sigma = SETTLE * self.sigma[pair[side]];
+            nearest_point(&rays, |_, ray| self.weight(ray, x, sigma)).unwrap_or(*x)
+        };
+        let both = |(pair, x): (&[usize; 2], &[Vector3<f64>; 2])| {
+            [step(pair, 0, &x[0]), step(pair, 1, &x[1])]
+        };
+        chain.iter().zip(at).map(both).collect()
+    }
+
+    /// Exchanged views of a proposal, whose own sides may be exchanged as a whole: the fewer views are, else the way in
+    /// which left lies where the rest of the body has it.
+    fn right_way_round(
+        &self,
+        at: &[[Vector3<f64>; 2]],
+        ways: &[Ways],
+        sideways: &Vector3<f64>,
+    ) -> Vec<usize> {
+        let least = UNDECIDED * self.unit;
+        let exchanged = |i: &usize| ways[*i].exchanged - ways[*i].own > least;
+        let own = |i: &usize| ways[*i].own - ways[*i].exchanged > least;
+        let one: Vec<usize> = (0..ways.len()).filter(exchanged).collect();
+        let other: Vec<usize> = (0..ways.len()).filter(own).collect();
+        let across =
+            at.iter().map(|[l, r]| l - r).filter(|v| v.x.is_finite()).sum::<Vector3<f64>>();
+        match one.len().cmp(&other.len()) {
+            std::cmp::Ordering::Less => one,
+            std::cmp::Ordering::Greater => other,
+            std::cmp::Ordering::Equal if across.dot(sideways) < 0.0 => other,
+            std::cmp::Ordering::Equal => one,
+        }
+    }
+}
+
+fn best_ways(ways: &[Ways]) -> f64 {
+    ways.iter().map(|w| w.own.max(w.exchanged)).sum()
+}

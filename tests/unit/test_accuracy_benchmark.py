@@ -1,0 +1,40 @@
+"""The measuring programs run, on few poses; what they measure is not judged here."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+from pathlib import Path
+
+import pytest
+
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+FEW = 12
+
+
+@pytest.fixture
+def accuracy(monkeypatch):
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    return importlib.import_module("accuracy")
+
+
+@pytest.mark.parametrize("name", ["table", "start", "coverage", "swaps", "useless", "sweep", "views"])
+def test_every_measure_gives_a_table_of_at_most_110_characters(accuracy, capsys, name):
+    function = accuracy.MEASURES[name]
+    known = inspect.signature(function).parameters
+    options = {"poses": FEW, "fast": True}
+    figures = function(**{option: value for option, value in options.items() if option in known})
+    assert figures["rows"]
+    accuracy.report.show(figures)
+    # The last line repeats the command, however long.
+    assert max(len(line) for line in capsys.readouterr().out.splitlines()[:-1]) <= 110
+
+
+def test_the_same_seed_gives_the_same_figures(accuracy):
+    once, again = (accuracy.table(poses=FEW, fast=True)["rows"] for _ in range(2))
+    assert once == again
+
+
+def test_settings_are_read_as_what_they_look_like(accuracy):
+    texts = ["a=1", "b=0.5", "c=true", "d=none", "e=adam"]
+    assert dict(map(accuracy.parsed, texts)) == {"a": 1, "b": 0.5, "c": True, "d": None, "e": "adam"}
