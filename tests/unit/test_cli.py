@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import subprocess
 import sys
@@ -19,7 +20,7 @@ from skelsplat.io import PoseData, read_npz, read_trc, write_calibration, write_
 
 T = 5
 NOISE_PX = 2.0
-RESULTS = {"pose.npz", "pose.csv", "pose.trc", "report.json", "overview.png", "heatmaps.png"}
+RESULTS = {"pose.npz", "pose.csv", "pose.trc", "report.json", "overview.png", "weights.png"}
 
 
 def write_detections(root, rig, detections):
@@ -91,8 +92,12 @@ def test_the_printed_table_fits_80_columns_and_counts_missing_detections(argumen
     # a line may end in the path of the results, which has no place to break
     assert all(len(line) <= 80 for line in lines if "Wrote to" not in line and not line.startswith("/"))
     last_camera = next(line.split() for line in lines if line.split()[:1] == ["cam4"])
-    # camera, median "a → b", 90th percentile "a → b", used, missing, poor
+    # camera, median "a → b", 90th percentile "a → b", used, missing, rejected, weight
     assert last_camera[7:9] == [str(16 * T), str(T)]
+    assert len(last_camera) == 11
+    assert 0.25 < float(last_camera[10]) <= 1.0
+    assert "Noise of the detections, estimated: " in result.stdout
+    assert "Error bars, one standard deviation per axis: median " in result.stdout
     assert "ms per frame" in result.stdout
     assert "\x1b[" not in result.stdout
 
@@ -118,16 +123,109 @@ def test_the_report_holds_statistics_settings_and_timing(recording, arguments):
     assert report["timing"]["ms_per_frame"] == pytest.approx(1000 * report["timing"]["refine_s"] / T)
 
 
-def test_a_poor_detection_is_counted(recording, arguments):
-    folder, rig, _ = recording
-    path = folder / "openpose" / rig.names[0] / "000002_keypoints.json"
+def spoil(folder, camera, frame, joint, by=200.0):
+    """Move one detection to the right by so many pixels."""
+    path = folder / "openpose" / camera / f"{frame:06d}_keypoints.json"
     document = json.loads(path.read_text())
-    document["people"][0]["pose_keypoints_2d"][3 * 16] += 200.0
+    document["people"][0]["pose_keypoints_2d"][3 * joint] += by
     path.write_text(json.dumps(document))
+
+
+def test_a_rejected_detection_is_counted_per_camera_and_per_joint(recording, arguments):
+    folder, rig, _ = recording
+    spoil(folder, rig.names[0], frame=2, joint=16)
+    result = invoke(*arguments, *READ, *FAST)
+    report = json.loads((folder / "out" / "report.json").read_text())
+    errors = report["reprojection_error"]
+    assert errors["rejected_below"] == sk.REJECTED_WEIGHT
+    assert [camera["rejected"] for camera in errors["cameras"]] == [1, 0, 0, 0]
+    assert [joint["rejected"] for joint in errors["joints"]] == [0] * 16 + [1]
+    assert errors["joints"][16]["poor"] == errors["cameras"][0]["poor"] == 1
+    assert errors["cameras"][0]["mean_weight"] < errors["cameras"][1]["mean_weight"]
+    first = next(line.split() for line in result.stdout.splitlines() if line.split()[:1] == ["cam1"])
+    assert first[9] == "1"
+    written = read_npz(folder / "out" / "pose.npz")
+    assert np.argwhere(written.view_weights < sk.REJECTED_WEIGHT).tolist() == [[2, 0, 16]]
+    with (folder / "out" / "pose.csv").open(newline="") as stream:
+        rows = {(row["frame"], row["joint"]): row for row in csv.DictReader(stream)}
+    assert rows["2", "right_wrist"]["n_rejected"] == "1"
+    deviations = np.sqrt(np.diagonal(written.uncertainty[2, 16]))
+    assert [float(rows["2", "right_wrist"][axis]) for axis in ("sx", "sy", "sz")] == deviations.tolist()
+
+
+def test_the_noise_and_the_error_bars_are_reported(recording, arguments):
+    folder, _, pose = recording
     assert invoke(*arguments, *READ, *FAST).exit_code == 0
-    errors = json.loads((folder / "out" / "report.json").read_text())["reprojection_error"]
-    assert errors["joints"][16]["poor"] >= 1
-    assert errors["joints"][3]["poor"] == 0
+    report = json.loads((folder / "out" / "report.json").read_text())
+    written = read_npz(folder / "out" / "pose.npz")
+    assert report["noise"]["median_mm"] == pytest.approx(np.median(written.noise))
+    # five frames of 67 detections: the estimate is within a third of the truth
+    assert report["noise"]["median_px"] == pytest.approx(NOISE_PX, rel=1 / 3)
+    bars = [joint["error_bar_median_mm"] for joint in report["reprojection_error"]["joints"]]
+    error = np.linalg.norm(written.pose - pose, axis=-1)
+    # the mean length of a normal vector of three components is 1.6 σ
+    assert error.mean() == pytest.approx(1.6 * np.median(bars), rel=0.3)
+
+
+def test_paper_runs_the_papers_preset_and_draws_heat_maps(recording, arguments):
+    folder, _, _ = recording
+    assert invoke(*arguments, *READ, *FAST, "-q").exit_code == 0
+    robust = read_npz(folder / "out" / "pose.npz")
+    settings = json.loads((folder / "out" / "report.json").read_text())["settings"]
+    assert settings["optimizer"] == "gauss_newton"
+    result = invoke(*arguments, *READ, *FAST, "--paper")
+    assert result.exit_code == 0, result.output
+    assert {path.name for path in (folder / "out").iterdir()} == RESULTS | {"heatmaps.png"}
+    report = json.loads((folder / "out" / "report.json").read_text())
+    assert report["preset"] == "paper"
+    assert report["settings"] == sk.RefineConfig.paper(max_steps=30).to_dict()
+    paper = read_npz(folder / "out" / "pose.npz")
+    assert not np.array_equal(paper.pose, robust.pose)
+    assert paper.uncertainty.shape == robust.uncertainty.shape
+    assert "Error bars" in result.stdout
+
+
+def test_an_independent_start_counts_as_an_observation(recording, arguments):
+    folder, _, pose = recording
+    write_npz(folder / "s.npz", PoseData(pose + 500.0, tuple(sk.layouts.H36M17.joints), np.arange(T), "mm"))
+    run = [*arguments, *READ, *FAST, "-q", "--init", folder / "s.npz"]
+    assert invoke(*run).exit_code == 0
+    without = read_npz(folder / "out" / "pose.npz").pose
+    assert invoke(*run, "--init-sigma", "0.001").exit_code == 0
+    # a start that is certain to a micrometre stays where it is
+    np.testing.assert_allclose(read_npz(folder / "out" / "pose.npz").pose, pose + 500.0, atol=0.1)
+    assert np.linalg.norm(without - pose, axis=-1).max() < 100.0
+
+
+def test_no_swaps_switches_the_search_off(recording, arguments):
+    folder, _, _ = recording
+    assert invoke(*arguments, *READ, *FAST, "--no-swaps").exit_code == 0
+    assert json.loads((folder / "out" / "report.json").read_text())["settings"]["find_swaps"] is False
+
+
+def exchange_sides(folder, camera):
+    """Exchange left and right in every file of a camera."""
+    other = np.arange(17)
+    for left, right in sk.layouts.H36M17.left_right:
+        other[[left, right]] = right, left
+    for path in (folder / "openpose" / camera).glob("*.json"):
+        frame = json.loads(path.read_text())
+        points = np.array(frame["people"][0]["pose_keypoints_2d"]).reshape(-1, 3)[other]
+        frame["people"][0]["pose_keypoints_2d"] = points.ravel().tolist()
+        path.write_text(json.dumps(frame))
+
+
+def test_exchanged_sides_are_counted_and_a_mirrored_camera_is_named(recording, arguments):
+    folder, _, _ = recording
+    exchange_sides(folder, "cam2")
+    result = invoke(*arguments, *READ, "--fps", 50)
+    text = " ".join(result.stdout.split())
+    assert "Left and right were exchanged, and set right, in" in text
+    assert "! cam2: left and right are exchanged in" in text
+    cameras = json.loads((folder / "out" / "report.json").read_text())["reprojection_error"]["cameras"]
+    assert cameras[1]["swapped"] > 0
+    assert cameras[0]["swapped"] == cameras[2]["swapped"] == 0
+    assert all(len(line) <= 80 for line in result.stdout.splitlines() if not line.startswith("/"))
 
 
 def test_json_goes_to_stdout_and_quiet_prints_nothing(recording, arguments):
@@ -178,6 +276,12 @@ def test_y_up_turns_the_marker_file_only(recording, arguments):
         ([*READ, "--sigma", "-1"], ["--sigma", "positive", "-1"]),
         ([*READ, "--occlusion-sigma", "0"], ["--occlusion-sigma", "positive", "0"]),
         ([*READ, "--fps", "nan"], ["--fps", "positive", "nan"]),
+        ([*READ, "--init-sigma", "40"], ["--init-sigma", "--init beside it", "none"]),
+        ([*READ, "--init", "a.npz", "--init-sigma", "-4"], ["--init-sigma", "positive", "-4"]),
+        (
+            [*READ, "--paper", "--init", "a.npz", "--init-sigma", "40"],
+            ["--init-sigma", "without --paper", "both"],
+        ),
         ([*READ, "--symmetry-tier", "4"], ["--symmetry-tier", "3"]),
         ([*READ, "--max-steps", "many"], ["--max-steps"]),
         ([*READ, "--sigmas", "3"], ["--sigmas"]),
@@ -315,10 +419,7 @@ def test_version_and_python_m():
     assert run.stderr.count("\n") == 1
 
 
-def test_demo_refines_the_sample(tmp_path, monkeypatch):
-    # All frames, few steps: the command passes its settings on as they are in the job
-    whole = _pipeline.sk.RefineConfig
-    monkeypatch.setattr(_pipeline.sk, "RefineConfig", lambda **given: whole(max_steps=5, **given))
+def test_demo_refines_the_sample(tmp_path):
     result = invoke("demo", "-o", tmp_path / "demo")
     assert result.exit_code == 0, result.output
     assert {path.name for path in (tmp_path / "demo").iterdir()} == RESULTS | {"input"}
@@ -330,6 +431,29 @@ def test_demo_refines_the_sample(tmp_path, monkeypatch):
     assert [camera["name"] for camera in report["reprojection_error"]["cameras"]] == [
         f"cam_0{i}" for i in (1, 2, 3, 4)
     ]
+    assert report["preset"] == "default"
+    # one camera disagrees, and the weights say which
+    assert [doubt.split()[0] for doubt in report["doubts"] if "disagrees" in doubt] == ["cam_03"]
+    lines = result.stdout.splitlines()
+    assert all(len(line) <= 80 for line in lines if not line.startswith(("Wrote to", "/")))
+
+
+def test_demo_of_the_paper(tmp_path, monkeypatch):
+    # All frames, few steps: the command passes its settings on as they are in the job
+    preset = sk.RefineConfig.paper
+
+    class Hurried:
+        @staticmethod
+        def paper(**given):
+            return preset(max_steps=2, **given)
+
+    monkeypatch.setattr(_pipeline.sk, "RefineConfig", Hurried)
+    result = invoke("demo", "--paper", "-o", tmp_path)
+    assert result.exit_code == 0, result.output
+    assert {path.name for path in tmp_path.iterdir()} == RESULTS | {"heatmaps.png", "input"}
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert report["preset"] == "paper"
+    assert report["settings"]["optimizer"] == "adam"
 
 
 def test_pick_person_by_place_and_by_size():
@@ -378,9 +502,40 @@ def test_what_to_distrust_is_said_in_words(recording, arguments):
     result = invoke(*arguments, *READ)
     assert result.exit_code == 0, result.output
     text = " ".join(result.stdout.split())
-    assert "! cam3: the pose follows the other cameras and moves away from this one" in text
+    assert "! cam3 disagrees with the other cameras: 100 % of its detections are rejected, " in text
     doubts = json.loads((folder / "out" / "report.json").read_text())["doubts"]
-    assert [doubt.split(":")[0] for doubt in doubts] == ["cam3"]
+    assert [doubt.split()[0] for doubt in doubts] == ["cam3"]
+
+
+@pytest.mark.parametrize("preset", [[], ["--paper"]])
+def test_a_layout_of_the_same_number_of_joints_is_doubted(recording, arguments, preset):
+    """H36M-17 read as COCO-17: the same number of joints in another order."""
+    result = invoke(*arguments, "--unit", "mm", "--layout", "coco17", *FAST, *preset)
+    text = " ".join(result.stdout.split())
+    assert "! Left and right differ, " in text
+    assert "is the layout right" in text
+
+
+def test_detections_of_other_cameras_are_doubted(recording, arguments):
+    folder, rig, _ = recording
+    a, b = (folder / "openpose" / rig.names[i] for i in (0, 1))
+    a.rename(folder / "c")
+    b.rename(a)
+    (folder / "c").rename(b)
+    result = invoke(*arguments, *READ, *FAST)
+    assert "of all detections are rejected: check that calibration, cameras" in " ".join(result.stdout.split())
+
+
+def test_an_error_bar_far_above_the_others_is_named(recording, arguments):
+    """Joint 16 is seen by one camera alone: its depth is open."""
+    folder, rig, _ = recording
+    for camera in rig.names[1:]:
+        for path in (folder / "openpose" / camera).glob("*.json"):
+            frame = json.loads(path.read_text())
+            frame["people"][0]["pose_keypoints_2d"][3 * 16 :] = [0.0, 0.0, 0.0]
+            path.write_text(json.dumps(frame))
+    text = " ".join(invoke(*arguments, *READ, *FAST).stdout.split())
+    assert "right_wrist (" in text.split("! Error bars far above the median of ")[1]
 
 
 def test_detections_that_are_no_pixels_are_doubted(recording, arguments):

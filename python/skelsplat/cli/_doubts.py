@@ -16,12 +16,14 @@ if TYPE_CHECKING:
 
 # Most: at least this share.
 _MOSTLY = 0.5
-# Under normal noise exp(−2·4·ln 4) of the detections, none in practice, falls below the weight of a rejected
-# one; a detector's outliers are a few per cent. A camera stands out with this share and this multiple of
-# the other cameras' share, and the whole recording with the last.
+# Under normal noise hardly a detection is rejected (k < 1/4 at σ = 2 s has probability 4⁻⁸), and a detector's
+# outliers are a few per cent. A camera stands out with this share and this multiple of the other cameras'
+# share, the whole recording with the last.
 _CAMERA_SHARE, _CAMERA_RATIO, _WHOLE_SHARE = 0.1, 3.0, 1 / 3
 # A robust fit may leave the median where it was; a tenth more is further away.
 _FURTHER = 1.1
+# About half the arms and legs, which are half of a layout's joints or more.
+_MIRRORED_SHARE = 0.25
 # Longer side over shorter side that no person's arms or legs have.
 _LIMB_RATIO = 1.5
 # A joint's error bar over the typical joint's.
@@ -35,7 +37,7 @@ def find_doubts(inputs: Inputs, outcome: Outcome, statistics: Statistics) -> lis
     return [
         *_whole(statistics),
         *_cameras(statistics),
-        *_mirrored(inputs, statistics),
+        *_mirrored(statistics),
         *_limbs(inputs, outcome),
         *_joints(statistics),
         *_statuses(inputs, outcome),
@@ -48,7 +50,7 @@ def _whole(statistics: Statistics) -> Iterator[str]:
         yield "No detection could be used: are they pixels of these cameras' images (not 0 to 1), x before y?"
     elif total.rejected_share >= _WHOLE_SHARE:
         yield (
-            f"{total.rejected_share:.0%} of all detections are rejected: check that calibration, cameras and "
+            f"{_percent(total.rejected_share)} of all detections are rejected: check that calibration, cameras and "
             "detections belong together, their timing, the unit and the layout."
         )
     elif total.after_px > _FURTHER * total.before_px:
@@ -66,18 +68,17 @@ def _cameras(statistics: Statistics) -> Iterator[str]:
         if group.rejected_share < max(_CAMERA_SHARE, _CAMERA_RATIO * share):
             continue
         yield (
-            f"{group.name} disagrees with the other cameras: {group.rejected_share:.0%} of its detections are "
-            f"rejected, {share:.0%} of theirs, and its mean weight is {group.mean_weight:.2f}. The pose follows "
+            f"{group.name} disagrees with the other cameras: {_percent(group.rejected_share)} of its detections are "
+            f"rejected, {_percent(share)} of theirs, and its mean weight is {group.mean_weight:.2f}. The pose follows "
             "the others: check this camera's calibration and timing, and what it can see."
         )
 
 
-def _mirrored(inputs: Inputs, statistics: Statistics) -> Iterator[str]:
-    """Name cameras in which most joints that have a mirror image are exchanged with it."""
-    share = 2 * len(inputs.layout.left_right) / inputs.layout.n_joints
+def _mirrored(statistics: Statistics) -> Iterator[str]:
     for group in statistics.cameras:
-        if group.swapped > _MOSTLY * share * group.used:
-            yield f"{group.name}: left and right are exchanged in most detections: is its image mirrored?"
+        if group.used and group.swapped >= _MIRRORED_SHARE * group.used:
+            share = _percent(group.swapped / group.used)
+            yield f"{group.name}: left and right are exchanged in {share} of its detections: is it mirrored?"
 
 
 def _limbs(inputs: Inputs, outcome: Outcome) -> Iterator[str]:
@@ -126,6 +127,10 @@ def _statuses(inputs: Inputs, outcome: Outcome) -> Iterator[str]:
         ]
         if parts:
             yield f"{label}, that is, {meaning}: {', '.join(parts)}."
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f} %"
 
 
 def _frames(numbers: np.ndarray) -> str:

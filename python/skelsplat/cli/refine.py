@@ -52,13 +52,13 @@ def refine(
 
     [bold]Examples[/bold]
 
-    skelsplat refine Calib.toml openpose/ -o out --unit m --layout body25b
+    skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b
 
-    skelsplat refine Calib.toml openpose/ -o out --unit m --layout body25 --fps 60 --y-up
+    skelsplat refine Calib.toml pose/ -o out --unit m --layout body25 --y-up
 
-    skelsplat refine Calib.toml openpose/ -o out-paper --unit m --layout body25b --paper
+    skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b --paper
 
-    skelsplat refine Calib.toml openpose/ -o out --unit m --layout body25b --init mono.npz --init-sigma 40
+    skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b --init mono.npz --init-sigma 40
     """
     settings = {
         "sigma": sigma,

@@ -26,7 +26,7 @@ ACROSS = 4
 MOST = 2 * ACROSS
 _MARGIN_IN = 0.75  # left of a panel
 _TALLEST_IN = 4.0
-_GAP_IN = 1.05  # title above and label below
+_GAP_IN = 0.95  # title above and label below
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,8 @@ def _draw_panel(axes: Axes, panel: CameraPanel, skeleton: Skeleton) -> None:
     draw_limbs(axes, pose, skeleton, linewidth=1.4, alpha=0.9, zorder=3)
     draw_ellipses(axes, pose, panel.covariances, colours)
     taken = ~panel.rejected
-    for start, end in zip(detections[panel.rejected], pose[panel.rejected], strict=True):
+    away = panel.rejected & ~panel.swapped  # an exchanged one was meant for another joint
+    for start, end in zip(detections[away], pose[away], strict=True):
         axes.plot(*np.stack([start, end], axis=1), color=_style.REJECTED, linewidth=1.2, zorder=4)
     axes.scatter(*detections[taken].T, s=20, marker="x", color=_style.DETECTION, linewidths=1.1, zorder=5)
     axes.scatter(
@@ -124,7 +125,7 @@ def _draw_panel(axes: Axes, panel: CameraPanel, skeleton: Skeleton) -> None:
         zorder=5,
     )
     (left, right), (top, bottom) = _window(panel)
-    axes.set_aspect("equal")
+    axes.set_aspect("equal", anchor="N")
     axes.set(xlim=(left - 0.5, right + 0.5), ylim=(bottom + 0.5, top - 0.5), xlabel="u [px]", ylabel="v [px]")
     seen = int(np.isfinite(detections).all(axis=1).sum())
     axes.set_title(f"{panel.name}: {int(panel.rejected.sum())} of {seen} rejected")

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     Array = npt.NDArray[np.float64]
 
 _BODY_IN = 9.0  # the body and the errors, with their legend
-_HEADER_IN = 0.9  # of the cameras: their heading and legend
+_HEADER_IN = 0.75  # of the cameras: their heading and legend
 _ERRORS_LEFT_IN, _ERRORS_WIDTH_IN = 10.15, 3.57
 
 
@@ -85,8 +85,8 @@ def write_overview(path: str | os.PathLike[str], data: OverviewData, *, skeleton
     if panels:
         draw_panels(figure, panels, heights, skeleton, 0.1)
         shown = f"{len(panels)} of {len(data.panels)} cameras" if len(panels) < len(data.panels) else "Cameras"
-        _text(figure, 0.25, below - 0.1, f"{shown}, the same frame, cut to the person")
-        _legend(figure, (0.2, below - 0.75), _panel_entries(panels))
+        _text(figure, 0.25, below - 0.08, f"{shown}, the same frame, cut to the person")
+        _legend(figure, (0.2, below - 0.72), _panel_entries(panels))
     return _style.save_png(figure, path)
 
 

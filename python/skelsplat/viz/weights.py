@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.ticker import MaxNLocator
 
 from skelsplat.viz import _style
 
@@ -26,10 +27,12 @@ _LEFT_IN, _RIGHT_IN = 1.6, 1.5
 _ROW_IN = 0.42
 _LEAST_IN = 1.0
 _MOST_NUMBERS = 32  # joints for which the numbers fit into the cells
+_MOST_NAMES = 60
 _DARK = 0.45  # below, a number is written in white
 
-_WEIGHT = LinearSegmentedColormap.from_list("weight", ["#7a0047", "#c2508f", "#ecc3da", "#ffffff"])
-_WEIGHT.set_bad("#e4e4e4")
+_WEIGHT = LinearSegmentedColormap.from_list(
+    "weight", ["#7a0047", "#c2508f", "#ecc3da", "#ffffff"]
+).with_extremes(bad="#e4e4e4")
 
 
 @dataclass(frozen=True)
@@ -64,9 +67,9 @@ def write_weights(path: str | os.PathLike[str], data: WeightData) -> Path:
         If ``path`` cannot be written.
     """
     height = max(_ROW_IN * len(data.camera_names), _LEAST_IN)
-    figure = _style.new_figure(2 * height + 3.9)
+    figure = _style.new_figure(2 * height + 3.05)
     width = _style.WIDTH_IN - _LEFT_IN - _RIGHT_IN
-    by_joint = figure.add_axes(_style.box(figure, _LEFT_IN, height + 2.75, width, height))
+    by_joint = figure.add_axes(_style.box(figure, _LEFT_IN, height + 2.3, width, height))
     by_frame = figure.add_axes(_style.box(figure, _LEFT_IN, 0.7, width, height))
     image = _draw_joints(by_joint, data)
     _draw_frames(by_frame, data)
@@ -86,10 +89,12 @@ def write_weights(path: str | os.PathLike[str], data: WeightData) -> Path:
 def _draw_joints(axes: Axes, data: WeightData) -> AxesImage:
     mean = _mean(data.weights, axis=0)
     image = _draw_matrix(axes, mean, data.camera_names)
-    axes.set_xticks(range(len(data.joint_names)), data.joint_names, rotation=45, ha="right")
+    some = slice(None, None, len(data.joint_names) // _MOST_NAMES + 1)
+    names = list(data.joint_names)
+    axes.set_xticks(range(len(names))[some], names[some], rotation=45, ha="right")
     rejected = _mean(np.where(np.isnan(data.weights), np.nan, data.weights < data.rejected_below), axis=(0, 2))
     for row, share in enumerate(rejected):
-        text = "none" if np.isnan(share) else f"{share:.0%} rejected"
+        text = "none" if np.isnan(share) else f"{100 * share:.0f} % rejected"
         axes.annotate(
             text, (1.01, row), xycoords=("axes fraction", "data"), va="center", fontsize=_style.SMALL_PT
         )
@@ -104,7 +109,8 @@ def _draw_joints(axes: Axes, data: WeightData) -> AxesImage:
 def _draw_frames(axes: Axes, data: WeightData) -> None:
     _draw_matrix(axes, _mean(data.weights, axis=2).T, data.camera_names)
     numbers = np.asarray(data.frames)
-    steps = np.unique(np.linspace(0, len(numbers) - 1, min(len(numbers), 11)).round().astype(int))
+    ticks = MaxNLocator(10, integer=True).tick_values(0, len(numbers) - 1).astype(int)
+    steps = [step for step in ticks if 0 <= step < len(numbers)]
     axes.set_xticks(steps, [str(numbers[step]) for step in steps])
     axes.set_xlabel("frame")
 
