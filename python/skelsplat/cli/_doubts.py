@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+import skelsplat as sk
 from skelsplat.cli._statistics import finite_median
 
 if TYPE_CHECKING:
@@ -29,7 +30,6 @@ _LIMB_RATIO = 1.5
 # A joint's error bar over the typical joint's.
 _BAR_RATIO = 2.0
 _MOST_FRAMES = 6
-_LAYOUT = "is the layout right (body25 and body25b both have 25 joints)?"
 
 
 def find_doubts(inputs: Inputs, outcome: Outcome, statistics: Statistics) -> list[str]:
@@ -50,27 +50,35 @@ def _whole(statistics: Statistics) -> Iterator[str]:
         yield "No detection could be used: are they pixels of these cameras' images (not 0 to 1), x before y?"
     elif total.rejected_share >= _WHOLE_SHARE:
         yield (
-            f"{_percent(total.rejected_share)} of all detections are rejected: check that calibration, cameras and "
-            "detections belong together, their timing, the unit and the layout."
+            f"{_percent(total.rejected_share)} of all detections are rejected: check that calibration, "
+            "cameras and detections belong together, their timing, the unit and the layout."
         )
     elif total.after_px > _FURTHER * total.before_px:
         yield (
             "The refined pose lies further from the detections than its start (median "
-            f"{total.before_px:.1f} to {total.after_px:.1f} px): check the layout, the unit and the calibration."
+            f"{total.before_px:.1f} to {total.after_px:.1f} px): check the layout, the unit and the "
+            "calibration."
         )
 
 
 def _cameras(statistics: Statistics) -> Iterator[str]:
     total = statistics.total
     for group in statistics.cameras:
+        if total.used and not group.used:
+            yield (
+                f"{group.name} has no detection that could be used. Either it does not see the person, or "
+                "what it sees does not agree with the other views: --person says who is followed."
+            )
+            continue
         others = total.used - group.used
         share = (total.rejected - group.rejected) / others if others else 1.0
         if group.rejected_share < max(_CAMERA_SHARE, _CAMERA_RATIO * share):
             continue
         yield (
-            f"{group.name} disagrees with the other cameras: {_percent(group.rejected_share)} of its detections are "
-            f"rejected, {_percent(share)} of theirs, and its mean weight is {group.mean_weight:.2f}. The pose follows "
-            "the others: check this camera's calibration and timing, and what it can see."
+            f"{group.name} disagrees with the other cameras: {_percent(group.rejected_share)} of its "
+            f"detections are rejected, {_percent(share)} of theirs, and its mean weight is "
+            f"{group.mean_weight:.2f}. The pose follows the others: check this camera's calibration and "
+            "timing, and what it can see."
         )
 
 
@@ -83,25 +91,30 @@ def _mirrored(statistics: Statistics) -> Iterator[str]:
 
 def _limbs(inputs: Inputs, outcome: Outcome) -> Iterator[str]:
     """Name the pair of limbs whose lengths differ most between left and right, if no person has that."""
-    pose, joints = np.asarray(outcome.result.pose) * inputs.rig.mm_per_unit, inputs.layout.joints
+    layout, joints = inputs.layout, inputs.layout.joints
+    known = np.asarray(outcome.result.joint_status) == "ok"
+    pose = np.where(known[..., None], outcome.result.pose, np.nan) * inputs.rig.mm_per_unit
 
     def length(limb: tuple[int, int]) -> float:
         return finite_median(np.linalg.norm(pose[:, limb[0]] - pose[:, limb[1]], axis=-1))
 
-    pairs = inputs.layout.symmetric_pairs(2)
+    pairs = layout.symmetric_pairs(2)
     lengths = [(length(left), length(right)) for left, right in pairs]
     ratios = [max(pair) / min(pair) if min(pair) > 0 else 0.0 for pair in lengths]
     if ratios and max(ratios) > _LIMB_RATIO:
         worst = int(np.argmax(ratios))
         names = (f"{joints[a]} to {joints[b]}" for a, b in pairs[worst])
         sizes = (f"{name} {size:.0f} mm" for name, size in zip(names, lengths[worst], strict=True))
-        yield f"Left and right differ, {' and '.join(sizes)}: {_LAYOUT}"
+        alike = [name for name in sk.layouts.names if sk.layouts.get(name).n_joints == layout.n_joints]
+        others = " and ".join(name for name in alike if name != layout.name)
+        hint = f" ({others} has as many joints)" if others else ""
+        yield f"Left and right differ, {' and '.join(sizes)}: is the layout right{hint}?"
 
 
 def _joints(statistics: Statistics) -> Iterator[str]:
     rejected = [group.name for group in statistics.joints if group.rejected_share >= _MOSTLY]
-    if rejected:
-        yield f"Most detections are rejected for {', '.join(rejected)}: {_LAYOUT}"
+    if 0 < len(rejected) <= _MOSTLY * len(statistics.joints):  # of more, the whole recording is in doubt
+        yield f"Most detections are rejected for {', '.join(rejected)}."
     typical = finite_median(statistics.error_bar_mm)
     bars = [finite_median(bar) for bar in statistics.error_bar_mm.T]
     wide = [

@@ -23,9 +23,7 @@ if TYPE_CHECKING:
 _AGREED_UP = 0.3
 
 
-def write_figures(
-    job: Job, inputs: Inputs, outcome: Outcome, statistics: Statistics
-) -> list[str]:
+def write_figures(job: Job, inputs: Inputs, outcome: Outcome, statistics: Statistics) -> list[str]:
     """Write ``overview.png`` and ``weights.png``, and heat maps where the method draws any; return names."""
     from skelsplat import viz  # matplotlib takes long to load, and --help does without
 

@@ -145,12 +145,13 @@ def _pixel_sizes(inputs: Inputs, outcome: Outcome) -> Array:
     seen = np.isfinite(outcome.result.reprojection_error)
     total = np.where(seen, ranges / focal[:, None], 0.0).sum(axis=(1, 2))
     count = seen.sum(axis=(1, 2))
-    return np.divide(total, count, out=np.full(len(pose), np.nan), where=count > 0)
+    mean: Array = np.divide(total, count, out=np.full(len(pose), np.nan), where=count > 0)
+    return mean
 
 
 @dataclass(frozen=True)
 class _Detections:
-    """Errors, whether a detection is there, its weight, and what was found of it; each (T, M, N) or a part."""
+    """Errors, whether a detection is there, its weight and what was found of it; (T, M, N) or a part."""
 
     before: Array
     after: Array

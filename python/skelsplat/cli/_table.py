@@ -112,9 +112,10 @@ def _lines(job: Job, inputs: Inputs, outcome: Outcome, statistics: Statistics) -
         f"Noise of the detections, estimated: {_number(statistics.noise_mm)} mm across the ray, "
         f"{_number(statistics.noise_px)} px."
     )
-    if statistics.total.swapped:
+    swapped = statistics.total.swapped
+    if swapped:
         found = _listed(f"{group.name} {group.swapped}" for group in statistics.cameras if group.swapped)
-        yield f"Left and right were exchanged, and set right, in {statistics.total.swapped} detections: {found}."
+        yield f"Left and right were exchanged, and set right, in {swapped} detections: {found}."
     yield ""
     typical = _number(finite_median(statistics.error_bar_mm))
     yield f"Error bars, one standard deviation per axis: median {typical} mm. The largest [mm]:"

@@ -43,6 +43,6 @@ def draw_ellipses(axes: Axes, centres: Array, covariances: Array, colours: Seque
         height, width = 2 * SIGMAS * np.sqrt(np.maximum(values, 0.0))
         angle = float(np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1])))
         patches.append(Ellipse((centres[j, 0], centres[j, 1]), width, height, angle=angle))
-        shown.append(colours[j])
+        shown.append(colours[int(j)])
     collection = PatchCollection(patches, facecolors=shown, edgecolors=shown, alpha=0.28, zorder=2.5)
     axes.add_collection(collection, autolim=False)

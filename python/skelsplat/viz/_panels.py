@@ -102,28 +102,18 @@ def _draw_panel(axes: Axes, panel: CameraPanel, skeleton: Skeleton) -> None:
     colours = [skeleton.colour(joint) for joint in range(len(pose))]
     draw_limbs(axes, pose, skeleton, linewidth=1.4, alpha=0.9, zorder=3)
     draw_ellipses(axes, pose, panel.covariances, colours)
-    taken = ~panel.rejected
     away = panel.rejected & ~panel.swapped  # an exchanged one was meant for another joint
     for start, end in zip(detections[away], pose[away], strict=True):
         axes.plot(*np.stack([start, end], axis=1), color=_style.REJECTED, linewidth=1.2, zorder=4)
-    axes.scatter(*detections[taken].T, s=20, marker="x", color=_style.DETECTION, linewidths=1.1, zorder=5)
-    axes.scatter(
-        *detections[panel.rejected].T,
-        s=30,
-        facecolors="white",
-        edgecolors=_style.REJECTED,
-        linewidths=1.5,
-        zorder=5,
-    )
-    axes.scatter(
-        *detections[panel.swapped].T,
-        s=70,
-        marker="D",
-        facecolors="none",
-        edgecolors=_style.SWAPPED,
-        linewidths=1.2,
-        zorder=5,
-    )
+    hollow = {"marker": "o", "facecolors": "white", "edgecolors": _style.REJECTED, "linewidths": 1.5}
+    diamond = {"marker": "D", "facecolors": "none", "edgecolors": _style.SWAPPED, "linewidths": 1.2}
+    cross = {"marker": "x", "color": _style.DETECTION, "linewidths": 1.1}
+    for which, size, style in (
+        (~panel.rejected, 20, cross),
+        (panel.rejected, 30, hollow),
+        (panel.swapped, 70, diamond),
+    ):
+        axes.scatter(detections[which, 0], detections[which, 1], size, zorder=5, **style)  # type: ignore[arg-type]
     (left, right), (top, bottom) = _window(panel)
     axes.set_aspect("equal", anchor="N")
     axes.set(xlim=(left - 0.5, right + 0.5), ylim=(bottom + 0.5, top - 0.5), xlabel="u [px]", ylabel="v [px]")

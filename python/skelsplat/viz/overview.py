@@ -84,7 +84,9 @@ def write_overview(path: str | os.PathLike[str], data: OverviewData, *, skeleton
     _legend(figure, (10.3, below + 0.1), _error_entries(data))
     if panels:
         draw_panels(figure, panels, heights, skeleton, 0.1)
-        shown = f"{len(panels)} of {len(data.panels)} cameras" if len(panels) < len(data.panels) else "Cameras"
+        shown = (
+            f"{len(panels)} of {len(data.panels)} cameras" if len(panels) < len(data.panels) else "Cameras"
+        )
         _text(figure, 0.25, below - 0.08, f"{shown}, the same frame, cut to the person")
         _legend(figure, (0.2, below - 0.72), _panel_entries(panels))
     return _style.save_png(figure, path)
@@ -148,7 +150,9 @@ def _panel_entries(panels: Sequence[CameraPanel]) -> list[Artist]:
     ]
     if any(panel.swapped.any() for panel in panels):
         entries.append(
-            _dots(_style.SWAPPED, "left and right exchanged", marker="D", markerfacecolor="none", markersize=8)
+            _dots(
+                _style.SWAPPED, "left and right exchanged", marker="D", markerfacecolor="none", markersize=8
+            )
         )
     entries.append(Line2D([], [], color=_style.MIDDLE, linewidth=1.4, label="refined pose, projected"))
     return entries

@@ -92,7 +92,9 @@ def _draw_joints(axes: Axes, data: WeightData) -> AxesImage:
     some = slice(None, None, len(data.joint_names) // _MOST_NAMES + 1)
     names = list(data.joint_names)
     axes.set_xticks(range(len(names))[some], names[some], rotation=45, ha="right")
-    rejected = _mean(np.where(np.isnan(data.weights), np.nan, data.weights < data.rejected_below), axis=(0, 2))
+    rejected = _mean(
+        np.where(np.isnan(data.weights), np.nan, data.weights < data.rejected_below), axis=(0, 2)
+    )
     for row, share in enumerate(rejected):
         text = "none" if np.isnan(share) else f"{100 * share:.0f} % rejected"
         axes.annotate(
@@ -109,7 +111,7 @@ def _draw_joints(axes: Axes, data: WeightData) -> AxesImage:
 def _draw_frames(axes: Axes, data: WeightData) -> None:
     _draw_matrix(axes, _mean(data.weights, axis=2).T, data.camera_names)
     numbers = np.asarray(data.frames)
-    ticks = MaxNLocator(10, integer=True).tick_values(0, len(numbers) - 1).astype(int)
+    ticks = np.asarray(MaxNLocator(10, integer=True).tick_values(0, len(numbers) - 1), dtype=int)
     steps = [step for step in ticks if 0 <= step < len(numbers)]
     axes.set_xticks(steps, [str(numbers[step]) for step in steps])
     axes.set_xlabel("frame")
