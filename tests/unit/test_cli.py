@@ -378,7 +378,7 @@ def test_what_to_distrust_is_said_in_words(recording, arguments):
     result = invoke(*arguments, *READ)
     assert result.exit_code == 0, result.output
     text = " ".join(result.stdout.split())
-    assert "! cam3: the pose follows the other cameras and moves away from this one" in text
+    assert "! cam3: the pose follows the other cameras and not this one" in text
     doubts = json.loads((folder / "out" / "report.json").read_text())["doubts"]
     assert [doubt.split(":")[0] for doubt in doubts] == ["cam3"]
 
