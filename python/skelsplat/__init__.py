@@ -7,6 +7,7 @@ Gaussian at the 2D detection. The public names are the ones listed in ``__all__`
 from skelsplat import layouts, metrics, synthetic
 from skelsplat._refine import LossAndGradient, Refinement, Refiner, loss_and_gradient, refine
 from skelsplat._skelsplat import (
+    REJECTED_WEIGHT,
     Camera,
     Layout,
     RefineConfig,
@@ -22,6 +23,7 @@ from skelsplat.cameras import CameraRig
 from skelsplat.exceptions import DatasetError, DegenerateGeometryError, InvalidInputError, SkelSplatError
 
 __all__ = [
+    "REJECTED_WEIGHT",
     "Camera",
     "CameraRig",
     "DatasetError",

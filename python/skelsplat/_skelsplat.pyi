@@ -11,9 +11,11 @@ from skelsplat.cameras import CameraRig
 __all__ = [
     "JOINT_STATUS",
     "LAYOUT_NAMES",
+    "REJECTED_WEIGHT",
     "Camera",
     "Layout",
     "RefineConfig",
+    "Refiner",
     "__version__",
     "fuse_monocular",
     "implausible_extent",
@@ -21,7 +23,6 @@ __all__ = [
     "project",
     "project_gaussians",
     "pseudo_ground_truth",
-    "refine",
     "render",
     "triangulate",
 ]
@@ -29,6 +30,8 @@ __all__ = [
 __version__: str
 LAYOUT_NAMES: list[str]
 JOINT_STATUS: list[str]
+REJECTED_WEIGHT: float
+"""Detections whose ``Refinement.view_weights`` are below this count as rejected."""
 
 _Cameras = CameraRig | Sequence[Camera]
 _Joint = int | str
@@ -463,18 +466,29 @@ def loss_and_gradient(
 ) -> dict[str, Any]:
     """Fields of ``skelsplat.LossAndGradient``."""
 
-def refine(
-    init_pose: ArrayLike | None,
-    detections: ArrayLike,
-    cameras: _Cameras,
-    *,
-    layout: str | Layout | None = None,
-    confidence: ArrayLike | None = None,
-    init_sigma: ArrayLike | None = None,
-    config: RefineConfig | None = None,
-    progress: Callable[[int, int], Any] | None = None,
-) -> dict[str, Any]:
-    """Fields of ``skelsplat.Refinement``, with ``joint_status`` as codes into ``JOINT_STATUS``."""
+@final
+class Refiner:
+    """Cameras, layout and settings, prepared once for any number of frames.
+
+    Raises
+    ------
+    InvalidInputError
+        No camera, an unknown layout, settings that do not fit the cameras.
+    """
+
+    def __new__(
+        cls, cameras: _Cameras, *, layout: str | Layout | None = None, config: RefineConfig | None = None
+    ) -> Refiner: ...
+    def refine(
+        self,
+        init_pose: ArrayLike | None,
+        detections: ArrayLike,
+        *,
+        confidence: ArrayLike | None = None,
+        init_sigma: ArrayLike | None = None,
+        progress: Callable[[int, int], Any] | None = None,
+    ) -> dict[str, Any]:
+        """Return the fields of ``skelsplat.Refinement``, with ``joint_status`` as codes into ``JOINT_STATUS``."""
 
 def implausible_extent(poses: ArrayLike, unit: str) -> str | None:
     """Return a sentence if the skeletons (T, N, 3) are taller than 10 m or shorter than 10 cm, else None."""

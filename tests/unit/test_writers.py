@@ -25,6 +25,12 @@ def data():
     errors[1, :, 1] = np.nan
     status = np.full((T, N), "ok", dtype="<U10")
     status[1, 1] = "unobserved"
+    weights = np.where(np.isfinite(errors), 0.9, np.nan)
+    weights[2, 0, 1] = 0.1
+    swapped = np.zeros((T, M, N), dtype=bool)
+    swapped[2, 1, 0] = True
+    uncertainty = np.broadcast_to(np.diag([100.0, 225.0, 400.0]), (T, N, 3, 3)).copy()
+    uncertainty[1, 1] = np.nan
     return PoseData(
         pose=pose,
         joint_names=("nose", "head top, upper"),
@@ -33,6 +39,10 @@ def data():
         camera_names=("cam_01", "cam_02"),
         init_pose=pose + 1.0,
         covariance=np.broadcast_to(400.0 * np.eye(3), (T, N, 3, 3)).copy(),
+        uncertainty=uncertainty,
+        view_weights=weights,
+        swapped=swapped,
+        noise=np.array([6.0, 7.0, np.nan]),
         reprojection_error=errors,
         joint_status=status,
         loss=np.array([0.1, 0.2, np.nan]),
@@ -60,6 +70,28 @@ def test_npz_states_the_version_and_needs_no_pickle(data, tmp_path):
         assert str(archive["version"]) == sk.__version__
         assert str(archive["unit"]) == "mm"
         assert archive["joint_names"].tolist() == ["nose", "head top, upper"]
+
+
+def test_npz_has_error_bars_and_weights_under_their_names(data, tmp_path):
+    write_npz(tmp_path / "pose.npz", data)
+    with np.load(tmp_path / "pose.npz", allow_pickle=False) as archive:
+        assert set(archive) == {entry.name for entry in fields(PoseData)} | {"version"}
+        assert archive["uncertainty"].shape == (T, N, 3, 3)
+        assert archive["view_weights"].shape == (T, M, N)
+        assert archive["swapped"].dtype == bool
+        assert archive["noise"].shape == (T,)
+
+
+def test_npz_of_other_programs_needs_only_poses_with_names_and_a_unit(data, tmp_path):
+    bare = PoseData(data.pose, data.joint_names, data.frames, "m")
+    np.savez(
+        tmp_path / "own.npz",
+        pose=data.pose,
+        joint_names=np.array(data.joint_names),
+        frames=data.frames,
+        unit=np.array("m"),
+    )
+    assert_equal(read_npz(tmp_path / "own.npz"), bare)
 
 
 def test_npz_of_poses_alone(data, tmp_path):
@@ -120,17 +152,24 @@ def test_csv_counts_views_and_averages_over_them(data, tmp_path):
     assert float(rows[2]["reprojection_error_px"]) == np.mean(data.reprojection_error[1, :, 0])
 
 
+def test_csv_has_standard_deviations_per_axis_and_counts_rejected_views(data, tmp_path):
+    write_csv(tmp_path / "pose.csv", data)
+    rows = rows_of(tmp_path / "pose.csv")
+    assert [float(rows[0][axis]) for axis in ("sx", "sy", "sz")] == [10.0, 15.0, 20.0]
+    assert [row["n_rejected"] for row in rows] == ["0", "0", "0", "0", "0", "1"]
+
+
 def test_csv_leaves_missing_values_empty(data, tmp_path):
     write_csv(tmp_path / "pose.csv", data)
     row = rows_of(tmp_path / "pose.csv")[3]
-    assert [row[key] for key in ("x", "y", "z", "reprojection_error_px")] == [""] * 4
+    assert [row[key] for key in ("x", "sx", "sz", "reprojection_error_px")] == [""] * 4
     assert (row["status"], row["n_views"]) == ("unobserved", "0")
 
 
 def test_csv_of_poses_alone(data, tmp_path):
     write_csv(tmp_path / "pose.csv", PoseData(data.pose, data.joint_names, data.frames, "m"))
     row = rows_of(tmp_path / "pose.csv")[0]
-    assert [row[key] for key in ("status", "n_views", "reprojection_error_px")] == [""] * 3
+    assert [row[key] for key in ("sx", "status", "n_views", "n_rejected")] == [""] * 4
 
 
 # trc
@@ -307,6 +346,9 @@ WRONG = {
     "frames": (np.arange(T + 1), r"frames: expected shape \(3,\), got \(4,\)"),
     "camera_names": (("cam_01",), r"reprojection_error: expected shape \(3, 1, 2\), got \(3, 2, 2\)"),
     "covariance": (np.zeros((T, N, 3)), r"covariance: expected shape \(3, 2, 3, 3\), got \(3, 2, 3\)"),
+    "uncertainty": (np.zeros((T, N)), r"uncertainty: expected shape \(3, 2, 3, 3\), got \(3, 2\)"),
+    "view_weights": (np.zeros((T, N)), r"view_weights: expected shape \(3, 2, 2\), got \(3, 2\)"),
+    "noise": (np.float64(6.0), r"noise: expected shape \(3,\), got \(\)"),
     "stop_reason": (np.array("converged"), r"stop_reason: expected shape \(3,\), got \(\)"),
 }
 

@@ -144,6 +144,8 @@ pub(crate) fn layout(
 /// Detections of one frame or of several.
 pub(crate) struct Frames {
     pub(crate) frames: Vec<Detections>,
+    /// T, or 1.
+    pub(crate) count: usize,
     /// Whether a leading axis T was given.
     pub(crate) batch: bool,
     pub(crate) n_views: usize,
@@ -186,12 +188,13 @@ impl Frames {
                 Detections::new(m, n, &pixels[2 * at.start..2 * at.end], scores)
             })
             .collect();
-        Ok(Self { frames: frames.or_raise(py)?, batch: lead.len() == 3, n_views: m, n_joints: n })
+        let frames = frames.or_raise(py)?;
+        Ok(Self { frames, count, batch: lead.len() == 3, n_views: m, n_joints: n })
     }
 
     /// `shape` with the leading T if there was one.
     pub(crate) fn shape(&self, shape: &[usize]) -> Vec<usize> {
-        let lead = self.batch.then_some(self.frames.len());
+        let lead = self.batch.then_some(self.count);
         lead.into_iter().chain(shape.iter().copied()).collect()
     }
 

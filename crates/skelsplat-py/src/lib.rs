@@ -26,7 +26,7 @@ mod _skelsplat {
     #[pymodule_export]
     use crate::layout::Layout;
     #[pymodule_export]
-    use crate::refine::{implausible_extent, refine};
+    use crate::refine::{PyRefiner, implausible_extent};
     #[pymodule_export]
     use crate::rendering::{loss_and_gradient, pseudo_ground_truth, render};
 
@@ -34,6 +34,7 @@ mod _skelsplat {
     fn init(m: &Bound<'_, PyModule>) -> PyResult<()> {
         m.add("__version__", env!("CARGO_PKG_VERSION"))?;
         m.add("LAYOUT_NAMES", skelsplat_core::layout::Layout::NAMES.to_vec())?;
+        m.add("REJECTED_WEIGHT", skelsplat_core::triangulate::robust::REJECTED)?;
         m.add(
             "JOINT_STATUS",
             crate::refine::JOINT_STATUS.map(skelsplat_core::refine::JointStatus::name).to_vec(),

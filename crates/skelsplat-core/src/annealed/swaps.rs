@@ -16,8 +16,10 @@ use crate::layout::Layout;
 const GAIN: f64 = 1.5;
 /// A view that differs by less between both ways round is undecided (the limbs cover each other).
 const UNDECIDED: f64 = 0.5;
-/// Detections of mean weight of a chain that may be left unexplained before other positions are looked at.
-const UNEXPLAINED: f64 = 2.0;
+/// Detections of mean weight by which a view may fail to explain a chain before it is against the chain's position.
+const UNEXPLAINED: f64 = 1.0;
+/// Of two views that contradict each other nothing says which is exchanged.
+const LEAST_VIEWS: usize = 3;
 /// Views of which two at a time propose a position.
 const MOST_PROPOSERS: usize = 8;
 
@@ -118,9 +120,12 @@ impl Judge<'_> {
     fn views(&self, chain: &Chain, points: &[Vector3<f64>], sideways: &Vector3<f64>) -> Vec<usize> {
         let at: Vec<[Vector3<f64>; 2]> = chain.iter().map(|p| p.map(|j| points[j])).collect();
         let ways = self.all_ways(chain, &at);
+        if ways.iter().filter(|w| w.all > 0.0).count() < LEAST_VIEWS {
+            return Vec::new();
+        }
         let explained = best_ways(&ways);
-        let all: f64 = ways.iter().map(|w| w.all).sum();
-        if all - explained > UNEXPLAINED * self.unit {
+        let against = |w: &&Ways| w.all - w.own.max(w.exchanged) > UNEXPLAINED * self.unit;
+        if 2 * ways.iter().filter(against).count() >= ways.len() {
             if let Some((proposal, there)) = self.best_proposal(chain) {
                 if best_ways(&there) >= explained + GAIN * self.unit {
                     return self.right_way_round(&proposal, &there, sideways);

@@ -32,9 +32,10 @@ const SWAP_ROUNDS: usize = 3;
 const SWAP_GAIN: f64 = 1.0;
 
 impl Found {
-    /// How many joints have a position.
-    fn located(&self) -> usize {
-        self.solution.points.iter().filter(|x| x.x.is_finite()).count()
+    /// Whether a joint that `other` locates has no position here.
+    fn loses_against(&self, other: &Self) -> bool {
+        let (here, there) = (&self.solution.points, &other.solution.points);
+        here.iter().zip(there).any(|(x, y)| x.x.is_nan() && y.x.is_finite())
     }
 
     /// Σ c k over all detections, under the widest final kernel of both solutions that are compared.
@@ -63,8 +64,7 @@ impl Refiner {
             }
             let rays = self.exchanged(&found.rays, &swaps);
             let other = self.find(frame, rays, priors.as_deref(), &annealing);
-            let lost = other.located() < found.located();
-            if lost || other.explained() <= found.explained() + SWAP_GAIN {
+            if other.loses_against(&found) || other.explained() <= found.explained() + SWAP_GAIN {
                 break;
             }
             found = other;

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+import skelsplat as sk
 from skelsplat.io._atomic import atomic_write_text
 
 if TYPE_CHECKING:
@@ -17,14 +18,17 @@ if TYPE_CHECKING:
 
     from skelsplat.io.poses._pose_data import Array, PoseData
 
-COLUMNS = ("frame", "joint", "x", "y", "z", "unit", "status", "n_views", "reprojection_error_px")
+COLUMNS = ("frame", "joint", "x", "y", "z", "sx", "sy", "sz", "unit", "status")
+COLUMNS += ("n_views", "n_rejected", "reprojection_error_px")
 
 
 def write_csv(path: str | os.PathLike[str], data: PoseData) -> None:
     """Write one row per frame and joint, with the columns of `COLUMNS`.
 
-    ``x, y, z`` are in ``unit`` with all their digits, ``n_views`` counts the views that detected the joint,
-    and ``reprojection_error_px`` is the mean over them. A value that does not exist is an empty field.
+    ``x, y, z`` and their standard deviations ``sx, sy, sz`` (from `PoseData.uncertainty`) are in ``unit`` with
+    all their digits, ``n_views`` counts the views that detected the joint, ``n_rejected`` those of them whose
+    weight is below `skelsplat.REJECTED_WEIGHT`, and ``reprojection_error_px`` is the mean over ``n_views``. A
+    value that does not exist is an empty field.
 
     Raises
     ------
@@ -32,15 +36,19 @@ def write_csv(path: str | os.PathLike[str], data: PoseData) -> None:
         If the path cannot be written.
     """
     n_views, errors = _over_views(data)
+    n_rejected = (data.view_weights < sk.REJECTED_WEIGHT).sum(axis=1)
+    deviations = np.sqrt(np.diagonal(data.uncertainty, axis1=-2, axis2=-1))
     buffer = io.StringIO(newline="")
     writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow(COLUMNS)
     for t, frame in enumerate(data.frames.tolist()):
         for j, joint in enumerate(data.joint_names):
+            place = [_field(value) for value in data.pose[t, j]]
+            spread = [_field(value) for value in deviations[t, j]] if deviations.size else ["", "", ""]
             status = str(data.joint_status[t, j]) if data.joint_status.size else ""
             views, error = (n_views[t, j], _field(errors[t, j])) if n_views.size else ("", "")
-            place = [_field(value) for value in data.pose[t, j]]
-            writer.writerow([frame, joint, *place, data.unit, status, views, error])
+            rejected = n_rejected[t, j] if n_rejected.size else ""
+            writer.writerow([frame, joint, *place, *spread, data.unit, status, views, rejected, error])
     atomic_write_text(path, buffer.getvalue())
 
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import os
 
 _KEYS = tuple(entry.name for entry in fields(PoseData))
+_REQUIRED = ("pose", "joint_names", "frames", "unit")
 
 
 def write_npz(path: str | os.PathLike[str], data: PoseData) -> None:
@@ -26,6 +27,19 @@ def write_npz(path: str | os.PathLike[str], data: PoseData) -> None:
 
     Keys: every attribute of `PoseData` under its name (tuples of names as string arrays, ``unit`` as a string
     of shape ()), and ``version``, the version of this package. No key needs pickle to be read.
+
+    ============================================  ==============  ======================================
+    pose, init_pose                               (T, N, 3)       ``unit``
+    uncertainty                                   (T, N, 3, 3)    posterior covariance, ``unit``²
+    covariance                                    (T, N, 3, 3)    of the splats, ``unit``²; no error bar
+    joint_status                                  (T, N)          ok, weak, unobserved
+    view_weights                                  (T, M, N)       0 to 1; NaN without a detection
+    swapped                                       (T, M, N)       left and right exchanged
+    reprojection_error                            (T, M, N)       px
+    noise                                         (T,)            of the detections, ``unit``
+    loss, n_iter, stop_reason, frames             (T,)
+    joint_names, camera_names                     (N,), (M,)
+    ============================================  ==============  ======================================
 
     Raises
     ------
@@ -41,7 +55,7 @@ def write_npz(path: str | os.PathLike[str], data: PoseData) -> None:
 
 
 def read_npz(path: str | os.PathLike[str]) -> PoseData:
-    """Read a file of `write_npz`.
+    """Read a file of `write_npz`; of its keys, pose, joint_names, frames and unit have to be there.
 
     Raises
     ------
@@ -50,14 +64,15 @@ def read_npz(path: str | os.PathLike[str]) -> PoseData:
     """
     source = Path(path)
     arrays = _load(source)
-    missing = [key for key in _KEYS if key not in arrays]
+    missing = [key for key in _REQUIRED if key not in arrays]
     if missing:
         raise DatasetError(source, missing[0], "an array under this key", f"keys {', '.join(arrays)}")
     arrays["unit"] = str(arrays["unit"])
     for key in ("joint_names", "camera_names"):
-        arrays[key] = tuple(arrays[key].tolist())
+        if key in arrays:
+            arrays[key] = tuple(np.atleast_1d(arrays[key]).tolist())
     try:
-        return PoseData(**{key: arrays[key] for key in _KEYS})
+        return PoseData(**{key: arrays[key] for key in _KEYS if key in arrays})
     except InvalidInputError as error:
         raise DatasetError(source, "arrays", "arrays that fit each other", str(error)) from error
 

@@ -38,7 +38,16 @@ class PoseData:
     init_pose : (T, N, 3)
         The poses that the refinement started from, in `unit`.
     covariance : (T, N, 3, 3)
-        Splat covariances, in `unit` squared.
+        Splat covariances, in `unit` squared: the shape of the splats, no error bars.
+    uncertainty : (T, N, 3, 3)
+        Posterior covariances of the joints, in `unit` squared: the error bars; NaN where nothing is known.
+    view_weights : (T, M, N)
+        How far each detection is believed, in [0, 1]; NaN where there is no detection. Below
+        `skelsplat.REJECTED_WEIGHT` it counts as rejected.
+    swapped : (T, M, N) bool
+        The detection was taken for the joint on the other side of the body.
+    noise : (T,)
+        Standard deviation of the detections' noise across the ray, in `unit`.
     reprojection_error : (T, M, N)
         Pixels of the original images; NaN where there is no detection.
     joint_status : (T, N) str
@@ -60,6 +69,10 @@ class PoseData:
     camera_names: tuple[str, ...] = ()
     init_pose: Array = field(default_factory=lambda: np.empty((0, 0, 3)))
     covariance: Array = field(default_factory=lambda: np.empty((0, 0, 3, 3)))
+    uncertainty: Array = field(default_factory=lambda: np.empty((0, 0, 3, 3)))
+    view_weights: Array = field(default_factory=lambda: np.empty((0, 0, 0)))
+    swapped: npt.NDArray[np.bool_] = field(default_factory=lambda: np.empty((0, 0, 0), dtype=np.bool_))
+    noise: Array = field(default_factory=lambda: np.empty(0))
     reprojection_error: Array = field(default_factory=lambda: np.empty((0, 0, 0)))
     joint_status: npt.NDArray[np.str_] = field(default_factory=lambda: np.empty((0, 0), dtype=np.str_))
     loss: Array = field(default_factory=lambda: np.empty(0))
@@ -79,12 +92,17 @@ class PoseData:
 
     def _shapes(self) -> dict[str, tuple[int, ...]]:
         steps, joints, _ = self.pose.shape
+        views = len(self.camera_names)
         return {
             "joint_names": (joints,),
             "frames": (steps,),
             "init_pose": (steps, joints, 3),
             "covariance": (steps, joints, 3, 3),
-            "reprojection_error": (steps, len(self.camera_names), joints),
+            "reprojection_error": (steps, views, joints),
+            "uncertainty": (steps, joints, 3, 3),
+            "view_weights": (steps, views, joints),
+            "swapped": (steps, views, joints),
+            "noise": (steps,),
             "joint_status": (steps, joints),
             "loss": (steps,),
             "n_iter": (steps,),
@@ -110,6 +128,10 @@ class PoseData:
             camera_names=tuple(camera_names),
             init_pose=np.asarray(refinement.init_pose),
             covariance=np.asarray(refinement.covariance),
+            uncertainty=np.asarray(refinement.uncertainty),
+            view_weights=np.asarray(refinement.view_weights),
+            swapped=np.asarray(refinement.swapped, dtype=np.bool_),
+            noise=np.asarray(refinement.noise, dtype=np.float64),
             reprojection_error=np.asarray(refinement.reprojection_error),
             joint_status=np.asarray(refinement.joint_status, dtype=np.str_),
             loss=np.asarray(refinement.loss, dtype=np.float64),
