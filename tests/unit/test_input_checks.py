@@ -164,7 +164,7 @@ def test_config(case):
 
 def test_triangulation_method(scene):
     with pytest.raises(
-        sk.InvalidInputError, match="method: unknown name 'magic', expected one of dlt, ransac"
+        sk.InvalidInputError, match="method: unknown name 'magic', expected one of robust, dlt, ransac"
     ):
         sk.triangulate(scene.detections, scene.rig, method="magic")
 

@@ -39,7 +39,8 @@ def test_a_batch_has_a_leading_axis(scene):
 
 def test_the_loss_is_that_of_the_returned_pose(scene):
     noisy = synthetic.perturb(scene.pose[0], 10.0, seed=1)
-    result = sk.refine(noisy, scene.detections[0], scene.rig, layout="h36m17")
+    arguments = (noisy, scene.detections[0], scene.rig)
+    result = sk.refine(*arguments, layout="h36m17", config=sk.RefineConfig.paper())
     assert np.isclose(result.loss, result.loss_render + 1e-5 * result.loss_symmetry, rtol=1e-12)
     # The splat's scales are not in the result's pose, but without them the loss of the returned pose follows.
     fixed = quick(log_scale_lr=0.0, rotation_lr=0.0)
@@ -52,6 +53,7 @@ def test_the_loss_is_that_of_the_returned_pose(scene):
         scene.detections[0],
         scene.rig,
         layout="h36m17",
+        config=fixed,
         target_means=result.init_pose,
         target_covariances=np.tile(np.exp(6.0) * np.eye(3), (17, 1, 1)),
     )
