@@ -16,13 +16,14 @@ import report
 from measures.coverage import coverage
 from measures.noises import table
 from measures.operating_room import mvor
+from measures.schedule import schedule
 from measures.starts import start
 from measures.swaps import swaps
 from measures.sweep import sweep
 from measures.useless import useless
 from measures.views import views
 
-MEASURES = {f.__name__: f for f in (table, start, coverage, mvor, swaps, useless, sweep, views)}
+MEASURES = {f.__name__: f for f in (table, start, coverage, mvor, swaps, useless, sweep, views, schedule)}
 
 
 def parsed(text: str) -> tuple[str, Any]:

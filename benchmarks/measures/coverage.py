@@ -47,6 +47,7 @@ def coverage(
         notes.append(f"largest deviation of any row from the ideal: {max(deviations):.1f} points")
     notes.append("rows: detections, views, jitter; paper: its splat covariance")
     notes.append("rank: rank correlation of predicted and true error; predicted, true: median lengths, mm")
+    notes.append("if exact: the same, were every error drawn from its predicted covariance")
     return report.figures(
         "Coverage, % (ideal 19.9, 73.9, 97.1), and errors, mm",
         "detections",
@@ -73,13 +74,23 @@ def _row(pose: FloatArray, covariance: FloatArray, here: Scene) -> dict[str, flo
     error = sk.metrics.mpjpe(pose, here.judged, reduce="none").ravel()
     predicted = np.sqrt(np.trace(covariance, axis1=-2, axis2=-1)).ravel()
     both = np.isfinite(error) & np.isfinite(predicted)
+    drawn = _drawn(covariance).ravel()
     return {
         "1 σ": float(share[0]),
         "2 σ": float(share[1]),
         "3 σ": float(share[2]),
         "deviation": float(np.abs(share - IDEAL).max()),
         "rank": float(spearmanr(predicted[both], error[both]).statistic),
+        "if exact": float(spearmanr(predicted[both], drawn[both]).statistic),
         "predicted": float(np.median(predicted[both])),
         "true": float(np.median(error[both])),
         "MPJPE": float(error[both].mean()),
     }
+
+
+def _drawn(covariance: FloatArray) -> FloatArray:
+    """Lengths of errors drawn from the covariances: what an exact prediction would be compared with."""
+    known = np.isfinite(covariance).all(axis=(-2, -1))
+    factor = np.linalg.cholesky(np.where(known[..., None, None], covariance, np.eye(3)))
+    normal = np.random.default_rng(0).standard_normal((*known.shape, 3, 1))
+    return np.linalg.norm((factor @ normal)[..., 0], axis=-1)

@@ -136,18 +136,16 @@ def refine(
     UserWarning
         If the skeleton is taller than 10 m or shorter than 10 cm in the stated unit.
     """
-    _warn_of_unit(init_pose, detections, cameras)
+    prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
+    by_pixels = config is not None and config.renderer == "raster"
+    if by_pixels:
+        _warn_before_the_work(init_pose, detections, cameras)
     with _reporter(progress) as report:
-        out = _skelsplat.refine(
-            init_pose,
-            detections,
-            cameras,
-            layout=layout,
-            confidence=confidence,
-            init_sigma=init_sigma,
-            config=config,
-            progress=report,
+        out = prepared.refine(
+            init_pose, detections, confidence=confidence, init_sigma=init_sigma, progress=report
         )
+    if not by_pixels:
+        _warn_of_unit(out["pose"], cameras)
     return _refinement(out)
 
 
@@ -163,25 +161,27 @@ def _refinement(out: dict[str, Any]) -> Refinement:
     )
 
 
-def _warn_of_unit(init_pose: ArrayLike | None, detections: ArrayLike, cameras: Cameras) -> None:
-    """Warn before the work starts: in a wrong unit the splats can cover whole images and take minutes."""
-    if init_pose is None:
-        try:
-            frames = np.asarray(detections, dtype=float)
-        except (TypeError, ValueError):
-            return  # the core names what is wrong with it
-        some = frames[:: max(1, len(frames) // _FRAMES_TO_JUDGE)] if frames.ndim == 4 else frames
-        init_pose = _skelsplat.triangulate(some, cameras)
+def _warn_before_the_work(init_pose: ArrayLike | None, detections: ArrayLike, cameras: Cameras) -> None:
+    """Judge the start: in a wrong unit splats of pixels can cover whole images and take minutes."""
     try:
-        poses = np.asarray(init_pose, dtype=float)
+        if init_pose is not None:
+            poses = np.asarray(init_pose, dtype=float)
+        else:
+            frames = np.asarray(detections, dtype=float)
+            some = frames[:: max(1, len(frames) // _FRAMES_TO_JUDGE)] if frames.ndim == 4 else frames
+            poses = _skelsplat.triangulate(some, cameras, method="dlt")
     except (TypeError, ValueError):
-        return
-    if poses.ndim not in (2, 3) or poses.shape[-1] != 3 or poses.size == 0:
-        return
+        return  # the core names what is wrong with it
+    if poses.ndim in (2, 3) and poses.shape[-1] == 3 and poses.size:
+        _warn_of_unit(poses, cameras, depth=4)
+
+
+def _warn_of_unit(poses: NDArray[np.float64], cameras: Cameras, *, depth: int = 3) -> None:
     unit = cameras.unit if isinstance(cameras, CameraRig) else "mm"
-    doubt = _skelsplat.implausible_extent(poses.reshape(-1, *poses.shape[-2:]), unit)
+    some = poses[:: max(1, len(poses) // _FRAMES_TO_JUDGE)] if poses.ndim == 3 else poses[None]
+    doubt = _skelsplat.implausible_extent(some, unit)
     if doubt is not None:
-        warnings.warn(doubt, UserWarning, stacklevel=3)
+        warnings.warn(doubt, UserWarning, stacklevel=depth)
 
 
 @contextmanager
@@ -268,9 +268,8 @@ class Refiner:
         layout: str | Layout | None = None,
         config: RefineConfig | None = None,
     ) -> None:
-        self._cameras = cameras if isinstance(cameras, CameraRig) else CameraRig(cameras)
-        self._layout = Layout.by_name(layout) if isinstance(layout, str) else layout
-        self._config = config
+        self._prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
+        self._cameras = cameras
         self._last: NDArray[np.float64] | None = None
 
     def reset(self) -> None:
@@ -295,7 +294,9 @@ class Refiner:
             expected = f"{len(self._last)} joints as in the frames before (or reset() first)"
             raise InvalidInputError(f"detections: expected {expected}, got {shape[1]}")
         result = self._refine(self._last, detections, confidence)
-        if self._last is not None and self._is_lost(result):
+        if self._last is None:
+            _warn_of_unit(result.pose, self._cameras)
+        elif _is_lost(result):
             result = self._refine(None, detections, confidence)
         reliable = result.joint_status == "ok"
         self._last = np.where(reliable[:, None], result.pose, np.nan)
@@ -304,16 +305,9 @@ class Refiner:
     def _refine(
         self, init: NDArray[np.float64] | None, detections: ArrayLike, confidence: ArrayLike | None
     ) -> Refinement:
-        return refine(
-            init,
-            detections,
-            self._cameras,
-            layout=self._layout,
-            confidence=confidence,
-            config=self._config,
-        )
+        return _refinement(self._prepared.refine(init, detections, confidence=confidence))
 
-    @staticmethod
-    def _is_lost(result: Refinement) -> bool:
-        seen = result.joint_status != "unobserved"
-        return bool(np.count_nonzero(result.joint_status == "ok") * 2 < np.count_nonzero(seen))
+
+def _is_lost(result: Refinement) -> bool:
+    seen = result.joint_status != "unobserved"
+    return bool(np.count_nonzero(result.joint_status == "ok") * 2 < np.count_nonzero(seen))

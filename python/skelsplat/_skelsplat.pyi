@@ -15,6 +15,7 @@ __all__ = [
     "Camera",
     "Layout",
     "RefineConfig",
+    "Refiner",
     "__version__",
     "fuse_monocular",
     "implausible_extent",
@@ -22,7 +23,6 @@ __all__ = [
     "project",
     "project_gaussians",
     "pseudo_ground_truth",
-    "refine",
     "render",
     "triangulate",
 ]
@@ -405,17 +405,29 @@ def loss_and_gradient(
 ) -> dict[str, Any]:
     """Fields of ``skelsplat.LossAndGradient``."""
 
-def refine(
-    init_pose: ArrayLike | None,
-    detections: ArrayLike,
-    cameras: _Cameras,
-    *,
-    layout: str | Layout | None = None,
-    confidence: ArrayLike | None = None,
-    config: RefineConfig | None = None,
-    progress: Callable[[int, int], Any] | None = None,
-) -> dict[str, Any]:
-    """Fields of ``skelsplat.Refinement``, with ``joint_status`` as codes into ``JOINT_STATUS``."""
+@final
+class Refiner:
+    """Cameras, layout and settings, prepared once for any number of frames.
+
+    Raises
+    ------
+    InvalidInputError
+        No camera, an unknown layout, settings that do not fit the cameras.
+    """
+
+    def __new__(
+        cls, cameras: _Cameras, *, layout: str | Layout | None = None, config: RefineConfig | None = None
+    ) -> Refiner: ...
+    def refine(
+        self,
+        init_pose: ArrayLike | None,
+        detections: ArrayLike,
+        *,
+        confidence: ArrayLike | None = None,
+        init_sigma: ArrayLike | None = None,
+        progress: Callable[[int, int], Any] | None = None,
+    ) -> dict[str, Any]:
+        """Return the fields of ``skelsplat.Refinement``, with ``joint_status`` as codes into ``JOINT_STATUS``."""
 
 def implausible_extent(poses: ArrayLike, unit: str) -> str | None:
     """Return a sentence if the skeletons (T, N, 3) are taller than 10 m or shorter than 10 cm, else None."""

@@ -14,12 +14,13 @@ README = Path(__file__).parents[2] / "README.md"
 BLOCKS = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), flags=re.DOTALL)
 
 
-@pytest.mark.parametrize("block", BLOCKS)
-def test_a_block_runs(block: str, capsys: pytest.CaptureFixture[str]) -> None:
-    exec(compile(block, str(README), "exec"), {})
-    printed = capsys.readouterr().out
-    for promised in re.findall(r"print\(.*?\)\s+# ([^:\n]+)", block):
-        assert promised in printed
+def test_the_blocks_run_in_order(capsys: pytest.CaptureFixture[str]) -> None:
+    namespace: dict[str, object] = {}
+    for block in BLOCKS:
+        exec(compile(block, str(README), "exec"), namespace)
+        printed = capsys.readouterr().out
+        for promised in re.findall(r"print\(.*?\)\s+# ([^:\n]+)", block):
+            assert promised in printed
 
 
 def test_the_demo_prints_what_is_quoted(tmp_path: Path) -> None:

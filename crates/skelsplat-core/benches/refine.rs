@@ -1,4 +1,4 @@
-//! Time of one refinement by the paper's preset: all 125 steps, 17 joints, 4 views, one core.
+//! Time of one refinement, 17 joints, one core: the paper's preset with all 125 steps in 4 views, the default in 4 to 31.
 //!
 //! `cargo bench -p skelsplat-core --bench refine`. The image size is a parameter to show that it does not matter.
 
@@ -42,5 +42,23 @@ fn paper(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, paper);
+fn default_method(c: &mut Criterion) {
+    let mut group = c.benchmark_group("default, 17 joints");
+    for views in [4, 8, 31] {
+        let cameras = room(views);
+        let detections = noisy_detections(&standing(), &cameras, 3.0, &mut Noise::new(1));
+        let frame = Frame { detections, init_pose: None, init_covariance: None };
+        let layout = Layout::by_name("h36m17").expect("built in");
+        let config = RefineConfig::default();
+        let refiner =
+            Refiner::new(&cameras, Unit::Millimetre, Some(&layout), config).expect("valid");
+        let cancel = AtomicBool::new(false);
+        group.bench_function(BenchmarkId::from_parameter(format!("{views} views")), |b| {
+            b.iter(|| refiner.refine(black_box(&frame), false, &cancel).expect("valid"));
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, paper, default_method);
 criterion_main!(benches);

@@ -45,15 +45,17 @@ pub fn refine_batch(
         progress.done.fetch_add(1, Ordering::Relaxed);
         out
     };
+    let threads = refiner.config().n_threads;
     let all = || match frames {
-        [frame] => one((frame, true)).map(|r| vec![r]),
+        [frame] => one((frame, threads != Some(1))).map(|r| vec![r]),
+        _ if threads == Some(1) => frames.iter().map(|f| one((f, false))).collect(),
         _ => {
             let out: Vec<Result<Refinement>> = frames.par_iter().map(|f| one((f, false))).collect();
             out.into_iter().collect()
         }
     };
-    match refiner.config().n_threads {
-        None => all(),
+    match threads {
+        None | Some(1) => all(),
         Some(n) => rayon::ThreadPoolBuilder::new()
             .num_threads(n)
             .build()

@@ -144,6 +144,8 @@ pub(crate) fn layout(
 /// Detections of one frame or of several.
 pub(crate) struct Frames {
     pub(crate) frames: Vec<Detections>,
+    /// T, or 1.
+    pub(crate) count: usize,
     /// Whether a leading axis T was given.
     pub(crate) batch: bool,
     pub(crate) n_views: usize,
@@ -186,12 +188,13 @@ impl Frames {
                 Detections::new(m, n, &pixels[2 * at.start..2 * at.end], scores)
             })
             .collect();
-        Ok(Self { frames: frames.or_raise(py)?, batch: lead.len() == 3, n_views: m, n_joints: n })
+        let frames = frames.or_raise(py)?;
+        Ok(Self { frames, count, batch: lead.len() == 3, n_views: m, n_joints: n })
     }
 
     /// `shape` with the leading T if there was one.
     pub(crate) fn shape(&self, shape: &[usize]) -> Vec<usize> {
-        let lead = self.batch.then_some(self.frames.len());
+        let lead = self.batch.then_some(self.count);
         lead.into_iter().chain(shape.iter().copied()).collect()
     }
 
@@ -229,15 +232,18 @@ pub(crate) fn points_out<'py>(
     points: &[Vector3<f64>],
     shape: &[usize],
 ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-    array_out(py, points.iter().flat_map(|p| [p.x, p.y, p.z]).collect(), shape)
+    let mut values = Vec::with_capacity(3 * points.len());
+    points.iter().for_each(|p| values.extend_from_slice(p.as_slice()));
+    array_out(py, values, shape)
 }
 
-/// Symmetric 3×3 matrices as an array of `shape`.
+/// Symmetric 3×3 matrices as an array of `shape`: columns are rows.
 pub(crate) fn matrices_out<'py>(
     py: Python<'py>,
     matrices: &[Matrix3<f64>],
     shape: &[usize],
 ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-    let rows = matrices.iter().flat_map(|m| m.transpose().as_slice().to_vec()).collect();
-    array_out(py, rows, shape)
+    let mut values = Vec::with_capacity(9 * matrices.len());
+    matrices.iter().for_each(|m| values.extend_from_slice(m.as_slice()));
+    array_out(py, values, shape)
 }

@@ -26,7 +26,7 @@ mod _skelsplat {
     #[pymodule_export]
     use crate::layout::Layout;
     #[pymodule_export]
-    use crate::refine::{implausible_extent, refine};
+    use crate::refine::{PyRefiner, implausible_extent};
     #[pymodule_export]
     use crate::rendering::{loss_and_gradient, pseudo_ground_truth, render};
 

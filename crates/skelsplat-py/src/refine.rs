@@ -8,7 +8,6 @@ use nalgebra::{Matrix3, Vector3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use skelsplat_core::batch::{Progress, refine_batch};
-use skelsplat_core::detections::Detections;
 use skelsplat_core::refine::refiner::Frame;
 use skelsplat_core::refine::{JointStatus, Refinement, Refiner};
 use skelsplat_core::unit::{Unit, implausible_extent as core_extent};
@@ -24,43 +23,60 @@ pub(crate) const JOINT_STATUS: [JointStatus; 3] =
 /// How often a running batch looks for signals and reports progress.
 const POLL: Duration = Duration::from_millis(50);
 
-/// Fields of ``skelsplat.Refinement``, with ``joint_status`` as codes into ``JOINT_STATUS``.
-#[pyfunction]
-#[pyo3(signature = (init_pose, detections, cameras, *, layout=None, confidence=None, init_sigma=None, config=None, progress=None))]
-#[allow(clippy::too_many_arguments, reason = "the settled interface, all but three by keyword")]
-pub(crate) fn refine<'py>(
-    py: Python<'py>,
-    init_pose: Option<&Bound<'py, PyAny>>,
-    detections: &Bound<'py, PyAny>,
-    cameras: &Bound<'py, PyAny>,
-    layout: Option<&Bound<'py, PyAny>>,
-    confidence: Option<&Bound<'py, PyAny>>,
-    init_sigma: Option<&Bound<'py, PyAny>>,
-    config: Option<&Bound<'py, PyAny>>,
-    progress: Option<&Bound<'py, PyAny>>,
-) -> PyResult<Bound<'py, PyDict>> {
-    let (layout, config) = (self::layout(layout)?, self::config(config)?);
-    let (frames, cameras) = (Frames::new(detections, confidence)?, Cameras::new(cameras)?);
-    let refiner =
-        Refiner::new(&cameras.cameras, cameras.unit, layout.as_ref(), config).or_raise(py)?;
-    let poses = initial_poses(init_pose, &frames)?;
-    let covariances = initial_covariances(init_sigma, &frames)?;
-    let jobs: Vec<Frame> = frames
-        .frames
-        .iter()
-        .zip(poses)
-        .zip(covariances)
-        .map(|((detections, init_pose), init_covariance)| Frame {
-            detections: Detections::clone(detections),
-            init_pose,
-            init_covariance,
-        })
-        .collect();
-    let done = match jobs.as_slice() {
-        [_] => py.detach(|| refine_batch(&refiner, &jobs, &Progress::default())).or_raise(py)?,
-        _ => run_watched(py, &refiner, &jobs, progress)?,
-    };
-    results(py, &frames, &done)
+/// Cameras, layout and settings, prepared once for any number of frames.
+///
+/// Raises
+/// ------
+/// InvalidInputError
+///     No camera, an unknown layout, settings that do not fit the cameras.
+#[pyclass(frozen, module = "skelsplat._skelsplat", name = "Refiner")]
+pub(crate) struct PyRefiner(Refiner);
+
+#[pymethods]
+impl PyRefiner {
+    #[new]
+    #[pyo3(signature = (cameras, *, layout=None, config=None))]
+    fn new(
+        py: Python<'_>,
+        cameras: &Bound<'_, PyAny>,
+        layout: Option<&Bound<'_, PyAny>>,
+        config: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let (layout, config) = (self::layout(layout)?, self::config(config)?);
+        let cameras = Cameras::new(cameras)?;
+        Refiner::new(&cameras.cameras, cameras.unit, layout.as_ref(), config).map(Self).or_raise(py)
+    }
+
+    /// Return the fields of ``skelsplat.Refinement``, with ``joint_status`` as codes into ``JOINT_STATUS``.
+    #[pyo3(signature = (init_pose, detections, *, confidence=None, init_sigma=None, progress=None))]
+    fn refine<'py>(
+        &self,
+        py: Python<'py>,
+        init_pose: Option<&Bound<'py, PyAny>>,
+        detections: &Bound<'py, PyAny>,
+        confidence: Option<&Bound<'py, PyAny>>,
+        init_sigma: Option<&Bound<'py, PyAny>>,
+        progress: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let mut frames = Frames::new(detections, confidence)?;
+        let poses = initial_poses(init_pose, &frames)?;
+        let covariances = initial_covariances(init_sigma, &frames)?;
+        let jobs: Vec<Frame> = std::mem::take(&mut frames.frames)
+            .into_iter()
+            .zip(poses)
+            .zip(covariances)
+            .map(|((detections, init_pose), init_covariance)| Frame {
+                detections,
+                init_pose,
+                init_covariance,
+            })
+            .collect();
+        let done = match jobs.as_slice() {
+            [_] => py.detach(|| refine_batch(&self.0, &jobs, &Progress::default())).or_raise(py)?,
+            _ => run_watched(py, &self.0, &jobs, progress)?,
+        };
+        results(py, &frames, &done)
+    }
 }
 
 /// The initial pose of every frame, `None` where it is to be triangulated.
@@ -69,12 +85,12 @@ fn initial_poses(
     frames: &Frames,
 ) -> PyResult<Vec<Option<Vec<Vector3<f64>>>>> {
     let Some(given) = init_pose.filter(|p| !p.is_none()) else {
-        return Ok(vec![None; frames.frames.len()]);
+        return Ok(vec![None; frames.count]);
     };
     let n = frames.n_joints;
     let shape: Vec<Option<usize>> = frames.shape(&[n, 3]).into_iter().map(Some).collect();
     let expected = match frames.batch {
-        true => format!("({}, {n}, 3), as the detections", frames.frames.len()),
+        true => format!("({}, {n}, 3), as the detections", frames.count),
         false => format!("({n}, 3), as the detections"),
     };
     let points = Array::of_shape("init_pose", given, &shape, &expected)?.points();
@@ -86,7 +102,7 @@ fn initial_covariances(
     init_sigma: Option<&Bound<'_, PyAny>>,
     frames: &Frames,
 ) -> PyResult<Vec<Option<Vec<Matrix3<f64>>>>> {
-    let (t, n) = (frames.frames.len(), frames.n_joints);
+    let (t, n) = (frames.count, frames.n_joints);
     let Some(given) = init_sigma.filter(|s| !s.is_none()) else { return Ok(vec![None; t]) };
     let py = given.py();
     let array = Array::new("init_sigma", given)?;

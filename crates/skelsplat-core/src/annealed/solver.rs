@@ -169,6 +169,11 @@ struct Run<'a> {
     points: Vec<Vector3<f64>>,
     /// Whether the joint is estimated: it has a position and a detection.
     active: Vec<bool>,
+    /// Whether nothing couples the joint and it has come to rest under its final kernel: it is left alone.
+    settled: Vec<bool>,
+    /// Whether the kernel is the final one.
+    narrow: Vec<bool>,
+    coupled: Vec<bool>,
     /// Infinite at first: every detection counts.
     sigma: Vec<f64>,
     residuals: Vec<Residuals>,
@@ -194,6 +199,7 @@ pub fn solve(problem: &Problem<'_>, start: Vec<Vector3<f64>>, sigma: Vec<f64>) -
         let narrow = run.narrow();
         converged = narrow && longest <= annealing.tolerance * run.variance.sqrt();
     }
+    run.settled.fill(false);
     run.linearise();
     run.estimate_noise();
     Solution {
@@ -215,6 +221,9 @@ impl<'a> Run<'a> {
         let pixel = pixel_size(problem.rays, &points).unwrap_or(1.0);
         let mut run = Self {
             active: (0..n).map(|j| known(j) && (seen(j) || problem.priors.is_some())).collect(),
+            settled: vec![false; n],
+            narrow: vec![false; n],
+            coupled: vec![false; n],
             sigma,
             residuals: vec![Residuals::default(); n],
             farthest: vec![0.0; n],
@@ -226,6 +235,9 @@ impl<'a> Run<'a> {
             problem,
         };
         run.variance = problem.annealing.noise.variance(&[], f64::INFINITY, pixel);
+        for j in problem.pairs.iter().flat_map(|(l, r)| l.iter().chain(r)) {
+            run.coupled[*j] = true;
+        }
         run
     }
 
@@ -233,6 +245,9 @@ impl<'a> Run<'a> {
     fn linearise(&mut self) {
         let precision = 1.0 / self.variance;
         for j in 0..self.points.len() {
+            if self.settled[j] {
+                continue;
+            }
             let x = self.points[j];
             let mut sums = Sums::default();
             if self.active[j] {
@@ -282,8 +297,13 @@ impl<'a> Run<'a> {
         let damping = self.problem.annealing.start.powi(-2);
         let steps = self.equations.solve(|_| damping);
         let mut longest = 0.0_f64;
-        for (j, step) in steps.iter().enumerate().filter(|(j, _)| self.active[*j]) {
+        let small = self.problem.annealing.tolerance * self.variance.sqrt();
+        for (j, step) in steps.iter().enumerate() {
+            if !self.active[j] || self.settled[j] {
+                continue;
+            }
             let length = step.norm();
+            self.settled[j] = length <= small && self.narrow[j] && !self.coupled[j];
             let most = TRUST * self.nearest[j];
             let step = if length > most { step * (most / length) } else { *step };
             self.points[j] += step;
@@ -312,8 +332,11 @@ impl<'a> Run<'a> {
             } else {
                 self.sigma[j] * annealing.factor
             };
-            done &= !self.active[j] || self.sigma[j] <= 1.05 * end;
-            self.sigma[j] = next.max(end);
+            self.narrow[j] = self.sigma[j] <= 1.05 * end;
+            done &= !self.active[j] || self.settled[j] || self.narrow[j];
+            if !self.settled[j] {
+                self.sigma[j] = next.max(end);
+            }
         }
         done
     }
