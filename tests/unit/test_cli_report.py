@@ -130,7 +130,7 @@ def test_what_to_distrust_is_said_in_words(recording, arguments):
     result = invoke(*arguments, *READ)
     assert result.exit_code == 0, result.output
     text = " ".join(result.stdout.split())
-    assert "! cam3 disagrees with the other cameras: 100 % of its detections are rejected, " in text
+    assert "! cam3 disagrees with the other cameras: 100% of its detections are rejected, " in text
     doubts = json.loads((folder / "out" / "report.json").read_text())["doubts"]
     assert [doubt.split()[0] for doubt in doubts] == ["cam3"]
 

@@ -252,7 +252,7 @@ def test_weights_are_means_over_frames_and_over_joints(tmp_path, figures):
     shown = np.ma.filled(by_frame.images[0].get_array(), np.nan)
     np.testing.assert_allclose(shown, [[0.9] * 4, [0.3, 0.3, 0.5, 0.5]])
     written = [text.get_text() for text in by_joint.texts]
-    assert written == ["0 % rejected", "25 % rejected", "0.90", "0.90", "0.90", "0.30", "0.50"]
+    assert written == ["0% rejected", "25% rejected", "0.90", "0.90", "0.90", "0.30", "0.50"]
     assert [label.get_text() for label in by_frame.get_xticklabels()] == ["7", "8", "9", "10"]
     assert imread(path).shape[1] == 1400
 

@@ -143,7 +143,7 @@ def _statuses(inputs: Inputs, outcome: Outcome) -> Iterator[str]:
 
 
 def _percent(share: float) -> str:
-    return f"{100 * share:.0f} %"
+    return f"{100 * share:.0f}%"
 
 
 def _frames(numbers: np.ndarray) -> str:

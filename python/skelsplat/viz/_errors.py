@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
     Array = npt.NDArray[np.float64]
 
+_MOST_NUMBERS = 8  # cameras for which the numbers fit between the bars
+
 
 def draw_cameras(axes: Axes, before: Array, after: Array, names: Sequence[str]) -> None:
     """Draw per camera the median of the errors (T, M, N) as bars, with a line to the 90th percentile."""
@@ -29,13 +31,14 @@ def draw_cameras(axes: Axes, before: Array, after: Array, names: Sequence[str]) 
             axes.barh(row + offset, median, height=0.36, color=colour, zorder=2)
             axes.plot([median, high], [row + offset] * 2, color=colour, linewidth=1.6, zorder=2)
             axes.plot(high, row + offset, "|", color=colour, markersize=9, markeredgewidth=1.6, zorder=2)
-            axes.annotate(
-                f"{median:.1f}",
-                (median, row + offset),
-                xytext=(4, 2.5),
-                textcoords="offset points",
-                fontsize=8.5,
-            )
+            if len(names) <= _MOST_NUMBERS:
+                axes.annotate(
+                    f"{median:.1f}",
+                    (median, row + offset),
+                    xytext=(4, 2.5),
+                    textcoords="offset points",
+                    fontsize=8.5,
+                )
     axes.set_yticks(rows, names)
     axes.set_ylim(len(rows) - 0.5, -0.5)
     axes.set_xlim(left=0)

@@ -96,7 +96,7 @@ def _draw_joints(axes: Axes, data: WeightData) -> AxesImage:
         np.where(np.isnan(data.weights), np.nan, data.weights < data.rejected_below), axis=(0, 2)
     )
     for row, share in enumerate(rejected):
-        text = "none" if np.isnan(share) else f"{100 * share:.0f} % rejected"
+        text = "none" if np.isnan(share) else f"{100 * share:.0f}% rejected"
         axes.annotate(
             text, (1.01, row), xycoords=("axes fraction", "data"), va="center", fontsize=_style.SMALL_PT
         )
