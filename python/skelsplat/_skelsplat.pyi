@@ -488,7 +488,7 @@ class Refiner:
         init_sigma: ArrayLike | None = None,
         progress: Callable[[int, int], Any] | None = None,
     ) -> dict[str, Any]:
-        """Return the fields of ``skelsplat.Refinement``, with ``joint_status`` as codes into ``JOINT_STATUS``."""
+        """Return the fields of ``skelsplat.Refinement``; ``joint_status`` as codes into ``JOINT_STATUS``."""
 
 def implausible_extent(poses: ArrayLike, unit: str) -> str | None:
     """Return a sentence if the skeletons (T, N, 3) are taller than 10 m or shorter than 10 cm, else None."""

@@ -3,7 +3,7 @@
 use std::sync::atomic::AtomicBool;
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector2, Vector3};
-use skelsplat_core::annealed::{Annealing, NoiseModel, Prior, Problem, Rays, Solution, solve};
+use skelsplat_core::annealed::{Annealing, NoiseModel, Prior, Problem, Ray, Rays, Solution, solve};
 use skelsplat_core::batch::{Progress, refine_batch};
 use skelsplat_core::camera::Camera;
 use skelsplat_core::detections::Detections;
@@ -404,7 +404,7 @@ fn a_prior_and_the_detections_meet_where_their_variances_say() {
         RefineConfig { detection_sigma: Some(2.0), sigma_per_noise: None, sigma: 300.0, ..free() };
     let out = refine(&cameras, &with_prior(detections, start.clone(), 8.0), config);
     for j in 0..truth.len() {
-        let sum: Matrix3<f64> = rays.of_joint(j).iter().map(|ray| ray.information()).sum();
+        let sum: Matrix3<f64> = rays.of_joint(j).iter().map(Ray::information).sum();
         let (data, prior) = (sum / out.noise.powi(2), Matrix3::identity() / 64.0);
         let expected =
             truth[j] + (data + prior).try_inverse().unwrap() * prior * (start[j] - truth[j]);

@@ -47,7 +47,7 @@ impl PyRefiner {
         Refiner::new(&cameras.cameras, cameras.unit, layout.as_ref(), config).map(Self).or_raise(py)
     }
 
-    /// Return the fields of ``skelsplat.Refinement``, with ``joint_status`` as codes into ``JOINT_STATUS``.
+    /// Return the fields of ``skelsplat.Refinement``; ``joint_status`` as codes into ``JOINT_STATUS``.
     #[pyo3(signature = (init_pose, detections, *, confidence=None, init_sigma=None, progress=None))]
     fn refine<'py>(
         &self,

@@ -2,7 +2,7 @@
 //!
 //! e has two degrees of freedom and variance s² along each; a detection of weight c k contributes c k |e|², and a joint's
 //! three coordinates take up three degrees. For normal e the kernel k = exp(−|e|²/4σ²) shrinks the mean of |e|² to
-//! 2 s² c²/(s²+c²) with c² = 2σ²: E[k|e|²] = 2s²(1+s²/c²)⁻² and E[k] = (1+s²/c²)⁻¹. A scaled inverse χ² prior keeps the
+//! 2 s² c²/(s²+c²) with c² = 2σ², from the means 2s²(1+s²/c²)⁻² of k|e|² and (1+s²/c²)⁻¹ of k. A scaled inverse χ² prior keeps the
 //! estimate sane where few detections are left over.
 
 use super::rays::Rays;
