@@ -11,9 +11,9 @@ use nalgebra::Vector3;
 /// What is known of the noise before the frame is seen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum NoiseModel {
-    /// Its standard deviation per axis, pixels.
+    /// Its standard deviation per axis for a detection of mean weight, pixels.
     Pixels(f64),
-    /// Its standard deviation across the ray, mm.
+    /// The same across the ray, mm.
     Millimetres(f64),
     /// To be estimated.
     Estimated,
@@ -58,17 +58,23 @@ impl Residuals {
 }
 
 impl NoiseModel {
-    /// s², mm², from the joints' residuals under a kernel of standard deviation `sigma`, with pixels of `pixel` mm.
-    pub(super) fn variance(self, residuals: &[Residuals], sigma: f64, pixel: f64) -> f64 {
+    /// s², mm², from the joints' residuals under a kernel of standard deviation `sigma`, with pixels of `pixel` mm and
+    /// detections of mean weight `weight`, which the residuals carry.
+    pub(super) fn variance(
+        self,
+        residuals: &[Residuals],
+        sigma: f64,
+        (pixel, weight): (f64, f64),
+    ) -> f64 {
         match self {
-            Self::Pixels(px) => (px * pixel).powi(2),
-            Self::Millimetres(mm) => mm * mm,
+            Self::Pixels(px) => weight * (px * pixel).powi(2),
+            Self::Millimetres(mm) => weight * mm * mm,
             Self::Estimated => {
                 let squares: f64 = residuals.iter().map(|r| r.squares).sum();
                 let freedom: f64 = residuals.iter().map(|r| r.freedom).sum();
-                let prior = PRIOR_DOF * (PRIOR_PX * pixel).powi(2);
+                let prior = PRIOR_DOF * weight * (PRIOR_PX * pixel).powi(2);
                 let shrunk = (prior + squares) / (PRIOR_DOF + freedom);
-                let kernel = 2.0 * sigma * sigma;
+                let kernel = 2.0 * weight * sigma * sigma;
                 shrunk / (1.0 - shrunk / kernel).max(1.0 / MOST_UNSHRUNK)
             }
         }

@@ -82,9 +82,7 @@ struct Judge<'a> {
 /// Which chains are exchanged in which views, as (view, chain).
 #[must_use]
 pub fn find(rays: &Rays, chains: &[Chain], solution: &Solution) -> Vec<(usize, usize)> {
-    let there = || (0..rays.n_joints()).flat_map(|j| rays.of_joint(j)).filter(|ray| ray.is_there());
-    let unit = there().map(|ray| ray.weight).sum::<f64>() / there().count().max(1) as f64;
-    let judge = Judge { rays, sigma: &solution.sigma, unit };
+    let judge = Judge { rays, sigma: &solution.sigma, unit: rays.mean_weight() };
     let mut found = Vec::new();
     for (c, chain) in chains.iter().enumerate() {
         let others = chains.iter().enumerate().filter(|(o, _)| *o != c).map(|(_, o)| o[0]);
