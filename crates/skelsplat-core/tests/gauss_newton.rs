@@ -9,6 +9,7 @@ use skelsplat_core::testing::scenes::{Noise, noisy_detections, perturbed, room, 
 /// Reach of the limbs' kernel, in σ_sym, as `annealed::solver` has it.
 const REACH: f64 = 3.0;
 const SIGMA: f64 = 60.0;
+/// Of a detection of mean weight, mm.
 const NOISE: f64 = 12.0;
 
 fn pairs() -> Vec<LimbPair> {
@@ -68,11 +69,12 @@ impl Linearised {
     /// All residuals at `x`, with the weights of `self.at`: their squares, halved, are what a step minimises.
     fn residuals(&self, x: &[Vector3<f64>]) -> Vec<f64> {
         let mut out = Vec::new();
+        let noise = NOISE * self.rays.mean_weight().sqrt();
         for (j, (now, frozen)) in x.iter().zip(&self.at).enumerate() {
             for ray in self.rays.of_joint(j).iter().filter(|ray| ray.is_there()) {
                 let e = ray.offset(frozen).across;
                 let k = (-0.25 * e.norm_squared() / (SIGMA * SIGMA)).exp();
-                out.extend((ray.offset(now).across * (ray.weight * k).sqrt() / NOISE).iter());
+                out.extend((ray.offset(now).across * (ray.weight * k).sqrt() / noise).iter());
             }
             let factor = self.priors[j].precision.cholesky().unwrap().l();
             out.extend((factor.transpose() * (now - self.priors[j].mean)).iter());
