@@ -126,13 +126,10 @@ def read_inputs(job: Job) -> Inputs:
     if len(rig) < 2:
         raise DatasetError(job.calibration, "cameras", "at least two cameras", len(rig))
     found = read_openpose(job.detections, rig, layout=job.layout, frames=_frame_mode(job.frames))
-    chosen = pick_person(found.people, rig, job.person)
-    init = (
-        None
-        if job.init is None
-        else _read_init(job.init, rig, (len(found.frames), sk.layouts.get(job.layout)))
-    )
-    return Inputs(rig, sk.layouts.get(job.layout), chosen, found.frames, init)
+    layout = sk.layouts.get(job.layout)
+    chosen = pick_person(found.people, rig, job.person, layout)
+    init = None if job.init is None else _read_init(job.init, rig, (len(found.frames), layout))
+    return Inputs(rig, layout, chosen, found.frames, init)
 
 
 def _frame_mode(mode: str) -> Any:
