@@ -14,7 +14,7 @@ pub const REJECTED: f64 = 0.25;
 /// Views by which the agreeing ones have to outnumber the others to be a majority.
 const MAJORITY: f64 = 0.25;
 /// Agreement by which a pair's point has to exceed the annealed one's, in detections of the joint's mean weight.
-const MARGIN: f64 = 0.75;
+const MARGIN: f64 = 0.5;
 
 /// Triangulates each joint from ideal pixels; NaN as [`super::dlt()`], with fewer than two views or parallel rays.
 ///
