@@ -19,7 +19,7 @@ from reference.rays import make_rays, nearest_points, offsets, weights
 
 POSE_MM = 1e-6
 RELATIVE = 1e-9
-MARGIN = 0.5
+MARGIN = (0.75, 0.5)
 """Detections by which a pair of rays has to be better than what annealing found."""
 
 Start = tuple[Array, Array]
