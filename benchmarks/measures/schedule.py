@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from typing import Any
 
 import report
@@ -68,10 +69,8 @@ def _groups(poses: int, seed: int) -> dict[str, list[Scene]]:
     }
     for name in ("good", "occluded 2"):
         groups[f"table, {name}"] = [scene(NOISES[name], poses, seed, kind="table", n_views=4)]
-    try:
+    with contextlib.suppress(FileNotFoundError):
         groups["MVOR"] = [mvor()]
-    except FileNotFoundError:
-        pass
     return groups
 
 

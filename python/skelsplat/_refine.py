@@ -34,14 +34,28 @@ class Refinement:
     pose : (…, N, 3) float64
         Refined joints in the unit of the cameras; NaN where nothing is known.
     covariance : (…, N, 3, 3) float64
-        Splat covariance Σ, unit². It shapes the rendering and is not an error bar.
+        Splat covariance Σ, unit²: the kernel at the end for Gauss–Newton. It is not an error bar.
+    uncertainty : (…, N, 3, 3) float64
+        Posterior covariance of the position, unit²: the error bar. From the detections that are believed, a
+        prior and equal limbs; along a ray that nothing crosses it is as wide as the body. NaN where nothing
+        is known.
+    view_weights : (…, M, N) float64
+        k in [0, 1], how far each detection is believed: 1 at the joint, ¼ at 2.4 σ from it; NaN without a
+        detection. ``config.view_weights`` and the confidence come on top.
+    swapped : (…, M, N) bool
+        Detections that were used with left and right exchanged.
+    noise : (…) float64
+        Standard deviation of the believed detections' noise across the ray, per axis, in the cameras' unit:
+        estimated, or ``config.detection_sigma``.
     reprojection_error : (…, M, N) float64
         Distance between detection and reprojection, pixels of the original image; NaN without a detection.
     joint_status : (…, N) str
-        ``"ok"``; ``"weak"``: the splat meets its detection in fewer than two views, so depth is not fixed;
+        ``"ok"``; ``"weak"``: the splat meets its detection in fewer than two views, so depth is not fixed
+        (Gauss–Newton: fewer than two views have k ≥ ¼);
         ``"unobserved"``: no usable detection, the joint keeps its initial position.
     loss, loss_render, loss_symmetry : (…) float64
-        L_opt, L_render and the unweighted L_sym (mm²) of the returned pose over all views.
+        L_opt, L_render and the unweighted L_sym (mm²) of the returned pose over all views. For Gauss–Newton
+        ``loss`` and ``loss_render`` are Σ c (2σ²/ŝ²)(1 − k) over the detections, in units of the noise.
     n_iter : (…) int64
         Optimisation steps taken.
     stop_reason : (…) str
@@ -49,7 +63,8 @@ class Refinement:
     init_pose : (…, N, 3) float64
         The pose it started from.
     loss_history : (…, steps) float64
-        L_opt of every step, NaN after a frame's last; zero steps unless ``config.loss_history``.
+        L_opt of every step, NaN after a frame's last; zero steps unless ``config.loss_history``, and for
+        Gauss–Newton.
     """
 
     pose: NDArray[np.float64]
@@ -116,7 +131,15 @@ def refine(
     layout : str, Layout or None
         Joint layout. None takes any N joints and uses no symmetry.
     confidence : (M, N) or (T, M, N), optional
-        Instead of a third channel. The paper's method uses it for triangulation and to tell what is missing.
+        Instead of a third channel. It weighs the detections; the paper's method uses it for triangulation and
+        to tell what is missing.
+    init_sigma : float, (N,), (N, 3, 3) or (T, N, 3, 3), optional
+        How good an ``init_pose`` is that does *not* come from these detections (monocular, the last frame, a
+        body model): its standard deviation per axis in the cameras' unit, one for all joints or one each, or
+        a covariance (unit²) per joint, for all frames or for each. It then counts as a measurement beside the
+        detections. Without it ``init_pose`` is where the search begins and no more; a pose triangulated from
+        the same detections must not have one, it would count them twice. A joint whose ``init_pose`` or
+        covariance is NaN has no prior. Gauss–Newton only.
     config : RefineConfig, optional
         Settings; default ``RefineConfig()``.
     progress : bool or callable
@@ -129,7 +152,8 @@ def refine(
     Raises
     ------
     InvalidInputError
-        Shapes that do not fit, a confidence outside [0, 1], an unknown layout or one of another N.
+        Shapes that do not fit, a confidence outside [0, 1], an unknown layout or one of another N, an
+        ``init_sigma`` that is not positive (definite), has no ``init_pose`` beside it or meets Adam.
 
     Warns
     -----

@@ -176,58 +176,93 @@ class Layout:
 class RefineConfig:
     """Settings of ``refine``; lengths in mm whatever the unit of the cameras. Immutable.
 
-    Every field is a keyword; those left out keep the core's default, which are the paper's values.
+    Every field is a keyword. ``RefineConfig()`` is the robust default: the closed form by Gauss–Newton under
+    a kernel that narrows, from any start. ``RefineConfig.paper()`` is the published method: pixels and Adam.
+    A field that is left out keeps the value of its preset; where the two differ both are given, the default's
+    first.
 
     Parameters
     ----------
-    renderer : {"raster", "closed_form"}
-        What compares splats with detections: the paper's pixels, or the exact integral of the same loss over
-        the plane, which needs none (one-hot encoding only).
-    optimizer : {"adam"}
+    optimizer : {"gauss_newton", "adam"}
+        What moves the joints: "gauss_newton"; "adam" in ``paper()``.
+    renderer : {"closed_form", "raster"}
+        What compares splats with detections: the exact integral of the loss over the plane, which needs no
+        pixels (one-hot encoding only), or the paper's pixels: "closed_form"; "raster" in ``paper()``.
+        Gauss–Newton takes the closed form, Adam either.
     sigma : float
-        Initial standard deviation σ₀ of every joint, e³ ≈ 20.09.
+        Standard deviation of every joint's splat: 30; e³ ≈ 20.09 in ``paper()``. For Gauss–Newton it is the
+        widest that the kernel ends at, for Adam the initial σ₀.
     occlusion_sigma : float or None
-        Initial standard deviation of occlusion-prone joints; None: ``sigma``.
+        The same for occlusion-prone joints; None: ``sigma``.
     occlusion_factor : float
         Instead of ``occlusion_sigma``, the paper's f. It multiplies the *logarithm* of σ₀ in mm, σ = σ₀^f:
-        1.25 gives 42.5 mm, 1.5 gives 90, 2 gives 403. Not kept as a field.
+        1.25 gives 42.5 mm, 1.5 gives 90, 2 gives 403 in ``paper()``. Not kept as a field.
+    joint_sigmas : sequence of N floats, or None
+        A standard deviation for each joint instead of the above, None.
+    symmetry_tier : {0, 1, 2, 3}
+        Symmetric limbs up to this tier, 1; 0 switches the symmetry loss off.
+    max_steps : int
+        At most this many steps: 50; 125 in ``paper()``.
+    undistort : bool
+        Remove lens distortion from the detections first, True; False mirrors numbers published without it.
+    min_confidence : float
+        Detections of a lower confidence count as missing, 0.
+    n_threads : int or None
+        Threads for a batch; None: all cores. The result does not depend on it.
+
+    Other Parameters
+    ----------------
+    Of the default, Gauss–Newton; Adam uses ``sigma_per_noise``, ``detection_sigma`` and ``symmetry_sigma``
+    for the error bars alone:
+
+    sigma_start : float
+        Widest kernel that annealing begins with, 320. A joint without a start of its own begins at its
+        farthest ray if that is nearer.
+    sigma_decay : float
+        Factor on the kernel's σ from one step to the next, 0.5.
+    sigma_per_noise : float or None
+        The kernel ends at this multiple of the detections' noise if that is less than ``sigma``, 2; None: at
+        ``sigma``, as in ``paper()``.
+    detection_sigma : float or None
+        Standard deviation of the detections' noise per axis, pixels; None: estimated in every frame.
+    view_weights : sequence of M floats, or None
+        How much each view counts, beside the confidence; 0 leaves it out. None: 1 for all. Gauss–Newton only.
+    symmetry_sigma : float
+        Standard deviation of the difference between symmetric limbs, 15.
+    find_swaps : bool
+        Look for detections with left and right exchanged: True; False in ``paper()``.
+    step_tolerance : float
+        Converged once the kernels are narrow and no joint moves by more than this part of the noise, 0.01.
+
+    Of Adam, the paper's method; Gauss–Newton uses none of them:
+
     dilation : float
         h, added to the projected variances, 0.3 px².
     encoding : {"one_hot", "rgb", "single"}
-        Joint encoding; the last two are ablations.
-    symmetry_tier : {0, 1, 2, 3}
-        Symmetric limbs up to this tier; 0 switches the symmetry loss off.
+        Joint encoding, "one_hot"; the others are ablations.
     symmetry_weight : float
         λ_sym, 1e-5.
-    max_steps : int
-        At most this many optimisation steps, 125.
     views_per_step : int or None
         Views whose gradients are accumulated before a step; None: all.
     position_lr : float or "camera_extent"
         Initial learning rate of the means, 3 mm; or the formula 5e-4 · 1.1 · the largest distance of a camera
         centre from their mean.
     position_lr_factor : float
-        Multiplies ``position_lr``; the paper's dome rigs ran with 10 times the formula.
+        Multiplies ``position_lr``, 1; the paper's dome rigs ran with 10 times the formula.
     log_scale_lr, rotation_lr : float
         Learning rates of log-scales (0.005) and quaternions (0.001).
     lr_decay, lr_decay_steps : float
         The position's learning rate falls by ``lr_decay`` over ``lr_decay_steps``: 0.01 over 1000.
     adam_betas, adam_epsilon
-        Adam's β and ε.
+        Adam's β (0.9, 0.999) and ε (1e-15).
     stop_tolerance : float
         Stop when the window minimum of the loss changes by less, 1e-6.
     stop_window : int or None
         Steps per window; None: the number of views.
-    undistort : bool
-        Remove lens distortion from the detections first; False mirrors numbers published without it.
-    min_confidence : float
-        Detections of a lower confidence count as missing, 0.
     resolution : float
         Render at this factor of the cameras' resolution, 1.
     loss_history : bool
-        Keep the loss of every step.
-    n_threads : int or None
-        Threads for a batch; None: all cores. The result does not depend on it.
+        Keep the loss of every step, False.
 
     Raises
     ------
@@ -254,15 +289,33 @@ class RefineConfig:
     @property
     def occlusion_sigma(self) -> float | None: ...
     @property
+    def joint_sigmas(self) -> tuple[float, ...] | None: ...
+    @property
+    def sigma_start(self) -> float: ...
+    @property
+    def sigma_decay(self) -> float: ...
+    @property
+    def sigma_per_noise(self) -> float | None: ...
+    @property
+    def detection_sigma(self) -> float | None: ...
+    @property
+    def view_weights(self) -> tuple[float, ...] | None: ...
+    @property
+    def symmetry_tier(self) -> int: ...
+    @property
+    def symmetry_sigma(self) -> float: ...
+    @property
+    def find_swaps(self) -> bool: ...
+    @property
+    def max_steps(self) -> int: ...
+    @property
+    def step_tolerance(self) -> float: ...
+    @property
     def dilation(self) -> float: ...
     @property
     def encoding(self) -> str: ...
     @property
-    def symmetry_tier(self) -> int: ...
-    @property
     def symmetry_weight(self) -> float: ...
-    @property
-    def max_steps(self) -> int: ...
     @property
     def views_per_step(self) -> int | None: ...
     @property
@@ -308,23 +361,31 @@ def triangulate(
     detections: ArrayLike,
     cameras: _Cameras,
     *,
-    method: str = "dlt",
+    method: str = "robust",
     confidence: ArrayLike | None = None,
     return_rejected: Literal[False] = False,
 ) -> NDArray[np.float64]:
     """Triangulate detections ([T,] M, N, 2|3) to points ([T,] N, 3); NaN with fewer than two views.
 
-    ``"dlt"`` is confidence-weighted algebraic triangulation, lens distortion removed first. ``"ransac"`` is
-    the same over the largest set of views that agree: of at most 10 pairs of views the one whose point
-    projects within 20 px of most detections decides; where no two views agree, all are used.
+    ``"robust"``, the default, starts at the point nearest to all rays of a joint and lets a Welsch kernel
+    narrow to the frame's noise, so that wrong detections lose their pull. Where the views that agree in the
+    end are no majority, points between two rays are judged by all. A joint is right with up to half of its
+    views wrong if those do not agree among themselves, and with all but two wrong if those two agree and
+    nothing else does. Two views that disagree cannot be told apart: both are used. Detections with k < ¼ (2.4
+    σ from the joint) are rejected.
+
+    ``"dlt"`` is confidence-weighted algebraic triangulation. ``"ransac"`` is the same over the largest set of
+    views that agree: of at most 10 pairs of views the one whose point projects within 20 px of most
+    detections decides; where no two views agree, all are used. Every method removes lens distortion first.
 
     Parameters
     ----------
     detections : ([T,] M, N, 2 | 3)
         Pixels and, in a third channel, confidences; NaN or a confidence of 0 where missing.
     cameras : CameraRig or sequence of Camera
-        The M cameras.
-    method : {"dlt", "ransac"}
+        The M cameras; points are in their unit. A plain sequence is in mm. The kernel of ``"robust"`` has a
+        width in mm, so that it has to know the unit; the other methods do not look at it.
+    method : {"robust", "dlt", "ransac"}
     confidence : ([T,] M, N), optional
         Instead of a third channel.
     return_rejected : bool
@@ -342,7 +403,7 @@ def triangulate(
     detections: ArrayLike,
     cameras: _Cameras,
     *,
-    method: str = "dlt",
+    method: str = "robust",
     confidence: ArrayLike | None = None,
     return_rejected: Literal[True],
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]: ...
@@ -351,7 +412,7 @@ def triangulate(
     detections: ArrayLike,
     cameras: _Cameras,
     *,
-    method: str = "dlt",
+    method: str = "robust",
     confidence: ArrayLike | None = None,
     return_rejected: bool,
 ) -> NDArray[np.float64] | tuple[NDArray[np.float64], NDArray[np.bool_]]: ...
@@ -427,7 +488,7 @@ class Refiner:
         init_sigma: ArrayLike | None = None,
         progress: Callable[[int, int], Any] | None = None,
     ) -> dict[str, Any]:
-        """Return the fields of ``skelsplat.Refinement``, with ``joint_status`` as codes into ``JOINT_STATUS``."""
+        """Return the fields of ``skelsplat.Refinement``; ``joint_status`` as codes into ``JOINT_STATUS``."""
 
 def implausible_extent(poses: ArrayLike, unit: str) -> str | None:
     """Return a sentence if the skeletons (T, N, 3) are taller than 10 m or shorter than 10 cm, else None."""

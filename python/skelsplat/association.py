@@ -40,6 +40,7 @@ def choose_person(
     people: npt.ArrayLike,
     cameras: sk.CameraRig | Sequence[sk.Camera],
     *,
+    layout: sk.Layout | None = None,
     min_confidence: float = 0.2,
     gate: float = 0.03,
     min_joints: int = 4,
@@ -58,6 +59,8 @@ def choose_person(
         Pixels of the original images and confidence; NaN where nobody or nothing is. The order in P is free.
     cameras : CameraRig or sequence of Camera
         M ≥ 2 of them. A plain sequence is taken to be in mm.
+    layout : Layout, optional
+        Lets a person stand in a view with left and right exchanged, which the solver can set right.
     min_confidence : float
         Joints below it do not take part in the choice; they are still returned.
     gate : float
@@ -80,7 +83,7 @@ def choose_person(
     everyone = _check(people, cameras)
     steps, views, _, joints, _ = everyone.shape
     usable = np.where(everyone[..., 2:] >= min_confidence, everyone, np.nan)
-    evidence = _Evidence(usable, cameras, gate, min(min_joints, joints))
+    evidence = _Evidence(usable, cameras, gate, min(min_joints, joints), _mirrored(layout, joints))
     candidates = evidence.candidates()
     path = _link(candidates, _mm_per_unit(cameras))
     index = np.full((steps, views), -1, dtype=np.int64)
@@ -97,6 +100,17 @@ def _check(people: npt.ArrayLike, cameras: Sequence[sk.Camera]) -> Array:
         expected = f"shape (T, {len(cameras)}, P, K, 3) for {len(cameras)} cameras"
         raise InvalidInputError(f"people: expected {expected}, got {array.shape}")
     return array
+
+
+def _mirrored(layout: sk.Layout | None, joints: int) -> Index:
+    """Place of every joint's mirror image, (K,)."""
+    order = np.arange(joints)
+    if layout is not None:
+        if layout.n_joints != joints:
+            raise InvalidInputError(f"layout: expected one of {joints} joints, got {layout.n_joints}")
+        for left, right in layout.left_right:
+            order[left], order[right] = right, left
+    return order
 
 
 def _mm_per_unit(cameras: sk.CameraRig | Sequence[sk.Camera]) -> float:
@@ -132,6 +146,7 @@ class _Evidence:
     cameras: sk.CameraRig | Sequence[sk.Camera]
     gate: float
     min_joints: int
+    mirrored: Index
 
     def candidates(self) -> _Candidates:
         """Weigh all hypotheses; of each frame the best few different ones are kept."""
@@ -187,10 +202,17 @@ class _Evidence:
         """Median reprojection error as a part of the gate, (H, M, P); infinite without common joints."""
         gates = np.array([self.gate * np.hypot(*camera.size) for camera in self.cameras])
         pixels = np.moveaxis(np.asarray(sk.project(pose, self.cameras)), 0, 1)
-        offset = self.people[step][..., :2] - pixels[:, :, None]
-        distance = np.hypot(offset[..., 0], offset[..., 1])
-        median = _masked_median(distance, self.min_joints) / gates[:, None]
-        return np.where(np.isnan(median), np.inf, median)
+        people = self.people[step][..., :2]
+
+        def median(seen: Array) -> Array:
+            offset = seen - pixels[:, :, None]
+            distance = np.hypot(offset[..., 0], offset[..., 1])
+            error = _masked_median(distance, self.min_joints) / gates[:, None]
+            return np.where(np.isnan(error), np.inf, error)
+
+        if (self.mirrored == np.arange(len(self.mirrored))).all():
+            return median(people)
+        return np.minimum(median(people), median(people[:, :, :, self.mirrored]))
 
     def _size(self, step: Index, index: Index) -> Array:
         """How large the people are in the images, (H,): mean extent as a part of the diagonal, below 1."""

@@ -22,7 +22,10 @@ def rig(views: Sequence[View]) -> sk.CameraRig:
 def loss_and_gradient(
     scene: Scene, gaussians: Gaussians | None = None, **settings: object
 ) -> sk.LossAndGradient:
-    """Call the package on a scene, or on other Gaussians with the scene's pseudo ground truth."""
+    """Call the package on a scene, or on other Gaussians with the scene's pseudo ground truth.
+
+    `settings` change the paper's.
+    """
     layout = settings.pop("layout", None)
     current = scene.gaussians if gaussians is None else gaussians
     return sk.loss_and_gradient(
@@ -30,7 +33,7 @@ def loss_and_gradient(
         scene.detections,
         rig(scene.views),
         layout=layout,
-        config=sk.RefineConfig(**settings),
+        config=sk.RefineConfig.paper(**settings),
         target_means=scene.initial.means,
         target_covariances=scene.initial_covariances,
     )

@@ -94,7 +94,9 @@ def test_total_gradient_with_symmetry_equals_central_differences(tier: int) -> N
 def test_target_defaults_to_the_given_gaussians() -> None:
     scene = scenes.three_joints()
     own = scenes.Scene(scene.gaussians, scene.gaussians, scene.detections, scene.views)
-    found = sk.loss_and_gradient(*scene.gaussians, scene.detections, bridge.rig(scene.views))
+    found = sk.loss_and_gradient(
+        *scene.gaussians, scene.detections, bridge.rig(scene.views), config=sk.RefineConfig.paper()
+    )
     expected = total.loss_and_gradient(scene.gaussians, scene.detections, scene.views, own.targets("one_hot"))
     assert_equals_twin(found, expected)
 
@@ -111,6 +113,7 @@ def test_unit_changes_the_numbers_but_not_the_loss(unit: str, mm: float) -> None
         scene.detections,
         sk.CameraRig(cameras, unit=unit),
         layout="h36m17",
+        config=sk.RefineConfig.paper(),
         target_means=scene.initial.means / mm,
         target_covariances=scene.initial_covariances / mm**2,
     )
@@ -144,7 +147,11 @@ def test_distorted_cameras_equal_ideal_ones_with_undistorted_detections() -> Non
     for camera, points in zip(bent, straight, strict=True):
         points[:, :2] = camera.undistort(points[:, :2])
     assert np.nanmax(np.abs(straight - scene.detections)) > 0.05
-    arguments = {"target_means": scene.initial.means, "target_covariances": scene.initial_covariances}
+    arguments = {
+        "target_means": scene.initial.means,
+        "target_covariances": scene.initial_covariances,
+        "config": sk.RefineConfig.paper(),
+    }
     found = sk.loss_and_gradient(*scene.gaussians, scene.detections, sk.CameraRig(bent), **arguments)
     ideal = sk.loss_and_gradient(*scene.gaussians, straight, bridge.rig(scene.views), **arguments)
     assert found.loss == pytest.approx(ideal.loss, rel=LOSS_RELATIVE)

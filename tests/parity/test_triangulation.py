@@ -26,7 +26,7 @@ def noisy(views: list[View]) -> Array:
 
 
 def test_exact_detections_give_the_pose_back(views: list[View]) -> None:
-    pose = sk.triangulate(scenes.pixels(scenes.H36M_POSE, views), rig(views))
+    pose = sk.triangulate(scenes.pixels(scenes.H36M_POSE, views), rig(views), method="dlt")
     assert pose == pytest.approx(scenes.H36M_POSE, abs=EXACT_MM)
 
 
@@ -34,13 +34,16 @@ def test_exact_detections_give_the_pose_back(views: list[View]) -> None:
 def test_noisy_detections_equal_the_twin(views: list[View], noisy: Array, source: str) -> None:
     confidence = np.random.default_rng(12).uniform(0.2, 1.0, noisy.shape[:2])
     if source == "none":
-        found, expected = sk.triangulate(noisy, rig(views)), triangulation.triangulate(noisy, views)
+        found, expected = (
+            sk.triangulate(noisy, rig(views), method="dlt"),
+            triangulation.triangulate(noisy, views),
+        )
     elif source == "argument":
-        found = sk.triangulate(noisy, rig(views), confidence=confidence)
+        found = sk.triangulate(noisy, rig(views), method="dlt", confidence=confidence)
         expected = triangulation.triangulate(noisy, views, confidence)
     else:
         with_confidence = np.concatenate([noisy, confidence[..., None]], axis=-1)
-        found = sk.triangulate(with_confidence, rig(views))
+        found = sk.triangulate(with_confidence, rig(views), method="dlt")
         expected = triangulation.triangulate(with_confidence, views)
     assert found == pytest.approx(expected, abs=EXACT_MM)
     assert np.linalg.norm(found - scenes.H36M_POSE, axis=1).max() > 1.0
@@ -50,7 +53,7 @@ def test_missing_detections_and_batches(views: list[View], noisy: Array) -> None
     batch = np.stack([noisy, noisy])
     batch[1, 0, 3] = np.nan
     batch[1, :3, 4] = np.nan
-    pose = sk.triangulate(batch, rig(views))
+    pose = sk.triangulate(batch, rig(views), method="dlt")
     assert pose.shape == (2, 17, 3)
     expected = [triangulation.triangulate(frame, views) for frame in batch]
     assert np.isnan(pose[1, 4]).all()

@@ -8,6 +8,8 @@ import pytest
 import skelsplat as sk
 from skelsplat import synthetic
 
+PAPER = sk.RefineConfig.paper()
+
 
 @pytest.fixture(scope="module")
 def poses() -> np.ndarray:
@@ -31,7 +33,7 @@ def detections(poses: np.ndarray, rig: sk.CameraRig) -> np.ndarray:
 def test_exact_detections_recover_the_pose_from_20_mm_of_noise(poses, rig):
     exact = sk.project(poses, rig).swapaxes(0, 1)
     start = synthetic.perturb(poses, 20.0, seed=2)
-    result = sk.refine(start, exact, rig, layout="h36m17")
+    result = sk.refine(start, exact, rig, layout="h36m17", config=PAPER)
     assert sk.metrics.mpjpe(start, poses) > 25.0  # 20 mm per axis are 32 mm in space
     assert sk.metrics.mpjpe(result.pose, poses) < 0.5
     assert (result.joint_status == "ok").all()
@@ -43,11 +45,12 @@ def test_the_noise_ablation_has_the_papers_shape(poses, rig, detections):
     Flat to 20 mm (the paper's +4.5 %, here with 10 % for 36 poses), rising at 40 (the paper's +15 to +25 %),
     lost by 80 (more than twice).
     """
-    start = sk.triangulate(detections[..., :2], rig)
+    start = sk.triangulate(detections[..., :2], rig, method="dlt")
 
     def error(sigma_mm: float) -> float:
         noisy = synthetic.perturb(start, sigma_mm, seed=3)
-        return float(sk.metrics.mpjpe(sk.refine(noisy, detections, rig, layout="h36m17").pose, poses))
+        found = sk.refine(noisy, detections, rig, layout="h36m17", config=PAPER).pose
+        return float(sk.metrics.mpjpe(found, poses))
 
     at = {sigma: error(sigma) for sigma in (0.0, 20.0, 40.0, 80.0)}
     assert at[0.0] < sk.metrics.mpjpe(start, poses)
@@ -63,10 +66,10 @@ def test_one_hot_beats_the_shared_encodings(poses, rig, detections):
     difference, a test in a thousand would pass. The `rgb` encoding holds `single`'s composite three times, so
     its loss and its result are `single`'s.
     """
-    start = sk.triangulate(detections[..., :2], rig)
+    start = sk.triangulate(detections[..., :2], rig, method="dlt")
 
     def refined(encoding: str, n: int) -> np.ndarray:
-        config = sk.RefineConfig.paper(encoding=encoding)
+        config = PAPER.replace(encoding=encoding)
         return sk.refine(start[:n], detections[:n], rig, layout="h36m17", config=config).pose
 
     single = refined("single", len(poses))
@@ -83,10 +86,11 @@ def test_monocular_fusion_is_a_start_as_good_as_triangulation(poses, rig, detect
     """
     mono = synthetic.monocular_poses(poses, rig, 60.0, seed=4)
     fused = sk.fuse_monocular(mono, detections, rig)
-    triangulated = sk.triangulate(detections[..., :2], rig)
+    triangulated = sk.triangulate(detections[..., :2], rig, method="dlt")
     assert sk.metrics.mpjpe(fused, poses) > sk.metrics.mpjpe(triangulated, poses)
 
     def error(start: np.ndarray) -> float:
-        return float(sk.metrics.mpjpe(sk.refine(start, detections, rig, layout="h36m17").pose, poses))
+        found = sk.refine(start, detections, rig, layout="h36m17", config=PAPER).pose
+        return float(sk.metrics.mpjpe(found, poses))
 
     assert error(fused) < 1.10 * error(triangulated)

@@ -185,3 +185,21 @@ def test_people_of_a_wrong_shape(rig, shape):
 def test_one_camera_is_too_few(rig):
     with pytest.raises(sk.InvalidInputError, match="cameras: expected at least two, got 1"):
         choose_person(np.zeros((1, 1, 1, JOINTS, 3)), rig[:1])
+
+
+def test_a_view_with_exchanged_sides_is_the_same_person_if_the_layout_is_known(rig):
+    """Joints 0 to 5 are left, 6 to 11 their right twins, half a metre apart."""
+    names = [f"left_{k}" for k in range(6)] + [f"right_{k}" for k in range(6)]
+    layout = sk.Layout("pairs", names, left_right=[(k, k + 6) for k in range(6)])
+    points = walk((0.0, 0.0, 0.0))
+    points[:, :6] -= [0.25, 0.25, 0.0]
+    points[:, 6:] += [0.25, 0.25, 0.0]
+    person = seen(points, rig)
+    person[:, 2] = person[:, 2][:, [*range(6, 12), *range(6)]]
+    assert (choose_person(crowd(person), rig)[1][:, 2] == -1).all()
+    np.testing.assert_array_equal(choose_person(crowd(person), rig, layout=layout)[1], 0)
+
+
+def test_a_layout_of_another_size_is_refused(rig):
+    with pytest.raises(sk.InvalidInputError, match="layout: expected one of 12 joints, got 17"):
+        choose_person(crowd(seen(walk((0.0, 0.0, 0.0)), rig)), rig, layout=sk.layouts.H36M17)

@@ -13,45 +13,12 @@ from typer.testing import CliRunner
 import skelsplat as sk
 from skelsplat import synthetic
 from skelsplat.cli import _pipeline, _run, app
-from skelsplat.cli._figures import most_moved_frame, world_up
 from skelsplat.cli._person import pick_person
-from skelsplat.io import PoseData, read_npz, read_trc, write_calibration, write_npz
+from skelsplat.io import PoseData, read_npz, read_trc, write_npz
 
 T = 5
 NOISE_PX = 2.0
-RESULTS = {"pose.npz", "pose.csv", "pose.trc", "report.json", "overview.png", "heatmaps.png"}
-
-
-def write_detections(root, rig, detections):
-    """Write (T, M, N, 2) as OpenPose folders; NaN becomes the zeros of OpenPose."""
-    for i, name in enumerate(rig.names):
-        (root / name).mkdir(parents=True)
-        for t in range(len(detections)):
-            seen = np.isfinite(detections[t, i]).all(axis=1, keepdims=True)
-            joints = np.where(
-                seen, np.hstack([np.nan_to_num(detections[t, i]), np.full(seen.shape, 0.9)]), 0.0
-            )
-            people = [{"pose_keypoints_2d": joints.ravel().tolist()}]
-            (root / name / f"{t:06d}_keypoints.json").write_text(json.dumps({"people": people}))
-
-
-@pytest.fixture
-def recording(tmp_path):
-    """Write a walk of five frames in four cameras, in mm; the last camera never sees joint 3."""
-    rig = synthetic.human36m_like()
-    pose = synthetic.motion("walk", T, seed=3)
-    detections = sk.project(pose, rig).swapaxes(0, 1)
-    detections += np.random.default_rng(1).normal(0.0, NOISE_PX, detections.shape)
-    detections[:, -1, 3] = np.nan
-    write_calibration(tmp_path / "Calib.toml", rig)
-    write_detections(tmp_path / "openpose", rig, detections)
-    return tmp_path, rig, pose
-
-
-@pytest.fixture
-def arguments(recording):
-    folder, _, _ = recording
-    return ["refine", str(folder / "Calib.toml"), str(folder / "openpose"), "-o", str(folder / "out")]
+RESULTS = {"pose.npz", "pose.csv", "pose.trc", "report.json", "overview.png", "weights.png"}
 
 
 READ = ["--unit", "mm", "--layout", "h36m17"]
@@ -91,43 +58,50 @@ def test_the_printed_table_fits_80_columns_and_counts_missing_detections(argumen
     # a line may end in the path of the results, which has no place to break
     assert all(len(line) <= 80 for line in lines if "Wrote to" not in line and not line.startswith("/"))
     last_camera = next(line.split() for line in lines if line.split()[:1] == ["cam4"])
-    # camera, median "a → b", 90th percentile "a → b", used, missing, poor
+    # camera, median "a → b", 90th percentile "a → b", used, missing, rejected, weight
     assert last_camera[7:9] == [str(16 * T), str(T)]
-    assert "ms per frame" in result.stdout
+    assert len(last_camera) == 11
+    assert 0.25 < float(last_camera[10]) <= 1.0
+    assert "Noise of the detections, estimated: " in result.stdout
+    assert "Error bars, one standard deviation per axis: median " in result.stdout
+    assert "5 frames of 17 joints, " in result.stdout
     assert "\x1b[" not in result.stdout
 
 
-def test_the_report_holds_statistics_settings_and_timing(recording, arguments):
-    folder, rig, _ = recording
-    assert invoke(*arguments, *READ, *FAST, "--sigma", 25, "--min-confidence", 0.1).exit_code == 0
+def test_paper_runs_the_papers_preset_and_draws_heat_maps(recording, arguments):
+    folder, _, _ = recording
+    assert invoke(*arguments, *READ, *FAST, "-q").exit_code == 0
+    robust = read_npz(folder / "out" / "pose.npz")
+    settings = json.loads((folder / "out" / "report.json").read_text())["settings"]
+    assert settings["optimizer"] == "gauss_newton"
+    result = invoke(*arguments, *READ, *FAST, "--paper")
+    assert result.exit_code == 0, result.output
+    assert {path.name for path in (folder / "out").iterdir()} == RESULTS | {"heatmaps.png"}
     report = json.loads((folder / "out" / "report.json").read_text())
-    errors = report["reprojection_error"]
-    assert report["versions"]["skelsplat"] == sk.__version__
-    assert report["settings"]["sigma"] == 25.0
-    assert report["settings"]["max_steps"] == 30
-    assert report["settings"]["min_confidence"] == 0.1
-    assert report["ground_truth"] is None
-    assert [camera["name"] for camera in errors["cameras"]] == list(rig.names)
-    assert len(errors["joints"]) == 17
-    assert errors["all"]["used"] == T * (4 * 17 - 1)
-    assert errors["all"]["missing"] == errors["joints"][3]["missing"] == T
-    assert errors["cameras"][0]["poor_above_px"] == pytest.approx(0.01 * np.hypot(*rig[0].size))
-    # the median distance of a 2 px deviation per axis is 2.4 px, and a fit lies closer than the truth
-    assert 0.0 < errors["all"]["after_px"] < 2 * NOISE_PX
-    assert sum(report["stop_reasons"].values()) == T
-    assert report["timing"]["ms_per_frame"] == pytest.approx(1000 * report["timing"]["refine_s"] / T)
+    assert report["preset"] == "paper"
+    assert report["settings"] == sk.RefineConfig.paper(max_steps=30).to_dict()
+    paper = read_npz(folder / "out" / "pose.npz")
+    assert not np.array_equal(paper.pose, robust.pose)
+    assert paper.uncertainty.shape == robust.uncertainty.shape
+    assert "Error bars" in result.stdout
 
 
-def test_a_poor_detection_is_counted(recording, arguments):
-    folder, rig, _ = recording
-    path = folder / "openpose" / rig.names[0] / "000002_keypoints.json"
-    document = json.loads(path.read_text())
-    document["people"][0]["pose_keypoints_2d"][3 * 16] += 200.0
-    path.write_text(json.dumps(document))
-    assert invoke(*arguments, *READ, *FAST).exit_code == 0
-    errors = json.loads((folder / "out" / "report.json").read_text())["reprojection_error"]
-    assert errors["joints"][16]["poor"] >= 1
-    assert errors["joints"][3]["poor"] == 0
+def test_an_independent_start_counts_as_an_observation(recording, arguments):
+    folder, _, pose = recording
+    write_npz(folder / "s.npz", PoseData(pose + 500.0, tuple(sk.layouts.H36M17.joints), np.arange(T), "mm"))
+    run = [*arguments, *READ, *FAST, "-q", "--init", folder / "s.npz"]
+    assert invoke(*run).exit_code == 0
+    without = read_npz(folder / "out" / "pose.npz").pose
+    assert invoke(*run, "--init-sigma", "0.001").exit_code == 0
+    # a start that is certain to a micrometre stays where it is
+    np.testing.assert_allclose(read_npz(folder / "out" / "pose.npz").pose, pose + 500.0, atol=0.1)
+    assert np.linalg.norm(without - pose, axis=-1).max() < 100.0
+
+
+def test_no_swaps_switches_the_search_off(recording, arguments):
+    folder, _, _ = recording
+    assert invoke(*arguments, *READ, *FAST, "--no-swaps").exit_code == 0
+    assert json.loads((folder / "out" / "report.json").read_text())["settings"]["find_swaps"] is False
 
 
 def test_json_goes_to_stdout_and_quiet_prints_nothing(recording, arguments):
@@ -178,6 +152,12 @@ def test_y_up_turns_the_marker_file_only(recording, arguments):
         ([*READ, "--sigma", "-1"], ["--sigma", "positive", "-1"]),
         ([*READ, "--occlusion-sigma", "0"], ["--occlusion-sigma", "positive", "0"]),
         ([*READ, "--fps", "nan"], ["--fps", "positive", "nan"]),
+        ([*READ, "--init-sigma", "40"], ["--init-sigma", "--init beside it", "none"]),
+        ([*READ, "--init", "a.npz", "--init-sigma", "-4"], ["--init-sigma", "positive", "-4"]),
+        (
+            [*READ, "--paper", "--init", "a.npz", "--init-sigma", "40"],
+            ["--init-sigma", "without --paper", "both"],
+        ),
         ([*READ, "--symmetry-tier", "4"], ["--symmetry-tier", "3"]),
         ([*READ, "--max-steps", "many"], ["--max-steps"]),
         ([*READ, "--sigmas", "3"], ["--sigmas"]),
@@ -315,10 +295,7 @@ def test_version_and_python_m():
     assert run.stderr.count("\n") == 1
 
 
-def test_demo_refines_the_sample(tmp_path, monkeypatch):
-    # All frames, few steps: the command passes its settings on as they are in the job
-    whole = _pipeline.sk.RefineConfig
-    monkeypatch.setattr(_pipeline.sk, "RefineConfig", lambda **given: whole(max_steps=5, **given))
+def test_demo_refines_the_sample(tmp_path):
     result = invoke("demo", "-o", tmp_path / "demo")
     assert result.exit_code == 0, result.output
     assert {path.name for path in (tmp_path / "demo").iterdir()} == RESULTS | {"input"}
@@ -330,6 +307,29 @@ def test_demo_refines_the_sample(tmp_path, monkeypatch):
     assert [camera["name"] for camera in report["reprojection_error"]["cameras"]] == [
         f"cam_0{i}" for i in (1, 2, 3, 4)
     ]
+    assert report["preset"] == "default"
+    # one camera disagrees, and the weights say which
+    assert [doubt.split()[0] for doubt in report["doubts"] if "disagrees" in doubt] == ["cam_03"]
+    lines = result.stdout.splitlines()
+    assert all(len(line) <= 80 for line in lines if not line.startswith(("Wrote to", "/")))
+
+
+def test_demo_of_the_paper(tmp_path, monkeypatch):
+    # All frames, few steps: the command passes its settings on as they are in the job
+    preset = sk.RefineConfig.paper
+
+    class Hurried:
+        @staticmethod
+        def paper(**given):
+            return preset(max_steps=2, **given)
+
+    monkeypatch.setattr(_pipeline.sk, "RefineConfig", Hurried)
+    result = invoke("demo", "--paper", "-o", tmp_path)
+    assert result.exit_code == 0, result.output
+    assert {path.name for path in tmp_path.iterdir()} == RESULTS | {"heatmaps.png", "input"}
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert report["preset"] == "paper"
+    assert report["settings"]["optimizer"] == "adam"
 
 
 def test_pick_person_by_place_and_by_size():
@@ -342,53 +342,3 @@ def test_pick_person_by_place_and_by_size():
     assert largest[1, 2, 2, 0] == 60.0
     assert largest[0, 0, 2, 0] == 30.0
     np.testing.assert_array_equal(pick_person(people, rig, "0"), people[:, :, 0])
-
-
-def test_the_frame_shown_is_complete_and_not_chosen_by_one_stray_joint():
-    moved = np.array([[1.0, 1.0, 900.0], [5.0, 5.0, 5.0], [9.0, 9.0, 9.0], [np.nan] * 3])
-    status = np.full((4, 3), "ok", dtype="<U10")
-    status[2, 0] = "weak"
-    status[3] = "unobserved"
-    assert most_moved_frame(moved, status) == 1
-    status[:, 1] = "weak"
-    assert most_moved_frame(moved, status) == 2
-    assert most_moved_frame(np.full((2, 3), np.nan), status[:2]) == 0
-
-
-def test_world_up_is_the_axis_that_the_cameras_agree_on():
-    rig = synthetic.human36m_like()
-    np.testing.assert_array_equal(world_up(rig), [0.0, 0.0, 1.0])
-    turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])  # z up to y down
-    turned = [sk.Camera(c.K, c.R @ turn, c.t, size=c.size) for c in rig]
-    np.testing.assert_array_equal(world_up(sk.CameraRig(turned)), turn.T @ [0.0, 0.0, 1.0])
-
-
-def test_what_to_distrust_is_said_in_words(recording, arguments):
-    """One camera lies 28 px off on either axis: too far for the splats, near enough to be the same person."""
-    folder, _, _ = recording
-    shifted = [path for path in (folder / "openpose").rglob("*.json") if "cam3" in path.parent.name]
-    assert len(shifted) == T
-    for path in shifted:
-        frame = json.loads(path.read_text())
-        for person in frame["people"]:
-            points = np.array(person["pose_keypoints_2d"]).reshape(-1, 3)
-            points[points[:, 2] > 0, :2] += 28.0
-            person["pose_keypoints_2d"] = points.ravel().tolist()
-        path.write_text(json.dumps(frame))
-    result = invoke(*arguments, *READ)
-    assert result.exit_code == 0, result.output
-    text = " ".join(result.stdout.split())
-    assert "! cam3: the pose follows the other cameras and moves away from this one" in text
-    doubts = json.loads((folder / "out" / "report.json").read_text())["doubts"]
-    assert [doubt.split(":")[0] for doubt in doubts] == ["cam3"]
-
-
-def test_detections_that_are_no_pixels_are_doubted(recording, arguments):
-    folder, _, _ = recording
-    for path in (folder / "openpose").rglob("*.json"):
-        frame = json.loads(path.read_text())
-        for person in frame["people"]:
-            person["pose_keypoints_2d"] = [0.0] * len(person["pose_keypoints_2d"])
-        path.write_text(json.dumps(frame))
-    result = invoke(*arguments, *READ, *FAST)
-    assert "! No detection could be used" in " ".join(result.stdout.split())

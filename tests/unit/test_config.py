@@ -18,7 +18,26 @@ def test_paper_holds_the_papers_values():
     assert (config.max_steps, config.symmetry_weight, config.stop_tolerance) == (125, 1e-5, 1e-6)
     assert (config.renderer, config.optimizer, config.encoding) == ("raster", "adam", "one_hot")
     assert config.views_per_step is None
-    assert sk.RefineConfig() == config
+    assert (config.sigma_per_noise, config.find_swaps) == (None, False)
+
+
+def test_the_default_is_annealed_gauss_newton():
+    config = sk.RefineConfig()
+    assert (config.renderer, config.optimizer) == ("closed_form", "gauss_newton")
+    assert (config.sigma_start, config.sigma, config.sigma_decay) == (320.0, 30.0, 0.5)
+    assert (config.sigma_per_noise, config.detection_sigma) == (2.0, None)
+    assert (config.symmetry_sigma, config.find_swaps) == (15.0, True)
+    assert (config.max_steps, config.step_tolerance) == (50, 0.01)
+    changed = {
+        name for name, value in sk.RefineConfig.paper().to_dict().items() if value != getattr(config, name)
+    }
+    assert changed == {"renderer", "optimizer", "sigma", "sigma_per_noise", "find_swaps", "max_steps"}
+
+
+def test_a_field_per_joint_or_view_is_a_sequence():
+    config = sk.RefineConfig(joint_sigmas=[20.0, 30.0], view_weights=np.array([1.0, 0.0]))
+    assert (config.joint_sigmas, config.view_weights) == ((20.0, 30.0), (1.0, 0.0))
+    assert sk.RefineConfig(**config.to_dict()) == config
 
 
 @pytest.mark.parametrize(("factor", "sigma"), [(1.25, 42.5), (1.5, 90.0), (2.0, 403.4)])

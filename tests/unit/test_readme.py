@@ -6,6 +6,9 @@ import re
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
+
+from skelsplat.cli import app
 
 README = Path(__file__).parents[2] / "README.md"
 BLOCKS = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), flags=re.DOTALL)
@@ -16,8 +19,14 @@ def test_the_blocks_run_in_order(capsys: pytest.CaptureFixture[str]) -> None:
     for block in BLOCKS:
         exec(compile(block, str(README), "exec"), namespace)
         printed = capsys.readouterr().out
-        for promised in re.findall(r"print\(.*?\)\s+# (.+)", block):
+        for promised in re.findall(r"print\(.*?\)\s+# ([^:\n]+)", block):
             assert promised in printed
+
+
+def test_the_demo_prints_what_is_quoted(tmp_path: Path) -> None:
+    (quoted,) = re.findall(r"```text\n(! .*?)```", README.read_text(encoding="utf-8"), flags=re.DOTALL)
+    result = CliRunner().invoke(app, ["demo", "-o", str(tmp_path)], env={"COLUMNS": "80"})
+    assert " ".join(quoted.split()) in " ".join(result.stdout.split())
 
 
 def test_there_are_blocks() -> None:

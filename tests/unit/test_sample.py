@@ -62,6 +62,16 @@ def test_the_person_that_all_views_see_is_chosen(found, rig):
     assert np.linalg.norm(trunk - np.median(trunk, axis=0), axis=1).max() < 0.5
 
 
+@pytest.mark.parametrize("preset", [sk.RefineConfig, sk.RefineConfig.paper])
+def test_the_third_camera_disagrees(found, rig, preset):
+    """Most of what is rejected comes from one camera, with either method."""
+    detections, _ = choose_person(found.people, rig)
+    result = sk.refine(None, detections[::10], rig, layout=sample.LAYOUT, config=preset())
+    rejected = (result.view_weights < sk.REJECTED_WEIGHT).sum(axis=(0, 2))
+    assert rejected.argmax() == 2
+    assert rejected[2] > 0.5 * rejected.sum()
+
+
 def test_unpacking_again_is_harmless(paths):
     assert sample.extract(paths.calibration.parent) == paths
 

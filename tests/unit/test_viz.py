@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.collections import PatchCollection
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
@@ -35,21 +36,57 @@ def figures(monkeypatch):
     return kept
 
 
-def overview_data(**changes):
-    after = np.repeat(BODY[None], T, axis=0)
+def overview_data(before=None, after=None, uncertainty=None, status=None, frame=2, **changes):
+    """Build the data; poses in mm, error bars of 10, 20 and 30 mm along x, y and z."""
+    after = np.repeat(BODY[None], T, axis=0) if after is None else after
+    joints = after.shape[1]
+    known = np.broadcast_to(np.diag([100.0, 400.0, 900.0]), (T, joints, 3, 3))
     rng = np.random.default_rng(0)
+    body = viz.Body(
+        before=after + 30.0 if before is None else before,
+        after=after,
+        uncertainty=known if uncertainty is None else uncertainty,
+        status=np.full((T, joints), "ok") if status is None else status,
+        up=UP,
+        frame=frame,
+    )
     data = {
-        "before": after + 30.0,
-        "after": after,
-        "status": np.full((T, N), "ok"),
+        "body": body,
+        "start": "plain triangulation",
         "error_before": rng.uniform(5, 20, (T, M, N)),
         "error_after": rng.uniform(1, 8, (T, M, N)),
         "camera_names": ("door", "window"),
-        "up": UP,
-        "frame": 2,
+        "panels": [],
         "caption": "Frame 2",
     }
     return viz.OverviewData(**{**data, **changes})
+
+
+def camera_panel(name="door", **changes):
+    """Three joints, of which the second is rejected and the third not detected."""
+    panel = {
+        "name": name,
+        "size": (300, 200),
+        "detections": np.array([[100.0, 80.0], [140.0, 120.0], [np.nan, np.nan]]),
+        "reprojection": np.array([[102.0, 81.0], [111.0, 118.0], [120.0, 100.0]]),
+        "covariances": np.broadcast_to(np.diag([16.0, 4.0]), (N, 2, 2)),
+        "rejected": np.array([False, True, False]),
+        "swapped": np.zeros(N, dtype=bool),
+    }
+    return viz.CameraPanel(**{**panel, **changes})
+
+
+def offsets(axes, k):
+    """Return the points of the k-th scatter of an axes; collections of ellipses are not counted."""
+    scatters = [c for c in axes.collections if not isinstance(c, PatchCollection)]
+    return np.asarray(scatters[k].get_offsets())
+
+
+def ellipses(axes):
+    """Return (x0, y0, x1, y1) of every error ellipse."""
+    (collection,) = [c for c in axes.collections if isinstance(c, PatchCollection)]
+    # the control points of the Bézier curves reach the extremes in the middle of each side
+    return np.array([path.get_extents().extents for path in collection.get_paths()])
 
 
 def heatmap_row(name="door", height=200, width=300, **changes):
@@ -95,10 +132,10 @@ def test_views_share_one_scale_and_show_the_sides(tmp_path, figures):
     scales = [axes.bbox.width / np.ptp(axes.get_xlim()) for axes in (front, side)]
     heights = [axes.bbox.height / np.ptp(axes.get_ylim()) for axes in (front, side)]
     np.testing.assert_allclose([*scales, *heights], scales[0], rtol=1e-9)
-    joints = np.asarray(front.collections[1].get_offsets())
+    joints = offsets(front, 1)
     np.testing.assert_allclose(joints[:, 0], [150.0, -150.0, 0.0], atol=1e-9)
     np.testing.assert_allclose(joints[:, 1], [900.0, 900.0, 1700.0], atol=1e-9)
-    ahead = np.asarray(side.collections[1].get_offsets())[:, 0]
+    ahead = offsets(side, 1)[:, 0]
     assert ahead[2] - ahead[0] == pytest.approx(20.0)
 
 
@@ -132,10 +169,99 @@ def test_overview_of_unknown_joints_and_without_pairs(tmp_path, figures):
 def test_a_stray_joint_does_not_shrink_the_body(tmp_path, figures):
     after = np.repeat(BODY[None], T, axis=0)
     after = np.concatenate([after, np.full((T, 1, 3), 50_000.0)], axis=1)
-    data = overview_data(before=after, after=after, status=np.full((T, N + 1), "ok"))
+    data = overview_data(before=after, after=after)
     viz.write_overview(tmp_path / "o.png", data, skeleton=SKELETON)
     # the body's 800 mm, and the reach with its margin on one side
     assert np.ptp(figures[0].axes[0].get_ylim()) < 3000.0
+
+
+def test_error_ellipses_are_two_standard_deviations_in_each_view(tmp_path, figures):
+    viz.write_overview(tmp_path / "o.png", overview_data(), skeleton=SKELETON)
+    # the front view shows y and z, the side view x and z
+    for axes, across in ((figures[0].axes[0], 20.0), (figures[0].axes[1], 10.0)):
+        boxes = ellipses(axes)
+        assert len(boxes) == N
+        np.testing.assert_allclose(boxes[:, 2] - boxes[:, 0], 4 * across, rtol=1e-6)
+        np.testing.assert_allclose(boxes[:, 3] - boxes[:, 1], 4 * 30.0, rtol=1e-6)
+        np.testing.assert_allclose((boxes[:, :2] + boxes[:, 2:]) / 2, offsets(axes, 1), atol=1e-6)
+
+
+def test_a_joint_without_error_bar_has_no_ellipse(tmp_path, figures):
+    uncertainty = np.tile(100.0 * np.eye(3), (T, N, 1, 1))
+    uncertainty[2, 1] = np.nan
+    viz.write_overview(tmp_path / "o.png", overview_data(uncertainty=uncertainty), skeleton=SKELETON)
+    assert len(ellipses(figures[0].axes[0])) == N - 1
+
+
+def test_a_tilted_error_ellipse_lies_along_its_longer_axis(tmp_path, figures):
+    turned = camera_panel(covariances=np.broadcast_to([[10.0, 6.0], [6.0, 10.0]], (N, 2, 2)))
+    viz.write_overview(tmp_path / "o.png", overview_data(panels=[turned]), skeleton=SKELETON)
+    (collection,) = [c for c in figures[0].axes[4].collections if isinstance(c, PatchCollection)]
+    points = collection.get_paths()[0].vertices - turned.reprojection[0]
+    # σ² along the diagonal is 16, across it 4
+    assert np.abs(points @ [1, 1]).max() / np.sqrt(2) == pytest.approx(2 * 4.0, rel=1e-3)
+    assert np.abs(points @ [1, -1]).max() / np.sqrt(2) == pytest.approx(2 * 2.0, rel=1e-3)
+
+
+def test_cameras_mark_rejected_and_exchanged_detections(tmp_path, figures):
+    panels = [camera_panel("door"), camera_panel("window", swapped=np.array([True, False, False]))]
+    viz.write_overview(tmp_path / "o.png", overview_data(panels=panels), skeleton=SKELETON)
+    door, window = figures[0].axes[4:]
+    assert [door.get_title(), window.get_title()] == ["door: 1 of 2 rejected", "window: 1 of 2 rejected"]
+    taken, rejected, swapped = (offsets(door, k) for k in range(3))
+    np.testing.assert_array_equal(taken[np.isfinite(taken).all(axis=1)], [[100.0, 80.0]])
+    np.testing.assert_array_equal(rejected, [[140.0, 120.0]])
+    assert len(swapped) == 0
+    np.testing.assert_array_equal(offsets(window, 2), [[100.0, 80.0]])
+    lines = [line.get_xydata() for line in door.lines if line.get_color() == _style.REJECTED]
+    np.testing.assert_array_equal(lines, [[[140.0, 120.0], [111.0, 118.0]]])
+    assert door.get_ylim()[0] > door.get_ylim()[1]  # v grows downwards
+    labels = [text.get_text() for legend in figures[0].legends for text in legend.get_texts()]
+    assert "error ellipsoid, 2 σ" in labels
+    assert "left and right exchanged" in labels
+
+
+def test_of_many_cameras_those_with_most_rejected_are_shown(tmp_path, figures):
+    panels = [camera_panel(f"c{i}", rejected=np.array([i > 1, i > 5, False])) for i in range(10)]
+    path = viz.write_overview(tmp_path / "o.png", overview_data(panels=panels), skeleton=SKELETON)
+    assert [axes.get_title()[:2] for axes in figures[0].axes[4:]] == [f"c{i}" for i in range(2, 10)]
+    assert figures[0].texts[1].get_text().startswith("8 of 10 cameras")
+    assert imread(path).shape[1] == 1400
+
+
+def weight_data(**changes):
+    weights = np.full((T, M, N), 0.9)
+    weights[:, 1] = 0.5
+    weights[:2, 1, 0] = 0.1
+    weights[:, 1, 2] = np.nan
+    data = {
+        "weights": weights,
+        "frames": np.arange(T) + 7,
+        "camera_names": ("door", "window"),
+        "joint_names": ("hip_left", "hip_right", "head"),
+        "rejected_below": 0.25,
+    }
+    return viz.WeightData(**{**data, **changes})
+
+
+def test_weights_are_means_over_frames_and_over_joints(tmp_path, figures):
+    path = viz.write_weights(tmp_path / "w.png", weight_data())
+    by_joint, by_frame = figures[0].axes[:2]
+    shown = np.ma.filled(by_joint.images[0].get_array(), np.nan)
+    np.testing.assert_allclose(shown, [[0.9, 0.9, 0.9], [0.3, 0.5, np.nan]])
+    shown = np.ma.filled(by_frame.images[0].get_array(), np.nan)
+    np.testing.assert_allclose(shown, [[0.9] * 4, [0.3, 0.3, 0.5, 0.5]])
+    written = [text.get_text() for text in by_joint.texts]
+    assert written == ["0% rejected", "25% rejected", "0.90", "0.90", "0.90", "0.30", "0.50"]
+    assert [label.get_text() for label in by_frame.get_xticklabels()] == ["7", "8", "9", "10"]
+    assert imread(path).shape[1] == 1400
+
+
+def test_weights_without_a_detection_and_of_many_joints(tmp_path, figures):
+    names = tuple(f"j{j}" for j in range(133))
+    data = weight_data(weights=np.full((T, M, 133), np.nan), joint_names=names)
+    viz.write_weights(tmp_path / "w.png", data)
+    assert [text.get_text() for text in figures[0].axes[0].texts] == ["none", "none"]
 
 
 def test_body_axes_are_left_and_forward():

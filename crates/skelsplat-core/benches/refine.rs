@@ -29,6 +29,7 @@ fn paper(c: &mut Criterion) {
         let frame = Frame {
             detections: noisy_detections(&standing(), &cameras, 3.0, &mut noise),
             init_pose: Some(perturbed(&standing(), 20.0, &mut noise)),
+            init_covariance: None,
         };
         let config = RefineConfig { stop_tolerance: 0.0, ..RefineConfig::paper() };
         let layout = Layout::by_name("h36m17").expect("built in");

@@ -18,7 +18,7 @@ const NOISE_SHARE: f64 = 0.87;
 /// Posterior covariances `(N)` in mm²; NaN for a joint of which nothing is known.
 #[must_use]
 pub fn posterior(problem: &Problem<'_>, solution: &mut Solution) -> Vec<Matrix3<f64>> {
-    let shared = solution.noise * solution.noise;
+    let shared = solution.variance;
     let spread = spread(&solution.points);
     for (j, x) in solution.points.iter().enumerate() {
         let residuals = &solution.residuals[j];

@@ -7,6 +7,7 @@ use skelsplat_core::camera::{Camera, Distortion};
 use skelsplat_core::detections::Detections;
 use skelsplat_core::testing::scenes::{Noise, room, standing};
 use skelsplat_core::triangulate::{Method, Triangulated, dlt, ransac, triangulate};
+use skelsplat_core::unit::Unit;
 
 /// Detections where the cameras see the points, moved by `shift(view, joint)` pixels; NaN is a missing one.
 fn seen(
@@ -183,7 +184,9 @@ fn errors_are_judged_behind_the_lens() {
     let points = [Vector3::new(600.0, -500.0, 2200.0), Vector3::new(-900.0, 800.0, 100.0)];
     let detections =
         seen(&cameras, &points, |i, j| if (i, j) == (3, 0) { [0.0, 90.0] } else { [0.0; 2] });
-    let found = triangulate(&detections, &cameras, Method::by_name("ransac").unwrap()).unwrap();
+    let found =
+        triangulate(&detections, &cameras, Unit::Millimetre, Method::by_name("ransac").unwrap())
+            .unwrap();
     assert_eq!(rejected(&found), [(3, 0)]);
     for (x, truth) in found.points.iter().zip(points) {
         // 1e-9 px of undistortion at f = 1145 px and 6 m

@@ -75,6 +75,7 @@ fn the_unit_changes_nothing() {
     let in_m = Frame {
         detections,
         init_pose: in_mm.init_pose.as_ref().map(|p| p.iter().map(|x| x * 1e-3).collect()),
+        init_covariance: None,
     };
     let a = refine(&cameras, Unit::Millimetre, &in_mm, config.clone());
     let b = refine(&metres, Unit::Metre, &in_m, config);

@@ -5,6 +5,7 @@ use skelsplat_core::Error;
 use skelsplat_core::camera::{Camera, Distortion};
 use skelsplat_core::detections::Detections;
 use skelsplat_core::triangulate::{Method, dlt, fuse_monocular, triangulate};
+use skelsplat_core::unit::Unit;
 
 /// A camera at `centre` (mm) looking at `target`.
 fn looking(centre: Vector3<f64>, target: Vector3<f64>) -> Camera {
@@ -80,7 +81,9 @@ fn the_lens_is_undone_first() {
     let lens = Distortion::from_coefficients(&[-0.2, 0.08, 1e-3, -2e-3, -0.01], false).unwrap();
     let cameras: Vec<_> = room().into_iter().map(|c| c.with_distortion(lens.clone())).collect();
     let detections = detect(&cameras, &joints());
-    let found = triangulate(&detections, &cameras, Method::by_name("dlt").unwrap()).unwrap();
+    let found =
+        triangulate(&detections, &cameras, Unit::Millimetre, Method::by_name("dlt").unwrap())
+            .unwrap();
     assert_eq!(found.rejected, [false; 12]);
     let ignored = dlt(&detections, &cameras);
     for ((x, without), truth) in found.points.iter().zip(&ignored).zip(joints()) {
@@ -221,12 +224,15 @@ fn no_views_and_no_joints_are_answered() {
 fn wrong_counts_and_names_are_refused() {
     let cameras = room();
     let detections = detect(&cameras, &joints());
-    let error = triangulate(&detections, &cameras[..3], Method::Dlt).unwrap_err();
+    let error = triangulate(&detections, &cameras[..3], Unit::Millimetre, Method::Dlt).unwrap_err();
     assert!(matches!(error, Error::InvalidInput { .. }));
     assert_eq!(error.to_string(), "cameras: expected one camera for each of the 4 views, got 3");
     let error = Method::by_name("DLT2").unwrap_err();
     assert!(matches!(error, Error::UnknownName { argument: "method", .. }));
-    assert_eq!(error.to_string(), "method: unknown name 'DLT2', expected one of dlt, ransac");
+    assert_eq!(
+        error.to_string(),
+        "method: unknown name 'DLT2', expected one of robust, dlt, ransac"
+    );
 }
 
 #[test]

@@ -236,14 +236,3 @@ pub(crate) fn points_out<'py>(
     points.iter().for_each(|p| values.extend_from_slice(p.as_slice()));
     array_out(py, values, shape)
 }
-
-/// Symmetric 3×3 matrices as an array of `shape`: columns are rows.
-pub(crate) fn matrices_out<'py>(
-    py: Python<'py>,
-    matrices: &[Matrix3<f64>],
-    shape: &[usize],
-) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-    let mut values = Vec::with_capacity(9 * matrices.len());
-    matrices.iter().for_each(|m| values.extend_from_slice(m.as_slice()));
-    array_out(py, values, shape)
-}

@@ -43,17 +43,25 @@ pub(crate) fn project<'py>(
 
 /// Triangulate detections ([T,] M, N, 2|3) to points ([T,] N, 3); NaN with fewer than two views.
 ///
-/// ``"dlt"`` is confidence-weighted algebraic triangulation, lens distortion removed first. ``"ransac"`` is
-/// the same over the largest set of views that agree: of at most 10 pairs of views the one whose point
-/// projects within 20 px of most detections decides; where no two views agree, all are used.
+/// ``"robust"``, the default, starts at the point nearest to all rays of a joint and lets a Welsch kernel
+/// narrow to the frame's noise, so that wrong detections lose their pull. Where the views that agree in the
+/// end are no majority, points between two rays are judged by all. A joint is right with up to half of its
+/// views wrong if those do not agree among themselves, and with all but two wrong if those two agree and
+/// nothing else does. Two views that disagree cannot be told apart: both are used. Detections with k < ¼ (2.4
+/// σ from the joint) are rejected.
+///
+/// ``"dlt"`` is confidence-weighted algebraic triangulation. ``"ransac"`` is the same over the largest set of
+/// views that agree: of at most 10 pairs of views the one whose point projects within 20 px of most
+/// detections decides; where no two views agree, all are used. Every method removes lens distortion first.
 ///
 /// Parameters
 /// ----------
 /// detections : ([T,] M, N, 2 | 3)
 ///     Pixels and, in a third channel, confidences; NaN or a confidence of 0 where missing.
 /// cameras : CameraRig or sequence of Camera
-///     The M cameras.
-/// method : {"dlt", "ransac"}
+///     The M cameras; points are in their unit. A plain sequence is in mm. The kernel of ``"robust"`` has a
+///     width in mm, so that it has to know the unit; the other methods do not look at it.
+/// method : {"robust", "dlt", "ransac"}
 /// confidence : ([T,] M, N), optional
 ///     Instead of a third channel.
 /// return_rejected : bool

@@ -12,7 +12,7 @@ use skelsplat_core::refine::refiner::Frame;
 use skelsplat_core::refine::{JointStatus, Refinement, Refiner};
 use skelsplat_core::unit::{Unit, implausible_extent as core_extent};
 
-use crate::args::{Array, Cameras, Frames, array_out, layout, matrices_out, points_out};
+use crate::args::{Array, Cameras, Frames, array_out, layout};
 use crate::config::config;
 use crate::errors::{OrRaise, invalid};
 
@@ -47,7 +47,7 @@ impl PyRefiner {
         Refiner::new(&cameras.cameras, cameras.unit, layout.as_ref(), config).map(Self).or_raise(py)
     }
 
-    /// Return the fields of ``skelsplat.Refinement``, with ``joint_status`` as codes into ``JOINT_STATUS``.
+    /// Return the fields of ``skelsplat.Refinement``; ``joint_status`` as codes into ``JOINT_STATUS``.
     #[pyo3(signature = (init_pose, detections, *, confidence=None, init_sigma=None, progress=None))]
     fn refine<'py>(
         &self,
@@ -106,6 +106,14 @@ fn initial_covariances(
     let Some(given) = init_sigma.filter(|s| !s.is_none()) else { return Ok(vec![None; t]) };
     let py = given.py();
     let array = Array::new("init_sigma", given)?;
+    let is_sigma = |s: &f64| s.is_nan() || (*s > 0.0 && s.is_finite());
+    if array.shape.len() < 2
+        && let Some((j, sigma)) = array.values().iter().enumerate().find(|(_, s)| !is_sigma(s))
+    {
+        let name = if array.shape.is_empty() { String::new() } else { format!("[{j}]") };
+        let expected = "a positive finite standard deviation, or NaN for none";
+        return Err(invalid(py, &format!("init_sigma{name}"), expected, sigma.to_string()));
+    }
     let isotropic = |sigma: &f64| Matrix3::from_diagonal_element(sigma * sigma);
     let covariances: Vec<Matrix3<f64>> = match array.shape.as_slice() {
         [] => vec![isotropic(&array.values()[0]); n],
@@ -113,17 +121,24 @@ fn initial_covariances(
         [k, 3, 3] if *k == n => array.matrices(),
         [f, k, 3, 3] if frames.batch && *f == t && *k == n => array.matrices(),
         _ => {
-            let expected = format!("a number, ({n},), ({n}, 3, 3) or one of those per frame");
+            let frames = if frames.batch { format!(" or ({t}, {n}, 3, 3)") } else { String::new() };
+            let expected = format!("() for a number, ({n},), ({n}, 3, 3){frames}");
             return Err(array
                 .expect(py, "init_sigma", &expected, false)
                 .err()
                 .unwrap_or_else(|| invalid(py, "init_sigma", &expected, "another shape")));
         }
     };
-    let valid = |c: &Matrix3<f64>| c.iter().any(|v| v.is_nan()) || c.cholesky().is_some();
+    let valid = |c: &Matrix3<f64>| {
+        let symmetric = (c - c.transpose()).amax() <= 1e-6 * c.amax();
+        let finite = c.iter().all(|v| v.is_finite());
+        c.iter().any(|v| v.is_nan()) || (finite && symmetric && c.cholesky().is_some())
+    };
     if let Some(k) = covariances.iter().position(|c| !valid(c)) {
-        let expected = "a positive standard deviation, or a positive definite covariance";
-        return Err(invalid(py, &format!("init_sigma[{}]", k % n), expected, "one that is not"));
+        let at =
+            if covariances.len() == n { format!("{k}") } else { format!("{}, {}", k / n, k % n) };
+        let expected = "a symmetric positive definite covariance, or NaN for none";
+        return Err(invalid(py, &format!("init_sigma[{at}]"), expected, "one that is not"));
     }
     Ok((0..t)
         .map(|f| {
@@ -181,28 +196,34 @@ fn results<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let (m, n) = (frames.n_views, frames.n_joints);
     let scalars = frames.shape(&[]);
-    let points = |f: fn(&Refinement) -> &Vec<Vector3<f64>>| {
-        points_out(
-            py,
-            &done.iter().flat_map(f).copied().collect::<Vec<_>>(),
-            &frames.shape(&[n, 3]),
-        )
+    let points = |f: fn(&Refinement) -> &[Vector3<f64>]| {
+        let values = gathered(done, 3 * n, |r, out| {
+            f(r).iter().for_each(|p| out.extend_from_slice(p.as_slice()));
+        });
+        array_out(py, values, &frames.shape(&[n, 3]))
+    };
+    // Symmetric: columns are rows.
+    let matrices = |f: fn(&Refinement) -> &[Matrix3<f64>]| {
+        let values = gathered(done, 9 * n, |r, out| {
+            f(r).iter().for_each(|c| out.extend_from_slice(c.as_slice()));
+        });
+        array_out(py, values, &frames.shape(&[n, 3, 3]))
+    };
+    let by_view = |f: fn(&Refinement) -> &[f64]| {
+        let values = gathered(done, m * n, |r, out| out.extend_from_slice(f(r)));
+        array_out(py, values, &frames.shape(&[m, n]))
     };
     let each = |f: fn(&Refinement) -> f64| array_out(py, done.iter().map(f).collect(), &scalars);
     let out = PyDict::new(py);
     out.set_item("pose", points(|r| &r.pose)?)?;
     out.set_item("init_pose", points(|r| &r.init_pose)?)?;
-    let covariances: Vec<_> = done.iter().flat_map(|r| &r.covariance).copied().collect();
-    out.set_item("covariance", matrices_out(py, &covariances, &frames.shape(&[n, 3, 3]))?)?;
-    let covariances: Vec<_> = done.iter().flat_map(|r| &r.uncertainty).copied().collect();
-    out.set_item("uncertainty", matrices_out(py, &covariances, &frames.shape(&[n, 3, 3]))?)?;
-    let weights = done.iter().flat_map(|r| &r.view_weights).copied().collect();
-    out.set_item("view_weights", array_out(py, weights, &frames.shape(&[m, n]))?)?;
-    let swapped = done.iter().flat_map(|r| &r.swapped).copied().collect();
+    out.set_item("covariance", matrices(|r| &r.covariance)?)?;
+    out.set_item("uncertainty", matrices(|r| &r.uncertainty)?)?;
+    out.set_item("view_weights", by_view(|r| &r.view_weights)?)?;
+    out.set_item("reprojection_error", by_view(|r| &r.reprojection_error)?)?;
+    let swapped = gathered(done, m * n, |r, out| out.extend_from_slice(&r.swapped));
     out.set_item("swapped", array_out(py, swapped, &frames.shape(&[m, n]))?)?;
     out.set_item("noise", each(|r| r.noise)?)?;
-    let errors = done.iter().flat_map(|r| &r.reprojection_error).copied().collect();
-    out.set_item("reprojection_error", array_out(py, errors, &frames.shape(&[m, n]))?)?;
     let codes = done.iter().flat_map(|r| r.joint_status.iter().map(|s| *s as u8)).collect();
     out.set_item("joint_status", array_out(py, codes, &frames.shape(&[n]))?)?;
     out.set_item("loss", each(|r| r.loss.total)?)?;
@@ -214,6 +235,17 @@ fn results<'py>(
     out.set_item("stop_reason", reasons)?;
     out.set_item("loss_history", history(py, frames, done)?)?;
     Ok(out)
+}
+
+/// `size` values of every frame, side by side.
+fn gathered<T>(
+    done: &[Refinement],
+    size: usize,
+    take: impl Fn(&Refinement, &mut Vec<T>),
+) -> Vec<T> {
+    let mut values = Vec::with_capacity(done.len() * size);
+    done.iter().for_each(|r| take(r, &mut values));
+    values
 }
 
 /// Total loss per step, `(..., steps)`, NaN after the last step of a frame; no steps unless asked for.

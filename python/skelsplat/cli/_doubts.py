@@ -6,56 +6,124 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+import skelsplat as sk
+from skelsplat.cli._statistics import finite_median
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from skelsplat.cli._pipeline import Inputs, Outcome
-    from skelsplat.cli._statistics import Group, Statistics
+    from skelsplat.cli._statistics import Statistics
 
-# A camera or joint is worth a word when at least this share of its detections is poor.
+# Most: at least this share.
 _MOSTLY = 0.5
+# Under normal noise hardly a detection is rejected (k < 1/4 at σ = 2 s has probability 4⁻⁸), and a detector's
+# outliers are a few per cent. A camera stands out with this share and this multiple of the other cameras'
+# share, the whole recording with the last.
+_CAMERA_SHARE, _CAMERA_RATIO, _WHOLE_SHARE = 0.1, 3.0, 1 / 3
+# A robust fit may leave the median where it was; a tenth more is further away.
+_FURTHER = 1.1
+# About half the arms and legs, which are half of a layout's joints or more.
+_MIRRORED_SHARE = 0.25
+# Longer side over shorter side that no person's arms or legs have.
+_LIMB_RATIO = 1.5
+# A joint's error bar over the typical joint's.
+_BAR_RATIO = 2.0
 _MOST_FRAMES = 6
 
 
 def find_doubts(inputs: Inputs, outcome: Outcome, statistics: Statistics) -> list[str]:
-    """Return sentences on cameras that disagree and on joints that fit nowhere or are not well seen."""
+    """Return sentences on cameras that disagree and on joints that fit nowhere or are not well known."""
     return [
         *_whole(statistics),
         *_cameras(statistics),
+        *_mirrored(statistics),
+        *_limbs(inputs, outcome),
         *_joints(statistics),
         *_statuses(inputs, outcome),
     ]
-
-
-def _mostly_poor(group: Group) -> bool:
-    return group.used > 0 and group.poor >= _MOSTLY * group.used
 
 
 def _whole(statistics: Statistics) -> Iterator[str]:
     total = statistics.total
     if total.used == 0:
         yield "No detection could be used: are they pixels of these cameras' images (not 0 to 1), x before y?"
-    elif total.after_px > total.before_px:
+    elif total.rejected_share >= _WHOLE_SHARE:
+        yield (
+            f"{_percent(total.rejected_share)} of all detections are rejected: check that calibration, "
+            "cameras and detections belong together, their timing, the unit and the layout."
+        )
+    elif total.after_px > _FURTHER * total.before_px:
         yield (
             "The refined pose lies further from the detections than its start (median "
-            f"{total.before_px:.1f} to {total.after_px:.1f} px): check the layout (body25 and body25b both "
-            "have 25 joints), the unit and the calibration."
+            f"{total.before_px:.1f} to {total.after_px:.1f} px): check the layout, the unit and the "
+            "calibration."
         )
 
 
 def _cameras(statistics: Statistics) -> Iterator[str]:
+    total = statistics.total
     for group in statistics.cameras:
-        if group.after_px > group.before_px and _mostly_poor(group):
+        if total.used and not group.used:
             yield (
-                f"{group.name}: the pose follows the other cameras and moves away from this one "
-                f"({group.before_px:.1f} to {group.after_px:.1f} px): check its calibration and timing."
+                f"{group.name} has no detection that could be used. Either it does not see the person, or "
+                "what it sees does not agree with the other views: --person says who is followed."
             )
+            continue
+        others = total.used - group.used
+        share = (total.rejected - group.rejected) / others if others else 1.0
+        if group.rejected_share < max(_CAMERA_SHARE, _CAMERA_RATIO * share):
+            continue
+        yield (
+            f"{group.name} disagrees with the other cameras: {_percent(group.rejected_share)} of its "
+            f"detections are rejected, {_percent(share)} of theirs, and its mean weight is "
+            f"{group.mean_weight:.2f}. The pose follows the others: check this camera's calibration and "
+            "timing, and what it can see."
+        )
+
+
+def _mirrored(statistics: Statistics) -> Iterator[str]:
+    for group in statistics.cameras:
+        if group.used and group.swapped >= _MIRRORED_SHARE * group.used:
+            share = _percent(group.swapped / group.used)
+            yield f"{group.name}: left and right are exchanged in {share} of its detections: is it mirrored?"
+
+
+def _limbs(inputs: Inputs, outcome: Outcome) -> Iterator[str]:
+    """Name the pair of limbs whose lengths differ most between left and right, if no person has that."""
+    layout, joints = inputs.layout, inputs.layout.joints
+    known = np.asarray(outcome.result.joint_status) == "ok"
+    pose = np.where(known[..., None], outcome.result.pose, np.nan) * inputs.rig.mm_per_unit
+
+    def length(limb: tuple[int, int]) -> float:
+        return finite_median(np.linalg.norm(pose[:, limb[0]] - pose[:, limb[1]], axis=-1))
+
+    pairs = layout.symmetric_pairs(2)
+    lengths = [(length(left), length(right)) for left, right in pairs]
+    ratios = [max(pair) / min(pair) if min(pair) > 0 else 0.0 for pair in lengths]
+    if ratios and max(ratios) > _LIMB_RATIO:
+        worst = int(np.argmax(ratios))
+        names = (f"{joints[a]} to {joints[b]}" for a, b in pairs[worst])
+        sizes = (f"{name} {size:.0f} mm" for name, size in zip(names, lengths[worst], strict=True))
+        alike = [name for name in sk.layouts.names if sk.layouts.get(name).n_joints == layout.n_joints]
+        others = " and ".join(name for name in alike if name != layout.name)
+        hint = f" ({others} has as many joints)" if others else ""
+        yield f"Left and right differ, {' and '.join(sizes)}: is the layout right{hint}?"
 
 
 def _joints(statistics: Statistics) -> Iterator[str]:
-    names = [group.name for group in statistics.joints if _mostly_poor(group)]
-    if names:
-        yield f"Most detections are poor for {', '.join(names)}: is the layout right?"
+    rejected = [group.name for group in statistics.joints if group.rejected_share >= _MOSTLY]
+    if 0 < len(rejected) <= _MOSTLY * len(statistics.joints):  # of more, the whole recording is in doubt
+        yield f"Most detections are rejected for {', '.join(rejected)}."
+    typical = finite_median(statistics.error_bar_mm)
+    bars = [finite_median(bar) for bar in statistics.error_bar_mm.T]
+    wide = [
+        f"{group.name} ({bar:.0f} mm)"
+        for group, bar in zip(statistics.joints, bars, strict=True)
+        if bar > _BAR_RATIO * typical
+    ]
+    if wide:
+        yield f"Error bars far above the median of {typical:.0f} mm: {', '.join(wide)}."
 
 
 def _statuses(inputs: Inputs, outcome: Outcome) -> Iterator[str]:
@@ -72,6 +140,10 @@ def _statuses(inputs: Inputs, outcome: Outcome) -> Iterator[str]:
         ]
         if parts:
             yield f"{label}, that is, {meaning}: {', '.join(parts)}."
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f}%"
 
 
 def _frames(numbers: np.ndarray) -> str:

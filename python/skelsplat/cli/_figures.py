@@ -10,13 +10,12 @@ import skelsplat as sk
 from skelsplat.cli._statistics import finite_median
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     import numpy.typing as npt
 
+    from skelsplat.cli._job import Job
     from skelsplat.cli._pipeline import Inputs, Outcome
     from skelsplat.cli._statistics import Statistics
-    from skelsplat.viz import HeatmapRow
+    from skelsplat.viz import Body, CameraPanel, HeatmapRow
 
     Array = npt.NDArray[np.float64]
 
@@ -24,29 +23,42 @@ if TYPE_CHECKING:
 _AGREED_UP = 0.3
 
 
-def write_figures(folder: Path, inputs: Inputs, outcome: Outcome, statistics: Statistics) -> list[str]:
-    """Write ``overview.png`` and ``heatmaps.png`` of one frame; return their names."""
+def write_figures(job: Job, inputs: Inputs, outcome: Outcome, statistics: Statistics) -> list[str]:
+    """Write ``overview.png`` and ``weights.png``, and heat maps where the method draws any; return names."""
     from skelsplat import viz  # matplotlib takes long to load, and --help does without
 
     frame = most_moved_frame(statistics.moved_mm, np.asarray(outcome.result.joint_status))
-    caption = _caption(frame, inputs, statistics)
-    layout, scale = inputs.layout, inputs.rig.mm_per_unit
+    caption, views = _caption(frame, job, inputs, statistics), range(len(inputs.rig))
+    layout = inputs.layout
     skeleton = viz.Skeleton(limbs=tuple(layout.limbs), left_right=tuple(layout.left_right))
     data = viz.OverviewData(
-        before=np.asarray(outcome.result.init_pose) * scale,
-        after=np.asarray(outcome.result.pose) * scale,
-        status=np.asarray(outcome.result.joint_status),
+        body=_body(frame, inputs, outcome),
+        start=start_name(job),
         error_before=statistics.error_before,
         error_after=statistics.error_after,
         camera_names=inputs.rig.names,
-        up=world_up(inputs.rig),
-        frame=frame,
+        panels=[_camera_panel(view, frame, inputs, outcome) for view in views],
         caption=caption,
     )
-    viz.write_overview(folder / "overview.png", data, skeleton=skeleton)
-    rows = [_heatmap_row(view, frame, inputs, outcome, statistics) for view in range(len(inputs.rig))]
-    viz.write_heatmaps(folder / "heatmaps.png", rows, skeleton=skeleton, caption=_heat_caption(caption))
-    return ["overview.png", "heatmaps.png"]
+    viz.write_overview(job.out / "overview.png", data, skeleton=skeleton)
+    weights = viz.WeightData(
+        weights=np.asarray(outcome.result.view_weights),
+        frames=inputs.frames,
+        camera_names=inputs.rig.names,
+        joint_names=layout.joints,
+        rejected_below=sk.REJECTED_WEIGHT,
+    )
+    viz.write_weights(job.out / "weights.png", weights)
+    if not job.paper:
+        return ["overview.png", "weights.png"]
+    rows = [_heatmap_row(view, frame, inputs, outcome, statistics) for view in views]
+    viz.write_heatmaps(job.out / "heatmaps.png", rows, skeleton=skeleton, caption=_heat_caption(caption))
+    return ["overview.png", "weights.png", "heatmaps.png"]
+
+
+def start_name(job: Job) -> str:
+    """Return what the refined pose is compared with, in words."""
+    return "plain triangulation" if job.init is None else "initial pose"
 
 
 def most_moved_frame(moved_mm: Array, status: npt.NDArray[np.str_]) -> int:
@@ -77,13 +89,13 @@ def world_up(rig: sk.CameraRig) -> Array:
     return up
 
 
-def _caption(frame: int, inputs: Inputs, statistics: Statistics) -> str:
+def _caption(frame: int, job: Job, inputs: Inputs, statistics: Statistics) -> str:
     here, typical = finite_median(statistics.moved_mm[frame]), finite_median(statistics.moved_mm)
     name = f"Frame {inputs.frames[frame]}"
     if not np.isfinite(here):
         return f"{name}, no joint of any frame has a position"
     return (
-        f"{name}, chosen for the largest change: its median joint moved {here:.0f} mm "
+        f"{name}, in which most changes: its median joint is {here:.0f} mm from the {start_name(job)} "
         f"(all frames: {typical:.0f} mm)"
     )
 
@@ -91,6 +103,45 @@ def _caption(frame: int, inputs: Inputs, statistics: Statistics) -> str:
 def _heat_caption(caption: str) -> str:
     what = "heat maps summed over the joints (white 0, dark 1 and more), cut to the person"
     return f"{caption.partition(',')[0]}: {what}"
+
+
+def _body(frame: int, inputs: Inputs, outcome: Outcome) -> Body:
+    from skelsplat import viz  # as in write_figures
+
+    mm = inputs.rig.mm_per_unit
+    return viz.Body(
+        before=outcome.start * mm,
+        after=np.asarray(outcome.result.pose) * mm,
+        uncertainty=np.asarray(outcome.result.uncertainty) * mm**2,
+        status=np.asarray(outcome.result.joint_status),
+        up=world_up(inputs.rig),
+        frame=frame,
+    )
+
+
+def _seen(view: int, frame: int, inputs: Inputs, outcome: Outcome) -> Array:
+    """Return the detections that one camera contributes, (N, 3), in ideal pixels; NaN where it has none."""
+    used = np.isfinite(outcome.result.reprojection_error[frame, view])
+    seen = np.where(used[:, None], inputs.detections[frame, view], np.nan)
+    if outcome.config.undistort:
+        seen[:, :2] = inputs.rig[view].undistort(seen[:, :2])
+    return seen
+
+
+def _camera_panel(view: int, frame: int, inputs: Inputs, outcome: Outcome) -> CameraPanel:
+    from skelsplat import viz  # as in write_figures
+
+    camera, result = inputs.rig[view], outcome.result
+    projected, covariances = sk.project_gaussians(result.pose[frame], result.uncertainty[frame], [camera])
+    return viz.CameraPanel(
+        name=inputs.rig.names[view],
+        size=camera.size,
+        detections=_seen(view, frame, inputs, outcome)[:, :2],
+        reprojection=np.asarray(projected)[0],
+        covariances=np.asarray(covariances)[0],
+        rejected=np.asarray(result.view_weights[frame, view] < sk.REJECTED_WEIGHT),
+        swapped=np.asarray(result.swapped[frame, view]),
+    )
 
 
 def _heatmap_row(
@@ -102,12 +153,7 @@ def _heatmap_row(
     camera, result = inputs.rig[view], outcome.result
     pose, covariance = np.asarray(result.pose[frame]), np.asarray(result.covariance[frame])
     start = np.asarray(result.init_pose[frame])
-    raw = np.where(
-        np.isfinite(result.reprojection_error[frame, view])[:, None], inputs.detections[frame, view], np.nan
-    )
-    seen = np.array(raw)
-    if outcome.config.undistort:
-        seen[:, :2] = camera.undistort(raw[:, :2])
+    seen = _seen(view, frame, inputs, outcome)
     pseudo = np.zeros((camera.size[1], camera.size[0]), dtype=np.float32)
     rendering = np.zeros_like(pseudo)
     widths = initial_covariances(inputs, outcome.config)

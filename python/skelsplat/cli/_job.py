@@ -29,12 +29,17 @@ class Job:
         What to do with cameras of different frame counts: ``"strict"``, ``"intersection"`` or ``"union"``.
     init
         A pose file to start from; None for triangulation.
+    init_sigma_mm
+        Standard deviation per axis of that pose, if it is independent of the detections; None: it only says
+        where to begin.
+    paper
+        Use the paper's preset, `skelsplat.RefineConfig.paper`, instead of the default.
     fps
         Frames per second of the recording; None if unknown.
     y_up
         Write ``pose.trc`` with y pointing up, for OpenSim, instead of z.
     settings
-        The fields of `skelsplat.RefineConfig` that the user set; the others keep their defaults.
+        The fields of `skelsplat.RefineConfig` that the user set; the others keep the preset's values.
     note
         A sentence about the input that belongs beside its numbers.
     """
@@ -47,6 +52,8 @@ class Job:
     person: str = "consistent"
     frames: str = "strict"
     init: Path | None = None
+    init_sigma_mm: float | None = None
+    paper: bool = False
     fps: float | None = None
     y_up: bool = False
     settings: dict[str, Any] = field(default_factory=dict)

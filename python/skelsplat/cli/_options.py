@@ -10,7 +10,7 @@ import typer
 from skelsplat import RefineConfig, layouts
 
 _INPUT, _METHOD, _OUTPUT = "Input", "Method", "Output"
-_DEFAULT = RefineConfig()
+_DEFAULT, _PAPER = RefineConfig(), RefineConfig.paper()
 
 Calibration = Annotated[
     Path,
@@ -61,6 +61,15 @@ Init = Annotated[
         rich_help_panel=_INPUT,
     ),
 ]
+InitSigma = Annotated[
+    float | None,
+    typer.Option(
+        metavar="MM",
+        help="Standard deviation per axis of an --init that is independent of the detections (monocular, "
+        "body model): it then counts as an observation. Not with --paper.",
+        rich_help_panel=_INPUT,
+    ),
+]
 MinConfidence = Annotated[
     float | None,
     typer.Option(
@@ -77,12 +86,30 @@ NoUndistort = Annotated[
     typer.Option("--no-undistort", metavar="", help="Ignore lens distortion.", rich_help_panel=_INPUT),
 ]
 
+Paper = Annotated[
+    bool,
+    typer.Option(
+        "--paper",
+        metavar="",
+        help="The paper's method, pixels and Adam, instead of the robust default.",
+        rich_help_panel=_METHOD,
+    ),
+]
+NoSwaps = Annotated[
+    bool,
+    typer.Option(
+        "--no-swaps",
+        metavar="",
+        help="Do not look for detections with left and right exchanged; --paper never does.",
+        rich_help_panel=_METHOD,
+    ),
+]
 Sigma = Annotated[
     float | None,
     typer.Option(
         metavar="MM",
-        help="Width σ of a joint's Gaussian.",
-        show_default=f"{_DEFAULT.sigma:.1f}",
+        help="Width σ of a joint's Gaussian: at most that in the end, with --paper that at the start.",
+        show_default=f"{_DEFAULT.sigma:.1f}, with --paper {_PAPER.sigma:.1f}",
         rich_help_panel=_METHOD,
     ),
 ]
@@ -112,7 +139,7 @@ MaxSteps = Annotated[
         min=0,
         metavar="N",
         help="Most steps per frame.",
-        show_default=str(_DEFAULT.max_steps),
+        show_default=f"{_DEFAULT.max_steps}, with --paper {_PAPER.max_steps}",
         rich_help_panel=_METHOD,
     ),
 ]

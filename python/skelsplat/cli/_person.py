@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     Array = npt.NDArray[np.float64]
 
 
-def pick_person(people: Array, rig: sk.CameraRig, person: str) -> Array:
+def pick_person(people: Array, rig: sk.CameraRig, person: str, layout: sk.Layout | None = None) -> Array:
     """Return the detections (T, M, N, 3) of one person among ``people`` (T, M, P, N, 3).
 
     Parameters
@@ -27,6 +27,8 @@ def pick_person(people: Array, rig: sk.CameraRig, person: str) -> Array:
     person
         ``"consistent"``: the one on whom the views agree; ``"largest"``: the largest in each image; a
         number: the one at that place of each file, counted from 0.
+    layout
+        Lets a person stand in a view with left and right exchanged.
 
     Raises
     ------
@@ -34,7 +36,7 @@ def pick_person(people: Array, rig: sk.CameraRig, person: str) -> Array:
         If no file has a person at the place asked for.
     """
     if person == "consistent":
-        return association.choose_person(people, rig)[0]
+        return association.choose_person(people, rig, layout=layout)[0]
     if person == "largest":
         place = _extent(people).argmax(axis=2)
         largest: Array = np.take_along_axis(people, place[:, :, None, None, None], axis=2)[:, :, 0]

@@ -54,10 +54,22 @@ class Inputs:
 
 @dataclass(frozen=True)
 class Outcome:
-    """A refined sequence, the settings behind it, and the wall time of `skelsplat.refine` alone."""
+    """A refined sequence and what it is compared with.
+
+    Parameters
+    ----------
+    result, config
+        What `skelsplat.refine` returned, and its settings.
+    start : (T, N, 3)
+        The initial pose if the user gave one, otherwise the plain triangulation (DLT) of the detections. The
+        default method begins with a robust triangulation, which would hide what robustness changes.
+    seconds
+        Wall time of `skelsplat.refine` alone.
+    """
 
     result: sk.Refinement
     config: sk.RefineConfig
+    start: Array
     seconds: float
 
 
@@ -114,13 +126,10 @@ def read_inputs(job: Job) -> Inputs:
     if len(rig) < 2:
         raise DatasetError(job.calibration, "cameras", "at least two cameras", len(rig))
     found = read_openpose(job.detections, rig, layout=job.layout, frames=_frame_mode(job.frames))
-    chosen = pick_person(found.people, rig, job.person)
-    init = (
-        None
-        if job.init is None
-        else _read_init(job.init, rig, (len(found.frames), sk.layouts.get(job.layout)))
-    )
-    return Inputs(rig, sk.layouts.get(job.layout), chosen, found.frames, init)
+    layout = sk.layouts.get(job.layout)
+    chosen = pick_person(found.people, rig, job.person, layout)
+    init = None if job.init is None else _read_init(job.init, rig, (len(found.frames), layout))
+    return Inputs(rig, layout, chosen, found.frames, init)
 
 
 def _frame_mode(mode: str) -> Any:
@@ -142,17 +151,27 @@ def _read_init(path: Path, rig: sk.CameraRig, size: tuple[int, sk.Layout]) -> Ar
 
 def refine_inputs(inputs: Inputs, job: Job, progress: Callable[[int, int], None] | None = None) -> Outcome:
     """Refine all frames; ``progress`` is called with (frames done, frames in all)."""
-    config = sk.RefineConfig(**job.settings)
-    start = time.perf_counter()
+    config = sk.RefineConfig.paper(**job.settings) if job.paper else sk.RefineConfig(**job.settings)
+    begin = time.perf_counter()
     result = sk.refine(
         inputs.init_pose,
         inputs.detections,
         inputs.rig,
         layout=inputs.layout,
+        init_sigma=None if job.init_sigma_mm is None else job.init_sigma_mm / inputs.rig.mm_per_unit,
         config=config,
         progress=progress if progress is not None else False,
     )
-    return Outcome(result, config, time.perf_counter() - start)
+    seconds = time.perf_counter() - begin
+    start = _plain(inputs, config) if inputs.init_pose is None else np.asarray(result.init_pose)
+    return Outcome(result, config, start, seconds)
+
+
+def _plain(inputs: Inputs, config: sk.RefineConfig) -> Array:
+    """Triangulate the detections that count, by DLT, (T, N, 3)."""
+    counts = inputs.detections[..., 2] >= config.min_confidence
+    detections = np.where(counts[..., None], inputs.detections, np.nan)
+    return sk.triangulate(detections, inputs.rig, method="dlt")
 
 
 def default_threads(config: sk.RefineConfig) -> int:

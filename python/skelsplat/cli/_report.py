@@ -12,12 +12,20 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat.cli._pipeline import default_threads
-from skelsplat.cli._statistics import POOR_SHARE, Statistics, finite_median
+from skelsplat.cli._statistics import POOR_SHARE, Statistics, finite_max, finite_median
 
 if TYPE_CHECKING:
     from skelsplat.cli._job import Job
     from skelsplat.cli._pipeline import Inputs, Outcome
 
+_MEANINGS = {
+    "mean_weight": "mean weight k of the detections used, 0 to 1: how far they are believed",
+    "rejected": "detections used whose weight is below rejected_below: they hardly pull on the pose",
+    "swapped": "detections taken for the joint on the other side of the body",
+    "noise": "standard deviation of the detections' noise, estimated, median over the frames",
+    "error_bar": "standard deviation of a joint: root mean square over the axes of the posterior covariance",
+    "start": "what before_px and moved are measured from: the initial pose if one was given, else DLT",
+}
 _MEANING = (
     "distance of the pose's projection from the detection in px of the original image, over the detections "
     "used: agreement with the detections, not accuracy"
@@ -41,10 +49,13 @@ def build_report(
             "platform": platform.platform(),
         },
         "input": _input(job, inputs),
+        "preset": "paper" if job.paper else "default",
         "settings": outcome.config.to_dict(),
         "ground_truth": None,
+        "meanings": _MEANINGS,
         "reprojection_error": {
             "meaning": _MEANING,
+            "rejected_below": sk.REJECTED_WEIGHT,
             "poor_share_of_diagonal": POOR_SHARE,
             "all": _plain(statistics.total),
             "cameras": [
@@ -53,6 +64,7 @@ def build_report(
             ],
             "joints": _joints(statistics),
         },
+        "noise": {"median_mm": statistics.noise_mm, "median_px": statistics.noise_px},
         "joint_statuses": statistics.statuses,
         "stop_reasons": statistics.stop_reasons,
         "iterations": _iterations(outcome),
@@ -78,6 +90,7 @@ def _input(job: Job, inputs: Inputs) -> dict[str, Any]:
         "calibration": str(job.calibration),
         "detections": str(job.detections),
         "init": None if job.init is None else str(job.init),
+        "init_sigma_mm": job.init_sigma_mm,
         "unit": job.unit,
         "layout": inputs.layout.name,
         "person": job.person,
@@ -90,9 +103,13 @@ def _input(job: Job, inputs: Inputs) -> dict[str, Any]:
 
 
 def _joints(statistics: Statistics) -> list[dict[str, Any]]:
-    moved = statistics.moved_mm
     return [
-        {**_plain(group), "moved_median_mm": finite_median(moved[:, j])}
+        {
+            **_plain(group),
+            "moved_median_mm": finite_median(statistics.moved_mm[:, j]),
+            "error_bar_median_mm": finite_median(statistics.error_bar_mm[:, j]),
+            "error_bar_max_mm": finite_max(statistics.error_bar_mm[:, j]),
+        }
         for j, group in enumerate(statistics.joints)
     ]
 

@@ -45,7 +45,7 @@ def run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
     report = build_report(job, inputs, outcome, statistics, {"warnings": warnings, "doubts": doubts})
     files = _write_poses(job, inputs, outcome)
     atomic_write_text(job.out / "report.json", to_text(report))
-    files += ["report.json", *write_figures(job.out, inputs, outcome, statistics)]
+    files += ["report.json", *write_figures(job, inputs, outcome, statistics)]
     if verbosity.as_json:
         typer.echo(to_text(report), nl=False)
     elif not verbosity.quiet:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,7 +29,8 @@ class Group:
 
     ``before_px`` and ``after_px`` are medians over the same detections (NaN without any); ``used`` +
     ``left_out`` + ``missing`` is their number. Left out are those below the least confidence and those of
-    joints that have no position.
+    joints that have no position. ``rejected``, ``swapped`` and ``poor`` ones are among the used, and
+    ``mean_weight`` is their mean weight k.
     """
 
     name: str
@@ -40,7 +41,15 @@ class Group:
     used: int
     left_out: int
     missing: int
+    rejected: int
+    swapped: int
+    mean_weight: float
     poor: int
+
+    @property
+    def rejected_share(self) -> float:
+        """Part of the used detections that is rejected; 0 without any."""
+        return self.rejected / self.used if self.used else 0.0
 
 
 @dataclass(frozen=True)
@@ -53,6 +62,10 @@ class Statistics:
         Reprojection errors in px, NaN for detections that were not used.
     moved_mm : (T, N)
         Distance of each refined joint from its start, in mm.
+    error_bar_mm : (T, N)
+        Standard deviation of each joint, the root mean square over the axes, in mm.
+    noise_mm, noise_px : float
+        Standard deviation of the detections' noise, median over the frames: across the ray, and in the image.
     poor_px : (M,)
         The error beyond which a detection of this camera is called poor.
     cameras, joints : list of Group
@@ -64,6 +77,9 @@ class Statistics:
     error_before: Array
     error_after: Array
     moved_mm: Array
+    error_bar_mm: Array
+    noise_mm: float
+    noise_px: float
     poor_px: Array
     cameras: list[Group]
     joints: list[Group]
@@ -74,21 +90,27 @@ class Statistics:
 
 def summarise(inputs: Inputs, outcome: Outcome) -> Statistics:
     """Count and measure a refined sequence against its own detections."""
-    result = outcome.result
+    result, mm = outcome.result, inputs.rig.mm_per_unit
     after = np.asarray(result.reprojection_error)
-    init = np.asarray(result.init_pose)
-    before = _reprojection_error(init, inputs)
     used = np.isfinite(after)
-    before = np.where(used, before, np.nan)
-    there = np.isfinite(inputs.detections[..., :2]).all(axis=-1) & (inputs.detections[..., 2] > 0)
+    before = np.where(used, _reprojection_error(outcome.start, inputs), np.nan)
     poor_px = np.array([POOR_SHARE * np.hypot(*camera.size) for camera in inputs.rig])
-    poor = used & (after > poor_px[:, None])
-    moved = np.linalg.norm(np.asarray(result.pose) - init, axis=-1) * inputs.rig.mm_per_unit
-    every = _Detections(before, after, there, poor)
+    every = _Detections(
+        before=before,
+        after=after,
+        there=np.isfinite(inputs.detections[..., :2]).all(axis=-1) & (inputs.detections[..., 2] > 0),
+        weight=np.where(used, result.view_weights, np.nan),
+        swapped=used & np.asarray(result.swapped),
+        poor=used & (after > poor_px[:, None]),
+    )
+    variance = np.trace(result.uncertainty, axis1=-2, axis2=-1) / 3
     return Statistics(
         error_before=before,
         error_after=after,
-        moved_mm=moved,
+        moved_mm=np.linalg.norm(np.asarray(result.pose) - outcome.start, axis=-1) * mm,
+        error_bar_mm=np.sqrt(variance) * mm,
+        noise_mm=finite_median(result.noise) * mm,
+        noise_px=finite_median(np.asarray(result.noise) / _pixel_sizes(inputs, outcome)),
         poor_px=poor_px,
         cameras=[_group(name, every.part(np.s_[:, i])) for i, name in enumerate(inputs.rig.names)],
         joints=[_group(name, every.part(np.s_[..., j])) for j, name in enumerate(inputs.layout.joints)],
@@ -103,6 +125,11 @@ def finite_median(values: npt.ArrayLike) -> float:
     return _percentile(np.asarray(values, dtype=np.float64), 50)
 
 
+def finite_max(values: npt.ArrayLike) -> float:
+    """Return the largest finite value, NaN if there is none."""
+    return _percentile(np.asarray(values, dtype=np.float64), 100)
+
+
 def _reprojection_error(poses: Array, inputs: Inputs) -> Array:
     """Return the distances in px, (T, M, N), of ``poses`` (T, N, 3) from the detections as given."""
     projected = np.moveaxis(np.asarray(sk.project(poses, inputs.rig)), 0, 1)
@@ -110,23 +137,38 @@ def _reprojection_error(poses: Array, inputs: Inputs) -> Array:
     return error
 
 
+def _pixel_sizes(inputs: Inputs, outcome: Outcome) -> Array:
+    """Return the mean size of a pixel at the joints of every frame, (T,), in the unit of the cameras."""
+    pose = np.asarray(outcome.result.pose)
+    ranges = np.stack([np.linalg.norm(pose - camera.centre, axis=-1) for camera in inputs.rig], axis=1)
+    focal = np.array([(camera.K[0, 0] + camera.K[1, 1]) / 2 for camera in inputs.rig])
+    seen = np.isfinite(outcome.result.reprojection_error)
+    total = np.where(seen, ranges / focal[:, None], 0.0).sum(axis=(1, 2))
+    count = seen.sum(axis=(1, 2))
+    mean: Array = np.divide(total, count, out=np.full(len(pose), np.nan), where=count > 0)
+    return mean
+
+
 @dataclass(frozen=True)
 class _Detections:
-    """Errors before and after, and whether a detection is there and is poor; each (T, M, N) or a part."""
+    """Errors, whether a detection is there, its weight and what was found of it; (T, M, N) or a part."""
 
     before: Array
     after: Array
     there: Mask
+    weight: Array
+    swapped: Mask
     poor: Mask
 
     def part(self, index: Any) -> _Detections:
-        return _Detections(self.before[index], self.after[index], self.there[index], self.poor[index])
+        return _Detections(**{entry.name: getattr(self, entry.name)[index] for entry in fields(self)})
 
 
 def _group(name: str, detections: _Detections) -> Group:
     used = np.isfinite(detections.after)
     both = used & np.isfinite(detections.before)
     before, after = detections.before[both], detections.after[both]
+    weights = detections.weight[np.isfinite(detections.weight)]
     return Group(
         name=name,
         before_px=finite_median(before),
@@ -136,6 +178,9 @@ def _group(name: str, detections: _Detections) -> Group:
         used=int(used.sum()),
         left_out=int((detections.there & ~used).sum()),
         missing=int((~detections.there & ~used).sum()),
+        rejected=int((weights < sk.REJECTED_WEIGHT).sum()),
+        swapped=int(detections.swapped.sum()),
+        mean_weight=float(weights.mean()) if weights.size else float("nan"),
         poor=int(detections.poor.sum()),
     )
 

@@ -5,15 +5,18 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+import numpy as np
 from rich import box
 from rich.table import Table
 from rich.text import Text
 
+import skelsplat as sk
+from skelsplat.cli._figures import start_name
 from skelsplat.cli._pipeline import default_threads
-from skelsplat.cli._statistics import POOR_SHARE, finite_median
+from skelsplat.cli._statistics import finite_max, finite_median
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
     from pathlib import Path
 
     from rich.console import Console
@@ -22,7 +25,7 @@ if TYPE_CHECKING:
     from skelsplat.cli._pipeline import Inputs, Outcome
     from skelsplat.cli._statistics import Group, Statistics
 
-_MOST_JOINTS = 8
+_MOST_JOINTS = 5
 _REASONS = {
     "converged": "converged",
     "max_steps": "at the step limit",
@@ -34,14 +37,14 @@ _REASONS = {
 def print_summary(
     console: Console, job: Job, inputs: Inputs, outcome: Outcome, statistics: Statistics
 ) -> None:
-    """Print the table of cameras, the line on the run and the joints to distrust."""
-    console.print(_cameras(statistics))
-    console.print(_poor_limit(statistics), style="dim")
+    """Print the table of cameras, the lines on the run and the joints that are known least."""
+    console.print(_cameras(job, statistics))
+    console.print(_legend(), style="dim")
     console.print()
-    console.print(_run_line(inputs, outcome, statistics))
-    console.print(_moved_line(job, statistics))
+    for line in _lines(job, inputs, outcome, statistics):
+        console.print(line)
+    console.print(_joints(statistics))
     console.print()
-    _print_joints(console, statistics)
     if job.note:
         console.print(job.note)
         console.print()
@@ -60,18 +63,19 @@ def print_files(console: Console, folder: Path, names: Sequence[str]) -> None:
     console.print(Text.assemble("Wrote to ", (f"{folder}/", "bold"), f": {', '.join(names)}"))
 
 
-def _cameras(statistics: Statistics) -> Table:
+def _cameras(job: Job, statistics: Statistics) -> Table:
     table = Table(
-        title="Reprojection error before → after [px], and detections",
+        title=f"Reprojection error [px], {start_name(job)} → refined, and detections",
         title_justify="left",
         box=box.SIMPLE_HEAD,
+        padding=(0, 1, 0, 0),
     )
     table.add_column("camera")
-    for name in ("median", "90th percentile", "used", "missing", "poor"):
+    for name in ("median", "90th percentile", "used", "missing", "rejected", "weight"):
         table.add_column(name, justify="right")
     left_out = statistics.total.left_out > 0
     if left_out:
-        table.add_column("left out", justify="right")
+        table.add_column("left\nout", justify="right")
     for group in statistics.cameras:
         table.add_row(*_cells(group, left_out), end_section=group is statistics.cameras[-1])
     table.add_row(*_cells(statistics.total, left_out), style="bold")
@@ -82,7 +86,7 @@ def _cells(group: Group, left_out: bool) -> list[str]:
     median = f"{_number(group.before_px)} → {_number(group.after_px)}"
     p90 = f"{_number(group.p90_before_px)} → {_number(group.p90_after_px)}"
     cells = [group.name, median, p90]
-    cells += [str(group.used), str(group.missing), str(group.poor)]
+    cells += [str(group.used), str(group.missing), str(group.rejected), _number(group.mean_weight, 2)]
     return [*cells, str(group.left_out)] if left_out else cells
 
 
@@ -90,48 +94,45 @@ def _number(value: float, digits: int = 1) -> str:
     return f"{value:.{digits}f}" if math.isfinite(value) else "–"
 
 
-def _poor_limit(statistics: Statistics) -> str:
-    limits = sorted({round(float(limit)) for limit in statistics.poor_px})
-    pixels = f"{limits[0]}" if len(limits) == 1 else f"{limits[0]} to {limits[-1]}"
-    share = f"{100 * POOR_SHARE:g} % of the image's diagonal"
-    return f"poor: more than {pixels} px ({share}) from the refined pose"
+def _legend() -> str:
+    return f"weight: how far the detections are believed, 0 to 1; rejected: below {sk.REJECTED_WEIGHT:g}"
 
 
-def _run_line(inputs: Inputs, outcome: Outcome, statistics: Statistics) -> str:
+def _lines(job: Job, inputs: Inputs, outcome: Outcome, statistics: Statistics) -> Iterator[str]:
+    """Yield what the run did and what came out, a sentence or two per line."""
     frames, joints = len(inputs.frames), inputs.layout.n_joints
     threads = default_threads(outcome.config)
     each = 1000 * outcome.seconds / frames
     reasons = _listed(f"{n} {_REASONS.get(reason, reason)}" for reason, n in statistics.stop_reasons.items())
     cores = f"{threads} thread{'s' * (threads != 1)}"
-    return (
-        f"{frames} frames of {joints} joints, {each:.1f} ms per frame (refinement alone, {cores}).\n"
-        f"Frames stopped: {reasons}."
+    yield f"{frames} frames of {joints} joints, {each:.{2 if each < 1 else 1}f} ms each ({cores})."
+    yield f"Frames stopped: {reasons}."
+    yield f"The median joint is {_number(finite_median(statistics.moved_mm))} mm from the {start_name(job)}."
+    yield (
+        f"Noise of the detections, estimated: {_number(statistics.noise_mm)} mm across the ray, "
+        f"{_number(statistics.noise_px)} px."
     )
+    swapped = statistics.total.swapped
+    if swapped:
+        found = _listed(f"{group.name} {group.swapped}" for group in statistics.cameras if group.swapped)
+        yield f"Left and right were exchanged, and set right, in {swapped} detections: {found}."
+    yield ""
+    typical = _number(finite_median(statistics.error_bar_mm))
+    yield f"Error bars, one standard deviation per axis: median {typical} mm. The largest [mm]:"
 
 
-def _moved_line(job: Job, statistics: Statistics) -> str:
-    start = "triangulated start" if job.init is None else f"start in {job.init}"
-    return f"The median joint moved {_number(finite_median(statistics.moved_mm))} mm from the {start}."
-
-
-def _print_joints(console: Console, statistics: Statistics) -> None:
-    doubtful = [group for group in statistics.joints if group.missing + group.poor + group.left_out]
-    doubtful.sort(key=lambda group: group.missing + group.poor + group.left_out, reverse=True)
-    if not doubtful:
-        console.print("No joint has missing or poor detections.")
-    else:
-        console.print(f"Joints with most missing or poor detections ({_hidden(len(doubtful))}):")
-        table = Table(box=None, padding=(0, 3, 0, 0), show_header=False)
-        for group in doubtful[:_MOST_JOINTS]:
-            out = f"{group.left_out} left out" if group.left_out else ""
-            total = f"of {group.used + group.missing + group.left_out}"
-            table.add_row(f"  {group.name}", f"{group.missing} missing", f"{group.poor} poor", out, total)
-        console.print(table)
-    console.print()
-
-
-def _hidden(count: int) -> str:
-    return f"first {_MOST_JOINTS} of {count}" if count > _MOST_JOINTS else f"{count} in all"
+def _joints(statistics: Statistics) -> Table:
+    """Return the joints with the largest median error bars."""
+    bars = np.array([finite_median(bar) for bar in statistics.error_bar_mm.T])
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
+    table.add_column(" joint")
+    for name in ("median", "largest", "missing", "rejected", "of"):
+        table.add_column(name, justify="right")
+    for j in np.argsort(np.where(np.isfinite(bars), -bars, -np.inf), kind="stable")[:_MOST_JOINTS]:
+        group, largest = statistics.joints[j], finite_max(statistics.error_bar_mm[:, j])
+        counts = (group.missing, group.rejected, group.used + group.missing + group.left_out)
+        table.add_row(f" {group.name}", _number(bars[j]), _number(largest), *map(str, counts))
+    return table
 
 
 def _listed(parts: Iterable[str]) -> str:

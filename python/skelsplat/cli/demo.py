@@ -18,6 +18,7 @@ _NOTE = (
 
 def demo(
     output: options.Out = Path("skelsplat-demo"),
+    paper: options.Paper = False,
     threads: options.Threads = None,
     quiet: options.Quiet = False,
     as_json: options.AsJson = False,
@@ -27,11 +28,13 @@ def demo(
     The input is put into FOLDER/input as the files a user would have
     (calibration TOML, one folder of OpenPose JSON per camera) and read from
     there. The results are pose.npz, pose.csv, pose.trc, report.json,
-    overview.png and heatmaps.png.
+    overview.png and weights.png, with --paper also heatmaps.png.
 
     [bold]Examples[/bold]
 
     skelsplat demo
+
+    skelsplat demo --paper -o /tmp/demo-paper
 
     skelsplat demo -o /tmp/demo --json > report.json
     """
@@ -44,6 +47,7 @@ def demo(
         layout=sample.LAYOUT,
         out=output,
         fps=sample.FRAME_RATE_HZ,
+        paper=paper,
         settings={} if threads is None else {"n_threads": threads},
         note=_NOTE,
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import typer
 
 import skelsplat as sk
@@ -10,7 +12,13 @@ from skelsplat.cli._job import Job, Verbosity
 from skelsplat.cli._pipeline import check_output
 from skelsplat.cli._run import run
 
-EPILOG = "Results: pose.npz, pose.csv, pose.trc, report.json, overview.png and heatmaps.png in FOLDER."
+if TYPE_CHECKING:
+    from pathlib import Path
+
+EPILOG = (
+    "Results in FOLDER: pose.npz, pose.csv, pose.trc, report.json, overview.png and weights.png, "
+    "with --paper also heatmaps.png."
+)
 _UNITS = ("mm", "cm", "m")
 _FRAMES = ("strict", "intersection", "union")
 
@@ -24,8 +32,11 @@ def refine(
     person: options.Person = "consistent",
     frames: options.Frames = "strict",
     init: options.Init = None,
+    init_sigma: options.InitSigma = None,
     min_confidence: options.MinConfidence = None,
     no_undistort: options.NoUndistort = False,
+    paper: options.Paper = False,
+    no_swaps: options.NoSwaps = False,
     sigma: options.Sigma = None,
     occlusion_sigma: options.OcclusionSigma = None,
     symmetry_tier: options.SymmetryTier = None,
@@ -41,9 +52,13 @@ def refine(
 
     [bold]Examples[/bold]
 
-    skelsplat refine Calib.toml openpose/ -o out --unit m --layout body25b
+    skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b
 
-    skelsplat refine Calib.toml openpose/ -o out --unit m --layout body25 --fps 60 --y-up
+    skelsplat refine Calib.toml pose/ -o out --unit m --layout body25 --y-up
+
+    skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b --paper
+
+    skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b --init mono.npz --init-sigma 40
     """
     settings = {
         "sigma": sigma,
@@ -53,6 +68,7 @@ def refine(
         "min_confidence": min_confidence,
         "n_threads": threads,
         "undistort": False if no_undistort else None,
+        "find_swaps": False if no_swaps and not paper else None,
     }
     job = Job(
         calibration=calibration,
@@ -63,6 +79,8 @@ def refine(
         person=_person(person),
         frames=_one_of("--frames", frames, _FRAMES),
         init=init,
+        init_sigma_mm=_init_sigma(init_sigma, init, paper=paper),
+        paper=paper,
         fps=_positive("--fps", fps),
         y_up=y_up,
         settings={name: value for name, value in settings.items() if value is not None},
@@ -87,6 +105,18 @@ def _person(value: str) -> str:
     raise typer.BadParameter(
         f"expected consistent, largest or a number, got {value!r}", param_hint="--person"
     )
+
+
+def _init_sigma(value: float | None, init: Path | None, *, paper: bool) -> float | None:
+    """Return the standard deviation of ``--init`` in mm, which needs a pose and the default method."""
+    if value is not None and init is None:
+        raise typer.BadParameter("expected --init beside it, got none", param_hint="--init-sigma")
+    if value is not None and paper:
+        raise typer.BadParameter(
+            "expected a run without --paper (the paper's start is no observation), got both",
+            param_hint="--init-sigma",
+        )
+    return _positive("--init-sigma", value)
 
 
 def _positive(option: str, value: float | None) -> float | None:

@@ -4,8 +4,22 @@ A leaf of the package: it computes no pose and no rendering, and only the comman
 drawn on matplotlib's Agg canvas through its object interface, so no display and no global state is involved.
 """
 
+from skelsplat.viz._body import Body
+from skelsplat.viz._panels import CameraPanel
 from skelsplat.viz._skeleton import Skeleton, body_axes
 from skelsplat.viz.heatmaps import HeatmapRow, write_heatmaps
 from skelsplat.viz.overview import OverviewData, write_overview
+from skelsplat.viz.weights import WeightData, write_weights
 
-__all__ = ["HeatmapRow", "OverviewData", "Skeleton", "body_axes", "write_heatmaps", "write_overview"]
+__all__ = [
+    "Body",
+    "CameraPanel",
+    "HeatmapRow",
+    "OverviewData",
+    "Skeleton",
+    "WeightData",
+    "body_axes",
+    "write_heatmaps",
+    "write_overview",
+    "write_weights",
+]

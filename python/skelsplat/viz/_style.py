@@ -25,6 +25,8 @@ RIGHT = "#d55e00"
 MIDDLE = "#222222"
 DETECTION = "#009e73"
 REPROJECTION = "#d55e00"
+REJECTED = "#b3006b"
+SWAPPED = "#e69f00"
 
 TITLE_PT = 13
 LABEL_PT = 11
@@ -36,6 +38,14 @@ def new_figure(height_in: float) -> Figure:
     figure = Figure(figsize=(WIDTH_IN, height_in), dpi=DPI, facecolor="white")
     FigureCanvasAgg(figure)
     return figure
+
+
+def box(
+    figure: Figure, left: float, bottom: float, width: float, height: float
+) -> tuple[float, float, float, float]:
+    """Return the place of axes in parts of ``figure``, from inches."""
+    across, up = figure.get_size_inches()
+    return left / across, bottom / up, width / across, height / up
 
 
 def tidy(axes: Axes) -> None:

@@ -11,6 +11,7 @@ from matplotlib.lines import Line2D
 
 from skelsplat.viz import _style
 from skelsplat.viz._skeleton import Skeleton, draw_limbs
+from skelsplat.viz._window import Window, aspect, person_window
 
 if TYPE_CHECKING:
     import os
@@ -21,14 +22,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     Array = npt.NDArray[np.float64]
-    Window = tuple[tuple[int, int], tuple[int, int]]
 
 _TALLEST_IN = 6.0  # of one image
 _MARGIN_IN = 0.85  # left of an image, for its ticks and label
 _HEADER_IN = 1.0
 _ROW_GAP_IN = 1.15  # title above and axis label below an image
-_PAD = 0.08  # of the person's longer side, around the crop
-_MIN_CROP_PX = 40.0
 
 _HEAT = LinearSegmentedColormap.from_list("heat", ["#ffffff", "#d9d3ec", "#a996d2", "#7459b0"])
 
@@ -76,11 +74,11 @@ def write_heatmaps(
         raise ValueError("rows: expected at least one camera, got none")
     windows = [crop_window(row) for row in rows]
     # An upright person leaves room for two cameras side by side.
-    across = 2 if len(rows) > 1 and np.median([_aspect(window) for window in windows]) > 1 else 1
+    across = 2 if len(rows) > 1 and np.median([aspect(window) for window in windows]) > 1 else 1
     cell = _style.WIDTH_IN / (2 * across)
     width = cell - _MARGIN_IN
     lines = [range(k, min(k + across, len(rows))) for k in range(0, len(rows), across)]
-    heights = [max(min(width * _aspect(windows[k]), _TALLEST_IN) for k in line) for line in lines]
+    heights = [max(min(width * aspect(windows[k]), _TALLEST_IN) for k in line) for line in lines]
     total = _HEADER_IN + sum(heights) + _ROW_GAP_IN * len(lines)
     figure = _style.new_figure(total)
     top = total - _HEADER_IN
@@ -103,12 +101,6 @@ def write_heatmaps(
         fontsize=11,
     )
     return _style.save_png(figure, path)
-
-
-def _aspect(window: Window) -> float:
-    """Return height over width of a window."""
-    (left, right), (top, bottom) = window
-    return (bottom - top + 1) / (right - left + 1)
 
 
 def _draw_panel(axes: Axes, row: HeatmapRow, window: Window, skeleton: Skeleton, *, rendered: bool) -> None:
@@ -140,28 +132,9 @@ def _draw_panel(axes: Axes, row: HeatmapRow, window: Window, skeleton: Skeleton,
 
 
 def crop_window(row: HeatmapRow) -> Window:
-    """Return the first and last column and the first and last row of the part of the image to show.
-
-    It holds every detected and reprojected joint that lies in the image, with a margin; the whole image
-    if none does.
-    """
+    """Return the columns and rows to show: every detected and reprojected joint in the image, a margin."""
     height, width = row.pseudo.shape
-    points = np.concatenate([row.detections, row.reprojection])
-    inside = (points >= -0.5).all(axis=1) & (points < np.array([width, height]) - 0.5).all(axis=1)
-    if not inside.any():
-        return (0, width - 1), (0, height - 1)
-    low, high = points[inside].min(axis=0), points[inside].max(axis=0)
-    centre = (low + high) / 2
-    margin = _PAD * max(float((high - low).max()), _MIN_CROP_PX)
-    side = np.maximum(high - low, _MIN_CROP_PX) + 2 * margin
-    return _span(centre[0], side[0], width), _span(centre[1], side[1], height)
-
-
-def _span(centre: float, length: float, limit: int) -> tuple[int, int]:
-    """Return the first and last pixel of ``length`` px about ``centre``, within an image of ``limit`` px."""
-    first = int(np.floor(centre - length / 2))
-    last = int(np.ceil(centre + length / 2))
-    return max(first, 0), min(last, limit - 1)
+    return person_window(np.concatenate([row.detections, row.reprojection]), (width, height))
 
 
 def _legend_entries() -> list[Line2D]:

@@ -7,7 +7,8 @@
 //! F = Σ_ij c_ij (2σ²/ŝ²)(1 − k_ij) + ½ Σ_j (x_j−x⁰_j)ᵀ Π_j (x_j−x⁰_j) + ½ Σ_p κ_p (‖l_p‖−‖r_p‖)² / σ_sym²
 //! ```
 //!
-//! where Π is the precision of an independent start and κ the weight of a limb pair. ∂F/∂x_j = Σ c k e / ŝ² + …, so that
+//! where ŝ² is the noise of a detection of mean weight c̄ times c̄, so that a common factor on all confidences changes
+//! nothing, Π is the precision of an independent start and κ the weight of a limb pair. ∂F/∂x_j = Σ c k e / ŝ² + …, so that
 //! each step of [`solver`] is a weighted least-squares problem: iteratively re-weighted Gauss–Newton. σ starts wide, where
 //! every detection counts, and narrows to the noise.
 

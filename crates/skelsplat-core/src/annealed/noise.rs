@@ -2,7 +2,7 @@
 //!
 //! e has two degrees of freedom and variance s² along each; a detection of weight c k contributes c k |e|², and a joint's
 //! three coordinates take up three degrees. For normal e the kernel k = exp(−|e|²/4σ²) shrinks the mean of |e|² to
-//! 2 s² c²/(s²+c²) with c² = 2σ²: E[k|e|²] = 2s²(1+s²/c²)⁻² and E[k] = (1+s²/c²)⁻¹. A scaled inverse χ² prior keeps the
+//! 2 s² c²/(s²+c²) with c² = 2σ², from the means 2s²(1+s²/c²)⁻² of k|e|² and (1+s²/c²)⁻¹ of k. A scaled inverse χ² prior keeps the
 //! estimate sane where few detections are left over.
 
 use super::rays::Rays;
@@ -11,16 +11,15 @@ use nalgebra::Vector3;
 /// What is known of the noise before the frame is seen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum NoiseModel {
-    /// Its standard deviation per axis, pixels.
+    /// Its standard deviation per axis for a detection of mean weight, pixels.
     Pixels(f64),
-    /// Its standard deviation across the ray, mm.
+    /// The same across the ray, mm.
     Millimetres(f64),
     /// To be estimated.
     Estimated,
 }
 
-/// The estimate's prior: three pixels, worth this many residuals.
-const PRIOR_PX: f64 = 3.0;
+/// The estimate's prior is worth this many residuals.
 const PRIOR_DOF: f64 = 6.0;
 /// The shrinking by the kernel is undone up to this factor of the variance.
 const MOST_UNSHRUNK: f64 = 4.0;
@@ -58,17 +57,26 @@ impl Residuals {
 }
 
 impl NoiseModel {
-    /// s², mm², from the joints' residuals under a kernel of standard deviation `sigma`, with pixels of `pixel` mm.
-    pub(super) fn variance(self, residuals: &[Residuals], sigma: f64, pixel: f64) -> f64 {
+    /// What the estimate begins with.
+    pub const PRIOR_PX: f64 = 3.0;
+
+    /// s², mm², from the joints' residuals under a kernel of standard deviation `sigma`, with pixels of `pixel` mm and
+    /// detections of mean weight `weight`, which the residuals carry.
+    pub(super) fn variance(
+        self,
+        residuals: &[Residuals],
+        sigma: f64,
+        (pixel, weight): (f64, f64),
+    ) -> f64 {
         match self {
-            Self::Pixels(px) => (px * pixel).powi(2),
-            Self::Millimetres(mm) => mm * mm,
+            Self::Pixels(px) => weight * (px * pixel).powi(2),
+            Self::Millimetres(mm) => weight * mm * mm,
             Self::Estimated => {
                 let squares: f64 = residuals.iter().map(|r| r.squares).sum();
                 let freedom: f64 = residuals.iter().map(|r| r.freedom).sum();
-                let prior = PRIOR_DOF * (PRIOR_PX * pixel).powi(2);
+                let prior = PRIOR_DOF * weight * (Self::PRIOR_PX * pixel).powi(2);
                 let shrunk = (prior + squares) / (PRIOR_DOF + freedom);
-                let kernel = 2.0 * sigma * sigma;
+                let kernel = 2.0 * weight * sigma * sigma;
                 shrunk / (1.0 - shrunk / kernel).max(1.0 / MOST_UNSHRUNK)
             }
         }

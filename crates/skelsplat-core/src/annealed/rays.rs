@@ -133,6 +133,14 @@ impl Rays {
         &self.rays[j * self.n_views..(j + 1) * self.n_views]
     }
 
+    /// Mean weight of the detections; 1 if there are none.
+    #[must_use]
+    pub fn mean_weight(&self) -> f64 {
+        let there = || self.rays.iter().filter(|ray| ray.is_there()).map(|ray| ray.weight);
+        let n = there().count();
+        if n == 0 { 1.0 } else { there().sum::<f64>() / n as f64 }
+    }
+
     /// Exchanges the detections of joints `a` and `b` in view `i`.
     pub fn swap(&mut self, i: usize, a: usize, b: usize) {
         self.rays.swap(a * self.n_views + i, b * self.n_views + i);

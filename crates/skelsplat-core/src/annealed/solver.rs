@@ -91,8 +91,10 @@ pub struct Solution {
     pub sigma: Vec<f64>,
     /// Residuals of each joint at the end.
     pub residuals: Vec<Residuals>,
-    /// ŝ, standard deviation of the detections' noise across the ray, mm.
+    /// Standard deviation of the detections' noise across the ray, mm, for a detection of mean weight.
     pub noise: f64,
+    /// ŝ², mm²: the same for weight 1, as F has it.
+    pub variance: f64,
     /// Steps taken.
     pub n_iter: usize,
     /// Whether the steps became small.
@@ -182,6 +184,8 @@ struct Run<'a> {
     nearest: Vec<f64>,
     variance: f64,
     pixel: f64,
+    /// Mean weight of the detections.
+    weight: f64,
     equations: NormalEquations,
 }
 
@@ -197,16 +201,20 @@ pub fn solve(problem: &Problem<'_>, start: Vec<Vector3<f64>>, sigma: Vec<f64>) -
         let longest = run.step();
         n_iter += 1;
         let narrow = run.narrow();
-        converged = narrow && longest <= annealing.tolerance * run.variance.sqrt();
+        converged = narrow && longest <= run.small();
     }
     run.settled.fill(false);
+    for (sigma, end) in run.sigma.iter_mut().zip(&annealing.end) {
+        *sigma = if sigma.is_finite() { *sigma } else { *end };
+    }
     run.linearise();
     run.estimate_noise();
     Solution {
         points: run.points,
         sigma: run.sigma,
         residuals: run.residuals,
-        noise: run.variance.sqrt(),
+        noise: (run.variance / run.weight).sqrt(),
+        variance: run.variance,
         n_iter,
         converged,
         equations: run.equations,
@@ -217,10 +225,11 @@ impl<'a> Run<'a> {
     fn new(problem: &'a Problem<'a>, points: Vec<Vector3<f64>>, sigma: Vec<f64>) -> Self {
         let n = points.len();
         let known = |j: usize| points[j].iter().all(|v| v.is_finite());
+        let has_prior = |j: usize| problem.priors.is_some_and(|p| p[j].precision.trace() > 0.0);
         let seen = |j: usize| problem.rays.of_joint(j).iter().any(Ray::is_there);
         let pixel = pixel_size(problem.rays, &points).unwrap_or(1.0);
         let mut run = Self {
-            active: (0..n).map(|j| known(j) && (seen(j) || problem.priors.is_some())).collect(),
+            active: (0..n).map(|j| known(j) && (seen(j) || has_prior(j))).collect(),
             settled: vec![false; n],
             narrow: vec![false; n],
             coupled: vec![false; n],
@@ -230,11 +239,13 @@ impl<'a> Run<'a> {
             nearest: vec![f64::INFINITY; n],
             variance: 0.0,
             pixel,
+            weight: problem.rays.mean_weight(),
             equations: NormalEquations::new(n),
             points,
             problem,
         };
-        run.variance = problem.annealing.noise.variance(&[], f64::INFINITY, pixel);
+        let known = (pixel, run.weight);
+        run.variance = problem.annealing.noise.variance(&[], f64::INFINITY, known);
         for j in problem.pairs.iter().flat_map(|(l, r)| l.iter().chain(r)) {
             run.coupled[*j] = true;
         }
@@ -292,12 +303,17 @@ impl<'a> Run<'a> {
         }
     }
 
+    /// A step that is none, mm.
+    fn small(&self) -> f64 {
+        self.problem.annealing.tolerance * (self.variance / self.weight).sqrt()
+    }
+
     /// Moves the joints and returns the longest step, mm.
     fn step(&mut self) -> f64 {
         let damping = self.problem.annealing.start.powi(-2);
+        let small = self.small();
         let steps = self.equations.solve(|_| damping);
         let mut longest = 0.0_f64;
-        let small = self.problem.annealing.tolerance * self.variance.sqrt();
         for (j, step) in steps.iter().enumerate() {
             if !self.active[j] || self.settled[j] {
                 continue;
@@ -323,7 +339,8 @@ impl<'a> Run<'a> {
         } else {
             self.estimate_noise();
         }
-        let share = (annealing.per_noise * self.variance.sqrt() / widest_end).min(1.0);
+        let share =
+            (annealing.per_noise * (self.variance / self.weight).sqrt() / widest_end).min(1.0);
         let mut done = true;
         for j in 0..self.sigma.len() {
             let end = annealing.end[j] * share;
@@ -344,7 +361,7 @@ impl<'a> Run<'a> {
     fn estimate_noise(&mut self) {
         let mean = self.sigma.iter().sum::<f64>() / self.sigma.len() as f64;
         let model = self.problem.annealing.noise;
-        self.variance = model.variance(&self.residuals, mean, self.pixel);
+        self.variance = model.variance(&self.residuals, mean, (self.pixel, self.weight));
     }
 
     /// Distance of each joint's farthest ray.

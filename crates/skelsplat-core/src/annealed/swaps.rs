@@ -65,6 +65,12 @@ struct Ways {
     all: f64,
 }
 
+/// A position of a chain, (left, right) per pair, and what every view makes of it.
+struct Proposal {
+    at: Vec<[Vector3<f64>; 2]>,
+    ways: Vec<Ways>,
+}
+
 /// A frame whose chains are judged.
 struct Judge<'a> {
     rays: &'a Rays,
@@ -76,9 +82,7 @@ struct Judge<'a> {
 /// Which chains are exchanged in which views, as (view, chain).
 #[must_use]
 pub fn find(rays: &Rays, chains: &[Chain], solution: &Solution) -> Vec<(usize, usize)> {
-    let there = || (0..rays.n_joints()).flat_map(|j| rays.of_joint(j)).filter(|ray| ray.is_there());
-    let unit = there().map(|ray| ray.weight).sum::<f64>() / there().count().max(1) as f64;
-    let judge = Judge { rays, sigma: &solution.sigma, unit };
+    let judge = Judge { rays, sigma: &solution.sigma, unit: rays.mean_weight() };
     let mut found = Vec::new();
     for (c, chain) in chains.iter().enumerate() {
         let others = chains.iter().enumerate().filter(|(o, _)| *o != c).map(|(_, o)| o[0]);
@@ -125,28 +129,27 @@ impl Judge<'_> {
         }
         let explained = best_ways(&ways);
         let against = |w: &&Ways| w.all - w.own.max(w.exchanged) > UNEXPLAINED * self.unit;
-        if 2 * ways.iter().filter(against).count() >= ways.len() {
-            if let Some((proposal, there)) = self.best_proposal(chain) {
-                if best_ways(&there) >= explained + GAIN * self.unit {
-                    return self.right_way_round(&proposal, &there, sideways);
-                }
-            }
+        let doubtful = 2 * ways.iter().filter(against).count() >= ways.len();
+        let better = |p: &Proposal| best_ways(&p.ways) >= explained + GAIN * self.unit;
+        let proposal = if doubtful { self.best_proposal(chain) } else { None };
+        if let Some(proposal) = proposal.filter(better) {
+            return self.right_way_round(&proposal, sideways);
         }
         let gains = |w: &Ways| w.exchanged - w.own >= GAIN * self.unit;
         (0..ways.len()).filter(|i| gains(&ways[*i])).collect()
     }
 
     /// The position of the chain, from two views, that explains most when every view chooses its way round.
-    fn best_proposal(&self, chain: &Chain) -> Option<(Vec<[Vector3<f64>; 2]>, Vec<Ways>)> {
+    fn best_proposal(&self, chain: &Chain) -> Option<Proposal> {
         let proposers = self.rays.n_views().min(MOST_PROPOSERS);
-        let mut best: Option<(Vec<[Vector3<f64>; 2]>, Vec<Ways>)> = None;
+        let mut best: Option<Proposal> = None;
         for (a, b) in (0..proposers).flat_map(|a| (a + 1..proposers).map(move |b| (a, b))) {
             for exchanged in [false, true] {
                 let at = self.proposal(chain, a, b, exchanged);
                 let at = self.settled(chain, &at, &self.all_ways(chain, &at));
                 let ways = self.all_ways(chain, &at);
-                if best.as_ref().is_none_or(|(_, most)| best_ways(&ways) > best_ways(most)) {
-                    best = Some((at, ways));
+                if best.as_ref().is_none_or(|most| best_ways(&ways) > best_ways(&most.ways)) {
+                    best = Some(Proposal { at, ways });
                 }
             }
         }
@@ -194,25 +197,19 @@ impl Judge<'_> {
 
     /// Exchanged views of a proposal, whose own sides may be exchanged as a whole: the fewer views are, else the way in
     /// which left lies where the rest of the body has it.
-    fn right_way_round(
-        &self,
-        at: &[[Vector3<f64>; 2]],
-        ways: &[Ways],
-        sideways: &Vector3<f64>,
-    ) -> Vec<usize> {
+    fn right_way_round(&self, proposal: &Proposal, sideways: &Vector3<f64>) -> Vec<usize> {
+        let Proposal { at, ways } = proposal;
         let least = UNDECIDED * self.unit;
         let exchanged = |i: &usize| ways[*i].exchanged - ways[*i].own > least;
         let own = |i: &usize| ways[*i].own - ways[*i].exchanged > least;
         let one: Vec<usize> = (0..ways.len()).filter(exchanged).collect();
         let other: Vec<usize> = (0..ways.len()).filter(own).collect();
-        let across =
-            at.iter().map(|[l, r]| l - r).filter(|v| v.x.is_finite()).sum::<Vector3<f64>>();
-        match one.len().cmp(&other.len()) {
-            std::cmp::Ordering::Less => one,
-            std::cmp::Ordering::Greater => other,
-            std::cmp::Ordering::Equal if across.dot(sideways) < 0.0 => other,
-            std::cmp::Ordering::Equal => one,
+        let across = at.iter().map(|[l, r]| l - r).find(|v| v.x.is_finite()).unwrap_or_default();
+        let tie_goes_to_other = across.dot(sideways) < 0.0;
+        if one.len() > other.len() || (one.len() == other.len() && tie_goes_to_other) {
+            return other;
         }
+        one
     }
 }
 

@@ -9,6 +9,7 @@ use crate::annealed::consensus::agreement;
 use crate::annealed::swaps;
 use crate::annealed::{Annealing, NoiseModel, Prior, Problem, Rays, Solution, solve};
 use crate::detections::Detections;
+use crate::symmetry::{LimbPair, symmetry};
 use crate::triangulate::robust::{REJECTED, locate, start};
 use crate::uncertainty::posterior;
 
@@ -28,7 +29,7 @@ struct Found {
 
 /// Rounds of looking for exchanged sides.
 const SWAP_ROUNDS: usize = 3;
-/// Detections of weight 1 that an exchange has to explain more after the pose was solved again.
+/// Detections of mean weight that an exchange has to explain more after the pose was solved again.
 const SWAP_GAIN: f64 = 1.0;
 
 impl Found {
@@ -38,10 +39,12 @@ impl Found {
         here.iter().zip(there).any(|(x, y)| x.x.is_nan() && y.x.is_finite())
     }
 
-    /// Σ c k over all detections, under the widest final kernel of both solutions that are compared.
+    /// Detections of mean weight that are explained, under the same kernel for all solutions that are compared.
     fn explained(&self) -> f64 {
         let joints = self.solution.points.iter().enumerate().filter(|(_, x)| x.x.is_finite());
-        joints.map(|(j, x)| agreement(self.rays.of_joint(j), x, Annealing::END)).sum()
+        let sum: f64 =
+            joints.map(|(j, x)| agreement(self.rays.of_joint(j), x, Annealing::END)).sum();
+        sum / self.rays.mean_weight()
     }
 }
 
@@ -52,7 +55,13 @@ impl Refiner {
         let mut annealing = self.annealing(used.n_joints());
         if frame.init_covariance.is_some() {
             // Without the prior: one that is wrong must not pass for noise of the detections.
-            annealing.noise = NoiseModel::Millimetres(locate(&rays, &annealing).noise);
+            let alone = locate(&rays, &annealing);
+            let located = alone.points.iter().any(|x| x.x.is_finite());
+            annealing.noise = match annealing.noise {
+                NoiseModel::Estimated if located => NoiseModel::Millimetres(alone.noise),
+                NoiseModel::Estimated => NoiseModel::Pixels(NoiseModel::PRIOR_PX),
+                given => given,
+            };
         }
         let priors = self.priors(frame);
         let mut found = self.find(frame, rays, priors.as_deref(), &annealing);
@@ -269,11 +278,13 @@ fn joint_status(rays: &Rays, solution: &Solution) -> Vec<JointStatus> {
 fn loss(problem: &Problem<'_>, solution: &Solution) -> Loss {
     let mut render = 0.0;
     for (j, x) in solution.points.iter().enumerate().filter(|(_, x)| x.x.is_finite()) {
-        let scale = 2.0 * (solution.sigma[j] / solution.noise).powi(2);
+        let scale = 2.0 * solution.sigma[j].powi(2) / solution.variance;
         for ray in problem.rays.of_joint(j).iter().filter(|ray| ray.is_there()) {
             render += ray.weight * scale * (1.0 - ray.offset(x).weight(solution.sigma[j]));
         }
     }
-    let symmetry = crate::symmetry::symmetry(|j| solution.points[j], problem.pairs, |_, _| ());
+    let known = |(l, r): &&LimbPair| l.iter().chain(r).all(|j| solution.points[*j].x.is_finite());
+    let pairs: Vec<LimbPair> = problem.pairs.iter().filter(known).copied().collect();
+    let symmetry = symmetry(|j| solution.points[j], &pairs, |_, _| ());
     Loss { total: render, render, symmetry }
 }

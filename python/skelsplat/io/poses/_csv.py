@@ -18,17 +18,19 @@ if TYPE_CHECKING:
 
     from skelsplat.io.poses._pose_data import Array, PoseData
 
-COLUMNS = ("frame", "joint", "x", "y", "z", "sx", "sy", "sz", "unit", "status")
-COLUMNS += ("n_views", "n_rejected", "reprojection_error_px")
+COLUMNS = (
+    *("frame", "joint", "x", "y", "z", "sx", "sy", "sz", "unit"),
+    *("status", "n_views", "n_rejected", "reprojection_error_px"),
+)
 
 
 def write_csv(path: str | os.PathLike[str], data: PoseData) -> None:
     """Write one row per frame and joint, with the columns of `COLUMNS`.
 
-    ``x, y, z`` and their standard deviations ``sx, sy, sz`` (from `PoseData.uncertainty`) are in ``unit`` with
-    all their digits, ``n_views`` counts the views that detected the joint, ``n_rejected`` those of them whose
-    weight is below `skelsplat.REJECTED_WEIGHT`, and ``reprojection_error_px`` is the mean over ``n_views``. A
-    value that does not exist is an empty field.
+    ``x, y, z`` and their standard deviations ``sx, sy, sz`` (from `PoseData.uncertainty`) are in ``unit``
+    with all their digits, ``n_views`` counts the views that detected the joint, ``n_rejected`` those of them
+    whose weight is below `skelsplat.REJECTED_WEIGHT`, and ``reprojection_error_px`` is the mean over all of
+    them. A value that does not exist is an empty field.
 
     Raises
     ------

@@ -1,0 +1,195 @@
+//! The posterior covariance against the scatter of simulated repetitions.
+
+use std::sync::atomic::AtomicBool;
+
+use nalgebra::{Matrix3, Vector3};
+use skelsplat_core::annealed::Rays;
+use skelsplat_core::camera::Camera;
+use skelsplat_core::detections::Detections;
+use skelsplat_core::refine::refiner::Frame;
+use skelsplat_core::refine::{RefineConfig, Refinement, Refiner};
+use skelsplat_core::testing::scenes::{Noise, noisy_detections, perturbed, room, standing};
+use skelsplat_core::unit::Unit;
+
+const REPETITIONS: usize = 600;
+
+/// Repetitions of one person in normal noise of `px`, no symmetry, with what they scatter and what they tell.
+struct Repeated {
+    /// Mean of (x − truth)(x − truth)ᵀ per joint.
+    scatter: Vec<Matrix3<f64>>,
+    /// Mean of the posterior covariances.
+    told: Vec<Matrix3<f64>>,
+    noise: f64,
+}
+
+fn repeated(cameras: &[Camera], px: f64, config: &RefineConfig, prior: Option<f64>) -> Repeated {
+    let refiner = Refiner::new(cameras, Unit::Millimetre, None, config.clone()).unwrap();
+    let n = standing().len();
+    let mut out = Repeated {
+        scatter: vec![Matrix3::zeros(); n],
+        told: vec![Matrix3::zeros(); n],
+        noise: 0.0,
+    };
+    let share = 1.0 / REPETITIONS as f64;
+    for seed in 0..REPETITIONS {
+        let mut noise = Noise::new(seed as u64);
+        let detections = noisy_detections(&standing(), cameras, px, &mut noise);
+        let frame = Frame {
+            detections,
+            init_pose: prior.map(|sigma| perturbed(&standing(), sigma, &mut noise)),
+            init_covariance: prior.map(|s| vec![Matrix3::from_diagonal_element(s * s); n]),
+        };
+        let found = refiner.refine(&frame, false, &AtomicBool::new(false)).unwrap();
+        out.noise += found.noise * share;
+        for (j, truth) in standing().iter().enumerate() {
+            let error = found.pose[j] - truth;
+            out.scatter[j] += error * error.transpose() * share;
+            out.told[j] += found.uncertainty[j] * share;
+        }
+    }
+    out
+}
+
+impl Repeated {
+    /// Told over scattered standard deviation, root mean square over joints and axes.
+    fn ratio(&self) -> f64 {
+        let sum = |all: &[Matrix3<f64>]| all.iter().map(Matrix3::trace).sum::<f64>();
+        (sum(&self.told) / sum(&self.scatter)).sqrt()
+    }
+
+    /// Mean of eᵀΣ⁻¹e: 3 if the covariances have the right size and the right shape.
+    fn shape(&self) -> f64 {
+        let one = |(told, scatter): (&Matrix3<f64>, &Matrix3<f64>)| {
+            (told.try_inverse().unwrap() * scatter).trace()
+        };
+        let all = self.told.iter().zip(&self.scatter).map(one);
+        all.sum::<f64>() / self.told.len() as f64
+    }
+}
+
+fn plain() -> RefineConfig {
+    RefineConfig { symmetry_tier: 0, find_swaps: false, ..RefineConfig::default() }
+}
+
+/// 600 repetitions of 51 coordinates: the ratio of standard deviations is known to 1/√(2·600·51) = 0.4 %.
+#[test]
+fn error_bars_are_what_repetitions_scatter() {
+    for views in [3, 6] {
+        let found = repeated(&room(views), 3.0, &plain(), None);
+        assert!((found.ratio() - 1.0).abs() < 0.05, "{views} views: {:.3}", found.ratio());
+        // Three coordinates, by a variance that is right to 10 %.
+        assert!((found.shape() / 3.0 - 1.0).abs() < 0.10, "{views} views: {:.3}", found.shape());
+    }
+}
+
+#[test]
+fn error_bars_of_a_known_noise_are_what_repetitions_scatter() {
+    for (views, px) in [(3, 1.5), (6, 1.5), (3, 3.0), (6, 3.0)] {
+        let config = RefineConfig { detection_sigma: Some(px), ..plain() };
+        let found = repeated(&room(views), px, &config, None);
+        assert!((found.ratio() - 1.0).abs() < 0.05, "{views} views, {px} px: {:.3}", found.ratio());
+    }
+}
+
+/// Three views leave half of the residuals over: the noise's prior of 3 px weighs something there, and at 6 px (28 mm) the
+/// final kernel of 30 mm cuts into the noise.
+#[test]
+fn error_bars_follow_the_noise() {
+    for (views, px) in [(3, 1.5), (6, 1.5), (3, 6.0), (6, 6.0)] {
+        let found = repeated(&room(views), px, &plain(), None);
+        assert!((found.ratio() - 1.0).abs() < 0.12, "{views} views, {px} px: {:.3}", found.ratio());
+    }
+}
+
+#[test]
+fn error_bars_count_the_prior() {
+    for (views, px, sigma) in [(3, 3.0, 20.0), (6, 3.0, 10.0), (3, 6.0, 10.0)] {
+        let alone = repeated(&room(views), px, &plain(), None);
+        let found = repeated(&room(views), px, &plain(), Some(sigma));
+        assert!((found.ratio() - 1.0).abs() < 0.05, "{views} views, {px} px: {:.3}", found.ratio());
+        let volume = |r: &Repeated| r.told.iter().map(Matrix3::trace).sum::<f64>();
+        assert!(volume(&found) < 0.95 * volume(&alone));
+    }
+}
+
+/// One camera and a pose from elsewhere: along the rays the prior speaks, across them both.
+#[test]
+fn error_bars_of_one_view_with_a_prior_are_what_repetitions_scatter() {
+    for px in [1.5, 3.0] {
+        let config = RefineConfig { detection_sigma: Some(px), ..plain() };
+        let found = repeated(&room(1), px, &config, Some(30.0));
+        assert!((found.ratio() - 1.0).abs() < 0.05, "given {px} px: {:.3}", found.ratio());
+        assert!((found.shape() / 3.0 - 1.0).abs() < 0.12, "given {px} px: {:.3}", found.shape());
+    }
+    let found = repeated(&room(1), 3.0, &plain(), Some(30.0));
+    assert!((found.ratio() - 1.0).abs() < 0.05, "{:.3}", found.ratio());
+    // Nothing but the prior of 3 px tells the noise.
+    assert!((found.shape() / 3.0 - 1.0).abs() < 0.25, "{:.3}", found.shape());
+}
+
+fn one(cameras: &[Camera], detections: Detections, config: RefineConfig) -> Refinement {
+    let frame = Frame { detections, init_pose: Some(standing()), init_covariance: None };
+    let refiner = Refiner::new(cameras, Unit::Millimetre, None, config).unwrap();
+    refiner.refine(&frame, false, &AtomicBool::new(false)).unwrap()
+}
+
+fn without(detections: &Detections, missing: impl Fn(usize, usize) -> bool) -> Detections {
+    let (m, n) = (detections.n_views(), detections.n_joints());
+    let all = (0..m).flat_map(|i| (0..n).map(move |j| (i, j)));
+    let pixel = |(i, j)| match detections.get(i, j).filter(|_| !missing(i, j)) {
+        Some((p, _)) => [p.x, p.y],
+        None => [f64::NAN; 2],
+    };
+    Detections::new(m, n, &all.flat_map(pixel).collect::<Vec<_>>(), None).unwrap()
+}
+
+/// Along the only ray of a joint the bar is as long as the body, across it as short as a detection.
+#[test]
+fn a_joint_with_one_view_is_uncertain_along_its_ray() {
+    const WRIST: usize = 13;
+    let cameras = room(4);
+    let detections = noisy_detections(&standing(), &cameras, 3.0, &mut Noise::new(1));
+    let seen_once = without(&detections, |i, j| j == WRIST && i != 1);
+    let ray = Rays::new(&seen_once, &cameras, &[]).of_joint(WRIST)[1];
+    let found = one(&cameras, seen_once, plain());
+    let along = ray.direction.dot(&(found.uncertainty[WRIST] * ray.direction)).sqrt();
+    let middle = standing().iter().sum::<Vector3<f64>>() / 17.0;
+    let spread = standing().iter().map(|x| (x - middle).norm_squared()).sum::<f64>() / 17.0;
+    assert!((along / spread.sqrt() - 1.0).abs() < 0.05, "{along} mm");
+    let across = (found.uncertainty[WRIST].trace() - along * along) / 2.0;
+    assert!(across.sqrt() < 30.0, "{} mm", across.sqrt());
+    let seen = one(&cameras, detections, plain());
+    assert!(seen.uncertainty[WRIST].trace().sqrt() < 0.1 * along);
+}
+
+#[test]
+fn a_view_that_disagrees_widens_the_bar() {
+    let cameras = room(4);
+    let detections = noisy_detections(&standing(), &cameras, 1.0, &mut Noise::new(2));
+    let before = one(&cameras, detections.clone(), plain());
+    // 40 mm: half believed.
+    let pixels: Vec<f64> = (0..4)
+        .flat_map(|i| (0..17).map(move |j| (i, j)))
+        .flat_map(|(i, j)| {
+            let (p, _) = detections.get(i, j).unwrap();
+            if (i, j) == (0, 5) { [p.x + 6.0, p.y] } else { [p.x, p.y] }
+        })
+        .collect();
+    let after = one(&cameras, Detections::new(4, 17, &pixels, None).unwrap(), plain());
+    let wider = |j: usize| (after.uncertainty[j].trace() / before.uncertainty[j].trace()).sqrt();
+    assert!(wider(5) > 1.3 && wider(5) > 1.2 * wider(10), "{} {}", wider(5), wider(10));
+}
+
+#[test]
+fn a_covariance_is_symmetric_and_positive() {
+    let cameras = room(3);
+    let found = one(
+        &cameras,
+        noisy_detections(&standing(), &cameras, 20.0, &mut Noise::new(3)),
+        RefineConfig::default(),
+    );
+    for covariance in &found.uncertainty {
+        assert!((covariance - covariance.transpose()).amax() < 1e-9 * covariance.amax());
+        assert!(covariance.symmetric_eigenvalues().min() > 0.0);
+    }
+}

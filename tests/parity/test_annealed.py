@@ -1,0 +1,211 @@
+"""The default method against its twin: pose, number of steps, noise, weights and error bars.
+
+Both sides are float64 and solve the same few dozen equations of condition below 1e4, one by Woodbury's
+identity, the other densely: 1e-12 of a step. Weighted least squares forgets the differences of earlier steps.
+"""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import scenes
+import skelsplat as sk
+from parity.bridge import rig
+from parity.test_triangulation import ring, with_outliers
+from reference import annealed, consensus
+from reference.arrays import Array, View
+from reference.rays import make_rays, nearest_points, offsets, weights
+
+POSE_MM = 1e-6
+RELATIVE = 1e-9
+MARGIN = (0.75, 0.5)
+"""Detections by which a pair of rays has to be better than what annealing found."""
+
+Start = tuple[Array, Array]
+
+
+def run_twin(
+    detections: Array, views: list[View], start: Array | None, prior: Start | None = None, **settings: Any
+) -> tuple[annealed.Problem, annealed.Solution]:
+    """Solve from `start` (N,3), from triangulation if it is None, or with a prior (its pose, Π (N,3,3))."""
+    view_weights, pairs = settings.pop("view_weights", None), settings.pop("pairs", ())
+    rays = make_rays(detections, views, view_weights)
+    chosen = annealed.Settings(**settings)
+    if prior is not None:
+        located = consensus.locate(rays, chosen, MARGIN)
+        chosen = chosen._replace(noise_mm=np.sqrt(located.variance / rays.mean_weight))
+    problem = annealed.Problem(rays, pairs, prior, chosen)
+    n = rays.weight.shape[1]
+    if start is None:
+        located = consensus.locate(rays, chosen, MARGIN)
+        return problem, annealed.solve(problem, located.points, located.sigma)
+    filled = np.where(np.isfinite(start), start, nearest_points(rays, rays.weight))
+    return problem, annealed.solve(problem, filled, np.full(n, np.inf if prior is None else chosen.widest))
+
+
+def assert_same(found: sk.Refinement, problem: annealed.Problem, expected: annealed.Solution) -> None:
+    """Everything that follows from the solution, for a rig in mm."""
+    assert int(found.n_iter) == expected.n_iter
+    assert (str(found.stop_reason) == "converged") == expected.converged
+    assert found.pose == pytest.approx(expected.points, abs=POSE_MM, nan_ok=True)
+    noise = np.sqrt(expected.variance / problem.rays.mean_weight)
+    assert float(found.noise) == pytest.approx(noise, rel=RELATIVE)
+    known = np.isfinite(expected.points).all(axis=1)
+    splat = expected.sigma[known, None, None] ** 2 * np.eye(3)
+    assert found.covariance[known] == pytest.approx(splat, rel=RELATIVE)
+
+    k = np.divide(
+        weights(expected.points, problem.rays, expected.sigma),
+        problem.rays.weight,
+        out=np.full(problem.rays.weight.shape, np.nan),
+        where=problem.rays.weight > 0,
+    )
+    k[:, ~known] = np.nan
+    assert found.view_weights[:, known] == pytest.approx(k[:, known], abs=RELATIVE, nan_ok=True)
+
+    posterior = annealed.posterior(problem, expected)
+    assert np.array_equal(np.isnan(found.uncertainty), np.isnan(posterior))
+    scale = np.nanmax(np.abs(posterior), axis=(1, 2), initial=1e-300)
+    error = np.nanmax(np.abs(found.uncertainty - posterior), axis=(1, 2), initial=0.0)
+    assert (error <= RELATIVE * scale).all()
+
+
+def refine(detections: Array, views: list[View], start: Array | None, **settings: Any) -> sk.Refinement:
+    """Refine without the search for exchanged sides."""
+    arguments = {name: settings.pop(name) for name in ("layout", "init_sigma") if name in settings}
+    config = sk.RefineConfig(find_swaps=False, **settings)
+    return sk.refine(start, detections, rig(views), config=config, **arguments)
+
+
+@pytest.fixture(params=[2, 4, 8])
+def views(request: pytest.FixtureRequest) -> list[View]:
+    return ring(request.param)
+
+
+def far_start(seed: int) -> Array:
+    return np.asarray(scenes.H36M_POSE + np.random.default_rng(seed).normal(scale=80.0, size=(17, 3)))
+
+
+def test_from_triangulation(views: list[View]) -> None:
+    detections = with_outliers(views, 0.2)
+    found = refine(detections, views, None)
+    assert_same(found, *run_twin(detections, views, None))
+
+
+def test_from_a_start(views: list[View]) -> None:
+    detections = with_outliers(views, 0.2)
+    start = far_start(1)
+    start[5] = np.nan
+    found = refine(detections, views, start)
+    assert_same(found, *run_twin(detections, views, start))
+
+
+def test_with_equal_limbs(views: list[View]) -> None:
+    detections = with_outliers(views, 0.2)
+    for tier in (1, 2, 3):
+        found = refine(detections, views, far_start(2), layout="h36m17", symmetry_tier=tier)
+        pairs = scenes.symmetric_pairs(tier)
+        assert_same(found, *run_twin(detections, views, far_start(2), pairs=pairs))
+    alone = refine(detections, views, far_start(2))
+    assert np.nanmax(np.abs(found.pose - alone.pose)) > 1.0
+
+
+def test_with_a_prior(views: list[View]) -> None:
+    detections = with_outliers(views, 0.2)
+    start = scenes.H36M_POSE + np.random.default_rng(3).normal(scale=30.0, size=(17, 3))
+    pairs = scenes.symmetric_pairs(1)
+    found = refine(detections, views, start, layout="h36m17", init_sigma=30.0)
+    prior = (start, np.tile(np.eye(3) / 900.0, (17, 1, 1)))
+    assert_same(found, *run_twin(detections, views, start, prior, pairs=pairs))
+
+    axes = np.random.default_rng(4).normal(size=(17, 3, 3))
+    covariance = 300.0 * axes @ axes.swapaxes(1, 2) + 100.0 * np.eye(3)
+    found = refine(detections, views, start, init_sigma=covariance)
+    # Inverses of matrices of condition up to 100 on either side.
+    assert_same(found, *run_twin(detections, views, start, (start, np.linalg.inv(covariance))))
+
+
+def test_with_other_settings(views: list[View]) -> None:
+    detections = with_outliers(views, 0.2)
+    theirs = {
+        "sigma": 20.0,
+        "sigma_start": 150.0,
+        "sigma_decay": 0.7,
+        "sigma_per_noise": 1.5,
+        "symmetry_sigma": 8.0,
+        "max_steps": 9,
+        "step_tolerance": 0.1,
+        "view_weights": np.linspace(0.3, 1.0, len(views)),
+    }
+    ours = {
+        "end": 20.0,
+        "widest": 150.0,
+        "factor": 0.7,
+        "per_noise": 1.5,
+        "symmetry_sigma": 8.0,
+        "max_steps": 9,
+        "tolerance": 0.1,
+        "view_weights": theirs["view_weights"],
+        "pairs": scenes.symmetric_pairs(1),
+    }
+    found = refine(detections, views, far_start(5), layout="h36m17", **theirs)
+    assert_same(found, *run_twin(detections, views, far_start(5), **ours))
+
+
+def test_joints_that_one_view_or_none_sees(views: list[View]) -> None:
+    detections = with_outliers(views, 0.2)
+    detections[1:, 3] = np.nan
+    detections[0, 3] = [300.0, 200.0, 0.7]
+    detections[:, 6] = np.nan
+    pairs = scenes.symmetric_pairs(1)
+    for start in (far_start(6), None):
+        found = refine(detections, views, start, layout="h36m17")
+        assert_same(found, *run_twin(detections, views, start, pairs=pairs))
+
+
+@pytest.mark.parametrize("n_views", [4, 8])
+def test_triangulation_where_most_are_wrong(n_views: int) -> None:
+    views = ring(n_views)
+    detections = with_outliers(views, 0.6)
+    rays = make_rays(detections, views)
+    expected = consensus.locate(rays, annealed.Settings(), MARGIN)
+    pose, rejected = sk.triangulate(detections, rig(views), return_rejected=True)
+    assert pose == pytest.approx(expected.points, abs=POSE_MM, nan_ok=True)
+    e, _ = offsets(np.nan_to_num(expected.points), rays)
+    far = np.sum(e**2, axis=-1) > 4 * np.log(4) * expected.sigma**2
+    far &= np.isfinite(expected.points).all(axis=1)
+    assert np.array_equal(rejected, far & (rays.weight > 0))
+    assert rejected.any()
+
+
+def test_the_twin_follows_the_gradient_of_f() -> None:
+    """Central differences of F, with Welsch losses for detections and limbs, against −H δ at its weights."""
+    views = ring(4)
+    detections, x = with_outliers(views, 0.2), far_start(7)
+    rays, sigma, variance = make_rays(detections, views), np.full(17, 60.0), 81.0
+    prior = (far_start(8), np.tile(np.diag([1e-3, 2e-3, 5e-4]), (17, 1, 1)))
+    problem = annealed.Problem(rays, scenes.symmetric_pairs(1), prior)
+
+    def value(x: Array) -> float:
+        data = 2 * sigma**2 / variance * (rays.weight - weights(x, rays, sigma))
+        from_prior = x - prior[0]
+        limbs = 0.0
+        for (a, b), (c, d) in problem.pairs:
+            difference = np.linalg.norm(x[a] - x[b]) - np.linalg.norm(x[c] - x[d])
+            reach = annealed.SYMMETRY_REACH
+            limbs += reach**2 * (1 - np.exp(-0.5 * (difference / (reach * 15.0)) ** 2))
+        return float(data.sum() + 0.5 * np.einsum("na,nab,nb", from_prior, prior[1], from_prior) + limbs)
+
+    active = np.ones(17, bool)
+    delta = annealed.step(x, problem, sigma, variance, active)
+    blocks = annealed.information(weights(x, rays, sigma), rays) / variance + prior[1]
+    H = annealed.dense(blocks, annealed.limb_terms(x, problem, active)) + 320.0**-2 * np.eye(51)
+    gradient = -H @ delta.ravel()
+    numeric = np.zeros(51)
+    for k in range(51):
+        move = np.zeros(51)
+        move[k] = 1e-3
+        numeric[k] = (value(x + move.reshape(17, 3)) - value(x - move.reshape(17, 3))) / 2e-3
+    # F is some 1e3: rounding leaves 1e-10 per mm, truncation (1e-3/60)² of 1.
+    assert scenes.worst_relative_error(gradient, numeric) < 1e-7

@@ -1,0 +1,202 @@
+"""What a run says about itself: counts, error bars, and in words what to distrust."""
+
+from __future__ import annotations
+
+import csv
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import skelsplat as sk
+from skelsplat import synthetic
+from skelsplat.cli import app
+from skelsplat.cli._figures import most_moved_frame, world_up
+from skelsplat.io import read_npz
+
+T = 5  # frames of `recording`
+NOISE_PX = 2.0
+READ = ["--unit", "mm", "--layout", "h36m17"]
+FAST = ["--max-steps", "30", "--fps", "50"]
+
+
+def invoke(*args):
+    return CliRunner().invoke(app, [str(arg) for arg in args], env={"COLUMNS": "80"})
+
+
+def test_the_report_holds_statistics_settings_and_timing(recording, arguments):
+    folder, rig, _ = recording
+    assert invoke(*arguments, *READ, *FAST, "--sigma", 25, "--min-confidence", 0.1).exit_code == 0
+    report = json.loads((folder / "out" / "report.json").read_text())
+    errors = report["reprojection_error"]
+    assert report["versions"]["skelsplat"] == sk.__version__
+    assert report["settings"]["sigma"] == 25.0
+    assert report["settings"]["max_steps"] == 30
+    assert report["settings"]["min_confidence"] == 0.1
+    assert report["ground_truth"] is None
+    assert [camera["name"] for camera in errors["cameras"]] == list(rig.names)
+    assert len(errors["joints"]) == 17
+    assert errors["all"]["used"] == T * (4 * 17 - 1)
+    assert errors["all"]["missing"] == errors["joints"][3]["missing"] == T
+    assert errors["cameras"][0]["poor_above_px"] == pytest.approx(0.01 * np.hypot(*rig[0].size))
+    # the median distance of a 2 px deviation per axis is 2.4 px, and a fit lies closer than the truth
+    assert 0.0 < errors["all"]["after_px"] < 2 * NOISE_PX
+    assert sum(report["stop_reasons"].values()) == T
+    assert report["timing"]["ms_per_frame"] == pytest.approx(1000 * report["timing"]["refine_s"] / T)
+
+
+def spoil(folder, camera, frame, joint, by=200.0):
+    """Move one detection to the right by so many pixels."""
+    path = folder / "openpose" / camera / f"{frame:06d}_keypoints.json"
+    document = json.loads(path.read_text())
+    document["people"][0]["pose_keypoints_2d"][3 * joint] += by
+    path.write_text(json.dumps(document))
+
+
+def test_a_rejected_detection_is_counted_per_camera_and_per_joint(recording, arguments):
+    folder, rig, _ = recording
+    spoil(folder, rig.names[0], frame=2, joint=16)
+    result = invoke(*arguments, *READ, *FAST)
+    report = json.loads((folder / "out" / "report.json").read_text())
+    errors = report["reprojection_error"]
+    assert errors["rejected_below"] == sk.REJECTED_WEIGHT
+    assert [camera["rejected"] for camera in errors["cameras"]] == [1, 0, 0, 0]
+    assert [joint["rejected"] for joint in errors["joints"]] == [0] * 16 + [1]
+    assert errors["joints"][16]["poor"] == errors["cameras"][0]["poor"] == 1
+    assert errors["cameras"][0]["mean_weight"] < errors["cameras"][1]["mean_weight"]
+    first = next(line.split() for line in result.stdout.splitlines() if line.split()[:1] == ["cam1"])
+    assert first[9] == "1"
+    written = read_npz(folder / "out" / "pose.npz")
+    assert np.argwhere(written.view_weights < sk.REJECTED_WEIGHT).tolist() == [[2, 0, 16]]
+    with (folder / "out" / "pose.csv").open(newline="") as stream:
+        rows = {(row["frame"], row["joint"]): row for row in csv.DictReader(stream)}
+    assert rows["2", "right_wrist"]["n_rejected"] == "1"
+    deviations = np.sqrt(np.diagonal(written.uncertainty[2, 16]))
+    assert [float(rows["2", "right_wrist"][axis]) for axis in ("sx", "sy", "sz")] == deviations.tolist()
+
+
+def test_the_noise_and_the_error_bars_are_reported(recording, arguments):
+    folder, _, pose = recording
+    assert invoke(*arguments, *READ, *FAST).exit_code == 0
+    report = json.loads((folder / "out" / "report.json").read_text())
+    written = read_npz(folder / "out" / "pose.npz")
+    assert report["noise"]["median_mm"] == pytest.approx(np.median(written.noise))
+    # five frames of 67 detections: the estimate is within a third of the truth
+    assert report["noise"]["median_px"] == pytest.approx(NOISE_PX, rel=1 / 3)
+    bars = [joint["error_bar_median_mm"] for joint in report["reprojection_error"]["joints"]]
+    error = np.linalg.norm(written.pose - pose, axis=-1)
+    # the mean length of a normal vector of three components is 1.6 σ
+    assert error.mean() == pytest.approx(1.6 * np.median(bars), rel=0.3)
+
+
+def exchange_sides(folder, camera):
+    """Exchange left and right in every file of a camera."""
+    other = np.arange(17)
+    for left, right in sk.layouts.H36M17.left_right:
+        other[[left, right]] = right, left
+    for path in (folder / "openpose" / camera).glob("*.json"):
+        frame = json.loads(path.read_text())
+        points = np.array(frame["people"][0]["pose_keypoints_2d"]).reshape(-1, 3)[other]
+        frame["people"][0]["pose_keypoints_2d"] = points.ravel().tolist()
+        path.write_text(json.dumps(frame))
+
+
+def test_exchanged_sides_are_counted_and_a_mirrored_camera_is_named(recording, arguments):
+    folder, _, _ = recording
+    exchange_sides(folder, "cam2")
+    result = invoke(*arguments, *READ, "--fps", 50, "--person", 0)
+    text = " ".join(result.stdout.split())
+    assert "Left and right were exchanged, and set right, in" in text
+    assert "! cam2: left and right are exchanged in" in text
+    cameras = json.loads((folder / "out" / "report.json").read_text())["reprojection_error"]["cameras"]
+    assert cameras[1]["swapped"] > 0
+    assert cameras[0]["swapped"] == cameras[2]["swapped"] == 0
+    assert all(len(line) <= 80 for line in result.stdout.splitlines() if not line.startswith("/"))
+
+
+def test_what_to_distrust_is_said_in_words(recording, arguments):
+    """One camera lies 28 px off on either axis: too far for the splats, near enough to be the same person."""
+    folder, _, _ = recording
+    shifted = [path for path in (folder / "openpose").rglob("*.json") if "cam3" in path.parent.name]
+    assert len(shifted) == T
+    for path in shifted:
+        frame = json.loads(path.read_text())
+        for person in frame["people"]:
+            points = np.array(person["pose_keypoints_2d"]).reshape(-1, 3)
+            points[points[:, 2] > 0, :2] += 28.0
+            person["pose_keypoints_2d"] = points.ravel().tolist()
+        path.write_text(json.dumps(frame))
+    result = invoke(*arguments, *READ)
+    assert result.exit_code == 0, result.output
+    text = " ".join(result.stdout.split())
+    assert "! cam3 disagrees with the other cameras: 100% of its detections are rejected, " in text
+    doubts = json.loads((folder / "out" / "report.json").read_text())["doubts"]
+    assert [doubt.split()[0] for doubt in doubts] == ["cam3"]
+
+
+@pytest.mark.parametrize("preset", [[], ["--paper"]])
+def test_a_layout_of_the_same_number_of_joints_is_doubted(arguments, preset):
+    """H36M-17 read as COCO-17: the same number of joints in another order."""
+    result = invoke(*arguments, "--unit", "mm", "--layout", "coco17", *FAST, *preset)
+    text = " ".join(result.stdout.split())
+    assert "! Left and right differ, " in text
+    assert "is the layout right" in text
+
+
+def test_detections_of_other_cameras_are_doubted(recording, arguments):
+    folder, rig, _ = recording
+    a, b = (folder / "openpose" / rig.names[i] for i in (0, 1))
+    a.rename(folder / "c")
+    b.rename(a)
+    (folder / "c").rename(b)
+    text = " ".join(invoke(*arguments, *READ, *FAST, "--person", 0).stdout.split())
+    assert "of all detections are rejected: check that calibration, cameras" in text
+    text = " ".join(invoke(*arguments, *READ, *FAST).stdout.split())
+    assert f"! {rig.names[0]} has no detection that could be used" in text
+
+
+def test_an_error_bar_far_above_the_others_is_named(recording, arguments):
+    """Joint 16 is seen by two cameras, whose rays miss each other."""
+    folder, rig, _ = recording
+    for camera in rig.names[2:]:
+        for path in (folder / "openpose" / camera).glob("*.json"):
+            frame = json.loads(path.read_text())
+            frame["people"][0]["pose_keypoints_2d"][3 * 16 :] = [0.0, 0.0, 0.0]
+            path.write_text(json.dumps(frame))
+    for path in (folder / "openpose" / rig.names[0]).glob("*.json"):
+        frame = json.loads(path.read_text())
+        frame["people"][0]["pose_keypoints_2d"][3 * 16 + 1] += 60.0
+        path.write_text(json.dumps(frame))
+    text = " ".join(invoke(*arguments, *READ, *FAST, "--person", 0).stdout.split())
+    assert "right_wrist (" in text.split("! Error bars far above the median of ")[1]
+
+
+def test_detections_that_are_no_pixels_are_doubted(recording, arguments):
+    folder, _, _ = recording
+    for path in (folder / "openpose").rglob("*.json"):
+        frame = json.loads(path.read_text())
+        for person in frame["people"]:
+            person["pose_keypoints_2d"] = [0.0] * len(person["pose_keypoints_2d"])
+        path.write_text(json.dumps(frame))
+    result = invoke(*arguments, *READ, *FAST)
+    assert "! No detection could be used" in " ".join(result.stdout.split())
+
+
+def test_the_frame_shown_is_complete_and_not_chosen_by_one_stray_joint():
+    moved = np.array([[1.0, 1.0, 900.0], [5.0, 5.0, 5.0], [9.0, 9.0, 9.0], [np.nan] * 3])
+    status = np.full((4, 3), "ok", dtype="<U10")
+    status[2, 0] = "weak"
+    status[3] = "unobserved"
+    assert most_moved_frame(moved, status) == 1
+    status[:, 1] = "weak"
+    assert most_moved_frame(moved, status) == 2
+    assert most_moved_frame(np.full((2, 3), np.nan), status[:2]) == 0
+
+
+def test_world_up_is_the_axis_that_the_cameras_agree_on():
+    rig = synthetic.human36m_like()
+    np.testing.assert_array_equal(world_up(rig), [0.0, 0.0, 1.0])
+    turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])  # z up to y down
+    turned = [sk.Camera(c.K, c.R @ turn, c.t, size=c.size) for c in rig]
+    np.testing.assert_array_equal(world_up(sk.CameraRig(turned)), turn.T @ [0.0, 0.0, 1.0])
