@@ -26,6 +26,7 @@ from skelsplat.exceptions import DatasetError, InvalidInputError
 _MODULES = {
     "human36m": "skelsplat.datasets.human36m",
     "human36m-occ": "skelsplat.datasets.human36m_occ",
+    "synthetic": "skelsplat.datasets.synthetic",
 }
 
 
