@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any, Protocol, cast
 
 from skelsplat.datasets._model import Dataset
+from skelsplat.datasets._verify import raise_fatal
 from skelsplat.exceptions import DatasetError, InvalidInputError
 
 _MODULES = {
@@ -126,4 +127,6 @@ def read(name: str, root: str | os.PathLike[str], **options: Any) -> Dataset:
         the file and the field.
     """
     module, path = prepared(name, root, options)
-    return module.read(path, **options)
+    dataset = module.read(path, **options)
+    raise_fatal(dataset)
+    return dataset
