@@ -88,7 +88,7 @@ def _one_file(path: Path, wanted: Wanted) -> tuple[FloatArray, NDArray[np.int64]
     detections = as_detections(path, key, value, own)
     common, places, mine = np.intersect1d(wanted.frames, frames, return_indices=True)
     if not len(common):
-        span = f"frames among {wanted.frames[0]} to {wanted.frames[-1]} of {wanted.key}"
+        span = f"some of the frames of {wanted.key} ({wanted.frames[:1]} to {wanted.frames[-1:]})"
         raise DatasetError(path, "frames", span, f"{frames[:1]} to {frames[-1:]}")
     return detections[mine], np.asarray(places, dtype=np.int64)
 

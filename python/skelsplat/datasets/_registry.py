@@ -27,6 +27,10 @@ from skelsplat.exceptions import DatasetError, InvalidInputError
 _MODULES = {
     "human36m": "skelsplat.datasets.human36m",
     "human36m-occ": "skelsplat.datasets.human36m_occ",
+    "panoptic": "skelsplat.datasets.panoptic",
+    "occlusion-person": "skelsplat.datasets.occlusion_person",
+    "shelf": "skelsplat.datasets.shelf",
+    "campus": "skelsplat.datasets.campus",
     "synthetic": "skelsplat.datasets.synthetic",
 }
 
