@@ -15,7 +15,7 @@ import numpy as np
 from skelsplat._skelsplat import Camera, Layout
 from skelsplat.cameras import CameraRig
 from skelsplat.datasets import _reproject as rp
-from skelsplat.datasets._model import Dataset, Take
+from skelsplat.datasets._model import Dataset, FloatArray, Take
 from skelsplat.exceptions import DatasetError
 
 _BODY_MM = (400.0, 3500.0)
@@ -106,13 +106,24 @@ def _file(take: Take, *parts: str) -> Path:
     return next((take.files[part] for part in parts if part in take.files), Path(take.key))
 
 
+def body_size(poses: FloatArray) -> float:
+    """Return the median diagonal of the boxes round the poses (…, N, 3) that are complete; NaN if none is."""
+    flat = poses.reshape(-1, *poses.shape[-2:])
+    whole = flat[np.isfinite(flat).all(axis=(1, 2))]
+    return rp.median(np.linalg.norm(np.ptp(whole, axis=1), axis=-1)) if len(whole) else float("nan")
+
+
+def is_human(size_mm: float) -> bool:
+    """Whether a person's box can have such a diagonal."""
+    return _BODY_MM[0] <= size_mm <= _BODY_MM[1]
+
+
 def _unit(item: rp.Sample, layout: Layout) -> Iterator[Finding]:
     """Find bodies of no human size, and cameras inside the body or in the wrong scale."""
     take, unit = item.take, item.take.rig.unit
     scale = take.rig.mm_per_unit
-    whole = item.truth[np.isfinite(item.truth).all(axis=(1, 2))]
-    size = scale * rp.median(np.linalg.norm(np.ptp(whole, axis=1), axis=-1)) if len(whole) else float("nan")
-    if layout.n_joints > 10 and not (np.isnan(size) or _BODY_MM[0] <= size <= _BODY_MM[1]):
+    size = scale * body_size(item.truth)
+    if layout.n_joints > 10 and not (np.isnan(size) or is_human(size)):
         likely = _likely_unit(size / scale)
         yield Finding(
             "unit",
@@ -140,7 +151,7 @@ def _unit(item: rp.Sample, layout: Layout) -> Iterator[Finding]:
 def _likely_unit(size: float) -> str:
     """Name the unit in which a body of that size would be a person's."""
     for name, factor in (("m", 1000.0), ("cm", 10.0), ("mm", 1.0)):
-        if _BODY_MM[0] <= factor * size <= _BODY_MM[1]:
+        if is_human(factor * size):
             return f", which it would be in {name}"
     return ""
 
