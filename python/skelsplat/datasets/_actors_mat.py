@@ -40,7 +40,7 @@ def read_actors(path: Path, n_joints: int) -> list[tuple[NDArray[np.int64], Floa
 
 def _load(path: Path) -> dict[str, Any]:
     try:
-        from scipy.io import loadmat
+        from scipy.io import loadmat  # type: ignore[import-untyped,unused-ignore]
     except ImportError as error:
         raise DatasetError(
             path, "file", "SciPy to read it (pip install 'skelsplat[evaluation]')", "no module scipy"

@@ -3,9 +3,9 @@
 - ``calibration_NAME.json`` as VoxelPose wrote it: {"0": {k, p, R, T, fx, fy, cx, cy}}, mm, x_cam = R (X − T);
 - truth ``actorsGT.mat``, key ``actor3D``: cells of actors, of frames, of (14, 3) **metres**, empty where an
   actor is not labelled;
-- detections ``2d_DETECTOR/S0/actorK[/CAMERA].npz`` (or ``actorK/[CAMERA/]poses.npz``): which detection belongs
-  to which actor is decided before. With 17 joints they are COCO-17 and become the 14, neck and head top
-  interpolated from shoulders and ears.
+- detections ``2d_DETECTOR/S0/actorK[/CAMERA]/poses.npz`` or ``2d_DETECTOR/S0/actorK.npz``: which detection
+  belongs to which actor is decided before. With 17 joints they are COCO-17 and become the 14, neck and head
+  top interpolated from shoulders and ears.
 
 Each actor is a take; frames are those in which it is labelled.
 """
@@ -132,8 +132,8 @@ def _with_detections(take: Take, folder: Path) -> Take:
 def from_coco(detections: FloatArray) -> FloatArray:
     """Return SHELF14 detections (…, 14, 3) of COCO-17 ones (…, 17, 3).
 
-    The neck (bottom of the head) is half-way between the middles of shoulders and ears; the top of the head is
-    as far beyond the ears. Both are missing, and as uncertain as the worst, if shoulders or ears are.
+    The neck (bottom of the head) is half-way between the middles of shoulders and ears; the top of the head
+    is as far beyond the ears. Both are missing, and as uncertain as the worst, if shoulders or ears are.
     """
     limbs = detections[..., _FROM_COCO, :]
     ears, shoulders = (detections[..., pair, :].mean(axis=-2) for pair in ([3, 4], [5, 6]))

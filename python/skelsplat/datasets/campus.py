@@ -1,4 +1,4 @@
-"""Campus: several persons in a few cameras, 14 joints (`skelsplat.datasets._shelf_campus` describes the files)."""
+"""Campus: several persons in a few cameras, 14 joints; `_shelf_campus` describes the files."""
 
 from __future__ import annotations
 

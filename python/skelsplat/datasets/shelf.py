@@ -1,4 +1,4 @@
-"""Shelf: several persons in a few cameras, 14 joints (`skelsplat.datasets._shelf_campus` describes the files)."""
+"""Shelf: several persons in a few cameras, 14 joints; `_shelf_campus` describes the files."""
 
 from __future__ import annotations
 
