@@ -1,1 +1,1 @@
-"""Writers of tiny data sets in the layouts on disk that the readers know, made from `skelsplat.synthetic`."""
+"""Writers of tiny data sets, each in exactly the layout that a reader reads."""
