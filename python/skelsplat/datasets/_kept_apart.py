@@ -4,13 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skelsplat.datasets._detections import KEYS_2D, Wanted, as_detections, detector_name, load_poses
-from skelsplat.datasets._files import FloatArray
+from skelsplat.datasets._detections import (
+    KEYS_2D,
+    Wanted,
+    as_detections,
+    detector_name,
+    first_key,
+    load_poses,
+    with_scores,
+)
+from skelsplat.datasets._files import FloatArray, as_numbers
 from skelsplat.datasets._places import find
 from skelsplat.exceptions import DatasetError, InvalidInputError
 
@@ -72,21 +79,18 @@ def _file(folder: Path, stems: Sequence[str]) -> Path | None:
 def _one_file(path: Path, wanted: Wanted) -> tuple[FloatArray, NDArray[np.int64]]:
     """Return the detections of a file and their places in the take's frames."""
     content = load_poses(path)
-    key = next((key for key in KEYS if key in content), None)
-    if key is None:
-        raise DatasetError(
-            path, KEYS[0], f"one of the keys {', '.join(KEYS)}", f"only {', '.join(content) or 'nothing'}"
-        )
-    value: Any = np.asarray(content[key]) if not isinstance(content[key], list) else content[key]
-    if len(wanted.views) == 1 and np.ndim(value) == 3:
-        value = np.asarray(value)[:, None]
+    key, value = first_key(path, content, KEYS)
+    array = as_numbers(path, key, value)
+    if len(wanted.views) == 1 and array.ndim == 3:
+        array = array[:, None]
+    array = with_scores(path, array, content)
     if "frames" not in content:
-        return as_detections(path, key, value, wanted), np.arange(len(wanted.frames))
+        return as_detections(path, key, array, wanted), np.arange(len(wanted.frames))
     frames = np.asarray(content["frames"])
     if frames.ndim != 1 or frames.dtype.kind not in "iu" or (np.diff(frames) <= 0).any():
         raise DatasetError(path, "frames", "whole numbers that ascend", f"{frames.dtype} {frames.shape}")
     own = Wanted(wanted.key, frames.astype(np.int64), wanted.views, wanted.layout)
-    detections = as_detections(path, key, value, own)
+    detections = as_detections(path, key, array, own)
     common, places, mine = np.intersect1d(wanted.frames, frames, return_indices=True)
     if not len(common):
         span = f"some of the frames of {wanted.key} ({wanted.frames[:1]} to {wanted.frames[-1:]})"
