@@ -1,4 +1,4 @@
-"""Detections in files apart from the truth, one folder or file per take, with or without frame numbers."""
+"""Detections and monocular poses in files apart from the truth, one folder or file per take."""
 
 from __future__ import annotations
 
@@ -17,11 +17,13 @@ from skelsplat.datasets._detections import (
     load_poses,
     with_scores,
 )
-from skelsplat.datasets._files import FloatArray, as_numbers
+from skelsplat.datasets._files import FloatArray, as_numbers, numbers
 from skelsplat.datasets._places import find
-from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.datasets.human36m._options import choose_detector
+from skelsplat.exceptions import DatasetError
 
 KEYS = (*KEYS_2D, "detections")
+KEYS_WORLD = ("coords3d_pred_world", "poses", "poses3d")
 
 
 def read_apart(
@@ -52,10 +54,7 @@ def read_apart(
     together = _file(folder, stems)
     if together is not None:
         return (*_one_file(together, wanted), together)
-    paths = [
-        next((path for name in names if (path := _file(folder / name, stems)) is not None), None)
-        for names in spellings
-    ]
+    paths = [_of_view(folder, stems, names) for names in spellings]
     if all(path is None for path in paths):
         return None
     parts = []
@@ -69,6 +68,33 @@ def read_apart(
         common = np.intersect1d(common, places)
     views = [values[np.searchsorted(places, common)] for _, values, places in parts]
     return np.concatenate(views, axis=1), _not_empty(parts[0][0], common), folder
+
+
+def read_world(
+    folder: Path, stems: Sequence[str], shape: tuple[int, int], spellings: Sequence[Sequence[str]]
+) -> FloatArray:
+    """Read world poses (T, V, N, 3): one per view, or one in all that is fused already (V = 1).
+
+    `shape` is (T, N); the other parameters are those of `read_apart`.
+
+    Raises
+    ------
+    DatasetError
+        If there are none, those of a view are missing, or the shape is another.
+    """
+    together = _file(folder, stems)
+    paths = [together] if together else [_of_view(folder, stems, names) for names in spellings]
+    views = []
+    for path, names in zip(paths, spellings, strict=False):
+        if path is None:
+            raise DatasetError(folder / names[0] / f"{stems[0]}.npz", "file", "world poses", "no file")
+        key, value = first_key(path, load_poses(path), KEYS_WORLD)
+        views.append(numbers(path, key, value, (*shape, 3)))
+    return np.stack(views, axis=1)
+
+
+def _of_view(folder: Path, stems: Sequence[str], names: Sequence[str]) -> Path | None:
+    return next((path for name in names if (path := _file(folder / name, stems)) is not None), None)
 
 
 def _file(folder: Path, stems: Sequence[str]) -> Path | None:
@@ -107,23 +133,15 @@ def _not_empty(path: Path, common: NDArray[np.int64]) -> NDArray[np.int64]:
 def detections_folder(root: Path, detector: str | None, given: Path | str | None) -> Path | None:
     """Return ``2d_DETECTOR/S0`` of a data set whose only subject is S0, or the folder `given`.
 
-    None if neither is named and there is no detector.
+    If no detector is named it is chosen as for Human3.6M; None if there is none.
 
     Raises
     ------
     DatasetError
         If the folder is not there.
-    InvalidInputError
-        If there are several detectors and none is named.
     """
     if given is not None:
         return find([Path(given)], "folder of detections")
-    if detector is not None:
-        want = detector_name(detector)
-        same = [path for path in sorted(root.glob("2d_*")) if detector_name(path.name) == want]
-        return find([path / "S0" for path in same] or [root / f"2d_{detector}" / "S0"], "detections")
-    there = sorted(root.glob("2d_*"))
-    if len(there) > 1:
-        names = ", ".join(detector_name(path.name) for path in there)
-        raise InvalidInputError(f"detector: expected one of {names}, got none")
-    return there[0] / "S0" if there else None
+    there = {detector_name(path.name): path / "S0" for path in sorted(root.glob("2d_*")) if path.is_dir()}
+    name = choose_detector(there, None if detector is None else detector_name(detector), root)
+    return None if name is None else find([there[name]], f"detections of {name}")
