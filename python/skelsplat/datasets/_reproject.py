@@ -102,6 +102,40 @@ def joint_distances(item: Sample) -> FloatArray:
     return _medians(distance(item.projected[..., :, None, :], item.pixels[..., None, :, :]), (0, 1))
 
 
+@dataclass(frozen=True)
+class ViewError:
+    """Medians of a camera over all takes, px; NaN without detections.
+
+    Attributes
+    ----------
+    camera : str
+    given : float
+        Distance of the projected truth from the detections.
+    exchanged : float
+        The same with left and right exchanged, of the joints that have a side.
+    other : float
+        The same if the detections were those of the other camera that fits best.
+    """
+
+    camera: str
+    given: float
+    exchanged: float
+    other: float
+
+
+def view_errors(samples: list[Sample], layout: Layout) -> tuple[ViewError, ...]:
+    """Return the errors of every camera, in the order of the first take that has it."""
+    rows: dict[str, list[tuple[float, float, float]]] = {}
+    for item in samples:
+        for view, (name, distances) in enumerate(zip(item.take.rig.names, view_distances(item), strict=True)):
+            others = np.delete(distances, view)
+            nearest = float(np.min(others[np.isfinite(others)], initial=np.inf))
+            row = (float(distances[view]), sides(item, layout, slice(view, view + 1))[1], nearest)
+            rows.setdefault(name, []).append(row)
+    medians = {name: [median(column) for column in np.array(values).T] for name, values in rows.items()}
+    return tuple(ViewError(name, *values) for name, values in medians.items())
+
+
 def view_distances(item: Sample) -> FloatArray:
     """Return the median distance of each view's detections from the projection into each camera, (M, M)."""
     return _medians(distance(item.projected[:, None, :], item.pixels[:, :, None]), (0, 3))

@@ -23,9 +23,14 @@ _CLEAR_PX = 5.0
 _LARGE_PX = 25.0
 
 
-def verify(dataset: Dataset) -> tuple[Finding, ...]:
+def samples_of(dataset: Dataset) -> list[rp.Sample]:
+    """Return a few frames of every take."""
+    return [rp.sample(take) for take in dataset if len(take)]
+
+
+def verify(dataset: Dataset, samples: list[rp.Sample] | None = None) -> tuple[Finding, ...]:
     """Return what is wrong with a data set; what makes it useless first."""
-    samples = [rp.sample(take) for take in dataset if len(take)]
+    samples = samples_of(dataset) if samples is None else samples
     found = merged(finding for item in samples for finding in _unit(item, dataset.layout))
     if found:  # a wrong unit makes everything else look wrong as well
         return found
