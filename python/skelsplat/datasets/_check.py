@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from skelsplat.datasets._finding import Finding
 from skelsplat.datasets._model import Dataset
 from skelsplat.datasets._registry import Survey, prepared
-from skelsplat.datasets._verify import Finding, verify
+from skelsplat.datasets._verify import verify
 from skelsplat.exceptions import DatasetError
 
 

@@ -14,6 +14,8 @@ from skelsplat.cameras import CameraRig
 from skelsplat.datasets._model import FloatArray, Take
 
 _FRAMES = 24
+_LENS_PX = 15.0
+"""Views farther off than this have another fault than the lens."""
 
 
 @dataclass(frozen=True)
@@ -35,9 +37,18 @@ class Sample:
     pixels: FloatArray
     projected: FloatArray
 
-    def error(self, view: int | slice = slice(None)) -> float:
+    def error(self) -> float:
         """Median distance of truth and detections, px."""
-        return median(distance(self.projected[:, view], self.pixels[:, view]))
+        return median(distance(self.projected, self.pixels))
+
+    def best_quarter(self, view: int) -> float:
+        """How far the nearer quarter of a view's detections lies from the truth at most, px; NaN without any.
+
+        Unlike the median it stays small where an occluder hides most of the person.
+        """
+        values = distance(self.projected[:, view], self.pixels[:, view])
+        finite = values[np.isfinite(values)]
+        return float(np.quantile(finite, 0.25)) if finite.size else float("nan")
 
     def reprojected(self, rig: CameraRig) -> Sample:
         """Return the same frames seen by other cameras."""
@@ -126,12 +137,19 @@ class LensFit:
         step = changed - item.projected[:, view]
         residual = item.pixels[:, view] - item.projected[:, view]
         length = np.linalg.norm(residual, axis=-1)
+        if not median(length) <= _LENS_PX:
+            return
         near = length <= 3.0 * median(length) + 1e-9  # outliers say nothing about the lens
         near &= np.isfinite(step).all(axis=-1)
         self.own += float((step[near] ** 2).sum())
         self.product += float((step[near] * residual[near]).sum())
         self.residual += float((residual[near] ** 2).sum())
         self.count += 2 * int(near.sum())
+
+    @property
+    def misfit(self) -> float:
+        """Sum of squared residuals of the other lens."""
+        return self.residual - 2.0 * self.product + self.own
 
     def other_is_right(self) -> bool:
         """Whether s is nearer to 1 than to 0, by four standard errors of it."""
@@ -146,9 +164,13 @@ def with_exchanged_tangential(camera: Camera) -> Camera:
     """Return the camera with p1 and p2 exchanged."""
     coefficients = np.array(camera.distortion)
     coefficients[[2, 3]] = coefficients[[3, 2]]
-    return with_distortion(camera, coefficients)
+    return _with_distortion(camera, coefficients)
 
 
-def with_distortion(camera: Camera, coefficients: FloatArray | None) -> Camera:
-    """Return the camera with another lens."""
+def without_distortion(camera: Camera) -> Camera:
+    """Return the camera with an ideal lens."""
+    return _with_distortion(camera, None)
+
+
+def _with_distortion(camera: Camera, coefficients: FloatArray | None) -> Camera:
     return Camera(camera.K, camera.R, camera.t, distortion=coefficients, size=camera.size, name=camera.name)
