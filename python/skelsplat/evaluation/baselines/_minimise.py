@@ -4,7 +4,7 @@ Every joint minimises F(X) = ½ Σ_g ρ(‖r_g(X)‖²), where a group g is one 
 reprojection residual) or one coordinate of it, and ρ is a robust loss. With s = ‖r‖² the gradient is
 Σ ρ′ Jᵀr and the matrix of a step is Σ Jᵀ(ρ′(I − r̂r̂ᵀ) + max(0, ρ′ + 2sρ″) r̂r̂ᵀ)J: the curvature of the loss
 is kept where it is not negative (Triggs et al. 1999, §4.3), that of the projection is left out. It is damped
-by the matrix of the reweighted least squares, Σ ρ′ JᵀJ (Levenberg–Marquardt): a step is taken only if F falls.
+by the matrix of the reweighted least squares, Σ ρ′ JᵀJ (Levenberg–Marquardt); a step is taken if F falls.
 """
 
 from __future__ import annotations
