@@ -138,7 +138,7 @@ def test_a_minimum_at_infinity_is_not_taken() -> None:
     joints = _observations.observe(pixels, rig)
     start = np.array([[0.0, 0.0, 900.0]])
     whole = problem(joints, "huber")
-    on_the_way = [start + [0.0, 3500.0 * (k - 1), 0.0] for k in (1, 10, 100)]
+    on_the_way = [start + np.array([0.0, 3500.0 * (k - 1), 0.0]) for k in (1, 10, 100)]
     values = [_minimise._value(X, whole, _minimise.huber)[0] for X in on_the_way]
     assert values[0] > values[1] > values[2]
     np.testing.assert_array_equal(_minimise.minimise(start, whole, _minimise.huber), start)

@@ -107,7 +107,8 @@ def minimise(start: FloatArray, problem: Reprojections, loss: Loss) -> FloatArra
     """Minimise every joint's F from `start` (B, 3); a start that is NaN stays so.
 
     Joints leave the batch when a step would move no reprojection, or F cannot be lowered in double precision.
-    Where rays diverge F can fall all the way to infinity: a joint that went beyond `_FARTHEST` keeps its start.
+    Where rays diverge F can fall all the way to infinity: a joint that goes beyond `_FARTHEST` keeps its
+    start.
     """
     points = start.copy()
     open_joints = np.flatnonzero(np.isfinite(start).all(axis=1))
