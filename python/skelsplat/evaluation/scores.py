@@ -207,5 +207,5 @@ def _median(values: Sequence[FloatArray]) -> float:
 
 
 def _finite(values: Sequence[FloatArray]) -> FloatArray:
-    flat = np.concatenate([np.ravel(v) for v in values]) if len(values) else np.zeros(0)
+    flat: FloatArray = np.concatenate([np.zeros(0), *(np.ravel(v) for v in values)])
     return flat[~np.isnan(flat)]
