@@ -74,9 +74,14 @@ def _drawn(table: Table, gap: int) -> Drawn:
     drawn.add_column(table.first, max_width=_NAME_WIDTH)
     for column in table.columns:
         drawn.add_column(_breakable(column.header), justify="right")
-    for k, row in enumerate(table.rows):
-        last_measured = not row.reported and k + 1 < len(table.rows) and table.rows[k + 1].reported
-        drawn.add_row(*_cells(table, row), end_section=last_measured, style="italic" if row.reported else "")
+    measured = [row for row in table.rows if not row.reported]
+    reported = [row for row in table.rows if row.reported]
+    for row in measured:
+        drawn.add_row(*_cells(table, row), end_section=bool(reported) and row is measured[-1])
+    if reported:
+        drawn.add_row(Text("reported:", style="dim"))
+    for row in reported:
+        drawn.add_row(*_cells(table, row), style="italic")
     return drawn
 
 
@@ -87,9 +92,8 @@ def _breakable(header: str) -> str:
 
 
 def _cells(table: Table, row: Row) -> list[Text]:
-    name = Text(row.name)
     return [
-        name,
+        Text(row.name),
         *(
             Text(table.text(row, k), style="bold" if table.is_best(row, k) else "")
             for k in range(len(table.columns))
@@ -119,6 +123,7 @@ def _bars(evaluation: Evaluation) -> BarData:
     intervals = {s.method: (s.absolute.low, s.absolute.high) for s in evaluation.scores}
     ends = [(np.nan, np.nan) if row.reported else intervals[row.name] for row in rows]
     real = " on the real data set" if evaluation.simulated else ""
+    others = f" Grey: reported{real}, not measured here." if evaluation.published else ""
     return viz.BarData(
         names=tuple(row.name for row in rows),
         values=np.array([row.cells[0] for row in rows], dtype=np.float64),
@@ -127,7 +132,7 @@ def _bars(evaluation: Evaluation) -> BarData:
         measured=np.array([not row.reported for row in rows]),
         title=overall.title.partition(":")[0],
         axis="absolute MPJPE, mm, with 95 % interval over takes",
-        caption=f"Grey: reported{real}, not measured here." if evaluation.published else "",
+        caption=f"{evaluation.dataset.source or evaluation.dataset.name}.{others}",
     )
 
 

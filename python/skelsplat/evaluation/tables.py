@@ -118,7 +118,7 @@ def notes(evaluation: Evaluation) -> tuple[str, ...]:
         table = evaluation.published.table
         real = ", on the real data set" if evaluation.simulated else ""
         lines.append(
-            f"In italics: reported, not measured here{real}: {table.source}. {' '.join(table.notes)}"
+            f"Reported (in italics), not measured here{real}: {table.source}. {' '.join(table.notes)}"
         )
     return tuple(" ".join(line.split()) for line in lines)
 
