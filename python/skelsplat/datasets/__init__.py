@@ -3,5 +3,6 @@
 from __future__ import annotations
 
 from skelsplat.datasets._model import Dataset, Take
+from skelsplat.datasets._registry import names, read
 
-__all__ = ["Dataset", "Take"]
+__all__ = ["Dataset", "Take", "names", "read"]

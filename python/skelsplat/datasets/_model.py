@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +40,8 @@ class Take:
         Left, top, right, bottom in pixels; NaN where the person is not in the view.
     visible : (T, M, N) bool or None
         Joints that are not occluded, where the source says so.
+    files : mapping of str to Path
+        Where ``"truth"``, ``"detections"``, ``"cameras"``, … come from, for messages.
     """
 
     key: str
@@ -51,6 +54,7 @@ class Take:
     monocular: FloatArray | None = None
     boxes: FloatArray | None = None
     visible: NDArray[np.bool_] | None = None
+    files: Mapping[str, Path] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         t, m, n = len(self.frames), len(self.rig), self.truth.shape[-2] if self.truth.ndim == 3 else -1
@@ -86,6 +90,7 @@ class Take:
             some(self.monocular),  # type: ignore[arg-type]
             some(self.boxes),  # type: ignore[arg-type]
             some(self.visible),  # type: ignore[arg-type]
+            self.files,
         )
 
 
