@@ -44,7 +44,8 @@ class Errors:
         known = np.isfinite(self.joints)
         count = known.sum(axis=1)
         total = np.where(known, self.joints, 0.0).sum(axis=1)
-        return np.divide(total, count, out=np.full(len(total), np.nan), where=count > 0)
+        mean: FloatArray = np.divide(total, count, out=np.full(len(total), np.nan), where=count > 0)
+        return mean
 
 
 @dataclass(frozen=True, slots=True)

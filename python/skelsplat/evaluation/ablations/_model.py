@@ -19,14 +19,15 @@ class Row:
 
     Attributes
     ----------
-    name : str
-        Method and data.
+    method, data : str
+        What was run, or who reports it; on what.
     values : tuple of float or None
         One per column; None where there is none.
     origin : {"measured", "paper", "theory"}
     """
 
-    name: str
+    method: str
+    data: str
     values: tuple[float | None, ...]
     origin: Literal["measured", "paper", "theory"] = "measured"
 

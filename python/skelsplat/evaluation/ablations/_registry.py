@@ -16,7 +16,7 @@ from skelsplat.evaluation.ablations import (
 from skelsplat.evaluation.ablations._model import Ablation
 from skelsplat.exceptions import InvalidInputError
 
-_ALL = {
+_ALL: dict[str, Ablation] = {
     module.ABLATION.name: module.ABLATION
     for module in (
         encoding,

@@ -1,15 +1,18 @@
-"""Poses on which settings are compared: the same ones, with the same detections and starts, for every setting."""
+"""Poses on which settings are compared: for every setting the same, with the same detections and starts."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Literal
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 import skelsplat as sk
 from skelsplat.datasets import Dataset, Take
+from skelsplat.evaluation._views import without_lens
+from skelsplat.evaluation.protocols import Protocol
 from skelsplat.exceptions import InvalidInputError
 
 FloatArray = NDArray[np.float64]
@@ -47,9 +50,7 @@ class Group:
     def first_views(self, count: int) -> Group:
         """Return the group with its first `count` cameras, which are also the only ones to estimate poses."""
         monocular = None if self.monocular is None else self.monocular[:, :count]
-        return replace(
-            self, rig=self.rig[:count], detections=self.detections[:, :count], monocular=monocular
-        )
+        return replace(self, rig=self.rig[:count], detections=self.detections[:, :count], monocular=monocular)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,6 +67,10 @@ class Sample:
     groups : tuple of Group
     source : str
         A line that goes under every table.
+    n_available : int
+        Poses that the data set has.
+    paper_fields : mapping
+        What the paper changes in its settings on this data set.
     """
 
     name: str
@@ -73,6 +78,8 @@ class Sample:
     layout: sk.Layout
     groups: tuple[Group, ...]
     source: str
+    n_available: int
+    paper_fields: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def n_poses(self) -> int:
@@ -100,35 +107,59 @@ class Sample:
     def head(self, poses: int) -> Sample:
         """Return about `poses` poses, evenly from all takes."""
         share = poses / max(self.n_poses, 1)
-        return replace(self, groups=tuple(_thinned(g, max(1, round(share * len(g.truth)))) for g in self.groups))
+        return replace(
+            self, groups=tuple(_thinned(g, max(1, round(share * len(g.truth)))) for g in self.groups)
+        )
 
 
-def sample(dataset: Dataset, poses: int | None, *, name: str, key: str) -> Sample:
-    """Take `poses` poses of a data set (None: all), evenly over its takes.
+def sample(
+    dataset: Dataset, protocol: Protocol, poses: int | None, *, name: str, key: str, undistort: bool
+) -> Sample:
+    """Take `poses` poses of a data set (None: all), evenly over the takes that its protocol counts.
+
+    Parameters
+    ----------
+    dataset : Dataset
+    protocol : Protocol
+        Its frames, views and exclusions.
+    poses : int or None
+    name, key : str
+        `Sample.name` and `Sample.dataset`.
+    undistort : bool
+        False: cameras lose their lens, so that detections are used with K alone.
 
     Raises
     ------
     InvalidInputError
-        If a take has no detections, or there is no pose at all.
+        If a take has no detections, or no pose is left.
     """
-    total = sum(len(take) for take in dataset)
+    takes = [case.take for case in protocol.cases(dataset) if case.absolute]
+    total = sum(len(take) for take in takes)
     if total == 0:
-        raise InvalidInputError(f"{dataset.name}: expected at least one pose, got none")
+        raise InvalidInputError(f"{dataset.name}: expected poses whose absolute error counts, got none")
     chosen = np.arange(total) if poses is None or poses >= total else _evenly(total, poses)
+    groups = _grouped(takes, chosen)
+    if not undistort:
+        groups = [replace(group, rig=without_lens(group.rig)) for group in groups]
+    return Sample(name, key, dataset.layout, tuple(groups), dataset.source, total, protocol.paper_fields)
+
+
+def _grouped(takes: Sequence[Take], chosen: NDArray[np.int64]) -> list[Group]:
+    """Join the chosen poses, numbered over all takes, of takes with the same cameras."""
     parts: list[tuple[sk.CameraRig, list[Group]]] = []
     first = 0
-    for number, take in enumerate(dataset):
+    for number, take in enumerate(takes):
         here = chosen[(chosen >= first) & (chosen < first + len(take))] - first
         first += len(take)
-        if len(here):
-            group = _group(take.select(here), number)
-            known = next((members for rig, members in parts if rig is take.rig or rig == take.rig), None)
-            if known is None:
-                parts.append((take.rig, [group]))
-            else:
-                known.append(group)
-    groups = tuple(_joined(members) for _, members in parts)
-    return Sample(name, key, dataset.layout, groups, dataset.source)
+        if len(here) == 0:
+            continue
+        group = _group(take.select(here), number)
+        known = next((members for rig, members in parts if rig is take.rig or rig == take.rig), None)
+        if known is None:
+            parts.append((take.rig, [group]))
+        else:
+            known.append(group)
+    return [_joined(members) for _, members in parts]
 
 
 def _evenly(total: int, count: int) -> NDArray[np.int64]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from skelsplat import synthetic
 from skelsplat.datasets import Dataset, Take
-from skelsplat.evaluation.ablations._sample import Sample, sample
+from skelsplat.evaluation import protocols
+from skelsplat.evaluation.ablations._sample import Sample
 from skelsplat.evaluation.ablations._source import Source
 
 _DETECTORS = ("good", "noisy")
@@ -16,27 +17,29 @@ class Simulated(Source):
     simulated = True
 
     def plain(self) -> list[Sample]:
-        return [self._sample("human36m-like", "human36m", "good")]
+        return [self._made("human36m-like", "human36m", "good")]
 
     def detectors(self) -> list[Sample]:
-        return [self._sample("human36m-like", "human36m", name) for name in _DETECTORS]
+        return [self._made("human36m-like", "human36m", name) for name in _DETECTORS]
 
-    def occluded(self, *, hard: bool = False) -> list[Sample]:
-        kinds = ("2", "3", "3-hard") if hard else ("2", "3")
-        return [self._sample(f"human36m-like-occ-{k}", f"human36m-occ-{k}", "good") for k in kinds]
+    def occluded(self) -> list[Sample]:
+        return [self._made(f"human36m-like-occ-{k}", f"human36m-occ-{k}", "good") for k in ("2", "3")]
 
     def many_views(self) -> list[Sample]:
-        return [self._sample("dome", "panoptic", "good")]
+        return [self._made("dome", "panoptic", "good")]
 
-    def _sample(self, name: str, key: str, detector: str) -> Sample:
-        dataset = simulated(name, detector, self.choices.seed)
-        return sample(
-            dataset,
-            self.choices.poses,
-            name=f"simulated {name}, {detector}",
-            key=key,
-            undistort=self.choices.undistort,
+    def line(self) -> str:
+        return (
+            "SIMULATED data, not the paper's: poses, cameras, 2D detections and monocular poses are synthetic "
+            f"(seed {self.choices.seed}). {self.counts()}."
         )
+
+    def _made(self, name: str, key: str, detector: str) -> Sample:
+        dataset = simulated(name, detector, self.choices.seed)
+        protocol = protocols.get("human36m-occ" if "-occ-" in key else key)
+        if protocol.view_sets:
+            protocol = protocol.with_options(n_views=max(protocol.view_sets))
+        return self._sample(dataset, protocol, name=f"{name}, {detector}", key=key)
 
 
 def simulated(name: str, detector: str, seed: int) -> Dataset:
@@ -57,5 +60,5 @@ def simulated(name: str, detector: str, seed: int) -> Dataset:
         )
         for r in made.recordings
     )
-    source = f"Simulated: {name}, seed {seed}; poses, cameras and {detector} detections are synthetic"
+    source = f"simulated {name}, seed {seed}, {detector} detections"
     return Dataset(name, made.layout, takes, detector, source)

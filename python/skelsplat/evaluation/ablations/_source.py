@@ -8,9 +8,12 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import skelsplat as sk
+from skelsplat.datasets import Dataset
+from skelsplat.evaluation._method import DEFAULT_INIT_SIGMA_MM
 from skelsplat.evaluation.ablations._measure import Errors, errors, refined
 from skelsplat.evaluation.ablations._model import Progress
-from skelsplat.evaluation.ablations._sample import FloatArray, Sample, Start
+from skelsplat.evaluation.ablations._sample import FloatArray, Sample, Start, sample
+from skelsplat.evaluation.protocols import Protocol
 from skelsplat.exceptions import InvalidInputError
 
 PAPER, DEFAULT = "skelsplat-paper", "skelsplat"
@@ -37,7 +40,7 @@ class Choices:
     poses: int | None
     seed: int = 0
     start: Literal["paper", "dlt", "fusion"] = "paper"
-    init_sigma_mm: float = 25.0
+    init_sigma_mm: float = DEFAULT_INIT_SIGMA_MM
     undistort: bool = True
 
 
@@ -57,6 +60,26 @@ class Source(ABC):
         self.choices = choices
         self._progress = progress
         self.notes: list[str] = []
+        self._counts: dict[str, tuple[int, int]] = {}
+
+    @abstractmethod
+    def line(self) -> str:
+        """Return what goes under every table: what the data are, simulated or not, and how many poses."""
+
+    def counts(self) -> str:
+        """Say how many poses of how many were taken, of each data set."""
+        return "; ".join(
+            f"{name}: {'all ' if taken == total else ''}{taken}{f' of {total}' if taken < total else ''} poses"
+            for name, (taken, total) in self._counts.items()
+        )
+
+    def _sample(self, dataset: Dataset, protocol: Protocol, *, name: str, key: str) -> Sample:
+        """Take the poses that were chosen, and remember how many."""
+        made = sample(
+            dataset, protocol, self.choices.poses, name=name, key=key, undistort=self.choices.undistort
+        )
+        self._counts[name] = (made.n_poses, made.n_available)
+        return made
 
     @abstractmethod
     def plain(self) -> list[Sample]:
@@ -67,7 +90,7 @@ class Source(ABC):
         """Poses like Human3.6M's, one sample per detector there is."""
 
     @abstractmethod
-    def occluded(self, *, hard: bool = False) -> list[Sample]:
+    def occluded(self) -> list[Sample]:
         """Poses like Human3.6M-Occ's: two, then three of four views occluded."""
 
     @abstractmethod
@@ -98,8 +121,9 @@ class Source(ABC):
     def paper(
         self, sample: Sample, starts: Sequence[FloatArray], doing: str, **fields: Any
     ) -> list[sk.Refinement]:
-        """Run the paper's preset with some fields changed."""
-        return self._run(sample, starts, sk.RefineConfig.paper(**fields), f"{PAPER}, {doing}")
+        """Run the paper's preset, as on this data set, with some fields changed."""
+        config = sk.RefineConfig.paper(**{**sample.paper_fields, **fields})
+        return self._run(sample, starts, config, f"{PAPER}, {doing}")
 
     def default(
         self,
@@ -113,9 +137,7 @@ class Source(ABC):
         config = sk.RefineConfig(**fields)
         return self._run(sample, starts, config, f"{DEFAULT}, {doing}", init_sigma_mm)
 
-    def paper_errors(
-        self, sample: Sample, starts: Sequence[FloatArray], doing: str, **fields: Any
-    ) -> Errors:
+    def paper_errors(self, sample: Sample, starts: Sequence[FloatArray], doing: str, **fields: Any) -> Errors:
         """Return the errors of `paper`."""
         return errors(sample, self.paper(sample, starts, doing, **fields))
 

@@ -24,16 +24,24 @@ def _run(source: Source) -> Outcome:
                 for views in _VIEWS
                 if views <= sample.n_views
             }
-            name = f"{PAPER}{rule}, {sample.name}"
-            rows.append(Row(name, tuple(found[v].mpjpe if v in found else None for v in _VIEWS)))
-            steps.append(Row(name, tuple(found[v].steps if v in found else None for v in _VIEWS)))
+            name = f"{PAPER}{rule}"
+            rows.append(Row(name, sample.name, tuple(found[v].mpjpe if v in found else None for v in _VIEWS)))
+            steps.append(Row(name, sample.name, tuple(found[v].steps if v in found else None for v in _VIEWS)))
             if not rule and len(found) == len(_VIEWS):
                 findings += _findings(sample.name, found)
     columns = tuple(f"{views} view{'s' * (views > 1)}" for views in _VIEWS)
     return Outcome(
         (
             Table("Views per step, MPJPE", "views per step", columns, (*rows, *paper_rows(_LABEL, keys))),
-            Table("Views per step, steps taken", "views per step", columns, tuple(steps), "steps", 0, chart=False),
+            Table(
+                "Views per step, steps taken",
+                "views per step",
+                columns,
+                tuple(steps),
+                "steps",
+                0,
+                chart=False,
+            ),
         ),
         tuple(findings),
         ("The default solver always uses all views at once.",),

@@ -1,4 +1,4 @@
-"""How often the truth lies within 1, 2 and 3 σ, per joint (paper, discussion and figures fig:sigma_h36m, -occ)."""
+"""How often the truth lies within 1, 2, 3 σ, per joint (paper, discussion, figures fig:sigma_h36m, -occ)."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def _run(source: Source) -> Outcome:
             _POSTERIOR: _shares(sample, [r.pose for r in posterior], [r.uncertainty for r in posterior]),
         }
         for name, share in shares.items():
-            rows.append(Row(f"{name}, {sample.name}", tuple(_percent(share[k]) for k in range(len(_SIGMAS)))))
+            rows.append(Row(name, sample.name, tuple(_percent(share[k]) for k in range(len(_SIGMAS)))))
         tables.append(_by_joint(sample, shares))
         findings += _findings(sample, shares)
     overall = Table(
@@ -44,7 +44,7 @@ def _run(source: Source) -> Outcome:
         (
             *rows,
             *paper_rows(_LABEL, tuple(f"{k}" for k in _SIGMAS)),
-            Row("Gaussian in 3D", _IDEAL, "theory"),
+            Row("Gaussian in 3D", "", _IDEAL, "theory"),
         ),
         "%",
     )
@@ -68,7 +68,7 @@ def _percent(shares: FloatArray) -> float:
 def _by_joint(sample: Sample, shares: dict[str, FloatArray]) -> Table:
     columns = tuple(f"{kind} {k} σ" for kind in ("splat", "uncertainty") for k in _SIGMAS)
     rows = tuple(
-        Row(joint, tuple(_percent(share[k, :, j]) for share in shares.values() for k in range(len(_SIGMAS))))
+        Row(joint, sample.name, tuple(_percent(share[k, :, j]) for share in shares.values() for k in range(len(_SIGMAS))))
         for j, joint in enumerate(sample.layout.joints)
     )
     return Table(f"Truth within k σ by joint, {sample.name}", "joint", columns, rows, "%", chart=False)

@@ -18,10 +18,13 @@ def _run(source: Source) -> Outcome:
     for sample in source.plain():
         starts = source.starts(sample, "fusion")
         found = {e: source.paper_errors(sample, starts, name, encoding=e) for e, name in _ENCODINGS.items()}
-        rows.append(Row(f"{PAPER}, {sample.name}", tuple(f.mpjpe for f in found.values())))
+        rows.append(Row(PAPER, sample.name, tuple(f.mpjpe for f in found.values())))
         findings += _findings(sample.name, found)
     table = Table(
-        "Joint encoding, MPJPE", "encoding", tuple(_ENCODINGS.values()), (*rows, *paper_rows(_LABEL, tuple(_ENCODINGS)))
+        "Joint encoding, MPJPE",
+        "encoding",
+        tuple(_ENCODINGS.values()),
+        (*rows, *paper_rows(_LABEL, tuple(_ENCODINGS))),
     )
     return Outcome((table,), tuple(findings), ("The closed form exists for the one-hot encoding only.",))
 
@@ -33,7 +36,7 @@ def _findings(name: str, found: dict[str, Errors]) -> list[Finding]:
         Finding(
             "One-hot beats three shared channels and one",
             quote(_LABEL, ("rgb", "single", "one_hot")),
-            f"{name}: {rgb.mpjpe:.1f}, {single.mpjpe:.1f}, {one_hot.mpjpe:.1f} mm; one-hot − 3 channels {gain}",
+            f"{name}: {rgb.mpjpe:.1f}, {single.mpjpe:.1f}, {one_hot.mpjpe:.1f} mm; one-hot − 3 {gain}",
             gain.is_less and difference(one_hot, single).is_less,
         ),
         Finding(

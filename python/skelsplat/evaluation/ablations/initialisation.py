@@ -26,9 +26,9 @@ class _Cell:
     default: Errors
     prior: Errors | None
 
-    def row(self, name: str) -> Row:
+    def row(self, start: str, data: str) -> Row:
         prior = None if self.prior is None else self.prior.mpjpe
-        return Row(name, (self.guess.mpjpe, self.paper.mpjpe, self.default.mpjpe, prior))
+        return Row(start, data, (self.guess.mpjpe, self.paper.mpjpe, self.default.mpjpe, prior))
 
 
 def _run(source: Source) -> Outcome:
@@ -38,7 +38,7 @@ def _run(source: Source) -> Outcome:
         if len(kinds) == 1:
             source.note(f"{sample.name}: no monocular poses, so no fusion of them")
         cells = {kind: _cell(source, sample, kind) for kind in kinds}
-        rows += [cell.row(f"{_STARTS[kind]}, {sample.name}") for kind, cell in cells.items()]
+        rows += [cell.row(_STARTS[kind], sample.name) for kind, cell in cells.items()]
         findings += _findings(sample.name, cells)
     columns = ("Guess", PAPER, DEFAULT, f"{DEFAULT}, guess as prior")
     table = Table("Start and detections, MPJPE", "start, detections", columns, (*rows, *_paper_rows()))
@@ -68,7 +68,8 @@ def _cell(source: Source, sample: Sample, kind: Start) -> _Cell:
 def _paper_rows() -> list[Row]:
     return [
         Row(
-            f"paper: {_STARTS['dlt' if row.setting['init'] == 'dlt' else 'fusion']}, {row.detector}",
+            f"{_STARTS['dlt' if row.setting['init'] == 'dlt' else 'fusion']} (paper)",
+            f"{row.detector}",
             (row.value("guess"), row.value("skelsplat"), None, None),
             "paper",
         )

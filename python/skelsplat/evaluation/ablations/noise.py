@@ -12,8 +12,8 @@ from skelsplat.evaluation.ablations._source import DEFAULT, PAPER, Source
 _LABEL = "tab:abl-noise"
 _PAPER_MM = (0, 10, 20, 40, 60, 80, 100)
 _LEVELS_MM = (*_PAPER_MM, 200, 400)
-# Table tab:abl-noise, both detectors: up to +8.4 % at 20 mm, +25.1 % at 40 mm; ×2.4 and ×3.0 at 80 mm, ×3.2 and
-# ×4.1 at 100 mm.
+# Table tab:abl-noise, both detectors: up to +8.4 % at 20 mm, +25.1 % at 40 mm; ×2.4 and ×3.0 at 80 mm,
+# ×3.2 and ×4.1 at 100 mm.
 _FLAT, _STABLE, _TWICE, _THRICE = 1.1, 1.3, 2.0, 3.0
 # A start that does not matter changes the result by less than this share.
 _UNMOVED = 0.02
@@ -23,21 +23,19 @@ def _run(source: Source) -> Outcome:
     rows, findings = [], []
     for sample in source.plain():
         clean = sample.starts("dlt")
-        found: dict[str, dict[int, Errors]] = {"start": {}, PAPER: {}, DEFAULT: {}}
+        found: dict[str, dict[int, Errors]] = {"the start": {}, PAPER: {}, DEFAULT: {}}
         for level in _LEVELS_MM:
             starts = _noisy(sample, clean, level, source.choices.seed)
-            found["start"][level] = errors_of(sample, starts)
+            found["the start"][level] = errors_of(sample, starts)
             if level in _PAPER_MM:
                 found[PAPER][level] = source.paper_errors(sample, starts, f"{level} mm")
             found[DEFAULT][level] = source.default_errors(sample, starts, f"{level} mm")
         for method, by_level in found.items():
             cells = tuple(by_level[k].mpjpe if k in by_level else None for k in _LEVELS_MM)
-            rows.append(Row(f"{method}, {sample.name}", cells))
+            rows.append(Row(method, sample.name, cells))
         findings += [*_findings(sample.name, found[PAPER]), _own(sample.name, found[DEFAULT])]
     levels = tuple(f"{level}" for level in _LEVELS_MM)
-    table = Table(
-        "Noise on the start, MPJPE", "σ per axis, mm", levels, (*rows, *paper_rows(_LABEL, levels))
-    )
+    table = Table("Noise on the start, MPJPE", "σ per axis, mm", levels, (*rows, *paper_rows(_LABEL, levels)))
     return Outcome((table,), tuple(findings), ("Start by DLT without weights, plus the noise.",))
 
 

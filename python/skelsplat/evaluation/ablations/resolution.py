@@ -21,7 +21,7 @@ def _run(source: Source) -> Outcome:
             percent: source.paper_errors(sample, starts, f"{percent} %", resolution=percent / 100)
             for percent in _PERCENT
         }
-        rows.append(Row(f"{PAPER}, {sample.name}", tuple(found[p].mpjpe for p in _PERCENT)))
+        rows.append(Row(PAPER, sample.name, tuple(found[p].mpjpe for p in _PERCENT)))
         findings += _findings(sample.name, found)
     keys = tuple(f"{percent}" for percent in _PERCENT)
     table = Table(

@@ -27,7 +27,7 @@ def _run(source: Source) -> Outcome:
         found = _measured(source, sample, counts)
         for method, by_count in found.items():
             cells = tuple(by_count[c].mpjpe if c in by_count else None for c in _COUNTS)
-            rows.append(Row(f"{method}, {sample.name}", cells))
+            rows.append(Row(method, sample.name, cells))
         for method in (PAPER, DEFAULT):
             findings += _findings(f"{method}, {sample.name}", found[method])
     keys = tuple(f"{count}" for count in _COUNTS)
