@@ -108,6 +108,20 @@ def within(field: str, key: Any) -> str:
     return f"{field}.{key}" if field else str(key)
 
 
+def as_numbers(path: Path, field: str, value: Any) -> FloatArray:
+    """Return `value` as a new array of float64, C order; None is NaN.
+
+    Raises
+    ------
+    DatasetError
+        If there is something else than numbers, or rows have different lengths.
+    """
+    try:
+        return np.array(value, dtype=np.float64, order="C")
+    except (TypeError, ValueError) as error:
+        raise DatasetError(path, field, "numbers in rows of the same length", error) from error
+
+
 def numbers(path: Path, field: str, value: Any, shape: tuple[int | str, ...]) -> FloatArray:
     """Return `value` as an array of float64 with the given shape.
 
@@ -119,10 +133,7 @@ def numbers(path: Path, field: str, value: Any, shape: tuple[int | str, ...]) ->
     DatasetError
         If the values are no numbers or the shape is another.
     """
-    try:
-        array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise DatasetError(path, field, f"numbers of shape {_shown(shape)}", error) from error
+    array = as_numbers(path, field, value)
     lengths: dict[str, int] = {}
     fits = array.ndim == len(shape) and all(
         (lengths.setdefault(want, got) if isinstance(want, str) else want) == got

@@ -21,11 +21,17 @@ from pathlib import Path
 from typing import Any, Protocol, cast
 
 from skelsplat.datasets._model import Dataset
+from skelsplat.datasets._verify import raise_fatal
 from skelsplat.exceptions import DatasetError, InvalidInputError
 
 _MODULES = {
     "human36m": "skelsplat.datasets.human36m",
     "human36m-occ": "skelsplat.datasets.human36m_occ",
+    "panoptic": "skelsplat.datasets.panoptic",
+    "occlusion-person": "skelsplat.datasets.occlusion_person",
+    "shelf": "skelsplat.datasets.shelf",
+    "campus": "skelsplat.datasets.campus",
+    "synthetic": "skelsplat.datasets.synthetic",
 }
 
 
@@ -125,4 +131,6 @@ def read(name: str, root: str | os.PathLike[str], **options: Any) -> Dataset:
         the file and the field.
     """
     module, path = prepared(name, root, options)
-    return module.read(path, **options)
+    dataset = module.read(path, **options)
+    raise_fatal(dataset)
+    return dataset
