@@ -5,20 +5,26 @@ differences between settings are paired.
 """
 
 from skelsplat.evaluation.ablations._model import Ablation, Finding, Outcome, Progress, Row, Table
+from skelsplat.evaluation.ablations._real import OnDisk
 from skelsplat.evaluation.ablations._registry import get, names
 from skelsplat.evaluation.ablations._simulated import Simulated
 from skelsplat.evaluation.ablations._source import Choices, Source
+from skelsplat.evaluation.ablations._write import Record, cell, write
 
 __all__ = [
     "Ablation",
     "Choices",
     "Finding",
+    "OnDisk",
     "Outcome",
     "Progress",
+    "Record",
     "Row",
     "Simulated",
     "Source",
     "Table",
+    "cell",
     "get",
     "names",
+    "write",
 ]

@@ -72,12 +72,22 @@ class Finding:
         The figures of both.
     reproduced : bool
         Whether the measured figures say the same.
+    ours : bool
+        The claim is not the paper's but ours.
     """
 
     claim: str
     paper: str
     measured: str
     reproduced: bool
+    ours: bool = False
+
+    @property
+    def verdict(self) -> str:
+        """What became of it, in words."""
+        if self.ours:
+            return "holds" if self.reproduced else "does not hold"
+        return "reproduced" if self.reproduced else "not reproduced"
 
 
 @dataclass(frozen=True, slots=True)

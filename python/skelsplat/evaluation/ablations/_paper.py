@@ -16,7 +16,12 @@ def paper_rows(
     """Return the paper's rows with the columns `keys`; None in columns that the paper has not."""
     table = reported(label)
     return tuple(
-        Row(REPORTED, ", ".join(_marks(row)), tuple(row.value(k) if k in row.keys else None for k in keys), "paper")
+        Row(
+            REPORTED,
+            ", ".join(_marks(row)),
+            tuple(row.value(k) if k in row.keys else None for k in keys),
+            "paper",
+        )
         for row in table.select(method, **setting)
     )
 
@@ -28,7 +33,7 @@ def quote(label: str, keys: Sequence[str], **setting: str) -> str:
     for row in table.select("SkelSplat", **setting):
         figures = ", ".join(f"{row.value(key):{'g' if table.unit == 's' else '.1f'}}" for key in keys)
         parts.append(f"{' '.join(_marks(row, setting))} {figures}".strip())
-    return f"{'; '.join(parts)} {table.unit}"
+    return f"{'; '.join(parts)} {table.unit}" if parts else "no figures for these data"
 
 
 def _marks(row: ReportedRow, known: dict[str, str] | None = None) -> list[str]:

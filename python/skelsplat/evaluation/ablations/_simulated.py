@@ -30,8 +30,8 @@ class Simulated(Source):
 
     def line(self) -> str:
         return (
-            "SIMULATED data, not the paper's: poses, cameras, 2D detections and monocular poses are synthetic "
-            f"(seed {self.choices.seed}). {self.counts()}."
+            "SIMULATED data, not the paper's: poses, cameras, 2D detections and monocular poses are "
+            f"synthetic (seed {self.choices.seed}). {self.counts()}."
         )
 
     def _made(self, name: str, key: str, detector: str) -> Sample:

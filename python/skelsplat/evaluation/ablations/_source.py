@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import skelsplat as sk
 from skelsplat.datasets import Dataset
 from skelsplat.evaluation._method import DEFAULT_INIT_SIGMA_MM
 from skelsplat.evaluation.ablations._measure import Errors, errors, refined
-from skelsplat.evaluation.ablations._model import Progress
+from skelsplat.evaluation.ablations._model import Outcome, Progress
 from skelsplat.evaluation.ablations._sample import FloatArray, Sample, Start, sample
 from skelsplat.evaluation.protocols import Protocol
 from skelsplat.exceptions import InvalidInputError
@@ -69,7 +69,7 @@ class Source(ABC):
     def counts(self) -> str:
         """Say how many poses of how many were taken, of each data set."""
         return "; ".join(
-            f"{name}: {'all ' if taken == total else ''}{taken}{f' of {total}' if taken < total else ''} poses"
+            f"{name}: {f'all {total}' if taken == total else f'{taken} of {total}'} poses"
             for name, (taken, total) in self._counts.items()
         )
 
@@ -117,6 +117,10 @@ class Source(ABC):
         """Keep a sentence for under the tables."""
         if text not in self.notes:
             self.notes.append(text)
+
+    def noted(self, outcome: Outcome) -> Outcome:
+        """Return the outcome with the sentences that were kept."""
+        return replace(outcome, notes=(*outcome.notes, *(f"{note}." for note in self.notes)))
 
     def paper(
         self, sample: Sample, starts: Sequence[FloatArray], doing: str, **fields: Any

@@ -58,19 +58,12 @@ def cell(value: float | None, digits: int) -> str:
     return "–" if value is None else f"{value:.{digits}f}"
 
 
-def verdict(reproduced: bool) -> str:
-    """Return what a finding's outcome is called."""
-    return "reproduced" if reproduced else "not reproduced"
-
-
 def to_markdown(record: Record) -> str:
     """Return the tables, each with its source, and the findings."""
     parts = [f"# {record.ablation.title}", f"`{record.command}` (skelsplat {__version__})"]
     for table in record.outcome.tables:
         parts += [f"## {table.title} ({table.unit})", _grid(table), record.line]
-    findings = [
-        (f.claim, f.paper, f.measured, f"**{verdict(f.reproduced)}**") for f in record.outcome.findings
-    ]
+    findings = [(f.claim, f.paper, f.measured, f"**{f.verdict}**") for f in record.outcome.findings]
     parts += ["## Findings", _lines(("finding", "paper", "here", ""), findings, numeric=0)]
     parts += ["\n".join(f"- {text}" for text in (*record.notes, *record.sources))]
     return "\n\n".join(parts) + "\n"

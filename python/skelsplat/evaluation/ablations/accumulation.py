@@ -26,7 +26,9 @@ def _run(source: Source) -> Outcome:
             }
             name = f"{PAPER}{rule}"
             rows.append(Row(name, sample.name, tuple(found[v].mpjpe if v in found else None for v in _VIEWS)))
-            steps.append(Row(name, sample.name, tuple(found[v].steps if v in found else None for v in _VIEWS)))
+            steps.append(
+                Row(name, sample.name, tuple(found[v].steps if v in found else None for v in _VIEWS))
+            )
             if not rule and len(found) == len(_VIEWS):
                 findings += _findings(sample.name, found)
     columns = tuple(f"{views} view{'s' * (views > 1)}" for views in _VIEWS)

@@ -104,6 +104,7 @@ def _findings(name: str, cells: dict[Start, _Cell]) -> list[Finding]:
                 f"from fusion {quote(_LABEL, ('skelsplat',), init='fusion')}",
                 f"{method}, {name}: {b.mpjpe:.1f}, {a.mpjpe:.1f} mm; fusion − triangulation {apart}",
                 abs(apart.mean) <= _APART_MM,
+                ours=method == DEFAULT,
             )
         )
     return out

@@ -36,7 +36,9 @@ def _run(source: Source) -> Outcome:
         findings += _findings(sample, found[PAPER])
     seconds = _seconds(samples[0], samples[0].starts(source.start_kind(samples[0], "fusion")))
     findings.append(_cost(seconds[PAPER]))
-    timed = tuple(Row(method, samples[0].name, tuple(1e3 * s for s in each)) for method, each in seconds.items())
+    timed = tuple(
+        Row(method, samples[0].name, tuple(1e3 * s for s in each)) for method, each in seconds.items()
+    )
     theirs = tuple(
         Row(r.method, r.data, tuple(None if v is None else 1e3 * v for v in r.values), "paper")
         for r in paper_rows(_SECONDS, _KEYS)

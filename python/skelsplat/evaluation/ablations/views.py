@@ -28,8 +28,7 @@ def _run(source: Source) -> Outcome:
         for method, by_count in found.items():
             cells = tuple(by_count[c].mpjpe if c in by_count else None for c in _COUNTS)
             rows.append(Row(method, sample.name, cells))
-        for method in (PAPER, DEFAULT):
-            findings += _findings(f"{method}, {sample.name}", found[method])
+        findings += _findings(f"{PAPER}, {sample.name}", found[PAPER])
     keys = tuple(f"{count}" for count in _COUNTS)
     table = Table(
         "Number of views, MPJPE",
