@@ -56,9 +56,10 @@ def print_record(console: Console, record: Record) -> None:
 def _upright(table: ablations.Table) -> Table:
     """Return a table whose rows are methods."""
     shown = Table(title=f"{table.title} ({table.unit})", box=box.SIMPLE_HEAD, title_justify="left")
-    shown.add_column(table.corner, overflow="fold", min_width=_LEAST_NAME)
+    longest = max(len(_name(row)) for row in table.rows)
+    shown.add_column(table.corner, overflow="fold", min_width=min(longest, _LEAST_NAME))
     for column in table.columns:
-        shown.add_column(column, justify="right")
+        shown.add_column(column, justify="right", overflow="fold")
     for row in table.rows:
         figures = (ablations.cell(value, table.digits) for value in row.values)
         shown.add_row(_name(row), *figures, style=_STYLES[row.origin])
@@ -70,7 +71,7 @@ def _turned(table: ablations.Table) -> Table:
     shown = Table(title=f"{table.title} ({table.unit})", box=box.SIMPLE_HEAD, title_justify="left")
     shown.add_column(table.corner)
     for row in table.rows:
-        shown.add_column(_name(row), justify="right", style=_STYLES[row.origin])
+        shown.add_column(_name(row), justify="right", overflow="fold", style=_STYLES[row.origin])
     for k, column in enumerate(table.columns):
         shown.add_row(column, *(ablations.cell(row.values[k], table.digits) for row in table.rows))
     return shown

@@ -18,6 +18,8 @@ from skelsplat.evaluation.ablations import Choices, OnDisk, Record, Simulated, S
 from skelsplat.exceptions import InvalidInputError
 
 _DATA, _METHOD, _OUTPUT = "Data", "Method", "Output"
+# Of tables that go into a file or a pipe.
+_WIDTH = 100
 
 EPILOG = (
     "Without --data the data are simulated, which every table says; they are made in memory from the seed."
@@ -122,7 +124,7 @@ def ablate(
         init_sigma_mm=init_sigma,
         undistort=protocol == "undistorted",
     )
-    console = Console(highlight=False, markup=False)
+    console = Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else _WIDTH)
     with progress_bar(shown=not quiet) as progress:
         source: Source
         if data is None:

@@ -22,8 +22,8 @@ class Simulated(Source):
     def detectors(self) -> list[Sample]:
         return [self._made("human36m-like", "human36m", name) for name in _DETECTORS]
 
-    def occluded(self) -> list[Sample]:
-        return [self._made(f"human36m-like-occ-{k}", f"human36m-occ-{k}", "good") for k in ("2", "3")]
+    def occluded(self, *kinds: str) -> list[Sample]:
+        return [self._made(f"human36m-like-occ-{k}", f"human36m-occ-{k}", "good") for k in kinds]
 
     def many_views(self) -> list[Sample]:
         return [self._made("dome", "panoptic", "good")]

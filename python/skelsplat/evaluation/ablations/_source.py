@@ -90,8 +90,8 @@ class Source(ABC):
         """Poses like Human3.6M's, one sample per detector there is."""
 
     @abstractmethod
-    def occluded(self) -> list[Sample]:
-        """Poses like Human3.6M-Occ's: two, then three of four views occluded."""
+    def occluded(self, *kinds: str) -> list[Sample]:
+        """Poses like Human3.6M-Occ's, one sample per kind: ``"2"`` or ``"3"`` of four views occluded."""
 
     @abstractmethod
     def many_views(self) -> list[Sample]:

@@ -31,7 +31,7 @@ Shares = dict[str, FloatArray]
 
 def _run(source: Source) -> Outcome:
     plain = source.plain()
-    samples = [*plain, *(s for s in source.occluded()[-1:] if s.dataset not in {p.dataset for p in plain})]
+    samples = [*plain, *(s for s in source.occluded("3") if s.dataset not in {p.dataset for p in plain})]
     rows, tables, findings = [], [], []
     for sample in samples:
         shares = _measured(source, sample)
@@ -78,7 +78,7 @@ def _percent(shares: FloatArray) -> float:
 
 
 def _by_joint(sample: Sample, shares: Shares) -> Table:
-    kinds = {"splat": shares.get(_PLAIN, shares[_SPLAT]), "uncertainty": shares[_POSTERIOR]}
+    kinds = {"splat": shares.get(_PLAIN, shares[_SPLAT]), "uncert.": shares[_POSTERIOR]}
     columns = tuple(f"{kind} {k} σ" for kind in kinds for k in _SIGMAS)
     rows = tuple(
         Row(joint, "", tuple(_percent(share[k, :, j]) for share in kinds.values() for k in range(len(share))))
