@@ -21,7 +21,12 @@ FRAMES = 6
 NOISE_PX = 1.5
 
 # (action as the original files spell it, number of its take, motion)
-TAKES = (("Directions", 0, "reach"), ("Directions", 1, "walk"), ("Greeting", 1, "wave"), ("TakingPhoto", 1, "turn"))
+TAKES = (
+    ("Directions", 0, "reach"),
+    ("Directions", 1, "walk"),
+    ("Greeting", 1, "wave"),
+    ("TakingPhoto", 1, "turn"),
+)
 SUBJECTS = {"S9": (0.0, 0.0, 0.0), "S11": (150.0, -80.0, 0.0)}
 """Subject → by how much the rig has moved, mm."""
 
@@ -135,7 +140,9 @@ def write_skelsplat(root: Path, recording: Recording, *, detectors: tuple[str, .
         write_detections(root / f"2d_{detector}", recording)
 
 
-def write_detections(root: Path, recording: Recording, *, json_files: bool = False, numbered: bool = False) -> None:
+def write_detections(
+    root: Path, recording: Recording, *, json_files: bool = False, numbered: bool = False
+) -> None:
     """Write ``<subject>/<activity>/<camera>/poses.npz`` (or ``.json``) with the key poses2d."""
     for take in recording.takes:
         for view, name in enumerate(CAMERAS):
@@ -153,7 +160,12 @@ def karfly_labels(recording: Recording) -> dict[str, object]:
     actions = sorted({take.numbered for take in recording.takes})
     cameras = np.empty(
         (len(subjects), 4),
-        dtype=[("R", np.float32, (3, 3)), ("t", np.float32, (3, 1)), ("K", np.float32, (3, 3)), ("dist", np.float32, 5)],
+        dtype=[
+            ("R", np.float32, (3, 3)),
+            ("t", np.float32, (3, 1)),
+            ("K", np.float32, (3, 3)),
+            ("dist", np.float32, 5),
+        ],
     )
     for s, subject in enumerate(subjects):
         for v, camera in enumerate(recording.rigs[subject]):
@@ -178,7 +190,9 @@ def karfly_labels(recording: Recording) -> dict[str, object]:
         part["frame_idx"] = take.frames
         part["keypoints"] = take.truth if n_joints != 17 else karfly_order(take.truth)
         low, high = np.floor(take.pixels.min(axis=2)), np.ceil(take.pixels.max(axis=2))
-        part["bbox_by_camera_tlbr"] = np.stack([low[..., 1], low[..., 0], high[..., 1], high[..., 0]], axis=-1)
+        part["bbox_by_camera_tlbr"] = np.stack(
+            [low[..., 1], low[..., 0], high[..., 1], high[..., 0]], axis=-1
+        )
     return {
         "subject_names": subjects,
         "camera_names": list(CAMERAS),
@@ -254,7 +268,9 @@ def write_adafuse(root: Path, recording: Recording, *, in_world: bool = False, p
     return path
 
 
-def write_videopose3d(root: Path, recording: Recording, *, detector: str = "cpn_ft_h36m_dbb", extra: int = 2) -> None:
+def write_videopose3d(
+    root: Path, recording: Recording, *, detector: str = "cpn_ft_h36m_dbb", extra: int = 2
+) -> None:
     """Write VideoPose3D's archives; detections run on for `extra` frames, as the released ones do."""
     write_cameras(root / "camera-parameters.json", recording)
     truth: dict[str, dict[str, np.ndarray]] = {}

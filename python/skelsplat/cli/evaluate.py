@@ -217,7 +217,7 @@ def _method_names(given: Sequence[str] | None) -> list[str]:
 def _reader_options(
     dataset: str, detections: str | None, views: int | None, settings: Sequence[str]
 ) -> dict[str, Any]:
-    """Return the options of the reader: those given as KEY=VALUE, the detections, Panoptic's views."""
+    """Return the options of the reader: those given as KEY=VALUE, the detections, the views."""
     known = options_of(dataset)
     found: dict[str, Any] = {}
     for text in settings:
@@ -230,7 +230,7 @@ def _reader_options(
     if detections is not None:
         is_path = Path(detections).exists() and "detections" in known
         found["detections" if is_path else "detector"] = Path(detections) if is_path else detections
-    if views is not None and dataset == "panoptic":
+    if views is not None and "views" in known and dataset != "synthetic":  # there the protocol chooses
         found.setdefault("views", views)
     return found
 

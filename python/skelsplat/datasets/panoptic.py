@@ -193,7 +193,10 @@ def _with_detections(take: Take, source: Path, filtered: bool) -> tuple[Take, st
         files={**take.files, "detections": path},
     ).select(everywhere)
     lost = len(take) - len(with_2d)
-    return with_2d, f"{take.key}: {lost} of {len(take)} frames left out, not detected in every view" if lost else ""
+    return (
+        with_2d,
+        f"{take.key}: {lost} of {len(take)} frames left out, not detected in every view" if lost else "",
+    )
 
 
 def _spellings(name: str) -> list[str]:

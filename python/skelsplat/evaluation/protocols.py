@@ -73,9 +73,8 @@ def _multi_person(name: str, frames: str, ranges: tuple[tuple[int, int], ...]) -
             f"{frames}, actors 0 to 2. PCP: a part is correct if the mean error of its two ends is at most "
             "half its length; ten parts; the average is over actors."
         ),
-        subjects=("0", "1", "2"),
+        columns={f"actor{k}": f"Actor {k}" for k in range(3)},
         ranges=ranges,
-        by_subject=True,
         mean_of_columns=True,
         parts=SHELF_PARTS,
     )

@@ -150,7 +150,7 @@ def _subject(evaluation: Evaluation) -> str:
 
 
 def _column_kind(evaluation: Evaluation) -> str:
-    if evaluation.protocol.by_subject:
+    if evaluation.protocol.parts:
         return "actor"
     return "action" if evaluation.protocol.columns else "sequence"
 

@@ -1,4 +1,4 @@
-"""Figures of a refined pose and of an evaluation: arrays in, PNG files out.
+"""Figures of refined poses and of measurements: arrays in, PNG files out.
 
 A leaf of the package: it computes no pose and no rendering, and only the command line imports it. Figures are
 drawn on matplotlib's Agg canvas through its object interface, so no display and no global state is involved.
@@ -8,14 +8,18 @@ from skelsplat.viz._skeleton import Skeleton, body_axes
 from skelsplat.viz.bars import BarData, write_bars
 from skelsplat.viz.heatmaps import HeatmapRow, write_heatmaps
 from skelsplat.viz.overview import OverviewData, write_overview
+from skelsplat.viz.panels import Line, Panel, write_panels
 
 __all__ = [
     "BarData",
     "HeatmapRow",
+    "Line",
     "OverviewData",
+    "Panel",
     "Skeleton",
     "body_axes",
     "write_bars",
     "write_heatmaps",
     "write_overview",
+    "write_panels",
 ]
