@@ -75,7 +75,7 @@ class Store:
         """
         path = self.path(method, settings, take)
         path.parent.mkdir(parents=True, exist_ok=True)
-        with atomic_write(path) as stream:
+        with atomic_write(path, durable=False) as stream:  # `load` checks what it reads
             np.savez(
                 stream,
                 pose=solution.pose,
