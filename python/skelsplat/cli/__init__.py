@@ -1,4 +1,4 @@
-"""The command line: `skelsplat demo`, `refine`, `ablate`, `synth` and `evaluate`, one file per command.
+"""The command line: `skelsplat demo`, `refine`, `ablate`, `synth`, `evaluate` and `datasets`, a file each.
 
 The commands share `_pipeline` (read, choose the person, refine), `_statistics` and `_report` (what is said
 about the result), `_figures` (what `skelsplat.viz` draws) and `_run` (the order of it all, and the files).
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import sys
 
-from skelsplat.cli import ablate, demo, evaluate, refine, synth
+from skelsplat.cli import ablate, datasets, demo, evaluate, refine, synth
 from skelsplat.cli._app import app
 
 __all__ = ["app", "main"]
@@ -18,6 +18,7 @@ app.command("refine", epilog=refine.EPILOG)(refine.refine)
 app.command("ablate", epilog=ablate.EPILOG)(ablate.ablate)
 app.command("synth")(synth.synth)
 app.command("evaluate", epilog=evaluate.EPILOG)(evaluate.evaluate)
+app.add_typer(datasets.app, name="datasets")
 
 
 def main() -> None:
