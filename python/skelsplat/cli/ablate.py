@@ -129,7 +129,9 @@ def ablate(
         source: Source
         if data is None:
             if detections or option:
-                raise typer.BadParameter("expected --data with it", param_hint="--detections, --option")
+                raise typer.BadParameter(
+                    "expected a data set for --detections and --option, got none", param_hint="--data"
+                )
             source = Simulated(choices, progress)
         else:
             source = OnDisk(choices, data[0], data[1], detections or (), _pairs(option or ()), progress)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -99,5 +100,5 @@ def _label(dataset: Dataset) -> str:
 
 def _key(dataset: Dataset, protocol: Protocol) -> str:
     """Name of the data as in the paper's rows: the protocol's, with the occlusion behind it."""
-    marker = dataset.name.rpartition("-occ-")
-    return f"{protocol.name}-{marker[2]}" if marker[1] and protocol.name == "human36m-occ" else protocol.name
+    variant = re.search(r"-occ-(2|3-hard|3)", f"{dataset.name} {dataset.source}", re.IGNORECASE)
+    return f"{protocol.name}-{variant[1]}" if variant and protocol.name == "human36m-occ" else protocol.name
