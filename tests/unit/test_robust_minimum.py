@@ -128,3 +128,17 @@ def test_a_start_that_is_missing_stays_missing() -> None:
     found = _minimise.minimise(start, problem(joints, "huber"), _minimise.huber)
     assert np.isnan(found[3]).all()
     assert np.isfinite(np.delete(found, 3, axis=0)).all()
+
+
+def test_a_minimum_at_infinity_is_not_taken() -> None:
+    """Two rays that meet nowhere in front of the cameras: F falls on the way out, and the start is kept."""
+    rig = sk.synthetic.stereo(baseline_mm=200.0)
+    # The two look along y and slightly inwards: what is far away is at u = 611 and 668 px.
+    pixels = np.array([[[560.0, 359.5]], [[720.0, 359.5]]])
+    joints = _observations.observe(pixels, rig)
+    start = np.array([[0.0, 0.0, 900.0]])
+    whole = problem(joints, "huber")
+    on_the_way = [start + np.array([0.0, 3500.0 * (k - 1), 0.0]) for k in (1, 10, 100)]
+    values = [_minimise._value(X, whole, _minimise.huber)[0] for X in on_the_way]
+    assert values[0] > values[1] > values[2]
+    np.testing.assert_array_equal(_minimise.minimise(start, whole, _minimise.huber), start)

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skelsplat.datasets._detections import KEYS_2D, Wanted, as_detections, load_poses
+from skelsplat.datasets._detections import KEYS_2D, Wanted, as_detections, detector_name, load_poses
 from skelsplat.datasets._files import FloatArray
-from skelsplat.exceptions import DatasetError
+from skelsplat.datasets._places import find
+from skelsplat.exceptions import DatasetError, InvalidInputError
 
 KEYS = (*KEYS_2D, "detections")
 
@@ -69,7 +70,7 @@ def _file(folder: Path, stems: Sequence[str]) -> Path | None:
 
 
 def _one_file(path: Path, wanted: Wanted) -> tuple[FloatArray, NDArray[np.int64]]:
-    """Detections of a file and their places in the take's frames."""
+    """Return the detections of a file and their places in the take's frames."""
     content = load_poses(path)
     key = next((key for key in KEYS if key in content), None)
     if key is None:
@@ -97,3 +98,28 @@ def _not_empty(path: Path, common: NDArray[np.int64]) -> NDArray[np.int64]:
     if not len(common):
         raise DatasetError(path, "frames", "frames that all views have", "none")
     return common
+
+
+def detections_folder(root: Path, detector: str | None, given: Path | str | None) -> Path | None:
+    """Return ``2d_DETECTOR/S0`` of a data set whose only subject is S0, or the folder `given`.
+
+    None if neither is named and there is no detector.
+
+    Raises
+    ------
+    DatasetError
+        If the folder is not there.
+    InvalidInputError
+        If there are several detectors and none is named.
+    """
+    if given is not None:
+        return find([Path(given)], "folder of detections")
+    if detector is not None:
+        want = detector_name(detector)
+        same = [path for path in sorted(root.glob("2d_*")) if detector_name(path.name) == want]
+        return find([path / "S0" for path in same] or [root / f"2d_{detector}" / "S0"], "detections")
+    there = sorted(root.glob("2d_*"))
+    if len(there) > 1:
+        names = ", ".join(detector_name(path.name) for path in there)
+        raise InvalidInputError(f"detector: expected one of {names}, got none")
+    return there[0] / "S0" if there else None

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.datasets._detections import Wanted, detector_name
 from skelsplat.datasets._files import FloatArray, load_npz, numbers, require
-from skelsplat.datasets._kept_apart import read_apart
+from skelsplat.datasets._kept_apart import detections_folder, read_apart
 from skelsplat.datasets._model import Dataset, Take
 from skelsplat.datasets._panoptic_json import camera_name, read_cameras, read_truth, truth_files
 from skelsplat.datasets._places import Wishes, find
@@ -78,7 +78,7 @@ def read(
         If `views`, `format` or `truth_unit` is unknown.
     """
     numbers_ = _cameras(views)
-    source = _detections_folder(root, detector, detections)
+    source = detections_folder(root, detector, detections)
     takes, notes = [], []
     for sequence in sequences:
         path = find(_calibrations(root, sequence), f"calibration of {sequence}")
@@ -92,7 +92,7 @@ def read(
             take, note = _with_detections(take, source, detections is None)
             notes += [note] if note else []
         takes.append(take)
-    name = detector_name(detector or (source.name if source else "")) or None
+    name = detector_name(detector or (source.parent.name if source and detections is None else "")) or None
     words = f"CMU Panoptic, HD cameras {', '.join(map(str, numbers_))}, detections: {name or 'none'}"
     return Dataset("panoptic", PANOPTIC19, tuple(takes), detector=name, source=words, notes=tuple(notes))
 
@@ -166,21 +166,6 @@ def _truth(path: Path, unit: str, person: int | None) -> tuple[NDArray[np.int64]
     return frames.astype(np.int64), MM_PER_UNIT[unit] * truth, path
 
 
-def _detections_folder(root: Path, detector: str | None, given: Path | str | None) -> Path | None:
-    """Return the folder with one folder per sequence."""
-    if given is not None:
-        return find([Path(given)], "folder of detections")
-    if detector is not None:
-        want = detector_name(detector)
-        same = [path for path in sorted(root.glob("2d_*")) if detector_name(path.name) == want]
-        return find([path / "S0" for path in same] or [root / f"2d_{detector}" / "S0"], "detections")
-    there = sorted(root.glob("2d_*"))
-    if len(there) > 1:
-        names = ", ".join(detector_name(path.name) for path in there)
-        raise InvalidInputError(f"detector: expected one of {names}, got none")
-    return there[0] / "S0" if there else None
-
-
 def _with_detections(take: Take, source: Path, filtered: bool) -> tuple[Take, str]:
     """Return the frames of a take in which every view has a detection, and what was left out."""
     stems = [f"poses_filtered_{len(take.rig)}", "poses"] if filtered else ["poses"]
@@ -196,7 +181,7 @@ def _with_detections(take: Take, source: Path, filtered: bool) -> tuple[Take, st
         )
     values, places, path = found
     kept = take.select(places)
-    everywhere = np.isfinite(values).all(axis=-1).any(axis=2).all(axis=1)
+    everywhere: NDArray[np.bool_] = np.all(np.any(values[..., 2] > 0, axis=2), axis=1)
     with_2d = Take(
         kept.key,
         kept.subject,
@@ -208,7 +193,10 @@ def _with_detections(take: Take, source: Path, filtered: bool) -> tuple[Take, st
         files={**take.files, "detections": path},
     ).select(everywhere)
     lost = len(take) - len(with_2d)
-    return with_2d, f"{take.key}: {lost} frames left out, not detected in every view" if lost else ""
+    return (
+        with_2d,
+        f"{take.key}: {lost} of {len(take)} frames left out, not detected in every view" if lost else "",
+    )
 
 
 def _spellings(name: str) -> list[str]:

@@ -61,8 +61,6 @@ class Protocol:
         Which of `view_sets`; None: all cameras.
     all_views_detected : bool
         Drop frames in which a view has no detection at all.
-    by_subject : bool
-        Columns are subjects instead of actions.
     mean_of_columns : bool
         Rates (PCP) are averaged over the columns, not over all limbs.
     min_visible_views : int
@@ -90,7 +88,6 @@ class Protocol:
     view_sets: Mapping[int, tuple[int, ...]] = field(default_factory=dict)
     n_views: int | None = None
     all_views_detected: bool = False
-    by_subject: bool = False
     mean_of_columns: bool = False
     min_visible_views: int = 0
     parts: tuple[tuple[Endpoint, Endpoint], ...] = ()
@@ -164,7 +161,7 @@ class Protocol:
         return {key: header for key, header in self.columns.items() if key in there}
 
     def _column(self, take: Take) -> str:
-        key = take.subject if self.by_subject else self.aliases.get(take.action, take.action)
+        key = self.aliases.get(take.action, take.action)
         if self.columns and key not in self.columns:
             raise InvalidInputError(
                 f"{take.key}: expected an action among {', '.join(self.columns)}, got {key!r}"

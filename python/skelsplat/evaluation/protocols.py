@@ -17,7 +17,7 @@ from types import MappingProxyType
 from skelsplat.evaluation._protocol import Case, Endpoint, Protocol
 from skelsplat.exceptions import InvalidInputError
 
-__all__ = ["Case", "Protocol", "get", "names"]
+__all__ = ["SIMULATED", "Case", "Protocol", "get", "names"]
 
 HUMAN36M_COLUMNS: Mapping[str, str] = MappingProxyType(
     {
@@ -73,9 +73,8 @@ def _multi_person(name: str, frames: str, ranges: tuple[tuple[int, int], ...]) -
             f"{frames}, actors 0 to 2. PCP: a part is correct if the mean error of its two ends is at most "
             "half its length; ten parts; the average is over actors."
         ),
-        subjects=("0", "1", "2"),
+        columns={f"actor{k}": f"Actor {k}" for k in range(3)},
         ranges=ranges,
-        by_subject=True,
         mean_of_columns=True,
         parts=SHELF_PARTS,
     )
@@ -127,17 +126,30 @@ _ALL = (
 )
 _BY_NAME = {protocol.name: protocol for protocol in _ALL}
 
+SIMULATED: Mapping[str, str] = MappingProxyType(
+    {
+        "human36m-like": "human36m",
+        "human36m-like-occ-2": "human36m-occ",
+        "human36m-like-occ-3": "human36m-occ",
+        "human36m-like-occ-3-hard": "human36m-occ",
+        "dome": "panoptic",
+        "occlusion-person-like": "occlusion-person",
+    }
+)
+"""Simulated data sets, and whose protocol they follow."""
+
 names: tuple[str, ...] = tuple(_BY_NAME)
 
 
 def get(name: str) -> Protocol:
-    """Return the protocol of a data set of the registry.
+    """Return the protocol of a data set: its own, or of a simulated one that of the data set it resembles.
 
     Raises
     ------
     InvalidInputError
         If there is none of that name; the message lists all.
     """
+    name = SIMULATED.get(name, name)
     if name not in _BY_NAME:
         raise InvalidInputError(f"protocol: expected one of {', '.join(names)}, got {name!r}")
     return _BY_NAME[name]

@@ -27,8 +27,8 @@ from skelsplat.io._atomic import atomic_write
 # Raise it when the meaning of a file or of a method's settings changes.
 _FORMAT = 1
 
-Report = Callable[[str, str, int], None]
-"""Called with method, take and the number of poses newly done or found on disk."""
+Report = Callable[[str, str, int, int], None]
+"""Called with method, take, poses done or found on disk so far, and poses in all (of all methods)."""
 
 
 @dataclass(frozen=True)
@@ -153,11 +153,12 @@ def run(
         for case in cases:
             method.check(case.take, settings[method.name])
     prints = ["" if store is None else fingerprint(case.take) for case in cases]
+    tally = _Tally(report, len(methods) * sum(len(case.take) for case in cases))
     solutions: dict[str, list[Solution]] = {method.name: [] for method in methods}
     for method in methods:
         for case, data in zip(cases, prints, strict=True):
             todo = _Task(method, settings[method.name], case.take, data)
-            solutions[method.name].append(_solved(todo, layout, store, report))
+            solutions[method.name].append(_solved(todo, layout, store, tally))
     return solutions
 
 
@@ -169,24 +170,36 @@ class _Task:
     data: str
 
 
-def _solved(task: _Task, layout: Layout, store: Store | None, report: Report | None) -> Solution:
+@dataclass
+class _Tally:
+    """How many poses are done."""
+
+    report: Report | None
+    total: int
+    done: int = 0
+
+    def within(self, task: _Task, done: int) -> None:
+        """Report `done` poses of a take."""
+        if self.report is not None:
+            self.report(task.method.name, task.take.key, self.done + done, self.total)
+
+    def finish(self, task: _Task) -> None:
+        """Report the whole take."""
+        self.done += len(task.take)
+        self.within(task, 0)
+
+
+def _solved(task: _Task, layout: Layout, store: Store | None, tally: _Tally) -> Solution:
     method, settings, take = task.method, task.settings, task.take
-    stored = None if store is None else store.load(method, settings, take, task.data)
-    if stored is not None:
-        if report is not None:
-            report(method.name, take.key, len(take))
-        return stored
-    counted = 0
+    tally.within(task, 0)
+    solution = None if store is None else store.load(method, settings, take, task.data)
+    if solution is None:
 
-    def progress(done: int, _: int) -> None:
-        nonlocal counted
-        if report is not None:
-            report(method.name, take.key, done - counted)
-        counted = done
+        def heard(done: int, _: int) -> None:
+            tally.within(task, done)
 
-    solution = method.solve(take, layout, settings, progress if method.by_pixels else None)
-    if store is not None:
-        store.save(method, settings, take, task.data, solution)
-    if report is not None:
-        report(method.name, take.key, len(take) - counted)
+        solution = method.solve(take, layout, settings, heard if method.by_pixels else None)
+        if store is not None:
+            store.save(method, settings, take, task.data, solution)
+    tally.finish(task)
     return solution

@@ -5,17 +5,20 @@ drawn on matplotlib's Agg canvas through its object interface, so no display and
 """
 
 from skelsplat.viz._skeleton import Skeleton, body_axes
+from skelsplat.viz.bars import BarData, write_bars
 from skelsplat.viz.heatmaps import HeatmapRow, write_heatmaps
 from skelsplat.viz.overview import OverviewData, write_overview
 from skelsplat.viz.panels import Line, Panel, write_panels
 
 __all__ = [
+    "BarData",
     "HeatmapRow",
     "Line",
     "OverviewData",
     "Panel",
     "Skeleton",
     "body_axes",
+    "write_bars",
     "write_heatmaps",
     "write_overview",
     "write_panels",

@@ -14,11 +14,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from skelsplat.evaluation.baselines._linear import rig_frame
 from skelsplat.evaluation.baselines._observations import BoolArray, FloatArray, IntArray, Observations
 
 _MAX_STEPS = 200
 # A step that moves no reprojection by more than this many px is the last.
 _SETTLED_PX = 1e-7
+# In units of the cameras' RMS distance from their middle.
+_FARTHEST = 100.0
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e-9, 1e9
 
 Loss = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
@@ -104,6 +107,8 @@ def minimise(start: FloatArray, problem: Reprojections, loss: Loss) -> FloatArra
     """Minimise every joint's F from `start` (B, 3); a start that is NaN stays so.
 
     Joints leave the batch when a step would move no reprojection, or F cannot be lowered in double precision.
+    Where rays diverge F can fall all the way to infinity: a joint that goes beyond `_FARTHEST` keeps its
+    start.
     """
     points = start.copy()
     open_joints = np.flatnonzero(np.isfinite(start).all(axis=1))
@@ -123,7 +128,14 @@ def minimise(start: FloatArray, problem: Reprojections, loss: Loss) -> FloatArra
         damping[open_joints] = _next_damping(damping[open_joints], better)
         settled = (better & (moved <= _SETTLED_PX)) | (damping[open_joints] >= _MOST_DAMPING)
         open_joints = open_joints[~settled]
-    return points
+    return np.where(_ran_away(points, problem.projections)[:, None], start, points)
+
+
+def _ran_away(points: FloatArray, projections: FloatArray) -> BoolArray:
+    """Whether points (B, 3) are further from the cameras' middle than any that could be seen."""
+    frame = rig_frame(projections)
+    distance = np.linalg.norm(points - frame[:3, 3], axis=1)
+    return np.asarray(distance > _FARTHEST * frame[0, 0])
 
 
 def _next_damping(damping: FloatArray, better: BoolArray) -> FloatArray:
