@@ -128,11 +128,11 @@ def test_without_monocular_poses_the_start_is_dlt_and_says_so(monkeypatch: pytes
         (["noise", "--poses", "2", "--full"], "--poses: expected either a number of poses or --full"),
         (
             ["noise", "--detections", "cpn"],
-            "--data: expected a data set for --detections and --option, got none",
+            "--data: expected a data set for --detections and --set, got none",
         ),
         (
-            ["noise", "--data", "synthetic", ".", "--option", "views"],
-            "--option: expected KEY=VALUE, got 'views'",
+            ["noise", "--data", "synthetic", ".", "--set", "views"],
+            "--set: expected KEY=VALUE, got 'views'",
         ),
     ],
 )

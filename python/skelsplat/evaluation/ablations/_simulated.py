@@ -36,7 +36,7 @@ class Simulated(Source):
 
     def _made(self, name: str, key: str, detector: str) -> Sample:
         dataset = simulated(name, detector, self.choices.seed)
-        protocol = protocols.get("human36m-occ" if "-occ-" in key else key)
+        protocol = protocols.get(name)
         if protocol.view_sets:
             protocol = protocol.with_options(n_views=max(protocol.view_sets))
         return self._sample(dataset, protocol, name=f"{name}, {detector}", key=key)
