@@ -3,9 +3,9 @@
     python benchmarks/reproducing.py [--only out/noise.md] [--list]
 
 A marker ``<!-- measured: FILE, sections A-B -->`` belongs to the nearest ``sh`` block above it: the block's
-lines are run in an empty folder, and sections A to B of FILE (by its headings below the title, from 1) replace
-what stands between the marker and ``<!-- /measured -->``. A line that was run for an earlier marker is not run
-again. The commands on the real data sets are in other blocks: those with ``DATA/`` in them.
+lines are run in an empty folder, and sections A to B of FILE (by its headings below the title, from 1)
+replace what stands between the marker and ``<!-- /measured -->``. A line that was run for an earlier marker
+is not run again. The commands on the real data sets are in other blocks: those with ``DATA/`` in them.
 """
 
 from __future__ import annotations

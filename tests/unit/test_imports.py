@@ -12,6 +12,7 @@ PACKAGE = Path(__file__).parents[2] / "python" / "skelsplat"
 # Part of the package → what it must not import. `skelsplat` itself re-exports `_refine`.
 FORBIDDEN = {
     "evaluation": ("cli", "viz"),
+    "datasets": ("cli", "viz", "_refine", "association", "metrics", "evaluation"),
     "viz": ("cli", "io", "association", "synthetic", "_refine", "_skelsplat", "evaluation"),
     "io": ("cli", "viz", "_refine", "synthetic", "evaluation"),
     "synthetic": ("cli", "viz", "io", "_refine", "association", "evaluation"),

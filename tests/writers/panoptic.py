@@ -16,6 +16,7 @@ SEQUENCES = ("171204_pose5", "171204_pose6")
 HD = (1, 2, 10, 13, 3, 23, 19, 30)
 LENS = (-0.27, 0.15, 0.0004, -0.0002, 0.03)
 FIRST_FRAME = 100
+GUESS_ERROR = 30.0
 # z up → y down.
 _Y_DOWN = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 
@@ -106,6 +107,9 @@ def _write_arrays(
             np.savez(path, poses2d=pixels[:, i], **extra)
     else:
         np.savez(folder / f"poses_filtered_{views}.npz", poses2d=pixels, **extra)
+    guess = root / "initial_guess" / "metrabs" / "S0" / name
+    guess.mkdir(parents=True, exist_ok=True)
+    np.savez(guess / f"poses_filtered_{views}.npz", poses3d=who.truth @ _Y_DOWN.T + GUESS_ERROR)
     if layout == "skelsplat":
         truth = root / "3d_gt" / "S0" / name
         truth.mkdir(parents=True, exist_ok=True)

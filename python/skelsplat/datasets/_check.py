@@ -7,9 +7,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from skelsplat.datasets._finding import Finding
 from skelsplat.datasets._model import Dataset
 from skelsplat.datasets._registry import Survey, prepared
-from skelsplat.datasets._verify import Finding, verify
+from skelsplat.datasets._reproject import ViewError, view_errors
+from skelsplat.datasets._verify import samples_of, verify
 from skelsplat.exceptions import DatasetError
 
 
@@ -29,6 +31,8 @@ class Report:
         Why it cannot be read.
     findings : tuple of Finding
         What the verification found; those that are fatal make `read` refuse the data.
+    errors : tuple of ViewError
+        Distance of the projected truth from the detections, per camera.
     """
 
     name: str
@@ -37,6 +41,7 @@ class Report:
     dataset: Dataset | None = field(default=None, repr=False)
     error: DatasetError | None = None
     findings: tuple[Finding, ...] = ()
+    errors: tuple[ViewError, ...] = ()
 
     @property
     def ok(self) -> bool:
@@ -71,4 +76,6 @@ def check(name: str, root: str | os.PathLike[str], **options: Any) -> Report:
         dataset = module.read(path, **options)
     except DatasetError as error:
         return Report(name, path, survey, error=error)
-    return Report(name, path, survey, dataset, findings=verify(dataset))
+    samples = samples_of(dataset)
+    errors = view_errors(samples, dataset.layout)
+    return Report(name, path, survey, dataset, findings=verify(dataset, samples), errors=errors)

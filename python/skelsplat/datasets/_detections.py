@@ -220,9 +220,14 @@ def _one_view(path: Path, keys: Sequence[str], wanted: Wanted) -> FloatArray:
     array = as_numbers(path, field, value)
     if array.ndim == 3:
         array = array[:, None]
-    if "scores" in content and array.shape[-1] == 2:
-        scores = as_numbers(path, "scores", content["scores"])
-        if scores.size != math.prod(array.shape[:-1]):
-            raise DatasetError(path, "scores", f"shape {array.shape[:-1]}", scores.shape)
-        array = np.concatenate([array, scores.reshape(*array.shape[:-1], 1)], axis=-1)
-    return as_detections(path, field, array, wanted)
+    return as_detections(path, field, with_scores(path, array, content), wanted)
+
+
+def with_scores(path: Path, array: FloatArray, content: dict[str, Any]) -> FloatArray:
+    """Return pixels (…, 2) with the ``scores`` of their file as confidence, if it has them."""
+    if "scores" not in content or array.shape[-1] != 2:
+        return array
+    scores = as_numbers(path, "scores", content["scores"])
+    if scores.size != math.prod(array.shape[:-1]):
+        raise DatasetError(path, "scores", f"shape {array.shape[:-1]}", scores.shape)
+    return np.concatenate([array, scores.reshape(*array.shape[:-1], 1)], axis=-1)

@@ -1,20 +1,29 @@
-"""Detections in files apart from the truth, one folder or file per take, with or without frame numbers."""
+"""Detections and monocular poses in files apart from the truth, one folder or file per take."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skelsplat.datasets._detections import KEYS_2D, Wanted, as_detections, detector_name, load_poses
-from skelsplat.datasets._files import FloatArray
+from skelsplat.datasets._detections import (
+    KEYS_2D,
+    Wanted,
+    as_detections,
+    detector_name,
+    first_key,
+    load_poses,
+    with_scores,
+)
+from skelsplat.datasets._files import FloatArray, as_numbers, numbers
 from skelsplat.datasets._places import find
-from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.datasets.human36m._options import choose_detector
+from skelsplat.exceptions import DatasetError
 
 KEYS = (*KEYS_2D, "detections")
+KEYS_WORLD = ("coords3d_pred_world", "poses", "poses3d")
 
 
 def read_apart(
@@ -45,10 +54,7 @@ def read_apart(
     together = _file(folder, stems)
     if together is not None:
         return (*_one_file(together, wanted), together)
-    paths = [
-        next((path for name in names if (path := _file(folder / name, stems)) is not None), None)
-        for names in spellings
-    ]
+    paths = [_of_view(folder, stems, names) for names in spellings]
     if all(path is None for path in paths):
         return None
     parts = []
@@ -64,6 +70,33 @@ def read_apart(
     return np.concatenate(views, axis=1), _not_empty(parts[0][0], common), folder
 
 
+def read_world(
+    folder: Path, stems: Sequence[str], shape: tuple[int, int], spellings: Sequence[Sequence[str]]
+) -> FloatArray:
+    """Read world poses (T, V, N, 3): one per view, or one in all that is fused already (V = 1).
+
+    `shape` is (T, N); the other parameters are those of `read_apart`.
+
+    Raises
+    ------
+    DatasetError
+        If there are none, those of a view are missing, or the shape is another.
+    """
+    together = _file(folder, stems)
+    paths = [together] if together else [_of_view(folder, stems, names) for names in spellings]
+    views = []
+    for path, names in zip(paths, spellings, strict=False):
+        if path is None:
+            raise DatasetError(folder / names[0] / f"{stems[0]}.npz", "file", "world poses", "no file")
+        key, value = first_key(path, load_poses(path), KEYS_WORLD)
+        views.append(numbers(path, key, value, (*shape, 3)))
+    return np.stack(views, axis=1)
+
+
+def _of_view(folder: Path, stems: Sequence[str], names: Sequence[str]) -> Path | None:
+    return next((path for name in names if (path := _file(folder / name, stems)) is not None), None)
+
+
 def _file(folder: Path, stems: Sequence[str]) -> Path | None:
     paths = [folder / f"{stem}{ending}" for stem in stems for ending in (".npz", ".json")]
     return next((path for path in paths if path.is_file()), None)
@@ -72,21 +105,18 @@ def _file(folder: Path, stems: Sequence[str]) -> Path | None:
 def _one_file(path: Path, wanted: Wanted) -> tuple[FloatArray, NDArray[np.int64]]:
     """Return the detections of a file and their places in the take's frames."""
     content = load_poses(path)
-    key = next((key for key in KEYS if key in content), None)
-    if key is None:
-        raise DatasetError(
-            path, KEYS[0], f"one of the keys {', '.join(KEYS)}", f"only {', '.join(content) or 'nothing'}"
-        )
-    value: Any = np.asarray(content[key]) if not isinstance(content[key], list) else content[key]
-    if len(wanted.views) == 1 and np.ndim(value) == 3:
-        value = np.asarray(value)[:, None]
+    key, value = first_key(path, content, KEYS)
+    array = as_numbers(path, key, value)
+    if len(wanted.views) == 1 and array.ndim == 3:
+        array = array[:, None]
+    array = with_scores(path, array, content)
     if "frames" not in content:
-        return as_detections(path, key, value, wanted), np.arange(len(wanted.frames))
+        return as_detections(path, key, array, wanted), np.arange(len(wanted.frames))
     frames = np.asarray(content["frames"])
     if frames.ndim != 1 or frames.dtype.kind not in "iu" or (np.diff(frames) <= 0).any():
         raise DatasetError(path, "frames", "whole numbers that ascend", f"{frames.dtype} {frames.shape}")
     own = Wanted(wanted.key, frames.astype(np.int64), wanted.views, wanted.layout)
-    detections = as_detections(path, key, value, own)
+    detections = as_detections(path, key, array, own)
     common, places, mine = np.intersect1d(wanted.frames, frames, return_indices=True)
     if not len(common):
         span = f"some of the frames of {wanted.key} ({wanted.frames[:1]} to {wanted.frames[-1:]})"
@@ -103,23 +133,15 @@ def _not_empty(path: Path, common: NDArray[np.int64]) -> NDArray[np.int64]:
 def detections_folder(root: Path, detector: str | None, given: Path | str | None) -> Path | None:
     """Return ``2d_DETECTOR/S0`` of a data set whose only subject is S0, or the folder `given`.
 
-    None if neither is named and there is no detector.
+    If no detector is named it is chosen as for Human3.6M; None if there is none.
 
     Raises
     ------
     DatasetError
         If the folder is not there.
-    InvalidInputError
-        If there are several detectors and none is named.
     """
     if given is not None:
         return find([Path(given)], "folder of detections")
-    if detector is not None:
-        want = detector_name(detector)
-        same = [path for path in sorted(root.glob("2d_*")) if detector_name(path.name) == want]
-        return find([path / "S0" for path in same] or [root / f"2d_{detector}" / "S0"], "detections")
-    there = sorted(root.glob("2d_*"))
-    if len(there) > 1:
-        names = ", ".join(detector_name(path.name) for path in there)
-        raise InvalidInputError(f"detector: expected one of {names}, got none")
-    return there[0] / "S0" if there else None
+    there = {detector_name(path.name): path / "S0" for path in sorted(root.glob("2d_*")) if path.is_dir()}
+    name = choose_detector(there, None if detector is None else detector_name(detector), root)
+    return None if name is None else find([there[name]], f"detections of {name}")

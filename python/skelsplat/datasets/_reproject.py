@@ -14,6 +14,8 @@ from skelsplat.cameras import CameraRig
 from skelsplat.datasets._model import FloatArray, Take
 
 _FRAMES = 24
+_LENS_PX = 15.0
+"""Views farther off than this have another fault than the lens."""
 
 
 @dataclass(frozen=True)
@@ -35,9 +37,18 @@ class Sample:
     pixels: FloatArray
     projected: FloatArray
 
-    def error(self, view: int | slice = slice(None)) -> float:
+    def error(self) -> float:
         """Median distance of truth and detections, px."""
-        return median(distance(self.projected[:, view], self.pixels[:, view]))
+        return median(distance(self.projected, self.pixels))
+
+    def best_quarter(self, view: int) -> float:
+        """How far the nearer quarter of a view's detections lies from the truth at most, px; NaN without any.
+
+        Unlike the median it stays small where an occluder hides most of the person.
+        """
+        values = distance(self.projected[:, view], self.pixels[:, view])
+        finite = values[np.isfinite(values)]
+        return float(np.quantile(finite, 0.25)) if finite.size else float("nan")
 
     def reprojected(self, rig: CameraRig) -> Sample:
         """Return the same frames seen by other cameras."""
@@ -91,6 +102,40 @@ def joint_distances(item: Sample) -> FloatArray:
     return _medians(distance(item.projected[..., :, None, :], item.pixels[..., None, :, :]), (0, 1))
 
 
+@dataclass(frozen=True)
+class ViewError:
+    """Medians of a camera over all takes, px; NaN without detections.
+
+    Attributes
+    ----------
+    camera : str
+    given : float
+        Distance of the projected truth from the detections.
+    exchanged : float
+        The same with left and right exchanged, of the joints that have a side.
+    other : float
+        The same if the detections were those of the other camera that fits best.
+    """
+
+    camera: str
+    given: float
+    exchanged: float
+    other: float
+
+
+def view_errors(samples: list[Sample], layout: Layout) -> tuple[ViewError, ...]:
+    """Return the errors of every camera, in the order of the first take that has it."""
+    rows: dict[str, list[tuple[float, float, float]]] = {}
+    for item in samples:
+        for view, (name, distances) in enumerate(zip(item.take.rig.names, view_distances(item), strict=True)):
+            others = np.delete(distances, view)
+            nearest = float(np.min(others[np.isfinite(others)], initial=np.inf))
+            row = (float(distances[view]), sides(item, layout, slice(view, view + 1))[1], nearest)
+            rows.setdefault(name, []).append(row)
+    medians = {name: [median(column) for column in np.array(values).T] for name, values in rows.items()}
+    return tuple(ViewError(name, *values) for name, values in medians.items())
+
+
 def view_distances(item: Sample) -> FloatArray:
     """Return the median distance of each view's detections from the projection into each camera, (M, M)."""
     return _medians(distance(item.projected[:, None, :], item.pixels[:, :, None]), (0, 3))
@@ -126,12 +171,19 @@ class LensFit:
         step = changed - item.projected[:, view]
         residual = item.pixels[:, view] - item.projected[:, view]
         length = np.linalg.norm(residual, axis=-1)
+        if not median(length) <= _LENS_PX:
+            return
         near = length <= 3.0 * median(length) + 1e-9  # outliers say nothing about the lens
         near &= np.isfinite(step).all(axis=-1)
         self.own += float((step[near] ** 2).sum())
         self.product += float((step[near] * residual[near]).sum())
         self.residual += float((residual[near] ** 2).sum())
         self.count += 2 * int(near.sum())
+
+    @property
+    def misfit(self) -> float:
+        """Sum of squared residuals of the other lens."""
+        return self.residual - 2.0 * self.product + self.own
 
     def other_is_right(self) -> bool:
         """Whether s is nearer to 1 than to 0, by four standard errors of it."""
@@ -146,9 +198,13 @@ def with_exchanged_tangential(camera: Camera) -> Camera:
     """Return the camera with p1 and p2 exchanged."""
     coefficients = np.array(camera.distortion)
     coefficients[[2, 3]] = coefficients[[3, 2]]
-    return with_distortion(camera, coefficients)
+    return _with_distortion(camera, coefficients)
 
 
-def with_distortion(camera: Camera, coefficients: FloatArray | None) -> Camera:
-    """Return the camera with another lens."""
+def without_distortion(camera: Camera) -> Camera:
+    """Return the camera with an ideal lens."""
+    return _with_distortion(camera, None)
+
+
+def _with_distortion(camera: Camera, coefficients: FloatArray | None) -> Camera:
     return Camera(camera.K, camera.R, camera.t, distortion=coefficients, size=camera.size, name=camera.name)

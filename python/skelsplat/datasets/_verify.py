@@ -6,17 +6,15 @@ a wrong unit or an exchanged joint, and both show there.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
-from pathlib import Path
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
 from skelsplat._skelsplat import Camera, Layout
 from skelsplat.cameras import CameraRig
 from skelsplat.datasets import _reproject as rp
-from skelsplat.datasets._model import Dataset, Take
-from skelsplat.exceptions import DatasetError
+from skelsplat.datasets._finding import Finding, file_of, merged
+from skelsplat.datasets._model import Dataset, FloatArray
 
 _BODY_MM = (400.0, 3500.0)
 """Diagonal of the box round a person: from a child that crouches to a tall one with arms spread."""
@@ -25,54 +23,22 @@ _CLEAR_PX = 5.0
 _LARGE_PX = 25.0
 
 
-@dataclass(frozen=True)
-class Finding:
-    """Something that is not as it should be.
-
-    Attributes
-    ----------
-    topic : str
-        ``"unit"``, ``"sides"``, ``"joint order"``, ``"cameras"``, ``"lens"`` or ``"views"``.
-    file : Path
-    field, expected, actual : str
-        As in `DatasetError`.
-    fatal : bool
-        Whether the data cannot be used like this.
-    takes : tuple of str
-        Keys of the takes it was found in.
-    """
-
-    topic: str
-    file: Path
-    field: str
-    expected: str
-    actual: str
-    fatal: bool = False
-    takes: tuple[str, ...] = ()
-
-    def __str__(self) -> str:
-        return f"{self.field}: expected {self.expected}, got {self.actual}{self._where()}"
-
-    def _where(self) -> str:
-        more = f" and {len(self.takes) - 1} more" if len(self.takes) > 1 else ""
-        return f" in {self.takes[0]}{more}" if self.takes else ""
-
-    def error(self) -> DatasetError:
-        """Return the exception that says the same."""
-        return DatasetError(self.file, self.field, self.expected, self.actual + self._where())
+def samples_of(dataset: Dataset) -> list[rp.Sample]:
+    """Return a few frames of every take."""
+    return [rp.sample(take) for take in dataset if len(take)]
 
 
-def verify(dataset: Dataset) -> tuple[Finding, ...]:
+def verify(dataset: Dataset, samples: list[rp.Sample] | None = None) -> tuple[Finding, ...]:
     """Return what is wrong with a data set; what makes it useless first."""
-    samples = [rp.sample(take) for take in dataset if len(take)]
-    found = _merged(finding for item in samples for finding in _unit(item, dataset.layout))
+    samples = samples_of(dataset) if samples is None else samples
+    found = merged(finding for item in samples for finding in _unit(item, dataset.layout))
     if found:  # a wrong unit makes everything else look wrong as well
         return found
-    exchanged = _merged(finding for item in samples for finding in _sides(item, dataset.layout))
+    exchanged = merged(finding for item in samples for finding in _sides(item, dataset.layout))
     clean = [item for item in samples if item.take.key not in {key for f in exchanged for key in f.takes}]
     rest = [
         *_joint_order(clean, dataset.layout),
-        *_merged(finding for item in clean for finding in _views(item, dataset.layout)),
+        *merged(finding for item in clean for finding in _views(item, dataset.layout)),
         *_lenses(clean),
     ]
     return (*exchanged, *rest)
@@ -90,33 +56,28 @@ def raise_fatal(dataset: Dataset) -> None:
             raise finding.error()
 
 
-def _merged(findings: Iterable[Finding]) -> tuple[Finding, ...]:
-    """Join findings of the same kind: the words of the first, the takes of all."""
-    merged: dict[tuple[str, str], Finding] = {}
-    for finding in findings:
-        key = finding.topic, finding.field
-        first = merged.get(key)
-        takes = (first.takes if first else ()) + finding.takes
-        merged[key] = replace(first or finding, takes=takes)
-    return tuple(merged.values())
+def body_size(poses: FloatArray) -> float:
+    """Return the median diagonal of the boxes round the poses (…, N, 3) that are complete; NaN if none is."""
+    flat = poses.reshape(-1, *poses.shape[-2:])
+    whole = flat[np.isfinite(flat).all(axis=(1, 2))]
+    return rp.median(np.linalg.norm(np.ptp(whole, axis=1), axis=-1)) if len(whole) else float("nan")
 
 
-def _file(take: Take, *parts: str) -> Path:
-    """Where a part of the take comes from; the take's key if it does not say."""
-    return next((take.files[part] for part in parts if part in take.files), Path(take.key))
+def is_human(size_mm: float) -> bool:
+    """Whether a person's box can have such a diagonal."""
+    return _BODY_MM[0] <= size_mm <= _BODY_MM[1]
 
 
 def _unit(item: rp.Sample, layout: Layout) -> Iterator[Finding]:
     """Find bodies of no human size, and cameras inside the body or in the wrong scale."""
     take, unit = item.take, item.take.rig.unit
     scale = take.rig.mm_per_unit
-    whole = item.truth[np.isfinite(item.truth).all(axis=(1, 2))]
-    size = scale * rp.median(np.linalg.norm(np.ptp(whole, axis=1), axis=-1)) if len(whole) else float("nan")
-    if layout.n_joints > 10 and not (np.isnan(size) or _BODY_MM[0] <= size <= _BODY_MM[1]):
+    size = scale * body_size(item.truth)
+    if layout.n_joints > 10 and not (np.isnan(size) or is_human(size)):
         likely = _likely_unit(size / scale)
         yield Finding(
             "unit",
-            _file(take, "truth"),
+            file_of(take, "truth"),
             "truth",
             f"joints in {unit}",
             f"a body of {size / scale:.3g} {unit}{likely}",
@@ -128,7 +89,7 @@ def _unit(item: rp.Sample, layout: Layout) -> Iterator[Finding]:
     if factor is not None:
         yield Finding(
             "unit",
-            _file(take, "cameras"),
+            file_of(take, "cameras"),
             "cameras",
             f"translations in {unit}",
             f"cameras that fit if their translations are multiplied by {factor:g}",
@@ -140,7 +101,7 @@ def _unit(item: rp.Sample, layout: Layout) -> Iterator[Finding]:
 def _likely_unit(size: float) -> str:
     """Name the unit in which a body of that size would be a person's."""
     for name, factor in (("m", 1000.0), ("cm", 10.0), ("mm", 1.0)):
-        if _BODY_MM[0] <= factor * size <= _BODY_MM[1]:
+        if is_human(factor * size):
             return f", which it would be in {name}"
     return ""
 
@@ -184,7 +145,7 @@ def _sides(item: rp.Sample, layout: Layout) -> Iterator[Finding]:
     if _clearly_less(exchanged, given):
         yield Finding(
             "sides",
-            _file(item.take, "detections", "truth"),
+            file_of(item.take, "detections", "truth"),
             "left and right",
             "the same sides in the truth and the detections",
             f"sides that are exchanged: {given:.1f} px from the truth as given, {exchanged:.1f} px exchanged",
@@ -206,7 +167,7 @@ def _joint_order(samples: list[rp.Sample], layout: Layout) -> Iterator[Finding]:
         more = f" and {len(pairs) - 3} more" if len(pairs) > 3 else ""
         yield Finding(
             "joint order",
-            _file(samples[0].take, "detections", "truth"),
+            file_of(samples[0].take, "detections", "truth"),
             "joints",
             f"the order of {layout.name} in the truth and the detections",
             f"another: {', '.join(pairs[:3])}{more}",
@@ -218,10 +179,11 @@ def _views(item: rp.Sample, layout: Layout) -> Iterator[Finding]:
     """Find views that fit another camera, have their sides exchanged, or fit much worse than the others."""
     table = rp.view_distances(item)
     names = item.take.rig.names
+    quarters = np.array([item.best_quarter(view) for view in range(len(names))])
     for view, row in enumerate(table):
         if not np.isfinite(row[view]):
             continue
-        others = np.delete(np.diag(table), view)
+        others = rp.median(np.delete(quarters, view))
         given, exchanged = rp.sides(item, layout, view)
         best = int(np.nanargmin(row))
         if _clearly_less(row[best], row[view]):
@@ -230,14 +192,14 @@ def _views(item: rp.Sample, layout: Layout) -> Iterator[Finding]:
         elif _clearly_less(exchanged, given):
             what, expected = "views", "left and right as in the other views"
             actual = f"{given:.1f} px as given, {exchanged:.1f} px with sides exchanged"
-        elif row[view] > max(_LARGE_PX, 3.0 * rp.median(others)):
-            what, expected = "views", f"detections near the truth (others {rp.median(others):.1f} px)"
-            actual = f"a median of {row[view]:.1f} px"
+        elif quarters[view] > max(_LARGE_PX, 3.0 * np.nan_to_num(others)):
+            what, expected = "views", "detections near the truth"
+            actual = f"the best quarter of them up to {quarters[view]:.1f} px off"
         else:
             continue
         yield Finding(
             what,
-            _file(item.take, "detections", "truth"),
+            file_of(item.take, "detections", "truth"),
             f"camera {names[view]}",
             expected,
             actual,
@@ -245,27 +207,25 @@ def _views(item: rp.Sample, layout: Layout) -> Iterator[Finding]:
         )
 
 
+_LENSES: dict[str, Callable[[Camera], Camera]] = {
+    "p1 and p2 that are exchanged": rp.with_exchanged_tangential,
+    "detections without distortion (undistorted, or made with K alone)": rp.without_distortion,
+}
+
+
 def _lenses(samples: list[rp.Sample]) -> Iterator[Finding]:
     """Find cameras that fit better with p1 and p2 exchanged, or without distortion."""
-    alternatives: dict[str, Callable[[Camera], Camera]] = {
-        "p1 and p2 that are exchanged": rp.with_exchanged_tangential,
-        "detections without distortion (undistorted, or made with K alone)": lambda c: rp.with_distortion(
-            c, None
-        ),
-    }
-    for actual, other in alternatives.items():
-        fits: dict[str, rp.LensFit] = {}
-        for item in samples:
-            for view, (name, camera) in enumerate(zip(item.take.rig.names, item.take.rig, strict=True)):
-                if camera.distortion is not None and not camera.fisheye:
-                    fits.setdefault(name, rp.LensFit()).add(item, view, other)
-        wrong = [name for name, fit in fits.items() if fit.other_is_right()]
+    fits: dict[str, dict[str, rp.LensFit]] = {}
+    for item in samples:
+        for view, (name, camera) in enumerate(zip(item.take.rig.names, item.take.rig, strict=True)):
+            if camera.distortion is not None and not camera.fisheye:
+                own = fits.setdefault(name, {actual: rp.LensFit() for actual in _LENSES})
+                for actual, other in _LENSES.items():
+                    own[actual].add(item, view, other)
+    best = {name: min(own, key=lambda actual: own[actual].misfit) for name, own in fits.items()}
+    for actual in _LENSES:
+        wrong = [name for name, own in fits.items() if best[name] == actual and own[actual].other_is_right()]
         if wrong:
-            yield Finding(
-                "lens",
-                _file(samples[0].take, "cameras"),
-                f"distortion of {', '.join(wrong)}",
-                "the lens of the detections",
-                actual,
-            )
-            return
+            file = file_of(samples[0].take, "cameras")
+            field = f"distortion of {', '.join(wrong)}"
+            yield Finding("lens", file, field, "the lens of the detections", actual)

@@ -27,7 +27,7 @@ VARIANTS = ("2", "3", "3-hard")
 def read(
     root: Path,
     *,
-    variant: str | None = None,
+    variant: str | int | None = None,
     subjects: Sequence[str] | None = ("S9", "S11"),
     detector: str | None = None,
     detections: PathLike | None = None,
@@ -62,7 +62,7 @@ def read(
 def survey(
     root: Path,
     *,
-    variant: str | None = None,
+    variant: str | int | None = None,
     subjects: Sequence[str] | None = ("S9", "S11"),
     detector: str | None = None,
     detections: PathLike | None = None,
@@ -91,11 +91,11 @@ def _variant_of(name: str) -> str | None:
     return None if match is None else match[1] + ("-hard" if match[2] else "")
 
 
-def _locate(root: Path, variant: str | None) -> tuple[Path, str | None]:
+def _locate(root: Path, variant: str | int | None) -> tuple[Path, str | None]:
     """Return the folder of the variant, and which it is (None if nothing says so)."""
-    if variant is not None and variant.lower() not in VARIANTS:
+    wanted = None if variant is None else str(variant).lower()
+    if wanted is not None and wanted not in VARIANTS:
         raise InvalidInputError(f"variant: expected one of {', '.join(VARIANTS)}, got {variant!r}")
-    wanted = None if variant is None else variant.lower()
     inside = {_variant_of(path.name): path for path in sorted(root.iterdir()) if path.is_dir()}
     folders = {name: path for name, path in inside.items() if name is not None}
     if (root / "3d_gt").is_dir() or not folders:

@@ -26,6 +26,7 @@ from skelsplat.datasets._model import Dataset, Take
 from skelsplat.datasets._occlusion_person_files import Table, read_arrays, read_pickle
 from skelsplat.datasets._places import Wishes, find
 from skelsplat.datasets._registry import Survey
+from skelsplat.datasets._reproject import sample
 from skelsplat.datasets._rig import build_rig, camera_at_centre
 from skelsplat.datasets._verify import raise_fatal
 from skelsplat.exceptions import DatasetError, InvalidInputError
@@ -36,6 +37,7 @@ DESCRIPTION = "Occlusion-Person: rendered persons behind furniture in 8 cameras.
 N_CAMERAS = 8
 FOUR_CAMERAS = (1, 3, 5, 7)
 SIZE = (1280, 720)
+_LARGE_PX = 25.0
 _CAMERA_KEYS = ("R", "T", "fx", "fy", "cx", "cy", "k", "p")
 _FORMATS = ("adafuse", "skelsplat")
 
@@ -56,7 +58,7 @@ def read(
     ----------
     root : Path
     detector : str or None
-        Name of the detector, as in ``2d_DETECTOR``; the only one that is there when left out.
+        Name of the detector, as in ``2d_DETECTOR``; chosen as for Human3.6M when left out.
     detections : Path or None
         A folder of detections outside the root, in place of ``2d_DETECTOR/S0``.
     views : int or sequence of int
@@ -237,3 +239,10 @@ def _check_annotation(table: Table, rows: NDArray[np.int64], views: Sequence[int
     pixels = np.concatenate([np.where(inside, annotated, np.nan), inside.astype(np.float64)], axis=-1)
     takes = _takes(table, rows, views, pixels, table.path)
     raise_fatal(Dataset("occlusion-person", OCCLUSION_PERSON15, tuple(takes)))
+    for take in takes:
+        error = sample(take).error()
+        if error > _LARGE_PX:
+            expected = "cameras (T their centres) that project joints_gt onto joints_2d"
+            raise DatasetError(
+                table.cameras_path, "camera", expected, f"{error:.0f} px between them in {take.key}"
+            )

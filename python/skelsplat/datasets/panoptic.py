@@ -7,13 +7,15 @@ points down, as in the source.
 - truth ``SEQ/hdPose3d_stage1_coco19/body3DScene_%08d.json`` (format ``"toolbox"``) or
   ``3d_gt/S0/SEQ/poses_filtered_N.npz`` (format ``"skelsplat"``, N views);
 - detections ``2d_DETECTOR/S0/SEQ[/CAMERA]/poses_filtered_N.npz`` or ``poses.npz``, or ``SEQ[/CAMERA]`` in the
-  folder `detections`: ``poses2d`` (T, M, 19, 2 or 3), and with ``frames`` (T,) the frame numbers.
+  folder `detections`: ``poses2d`` (T, M, 19, 2 or 3), and with ``frames`` (T,) the frame numbers;
+- monocular poses ``initial_guess/NAME/S0/SEQ[/CAMERA]/poses_filtered_N.npz`` or ``poses.npz``.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +24,7 @@ from numpy.typing import NDArray
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.datasets._detections import Wanted, detector_name
 from skelsplat.datasets._files import FloatArray, load_npz, numbers, require
-from skelsplat.datasets._kept_apart import detections_folder, read_apart
+from skelsplat.datasets._kept_apart import detections_folder, read_apart, read_world
 from skelsplat.datasets._model import Dataset, Take
 from skelsplat.datasets._panoptic_json import camera_name, read_cameras, read_truth, truth_files
 from skelsplat.datasets._places import Wishes, find
@@ -50,6 +52,7 @@ def read(
     format: str | None = None,
     truth_unit: str = "cm",
     person: int | None = None,
+    monocular: str | None = None,
 ) -> Dataset:
     """Read sequences of CMU Panoptic.
 
@@ -57,7 +60,7 @@ def read(
     ----------
     root : Path
     detector : str or None
-        Name of the detector, as in ``2d_DETECTOR``; the only one that is there when left out.
+        Name of the detector, as in ``2d_DETECTOR``; chosen as for Human3.6M when left out.
     detections : Path or None
         A folder of detections outside the root.
     views : int or sequence of int
@@ -69,6 +72,8 @@ def read(
         Unit of the truth in format ``"skelsplat"``; that of the toolbox is always cm.
     person : int or None
         Id of the body to take where there are several.
+    monocular : str or None
+        The folder in ``initial_guess`` with world poses, mm, a row per row of the detections.
 
     Raises
     ------
@@ -89,7 +94,8 @@ def read(
         files = {"cameras": path, "truth": truth_path}
         take = Take(f"S0/{sequence}", "S0", sequence, rig, frames, truth, files=files)
         if source is not None:
-            take, note = _with_detections(take, source, detections is None)
+            guess = None if monocular is None else root / "initial_guess" / monocular / "S0" / sequence
+            take, note = _with_detections(take, source, guess, filtered=detections is None)
             notes += [note] if note else []
         takes.append(take)
     name = detector_name(detector or (source.parent.name if source and detections is None else "")) or None
@@ -107,9 +113,10 @@ def survey(
     format: str | None = None,
     truth_unit: str = "cm",
     person: int | None = None,
+    monocular: str | None = None,
 ) -> Survey:
     """Say which files are there."""
-    del truth_unit, person
+    del truth_unit, person, monocular
     wishes, count = Wishes(), len(_cameras(views))
     for sequence in sequences:
         wishes.look(_calibrations(root, sequence), f"calibration of {sequence}")
@@ -166,7 +173,7 @@ def _truth(path: Path, unit: str, person: int | None) -> tuple[NDArray[np.int64]
     return frames.astype(np.int64), MM_PER_UNIT[unit] * truth, path
 
 
-def _with_detections(take: Take, source: Path, filtered: bool) -> tuple[Take, str]:
+def _with_detections(take: Take, source: Path, guess: Path | None, *, filtered: bool) -> tuple[Take, str]:
     """Return the frames of a take in which every view has a detection, and what was left out."""
     stems = [f"poses_filtered_{len(take.rig)}", "poses"] if filtered else ["poses"]
     wanted = Wanted(take.key, take.frames, take.rig.names, PANOPTIC19)
@@ -180,23 +187,16 @@ def _with_detections(take: Take, source: Path, filtered: bool) -> tuple[Take, st
             source / take.action / f"{stems[0]}.npz", "file", expected, "nothing in this place"
         )
     values, places, path = found
-    kept = take.select(places)
     everywhere: NDArray[np.bool_] = np.all(np.any(values[..., 2] > 0, axis=2), axis=1)
-    with_2d = Take(
-        kept.key,
-        kept.subject,
-        kept.action,
-        kept.rig,
-        kept.frames,
-        kept.truth,
-        values,
-        files={**take.files, "detections": path},
+    world = None
+    if guess is not None:
+        world = read_world(guess, stems, (len(values), PANOPTIC19.n_joints), spellings)
+    with_2d = replace(
+        take.select(places), detections=values, monocular=world, files={**take.files, "detections": path}
     ).select(everywhere)
     lost = len(take) - len(with_2d)
-    return (
-        with_2d,
-        f"{take.key}: {lost} of {len(take)} frames left out, not detected in every view" if lost else "",
-    )
+    note = f"{take.key}: {lost} of {len(take)} frames left out, not detected in every view"
+    return with_2d, note if lost else ""
 
 
 def _spellings(name: str) -> list[str]:

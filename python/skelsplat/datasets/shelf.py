@@ -18,7 +18,7 @@ def read(root: Path, *, detector: str | None = None, detections: Path | str | No
     ----------
     root : Path
     detector : str or None
-        Name of the detector, as in ``2d_DETECTOR``; the only one that is there when left out.
+        Name of the detector, as in ``2d_DETECTOR``; chosen as for Human3.6M when left out.
     detections : Path or None
         A folder of detections outside the root, in place of ``2d_DETECTOR/S0``.
 

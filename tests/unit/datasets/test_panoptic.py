@@ -58,6 +58,19 @@ def test_the_authors_layout_comes_back(tmp_path, per_camera):
         np.testing.assert_array_equal(take.detections[..., :2], written.detections[name][:, :4, :, :2])
 
 
+def test_the_initial_guess_comes_with_the_detections(tmp_path):
+    written = panoptic.write(tmp_path, layout="skelsplat")
+    path = tmp_path / "2d_metrabs" / "S0" / SEQUENCE / "poses_filtered_4.npz"
+    pixels = written.detections[SEQUENCE][:, :4].copy()
+    pixels[1, 2] = np.nan
+    edit_npz(path, poses2d=pixels)
+    take = datasets.read("panoptic", tmp_path, monocular="metrabs").takes[0]
+    assert take.monocular.shape == (4, 1, 19, 3)
+    np.testing.assert_allclose(take.monocular[:, 0], take.truth + panoptic.GUESS_ERROR, atol=1e-9)
+    with pytest.raises(DatasetError, match=r"initial_guess/other/.*: expected world poses, got no file"):
+        datasets.read("panoptic", tmp_path, monocular="other")
+
+
 def test_nothing_is_missing_and_all_is_well(toolbox):
     report = datasets.check("panoptic", toolbox[0])
     assert report.ok
