@@ -24,7 +24,7 @@ EPILOG = (
     "interrupted."
 )
 _LENSES = {"undistorted": True, "as-paper": False}
-_DATA, _METHODS, _OUTPUT = "Data and protocol", "Methods", "Output"
+_DATA, _METHODS, _OUTPUT = "Data and protocol", "Method", "Output"
 
 Name = Annotated[str, typer.Argument(metavar="DATASET", help=", ".join(datasets.names()) + ".")]
 Root = Annotated[Path, typer.Argument(metavar="ROOT", help="Its folder.")]
@@ -79,7 +79,7 @@ Setting = Annotated[
     typer.Option(
         "--set",
         metavar="KEY=VALUE",
-        help="An option of the data set's reader, such as format=karfly; may be repeated.",
+        help="An option of the data set's reader: format=karfly, subjects=S9,S11. May be repeated.",
         rich_help_panel=_DATA,
     ),
 ]
@@ -226,13 +226,18 @@ def _reader_options(
             raise typer.BadParameter(
                 f"expected KEY=VALUE with a KEY among {', '.join(known)}, got {text!r}", param_hint="--set"
             )
-        found[key] = int(value) if value.lstrip("-").isdecimal() else value
+        parts = [_value(part) for part in value.split(",") if part]
+        found[key] = parts if "," in value else _value(value)
     if detections is not None:
         is_path = Path(detections).exists() and "detections" in known
         found["detections" if is_path else "detector"] = Path(detections) if is_path else detections
     if views is not None and "views" in known and dataset != "synthetic":  # there the protocol chooses
         found.setdefault("views", views)
     return found
+
+
+def _value(text: str) -> int | str:
+    return int(text) if text.lstrip("-").isdecimal() else text
 
 
 def _one_of(option: str, value: str, choices: Sequence[str]) -> str:

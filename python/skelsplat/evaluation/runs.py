@@ -55,7 +55,7 @@ class Store:
         """Return the stored result of a take whose arrays have the `fingerprint` `data`, if there is one."""
         path = self.path(method, settings, take)
         try:
-            with np.load(path, allow_pickle=False) as found:
+            with path.open("rb") as stream, np.load(stream, allow_pickle=False) as found:
                 belongs = (str(found["settings"]), str(found["data"])) == (self._text(method, settings), data)
                 pose, seconds = found["pose"], float(found["seconds"])
         except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
