@@ -22,6 +22,8 @@ from skelsplat.evaluation.ablations import Choices, Simulated, Source, _simulate
 from skelsplat.evaluation.ablations._measure import Errors, difference, errors_of
 from skelsplat.evaluation.ablations._sample import sample
 from skelsplat.evaluation.reported import reported
+from writers import human36m as human36m_files
+from writers import panoptic as panoptic_files
 
 # One pose per take, and far too few steps: what is measured does not matter here.
 FEW, STEPS = 60, 4
@@ -175,3 +177,21 @@ def test_the_standard_error_takes_poses_of_a_take_as_dependent() -> None:
     assert not found.is_less
     assert difference(zero, Errors(other.joints + 9.0, zero.take)).is_less
     assert difference(Errors(other.joints, np.zeros(4, dtype=np.int64)), zero).error == np.inf
+
+
+def test_the_layout_of_human36m_occ_gets_the_papers_rows_of_its_variant(tmp_path: Path) -> None:
+    human36m_files.write_skelsplat(tmp_path / "occ-3", human36m_files.record(), detectors=("metrabs",))
+    data = ("--data", "human36m-occ", tmp_path, "--set", "variant=3", "--detections", "metrabs")
+    output = run("covariance", *data, "--poses", 2, "--protocol", "as-paper", "-o", tmp_path / "out")
+    written = json.loads((tmp_path / "out" / "covariance.json").read_text(encoding="utf-8"))
+    assert not written["simulated"]
+    assert "SIMULATED" not in output
+    assert "31.1, 32.6" in written["findings"][1]["paper"]
+    assert any("no monocular poses" in note for note in written["notes"])
+
+
+def test_a_dome_on_disk_is_taken_with_all_its_cameras(tmp_path: Path) -> None:
+    panoptic_files.write(tmp_path / "set", n_frames=3)
+    run("views", "--data", "panoptic", tmp_path / "set", "--poses", 2, "-o", tmp_path / "out")
+    table = json.loads((tmp_path / "out" / "views.json").read_text(encoding="utf-8"))["tables"][0]
+    assert all(value is not None for row in table["rows"] for value in row["values"])
