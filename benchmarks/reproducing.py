@@ -70,11 +70,11 @@ def excerpt(markdown: str, first: int, last: int) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--only", metavar="TEXT", default="", help="only markers whose file contains TEXT")
+    parser.add_argument("--only", metavar="REGEX", default="", help="only files in which it is found")
     parser.add_argument("--list", action="store_true", help="print the commands and leave")
     options = parser.parse_args()
     text = DOCUMENT.read_text(encoding="utf-8")
-    chosen = [marker for marker in markers(text) if options.only in marker.file]
+    chosen = [marker for marker in markers(text) if re.search(options.only, marker.file)]
     if options.list:
         print("\n".join(dict.fromkeys(line for marker in chosen for line in marker.commands)))
         return
