@@ -1,4 +1,4 @@
-"""The command line: `skelsplat demo`, `refine`, `ablate`, `synth`, `evaluate` and `datasets`, a file each.
+"""The command line: `skelsplat demo`, `refine`, `synth`, `datasets`, `evaluate` and `ablate`, one file each.
 
 The commands share `_pipeline` (read, choose the person, refine), `_statistics` and `_report` (what is said
 about the result), `_figures` (what `skelsplat.viz` draws) and `_run` (the order of it all, and the files).
@@ -15,10 +15,10 @@ __all__ = ["app", "main"]
 
 app.command("demo")(demo.demo)
 app.command("refine", epilog=refine.EPILOG)(refine.refine)
-app.command("ablate", epilog=ablate.EPILOG)(ablate.ablate)
 app.command("synth")(synth.synth)
-app.command("evaluate", epilog=evaluate.EPILOG)(evaluate.evaluate)
 app.add_typer(datasets.app, name="datasets")
+app.command("evaluate", epilog=evaluate.EPILOG)(evaluate.evaluate)
+app.command("ablate", epilog=ablate.EPILOG)(ablate.ablate)
 
 
 def main() -> None:

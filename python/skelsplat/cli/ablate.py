@@ -36,12 +36,12 @@ Detections = Annotated[
         metavar="DETECTOR", help="Detections of the data set; may be repeated.", rich_help_panel=_DATA
     ),
 ]
-ReaderOptions = Annotated[
+Setting = Annotated[
     list[str] | None,
     typer.Option(
-        "--option",
+        "--set",
         metavar="KEY=VALUE",
-        help="Option of the data set's reader; may be repeated.",
+        help="An option of the data set's reader, such as variant=3; may be repeated.",
         rich_help_panel=_DATA,
     ),
 ]
@@ -92,7 +92,7 @@ def ablate(
     name: Name,
     data: Data = None,
     detections: Detections = None,
-    option: ReaderOptions = None,
+    setting: Setting = None,
     poses: Poses = None,
     full: Full = False,
     seed: Seed = 0,
@@ -128,11 +128,13 @@ def ablate(
     with progress_bar(shown=not quiet) as progress:
         source: Source
         if data is None:
-            if detections or option:
-                raise typer.BadParameter("expected --data with it", param_hint="--detections, --option")
+            if detections or setting:
+                raise typer.BadParameter(
+                    "expected a data set for --detections and --set, got none", param_hint="--data"
+                )
             source = Simulated(choices, progress)
         else:
-            source = OnDisk(choices, data[0], data[1], detections or (), _pairs(option or ()), progress)
+            source = OnDisk(choices, data[0], data[1], detections or (), _pairs(setting or ()), progress)
         outcome = ablation.run(source)
     record = Record(ablation, source.noted(outcome), choices, source.simulated, source.line(), _command())
     if not quiet:
@@ -156,8 +158,8 @@ def _pairs(given: list[str] | tuple[()]) -> dict[str, str | int]:
     for text in given:
         key, equals, value = text.partition("=")
         if not equals:
-            raise typer.BadParameter(f"expected KEY=VALUE, got {text!r}", param_hint="--option")
-        out[key] = int(value) if value.isdecimal() else value
+            raise typer.BadParameter(f"expected KEY=VALUE, got {text!r}", param_hint="--set")
+        out[key] = int(value) if value.lstrip("-").isdecimal() else value
     return out
 
 

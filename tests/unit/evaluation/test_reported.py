@@ -88,7 +88,7 @@ def test_unknown_label_column_and_row_are_named() -> None:
         reported("tab:x")
     with pytest.raises(sk.InvalidInputError, match=r"key: expected one of 4, 5.*'9'"):
         reported("tab:abl-views").rows[0].value("9")
-    with pytest.raises(sk.InvalidInputError, match="tab:h36m: expected one row .*got 3"):
+    with pytest.raises(sk.InvalidInputError, match=r"tab:h36m: expected one row .*got 3"):
         reported("tab:h36m").one("SkelSplat")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -14,14 +15,6 @@ from skelsplat.evaluation.ablations._model import Progress
 from skelsplat.evaluation.ablations._sample import Sample
 from skelsplat.evaluation.ablations._source import Choices, Source
 from skelsplat.evaluation.protocols import Protocol
-
-# Beginning of the name of a data set → its protocol. The first that fits counts.
-_PROTOCOLS = (
-    ("human36m-like-occ", "human36m-occ"),
-    ("human36m-like", "human36m"),
-    ("dome", "panoptic"),
-    ("occlusion-person-like", "occlusion-person"),
-)
 
 
 class OnDisk(Source):
@@ -73,24 +66,19 @@ class OnDisk(Source):
         return f"{warning}{'; '.join(self._sources)}. {self.counts()}."
 
     def _read(self, detector: str | None, *, all_views: bool) -> Sample:
-        options = dict(self._options)
+        options, known = dict(self._options), options_of(self._name)
         if detector is not None:
-            options["detections" if Path(detector).is_dir() else "detector"] = detector
-        protocol = _protocol(self._name)
-        if all_views and protocol is not None and protocol.view_sets and "views" in options_of(self._name):
-            options.setdefault("views", max(protocol.view_sets))
+            apart = Path(detector).exists() and "detections" in known
+            options["detections" if apart else "detector"] = detector
+        if all_views and self._name in protocols.names and "views" in known:
+            options.setdefault("views", max(protocols.get(self._name).view_sets, default=None))
         dataset = datasets.read(self._name, self._root, **options)
-        protocol = protocol or _protocol(dataset.name) or protocols.get(dataset.name)
+        protocol = protocols.get(dataset.name)
         if all_views and protocol.view_sets:
             protocol = protocol.with_options(n_views=max(protocol.view_sets))
         if dataset.source not in self._sources:
             self._sources.append(dataset.source)
         return self._sample(dataset, protocol, name=_label(dataset), key=_key(dataset, protocol))
-
-
-def _protocol(name: str) -> Protocol | None:
-    known = name if name in protocols.names else next((p for n, p in _PROTOCOLS if name.startswith(n)), None)
-    return None if known is None else protocols.get(known)
 
 
 def _label(dataset: Dataset) -> str:
@@ -99,5 +87,5 @@ def _label(dataset: Dataset) -> str:
 
 def _key(dataset: Dataset, protocol: Protocol) -> str:
     """Name of the data as in the paper's rows: the protocol's, with the occlusion behind it."""
-    marker = dataset.name.rpartition("-occ-")
-    return f"{protocol.name}-{marker[2]}" if marker[1] and protocol.name == "human36m-occ" else protocol.name
+    variant = re.search(r"-occ-(2|3-hard|3)", f"{dataset.name} {dataset.source}", re.IGNORECASE)
+    return f"{protocol.name}-{variant[1]}" if variant and protocol.name == "human36m-occ" else protocol.name

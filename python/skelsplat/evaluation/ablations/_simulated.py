@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from skelsplat import synthetic
 from skelsplat.datasets import Dataset, Take
 from skelsplat.evaluation import protocols
 from skelsplat.evaluation.ablations._sample import Sample
 from skelsplat.evaluation.ablations._source import Source
+from skelsplat.synthetic import simulate_set
 
 _DETECTORS = ("good", "noisy")
 
@@ -36,7 +36,7 @@ class Simulated(Source):
 
     def _made(self, name: str, key: str, detector: str) -> Sample:
         dataset = simulated(name, detector, self.choices.seed)
-        protocol = protocols.get("human36m-occ" if "-occ-" in key else key)
+        protocol = protocols.get(name)
         if protocol.view_sets:
             protocol = protocol.with_options(n_views=max(protocol.view_sets))
         return self._sample(dataset, protocol, name=f"{name}, {detector}", key=key)
@@ -44,7 +44,7 @@ class Simulated(Source):
 
 def simulated(name: str, detector: str, seed: int) -> Dataset:
     """Return a set of `skelsplat.synthetic.simulate_set` with the detections of one of its detectors."""
-    made = synthetic.simulate_set(name, seed=seed)
+    made = simulate_set(name, seed=seed)
     takes = tuple(
         Take(
             key=r.key,

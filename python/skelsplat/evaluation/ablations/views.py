@@ -89,4 +89,4 @@ def _findings(name: str, found: dict[int, Errors]) -> list[Finding]:
     ]
 
 
-ABLATION = Ablation("views", "Number of views", (_LABEL,), 90, _run)
+ABLATION = Ablation("views", "Number of views", (_LABEL,), 72, _run)
