@@ -27,7 +27,7 @@ def mvor(*, detector: str = "openpose", fast: bool = False, fields: Fields | Non
         },
     }
     if not fast:
-        columns["SciPy Cauchy"] = lambda: cauchy(here)
+        columns["Cauchy"] = lambda: cauchy(here)
         columns["paper"] = lambda: paper(here).pose
         columns["closed form, Adam"] = lambda: paper(here, renderer="closed_form").pose
     columns["default"] = lambda: default(here, fields=fields).pose
