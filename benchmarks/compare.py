@@ -70,7 +70,7 @@ def others(scene: common.Scene, crop_scale: np.ndarray) -> dict[str, Method]:
         "RANSAC of Iskakov et al.": lambda f: baselines.ransac_iskakov(
             found[f], rig, crop_scale=crop_scale[f]
         ),
-        "Cauchy loss, SciPy": lambda f: baselines.cauchy(found[f], rig),
+        "Cauchy loss, NumPy": lambda f: baselines.cauchy(found[f], rig),
         **anipose(scene),
     }
 

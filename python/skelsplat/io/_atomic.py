@@ -16,12 +16,13 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def atomic_write(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
+def atomic_write(path: str | os.PathLike[str], *, durable: bool = True) -> Iterator[BinaryIO]:
     """Open a binary file that takes the place of `path` when the block ends without an exception.
 
     The bytes go to a temporary file in the same folder, are flushed to disk, and are then moved over `path`
     in one step; a reader never sees half a file, and on an exception an older file stays as it was. A
-    symbolic link is followed.
+    symbolic link is followed. Without `durable` nothing waits for the disk: after a power failure the file
+    may be empty or torn, so its reader must check it.
 
     Raises
     ------
@@ -35,7 +36,8 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
             with temporary.open("xb") as stream:
                 yield stream
                 stream.flush()
-                os.fsync(stream.fileno())
+                if durable:
+                    os.fsync(stream.fileno())
             temporary.replace(target)
         except BaseException:
             _discard(temporary)
