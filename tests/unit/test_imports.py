@@ -12,10 +12,10 @@ PACKAGE = Path(__file__).parents[2] / "python" / "skelsplat"
 # Part of the package → what it must not import. `skelsplat` itself re-exports `_refine`.
 FORBIDDEN = {
     "evaluation": ("cli", "viz"),
-    "datasets": ("cli", "viz", "_refine", "association", "metrics", "evaluation"),
+    "datasets": ("cli", "viz", "_refine", "association", "synthetic", "metrics", "evaluation"),
     "viz": ("cli", "io", "association", "synthetic", "_refine", "_skelsplat", "evaluation"),
     "io": ("cli", "viz", "_refine", "synthetic", "evaluation"),
-    "synthetic": ("cli", "viz", "io", "_refine", "association", "evaluation"),
+    "synthetic": ("cli", "viz", "io", "_refine", "association", "evaluation", "datasets"),
     "metrics": ("cli", "viz", "io", "_refine", "association", "synthetic", "evaluation"),
     "association": ("cli", "viz", "_refine", "evaluation"),
     "_refine": ("cli", "viz", "io", "association", "synthetic", "metrics", "evaluation"),

@@ -12,13 +12,13 @@ from skelsplat.synthetic.skeleton import JOINT_NAMES, N_JOINTS
 FloatArray = NDArray[np.float64]
 
 # Nose and head seen from the neck in the head's frame (x forward, z up), mm, as in `skeleton`.
-_NOSE, _HEAD = (55.0, 105.0), (-45.0, 110.0)
+_NOSE, _HEAD = (55.0, 105.0), (10.0, 215.0)
 # Joints of the head that Human3.6M-17 has not: x forward, y left, z up from the neck, mm.
 _ON_HEAD = {
     "left_eye": (45.0, 32.0, 140.0),
     "right_eye": (45.0, -32.0, 140.0),
-    "left_ear": (-15.0, 75.0, 125.0),
-    "right_ear": (-15.0, -75.0, 125.0),
+    "left_ear": (0.0, 75.0, 125.0),
+    "right_ear": (0.0, -75.0, 125.0),
 }
 
 
