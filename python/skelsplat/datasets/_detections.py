@@ -225,7 +225,7 @@ def _one_view(path: Path, keys: Sequence[str], wanted: Wanted) -> FloatArray:
 
 def with_scores(path: Path, array: FloatArray, content: dict[str, Any]) -> FloatArray:
     """Return pixels (…, 2) with the ``scores`` of their file as confidence, if it has them."""
-    if "scores" not in content or array.shape[-1] != 2:
+    if "scores" not in content or array.shape[-1:] != (2,):
         return array
     scores = as_numbers(path, "scores", content["scores"])
     if scores.size != math.prod(array.shape[:-1]):

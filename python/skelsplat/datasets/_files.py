@@ -103,6 +103,28 @@ def require(path: Path, field: str, container: Any, key: Any) -> Any:
     raise DatasetError(path, field or "file", f"a table with the key {key!r}", type(container).__name__)
 
 
+def a_table(path: Path, field: str, value: Any) -> dict[Any, Any]:
+    """Return `value` if it is a dict."""
+    if not isinstance(value, dict):
+        raise DatasetError(path, field, "a table", type(value).__name__)
+    return value
+
+
+def a_list(path: Path, field: str, value: Any) -> list[Any]:
+    """Return the entries of a list, tuple or array."""
+    if not isinstance(value, list | tuple | np.ndarray) or (isinstance(value, np.ndarray) and not value.ndim):
+        raise DatasetError(path, field, "a list", type(value).__name__)
+    return list(value)
+
+
+def shape_of(value: Any) -> tuple[int, ...] | str:
+    """Return the shape of what may be an array, or words if it has none."""
+    try:
+        return tuple(np.shape(value))
+    except ValueError:
+        return "rows of different lengths"
+
+
 def within(field: str, key: Any) -> str:
     """Name the part `key` of `field`."""
     return f"{field}.{key}" if field else str(key)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from skelsplat._skelsplat import project
 from skelsplat.cameras import CameraRig
 from skelsplat.datasets._detections import Wanted, as_detections
-from skelsplat.datasets._files import as_numbers, load_pickle, numbers, require, within
+from skelsplat.datasets._files import as_numbers, load_pickle, numbers, require, shape_of, within
 from skelsplat.datasets._model import FloatArray, Take
 from skelsplat.datasets._places import Wishes
 from skelsplat.datasets._rig import build_rig
@@ -100,7 +100,7 @@ def _place(path: Path, field: str, record: Any) -> tuple[tuple[str, str], int, i
         value = require(path, field, record, key)
         try:
             values[key] = int(value)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise DatasetError(path, within(field, key), "a whole number", repr(value)[:40]) from None
     if values["action"] not in NUMBERED:
         raise DatasetError(path, within(field, "action"), "2 to 16", values["action"])
@@ -146,7 +146,7 @@ def _stack(path: Path, key: str, rows: list[list[Record]], name: str, axes: int)
     joints = H36M17.n_joints
     for records in rows:
         for record in records:
-            shape = np.shape(require(path, key, record, name))
+            shape = shape_of(require(path, key, record, name))
             if shape != (joints, axes):
                 expected = f"{joints} joints of {H36M17.name} ({joints}, {axes})"
                 raise DatasetError(path, f"{key}, {name}", expected, f"shape {shape}")
@@ -158,7 +158,8 @@ def _camera(path: Path, key: str, name: str, record: Record) -> Any:
     values = require(path, field, record, "camera")
 
     def part(entry: str, size: int) -> FloatArray:
-        return numbers(path, within(field, entry), np.ravel(require(path, field, values, entry)), (size,))
+        value = as_numbers(path, within(field, entry), require(path, field, values, entry))
+        return numbers(path, within(field, entry), value.ravel(), (size,))
 
     R = part("R", 9).reshape(3, 3)
     fx, fy, cx, cy = (float(part(entry, 1)[0]) for entry in ("fx", "fy", "cx", "cy"))
@@ -204,6 +205,6 @@ def _misfit(poses: FloatArray, pixels: FloatArray, rig: CameraRig) -> float:
 def _boxes(path: Path, key: str, rows: list[list[Record]]) -> FloatArray | None:
     """Return left, top, right, bottom, if the records have them."""
     boxes = [[record.get("box") for record in records] for records in rows]
-    if any(box is None or np.shape(box) != (4,) for row in boxes for box in row):
+    if any(shape_of(box) != (4,) for row in boxes for box in row):
         return None
     return as_numbers(path, f"{key}, box", boxes)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skelsplat.cameras import CameraRig
-from skelsplat.datasets._files import as_numbers, load_npy, numbers, require, within
+from skelsplat.datasets._files import a_list, as_numbers, load_npy, numbers, require, shape_of, within
 from skelsplat.datasets._model import FloatArray, Take
 from skelsplat.datasets._places import Wishes
 from skelsplat.datasets._rig import build_rig
@@ -65,10 +65,7 @@ def survey(path: Path, options: Options) -> Wishes:
 
 
 def _list(path: Path, labels: Any, key: str) -> list[Any]:
-    value = require(path, "", labels, key)
-    if not isinstance(value, list | tuple | np.ndarray):
-        raise DatasetError(path, key, "a list", type(value).__name__)
-    return list(value)
+    return a_list(path, key, require(path, "", labels, key))
 
 
 def _table(path: Path, labels: Any) -> NDArray[Any]:
@@ -124,19 +121,25 @@ def _views(path: Path, labels: Any) -> list[int]:
 
 def _rig(path: Path, labels: Any, subject: str) -> CameraRig:
     cameras = require(path, "", labels, "cameras")
+    if not isinstance(cameras, np.ndarray) or cameras.ndim != 2:
+        raise DatasetError(path, "cameras", "an array (subjects, cameras)", f"shape {shape_of(cameras)}")
     row = [str(name) for name in labels["subject_names"]].index(subject)
     built = []
     for name, column in zip(CAMERAS, _views(path, labels), strict=True):
         field = f"cameras[{subject}, {name}]"
-        if np.ndim(cameras) != 2 or row >= cameras.shape[0] or column >= cameras.shape[1]:
-            raise DatasetError(path, field, "an entry per subject and camera", f"shape {np.shape(cameras)}")
+        if row >= cameras.shape[0] or column >= cameras.shape[1]:
+            raise DatasetError(path, field, "an entry per subject and camera", f"shape {cameras.shape}")
         entry = cameras[row, column]
         K = numbers(path, within(field, "K"), require(path, field, entry, "K"), (3, 3))
         R = numbers(path, within(field, "R"), require(path, field, entry, "R"), (3, 3))
-        t = numbers(path, within(field, "t"), np.ravel(require(path, field, entry, "t")), (3,))
-        lens = numbers(path, within(field, "dist"), np.ravel(require(path, field, entry, "dist")), (5,))
+        t = numbers(path, within(field, "t"), _flat(path, field, entry, "t"), (3,))
+        lens = numbers(path, within(field, "dist"), _flat(path, field, entry, "dist"), (5,))
         built.append(camera(path, field, name, (K, R, t, lens)))
     return build_rig(path, built, "mm")
+
+
+def _flat(path: Path, field: str, entry: Any, key: str) -> FloatArray:
+    return as_numbers(path, within(field, key), require(path, field, entry, key)).ravel()
 
 
 def _boxes(path: Path, rows: NDArray[Any], views: list[int]) -> FloatArray | None:

@@ -107,6 +107,10 @@ class Reading:
         """
         if not self.takes:
             raise DatasetError(root, "takes", "at least one", "none")
+        keys = [take.key for take in self.takes]
+        if len(set(keys)) < len(keys):
+            twice = next(key for key in keys if keys.count(key) > 1)
+            raise DatasetError(root, "takes", "each take once", f"{twice} twice")
         if self.left_out:
             self.notes.append(f"left out, without detections: {', '.join(self.left_out)}")
         takes = sorted(self.takes, key=lambda take: (subject_order(take.subject), order(activity_of(take))))

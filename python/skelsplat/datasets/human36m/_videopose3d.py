@@ -17,7 +17,7 @@ import numpy as np
 
 from skelsplat.cameras import CameraRig
 from skelsplat.datasets._detections import Wanted, as_detections, detector_name
-from skelsplat.datasets._files import as_numbers, load_npz, numbers, require
+from skelsplat.datasets._files import FloatArray, a_list, a_table, load_npz, numbers, require
 from skelsplat.datasets._model import Take
 from skelsplat.datasets._places import Wishes
 from skelsplat.datasets.human36m._actions import action_of
@@ -87,15 +87,11 @@ def _detectors(root: Path) -> dict[str, Path]:
 
 def _table(path: Path, key: str) -> dict[Any, Any]:
     table = require(path, "", load_npz(path, (key,)), key)
-    if not isinstance(table, dict):
-        raise DatasetError(path, key, "a table of subjects", type(table).__name__)
-    return table
+    return a_table(path, key, table)
 
 
 def _activities(path: Path, field: str, value: Any) -> Iterator[tuple[Any, Any]]:
-    if not isinstance(value, dict):
-        raise DatasetError(path, field, "a table of activities", type(value).__name__)
-    return iter(value.items())
+    return iter(a_table(path, field, value).items())
 
 
 def _take(path: Path, subject: str, activity: str, value: Any, rig: CameraRig, cameras: Path) -> Take:
@@ -128,24 +124,27 @@ def _with_own(takes: Iterator[Take], root: Path, options: Options, reading: Read
     path = there[reading.detector]
     positions, cut = _table(path, "positions_2d"), 0
     for take in takes:
-        views = require(path, "positions_2d", positions, take.subject).get(activity_of(take))
+        own = require(path, "positions_2d", positions, take.subject)
+        views = a_table(path, f"positions_2d.{take.subject}", own).get(activity_of(take))
         if views is None:
             reading.left_out.append(take.key)
             continue
         field = f"positions_2d.{take.subject}.{activity_of(take)}"
-        cut += sum(len(view) > len(take) for view in views)
-        detections = _joined(path, field, views, wanted(take))
+        detections, longer = _joined(path, field, a_list(path, field, views), wanted(take))
+        cut += longer
         yield replace(take, detections=detections, files={**take.files, "detections": path})
     if cut:
         reading.notes.append(f"{path.name}: {cut} views cut where the truth ends")
 
 
-def _joined(path: Path, field: str, views: Any, fits: Wanted) -> Any:
-    """Return (T, M, N, 3) from one (T or more, N, 2) per camera."""
+def _joined(path: Path, field: str, views: list[Any], fits: Wanted) -> tuple[FloatArray, int]:
+    """Return (T, M, N, 3) from one (T or more, N, 2) per camera, and how many were longer."""
     check_views(path, field, len(views))
-    parts = []
+    parts, longer = [], 0
     for name, view in zip(fits.views, views, strict=True):
-        pixels = as_numbers(path, f"{field}, camera {name}", view)[: len(fits.frames)]
+        place = f"{field}, camera {name}"
+        pixels = numbers(path, place, view, ("frames", "joints", 2))
+        longer += len(pixels) > len(fits.frames)
         one = Wanted(fits.key, fits.frames, (name,), fits.layout)
-        parts.append(as_detections(path, f"{field}, camera {name}", pixels[:, None], one))
-    return np.concatenate(parts, axis=1)
+        parts.append(as_detections(path, place, pixels[: len(fits.frames), None], one))
+    return np.concatenate(parts, axis=1), longer
