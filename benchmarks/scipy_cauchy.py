@@ -1,4 +1,4 @@
-"""What one writes with SciPy: ``least_squares(loss="cauchy")`` on the reprojection residuals, joint by joint."""
+"""What one writes with SciPy: ``least_squares(loss="cauchy")`` on reprojection residuals, joint by joint."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SCALE_PX = 5.0
 
 
 def scipy_cauchy(detections: FloatArray, rig: sk.CameraRig) -> FloatArray:
-    """Poses (T, N, 3) from detections (T, M, N, 2|3) of cameras without distortion, from DLT; NaN where it is."""
+    """Poses (T, N, 3) from detections (T, M, N, 2|3) of undistorted cameras, starting from DLT."""
     matrices = np.stack([camera.K @ np.column_stack([camera.R, camera.t]) for camera in rig])
     poses = np.asarray(sk.triangulate(detections[..., :2], rig, method="dlt"))
     for t, j in np.argwhere(np.isfinite(poses).all(axis=-1)):
