@@ -99,8 +99,8 @@ def _refine(take: Take, layout: Layout, settings: Settings, progress: Progress |
 
 
 def _start(take: Take, start: str) -> FloatArray | None:
-    if start == "dlt":
-        return triangulate(_detections(take), take.rig, method="dlt")
+    if start == "dlt":  # the paper's: without confidences
+        return triangulate(_detections(take)[..., :2], take.rig, method="dlt")
     return _fused(take) if start == "fusion" else None
 
 
