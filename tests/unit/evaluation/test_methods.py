@@ -31,7 +31,7 @@ def fused() -> np.ndarray:
 
 
 def by_dlt() -> np.ndarray:
-    return sk.triangulate(TAKE.detections, TAKE.rig, method="dlt")
+    return sk.triangulate(TAKE.detections[..., :2], TAKE.rig, method="dlt")
 
 
 CLOSED_FORM = sk.RefineConfig.paper(renderer="closed_form")
