@@ -60,7 +60,8 @@ def test_init_sigma_in_every_form_is_the_same_prior(scene):
     free = sk.refine(start, scene.detections, scene.rig).pose
     assert np.abs(found[0] - free).max() > 0.1
     mixed = np.where(np.arange(17) == 3, np.nan, 1e-3)
-    nailed = sk.refine(start, scene.detections, scene.rig, init_sigma=mixed).pose
+    with pytest.warns(UserWarning, match="contradicts every detection"):
+        nailed = sk.refine(start, scene.detections, scene.rig, init_sigma=mixed).pose
     assert np.allclose(np.delete(nailed, 3, axis=1), np.delete(start, 3, axis=1), atol=1e-3)
     # Exact detections: joint 3, without a prior, goes where they are.
     assert np.allclose(nailed[:, 3], scene.pose[:, 3], atol=0.1)
@@ -276,3 +277,33 @@ def test_a_mistaken_unit_is_seen_though_the_first_frame_is_empty(scene):
     detections[0] = np.nan
     with pytest.warns(UserWarning, match="is the unit really 'm'"):
         sk.refine(None, detections, rig, config=sk.RefineConfig.paper(max_steps=0))
+
+
+def test_the_refiner_remembers_what_one_view_cannot_fix(scene):
+    """After a frame that only one view sees, depth comes from before; after an empty one all does."""
+    refiner = sk.Refiner(scene.rig, layout="h36m17")
+    first = refiner.step(scene.detections[0])
+    alone = scene.detections[1].copy()
+    alone[1:] = np.nan
+    one = refiner.step(alone)
+    assert (one.joint_status == "weak").all()
+    assert np.isfinite(one.pose).all()
+    assert np.isfinite(one.uncertainty).all()
+    assert np.linalg.norm(one.pose - scene.pose[1], axis=-1).max() < 300.0
+    empty = refiner.step(np.full_like(alone, np.nan))
+    assert np.array_equal(empty.pose, one.pose)
+    again = refiner.step(scene.detections[2])
+    assert (again.joint_status == "ok").all()
+    assert first.stop_reason == "converged"
+
+
+def test_nothing_to_go_by_is_said(scene):
+    rig = sk.CameraRig([scene.rig[0]])
+    result = sk.refine(None, scene.detections[0, :1], rig, layout="h36m17")
+    assert np.isnan(result.pose).all()
+    assert result.stop_reason == "no_observations"
+
+
+def test_a_result_is_shown_in_one_line(scene):
+    shown = repr(sk.refine(None, scene.detections, scene.rig, layout="h36m17"))
+    assert shown.startswith("Refinement(pose (3, 17, 3), joints: 51 ok")

@@ -238,7 +238,10 @@ impl Refiner {
             Matrix3::from_diagonal_element(variance)
         };
         let joint_status = joint_status(rays, solution);
-        let observed = joint_status.iter().any(|s| *s != JointStatus::Unobserved);
+        let known = |j: usize| solution.points[j].x.is_finite();
+        let mut seen =
+            joint_status.iter().enumerate().filter(|(_, s)| **s != JointStatus::Unobserved);
+        let observed = seen.any(|(j, _)| known(j));
         Refinement {
             pose: solution.points.iter().map(|p| p / mm).collect(),
             covariance: solution.points.iter().zip(&solution.sigma).map(splat).collect(),
