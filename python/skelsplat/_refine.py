@@ -145,11 +145,10 @@ def refine(
         How good an ``init_pose`` is that does *not* come from these detections (monocular, the last frame, a
         body model): its standard deviation per axis in the cameras' unit, one for all joints or one each, or
         a covariance (unit²) per joint, for all frames or for each. It then counts as a measurement beside the
-        detections. Without it ``init_pose`` is where the search begins and no more; a pose triangulated from
-        the same detections must not have one, it would count them twice. It is a Gaussian and not robust: a
+        detections. Without it ``init_pose`` only places joints that fewer than two views see; a pose
+        triangulated from the same detections must not have one, it would count them twice. It is a Gaussian and not robust: a
         start that is many of its standard deviations off outvotes the detections (a warning says so). A joint
-        whose ``init_pose`` or
-        covariance is NaN has no prior. Gauss–Newton only.
+        whose ``init_pose`` or covariance is NaN has no prior. Gauss–Newton only.
     config : RefineConfig, optional
         Settings; default ``RefineConfig()``.
     progress : bool or callable
@@ -331,8 +330,8 @@ class Refiner:
         """Refine one frame ``(M, N, 2|3)``.
 
         With the default the detections of this frame decide wherever two views see a joint, however far the
-        person moved; the last pose gives the depth of a joint that one view sees and the place of one that none
-        sees (status ``"weak"`` and ``"unobserved"``). With Adam joints without a reliable position are
+        person moved; the last pose gives the depth of a joint that one view sees and the place of one that
+        none sees (status ``"weak"`` and ``"unobserved"``). With Adam joints without a reliable position are
         triangulated anew, and so is the whole pose if most joints no longer meet their detections.
 
         Raises
@@ -349,7 +348,7 @@ class Refiner:
         result = self._refine(self._last, detections, confidence)
         if self._last is None:
             _warn_of_unit(result.pose, self._cameras)
-        elif _is_lost(result):
+        elif self._by_adam and _is_lost(result):
             result = self._refine(None, detections, confidence)
         self._last = self._remembered(result)
         return result

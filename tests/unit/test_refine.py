@@ -214,10 +214,14 @@ def test_ctrl_c_stops_a_batch(scene):
     detections = np.broadcast_to(scene.detections[0], (frames, 4, 17, 2))
     begun = time.monotonic()
     timer = threading.Timer(1.0, signal.raise_signal, [signal.SIGINT])
-    timer.start()
-    with pytest.raises(KeyboardInterrupt):
-        sk.refine(poses, detections, scene.rig, config=sk.RefineConfig.paper(stop_tolerance=0.0))
-    timer.join()
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it
+    try:
+        timer.start()
+        with pytest.raises(KeyboardInterrupt):
+            sk.refine(poses, detections, scene.rig, config=sk.RefineConfig.paper(stop_tolerance=0.0))
+        timer.join()
+    finally:
+        signal.signal(signal.SIGINT, before)
     assert time.monotonic() - begun < 30.0
 
 
@@ -307,3 +311,33 @@ def test_nothing_to_go_by_is_said(scene):
 def test_a_result_is_shown_in_one_line(scene):
     shown = repr(sk.refine(None, scene.detections, scene.rig, layout="h36m17"))
     assert shown.startswith("Refinement(pose (3, 17, 3), joints: 51 ok")
+
+
+def test_the_start_matters_only_where_the_detections_do_not_decide(scene):
+    """However far off, and also with a gross outlier in one view of every joint."""
+    detections = scene.detections.copy()
+    rng = np.random.default_rng(0)
+    frame, joint = np.indices(detections.shape[:1] + detections.shape[2:3])
+    detections[frame, rng.integers(4, size=frame.shape), joint, :2] = rng.uniform(0, 900, (*frame.shape, 2))
+    free = sk.refine(None, detections, scene.rig, layout="h36m17")
+    for offset in (0.0, 500.0, 9000.0):
+        given = sk.refine(scene.pose + offset, detections, scene.rig, layout="h36m17")
+        assert np.array_equal(given.pose, free.pose)
+
+
+def test_a_wide_kernel_for_some_joints_leaves_the_others_alone(scene):
+    """What config.joint_sigmas and occlusion_sigma say of one joint is not said of the rest."""
+    noisy = scene.detections + np.random.default_rng(1).normal(size=scene.detections.shape) * 3.0
+    wide = [1000.0] + [30.0] * 16
+    plain = sk.refine(None, noisy, scene.rig)
+    some = sk.refine(None, noisy, scene.rig, config=sk.RefineConfig(joint_sigmas=wide))
+    sigma = np.sqrt(some.covariance[..., 0, 0])
+    assert (sigma[:, 0] > 20.0 * sigma[:, 1]).all()
+    assert np.abs(some.pose[:, 1:] - plain.pose[:, 1:]).max() < 2.0
+
+
+def test_a_prior_as_wide_as_the_room_says_nothing(scene):
+    start = synthetic.perturb(scene.pose, 2000.0, seed=3)
+    free = sk.refine(None, scene.detections, scene.rig, layout="h36m17")
+    wide = sk.refine(start, scene.detections, scene.rig, layout="h36m17", init_sigma=2000.0)
+    assert np.abs(wide.pose - free.pose).max() < 1.0
