@@ -146,9 +146,9 @@ def refine(
         body model): its standard deviation per axis in the cameras' unit, one for all joints or one each, or
         a covariance (unit²) per joint, for all frames or for each. It then counts as a measurement beside the
         detections. Without it ``init_pose`` only places joints that fewer than two views see; a pose
-        triangulated from the same detections must not have one, it would count them twice. It is a Gaussian and not robust: a
-        start that is many of its standard deviations off outvotes the detections (a warning says so). A joint
-        whose ``init_pose`` or covariance is NaN has no prior. Gauss–Newton only.
+        triangulated from the same detections must not have one, it would count them twice. It is a Gaussian
+        and not robust: a start that is many of its standard deviations off outvotes the detections (a warning
+        says so). A joint whose ``init_pose`` or covariance is NaN has no prior. Gauss–Newton only.
     config : RefineConfig, optional
         Settings; default ``RefineConfig()``.
     progress : bool or callable
