@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 import typer
@@ -11,8 +12,10 @@ from skelsplat.cli import _options as options
 from skelsplat.cli._job import Job, Verbosity
 from skelsplat.cli._pipeline import check_output
 from skelsplat.cli._run import run
+from skelsplat.io.detections import FORMATS
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
 EPILOG = (
@@ -31,6 +34,11 @@ def refine(
     layout: options.LayoutName = None,
     person: options.Person = "consistent",
     frames: options.Frames = "strict",
+    format: options.Format = None,
+    offset: options.Offset = None,
+    order: options.Order = None,
+    joint_map: options.JointMap = None,
+    sequence: options.Sequence = None,
     init: options.Init = None,
     init_sigma: options.InitSigma = None,
     min_confidence: options.MinConfidence = None,
@@ -56,6 +64,8 @@ def refine(
 
     skelsplat refine Calib.toml pose/ -o out --unit m --layout body25 --y-up
 
+    skelsplat refine Calib.toml dlc/ -o out --unit mm --layout coco17 --map nose=snout --offset camB=3
+
     skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b --paper
 
     skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b --init mono.npz --init-sigma 40
@@ -78,6 +88,13 @@ def refine(
         out=output,
         person=_person(person),
         frames=_one_of("--frames", frames, _FRAMES),
+        format=None if format is None else _one_of("--format", format.lower(), tuple(FORMATS)),
+        offsets=_offsets(offset or []),
+        order=order if order in (None, "sorted") else tuple(part.strip() for part in order.split(",")),
+        mapping={
+            joint: int(name) if name.isdecimal() else name for joint, name in _pairs("--map", joint_map)
+        },
+        sequence=sequence,
         init=init,
         init_sigma_mm=_init_sigma(init_sigma, init, paper=paper),
         paper=paper,
@@ -97,6 +114,33 @@ def _one_of(option: str, value: str | None, choices: tuple[str, ...]) -> str:
         return value
     got = "nothing (the files do not say)" if value is None else repr(value)
     raise typer.BadParameter(f"expected one of {', '.join(choices)}, got {got}", param_hint=option)
+
+
+def _pairs(option: str, values: list[str] | None) -> Iterator[tuple[str, str]]:
+    """Yield the two sides of each ``A=B``; no A comes twice."""
+    seen = set()
+    for value in values or []:
+        left, equals, right = (part.strip() for part in value.rpartition("="))
+        if not (left and equals and right) or left in seen:
+            raise typer.BadParameter(f"expected A=B, each A once, got {value!r}", param_hint=option)
+        seen.add(left)
+        yield left, right
+
+
+def _offsets(values: list[str]) -> dict[str, int]:
+    """Return the frames of each ``CAMERA=FRAMES``."""
+    offsets = {}
+    for camera, frames in _pairs("--offset", values):
+        if not re.fullmatch(r"[+-]?\d+", frames):
+            expected = "a whole number of frames, like cam2=3 or cam2=-1"
+            raise typer.BadParameter(f"expected {expected}, got {frames!r}", param_hint="--offset")
+        offsets[camera] = int(frames)
+    return offsets
+
+
+def _place(text: str) -> str | int | None:
+    """Return what ``--map`` says of a joint: a place, nothing, or a name."""
+    return int(text) if text.isdecimal() else None if text == "none" else text
 
 
 def _person(value: str) -> str:

@@ -32,7 +32,7 @@ class Candidates:
     texts : dict
         By label, as it is shown, the text to compare with a camera's name.
     idle : set of str
-        Labels that may be left over.
+        Labels that may be left over; they are taken only where no other fits.
     within : bool
         The camera's words may stand among others in the text.
     """
@@ -82,24 +82,32 @@ def match_by_name(
 
 
 def _label_of(candidates: Candidates, name: str, names: Sequence[str], advice: str) -> str | None:
-    """Return the one label that fits `name`; None if there is none."""
+    """Return the one label that fits `name`, an idle one only if no other does; None if there is none."""
     texts = candidates.texts
-    exact = [label for label, text in texts.items() if text == name]
-    if len(exact) == 1:
-        return exact[0]
-    key = _key(name)
-    free = {label: _key(text) for label, text in texts.items() if text not in names}
-    fitting = exact or [label for label, words in free.items() if words == key]
-    if not fitting and candidates.within:
-        fitting = [label for label, words in free.items() if _is_within(key, words)]
-    rivals = [other for other in names if _key(other) == key and other not in texts.values()]
-    if len(fitting) > 1 or (fitting and len(rivals) > 1):
+    busy = {label: text for label, text in texts.items() if label not in candidates.idle}
+    idle = {label: text for label, text in texts.items() if label in candidates.idle}
+    fitting = _fitting(busy, name, names, candidates) or _fitting(idle, name, names, candidates)
+    rivals = [other for other in names if _key(other) == _key(name) and other not in texts.values()]
+    if len(fitting) > 1 or (fitting and name in rivals and len(rivals) > 1):
         who = f"cameras {', '.join(rivals)}" if len(rivals) > 1 else f"camera {name}"
         actual = f"{who} and {candidates.kind}s {', '.join(fitting)} that read the same; {advice}"
         raise DatasetError(
             candidates.root, f"{candidates.kind}s", f"one {candidates.kind} per camera", actual
         )
     return fitting[0] if fitting else None
+
+
+def _fitting(texts: Mapping[str, str], name: str, names: Sequence[str], candidates: Candidates) -> list[str]:
+    """Return the labels that fit a camera's name best."""
+    exact = [label for label, text in texts.items() if text == name]
+    if exact:
+        return exact
+    words = _key(name)
+    free = {label: _key(text) for label, text in texts.items() if text not in names}
+    alike = [label for label, key in free.items() if key == words]
+    if alike or not candidates.within:
+        return alike
+    return [label for label, key in free.items() if _is_within(words, key)]
 
 
 def match_by_order(

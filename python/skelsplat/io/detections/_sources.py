@@ -62,14 +62,13 @@ def open_sources(path: Path, form: DetectionFormat, matching: Matching, sequence
     if path.is_file():
         return _of_recording(path, form, matching, sequence)
     folders = subfolders(path)
-    if form.file is not None and (files := _files(path, form)):
-        return _of_files(path, files, form, matching)
+    if form.file is not None and _has_files(path, folders, form):
+        return _of_files(path, form, matching)
     if form.folder is not None:
         return _of_folders(path, folders, form, matching)
     if form.file is not None:
         return _of_single_files(path, folders, form, matching)
-    files = _files(path, form)
-    there = ", ".join(file.name for file in files) or "a folder"
+    there = ", ".join(file.name for file in _files(path, form)) or "a folder"
     raise DatasetError(path, "path", f"the {form.name} file of all cameras itself", there)
 
 
@@ -82,10 +81,17 @@ def subfolders(path: Path) -> list[Path]:
         raise DatasetError(path, "folder", "a readable folder", reason) from error
 
 
-def _files(folder: Path, form: DetectionFormat) -> list[Path]:
-    """Files of the format in a folder, by name."""
+def _files(folder: Path, form: DetectionFormat, *, recognised: bool = True) -> list[Path]:
+    """Files in a folder with the format's suffix, by name; if `recognised`, only those of the format."""
     found = [p for suffix in form.suffixes for p in folder.glob(f"*{suffix}") if p.is_file()]
-    return sorted(path for path in found if not path.name.startswith(".") and form.matches(path))
+    shown = sorted(path for path in found if not path.name.startswith("."))
+    return [path for path in shown if form.matches(path)] if recognised else shown
+
+
+def _has_files(path: Path, folders: list[Path], form: DetectionFormat) -> bool:
+    """Say whether the cameras' files lie in the folder itself, not in one of its own each."""
+    beneath = any(_files(folder, form, recognised=False) for folder in folders)
+    return bool(_files(path, form)) or (bool(_files(path, form, recognised=False)) and not beneath)
 
 
 def _of_recording(path: Path, form: DetectionFormat, matching: Matching, sequence: str | None) -> Sources:
@@ -101,10 +107,14 @@ def _of_recording(path: Path, form: DetectionFormat, matching: Matching, sequenc
     return Sources("view", labels, views)
 
 
-def _of_files(path: Path, files: list[Path], form: DetectionFormat, matching: Matching) -> Sources:
+def _of_files(path: Path, form: DetectionFormat, matching: Matching) -> Sources:
+    """Open the files of a folder; one that is not recognised is still taken for a camera of its name."""
     assert form.file is not None
+    files = _files(path, form, recognised=False)
+    known = {file.name for file in _files(path, form)}
     texts = {file.name: form.camera_part(file.stem) for file in files}
-    labels = matching.match(Candidates(path, "file", texts, within=True))
+    idle = texts.keys() - known if known else set()
+    labels = matching.match(Candidates(path, "file", texts, idle, within=True))
     views = {name: form.file(path / label) for name, label in labels.items() if label is not None}
     return Sources("file", labels, views)
 
@@ -123,7 +133,7 @@ def _of_single_files(path: Path, folders: list[Path], form: DetectionFormat, mat
     views = {}
     for name, label in labels.items():
         if label is not None:
-            found = _files(path / label, form)
+            found = _files(path / label, form) or _files(path / label, form, recognised=False)
             if len(found) != 1:
                 there = ", ".join(file.name for file in found) or "none"
                 raise DatasetError(path / label, "files", f"one {form.name} file of the camera", there)

@@ -1,9 +1,9 @@
 """DeepLabCut results in h5, single- and multi-animal: one file per camera.
 
 A pandas table under the key ``df_with_missing`` with columns (scorer, [individuals,] bodyparts, coords),
-coords x, y in pixels and likelihood; the index is the frame number. Parts are matched to joints by name. Needs
-pandas and PyTables, which can run what a malicious file holds: open files of people you trust (the csv has the
-same numbers and no such risk).
+coords x, y in pixels and likelihood; the index is the frame number. Parts are matched to joints by name.
+Needs pandas and PyTables, which can run what a malicious file holds: open files of people you trust (the csv
+has the same numbers and no such risk).
 """
 
 from __future__ import annotations
