@@ -91,9 +91,7 @@ def refine(
         format=None if format is None else _one_of("--format", format.lower(), tuple(FORMATS)),
         offsets=_offsets(offset or []),
         order=order if order in (None, "sorted") else tuple(part.strip() for part in order.split(",")),
-        mapping={
-            joint: int(name) if name.isdecimal() else name for joint, name in _pairs("--map", joint_map)
-        },
+        mapping={joint: _place(name) for joint, name in _pairs("--map", joint_map)},
         sequence=sequence,
         init=init,
         init_sigma_mm=_init_sigma(init_sigma, init, paper=paper),

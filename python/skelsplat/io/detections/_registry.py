@@ -63,7 +63,7 @@ def find_format(path: Path, name: str | None) -> DetectionFormat:
     if len(found) == 1:
         return FORMATS[next(iter(found))]
     if found:
-        actual = ", ".join(f"{name} ({sample.name})" for name, sample in found.items())
+        actual = ", ".join(f"{known} ({found[known].name})" for known in FORMATS if known in found)
         expected = "one format, or its name (format=, --format)"
         raise DatasetError(path, "content", expected, actual)
     raise DatasetError(path, "content", f"detections in a known format ({known})", "none that is recognised")

@@ -49,7 +49,8 @@ def _read_person(path: Path, field: str, person: object) -> Person:
 
 def _matches(path: Path) -> bool:
     head = json_head(path)
-    return '"annots"' in head or '"personID"' in head
+    bare = head.startswith("[") and ('"personID"' in head or '"keypoints2d"' in head)
+    return '"annots"' in head or bare
 
 
 FORMAT = DetectionFormat(name="easymocap", suffixes=(".json",), matches=_matches, folder=read_folder)
