@@ -10,11 +10,16 @@ from typer.testing import CliRunner
 
 import skelsplat as sk
 from detection_files import CASES, Take
-from skelsplat.cli import app
+from skelsplat.cli import _run, app
 from skelsplat.io import read_npz, read_openpose
 
 OPTIONS = ["--unit", "mm", "--layout", "h36m17", "--fps", "50", "-q"]
 JOINTS = sk.layouts.H36M17.joints
+
+
+@pytest.fixture(autouse=True)
+def no_pictures(monkeypatch):
+    monkeypatch.setattr(_run, "write_figures", lambda *_: [])
 
 
 def refine(folder, detections, *options):
