@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from skelsplat.cli._pipeline import Inputs, Outcome
 
 _ASSUMED_FPS = 30.0
+_PICTURES = {"overview.png", "weights.png", "heatmaps.png"}
 
 
 def run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
@@ -46,6 +47,11 @@ def run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
     files = _write_poses(job, inputs, outcome)
     atomic_write_text(job.out / "report.json", to_text(report))
     files += ["report.json", *write_figures(job, inputs, outcome, statistics)]
+    for name in _PICTURES - set(files):
+        (job.out / name).unlink(missing_ok=True)  # of another run: it would belong to other results
+    if verbosity.as_json or verbosity.quiet:
+        for doubt in doubts:
+            _tell(doubt)
     if verbosity.as_json:
         typer.echo(to_text(report), nl=False)
     elif not verbosity.quiet:
