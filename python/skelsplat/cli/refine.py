@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from typing import TYPE_CHECKING
 
 import typer
@@ -11,11 +10,10 @@ import skelsplat as sk
 from skelsplat.cli import _options as options
 from skelsplat.cli._job import Job, Verbosity
 from skelsplat.cli._pipeline import check_output
+from skelsplat.cli._reading import reading
 from skelsplat.cli._run import run
-from skelsplat.io.detections import FORMATS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
     from pathlib import Path
 
 EPILOG = (
@@ -88,10 +86,7 @@ def refine(
         out=output,
         person=_person(person),
         frames=_one_of("--frames", frames, _FRAMES),
-        format=None if format is None else _one_of("--format", format.lower(), tuple(FORMATS)),
-        offsets=_offsets(offset or []),
-        order=order if order in (None, "sorted") else tuple(part.strip() for part in order.split(",")),
-        mapping={joint: _place(name) for joint, name in _pairs("--map", joint_map)},
+        **reading(format, offset, order, joint_map),
         sequence=sequence,
         init=init,
         init_sigma_mm=_init_sigma(init_sigma, init, paper=paper),
@@ -112,33 +107,6 @@ def _one_of(option: str, value: str | None, choices: tuple[str, ...]) -> str:
         return value
     got = "nothing (the files do not say)" if value is None else repr(value)
     raise typer.BadParameter(f"expected one of {', '.join(choices)}, got {got}", param_hint=option)
-
-
-def _pairs(option: str, values: list[str] | None) -> Iterator[tuple[str, str]]:
-    """Yield the two sides of each ``A=B``; no A comes twice."""
-    seen = set()
-    for value in values or []:
-        left, equals, right = (part.strip() for part in value.rpartition("="))
-        if not (left and equals and right) or left in seen:
-            raise typer.BadParameter(f"expected A=B, each A once, got {value!r}", param_hint=option)
-        seen.add(left)
-        yield left, right
-
-
-def _offsets(values: list[str]) -> dict[str, int]:
-    """Return the frames of each ``CAMERA=FRAMES``."""
-    offsets = {}
-    for camera, frames in _pairs("--offset", values):
-        if not re.fullmatch(r"[+-]?\d+", frames):
-            expected = "a whole number of frames, like cam2=3 or cam2=-1"
-            raise typer.BadParameter(f"expected {expected}, got {frames!r}", param_hint="--offset")
-        offsets[camera] = int(frames)
-    return offsets
-
-
-def _place(text: str) -> str | int | None:
-    """Return what ``--map`` says of a joint: a place, nothing, or a name."""
-    return int(text) if text.isdecimal() else None if text == "none" else text
 
 
 def _person(value: str) -> str:

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from skelsplat._optional import require
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._optional import require
 from skelsplat.io.detections._dlc_table import Table, camera_part
 from skelsplat.io.detections._format import DetectionFormat, View
 from skelsplat.io.detections._hdf5 import hdf5_mentions

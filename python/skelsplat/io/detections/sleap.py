@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from skelsplat._optional import require
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._optional import require
 from skelsplat.io.detections._format import DetectionFormat, View, array_view, as_numbers, joints_of
 from skelsplat.io.detections._hdf5 import hdf5_mentions
 from skelsplat.io.detections._names import array_names
