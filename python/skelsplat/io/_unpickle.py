@@ -90,13 +90,13 @@ class _Array(np.ndarray[Any, Any]):
 
     def __setstate__(self, state: Any) -> None:
         _, shape, dtype, fortran, raw = state
-        kind = _resolved(dtype)
+        kind = dtype.built if type(dtype) is _Dtype and dtype.built is not None else _resolved(dtype)
         count = _count(shape)
         if kind.hasobject:
             if not isinstance(raw, list) or len(raw) != count:
                 raise pickle.UnpicklingError(f"an array of shape {shape} without its {count} objects")
         else:
-            raw = _raw(raw)
+            raw = raw if type(raw) is bytes else _raw(raw)
             if len(raw) != count * kind.itemsize:
                 raise pickle.UnpicklingError(
                     f"{len(raw)} bytes for an array of shape {shape} and type {kind}"
@@ -108,21 +108,21 @@ class _Array(np.ndarray[Any, Any]):
 class _Dtype:
     """What a pickle says of a dtype; `build` makes it anew from the parts that are harmless."""
 
-    __slots__ = ("_built", "_code", "_state")
+    __slots__ = ("_code", "_state", "built")
 
     def __init__(self, code: str) -> None:
         self._code = code
         self._state: tuple[Any, ...] = (3, "|", None, None, None)
-        self._built: np.dtype[Any] | None = None
+        self.built: np.dtype[Any] | None = None
 
     def __setstate__(self, state: tuple[Any, ...]) -> None:
         self._state = state
-        self._built = None
+        self.built = None
 
     def build(self) -> np.dtype[Any]:
-        if self._built is None:
-            self._built = self._made()
-        return self._built
+        if self.built is None:
+            self.built = self._made()
+        return self.built
 
     def _made(self) -> np.dtype[Any]:
         _, order, sub, names, fields = self._state[:5]
@@ -158,9 +158,14 @@ def _resolved(dtype: object) -> np.dtype[Any]:
 
 
 def _count(shape: Any) -> int:
-    if not isinstance(shape, tuple) or not all(type(n) is int and n >= 0 for n in shape):
+    if type(shape) is not tuple:
         raise pickle.UnpicklingError(f"the shape {shape!r}")
-    return math.prod(shape)
+    count = 1
+    for length in shape:  # a loop: this runs for each of the million arrays of a large file
+        if type(length) is not int or length < 0:
+            raise pickle.UnpicklingError(f"the shape {shape!r}")
+        count *= length
+    return count
 
 
 def _raw(value: Any) -> bytes:
