@@ -20,6 +20,10 @@ class DegenerateGeometryError(SkelSplatError):
     """Each argument is valid alone, but together they have no geometric answer."""
 
 
+class MissingPackageError(SkelSplatError, ImportError):
+    """An optional package is not installed; the message gives the command that installs it."""
+
+
 class DatasetError(SkelSplatError):
     """A file or folder is missing, unreadable or not what its format says.
 

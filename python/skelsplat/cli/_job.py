@@ -16,7 +16,7 @@ class Job:
     Parameters
     ----------
     calibration, detections
-        The calibration file and the folder of detections.
+        The calibration file, and the folder or file of detections.
     unit
         Length unit of the calibration: ``"mm"``, ``"cm"`` or ``"m"``.
     layout
@@ -27,6 +27,16 @@ class Job:
         ``"consistent"``, ``"largest"`` or the index of a person.
     frames
         What to do with cameras of different frame counts: ``"strict"``, ``"intersection"`` or ``"union"``.
+    format
+        Format of the detections; None to find it from the files.
+    offsets
+        By camera, frames to add to its frame numbers.
+    order
+        The source of each camera's detections, or ``"sorted"``; None to match by name.
+    mapping
+        By joint of the layout, its name or place in the files, where these differ.
+    sequence
+        Which sequence of a file that has several.
     init
         A pose file to start from; None for triangulation.
     init_sigma_mm
@@ -51,6 +61,11 @@ class Job:
     out: Path
     person: str = "consistent"
     frames: str = "strict"
+    format: str | None = None
+    offsets: dict[str, int] = field(default_factory=dict)
+    order: str | tuple[str, ...] | None = None
+    mapping: dict[str, str | int | None] = field(default_factory=dict)
+    sequence: str | None = None
     init: Path | None = None
     init_sigma_mm: float | None = None
     paper: bool = False

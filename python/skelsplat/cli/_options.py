@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from skelsplat import RefineConfig, layouts
+from skelsplat.io.detections import FORMATS
 
 _INPUT, _METHOD, _OUTPUT = "Input", "Method", "Output"
 _DEFAULT, _PAPER = RefineConfig(), RefineConfig.paper()
@@ -20,7 +21,8 @@ Detections = Annotated[
     Path,
     typer.Argument(
         metavar="DETECTIONS",
-        help="Folder with one folder of OpenPose JSON per camera, named like the camera.",
+        help="Folder with one folder or file of 2D detections per camera, named like the camera; "
+        "or one file of all cameras.",
     ),
 ]
 
@@ -33,6 +35,49 @@ LayoutName = Annotated[
     typer.Option(
         metavar="NAME",
         help=f"Joint layout of the detections: {', '.join(layouts.names)}. Required.",
+        rich_help_panel=_INPUT,
+    ),
+]
+Format = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        help=f"Format of the detections: {', '.join(FORMATS)}.",
+        show_default="found from the files",
+        rich_help_panel=_INPUT,
+    ),
+]
+Offset = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="CAMERA=FRAMES",
+        help="Frames to add to a camera's frame numbers, 3 if it started 3 frames late. Repeatable.",
+        rich_help_panel=_INPUT,
+    ),
+]
+Order = Annotated[
+    str | None,
+    typer.Option(
+        metavar="A,B,…",
+        help="Folder, file or place in the file of each camera, in the calibration's order, or sorted.",
+        show_default="by name",
+        rich_help_panel=_INPUT,
+    ),
+]
+JointMap = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--map",
+        metavar="JOINT=NAME",
+        help="What the files call a joint of the layout: a name, a place from 0, or none. Repeatable.",
+        rich_help_panel=_INPUT,
+    ),
+]
+Sequence = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        help='Sequence of a file that has several, such as "S9/Directions 1".',
         rich_help_panel=_INPUT,
     ),
 ]

@@ -17,7 +17,7 @@ import skelsplat as sk
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.cli._person import pick_person
 from skelsplat.exceptions import DatasetError
-from skelsplat.io import read_calibration, read_npz, read_openpose
+from skelsplat.io import read_calibration, read_detections, read_npz
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -43,6 +43,8 @@ class Inputs:
         Frame numbers of the files.
     init_pose : (T, N, 3)
         The start in the rig's unit, or None for triangulation.
+    format
+        Name of the detections' format.
     """
 
     rig: sk.CameraRig
@@ -50,6 +52,7 @@ class Inputs:
     detections: Array
     frames: npt.NDArray[np.int64]
     init_pose: Array | None
+    format: str = ""
 
 
 @dataclass(frozen=True)
@@ -125,11 +128,21 @@ def read_inputs(job: Job) -> Inputs:
     rig = read_calibration(job.calibration, unit=job.unit)
     if len(rig) < 2:
         raise DatasetError(job.calibration, "cameras", "at least two cameras", len(rig))
-    found = read_openpose(job.detections, rig, layout=job.layout, frames=_frame_mode(job.frames))
+    found = read_detections(
+        job.detections,
+        rig,
+        layout=job.layout,
+        format=job.format,
+        frames=_frame_mode(job.frames),
+        offsets=job.offsets,
+        order=job.order,
+        mapping=job.mapping,
+        sequence=job.sequence,
+    )
     layout = sk.layouts.get(job.layout)
     chosen = pick_person(found.people, rig, job.person, layout)
     init = None if job.init is None else _read_init(job.init, rig, (len(found.frames), layout))
-    return Inputs(rig, layout, chosen, found.frames, init)
+    return Inputs(rig, layout, chosen, found.frames, init, found.format)
 
 
 def _frame_mode(mode: str) -> Any:

@@ -89,6 +89,11 @@ def _input(job: Job, inputs: Inputs) -> dict[str, Any]:
     return {
         "calibration": str(job.calibration),
         "detections": str(job.detections),
+        "format": inputs.format,
+        "offsets": job.offsets,
+        "order": job.order,
+        "mapping": job.mapping,
+        "sequence": job.sequence,
         "init": None if job.init is None else str(job.init),
         "init_sigma_mm": job.init_sigma_mm,
         "unit": job.unit,

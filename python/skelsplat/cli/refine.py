@@ -10,6 +10,7 @@ import skelsplat as sk
 from skelsplat.cli import _options as options
 from skelsplat.cli._job import Job, Verbosity
 from skelsplat.cli._pipeline import check_output
+from skelsplat.cli._reading import reading
 from skelsplat.cli._run import run
 
 if TYPE_CHECKING:
@@ -31,6 +32,11 @@ def refine(
     layout: options.LayoutName = None,
     person: options.Person = "consistent",
     frames: options.Frames = "strict",
+    format: options.Format = None,
+    offset: options.Offset = None,
+    order: options.Order = None,
+    joint_map: options.JointMap = None,
+    sequence: options.Sequence = None,
     init: options.Init = None,
     init_sigma: options.InitSigma = None,
     min_confidence: options.MinConfidence = None,
@@ -56,6 +62,8 @@ def refine(
 
     skelsplat refine Calib.toml pose/ -o out --unit m --layout body25 --y-up
 
+    skelsplat refine Calib.toml dlc/ -o out --unit mm --layout coco17 --map nose=snout --offset camB=3
+
     skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b --paper
 
     skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b --init mono.npz --init-sigma 40
@@ -78,6 +86,8 @@ def refine(
         out=output,
         person=_person(person),
         frames=_one_of("--frames", frames, _FRAMES),
+        **reading(format, offset, order, joint_map),
+        sequence=sequence,
         init=init,
         init_sigma_mm=_init_sigma(init_sigma, init, paper=paper),
         paper=paper,

@@ -5,13 +5,14 @@ alone.
 """
 
 from skelsplat.io.calibration import read_calibration, write_calibration
-from skelsplat.io.detections import DetectionSet, read_openpose
+from skelsplat.io.detections import DetectionSet, read_detections, read_openpose
 from skelsplat.io.poses import PoseData, read_npz, read_trc, write_csv, write_npz, write_trc
 
 __all__ = [
     "DetectionSet",
     "PoseData",
     "read_calibration",
+    "read_detections",
     "read_npz",
     "read_openpose",
     "read_trc",

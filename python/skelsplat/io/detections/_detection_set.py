@@ -24,9 +24,11 @@ class DetectionSet:
     camera_names : tuple of str
         The M cameras, in the order they were asked for.
     sources : tuple of Path or None
-        The folder of each camera; None for a camera without detections.
+        The folder or file of each camera; None for a camera without detections.
     layout : str
         Name of the joint layout of the K joints.
+    format : str
+        Name of the format that they were read from.
     """
 
     people: npt.NDArray[np.float64]
@@ -34,6 +36,7 @@ class DetectionSet:
     camera_names: tuple[str, ...]
     sources: tuple[Path | None, ...]
     layout: str
+    format: str = ""
 
     @property
     def people_per_frame(self) -> npt.NDArray[np.int64]:

@@ -1,77 +1,162 @@
-"""Which folder belongs to which camera, and which frames the folders share."""
+"""Which folder, file or part of a file belongs to which camera."""
 
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from skelsplat.exceptions import DatasetError
+from skelsplat.exceptions import DatasetError, InvalidInputError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Collection, Mapping, Sequence
     from pathlib import Path
 
-    import numpy.typing as npt
+_ADVICE = (
+    "name each {kind} like its camera, for example cam_01{tail} or cam01_json for the camera cam_01, "
+    "or state their order (order=, --order)"
+)
+SORTED = "sorted"
 
-    Frames = npt.NDArray[np.int64]
+
+@dataclass(frozen=True)
+class Candidates:
+    """What may belong to cameras.
+
+    Attributes
+    ----------
+    root : Path
+        Where they are, for messages.
+    kind : str
+        What they are: "folder", "file" or "view".
+    texts : dict
+        By label, as it is shown, the text to compare with a camera's name.
+    idle : set of str
+        Labels that may be left over; they are taken only where no other fits.
+    within : bool
+        The camera's words may stand among others in the text.
+    """
+
+    root: Path
+    kind: str
+    texts: Mapping[str, str]
+    idle: Collection[str] = ()
+    within: bool = False
 
 
-def match_folders(
-    root: Path, names: Sequence[str], *, allow_missing: bool, suffix: str = ".json"
-) -> dict[str, Path | None]:
-    """Assign a folder beneath `root` to every camera name, in the order of `names`.
+def match_by_name(
+    candidates: Candidates, names: Sequence[str], *, allow_missing: bool
+) -> dict[str, str | None]:
+    """Assign a label to every camera name, in the order of `names`.
 
-    A folder of exactly the camera's name comes first; otherwise names are compared in lower case, without
+    A text that is exactly the camera's name comes first; otherwise both are compared in lower case, without
     separators, leading zeros and a last word "json": camera ``cam_01`` and folder ``cam01_json`` belong
-    together. The match must be one to one. Folders that match no camera may stand beside the others only if
-    they hold no `suffix` files.
+    together. Last, if `Candidates.within`, the camera's words stand together among those of the text
+    (``take2_cam01_results`` and ``cam_01``), if that is so for one text alone. The match must be one to one.
 
     Raises
     ------
     DatasetError
-        If a camera has no folder (unless `allow_missing`, then it gets None), a folder no camera, or a name
-        fits more than one.
+        If a camera has no label (unless `allow_missing`, then it gets None), a label that is not idle no
+        camera, or a name fits more than one.
     """
-    folders = _subfolders(root)
-    if not folders:
-        raise DatasetError(root, "folders", f"one folder per camera ({', '.join(names)})", "no folders")
-    found: dict[str, Path | None] = {name: _folder_of(root, name, names, folders) for name in names}
-    stray = [f for f in folders if f not in found.values() and any(f.glob(f"*{suffix}"))]
+    kind, texts, root = candidates.kind, candidates.texts, candidates.root
+    advice = _ADVICE.format(kind=kind, tail="" if kind == "folder" else ".json")
+    if not texts:
+        raise DatasetError(root, f"{kind}s", f"one {kind} per camera ({', '.join(names)})", f"no {kind}s")
+    found = {name: _label_of(candidates, name, names, advice) for name in names}
+    twice = [name for name in names if found[name] and list(found.values()).count(found[name]) > 1]
+    if twice:
+        raise DatasetError(
+            root, f"{kind}s", f"one {kind} per camera", f"{found[twice[0]]} for {', '.join(twice)}; {advice}"
+        )
+    stray = [label for label in texts if label not in found.values() and label not in candidates.idle]
     missing = [name for name in names if found[name] is None]
     if stray:
-        expected = f"a camera in the calibration for every folder (it has {', '.join(names)})"
-        raise DatasetError(root, "folders", expected, f"no camera for {_names(stray)}; {_ADVICE}")
+        expected = f"a camera in the calibration for every {kind} (it has {', '.join(names)})"
+        raise DatasetError(root, f"{kind}s", expected, f"no camera for {', '.join(stray)}; {advice}")
     if missing and not (allow_missing and len(missing) < len(names)):
-        expected = f"a folder for every camera (folders: {_names(folders)})"
-        raise DatasetError(root, "folders", expected, f"none for {', '.join(missing)}; {_ADVICE}")
+        expected = f"a {kind} for every camera ({kind}s: {', '.join(texts)})"
+        raise DatasetError(root, f"{kind}s", expected, f"none for {', '.join(missing)}; {advice}")
     return found
 
 
-_ADVICE = "name each folder like its camera, for example cam_01 or cam01_json for the camera cam_01"
-
-
-def _subfolders(root: Path) -> list[Path]:
-    try:
-        return sorted(p for p in root.iterdir() if p.is_dir() and not p.name.startswith("."))
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise DatasetError(root, "folder", "a readable folder", reason) from error
-
-
-def _folder_of(root: Path, name: str, names: Sequence[str], folders: Sequence[Path]) -> Path | None:
-    """Return the one folder that fits `name`; None if there is none."""
-    exact = [folder for folder in folders if folder.name == name]
-    if exact:
-        return exact[0]
-    key = _key(name)
-    fitting = [folder for folder in folders if _key(folder.name) == key and folder.name not in names]
-    rivals = [other for other in names if _key(other) == key and all(f.name != other for f in folders)]
-    if len(fitting) > 1 or (fitting and len(rivals) > 1):
-        actual = f"cameras {', '.join(rivals)} and folders {_names(fitting)} that read the same; {_ADVICE}"
-        raise DatasetError(root, "folders", "one folder per camera", actual)
+def _label_of(candidates: Candidates, name: str, names: Sequence[str], advice: str) -> str | None:
+    """Return the one label that fits `name`, an idle one only if no other does; None if there is none."""
+    texts = candidates.texts
+    busy = {label: text for label, text in texts.items() if label not in candidates.idle}
+    idle = {label: text for label, text in texts.items() if label in candidates.idle}
+    fitting = _fitting(busy, name, names, candidates) or _fitting(idle, name, names, candidates)
+    rivals = [other for other in names if _key(other) == _key(name) and other not in texts.values()]
+    if len(fitting) > 1 or (fitting and name in rivals and len(rivals) > 1):
+        who = f"cameras {', '.join(rivals)}" if len(rivals) > 1 else f"camera {name}"
+        actual = f"{who} and {candidates.kind}s {', '.join(fitting)} that read the same; {advice}"
+        raise DatasetError(
+            candidates.root, f"{candidates.kind}s", f"one {candidates.kind} per camera", actual
+        )
     return fitting[0] if fitting else None
+
+
+def _fitting(texts: Mapping[str, str], name: str, names: Sequence[str], candidates: Candidates) -> list[str]:
+    """Return the labels that fit a camera's name best."""
+    exact = [label for label, text in texts.items() if text == name]
+    if exact:
+        return exact
+    words = _key(name)
+    free = {label: _key(text) for label, text in texts.items() if text not in names}
+    alike = [label for label, key in free.items() if key == words]
+    if alike or not candidates.within:
+        return alike
+    return [label for label, key in free.items() if _is_within(words, key)]
+
+
+def match_by_order(
+    candidates: Candidates, names: Sequence[str], order: str | Sequence[str]
+) -> dict[str, str | None]:
+    """Assign a label to every camera name by a stated order.
+
+    `order` is the label of every camera, in the order of the cameras, or ``"sorted"``: the first label in
+    natural order (2 before 10) belongs to the first camera. A file may be named without its suffix.
+
+    Raises
+    ------
+    InvalidInputError
+        If `order` does not name as many different labels as there are cameras.
+    DatasetError
+        If a label is not there, or ``"sorted"`` finds another number than there are cameras.
+    """
+    kind, root = candidates.kind, candidates.root
+    usable = sorted((label for label in candidates.texts if label not in candidates.idle), key=_natural)
+    if isinstance(order, str):
+        if order != SORTED:
+            raise InvalidInputError(f'order: expected "{SORTED}" or a list of {kind}s, got {order!r}')
+        if len(usable) != len(names):
+            expected = f"{len(names)} {kind}s for the cameras {', '.join(names)}"
+            raise DatasetError(root, f"{kind}s", expected, f"{len(usable)} ({', '.join(usable) or 'none'})")
+        return dict(zip(names, usable, strict=True))
+    wanted = [str(label) for label in order]
+    if len(wanted) != len(names) or len(set(wanted)) != len(wanted):
+        expected = f"{len(names)} different {kind}s, one per camera ({', '.join(names)})"
+        raise InvalidInputError(f"order: expected {expected}, got {', '.join(wanted) or 'none'}")
+    return {name: _stated(candidates, label) for name, label in zip(names, wanted, strict=True)}
+
+
+def _stated(candidates: Candidates, label: str) -> str:
+    fitting = [known for known in candidates.texts if label in (known, known.rpartition(".")[0])]
+    if len(fitting) != 1:
+        expected = f"the {candidates.kind} {label!r} that order names"
+        raise DatasetError(
+            candidates.root, f"{candidates.kind}s", expected, ", ".join(candidates.texts) or "none"
+        )
+    return fitting[0]
+
+
+def _natural(label: str) -> tuple[tuple[int, str], ...]:
+    return tuple((int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", label))
+
+
+def _is_within(words: tuple[str, ...], among: tuple[str, ...]) -> bool:
+    return any(among[at : at + len(words)] == words for at in range(len(among) - len(words) + 1))
 
 
 def _key(name: str) -> tuple[str, ...]:
@@ -83,49 +168,3 @@ def _key(name: str) -> tuple[str, ...]:
 
 
 _WORDS = re.compile(r"\d+|[^\W\d_]+")
-
-
-def _names(folders: Sequence[Path]) -> str:
-    return ", ".join(folder.name for folder in folders)
-
-
-def common_frames(root: Path, per_folder: Mapping[str, Sequence[int]], mode: str) -> Frames:
-    """Return the ascending frame numbers to read, (T,).
-
-    Parameters
-    ----------
-    root : Path
-        For messages.
-    per_folder : dict
-        Frame numbers of each folder, by folder name.
-    mode : "strict", "intersection" or "union"
-        ``strict`` asks for the same frames in every folder.
-
-    Raises
-    ------
-    DatasetError
-        If the folders differ under ``strict``, or share no frame under ``intersection``.
-    """
-    sets = {name: set(frames) for name, frames in per_folder.items()}
-    union = set.union(*sets.values())
-    shared = set.intersection(*sets.values())
-    if mode == "strict" and union != shared:
-        raise DatasetError(
-            root, "frames", "the same frames in every folder", _difference(sets, union - shared)
-        )
-    if mode == "intersection" and not shared:
-        raise DatasetError(root, "frames", "frames that all folders have", _counts(sets))
-    return np.array(sorted(shared if mode == "intersection" else union), dtype=np.int64)
-
-
-def _difference(sets: dict[str, set[int]], uneven: set[int]) -> str:
-    advice = 'frames="intersection" or "union" (--frames) reads them all the same'
-    first = min(uneven)
-    if len({len(frames) for frames in sets.values()}) > 1:
-        return f"{_counts(sets)}; {advice}"
-    without = ", ".join(name for name, frames in sets.items() if first not in frames)
-    return f"equal counts but no frame {first} in {without}; {advice}"
-
-
-def _counts(sets: dict[str, set[int]]) -> str:
-    return ", ".join(f"{len(frames)} in {name}" for name, frames in sets.items())

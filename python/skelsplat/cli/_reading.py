@@ -1,0 +1,56 @@
+"""How detections are to be read: the checks of ``--format``, ``--offset``, ``--order`` and ``--map``."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from skelsplat.io.detections import FORMATS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+
+def reading(
+    name: str | None, offset: list[str] | None, order: str | None, joint_map: list[str] | None
+) -> dict[str, Any]:
+    """Return the fields ``format``, ``offsets``, ``order`` and ``mapping`` of a job.
+
+    Raises
+    ------
+    typer.BadParameter
+        If the format is unknown or a value does not have the form of its option.
+    """
+    if name is not None and name.lower() not in FORMATS:
+        raise typer.BadParameter(f"expected one of {', '.join(FORMATS)}, got {name!r}", param_hint="--format")
+    return {
+        "format": None if name is None else name.lower(),
+        "offsets": {camera: _frames(text) for camera, text in _pairs("--offset", offset)},
+        "order": order if order in (None, "sorted") else tuple(part.strip() for part in order.split(",")),
+        "mapping": {joint: _place(text) for joint, text in _pairs("--map", joint_map)},
+    }
+
+
+def _pairs(option: str, values: list[str] | None) -> Iterator[tuple[str, str]]:
+    """Yield the two sides of each ``A=B``; no A comes twice."""
+    seen = set()
+    for value in values or []:
+        left, equals, right = (part.strip() for part in value.rpartition("="))
+        if not (left and equals and right) or left in seen:
+            raise typer.BadParameter(f"expected A=B, each A once, got {value!r}", param_hint=option)
+        seen.add(left)
+        yield left, right
+
+
+def _frames(text: str) -> int:
+    if not re.fullmatch(r"[+-]?\d+", text):
+        expected = "a whole number of frames, like cam2=3 or cam2=-1"
+        raise typer.BadParameter(f"expected {expected}, got {text!r}", param_hint="--offset")
+    return int(text)
+
+
+def _place(text: str) -> str | int | None:
+    """Return what ``--map`` says of a joint: a place, nothing, or a name."""
+    return int(text) if text.isdecimal() else None if text == "none" else text

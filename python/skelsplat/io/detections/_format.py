@@ -1,0 +1,174 @@
+"""What a format of detections is, and what its reader hands over before joints and cameras are matched."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from skelsplat.exceptions import DatasetError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+    from pathlib import Path
+
+Array = npt.NDArray[np.float64]
+
+
+class Person(NamedTuple):
+    """One person in one image.
+
+    Attributes
+    ----------
+    path, field
+        Where it stands, for messages.
+    joints : (K, 3)
+        x, y in px and confidence in (0, 1]; NaN where a joint was not detected.
+    """
+
+    path: Path
+    field: str
+    joints: Array
+
+
+@dataclass(frozen=True)
+class View:
+    """What one camera saw.
+
+    Attributes
+    ----------
+    path : Path
+        The file, or the folder of a format with a file per frame.
+    frames : sequence of int
+        Frame numbers, ascending.
+    people : callable
+        From one of `frames` to the people in it; may read a file.
+    joints : tuple of str or None
+        Names of the K joints, if the format has them.
+    own_order : bool
+        The detector's layouts have a fixed order, which the names confirm (MMPose); otherwise the order is
+        free and names alone say what a joint is (DeepLabCut, SLEAP).
+    flat : bool
+        A person is one list of 3·K numbers in the file.
+    sparse : bool
+        Frames in which nobody was found are not listed.
+    """
+
+    path: Path
+    frames: Sequence[int]
+    people: Callable[[int], Sequence[Person]]
+    joints: tuple[str, ...] | None = None
+    own_order: bool = False
+    flat: bool = False
+    sparse: bool = False
+
+
+@dataclass(frozen=True)
+class Recording:
+    """All views in one file, by label: the camera's name if `named`, else only the place in the file."""
+
+    views: Mapping[str, View]
+    named: bool
+
+
+@dataclass(frozen=True)
+class DetectionFormat:
+    """A registered format; of `folder`, `file` and `recording` there are those in which it comes.
+
+    Attributes
+    ----------
+    name : str
+    suffixes : tuple of str
+        Of its files.
+    matches : callable
+        Says from a look at a file's beginning whether it is of this format; never raises.
+    folder : callable or None
+        Reads the folder of one camera that holds one file per frame.
+    file : callable or None
+        Reads the one file of one camera.
+    recording : callable or None
+        Reads one file of all cameras; its second argument names a sequence in it, or is None.
+    camera_part : callable
+        Cuts what the tool adds off the stem of a file's name.
+    """
+
+    name: str
+    suffixes: tuple[str, ...]
+    matches: Callable[[Path], bool]
+    folder: Callable[[Path], View] | None = None
+    file: Callable[[Path], View] | None = None
+    recording: Callable[[Path, str | None], Recording] | None = None
+    camera_part: Callable[[str], str] = field(default=str)
+
+
+def joints_of(path: Path, where: str, xy: Array, confidence: Array | None, *, clip: bool) -> Array:
+    """Join pixels (…, 2) and confidence (…) to (…, 3) with NaN for missing.
+
+    A joint without finite pixels, without confidence, or with a confidence of 0 is missing. Without any
+    confidence a joint counts as sure (1). With `clip`, a score above 1 counts as 1 and one below 0 as
+    missing: maxima of heat maps and SimCC are no probabilities.
+
+    Raises
+    ------
+    DatasetError
+        If a pixel is infinite, or a confidence outside [0, 1] is not clipped.
+    """
+    if np.isinf(xy).any():
+        raise DatasetError(path, where, "pixels, NaN for missing", "an infinite number")
+    sure = np.ones(xy.shape[:-1]) if confidence is None else np.array(confidence, dtype=np.float64)
+    if clip:
+        sure = np.clip(sure, 0.0, 1.0)
+    wrong = (sure < 0.0) | (sure > 1.0)
+    if wrong.any():
+        place = tuple(int(i) for i in np.argwhere(wrong)[0])
+        raise DatasetError(path, f"{where}{list(place)}", "a confidence in [0, 1]", f"{sure[place]:g}")
+    joined = np.concatenate([xy, sure[..., None]], axis=-1)
+    missing = ~np.isfinite(joined).all(axis=-1) | (sure == 0.0)
+    joined[missing] = np.nan
+    return joined
+
+
+def array_view(
+    path: Path,
+    where: str,
+    people: Array,
+    *,
+    frames: Sequence[int] | None = None,
+    names: tuple[str, ...] | None = None,
+) -> View:
+    """Return the view of an array (T, P, K, 3); frames count from 0 unless given."""
+    numbers = list(range(len(people))) if frames is None else list(frames)
+    place = {number: t for t, number in enumerate(numbers)}
+
+    def in_frame(number: int) -> list[Person]:
+        return [Person(path, where, joints) for joints in people[place[number]]]
+
+    return View(path, numbers, in_frame, names)
+
+
+def list_view(path: Path, people: Mapping[int, Sequence[Person]]) -> View:
+    """Return the view of people listed by frame."""
+    return View(path, sorted(people), lambda number: people[number])
+
+
+def as_numbers(path: Path, where: str, value: object) -> Array:
+    """Return an array of numbers as float64, or raise `DatasetError`."""
+    array = np.asarray(value)
+    if array.dtype.kind not in "fiu":
+        raise DatasetError(path, where, "an array of numbers", f"one of {array.dtype}")
+    return array.astype(np.float64)
+
+
+def frame_numbers(path: Path, where: str, value: object, count: int) -> list[int]:
+    """Return `count` different whole numbers in ascending order, or raise `DatasetError`."""
+    array = np.asarray(value)
+    if (
+        array.shape != (count,)
+        or array.dtype.kind not in "iu"
+        or (np.diff(array.astype(np.int64)) <= 0).any()
+    ):
+        expected = f"{count} whole numbers that ascend"
+        raise DatasetError(path, where, expected, f"{array.dtype} of shape {array.shape}")
+    return [int(number) for number in array]

@@ -1,0 +1,153 @@
+"""Which frames the cameras share, and where each camera's clock is set."""
+
+from __future__ import annotations
+
+import operator
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from skelsplat.exceptions import DatasetError, InvalidInputError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    import numpy.typing as npt
+
+    Frames = npt.NDArray[np.int64]
+
+FrameMode = Literal["strict", "intersection", "union"]
+FRAME_MODES = ("strict", "intersection", "union")
+
+
+def check_mode(mode: str) -> None:
+    """Raise `InvalidInputError` if `mode` is no `FrameMode`."""
+    if mode not in FRAME_MODES:
+        raise InvalidInputError(f"frames: expected one of {', '.join(FRAME_MODES)}, got {mode!r}")
+
+
+def check_offsets(offsets: Mapping[str, int] | None, names: Sequence[str]) -> dict[str, int]:
+    """Return the offset of every camera, 0 unless given.
+
+    Raises
+    ------
+    InvalidInputError
+        If a camera is unknown or an offset no whole number.
+    """
+    checked = dict.fromkeys(names, 0)
+    for name, value in (offsets or {}).items():
+        if name not in checked:
+            raise InvalidInputError(f"offsets: expected a camera ({', '.join(names)}), got {name!r}")
+        try:
+            checked[name] = operator.index(value)
+        except TypeError:
+            raise InvalidInputError(
+                f"offsets[{name}]: expected a whole number of frames, got {value!r}"
+            ) from None
+    return checked
+
+
+@dataclass(frozen=True)
+class Clock:
+    """The frames of the sources of one recording, and how they go together.
+
+    Attributes
+    ----------
+    root : Path
+        For messages.
+    kind : str
+        What the sources are, for messages: "folder", "file" or "view".
+    frames : dict
+        A source's own frame numbers, by its label.
+    offsets : dict
+        What is to be added to them to get the common time.
+    sparse : bool
+        The format does not list frames in which nobody was found.
+    """
+
+    root: Path
+    kind: str
+    frames: Mapping[str, Sequence[int]]
+    offsets: Mapping[str, int]
+    sparse: bool = False
+
+    def shared(self, mode: str) -> Frames:
+        """Return the ascending frame numbers to read, (T,), in the common time.
+
+        ``strict`` asks for the same frames everywhere; where clocks differ, it reads what they share. Of a
+        sparse format it reads every frame that is listed anywhere.
+
+        Raises
+        ------
+        DatasetError
+            If the sources differ under ``strict``, or share no frame.
+        """
+        own = {label: set(frames) for label, frames in self.frames.items()}
+        if mode == "strict" and not self.sparse:
+            _check_same(self.root, own, self.kind)
+        common = {label: {n + self.offsets[label] for n in frames} for label, frames in own.items()}
+        union, shared = set.union(*common.values()), set.intersection(*common.values())
+        if mode == "strict" and self.sparse:
+            shared = set() if any(_alone(label, common) for label in common) else union
+        if mode != "union" and union and not shared:
+            shifts = any(self.offsets.values())
+            expected = f"frames that all {self.kind}s have" + (" after the offsets" if shifts else "")
+            raise DatasetError(self.root, "frames", expected, _counts(common, ranges=shifts or self.sparse))
+        return np.array(sorted(union if mode == "union" else shared), dtype=np.int64)
+
+
+def _alone(label: str, sets: dict[str, set[int]]) -> bool:
+    """Say whether a source shares no frame with any other."""
+    others = [frames for other, frames in sets.items() if other != label]
+    return bool(others) and all(sets[label].isdisjoint(frames) for frames in others)
+
+
+def _check_same(root: Path, sets: dict[str, set[int]], kind: str) -> None:
+    union, shared = set.union(*sets.values()), set.intersection(*sets.values())
+    if union != shared:
+        expected = f"the same frames in every {kind}"
+        raise DatasetError(root, "frames", expected, _difference(sets, union - shared))
+
+
+def _difference(sets: dict[str, set[int]], uneven: set[int]) -> str:
+    advice = 'frames="intersection" or "union" (--frames) reads them all the same'
+    first = min(uneven)
+    if len({len(frames) for frames in sets.values()}) > 1:
+        return f"{_counts(sets)}; {advice}"
+    without = ", ".join(name for name, frames in sets.items() if first not in frames)
+    return f"equal counts but no frame {first} in {without}; {advice}"
+
+
+def _counts(sets: dict[str, set[int]], *, ranges: bool = False) -> str:
+    def one(name: str, frames: set[int]) -> str:
+        return f"{len(frames)} in {name}" + (
+            f" ({min(frames)} to {max(frames)})" if ranges and frames else ""
+        )
+
+    return ", ".join(one(name, frames) for name, frames in sets.items())
+
+
+def frame_files(folder: Path, pattern: str, expected: str) -> dict[int, Path]:
+    """Files of a folder by frame number, the last integer in a name, ascending.
+
+    Raises
+    ------
+    DatasetError
+        If there is none (`expected` says what should be there), a name has no number, or two have the same.
+    """
+    files: dict[int, Path] = {}
+    for path in sorted(folder.glob(pattern)):
+        digits = re.findall(r"\d+", path.stem)
+        if not digits:
+            raise DatasetError(path, "file name", "a frame number in it", f"{path.name!r}")
+        number = int(digits[-1])
+        if number in files:
+            rule = f"one file for frame {number} (the last integer in the name)"
+            raise DatasetError(path, "file name", rule, f"also {files[number].name}")
+        files[number] = path
+    if not files:
+        raise DatasetError(folder, "files", expected, f"no {pattern.lstrip('*')} files")
+    return dict(sorted(files.items()))

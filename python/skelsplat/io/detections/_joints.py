@@ -1,0 +1,204 @@
+"""Which joint of the file is which joint of the layout: by name, else by a count that the user names."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+import skelsplat as sk
+from skelsplat.exceptions import DatasetError, InvalidInputError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+    from pathlib import Path
+
+    from skelsplat.io.detections._format import Array, Person, View
+
+    Joint = str | int | None
+    # place in the file of each joint of the layout, None for one that the file lacks
+    Places = tuple[int | None, ...]
+
+_SIDES = {"l": "left", "r": "right"}
+_SHOWN = 40
+
+
+def choose_layout(layout: str | sk.Layout | None, views: Iterable[View]) -> sk.Layout:
+    """Return the layout that is asked for, or the one whose joints the files name exactly.
+
+    Raises
+    ------
+    InvalidInputError
+        If there is none of that name, or nothing is asked for and no names decide; lists what would fit.
+    """
+    if isinstance(layout, str):
+        return sk.layouts.get(layout)
+    if layout is not None:
+        return layout
+    hint = "the files hold no person to count joints of"
+    for view in views:
+        named = [known for known in _known() if view.joints and _same_joints(known, view.joints)]
+        if len(named) == 1:
+            return named[0]
+        counted = _count(view)
+        if counted:
+            path, joints = counted
+            names = f"; it names {_listed(view.joints)}" if view.joints else ""
+            hint = f"{path} has {joints} joints per person: {layouts_of(joints)}{names}"
+            break
+    raise InvalidInputError(f"layout: expected the name of a joint layout, got none; {hint}")
+
+
+def _known() -> list[sk.Layout]:
+    return [sk.layouts.get(name) for name in sk.layouts.names]
+
+
+def _same_joints(layout: sk.Layout, names: Sequence[str]) -> bool:
+    return len(names) == layout.n_joints and {_key(n) for n in names} == {_key(n) for n in layout.joints}
+
+
+def _count(view: View) -> tuple[Path, int] | None:
+    """Return the file that says how many joints a person has, and the number; None without a person."""
+    if view.joints is not None:
+        return view.path, len(view.joints)
+    people = (person for number in view.frames for person in view.people(number))
+    first = next(people, None)
+    return None if first is None else (first.path, len(first.joints))
+
+
+def layouts_of(joints: int) -> str:
+    """Names of the known layouts with that many joints, as a phrase."""
+    fitting = [layout.name for layout in _known() if layout.n_joints == joints]
+    return " or ".join(fitting) if fitting else "no known layout, so pass a Layout of your own"
+
+
+def check_mapping(mapping: Mapping[str, Joint] | None, layout: sk.Layout) -> dict[str, Joint]:
+    """Return the mapping, or raise `InvalidInputError` if it is none from the layout's joints."""
+    for joint, target in (mapping or {}).items():
+        if joint not in layout.joints:
+            expected = f"a joint of {layout.name} ({', '.join(layout.joints)})"
+            raise InvalidInputError(f"mapping: expected {expected}, got {joint!r}")
+        if not (target is None or isinstance(target, str) or (type(target) is int and target >= 0)):
+            expected = "a name, a place from 0, or None"
+            raise InvalidInputError(f"mapping[{joint}]: expected {expected}, got {target!r}")
+    return dict(mapping or {})
+
+
+def places_of(view: View, layout: sk.Layout, mapping: Mapping[str, Joint]) -> Places | None:
+    """Return the place in the file of every joint of the layout, or None: the order is the layout's own.
+
+    With names in the file every joint needs its name there, however it is written (``LHip``, ``hip_l``,
+    ``left hip``), or an entry of `mapping`. Where the detector's order is fixed, an equal count is enough as
+    long as no name contradicts the layout. Without names only `mapping` can differ from the layout's order.
+
+    Raises
+    ------
+    DatasetError
+        If a joint is not found, or a name fits more than one; lists the names of the file.
+    """
+    if view.joints is None:
+        return _without_names(layout, mapping, view)
+    if not mapping and view.own_order and _confirmed(view.joints, layout):
+        return None
+    keys: dict[tuple[str, ...], list[int]] = {}
+    for place, name in enumerate(view.joints):
+        keys.setdefault(_key(name), []).append(place)
+    found = {
+        joint: _place(view, joint, mapping[joint]) if joint in mapping else _by_name(view, joint, keys)
+        for joint in layout.joints
+    }
+    missing = [joint for joint, place in found.items() if place == _MISSING]
+    if missing:
+        advice = f'mapping={{"{missing[0]}": …}} (--map {missing[0]}=…) says which it is'
+        expected = f"a name for every joint of {layout.name}"
+        actual = f"none for {', '.join(missing)} among {_listed(view.joints)}; {advice}"
+        raise DatasetError(view.path, "joint names", expected, actual)
+    return tuple(found[joint] for joint in layout.joints)
+
+
+_MISSING = -1
+
+
+def _without_names(layout: sk.Layout, mapping: Mapping[str, Joint], view: View) -> Places | None:
+    if not mapping:
+        return None
+    names = [name for name in mapping.values() if isinstance(name, str)]
+    if names:
+        raise DatasetError(
+            view.path, "joint names", f"the name {names[0]!r} (mapping)", "no names, only places"
+        )
+    missing = [joint for joint in layout.joints if joint not in mapping]
+    if missing:
+        expected = f"a mapping for every joint of {layout.name}, as the file has no names"
+        raise DatasetError(view.path, "joint names", expected, f"none for {', '.join(missing)}")
+    return tuple(place for joint in layout.joints for place in [mapping[joint]] if not isinstance(place, str))
+
+
+def _confirmed(names: Sequence[str], layout: sk.Layout) -> bool:
+    """Say whether the names that belong to the layout stand at its places, and are half of it or more."""
+    known = {_key(joint): place for place, joint in enumerate(layout.joints)}
+    stands = [known[_key(name)] == place for place, name in enumerate(names) if _key(name) in known]
+    return len(names) == layout.n_joints and all(stands) and 2 * len(stands) >= layout.n_joints
+
+
+def _by_name(view: View, joint: str, keys: Mapping[tuple[str, ...], list[int]]) -> int:
+    places = keys.get(_key(joint), [])
+    if len(places) > 1:
+        names = ", ".join((view.joints or ())[place] for place in places)
+        raise DatasetError(view.path, "joint names", f"one name for {joint}", names)
+    return places[0] if places else _MISSING
+
+
+def _place(view: View, joint: str, target: Joint) -> int | None:
+    """Return the place of what a mapping says."""
+    names = view.joints or ()
+    if target is None or isinstance(target, int):
+        return target
+    if target in names:
+        return names.index(target)
+    raise DatasetError(view.path, "joint names", f"{target!r} for {joint}", _listed(names))
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+    return ", ".join(names[:_SHOWN]) + more
+
+
+def _key(name: str) -> tuple[str, ...]:
+    """Sort a name's words, in lower case, sides in full: ``LHip``, ``hip_left`` and ``Left hip`` are one."""
+    words = re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+", name)
+    return tuple(sorted(_SIDES.get(word.lower(), word.lower()) for word in words))
+
+
+def arranged(person: Person, layout: sk.Layout, places: Places | None, *, flat: bool) -> Array:
+    """Return a person's joints in the order of the layout (N, 3), NaN for those that the file lacks.
+
+    Raises
+    ------
+    DatasetError
+        If the person has another number of joints than the layout, or not the places of the mapping.
+    """
+    count, n = len(person.joints), layout.n_joints
+    if places is None:
+        if count != n:
+            expected = (
+                f"3·{n} = {3 * n} numbers (layout {layout.name})"
+                if flat
+                else f"{n} joints (layout {layout.name})"
+            )
+            actual = (
+                f"{3 * count} (3·{count}: {layouts_of(count)})" if flat else f"{count} ({layouts_of(count)})"
+            )
+            raise DatasetError(person.path, person.field, expected, actual)
+        return person.joints
+    highest = max((place for place in places if place is not None), default=-1)
+    if highest >= count:
+        raise DatasetError(
+            person.path, person.field, f"a joint at place {highest} (mapping)", f"{count} joints"
+        )
+    joints = np.full((n, 3), np.nan)
+    for j, place in enumerate(places):
+        if place is not None:
+            joints[j] = person.joints[place]
+    return joints

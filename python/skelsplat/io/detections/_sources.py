@@ -1,0 +1,146 @@
+"""The views of the cameras: which folder, file or part of a file is whose, opened."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from skelsplat.exceptions import DatasetError
+from skelsplat.io.detections._match import Candidates, match_by_name, match_by_order
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    from skelsplat.io.detections._format import DetectionFormat, View
+
+    Order = str | Sequence[str]
+
+
+@dataclass(frozen=True)
+class Sources:
+    """The opened views.
+
+    Attributes
+    ----------
+    kind : str
+        What belongs to a camera: "folder", "file" or "view" of a file.
+    labels : dict
+        What each camera was matched with, None for nothing.
+    views : dict
+        By camera; those without detections are not in it.
+    """
+
+    kind: str
+    labels: Mapping[str, str | None]
+    views: Mapping[str, View]
+
+
+@dataclass(frozen=True)
+class Matching:
+    """How cameras are matched: by name, or by a stated order, and whether some may be without detections."""
+
+    names: Sequence[str]
+    order: Order | None
+    allow_missing: bool
+
+    def match(self, candidates: Candidates) -> dict[str, str | None]:
+        """Return the label of every camera."""
+        if self.order is not None:
+            return match_by_order(candidates, self.names, self.order)
+        return match_by_name(candidates, self.names, allow_missing=self.allow_missing)
+
+
+def open_sources(path: Path, form: DetectionFormat, matching: Matching, sequence: str | None) -> Sources:
+    """Match and open the views beneath `path`.
+
+    Raises
+    ------
+    DatasetError
+        If cameras and files do not fit, or a file is malformed.
+    """
+    if path.is_file():
+        return _of_recording(path, form, matching, sequence)
+    folders = subfolders(path)
+    if form.file is not None and _has_files(path, folders, form):
+        return _of_files(path, form, matching)
+    if form.folder is not None:
+        return _of_folders(path, folders, form, matching)
+    if form.file is not None:
+        return _of_single_files(path, folders, form, matching)
+    there = ", ".join(file.name for file in _files(path, form)) or "a folder"
+    raise DatasetError(path, "path", f"the {form.name} file of all cameras itself", there)
+
+
+def subfolders(path: Path) -> list[Path]:
+    """Folders beneath a folder, by name, without hidden ones."""
+    try:
+        return sorted(p for p in path.iterdir() if p.is_dir() and not p.name.startswith("."))
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise DatasetError(path, "folder", "a readable folder", reason) from error
+
+
+def _files(folder: Path, form: DetectionFormat, *, recognised: bool = True) -> list[Path]:
+    """Files in a folder with the format's suffix, by name; if `recognised`, only those of the format."""
+    found = [p for suffix in form.suffixes for p in folder.glob(f"*{suffix}") if p.is_file()]
+    shown = sorted(path for path in found if not path.name.startswith("."))
+    return [path for path in shown if form.matches(path)] if recognised else shown
+
+
+def _has_files(path: Path, folders: list[Path], form: DetectionFormat) -> bool:
+    """Say whether the cameras' files lie in the folder itself, not in one of its own each."""
+    beneath = any(_files(folder, form, recognised=False) for folder in folders)
+    return bool(_files(path, form)) or (bool(_files(path, form, recognised=False)) and not beneath)
+
+
+def _of_recording(path: Path, form: DetectionFormat, matching: Matching, sequence: str | None) -> Sources:
+    if form.recording is None:
+        raise DatasetError(path, "path", f"a folder ({form.name} has files per camera)", "a file")
+    recording = form.recording(path, sequence)
+    if not recording.named and matching.order is None:
+        places = ", ".join(recording.views)
+        expected = 'the order of its views (order= or --order: "sorted", or the place of each camera)'
+        raise DatasetError(path, "cameras", expected, f"none; it has no names, only views {places}")
+    labels = matching.match(Candidates(path, "view", {label: label for label in recording.views}))
+    views = {name: recording.views[label] for name, label in labels.items() if label is not None}
+    return Sources("view", labels, views)
+
+
+def _of_files(path: Path, form: DetectionFormat, matching: Matching) -> Sources:
+    """Open the files of a folder; one that is not recognised is still taken for a camera of its name."""
+    assert form.file is not None
+    files = _files(path, form, recognised=False)
+    known = {file.name for file in _files(path, form)}
+    texts = {file.name: form.camera_part(file.stem) for file in files}
+    idle = texts.keys() - known if known else set()
+    labels = matching.match(Candidates(path, "file", texts, idle, within=True))
+    views = {name: form.file(path / label) for name, label in labels.items() if label is not None}
+    return Sources("file", labels, views)
+
+
+def _of_folders(path: Path, folders: list[Path], form: DetectionFormat, matching: Matching) -> Sources:
+    assert form.folder is not None
+    labels = matching.match(_folder_candidates(path, folders, form))
+    views = {name: form.folder(path / label) for name, label in labels.items() if label is not None}
+    return Sources("folder", labels, views)
+
+
+def _of_single_files(path: Path, folders: list[Path], form: DetectionFormat, matching: Matching) -> Sources:
+    """Open the one file in each camera's folder."""
+    assert form.file is not None
+    labels = matching.match(_folder_candidates(path, folders, form))
+    views = {}
+    for name, label in labels.items():
+        if label is not None:
+            found = _files(path / label, form) or _files(path / label, form, recognised=False)
+            if len(found) != 1:
+                there = ", ".join(file.name for file in found) or "none"
+                raise DatasetError(path / label, "files", f"one {form.name} file of the camera", there)
+            views[name] = form.file(found[0])
+    return Sources("folder", labels, views)
+
+
+def _folder_candidates(path: Path, folders: list[Path], form: DetectionFormat) -> Candidates:
+    idle = [p.name for p in folders if not any(next(p.glob(f"*{suffix}"), None) for suffix in form.suffixes)]
+    return Candidates(path, "folder", {folder.name: folder.name for folder in folders}, idle)

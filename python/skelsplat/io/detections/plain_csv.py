@@ -1,0 +1,141 @@
+"""Plain csv files: for detections of one's own, one line per joint.
+
+A header line with the columns ``frame``, ``joint``, ``x`` and ``y``, in any order, and perhaps ``confidence``
+(else 1), ``person`` (a number or name; else there is one) and ``camera`` (else one file per camera, named
+like it). ``joint`` is a name, or in every line the place in the layout, from 0. A joint with an empty ``x``,
+``y`` or ``confidence`` is missing, like one whose line is not there. Further columns are left out.
+"""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skelsplat.exceptions import DatasetError
+from skelsplat.io._files import read_text
+from skelsplat.io.detections._format import DetectionFormat, Person, Recording, View, joints_of, list_view
+from skelsplat.io.detections._json import json_head
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+_NEEDED = ("frame", "joint", "x", "y")
+_HIGHEST = 9999
+_KNOWN = (*_NEEDED, "confidence", "person", "camera")
+
+
+@dataclass
+class _Camera:
+    """Lines of one camera: frame → person → joint → (x, y, confidence)."""
+
+    frames: dict[int, dict[str, dict[str, tuple[float, ...]]]] = field(default_factory=dict)
+
+
+def read_recording(path: Path, _: str | None) -> Recording:
+    """Return the views of a file of all cameras."""
+    cameras, joints = _read(path)
+    if "" in cameras:
+        raise DatasetError(
+            path, "camera", "a camera in every line", "none; or a folder of one file per camera"
+        )
+    return Recording({name: _view(path, camera, joints) for name, camera in cameras.items()}, named=True)
+
+
+def read_file(path: Path) -> View:
+    """Return the view of the one camera of a file."""
+    cameras, joints = _read(path)
+    if len(cameras) > 1:
+        raise DatasetError(path, "camera", "one camera (or the path of this file)", ", ".join(cameras))
+    return _view(path, next(iter(cameras.values())), joints)
+
+
+def _read(path: Path) -> tuple[dict[str, _Camera], tuple[str, ...]]:
+    """Return the lines of each camera, and all joints in the order in which they come."""
+    lines = list(csv.reader(read_text(path).splitlines()))
+    columns = _columns(path, lines[0] if lines else [])
+    cameras: dict[str, _Camera] = {}
+    joints: dict[str, None] = {}
+    for number, line in enumerate(lines[1:], start=2):
+        if not line:
+            continue
+        if len(line) != len(lines[0]):
+            raise DatasetError(path, f"line {number}", f"{len(lines[0])} fields", f"{len(line)} fields")
+        cell = {name: line[place].strip() for name, place in columns.items()}
+        camera = cameras.setdefault(cell.get("camera", ""), _Camera())
+        frame = camera.frames.setdefault(_frame(path, number, cell["frame"]), {})
+        person = frame.setdefault(cell.get("person", ""), {})
+        if not cell["joint"] or cell["joint"] in person:
+            expected = "a joint, once per person"
+            raise DatasetError(path, f"line {number}, joint", expected, repr(cell["joint"]))
+        values = [_number(path, number, name, cell.get(name, "1")) for name in ("x", "y", "confidence")]
+        person[cell["joint"]] = tuple(values)
+        joints[cell["joint"]] = None
+    if not cameras:
+        raise DatasetError(path, "lines", "one line per joint after the header", "none")
+    return cameras, _ordered(path, tuple(joints))
+
+
+def _columns(path: Path, header: Sequence[str]) -> dict[str, int]:
+    names = [name.strip().lower() for name in header]
+    missing = [name for name in _NEEDED if name not in names]
+    if missing or len(set(names)) < len(names):
+        expected = f"different columns, among them {', '.join(_NEEDED)}"
+        raise DatasetError(path, "line 1", expected, ", ".join(header) or "an empty line")
+    return {name: names.index(name) for name in _KNOWN if name in names}
+
+
+def _frame(path: Path, line: int, text: str) -> int:
+    if not text.isdecimal():
+        raise DatasetError(path, f"line {line}, frame", "a whole number from 0", repr(text))
+    return int(text)
+
+
+def _number(path: Path, line: int, column: str, text: str) -> float:
+    try:
+        value = float(text) if text else float("nan")
+    except ValueError:
+        raise DatasetError(path, f"line {line}, {column}", "a number or nothing", repr(text)) from None
+    if np.isinf(value) or (column == "confidence" and not np.isnan(value) and not 0.0 <= value <= 1.0):
+        expected = "a confidence in [0, 1]" if column == "confidence" else "a number or nothing"
+        raise DatasetError(path, f"line {line}, {column}", expected, text)
+    return value
+
+
+def _ordered(path: Path, joints: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the joints in their order: places by number, names as they come."""
+    places = [joint for joint in joints if joint.isdecimal()]
+    if places and len(places) < len(joints):
+        names = ", ".join(joint for joint in joints if joint not in places)
+        raise DatasetError(path, "joint", "names or places, not both", f"places and {names}")
+    highest = max(map(int, places), default=0)
+    if highest > _HIGHEST:
+        raise DatasetError(path, "joint", f"places from 0 to {_HIGHEST}", highest)
+    return tuple(str(place) for place in range(highest + 1)) if places else joints
+
+
+def _view(path: Path, camera: _Camera, joints: tuple[str, ...]) -> View:
+    people = {
+        number: [_person(path, f"frame {number}", person, joints) for person in frame.values()]
+        for number, frame in camera.frames.items()
+    }
+    names = None if joints[0].isdecimal() else joints
+    return replace(list_view(path, people), joints=names, sparse=True)
+
+
+def _person(path: Path, where: str, person: dict[str, tuple[float, ...]], joints: tuple[str, ...]) -> Person:
+    rows = np.array([person.get(joint, (np.nan, np.nan, np.nan)) for joint in joints])
+    return Person(path, where, joints_of(path, where, rows[:, :2], rows[:, 2], clip=False))
+
+
+def _matches(path: Path) -> bool:
+    first = json_head(path).partition("\n")[0].lower().split(",")
+    return set(_NEEDED) <= {name.strip() for name in first}
+
+
+FORMAT = DetectionFormat(
+    name="csv", suffixes=(".csv",), matches=_matches, file=read_file, recording=read_recording
+)

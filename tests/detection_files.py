@@ -1,0 +1,393 @@
+"""Writers of every format of detections that is read, each by its own library where there is one.
+
+A writer takes the folder to write into and a `Take`, and returns the path to read.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skelsplat.io.detections.freemocap import _BODY
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+SCORER = "DLC_resnet50_gaitOct30shuffle1_100000"
+
+
+def persons(people: np.ndarray) -> list[np.ndarray]:
+    """Those of one image (P, K, 3) who are there."""
+    return [person for person in people if np.isfinite(person).any()]
+
+
+def zeros(person: np.ndarray) -> list[list[float]]:
+    """Joints as lists; missing ones are zeros."""
+    return np.nan_to_num(person).tolist()
+
+
+def flat(person: np.ndarray) -> list[float]:
+    return np.nan_to_num(person).ravel().tolist()
+
+
+@dataclass(frozen=True)
+class Take:
+    """What is written.
+
+    Attributes
+    ----------
+    people : (T, M, P, K, 3)
+        Everybody's detections, NaN for missing.
+    names, joints : list of str
+        Of the cameras and of the joints.
+    first : int
+        The first frame number.
+    """
+
+    people: np.ndarray
+    names: list[str]
+    joints: list[str]
+    first: int = 0
+
+    def views(self) -> Iterator[tuple[str, np.ndarray]]:
+        """Each camera's name and people (T, P, K, 3)."""
+        for m, name in enumerate(self.names):
+            yield name, self.people[:, m]
+
+    @property
+    def frames(self) -> np.ndarray:
+        return np.arange(self.first, self.first + len(self.people))
+
+
+def per_frame(root: Path, take: Take, document: Callable[[list], object], ending: str) -> Path:
+    for name, view in take.views():
+        (root / name).mkdir(parents=True)
+        for t, frame in enumerate(view):
+            path = root / name / f"{take.first + t:06d}{ending}"
+            path.write_text(json.dumps(document(persons(frame))))
+    return root
+
+
+def openpose(root: Path, take: Take) -> Path:
+    def document(frame):
+        return {"version": 1.3, "people": [{"person_id": [-1], "pose_keypoints_2d": flat(p)} for p in frame]}
+
+    return per_frame(root, take, document, "_keypoints.json")
+
+
+def easymocap(root: Path, take: Take) -> Path:
+    def document(frame):
+        found = [
+            {"personID": i, "bbox": [0, 0, 9, 9, 0.9], "keypoints": zeros(p), "isKeyframe": False}
+            for i, p in enumerate(frame)
+        ]
+        return {"filename": "images/1.jpg", "height": 1000, "width": 1000, "annots": found}
+
+    return per_frame(root / "annots", take, document, ".json")
+
+
+def mmpose(root: Path, take: Take) -> Path:
+    meta = {"dataset_name": "own", "keypoint_id2name": {str(k): joint for k, joint in enumerate(take.joints)}}
+    for name, view in take.views():
+        frames = [
+            {
+                "frame_id": take.first + t,
+                "instances": [
+                    {
+                        "keypoints": np.nan_to_num(p[:, :2], nan=-1.0).tolist(),
+                        "keypoint_scores": np.nan_to_num(p[:, 2]).tolist(),
+                        "bbox": [[0.0, 0.0, 9.0, 9.0]],
+                        "bbox_score": 0.9,
+                    }
+                    for p in persons(frame)
+                ],
+            }
+            for t, frame in enumerate(view)
+        ]
+        (root / f"results_{name}.json").write_text(json.dumps({"meta_info": meta, "instance_info": frames}))
+    return root
+
+
+def alphapose(root: Path, take: Take) -> Path:
+    for name, view in take.views():
+        found = [
+            {
+                "image_id": f"{take.first + t}.jpg",
+                "category_id": 1,
+                "keypoints": flat(p),
+                "score": 2.7,
+                "idx": i,
+            }
+            for t, frame in enumerate(view)
+            for i, p in enumerate(persons(frame))
+        ]
+        (root / name).mkdir()
+        (root / name / "alphapose-results.json").write_text(json.dumps(found))
+    return root
+
+
+def coco(root: Path, take: Take) -> Path:
+    for name, view in take.views():
+        found = [
+            {"image_id": take.first + t, "category_id": 1, "keypoints": flat(p), "score": 0.7}
+            for t, frame in enumerate(view)
+            for p in persons(frame)
+        ]
+        (root / f"{name}.json").write_text(json.dumps(found))
+    return root
+
+
+def rtmlib_frames(root: Path, take: Take) -> Path:
+    for name, view in take.views():
+        (root / name).mkdir()
+        for t, frame in enumerate(view):
+            found = np.array(persons(frame)).reshape(-1, len(take.joints), 3)
+            keypoints, scores = np.nan_to_num(found[..., :2], nan=-1.0), np.nan_to_num(found[..., 2])
+            np.savez(root / name / f"{take.first + t:06d}.npz", keypoints=keypoints, scores=scores)
+    return root
+
+
+def rtmlib_pairs(root: Path, take: Take) -> Path:
+    for name, view in take.views():
+        (root / name).mkdir()
+        for t, frame in enumerate(view):
+            found = np.array(persons(frame)).reshape(-1, len(take.joints), 3)
+            np.save(root / name / f"{take.first + t}_keypoints.npy", found[..., :2].astype(np.float64))
+            np.save(root / name / f"{take.first + t}_scores.npy", np.nan_to_num(found[..., 2]))
+    return root
+
+
+def rtmlib_cameras(root: Path, take: Take) -> Path:
+    for name, view in take.views():
+        frames = take.frames
+        np.savez(root / f"{name}.npz", keypoints=view[..., :2], scores=view[..., 2], frames=frames)
+    return root
+
+
+def metrabs(root: Path, take: Take) -> Path:
+    for name, view in take.views():
+        (root / name).mkdir()
+        arrays = {"frames": take.frames, "poses3d": np.zeros((len(view), 1, 17, 3))}
+        np.savez(root / name / "poses.npz", poses2d=view[..., :2], **arrays)
+    return root
+
+
+def metrabs_ragged(root: Path, take: Take) -> Path:
+    for name, view in take.views():
+        parts = np.empty(len(view), dtype=object)
+        for t, frame in enumerate(view):
+            parts[t] = np.array(persons(frame)).reshape(-1, len(take.joints), 3)[..., :2]
+        np.savez(root / f"{name}.npz", poses2d=parts, frames=take.frames)
+    return root
+
+
+def deeplabcut_table(view: np.ndarray, joints, first, *, multi: bool):
+    """One camera's table; a multi-animal project has a part of its own beside the individuals."""
+    import pandas as pd
+
+    coords = ["x", "y", "likelihood"]
+    frame = range(first, first + len(view))
+    if not multi:
+        columns = pd.MultiIndex.from_product(
+            [[SCORER], joints, coords], names=["scorer", "bodyparts", "coords"]
+        )
+        return pd.DataFrame(view[:, 0].reshape(len(view), -1), columns=columns, index=frame)
+    levels = ["scorer", "individuals", "bodyparts", "coords"]
+    individuals = [f"individual{p + 1}" for p in range(view.shape[1])]
+    columns = pd.MultiIndex.from_product([[SCORER], individuals, joints, coords], names=levels)
+    own = pd.MultiIndex.from_product([[SCORER], ["single"], ["door"], coords], names=levels)
+    values = np.hstack([view.reshape(len(view), -1), np.full((len(view), 3), 0.5)])
+    return pd.DataFrame(values, columns=columns.append(own), index=frame)
+
+
+def _deeplabcut(root: Path, take: Take, *, multi: bool, suffix: str) -> Path:
+    for name, view in take.views():
+        table = deeplabcut_table(view, take.joints, take.first, multi=multi)
+        path = root / f"{name}{SCORER}{'_el' if multi else ''}{suffix}"
+        if suffix == ".csv":
+            table.to_csv(path)
+        else:
+            table.to_hdf(path, key="df_with_missing", format="table", mode="w")
+    return root
+
+
+def deeplabcut(root: Path, take: Take) -> Path:
+    return _deeplabcut(root, take, multi=False, suffix=".h5")
+
+
+def deeplabcut_multi(root: Path, take: Take) -> Path:
+    return _deeplabcut(root, take, multi=True, suffix=".h5")
+
+
+def deeplabcut_csv(root: Path, take: Take) -> Path:
+    return _deeplabcut(root, take, multi=False, suffix=".csv")
+
+
+def deeplabcut_csv_multi(root: Path, take: Take) -> Path:
+    return _deeplabcut(root, take, multi=True, suffix=".csv")
+
+
+def sleap(root: Path, take: Take) -> Path:
+    import h5py
+
+    for name, view in take.views():
+        with h5py.File(root / f"labels.v001.000_{name}.analysis.h5", "w") as file:
+            sizes = {"compression": "gzip", "compression_opts": 9}
+            file.create_dataset("tracks", data=view[..., :2].transpose(1, 3, 2, 0), **sizes)
+            file.create_dataset("point_scores", data=view[..., 2].transpose(1, 2, 0), **sizes)
+            seen = np.isfinite(view[..., 0]).any(axis=2)
+            file.create_dataset("track_occupancy", data=seen.astype(np.uint8), **sizes)
+            file.create_dataset("node_names", data=[np.bytes_(joint) for joint in take.joints])
+            tracks = [np.bytes_(f"track_{p}") for p in range(view.shape[1])]
+            file.create_dataset("track_names", data=tracks)
+    return root
+
+
+def freemocap(root: Path, take: Take) -> Path:
+    points = np.full((take.people.shape[1], len(take.people), 553, 2), np.nan)
+    for k, joint in enumerate(take.joints):
+        points[:, :, _BODY.index(joint)] = take.people[:, :, 0, k, :2].swapaxes(0, 1)
+    path = root / "mediapipe_2dData_numCams_numFrames_numTrackedPoints_pixelXY.npy"
+    np.save(path, points)
+    return path
+
+
+def videopose3d_table(people, action="Directions 1") -> dict:
+    return {"S9": {action: [people[:, m, 0, :, :2].astype(np.float32) for m in range(people.shape[1])]}}
+
+
+def videopose3d(root: Path, take: Take) -> Path:
+    path = root / "data_2d_h36m_cpn_ft_h36m_dbb.npz"
+    pairs = [[4, 5, 6, 11, 12, 13], [1, 2, 3, 14, 15, 16]]
+    metadata = {"layout_name": "h36m", "num_joints": 17, "keypoints_symmetry": pairs}
+    np.savez_compressed(path, positions_2d=videopose3d_table(take.people), metadata=metadata)
+    return path
+
+
+def videopose3d_custom(root: Path, take: Take) -> Path:
+    path = root / "data_2d_custom_walk.npz"
+    table = {
+        name: {"custom": [take.people[:, m, 0, :, :2].astype(np.float32)]}
+        for m, name in enumerate(take.names)
+    }
+    metadata = {
+        "layout_name": "coco",
+        "num_joints": 17,
+        "video_metadata": {name: {"w": 9} for name in take.names},
+    }
+    np.savez_compressed(path, positions_2d=table, metadata=metadata)
+    return path
+
+
+def npz(root: Path, take: Take) -> Path:
+    path = root / "detections.npz"
+    frames = take.frames
+    np.savez(
+        path, detections=take.people, camera_names=take.names, frames=frames, joint_names=list(take.joints)
+    )
+    return path
+
+
+def npz_cameras(root: Path, take: Take) -> Path:
+    for name, view in take.views():
+        frames = take.frames
+        np.savez(root / f"{name}.npz", detections=view[..., :2], confidence=view[..., 2], frames=frames)
+    return root
+
+
+def csv_lines(view: np.ndarray, joints, first) -> Iterator[dict[str, object]]:
+    for t, frame in enumerate(view):
+        for p, person in enumerate(persons(frame)):
+            for joint, (x, y, c) in zip(joints, person, strict=True):
+                if np.isfinite(x):
+                    yield {"frame": first + t, "person": p, "joint": joint, "x": x, "y": y, "confidence": c}
+
+
+def _csv(path: Path, lines: list[dict[str, object]]) -> None:
+    with path.open("w", newline="") as stream:
+        writer = csv.DictWriter(stream, lines[0])
+        writer.writeheader()
+        writer.writerows(lines)
+
+
+def plain_csv(root: Path, take: Take) -> Path:
+    path = root / "detections.csv"
+    cameras = take.views()
+    _csv(
+        path,
+        [
+            {"camera": name, **line}
+            for name, view in cameras
+            for line in csv_lines(view, take.joints, take.first)
+        ],
+    )
+    return path
+
+
+def plain_csv_cameras(root: Path, take: Take) -> Path:
+    places = [str(k) for k in range(len(take.joints))]
+    for name, view in take.views():
+        _csv(root / f"{name}.csv", list(csv_lines(view, places, take.first)))
+    return root
+
+
+@dataclass(frozen=True)
+class Case:
+    """A way to write a format, and what of the detections it keeps.
+
+    Attributes
+    ----------
+    write : callable
+    format : str
+        What it is found to be.
+    people, confidence, frames : bool
+        The format has more than one person, confidences, numbers of frames.
+    precision : type
+        Of the numbers in the file.
+    layout : str
+    order : str or None
+        How cameras are matched where the file does not name them.
+    """
+
+    write: Callable[..., Path]
+    format: str
+    people: bool = True
+    confidence: bool = True
+    frames: bool = True
+    precision: type = np.float64
+    layout: str = "h36m17"
+    order: str | None = None
+
+
+_ALONE = {"people": False, "confidence": False, "frames": False}
+CASES = {
+    "openpose": Case(openpose, "openpose"),
+    "easymocap": Case(easymocap, "easymocap"),
+    "mmpose": Case(mmpose, "mmpose"),
+    "alphapose": Case(alphapose, "alphapose"),
+    "coco": Case(coco, "coco"),
+    "rtmlib_frames": Case(rtmlib_frames, "rtmlib"),
+    "rtmlib_pairs": Case(rtmlib_pairs, "rtmlib"),
+    "rtmlib_cameras": Case(rtmlib_cameras, "rtmlib"),
+    "metrabs": Case(metrabs, "metrabs", confidence=False),
+    "metrabs_ragged": Case(metrabs_ragged, "metrabs", confidence=False),
+    "deeplabcut": Case(deeplabcut, "deeplabcut", people=False),
+    "deeplabcut_multi": Case(deeplabcut_multi, "deeplabcut"),
+    "deeplabcut_csv": Case(deeplabcut_csv, "deeplabcut_csv", people=False),
+    "deeplabcut_csv_multi": Case(deeplabcut_csv_multi, "deeplabcut_csv"),
+    "sleap": Case(sleap, "sleap", frames=False),
+    "freemocap": Case(freemocap, "freemocap", layout="coco17", order="sorted", **_ALONE),
+    "videopose3d": Case(videopose3d, "videopose3d", precision=np.float32, order="sorted", **_ALONE),
+    "videopose3d_custom": Case(
+        videopose3d_custom, "videopose3d", precision=np.float32, layout="coco17", **_ALONE
+    ),
+    "npz": Case(npz, "npz"),
+    "npz_cameras": Case(npz_cameras, "npz"),
+    "csv": Case(plain_csv, "csv"),
+    "csv_cameras": Case(plain_csv_cameras, "csv"),
+}

@@ -1,0 +1,150 @@
+"""Any tool's detections on the command line: the same poses as from OpenPose folders."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import skelsplat as sk
+from detection_files import CASES, Take
+from skelsplat.cli import _run, app
+from skelsplat.io import read_npz, read_openpose
+
+OPTIONS = ["--unit", "mm", "--layout", "h36m17", "--fps", "50", "-q"]
+JOINTS = sk.layouts.H36M17.joints
+
+
+@pytest.fixture(autouse=True)
+def no_pictures(monkeypatch):
+    monkeypatch.setattr(_run, "write_figures", lambda *_: [])
+
+
+def refine(folder, detections, *options):
+    args = ["refine", folder / "Calib.toml", detections, "-o", folder / "out", *OPTIONS, *options]
+    return CliRunner().invoke(app, [str(arg) for arg in args], env={"COLUMNS": "80"})
+
+
+@pytest.fixture
+def take(recording):
+    folder, rig, _ = recording
+    people = read_openpose(folder / "openpose", rig, layout="h36m17").people
+    return Take(people, list(rig.names), list(JOINTS))
+
+
+@pytest.fixture
+def expected(recording):
+    folder, _, _ = recording
+    assert refine(folder, folder / "openpose").exit_code == 0
+    return read_npz(folder / "out" / "pose.npz").pose
+
+
+def written(folder, name, take):
+    (folder / name).mkdir()
+    return CASES[name].write(folder / name, take)
+
+
+def report(folder):
+    return json.loads((folder / "out" / "report.json").read_text())["input"]
+
+
+@pytest.mark.parametrize("name", ["coco", "mmpose", "rtmlib_frames", "deeplabcut_csv", "sleap", "npz", "csv"])
+def test_the_format_is_found_and_reported(recording, take, expected, name):
+    folder, _, _ = recording
+    result = refine(folder, written(folder, name, take))
+    assert result.exit_code == 0, result.output
+    np.testing.assert_array_equal(read_npz(folder / "out" / "pose.npz").pose, expected)
+    assert report(folder)["format"] == CASES[name].format
+
+
+def test_format_order_and_map(recording, take, expected):
+    folder, _, _ = recording
+    names = ["d", "c", "b", "a"]
+    joints = ["root" if joint == "pelvis" else joint for joint in JOINTS]
+    path = written(folder, "deeplabcut_csv", Take(take.people, names, joints))
+    files = [next(path.glob(f"{name}DLC*.csv")).name for name in names]
+    options = ["--format", "DeepLabCut_csv", "--order", ", ".join(files), "--map", "pelvis=root"]
+    result = refine(folder, path, *options)
+    assert result.exit_code == 0, result.output
+    np.testing.assert_array_equal(read_npz(folder / "out" / "pose.npz").pose, expected)
+    assert report(folder)["order"] == files
+    assert report(folder)["mapping"] == {"pelvis": "root"}
+
+
+def test_a_joint_that_the_files_lack(recording, take):
+    folder, _, _ = recording
+    path = written(folder, "csv", take)
+    result = refine(folder, path, "--map", "pelvis=none", "--map", "nose=nose")
+    assert result.exit_code == 0, result.output
+    assert np.isnan(read_npz(folder / "out" / "pose.npz").reprojection_error[:, :, 0]).all()
+
+
+def test_offset_sets_a_clock(recording, expected):
+    folder, rig, _ = recording
+    path = folder / "openpose" / rig.names[2]
+    for file in sorted(path.iterdir()):
+        file.rename(file.with_name(f"{int(file.name[:6]) + 20:06d}_keypoints.json"))
+    assert refine(folder, folder / "openpose").exit_code == 1
+    options = ["--offset", f"{rig.names[2]}=-20", "--offset", f"{rig.names[0]}=0", "--frames", "intersection"]
+    result = refine(folder, folder / "openpose", *options)
+    assert result.exit_code == 0, result.output
+    np.testing.assert_array_equal(read_npz(folder / "out" / "pose.npz").pose, expected)
+    assert report(folder)["offsets"] == {rig.names[2]: -20, rig.names[0]: 0}
+
+
+def test_sorted_order_of_views_without_names(recording, take, expected):
+    folder, _, _ = recording
+    path = folder / "plain.npz"
+    np.savez(path, detections=take.people)
+    assert refine(folder, path).exit_code == 1
+    assert refine(folder, path, "--order", "sorted").exit_code == 0
+    np.testing.assert_array_equal(read_npz(folder / "out" / "pose.npz").pose, expected)
+
+
+@pytest.mark.parametrize(
+    ("options", "parts"),
+    [
+        (["--format", "yolo"], ["--format", "openpose", "'yolo'"]),
+        (["--offset", "cam1"], ["--offset", "A=B", "'cam1'"]),
+        (["--offset", "cam1=0.5"], ["--offset", "whole number", "'0.5'"]),
+        (["--offset", "cam1=1", "--offset", "cam1=2"], ["--offset", "once", "'cam1=2'"]),
+        (["--map", "nose"], ["--map", "A=B", "'nose'"]),
+    ],
+)
+def test_bad_usage(recording, options, parts):
+    folder, _, _ = recording
+    result = refine(folder, folder / "openpose", *options)
+    assert result.exit_code == 2
+    assert len(result.stderr.splitlines()) == 1
+    assert all(part in result.stderr for part in parts)
+
+
+@pytest.mark.parametrize(
+    ("options", "parts"),
+    [
+        (["--offset", "cam9=1"], ["offsets", "'cam9'"]),
+        (["--map", "tail=x"], ["mapping", "h36m17", "'tail'"]),
+        (["--order", "a,b"], ["order", "4 different folders", "a, b"]),
+        (["--format", "mmpose"], ["openpose", "files", "mmpose"]),
+    ],
+)
+def test_options_that_do_not_fit_the_files(recording, options, parts):
+    folder, _, _ = recording
+    result = refine(folder, folder / "openpose", *options)
+    assert result.exit_code == 1
+    assert len(result.stderr.splitlines()) == 1
+    assert all(part in result.stderr for part in parts)
+
+
+def test_a_missing_package_is_one_line(recording, take, monkeypatch):
+    import sys
+
+    folder, _, _ = recording
+    path = written(folder, "sleap", take)
+    monkeypatch.setitem(sys.modules, "h5py", None)
+    result = refine(folder, path)
+    assert result.exit_code == 1
+    assert len(result.stderr.splitlines()) == 1
+    assert "pip install 'skelsplat[formats]'" in result.stderr

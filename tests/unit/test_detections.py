@@ -1,0 +1,209 @@
+"""Reading detections: every format to the same arrays, and the main person among others in each."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from detection_files import CASES, Take
+from skelsplat import synthetic
+from skelsplat.association import choose_person
+from skelsplat.io import read_detections
+from skelsplat.io.detections import FORMATS, _read
+
+T = 4
+MISSING = (1, -1, 5)  # frame, camera, joint
+MULTI = [name for name, case in CASES.items() if case.people]
+
+
+@pytest.fixture(scope="module")
+def rig():
+    return synthetic.human36m_like()
+
+
+def seen(pose, rig, views, seed):
+    """Make detections (T, M, K, 3) of one person with 1 px of noise; nobody outside `views`."""
+    rng = np.random.default_rng(seed)
+    pixels = sk.project(pose, rig).swapaxes(0, 1)
+    pixels = pixels + rng.normal(0.0, 1.0, pixels.shape)
+    found = np.concatenate([pixels, rng.uniform(0.4, 1.0, (*pixels.shape[:-1], 1))], axis=-1)
+    found[:, [m for m in range(len(rig)) if m not in views]] = np.nan
+    return found
+
+
+@pytest.fixture(scope="module")
+def people(rig):
+    """Two people (T, M, 2, K, 3); the second in two views only, and there the two change places."""
+    pose = synthetic.motion("walk", T, seed=3)
+    person = seen(pose, rig, range(4), 1)
+    person[MISSING] = np.nan
+    bystander = seen(pose[::-1] + np.array([900.0, 700.0, 0.0]), rig, (0, 1), 2)
+    both = np.stack([person, bystander], axis=2)
+    both[::2, 0] = both[::2, 0, ::-1]
+    both[1::2, 1] = both[1::2, 1, ::-1]
+    return both
+
+
+@pytest.fixture(scope="module")
+def place():
+    """Where the person is, (T, M)."""
+    index = np.zeros((T, 4), dtype=np.int64)
+    index[::2, 0] = index[1::2, 1] = 1
+    return index
+
+
+def alone(people, place):
+    return np.take_along_axis(people, place[:, :, None, None, None], axis=2)
+
+
+def written(case, root, people, place, rig, first=5):
+    """Write a case; return the path and what is to be read (T, M, P, K, 3)."""
+    kept = people if case.people else alone(people, place)
+    layout = sk.layouts.get(case.layout)
+    path = case.write(root, Take(kept, list(rig.names), list(layout.joints), first))
+    expected = kept.astype(case.precision).astype(np.float64)
+    if not case.confidence:
+        expected[..., 2] = np.where(np.isfinite(expected[..., 0]), 1.0, np.nan)
+    return path, expected
+
+
+def read(case, path, rig, **options):
+    return read_detections(path, rig, **{"layout": case.layout, "order": case.order, **options})
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_every_format_is_found_and_read_to_the_same_arrays(tmp_path, people, place, rig, name):
+    case = CASES[name]
+    path, expected = written(case, tmp_path, people, place, rig)
+    found = read(case, path, rig)
+    np.testing.assert_array_equal(found.people, expected)
+    np.testing.assert_array_equal(found.frames, np.arange(T) + (5 if case.frames else 0))
+    assert found.format == case.format
+    assert found.layout == case.layout
+    assert found.camera_names == rig.names
+    assert all(source is not None and source.is_relative_to(tmp_path) for source in found.sources)
+    assert np.isnan(found.people[MISSING[0], MISSING[1], 0, MISSING[2]]).all()
+    named = read(case, path, rig, format=case.format)
+    np.testing.assert_array_equal(named.people, expected)
+
+
+def test_every_format_has_a_case():
+    assert {case.format for case in CASES.values()} == set(FORMATS)
+
+
+@pytest.mark.parametrize("name", MULTI)
+def test_another_person_in_view_does_not_confuse_the_main_one(tmp_path, people, place, rig, name):
+    case = CASES[name]
+    path, expected = written(case, tmp_path, people, place, rig)
+    detections, index = choose_person(read(case, path, rig).people, rig)
+    np.testing.assert_array_equal(index, place)
+    np.testing.assert_array_equal(detections, alone(expected, place)[:, :, 0])
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_views_follow_the_cameras(tmp_path, people, place, rig, name):
+    case = CASES[name]
+    path, expected = written(case, tmp_path, people, place, rig)
+    backward = list(rig)[::-1]
+    labels = [str(m) for m in range(4)][::-1]
+    if name == "videopose3d":
+        labels = ["54138969", "55011271", "58860488", "60457274"][::-1]
+    order = None if case.order is None else labels
+    np.testing.assert_array_equal(read(case, path, backward, order=order).people, expected[:, ::-1])
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_offsets_shift_a_camera_in_time(tmp_path, people, place, rig, name):
+    case = CASES[name]
+    path, expected = written(case, tmp_path, people, place, rig)
+    first = 5 if case.frames else 0
+    offsets = {rig.names[1]: 2, rig.names[3]: np.int64(-1)}
+    found = read(case, path, rig, offsets=offsets, frames="intersection")
+    np.testing.assert_array_equal(found.frames, [first + 2])
+    for m, at in enumerate((2, 0, 2, 3)):
+        np.testing.assert_array_equal(found.people[0, m], expected[at, m])
+
+
+def test_offsets_are_for_cameras_and_whole_numbers(tmp_path, people, place, rig):
+    path, expected = written(CASES["openpose"], tmp_path, people, place, rig)
+    strict = read_detections(path, rig, layout="h36m17", offsets={rig.names[0]: 1})
+    np.testing.assert_array_equal(strict.frames, [6, 7, 8])
+    np.testing.assert_array_equal(strict.people[:, 0], expected[:3, 0])
+    np.testing.assert_array_equal(strict.people[:, 1], expected[1:, 1])
+    union = read_detections(path, rig, layout="h36m17", offsets={rig.names[0]: 1}, frames="union")
+    np.testing.assert_array_equal(union.frames, [5, 6, 7, 8, 9])
+    assert np.isnan(union.people[0, 0]).all()
+    with pytest.raises(sk.InvalidInputError, match=r"offsets: expected a camera \(.*\), got 'cam9'"):
+        read_detections(path, rig, layout="h36m17", offsets={"cam9": 1})
+    with pytest.raises(sk.InvalidInputError, match=r"offsets\[\w+\]: expected a whole number .*, got 0\.5"):
+        read_detections(path, rig, layout="h36m17", offsets={rig.names[0]: 0.5})
+    with pytest.raises(sk.DatasetError, match=r"frames: expected frames that all folders have after the off"):
+        read_detections(path, rig, layout="h36m17", offsets={rig.names[0]: 10})
+
+
+@pytest.mark.parametrize("name", ["alphapose", "coco", "csv"])
+def test_a_frame_without_people_is_not_listed_and_not_an_error(tmp_path, people, place, rig, name):
+    people = people.copy()
+    people[2, 1] = np.nan
+    path, expected = written(CASES[name], tmp_path, people, place, rig)
+    np.testing.assert_array_equal(read(CASES[name], path, rig).people, expected)
+
+
+def test_cameras_whose_frames_never_meet(tmp_path, people, place, rig):
+    path, _ = written(CASES["coco"], tmp_path, people, place, rig)
+    text = (path / f"{rig.names[2]}.json").read_text()
+    (path / f"{rig.names[2]}.json").write_text(re.sub(r'"image_id": ', '"image_id": 9', text))
+    with pytest.raises(sk.DatasetError, match=r"frames: expected frames that all files have, got .*95 to 98"):
+        read_detections(path, rig, layout="h36m17")
+
+
+@pytest.mark.parametrize(("above", "below"), [(1.7, -0.2), (25.0, 0.0)])
+@pytest.mark.parametrize("name", ["rtmlib_frames", "rtmlib_cameras", "mmpose", "alphapose", "coco", "sleap"])
+def test_scores_that_are_no_probabilities_are_clipped(tmp_path, people, place, rig, name, above, below):
+    people = people.copy()
+    people[0, 2, 0, 3, 2], people[0, 2, 0, 4, 2] = above, below
+    path, _ = written(CASES[name], tmp_path, people, place, rig)
+    found = read(CASES[name], path, rig).people
+    np.testing.assert_array_equal(found[0, 2, 0, 3], [*people[0, 2, 0, 3, :2], 1.0])
+    assert np.isnan(found[0, 2, 0, 4]).all()
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_parts_of_the_image_for_pixels(tmp_path, people, place, rig, name):
+    case = CASES[name]
+    path, _ = written(case, tmp_path, people / [1000.0, 1000.0, 1.0], place, rig)
+    message = r"expected pixels of the original image, got numbers from .* parts of the image's size"
+    with pytest.raises(sk.DatasetError, match=message):
+        read(case, path, rig)
+
+
+def test_no_package_is_imported_before_it_is_needed():
+    code = "import sys, skelsplat.io; print(*sys.modules)"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert not {"pandas", "tables", "h5py", "cv2"} & set(run.stdout.split())
+
+
+@pytest.mark.parametrize(
+    ("name", "package"), [("sleap", "h5py"), ("deeplabcut", "pandas"), ("deeplabcut", "tables")]
+)
+def test_a_missing_package_is_named_with_its_command(
+    tmp_path, people, place, rig, monkeypatch, name, package
+):
+    path, _ = written(CASES[name], tmp_path, people, place, rig)
+    monkeypatch.setitem(sys.modules, package, None)
+    message = rf"expected the package {package} to be installed.*pip install 'skelsplat\[formats\]'"
+    with pytest.raises(sk.SkelSplatError, match=message) as caught:
+        read(CASES[name], path, rig)
+    assert isinstance(caught.value, ImportError)
+    assert "\n" not in str(caught.value)
+
+
+def test_openpose_is_read_by_the_same_reader(monkeypatch, rig):
+    monkeypatch.setattr(_read, "read_detections", lambda *a, **k: (a, k))
+    given = {"layout": "coco17", "frames": "union", "allow_missing": True}
+    assert _read.read_openpose("x", rig, **given) == (("x", rig), {"format": "openpose", **given})

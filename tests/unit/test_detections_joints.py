@@ -1,0 +1,177 @@
+"""Which joint of a file is which joint of the layout."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from broken_detections import NAMES, K, anybody
+from detection_files import CASES, Take
+from skelsplat.io import read_detections
+
+H36M, COCO = sk.layouts.H36M17, sk.layouts.COCO17
+MAIN = anybody()
+
+
+def write(root, name, *, names=NAMES, joints=H36M.joints, people=MAIN):
+    case = CASES[name]
+    kept = people if case.people else people[:, :, :1]
+    return case.write(root, Take(kept, list(names), list(joints)))
+
+
+def first_joints(found):
+    """X of the first frame's first person in each camera, (M, N)."""
+    return found.people[0, :, 0, :, 0]
+
+
+X = MAIN[0, :, 0, :, 0]
+
+
+SPELLINGS = {
+    "as they are": lambda joint: joint,
+    "camel case": lambda joint: "".join(part.capitalize() for part in joint.split("_")),
+    "sides as letters": lambda joint: "".join(
+        {"left": "L", "right": "R"}.get(w, w.capitalize()) for w in joint.split("_")
+    ),
+    "sides last": lambda joint: "_".join([*joint.split("_")[1:], joint.split("_")[0]]),
+    "spaces": lambda joint: joint.replace("_", " ").capitalize(),
+}
+
+
+@pytest.mark.parametrize("name", ["deeplabcut_csv_multi", "sleap", "csv", "npz"])
+@pytest.mark.parametrize("spelling", SPELLINGS)
+def test_names_are_matched_however_they_are_written(tmp_path, name, spelling):
+    order = np.random.default_rng(3).permutation(K)
+    joints = [SPELLINGS[spelling](COCO.joints[k]) for k in order]
+    path = write(tmp_path, name, joints=joints, people=MAIN[..., order, :])
+    for layout in ("coco17", None):  # 17 joints of these names are COCO's
+        found = read_detections(path, NAMES, layout=layout)
+        assert found.layout == "coco17"
+        np.testing.assert_array_equal(first_joints(found), X)
+
+
+def test_joints_of_the_file_that_the_layout_lacks_are_left_out(tmp_path):
+    people = np.concatenate([MAIN[..., 8:9, :], MAIN], axis=-2)
+    write(tmp_path, "deeplabcut_csv_multi", joints=["tail", *H36M.joints], people=people)
+    np.testing.assert_array_equal(first_joints(read_detections(tmp_path, NAMES, layout="h36m17")), X)
+    with pytest.raises(
+        sk.InvalidInputError, match=r"got none; .* has 18 joints per person: no known layout.*names tail"
+    ):
+        read_detections(tmp_path, NAMES)
+
+
+def test_mapping_says_what_names_do_not(tmp_path):
+    names = ["snout" if joint == "nose" else joint for joint in COCO.joints]
+    write(tmp_path, "sleap", joints=names)
+    message = (
+        r"joint names: expected a name for every joint of coco17, got none for nose among snout, left_eye.*"
+    )
+    with pytest.raises(sk.DatasetError, match=message + r'mapping=\{"nose": …\} \(--map nose=…\)'):
+        read_detections(tmp_path, NAMES, layout="coco17")
+    found = read_detections(tmp_path, NAMES, layout="coco17", mapping={"nose": "snout", "left_eye": None})
+    expected = X.copy()
+    expected[:, 1] = np.nan
+    np.testing.assert_array_equal(first_joints(found), expected)
+    by_place = read_detections(tmp_path, NAMES, layout="coco17", mapping={"nose": 0})
+    np.testing.assert_array_equal(first_joints(by_place), X)
+
+
+def test_a_mapping_takes_a_part_of_many_joints(tmp_path):
+    people = np.concatenate([MAIN[..., ::-1, :], MAIN, MAIN], axis=-2)
+    write(tmp_path, "coco", joints=range(51), people=people)
+    with pytest.raises(
+        sk.DatasetError, match=r"expected 3·17 = 51 numbers \(layout coco17\), got 153 \(3·51: no"
+    ):
+        read_detections(tmp_path, NAMES, layout="coco17")
+    mapping = {joint: 16 - k for k, joint in enumerate(COCO.joints)}
+    np.testing.assert_array_equal(
+        first_joints(read_detections(tmp_path, NAMES, layout=COCO, mapping=mapping)), X
+    )
+    mapping["nose"] = 51
+    with pytest.raises(
+        sk.DatasetError, match=r"\[0\]\.keypoints: expected a joint at place 51 \(mapping\), got 51"
+    ):
+        read_detections(tmp_path, NAMES, layout=COCO, mapping=mapping)
+
+
+@pytest.mark.parametrize(
+    ("mapping", "error", "message"),
+    [
+        ({"tail": "x"}, sk.InvalidInputError, r"mapping: expected a joint of coco17 \(nose, .*got 'tail'"),
+        (
+            {"nose": -1},
+            sk.InvalidInputError,
+            r"mapping\[nose\]: expected a name, a place from 0, or None, got -1",
+        ),
+        ({"nose": True}, sk.InvalidInputError, r"mapping\[nose\]: expected a name"),
+        ({"nose": "snout"}, sk.DatasetError, r"joint names: expected 'snout' for nose, got nose, left_eye"),
+    ],
+)
+def test_a_mapping_that_does_not_fit(tmp_path, mapping, error, message):
+    write(tmp_path, "sleap", joints=COCO.joints)
+    with pytest.raises(error, match=message):
+        read_detections(tmp_path, NAMES, layout="coco17", mapping=mapping)
+
+
+def test_a_mapping_without_names_in_the_file(tmp_path):
+    write(tmp_path, "coco")
+    with pytest.raises(
+        sk.DatasetError, match=r"joint names: expected the name 'x' \(mapping\), got no names"
+    ):
+        read_detections(tmp_path, NAMES, layout="coco17", mapping={"nose": "x"})
+    with pytest.raises(
+        sk.DatasetError, match=r"mapping for every joint of coco17, .*got none for left_eye, "
+    ):
+        read_detections(tmp_path, NAMES, layout="coco17", mapping={"nose": 0})
+
+
+def test_two_names_of_one_joint(tmp_path):
+    names = [*COCO.joints[:-1], "Nose"]
+    write(tmp_path, "csv", joints=names)
+    with pytest.raises(sk.DatasetError, match=r"joint names: expected one name for nose, got nose, Nose"):
+        read_detections(tmp_path / "detections.csv", NAMES, layout="coco17")
+
+
+def test_mmpose_names_confirm_an_order_and_need_not_be_ours(tmp_path):
+    theirs = ["root", *H36M.joints[1:8], "thorax", "neck_base", *H36M.joints[10:]]
+    write(tmp_path, "mmpose", joints=theirs)
+    np.testing.assert_array_equal(first_joints(read_detections(tmp_path, NAMES, layout="h36m17")), X)
+    with pytest.raises(
+        sk.InvalidInputError, match=r"has 17 joints per person: h36m17 or coco17; it names root, ri"
+    ):
+        read_detections(tmp_path, NAMES)
+
+
+def test_mmpose_whole_bodies_are_taken_apart_by_name(tmp_path):
+    joints = [*COCO.joints, *(f"face-{i}" for i in range(10))]
+    people = np.concatenate([MAIN, MAIN[..., :10, :]], axis=-2)
+    write(tmp_path, "mmpose", joints=joints, people=people)
+    np.testing.assert_array_equal(first_joints(read_detections(tmp_path, NAMES, layout="coco17")), X)
+
+
+def test_mmpose_inferencer_writes_the_bare_list(tmp_path):
+    write(tmp_path, "mmpose")
+    for path in tmp_path.glob("*.json"):
+        path.write_text(json.dumps(json.loads(path.read_text())["instance_info"]))
+    np.testing.assert_array_equal(first_joints(read_detections(tmp_path, NAMES, layout="h36m17")), X)
+    with pytest.raises(
+        sk.InvalidInputError, match=r"results_camA.json has 17 joints per person: h36m17 or coco17"
+    ):
+        read_detections(tmp_path, NAMES)
+
+
+def test_videopose3d_says_its_layout(tmp_path):
+    path = write(tmp_path, "videopose3d_custom", joints=COCO.joints)
+    assert read_detections(path, NAMES).layout == "coco17"
+    with pytest.raises(sk.DatasetError, match=r"got none for pelvis, spine, neck, head among nose, left_eye"):
+        read_detections(path, NAMES, layout="h36m17")
+
+
+def test_freemocap_of_another_tracker_has_no_names(tmp_path):
+    path = tmp_path / "deeplabcut2dData_numCams_numFrames_numTrackedPoints_pixelXY.npy"
+    np.save(path, MAIN[:, :, 0, :, :2].swapaxes(0, 1))
+    found = read_detections(path, NAMES, layout="h36m17", order="sorted")
+    np.testing.assert_array_equal(first_joints(found), X)

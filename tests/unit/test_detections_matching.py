@@ -1,0 +1,310 @@
+"""What belongs together, path and format, camera and file; and what versions of a tool write."""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from broken_detections import NAMES, K, T, anybody
+from detection_files import CASES, Take
+from skelsplat.io import read_detections
+
+H36M, COCO = sk.layouts.H36M17, sk.layouts.COCO17
+MAIN = anybody()
+
+
+def write(root, name, *, names=NAMES, joints=H36M.joints, people=MAIN):
+    case = CASES[name]
+    kept = people if case.people else people[:, :, :1]
+    return case.write(root, Take(kept, list(names), list(joints)))
+
+
+def first_joints(found):
+    """X of the first frame's first person in each camera, (M, N)."""
+    return found.people[0, :, 0, :, 0]
+
+
+X = MAIN[0, :, 0, :, 0]
+
+
+# Formats.
+
+
+def test_two_formats_in_one_folder_are_not_chosen_between(tmp_path):
+    write(tmp_path, "deeplabcut")
+    write(tmp_path, "deeplabcut_csv")
+    message = (
+        r"content: expected one format, or its name \(format=, --format\), got deeplabcut \(.*deeplabcut_csv"
+    )
+    with pytest.raises(sk.DatasetError, match=message):
+        read_detections(tmp_path, NAMES, layout=H36M)
+    found = read_detections(tmp_path, NAMES, layout=H36M, format="deeplabcut_csv")
+    np.testing.assert_array_equal(first_joints(found), X)
+
+
+def test_nothing_known(tmp_path):
+    (tmp_path / "notes.json").write_text('{"note": 1}')
+    with pytest.raises(sk.DatasetError, match=r"content: expected detections in a known format \(openpose, "):
+        read_detections(tmp_path, NAMES, layout=H36M)
+
+
+@pytest.mark.parametrize("given", [None, "mmpose"])
+def test_a_path_that_is_not_there(tmp_path, given):
+    with pytest.raises(
+        sk.DatasetError, match="nowhere: folder: expected a readable folder, got no such file"
+    ):
+        read_detections(tmp_path / "nowhere", NAMES, layout=H36M, format=given)
+
+
+def test_an_unknown_format(tmp_path):
+    with pytest.raises(sk.InvalidInputError, match=r"format: expected one of openpose, .*, got 'yolo'"):
+        read_detections(tmp_path, NAMES, layout=H36M, format="yolo")
+
+
+@pytest.mark.parametrize("name", ["coco", "sleap"])
+def test_the_file_of_one_camera_for_the_folder(tmp_path, name):
+    write(tmp_path, name)
+    path = next(tmp_path.glob("*camA*"))
+    with pytest.raises(
+        sk.DatasetError, match=r"path: expected a folder \(\w+ has files per camera\), got a file"
+    ):
+        read_detections(path, NAMES, layout=H36M)
+
+
+def test_the_folder_for_the_file_of_all_cameras(tmp_path):
+    write(tmp_path, "freemocap", joints=COCO.joints)
+    with pytest.raises(
+        sk.DatasetError, match=r"path: expected the freemocap file of all cameras itself, got medi"
+    ):
+        read_detections(tmp_path, NAMES, layout=COCO)
+
+
+def test_another_tools_file_with_a_name_that_says_so(tmp_path):
+    path = write(tmp_path, "openpose")
+    with pytest.raises(sk.DatasetError, match=r"annots: expected a list of people, got nothing"):
+        read_detections(path, NAMES, layout=H36M, format="easymocap")
+
+
+# Cameras.
+
+
+@pytest.mark.parametrize(
+    ("cameras", "files"),
+    [
+        (("cam_01", "cam_02"), ("take2_cam1_results", "take2_cam2_results")),
+        (("left", "right"), ("Left", "RIGHT")),
+        (("1", "2"), ("video_1", "video_2")),
+        (("A", "B"), ("camA", "camB")),
+    ],
+)
+def test_files_are_matched_by_the_cameras_words(tmp_path, cameras, files):
+    write(tmp_path, "coco", names=files)
+    if files[0] == "camA":
+        with pytest.raises(
+            sk.DatasetError, match=r"files: expected a camera .*no camera for camA\.json, camB"
+        ):
+            read_detections(tmp_path, cameras, layout=H36M)
+        return
+    np.testing.assert_array_equal(first_joints(read_detections(tmp_path, cameras, layout=H36M)), X)
+
+
+def test_a_name_that_fits_two_files(tmp_path):
+    write(tmp_path, "coco", names=["take_1_cam_1", "take_1_cam_2"])
+    message = (
+        r"files: expected one file per camera, got camera 1 and files take_1_cam_1.json, take_1_cam_2.json"
+    )
+    with pytest.raises(sk.DatasetError, match=message):
+        read_detections(tmp_path, ["1", "2"], layout=H36M)
+
+
+def test_a_file_that_fits_two_cameras(tmp_path):
+    write(tmp_path, "coco", names=["top_left"], people=MAIN[:, :1])
+    with pytest.raises(
+        sk.DatasetError, match=r"files: expected one file per camera, got top_left.json for top, left"
+    ):
+        read_detections(tmp_path, ["top", "left"], layout=H36M)
+
+
+def test_a_file_of_no_camera(tmp_path):
+    write(tmp_path, "coco", names=["camA", "camB"])
+    with pytest.raises(sk.DatasetError, match=r"files: expected a camera in the calibration for every file"):
+        read_detections(tmp_path, ["camA"], layout=H36M)
+    (tmp_path / "camB.json").write_text('{"not": "detections"}')
+    assert read_detections(tmp_path, ["camA"], layout=H36M).people.shape[1] == 1
+
+
+def test_a_camera_without_a_file_may_be_allowed(tmp_path):
+    write(tmp_path, "coco")
+    with pytest.raises(sk.DatasetError, match=r"files: expected a file for every camera .*none for camC"):
+        read_detections(tmp_path, [*NAMES, "camC"], layout=H36M)
+    found = read_detections(tmp_path, [*NAMES, "camC"], layout=H36M, allow_missing=True)
+    assert found.sources[2] is None
+    assert np.isnan(found.people[:, 2]).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "order"),
+    [
+        ("coco", ["camB", "camA.json"]),
+        ("openpose", ["camB", "camA"]),
+        ("npz", ["camB", "camA"]),
+        ("freemocap", [1, 0]),
+        ("freemocap", ["1", "0"]),
+    ],
+)
+def test_a_stated_order_comes_before_names(tmp_path, name, order):
+    layout = sk.layouts.get(CASES[name].layout)
+    path = write(tmp_path, name, joints=layout.joints)
+    found = read_detections(path, NAMES, layout=layout, order=order)
+    np.testing.assert_array_equal(first_joints(found), X[::-1])
+
+
+def test_sorted_is_natural_and_needs_no_names_of_cameras(tmp_path):
+    write(tmp_path, "coco", names=["video10", "video9"])
+    K0 = [[1000.0, 0.0, 500.0], [0.0, 1000.0, 500.0], [0.0, 0.0, 1.0]]
+    cameras = [sk.Camera(K0, np.eye(3), [0.0, 0.0, 1.0], size=(1000, 1000)) for _ in NAMES]
+    found = read_detections(tmp_path, cameras, layout=H36M, order="sorted")
+    np.testing.assert_array_equal(first_joints(found), X[::-1])
+    assert found.camera_names == ("0", "1")
+    with pytest.raises(sk.InvalidInputError, match="cameras: expected cameras with different names"):
+        read_detections(tmp_path, cameras, layout=H36M)
+
+
+@pytest.mark.parametrize(
+    ("order", "error", "message"),
+    [
+        ("given", sk.InvalidInputError, r'order: expected "sorted" or a list of files, got \'given\''),
+        (["camA"], sk.InvalidInputError, r"order: expected 2 different files, one per camera .*got camA"),
+        (["camA", "camA"], sk.InvalidInputError, r"order: expected 2 different files"),
+        (
+            ["camA", "cam9"],
+            sk.DatasetError,
+            r"files: expected the file 'cam9' that order names, got camA.json",
+        ),
+    ],
+)
+def test_an_order_that_does_not_fit(tmp_path, order, error, message):
+    write(tmp_path, "coco")
+    with pytest.raises(error, match=message):
+        read_detections(tmp_path, NAMES, layout=H36M, order=order)
+
+
+def test_sorted_with_another_number_of_files(tmp_path):
+    write(tmp_path, "coco")
+    with pytest.raises(
+        sk.DatasetError, match=r"files: expected 3 files for the cameras .*got 2 \(camA.json, camB"
+    ):
+        read_detections(tmp_path, [*NAMES, "camC"], layout=H36M, order="sorted")
+
+
+@pytest.mark.parametrize("name", ["freemocap", "npz"])
+def test_views_without_names_need_an_order(tmp_path, name):
+    path = write(tmp_path, name, joints=COCO.joints)
+    if name == "npz":
+        np.savez(path, detections=MAIN)
+    with pytest.raises(
+        sk.DatasetError, match=r"cameras: expected the order of its views .*no names, only views 0, 1"
+    ):
+        read_detections(path, NAMES, layout=COCO)
+
+
+def test_videopose3d_has_the_cameras_of_human36m(tmp_path):
+    people = np.concatenate([MAIN, MAIN + 1.0], axis=1)[:, :, :1]
+    path = CASES["videopose3d"].write(tmp_path, Take(people, [], []))
+    serials = ["60457274", "58860488", "55011271", "54138969"]
+    found = read_detections(path, serials, layout=H36M)
+    np.testing.assert_array_equal(first_joints(found), people[0, ::-1, 0, :, 0].astype(np.float32))
+    with pytest.raises(sk.DatasetError, match=r"views: expected a camera in the calibration for every view"):
+        read_detections(path, NAMES, layout=H36M)
+
+
+def test_a_sequence_is_named_if_there_are_several(tmp_path):
+    path = tmp_path / "data_2d_h36m_gt.npz"
+    walk, sit = (np.full((t, 17, 2), 9.0 * t) for t in (3, 5))
+    table = {"S9": {"Walking": [walk, walk]}, "S11": {"Sitting": [sit, sit]}}
+    np.savez(path, positions_2d=table)
+    options = {"layout": H36M, "order": "sorted"}
+    assert read_detections(path, NAMES, sequence="S11/Sitting", **options).people.shape == (5, 2, 1, 17, 3)
+    with pytest.raises(
+        sk.InvalidInputError, match=r"sequence: expected one of 2 in .*\(S9/Walking, S11/Sitting"
+    ):
+        read_detections(path, NAMES, **options)
+    with pytest.raises(
+        sk.DatasetError, match=r"positions_2d: expected the sequence 'S1/Walking', got S9/Walking, S11"
+    ):
+        read_detections(path, NAMES, sequence="S1/Walking", **options)
+
+
+# What newer and older versions of the tools write.
+
+
+def test_sleap_states_its_axes(tmp_path):
+    import h5py
+
+    write(tmp_path, "sleap")
+    for path in tmp_path.glob("*.h5"):
+        with h5py.File(path, "a") as file:
+            tracks, scores = file["tracks"][()], file["point_scores"][()]
+            del file["tracks"], file["point_scores"]
+            file["tracks"], file["point_scores"] = tracks.transpose(3, 0, 2, 1), scores.transpose(2, 0, 1)
+            file["tracks"].attrs["dims"] = json.dumps(["frame", "track", "node", "xy"])
+    np.testing.assert_array_equal(read_detections(tmp_path, NAMES, layout=H36M).people, MAIN)
+
+
+def test_a_point_of_sleap_that_was_placed_by_hand_is_sure(tmp_path):
+    people = MAIN.copy()
+    people[0, 0, 0, 0, 2] = np.nan
+    write(tmp_path, "sleap", people=people)
+    np.testing.assert_array_equal(read_detections(tmp_path, NAMES, layout=H36M).people[0, 0, 0, 0, 2], 1.0)
+
+
+def test_older_easymocap_writes_the_bare_list(tmp_path):
+    write(tmp_path, "easymocap")
+    for path in tmp_path.rglob("*.json"):
+        people = json.loads(path.read_text())["annots"]
+        path.write_text(json.dumps([{"id": 0, "bbox": [], "keypoints2d": p["keypoints"]} for p in people]))
+    np.testing.assert_array_equal(read_detections(tmp_path / "annots", NAMES, layout=H36M).people, MAIN)
+
+
+def test_one_person_without_an_axis_of_people(tmp_path):
+    write(tmp_path, "metrabs_ragged")
+    for m, name in enumerate(NAMES):
+        np.savez(tmp_path / f"{name}.npz", poses=MAIN[:, m, 0, :, :2])
+    found = read_detections(tmp_path, NAMES, layout=H36M)
+    np.testing.assert_array_equal(found.people[..., :2], MAIN[:, :, :1, :, :2])
+    np.savez(tmp_path / "all.npz", detections=MAIN[:, :, 0], camera_names=NAMES)
+    both = read_detections(tmp_path / "all.npz", NAMES, layout=H36M)
+    np.testing.assert_array_equal(both.people, MAIN[:, :, :1])
+
+
+def test_nobody_in_any_frame_of_rtmlib(tmp_path):
+    write(tmp_path, "rtmlib_frames", people=np.full_like(MAIN, np.nan))
+    found = read_detections(tmp_path, NAMES, layout=H36M)
+    assert found.people.shape == (T, 2, 1, K, 3)
+    assert np.isnan(found.people).all()
+
+
+def test_deeplabcut_without_likelihood_is_sure(tmp_path):
+    write(tmp_path, "deeplabcut_csv")
+    for path in tmp_path.glob("*.csv"):
+        lines = [line.split(",") for line in path.read_text().splitlines()]
+        kept = [k for k, coord in enumerate(lines[2]) if coord != "likelihood"]
+        path.write_text("\n".join(",".join(line[k] for k in kept) for line in lines))
+    assert (read_detections(tmp_path, NAMES, layout=H36M).people[..., 2] == 1.0).all()
+
+
+def test_filtered_results_beside_the_others_are_chosen_by_order(tmp_path):
+    write(tmp_path, "deeplabcut")
+    files = sorted(path.name for path in tmp_path.iterdir())
+    for name in files:
+        shutil.copy(tmp_path / name, tmp_path / name.replace(".h5", "_filtered.h5"))
+    with pytest.raises(
+        sk.DatasetError, match=r"files: expected one file per camera, got camera camA and files .*_fil"
+    ):
+        read_detections(tmp_path, NAMES, layout=H36M)
+    order = [name.replace(".h5", "_filtered") for name in files]
+    np.testing.assert_array_equal(first_joints(read_detections(tmp_path, NAMES, layout=H36M, order=order)), X)
