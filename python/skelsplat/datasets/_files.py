@@ -13,8 +13,8 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skelsplat.datasets._unpickle import read_array, unpickle
 from skelsplat.exceptions import DatasetError
+from skelsplat.io._unpickle import read_array, unpickle
 
 FloatArray = NDArray[np.float64]
 

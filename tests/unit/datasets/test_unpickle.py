@@ -13,7 +13,7 @@ import pytest
 
 from skelsplat import DatasetError
 from skelsplat.datasets._files import load_npy, load_npz, load_pickle
-from skelsplat.datasets._unpickle import unpickle
+from skelsplat.io._unpickle import unpickle
 
 PATH = Path("some.pkl")
 STRUCTURED = np.dtype([("R", np.float32, (3, 3)), ("name", "U5"), ("row", ">i4")])
