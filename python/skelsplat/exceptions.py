@@ -20,6 +20,10 @@ class DegenerateGeometryError(SkelSplatError):
     """Each argument is valid alone, but together they have no geometric answer."""
 
 
+class MissingPackageError(SkelSplatError, ImportError):
+    """A package that only this task needs is not installed; the message has the pip command."""
+
+
 class DatasetError(SkelSplatError):
     """A file or folder is missing, unreadable or not what its format says.
 

@@ -1,0 +1,28 @@
+"""Packages that only some tasks need."""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING
+
+from skelsplat.exceptions import MissingPackageError
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+
+def require(module: str, *, extra: str, purpose: str) -> ModuleType:
+    """Import ``module``, which the extra ``extra`` of this package installs.
+
+    Raises
+    ------
+    MissingPackageError
+        If it is not installed; names ``purpose``, such as "C3D files", and the pip command.
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        raise MissingPackageError(
+            f"{purpose}: expected the package {module} to be installed, got {error}; "
+            f"run: pip install 'skelsplat[{extra}]'"
+        ) from error
