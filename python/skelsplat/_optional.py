@@ -11,13 +11,13 @@ if TYPE_CHECKING:
     from types import ModuleType
 
 
-def require(module: str, *, extra: str, purpose: str) -> ModuleType:
-    """Import ``module``, which the extra ``extra`` of this package installs.
+def require(module: str, purpose: str, extra: str = "formats") -> ModuleType:
+    """Import `module`, which `purpose` needs and the optional `extra` of this package installs.
 
     Raises
     ------
     MissingPackageError
-        If it is not installed; names ``purpose``, such as "C3D files", and the pip command.
+        If it is not installed; the message says how to install it.
     """
     try:
         return importlib.import_module(module)

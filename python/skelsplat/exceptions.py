@@ -21,7 +21,7 @@ class DegenerateGeometryError(SkelSplatError):
 
 
 class MissingPackageError(SkelSplatError, ImportError):
-    """A package that only this task needs is not installed; the message has the pip command."""
+    """An optional package is not installed; the message gives the command that installs it."""
 
 
 class DatasetError(SkelSplatError):

@@ -132,7 +132,7 @@ def butterworth(
     if not 0.0 < cutoff < frame_rate / 2:
         limit = f"above 0 and below half the frame rate, {frame_rate / 2:g} Hz"
         raise InvalidInputError(f"cutoff: expected a frequency {limit}, got {cutoff:g}")
-    signal = require("scipy.signal", extra="temporal", purpose="the Butterworth filter")
+    signal = require("scipy.signal", "the Butterworth filter", "temporal")
     sections = signal.butter(order // 2, _single_pass(cutoff, frame_rate, order // 2), output="sos")
     # of scipy.signal.sosfiltfilt: how much it reflects at either end, and so the shortest that it takes
     shortest = 3 * (2 * len(sections) + 1 - int((sections[:, 5] == 0).sum())) + 1
@@ -240,7 +240,7 @@ def _short_gaps(known: Mask, numbers: npt.NDArray[np.int64], max_gap: int) -> Ma
 def _interpolated(times: Any, values: Array, at: Any, method: str) -> Array:
     if method == "linear":
         return np.stack([np.interp(at, times, values[:, axis]) for axis in range(3)], axis=-1)
-    interpolate = require("scipy.interpolate", extra="temporal", purpose="cubic splines over gaps")
+    interpolate = require("scipy.interpolate", "cubic splines over gaps", "temporal")
     result: Array = interpolate.CubicSpline(times, values)(at)
     return result
 

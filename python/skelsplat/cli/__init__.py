@@ -1,4 +1,4 @@
-"""The command line: `skelsplat demo` and `skelsplat refine`, one file per command.
+"""The command line: `skelsplat demo`, `skelsplat refine` and `skelsplat live`, one file per command.
 
 The commands share `_pipeline` (read, choose the person, refine), `_statistics` and `_report` (what is said
 about the result), `_figures` (what `skelsplat.viz` draws) and `_run` (the order of it all, and the files).
@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import sys
 
-from skelsplat.cli import demo, refine
+from skelsplat.cli import demo, live, refine
 from skelsplat.cli._app import app
 
 __all__ = ["app", "main"]
 
 app.command("demo")(demo.demo)
 app.command("refine", epilog=refine.EPILOG)(refine.refine)
+app.command("live", epilog=live.EPILOG)(live.live)
 
 
 def main() -> None:

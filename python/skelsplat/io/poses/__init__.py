@@ -3,7 +3,7 @@
 from skelsplat.io.poses._c3d import read_c3d, write_c3d
 from skelsplat.io.poses._csv import read_csv, write_csv
 from skelsplat.io.poses._files import POSE_FORMATS, check_pose_format, pose_format, read_pose, write_pose
-from skelsplat.io.poses._json import read_json, write_json
+from skelsplat.io.poses._json import is_json_poses, read_json, to_json, write_json
 from skelsplat.io.poses._npz import read_npz, write_npz
 from skelsplat.io.poses._pose_data import PoseData
 from skelsplat.io.poses._trc import read_trc, write_trc
@@ -13,6 +13,7 @@ __all__ = [
     "POSE_FORMATS",
     "PoseData",
     "check_pose_format",
+    "is_json_poses",
     "pose_format",
     "read_c3d",
     "read_csv",
@@ -21,6 +22,7 @@ __all__ = [
     "read_npz",
     "read_pose",
     "read_trc",
+    "to_json",
     "to_xarray",
     "write_c3d",
     "write_csv",

@@ -100,7 +100,7 @@ def check_c3d_frames(frames: npt.NDArray[np.int64]) -> None:
 
 
 def _library() -> Any:
-    return require("ezc3d", extra="formats", purpose="C3D files")
+    return require("ezc3d", "C3D files")
 
 
 def _shift(frames: npt.NDArray[np.int64]) -> int:

@@ -83,7 +83,7 @@ def check_pose_format(kind: str, frames: npt.NDArray[np.int64] | None = None) ->
         If the frame numbers, where given, do not fit into such a file.
     """
     for module in POSE_FORMATS[kind].packages:
-        require(module, extra="formats", purpose=f".{kind} files")
+        require(module, f".{kind} files")
     if kind == "c3d" and frames is not None:
         check_c3d_frames(frames)
 

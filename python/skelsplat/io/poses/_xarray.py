@@ -59,7 +59,7 @@ def to_xarray(
     MissingPackageError
         If xarray is not installed.
     """
-    xarray = require("xarray", extra="formats", purpose="xarray datasets")
+    xarray = require("xarray", "xarray datasets")
     time, space, keypoints, individuals = dims = _SINGULAR if singular else _PLURAL
     rate = frame_rate if frame_rate is not None else data.frame_rate
     steps = data.frames - (data.frames[0] if len(data.frames) else 0)
@@ -133,8 +133,8 @@ def write_netcdf(
 
 def _check_packages() -> Any:
     for module in ("h5py", "h5netcdf"):
-        require(module, extra="formats", purpose="NetCDF files")
-    return require("xarray", extra="formats", purpose="NetCDF files")
+        require(module, "NetCDF files")
+    return require("xarray", "NetCDF files")
 
 
 def read_netcdf(path: str | os.PathLike[str]) -> PoseData:
