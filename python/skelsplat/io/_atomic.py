@@ -16,12 +16,12 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
+def atomic_path(path: str | os.PathLike[str], suffix: str | None = None) -> Iterator[Path]:
     """Give the path of an empty file that takes the place of `path` when the block ends without an exception.
 
-    For libraries that open a path themselves. The file is a temporary one in the same folder, with the same
-    suffix; it is flushed to disk and then moved over `path` in one step. A reader never sees half a file, and
-    on an exception an older file stays as it was. A symbolic link is followed.
+    For libraries that open a path themselves. The file is a temporary one in the same folder, with the given
+    suffix or else the same; it is flushed to disk and then moved over `path` in one step. A reader never
+    sees half a file, and on an exception an older file stays as it was. A symbolic link is followed.
 
     Raises
     ------
@@ -29,7 +29,7 @@ def atomic_path(path: str | os.PathLike[str]) -> Iterator[Path]:
         If the folder is missing or the path cannot be written.
     """
     target = Path(os.path.realpath(path))
-    temporary = target.with_name(f".{target.stem}.{secrets.token_hex(6)}{target.suffix}")
+    temporary = target.with_name(f".{target.stem}.{secrets.token_hex(6)}{suffix or target.suffix}")
     try:
         try:
             temporary.open("xb").close()

@@ -12,6 +12,7 @@ from skelsplat._optional import require
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._atomic import atomic_path
+from skelsplat.io.poses._c3d_structure import check_structure
 from skelsplat.io.poses._pose_data import Array, PoseData, known_frame_rate
 
 if TYPE_CHECKING:
@@ -84,7 +85,7 @@ def write_c3d(
     file.add_parameter(_GROUP, "FRAME_SHIFT", [shift])
     if data.processing:
         file.add_parameter(_GROUP, "PROCESSING", list(data.processing))
-    with atomic_path(path) as temporary:
+    with atomic_path(path, suffix=".c3d") as temporary:  # ezc3d appends it to a name without it
         file.write(str(temporary))
 
 
@@ -139,9 +140,10 @@ def read_c3d(path: str | os.PathLike[str]) -> PoseData:
     """
     source, ezc3d = Path(path), _library()
     try:
-        with source.open("rb"):
-            pass
+        check_structure(source, source.read_bytes())
         file = ezc3d.c3d(str(source))
+    except DatasetError:
+        raise
     except OSError as error:
         reason = error.strerror or str(error)
         raise DatasetError(source, "file", "a readable C3D file", reason.lower()) from error

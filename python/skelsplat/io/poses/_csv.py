@@ -84,7 +84,9 @@ def read_csv(path: str | os.PathLike[str]) -> PoseData:
             raise DatasetError(source, "line 1", f"a column {missing[0]}", ", ".join(columns) or "nothing")
         rows = [_Row.parse(source, reader.line_num, row) for row in reader]
     except csv.Error as error:
-        raise DatasetError(source, f"line {reader.line_num}", "comma-separated fields", str(error)) from error
+        raise DatasetError(
+            source, f"line {reader.reader.line_num}", "comma-separated fields", str(error)
+        ) from error
     return _assemble(source, rows, has_status="status" in columns)
 
 
