@@ -198,7 +198,7 @@ def xarray():
 def test_the_dataset_has_the_dimensions_variables_and_attributes_of_movement(xarray, tmp_path):
     data = sample()
     write_netcdf(tmp_path / "pose.nc", data)
-    with xarray.open_dataset(tmp_path / "pose.nc") as dataset:
+    with xarray.open_dataset(tmp_path / "pose.nc", engine="h5netcdf") as dataset:
         assert dataset.position.dims == ("time", "space", "keypoints", "individuals")
         assert dataset.confidence.dims == ("time", "keypoints", "individuals")
         assert dict(dataset.sizes) == {"time": T, "space": 3, "keypoints": N, "individuals": 1, "space_2": 3}
@@ -263,7 +263,7 @@ def test_movement_takes_the_file(xarray, tmp_path):
     if inputs is None:
         pytest.skip("this version of movement checks its datasets elsewhere")
     write_netcdf(tmp_path / "pose.nc", sample(), singular="keypoint" in inputs.DIM_NAMES)
-    with xarray.open_dataset(tmp_path / "pose.nc") as dataset:
+    with xarray.open_dataset(tmp_path / "pose.nc", engine="h5netcdf") as dataset:
         inputs.validate(dataset)
 
 

@@ -65,9 +65,7 @@ def live(
     skelsplat live Calib.toml --unit mm --layout body25 < recorded.jsonl > poses.jsonl
     """
     known = sk.layouts.get(one_of("--layout", layout and layout.lower(), sk.layouts.names))
-    rig = read_calibration(calibration, unit=unit and one_of("--unit", unit, ("mm", "cm", "m")))
-    if len(rig) < 2:
-        raise DatasetError(calibration, "cameras", "at least two cameras", len(rig))
+    known_unit = unit and one_of("--unit", unit, ("mm", "cm", "m"))
     settings = {
         "min_confidence": min_confidence,
         "sigma": sigma,
@@ -75,11 +73,14 @@ def live(
         "find_swaps": False if no_swaps else None,
     }
     given = {name: value for name, value in settings.items() if value is not None}
-    session = Session(rig, known, sk.RefineConfig(n_threads=1, **given))
-    if not quiet:
-        names = ", ".join(rig.names)
-        _say(f"ready: {len(rig)} cameras ({names}), {known.n_joints} joints ({known.name}), in {rig.unit}")
     with collected_warnings(lambda text: _say(f"warning: {text}")):
+        rig = read_calibration(calibration, unit=known_unit)
+        if len(rig) < 2:
+            raise DatasetError(calibration, "cameras", "at least two cameras", len(rig))
+        session = Session(rig, known, sk.RefineConfig(n_threads=1, **given))
+        if not quiet:
+            cameras, joints = f"{len(rig)} cameras ({', '.join(rig.names)})", f"{known.n_joints} joints"
+            _say(f"ready: {cameras}, {joints} ({known.name}), in {rig.unit}")
         status = _serve(session, sys.stdin.buffer, sys.stdout.buffer)
     if not quiet:
         _say(session.summary())
