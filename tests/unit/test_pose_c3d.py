@@ -123,7 +123,7 @@ def test_without_the_package(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "ezc3d", None)
     for call in (lambda: write_c3d(tmp_path / "a.c3d", sample()), lambda: read_c3d(tmp_path / "a.c3d")):
         with pytest.raises(
-            sk.SkelSplatError, match=r"C3D files: .* ezc3d .*pip install 'skelsplat\[formats\]'"
+            sk.MissingPackageError, match=r"C3D files: .* ezc3d .*pip install 'skelsplat\[formats\]'"
         ):
             call()
 

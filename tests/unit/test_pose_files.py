@@ -303,7 +303,7 @@ def test_a_netcdf_that_is_none(xarray, tmp_path):  # noqa: ARG001
 @pytest.mark.parametrize("package", ["xarray", "h5netcdf", "h5py"])
 def test_netcdf_without_a_package(tmp_path, monkeypatch, package):
     monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(sk.SkelSplatError, match=rf"{package} .*pip install 'skelsplat\[formats\]'"):
+    with pytest.raises(sk.MissingPackageError, match=rf"{package} .*pip install 'skelsplat\[formats\]'"):
         write_netcdf(tmp_path / "pose.nc", sample())
 
 

@@ -253,5 +253,5 @@ def test_scipy_is_asked_for_only_where_it_is_needed(monkeypatch):
     temporal.fill_gaps(pose, 1, method="linear")
     temporal.one_euro(pose, RATE, min_cutoff=1.0, beta=0.0)
     for call in (lambda: temporal.fill_gaps(pose, 1), lambda: temporal.butterworth(pose, RATE)):
-        with pytest.raises(sk.SkelSplatError, match=r"pip install 'skelsplat\[temporal\]'"):
+        with pytest.raises(sk.MissingPackageError, match=r"pip install 'skelsplat\[temporal\]'"):
             call()

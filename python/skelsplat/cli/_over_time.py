@@ -32,7 +32,7 @@ class OneEuro:
 
     name: ClassVar[str] = "one-euro"
     min_cutoff_hz: float = 1.0
-    beta_hz_per_mm_s: float = 0.005
+    beta_hz_per_mm_s: float = 0.01
 
 
 Filter = Butterworth | OneEuro
