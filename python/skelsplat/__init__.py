@@ -20,7 +20,13 @@ from skelsplat._skelsplat import (
     triangulate,
 )
 from skelsplat.cameras import CameraRig
-from skelsplat.exceptions import DatasetError, DegenerateGeometryError, InvalidInputError, SkelSplatError
+from skelsplat.exceptions import (
+    DatasetError,
+    DegenerateGeometryError,
+    InvalidInputError,
+    MissingPackageError,
+    SkelSplatError,
+)
 
 __all__ = [
     "REJECTED_WEIGHT",
@@ -31,6 +37,7 @@ __all__ = [
     "InvalidInputError",
     "Layout",
     "LossAndGradient",
+    "MissingPackageError",
     "RefineConfig",
     "Refinement",
     "Refiner",

@@ -296,7 +296,10 @@ def loss_and_gradient(
 
 
 class Refiner:
-    """Refine frame after frame, each from the last pose.
+    """Refine frame after frame, each from the last pose: a live loop with any detector.
+
+    ``examples/live_loop.py`` is a whole one in twenty lines; ``skelsplat live`` is the same for programs in
+    other languages. ``config=sk.RefineConfig(n_threads=1)`` keeps to one core.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The comparison with other triangulations runs; what it measures is not judged here."""
+"""The benchmarks without a test of their own run; what they measure is not judged here."""
 
 from __future__ import annotations
 
@@ -18,3 +18,12 @@ def test_the_comparison_runs() -> None:
         assert name in rows
     assert "nan" not in "\n".join(lines)
     assert not [line for line in lines if "left out" in line]
+
+
+def test_the_live_benchmark_runs() -> None:
+    small = ["--poses", "20", "--rate", "200", "--markdown"]
+    command = [sys.executable, str(BENCHMARKS / "live.py"), *small]
+    lines = subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()
+    rows = [line.split("|")[1].strip() for line in lines if line.startswith("|")]
+    assert "latency through both pipes, 99%" in rows
+    assert any("lines answered 70, skipped 0" in line for line in lines)

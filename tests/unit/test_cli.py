@@ -8,36 +8,18 @@ import sys
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import skelsplat as sk
+from command_line import READ, assert_fails, invoke
 from skelsplat import synthetic
-from skelsplat.cli import _pipeline, _run, app
+from skelsplat.cli import _pipeline, _run
 from skelsplat.cli._person import pick_person
 from skelsplat.io import PoseData, read_npz, read_trc, write_npz
 
 T = 5
 NOISE_PX = 2.0
 RESULTS = {"pose.npz", "pose.csv", "pose.trc", "report.json", "overview.png", "weights.png"}
-
-
-READ = ["--unit", "mm", "--layout", "h36m17"]
 FAST = ["--max-steps", "30", "--fps", "50"]
-
-
-def invoke(*args):
-    return CliRunner().invoke(app, [str(arg) for arg in args], env={"COLUMNS": "80"})
-
-
-def assert_fails(result, status, *parts):
-    """One line on stderr that starts with ``error:`` and holds ``parts``; nothing on stdout."""
-    assert result.exit_code == status, result.output
-    assert result.stdout == ""
-    lines = result.stderr.splitlines()
-    assert len(lines) == 1
-    assert lines[0].startswith("error: ")
-    for part in parts:
-        assert part in lines[0]
 
 
 def test_refine_writes_all_results(recording, arguments):
@@ -272,7 +254,9 @@ def test_a_warning_of_the_package_is_told_and_reported(recording, arguments):
     assert result.stderr.splitlines() == [f"warning: {warning}" for warning in warnings]
 
 
-@pytest.mark.parametrize("args", [["--help"], ["refine", "--help"], ["demo", "--help"], []])
+@pytest.mark.parametrize(
+    "args", [["--help"], ["refine", "--help"], ["demo", "--help"], ["live", "--help"], []]
+)
 def test_help_fits_80_columns(args):
     result = invoke(*args)
     assert result.exit_code == 0
@@ -281,7 +265,7 @@ def test_help_fits_80_columns(args):
 
 
 def test_help_of_each_command_has_an_example():
-    for command in ("demo", "refine"):
+    for command in ("demo", "refine", "live"):
         assert f"skelsplat {command} " in invoke(command, "--help").stdout.split("Examples")[1]
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ast
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -12,9 +14,11 @@ PACKAGE = Path(__file__).parents[2] / "python" / "skelsplat"
 # Part of the package → what it must not import. `skelsplat` itself re-exports `_refine`.
 FORBIDDEN = {
     "evaluation": ("cli", "viz"),
+    "temporal": ("cli", "viz", "io", "_refine", "association", "synthetic", "metrics", "evaluation"),
+    "_optional": ("cli", "viz", "io", "_refine", "association", "synthetic", "metrics", "evaluation"),
     "datasets": ("cli", "viz", "_refine", "association", "synthetic", "metrics", "evaluation"),
     "viz": ("cli", "io", "association", "synthetic", "_refine", "_skelsplat", "evaluation"),
-    "io": ("cli", "viz", "_refine", "synthetic", "evaluation"),
+    "io": ("cli", "viz", "_refine", "synthetic", "evaluation", "temporal"),
     "synthetic": ("cli", "viz", "io", "_refine", "association", "evaluation", "datasets"),
     "metrics": ("cli", "viz", "io", "_refine", "association", "synthetic", "evaluation"),
     "association": ("cli", "viz", "_refine", "evaluation"),
@@ -55,6 +59,16 @@ def imported(path: Path) -> set[str]:
 def test_imports_point_one_way(part: str) -> None:
     for path in files(part):
         assert not imported(path) & set(FORBIDDEN[part]), path.relative_to(PACKAGE)
+
+
+def test_optional_packages_are_not_imported_with_the_package() -> None:
+    optional = ("scipy", "ezc3d", "xarray", "h5py", "h5netcdf", "pandas")
+    program = (
+        "import sys, skelsplat, skelsplat.io, skelsplat.temporal, skelsplat.cli\n"
+        f"print(*(name for name in {optional} if name in sys.modules))"
+    )
+    run = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True)
+    assert run.stdout.split() == []
 
 
 def test_the_compiled_core_knows_no_python() -> None:

@@ -48,6 +48,8 @@ def data():
         loss=np.array([0.1, 0.2, np.nan]),
         n_iter=np.array([125, 40, 0]),
         stop_reason=np.array(["max_steps", "converged", "no_observations"]),
+        frame_rate=59.94,
+        processing=("Gaps of at most 5 frames filled by straight lines.",),
     )
 
 
@@ -92,6 +94,16 @@ def test_npz_of_other_programs_needs_only_poses_with_names_and_a_unit(data, tmp_
         unit=np.array("m"),
     )
     assert_equal(read_npz(tmp_path / "own.npz"), bare)
+
+
+@pytest.mark.parametrize("rate", [np.array("fast"), np.array([50.0])])
+def test_an_npz_whose_frame_rate_is_none(data, tmp_path, rate):
+    names, frames = np.array(data.joint_names), data.frames
+    np.savez(
+        tmp_path / "own.npz", pose=data.pose, joint_names=names, frames=frames, unit="m", frame_rate=rate
+    )
+    with pytest.raises(sk.DatasetError, match=r"own\.npz: frame_rate: expected one number, got"):
+        read_npz(tmp_path / "own.npz")
 
 
 def test_npz_of_poses_alone(data, tmp_path):
@@ -187,11 +199,11 @@ def test_trc_lines(tmp_path):
         "PathFileType\t4\t(X/Y/Z)\tpose.trc",
         "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames",
         "60\t60\t2\t2\tmm\t60\t1\t2",
-        "Frame#\tTime\tnose\t\t\thead\t\t",
-        "\t\tX1\tY1\tZ1\tX2\tY2\tZ2",
+        "Frame#\tTime\tnose\t\t\thead\t\t\t",
+        "\t\tX1\tY1\tZ1\tX2\tY2\tZ2\t",
         "",
-        "1\t0.000000\t1.000\t2.000\t3.000\t\t\t",
-        "2\t0.016667\t-4.000\t5.500\t6.250\t7.000\t8.000\t9.000",
+        "1\t0.000000\t1.000\t2.000\t3.000\t\t\t\t",
+        "2\t0.016667\t-4.000\t5.500\t6.250\t7.000\t8.000\t9.000\t",
         "",
     ]
 
@@ -225,7 +237,7 @@ def test_trc_never_says_nan(data, tmp_path):
     assert np.isnan(read_trc(tmp_path / "pose.trc").pose[1, 1]).all()
 
 
-@pytest.mark.parametrize("change", ["no blank line", "nan", "tab at the end", "windows"])
+@pytest.mark.parametrize("change", ["no blank line", "nan", "no tab at the end", "windows"])
 def test_trc_of_other_writers(data, tmp_path, change):
     path = tmp_path / "pose.trc"
     write_trc(path, data, frame_rate=50.0)
@@ -234,9 +246,9 @@ def test_trc_of_other_writers(data, tmp_path, change):
     if change == "no blank line":
         del lines[5]
     elif change == "nan":
-        lines[7] = lines[7].replace("\t\t\t", "\tnan\tnan\tnan")
-    elif change == "tab at the end":
-        lines[6:9] = [line + "\t" for line in lines[6:9]]
+        lines[7] = lines[7].replace("\t\t\t\t", "\tnan\tnan\tnan\t")
+    elif change == "no tab at the end":
+        lines[3:9] = [line.removesuffix("\t") for line in lines[3:9]]
     path.write_bytes(("\r\n" if change == "windows" else "\n").join(lines).encode())
     assert_equal(read_trc(path), expected)
 
@@ -253,6 +265,10 @@ MALFORMED_TRC = {
     "a name too few": (
         lambda lines: [line.replace("nose", "") for line in lines],
         "line 4: expected the 2 marker names that line 3 states, got 1",
+    ),
+    "no frame rate": (
+        lambda lines: [line.replace("50\t50\t", "x\t50\t") for line in lines],
+        "line 3 DataRate: expected frames per second, a positive number, got 'x'",
     ),
     "a row cut short": (lambda lines: [*lines[:6], lines[6][:30]], r"line 7: expected 8 fields, got \d"),
     "text": (lambda lines: [*lines[:6], lines[6].replace("1\t0.0", "one\t0.0")], "line 7: expected numbers"),
@@ -273,6 +289,17 @@ def test_a_malformed_trc(data, tmp_path, case):
 def test_a_frame_rate_that_is_none(data, tmp_path, rate):
     with pytest.raises(sk.InvalidInputError, match="frame_rate: expected a positive number, got "):
         write_trc(tmp_path / "pose.trc", data, frame_rate=rate)
+
+
+def test_a_frame_rate_that_nobody_knows(data, tmp_path):
+    with pytest.raises(sk.InvalidInputError, match=r"frame_rate: expected one for a TRC file .*, got none"):
+        write_trc(tmp_path / "pose.trc", replace(data, frame_rate=None))
+
+
+@pytest.mark.parametrize("name", ["a\tb", "a\nb", "a\u2028", " "])
+def test_a_name_that_would_break_the_lines_of_trc(data, tmp_path, name):
+    with pytest.raises(sk.InvalidInputError, match="joint_names: expected names without tabs"):
+        write_trc(tmp_path / "pose.trc", replace(data, joint_names=("nose", name)))
 
 
 def test_a_unit_that_trc_does_not_know(data, tmp_path):
@@ -349,6 +376,7 @@ WRONG = {
     "uncertainty": (np.zeros((T, N)), r"uncertainty: expected shape \(3, 2, 3, 3\), got \(3, 2\)"),
     "view_weights": (np.zeros((T, N)), r"view_weights: expected shape \(3, 2, 2\), got \(3, 2\)"),
     "noise": (np.float64(6.0), r"noise: expected shape \(3,\), got \(\)"),
+    "frame_rate": (0.0, "frame_rate: expected a positive number, got 0.0"),
     "stop_reason": (np.array("converged"), r"stop_reason: expected shape \(3,\), got \(\)"),
 }
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from skelsplat.cli._over_time import OverTime
+
 if TYPE_CHECKING:
     from pathlib import Path
 
@@ -47,7 +49,11 @@ class Job:
     fps
         Frames per second of the recording; None if unknown.
     y_up
-        Write ``pose.trc`` with y pointing up, for OpenSim, instead of z.
+        Write ``pose.trc`` and ``pose.c3d`` with y pointing up, for OpenSim, instead of z.
+    write
+        The pose files to write, keys of `skelsplat.io.poses.POSE_FORMATS`.
+    over_time
+        What to do with gaps and noise over time; nothing by default.
     settings
         The fields of `skelsplat.RefineConfig` that the user set; the others keep the preset's values.
     note
@@ -71,6 +77,8 @@ class Job:
     paper: bool = False
     fps: float | None = None
     y_up: bool = False
+    write: tuple[str, ...] = ("npz", "csv", "trc")
+    over_time: OverTime = field(default_factory=OverTime)
     settings: dict[str, Any] = field(default_factory=dict)
     note: str = ""
 

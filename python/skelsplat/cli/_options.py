@@ -10,7 +10,7 @@ import typer
 from skelsplat import RefineConfig, layouts
 from skelsplat.io.detections import FORMATS
 
-_INPUT, _METHOD, _OUTPUT = "Input", "Method", "Output"
+_INPUT, _METHOD, _TIME, _OUTPUT = "Input", "Method", "Over time", "Output"
 _DEFAULT, _PAPER = RefineConfig(), RefineConfig.paper()
 
 Calibration = Annotated[
@@ -200,18 +200,73 @@ Threads = Annotated[
     ),
 ]
 
+FillGaps = Annotated[
+    int | None,
+    typer.Option(
+        "--fill-gaps",
+        min=1,
+        metavar="N",
+        help="Fill gaps of a joint of at most N frames, marked filled in the results.",
+        show_default="none",
+        rich_help_panel=_TIME,
+    ),
+]
+FillMethod = Annotated[
+    str,
+    typer.Option(
+        "--fill-method",
+        metavar="cubic|linear",
+        help="Cubic splines, or straight lines.",
+        rich_help_panel=_TIME,
+    ),
+]
+FillWeak = Annotated[
+    bool,
+    typer.Option(
+        "--fill-weak",
+        metavar="",
+        help="Take joints whose status is weak for gaps as well.",
+        rich_help_panel=_TIME,
+    ),
+]
+Filter = Annotated[
+    str | None,
+    typer.Option(
+        "--filter",
+        metavar="FILTER",
+        help="butterworth[:HZ[:ORDER]], both ways and without lag, or one-euro[:HZ[:BETA]], causal, BETA in "
+        "Hz per mm/s. Needs --fps.",
+        show_default="none",
+        rich_help_panel=_TIME,
+    ),
+]
+
 Out = Annotated[
     Path,
     typer.Option("-o", "--output", metavar="FOLDER", help="Folder for the results.", rich_help_panel=_OUTPUT),
 ]
+Write = Annotated[
+    str,
+    typer.Option(
+        "--write",
+        metavar="FORMATS",
+        help="Pose files to write, of npz, csv, trc, c3d, json and nc (xarray, for movement).",
+        rich_help_panel=_OUTPUT,
+    ),
+]
 Fps = Annotated[
     float | None,
-    typer.Option(metavar="HZ", help="Frame rate of the recording, for pose.trc.", rich_help_panel=_OUTPUT),
+    typer.Option(
+        metavar="HZ", help="Frame rate of the recording, for files and filters.", rich_help_panel=_OUTPUT
+    ),
 ]
 YUp = Annotated[
     bool,
     typer.Option(
-        "--y-up", metavar="", help="Write pose.trc y up (OpenSim), from z up.", rich_help_panel=_OUTPUT
+        "--y-up",
+        metavar="",
+        help="Write pose.trc and pose.c3d y up (OpenSim), from z up.",
+        rich_help_panel=_OUTPUT,
     ),
 ]
 Quiet = Annotated[

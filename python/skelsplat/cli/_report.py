@@ -33,13 +33,12 @@ _MEANING = (
 
 
 def build_report(
-    job: Job, inputs: Inputs, outcome: Outcome, statistics: Statistics, remarks: dict[str, list[str]]
+    job: Job, inputs: Inputs, outcome: Outcome, statistics: Statistics, remarks: dict[str, Any]
 ) -> dict[str, Any]:
     """Return the report as JSON values; a number that does not exist is None.
 
-    ``remarks`` are lists of sentences by key, such as the warnings. Lengths carry their unit in the key
-    (``_mm``, ``_px``, ``_s``, ``_ms``); settings are those of
-    `skelsplat.RefineConfig`.
+    ``remarks`` are further entries, such as the warnings, which are a list of sentences. Lengths carry their
+    unit in the key (``_mm``, ``_px``, ``_s``, ``_ms``); settings are those of `skelsplat.RefineConfig`.
     """
     report = {
         "versions": {

@@ -10,12 +10,14 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from skelsplat.cli._doubts import find_doubts
 from skelsplat.cli._figures import write_figures
+from skelsplat.cli._over_time import apply_over_time
 from skelsplat.cli._pipeline import collected_warnings, read_inputs, refine_inputs
 from skelsplat.cli._report import build_report, to_text
 from skelsplat.cli._statistics import summarise
-from skelsplat.cli._table import print_doubts, print_files, print_summary
-from skelsplat.io import PoseData, write_csv, write_npz, write_trc
+from skelsplat.cli._table import print_doubts, print_files, print_over_time, print_summary
+from skelsplat.io import PoseData, write_pose
 from skelsplat.io._atomic import atomic_write_text
+from skelsplat.io.poses import POSE_FORMATS, check_pose_format
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
 
 _ASSUMED_FPS = 30.0
 _PICTURES = {"overview.png", "weights.png", "heatmaps.png"}
+_NEED_FPS = [kind for kind, entry in POSE_FORMATS.items() if "y_up" in entry.options]
 
 
 def run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
@@ -37,17 +40,23 @@ def run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
     """
     with collected_warnings(_tell) as warnings:
         inputs = read_inputs(job)
-        if job.fps is None:
-            warnings.append(f"--fps: not given; the times in pose.trc assume {_ASSUMED_FPS:g} per second")
+        for kind in job.write:
+            check_pose_format(kind, inputs.frames)
+        timed = [f"pose.{kind}" for kind in job.write if kind in _NEED_FPS]
+        if job.fps is None and timed:
+            files = " and ".join(timed)
+            warnings.append(f"--fps: not given; the times in {files} assume {_ASSUMED_FPS:g} per second")
             _tell(warnings[-1])
         outcome = _refine_with_bar(inputs, job, shown=not verbosity.quiet)
     statistics = summarise(inputs, outcome)
     doubts = find_doubts(inputs, outcome, statistics)
-    report = build_report(job, inputs, outcome, statistics, {"warnings": warnings, "doubts": doubts})
-    files = _write_poses(job, inputs, outcome)
+    poses, over_time = apply_over_time(_poses(job, inputs, outcome), job.over_time)
+    remarks = {"warnings": warnings, "doubts": doubts, "over_time": over_time}
+    report = build_report(job, inputs, outcome, statistics, remarks)
+    names = _write_poses(job, poses)
     atomic_write_text(job.out / "report.json", to_text(report))
-    files += ["report.json", *write_figures(job, inputs, outcome, statistics)]
-    for name in _PICTURES - set(files):
+    names += ["report.json", *write_figures(job, inputs, outcome, statistics)]
+    for name in _PICTURES - set(names):
         (job.out / name).unlink(missing_ok=True)  # of another run: it would belong to other results
     if verbosity.as_json or verbosity.quiet:
         for doubt in doubts:
@@ -58,7 +67,8 @@ def run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
         console = Console(highlight=False, markup=False)
         print_summary(console, job, inputs, outcome, statistics)
         print_doubts(console, doubts)
-        print_files(console, job.out, files)
+        print_over_time(console, poses.processing)
+        print_files(console, job.out, names)
     return report
 
 
@@ -92,16 +102,23 @@ def _updater(bar: Progress, frames: int) -> Callable[[int, int], None]:
     return update
 
 
-def _write_poses(job: Job, inputs: Inputs, outcome: Outcome) -> list[str]:
-    """Write the three pose files; return their names."""
-    data = PoseData.from_refinement(
+def _poses(job: Job, inputs: Inputs, outcome: Outcome) -> PoseData:
+    return PoseData.from_refinement(
         outcome.result,
         joint_names=inputs.layout.joints,
         frames=inputs.frames,
         camera_names=inputs.rig.names,
         unit=inputs.rig.unit,
+        frame_rate=job.fps,
     )
-    write_npz(job.out / "pose.npz", data)
-    write_csv(job.out / "pose.csv", data)
-    write_trc(job.out / "pose.trc", data, frame_rate=job.fps or _ASSUMED_FPS, y_up=job.y_up)
-    return ["pose.npz", "pose.csv", "pose.trc"]
+
+
+def _write_poses(job: Job, data: PoseData) -> list[str]:
+    """Write the pose files that the job asks for; return their names."""
+    given = {"frame_rate": job.fps or _ASSUMED_FPS, "y_up": job.y_up}
+    names = []
+    for kind in job.write:
+        options = given if kind in _NEED_FPS else {}
+        names.append(f"pose.{kind}")
+        write_pose(job.out / names[-1], data, **options)
+    return names

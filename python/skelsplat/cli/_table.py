@@ -58,6 +58,14 @@ def print_doubts(console: Console, doubts: Sequence[str]) -> None:
         console.print()
 
 
+def print_over_time(console: Console, processing: Sequence[str]) -> None:
+    """Print what was done to the poses over time, a paragraph each."""
+    for sentence in processing:
+        console.print(sentence)
+    if processing:
+        console.print()
+
+
 def print_files(console: Console, folder: Path, names: Sequence[str]) -> None:
     """Print where the results are."""
     console.print(Text.assemble("Wrote to ", (f"{folder}/", "bold"), f": {', '.join(names)}"))

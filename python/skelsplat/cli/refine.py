@@ -8,7 +8,9 @@ import typer
 
 import skelsplat as sk
 from skelsplat.cli import _options as options
+from skelsplat.cli._checks import formats, one_of, positive
 from skelsplat.cli._job import Job, Verbosity
+from skelsplat.cli._over_time import over_time
 from skelsplat.cli._pipeline import check_output
 from skelsplat.cli._reading import reading
 from skelsplat.cli._run import run
@@ -17,8 +19,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 EPILOG = (
-    "Results in FOLDER: pose.npz, pose.csv, pose.trc, report.json, overview.png and weights.png, "
-    "with --paper also heatmaps.png."
+    "Results in FOLDER: pose.npz, pose.csv, pose.trc (or what --write says), report.json, overview.png and "
+    "weights.png, with --paper also heatmaps.png."
 )
 _UNITS = ("mm", "cm", "m")
 _FRAMES = ("strict", "intersection", "union")
@@ -48,7 +50,12 @@ def refine(
     symmetry_tier: options.SymmetryTier = None,
     max_steps: options.MaxSteps = None,
     threads: options.Threads = None,
+    fill_gaps: options.FillGaps = None,
+    fill_method: options.FillMethod = "cubic",
+    fill_weak: options.FillWeak = False,
+    filter: options.Filter = None,
     output: options.Out,
+    write: options.Write = "npz,csv,trc",
     fps: options.Fps = None,
     y_up: options.YUp = False,
     quiet: options.Quiet = False,
@@ -63,6 +70,10 @@ def refine(
     skelsplat refine Calib.toml pose/ -o out --unit m --layout body25 --y-up
 
     skelsplat refine Calib.toml dlc/ -o out --unit mm --layout coco17 --map nose=snout --offset camB=3
+
+    skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b --fps 60 --filter butterworth:6
+
+    skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b --fill-gaps 10
 
     skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b --paper
 
@@ -81,32 +92,26 @@ def refine(
     job = Job(
         calibration=calibration,
         detections=detections,
-        unit=_one_of("--unit", unit, _UNITS),
-        layout=_one_of("--layout", layout and layout.lower(), sk.layouts.names),
+        unit=one_of("--unit", unit, _UNITS),
+        layout=one_of("--layout", layout and layout.lower(), sk.layouts.names),
         out=output,
         person=_person(person),
-        frames=_one_of("--frames", frames, _FRAMES),
+        frames=one_of("--frames", frames, _FRAMES),
         **reading(format, offset, order, joint_map),
         sequence=sequence,
         init=init,
         init_sigma_mm=_init_sigma(init_sigma, init, paper=paper),
         paper=paper,
-        fps=_positive("--fps", fps),
+        fps=positive("--fps", fps),
         y_up=y_up,
+        write=formats(write),
+        over_time=over_time(filter, fps, fill_gaps, fill_method, weak=fill_weak),
         settings={name: value for name, value in settings.items() if value is not None},
     )
-    _positive("--sigma", sigma)
-    _positive("--occlusion-sigma", occlusion_sigma)
+    positive("--sigma", sigma)
+    positive("--occlusion-sigma", occlusion_sigma)
     check_output(output)
     run(job, Verbosity(quiet=quiet, as_json=as_json))
-
-
-def _one_of(option: str, value: str | None, choices: tuple[str, ...]) -> str:
-    """Return ``value`` if it is one of ``choices``; None means that a required option is missing."""
-    if value in choices:
-        return value
-    got = "nothing (the files do not say)" if value is None else repr(value)
-    raise typer.BadParameter(f"expected one of {', '.join(choices)}, got {got}", param_hint=option)
 
 
 def _person(value: str) -> str:
@@ -126,10 +131,4 @@ def _init_sigma(value: float | None, init: Path | None, *, paper: bool) -> float
             "expected a run without --paper (the paper's start is no observation), got both",
             param_hint="--init-sigma",
         )
-    return _positive("--init-sigma", value)
-
-
-def _positive(option: str, value: float | None) -> float | None:
-    if value is None or 0 < value < float("inf"):
-        return value
-    raise typer.BadParameter(f"expected a positive number, got {value:g}", param_hint=option)
+    return positive("--init-sigma", value)

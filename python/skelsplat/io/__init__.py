@@ -6,18 +6,45 @@ alone.
 
 from skelsplat.io.calibration import read_calibration, write_calibration
 from skelsplat.io.detections import DetectionSet, read_detections, read_openpose
-from skelsplat.io.poses import PoseData, read_npz, read_trc, write_csv, write_npz, write_trc
+from skelsplat.io.poses import (
+    PoseData,
+    read_c3d,
+    read_csv,
+    read_json,
+    read_netcdf,
+    read_npz,
+    read_pose,
+    read_trc,
+    to_xarray,
+    write_c3d,
+    write_csv,
+    write_json,
+    write_netcdf,
+    write_npz,
+    write_pose,
+    write_trc,
+)
 
 __all__ = [
     "DetectionSet",
     "PoseData",
+    "read_c3d",
     "read_calibration",
+    "read_csv",
     "read_detections",
+    "read_json",
+    "read_netcdf",
     "read_npz",
     "read_openpose",
+    "read_pose",
     "read_trc",
+    "to_xarray",
+    "write_c3d",
     "write_calibration",
     "write_csv",
+    "write_json",
+    "write_netcdf",
     "write_npz",
+    "write_pose",
     "write_trc",
 ]

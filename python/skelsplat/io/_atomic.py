@@ -16,13 +16,16 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def atomic_write(path: str | os.PathLike[str], *, durable: bool = True) -> Iterator[BinaryIO]:
-    """Open a binary file that takes the place of `path` when the block ends without an exception.
+def atomic_path(
+    path: str | os.PathLike[str], suffix: str | None = None, *, durable: bool = True
+) -> Iterator[Path]:
+    """Give the path of an empty file that takes the place of `path` when the block ends without an exception.
 
-    The bytes go to a temporary file in the same folder, are flushed to disk, and are then moved over `path`
-    in one step; a reader never sees half a file, and on an exception an older file stays as it was. A
-    symbolic link is followed. Without `durable` nothing waits for the disk: after a power failure the file
-    may be empty or torn, so its reader must check it.
+    For libraries that open a path themselves. The file is a temporary one in the same folder, with the given
+    suffix or else the same; it is flushed to disk and then moved over `path` in one step. A reader never
+    sees half a file, and on an exception an older file stays as it was. A symbolic link is followed. Without
+    `durable` nothing waits for the disk: after a power failure the file may be empty or torn, so its reader
+    must check it.
 
     Raises
     ------
@@ -30,13 +33,13 @@ def atomic_write(path: str | os.PathLike[str], *, durable: bool = True) -> Itera
         If the folder is missing or the path cannot be written.
     """
     target = Path(os.path.realpath(path))
-    temporary = target.with_name(f".{target.name}.{secrets.token_hex(6)}.tmp")
+    temporary = target.with_name(f".{target.stem}.{secrets.token_hex(6)}{suffix or target.suffix}")
     try:
         try:
-            with temporary.open("xb") as stream:
-                yield stream
-                stream.flush()
-                if durable:
+            temporary.open("xb").close()
+            yield temporary
+            if durable:
+                with temporary.open("rb+") as stream:
                     os.fsync(stream.fileno())
             temporary.replace(target)
         except BaseException:
@@ -44,6 +47,13 @@ def atomic_write(path: str | os.PathLike[str], *, durable: bool = True) -> Itera
             raise
     except OSError as error:
         raise DatasetError(Path(path), "output", "a path that can be written", _reason(error)) from error
+
+
+@contextmanager
+def atomic_write(path: str | os.PathLike[str], *, durable: bool = True) -> Iterator[BinaryIO]:
+    """Open a binary file that takes the place of `path` as `atomic_path` does."""
+    with atomic_path(path, durable=durable) as temporary, temporary.open("wb") as stream:
+        yield stream
 
 
 def atomic_write_text(path: str | os.PathLike[str], text: str) -> None:

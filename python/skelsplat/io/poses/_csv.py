@@ -4,24 +4,33 @@ from __future__ import annotations
 
 import csv
 import io
-from typing import TYPE_CHECKING
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 import skelsplat as sk
+from skelsplat.cameras import MM_PER_UNIT
+from skelsplat.exceptions import DatasetError
 from skelsplat.io._atomic import atomic_write_text
+from skelsplat.io._files import read_text
+from skelsplat.io.poses._pose_data import PoseData
 
 if TYPE_CHECKING:
     import os
+    from collections.abc import Sequence
 
     import numpy.typing as npt
 
-    from skelsplat.io.poses._pose_data import Array, PoseData
+    from skelsplat.io.poses._pose_data import Array
 
 COLUMNS = (
     *("frame", "joint", "x", "y", "z", "sx", "sy", "sz", "unit"),
     *("status", "n_views", "n_rejected", "reprojection_error_px"),
 )
+_REQUIRED = ("frame", "joint", "x", "y", "z", "unit")
 
 
 def write_csv(path: str | os.PathLike[str], data: PoseData) -> None:
@@ -52,6 +61,97 @@ def write_csv(path: str | os.PathLike[str], data: PoseData) -> None:
             rejected = n_rejected[t, j] if n_rejected.size else ""
             writer.writerow([frame, joint, *place, *spread, data.unit, status, views, rejected, error])
     atomic_write_text(path, buffer.getvalue())
+
+
+def read_csv(path: str | os.PathLike[str]) -> PoseData:
+    """Read a file of `write_csv`, or one with its columns frame, joint, x, y, z and unit.
+
+    The file has no correlations between axes: ``uncertainty`` is diagonal. It does not say which view had
+    which error either, so that ``n_views``, ``n_rejected`` and ``reprojection_error_px`` are not read.
+
+    Raises
+    ------
+    DatasetError
+        If the file cannot be read, lacks a column, names different units or joints, or has a field that is
+        no number; names the line.
+    """
+    source = Path(path)
+    reader = csv.DictReader(io.StringIO(read_text(source), newline=""), strict=True)
+    try:
+        columns = reader.fieldnames or []
+        missing = [name for name in _REQUIRED if name not in columns]
+        if missing:
+            raise DatasetError(source, "line 1", f"a column {missing[0]}", ", ".join(columns) or "nothing")
+        rows = [_Row.parse(source, reader.line_num, row) for row in reader]
+    except csv.Error as error:
+        raise DatasetError(
+            source, f"line {reader.reader.line_num}", "comma-separated fields", str(error)
+        ) from error
+    return _assemble(source, rows, has_status="status" in columns)
+
+
+@dataclass(frozen=True)
+class _Row:
+    line: int
+    frame: int
+    joint: str
+    position: tuple[float, ...]
+    deviation: tuple[float, ...]
+    unit: str
+    status: str
+
+    @classmethod
+    def parse(cls, path: Path, line: int, row: dict[str, str | None]) -> _Row:
+        if None in row or None in row.values():
+            raise DatasetError(path, f"line {line}", "as many fields as line 1", "another number")
+        fields = {name: str(value).strip() for name, value in row.items()}
+        try:
+            return cls(
+                line=line,
+                frame=int(fields["frame"]),
+                joint=fields["joint"],
+                position=tuple(_number(fields[axis]) for axis in ("x", "y", "z")),
+                deviation=tuple(_number(fields.get(axis, "")) for axis in ("sx", "sy", "sz")),
+                unit=fields["unit"],
+                status=fields.get("status", ""),
+            )
+        except ValueError as error:
+            raise DatasetError(path, f"line {line}", "numbers", str(error)) from error
+
+
+def _number(text: str) -> float:
+    return float(text) if text else math.nan
+
+
+def _assemble(path: Path, rows: Sequence[_Row], *, has_status: bool) -> PoseData:
+    """Put the rows, frame by frame with the same joints in the same order, into arrays."""
+    if not rows:
+        raise DatasetError(path, "rows", "at least one", "none")
+    joints = tuple(row.joint for row in rows if row.frame == rows[0].frame)
+    steps, rest = divmod(len(rows), len(joints))
+    for k, row in enumerate(rows):
+        first = rows[k - k % len(joints)]
+        if row.unit != rows[0].unit or row.unit not in MM_PER_UNIT:
+            raise DatasetError(path, f"line {row.line}", "the unit mm, cm or m, one for all", repr(row.unit))
+        if row.joint != joints[k % len(joints)] or row.frame != first.frame:
+            expected = f"frame {first.frame}, joint {joints[k % len(joints)]}"
+            raise DatasetError(path, f"line {row.line}", expected, f"frame {row.frame}, joint {row.joint}")
+    if rest:
+        raise DatasetError(path, f"line {rows[-1].line}", f"{len(joints)} joints in every frame", rest)
+    deviations = np.array([row.deviation for row in rows]).reshape(steps, len(joints), 3)
+    arrays: dict[str, Any] = {}
+    if np.isfinite(deviations).any():
+        known = np.isfinite(deviations).all(axis=-1)[..., None, None]
+        arrays["uncertainty"] = np.where(known, np.eye(3) * deviations[..., None, :] ** 2, np.nan)
+    if has_status and any(row.status for row in rows):
+        arrays["joint_status"] = np.array([row.status for row in rows]).reshape(steps, len(joints))
+    return PoseData(
+        pose=np.array([row.position for row in rows]).reshape(steps, len(joints), 3),
+        joint_names=joints,
+        frames=np.array([row.frame for row in rows[:: len(joints)]], dtype=np.int64),
+        unit=rows[0].unit,
+        **arrays,
+    )
 
 
 def _over_views(data: PoseData) -> tuple[npt.NDArray[np.int64], Array]:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import os
 
 _KEYS = tuple(entry.name for entry in fields(PoseData))
+_NAMES = ("joint_names", "camera_names", "processing")
 _REQUIRED = ("pose", "joint_names", "frames", "unit")
 
 
@@ -39,6 +40,8 @@ def write_npz(path: str | os.PathLike[str], data: PoseData) -> None:
     noise                                         (T,)            of the detections, ``unit``
     loss, n_iter, stop_reason, frames             (T,)
     joint_names, camera_names                     (N,), (M,)
+    frame_rate                                    ()              frames per second; NaN if unknown
+    processing                                    any number      what was done over time, in words
     ============================================  ==============  ======================================
 
     Raises
@@ -47,8 +50,9 @@ def write_npz(path: str | os.PathLike[str], data: PoseData) -> None:
         If the path cannot be written.
     """
     arrays: dict[str, Any] = {key: np.asarray(getattr(data, key)) for key in _KEYS}
-    arrays["camera_names"] = np.array(data.camera_names, dtype=np.str_)
-    arrays["joint_names"] = np.array(data.joint_names, dtype=np.str_)
+    for key in _NAMES:
+        arrays[key] = np.array(getattr(data, key), dtype=np.str_)
+    arrays["frame_rate"] = np.array(np.nan if data.frame_rate is None else data.frame_rate)
     arrays["version"] = np.array(sk.__version__)
     with atomic_write(path) as stream:
         np.savez_compressed(stream, allow_pickle=False, **arrays)
@@ -68,9 +72,14 @@ def read_npz(path: str | os.PathLike[str]) -> PoseData:
     if missing:
         raise DatasetError(source, missing[0], "an array under this key", f"keys {', '.join(arrays)}")
     arrays["unit"] = str(arrays["unit"])
-    for key in ("joint_names", "camera_names"):
+    for key in _NAMES:
         if key in arrays:
             arrays[key] = tuple(np.atleast_1d(arrays[key]).tolist())
+    rate = arrays.pop("frame_rate", np.array(np.nan))
+    if rate.shape != () or rate.dtype.kind not in "fiu":
+        raise DatasetError(source, "frame_rate", "one number", f"{rate.dtype} of shape {rate.shape}")
+    if not np.isnan(rate):
+        arrays["frame_rate"] = float(rate)
     try:
         return PoseData(**{key: arrays[key] for key in _KEYS if key in arrays})
     except InvalidInputError as error:

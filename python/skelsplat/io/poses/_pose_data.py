@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     import skelsplat as sk
 
 Array = npt.NDArray[np.float64]
-STATUSES = ("ok", "weak", "unobserved")
+STATUSES = ("ok", "weak", "unobserved", "filled")
 
 
 @dataclass(frozen=True)
@@ -51,15 +52,20 @@ class PoseData:
     reprojection_error : (T, M, N)
         Pixels of the original images; NaN where there is no detection.
     joint_status : (T, N) str
-        "ok", "weak" or "unobserved".
+        "ok", "weak" or "unobserved" as in `skelsplat.Refinement`; "filled": interpolated over a gap in time.
     loss : (T,)
     n_iter : (T,) int
     stop_reason : (T,) str
+    frame_rate : float or None
+        Frames per second; None if unknown.
+    processing : tuple of str
+        What was done to `pose` over time, a sentence each: gaps filled, filters. The other arrays stay those
+        of the refinement.
 
     Raises
     ------
     InvalidInputError
-        If a shape does not fit the others or the unit is unknown.
+        If a shape does not fit the others, the unit is unknown or the frame rate is not positive.
     """
 
     pose: Array
@@ -78,12 +84,16 @@ class PoseData:
     loss: Array = field(default_factory=lambda: np.empty(0))
     n_iter: npt.NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     stop_reason: npt.NDArray[np.str_] = field(default_factory=lambda: np.empty(0, dtype=np.str_))
+    frame_rate: float | None = None
+    processing: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.unit not in MM_PER_UNIT:
             raise InvalidInputError(f'unit: expected "mm", "cm" or "m", got {self.unit!r}')
         if self.pose.ndim != 3 or self.pose.shape[2] != 3:
             raise InvalidInputError(f"pose: expected shape (T, N, 3), got {self.pose.shape}")
+        if self.frame_rate is not None:
+            check_frame_rate(self.frame_rate)
         for name, shape in self._shapes().items():
             actual = np.shape(getattr(self, name))
             optional = name not in ("joint_names", "frames")
@@ -118,6 +128,7 @@ class PoseData:
         frames: npt.ArrayLike,
         camera_names: Sequence[str],
         unit: str,
+        frame_rate: float | None = None,
     ) -> PoseData:
         """Collect the result of `skelsplat.refine` over T frames with its names; arrays are not copied."""
         return cls(
@@ -137,4 +148,28 @@ class PoseData:
             loss=np.asarray(refinement.loss, dtype=np.float64),
             n_iter=np.asarray(refinement.n_iter, dtype=np.int64),
             stop_reason=np.asarray(refinement.stop_reason, dtype=np.str_),
+            frame_rate=frame_rate,
         )
+
+
+def check_frame_rate(rate: float) -> float:
+    """Return a frame rate that is positive and finite, or raise `InvalidInputError`."""
+    if not (math.isfinite(rate) and rate > 0.0):
+        raise InvalidInputError(f"frame_rate: expected a positive number, got {rate}")
+    return rate
+
+
+def known_frame_rate(data: PoseData, given: float | None, kind: str) -> float:
+    """Return the frame rate that is given, or else that of the data; a file of this ``kind`` states one.
+
+    Raises
+    ------
+    InvalidInputError
+        If neither is known or it is not positive.
+    """
+    rate = given if given is not None else data.frame_rate
+    if rate is None:
+        raise InvalidInputError(
+            f"frame_rate: expected one for a {kind} file (the poses state none), got none"
+        )
+    return check_frame_rate(rate)

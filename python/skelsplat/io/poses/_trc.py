@@ -1,6 +1,8 @@
 """TRC, the tab-separated marker file of OpenSim and its kin.
 
 Five header lines, a blank line (its documentation asks for it, some writers leave it out), one row per frame.
+Lines 4 and 5 and every row end in a tab, as motion-capture systems write them: OpenSim drops one empty field
+from the end of a line, and a row whose last marker is missing would be one field short without it.
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._atomic import atomic_write_text
 from skelsplat.io._files import read_text
-from skelsplat.io.poses._pose_data import PoseData
+from skelsplat.io.poses._pose_data import PoseData, check_frame_rate, known_frame_rate
 
 if TYPE_CHECKING:
     import os
@@ -35,7 +37,7 @@ def write_trc(
     path: str | os.PathLike[str],
     data: PoseData,
     *,
-    frame_rate: float,
+    frame_rate: float | None = None,
     unit: str = "m",
     y_up: bool = False,
 ) -> None:
@@ -49,7 +51,7 @@ def write_trc(
     path : path
     data : PoseData
     frame_rate : float
-        Frames per second.
+        Frames per second; that of `data` if left out.
     unit : "m" or "mm"
         Unit of the file; lengths are converted.
     y_up : bool
@@ -58,23 +60,26 @@ def write_trc(
     Raises
     ------
     InvalidInputError
-        If `unit` or `frame_rate` is not valid.
+        If `unit` or `frame_rate` is not valid, no frame rate is known, or a joint's name cannot stand in a
+        line of tab-separated fields.
     DatasetError
         If the path cannot be written.
     """
     if unit not in _DECIMALS:
         raise InvalidInputError(f'unit: expected "m" or "mm" in a TRC file, got {unit!r}')
-    if not (math.isfinite(frame_rate) and frame_rate > 0.0):
-        raise InvalidInputError(f"frame_rate: expected a positive number, got {frame_rate}")
+    rate = known_frame_rate(data, frame_rate, "TRC")
+    for name in data.joint_names:
+        if not name.strip() or "\t" in name or name.splitlines() != [name]:
+            raise InvalidInputError(f"joint_names: expected names without tabs and line breaks, got {name!r}")
     points = data.pose * (MM_PER_UNIT[data.unit] / MM_PER_UNIT[unit])
     if y_up:
         points = points[..., _Y_UP]
     start = int(data.frames[0]) if data.frames.size else 0
-    lines = _header(Path(path).name, data, frame_rate, unit)
+    lines = _header(Path(path).name, data, rate, unit)
     for frame, pose in zip(data.frames.tolist(), points, strict=True):
         step = frame - start
         fields = [_field(value, _DECIMALS[unit]) for value in pose.ravel().tolist()]
-        lines.append("\t".join([str(step + 1), f"{step / frame_rate:.6f}", *fields]))
+        lines.append("\t".join([str(step + 1), f"{step / rate:.6f}", *fields, ""]))
     atomic_write_text(path, "\n".join(lines) + "\n")
 
 
@@ -85,8 +90,8 @@ def _header(file_name: str, data: PoseData, frame_rate: float, unit: str) -> lis
         f"PathFileType\t4\t(X/Y/Z)\t{file_name}",
         _HEADER,
         "\t".join([rate, rate, str(steps), str(joints), unit, rate, "1", str(steps)]),
-        "\t".join(["Frame#", "Time", *(f"{name}\t\t" for name in data.joint_names)]),
-        "\t".join(["", "", *(f"X{n}\tY{n}\tZ{n}" for n in numbers)]),
+        "\t".join(["Frame#", "Time", *(f"{name}\t\t" for name in data.joint_names), ""]),
+        "\t".join(["", "", *(f"X{n}\tY{n}\tZ{n}" for n in numbers), ""]),
         "",
     ]
 
@@ -99,7 +104,7 @@ def read_trc(path: str | os.PathLike[str]) -> PoseData:
     """Read a TRC file; its axes are kept as they are.
 
     The blank sixth line may be missing, and empty fields and "nan" are NaN. ``frames`` are the file's own row
-    numbers.
+    numbers, ``frame_rate`` is its DataRate.
 
     Raises
     ------
@@ -111,6 +116,7 @@ def read_trc(path: str | os.PathLike[str]) -> PoseData:
     if len(lines) < 5 or not lines[0].startswith("PathFileType"):
         raise DatasetError(source, "header", "five lines that start with PathFileType", f"{len(lines)} lines")
     unit, markers = _read_unit(source, lines[2]), _marker_names(source, lines)
+    rate = _read_rate(source, lines[2])
     rows = [
         _read_row(source, number, line, 3 * len(markers))
         for number, line in enumerate(lines[5:], start=6)
@@ -118,7 +124,7 @@ def read_trc(path: str | os.PathLike[str]) -> PoseData:
     ]
     frames = np.array([frame for frame, _ in rows], dtype=np.int64)
     points = np.array([values for _, values in rows], dtype=np.float64)
-    return PoseData(points.reshape(len(rows), len(markers), 3), markers, frames, unit)
+    return PoseData(points.reshape(len(rows), len(markers), 3), markers, frames, unit, frame_rate=rate)
 
 
 def _read_unit(path: Path, line: str) -> str:
@@ -126,6 +132,16 @@ def _read_unit(path: Path, line: str) -> str:
     if len(values) < 5 or values[4] not in MM_PER_UNIT:
         raise DatasetError(path, "line 3 Units", "m, cm or mm in the fifth field", repr(line))
     return values[4]
+
+
+def _read_rate(path: Path, line: str) -> float:
+    value = line.split("\t")[0]
+    try:
+        return check_frame_rate(float(value))
+    except ValueError as error:
+        raise DatasetError(
+            path, "line 3 DataRate", "frames per second, a positive number", repr(value)
+        ) from error
 
 
 def _marker_names(path: Path, lines: Sequence[str]) -> tuple[str, ...]:

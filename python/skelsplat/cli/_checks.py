@@ -1,0 +1,32 @@
+"""Checks of options that several commands have."""
+
+from __future__ import annotations
+
+import typer
+
+from skelsplat.io.poses import POSE_FORMATS
+
+
+def one_of(option: str, value: str | None, choices: tuple[str, ...]) -> str:
+    """Return ``value`` if it is one of ``choices``; None means that a required option is missing."""
+    if value in choices:
+        return value
+    got = "nothing (the files do not say)" if value is None else repr(value)
+    raise typer.BadParameter(f"expected one of {', '.join(choices)}, got {got}", param_hint=option)
+
+
+def positive(option: str, value: float | None) -> float | None:
+    """Return ``value`` if it is positive and finite, or None."""
+    if value is None or 0 < value < float("inf"):
+        return value
+    raise typer.BadParameter(f"expected a positive number, got {value:g}", param_hint=option)
+
+
+def formats(value: str) -> tuple[str, ...]:
+    """Return the pose formats in a list with commas, each once."""
+    names = tuple(dict.fromkeys(name.strip().lower().removeprefix(".") for name in value.split(",")))
+    for name in names:
+        if name not in POSE_FORMATS:
+            known = ", ".join(POSE_FORMATS)
+            raise typer.BadParameter(f"expected some of {known}, got {name!r}", param_hint="--write")
+    return names

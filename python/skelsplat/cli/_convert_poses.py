@@ -1,0 +1,89 @@
+"""Pose files into other formats, for ``skelsplat convert``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.io.poses import POSE_FORMATS, is_json_poses, pose_format, read_pose, write_pose
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+_CSV_START = "frame,joint,"
+_HEAD_BYTES = 4096
+
+
+@dataclass(frozen=True)
+class PoseOptions:
+    """What the user says about the target.
+
+    Parameters
+    ----------
+    fps
+        Frames per second; None: as the source states it.
+    unit
+        Length unit of a TRC file, ``"m"`` or ``"mm"``; None: m.
+    y_up
+        Write a world with z up as y up (TRC, C3D).
+    singular
+        Name the dimensions of a NetCDF file as movement does from version 0.17 on.
+    """
+
+    fps: float | None = None
+    unit: str | None = None
+    y_up: bool = False
+    singular: bool = False
+
+
+def is_pose_file(path: Path) -> bool:
+    """Tell from the name, and for json, csv and npz from the content, whether ``path`` holds poses."""
+    kind = path.suffix.lower().removeprefix(".")
+    if kind not in POSE_FORMATS or not path.is_file():
+        return False
+    if kind == "npz":
+        try:
+            with np.load(path, allow_pickle=False) as archive:
+                return {"pose", "joint_names", "unit"} <= set(archive.files)
+        except (OSError, ValueError):
+            return False
+    if kind in ("json", "csv"):
+        with path.open("rb") as stream:
+            head = stream.read(_HEAD_BYTES).decode("utf-8-sig", errors="replace")
+        return is_json_poses(head) if kind == "json" else head.startswith(_CSV_START)
+    return True
+
+
+def convert_poses(source: Path, target: Path, options: PoseOptions) -> str:
+    """Read the poses in ``source``, write them to ``target``, and return one line on what was done.
+
+    The extensions name the formats. A format keeps what it can hold: npz and json everything; csv positions,
+    standard deviations and status; trc and c3d positions; nc positions, uncertainty and status.
+
+    Raises
+    ------
+    InvalidInputError
+        If an extension is unknown, an option is not one of the target's format, or the frame rate is missing.
+    MissingPackageError
+        If a format needs a package that is not installed.
+    DatasetError
+        If a file cannot be read or written, or both are the same.
+    """
+    kind = pose_format(target)
+    if target.resolve() == source.resolve():
+        raise DatasetError(target, "target", "another file than the source", "the same")
+    data = read_pose(source)
+    data = data if options.fps is None else replace(data, frame_rate=options.fps)
+    given = {"unit": options.unit, "y_up": options.y_up or None, "singular": options.singular or None}
+    try:
+        write_pose(target, data, **given)
+    except InvalidInputError as error:
+        if data.frame_rate is None and str(error).startswith("frame_rate"):
+            expected = f"one for a .{kind} file (--fps)"
+            raise DatasetError(source, "frame rate", expected, "none in the file") from error
+        raise
+    frames, joints = data.pose.shape[:2]
+    return f"{source} → {target}: {frames} frames of {joints} joints"

@@ -1,0 +1,131 @@
+"""The lines of ``skelsplat live``: detections from JSON, poses to JSON."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from skelsplat.io.poses import to_json
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import numpy.typing as npt
+
+    import skelsplat as sk
+
+    Array = npt.NDArray[np.float64]
+
+
+class MalformedLineError(Exception):
+    """What a line should have held and what it holds."""
+
+
+class Frame(NamedTuple):
+    """One line of the input: its name, the detections (M, N, 2|3), and whether to start anew."""
+
+    name: Any
+    detections: Array
+    reset: bool
+
+
+def parse_line(line: bytes, cameras: int, joints: int) -> Frame | None:
+    """Return what a line holds, None for a blank one.
+
+    Raises
+    ------
+    MalformedLineError
+        If it is no JSON, has no detections, or not those of ``cameras`` cameras and ``joints`` joints.
+    """
+    if not line.strip():
+        return None
+    try:
+        record = json.loads(line.decode())
+    except (ValueError, RecursionError) as error:
+        raise MalformedLineError(f"expected JSON, got {error}") from error
+    if not isinstance(record, dict) or "detections" not in record:
+        keys = f"the keys {', '.join(record)}" if isinstance(record, dict) else type(record).__name__
+        raise MalformedLineError(f'expected an object with "detections", got {keys}')
+    reset = record.get("reset", False)
+    if not isinstance(reset, bool):
+        raise MalformedLineError(f"reset: expected true or false, got {json.dumps(reset)}")
+    return Frame(record.get("frame"), _detections(record["detections"], cameras, joints), reset)
+
+
+def _detections(value: Any, cameras: int, joints: int) -> Array:
+    try:
+        array = np.array(value)
+    except ValueError:  # entries of different lengths, among them null for a joint or a camera
+        array = np.array(None)
+    if array.dtype.kind not in "fi" or array.shape not in ((cameras, joints, 2), (cameras, joints, 3)):
+        array = np.array(_without_nulls(value, cameras, joints))
+    array = array.astype(np.float64, copy=False)
+    if np.isinf(array).any():
+        raise MalformedLineError("detections: expected numbers, got infinity")
+    array[np.isnan(array).any(axis=-1), :2] = np.nan
+    if array.shape[-1] == 3:
+        array[np.isnan(array[..., 2]), 2] = 0.0
+    return array
+
+
+def _without_nulls(value: Any, cameras: int, joints: int) -> list[list[list[float]]]:
+    """Return the nested lists with NaN in the place of null, or say what is wrong with them."""
+    missing = [float("nan")] * 3
+    views = []
+    for i, view in enumerate(_listed(value, cameras, "detections", "cameras")):
+        if view is None:
+            views.append([missing] * joints)
+            continue
+        points = _listed(view, joints, f"detections[{i}]", "joints")
+        views.append(
+            [missing if p is None else _point(p, f"detections[{i}][{j}]") for j, p in enumerate(points)]
+        )
+    return views
+
+
+def _listed(value: Any, count: int, place: str, what: str) -> Sequence[Any]:
+    if not isinstance(value, list) or len(value) != count:
+        got = len(value) if isinstance(value, list) else _shown(value)
+        raise MalformedLineError(f"{place}: expected a list of {count} {what}, got {got}")
+    return value
+
+
+def _point(value: Any, place: str) -> list[float]:
+    """Return [x, y, confidence] with NaN for null; a point without a confidence has 1."""
+    numbers = isinstance(value, list) and len(value) in (2, 3) and all(map(_is_number, value))
+    if not numbers:
+        raise MalformedLineError(f"{place}: expected [x, y, confidence] or null, got {_shown(value)}")
+    point = [float("nan") if number is None else float(number) for number in value]
+    return point if len(point) == 3 else [*point, 1.0]
+
+
+def _is_number(value: Any) -> bool:
+    return value is None or (isinstance(value, int | float) and not isinstance(value, bool))
+
+
+def _shown(value: Any) -> str:
+    text = json.dumps(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def answer_text(frame: Frame, result: sk.Refinement) -> str:
+    """Return the answer to a frame as a JSON object without its closing brace.
+
+    Raises
+    ------
+    MalformedLineError
+        If the frame's name is NaN or infinite, which JSON cannot say.
+    """
+    sigma = np.sqrt(np.diagonal(result.uncertainty, axis1=-2, axis2=-1))
+    record = {
+        "frame": frame.name,
+        "pose": to_json(result.pose, by_joint=True),
+        "sigma": to_json(sigma, by_joint=True),
+        "joint_status": result.joint_status.tolist(),
+    }
+    try:
+        return json.dumps(record, allow_nan=False)[:-1]
+    except ValueError as error:
+        raise MalformedLineError(f"frame: expected a value of JSON, got {frame.name}") from error

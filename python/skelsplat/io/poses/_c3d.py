@@ -1,0 +1,191 @@
+"""C3D, the binary marker file of motion-capture systems; read and written by ezc3d."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import skelsplat as sk
+from skelsplat._optional import require
+from skelsplat.cameras import MM_PER_UNIT
+from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.io._atomic import atomic_path
+from skelsplat.io.poses._c3d_structure import check_structure
+from skelsplat.io.poses._pose_data import Array, PoseData, known_frame_rate
+
+if TYPE_CHECKING:
+    import os
+
+    import numpy.typing as npt
+
+# Frame numbers are 16-bit words that start at 1, and a residual is seven bits of a byte in whole units.
+MAX_FRAMES = 65535
+_MAX_RESIDUAL = 127
+_MISSING, _INTERPOLATED = -1.0, 0.0
+_Y_UP = [1, 2, 0]  # as in TRC files
+_GROUP = "SKELSPLAT"
+
+
+def write_c3d(
+    path: str | os.PathLike[str], data: PoseData, *, frame_rate: float | None = None, y_up: bool = False
+) -> None:
+    """Write the poses as points of a C3D file, in mm.
+
+    A point's residual is the joint's standard deviation in whole mm, the root of the mean variance of its
+    axes, from 1 to 127: C3D has a byte for it. It is 0 for a joint that was interpolated over a gap or has no
+    uncertainty, and −1 for a joint that is missing, as C3D means these values. A gap in `data.frames` becomes
+    frames without points. Numbers that C3D cannot hold (below 1, above 65535) are shifted to start at 1;
+    ``SKELSPLAT:FRAME_SHIFT`` is what was added, ``SKELSPLAT:PROCESSING`` holds `data.processing`.
+
+    Parameters
+    ----------
+    path : path
+    data : PoseData
+    frame_rate : float
+        Frames per second; that of `data` if left out.
+    y_up : bool
+        Write a world with z up as y up, (x, y, z) → (y, z, x), and say so in ``POINT:Y_SCREEN``.
+
+    Raises
+    ------
+    InvalidInputError
+        If no frame rate is known, or there are no frames, or more than 65535 from the first to the last.
+    MissingPackageError
+        If ezc3d is not installed.
+    DatasetError
+        If the path cannot be written.
+    """
+    ezc3d = _library()
+    rate = known_frame_rate(data, frame_rate, "C3D")
+    check_c3d_frames(data.frames)
+    shift = _shift(data.frames)
+    rows = data.frames - data.frames[0]
+    points = np.full((4, len(data.joint_names), int(rows[-1]) + 1), np.nan)
+    points[3] = 1.0
+    position = data.pose * MM_PER_UNIT[data.unit]
+    points[:3, :, rows] = np.moveaxis(position[..., _Y_UP] if y_up else position, (0, 1, 2), (2, 1, 0))
+    residuals = np.full((1, *points.shape[1:]), _MISSING)
+    residuals[0][:, rows] = _residuals(data).T
+
+    file = ezc3d.c3d()
+    point = file["parameters"]["POINT"]
+    point["RATE"]["value"] = [rate]
+    point["UNITS"]["value"] = ["mm"]
+    point["LABELS"]["value"] = list(data.joint_names)
+    file["header"]["points"]["first_frame"] = int(data.frames[0]) + shift - 1
+    file["data"]["points"] = points
+    file["data"]["meta_points"]["residuals"] = residuals
+    file["data"]["meta_points"]["camera_masks"] = np.zeros((7, *points.shape[1:]), dtype=bool)
+    if y_up:
+        file.add_parameter("POINT", "X_SCREEN", ["+X"])
+        file.add_parameter("POINT", "Y_SCREEN", ["+Y"])
+    file.add_parameter(_GROUP, "VERSION", [sk.__version__])
+    file.add_parameter(_GROUP, "FRAME_SHIFT", [shift])
+    if data.processing:
+        file.add_parameter(_GROUP, "PROCESSING", list(data.processing))
+    with atomic_path(path, suffix=".c3d") as temporary:  # ezc3d appends it to a name without it
+        file.write(str(temporary))
+
+
+def check_c3d_frames(frames: npt.NDArray[np.int64]) -> None:
+    """Raise `InvalidInputError` unless the frame numbers fit into one C3D file."""
+    span = int(frames[-1] - frames[0]) + 1 if len(frames) else 0
+    if not 1 <= span <= MAX_FRAMES:
+        raise InvalidInputError(
+            f"frames: expected 1 to {MAX_FRAMES} from the first to the last in a C3D file, got {span}"
+        )
+    if (np.diff(frames) < 1).any():
+        raise InvalidInputError("frames: expected ascending numbers, got some that are not")
+
+
+def _library() -> Any:
+    return require("ezc3d", "C3D files")
+
+
+def _shift(frames: npt.NDArray[np.int64]) -> int:
+    """Return what to add to the frame numbers so that the format can hold them."""
+    fits = frames[0] >= 1 and frames[-1] <= MAX_FRAMES
+    return 0 if fits else 1 - int(frames[0])
+
+
+def _residuals(data: PoseData) -> Array:
+    """Return the residual of every joint, (T, N)."""
+    missing = ~np.isfinite(data.pose).all(axis=-1)
+    residuals = np.full(missing.shape, _INTERPOLATED)
+    if data.uncertainty.size:
+        variance = np.trace(data.uncertainty, axis1=-2, axis2=-1) / 3
+        deviation = np.sqrt(variance) * MM_PER_UNIT[data.unit]
+        residuals = np.where(np.isfinite(variance), np.clip(np.rint(deviation), 1, _MAX_RESIDUAL), residuals)
+    if data.joint_status.size:
+        residuals[data.joint_status == "filled"] = _INTERPOLATED
+    residuals[missing] = _MISSING
+    return residuals
+
+
+def read_c3d(path: str | os.PathLike[str]) -> PoseData:
+    """Read the points of a C3D file; its axes are kept as they are.
+
+    A point with a negative residual is missing. The other residuals are not read: what they mean differs
+    between writers.
+
+    Raises
+    ------
+    MissingPackageError
+        If ezc3d is not installed.
+    DatasetError
+        If the file cannot be read, does not state its unit, frame rate or a label for every point, or is cut
+        short.
+    """
+    source, ezc3d = Path(path), _library()
+    try:
+        check_structure(source, source.read_bytes())
+        file = ezc3d.c3d(str(source))
+    except DatasetError:
+        raise
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise DatasetError(source, "file", "a readable C3D file", reason.lower()) from error
+    except Exception as error:  # whatever the library meets in a file that is none
+        raise DatasetError(source, "file", "a C3D file", str(error)) from error
+    points, header = file["data"]["points"], file["header"]["points"]
+    steps = int(header["last_frame"]) - int(header["first_frame"]) + 1
+    if points.shape[2] != steps:
+        raise DatasetError(source, "frames", f"{steps} as the header states", points.shape[2])
+    missing = file["data"]["meta_points"]["residuals"][0] < 0.0
+    pose = np.moveaxis(np.where(missing, np.nan, points[:3]), (0, 1, 2), (2, 1, 0))
+    own = file["parameters"].get(_GROUP, {})
+    shift = int(own["FRAME_SHIFT"]["value"][0]) if "FRAME_SHIFT" in own else 0
+    return PoseData(
+        pose=np.ascontiguousarray(pose),
+        joint_names=_labels(source, file["parameters"]["POINT"], points.shape[1]),
+        frames=np.arange(steps, dtype=np.int64) + int(header["first_frame"]) + 1 - shift,
+        unit=_unit(source, file["parameters"]["POINT"]),
+        frame_rate=_rate(source, file["parameters"]["POINT"]),
+        processing=tuple(own["PROCESSING"]["value"]) if "PROCESSING" in own else (),
+    )
+
+
+def _labels(path: Path, point: Any, count: int) -> tuple[str, ...]:
+    keys = ["LABELS", *(f"LABELS{k}" for k in range(2, 10))]
+    labels = [label.strip() for key in keys if key in point for label in point[key]["value"]]
+    if len(labels) < count or not all(labels[:count]):
+        raise DatasetError(path, "POINT:LABELS", f"a label for each of {count} points", len(labels))
+    return tuple(labels[:count])
+
+
+def _unit(path: Path, point: Any) -> str:
+    values = point["UNITS"]["value"] if "UNITS" in point else []
+    unit = values[0].strip().lower() if values else ""
+    if unit not in MM_PER_UNIT:
+        raise DatasetError(path, "POINT:UNITS", "mm, cm or m", repr(unit))
+    return unit
+
+
+def _rate(path: Path, point: Any) -> float:
+    values = point["RATE"]["value"] if "RATE" in point else []
+    rate = float(str(np.float32(values[0]))) if len(values) else 0.0  # stored in single precision
+    if not (np.isfinite(rate) and rate > 0.0):
+        raise DatasetError(path, "POINT:RATE", "frames per second, a positive number", rate)
+    return rate

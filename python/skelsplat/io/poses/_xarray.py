@@ -1,0 +1,199 @@
+"""Poses as an xarray Dataset of the package movement, and in its NetCDF files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import skelsplat as sk
+from skelsplat._optional import require
+from skelsplat.cameras import MM_PER_UNIT
+from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.io._atomic import atomic_path
+from skelsplat.io.poses._pose_data import Array, PoseData
+
+if TYPE_CHECKING:
+    import os
+
+    import xarray as xr
+
+_PLURAL = ("time", "space", "keypoints", "individuals")
+_SINGULAR = ("time", "space", "keypoint", "individual")
+
+
+def to_xarray(
+    data: PoseData,
+    *,
+    frame_rate: float | None = None,
+    individual: str = "id_0",
+    singular: bool = False,
+) -> xr.Dataset:
+    """Return the poses as a ``poses`` dataset of movement (https://movement.neuroinformatics.dev).
+
+    ============== ============================================= =======================================
+    position       (time, space, keypoints, individuals)         in ``attrs["unit"]``
+    confidence     (time, keypoints, individuals)                0 to 1
+    uncertainty    (time, space, space_2, keypoints, individuals) posterior covariance, unit²; if known
+    status         (time, keypoints, individuals)                ok, weak, unobserved, filled; if known
+    ============== ============================================= =======================================
+
+    ``confidence`` is the mean weight of the joint's detections, how far they are believed. It is 0 for a
+    joint that is not ``ok``, and NaN if the data have no weights. ``time`` is in seconds from the first frame
+    if the frame rate is known, else in frames; the coordinate ``frame`` has the frames' own numbers.
+    Attributes: ``fps`` (if known), ``time_unit``, ``source_software``, ``ds_type``, ``unit``, ``processing``.
+
+    Parameters
+    ----------
+    data : PoseData
+    frame_rate : float
+        Frames per second; that of `data` if left out.
+    individual : str
+        Name of the person.
+    singular : bool
+        Name the dimensions ``keypoint`` and ``individual``, as movement does from version 0.17 on.
+
+    Raises
+    ------
+    MissingPackageError
+        If xarray is not installed.
+    """
+    xarray = require("xarray", "xarray datasets")
+    time, space, keypoints, individuals = dims = _SINGULAR if singular else _PLURAL
+    rate = frame_rate if frame_rate is not None else data.frame_rate
+    steps = data.frames - (data.frames[0] if len(data.frames) else 0)
+    variables: dict[str, Any] = {
+        "position": (dims, data.pose.transpose(0, 2, 1)[..., None]),
+        "confidence": ((time, keypoints, individuals), _confidence(data)[..., None]),
+    }
+    if data.uncertainty.size:
+        axes = (time, space, f"{space}_2", keypoints, individuals)
+        variables["uncertainty"] = (axes, data.uncertainty.transpose(0, 2, 3, 1)[..., None])
+    if data.joint_status.size:
+        variables["status"] = ((time, keypoints, individuals), data.joint_status[..., None])
+    coordinates: dict[str, Any] = {
+        time: steps if rate is None else steps / rate,
+        space: ["x", "y", "z"],
+        keypoints: list(data.joint_names),
+        individuals: [individual],
+        "frame": (time, data.frames),
+    }
+    if data.uncertainty.size:
+        coordinates[f"{space}_2"] = ["x", "y", "z"]
+    dataset: xr.Dataset = xarray.Dataset(variables, coordinates, _attributes(data, rate))
+    return dataset
+
+
+def _attributes(data: PoseData, rate: float | None) -> dict[str, str | float]:
+    return {
+        "source_software": f"SkelSplat {sk.__version__}",
+        "ds_type": "poses",
+        "time_unit": "frames" if rate is None else "seconds",
+        **({} if rate is None else {"fps": rate}),
+        "unit": data.unit,
+        "processing": "\n".join(data.processing),
+    }
+
+
+def _confidence(data: PoseData) -> Array:
+    """Return the mean weight over the views that detected the joint, (T, N)."""
+    confidence: Array = np.full(data.pose.shape[:2], np.nan)
+    if data.view_weights.size:
+        seen = np.isfinite(data.view_weights)
+        total, count = np.where(seen, data.view_weights, 0.0).sum(axis=1), seen.sum(axis=1)
+        np.divide(total, count, out=confidence, where=count > 0)
+        if data.joint_status.size:
+            confidence[data.joint_status != "ok"] = 0.0
+    return confidence
+
+
+def write_netcdf(
+    path: str | os.PathLike[str],
+    data: PoseData,
+    *,
+    frame_rate: float | None = None,
+    individual: str = "id_0",
+    singular: bool = False,
+) -> None:
+    """Write the dataset of `to_xarray` as NetCDF 4, which movement and xarray open.
+
+    Raises
+    ------
+    MissingPackageError
+        If xarray, h5netcdf or h5py is not installed.
+    DatasetError
+        If the path cannot be written.
+    """
+    _check_packages()
+    dataset = to_xarray(data, frame_rate=frame_rate, individual=individual, singular=singular)
+    with atomic_path(path) as temporary:
+        dataset.to_netcdf(temporary, engine="h5netcdf")
+
+
+def _check_packages() -> Any:
+    for module in ("h5py", "h5netcdf"):
+        require(module, "NetCDF files")
+    return require("xarray", "NetCDF files")
+
+
+def read_netcdf(path: str | os.PathLike[str]) -> PoseData:
+    """Read a ``poses`` dataset of one individual in three dimensions, with either naming of the dimensions.
+
+    Raises
+    ------
+    MissingPackageError
+        If xarray, h5netcdf or h5py is not installed.
+    DatasetError
+        If the file cannot be read, is no such dataset or does not state its unit.
+    """
+    source, xarray = Path(path), _check_packages()
+    try:
+        with source.open("rb"), xarray.open_dataset(source, engine="h5netcdf") as opened:
+            dataset = opened.load()
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise DatasetError(source, "file", "a readable NetCDF file", reason.lower()) from error
+    except Exception as error:  # whatever the libraries meet in a file that is none
+        raise DatasetError(source, "file", "a NetCDF file", str(error)) from error
+    return _from_dataset(source, dataset)
+
+
+def _from_dataset(path: Path, dataset: xr.Dataset) -> PoseData:
+    if "position" not in dataset:
+        raise DatasetError(path, "position", "this variable", ", ".join(map(str, dataset)) or "none")
+    position = dataset["position"]
+    dims = next((names for names in (_PLURAL, _SINGULAR) if set(names) == set(position.dims)), None)
+    if dims is None:
+        raise DatasetError(
+            path, "position", f"dimensions {', '.join(_PLURAL)}", ", ".join(map(str, position.dims))
+        )
+    time, space, keypoints, individuals = dims
+    if [str(axis) for axis in position[space].values] != ["x", "y", "z"]:
+        raise DatasetError(path, space, "x, y, z", ", ".join(map(str, position[space].values)))
+    if position.sizes[individuals] != 1:
+        raise DatasetError(path, individuals, "one individual", position.sizes[individuals])
+    unit = dataset.attrs.get("unit")
+    if unit not in MM_PER_UNIT:
+        raise DatasetError(path, "unit", "the attribute mm, cm or m", repr(unit))
+    arrays: dict[str, Any] = {}
+    if "uncertainty" in dataset:
+        axes = (time, keypoints, space, f"{space}_2", individuals)
+        arrays["uncertainty"] = dataset["uncertainty"].transpose(*axes).values[..., 0]
+    if "status" in dataset:
+        status = dataset["status"].transpose(time, keypoints, individuals).values[..., 0]
+        arrays["joint_status"] = status.astype(np.str_)
+    rate = dataset.attrs.get("fps")
+    frames = dataset["frame"].values if "frame" in dataset else np.arange(position.sizes[time])
+    try:
+        return PoseData(
+            pose=np.asarray(position.transpose(time, keypoints, space, individuals).values[..., 0], float),
+            joint_names=tuple(map(str, position[keypoints].values)),
+            frames=frames.astype(np.int64),
+            unit=str(unit),
+            frame_rate=None if rate is None else float(rate),
+            processing=tuple(str(dataset.attrs.get("processing", "")).splitlines()),
+            **arrays,
+        )
+    except (InvalidInputError, ValueError, TypeError) as error:
+        raise DatasetError(path, "variables", "arrays that fit each other", str(error)) from error

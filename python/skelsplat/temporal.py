@@ -1,0 +1,272 @@
+"""Poses over time: gaps filled and noise filtered, on request and never by default.
+
+``refine`` treats every frame by itself. What is done here uses the frames around it, so it belongs behind the
+refinement, and whoever writes the result says so in it. All functions take poses (T, N, 3) with NaN for what
+is missing, leave the input as it is, and never carry anything across a gap that they do not fill. ``frames``
+are the numbers of the frames; a gap in the numbers is a gap in time. Cubic splines and the Butterworth filter
+need SciPy (``pip install 'skelsplat[temporal]'``).
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skelsplat._optional import require
+from skelsplat.exceptions import InvalidInputError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+
+METHODS = ("cubic", "linear")
+
+
+def fill_gaps(
+    pose: npt.ArrayLike,
+    max_gap: int,
+    *,
+    method: str = "cubic",
+    frames: npt.ArrayLike | None = None,
+    gaps: npt.ArrayLike | None = None,
+) -> tuple[Array, Mask]:
+    """Interpolate every joint over gaps of at most ``max_gap`` frames.
+
+    A gap lies between two frames in which the joint is known; before the first and after the last of them
+    nothing is filled. The length of a gap is counted in frame numbers.
+
+    Parameters
+    ----------
+    pose : (T, N, 3)
+        Positions; NaN where missing.
+    max_gap : int
+        Longest gap that is filled, in frames.
+    method : {"cubic", "linear"}
+        A cubic spline through all frames in which the joint is known, or straight lines.
+    frames : (T,) int, optional
+        Ascending frame numbers; 0, 1, … if left out.
+    gaps : (T, N) bool, optional
+        What to replace, if that is more than what is missing. A gap that is too long keeps what it had.
+
+    Returns
+    -------
+    pose : (T, N, 3)
+    filled : (T, N) bool
+        Where a position was put in.
+
+    Raises
+    ------
+    InvalidInputError
+        If a shape does not fit, ``max_gap`` is below 1 or ``method`` is unknown.
+    MissingPackageError
+        If SciPy is not installed (cubic).
+    """
+    positions, numbers = _checked(pose, frames)
+    if max_gap < 1:
+        raise InvalidInputError(f"max_gap: expected at least 1 frame, got {max_gap}")
+    if method not in METHODS:
+        raise InvalidInputError(f"method: expected one of {', '.join(METHODS)}, got {method!r}")
+    known = _known(positions)
+    if gaps is not None:
+        wanted = np.asarray(gaps, dtype=np.bool_)
+        if wanted.shape != known.shape:
+            raise InvalidInputError(f"gaps: expected shape {known.shape}, got {wanted.shape}")
+        known &= ~wanted
+    filled = np.zeros_like(known)
+    for j in range(known.shape[1]):
+        filled[:, j] = _short_gaps(known[:, j], numbers, max_gap)
+        at = filled[:, j]
+        if at.any():
+            positions[at, j] = _interpolated(
+                numbers[known[:, j]], positions[known[:, j], j], numbers[at], method
+            )
+    return positions, filled
+
+
+def butterworth(
+    pose: npt.ArrayLike,
+    frame_rate: float,
+    cutoff: float = 6.0,
+    *,
+    order: int = 4,
+    frames: npt.ArrayLike | None = None,
+) -> tuple[Array, Mask]:
+    """Low-pass every joint with a Butterworth filter run forwards and backwards, so without lag.
+
+    Parameters
+    ----------
+    pose : (T, N, 3)
+        Positions; NaN where missing.
+    frame_rate : float
+        Frames per second.
+    cutoff : float
+        Hz; the amplitude at this frequency is 1/√2 (−3 dB) after both passes.
+    order : int
+        Of both passes together: 2, 4, 6 or 8.
+    frames : (T,) int, optional
+        Ascending frame numbers; 0, 1, … if left out.
+
+    Returns
+    -------
+    pose : (T, N, 3)
+    left : (T, N) bool
+        Positions that were left as they are, because a run of frames without a gap is too short to filter.
+
+    Raises
+    ------
+    InvalidInputError
+        If a shape does not fit, ``order`` is another number, or ``cutoff`` is not below half the frame rate.
+    MissingPackageError
+        If SciPy is not installed.
+    """
+    positions, numbers = _checked(pose, frames)
+    if order not in (2, 4, 6, 8):
+        raise InvalidInputError(f"order: expected 2, 4, 6 or 8 (both passes together), got {order}")
+    _positive("frame_rate", frame_rate)
+    if not 0.0 < cutoff < frame_rate / 2:
+        limit = f"above 0 and below half the frame rate, {frame_rate / 2:g} Hz"
+        raise InvalidInputError(f"cutoff: expected a frequency {limit}, got {cutoff:g}")
+    signal = require("scipy.signal", "the Butterworth filter", "temporal")
+    sections = signal.butter(order // 2, _single_pass(cutoff, frame_rate, order // 2), output="sos")
+    # of scipy.signal.sosfiltfilt: how much it reflects at either end, and so the shortest that it takes
+    shortest = 3 * (2 * len(sections) + 1 - int((sections[:, 5] == 0).sum())) + 1
+    left: Mask = np.zeros(positions.shape[:2], dtype=np.bool_)
+    for j, run in _runs(positions, numbers):
+        if run.stop - run.start < shortest:
+            left[run, j] = True
+        else:
+            positions[run, j] = signal.sosfiltfilt(sections, positions[run, j], axis=0)
+    return positions, left
+
+
+def one_euro(
+    pose: npt.ArrayLike,
+    frame_rate: float,
+    *,
+    min_cutoff: float,
+    beta: float,
+    speed_cutoff: float = 1.0,
+    frames: npt.ArrayLike | None = None,
+) -> Array:
+    """Low-pass every joint with the one-euro filter: strong at rest, weak in fast motion.
+
+    It uses past frames only, so it is fit for a live loop and lags behind slow motion. Casiez, Roussel and
+    Vogel, CHI 2012; here the speed is that of the joint, not of each coordinate.
+
+    Parameters
+    ----------
+    pose : (T, N, 3)
+        Positions; NaN where missing. After a gap the filter starts anew.
+    frame_rate : float
+        Frames per second.
+    min_cutoff : float
+        Cutoff at rest, Hz.
+    beta : float
+        By how much the cutoff grows with the speed, Hz per unit of ``pose`` per second.
+    speed_cutoff : float
+        Cutoff of the low-pass on the speed, Hz.
+    frames : (T,) int, optional
+        Ascending frame numbers; 0, 1, … if left out.
+
+    Raises
+    ------
+    InvalidInputError
+        If a shape does not fit, a frequency is not positive or ``beta`` is negative.
+    """
+    positions, numbers = _checked(pose, frames)
+    for name, value in (
+        ("frame_rate", frame_rate),
+        ("min_cutoff", min_cutoff),
+        ("speed_cutoff", speed_cutoff),
+    ):
+        _positive(name, value)
+    if not (math.isfinite(beta) and beta >= 0.0):
+        raise InvalidInputError(f"beta: expected a number of at least 0, got {beta}")
+    speed_share = _smoothing(np.asarray(speed_cutoff), frame_rate)
+    velocity = np.zeros(positions.shape[1:])
+    for t in range(1, len(positions)):
+        before, now = positions[t - 1], positions[t]
+        if numbers[t] != numbers[t - 1] + 1:
+            velocity[:] = 0.0
+            continue
+        change = (now - before) * frame_rate
+        started = np.isfinite(change).all(axis=-1, keepdims=True)
+        velocity = np.where(started, velocity + speed_share * (change - velocity), 0.0)
+        speed = np.linalg.norm(velocity, axis=-1, keepdims=True)
+        share = _smoothing(min_cutoff + beta * speed, frame_rate)
+        positions[t] = np.where(started, before + share * (now - before), now)
+    return positions
+
+
+def _checked(pose: npt.ArrayLike, frames: npt.ArrayLike | None) -> tuple[Array, npt.NDArray[np.int64]]:
+    """Return a copy of the poses in which a joint has three numbers or none, and the frame numbers."""
+    positions = np.array(pose, dtype=np.float64)
+    if positions.ndim != 3 or positions.shape[2] != 3:
+        raise InvalidInputError(f"pose: expected shape (T, N, 3), got {positions.shape}")
+    positions[~_known(positions)] = np.nan
+    numbers = np.arange(len(positions)) if frames is None else np.asarray(frames)
+    if numbers.shape != positions.shape[:1]:
+        raise InvalidInputError(f"frames: expected shape {positions.shape[:1]}, got {numbers.shape}")
+    if (np.diff(numbers) < 1).any():
+        raise InvalidInputError("frames: expected ascending numbers, got some that are not")
+    return positions, numbers.astype(np.int64)
+
+
+def _known(positions: Array) -> Mask:
+    return np.asarray(np.isfinite(positions).all(axis=-1))
+
+
+def _positive(name: str, value: float) -> None:
+    if not (math.isfinite(value) and value > 0.0):
+        raise InvalidInputError(f"{name}: expected a positive number, got {value}")
+
+
+def _short_gaps(known: Mask, numbers: npt.NDArray[np.int64], max_gap: int) -> Mask:
+    """Mark the frames (T,) that lie in a gap of at most ``max_gap`` between two known frames."""
+    there = np.flatnonzero(known)
+    short = np.zeros_like(known)
+    for before, after in pairwise(there.tolist()):
+        if after > before + 1 and numbers[after] - numbers[before] - 1 <= max_gap:
+            short[before + 1 : after] = True
+    return short
+
+
+def _interpolated(times: Any, values: Array, at: Any, method: str) -> Array:
+    if method == "linear":
+        return np.stack([np.interp(at, times, values[:, axis]) for axis in range(3)], axis=-1)
+    interpolate = require("scipy.interpolate", "cubic splines over gaps", "temporal")
+    result: Array = interpolate.CubicSpline(times, values)(at)
+    return result
+
+
+def _single_pass(cutoff: float, frame_rate: float, order: int) -> float:
+    """Return the cutoff of one pass, as a share of half the frame rate, for −3 dB at ``cutoff`` after two.
+
+    Two passes have the gain 1 / (1 + (ω/ω_c)²ⁿ), which is 1/√2 where (ω/ω_c)²ⁿ = √2 − 1; by the bilinear
+    transform ω = tan(π f / f_s).
+    """
+    angle = math.tan(math.pi * cutoff / frame_rate) / (math.sqrt(2.0) - 1.0) ** (1.0 / (2 * order))
+    return 2.0 / math.pi * math.atan(angle)
+
+
+def _runs(positions: Array, numbers: npt.NDArray[np.int64]) -> Iterator[tuple[int, slice]]:
+    """Yield (joint, slice of frames) for every run of consecutive frames in which the joint is known."""
+    follows = np.diff(numbers) == 1
+    for j in range(positions.shape[1]):
+        known = _known(positions[:, j])
+        linked = known[:-1] & known[1:] & follows
+        starts = np.flatnonzero(known & ~np.concatenate([[False], linked]))
+        stops = np.flatnonzero(known & ~np.concatenate([linked, [False]])) + 1
+        for start, stop in zip(starts, stops, strict=True):
+            yield j, slice(int(start), int(stop))
+
+
+def _smoothing(cutoff: Array, frame_rate: float) -> Array:
+    """Return the share of the new value in exponential smoothing with this cutoff."""
+    return 1.0 / (1.0 + frame_rate / (2.0 * math.pi * cutoff))

@@ -1,0 +1,24 @@
+"""Running the command line in tests."""
+
+from __future__ import annotations
+
+from typer.testing import CliRunner
+
+from skelsplat.cli import app
+
+READ = ["--unit", "mm", "--layout", "h36m17"]
+
+
+def invoke(*args):
+    return CliRunner().invoke(app, [str(arg) for arg in args], env={"COLUMNS": "80"})
+
+
+def assert_fails(result, status, *parts):
+    """One line on stderr that starts with ``error:`` and holds ``parts``; nothing on stdout."""
+    assert result.exit_code == status, result.output
+    assert result.stdout == ""
+    lines = result.stderr.splitlines()
+    assert len(lines) == 1
+    assert lines[0].startswith("error: ")
+    for part in parts:
+        assert part in lines[0]

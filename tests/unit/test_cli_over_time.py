@@ -1,0 +1,184 @@
+"""``skelsplat refine`` over time and in other formats: what it writes, and what it says that it did."""
+
+from __future__ import annotations
+
+import csv
+import json
+import sys
+
+import numpy as np
+import pytest
+
+from command_line import READ, assert_fails, invoke
+from skelsplat import temporal
+from skelsplat.cli import _run
+from skelsplat.io import read_c3d, read_json, read_netcdf, read_npz, read_trc
+
+FPS = ["--fps", "50", "-q"]
+
+
+@pytest.fixture
+def gap(recording):
+    """Take joint 16 out of all views of frame 2."""
+    folder, rig, _ = recording
+    for name in rig.names:
+        path = folder / "openpose" / name / "000002_keypoints.json"
+        document = json.loads(path.read_text())
+        document["people"][0]["pose_keypoints_2d"][48:51] = [0.0, 0.0, 0.0]
+        path.write_text(json.dumps(document))
+    return folder
+
+
+def test_nothing_is_filled_or_filtered_by_default(gap, arguments):
+    assert invoke(*arguments, *READ, *FPS).exit_code == 0
+    written = read_npz(gap / "out" / "pose.npz")
+    assert np.isnan(written.pose[2, 16]).all()
+    assert (written.joint_status[2, 16], written.processing, written.frame_rate) == ("unobserved", (), 50.0)
+    report = json.loads((gap / "out" / "report.json").read_text())
+    assert report["over_time"] == {"gaps": None, "filter": None, "processing": []}
+
+
+def test_a_gap_is_filled_and_marked(gap, arguments):
+    assert invoke(*arguments, *READ, *FPS).exit_code == 0
+    plain = read_npz(gap / "out" / "pose.npz")
+    result = invoke(*arguments, *READ, "--fps", 50, "--fill-gaps", 1)
+    assert result.exit_code == 0, result.output
+    written = read_npz(gap / "out" / "pose.npz")
+    expected, filled = temporal.fill_gaps(plain.pose, 1)
+    assert np.argwhere(filled).tolist() == [[2, 16]]
+    np.testing.assert_array_equal(written.pose, expected)
+    np.testing.assert_array_equal(np.argwhere(written.joint_status == "filled"), [[2, 16]])
+    assert np.isnan(written.uncertainty[2, 16]).all()
+    with (gap / "out" / "pose.csv").open(newline="") as stream:
+        assert [row["status"] for row in csv.DictReader(stream)].count("filled") == 1
+    sentence = "Gaps of at most 1 frames filled by cubic splines: 1 joint positions, whose status is filled."
+    assert written.processing == (sentence,)
+    assert sentence in " ".join(result.stdout.split())
+    report = json.loads((gap / "out" / "report.json").read_text())["over_time"]
+    assert report["gaps"] == {"max_frames": 1, "method": "cubic", "weak_joints_too": False, "filled": 1}
+    assert report["processing"] == [sentence]
+
+
+def test_the_filter_is_that_of_temporal_in_mm_and_is_stated_in_every_format_with_a_place(gap, arguments):
+    for package in ("ezc3d", "xarray", "h5netcdf", "h5py"):
+        pytest.importorskip(package, reason=f"{package} is not installed")
+    assert invoke(*arguments, *READ, *FPS).exit_code == 0
+    plain = read_npz(gap / "out" / "pose.npz").pose
+    run = [*arguments, *READ, *FPS, "--filter", "one-euro:2:0.01", "--write", "npz,json,c3d,nc,trc"]
+    assert invoke(*run).exit_code == 0
+    expected = temporal.one_euro(plain, 50.0, min_cutoff=2.0, beta=0.01)
+    sentence = (
+        "Low-pass: one-euro filter, 2 Hz at rest and 0.01 Hz per mm/s, causal. Uncertainties, weights and "
+        "reprojection errors are those before it."
+    )
+    readers = {"npz": read_npz, "json": read_json, "c3d": read_c3d, "nc": read_netcdf}
+    for kind, read in readers.items():
+        data = read(gap / "out" / f"pose.{kind}")
+        # C3D has single precision
+        np.testing.assert_allclose(data.pose, expected, rtol=1e-7 if kind == "c3d" else 0.0, err_msg=kind)
+        assert data.processing == (sentence,)
+        assert data.frame_rate == 50.0
+    assert read_trc(gap / "out" / "pose.trc").frame_rate == 50.0
+    entry = json.loads((gap / "out" / "report.json").read_text())["over_time"]["filter"]
+    assert entry == {
+        "name": "one-euro",
+        "min_cutoff_hz": 2.0,
+        "beta_hz_per_mm_s": 0.01,
+        "left_as_they_are": 0,
+    }
+
+
+def test_runs_too_short_for_butterworth_are_said_to_be_left(gap, arguments):
+    assert invoke(*arguments, *READ, *FPS, "--filter", "butterworth:6:4").exit_code == 0
+    report = json.loads((gap / "out" / "report.json").read_text())["over_time"]
+    # five frames are fewer than ten
+    assert report["filter"] == {"name": "butterworth", "cutoff_hz": 6.0, "order": 4, "left_as_they_are": 84}
+    assert "order 4, −3 dB at 6 Hz, both ways, no lag; 84 joint positions" in report["processing"][0]
+
+
+def test_weak_joints_are_filled_when_asked(recording, arguments):
+    folder, rig, _ = recording
+    # two views see the joint, and contradict each other
+    seen = {0: 0.0, 1: 300.0}
+    for i, name in enumerate(rig.names):
+        path = folder / "openpose" / name / "000002_keypoints.json"
+        document = json.loads(path.read_text())
+        joint = document["people"][0]["pose_keypoints_2d"]
+        joint[48:51] = [joint[48], joint[49] + seen[i], 0.9] if i in seen else [0.0, 0.0, 0.0]
+        path.write_text(json.dumps(document))
+    run = [*arguments, *READ, *FPS, "--fill-gaps", "2", "--fill-method", "linear"]
+    assert invoke(*run).exit_code == 0
+    assert read_npz(folder / "out" / "pose.npz").joint_status[2, 16] == "weak"
+    assert invoke(*run, "--fill-weak").exit_code == 0
+    written = read_npz(folder / "out" / "pose.npz")
+    assert written.joint_status[2, 16] == "filled"
+    np.testing.assert_allclose(written.pose[2, 16], written.pose[[1, 3], 16].mean(axis=0), rtol=1e-12)
+
+
+def test_write_names_the_formats(recording, arguments):
+    folder, _, _ = recording
+    result = invoke(*arguments, *READ, *FPS[:2], "--write", "json, .CSV")
+    assert result.exit_code == 0, result.output
+    assert {path.name for path in (folder / "out").glob("pose.*")} == {"pose.json", "pose.csv"}
+    assert "pose.json, pose.csv" in " ".join(result.stdout.split())
+
+
+def test_an_unknown_frame_rate_is_a_warning_of_the_files_that_need_one(recording, arguments):
+    pytest.importorskip("ezc3d", reason="ezc3d is not installed")
+    folder, _, _ = recording
+    run = [*arguments, *READ, "-q", "--write"]
+    assert invoke(*run, "npz,csv,json").stderr == ""
+    assert read_json(folder / "out" / "pose.json").frame_rate is None
+    result = invoke(*run, "c3d,trc,npz")
+    assert result.stderr.startswith("warning: --fps: not given; the times in pose.c3d and pose.trc assume 30")
+    assert read_c3d(folder / "out" / "pose.c3d").frame_rate == 30.0
+    assert read_npz(folder / "out" / "pose.npz").frame_rate is None
+
+
+def test_y_up_turns_c3d_as_well(recording, arguments):
+    pytest.importorskip("ezc3d", reason="ezc3d is not installed")
+    folder, _, _ = recording
+    assert invoke(*arguments, *READ, *FPS, "--write", "c3d,npz", "--y-up").exit_code == 0
+    pose = read_npz(folder / "out" / "pose.npz").pose
+    turned = read_c3d(folder / "out" / "pose.c3d").pose
+    np.testing.assert_array_equal(turned, pose[..., [1, 2, 0]].astype(np.float32))
+
+
+@pytest.mark.parametrize(
+    ("extra", "parts"),
+    [
+        (["--write", "bvh"], ["--write", "npz, csv, trc, c3d, json, nc", "'bvh'"]),
+        (["--write", ""], ["--write", "''"]),
+        (["--filter", "butterworth"], ["--filter", "--fps beside it"]),
+        (["--fps", "50", "--filter", "kalman"], ["--filter", "butterworth[:HZ[:ORDER]]", "'kalman'"]),
+        (["--fps", "50", "--filter", "butterworth:fast"], ["--filter", "numbers", "'butterworth:fast'"]),
+        (["--fps", "50", "--filter", "butterworth:6:4.5"], ["--filter", "numbers"]),
+        (["--fps", "50", "--filter", "butterworth:6:4:1"], ["--filter", "butterworth[:HZ[:ORDER]]"]),
+        (["--fps", "50", "--filter", "butterworth:25"], ["--filter", "cutoff", "25 Hz, got 25"]),
+        (["--fps", "50", "--filter", "butterworth:6:3"], ["--filter", "order", "got 3"]),
+        (["--fps", "50", "--filter", "one-euro:-1"], ["--filter", "min_cutoff", "positive", "-1"]),
+        (["--fill-gaps", "0"], ["--fill-gaps"]),
+        (["--fill-gaps", "2", "--fill-method", "spline"], ["--fill-method", "cubic, linear", "'spline'"]),
+        (["--fill-weak"], ["--fill-weak", "--fill-gaps beside it"]),
+    ],
+)
+def test_bad_usage_is_status_2(recording, arguments, extra, parts):
+    folder, _, _ = recording
+    assert_fails(invoke(*arguments, *READ, *extra), 2, *parts, "see", "--help")
+    assert not (folder / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("extra", "modules", "package"),
+    [
+        (["--write", "c3d"], ["ezc3d"], "formats"),
+        (["--write", "nc"], ["h5netcdf"], "formats"),
+        (["--fps", "50", "--filter", "butterworth"], ["scipy.signal"], "temporal"),
+        (["--fill-gaps", "3"], ["scipy.interpolate"], "temporal"),
+    ],
+)
+def test_a_missing_package_is_status_1_before_the_work(arguments, monkeypatch, extra, modules, package):
+    for module in modules:
+        monkeypatch.setitem(sys.modules, module, None)
+    monkeypatch.setattr(_run, "_refine_with_bar", lambda *_, **__: pytest.fail("it refined"))
+    assert_fails(invoke(*arguments, *READ, *extra), 1, f"pip install 'skelsplat[{package}]'")

@@ -1,0 +1,74 @@
+"""Pose files into other formats."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from pose_sample import JOINTS, assert_equal, sample
+from skelsplat.cli._convert_poses import PoseOptions, convert_poses, is_pose_file
+from skelsplat.io import read_json, read_npz, read_trc, write_csv, write_json, write_npz, write_trc
+
+
+def test_between_formats_that_hold_everything(tmp_path):
+    write_npz(tmp_path / "a.npz", sample())
+    said = convert_poses(tmp_path / "a.npz", tmp_path / "b.json", PoseOptions())
+    assert said == f"{tmp_path / 'a.npz'} → {tmp_path / 'b.json'}: 4 frames of 3 joints"
+    convert_poses(tmp_path / "b.json", tmp_path / "c.npz", PoseOptions())
+    assert_equal(read_npz(tmp_path / "c.npz"), sample())
+
+
+def test_options_reach_the_target(tmp_path):
+    write_json(tmp_path / "a.json", sample())
+    convert_poses(tmp_path / "a.json", tmp_path / "a.trc", PoseOptions(fps=25.0, unit="mm", y_up=True))
+    back = read_trc(tmp_path / "a.trc")
+    assert (back.frame_rate, back.unit) == (25.0, "mm")
+    # half a unit of the third decimal
+    np.testing.assert_allclose(back.pose[0], sample().pose[0][:, [1, 2, 0]], atol=5.0001e-4)
+    convert_poses(tmp_path / "a.trc", tmp_path / "b.json", PoseOptions(fps=20.0))
+    assert read_json(tmp_path / "b.json").frame_rate == 20.0
+
+
+def test_a_frame_rate_that_the_source_does_not_state_is_asked_for(tmp_path):
+    write_csv(tmp_path / "a.csv", sample())
+    with pytest.raises(
+        sk.DatasetError, match=r"a\.csv: frame rate: expected one for a \.trc file \(--fps\), got"
+    ):
+        convert_poses(tmp_path / "a.csv", tmp_path / "b.trc", PoseOptions())
+    convert_poses(tmp_path / "a.csv", tmp_path / "b.trc", PoseOptions(fps=50.0))
+    assert read_trc(tmp_path / "b.trc").joint_names == JOINTS
+
+
+def test_what_cannot_be_converted(tmp_path):
+    write_npz(tmp_path / "a.npz", sample())
+    with pytest.raises(sk.DatasetError, match="target: expected another file than the source"):
+        convert_poses(tmp_path / "a.npz", tmp_path / "." / "a.npz", PoseOptions())
+    with pytest.raises(sk.InvalidInputError, match="path: expected a name that ends in"):
+        convert_poses(tmp_path / "a.npz", tmp_path / "a.bvh", PoseOptions())
+    with pytest.raises(sk.InvalidInputError, match=r"y_up: expected no options for a \.csv file"):
+        convert_poses(tmp_path / "a.npz", tmp_path / "a.csv", PoseOptions(y_up=True))
+    with pytest.raises(sk.DatasetError, match=r"b\.npz: file: expected a readable npz file"):
+        convert_poses(tmp_path / "b.npz", tmp_path / "b.json", PoseOptions())
+    assert [path.name for path in tmp_path.iterdir()] == ["a.npz"]
+
+
+def test_pose_files_are_told_from_others_of_the_same_extension(tmp_path):
+    data = replace(sample(), frame_rate=50.0)
+    for write, name in (
+        (write_npz, "a.npz"),
+        (write_csv, "a.csv"),
+        (write_json, "a.json"),
+        (write_trc, "a.trc"),
+    ):
+        write(tmp_path / name, data)
+        assert is_pose_file(tmp_path / name)
+    np.savez(tmp_path / "b.npz", detections=np.zeros(3))
+    (tmp_path / "b.json").write_text(json.dumps({"cameras": []}))
+    (tmp_path / "b.csv").write_text("camera,frame,x\n")
+    (tmp_path / "c.npz").write_text("no archive")
+    for name in ("b.npz", "b.json", "b.csv", "c.npz", "none.trc", "."):
+        assert not is_pose_file(tmp_path / name)

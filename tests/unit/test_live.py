@@ -1,0 +1,218 @@
+"""``skelsplat live``: lines in, lines out, and everything that a pipe can do to it."""
+
+from __future__ import annotations
+
+import json
+import re
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import skelsplat as sk
+from command_line import assert_fails, invoke
+from skelsplat import synthetic
+from skelsplat.cli import app
+from skelsplat.io import read_calibration, write_calibration
+
+T = 6
+OPTIONS = ["--unit", "mm", "--layout", "h36m17"]
+
+
+@pytest.fixture
+def rig(tmp_path):
+    write_calibration(tmp_path / "Calib.toml", synthetic.human36m_like())
+    return read_calibration(tmp_path / "Calib.toml", unit="mm")
+
+
+@pytest.fixture
+def detections(rig):
+    """Simulate a walk with noise, (T, M, N, 3); one joint is missing everywhere in frame 3."""
+    pose = synthetic.motion("walk", T, seed=3)
+    noise = np.random.default_rng(1).normal(0.0, 2.0, (T, len(rig), 17, 2))
+    points = sk.project(pose, rig).swapaxes(0, 1) + noise
+    found = np.concatenate([points, np.full((T, len(rig), 17, 1), 0.9)], axis=-1)
+    found[3, :, 5] = [np.nan, np.nan, 0.0]
+    return found
+
+
+def plain(array):
+    return np.where(np.isfinite(array), array, None).tolist()
+
+
+def line(frame, array):
+    return json.dumps({"frame": frame, "detections": plain(array)})
+
+
+def run(tmp_path, *lines, options=("-q",)):
+    arguments = ["live", str(tmp_path / "Calib.toml"), *OPTIONS, *options]
+    return CliRunner().invoke(app, arguments, input="\n".join(lines) + "\n")
+
+
+def records(result):
+    return [json.loads(text, parse_constant=pytest.fail) for text in result.stdout.splitlines()]
+
+
+def test_the_answers_are_those_of_a_refiner(tmp_path, rig, detections):
+    result = run(tmp_path, *(line(t, found) for t, found in enumerate(detections)))
+    assert result.exit_code == 0, result.output
+    refiner = sk.Refiner(rig, layout="h36m17")
+    for t, record in enumerate(records(result)):
+        expected = refiner.step(detections[t])
+        assert record["frame"] == t
+        pose = [[np.nan] * 3 if joint is None else joint for joint in record["pose"]]
+        np.testing.assert_array_equal(pose, expected.pose)
+        sigma = [[np.nan] * 3 if joint is None else joint for joint in record["sigma"]]
+        np.testing.assert_array_equal(sigma, np.sqrt(np.diagonal(expected.uncertainty, axis1=1, axis2=2)))
+        assert record["joint_status"] == expected.joint_status.tolist()
+        assert record["latency_ms"] > 0.0
+    assert t == T - 1
+
+
+def test_what_is_missing_may_be_null_or_nan_or_of_no_confidence(tmp_path, detections):
+    found = detections[0]
+    found[1] = np.nan
+    whole = plain(found)
+    whole[1] = None
+    joints = plain(found)
+    joints[1] = [None] * 17
+    zero = found.copy()
+    zero[1] = [0.0, 0.0, 0.0]
+    nan = json.dumps({"detections": found.tolist()})
+    assert "NaN" in nan
+    forms = [line(0, found), json.dumps({"detections": whole}), json.dumps({"detections": joints}), nan]
+    forms.append(json.dumps({"detections": zero.tolist()}))
+    poses = [records(run(tmp_path, form))[0]["pose"] for form in forms]
+    assert all(pose == poses[0] for pose in poses)
+
+
+def test_points_without_confidence_and_names_of_any_kind(tmp_path, rig, detections):
+    names = [None, "a", 2.5, {"clip": 1}]
+    lines = [line(name, detections[0][..., :2]) for name in names]
+    answers = records(run(tmp_path, *lines))
+    assert [answer["frame"] for answer in answers] == names
+    first = sk.Refiner(rig, layout="h36m17").step(detections[0][..., :2])
+    np.testing.assert_array_equal(answers[0]["pose"], first.pose)
+
+
+def test_reset_forgets_the_pose_before(tmp_path, detections):
+    nothing = np.full_like(detections[0], np.nan)
+    kept = records(run(tmp_path, line(0, detections[0]), line(1, nothing)))[1]
+    assert kept["joint_status"] == ["unobserved"] * 17
+    assert None not in kept["pose"]
+    again = json.dumps({"frame": 1, "reset": True, "detections": plain(nothing)})
+    forgotten = records(run(tmp_path, line(0, detections[0]), again))[1]
+    assert forgotten["pose"] == [None] * 17
+
+
+def test_malformed_lines_are_named_and_skipped(tmp_path, detections):
+    good = plain(detections[0])
+
+    def point(value):
+        return json.dumps({"detections": [[value, *good[0][1:]], *good[1:]]})
+
+    lines = {
+        "{bad": "expected JSON, got",
+        "[" * 100_000: "expected JSON, got",
+        "[1]": 'expected an object with "detections", got list',
+        '{"frame": 3}': 'expected an object with "detections", got the keys frame',
+        '{"detections": null}': "detections: expected a list of 4 cameras, got null",
+        '{"detections": [null, null, null]}': "detections: expected a list of 4 cameras, got 3",
+        '{"detections": [[], null, null, null]}': "detections[0]: expected a list of 17 joints, got 0",
+        '{"detections": [], "reset": 1}': "reset: expected true or false, got 1",
+        point(["1", 2, 3]): 'detections[0][0]: expected [x, y, confidence] or null, got ["1", 2, 3]',
+        point([1]): "detections[0][0]: expected [x, y, confidence] or null, got [1]",
+        point([True, 2, None]): "detections[0][0]: expected [x, y, confidence] or null, got [true, 2, null]",
+        point([1, 2, 3]): "expected a value in [0, 1], got 3",
+        point([1, 2, 0.5]).replace("0.5", "1e999", 1): "detections: expected numbers, got infinity",
+        line(0, detections[0]).replace(": 0", ": NaN", 1): "frame: expected a value of JSON, got nan",
+    }
+    result = run(tmp_path, *lines, "", "  ", line("last", detections[0]), options=())
+    assert result.exit_code == 0
+    assert [record["frame"] for record in records(result)] == ["last"]
+    said = result.stderr.splitlines()
+    assert said[0] == "ready: 4 cameras (cam1, cam2, cam3, cam4), 17 joints (h36m17), in mm"
+    for number, (text, expected) in enumerate(zip(said[1:], lines.values(), strict=False), start=1):
+        assert text.startswith(f"line {number}: skipped: ")
+        assert expected in text
+    assert said[-1].startswith(f"lines answered 1, skipped {len(lines)}; ")
+    assert len(said) == len(lines) + 2
+
+
+def test_a_line_that_is_no_utf8(tmp_path, detections):
+    data = b'\xff\xfe{"detections": []}\n' + line(1, detections[0]).encode() + b"\n"
+    result = CliRunner().invoke(app, ["live", str(tmp_path / "Calib.toml"), *OPTIONS, "-q"], input=data)
+    assert result.stderr.startswith("line 1: skipped: expected JSON, got 'utf-8' codec can't decode")
+    assert len(records(result)) == 1
+
+
+def test_the_end_has_percentiles(tmp_path, detections):
+    said = run(tmp_path, *[line(0, detections[0])] * 3, options=()).stderr.splitlines()[-1]
+    assert re.fullmatch(
+        r"lines answered 3, skipped 0; \d+ per second; latency in ms: "
+        r"50% [\d.]+, 90% [\d.]+, 99% [\d.]+, 99.9% [\d.]+, longest [\d.]+",
+        said,
+    )
+    assert run(tmp_path, "", options=()).stderr.splitlines()[-1] == "lines answered 0, skipped 0"
+
+
+def test_a_doubt_about_the_unit_is_one_line(tmp_path, detections):
+    text = (tmp_path / "Calib.toml").read_text()
+    for numbers in re.findall(r"translation = \[(.*)\]", text):
+        small = ", ".join(str(float(number) / 1000) for number in numbers.split(","))
+        text = text.replace(numbers, small)
+    (tmp_path / "Calib.toml").write_text(text)
+    result = run(tmp_path, line(0, detections[0]))
+    assert "unit" in result.stderr
+    assert all(text.startswith("warning: ") for text in result.stderr.splitlines())
+
+
+@pytest.mark.parametrize(
+    ("extra", "status", "parts"),
+    [
+        (["--unit", "mm"], 2, ["--layout", "h36m17", "nothing"]),
+        (["--unit", "inch", "--layout", "h36m17"], 2, ["--unit", "'inch'"]),
+        (["--layout", "h36m17"], 1, ["unit", '"mm" is likely']),
+    ],
+)
+def test_bad_options(tmp_path, rig, extra, status, parts):  # noqa: ARG001  the file is written
+    assert_fails(invoke("live", tmp_path / "Calib.toml", *extra), status, *parts)
+
+
+# as a process
+
+
+def start(tmp_path):
+    command = [sys.executable, "-m", "skelsplat", "live", str(tmp_path / "Calib.toml"), *OPTIONS]
+    pipe = subprocess.PIPE
+    return subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, text=True)
+
+
+def test_every_line_is_answered_at_once_and_ctrl_c_is_status_130(tmp_path, detections):
+    with start(tmp_path) as process:
+        for t in range(2):
+            process.stdin.write(line(t, detections[t]) + "\n")
+            process.stdin.flush()
+            assert json.loads(process.stdout.readline())["frame"] == t
+        process.send_signal(signal.SIGINT)
+        assert process.wait() == 130
+        said = process.stderr.read().splitlines()
+    assert said[-1].startswith("lines answered 2, skipped 0; ")
+    assert len(said) == 2
+
+
+def test_a_reader_that_goes_away_is_status_1(tmp_path, detections):
+    with start(tmp_path) as process:
+        process.stdin.write(line(0, detections[0]) + "\n")
+        process.stdin.flush()
+        process.stdout.readline()
+        process.stdout.close()
+        process.stdin.write(line(1, detections[1]) + "\n")
+        process.stdin.flush()
+        assert process.wait() == 1
+        said = process.stderr.read().splitlines()
+    assert said[1] == "error: stdout: expected a reader, got a closed pipe"
+    assert len(said) == 3

@@ -1,0 +1,397 @@
+"""Pose files as JSON, CSV and NetCDF, and all formats by their extension."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from pose_sample import FILLED, JOINTS, MISSING, M, N, T, assert_equal, sample
+from skelsplat.io import (
+    PoseData,
+    read_csv,
+    read_json,
+    read_netcdf,
+    read_pose,
+    to_xarray,
+    write_csv,
+    write_json,
+    write_netcdf,
+    write_pose,
+)
+from skelsplat.io.poses import POSE_FORMATS
+
+# json
+
+
+def test_json_returns_every_field(tmp_path):
+    write_json(tmp_path / "pose.json", sample())
+    assert_equal(read_json(tmp_path / "pose.json"), sample())
+
+
+def test_json_is_strict_has_a_line_per_frame_and_null_for_a_missing_joint(tmp_path):
+    write_json(tmp_path / "pose.json", sample())
+    text = (tmp_path / "pose.json").read_text(encoding="utf-8")
+    document = json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
+    lines = [line for line in text.splitlines() if line.startswith('{"frame"')]
+    assert [json.loads(line.removesuffix(","))["frame"] for line in lines] == [10, 11, 13, 14]
+    assert (document["format"], document["version"], document["unit"]) == ("skelsplat-poses", 1, "mm")
+    for t, j in MISSING:
+        assert document["frames"][t]["pose"][j] is None
+        assert document["frames"][t]["uncertainty"][j] is None
+    assert document["frames"][0]["view_weights"][1][0] is None
+    assert document["frames"][2]["noise"] is None
+
+
+def test_json_of_other_programs_needs_little(tmp_path):
+    frames = [{"frame": 3, "pose": [[1, 2.5, None], None]}]
+    document = {"format": "skelsplat-poses", "version": 1, "unit": "m", "joint_names": ["a", "b"]}
+    (tmp_path / "own.json").write_text(json.dumps({**document, "frames": frames}))
+    pose = np.array([[[1.0, 2.5, np.nan], [np.nan] * 3]])
+    assert_equal(read_json(tmp_path / "own.json"), PoseData(pose, ("a", "b"), np.array([3]), "m"))
+
+
+def test_json_of_poses_alone_and_of_no_frames(tmp_path):
+    for data in (
+        PoseData(sample().pose, JOINTS, np.arange(T), "m"),
+        PoseData(np.empty((0, 2, 3)), ("a", "b"), np.arange(0), "m"),
+    ):
+        write_json(tmp_path / "pose.json", data)
+        assert_equal(read_json(tmp_path / "pose.json"), data)
+
+
+def with_frame(t, **change):
+    def alter(document):
+        document["frames"][t].update(change)
+        return document
+
+    return alter
+
+
+def without(*keys):
+    return lambda document: {key: value for key, value in document.items() if key not in keys}
+
+
+MALFORMED_JSON = {
+    "not an object": (
+        lambda _: [1],
+        r'format: expected an object with "format": "skelsplat-poses", got list',
+    ),
+    "another format": (lambda d: {**d, "format": "coco"}, "format: expected .*, got format 'coco'"),
+    "a newer version": (lambda d: {**d, "version": 2}, "version: expected 1, got 2"),
+    "no names": (without("joint_names"), "joint_names: expected a list of strings, got None"),
+    "no unit": (without("unit"), "unit: expected mm, cm or m, got None"),
+    "inches": (lambda d: {**d, "unit": "in"}, 'unit: expected "mm", "cm" or "m", got \'in\''),
+    "a rate in words": (
+        lambda d: {**d, "frame_rate": "50"},
+        "frame_rate: expected a number or null, got '50'",
+    ),
+    "no frames": (without("frames"), "frames: expected a list of objects, got NoneType"),
+    "a joint too few": (with_frame(1, pose=[None]), r"frames\[1\].pose: expected a list of 3, got 1 entries"),
+    "text": (
+        with_frame(2, pose=[None, [1, 2, "x"], None]),
+        r"frames\[2\].pose\[1\]\[2\]: expected a number or null, got 'x'",
+    ),
+    "true": (with_frame(0, noise=True), r"frames\[0\].noise: expected a number or null, got True"),
+    "half a frame": (with_frame(0, frame=0.5), r"frames\[0\].frame: expected a whole number, got 0.5"),
+    "no status": (
+        with_frame(3, joint_status=[None] * N),
+        r"frames\[3\].joint_status\[0\]: expected a string",
+    ),
+    "a key too few": (
+        lambda d: {**d, "frames": [*d["frames"][:3], {"frame": 1}]},
+        r'frames\[3\]: expected the key "pose", got frame',
+    ),
+}
+
+
+@pytest.mark.parametrize("case", MALFORMED_JSON)
+def test_a_malformed_json(tmp_path, case):
+    change, message = MALFORMED_JSON[case]
+    path = tmp_path / "pose.json"
+    write_json(path, sample())
+    path.write_text(json.dumps(change(json.loads(path.read_text(encoding="utf-8")))))
+    with pytest.raises(sk.DatasetError, match=rf"pose\.json: {message}") as caught:
+        read_json(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_half_a_json(tmp_path):
+    write_json(tmp_path / "pose.json", sample())
+    text = (tmp_path / "pose.json").read_text(encoding="utf-8")
+    (tmp_path / "pose.json").write_text(text[: len(text) // 2], encoding="utf-8")
+    with pytest.raises(sk.DatasetError, match=r"pose\.json: file: expected JSON, got"):
+        read_json(tmp_path / "pose.json")
+
+
+# csv
+
+
+def test_csv_and_back(tmp_path):
+    data = sample()
+    write_csv(tmp_path / "pose.csv", data)
+    back = read_csv(tmp_path / "pose.csv")
+    diagonal = data.uncertainty * np.eye(3)
+    np.testing.assert_allclose(back.uncertainty, diagonal, rtol=1e-15)  # a root and a square
+    names = ("pose", "joint_names", "frames", "unit", "joint_status")
+    for name in names:
+        np.testing.assert_array_equal(getattr(back, name), getattr(data, name), err_msg=name)
+
+
+def test_csv_of_other_programs_needs_little(tmp_path):
+    (tmp_path / "own.csv").write_text(
+        "joint,frame,unit,x,y,z\na,3,m,1,2,3\nb,3,m,,,\na,5,m,4,5,6\nb,5,m,7,8,9\n"
+    )
+    pose = np.array([[[1.0, 2, 3], [np.nan] * 3], [[4, 5, 6], [7, 8, 9]]])
+    assert_equal(read_csv(tmp_path / "own.csv"), PoseData(pose, ("a", "b"), np.array([3, 5]), "m"))
+
+
+MALFORMED_CSV = {
+    "empty": (lambda _: [], "line 1: expected a column frame, got nothing"),
+    "another table": (lambda _: ["a,b", "1,2"], "line 1: expected a column frame, got a, b"),
+    "no rows": (lambda lines: lines[:1], "rows: expected at least one, got none"),
+    "text": (
+        lambda lines: [*lines[:2], lines[2].replace("11,", "eleven,").replace("10,", "ten,", 1), *lines[3:]],
+        "line 3: expected numbers, got",
+    ),
+    "a field too few": (
+        lambda lines: [*lines[:3], lines[3].rpartition(",")[0], *lines[4:]],
+        "line 4: expected as many fields as line 1",
+    ),
+    "a joint too few": (
+        lambda lines: [*lines[:5], *lines[6:]],
+        "line 6: expected frame 11, joint right_hip, got frame 11, joint head",
+    ),
+    "cut at the end": (lambda lines: lines[:-1], "line 12: expected 3 joints in every frame, got 2"),
+    "two units": (
+        lambda lines: [*lines[:4], lines[4].replace(",mm,", ",m,"), *lines[5:]],
+        "line 5: expected the unit mm, cm or m, one for all, got 'm'",
+    ),
+    "a quote": (lambda lines: [*lines[:2], '"' + lines[2]], "line 3: expected comma-separated fields"),
+}
+
+
+@pytest.mark.parametrize("case", MALFORMED_CSV)
+def test_a_malformed_csv(tmp_path, case):
+    change, message = MALFORMED_CSV[case]
+    path = tmp_path / "pose.csv"
+    write_csv(path, sample())
+    path.write_text("\n".join(change(path.read_text().splitlines())))
+    with pytest.raises(sk.DatasetError, match=rf"pose\.csv: {message}"):
+        read_csv(path)
+
+
+# xarray and NetCDF
+
+
+@pytest.fixture
+def xarray():
+    for package in ("h5py", "h5netcdf"):
+        pytest.importorskip(package, reason=f"{package} is not installed: pip install 'skelsplat[formats]'")
+    return pytest.importorskip("xarray", reason="xarray is not installed: pip install 'skelsplat[formats]'")
+
+
+def test_the_dataset_has_the_dimensions_variables_and_attributes_of_movement(xarray, tmp_path):
+    data = sample()
+    write_netcdf(tmp_path / "pose.nc", data)
+    with xarray.open_dataset(tmp_path / "pose.nc", engine="h5netcdf") as dataset:
+        assert dataset.position.dims == ("time", "space", "keypoints", "individuals")
+        assert dataset.confidence.dims == ("time", "keypoints", "individuals")
+        assert dict(dataset.sizes) == {"time": T, "space": 3, "keypoints": N, "individuals": 1, "space_2": 3}
+        assert list(dataset.space.values) == ["x", "y", "z"]
+        assert list(dataset.keypoints.values) == list(JOINTS)
+        assert list(dataset.individuals.values) == ["id_0"]
+        np.testing.assert_allclose(dataset.time, np.array([0, 1, 3, 4]) / 59.94, rtol=1e-15)
+        assert {name: dataset.attrs[name] for name in ("fps", "time_unit", "ds_type", "unit")} == {
+            "fps": 59.94,
+            "time_unit": "seconds",
+            "ds_type": "poses",
+            "unit": "mm",
+        }
+        assert dataset.source_software == f"SkelSplat {sk.__version__}"
+        assert dataset.processing.splitlines() == list(data.processing)
+        nose = dataset.position.sel(keypoints="nose", individuals="id_0")
+        np.testing.assert_array_equal(nose.values, data.pose[:, 0])
+        assert dataset.status.values[FILLED] == "filled"
+
+
+def test_confidence_is_the_mean_weight_and_0_without_a_sound_position(xarray):  # noqa: ARG001  skips
+    data = sample()
+    confidence = to_xarray(data).confidence.values[..., 0]
+    assert confidence[0, 0] == data.view_weights[0, 0, 0]  # the other view has no detection
+    assert confidence[0, 1] == data.view_weights[0, :, 1].mean()
+    assert [confidence[place] for place in (*MISSING, FILLED)] == [0.0, 0.0, 0.0]
+    bare = PoseData(data.pose, JOINTS, data.frames, "mm")
+    assert np.isnan(to_xarray(bare).confidence).all()
+
+
+def test_an_unknown_frame_rate_gives_time_in_frames(xarray):  # noqa: ARG001
+    dataset = to_xarray(replace(sample(), frame_rate=None), individual="Ada")
+    assert dataset.time.values.tolist() == [0, 1, 3, 4]
+    assert dataset.frame.values.tolist() == [10, 11, 13, 14]
+    assert dataset.time_unit == "frames"
+    assert "fps" not in dataset.attrs
+    assert dataset.individuals.values.tolist() == ["Ada"]
+
+
+@pytest.mark.parametrize("singular", [False, True])
+def test_netcdf_and_back(xarray, tmp_path, singular):  # noqa: ARG001
+    data = sample()
+    write_netcdf(tmp_path / "pose.nc", data, singular=singular)
+    back = read_netcdf(tmp_path / "pose.nc")
+    names = (
+        "pose",
+        "uncertainty",
+        "joint_status",
+        "joint_names",
+        "frames",
+        "unit",
+        "frame_rate",
+        "processing",
+    )
+    for name in names:
+        np.testing.assert_array_equal(getattr(back, name), getattr(data, name), err_msg=name)
+
+
+def test_movement_takes_the_file(xarray, tmp_path):
+    datasets = pytest.importorskip("movement.validators.datasets", reason="movement is not installed")
+    inputs = getattr(datasets, "ValidPosesInputs", None)
+    if inputs is None:
+        pytest.skip("this version of movement checks its datasets elsewhere")
+    write_netcdf(tmp_path / "pose.nc", sample(), singular="keypoint" in inputs.DIM_NAMES)
+    with xarray.open_dataset(tmp_path / "pose.nc", engine="h5netcdf") as dataset:
+        inputs.validate(dataset)
+
+
+MALFORMED_NETCDF = {
+    "no position": (lambda ds: ds.drop_vars("position"), "position: expected this variable, got"),
+    "other dimensions": (
+        lambda ds: ds.rename(keypoints="joint"),
+        "position: expected dimensions time, space, keypoints, individuals, got",
+    ),
+    "two of them": (
+        lambda ds: ds.isel(individuals=[0, 0]),
+        "individuals: expected one individual, got 2",
+    ),
+    "flat": (lambda ds: ds.isel(space=[0, 1]), "space: expected x, y, z, got x, y"),
+    "no unit": (lambda ds: ds.assign_attrs(unit="px"), "unit: expected the attribute mm, cm or m, got 'px'"),
+}
+
+
+@pytest.mark.parametrize("case", MALFORMED_NETCDF)
+def test_a_netcdf_of_something_else(xarray, tmp_path, case):  # noqa: ARG001
+    change, message = MALFORMED_NETCDF[case]
+    change(to_xarray(sample())).to_netcdf(tmp_path / "pose.nc", engine="h5netcdf")
+    with pytest.raises(sk.DatasetError, match=rf"pose\.nc: {message}"):
+        read_netcdf(tmp_path / "pose.nc")
+
+
+def test_a_netcdf_that_is_none(xarray, tmp_path):  # noqa: ARG001
+    (tmp_path / "pose.nc").write_text("hello " * 50)
+    for path in (tmp_path / "pose.nc", tmp_path / "none.nc"):
+        with pytest.raises(
+            sk.DatasetError, match=rf"{path.name}: file: expected .*NetCDF file, got"
+        ) as caught:
+            read_netcdf(path)
+        assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("package", ["xarray", "h5netcdf", "h5py"])
+def test_netcdf_without_a_package(tmp_path, monkeypatch, package):
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(sk.MissingPackageError, match=rf"{package} .*pip install 'skelsplat\[formats\]'"):
+        write_netcdf(tmp_path / "pose.nc", sample())
+
+
+# by extension
+
+
+@pytest.fixture(params=POSE_FORMATS)
+def kind(request):
+    for package in POSE_FORMATS[request.param].packages:
+        pytest.importorskip(package, reason=f"{package} is not installed")
+    return request.param
+
+
+def test_the_extension_names_the_format(tmp_path, kind):
+    path = tmp_path / f"pose.{kind.upper()}"
+    write_pose(path, sample())
+    back = read_pose(path)
+    assert back.joint_names == JOINTS
+    there = np.isfinite(sample().pose)
+    factor = 1e3 if back.unit == "m" else 1.0
+    pose = back.pose[[0, 1, 3, 4]] if kind == "c3d" else back.pose
+    # trc has micrometres, c3d single precision of some metres in mm
+    np.testing.assert_allclose((pose * factor)[there], sample().pose[there], rtol=1e-7, atol=1e-3)
+    assert np.isnan(pose[~there]).all()
+
+
+def test_a_file_is_written_whole_or_not_at_all(tmp_path, kind):
+    path = tmp_path / f"pose.{kind}"
+    path.write_text("old")
+    write_pose(path, sample())
+    whole = path.read_bytes()
+    assert whole != b"old"
+    assert list(tmp_path.iterdir()) == [path]
+    (tmp_path / f"folder.{kind}").mkdir()
+    for bad in (tmp_path / "none" / f"pose.{kind}", tmp_path / f"folder.{kind}", path / f"pose.{kind}"):
+        with pytest.raises(
+            sk.DatasetError, match="output: expected a path that can be written, got"
+        ) as caught:
+            write_pose(bad, sample())
+        assert "\n" not in str(caught.value)
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == [f"folder.{kind}", f"pose.{kind}"]
+    assert path.read_bytes() == whole
+
+
+def test_an_interrupted_write_leaves_the_older_file(xarray, tmp_path, monkeypatch):
+    path = tmp_path / "pose.nc"
+    write_pose(path, sample())
+    whole = path.read_bytes()
+
+    def interrupted(_self, target, **_options):
+        target.write_bytes(b"half")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(xarray.Dataset, "to_netcdf", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write_pose(path, sample())
+    assert path.read_bytes() == whole
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_an_unknown_extension_and_an_option_of_another_format(tmp_path):
+    with pytest.raises(
+        sk.InvalidInputError, match=r"path: expected a name that ends in \.npz, .*, got 'a\.bvh'"
+    ):
+        write_pose(tmp_path / "a.bvh", sample())
+    with pytest.raises(sk.InvalidInputError, match="path: expected a name that ends in"):
+        read_pose(tmp_path / "pose")
+    with pytest.raises(
+        sk.InvalidInputError, match=r"y_up: expected no options for a \.csv file, got y_up=True"
+    ):
+        write_pose(tmp_path / "a.csv", sample(), y_up=True)
+    with pytest.raises(
+        sk.InvalidInputError, match=r"unit: expected frame_rate, y_up for a \.c3d file, got unit='m'"
+    ):
+        write_pose(tmp_path / "a.c3d", sample(), unit="m")
+    assert not list(tmp_path.iterdir())
+
+
+def test_options_reach_the_writer(tmp_path):
+    write_pose(tmp_path / "pose.trc", sample(), frame_rate=25.0, unit="mm", y_up=True)
+    back = read_pose(tmp_path / "pose.trc")
+    assert (back.frame_rate, back.unit) == (25.0, "mm")
+    # half a unit of the third decimal
+    np.testing.assert_allclose(back.pose[0, 0], sample().pose[0, 0][[1, 2, 0]], atol=5.0001e-4)
+
+
+def test_view_weights_of_three_joints_are_no_positions(tmp_path):
+    weights = np.full((T, M, N), np.nan)
+    write_json(tmp_path / "pose.json", replace(sample(), view_weights=weights))
+    document = json.loads((tmp_path / "pose.json").read_text(encoding="utf-8"))
+    assert document["frames"][0]["view_weights"] == [[None] * N] * M

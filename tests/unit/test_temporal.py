@@ -1,0 +1,257 @@
+"""Gaps and noise over time: against splines, frequencies and a scalar filter known from elsewhere."""
+
+from __future__ import annotations
+
+import math
+import sys
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from skelsplat import temporal
+
+RATE = 100.0
+NAN = np.nan
+
+
+def one_joint(values):
+    """Poses (T, 1, 3) whose x is ``values``; y and z are its double and its negative."""
+    x = np.asarray(values, dtype=float)
+    return np.stack([x, 2 * x, -x], axis=-1)[:, None]
+
+
+# gaps
+
+
+def test_linear_interpolation_of_short_gaps_only():
+    pose = one_joint([0, NAN, 2, NAN, NAN, NAN, 10, NAN])
+    before = pose.copy()
+    filled_pose, filled = temporal.fill_gaps(pose, 2, method="linear")
+    np.testing.assert_array_equal(filled_pose[:, 0, 0], [0, 1, 2, NAN, NAN, NAN, 10, NAN])
+    assert np.flatnonzero(filled[:, 0]).tolist() == [1]
+    filled_pose, filled = temporal.fill_gaps(pose, 3, method="linear")
+    np.testing.assert_array_equal(filled_pose[:, 0, 2], [0, -1, -2, -4, -6, -8, -10, NAN])
+    assert filled[:, 0].sum() == 4
+    np.testing.assert_array_equal(pose, before)
+
+
+def test_a_cubic_spline_restores_a_cubic():
+    times = np.arange(12.0)
+    truth = one_joint(0.5 * times**3 - 4 * times**2 + times)
+    pose = truth.copy()
+    pose[[3, 4, 8]] = NAN
+    filled_pose, filled = temporal.fill_gaps(pose, 2)
+    # a not-a-knot spline through samples of one cubic is that cubic
+    np.testing.assert_allclose(filled_pose, truth, rtol=1e-12, atol=1e-9)
+    assert np.flatnonzero(filled[:, 0]).tolist() == [3, 4, 8]
+
+
+def test_gaps_are_counted_and_crossed_in_frame_numbers():
+    pose = one_joint([0, NAN, 6, 7])
+    frames = [10, 12, 16, 17]
+    assert not temporal.fill_gaps(pose, 4, method="linear", frames=frames)[1].any()  # five frames lie between
+    filled_pose, _ = temporal.fill_gaps(pose, 5, method="linear", frames=frames)
+    assert filled_pose[1, 0].tolist() == [2.0, 4.0, -2.0]
+
+
+def test_more_than_what_is_missing_can_be_replaced():
+    pose = one_joint([0, 9, 2, 9, 9, 5, 9])
+    gaps = np.array([[False], [True], [False], [True], [True], [False], [True]])
+    filled_pose, filled = temporal.fill_gaps(pose, 1, method="linear", gaps=gaps)
+    assert filled_pose[:, 0, 0].tolist() == [0, 1, 2, 9, 9, 5, 9]  # the longer gap and the end keep theirs
+    assert np.flatnonzero(filled[:, 0]).tolist() == [1]
+
+
+def test_a_joint_that_is_half_there_is_missing():
+    pose = one_joint([0.0, 1.0, 2.0])
+    pose[1, 0, 2] = NAN
+    filled_pose, filled = temporal.fill_gaps(pose, 1, method="linear")
+    assert filled[:, 0].tolist() == [False, True, False]
+    assert filled_pose[1, 0].tolist() == [1.0, 2.0, -1.0]
+
+
+def test_nothing_known_and_nothing_missing():
+    for pose in (np.full((5, 2, 3), NAN), np.ones((5, 2, 3)), np.empty((0, 2, 3))):
+        filled_pose, filled = temporal.fill_gaps(pose, 3)
+        np.testing.assert_array_equal(filled_pose, pose)
+        assert not filled.any()
+
+
+# Butterworth
+
+
+def amplitude(signal, frequency):
+    """Amplitude of a sine in the middle of a signal; whole periods of it are used."""
+    middle = slice(500, 1500)
+    times = np.arange(len(signal))[middle] / RATE
+    wave = np.exp(-2j * math.pi * frequency * times)
+    return 2.0 * abs(np.mean(signal[middle] * wave))
+
+
+@pytest.mark.parametrize("order", [2, 4, 8])
+@pytest.mark.parametrize("cutoff", [2.0, 6.0, 20.0])
+def test_the_cutoff_is_where_both_passes_together_leave_half_the_power(order, cutoff):
+    times = np.arange(2000) / RATE
+    pose = one_joint(np.sin(2 * math.pi * cutoff * times))
+    smooth, left = temporal.butterworth(pose, RATE, cutoff, order=order)
+    # ends, 5 s away, decay as exp(−2π · 2 Hz · sin(π/8) · 5 s) = 3e-11
+    assert amplitude(smooth[:, 0, 0], cutoff) == pytest.approx(math.sqrt(0.5), rel=1e-9)
+    assert not left.any()
+
+
+def test_a_zero_lag_filter_has_no_lag_and_keeps_slow_motion():
+    times = np.arange(2000) / RATE
+    slow = np.sin(2 * math.pi * 0.5 * times)
+    smooth, _ = temporal.butterworth(one_joint(slow), RATE, 6.0)
+    # gain 1 / (1 + (√2 − 1) (tan(π f/f_s) / tan(π f_c/f_s))⁴) = 1 − 1.9e-5 at a twelfth of the cutoff
+    np.testing.assert_allclose(smooth[500:1500, 0, 0], slow[500:1500], atol=2e-5)
+
+
+def test_filters_do_not_cross_gaps():
+    rng = np.random.default_rng(0)
+    pose = rng.normal(size=(60, 2, 3))
+    pose[25, 0] = NAN
+    frames = np.arange(60)
+    frames[40:] += 1
+    smooth, _ = temporal.butterworth(pose, RATE, 6.0, frames=frames)
+    euro = temporal.one_euro(pose, RATE, min_cutoff=1.0, beta=0.0, frames=frames)
+    for joint, runs in ((0, [(0, 25), (26, 40), (40, 60)]), (1, [(0, 40), (40, 60)])):
+        for start, stop in runs:
+            part = pose[start:stop, joint : joint + 1]
+            np.testing.assert_array_equal(
+                smooth[start:stop, joint : joint + 1], temporal.butterworth(part, RATE, 6.0)[0]
+            )
+            np.testing.assert_array_equal(
+                euro[start:stop, joint : joint + 1],
+                temporal.one_euro(part, RATE, min_cutoff=1.0, beta=0.0),
+            )
+    assert np.isnan(smooth[25, 0]).all()
+    assert np.isnan(euro[25, 0]).all()
+
+
+@pytest.mark.parametrize(("order", "shortest"), [(2, 7), (4, 10), (6, 13), (8, 16)])
+def test_a_run_that_is_too_short_is_left_and_counted(order, shortest):
+    pose = np.random.default_rng(1).normal(size=(shortest, 1, 3))
+    smooth, left = temporal.butterworth(pose, RATE, 6.0, order=order)
+    assert not left.any()
+    assert not np.array_equal(smooth, pose)
+    smooth, left = temporal.butterworth(pose[1:], RATE, 6.0, order=order)
+    assert left.all()
+    np.testing.assert_array_equal(smooth, pose[1:])
+
+
+# one euro
+
+
+def scalar_one_euro(values, min_cutoff, beta, speed_cutoff):
+    """Run the filter of Casiez et al. (2012), algorithm 1, over one number after the other."""
+
+    def alpha(cutoff):
+        tau = 1.0 / (2.0 * math.pi * cutoff)
+        return 1.0 / (1.0 + tau * RATE)
+
+    out, speed = [values[0]], 0.0
+    for value in values[1:]:
+        speed = alpha(speed_cutoff) * (value - out[-1]) * RATE + (1.0 - alpha(speed_cutoff)) * speed
+        share = alpha(min_cutoff + beta * abs(speed))
+        out.append(share * value + (1.0 - share) * out[-1])
+    return np.array(out)
+
+
+@pytest.mark.parametrize("beta", [0.0, 0.02])
+def test_one_euro_along_an_axis_is_the_published_filter(beta):
+    values = np.random.default_rng(2).normal(size=200).cumsum()
+    pose = np.zeros((200, 1, 3))
+    pose[:, 0, 1] = values
+    smooth = temporal.one_euro(pose, RATE, min_cutoff=1.5, beta=beta, speed_cutoff=2.0)
+    # two hundred steps of a stable recursion in another order of operations
+    np.testing.assert_allclose(
+        smooth[:, 0, 1], scalar_one_euro(values, 1.5, beta, 2.0), rtol=1e-10, atol=1e-10
+    )
+    assert not smooth[:, 0, [0, 2]].any()
+
+
+def test_one_euro_turns_with_the_world():
+    pose = np.random.default_rng(3).normal(size=(50, 4, 3)).cumsum(axis=0)
+    turn, _ = np.linalg.qr(np.random.default_rng(4).normal(size=(3, 3)))
+    settings = {"min_cutoff": 1.0, "beta": 0.1}
+    np.testing.assert_allclose(
+        temporal.one_euro(pose @ turn, RATE, **settings),
+        temporal.one_euro(pose, RATE, **settings) @ turn,
+        atol=1e-10,  # fifty steps of rounding
+    )
+
+
+# bad input
+
+
+POSE = np.zeros((3, 1, 3))
+BAD = {
+    "shape": (
+        lambda: temporal.fill_gaps(np.zeros((3, 3)), 1),
+        r"pose: expected shape \(T, N, 3\), got \(3, 3\)",
+    ),
+    "frames": (
+        lambda: temporal.one_euro(POSE, 1.0, min_cutoff=1, beta=0, frames=[1, 2]),
+        r"frames: expected shape \(3,\), got \(2,\)",
+    ),
+    "order of frames": (
+        lambda: temporal.butterworth(POSE, RATE, frames=[1, 3, 2]),
+        "frames: expected ascending numbers",
+    ),
+    "max_gap": (
+        lambda: temporal.fill_gaps(POSE, 0),
+        "max_gap: expected at least 1 frame, got 0",
+    ),
+    "method": (
+        lambda: temporal.fill_gaps(POSE, 1, method="quintic"),
+        "method: expected one of cubic, linear, got 'quintic'",
+    ),
+    "gaps": (
+        lambda: temporal.fill_gaps(POSE, 1, gaps=[True]),
+        r"gaps: expected shape \(3, 1\), got \(1,\)",
+    ),
+    "cutoff": (
+        lambda: temporal.butterworth(POSE, RATE, 50.0),
+        "cutoff: expected a frequency above 0 and below half the frame rate, 50 Hz, got 50",
+    ),
+    "a cutoff that is none": (
+        lambda: temporal.butterworth(POSE, RATE, NAN),
+        "cutoff: expected a frequency above 0 and below half the frame rate, 50 Hz, got nan",
+    ),
+    "order": (
+        lambda: temporal.butterworth(POSE, RATE, order=3),
+        "order: expected 2, 4, 6 or 8",
+    ),
+    "rate": (
+        lambda: temporal.butterworth(POSE, -1.0),
+        "frame_rate: expected a positive number",
+    ),
+    "min_cutoff": (
+        lambda: temporal.one_euro(POSE, RATE, min_cutoff=0.0, beta=0.0),
+        "min_cutoff: expected a positive number, got 0.0",
+    ),
+    "beta": (
+        lambda: temporal.one_euro(POSE, RATE, min_cutoff=1.0, beta=-1.0),
+        "beta: expected a number of at least 0, got -1.0",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_input(case):
+    call, message = BAD[case]
+    with pytest.raises(sk.InvalidInputError, match=message):
+        call()
+
+
+def test_scipy_is_asked_for_only_where_it_is_needed(monkeypatch):
+    for module in ("scipy", "scipy.signal", "scipy.interpolate"):
+        monkeypatch.setitem(sys.modules, module, None)
+    pose = one_joint([0.0, NAN, 2.0])
+    temporal.fill_gaps(pose, 1, method="linear")
+    temporal.one_euro(pose, RATE, min_cutoff=1.0, beta=0.0)
+    for call in (lambda: temporal.fill_gaps(pose, 1), lambda: temporal.butterworth(pose, RATE)):
+        with pytest.raises(sk.MissingPackageError, match=r"pip install 'skelsplat\[temporal\]'"):
+            call()
