@@ -4,13 +4,14 @@ Readers raise `skelsplat.DatasetError` with the file and the field; writers repl
 alone.
 """
 
-from skelsplat.io.calibration import read_calibration, write_calibration
+from skelsplat.io.calibration import convert_unit, read_calibration, write_calibration
 from skelsplat.io.detections import DetectionSet, read_openpose
 from skelsplat.io.poses import PoseData, read_npz, read_trc, write_csv, write_npz, write_trc
 
 __all__ = [
     "DetectionSet",
     "PoseData",
+    "convert_unit",
     "read_calibration",
     "read_npz",
     "read_openpose",
