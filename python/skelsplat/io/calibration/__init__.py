@@ -130,9 +130,9 @@ def read_calibration(
     _check_options(chosen, options)
     parsed = chosen.parse(source, options)
     _check_names(source.path, parsed.cameras)
-    centres = [camera.centre() for camera in parsed.cameras]
-    known_unit = check_unit(source.path, centres, unit, stated=parsed.unit)
     cameras = [_build(source.path, camera, _size(source.path, camera, size)) for camera in parsed.cameras]
+    centres = [np.asarray(camera.centre) for camera in cameras]
+    known_unit = check_unit(source.path, centres, unit, stated=parsed.unit)
     return sk.CameraRig(cameras, unit=known_unit)
 
 

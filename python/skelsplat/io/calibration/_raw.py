@@ -42,10 +42,6 @@ class RawCamera:
     fisheye: bool
     size: tuple[int, int] | None
 
-    def centre(self) -> Array:
-        """Camera centre in the world (3,), −Rᵀt."""
-        return -self.R.T @ self.t
-
 
 @dataclass(frozen=True)
 class Parsed:
