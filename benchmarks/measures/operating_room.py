@@ -28,8 +28,12 @@ def mvor(*, detector: str = "openpose", fast: bool = False, fields: Fields | Non
     }
     if not fast:
         columns["SciPy Cauchy"] = lambda: cauchy(here)
-        columns["paper"] = lambda: paper(here).pose
-        columns["closed form, Adam"] = lambda: paper(here, renderer="closed_form").pose
+        for start, weighted in (("DLT", False), ("DLT conf.", True)):
+            begin = dlt(here, weighted=weighted)
+            columns[f"paper, from {start}"] = lambda begin=begin: paper(here, begin).pose
+            columns[f"closed form, Adam, from {start}"] = lambda begin=begin: (
+                paper(here, begin, renderer="closed_form").pose
+            )
     columns["default"] = lambda: default(here, fields=fields).pose
     found, notes = available(columns)
     rows = {name: _row(pose, here) for name, pose in found.items()}

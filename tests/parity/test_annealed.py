@@ -1,7 +1,7 @@
 """The default method against its twin: pose, number of steps, noise, weights and error bars.
 
-Both sides are float64 and solve the same few dozen equations of condition below 1e4, one by Woodbury's identity,
-the other densely: 1e-12 of a step. Weighted least squares forgets the differences of earlier steps.
+Both sides are float64 and solve the same few dozen equations of condition below 1e4, one by Woodbury's
+identity, the other densely: 1e-12 of a step. Weighted least squares forgets the differences of earlier steps.
 """
 
 from typing import Any
@@ -19,7 +19,7 @@ from reference.rays import make_rays, nearest_points, offsets, weights
 
 POSE_MM = 1e-6
 RELATIVE = 1e-9
-MARGIN = 0.75
+MARGIN = (0.75, 0.5)
 """Detections by which a pair of rays has to be better than what annealing found."""
 
 Start = tuple[Array, Array]

@@ -24,10 +24,11 @@ def best_pair(rays: Rays, j: int, sigma: float) -> tuple[Array, float] | None:
     return best
 
 
-def locate(rays: Rays, settings: Settings, margin: float) -> Solution:
+def locate(rays: Rays, settings: Settings, margins: tuple[float, float]) -> Solution:
     """Triangulate each joint; where no majority agrees in the end, pairs of rays are judged by all.
 
-    Such a joint moves to the best pair's point if that has more than `margin` detections of mean weight more.
+    Such a joint moves to the best pair's point if that has more than `margins` (for three views, for more)
+    detections of mean weight more.
     """
     problem = Problem(rays, settings=settings)
     found = solve(problem, nearest_points(rays, rays.weight), np.full(rays.weight.shape[1], np.inf))
@@ -38,6 +39,7 @@ def locate(rays: Rays, settings: Settings, margin: float) -> Solution:
             continue
         now = weights(points, rays, found.sigma)[:, j].sum()
         best = best_pair(rays, j, float(found.sigma[j]))
+        margin = margins[int(views > 3)]
         if best is not None and best[1] > now + margin * rays.weight[there[:, j], j].mean():
             points[j] = best[0]
     if np.array_equal(points, found.points, equal_nan=True):

@@ -117,6 +117,54 @@ REFINE = {
         lambda _: {"cameras": 4},
         r"cameras: expected a CameraRig or a sequence of Camera, got int",
     ),
+    "init_sigma of zero": (
+        lambda _: {"init_sigma": 0.0},
+        r"init_sigma: expected a positive finite standard deviation, or NaN for none, got 0",
+    ),
+    "negative init_sigma": (
+        lambda _: {"init_sigma": changed(np.full(17, 30.0), 4, -1.0)},
+        r"init_sigma\[4\]: expected a positive finite standard deviation, or NaN for none, got -1",
+    ),
+    "endless init_sigma": (
+        lambda _: {"init_sigma": np.inf},
+        r"init_sigma: expected a positive finite standard deviation, or NaN for none, got inf",
+    ),
+    "init_sigma shape": (
+        lambda _: {"init_sigma": np.full(16, 30.0)},
+        r"init_sigma: expected shape \(\) for a number, \(17,\), \(17, 3, 3\), got shape \(16,\)",
+    ),
+    "init_sigma of another batch": (
+        lambda s: {
+            "init_pose": s.pose,
+            "detections": s.detections,
+            "init_sigma": np.tile(np.eye(3), (2, 17, 1, 1)),
+        },
+        r"init_sigma: expected shape .* or \(3, 17, 3, 3\), got shape \(2, 17, 3, 3\)",
+    ),
+    "init_sigma that is no covariance": (
+        lambda _: {"init_sigma": changed(np.tile(np.eye(3), (17, 1, 1)), (2, 0, 0), -1.0)},
+        r"init_sigma\[2\]: expected a symmetric positive definite covariance",
+    ),
+    "crooked init_sigma": (
+        lambda _: {"init_sigma": changed(np.tile(np.eye(3), (17, 1, 1)), (2, 0, 1), 0.5)},
+        r"init_sigma\[2\]: expected a symmetric positive definite covariance",
+    ),
+    "init_sigma without a pose": (
+        lambda _: {"init_pose": None, "init_sigma": 30.0},
+        r"init_sigma: expected an init_pose beside it, got none",
+    ),
+    "init_sigma for Adam": (
+        lambda _: {"init_sigma": 30.0, "config": sk.RefineConfig.paper()},
+        r"init_sigma: expected optimizer 'gauss_newton' with it, got adam",
+    ),
+    "view_weights": (
+        lambda _: {"config": sk.RefineConfig(view_weights=[1.0, 1.0])},
+        r"config.view_weights: expected one weight per camera \(4\), got 2",
+    ),
+    "joint_sigmas": (
+        lambda _: {"config": sk.RefineConfig(joint_sigmas=[30.0] * 16)},
+        r"config.joint_sigmas: expected 17 joints, as the detections have, got 16 joints",
+    ),
     "config type": (
         lambda _: {"config": {"sigma": 3}},
         r"config: expected a RefineConfig or None, got dict",
@@ -153,6 +201,36 @@ CONFIG = {
         r"config.occlusion_factor: expected one of the two, got occlusion_sigma as well",
     ),
 }
+
+
+ROBUST_CONFIG = {
+    "sigma_start": ({"sigma_start": 0.0}, r"config.sigma_start: expected a positive finite number, got 0"),
+    "sigma_decay": ({"sigma_decay": 1.0}, r"config.sigma_decay: expected a number between 0 and 1, got 1"),
+    "per noise": ({"sigma_per_noise": -2.0}, r"config.sigma_per_noise: expected a positive .*, got -2"),
+    "noise": ({"detection_sigma": 0.0}, r"config.detection_sigma: expected a positive finite number, got 0"),
+    "symmetry": ({"symmetry_sigma": -1.0}, r"config.symmetry_sigma: expected a positive finite number"),
+    "step": ({"step_tolerance": 0.0}, r"config.step_tolerance: expected a positive finite number, got 0"),
+    "joint": ({"joint_sigmas": [30.0, 0.0]}, r"config.joint_sigmas\[1\]: expected a positive finite number"),
+    "view": ({"view_weights": [1.0, -1.0]}, r"config.view_weights\[1\]: expected .* not negative, got -1"),
+    "weights": ({"view_weights": 2.0}, r"config.view_weights: expected a sequence of numbers, or None, got"),
+    "swaps": ({"find_swaps": 2}, r"config.find_swaps: expected True or False, got 2"),
+    "optimizer": ({"optimizer": "sgd"}, r"config.optimizer: expected 'adam' or 'gauss_newton', got 'sgd'"),
+    "pixels": (
+        {"renderer": "raster"},
+        r"config.renderer: expected 'closed_form' with optimizer 'gauss_newton', got raster",
+    ),
+    "weights for Adam": (
+        {"optimizer": "adam", "view_weights": [1.0]},
+        r"config.view_weights: expected None with optimizer 'adam'",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", ROBUST_CONFIG)
+def test_config_of_the_default(case):
+    fields, message = ROBUST_CONFIG[case]
+    with pytest.raises(sk.InvalidInputError, match=message):
+        sk.RefineConfig(**fields)
 
 
 @pytest.mark.parametrize("case", CONFIG)

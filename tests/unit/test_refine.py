@@ -37,6 +37,56 @@ def test_a_batch_has_a_leading_axis(scene):
     assert result.loss_history.shape == (3, 5)
 
 
+@pytest.mark.parametrize("config", [sk.RefineConfig(), sk.RefineConfig.paper(max_steps=5)])
+def test_error_bars_weights_and_noise_have_the_documented_shapes(scene, config):
+    one = sk.refine(None, scene.detections[0], scene.rig, layout="h36m17", config=config)
+    many = sk.refine(None, scene.detections, scene.rig, layout="h36m17", config=config)
+    for result, batch in ((one, ()), (many, (3,))):
+        assert result.uncertainty.shape == (*batch, 17, 3, 3)
+        assert result.view_weights.shape == result.swapped.shape == (*batch, 4, 17)
+        assert result.noise.shape == batch
+        assert result.swapped.dtype == np.bool_
+        assert ((result.view_weights >= 0) & (result.view_weights <= 1)).all()
+        assert (np.linalg.eigvalsh(result.uncertainty) > 0).all()
+    assert many.loss_history.shape[0] == 3
+
+
+def test_init_sigma_in_every_form_is_the_same_prior(scene):
+    start = synthetic.perturb(scene.pose, 30.0, seed=1)
+    covariance = np.tile(900.0 * np.eye(3), (17, 1, 1))
+    forms = (30.0, np.full(17, 30.0), covariance, np.tile(covariance, (3, 1, 1, 1)))
+    found = [sk.refine(start, scene.detections, scene.rig, init_sigma=form).pose for form in forms]
+    assert all(np.array_equal(found[0], pose) for pose in found[1:])
+    free = sk.refine(start, scene.detections, scene.rig).pose
+    assert np.abs(found[0] - free).max() > 0.1
+    mixed = np.where(np.arange(17) == 3, np.nan, 1e-3)
+    nailed = sk.refine(start, scene.detections, scene.rig, init_sigma=mixed).pose
+    assert np.allclose(np.delete(nailed, 3, axis=1), np.delete(start, 3, axis=1), atol=1e-3)
+    # Exact detections: joint 3, without a prior, goes where they are.
+    assert np.allclose(nailed[:, 3], scene.pose[:, 3], atol=0.1)
+
+
+def test_init_sigma_has_the_unit_of_the_cameras(scene):
+    metres = sk.CameraRig([sk.Camera(c.K, c.R, c.t / 1e3, size=c.size) for c in scene.rig], unit="m")
+    start = synthetic.perturb(scene.pose, 30.0, seed=2)
+    mm = sk.refine(start, scene.detections, scene.rig, layout="h36m17", init_sigma=30.0)
+    m = sk.refine(start / 1e3, scene.detections, metres, layout="h36m17", init_sigma=0.03)
+    assert np.allclose(m.pose * 1e3, mm.pose, atol=1e-6)
+    assert np.allclose(m.uncertainty * 1e6, mm.uncertainty, rtol=1e-6, atol=1e-6)
+    assert np.allclose(m.noise * 1e3, mm.noise, rtol=1e-9)
+
+
+def test_a_joint_without_detection_and_without_prior_keeps_its_start(scene):
+    start = synthetic.perturb(scene.pose[0], 30.0, seed=3)
+    detections = scene.detections[0].copy()
+    detections[:, 13] = np.nan
+    sigma = np.where(np.arange(17) == 13, np.nan, 30.0)
+    result = sk.refine(start, detections, scene.rig, layout="h36m17", init_sigma=sigma)
+    assert result.joint_status[13] == "unobserved"
+    assert np.allclose(result.pose[13], start[13], atol=1e-9)
+    assert np.isnan(result.uncertainty[13]).all()
+
+
 def test_the_loss_is_that_of_the_returned_pose(scene):
     noisy = synthetic.perturb(scene.pose[0], 10.0, seed=1)
     arguments = (noisy, scene.detections[0], scene.rig)

@@ -106,6 +106,14 @@ fn initial_covariances(
     let Some(given) = init_sigma.filter(|s| !s.is_none()) else { return Ok(vec![None; t]) };
     let py = given.py();
     let array = Array::new("init_sigma", given)?;
+    let is_sigma = |s: &f64| s.is_nan() || (*s > 0.0 && s.is_finite());
+    if array.shape.len() < 2
+        && let Some((j, sigma)) = array.values().iter().enumerate().find(|(_, s)| !is_sigma(s))
+    {
+        let name = if array.shape.is_empty() { String::new() } else { format!("[{j}]") };
+        let expected = "a positive finite standard deviation, or NaN for none";
+        return Err(invalid(py, &format!("init_sigma{name}"), expected, sigma.to_string()));
+    }
     let isotropic = |sigma: &f64| Matrix3::from_diagonal_element(sigma * sigma);
     let covariances: Vec<Matrix3<f64>> = match array.shape.as_slice() {
         [] => vec![isotropic(&array.values()[0]); n],
@@ -113,17 +121,24 @@ fn initial_covariances(
         [k, 3, 3] if *k == n => array.matrices(),
         [f, k, 3, 3] if frames.batch && *f == t && *k == n => array.matrices(),
         _ => {
-            let expected = format!("a number, ({n},), ({n}, 3, 3) or one of those per frame");
+            let frames = if frames.batch { format!(" or ({t}, {n}, 3, 3)") } else { String::new() };
+            let expected = format!("() for a number, ({n},), ({n}, 3, 3){frames}");
             return Err(array
                 .expect(py, "init_sigma", &expected, false)
                 .err()
                 .unwrap_or_else(|| invalid(py, "init_sigma", &expected, "another shape")));
         }
     };
-    let valid = |c: &Matrix3<f64>| c.iter().any(|v| v.is_nan()) || c.cholesky().is_some();
+    let valid = |c: &Matrix3<f64>| {
+        let symmetric = (c - c.transpose()).amax() <= 1e-6 * c.amax();
+        let finite = c.iter().all(|v| v.is_finite());
+        c.iter().any(|v| v.is_nan()) || (finite && symmetric && c.cholesky().is_some())
+    };
     if let Some(k) = covariances.iter().position(|c| !valid(c)) {
-        let expected = "a positive standard deviation, or a positive definite covariance";
-        return Err(invalid(py, &format!("init_sigma[{}]", k % n), expected, "one that is not"));
+        let at =
+            if covariances.len() == n { format!("{k}") } else { format!("{}, {}", k / n, k % n) };
+        let expected = "a symmetric positive definite covariance, or NaN for none";
+        return Err(invalid(py, &format!("init_sigma[{at}]"), expected, "one that is not"));
     }
     Ok((0..t)
         .map(|f| {

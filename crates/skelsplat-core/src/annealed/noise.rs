@@ -19,8 +19,7 @@ pub enum NoiseModel {
     Estimated,
 }
 
-/// The estimate's prior: three pixels, worth this many residuals.
-const PRIOR_PX: f64 = 3.0;
+/// The estimate's prior is worth this many residuals.
 const PRIOR_DOF: f64 = 6.0;
 /// The shrinking by the kernel is undone up to this factor of the variance.
 const MOST_UNSHRUNK: f64 = 4.0;
@@ -58,6 +57,9 @@ impl Residuals {
 }
 
 impl NoiseModel {
+    /// What the estimate begins with.
+    pub const PRIOR_PX: f64 = 3.0;
+
     /// s², mm², from the joints' residuals under a kernel of standard deviation `sigma`, with pixels of `pixel` mm and
     /// detections of mean weight `weight`, which the residuals carry.
     pub(super) fn variance(
@@ -72,7 +74,7 @@ impl NoiseModel {
             Self::Estimated => {
                 let squares: f64 = residuals.iter().map(|r| r.squares).sum();
                 let freedom: f64 = residuals.iter().map(|r| r.freedom).sum();
-                let prior = PRIOR_DOF * weight * (PRIOR_PX * pixel).powi(2);
+                let prior = PRIOR_DOF * weight * (Self::PRIOR_PX * pixel).powi(2);
                 let shrunk = (prior + squares) / (PRIOR_DOF + freedom);
                 let kernel = 2.0 * weight * sigma * sigma;
                 shrunk / (1.0 - shrunk / kernel).max(1.0 / MOST_UNSHRUNK)

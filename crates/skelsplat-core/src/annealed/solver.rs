@@ -225,10 +225,11 @@ impl<'a> Run<'a> {
     fn new(problem: &'a Problem<'a>, points: Vec<Vector3<f64>>, sigma: Vec<f64>) -> Self {
         let n = points.len();
         let known = |j: usize| points[j].iter().all(|v| v.is_finite());
+        let has_prior = |j: usize| problem.priors.is_some_and(|p| p[j].precision.trace() > 0.0);
         let seen = |j: usize| problem.rays.of_joint(j).iter().any(Ray::is_there);
         let pixel = pixel_size(problem.rays, &points).unwrap_or(1.0);
         let mut run = Self {
-            active: (0..n).map(|j| known(j) && (seen(j) || problem.priors.is_some())).collect(),
+            active: (0..n).map(|j| known(j) && (seen(j) || has_prior(j))).collect(),
             settled: vec![false; n],
             narrow: vec![false; n],
             coupled: vec![false; n],

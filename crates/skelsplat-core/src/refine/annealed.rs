@@ -55,7 +55,13 @@ impl Refiner {
         let mut annealing = self.annealing(used.n_joints());
         if frame.init_covariance.is_some() {
             // Without the prior: one that is wrong must not pass for noise of the detections.
-            annealing.noise = NoiseModel::Millimetres(locate(&rays, &annealing).noise);
+            let alone = locate(&rays, &annealing);
+            let located = alone.points.iter().any(|x| x.x.is_finite());
+            annealing.noise = match annealing.noise {
+                NoiseModel::Estimated if located => NoiseModel::Millimetres(alone.noise),
+                NoiseModel::Estimated => NoiseModel::Pixels(NoiseModel::PRIOR_PX),
+                given => given,
+            };
         }
         let priors = self.priors(frame);
         let mut found = self.find(frame, rays, priors.as_deref(), &annealing);

@@ -9,12 +9,13 @@ use crate::annealed::{Annealing, Problem, Rays, Solution, solve};
 use crate::camera::Camera;
 use crate::detections::Detections;
 
-/// k below which a detection counts as rejected: |e| > 3.3 σ/√2 … about 2.4 σ.
+/// k below which a detection counts as rejected: |e| above 2.4 σ.
 pub const REJECTED: f64 = 0.25;
 /// Views by which the agreeing ones have to outnumber the others to be a majority.
 const MAJORITY: f64 = 0.25;
-/// Agreement by which a pair's point has to exceed the annealed one's, in detections of the joint's mean weight.
-const MARGIN: f64 = 0.75;
+/// Agreement by which a pair's point has to exceed the annealed one's, in detections of the joint's mean weight: with three
+/// views, of which any two outvote the third by chance, and with more.
+const MARGIN: [f64; 2] = [0.75, 0.5];
 
 /// Triangulates each joint from ideal pixels; NaN as [`super::dlt()`], with fewer than two views or parallel rays.
 ///
@@ -66,10 +67,9 @@ fn reconsider(rays: &Rays, solution: &mut Solution) -> bool {
         }
         let mean = of_joint.iter().map(|ray| ray.weight).sum::<f64>() / views;
         let sigma = solution.sigma[j];
-        let now = agreement(of_joint, &solution.points[j], sigma);
-        if let Some((x, agreed)) = best_pair(of_joint, sigma).filter(|b| b.1 > now + MARGIN * mean)
-        {
-            let _ = agreed;
+        let margin = if views < 4.0 { MARGIN[0] } else { MARGIN[1] };
+        let enough = agreement(of_joint, &solution.points[j], sigma) + margin * mean;
+        if let Some((x, _)) = best_pair(of_joint, sigma).filter(|(_, agreed)| *agreed > enough) {
             solution.points[j] = x;
             moved = true;
         }
