@@ -1,7 +1,7 @@
 """Calibration files of every format, written from one reference rig by other code than the package's.
 
 OpenCV's ``FileStorage`` writes the YAML and the XML that is OpenCV's; the rest is text as the formats' own
-programs write it. Every writer takes a folder and a list of `View` in millimetres and returns the path to read.
+programs write it. Every writer takes a folder and a list of `View` in millimetres and returns the path.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def anipose(folder: Path, views, scale=1e-3):
 
 
 def caliscope(folder: Path, views):
-    """The native file: matrix rotations on even cameras as older versions write, one ignored camera, nulls."""
+    """Write matrix rotations for even cameras, as older versions do, and one ignored camera."""
     text = ""
     for i, v in enumerate(views):
         rotation = v.R if i % 2 == 0 else Rotation.from_matrix(v.R).as_rotvec()

@@ -39,8 +39,8 @@ def matrix_from_quaternion(quaternion: Array) -> Array:
 def nearest_rotation(matrix: Array, tolerance: float) -> Array | None:
     """Rotation (3, 3) nearest to a matrix that is one up to the digits it was written with.
 
-    None if an entry of RRᵀ − I is above `tolerance`. A reflection stays one, and so does, to the bit, a matrix
-    in full precision.
+    None if an entry of RRᵀ − I is above `tolerance`. A reflection stays one; a matrix in full precision
+    stays as it is, to the bit.
     """
     off = np.abs(matrix @ matrix.T - np.eye(3)).max()
     if off > tolerance:

@@ -55,7 +55,7 @@ def fit(K: Array, size: tuple[int, int], centre: Array, radial: Array, aspect: f
 
 
 def _terms(ideal: Array) -> Array:
-    """What k1, k2, p1, p2, k3, s1, s2, s3, s4 multiply in x and in y, (2, n, 9)."""
+    """Return what k1, k2, p1, p2, k3, s1, s2, s3, s4 multiply in x and in y, (2, n, 9)."""
     x, y = ideal.T
     r2 = x * x + y * y
     r4, r6, zero = r2**2, r2**3, np.zeros_like(x)
