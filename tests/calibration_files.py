@@ -176,7 +176,8 @@ def qualisys(folder: Path, views, *, binning=1.0, left=0, top=0, extra=""):
         k1, k2, p1, p2, k3 = v.distortion
         cameras += (
             f'<camera active="1" calibrated="true" avg-residual="0.5" serial="{v.name}" model="Miqus Video" '
-            f'viewrotation="0"{extra}><fov_video {edges}/><transform x="{x:.6f}" y="{y:.6f}" z="{z:.6f}" {r}/>'
+            f'viewrotation="0"{extra}><fov_video {edges}/>'
+            f'<transform x="{x:.6f}" y="{y:.6f}" z="{z:.6f}" {r}/>'
             f'<intrinsic focallength="9.3" focalLengthU="{v.K[0, 0] * 64 * binning:.6f}" '
             f'focalLengthV="{v.K[1, 1] * 64 * binning:.6f}" centerPointU="{centre[0]:.6f}" '
             f'centerPointV="{centre[1]:.6f}" skew="0.000000" radialDistortion1="{k1:.6f}" '
@@ -185,8 +186,8 @@ def qualisys(folder: Path, views, *, binning=1.0, left=0, top=0, extra=""):
         )
     path = folder / "Calib.qca.txt"
     path.write_text(
-        f"<?xml version='1.0' encoding='ASCII'?>\n<calibration qtm-version=\"2.17\"><cameras>{cameras}</cameras>"
-        "</calibration>\n"
+        f"<?xml version='1.0' encoding='ASCII'?>\n<calibration qtm-version=\"2.17\"><cameras>{cameras}"
+        "</cameras></calibration>\n"
     )
     return path
 

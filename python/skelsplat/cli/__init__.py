@@ -1,20 +1,23 @@
-"""The command line: `skelsplat demo` and `skelsplat refine`, one file per command.
+"""The command line: one file per command.
 
-The commands share `_pipeline` (read, choose the person, refine), `_statistics` and `_report` (what is said
-about the result), `_figures` (what `skelsplat.viz` draws) and `_run` (the order of it all, and the files).
+`demo` and `refine` share `_pipeline` (read, choose the person, refine), `_statistics` and `_report` (what is
+said about the result), `_figures` (what `skelsplat.viz` draws) and `_run` (the order of it all, and the
+files). `convert` dispatches on the kind of its input (`_conversion`).
 """
 
 from __future__ import annotations
 
 import sys
 
-from skelsplat.cli import demo, refine
+from skelsplat.cli import check_cameras, convert, demo, refine
 from skelsplat.cli._app import app
 
 __all__ = ["app", "main"]
 
 app.command("demo")(demo.demo)
 app.command("refine", epilog=refine.EPILOG)(refine.refine)
+app.command("convert", epilog=convert.EPILOG)(convert.convert)
+app.command("check-cameras", epilog=check_cameras.EPILOG)(check_cameras.check_cameras)
 
 
 def main() -> None:

@@ -48,6 +48,7 @@ class Cause:
     view: int
     scene: Scene
     words: str = ""
+    factor: float = 1.0
 
     @property
     def rank(self) -> int:
@@ -81,6 +82,7 @@ def _best_cause(scene: Scene) -> Cause | None:
 
 def _explains(scene: Scene, cause: Cause) -> bool:
     before, after = scene.left_out[cause.view], cause.scene.left_out[cause.view]
+    after *= max(1.0, 1.0 / cause.factor)  # smaller images make smaller errors
     better = _ALL_BETTER if scene.views > 2 else _TWO_BETTER
     return bool(
         cause.scene.disagreement <= better * scene.disagreement
@@ -108,7 +110,7 @@ def _causes(scene: Scene) -> Iterator[Cause]:
             yield Cause("offset", view, scene.with_shift(view, shift))
         factor = _size_factor(scene, view, points)
         if factor is not None:
-            yield Cause("resized", view, changed_view(scene, view, resizer(factor)))
+            yield Cause("resized", view, changed_view(scene, view, resizer(factor)), factor=factor)
         for words, change in CHANGES.items():
             yield Cause("images", view, changed_view(scene, view, change), words)
         for kind, move in (("turned", False), ("moved", True)):
@@ -171,12 +173,11 @@ def _finding(scene: Scene, cause: Cause) -> Finding:
         )
         return Finding("offset", (name,), text, {"frames": shift, **errors})
     if cause.kind == "resized":
-        factor = _factor_between(scene, after, view)
         text = (
-            f"{name}: the detections are of images of another size; multiplied by {factor:.3g} they fit "
+            f"{name}: the detections are of images of another size; multiplied by {cause.factor:.3g} they fit "
             f"({change})."
         )
-        return Finding("resized", (name,), text, {"factor": factor, **errors})
+        return Finding("resized", (name,), text, {"factor": cause.factor, **errors})
     if cause.kind == "images":
         return Finding("images", (name,), f"{name}: its images are {cause.words} ({change}).", errors)
     return _pose_finding(scene, cause, name, errors, change)
@@ -197,8 +198,3 @@ def _pose_finding(scene: Scene, cause: Cause, name: str, errors: dict[str, float
         text += f" A picture shifted by {shift:.0f} px (a crop, a principal point) would look the same."
     numbers = {"degrees": angle, "mm": distance if cause.kind == "moved" else 0.0, **errors}
     return Finding(cause.kind, (name,), text, numbers)
-
-
-def _factor_between(before: Scene, after: Scene, view: int) -> float:
-    ratio = (after.detections[:, view] + 0.5) / (before.detections[:, view] + 0.5)
-    return float(np.nanmedian(ratio))

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 import skelsplat as sk
 from skelsplat.exceptions import InvalidInputError
-from skelsplat.rig_check._causes import explain
+from skelsplat.rig_check._causes import best_shift, explain
 from skelsplat.rig_check._findings import CameraRow, Finding, RigReport
 from skelsplat.rig_check._geometry import check_geometry
 from skelsplat.rig_check._images import find_images
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
 # A camera whose detections are rejected this often, and this many times as often as the others', in so many
-# frames or more (less is somebody in the way); two cameras that miss each other by this share of the diagonal.
+# frames or more (less is somebody in the way); two cameras that miss each other by this share of a diagonal.
 _REJECTED, _RATIO, _LEAST_FRAMES, _APART = 1 / 3, 3.0, 5, 0.012
 _OUTSIDE = 0.05
 _MIN_CONFIDENCE = 0.3
@@ -146,9 +147,12 @@ def _rows(scene: Scene) -> list[CameraRow]:
     """Numbers of every camera, all cameras together and each against the others."""
     detections, rig = scene.judged_detections, list(scene.cameras)
     plain = np.asarray(sk.triangulate(detections, rig, method="dlt"))
-    result = sk.refine(None, detections, rig)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of a unit doubt, which has been looked at
+        result = sk.refine(None, detections, rig)
     rows = []
     for i, camera in enumerate(rig):
+        offset, with_offset = _best_offset(scene, i)
         there = np.isfinite(detections[:, i, :, 0])
         weight = result.view_weights[:, i][there]
         weight = weight[np.isfinite(weight)]
@@ -161,9 +165,19 @@ def _rows(scene: Scene) -> list[CameraRow]:
                 weight=float(weight.mean()) if weight.size else float("nan"),
                 rejected=float((weight < sk.REJECTED_WEIGHT).mean()) if weight.size else float("nan"),
                 left_out_px=float(scene.left_out[i]) if scene.views > 2 else float("nan"),
+                best_offset=offset,
+                best_offset_px=with_offset,
             )
         )
     return rows
+
+
+def _best_offset(scene: Scene, view: int) -> tuple[int, float]:
+    if scene.views == 2:
+        return 0, float("nan")
+    points = scene.points_without(view)
+    shift = best_shift(scene, view, points)
+    return shift - scene.shifts[view], scene.error(view, points, shift)
 
 
 def _left_over(scene: Scene) -> list[Finding]:

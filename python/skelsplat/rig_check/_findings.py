@@ -46,6 +46,11 @@ class CameraRow:
         Share of its detections that the robust solver rejects.
     left_out_px : float
         Median distance from where the *other* cameras say that the joints are; NaN with two cameras.
+    best_offset : int
+        The frame offset of the camera at which `left_out_px` would be least, all else as it is: its frame
+        f + best_offset for frame f of the others. A difference of a few px is no evidence.
+    best_offset_px : float
+        `left_out_px` at that offset.
     """
 
     name: str
@@ -55,6 +60,8 @@ class CameraRow:
     weight: float
     rejected: float
     left_out_px: float
+    best_offset: int
+    best_offset_px: float
 
 
 @dataclass(frozen=True)

@@ -72,8 +72,13 @@ def find_images(
     before = judge(cameras, some, layout)
     if not is_gross(before):
         return None, people
-    best = min(_tries(), key=lambda t: judge(cameras, _applied(some, cameras, t[1]), layout).disagreement)
-    after = judge(cameras, _applied(some, cameras, best[1]), layout).disagreement
+
+    def disagreement(tried: tuple[str, Change, float]) -> float:
+        """Return it in pixels of the detections as they are: small images make small errors."""
+        return judge(cameras, _applied(some, cameras, tried[1]), layout).disagreement / tried[2]
+
+    best = min(_tries(), key=disagreement)
+    after = disagreement(best)
     if not after < _BETTER * before.disagreement:
         return None, people
     text = (
@@ -84,10 +89,12 @@ def find_images(
     return Finding("images", (), text, numbers), _applied(people, cameras, best[1])
 
 
-def _tries() -> Iterator[tuple[str, Change]]:
-    yield from _FOR_ALL.items()
+def _tries() -> Iterator[tuple[str, Change, float]]:
+    """Yield what the images may be, the change that undoes it, and the factor on lengths in it."""
+    for words, change in _FOR_ALL.items():
+        yield words, change, 1.0
     for factor in _FACTORS:
-        yield f"of images {1 / factor:.3g} times as large", resizer(factor)
+        yield f"of images {1 / factor:.3g} times as large", resizer(factor), factor
 
 
 def resizer(factor: float) -> Change:
