@@ -137,7 +137,10 @@ MALFORMED = {
         "[metadata]\nadjusted = false\n",
         r"cameras: expected at least one camera table .*metadata",
     ),
-    "not a calibration": ("hello, world", r"content: expected a calibration in a known format \(anipose\)"),
+    "not a calibration": (
+        "hello, world",
+        r"content: expected a calibration in a known format \(anipose, caliscope, ",
+    ),
     "not text": (b"\xff\xfe\x00[cam]", r"file: expected text in UTF-8, got byte 0"),
 }
 
@@ -170,6 +173,7 @@ def test_the_likely_unit_follows_the_distance_between_cameras(write, factor, lik
     scaled = [sk.Camera(c.K, c.R, c.t * factor, size=c.size, name=c.name) for c in rig]
     path = write("")
     write_calibration(path, sk.CameraRig(scaled, unit="m"))
+    path.write_text(path.read_text().replace('unit = "m"\n', ""))
     with pytest.raises(sk.InvalidInputError, match=f'so "{likely}" is likely'):
         read_calibration(path)
 
@@ -196,7 +200,7 @@ def test_millimetres_read_as_metres_are_warned_about(write):
 
 
 def test_an_unknown_format(write):
-    with pytest.raises(sk.InvalidInputError, match=r"format: expected one of anipose, got 'qca'"):
+    with pytest.raises(sk.InvalidInputError, match=r"format: expected one of anipose, .*, vicon, got 'qca'"):
         read_calibration(write(VALID), unit="m", format="qca")
 
 
@@ -224,6 +228,14 @@ def test_rotation_vectors_and_matrices_are_inverse(angle, axis):
     back = vector_from_matrix(rotation)
     np.testing.assert_allclose(matrix_from_vector(back), rotation, atol=2e-14)
     assert np.linalg.norm(back) <= np.pi * (1 + 1e-15)
+
+
+def test_a_file_that_this_package_wrote_states_its_unit(write, tmp_path):
+    path = tmp_path / "copy.toml"
+    write_calibration(path, read_calibration(write(VALID), unit="m"))
+    assert read_calibration(path).unit == "m"
+    with pytest.raises(sk.InvalidInputError, match=r'unit: expected none or "m", the unit of .*, got \'mm\''):
+        read_calibration(path, unit="mm")
 
 
 def test_rotation_vectors_agree_with_opencv():

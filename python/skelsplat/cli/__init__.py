@@ -1,14 +1,15 @@
-"""The command line, one file per command: demo, refine, live, synth, datasets, evaluate, ablate.
+"""The command line: one file per command.
 
-The commands share `_pipeline` (read, choose the person, refine), `_statistics` and `_report` (what is said
-about the result), `_figures` (what `skelsplat.viz` draws) and `_run` (the order of it all, and the files).
+`demo` and `refine` share `_pipeline` (read, choose the person, refine), `_statistics` and `_report` (what is
+said about the result), `_figures` (what `skelsplat.viz` draws) and `_run` (the order of it all, and the
+files). `convert` dispatches on the kind of its input (`_conversion`).
 """
 
 from __future__ import annotations
 
 import sys
 
-from skelsplat.cli import ablate, datasets, demo, evaluate, live, refine, synth
+from skelsplat.cli import ablate, check_cameras, convert, datasets, demo, evaluate, live, refine, synth
 from skelsplat.cli._app import app
 
 __all__ = ["app", "main"]
@@ -16,6 +17,8 @@ __all__ = ["app", "main"]
 app.command("demo")(demo.demo)
 app.command("refine", epilog=refine.EPILOG)(refine.refine)
 app.command("live", epilog=live.EPILOG)(live.live)
+app.command("convert", epilog=convert.EPILOG)(convert.convert)
+app.command("check-cameras", epilog=check_cameras.EPILOG)(check_cameras.check_cameras)
 app.command("synth")(synth.synth)
 app.add_typer(datasets.app, name="datasets")
 app.command("evaluate", epilog=evaluate.EPILOG)(evaluate.evaluate)

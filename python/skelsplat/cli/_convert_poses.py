@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skelsplat.cli._conversion import Kind, Request
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io.poses import POSE_FORMATS, is_json_poses, pose_format, read_pose, write_pose
 
@@ -87,3 +88,17 @@ def convert_poses(source: Path, target: Path, options: PoseOptions) -> str:
         raise
     frames, joints = data.pose.shape[:2]
     return f"{source} → {target}: {frames} frames of {joints} joints"
+
+
+def _convert(request: Request) -> str:
+    given = {("unit" if name == "to_unit" else name): value for name, value in request.options.items()}
+    return convert_poses(request.source, request.target, PoseOptions(**given))
+
+
+POSES = Kind(
+    name="pose file",
+    recognises=is_pose_file,
+    convert=_convert,
+    suffixes=tuple(f".{kind}" for kind in POSE_FORMATS),
+    options=frozenset({"fps", "to_unit", "y_up", "singular"}),
+)

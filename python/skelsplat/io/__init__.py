@@ -4,7 +4,7 @@ Readers raise `skelsplat.DatasetError` with the file and the field; writers repl
 alone.
 """
 
-from skelsplat.io.calibration import read_calibration, write_calibration
+from skelsplat.io.calibration import convert_unit, read_calibration, write_calibration
 from skelsplat.io.detections import DetectionSet, read_detections, read_openpose
 from skelsplat.io.poses import (
     PoseData,
@@ -28,6 +28,7 @@ from skelsplat.io.poses import (
 __all__ = [
     "DetectionSet",
     "PoseData",
+    "convert_unit",
     "read_c3d",
     "read_calibration",
     "read_csv",

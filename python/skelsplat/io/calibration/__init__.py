@@ -1,83 +1,173 @@
 """Camera calibrations: one reader for all formats, found by content or by name.
 
-A format is a `CalibrationFormat` in `FORMATS`: a test on the file's text, and a parser from text to
-`RawCamera`. Names, units and the building of cameras are the same for all and live here.
+A format is a `CalibrationFormat` in `FORMATS`: a test on a file or folder, and a parser to `RawCamera`.
+Names, units, image sizes and the building of cameras are the same for all and live here.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from pathlib import Path
+from collections.abc import Mapping
+from dataclasses import fields
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 import skelsplat as sk
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io._files import read_text
 from skelsplat.io.calibration._anipose import ANIPOSE
+from skelsplat.io.calibration._caliscope import CALISCOPE
+from skelsplat.io.calibration._easymocap import EASYMOCAP
+from skelsplat.io.calibration._human36m import HUMAN36M
+from skelsplat.io.calibration._openpose import OPENPOSE
+from skelsplat.io.calibration._own import JSON, NPZ
+from skelsplat.io.calibration._panoptic import PANOPTIC
+from skelsplat.io.calibration._qualisys import QUALISYS
+from skelsplat.io.calibration._raw import Options
+from skelsplat.io.calibration._rotation import nearest_rotation
+from skelsplat.io.calibration._source import Source
 from skelsplat.io.calibration._unit import check_unit
-from skelsplat.io.calibration._write import write_calibration
+from skelsplat.io.calibration._vicon import VICON
+from skelsplat.io.calibration._write import convert_unit, write_calibration
 
 if TYPE_CHECKING:
     import os
     from collections.abc import Sequence
+    from pathlib import Path
 
     from skelsplat.io.calibration._raw import CalibrationFormat, RawCamera
 
-__all__ = ["FORMATS", "read_calibration", "write_calibration"]
+__all__ = ["FORMATS", "convert_unit", "find_format", "read_calibration", "write_calibration"]
 
-FORMATS: dict[str, CalibrationFormat] = {ANIPOSE.name: ANIPOSE}
+# in the order in which they are tried: Anipose's TOML is what no other format claims
+FORMATS: dict[str, CalibrationFormat] = {
+    known.name: known
+    for known in (
+        NPZ,
+        JSON,
+        HUMAN36M,
+        PANOPTIC,
+        QUALISYS,
+        VICON,
+        OPENPOSE,
+        EASYMOCAP,
+        CALISCOPE,
+        ANIPOSE,
+    )
+}
+# Qualisys writes six digits, EasyMocap six, Vicon's are exact: more is no rounding
+_ROTATION_DIGITS = 1e-3
 
 
 def read_calibration(
-    path: str | os.PathLike[str], *, unit: str | None = None, format: str | None = None
+    path: str | os.PathLike[str],
+    *,
+    unit: str | None = None,
+    format: str | None = None,
+    camera_type: str | None = None,
+    subject: str | None = None,
+    size: tuple[int, int] | Mapping[str, tuple[int, int]] | None = None,
+    binning: float | None = None,
 ) -> sk.CameraRig:
-    """Read a calibration file into a rig, cameras in the order of the file.
+    """Read a calibration into a rig, cameras in the order of the file.
 
     Parameters
     ----------
     path : path
-        The calibration file.
+        The calibration file, or the folder where a format is one.
     unit : "mm", "cm" or "m"
-        The length unit of the file's translations. Calibration files do not state it, so it must be given.
+        The length unit of the file's translations. It must be given for the formats that do not say it:
+        ``anipose`` (unless this package wrote the file) and ``easymocap``. For the others it may be left out;
+        one that contradicts the format is an error.
     format : str, optional
-        A key of `FORMATS` (``"anipose"``: TOML of Anipose, Pose2Sim, FreeMoCap and Caliscope's export); found
-        from the content when left out.
+        Found from the content when left out. A key of `FORMATS`:
+
+        ================  =============================================================== =========
+        ``"anipose"``     TOML of Anipose, Pose2Sim, FreeMoCap and Caliscope's export     asked for
+        ``"caliscope"``   Caliscope's ``camera_array.toml``                               m
+        ``"easymocap"``   OpenCV YAML pair intri.yml, extri.yml: folder or either file    asked for
+        ``"openpose"``    folder of OpenPose XML files, one per camera                    m
+        ``"panoptic"``    CMU Panoptic JSON                                               cm
+        ``"human36m"``    Human3.6M ``camera-parameters.json``                            mm
+        ``"qualisys"``    Qualisys ``.qca.txt``                                           mm
+        ``"vicon"``       Vicon ``.xcp``                                                  mm
+        ``"json"``        this package's JSON                                             in it
+        ``"npz"``         NumPy arrays K, R, t, size, names, unit                         in it
+        ================  =============================================================== =========
+    camera_type : str, optional
+        Which cameras of a file with several kinds: for Panoptic ``"hd"`` (default), ``"vga"``, …; for
+        Qualisys and Vicon the video cameras (default); ``"all"``.
+    subject : str, optional
+        Human3.6M: whose extrinsics, such as ``"S9"``.
+    size : (width, height) or mapping from camera name to it, optional
+        Size of the images, for formats that do not say it: OpenPose, and EasyMocap without ``H_`` and ``W_``.
+        (Nothing else will do: twice the principal point, as some programs assume, is wrong for most images.)
+    binning : float, optional
+        Qualisys: sensor pixels per image pixel, where videos have fewer lines than the sensor.
 
     Returns
     -------
     CameraRig
-        Its lengths are in `unit`.
+        Its lengths are in `unit`, or in the format's.
 
     Raises
     ------
     InvalidInputError
-        If `unit` is missing (the message names the likely one) or unknown, or `format` is unknown.
+        If `unit` is missing (the message names the likely one), unknown or contradicts the format, `format`
+        is unknown, or an option does not go with the format or is missing.
     DatasetError
-        If the file is missing or malformed; names the table and key.
+        If the file is missing or malformed; names file and field.
 
     Warns
     -----
     UserWarning
-        If the cameras would stand less than 5 cm or more than 100 m apart in the given unit.
+        If the cameras would stand less than 5 cm or more than 100 m apart in the given unit; if a Qualisys
+        camera's view was turned; if Vicon's lens model could not be followed to 0.1 px.
     """
-    source = Path(path)
-    text = read_text(source)
-    raw = _find_format(source, text, format).parse(source, text)
-    _check_names(source, raw)
-    known_unit = check_unit(source, [camera.centre() for camera in raw], unit)
-    return sk.CameraRig([_build(source, camera) for camera in raw], unit=known_unit)
+    source = Source(path)
+    chosen = _find(source, format)
+    options = Options(camera_type=camera_type, subject=subject, size=size, binning=binning)
+    _check_options(chosen, options)
+    parsed = chosen.parse(source, options)
+    _check_names(source.path, parsed.cameras)
+    cameras = [_build(source.path, camera, _size(source.path, camera, size)) for camera in parsed.cameras]
+    centres = [np.asarray(camera.centre) for camera in cameras]
+    known_unit = check_unit(source.path, centres, unit, stated=parsed.unit)
+    return sk.CameraRig(cameras, unit=known_unit)
 
 
-def _find_format(path: Path, text: str, name: str | None) -> CalibrationFormat:
-    known = ", ".join(FORMATS)
+def find_format(path: str | os.PathLike[str]) -> str | None:
+    """Return the key of the format that a file or folder has; None if it is no calibration.
+
+    Raises
+    ------
+    DatasetError
+        If the file cannot be read, or begins like JSON, XML or TOML and is broken.
+    """
+    source = Source(path)
+    return next((known.name for known in FORMATS.values() if known.matches(source)), None)
+
+
+def _find(source: Source, name: str | None) -> CalibrationFormat:
+    known = ", ".join(sorted(FORMATS))
     if name is not None:
         if name not in FORMATS:
             raise InvalidInputError(f"format: expected one of {known}, got {name!r}")
         return FORMATS[name]
     for candidate in FORMATS.values():
-        if candidate.matches(text):
+        if candidate.matches(source):
             return candidate
-    raise DatasetError(path, "content", f"a calibration in a known format ({known})", "something else")
+    actual = "a folder without one" if source.is_folder else "something else"
+    raise DatasetError(source.path, "content", f"a calibration in a known format ({known})", actual)
+
+
+def _check_options(chosen: CalibrationFormat, options: Options) -> None:
+    for option in fields(options):
+        value = getattr(options, option.name)
+        if value is not None and option.name not in chosen.options:
+            raise InvalidInputError(f"{option.name}: expected none for {chosen.name} files, got {value!r}")
+    if options.binning is not None and not (np.isfinite(options.binning) and options.binning >= 1.0):
+        raise InvalidInputError(f"binning: expected a number of at least 1, got {options.binning!r}")
 
 
 def _check_names(path: Path, cameras: Sequence[RawCamera]) -> None:
@@ -88,15 +178,35 @@ def _check_names(path: Path, cameras: Sequence[RawCamera]) -> None:
         )
 
 
-def _build(path: Path, raw: RawCamera) -> sk.Camera:
+def _size(
+    path: Path, camera: RawCamera, given: tuple[int, int] | Mapping[str, tuple[int, int]] | None
+) -> tuple[int, int]:
+    if isinstance(given, Mapping):
+        given = given.get(camera.name)
+    if camera.size is None:
+        if given is None:
+            raise InvalidInputError(
+                f"size: expected the images' (width, height) for camera {camera.name!r}, because {path} does "
+                "not say it, got none"
+            )
+        return given
+    if given is not None and tuple(given) != camera.size:
+        width, height = camera.size
+        expected = f"none or ({width}, {height}), what {path} says of camera {camera.name!r}"
+        raise InvalidInputError(f"size: expected {expected}, got {tuple(given)}")
+    return camera.size
+
+
+def _build(path: Path, raw: RawCamera, size: tuple[int, int]) -> sk.Camera:
+    rotation = nearest_rotation(raw.R, _ROTATION_DIGITS)
     try:
         return sk.Camera(
             raw.K,
-            raw.R,
+            raw.R if rotation is None else rotation,
             raw.t,
             distortion=raw.distortion,
             fisheye=raw.fisheye,
-            size=raw.size,
+            size=size,
             name=raw.name,
         )
     except InvalidInputError as error:

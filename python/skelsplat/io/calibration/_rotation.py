@@ -1,4 +1,4 @@
-"""Rotation vectors (Rodrigues: axis times angle in radians) and matrices."""
+"""Rotation vectors (Rodrigues: axis times angle in radians), quaternions and matrices."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
+
+_FULL_PRECISION = 1e-12
 
 
 def matrix_from_vector(vector: Array) -> Array:
@@ -20,6 +22,34 @@ def matrix_from_vector(vector: Array) -> Array:
     second = 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2
     rotation: Array = np.eye(3) + first * cross + second * (cross @ cross)
     return rotation
+
+
+def matrix_from_quaternion(quaternion: Array) -> Array:
+    """Rotation matrix (3, 3) of a quaternion (w, x, y, z) of any norm above zero."""
+    w, x, y, z = quaternion / np.linalg.norm(quaternion)
+    return np.array(
+        [
+            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+            [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+        ]
+    )
+
+
+def nearest_rotation(matrix: Array, tolerance: float) -> Array | None:
+    """Rotation (3, 3) nearest to a matrix that is one up to the digits it was written with.
+
+    None if an entry of RRᵀ − I is above `tolerance`. A reflection stays one; a matrix in full precision
+    stays as it is, to the bit.
+    """
+    off = np.abs(matrix @ matrix.T - np.eye(3)).max()
+    if off > tolerance:
+        return None
+    if off < _FULL_PRECISION:
+        return matrix
+    left, _, right = np.linalg.svd(matrix)
+    nearest: Array = left @ right
+    return nearest
 
 
 def vector_from_matrix(rotation: Array) -> Array:

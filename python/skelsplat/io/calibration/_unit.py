@@ -1,4 +1,4 @@
-"""The length unit of a calibration: required, and checked against how far apart the cameras stand."""
+"""The length unit of a calibration, checked against how far apart the cameras stand."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ _PLAUSIBLE_M = (0.05, 100.0)
 _TYPICAL_M = 4.0
 
 
-def check_unit(path: Path, centres: Sequence[Array], unit: str | None) -> str:
-    """Return `unit` if it is given and known; warn if the cameras' spread makes it implausible.
+def check_unit(path: Path, centres: Sequence[Array], unit: str | None, *, stated: str | None = None) -> str:
+    """Return the unit that is given or stated; warn if the cameras' spread makes it implausible.
 
     Parameters
     ----------
@@ -34,13 +34,20 @@ def check_unit(path: Path, centres: Sequence[Array], unit: str | None) -> str:
     centres : sequence of (3,)
         Camera centres in the file's unit.
     unit : str or None
+        What the caller says.
+    stated : str or None
+        What the format or the file says.
 
     Raises
     ------
     InvalidInputError
-        If `unit` is None or not one of mm, cm, m.
+        If neither is there, `unit` is not one of mm, cm, m, or the two contradict each other.
     """
     spread = _spread(centres)
+    if stated is not None:
+        if unit not in (None, stated):
+            raise InvalidInputError(f'unit: expected none or "{stated}", the unit of {path}, got {unit!r}')
+        unit = stated
     if unit is None:
         raise InvalidInputError(f'unit: expected "mm", "cm" or "m" for {path}, got none; {_hint(spread)}')
     if unit not in _METRES:

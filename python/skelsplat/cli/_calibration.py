@@ -1,0 +1,120 @@
+"""The options with which commands read a calibration of any format."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+import skelsplat as sk
+from skelsplat.io.calibration import FORMATS, read_calibration
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+_PANEL = "Calibration"
+
+Unit = Annotated[
+    str | None,
+    typer.Option(
+        metavar="mm|cm|m",
+        help="Length unit, where the format does not say it: Anipose TOML, OpenCV YAML.",
+        rich_help_panel=_PANEL,
+    ),
+]
+Format = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        help=f"{', '.join(sorted(FORMATS))}.",
+        show_default="found from the content",
+        rich_help_panel=_PANEL,
+    ),
+]
+CameraType = Annotated[
+    str | None,
+    typer.Option(
+        metavar="TYPE",
+        help="Which of a file's cameras. Panoptic: hd, vga, …; Qualisys, Vicon: video cameras; or all.",
+        rich_help_panel=_PANEL,
+    ),
+]
+Subject = Annotated[
+    str | None,
+    typer.Option(metavar="S1", help="Human3.6M: whose cameras.", rich_help_panel=_PANEL),
+]
+Size = Annotated[
+    str | None,
+    typer.Option(
+        metavar="WxH",
+        help="Image size, where the files do not say it: OpenPose, some OpenCV YAML.",
+        rich_help_panel=_PANEL,
+    ),
+]
+Binning = Annotated[
+    float | None,
+    typer.Option(metavar="N", help="Qualisys: sensor pixels per pixel of the video.", rich_help_panel=_PANEL),
+]
+
+
+@dataclass(frozen=True)
+class CalibrationOptions:
+    """What the user said about a calibration; None: nothing."""
+
+    unit: str | None = None
+    format: str | None = None
+    camera_type: str | None = None
+    subject: str | None = None
+    size: str | None = None
+    binning: float | None = None
+
+    def read(self, path: Path) -> sk.CameraRig:
+        """Read a rig.
+
+        Raises
+        ------
+        typer.BadParameter
+            If an option is missing, unknown or does not go with the format.
+        DatasetError
+            If the file is missing or malformed.
+        """
+        with_size: Any = None if self.size is None else _width_and_height(self.size)
+        try:
+            return read_calibration(
+                path,
+                unit=self.unit,
+                format=self.format,
+                camera_type=self.camera_type,
+                subject=self.subject,
+                size=with_size,
+                binning=self.binning,
+            )
+        except sk.InvalidInputError as error:
+            raise usage(error) from error
+
+
+def usage(error: sk.InvalidInputError) -> Exception:
+    """Return an error of usage that names the option, if an argument of a reader is one; else the error."""
+    name, _, message = str(error).partition(": ")
+    if name.isidentifier():
+        return typer.BadParameter(message, param_hint="--" + name.replace("_", "-"))
+    return error
+
+
+def _width_and_height(text: str) -> tuple[int, int]:
+    found = re.fullmatch(r"(\d+)[x×](\d+)", text.strip())
+    if found is None or not (int(found[1]) and int(found[2])):
+        raise typer.BadParameter(
+            f"expected a width and a height such as 1920x1080, got {text!r}", param_hint="--size"
+        )
+    return int(found[1]), int(found[2])
+
+
+def listed(names: Iterator[str] | tuple[str, ...], most: int = 8) -> str:
+    """Return names as a phrase, a long list cut short."""
+    every = list(names)
+    rest = len(every) - most
+    return ", ".join(every) if rest <= 0 else f"{', '.join(every[:most])} and {rest} more"

@@ -1,0 +1,200 @@
+"""What could be wrong with one camera, tried out: the change that makes all cameras agree is the cause.
+
+Every hypothesis changes the scene: another frame count, detections of another image size, a turned camera, a
+moved one. It is judged by leave-one-out reprojection of *all* cameras, because a camera that is wrong spoils
+what the others are compared with, too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skelsplat.rig_check._findings import Finding
+from skelsplat.rig_check._images import CHANGES, changed_view, resizer
+from skelsplat.rig_check._resection import angle_between, resect, turn_between
+from skelsplat.rig_check._scene import named
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from skelsplat.rig_check._scene import Array, Scene
+
+# A cause must make the cameras agree better by this much, over all and for the camera itself, and by more
+# than detectors' noise.
+_ALL_BETTER, _ITSELF_BETTER, _LEAST_PX = 0.85, 0.7, 1.0
+# What is wrong is wrong in both halves of a recording.
+_HALF_BETTER = 0.9
+# Two cameras agree better by chance more easily.
+_TWO_BETTER = 0.4
+# Set right, a camera is off by no more than poor detections are: 17 px of 1000 by 1000.
+_GOOD = 0.012
+# Of two causes that explain as much the simpler one is named.
+_AS_GOOD = 1.1
+# Frames of the camera's count that are tried, at most this part of the recording; a few frames do not tell.
+_MOST_SHIFT, _PART, _LEAST_SPAN = 30, 3, 12
+# a turn about the optical axis is no shift of the picture
+_ROLL = 0.25
+_ORDER = ("offset", "images", "resized", "turned", "moved")
+
+
+@dataclass(frozen=True)
+class Cause:
+    """A hypothesis about one camera, and the scene in which it is set right."""
+
+    kind: str
+    view: int
+    scene: Scene
+    words: str = ""
+    factor: float = 1.0
+
+    @property
+    def rank(self) -> int:
+        """Simpler causes first."""
+        return _ORDER.index(self.kind)
+
+
+def explain(scene: Scene) -> tuple[list[Finding], Scene]:
+    """Name the causes of disagreement one by one, and return the scene with all of them set right."""
+    findings: list[Finding] = []
+    for _ in range(scene.views):
+        cause = _best_cause(scene)
+        if cause is None:
+            break
+        findings.append(_finding(scene, cause))
+        scene = cause.scene
+    return findings, scene
+
+
+def _best_cause(scene: Scene) -> Cause | None:
+    before = scene.disagreement
+    if not np.isfinite(before):
+        return None
+    causes = [cause for cause in _causes(scene) if _explains(scene, cause)]
+    if not causes:
+        return None
+    least = min(cause.scene.disagreement for cause in causes)
+    good = [cause for cause in causes if cause.scene.disagreement <= _AS_GOOD * least]
+    return min(good, key=lambda cause: (cause.rank, cause.scene.disagreement))
+
+
+def _explains(scene: Scene, cause: Cause) -> bool:
+    before, after = scene.left_out[cause.view], cause.scene.left_out[cause.view]
+    after *= max(1.0, 1.0 / cause.factor)  # smaller images make smaller errors
+    better = _ALL_BETTER if scene.views > 2 else _TWO_BETTER
+    return bool(
+        cause.scene.disagreement <= better * scene.disagreement
+        and after <= _ITSELF_BETTER * before
+        and before - after >= _LEAST_PX
+        and after <= _GOOD * np.hypot(*scene.cameras[cause.view].size)
+        and all(
+            # not a half in which the camera sees nothing
+            not new > _HALF_BETTER * old
+            for old, new in zip(
+                scene.left_out_halves(cause.view), cause.scene.left_out_halves(cause.view), strict=True
+            )
+        )
+    )
+
+
+def _causes(scene: Scene) -> Iterator[Cause]:
+    if scene.views == 2:
+        yield from _between_two(scene)
+        return
+    for view in range(scene.views):
+        points = scene.points_without(view)
+        shift = best_shift(scene, view, points)
+        if shift != scene.shifts[view]:
+            yield Cause("offset", view, scene.with_shift(view, shift))
+        factor = _size_factor(scene, view, points)
+        if factor is not None:
+            yield Cause("resized", view, changed_view(scene, view, resizer(factor)), factor=factor)
+        for words, change in CHANGES.items():
+            yield Cause("images", view, changed_view(scene, view, change), words)
+        for kind, move in (("turned", False), ("moved", True)):
+            camera = resect(scene, view, points, move=move)
+            if camera is not None:
+                yield Cause(kind, view, scene.with_camera(view, camera))
+
+
+def _between_two(scene: Scene) -> Iterator[Cause]:
+    """Another frame count of the second of two cameras; nothing else can be told from two."""
+    tried = (scene.with_shift(1, shift) for shift in _shifts(scene, 1))
+    best = min(tried, key=lambda other: other.disagreement, default=scene)
+    if best.shifts != scene.shifts:
+        yield Cause("offset", 1, best)
+
+
+def _shifts(scene: Scene, view: int) -> list[int]:
+    """Frame counts to try, the camera's own first."""
+    span = int(scene.frames[-1] - scene.frames[0])
+    own, most = scene.shifts[view], min(_MOST_SHIFT, span // _PART) if span >= _LEAST_SPAN else 0
+    return sorted(range(own - most, own + most + 1), key=lambda shift: (abs(shift - own), shift))
+
+
+def best_shift(scene: Scene, view: int, points: Array) -> int:
+    """Return the shift of a camera's frames at which its detections fit the points best."""
+    enough = 0.5 * np.isfinite(scene.distances(view, points)).sum()
+    best, least = scene.shifts[view], scene.error(view, points)
+    for shift in _shifts(scene, view):
+        distances = scene.distances(view, points, shift)
+        known = distances[np.isfinite(distances)]
+        if known.size >= max(enough, 1) and np.median(known) < least:
+            best, least = shift, float(np.median(known))
+    return best
+
+
+def _size_factor(scene: Scene, view: int, points: Array) -> float | None:
+    """Factor on a camera's detections that would put them on the points' projections; None if near 1."""
+    import skelsplat as sk
+
+    pixels = np.asarray(sk.project(points, [scene.cameras[view]]))[0] + 0.5
+    seen = scene.seen(view) + 0.5
+    known = np.isfinite(pixels).all(axis=-1) & np.isfinite(seen).all(axis=-1)
+    lengths = np.linalg.norm(seen[known], axis=-1)
+    if lengths.size == 0 or not lengths.min() > 0:
+        return None
+    factor = float(np.median((pixels[known] * seen[known]).sum(axis=-1) / lengths**2))
+    return factor if factor > 0 and abs(np.log(factor)) > 0.05 else None
+
+
+def _finding(scene: Scene, cause: Cause) -> Finding:
+    view, after = cause.view, cause.scene
+    name = named(scene.cameras)[view]
+    errors = {"before_px": float(scene.left_out[view]), "after_px": float(after.left_out[view])}
+    change = f"{errors['before_px']:.1f} px off what the others say, so set right {errors['after_px']:.1f} px"
+    if cause.kind == "offset":
+        shift = after.shifts[view] - scene.shifts[view]
+        text = (
+            f"{name} is {abs(shift)} frame{'s' * (abs(shift) != 1)} {'late' if shift > 0 else 'early'}: its "
+            f"frame f{shift:+d} belongs to frame f of the others ({change})."
+        )
+        return Finding("offset", (name,), text, {"frames": shift, **errors})
+    if cause.kind == "resized":
+        text = (
+            f"{name}: the detections are of images of another size; multiplied by {cause.factor:.3g} they "
+            f"fit ({change})."
+        )
+        return Finding("resized", (name,), text, {"factor": cause.factor, **errors})
+    if cause.kind == "images":
+        return Finding("images", (name,), f"{name}: its images are {cause.words} ({change}).", errors)
+    return _pose_finding(scene, cause, name, errors, change)
+
+
+def _pose_finding(scene: Scene, cause: Cause, name: str, errors: dict[str, float], change: str) -> Finding:
+    old, new = scene.cameras[cause.view], cause.scene.cameras[cause.view]
+    angle = angle_between(old, new)
+    distance = float(np.linalg.norm(np.asarray(old.centre) - np.asarray(new.centre)))
+    how = f"turned by {angle:.1f}°" + (f" and moved by {distance:.0f} mm" if cause.kind == "moved" else "")
+    text = (
+        f"{name} does not stand as its calibration says: {how} it agrees with the other cameras "
+        f"({change}). It was moved since, or the calibration is another camera's or another image's."
+    )
+    axis = turn_between(old, new)
+    if cause.kind == "turned" and abs(axis[2]) < _ROLL * np.linalg.norm(axis):
+        shift = float(np.hypot(axis[1], axis[0]) * np.asarray(old.K)[0, 0])
+        text += f" A picture shifted by {shift:.0f} px (a crop, a principal point) would look the same."
+    numbers = {"degrees": angle, "mm": distance if cause.kind == "moved" else 0.0, **errors}
+    return Finding(cause.kind, (name,), text, numbers)

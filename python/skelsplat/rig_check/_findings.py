@@ -1,0 +1,77 @@
+"""What a check returns: findings in words, and the numbers of every camera."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something that is wrong, or most likely wrong.
+
+    Attributes
+    ----------
+    kind : str
+        ``"unit"``, ``"images"``, ``"exchanged"``, ``"offset"``, ``"resized"``, ``"turned"``, ``"moved"``,
+        ``"disagrees"``, ``"geometry"`` or ``"detections"``.
+    cameras : tuple of str
+        The cameras it concerns; empty for all.
+    text : str
+        One or two sentences.
+    numbers : dict
+        What the sentences quote.
+    """
+
+    kind: str
+    cameras: tuple[str, ...]
+    text: str
+    numbers: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class CameraRow:
+    """Agreement of one camera with the others, as the files have it. Pixels of the original image.
+
+    Attributes
+    ----------
+    name : str
+    used : int
+        Detections of the person.
+    dlt_px, robust_px : float
+        Median reprojection error of plain triangulation and of the robust solver from all cameras.
+    weight : float
+        Mean weight of its detections in the robust solver, 0 to 1.
+    rejected : float
+        Share of its detections that the robust solver rejects.
+    left_out_px : float
+        Median distance from where the *other* cameras say that the joints are; NaN with two cameras.
+    best_offset : int
+        The frame offset of the camera at which `left_out_px` would be least, all else as it is: its frame
+        f + best_offset for frame f of the others. A difference of a few px is no evidence.
+    best_offset_px : float
+        `left_out_px` at that offset.
+    """
+
+    name: str
+    used: int
+    dlt_px: float
+    robust_px: float
+    weight: float
+    rejected: float
+    left_out_px: float
+    best_offset: int
+    best_offset_px: float
+
+
+@dataclass(frozen=True)
+class RigReport:
+    """All findings, gravest first, and a row for every camera (none without detections)."""
+
+    findings: tuple[Finding, ...]
+    cameras: tuple[CameraRow, ...] = ()
+
+    @property
+    def ok(self) -> bool:
+        """Whether nothing was found."""
+        return not self.findings

@@ -1,0 +1,100 @@
+"""What a calibration shows by itself: lenses, places and directions that no recording has."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skelsplat.rig_check._findings import Finding
+from skelsplat.rig_check._scene import Array, named
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    import skelsplat as sk
+
+# degrees: a long telephoto lens and a wide one without a fisheye model
+_VIEW_DEG = (3.0, 150.0)
+# a crop may put the principal point off the middle, but hardly out of the middle 60 % of the image
+_OFF_CENTRE = 0.3
+_ASPECT = 1.2
+# centres closer than this part of the rig's width are one place
+_SAME_PLACE = 1e-3
+# axes that differ by less do not meet anywhere in particular
+_PARALLEL_DEG = 10.0
+
+
+def check_geometry(cameras: Sequence[sk.Camera]) -> list[Finding]:
+    """Return findings on lenses, on cameras in one place, and on cameras that look away from the others."""
+    names = named(cameras)
+    findings = [
+        Finding("geometry", (name,), f"{name}: {text}.")
+        for name, camera in zip(names, cameras, strict=True)
+        for text in _lens(camera)
+    ]
+    if len(cameras) < 2:
+        return findings
+    return [*findings, *_same_place(cameras, names), *_directions(cameras, names)]
+
+
+def _lens(camera: sk.Camera) -> Iterator[str]:
+    K, (width, height) = np.asarray(camera.K), camera.size
+    view = np.degrees(2 * np.arctan(max(width / K[0, 0], height / K[1, 1]) / 2))
+    if not camera.fisheye and not _VIEW_DEG[0] <= view <= _VIEW_DEG[1]:
+        yield (
+            f"a focal length of {K[0, 0]:.4g} px on images of {width} by {height} px is a field of view of "
+            f"{view:.3g}°: is the image size that of the calibration"
+        )
+    off = np.abs((K[:2, 2] - [(width - 1) / 2, (height - 1) / 2]) / [width, height])
+    if (off > _OFF_CENTRE).any():
+        yield (
+            f"the principal point ({K[0, 2]:.0f}, {K[1, 2]:.0f}) lies far from the middle of images of "
+            f"{width} by {height} px: is the size that of the calibration, width before height"
+        )
+    ratio = K[0, 0] / K[1, 1]
+    if not 1 / _ASPECT < ratio < _ASPECT:
+        yield f"focal lengths of {K[0, 0]:.4g} and {K[1, 1]:.4g} px mean pixels that are not square"
+
+
+def _same_place(cameras: Sequence[sk.Camera], names: list[str]) -> Iterator[Finding]:
+    centres = np.stack([camera.centre for camera in cameras])
+    width = np.linalg.norm(centres[:, None] - centres, axis=-1).max()
+    for i, j in combinations(range(len(cameras)), 2):
+        if np.linalg.norm(centres[i] - centres[j]) <= _SAME_PLACE * width:
+            text = (
+                f"{names[i]} and {names[j]} stand in the same place: two views from one place give no "
+                "depth. Is one the other's copy?"
+            )
+            yield Finding("geometry", (names[i], names[j]), text)
+
+
+def _directions(cameras: Sequence[sk.Camera], names: list[str]) -> Iterator[Finding]:
+    """Cameras behind which the point lies that the optical axes come nearest to."""
+    axes = np.stack([np.asarray(camera.R)[2] for camera in cameras])
+    centres = np.stack([camera.centre for camera in cameras])
+    cosine = np.abs(axes @ axes.T).min()
+    if cosine > np.cos(np.radians(_PARALLEL_DEG)):
+        return
+    point = meeting_point(centres, axes)
+    away = [
+        name for name, depth in zip(names, ((point - centres) * axes).sum(axis=1), strict=True) if depth < 0
+    ]
+    if len(away) == len(cameras):
+        text = (
+            "All cameras look away from the point that their axes come nearest to: are rotation and "
+            "translation camera → world instead of world → camera, or does z point backward?"
+        )
+        yield Finding("geometry", (), text)
+    elif away and len(away) <= len(cameras) // 2:
+        some = " and ".join([", ".join(away[:-1]), away[-1]] if len(away) > 1 else away)
+        text = f"{some} look{'s' * (len(away) == 1)} away from where the other cameras look."
+        yield Finding("geometry", tuple(away), text)
+
+
+def meeting_point(centres: Array, axes: Array) -> Array:
+    """Point (3,) with the least sum of squared distances from the lines."""
+    across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
+    point: Array = np.linalg.solve(across.sum(axis=0), (across @ centres[:, :, None]).sum(axis=0)[:, 0])
+    return point

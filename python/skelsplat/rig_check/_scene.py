@@ -1,0 +1,178 @@
+"""Cameras and one person's detections, and how well each camera agrees with the others."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+import skelsplat as sk
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.int64]
+
+# frames that are judged, spread over the recording; more tell nothing new
+_FRAMES = 120
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What a hypothesis changes: cameras in mm, and detections.
+
+    Attributes
+    ----------
+    cameras : tuple of M Camera
+    detections : (T, M, N, 2)
+        Pixels of all frames; NaN where missing.
+    frames : (T,)
+        Frame numbers, ascending.
+    shifts : (M,)
+        Frame f of the scene is frame f + shift of a camera's own count.
+    """
+
+    cameras: tuple[sk.Camera, ...]
+    detections: Array
+    frames: Index
+    shifts: tuple[int, ...]
+
+    @property
+    def views(self) -> int:
+        """Number of cameras M."""
+        return len(self.cameras)
+
+    @cached_property
+    def judged(self) -> Index:
+        """Places in `frames` that are judged."""
+        some = np.linspace(0, len(self.frames) - 1, min(_FRAMES, len(self.frames)))
+        return np.unique(some.round().astype(np.int64))
+
+    def seen(self, view: int, shift: int | None = None) -> Array:
+        """Return one camera's detections at the judged frames, with its shift or another, (J, N, 2)."""
+        wanted = self.frames[self.judged] + (self.shifts[view] if shift is None else shift)
+        place = np.searchsorted(self.frames, wanted).clip(max=len(self.frames) - 1)
+        there = self.frames[place] == wanted
+        found: Array = np.where(there[:, None, None], self.detections[place, view], np.nan)
+        return found
+
+    @cached_property
+    def judged_detections(self) -> Array:
+        """Detections at the judged frames, shifts applied, (J, M, N, 2)."""
+        return np.stack([self.seen(view) for view in range(self.views)], axis=1)
+
+    def points_without(self, view: int) -> Array:
+        """Triangulate the judged frames robustly without one camera, (J, N, 3) mm; NaN where unknown."""
+        others = [i for i in range(self.views) if i != view]
+        cameras = [self.cameras[i] for i in others]
+        points: Array = np.asarray(sk.triangulate(self.judged_detections[:, others], cameras))
+        return points
+
+    @cached_property
+    def residuals(self) -> Array:
+        """Distances in px of each camera's detections from what the others say, (M, J, N).
+
+        One other camera does not say where a joint is: two are compared with the points between them.
+        """
+        if self.views == 2:
+            points = np.asarray(sk.triangulate(self.judged_detections, self.cameras, method="dlt"))
+            return np.stack([self.distances(view, points) for view in range(2)])
+        return np.stack([self.distances(view, self.points_without(view)) for view in range(self.views)])
+
+    @cached_property
+    def left_out(self) -> Array:
+        """Medians of `residuals`, (M,) px."""
+        return np.array([median(distances) for distances in self.residuals])
+
+    def left_out_halves(self, view: int) -> tuple[float, float]:
+        """Medians of one camera's `residuals` in the first and the second half of the recording, px."""
+        middle = (len(self.judged) + 1) // 2
+        return median(self.residuals[view, :middle]), median(self.residuals[view, middle:])
+
+    @cached_property
+    def disagreement(self) -> float:
+        """Mean of `left_out` over the cameras that have anything in common with the others, px.
+
+        Infinite if none has.
+        """
+        known = self.left_out[np.isfinite(self.left_out)]
+        return float(known.mean()) if known.size else float("inf")
+
+    def error(self, view: int, points: Array, shift: int | None = None) -> float:
+        """Median distance of a camera's detections from projected points, px; NaN without any in common."""
+        return median(self.distances(view, points, shift))
+
+    def distances(self, view: int, points: Array, shift: int | None = None) -> Array:
+        """Distances (J, N) of a camera's detections from projected points (J, N, 3), px."""
+        pixels = np.asarray(sk.project(points, [self.cameras[view]]))[0]
+        offset: Array = np.linalg.norm(self.seen(view, shift) - pixels, axis=-1)
+        # a point behind the camera is as wrong as can be
+        behind = np.isnan(pixels[..., 0]) & np.isfinite(points[..., 0])
+        return np.where(behind, np.hypot(*self.cameras[view].size), offset)
+
+    def with_camera(self, view: int, camera: sk.Camera) -> Scene:
+        """Return the scene with one camera exchanged for another calibration of it."""
+        cameras = list(self.cameras)
+        cameras[view] = camera
+        return replace(self, cameras=tuple(cameras))
+
+    def with_detections(self, view: int, detections: Array) -> Scene:
+        """Return the scene with one camera's detections (T, N, 2) exchanged."""
+        changed = self.detections.copy()
+        changed[:, view] = detections
+        return replace(self, detections=changed)
+
+    def with_shift(self, view: int, shift: int) -> Scene:
+        """Return the scene with one camera's frames counted differently."""
+        shifts = list(self.shifts)
+        shifts[view] = shift
+        return replace(self, shifts=tuple(shifts))
+
+
+def median(values: Array) -> float:
+    """Median of the finite values; NaN if there are none."""
+    finite = values[np.isfinite(values)]
+    return float(np.median(finite)) if finite.size else float("nan")
+
+
+def in_mm(rig: sk.CameraRig) -> tuple[sk.Camera, ...]:
+    """Cameras of a rig with lengths in mm."""
+    return tuple(
+        sk.Camera(
+            c.K,
+            c.R,
+            np.asarray(c.t) * rig.mm_per_unit,
+            distortion=c.distortion,
+            fisheye=c.fisheye,
+            size=c.size,
+            name=name,
+        )
+        for c, name in zip(rig, rig.names, strict=True)
+    )
+
+
+def posed(camera: sk.Camera, R: Array, t: Array) -> sk.Camera:
+    """Return the camera at another pose."""
+    return sk.Camera(
+        camera.K,
+        R,
+        t,
+        distortion=camera.distortion,
+        fisheye=camera.fisheye,
+        size=camera.size,
+        name=camera.name,
+    )
+
+
+def scene_of(cameras: Sequence[sk.Camera], detections: Array, frames: Index) -> Scene:
+    """Return the scene of cameras that all count frames alike."""
+    return Scene(tuple(cameras), detections, frames, (0,) * len(cameras))
+
+
+def named(cameras: Sequence[sk.Camera]) -> list[str]:
+    """Names of cameras; their number where one has none."""
+    return [camera.name if camera.name is not None else str(i) for i, camera in enumerate(cameras)]

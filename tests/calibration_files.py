@@ -1,0 +1,248 @@
+"""Calibration files of every format, written from one reference rig by other code than the package's.
+
+OpenCV's ``FileStorage`` writes the YAML and the XML that is OpenCV's; the rest is text as the formats' own
+programs write it. Every writer takes a folder and a list of `View` in millimetres and returns the path.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+
+@dataclass(frozen=True)
+class View:
+    """One camera of the reference rig: pixels and millimetres, world → camera, five coefficients."""
+
+    name: str
+    K: np.ndarray
+    R: np.ndarray
+    t: np.ndarray
+    size: tuple[int, int]
+    distortion: np.ndarray
+
+    @property
+    def centre(self) -> np.ndarray:
+        return -self.R.T @ self.t
+
+
+def reference(names, *, distortion=True):
+    """Cameras in a ring of 4 m round the origin, every number different."""
+    rng = np.random.default_rng(7)
+    views = []
+    for i, name in enumerate(names):
+        angle = 2 * np.pi * (i + 0.3) / len(names)
+        eye = np.array([4000 * np.cos(angle), 4000 * np.sin(angle), 1500.0 + 100 * i])
+        z = -(eye - [0, 0, 900.0]) / np.linalg.norm(eye - [0, 0, 900.0])
+        x = np.cross(z, [0, 0, 1.0])
+        x /= np.linalg.norm(x)
+        roll = Rotation.from_euler("z", 5.0 + 3.0 * i, degrees=True).as_matrix()
+        R = roll @ np.stack([x, np.cross(z, x), z])
+        K = np.array([[1140.0 + 7 * i, 0, 510.0 - 4 * i], [0, 1150.0 + 3 * i, 495.0 + 6 * i], [0, 0, 1]])
+        lens = np.array([-0.2, 0.15, 0.002, -0.001, 0.01]) * (1 + 0.1 * rng.random(5)) * distortion
+        views.append(View(name, K, R, -R @ eye, (1000, 1002 - 2 * (i in (1, 2))), lens))
+    return views
+
+
+def points():
+    """Points that every camera of the ring sees, mm."""
+    return np.random.default_rng(3).uniform([-500, -500, 300], [500, 500, 1600], (40, 3))
+
+
+def projected(views):
+    """OpenCV's projection of `points`, (M, n, 2)."""
+    return np.stack(
+        [cv2.projectPoints(points(), cv2.Rodrigues(v.R)[0], v.t, v.K, v.distortion)[0][:, 0] for v in views]
+    )
+
+
+def anipose(folder: Path, views, scale=1e-3):
+    text = ""
+    for i, v in enumerate(views):
+        rotation = Rotation.from_matrix(v.R).as_rotvec()
+        text += (
+            f'[cam_{i}]\nname = "{v.name}"\nsize = {list(map(float, v.size))}\nmatrix = {v.K.tolist()}\n'
+            f"distortions = {v.distortion.tolist()}\nrotation = {rotation.tolist()}\n"
+            f"translation = {(v.t * scale).tolist()}\nfisheye = false\n\n"
+        )
+    path = folder / "Calib.toml"
+    path.write_text(text + "[metadata]\nadjusted = false\nerror = 0.0\n")
+    return path
+
+
+def caliscope(folder: Path, views):
+    """Write matrix rotations for even cameras, as older versions do, and one ignored camera."""
+    text = ""
+    for i, v in enumerate(views):
+        rotation = v.R if i % 2 == 0 else Rotation.from_matrix(v.R).as_rotvec()
+        text += (
+            f"[cameras.{i}]\ncam_id = {i}\nrotation_count = {-i}\nerror = 0.19\nexposure = -7.0\n"
+            f"grid_count = 24\nignore = false\nsize = {list(v.size)}\nmatrix = {v.K.tolist()}\n"
+            f"distortions = {v.distortion.tolist()}\ntranslation = {(v.t / 1000).tolist()}\n"
+            f"rotation = {rotation.tolist()}\nverified_resolutions = [[640, 480]]\n\n"
+        )
+    text += "[cameras.9]\ncam_id = 9\nignore = true\nsize = [640, 480]\nfisheye = false\n"
+    path = folder / "camera_array.toml"
+    path.write_text(text)
+    return path
+
+
+def easymocap(folder: Path, views, header="%YAML:1.0", with_size=True):
+    for name in ("intri.yml", "extri.yml"):
+        storage = cv2.FileStorage(str(folder / name), cv2.FILE_STORAGE_WRITE)
+        storage.startWriteStruct("names", cv2.FileNode_SEQ)
+        for v in views:
+            storage.write("", v.name)
+        storage.endWriteStruct()
+        for v in views:
+            if name == "intri.yml":
+                storage.write(f"K_{v.name}", v.K)
+                storage.write(f"dist_{v.name}", v.distortion[None])
+                if with_size:
+                    storage.write(f"H_{v.name}", v.size[1])
+                    storage.write(f"W_{v.name}", v.size[0])
+            else:
+                storage.write(f"R_{v.name}", Rotation.from_matrix(v.R).as_rotvec()[:, None])
+                storage.write(f"Rot_{v.name}", v.R)
+                storage.write(f"T_{v.name}", v.t[:, None] / 1000)
+        storage.release()
+        text = (folder / name).read_text()
+        # OpenCV 5 and OpenCV 4 differ in the first line
+        (folder / name).write_text(header + text[text.index("\n") :])
+    return folder
+
+
+def openpose(folder: Path, views):
+    for v in views:
+        storage = cv2.FileStorage(str(folder / f"{v.name}.xml"), cv2.FILE_STORAGE_WRITE)
+        storage.write("CameraMatrix", np.hstack([v.R, v.t[:, None] / 1000]))
+        storage.write("Intrinsics", v.K)
+        storage.write("Distortion", np.append(v.distortion, [0.0, 0.0, 0.0])[:, None])
+        storage.release()
+    return folder
+
+
+def panoptic(folder: Path, views):
+    cameras = [
+        {
+            "name": v.name,
+            "type": "hd",
+            "resolution": list(v.size),
+            "panel": 0,
+            "node": i,
+            "K": v.K.tolist(),
+            "distCoef": v.distortion.tolist(),
+            "R": v.R.tolist(),
+            "t": (v.t[:, None] / 10).tolist(),
+        }
+        for i, v in enumerate(views)
+    ]
+    other = {**cameras[0], "name": "01_01", "type": "vga", "resolution": [640, 480]}
+    path = folder / "calibration_171204_pose5.json"
+    path.write_text(json.dumps({"calibDataSource": "hd", "cameras": [other, *cameras]}))
+    return path
+
+
+def human36m(folder: Path, views):
+    document = {
+        "intrinsics": {
+            v.name: {"calibration_matrix": v.K.tolist(), "distortion": v.distortion.tolist()} for v in views
+        },
+        "extrinsics": {
+            subject: {v.name: {"R": v.R.tolist(), "t": (v.t[:, None] + shift).tolist()} for v in views}
+            for subject, shift in (("S1", 50.0), ("S9", 0.0))
+        },
+    }
+    path = folder / "camera-parameters.json"
+    path.write_text(json.dumps(document))
+    return path
+
+
+def qualisys(folder: Path, views, *, binning=1.0, left=0, top=0, extra=""):
+    """Six decimals as QTM writes; `left` and `top` cut the image out of a larger sensor."""
+    cameras = '<camera active="1" serial="1234" model="Miqus M3" viewrotation="0"/>'
+    for v in views:
+        axes = np.diag([1.0, -1.0, -1.0]) @ v.R
+        r = " ".join(f'r{i + 1}{j + 1}="{axes[i, j]:.6f}"' for i in range(3) for j in range(3))
+        x, y, z = v.centre
+        full = [round(length * binning) for length in v.size]
+        edges = f'left="{left}" top="{top}" right="{left + full[0] - 1}" bottom="{top + full[1] - 1}"'
+        centre = ((v.K[:2, 2] + 0.5) * binning - 0.5 + [left, top]) * 64
+        k1, k2, p1, p2, k3 = v.distortion
+        cameras += (
+            f'<camera active="1" calibrated="true" avg-residual="0.5" serial="{v.name}" model="Miqus Video" '
+            f'viewrotation="0"{extra}><fov_video {edges}/>'
+            f'<transform x="{x:.6f}" y="{y:.6f}" z="{z:.6f}" {r}/>'
+            f'<intrinsic focallength="9.3" focalLengthU="{v.K[0, 0] * 64 * binning:.6f}" '
+            f'focalLengthV="{v.K[1, 1] * 64 * binning:.6f}" centerPointU="{centre[0]:.6f}" '
+            f'centerPointV="{centre[1]:.6f}" skew="0.000000" radialDistortion1="{k1:.6f}" '
+            f'radialDistortion2="{k2:.6f}" radialDistortion3="{k3:.6f}" '
+            f'tangentalDistortion1="{p1:.6f}" tangentalDistortion2="{p2:.6f}"/></camera>'
+        )
+    path = folder / "Calib.qca.txt"
+    path.write_text(
+        f"<?xml version='1.0' encoding='ASCII'?>\n<calibration qtm-version=\"2.17\"><cameras>{cameras}"
+        "</cameras></calibration>\n"
+    )
+    return path
+
+
+def vicon(folder: Path, views, radial="0 0 0"):
+    cameras = '<Camera DEVICEID="77" TYPE="Vero_MX" SENSOR_SIZE="2048 1088"/>'
+    for v in views:
+        # scipy's quaternions are scalar last, too
+        quaternion = " ".join(f"{q:.15g}" for q in Rotation.from_matrix(v.R).as_quat())
+        position = " ".join(f"{c:.10g}" for c in v.centre)
+        aspect = v.K[0, 0] / v.K[1, 1]
+        cameras += (
+            f'<Camera DEVICEID="{v.name}" TYPE="VueVIDEO" SENSOR_SIZE="{v.size[0]} {v.size[1]}" '
+            f'PIXEL_ASPECT_RATIO="{aspect:.15g}" SKEW="0"><KeyFrames><KeyFrame FRAME="0" '
+            f'FOCAL_LENGTH="{v.K[0, 0]}" PRINCIPAL_POINT="{v.K[0, 2]} {v.K[1, 2]}" '
+            f'ORIENTATION="{quaternion}" POSITION="{position}" WORLD_ERROR="0.3" '
+            f'VICON_RADIAL2="Vicon3Parameter {v.K[0, 2] + 4} {v.K[1, 2] - 3} {radial}"/></KeyFrames></Camera>'
+        )
+    path = folder / "session.xcp"
+    path.write_text(
+        f'<?xml version="1.0" encoding="UTF-8" standalone="no" ?>\n<Cameras>{cameras}</Cameras>\n'
+    )
+    return path
+
+
+def own_json(folder: Path, views):
+    cameras = [
+        {
+            "name": v.name,
+            "size": list(v.size),
+            "K": v.K.tolist(),
+            "R": v.R.tolist(),
+            "t": v.t.tolist(),
+            "distortion": v.distortion.tolist(),
+            "fisheye": False,
+        }
+        for v in views
+    ]
+    path = folder / "rig.json"
+    path.write_text(
+        json.dumps({"format": "skelsplat-calibration", "version": 1, "unit": "mm", "cameras": cameras})
+    )
+    return path
+
+
+def own_npz(folder: Path, views):
+    path = folder / "rig.npz"
+    np.savez(
+        path,
+        K=np.stack([v.K for v in views]),
+        R=np.stack([v.R for v in views]),
+        t=np.stack([v.t for v in views]) / 1000,
+        size=np.array([v.size for v in views]),
+        names=np.array([v.name for v in views]),
+        unit="m",
+        distortion=np.stack([v.distortion for v in views]),
+    )
+    return path

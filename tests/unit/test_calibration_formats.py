@@ -1,0 +1,605 @@
+"""Every calibration format against OpenCV's projection of known points, and one thing broken at a time."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import calibration_files as files
+import skelsplat as sk
+from skelsplat.io import convert_unit, read_calibration, sample, write_calibration
+from skelsplat.io.calibration import FORMATS, _vicon_lens, find_format
+
+NAMES = ["54138969", "55011271", "58860488", "60457274"]
+# format → writer, options, names in the rig, unit, largest difference in px (digits that the format keeps)
+FULL = 1e-9
+FORMATS_WRITTEN = {
+    "anipose": (files.anipose, {"unit": "m"}, NAMES, "m", FULL),
+    "caliscope": (files.caliscope, {}, [f"cam_{i}" for i in range(4)], "m", FULL),
+    "easymocap": (files.easymocap, {"unit": "m"}, NAMES, "m", FULL),
+    "openpose": (files.openpose, {"size": dict.fromkeys(NAMES, (1000, 1002))}, NAMES, "m", FULL),
+    "panoptic": (files.panoptic, {}, NAMES, "cm", FULL),
+    "human36m": (files.human36m, {"subject": "S9"}, NAMES, "mm", FULL),
+    # axes to ½·10⁻⁶ at 1150 px and coefficients likewise: below 5·10⁻³ px
+    "qualisys": (files.qualisys, {}, NAMES, "mm", 5e-3),
+    "json": (files.own_json, {}, NAMES, "mm", FULL),
+    "npz": (files.own_npz, {}, NAMES, "m", FULL),
+}
+MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
+
+
+@pytest.fixture
+def views():
+    return files.reference(NAMES)
+
+
+@pytest.mark.parametrize("name", FORMATS_WRITTEN)
+def test_known_points_fall_where_opencv_projects_them(tmp_path, views, name):
+    write, options, names, unit, tolerance = FORMATS_WRITTEN[name]
+    path = write(tmp_path, views)
+    assert find_format(path) == name
+    rig = read_calibration(path, **options)
+    assert rig.names == tuple(names)
+    assert rig.unit == unit
+    pixels = sk.project(files.points() / MM[unit], rig)
+    np.testing.assert_allclose(pixels, files.projected(views), atol=tolerance, rtol=0)
+    for camera, view in zip(rig, views, strict=True):
+        assert camera.size == ((1000, 1002) if name == "openpose" else view.size)
+        np.testing.assert_allclose(camera.centre * MM[unit], view.centre, atol=1e-2)
+
+
+def test_vicon_without_a_lens(tmp_path):
+    views = files.reference(NAMES, distortion=False)
+    path = files.vicon(tmp_path, views)
+    assert find_format(path) == "vicon"
+    rig = read_calibration(path)
+    assert (rig.names, rig.unit) == (tuple(NAMES), "mm")
+    assert rig[0].distortion is None
+    np.testing.assert_allclose(sk.project(files.points(), rig), files.projected(views), atol=1e-6)
+
+
+@pytest.mark.parametrize("radial", ["4e-8 0 0", "-6e-8 3e-14 -1e-21"])
+def test_vicons_lens_maps_measured_pixels_to_ideal_ones_about_its_own_centre(tmp_path, radial):
+    views = files.reference(NAMES, distortion=False)
+    rig = read_calibration(files.vicon(tmp_path, views, radial))
+    k = np.array([float(part) for part in radial.split()])
+    measured = np.random.default_rng(1).uniform(0, 1000, (200, 2))
+    for camera, view in zip(rig, views, strict=True):
+        aspect = view.K[0, 0] / view.K[1, 1]
+        offset = (measured - view.K[:2, 2] - [4, -3]) * [1, aspect]
+        r2 = (offset**2).sum(axis=1, keepdims=True)
+        ideal = offset * (1 + k[0] * r2 + k[1] * r2**2 + k[2] * r2**3) / [1, aspect] + view.K[:2, 2] + [4, -3]
+        assert np.abs(ideal - measured).max() > 5.0
+        rays = (np.c_[ideal, np.ones(200)] @ np.linalg.inv(view.K).T) * 3000.0
+        world = (rays - view.t) @ view.R
+        # the fit is good to 0.1 px or warns
+        np.testing.assert_allclose(sk.project(world, [camera])[0], measured, atol=0.1)
+
+
+def test_vicons_older_lens_has_two_coefficients_about_the_principal_point(tmp_path):
+    views = files.reference(NAMES, distortion=False)
+    path = files.vicon(tmp_path, views)
+    text = path.read_text()
+    for v in views:
+        old = f'VICON_RADIAL2="Vicon3Parameter {v.K[0, 2] + 4} {v.K[1, 2] - 3} 0 0 0"'
+        text = text.replace(old, 'VICON_RADIAL="4e-8 1e-15"')
+    path.write_text(text)
+    camera = read_calibration(path)[0]
+    v = views[0]
+    aspect = v.K[0, 0] / v.K[1, 1]
+    measured = np.array([[100.0, 100.0], [900.0, 300.0]])
+    ideal = _vicon_lens.ideal_pixels(measured, v.K[:2, 2], np.array([4e-8, 1e-15]), aspect)
+    np.testing.assert_allclose(camera.undistort(measured), ideal, atol=0.1)
+
+
+def test_a_lens_that_opencv_cannot_follow_is_a_warning(tmp_path):
+    views = files.reference(NAMES, distortion=False)
+    with pytest.warns(UserWarning, match=r"Camera \d+\.VICON_RADIAL2: OpenCV's lens model follows .* px at"):
+        read_calibration(files.vicon(tmp_path, views, "-2.4e-7 0 4e-19"))
+
+
+# Camera 1 of Pose2Sim's demo (BSD-3-Clause): the .qca.txt from which its Calib.toml, our sample, was made.
+DEMO = """<calibration><cameras><camera active="1" avg-residual="0.402000" model="none" serial="cam01"
+ viewrotation="0"><fov_video bottom="1919" left="0" right="1087" top="0"/>
+<transform r11="0.5536380477336265" r12="0.8046719867383512" r13="0.2144479094331626"
+ r21="-0.4345300743838753" r22="0.05946489349975602" r23="0.8986921279821063" r31="0.7104002579937896"
+ r32="-0.5907342212870501" r33="0.3825762057979294" x="1460.2323709212087" y="-1909.1590482454608"
+ z="1896.5058524092062"/><intrinsic centerPointU="34110.316406" centerPointV="60680.792969"
+ focalLengthU="107599.671875" focalLengthV="107588.828125" radialDistortion1="-0.046183"
+ radialDistortion2="0.139983" radialDistortion3="0.000000" skew="0.000000" tangentalDistortion1="0.000608"
+ tangentalDistortion2="0.00069"/></camera></cameras></calibration>"""
+
+
+def test_qualisys_conventions_are_those_of_a_real_pair_of_files(tmp_path):
+    path = tmp_path / "Calib.qca.txt"
+    path.write_text(DEMO)
+    camera = read_calibration(path)["cam01"]
+    theirs = read_calibration(sample.extract(tmp_path / "s").calibration, unit="m")["cam_01"]
+    assert camera.size == theirs.size
+    np.testing.assert_allclose(camera.K, theirs.K, atol=1e-6)
+    np.testing.assert_allclose(camera.R, theirs.R, atol=1e-7)  # they keep eight decimals
+    np.testing.assert_allclose(camera.t / 1000, theirs.t, atol=1e-7)
+    # they divide dimensionless coefficients by 64
+    np.testing.assert_allclose(camera.distortion[:4], np.array(theirs.distortion) * 64, atol=1e-9)
+
+
+def test_qualisys_binning_and_a_part_of_the_sensor(tmp_path, views):
+    path = files.qualisys(tmp_path, views, binning=2.0, left=100, top=40)
+    rig = read_calibration(path, binning=2.0)
+    np.testing.assert_allclose(sk.project(files.points(), rig), files.projected(views), atol=5e-3)
+    assert rig[0].size == views[0].size
+
+
+def test_a_video_of_fewer_lines_than_the_sensor_needs_the_binning(tmp_path, views):
+    path = files.qualisys(tmp_path, views, extra=' video_resolution="540p"')
+    text = path.read_text().replace("<fov_video ", '<fov_video_max bottom="1087"/><fov_video ')
+    path.write_text(text)
+    with pytest.raises(sk.DatasetError, match=r"video_resolution: .*1088 lines.*option binning.*got 540p"):
+        read_calibration(path)
+    path.write_text(text.replace("540p", "1080p"))
+    assert len(read_calibration(path)) == 4
+
+
+def test_a_turned_view_is_a_warning(tmp_path, views):
+    path = files.qualisys(tmp_path, views)
+    path.write_text(path.read_text().replace('viewrotation="0"><fov', 'viewrotation="90"><fov'))
+    with pytest.warns(UserWarning, match=r"viewrotation: camera 54138969, .* were turned for display"):
+        read_calibration(path)
+
+
+def test_marker_cameras_are_read_when_asked_for(tmp_path, views):
+    path = files.qualisys(tmp_path, views)
+    path.write_text(path.read_text().replace('model="Miqus Video"', 'model="Oqus 300+"'))
+    with pytest.raises(
+        sk.DatasetError, match=r"model: expected an active, .*got models Miqus M3, Oqus 300\+"
+    ):
+        read_calibration(path)
+    with pytest.raises(sk.DatasetError, match=r"camera 1234\.fov_video: expected an element"):
+        read_calibration(path, camera_type="all")
+
+
+def test_other_cameras_of_panoptic(tmp_path, views):
+    path = files.panoptic(tmp_path, views)
+    assert read_calibration(path, camera_type="vga").names == ("01_01",)
+    assert len(read_calibration(path, camera_type="all")) == 5
+
+
+def test_human36m_subjects(tmp_path, views):
+    path = files.human36m(tmp_path, views)
+    one, nine = (read_calibration(path, subject=subject) for subject in ("S1", "S9"))
+    np.testing.assert_allclose(one[0].t, nine[0].t + 50.0)
+    assert [camera.size[1] for camera in nine] == [1002, 1000, 1000, 1002]
+    for subject, got in ((None, "none"), ("S7", "'S7'")):
+        with pytest.raises(sk.InvalidInputError, match=rf"subject: expected one of S1, S9 for .*, got {got}"):
+            read_calibration(path, subject=subject)
+
+
+@pytest.mark.parametrize("header", ["%YAML:1.0", "%YAML 1.2"])
+@pytest.mark.parametrize("given", ["", "intri.yml", "extri.yml"])
+def test_easymocap_by_folder_or_by_either_file(tmp_path, views, given, header):
+    folder = files.easymocap(tmp_path, views, header)
+    rig = read_calibration(folder / given, unit="m")
+    np.testing.assert_allclose(sk.project(files.points() / 1000, rig), files.projected(views), atol=FULL)
+
+
+def test_easymocap_as_its_own_program_writes_it(tmp_path):
+    (tmp_path / "intri.yml").write_bytes(
+        b'%YAML:1.0\r\n---\r\nnames:\r\n  - "01"\r\n  - "2"\r\n'
+        + b"".join(
+            f"K_{n}: !!opencv-matrix\r\n  rows: 3\r\n  cols: 3\r\n  dt: d\r\n  data: [1000.000000, 0.000000, "
+            f"500.000000, 0.000000, 1000.000000, 400.000000, 0.000000, 0.000000, 1.000000]\r\n"
+            f"D_{n}: !!opencv-matrix\r\n  rows: 5\r\n  cols: 1\r\n  data: [0.1, 0, 0, 0, 0]\r\n".encode()
+            for n in ("01", "2")
+        )
+    )
+    (tmp_path / "extri.yml").write_text(
+        '%YAML:1.0\n---\nnames: [ "01", "2" ]\n'
+        + "".join(
+            f"R_{n}: !!opencv-matrix\n  rows: 3\n  cols: 1\n  dt: d\n  data: [0.000000, 0.000000, 0.1]\n"
+            f"T_{n}: !!opencv-matrix\n  rows: 3\n  cols: 1\n  dt: d\n  data: [{n}, 0.000000, 3.000000]\n"
+            for n in ("01", "2")
+        )
+    )
+    rig = read_calibration(tmp_path, unit="m", size=(1000, 800))
+    assert rig.names == ("01", "2")
+    assert rig[1].size == (1000, 800)
+    np.testing.assert_array_equal(rig[1].distortion, [0.1, 0, 0, 0, 0])
+    np.testing.assert_array_equal(rig[1].t, [2, 0, 3])
+
+
+def test_openpose_files_are_in_natural_order_and_one_file_is_a_camera(tmp_path, views):
+    renamed = [
+        files.View(n, v.K, v.R, v.t, v.size, v.distortion)
+        for n, v in zip(["10", "2", "1", "x"], views, strict=True)
+    ]
+    files.openpose(tmp_path, renamed)
+    assert read_calibration(tmp_path, size=(1000, 1000)).names == ("1", "2", "10", "x")
+    assert read_calibration(tmp_path / "2.xml", size=(1000, 1000)).names == ("2",)
+
+
+@pytest.mark.parametrize("name", ["openpose", "easymocap"])
+def test_a_size_that_no_file_states_is_asked_for(tmp_path, views, name):
+    path = (
+        files.openpose(tmp_path, views)
+        if name == "openpose"
+        else files.easymocap(tmp_path, views, with_size=False)
+    )
+    unit = {"unit": "m"} if name == "easymocap" else {}
+    with pytest.raises(
+        sk.InvalidInputError, match=r"size: expected the images' .* camera '54138969'.*got none"
+    ):
+        read_calibration(path, **unit)
+
+
+def test_options_that_a_format_does_not_take_are_refused(tmp_path, views):
+    path = files.own_json(tmp_path, views)
+    for option, value in {"subject": "S1", "camera_type": "hd", "size": (9, 9), "binning": 2.0}.items():
+        with pytest.raises(sk.InvalidInputError, match=f"{option}: expected none for json files, got "):
+            read_calibration(path, **{option: value})
+    with pytest.raises(sk.InvalidInputError, match=r"binning: expected a number of at least 1, got 0\.5"):
+        read_calibration(files.qualisys(tmp_path, views), binning=0.5)
+    with pytest.raises(sk.InvalidInputError, match=r"size: expected none or \(1000, 1002\).*got \(9, 9\)"):
+        read_calibration(files.human36m(tmp_path, views), subject="S1", size=(9, 9))
+
+
+def test_a_unit_that_contradicts_the_format_is_refused(tmp_path, views):
+    path = files.panoptic(tmp_path, views)
+    assert read_calibration(path, unit="cm").unit == "cm"
+    with pytest.raises(sk.InvalidInputError, match=r'unit: expected none or "cm", the unit of .*got \'mm\''):
+        read_calibration(path, unit="mm")
+
+
+def test_a_format_that_states_its_unit_is_still_doubted(tmp_path, views):
+    path = files.human36m(
+        tmp_path, [files.View(v.name, v.K, v.R, v.t / 1e4, v.size, v.distortion) for v in views]
+    )
+    document = json.loads(path.read_text())
+    del document["extrinsics"]["S1"]
+    path.write_text(json.dumps(document))
+    with pytest.warns(UserWarning, match=r"apart in mm; .*likely"):
+        read_calibration(path)
+
+
+def test_a_named_format_is_not_looked_for(tmp_path, views):
+    path = files.human36m(tmp_path, views)
+    with pytest.raises(sk.DatasetError, match="cameras: expected a list of cameras, got NoneType"):
+        read_calibration(path, format="panoptic")
+
+
+@pytest.mark.parametrize("suffix", [".json", ".npz", ".toml"])
+def test_writing_and_reading_gives_the_same_rig(tmp_path, suffix):
+    K = [[900.5, 0, 320], [0, 901, 240], [0, 0, 1]]
+    turn = files.reference("ab")[1].R
+    cameras = [
+        sk.Camera(K, turn, [0.1, 0.2, 3], size=(640, 480), name="α", distortion=[0.1, 0, 0, 0]),
+        sk.Camera(
+            K, np.eye(3), [1 / 3, 0, 3], size=(641, 480), name="b", distortion=[0.1, 0.2, 0, 0, 3e-4, 1, 2, 3]
+        ),
+        sk.Camera(
+            K, np.eye(3), [0, 0, 3], size=(640, 480), name="c", distortion=[0.1, 0.2, 0, 0.5], fisheye=True
+        ),
+        sk.Camera(K, np.eye(3), [2, 0, 3], size=(640, 480), name="d"),
+    ]
+    rig = sk.CameraRig(cameras if suffix != ".toml" else cameras[1:3], unit="m")
+    write_calibration(tmp_path / f"rig{suffix}", rig)
+    assert read_calibration(tmp_path / f"rig{suffix}") == rig
+
+
+def test_an_unknown_suffix_is_refused(tmp_path):
+    rig = sk.CameraRig([sk.Camera(np.diag([9, 9, 1]), np.eye(3), [0, 0, 1], size=(9, 9))])
+    with pytest.raises(
+        sk.InvalidInputError, match=r"format: expected one of anipose, json, npz, .*got '\.xcp'"
+    ):
+        write_calibration(tmp_path / "rig.xcp", rig)
+    write_calibration(tmp_path / "rig.xcp", rig, format="json")
+    assert read_calibration(tmp_path / "rig.xcp").names == ("0",)
+
+
+def test_units_are_converted(tmp_path, views):
+    rig = read_calibration(files.human36m(tmp_path, views), subject="S9")
+    metres = convert_unit(rig, "m")
+    assert (metres.unit, metres.names) == ("m", rig.names)
+    np.testing.assert_allclose(metres[2].centre * 1000, rig[2].centre)
+    with pytest.raises(sk.InvalidInputError, match="unit: expected"):
+        convert_unit(rig, "ft")
+
+
+def test_what_is_no_calibration(tmp_path):
+    (tmp_path / "a.json").write_text('{"people": []}')
+    (tmp_path / "b.xml").write_text("<html/>")
+    (tmp_path / "c.txt").write_text("hello")
+    np.savez(tmp_path / "d.npz", pose=np.zeros(3))
+    (tmp_path / "e").mkdir()
+    for name in ("a.json", "b.xml", "c.txt", "d.npz", "e"):
+        assert find_format(tmp_path / name) is None
+        with pytest.raises(
+            sk.DatasetError, match=rf"{name}: content: expected a calibration in a known format"
+        ):
+            read_calibration(tmp_path / name)
+
+
+def _edit(path, old, new):
+    text = path.read_text()
+    assert old in text, old
+    path.write_text(text.replace(old, new, 1))
+    return path
+
+
+def _json_edit(path, change):
+    document = json.loads(path.read_text())
+    change(document)
+    path.write_text(json.dumps(document))
+    return path
+
+
+def _npz_edit(path, **changes):
+    with np.load(path) as archive:
+        arrays = {**archive, **changes}
+    np.savez(path, **{name: value for name, value in arrays.items() if value is not None})
+    return path
+
+
+def _pair(path, name, old, new):
+    _edit(path / name, old, new)
+    return path
+
+
+N = NAMES[0]
+# format: one thing broken, and what the message must say after the file's name
+MALFORMED = {
+    "caliscope": {
+        "no size": (
+            lambda p: _edit(p, "size = ", "sizes = "),
+            r"cameras\.0\.size: expected 2 numbers, got noth",
+        ),
+        "uncalibrated": (
+            lambda p: _edit(p, "rotation = [[", "extra = [["),
+            r"cameras\.0\.rotation: expected a camera that is calibrated with the others, or ignore",
+        ),
+        "short matrix": (lambda p: _edit(p, ", [0.0, 0.0, 1.0]]", "]"), r"cameras\.0\.matrix: expected 3×3"),
+        "all ignored": (
+            lambda p: (p.write_text(p.read_text().replace("ignore = false", "ignore = true")), p)[1],
+            r"cameras: expected a camera without ignore = true, got none",
+        ),
+        "stretched rotation": (
+            lambda p: _edit(p, "rotation = [[", "rotation = [[9, 0, 0], [0, 1, 0], [0, 0, 1]]\nold = [["),
+            r"R of camera 'cam_0': expected an orthonormal matrix",
+        ),
+    },
+    "easymocap": {
+        "no partner": (
+            lambda p: ((p / "extri.yml").unlink(), p)[1],
+            r"extri\.yml: file: expected a readable",
+        ),
+        "no K": (
+            lambda p: _pair(p, "intri.yml", f"K_{N}:", "Q:"),
+            rf"intri\.yml: K_{N}: expected 3×3 numbers, got no",
+        ),
+        "no T": (
+            lambda p: _pair(p, "extri.yml", f"T_{N}:", "Q:"),
+            rf"extri\.yml: T_{N}: expected 3 numbers, got nothing",
+        ),
+        "short matrix": (
+            lambda p: _pair(p, "extri.yml", "rows: 3\n   cols: 1", "rows: 4\n   cols: 1"),
+            rf"extri\.yml: R_{N}: expected 4×1 numbers in a closed list, got 3 numbers",
+        ),
+        "cut": (
+            lambda p: ((p / "extri.yml").write_text((p / "extri.yml").read_text()[:-20]), p)[1],
+            r"extri\.yml: T_60457274: expected 3×1 numbers in a closed list",
+        ),
+        "two rotations": (
+            lambda p: (
+                _pair(p, "extri.yml", "Rot_55011271", "Rot_54138969b")
+                .joinpath("extri.yml")
+                .write_text(
+                    (p / "extri.yml")
+                    .read_text()
+                    .replace("Rot_54138969:", "old:")
+                    .replace("Rot_54138969b", "Rot_54138969")
+                )
+                and p
+            ),
+            rf"extri\.yml: Rot_{N}: expected the rotation of R_{N}, got another",
+        ),
+        "not a number": (
+            lambda p: _pair(p, "intri.yml", "data: [ 1140", "data: [ f"),
+            rf"intri\.yml: K_{N}: expected a matrix of numbers",
+        ),
+        "half a size": (
+            lambda p: _pair(p, "intri.yml", f"H_{N}", "h"),
+            rf"intri\.yml: H_{N}: expected a finite number, got noth",
+        ),
+        "no key": (
+            lambda p: _pair(p, "intri.yml", f"K_{N}: !!opencv-matrix", "something"),
+            r"intri\.yml: line 8: expected key: value",
+        ),
+    },
+    "openpose": {
+        "not closed": (
+            lambda p: _pair(p, f"{N}.xml", "</opencv_storage>", ""),
+            rf"{N}\.xml: XML: expected a well-formed",
+        ),
+        "other root": (
+            lambda p: _pair(
+                _pair(p, f"{N}.xml", "<opencv_storage>", "<a>"), f"{N}.xml", "</opencv_storage>", "</a>"
+            ),
+            rf"{N}\.xml: root: expected <opencv_storage>.*got <a>",
+        ),
+        "no pose": (
+            lambda p: (
+                (p / f"{N}.xml").write_text((p / f"{N}.xml").read_text().replace("CameraMatrix", "Other")),
+                p,
+            )[1],
+            rf"{N}\.xml: CameraMatrix: expected 3×4 numbers, got nothing",
+        ),
+        "short": (
+            lambda p: _pair(p, f"{N}.xml", "<rows>8", "<rows>9"),
+            rf"{N}\.xml: Distortion: expected 9×1 numbers, got 8",
+        ),
+    },
+    "panoptic": {
+        "cut": (
+            lambda p: (p.write_text(p.read_text()[:500]), p)[1],
+            r"JSON: expected a complete JSON document, got .* at line 1",
+        ),
+        "no R": (
+            lambda p: _json_edit(p, lambda d: d["cameras"][1].pop("R")),
+            r"cameras\[1\]\.R: expected 3×3 numbers, got noth",
+        ),
+        "no hd": (
+            lambda p: _json_edit(p, lambda d: [c.update(type="vga") for c in d["cameras"]]),
+            r"type: expected cameras of type hd, got types vga",
+        ),
+        "mirrored": (
+            lambda p: _json_edit(
+                p, lambda d: d["cameras"][1].update(R=(-np.array(d["cameras"][1]["R"])).tolist())
+            ),
+            r"R of camera '5413\d+': expected a rotation \(determinant \+1\), got a reflection",
+        ),
+        "twice": (
+            lambda p: _json_edit(p, lambda d: d["cameras"][2].update(name=N)),
+            r"name: expected a different name",
+        ),
+        "text": (
+            lambda p: _json_edit(p, lambda d: d["cameras"][1].update(t=["a", 1, 2])),
+            r"cameras\[1\]\.t: expected 3 numb",
+        ),
+    },
+    "human36m": {
+        "no camera": (
+            lambda p: _json_edit(p, lambda d: d["intrinsics"].pop(N)),
+            rf"intrinsics\.{N}: expected a table of f",
+        ),
+        "no matrix": (
+            lambda p: _json_edit(p, lambda d: d["intrinsics"][N].pop("calibration_matrix")),
+            rf"intrinsics\.{N}\.calibration_matrix: expected 3×3",
+        ),
+        "short t": (
+            lambda p: _json_edit(p, lambda d: d["extrinsics"]["S9"][N]["t"].pop()),
+            rf"extrinsics\.S9\.{N}\.t: expected 3",
+        ),
+        "cut": (
+            lambda p: (p.write_text(p.read_text()[:-9]), p)[1],
+            r"JSON: expected a complete JSON document",
+        ),
+    },
+    "qualisys": {
+        "not closed": (
+            lambda p: _edit(p, "</calibration>", ""),
+            r"XML: expected a well-formed XML document, got",
+        ),
+        "no focal length": (
+            lambda p: _edit(p, "focalLengthU", "f"),
+            rf"camera {N}\.intrinsic\.focalLengthU: expected an attr",
+        ),
+        "no number": (
+            lambda p: _edit(p, 'r11="', 'r11="x'),
+            rf"camera {N}\.transform\.r11: expected a finite number, got 'x",
+        ),
+        "no view": (
+            lambda p: _edit(p, "<fov_video", "<fov"),
+            rf"camera {N}\.fov_video: expected an element <fov_video>, got no",
+        ),
+        "odd view": (
+            lambda p: _edit(p, 'right="999"', 'right="-5"'),
+            rf"camera {N}\.fov_video: expected .* whole pixels, got -4 by",
+        ),
+        "skew": (
+            lambda p: _edit(p, 'skew="0.0', 'skew="2.0'),
+            rf"camera {N}\.intrinsic\.skew: expected 0 \(skew is not supp",
+        ),
+        "no rotation": (
+            lambda p: _edit(p, 'r11="', 'r11="5" old="'),
+            rf"R of camera '{N}': expected an orthonormal matrix",
+        ),
+    },
+    "vicon": {
+        "no video": (
+            lambda p: (p.write_text(p.read_text().replace("VueVIDEO", "Vue")), p)[1],
+            r"TYPE: expected a camera whose TYPE has \"video\" in it .*got types Vero_MX, Vue",
+        ),
+        "no frame": (
+            lambda p: _edit(p, "<KeyFrame ", "<Frame "),
+            rf"Camera {N}\.KeyFrames/KeyFrame: expected an element",
+        ),
+        "three numbers": (
+            lambda p: _edit(p, 'ORIENTATION="', 'ORIENTATION="1 '),
+            rf"Camera {N}\.ORIENTATION: expected 4 finite",
+        ),
+        "no unit": (
+            lambda p: _edit(p, 'ORIENTATION="', 'ORIENTATION="1 1 1 1" OLD="'),
+            rf"Camera {N}\.ORIENTATION: expected a quaternion of norm 1",
+        ),
+        "lens": (
+            lambda p: _edit(p, ' 0 0 0"', ' -0.3 0.1 0"'),
+            rf"Camera {N}\.VICON_RADIAL2: expected coefficients in 1/px²",
+        ),
+        "short lens": (
+            lambda p: _edit(p, ' 0 0 0"', ' 0 0"'),
+            rf"Camera {N}\.VICON_RADIAL2: expected a name, then cx cy k1",
+        ),
+        "size": (
+            lambda p: _edit(p, '"1000 1002"', '"1000 0"'),
+            rf"Camera {N}\.SENSOR_SIZE: expected a positive whole",
+        ),
+    },
+    "json": {
+        "version": (lambda p: _json_edit(p, lambda d: d.update(version=2)), r"version: expected 1, got 2"),
+        "unit": (
+            lambda p: _json_edit(p, lambda d: d.update(unit="inch")),
+            r"unit: expected \"mm\", \"cm\" or \"m\", got 'inch'",
+        ),
+        "no cameras": (
+            lambda p: _json_edit(p, lambda d: d.update(cameras=[])),
+            r"cameras: expected a list of at least one",
+        ),
+        "no K": (
+            lambda p: _json_edit(p, lambda d: d["cameras"][0].pop("K")),
+            r"cameras\[0\]\.K: expected 3×3 numbers, got no",
+        ),
+        "three coefficients": (
+            lambda p: _json_edit(p, lambda d: d["cameras"][0].update(distortion=[1, 2, 3])),
+            r"cameras\[0\]\.distortion: expected 4 or 5 .*got 3 of them",
+        ),
+    },
+    "npz": {
+        "no names": (
+            lambda p: _npz_edit(p, names=None),
+            r"names: expected the arrays K, R, t, size, names, unit, got no nam",
+        ),
+        "shape": (lambda p: _npz_edit(p, t=np.zeros((4, 2))), r"t: expected shape \(4, 3\), got \(4, 2\)"),
+        "unit": (lambda p: _npz_edit(p, unit="inch"), r"unit: expected \"mm\", \"cm\" or \"m\", got 'inch'"),
+        "NaN": (lambda p: _npz_edit(p, K=np.full((4, 3, 3), np.nan)), r"\[0\]\.K: expected finite numbers"),
+        "hole": (
+            lambda p: _npz_edit(p, distortion=np.tile([0.1, np.nan, 0.1, 0.1, 0.1], (4, 1))),
+            r"distortion\[0\]: expected coefficients first, then NaN",
+        ),
+        "pickled": (
+            lambda p: _npz_edit(p, K=np.array([None] * 4, dtype=object)),
+            r"file: expected an npz archive of plain arrays",
+        ),
+        "no zip": (
+            lambda p: (p.write_bytes(b"PK\x03\x04 no"), p)[1],
+            r"file: expected an npz archive of plain arrays",
+        ),
+    },
+}
+CASES = [(name, case) for name, cases in MALFORMED.items() for case in cases]
+
+
+@pytest.mark.parametrize(("name", "case"), CASES, ids=[f"{name}: {case}" for name, case in CASES])
+def test_a_malformed_file_is_named_with_its_field(tmp_path, views, name, case):
+    write, options, *_ = FORMATS_WRITTEN.get(name, (files.vicon, {}))
+    change, message = MALFORMED[name][case]
+    path = change(write(tmp_path, views))
+    with pytest.raises(sk.DatasetError, match=message) as caught:
+        read_calibration(path, format=name, **options)
+    assert str(caught.value).startswith(str(path))
+    assert "\n" not in str(caught.value)
+
+
+def test_every_format_has_malformed_twins():
+    assert set(MALFORMED) == set(FORMATS) - {"anipose"}  # whose twins are in test_calibration.py
+    assert min(len(cases) for cases in MALFORMED.values()) >= 3
