@@ -175,7 +175,6 @@ def test_a_doubt_about_the_unit_is_one_line(tmp_path, detections):
     [
         (["--unit", "mm"], 2, ["--layout", "h36m17", "nothing"]),
         (["--unit", "inch", "--layout", "h36m17"], 2, ["--unit", "'inch'"]),
-        (["--layout", "h36m17"], 1, ["unit", '"mm" is likely']),
     ],
 )
 def test_bad_options(tmp_path, rig, extra, status, parts):  # noqa: ARG001  the file is written

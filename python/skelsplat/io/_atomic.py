@@ -52,7 +52,7 @@ def atomic_path(
 @contextmanager
 def atomic_write(path: str | os.PathLike[str], *, durable: bool = True) -> Iterator[BinaryIO]:
     """Open a binary file that takes the place of `path` as `atomic_path` does."""
-    with atomic_path(path, durable=durable) as temporary, temporary.open("wb") as stream:
+    with atomic_path(path, ".tmp", durable=durable) as temporary, temporary.open("wb") as stream:
         yield stream
 
 
