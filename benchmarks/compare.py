@@ -20,6 +20,7 @@ import _one_core  # noqa: F401  before numpy
 import common
 import numpy as np
 import speed
+from scipy_cauchy import scipy_cauchy
 
 import skelsplat as sk
 from skelsplat.evaluation import baselines
@@ -70,7 +71,8 @@ def others(scene: common.Scene, crop_scale: np.ndarray) -> dict[str, Method]:
         "RANSAC of Iskakov et al.": lambda f: baselines.ransac_iskakov(
             found[f], rig, crop_scale=crop_scale[f]
         ),
-        "Cauchy loss, SciPy": lambda f: baselines.cauchy(found[f], rig),
+        "Cauchy loss, SciPy": lambda f: scipy_cauchy(found[f], rig),
+        "Cauchy loss, NumPy, all joints at once": lambda f: baselines.cauchy(found[f], rig),
         **anipose(scene),
     }
 

@@ -14,7 +14,7 @@ from skelsplat import synthetic
 Fields = Mapping[str, Any]
 T = TypeVar("T")
 
-# Residual beyond which SciPy's Cauchy loss flattens, px.
+# Residual beyond which the Cauchy loss flattens, px.
 CAUCHY_SCALE_PX = 5.0
 # Side of the crop in whose pixels Iskakov's threshold is given.
 CROP_PX = 384.0
@@ -76,7 +76,7 @@ def ransac_adafuse(scene: Scene) -> FloatArray:
 
 
 def cauchy(scene: Scene) -> FloatArray:
-    """Minimise SciPy's Cauchy loss of the reprojection errors from DLT, joint by joint."""
+    """Minimise the Cauchy loss of the reprojection errors from DLT."""
     from skelsplat.evaluation import baselines
 
     return baselines.cauchy(scene.detections, scene.rig, f_scale=CAUCHY_SCALE_PX)
@@ -86,7 +86,7 @@ RANSACS: dict[str, Callable[[Scene], FloatArray]] = {
     "AdaFuse": ransac_adafuse,
     "RANSAC": core_ransac,
 }
-# With least squares by SciPy, joint by joint: some ms each.
+# With the non-linear refinement of Iskakov et al.
 ALL_RANSACS = {"Iskakov": ransac_iskakov, **RANSACS}
 
 

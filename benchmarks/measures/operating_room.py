@@ -27,7 +27,7 @@ def mvor(*, detector: str = "openpose", fast: bool = False, fields: Fields | Non
         },
     }
     if not fast:
-        columns["SciPy Cauchy"] = lambda: cauchy(here)
+        columns["Cauchy"] = lambda: cauchy(here)
         for start, weighted in (("DLT", False), ("DLT conf.", True)):
             begin = dlt(here, weighted=weighted)
             columns[f"paper, from {start}"] = lambda begin=begin: paper(here, begin).pose

@@ -22,6 +22,9 @@ Progress = Callable[[int, int], None]
 # Frames spread over a batch whose median size tells whether the unit is plausible.
 _FRAMES_TO_JUDGE = 16
 
+# Share of joints that a start may outvote before it is doubted.
+_MOST_OUTVOTED = 0.2
+
 _STATUS = np.array(_skelsplat.JOINT_STATUS)
 
 
@@ -83,6 +86,11 @@ class Refinement:
     init_pose: NDArray[np.float64]
     loss_history: NDArray[np.float64]
 
+    def __repr__(self) -> str:
+        status, count = np.unique(self.joint_status, return_counts=True)
+        joints = ", ".join(f"{n} {name}" for name, n in zip(status, count, strict=True))
+        return f"Refinement(pose {self.pose.shape}, joints: {joints})"
+
 
 @dataclass(frozen=True, slots=True)
 class LossAndGradient:
@@ -137,9 +145,10 @@ def refine(
         How good an ``init_pose`` is that does *not* come from these detections (monocular, the last frame, a
         body model): its standard deviation per axis in the cameras' unit, one for all joints or one each, or
         a covariance (unit²) per joint, for all frames or for each. It then counts as a measurement beside the
-        detections. Without it ``init_pose`` is where the search begins and no more; a pose triangulated from
-        the same detections must not have one, it would count them twice. A joint whose ``init_pose`` or
-        covariance is NaN has no prior. Gauss–Newton only.
+        detections. Without it ``init_pose`` only places joints that fewer than two views see; a pose
+        triangulated from the same detections must not have one, it would count them twice. It is a Gaussian
+        and not robust: a start that is many of its standard deviations off outvotes the detections (a warning
+        says so). A joint whose ``init_pose`` or covariance is NaN has no prior. Gauss–Newton only.
     config : RefineConfig, optional
         Settings; default ``RefineConfig()``.
     progress : bool or callable
@@ -170,7 +179,10 @@ def refine(
         )
     if not by_pixels:
         _warn_of_unit(out["pose"], cameras)
-    return _refinement(out)
+    result = _refinement(out)
+    if init_sigma is not None:
+        _warn_of_prior(result)
+    return result
 
 
 def _refinement(out: dict[str, Any]) -> Refinement:
@@ -206,6 +218,19 @@ def _warn_of_unit(poses: NDArray[np.float64], cameras: Cameras, *, depth: int = 
     doubt = _skelsplat.implausible_extent(some, unit)
     if doubt is not None:
         warnings.warn(doubt, UserWarning, stacklevel=depth)
+
+
+def _warn_of_prior(result: Refinement) -> None:
+    """Warn of a start that is trusted more than it deserves: it can outvote all detections."""
+    seen = result.joint_status != "unobserved"
+    rejected = np.nanmax(result.view_weights, axis=-2, initial=-1.0) < _skelsplat.REJECTED_WEIGHT
+    share = float(np.mean(rejected[seen])) if seen.any() else 0.0
+    if share > _MOST_OUTVOTED:
+        text = (
+            f"init_pose with init_sigma contradicts every detection of {100 * share:.0f} % of the joints: "
+            "is it another person or frame, is init_sigma (in the cameras' unit) too small?"
+        )
+        warnings.warn(text, UserWarning, stacklevel=3)
 
 
 @contextmanager
@@ -297,6 +322,7 @@ class Refiner:
     ) -> None:
         self._prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
         self._cameras = cameras
+        self._by_adam = config is not None and config.optimizer == "adam"
         self._last: NDArray[np.float64] | None = None
 
     def reset(self) -> None:
@@ -306,8 +332,10 @@ class Refiner:
     def step(self, detections: ArrayLike, confidence: ArrayLike | None = None) -> Refinement:
         """Refine one frame ``(M, N, 2|3)``.
 
-        Joints that the last frame left without a reliable position are triangulated anew; so is the whole
-        pose if the person moved so far that most joints no longer meet their detections.
+        With the default the detections of this frame decide wherever two views see a joint, however far the
+        person moved; the last pose gives the depth of a joint that one view sees and the place of one that
+        none sees (status ``"weak"`` and ``"unobserved"``). With Adam joints without a reliable position are
+        triangulated anew, and so is the whole pose if most joints no longer meet their detections.
 
         Raises
         ------
@@ -323,11 +351,20 @@ class Refiner:
         result = self._refine(self._last, detections, confidence)
         if self._last is None:
             _warn_of_unit(result.pose, self._cameras)
-        elif _is_lost(result):
+        elif self._by_adam and _is_lost(result):
             result = self._refine(None, detections, confidence)
-        reliable = result.joint_status == "ok"
-        self._last = np.where(reliable[:, None], result.pose, np.nan)
+        self._last = self._remembered(result)
         return result
+
+    def _remembered(self, result: Refinement) -> NDArray[np.float64]:
+        """Where the next frame starts: for the paper's method only what is reliable, else all that was known.
+
+        The default starts from least squares, so that an old position matters only where it is the only one.
+        """
+        if self._by_adam:
+            return np.where((result.joint_status == "ok")[:, None], result.pose, np.nan)
+        before = np.full_like(result.pose, np.nan) if self._last is None else self._last
+        return np.where(np.isfinite(result.pose), result.pose, before)
 
     def _refine(
         self, init: NDArray[np.float64] | None, detections: ArrayLike, confidence: ArrayLike | None

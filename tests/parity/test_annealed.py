@@ -36,12 +36,16 @@ def run_twin(
         located = consensus.locate(rays, chosen, MARGIN)
         chosen = chosen._replace(noise_mm=np.sqrt(located.variance / rays.mean_weight))
     problem = annealed.Problem(rays, pairs, prior, chosen)
-    n = rays.weight.shape[1]
     if start is None:
         located = consensus.locate(rays, chosen, MARGIN)
         return problem, annealed.solve(problem, located.points, located.sigma)
+    if prior is None:
+        located = consensus.locate(rays, chosen, MARGIN)
+        lost = np.isnan(located.points).any(axis=1) & np.isfinite(start).all(axis=1)
+        points = np.where(lost[:, None], start, located.points)
+        return problem, annealed.solve(problem, points, np.where(lost, np.inf, located.sigma))
     filled = np.where(np.isfinite(start), start, nearest_points(rays, rays.weight))
-    return problem, annealed.solve(problem, filled, np.full(n, np.inf if prior is None else chosen.widest))
+    return problem, annealed.solve(problem, filled, np.full(len(filled), chosen.widest))
 
 
 def assert_same(found: sk.Refinement, problem: annealed.Problem, expected: annealed.Solution) -> None:

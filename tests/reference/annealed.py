@@ -146,10 +146,12 @@ def narrowed(problem: Problem, now: Kernels, x: Array, active: Mask, moments: tu
     """
     rays, settings = problem.rays, problem.settings
     variance, pixel = now.variance, now.pixel
-    if np.isinf(now.sigma).any():
+    fresh = np.isinf(now.sigma)
+    if fresh.any():
         pixel = pixel_mm(np.where(active[:, None], x, np.nan), rays) or pixel
         far = np.linalg.norm(offsets(x, rays)[0], axis=-1) * (rays.weight > 0)
-        target = np.minimum(far.max(axis=0) * active, settings.widest)
+        first = np.minimum(far.max(axis=0) * active, settings.widest)
+        target = np.where(fresh, first, np.where(fresh, 0.0, now.sigma) * settings.factor)
     else:
         variance = noise_variance(problem, *moments, float(now.sigma.mean()), pixel)
         target = now.sigma * settings.factor
@@ -214,7 +216,8 @@ def posterior(problem: Problem, solution: Solution) -> Array:
     blocks[seen] += np.eye(3) / np.minimum(along[seen], spread)[:, None, None] ** 2
     if problem.prior is not None:
         blocks += problem.prior[1]
-    terms = limb_terms(x, problem, known & (seen | (problem.prior is not None)))
+    placed = support >= 1.5  # equal limbs leave two places on the ray of a joint that one view sees
+    terms = limb_terms(x, problem, known & placed & (seen | (problem.prior is not None)))
     told = known & (np.trace(blocks, axis1=1, axis2=2) > 0)
     keep = np.repeat(told, 3)
     inverse = np.full((keep.size, keep.size), np.nan)

@@ -15,6 +15,9 @@ const SHARED_DOF: f64 = 5.0;
 /// (measured, docs/decisions.md).
 const NOISE_SHARE: f64 = 0.87;
 
+/// Views whose weights have to place a joint before the length of its limb says something of it.
+const PLACED: f64 = 1.5;
+
 /// Posterior covariances `(N)` in mm²; NaN for a joint of which nothing is known.
 #[must_use]
 pub fn posterior(problem: &Problem<'_>, solution: &mut Solution) -> Vec<Matrix3<f64>> {
@@ -40,6 +43,11 @@ pub fn posterior(problem: &Problem<'_>, solution: &mut Solution) -> Vec<Matrix3<
         }
         solution.equations.set_block(j, block);
     }
+    // Equal limbs leave two places on the ray of a joint that one view sees: that is no normal distribution.
+    let residuals = &solution.residuals;
+    solution
+        .equations
+        .retain_couplings(|joints| joints.iter().all(|j| residuals[*j].support >= PLACED));
     solution.equations.factorise(|_| 0.0);
     let known = |m: Matrix3<f64>| if m.trace() > 0.0 { m } else { Matrix3::repeat(f64::NAN) };
     (0..solution.points.len()).map(|j| known(solution.equations.covariance(j))).collect()

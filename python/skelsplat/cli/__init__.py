@@ -1,4 +1,4 @@
-"""The command line: `skelsplat demo`, `skelsplat refine` and `skelsplat live`, one file per command.
+"""The command line, one file each: `demo`, `refine`, `live`, `synth`, `datasets`, `evaluate` and `ablate`.
 
 The commands share `_pipeline` (read, choose the person, refine), `_statistics` and `_report` (what is said
 about the result), `_figures` (what `skelsplat.viz` draws) and `_run` (the order of it all, and the files).
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import sys
 
-from skelsplat.cli import demo, live, refine
+from skelsplat.cli import ablate, datasets, demo, evaluate, live, refine, synth
 from skelsplat.cli._app import app
 
 __all__ = ["app", "main"]
@@ -16,6 +16,10 @@ __all__ = ["app", "main"]
 app.command("demo")(demo.demo)
 app.command("refine", epilog=refine.EPILOG)(refine.refine)
 app.command("live", epilog=live.EPILOG)(live.live)
+app.command("synth")(synth.synth)
+app.add_typer(datasets.app, name="datasets")
+app.command("evaluate", epilog=evaluate.EPILOG)(evaluate.evaluate)
+app.command("ablate", epilog=ablate.EPILOG)(ablate.ablate)
 
 
 def main() -> None:

@@ -20,13 +20,14 @@ from skelsplat.io._atomic import atomic_write_text
 from skelsplat.io.poses import POSE_FORMATS, check_pose_format
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from skelsplat.cli._job import Job, Verbosity
     from skelsplat.cli._pipeline import Inputs, Outcome
 
 _ASSUMED_FPS = 30.0
 _NEED_FPS = [kind for kind, entry in POSE_FORMATS.items() if "y_up" in entry.options]
+_PICTURES = {"overview.png", "weights.png", "heatmaps.png"}
 
 
 def run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
@@ -39,13 +40,9 @@ def run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
     """
     with collected_warnings(_tell) as warnings:
         inputs = read_inputs(job)
-        for kind in job.write:
-            check_pose_format(kind, inputs.frames)
-        timed = [f"pose.{kind}" for kind in job.write if kind in _NEED_FPS]
-        if job.fps is None and timed:
-            files = " and ".join(timed)
-            warnings.append(f"--fps: not given; the times in {files} assume {_ASSUMED_FPS:g} per second")
-            _tell(warnings[-1])
+        for doubt in _check_formats(job, inputs):
+            warnings.append(doubt)
+            _tell(doubt)
         outcome = _refine_with_bar(inputs, job, shown=not verbosity.quiet)
     statistics = summarise(inputs, outcome)
     doubts = find_doubts(inputs, outcome, statistics)
@@ -55,6 +52,11 @@ def run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
     names = _write_poses(job, poses)
     atomic_write_text(job.out / "report.json", to_text(report))
     names += ["report.json", *write_figures(job, inputs, outcome, statistics)]
+    for name in _PICTURES - set(names):
+        (job.out / name).unlink(missing_ok=True)  # of another run: it would belong to other results
+    if verbosity.as_json or verbosity.quiet:
+        for doubt in doubts:
+            _tell(doubt)
     if verbosity.as_json:
         typer.echo(to_text(report), nl=False)
     elif not verbosity.quiet:
@@ -64,6 +66,15 @@ def run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
         print_over_time(console, poses.processing)
         print_files(console, job.out, names)
     return report
+
+
+def _check_formats(job: Job, inputs: Inputs) -> Iterator[str]:
+    """Yield what is doubtful about the pose files that the job asks for; raise if one cannot be written."""
+    for kind in job.write:
+        check_pose_format(kind, inputs.frames)
+    files = " and ".join(f"pose.{kind}" for kind in job.write if kind in _NEED_FPS)
+    if job.fps is None and files:
+        yield f"--fps: not given; the times in {files} assume {_ASSUMED_FPS:g} per second"
 
 
 def _tell(warning: str) -> None:

@@ -16,12 +16,16 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def atomic_path(path: str | os.PathLike[str], suffix: str | None = None) -> Iterator[Path]:
+def atomic_path(
+    path: str | os.PathLike[str], *, suffix: str | None = None, durable: bool = True
+) -> Iterator[Path]:
     """Give the path of an empty file that takes the place of `path` when the block ends without an exception.
 
     For libraries that open a path themselves. The file is a temporary one in the same folder, with the given
     suffix or else the same; it is flushed to disk and then moved over `path` in one step. A reader never
-    sees half a file, and on an exception an older file stays as it was. A symbolic link is followed.
+    sees half a file, and on an exception an older file stays as it was. A symbolic link is followed. Without
+    `durable` nothing waits for the disk: after a power failure the file may be empty or torn, so its reader
+    must check it.
 
     Raises
     ------
@@ -34,8 +38,9 @@ def atomic_path(path: str | os.PathLike[str], suffix: str | None = None) -> Iter
         try:
             temporary.open("xb").close()
             yield temporary
-            with temporary.open("rb+") as stream:
-                os.fsync(stream.fileno())
+            if durable:
+                with temporary.open("rb+") as stream:
+                    os.fsync(stream.fileno())
             temporary.replace(target)
         except BaseException:
             _discard(temporary)
@@ -45,9 +50,9 @@ def atomic_path(path: str | os.PathLike[str], suffix: str | None = None) -> Iter
 
 
 @contextmanager
-def atomic_write(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
+def atomic_write(path: str | os.PathLike[str], *, durable: bool = True) -> Iterator[BinaryIO]:
     """Open a binary file that takes the place of `path` as `atomic_path` does."""
-    with atomic_path(path) as temporary, temporary.open("wb") as stream:
+    with atomic_path(path, durable=durable) as temporary, temporary.open("wb") as stream:
         yield stream
 
 

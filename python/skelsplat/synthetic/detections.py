@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.synthetic import _effects
 from skelsplat.synthetic.noise import DetectionNoise
+from skelsplat.synthetic.occluders import Occluders, occluded_views
 
 if TYPE_CHECKING:
     from skelsplat import Camera, CameraRig
@@ -61,6 +62,7 @@ def simulate_detections(
     noise: DetectionNoise,
     layout: str | SkeletonLike | None = "h36m17",
     seed: int | np.random.Generator = 0,
+    occluders: Occluders | None = None,
 ) -> FloatArray:
     """Simulate what a 2D keypoint detector reports for known 3D joints.
 
@@ -76,6 +78,8 @@ def simulate_detections(
     seed : int or numpy Generator
         Same seed, same detections. Views are independent of each other, and the same whatever cameras follow;
         only which views are occluded depends on M.
+    occluders : Occluders, optional
+        From `draw_occluders`, so that several detectors see the same ones; drawn from `noise` when left out.
 
     Returns
     -------
@@ -87,18 +91,26 @@ def simulate_detections(
     InvalidInputError
         If shapes, layout and noise do not fit each other.
     """
-    from skelsplat import layouts, project
+    from skelsplat import layouts
 
     world = np.asarray(points, dtype=np.float64)
     if world.ndim not in (2, 3) or world.shape[-1] != 3:
         raise InvalidInputError(f"points: expected shape (T, N, 3) or (N, 3), got {world.shape}")
     frames = world if world.ndim == 3 else world[None]
-    pixels = np.moveaxis(np.asarray(project(frames, cameras)), 0, 1)
+    skeleton = layouts.get(layout) if isinstance(layout, str) else layout
+    pixels = true_pixels(frames, cameras)
+    out = corrupt(pixels, noise=noise, layout=skeleton, seed=seed, occluders=occluders)
+    return out if world.ndim == 3 else out[0]
+
+
+def true_pixels(points: FloatArray, cameras: CameraRig | Sequence[Camera]) -> FloatArray:
+    """Projections (T, M, N, 2) of joints (T, N, 3); NaN outside the image."""
+    from skelsplat import project
+
+    pixels = np.moveaxis(np.asarray(project(points, cameras)), 0, 1)
     limits = np.array([camera.size for camera in cameras], dtype=np.float64)[:, None] - 0.5
     inside = np.all((pixels >= -0.5) & (pixels < limits), axis=-1)
-    skeleton = layouts.get(layout) if isinstance(layout, str) else layout
-    out = corrupt(np.where(inside[..., None], pixels, np.nan), noise=noise, layout=skeleton, seed=seed)
-    return out if world.ndim == 3 else out[0]
+    return np.where(inside[..., None], pixels, np.nan)
 
 
 def corrupt(
@@ -107,6 +119,7 @@ def corrupt(
     noise: DetectionNoise,
     layout: SkeletonLike | None = None,
     seed: int | np.random.Generator = 0,
+    occluders: Occluders | None = None,
 ) -> FloatArray:
     """Apply the noise model to true projections.
 
@@ -114,7 +127,7 @@ def corrupt(
     ----------
     pixels : (T, M, N, 2) px
         True projections; NaN = not in the image.
-    noise, layout, seed
+    noise, layout, seed, occluders
         As in `simulate_detections`.
 
     Returns
@@ -137,22 +150,16 @@ def corrupt(
         )
     rng = np.random.default_rng(seed)
     streams = [np.random.default_rng(s) for s in rng.integers(2**63, size=n_views + 1)]
-    occluded = _occluded_views(n_frames, n_views, noise, streams[0])
-    views = [_one_view(true[:, i], occluded[:, i], noise, layout, streams[i + 1]) for i in range(n_views)]
+    given = [
+        None if occluders is None else (occluders.centres[:, i], occluders.radii[:, i])
+        for i in range(n_views)
+    ]
+    occluded = occluded_views(n_frames, n_views, noise, streams[0]) if occluders is None else occluders.views
+    views = [
+        _one_view(true[:, i], occluded[:, i], noise, layout, streams[i + 1], discs)
+        for i, discs in enumerate(given)
+    ]
     return np.stack(views, axis=1)
-
-
-def _occluded_views(
-    n_frames: int, n_views: int, noise: DetectionNoise, rng: np.random.Generator
-) -> NDArray[np.bool_]:
-    """Which views have an occluder in which frame, (T, M)."""
-    count = n_views if noise.occluded_views is None else noise.occluded_views
-    if count > n_views:
-        raise InvalidInputError(f"noise.occluded_views: expected at most {n_views} (views), got {count}")
-    n_blocks = -(-n_frames // noise.occluder_frames)
-    rank = rng.random((n_blocks, n_views)).argsort(axis=1).argsort(axis=1)
-    chosen: NDArray[np.bool_] = np.repeat(rank < count, noise.occluder_frames, axis=0)[:n_frames]
-    return chosen
 
 
 def _one_view(
@@ -161,6 +168,7 @@ def _one_view(
     noise: DetectionNoise,
     layout: SkeletonLike | None,
     rng: np.random.Generator,
+    discs: tuple[FloatArray, FloatArray] | None,
 ) -> FloatArray:
     """Turn the true projections (T, N, 2) of one view into detections (T, N, 3)."""
     shape = true.shape[:2]
@@ -177,7 +185,7 @@ def _one_view(
         for chain in _effects.one_sided_chains(layout.left_right, layout.limbs):
             _effects.swap(pixels, confidence, chain, _happens(noise.limb_swap_rate, shape[0], rng))
         _effects.swap(pixels, confidence, layout.left_right, _happens(noise.view_swap_rate, shape[0], rng))
-    hidden, guess = _hidden_guess(true, noise, rng)
+    hidden, guess = _hidden_guess(true, noise, rng, discs)
     hidden &= occluded[:, None]
     pixels = np.where(hidden[..., None], guess, pixels)
     confidence = np.where(hidden, rng.beta(4.0, 6.0, size=shape), confidence)
@@ -200,11 +208,16 @@ def _joint_factor(joint: str) -> float:
 
 
 def _hidden_guess(
-    true: FloatArray, noise: DetectionNoise, rng: np.random.Generator
+    true: FloatArray,
+    noise: DetectionNoise,
+    rng: np.random.Generator,
+    discs: tuple[FloatArray, FloatArray] | None,
 ) -> tuple[NDArray[np.bool_], FloatArray]:
     """Joints (T, N) that an occluder hides, and the pixels (T, N, 2) where a detector would report them."""
     shape = true.shape[:2]
-    centres, radii = _effects.discs(true, noise.n_discs, noise.disc_radius, noise.occluder_frames, rng)
+    if discs is None:
+        discs = _effects.discs(true, noise.n_discs, noise.disc_radius, noise.occluder_frames, rng)
+    centres, radii = discs
     hidden, centre, radius = _effects.covering_disc(true, centres, radii)
     guess = centre + radius[..., None] * _effects.on_disc(shape, rng)
     other = true[np.arange(shape[0])[:, None], rng.integers(shape[1], size=shape)]

@@ -223,3 +223,18 @@ def table(n_views: int = 4, *, radius_mm: float = 600.0) -> CameraRig:
         If `n_views` is not in 1 to 16 or the radius is not positive.
     """
     return _rig(table_views(n_views, radius_mm=radius_mm))
+
+
+def ring(n_views: int = 8, *, radius_mm: float = 3500.0, height_mm: float = 1500.0) -> CameraRig:
+    """Up to 32 cameras evenly spaced on a circle round a room, as in Occlusion-Person: 1280×720 px.
+
+    Raises
+    ------
+    InvalidInputError
+        If `n_views` is not in 1 to 32 or a length is not positive.
+    """
+    _check_count(n_views, 32)
+    _check_positive(radius_mm=radius_mm, height_mm=height_mm)
+    angles = 2 * np.pi * np.arange(n_views) / n_views
+    eyes = [(radius_mm * np.cos(angle), radius_mm * np.sin(angle), height_mm) for angle in angles]
+    return _rig([_view(f"cam{k}", eye, _BODY_CENTRE, 640.0, (1280, 720)) for k, eye in enumerate(eyes)])

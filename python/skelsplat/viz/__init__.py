@@ -1,4 +1,4 @@
-"""Figures of a refined pose: arrays in, PNG files out.
+"""Figures of refined poses and of measurements: arrays in, PNG files out.
 
 A leaf of the package: it computes no pose and no rendering, and only the command line imports it. Figures are
 drawn on matplotlib's Agg canvas through its object interface, so no display and no global state is involved.
@@ -7,19 +7,26 @@ drawn on matplotlib's Agg canvas through its object interface, so no display and
 from skelsplat.viz._body import Body
 from skelsplat.viz._panels import CameraPanel
 from skelsplat.viz._skeleton import Skeleton, body_axes
+from skelsplat.viz.bars import BarData, write_bars
 from skelsplat.viz.heatmaps import HeatmapRow, write_heatmaps
 from skelsplat.viz.overview import OverviewData, write_overview
+from skelsplat.viz.panels import Line, Panel, write_panels
 from skelsplat.viz.weights import WeightData, write_weights
 
 __all__ = [
+    "BarData",
     "Body",
     "CameraPanel",
     "HeatmapRow",
+    "Line",
     "OverviewData",
+    "Panel",
     "Skeleton",
     "WeightData",
     "body_axes",
+    "write_bars",
     "write_heatmaps",
     "write_overview",
+    "write_panels",
     "write_weights",
 ]

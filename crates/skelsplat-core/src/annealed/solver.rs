@@ -23,8 +23,11 @@ pub struct Annealing {
     pub start: f64,
     /// Final kernel of each joint, mm; narrower where `per_noise` says so.
     pub end: Vec<f64>,
-    /// The final kernel is at most this multiple of the noise; infinite: `end` as it stands.
+    /// The final kernel of a joint whose `end` is `base` is at most this multiple of the noise, a wider one's in
+    /// proportion; infinite: `end` as it stands.
     pub per_noise: f64,
+    /// See [`Self::per_noise`], mm.
+    pub base: f64,
     /// Factor from one step to the next.
     pub factor: f64,
     /// σ_sym, mm.
@@ -60,6 +63,7 @@ impl Annealing {
             start: Self::START,
             end: vec![Self::END; n],
             per_noise: Self::PER_NOISE,
+            base: Self::END,
             factor: Self::FACTOR,
             symmetry_sigma: Self::SYMMETRY_SIGMA,
             max_steps: Self::MAX_STEPS,
@@ -328,10 +332,9 @@ impl<'a> Run<'a> {
         longest
     }
 
-    /// Re-estimates the noise and narrows the kernels; whether all of them have come to their end.
+    /// Re-estimates the noise, once every joint has a kernel, and narrows the kernels; whether all of them have come to their end.
     fn narrow(&mut self) -> bool {
         let annealing = self.problem.annealing;
-        let widest_end = annealing.end.iter().copied().fold(0.0, f64::max);
         let first = self.sigma.iter().any(|s| s.is_infinite());
         if first {
             self.pixel = pixel_size(self.problem.rays, &self.points).unwrap_or(self.pixel);
@@ -339,12 +342,12 @@ impl<'a> Run<'a> {
         } else {
             self.estimate_noise();
         }
-        let share =
-            (annealing.per_noise * (self.variance / self.weight).sqrt() / widest_end).min(1.0);
+        let noise = (self.variance / self.weight).sqrt();
+        let share = (annealing.per_noise * noise / annealing.base).min(1.0);
         let mut done = true;
         for j in 0..self.sigma.len() {
             let end = annealing.end[j] * share;
-            let next = if first {
+            let next = if self.sigma[j].is_infinite() {
                 self.farthest[j].min(annealing.start)
             } else {
                 self.sigma[j] * annealing.factor

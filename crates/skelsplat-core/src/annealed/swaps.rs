@@ -21,7 +21,7 @@ const UNEXPLAINED: f64 = 1.0;
 /// Of two views that contradict each other nothing says which is exchanged.
 const LEAST_VIEWS: usize = 3;
 /// Views of which two at a time propose a position.
-const MOST_PROPOSERS: usize = 8;
+const MOST_PROPOSERS: usize = 4;
 
 /// Kernel, in multiples of the final one, under which a proposed position settles.
 const SETTLE: f64 = 2.0;

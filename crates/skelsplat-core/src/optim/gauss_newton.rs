@@ -65,6 +65,11 @@ impl NormalEquations {
         self.couplings.clear();
     }
 
+    /// Forgets the couplings whose joints `keep` does not hold for.
+    pub fn retain_couplings(&mut self, keep: impl Fn(&[usize; 4]) -> bool) {
+        self.couplings.retain(|c| keep(&c.joints));
+    }
+
     /// Adds a coupling; one without precision says nothing.
     pub fn couple(&mut self, coupling: Coupling) {
         if coupling.precision > 0.0 {

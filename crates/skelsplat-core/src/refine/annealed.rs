@@ -20,6 +20,16 @@ pub(super) struct ErrorBars {
     pub(super) noise: f64,
 }
 
+/// Where a search begins.
+struct Start {
+    init: Vec<Vector3<f64>>,
+    points: Vec<Vector3<f64>>,
+    sigma: Vec<f64>,
+}
+
+/// Standard deviations of a prior that the first kernel covers.
+const PRIOR_REACH: f64 = 2.0;
+
 /// A solution for one assignment of left and right.
 struct Found {
     rays: Rays,
@@ -100,8 +110,8 @@ impl Refiner {
         priors: Option<&[Prior]>,
         annealing: &Annealing,
     ) -> Found {
-        let (init, sigma) = self.annealed_start(frame, &rays, annealing);
-        let solution = solve(&self.problem(&rays, priors, annealing), init.clone(), sigma);
+        let Start { init, points, sigma } = self.annealed_start(frame, &rays, annealing);
+        let solution = solve(&self.problem(&rays, priors, annealing), points, sigma);
         Found { rays, init, solution }
     }
 
@@ -138,24 +148,45 @@ impl Refiner {
         partners.next().unwrap_or(joint)
     }
 
-    /// Where to begin, mm, and with which kernel.
-    fn annealed_start(
-        &self,
-        frame: &Frame,
-        rays: &Rays,
-        annealing: &Annealing,
-    ) -> (Vec<Vector3<f64>>, Vec<f64>) {
+    /// The initial pose, where to begin and with which kernels, mm.
+    ///
+    /// Where two views see a joint the detections place it, whatever the start; a start that is no more than that places
+    /// the others. A prior is where the search begins, under a kernel that covers its spread.
+    fn annealed_start(&self, frame: &Frame, rays: &Rays, annealing: &Annealing) -> Start {
+        let mm = self.unit.millimetres();
         let Some(pose) = &frame.init_pose else {
             let found = locate(rays, annealing);
-            return (found.points, found.sigma);
+            return Start { init: found.points.clone(), points: found.points, sigma: found.sigma };
         };
-        let mm = self.unit.millimetres();
-        let given = pose
-            .iter()
-            .enumerate()
-            .map(|(j, p)| if p.iter().all(|v| v.is_finite()) { p * mm } else { start(rays, j) });
-        let sigma = if frame.init_covariance.is_some() { annealing.start } else { f64::INFINITY };
-        (given.collect(), vec![sigma; pose.len()])
+        let given = |j: usize| {
+            let p = pose[j] * mm;
+            p.iter().all(|v| v.is_finite()).then_some(p)
+        };
+        let n = pose.len();
+        if let Some(covariances) = &frame.init_covariance {
+            let reach = |j: usize| {
+                let widest = covariances[j].diagonal().max();
+                if widest.is_finite() { PRIOR_REACH * mm * widest.sqrt() } else { 0.0 }
+            };
+            let init: Vec<_> = (0..n).map(|j| given(j).unwrap_or_else(|| start(rays, j))).collect();
+            let mut points = init.clone();
+            if (0..n).any(|j| reach(j) > annealing.start) {
+                // Wider than any kernel: the detections know better where to begin.
+                let found = locate(rays, annealing).points;
+                for j in (0..n).filter(|j| reach(*j) > annealing.start && found[*j].x.is_finite()) {
+                    points[j] = found[j];
+                }
+            }
+            return Start { init, points, sigma: vec![annealing.start; n] };
+        }
+        let mut found = locate(rays, annealing);
+        let init = (0..n).map(|j| given(j).unwrap_or(found.points[j])).collect();
+        for j in (0..n).filter(|j| found.points[*j].x.is_nan()).collect::<Vec<_>>() {
+            if let Some(p) = given(j) {
+                (found.points[j], found.sigma[j]) = (p, f64::INFINITY);
+            }
+        }
+        Start { init, points: found.points, sigma: found.sigma }
     }
 
     /// The precision of the initial pose, mm⁻²; none for a joint that the initial pose does not have.
@@ -181,6 +212,7 @@ impl Refiner {
             start: config.sigma_start,
             end: (0..n_joints).map(|j| self.sigma(j)).collect(),
             per_noise: config.sigma_per_noise.unwrap_or(f64::INFINITY),
+            base: config.sigma,
             factor: config.sigma_decay,
             symmetry_sigma: config.symmetry_sigma,
             max_steps: config.max_steps,
@@ -238,7 +270,10 @@ impl Refiner {
             Matrix3::from_diagonal_element(variance)
         };
         let joint_status = joint_status(rays, solution);
-        let observed = joint_status.iter().any(|s| *s != JointStatus::Unobserved);
+        let known = |j: usize| solution.points[j].x.is_finite();
+        let mut seen =
+            joint_status.iter().enumerate().filter(|(_, s)| **s != JointStatus::Unobserved);
+        let observed = seen.any(|(j, _)| known(j));
         Refinement {
             pose: solution.points.iter().map(|p| p / mm).collect(),
             covariance: solution.points.iter().zip(&solution.sigma).map(splat).collect(),

@@ -48,10 +48,12 @@ pub fn locate(rays: &Rays, annealing: &Annealing) -> Solution {
     solution
 }
 
-/// The point nearest to all rays of joint `j`.
+/// The point nearest to all rays of joint `j`; NaN if they leave it open or it lies behind every camera.
 #[must_use]
 pub fn start(rays: &Rays, j: usize) -> Vector3<f64> {
-    nearest_point(rays.of_joint(j), |_, ray| ray.weight)
+    let of_joint = rays.of_joint(j);
+    nearest_point(of_joint, |_, ray| ray.weight)
+        .filter(|x| of_joint.iter().any(|ray| ray.is_there() && ray.offset(x).range > 0.0))
         .unwrap_or_else(|| Vector3::repeat(f64::NAN))
 }
 

@@ -1,9 +1,9 @@
-"""Triangulations that others use, in NumPy, SciPy and OpenCV: what SkelSplat is measured against.
+"""Triangulations that others use, in NumPy and OpenCV: what SkelSplat is measured against.
 
 Each takes detections ``(T, M, N, 2|3)`` or ``(M, N, 2|3)`` and M cameras, and gives points ``(T, N, 3)`` or
 ``(N, 3)`` in the unit of the cameras. Missing detections (NaN, or confidence 0) take no part; a joint that
 fewer than two views see is NaN. Lens distortion is removed first, so every pixel below is an ideal pixel of
-the same K. SciPy and OpenCV come with ``pip install 'skelsplat[evaluation]'`` and are imported when needed.
+the same K. OpenCV comes with ``pip install 'skelsplat[evaluation]'`` and is imported when needed.
 """
 
 from skelsplat.evaluation.baselines._least_squares import cauchy

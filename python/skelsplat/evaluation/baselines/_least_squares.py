@@ -1,4 +1,4 @@
-"""Robust non-linear triangulation of one joint after the other, by SciPy."""
+"""Robust non-linear triangulation: the Cauchy loss from DLT, and the Huber loss that follows a RANSAC."""
 
 from __future__ import annotations
 
@@ -8,16 +8,22 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from skelsplat.evaluation.baselines._linear import solve
-from skelsplat.evaluation.baselines._observations import Cameras, FloatArray, observe
-from skelsplat.evaluation.baselines._optional import require
+from skelsplat.evaluation.baselines._minimise import Reprojections, cauchy_loss, huber, minimise
+from skelsplat.evaluation.baselines._observations import (
+    BoolArray,
+    Cameras,
+    FloatArray,
+    Observations,
+    observe,
+)
 from skelsplat.exceptions import InvalidInputError
 
 
 def cauchy(detections: ArrayLike, cameras: Cameras, *, f_scale: float = 5.0) -> FloatArray:
-    """Triangulate by DLT, then minimise the Cauchy loss of the reprojection residuals, joint by joint.
+    """Triangulate by DLT, then minimise the Cauchy loss of the reprojection residuals.
 
-    ``scipy.optimize.least_squares(loss="cauchy")`` on the 2·M residuals û − u, v̂ − v of a joint, with their
-    Jacobian: Σ f² ln(1 + r²/f²).
+    The minimum of ½ Σ f² ln(1 + r²/f²) over the 2·M residuals û − u, v̂ − v of a joint, as
+    ``scipy.optimize.least_squares(loss="cauchy")`` finds it, but for all joints at once.
 
     Parameters
     ----------
@@ -35,84 +41,30 @@ def cauchy(detections: ArrayLike, cameras: Cameras, *, f_scale: float = 5.0) -> 
     ------
     InvalidInputError
         Shapes that do not fit, a confidence outside [0, 1], an ``f_scale`` that is not positive.
-    ImportError
-        If SciPy is not installed.
     """
     positive("f_scale", f_scale)
-    least_squares = require("scipy.optimize").least_squares
     joints = observe(detections, cameras)
-    points = solve(joints, joints.seen.astype(np.float64))
-    for b in np.flatnonzero(np.isfinite(points).all(axis=1)):
-        seen = joints.seen[b]
-        problem = Reprojection(joints.pixels[b, seen], joints.projections[seen])
-        points[b] = least_squares(
-            problem.offsets, points[b], jac=problem.offset_slopes, loss="cauchy", f_scale=f_scale
-        ).x
-    return joints.points(points)
+    weights = joints.seen.astype(np.float64)
+    problem = Reprojections.of(joints, weights, by_view=False)
+    return joints.points(minimise(solve(joints, weights), problem, cauchy_loss(f_scale)))
 
 
-def huber_on_half_distances(start: FloatArray, pixels: FloatArray, projections: FloatArray) -> FloatArray:
-    """Minimise SciPy's Huber loss (threshold 1) of ½ · the reprojection distances of one joint.
+def huber_on_half_distances(
+    start: FloatArray, joints: Observations, used: BoolArray, crop_scale: FloatArray
+) -> FloatArray:
+    """Minimise the Huber loss (threshold 1) of ½ · the reprojection distances in crop pixels.
 
     Parameters
     ----------
-    start : (3,)
-    pixels : (V, 2)
-    projections : (V, 3, 4)
-        In the same pixels.
+    start : (B, 3)
+        Where it is NaN it stays so.
+    joints : Observations
+    used : (B, M)
+        Views that take part.
+    crop_scale : (B, M)
+        Pixels of the image per pixel of the crop.
     """
-    least_squares = require("scipy.optimize").least_squares
-    problem = Reprojection(pixels, projections)
-    found: FloatArray = least_squares(
-        problem.half_distances, start, jac=problem.half_distance_slopes, loss="huber", method="trf"
-    ).x
-    return found
-
-
-class Reprojection:
-    """Residuals of one joint in V views, and their derivatives in the point X (3,).
-
-    Parameters
-    ----------
-    pixels : (V, 2) px
-    projections : (V, 3, 4)
-    """
-
-    def __init__(self, pixels: FloatArray, projections: FloatArray) -> None:
-        self._pixels = pixels
-        self._matrix = projections[:, :, :3]
-        self._shift = projections[:, :, 3]
-
-    def offsets(self, X: FloatArray) -> FloatArray:
-        """Components û − u, v̂ − v, (2V,) px."""
-        return self._offsets(X)[0].ravel()
-
-    def offset_slopes(self, X: FloatArray) -> FloatArray:
-        """Differentiate ``offsets``, (2V, 3)."""
-        return self._slopes(*self._offsets(X)).reshape(-1, 3)
-
-    def half_distances(self, X: FloatArray) -> FloatArray:
-        """½ ‖(û − u, v̂ − v)‖, (V,) px."""
-        half: FloatArray = 0.5 * np.linalg.norm(self._offsets(X)[0], axis=1)
-        return half
-
-    def half_distance_slopes(self, X: FloatArray) -> FloatArray:
-        """Differentiate ``half_distances``, (V, 3); zero where the distance is."""
-        offsets, depth = self._offsets(X)
-        distance = np.linalg.norm(offsets, axis=1, keepdims=True)
-        direction = np.divide(offsets, distance, out=np.zeros_like(offsets), where=distance > 0)
-        slopes: FloatArray = 0.5 * np.einsum("vk,vkx->vx", direction, self._slopes(offsets, depth))
-        return slopes
-
-    def _offsets(self, X: FloatArray) -> tuple[FloatArray, FloatArray]:
-        image = self._matrix @ X + self._shift
-        return image[:, :2] / image[:, 2:] - self._pixels, image[:, 2]
-
-    def _slopes(self, offsets: FloatArray, depth: FloatArray) -> FloatArray:
-        """Quotient rule: ∂(p₁/p₃) = (∂p₁ − û ∂p₃) / p₃, (V, 2, 3)."""
-        reprojected = (offsets + self._pixels)[..., None]
-        slopes: FloatArray = (self._matrix[:, :2] - reprojected * self._matrix[:, 2:]) / depth[:, None, None]
-        return slopes
+    return minimise(start, Reprojections.of(joints, used * 0.5 / crop_scale, by_view=True), huber)
 
 
 def positive(name: str, value: float, *, kind: Literal["number", "integer"] = "number") -> None:

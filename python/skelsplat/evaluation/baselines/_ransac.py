@@ -71,8 +71,6 @@ def ransac_iskakov(
     ------
     InvalidInputError
         Shapes that do not fit, a confidence outside [0, 1], a number that is not positive.
-    ImportError
-        With ``direct_optimization``, if SciPy is not installed.
     """
     positive("epsilon", epsilon)
     positive("n_iters", n_iters, kind="integer")
@@ -81,15 +79,7 @@ def ransac_iskakov(
     inliers = _largest_set(joints, 2.0 * epsilon * scale, n_iters, np.random.default_rng(seed), forced=True)
     points = solve(joints, inliers.astype(np.float64))
     if direct_optimization:
-        for b in np.flatnonzero(np.isfinite(points).all(axis=1)):
-            kept = inliers[b]
-            # In crop pixels: the two pixel rows of P and the pixels themselves, divided by the scale.
-            shrink = np.stack([1 / scale[b, kept], 1 / scale[b, kept], np.ones(kept.sum())], axis=1)
-            points[b] = huber_on_half_distances(
-                points[b],
-                joints.pixels[b, kept] * shrink[:, :2],
-                joints.projections[kept] * shrink[..., None],
-            )
+        points = huber_on_half_distances(points, joints, inliers, scale)
     return joints.points(points)
 
 

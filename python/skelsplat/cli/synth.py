@@ -1,0 +1,56 @@
+"""``skelsplat synth``: a simulated data set on disk."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from skelsplat import synthetic
+from skelsplat.cli import _options as options
+from skelsplat.datasets._synth_writer import write_simulated
+
+Name = Annotated[str, typer.Argument(metavar="NAME", help=", ".join(synthetic.set_names) + ".")]
+Root = Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder to make; must not exist or be empty.")]
+Poses = Annotated[
+    int | None,
+    typer.Option(min=1, metavar="N", help="Poses over all takes.", show_default="as the data set meant"),
+]
+Seed = Annotated[int, typer.Option(min=0, metavar="S", help="Same seed, same files.")]
+OpenPose = Annotated[
+    bool, typer.Option("--openpose", metavar="", help="Write OpenPose JSON too: many small files.")
+]
+Force = Annotated[
+    bool, typer.Option("--force", metavar="", help="Replace a simulated data set that is there.")
+]
+
+
+def synth(
+    name: Name,
+    root: Root,
+    poses: Poses = None,
+    seed: Seed = 0,
+    openpose: OpenPose = False,
+    force: Force = False,
+    quiet: options.Quiet = False,
+) -> None:
+    """Write a simulated data set: known poses, simulated detections of two detectors.
+
+    Rig, joints, actions and number of poses are like those of the data set
+    in the name, but no camera saw anything: results on it are results on
+    simulated detections, and have to be called so.
+
+    [bold]Examples[/bold]
+
+    skelsplat synth human36m-like data/h36m-like
+
+    skelsplat synth dome data/dome --poses 100 --openpose
+    """
+    data = synthetic.simulate_set(name, poses=poses, seed=seed)
+    write_simulated(root, data, openpose=openpose, force=force)
+    if not quiet:
+        typer.echo(
+            f"{root}: {name} (simulated), {data.parameters['poses']} poses in {len(data.recordings)} takes, "
+            f"detectors {' and '.join(data.parameters['detectors'])}, seed {seed}"
+        )

@@ -1,0 +1,136 @@
+"""What every reader gives: takes of one person each, with cameras, truth and detections."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skelsplat._skelsplat import Layout
+from skelsplat.cameras import CameraRig
+from skelsplat.exceptions import DatasetError
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Take:
+    """One take of one person, T frames seen by M cameras that do not move.
+
+    Attributes
+    ----------
+    key : str
+        Unique within the data set, as ``"S9/Directions 1"``; names the files of results.
+    subject, action : str
+        `action` is the column of a table: no number behind it.
+    rig : CameraRig
+        M cameras; its unit is that of `truth` and `monocular`.
+    frames : (T,) int64
+        Frame numbers of the source.
+    truth : (T, N, 3)
+        World joints; NaN where not labelled.
+    detections : (T, M, N, 3) or None
+        Pixels and confidence; NaN, NaN, 0 where missing.
+    monocular : (T, V, N, 3) or None
+        World poses of V monocular estimates.
+    boxes : (T, M, 4) or None
+        Left, top, right, bottom in pixels; NaN where the person is not in the view.
+    visible : (T, M, N) bool or None
+        Joints that are not occluded, where the source says so.
+    files : mapping of str to Path
+        Where ``"truth"``, ``"detections"``, ``"cameras"``, … come from, for messages.
+    """
+
+    key: str
+    subject: str
+    action: str
+    rig: CameraRig
+    frames: NDArray[np.int64]
+    truth: FloatArray
+    detections: FloatArray | None = None
+    monocular: FloatArray | None = None
+    boxes: FloatArray | None = None
+    visible: NDArray[np.bool_] | None = None
+    files: Mapping[str, Path] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        t, m, n = len(self.frames), len(self.rig), self.truth.shape[-2] if self.truth.ndim == 3 else -1
+        self._expect("truth", self.truth, (t, n, 3))
+        for name, shape in (("detections", (t, m, n, 3)), ("boxes", (t, m, 4)), ("visible", (t, m, n))):
+            value = getattr(self, name)
+            if value is not None:
+                self._expect(name, value, shape)
+        if self.monocular is not None:
+            self._expect("monocular", self.monocular, (t, self.monocular.shape[1], n, 3))
+
+    def _expect(self, name: str, value: NDArray[np.generic], shape: tuple[int, ...]) -> None:
+        if value.shape != shape:
+            raise DatasetError(self.key, name, f"shape {shape}", value.shape)
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+    def select(self, keep: NDArray[np.bool_] | NDArray[np.int64] | slice) -> Take:
+        """Return the take with only the frames `keep`."""
+
+        def some(value: NDArray[np.generic] | None) -> NDArray[np.generic] | None:
+            return None if value is None else value[keep]
+
+        return Take(
+            self.key,
+            self.subject,
+            self.action,
+            self.rig,
+            self.frames[keep],
+            self.truth[keep],
+            some(self.detections),  # type: ignore[arg-type]
+            some(self.monocular),  # type: ignore[arg-type]
+            some(self.boxes),  # type: ignore[arg-type]
+            some(self.visible),  # type: ignore[arg-type]
+            self.files,
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Dataset:
+    """Takes that share a layout.
+
+    Attributes
+    ----------
+    name : str
+        As in the registry: ``"human36m"``.
+    layout : Layout
+        N joints.
+    takes : tuple of Take
+    detector : str or None
+        Where the detections come from: ``"metrabs"``, ``"cpn"``, …, ``"simulated"``.
+    source : str
+        One line that goes under every table: what the data are, simulated or not, oracle or not.
+    notes : tuple of str
+        What was left out or assumed on reading.
+    """
+
+    name: str
+    layout: Layout
+    takes: tuple[Take, ...]
+    detector: str | None = None
+    source: str = ""
+    notes: tuple[str, ...] = field(default=())
+
+    def __post_init__(self) -> None:
+        keys = [take.key for take in self.takes]
+        if len(set(keys)) != len(keys):
+            raise DatasetError(self.name, "takes", "different keys", sorted(keys))
+        for take in self.takes:
+            if take.truth.shape[1] != self.layout.n_joints:
+                expected = f"{self.layout.n_joints} joints of {self.layout.name}"
+                raise DatasetError(take.key, "truth", expected, take.truth.shape[1])
+
+    def __iter__(self) -> Iterator[Take]:
+        return iter(self.takes)
+
+    def __len__(self) -> int:
+        return len(self.takes)

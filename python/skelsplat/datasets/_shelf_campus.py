@@ -1,0 +1,145 @@
+"""Shelf and Campus: several persons, few cameras, 14 joints; what both have in common.
+
+- ``calibration_NAME.json`` as VoxelPose wrote it: {"0": {k, p, R, T, fx, fy, cx, cy}}, mm, x_cam = R (X − T);
+- truth ``actorsGT.mat``, key ``actor3D``: cells of actors, of frames, of (14, 3) **metres**, empty where an
+  actor is not labelled;
+- detections ``2d_DETECTOR/S0/actorK[/CAMERA]/poses.npz`` or ``2d_DETECTOR/S0/actorK.npz``: which detection
+  belongs to which actor is decided before. With 17 joints they are COCO-17 and become the 14, neck and head
+  top interpolated from shoulders and ears.
+
+Each actor is a take; frames are those in which it is labelled.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from skelsplat._skelsplat import Layout
+from skelsplat.cameras import CameraRig
+from skelsplat.datasets._actors_mat import read_actors
+from skelsplat.datasets._detections import Wanted, detector_name
+from skelsplat.datasets._files import FloatArray, load_json
+from skelsplat.datasets._kept_apart import detections_folder, read_apart
+from skelsplat.datasets._model import Dataset, Take
+from skelsplat.datasets._places import Wishes, find
+from skelsplat.datasets._registry import Survey
+from skelsplat.datasets._rig import build_rig, camera_at_centre
+from skelsplat.exceptions import DatasetError
+from skelsplat.layouts import COCO17, SHELF14
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Which of the two: its name, image size, cameras and actors that are evaluated."""
+
+    name: str
+    size: tuple[int, int]
+    n_cameras: int
+    n_actors: int = 3
+
+
+SHELF = Scene("shelf", (1032, 776), 5)
+CAMPUS = Scene("campus", (360, 288), 3)
+
+# The 12 limb joints of SHELF14 in COCO-17.
+_FROM_COCO = (16, 14, 12, 11, 13, 15, 10, 8, 6, 5, 7, 9)
+
+
+def read_scene(scene: Scene, root: Path, detector: str | None, detections: Path | str | None) -> Dataset:
+    """Read one of the two data sets; `DatasetError` names the file and the field."""
+    calibration = find(_calibrations(scene, root), f"calibration of {scene.name}")
+    rig = _rig(scene, calibration)
+    truth = find(_truths(scene, root), f"truth of {scene.name}")
+    folder = detections_folder(root, detector, detections)
+    takes = []
+    for k, (frames, joints) in enumerate(read_actors(truth, SHELF14.n_joints)[: scene.n_actors]):
+        if not len(frames):
+            continue
+        key = f"S0/actor{k}"
+        files = {"truth": truth, "cameras": calibration}
+        take = Take(key, "S0", f"actor{k}", rig, frames, joints, files=files)
+        takes.append(take if folder is None else _with_detections(take, folder))
+    name = detector_name(detector or (folder.parent.name if folder and detections is None else "")) or None
+    words = f"{scene.name.capitalize()}, one take per actor, detections: {name or 'none'}"
+    return Dataset(scene.name, SHELF14, tuple(takes), name, words)
+
+
+def survey_scene(scene: Scene, root: Path, detector: str | None, detections: Path | str | None) -> Survey:
+    """Say which files are there."""
+    wishes = Wishes()
+    wishes.look(_calibrations(scene, root), "calibration")
+    wishes.look(_truths(scene, root), "truth")
+    if detections is not None:
+        wishes.look([Path(detections)], "detections")
+    else:
+        there = [path / "S0" for path in sorted(root.glob(f"2d_{detector or '*'}"))]
+        wishes.look(there or [root / f"2d_{detector or 'hrnet'}" / "S0"], "detections")
+    return wishes.survey()
+
+
+def _calibrations(scene: Scene, root: Path) -> list[Path]:
+    name = f"calibration_{scene.name}.json"
+    return [root / name, root / scene.name.capitalize() / name, root / "cameras" / name]
+
+
+def _truths(scene: Scene, root: Path) -> list[Path]:
+    return [root / "actorsGT.mat", root / scene.name.capitalize() / "actorsGT.mat"]
+
+
+def _rig(scene: Scene, path: Path) -> CameraRig:
+    content = load_json(path)
+    if not isinstance(content, dict):
+        raise DatasetError(path, "JSON", "a table of cameras", type(content).__name__)
+    names = [str(k) for k in range(scene.n_cameras)]
+    for name in names:
+        if name not in content:
+            raise DatasetError(
+                path, "cameras", f"camera {name}", f"only {', '.join(sorted(content)) or 'none'}"
+            )
+    cameras = [camera_at_centre(path, name, content[name], size=scene.size, name=name) for name in names]
+    return build_rig(path, cameras, "mm")
+
+
+def _with_detections(take: Take, folder: Path) -> Take:
+    spellings = [[name, f"cam{name}", f"Camera{name}"] for name in take.rig.names]
+
+    def found_as(layout: Layout) -> Any:
+        wanted = Wanted(take.key, take.frames, take.rig.names, layout)
+        inside = read_apart(folder / take.action, ["poses"], wanted, spellings)
+        return read_apart(folder, [take.action], wanted, spellings) if inside is None else inside
+
+    try:
+        found = found_as(SHELF14)
+    except DatasetError as error:
+        if f"{SHELF14.n_joints} joints" not in error.expected:
+            raise
+        try:
+            found = found_as(COCO17)
+        except DatasetError:
+            raise error from None
+        found = (from_coco(found[0]), *found[1:])
+    if found is None:
+        path = folder / f"{take.action}.npz"
+        raise DatasetError(path, "file", f"detections of {take.action}", "nothing in this place")
+    values, places, path = found
+    return replace(take.select(places), detections=values, files={**take.files, "detections": path})
+
+
+def from_coco(detections: FloatArray) -> FloatArray:
+    """Return SHELF14 detections (…, 14, 3) of COCO-17 ones (…, 17, 3).
+
+    The neck (bottom of the head) is half-way between the middles of shoulders and ears; the top of the head
+    is as far beyond the ears. Both are missing, and as uncertain as the worst, if shoulders or ears are.
+    """
+    limbs = detections[..., _FROM_COCO, :]
+    ears, shoulders = (detections[..., pair, :].mean(axis=-2) for pair in ([3, 4], [5, 6]))
+    confidence = detections[..., [3, 4, 5, 6], 2].min(axis=-1)
+    bottom = 0.5 * (shoulders + ears)
+    head = np.stack([bottom, 2.0 * ears - bottom], axis=-2)
+    head[..., 2] = confidence[..., None]
+    head[np.isnan(head[..., 0])] = (np.nan, np.nan, 0.0)
+    return np.concatenate([limbs, head], axis=-2)

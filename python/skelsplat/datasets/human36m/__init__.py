@@ -1,0 +1,131 @@
+"""Human3.6M (Ionescu et al. 2014) in the layouts in which it is passed around; 17 joints, four cameras, mm.
+
+==============  ========================================================================================
+format          files
+==============  ========================================================================================
+``skelsplat``   the method's authors: ``3d_gt/``, ``2d_<detector>/``, ``cameras/camera-parameters.json``
+``karfly``      learnable triangulation: ``human36m-multiview-labels-*.npy``
+``adafuse``     AdaFuse, H36M-toolbox: ``h36m_validation.pkl``
+``videopose3d`` ``data_3d_h36m.npz``, ``data_2d_h36m_*.npz`` and ``camera-parameters.json``
+==============  ========================================================================================
+
+Take keys are ``"S9/Directions 1"`` where a format keeps the names of the original files, and
+``"S9/Directions-1"`` where it numbers the two takes of an action; these are not the same takes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from types import ModuleType
+
+from skelsplat.datasets._model import Dataset
+from skelsplat.datasets._registry import Survey
+from skelsplat.datasets.human36m import _adafuse, _authors, _karfly, _videopose3d
+from skelsplat.datasets.human36m._actions import ACTIONS
+from skelsplat.datasets.human36m._cameras import CAMERAS
+from skelsplat.datasets.human36m._options import Options, PathLike, Reading
+from skelsplat.exceptions import DatasetError, InvalidInputError
+
+__all__ = ["ACTIONS", "CAMERAS", "DESCRIPTION", "FORMATS", "read", "survey"]
+
+DESCRIPTION = "Human3.6M: 4 cameras, 17 joints; formats skelsplat, karfly, adafuse, videopose3d"
+
+_LAYOUTS: dict[str, ModuleType] = {
+    module.NAME: module for module in (_videopose3d, _karfly, _adafuse, _authors)
+}
+FORMATS = tuple(_LAYOUTS)
+
+
+def read(
+    root: Path,
+    *,
+    format: str | None = None,
+    subjects: Sequence[str] | None = ("S9", "S11"),
+    detector: str | None = None,
+    detections: PathLike | None = None,
+    cameras: PathLike | None = None,
+    monocular: str | None = None,
+) -> Dataset:
+    """Read Human3.6M.
+
+    Parameters
+    ----------
+    root : Path
+        The folder, or the file of a format that is one file.
+    format : str, optional
+        One of `FORMATS`; found from the files when left out.
+    subjects : sequence of str or None
+        Default: the two that the method is tested on. None reads all.
+    detector : str, optional
+        Which of the detections that are there: ``"metrabs"``, ``"cpn"``, ``"resnet152"``, … Default: metrabs,
+        resnet152, cpn, resnet50 or another, the first that is there.
+    detections : path, optional
+        Detections that are kept apart from the data: a folder ``<subject>/<activity>[/<camera>]/poses.npz``
+        (or ``.json``), an npz or a JSON file. Takes without any there are left out.
+    cameras : path, optional
+        ``camera-parameters.json``, if it lies elsewhere.
+    monocular : str, optional
+        Format ``skelsplat``: the folder in ``initial_guess`` with 3D poses of monocular estimators.
+
+    Raises
+    ------
+    InvalidInputError
+        If an option has a value that is none of those possible.
+    DatasetError
+        If a file is missing or malformed; it names the file and the field.
+    """
+    options = Options.parse(subjects, detector, detections, cameras, monocular)
+    name, place = find_format(root, format)
+    return read_layout("human36m", name, place, options, "Human3.6M")
+
+
+def survey(
+    root: Path,
+    *,
+    format: str | None = None,
+    subjects: Sequence[str] | None = ("S9", "S11"),
+    detector: str | None = None,
+    detections: PathLike | None = None,
+    cameras: PathLike | None = None,
+    monocular: str | None = None,
+) -> Survey:
+    """Say which files of Human3.6M are there, and which are missing; options as for `read`."""
+    options = Options.parse(subjects, detector, detections, cameras, monocular)
+    try:
+        name, place = find_format(root, format)
+    except DatasetError as error:
+        return Survey(missing=[(root, error.expected)])
+    found: Survey = _LAYOUTS[name].survey(place, options).survey(name)
+    return found
+
+
+def read_layout(dataset: str, name: str, place: Path, options: Options, origin: str) -> Dataset:
+    """Read a data set that lies at `place` in the layout `name`."""
+    reading = Reading(origin=f"{origin}, {name} layout")
+    _LAYOUTS[name].read(place, options, reading)
+    return reading.dataset(dataset, place)
+
+
+def find_format(root: Path, format: str | None) -> tuple[str, Path]:
+    """Return the layout on disk, and the folder or file that it begins at.
+
+    Raises
+    ------
+    InvalidInputError
+        If the format is unknown.
+    DatasetError
+        If no file of a known format is there, or files of several.
+    """
+    if format is not None and format not in _LAYOUTS:
+        raise InvalidInputError(f"format: expected one of {', '.join(_LAYOUTS)}, got {format!r}")
+    wanted = _LAYOUTS if format is None else {format: _LAYOUTS[format]}
+    places = {name: module.locate(root) for name, module in wanted.items()}
+    found = [(name, place) for name, place in places.items() if place is not None]
+    if not found:
+        expected = " or ".join(f"{module.HAS} (format {name})" for name, module in wanted.items())
+        raise DatasetError(root, "format", expected, "none of these")
+    if len(found) > 1:
+        several = ", ".join(f"{name} at {place}" for name, place in found)
+        raise DatasetError(root, "format", "files of one format, or the option format", several)
+    return found[0]

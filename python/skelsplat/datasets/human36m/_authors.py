@@ -1,0 +1,168 @@
+"""The layout of the method's authors: one folder per subject, activity and camera.
+
+``3d_gt/<subject>/<activity>/poses.npz``, ``2d_<detector>/<subject>/<activity>/<camera>/poses.npz``,
+``initial_guess/<name>/<subject>/<activity>[/<camera>]/poses.npz`` and ``cameras/camera-parameters.json``.
+Poses are under the first key that is there of poses, poses2d (pixels) or poses, poses3d (world, mm).
+Activities have the names of the original files, such as "SittingDown 1".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from skelsplat.cameras import CameraRig
+from skelsplat.datasets._detections import detector_name, first_key, load_poses, poses_file, read_folder
+from skelsplat.datasets._files import FloatArray, numbers
+from skelsplat.datasets._model import Take
+from skelsplat.datasets._places import Wishes
+from skelsplat.datasets.human36m._actions import action_of
+from skelsplat.datasets.human36m._cameras import CAMERAS, Parameters, find_cameras
+from skelsplat.datasets.human36m._options import (
+    Options,
+    Reading,
+    choose_detector,
+    wanted,
+    with_separate,
+)
+from skelsplat.exceptions import DatasetError
+from skelsplat.layouts import H36M17
+
+NAME = "skelsplat"
+HAS = "3d_gt/ and 2d_<detector>/"
+_TRUTH = "3d_gt"
+_KEYS_3D = ("poses", "poses3d")
+_KEYS_WORLD = ("coords3d_pred_world",)
+"""World poses of a monocular estimator, beside its pixels."""
+
+
+def locate(root: Path) -> Path | None:
+    """Return the folder with ``3d_gt``: the root, or the one folder in it that has it."""
+    if (root / _TRUTH).is_dir():
+        return root
+    inside = [path for path in _folders(root) if (path / _TRUTH).is_dir()]
+    return inside[0] if len(inside) == 1 else None
+
+
+def read(root: Path, options: Options, reading: Reading) -> None:
+    """Read the takes beneath `root`, which holds ``3d_gt``."""
+    parameters = Parameters(find_cameras(root, options.cameras))
+    subjects = options.chosen(root / _TRUTH, (path.name for path in _folders(root / _TRUTH)))
+    rigs = {subject: parameters.rig(subject) for subject in subjects}
+    takes: Iterator[Take] = (
+        _take(folder, subject, rigs[subject], parameters.path)
+        for subject in subjects
+        for folder in _folders(root / _TRUTH / subject)
+    )
+    if options.detections is None:
+        takes = _with_own(takes, root, options, reading)
+    else:
+        takes = with_separate(takes, options, reading)
+    reading.takes += [_with_monocular(take, root, options.monocular) for take in takes]
+
+
+def survey(root: Path, options: Options) -> Wishes:
+    """Look for the files that `read` opens."""
+    wishes = Wishes()
+    wishes.look([find_cameras(root, options.cameras)], "the cameras")
+    detectors = _detectors(root)
+    if options.detections is not None:
+        wishes.look([options.detections], "the detections")
+    elif options.detector is not None or not detectors:
+        name = options.detector or "<detector>"
+        wishes.look([detectors.get(name, root / f"2d_{name}")], "a folder of detections")
+    detector = None if options.detections else options.detector or choose_detector(detectors, None, root)
+    subjects = options.subjects or [path.name for path in _folders(root / _TRUTH)]
+    for subject in subjects:
+        wishes.look([root / _TRUTH / subject], f"the truth of {subject}")
+        for folder in _folders(root / _TRUTH / subject):
+            wishes.look([folder / "poses.npz", folder / "poses.json"], "the truth of a take")
+            if detector in detectors:
+                _survey_detections(wishes, detectors[detector] / subject / folder.name)
+    return wishes
+
+
+def _survey_detections(wishes: Wishes, folder: Path) -> None:
+    if poses_file(folder) is not None or not folder.is_dir():
+        return  # together in one file, or a take that the detector leaves out
+    for name in CAMERAS:
+        wishes.look([folder / name / "poses.npz", folder / name / "poses.json"], f"detections of {name}")
+
+
+def _folders(path: Path) -> list[Path]:
+    return sorted(entry for entry in path.iterdir() if entry.is_dir()) if path.is_dir() else []
+
+
+def _detectors(root: Path) -> dict[str, Path]:
+    return {detector_name(path.name): path for path in _folders(root) if path.name.startswith("2d_")}
+
+
+def _take(folder: Path, subject: str, rig: CameraRig, cameras: Path) -> Take:
+    path = poses_file(folder) or folder / "poses.npz"
+    field, value = first_key(path, load_poses(path), _KEYS_3D)
+    truth = numbers(path, field, value, ("frames", "joints", 3))
+    if truth.shape[1] != H36M17.n_joints:
+        raise DatasetError(path, field, f"{H36M17.n_joints} joints of {H36M17.name}", truth.shape[1])
+    return Take(
+        f"{subject}/{folder.name}",
+        subject,
+        action_of(folder.name),
+        rig,
+        np.arange(len(truth)),
+        truth,
+        files={"truth": path, "cameras": cameras},
+    )
+
+
+def _with_own(takes: Iterator[Take], root: Path, options: Options, reading: Reading) -> Iterator[Take]:
+    """Add the detections in ``2d_<detector>``; leave out takes that have none."""
+    detectors = _detectors(root)
+    reading.detector = choose_detector(detectors, options.detector, root)
+    if reading.detector is None:
+        yield from takes
+        return
+    if len(detectors) > 1 and options.detector is None:
+        reading.notes.append(f"detector {reading.detector} of {', '.join(sorted(detectors))}")
+    for take in takes:
+        folder = detectors[reading.detector] / Path(take.key)
+        if not folder.is_dir():
+            reading.left_out.append(take.key)
+            continue
+        yield replace(
+            take,
+            detections=read_folder(folder, wanted(take)),
+            monocular=_per_view(folder, take),
+            files={**take.files, "detections": folder},
+        )
+
+
+def _per_view(folder: Path, take: Take) -> FloatArray | None:
+    """Return the world poses of a monocular estimator that lie beside its pixels, (T, M, N, 3), if any do."""
+    views = []
+    for name in take.rig.names:
+        path = poses_file(folder / name)
+        content = load_poses(path) if path is not None else {}
+        key = next((key for key in _KEYS_WORLD if key in content), None)
+        if path is None or key is None:
+            return None
+        views.append(numbers(path, key, content[key], (len(take), H36M17.n_joints, 3)))
+    return np.stack(views, axis=1)
+
+
+def _with_monocular(take: Take, root: Path, name: str | None) -> Take:
+    """Add the poses of ``initial_guess/<name>``: one per view, or one in all that is fused already."""
+    if name is None:
+        return take
+    folder = root / "initial_guess" / name / take.key
+    together = poses_file(folder)
+    paths = [together] if together else [poses_file(folder / view) for view in take.rig.names]
+    views = []
+    for path in paths:
+        if path is None:
+            raise DatasetError(folder / "poses.npz", "file", f"poses {name!r} of {take.key}", "none")
+        field, value = first_key(path, load_poses(path), _KEYS_3D)
+        views.append(numbers(path, field, value, (len(take), H36M17.n_joints, 3)))
+    return replace(take, monocular=np.stack(views, axis=1), files={**take.files, "monocular": folder})

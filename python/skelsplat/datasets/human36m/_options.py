@@ -1,0 +1,153 @@
+"""What a caller may choose, and what the layouts on disk share."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from skelsplat.datasets._detections import Separate, Wanted, detector_name
+from skelsplat.datasets._model import Dataset, FloatArray, Take
+from skelsplat.datasets.human36m._actions import order, spelling, subject_order
+from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.layouts import H36M17
+
+PathLike = str | os.PathLike[str]
+
+PREFERRED = ("metrabs", "resnet152", "cpn", "resnet50")
+"""Which detector is read if the caller does not say: the first of these that is there, else by name."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """The options of `skelsplat.datasets.human36m.read`, parsed."""
+
+    subjects: tuple[str, ...] | None = ("S9", "S11")
+    detector: str | None = None
+    detections: Path | None = None
+    cameras: Path | None = None
+    monocular: str | None = None
+
+    @classmethod
+    def parse(
+        cls,
+        subjects: Sequence[str] | None,
+        detector: str | None,
+        detections: PathLike | None,
+        cameras: PathLike | None,
+        monocular: str | None,
+    ) -> Options:
+        """Check the types that a mistake is likely in.
+
+        Raises
+        ------
+        InvalidInputError
+        """
+        if isinstance(subjects, str) or (subjects is not None and not subjects):
+            raise InvalidInputError(f'subjects: expected names such as ("S9", "S11"), got {subjects!r}')
+        return cls(
+            None if subjects is None else tuple(subjects),
+            None if detector is None else detector_name(detector),
+            None if detections is None else Path(detections),
+            None if cameras is None else Path(cameras),
+            monocular,
+        )
+
+    def chosen(self, path: Path, there: Iterable[str]) -> list[str]:
+        """Return the subjects to read of those that are there.
+
+        Raises
+        ------
+        DatasetError
+            If one of them is not there.
+        """
+        available = sorted(set(there), key=subject_order)
+        for subject in self.subjects or ():
+            if subject not in available:
+                raise DatasetError(path, "subjects", subject, f"only {', '.join(available) or 'none'}")
+        return available if self.subjects is None else list(self.subjects)
+
+
+def choose_detector(there: dict[str, Path], wanted: str | None, folder: Path) -> str | None:
+    """Return the detector to read, None if there is none.
+
+    Raises
+    ------
+    DatasetError
+        If the wanted one is not there.
+    """
+    if wanted is not None:
+        if wanted not in there:
+            raise DatasetError(
+                folder, "detector", f"detections of {wanted}", f"only {', '.join(there) or 'none'}"
+            )
+        return wanted
+    known = [name for name in PREFERRED if name in there]
+    return next(iter([*known, *sorted(there, key=lambda name: name == "gt")]), None)
+
+
+@dataclass
+class Reading:
+    """A data set while it is read: its takes, and what has to be said of them."""
+
+    takes: list[Take] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)
+    detector: str | None = None
+    origin: str = ""
+
+    def dataset(self, name: str, root: Path) -> Dataset:
+        """Return the data set, takes in the order of the tables.
+
+        Raises
+        ------
+        DatasetError
+            If there are none.
+        """
+        if not self.takes:
+            raise DatasetError(root, "takes", "at least one", "none")
+        keys = [take.key for take in self.takes]
+        if len(set(keys)) < len(keys):
+            twice = next(key for key in keys if keys.count(key) > 1)
+            raise DatasetError(root, "takes", "each take once", f"{twice} twice")
+        if self.left_out:
+            self.notes.append(f"left out, without detections: {', '.join(self.left_out)}")
+        takes = sorted(self.takes, key=lambda take: (subject_order(take.subject), order(activity_of(take))))
+        return Dataset(name, H36M17, tuple(takes), self.detector, self._source(), tuple(self.notes))
+
+    def _source(self) -> str:
+        if self.detector is None:
+            return f"{self.origin}; without detections"
+        if self.detector == "gt":
+            return f"{self.origin}; detections are the projected truth (oracle)"
+        return f"{self.origin}; detections of {self.detector}"
+
+
+def activity_of(take: Take) -> str:
+    """Return the take's name without the subject."""
+    return take.key.partition("/")[2]
+
+
+def wanted(take: Take) -> Wanted:
+    """Return what detections of a take must fit."""
+    return Wanted(take.key, take.frames, take.rig.names, H36M17)
+
+
+def with_separate(takes: Iterable[Take], options: Options, reading: Reading) -> Iterator[Take]:
+    """Give the takes the detections of ``Options.detections``; leave out those that have none there."""
+    if options.detections is None:
+        yield from takes
+        return
+    source = Separate(options.detections, spelling)
+    reading.detector = options.detector or detector_name(options.detections.stem)
+    for take in takes:
+        found = source.read(take.subject, activity_of(take), wanted(take))
+        if found is None:
+            reading.left_out.append(take.key)
+        else:
+            yield _with_detections(take, *found)
+
+
+def _with_detections(take: Take, detections: FloatArray, path: Path) -> Take:
+    return replace(take, detections=detections, files={**take.files, "detections": path})

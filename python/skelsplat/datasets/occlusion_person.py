@@ -1,0 +1,248 @@
+"""Occlusion-Person: rendered persons behind furniture, 8 cameras, 15 joints, cameras that differ by frame.
+
+- Format ``"adafuse"``: ``unrealcv/annot/unrealcv_validation.pkl`` (or ``annot/…``);
+- format ``"skelsplat"``: ``3d_gt/S0/ACTIVITY/poses.npz`` and ``cameras/cameras.json``
+  ({frame: 8 × {R, T, fx, fy, cx, cy}}); the truth is in mm.
+
+In both T is the camera's centre: x_cam = R (X − T). Frames with the same cameras make a take.
+Detections are ``2d_DETECTOR/S0/ACTIVITY[/CAMERA]/poses.npz``, for the pickle ACTIVITY = ``validation``: a row
+per frame in the order in which the truth first has them (with ``frames``, the rows that are given), all eight
+cameras or one folder per camera.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skelsplat.datasets._detections import Wanted, detector_name
+from skelsplat.datasets._files import FloatArray, as_numbers
+from skelsplat.datasets._kept_apart import detections_folder, read_apart
+from skelsplat.datasets._model import Dataset, Take
+from skelsplat.datasets._occlusion_person_files import Table, read_arrays, read_pickle
+from skelsplat.datasets._places import Wishes, find
+from skelsplat.datasets._registry import Survey
+from skelsplat.datasets._reproject import sample
+from skelsplat.datasets._rig import build_rig, camera_at_centre
+from skelsplat.datasets._verify import raise_fatal
+from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.layouts import OCCLUSION_PERSON15
+
+DESCRIPTION = "Occlusion-Person: rendered persons behind furniture in 8 cameras."
+
+N_CAMERAS = 8
+FOUR_CAMERAS = (1, 3, 5, 7)
+SIZE = (1280, 720)
+_LARGE_PX = 25.0
+_CAMERA_KEYS = ("R", "T", "fx", "fy", "cx", "cy", "k", "p")
+_FORMATS = ("adafuse", "skelsplat")
+
+
+def read(
+    root: Path,
+    *,
+    detector: str | None = None,
+    detections: Path | str | None = None,
+    views: int | Sequence[int] = N_CAMERAS,
+    format: str | None = None,
+    split: str = "validation",
+    step: int = 5,
+) -> Dataset:
+    """Read Occlusion-Person.
+
+    Parameters
+    ----------
+    root : Path
+    detector : str or None
+        Name of the detector, as in ``2d_DETECTOR``; chosen as for Human3.6M when left out.
+    detections : Path or None
+        A folder of detections outside the root, in place of ``2d_DETECTOR/S0``.
+    views : int or sequence of int
+        8, 4 (cameras 1, 3, 5, 7), or numbers of cameras.
+    format : {"adafuse", "skelsplat"} or None
+        None looks.
+    split : str
+        Of the pickle: ``"validation"`` or ``"train"``.
+    step : int
+        Takes every so many frames; 5 is the test of AdaFuse.
+
+    Raises
+    ------
+    DatasetError
+        If a file is missing or malformed; names the file and the field.
+    InvalidInputError
+        If an option's value is unknown.
+    """
+    chosen = _cameras(views)
+    if step < 1:
+        raise InvalidInputError(f"step: expected an integer >= 1, got {step}")
+    folder = detections_folder(root, detector, detections)
+    takes: list[Take] = []
+    notes: list[str] = []
+    for activity, table in _tables(root, format, split, chosen):
+        found = None if folder is None else _detections(folder, activity, table, chosen)
+        rows = np.arange(0, len(table.frames), step)
+        values, path = (None, None)
+        if found is not None:
+            values, places, path = found
+            rows = rows[np.isin(rows, places)]
+            values = values[np.searchsorted(places, rows)]
+        if table.annotated is not None:
+            _check_annotation(table, rows, chosen)
+        takes += _takes(table, rows, chosen, values, path)
+        notes += table.notes
+    name = detector_name(detector or (folder.parent.name if folder and detections is None else "")) or None
+    words = f"Occlusion-Person, cameras {', '.join(map(str, chosen))}, detections: {name or 'none'}"
+    return Dataset("occlusion-person", OCCLUSION_PERSON15, tuple(takes), name, words, tuple(notes))
+
+
+def survey(
+    root: Path,
+    *,
+    detector: str | None = None,
+    detections: Path | str | None = None,
+    views: int | Sequence[int] = N_CAMERAS,
+    format: str | None = None,
+    split: str = "validation",
+    step: int = 5,
+) -> Survey:
+    """Say which files are there."""
+    del step
+    _cameras(views)
+    wishes, chosen = Wishes(), _format(root, format)
+    if chosen == "adafuse":
+        wishes.look(_pickles(root, split), f"annotation of the split {split}")
+    else:
+        wishes.look([root / "cameras" / "cameras.json", root / "cameras.json"], "cameras by frame")
+        wishes.look(sorted((root / "3d_gt" / "S0").glob("*/poses.npz")) or [root / "3d_gt" / "S0"], "truth")
+    if detections is not None:
+        wishes.look([Path(detections)], "detections")
+    else:
+        there = sorted(root.glob(f"2d_{detector or '*'}"))
+        wishes.look([path / "S0" for path in there] or [root / f"2d_{detector or 'resnet50'}"], "detections")
+    return wishes.survey(chosen)
+
+
+def _cameras(views: int | Sequence[int]) -> tuple[int, ...]:
+    named = {N_CAMERAS: tuple(range(N_CAMERAS)), len(FOUR_CAMERAS): FOUR_CAMERAS}
+    chosen = named.get(views, ()) if isinstance(views, int) else tuple(views)
+    if not chosen or len(set(chosen)) < len(chosen) or not set(chosen) <= set(range(N_CAMERAS)):
+        raise InvalidInputError(f"views: expected 4, 8 or different cameras of 0 to 7, got {views!r}")
+    return chosen
+
+
+def _format(root: Path, given: str | None) -> str:
+    if given not in (None, *_FORMATS):
+        raise InvalidInputError(f"format: expected one of {', '.join(_FORMATS)}, got {given!r}")
+    return given or ("skelsplat" if (root / "3d_gt").is_dir() else "adafuse")
+
+
+def _pickles(root: Path, split: str) -> list[Path]:
+    name = f"unrealcv_{split}.pkl"
+    return [root / "unrealcv" / "annot" / name, root / "annot" / name, root / name]
+
+
+def _tables(root: Path, format: str | None, split: str, views: Sequence[int]) -> list[tuple[str, Table]]:
+    """Return the tables by the folder that their detections have."""
+    if _format(root, format) == "adafuse":
+        path = find(_pickles(root, split), f"annotation of the split {split}")
+        return [(split, read_pickle(path, views))]
+    folders = sorted(path.parent for path in (root / "3d_gt" / "S0").glob("*/poses.npz"))
+    if not folders:
+        raise DatasetError(root / "3d_gt" / "S0" / "ACTIVITY" / "poses.npz", "file", "truth", "nothing there")
+    places = [root / "cameras" / "cameras.json", root / "cameras.json"]
+    return [
+        (
+            folder.name,
+            read_arrays(
+                folder,
+                find([root / "cameras" / folder.name / "cameras.json", *places], "cameras by frame"),
+                views,
+            ),
+        )
+        for folder in folders
+    ]
+
+
+def _detections(
+    folder: Path, activity: str, table: Table, views: Sequence[int]
+) -> tuple[FloatArray, NDArray[np.int64], Path]:
+    """Return detections (S, M, N, 3) of the chosen cameras, their rows in the table and their place."""
+    names = tuple(str(view) for view in range(N_CAMERAS))
+    place = folder / activity
+    rows = np.arange(len(table.frames), dtype=np.int64)
+    together = (place / "poses.npz").is_file() or (place / "poses.json").is_file()
+    cameras = names if together else tuple(str(view) for view in views)
+    wanted = Wanted(activity, rows, cameras, OCCLUSION_PERSON15)
+    found = read_apart(place, ["poses"], wanted, [[name, f"cam{name}"] for name in cameras])
+    if found is None:
+        raise DatasetError(place / "poses.npz", "file", f"detections of {activity}", "nothing in this place")
+    values, places, path = found
+    return (values[:, list(views)] if together else values), places, path
+
+
+def _takes(
+    table: Table,
+    rows: NDArray[np.int64],
+    views: Sequence[int],
+    detections: FloatArray | None,
+    source: Path | None,
+) -> list[Take]:
+    """Group rows of the same activity and cameras into takes."""
+    groups: dict[tuple[str, bytes], list[int]] = {}
+    for place, row in enumerate(rows.tolist()):
+        same = b"".join(_signature(table.cameras_path, *entry) for entry in table.cameras[row])
+        groups.setdefault((table.activities[row], same), []).append(place)
+    counts: dict[str, int] = {}
+    files = {"truth": table.path, "cameras": table.cameras_path}
+    takes = []
+    for (activity, _), places in groups.items():
+        counts[activity] = counts.get(activity, 0) + 1
+        mine = rows[places]
+        cameras = [
+            camera_at_centre(table.cameras_path, *table.cameras[mine[0]][m], size=SIZE, name=str(view))
+            for m, view in enumerate(views)
+        ]
+        subject, _, action = activity.partition("/")
+        takes.append(
+            Take(
+                f"{activity}.{counts[activity]}",
+                subject,
+                action,
+                build_rig(table.cameras_path, cameras, "mm"),
+                table.frames[mine],
+                table.truth[mine],
+                None if detections is None else detections[places],
+                boxes=None if table.boxes is None else table.boxes[mine],
+                visible=None if table.visible is None else table.visible[mine],
+                files=files if source is None else {**files, "detections": source},
+            )
+        )
+    return takes
+
+
+def _signature(path: Path, field: str, entry: Any) -> bytes:
+    """Return bytes that are the same for the same camera."""
+    keys = [key for key in _CAMERA_KEYS if isinstance(entry, dict) and key in entry]
+    return b"".join(as_numbers(path, f"{field}.{key}", entry[key]).tobytes() for key in keys)
+
+
+def _check_annotation(table: Table, rows: NDArray[np.int64], views: Sequence[int]) -> None:
+    """Refuse cameras, units or sides with which the truth does not meet its own projections."""
+    assert table.annotated is not None
+    annotated = table.annotated[rows]
+    inside = ((annotated >= 0) & (annotated < np.array(SIZE))).all(axis=-1, keepdims=True)
+    pixels = np.concatenate([np.where(inside, annotated, np.nan), inside.astype(np.float64)], axis=-1)
+    takes = _takes(table, rows, views, pixels, table.path)
+    raise_fatal(Dataset("occlusion-person", OCCLUSION_PERSON15, tuple(takes)))
+    for take in takes:
+        error = sample(take).error()
+        if error > _LARGE_PX:
+            expected = "cameras (T their centres) that project joints_gt onto joints_2d"
+            raise DatasetError(
+                table.cameras_path, "camera", expected, f"{error:.0f} px between them in {take.key}"
+            )

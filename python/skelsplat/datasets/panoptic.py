@@ -1,0 +1,205 @@
+"""CMU Panoptic Studio: sequences with one person, HD cameras, 19 joints.
+
+Calibration and truth are those of the panoptic-toolbox, in cm; everything is given in mm. The world's y axis
+points down, as in the source.
+
+- ``calibration_SEQ.json`` in ``SEQ/``, in ``cameras/`` or in the root itself;
+- truth ``SEQ/hdPose3d_stage1_coco19/body3DScene_%08d.json`` (format ``"toolbox"``) or
+  ``3d_gt/S0/SEQ/poses_filtered_N.npz`` (format ``"skelsplat"``, N views);
+- detections ``2d_DETECTOR/S0/SEQ[/CAMERA]/poses_filtered_N.npz`` or ``poses.npz``, or ``SEQ[/CAMERA]`` in the
+  folder `detections`: ``poses2d`` (T, M, 19, 2 or 3), and with ``frames`` (T,) the frame numbers;
+- monocular poses ``initial_guess/NAME/S0/SEQ[/CAMERA]/poses_filtered_N.npz`` or ``poses.npz``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skelsplat.cameras import MM_PER_UNIT
+from skelsplat.datasets._detections import Wanted, detector_name
+from skelsplat.datasets._files import FloatArray, load_npz, numbers, require
+from skelsplat.datasets._kept_apart import detections_folder, read_apart, read_world
+from skelsplat.datasets._model import Dataset, Take
+from skelsplat.datasets._panoptic_json import camera_name, read_cameras, read_truth, truth_files
+from skelsplat.datasets._places import Wishes, find
+from skelsplat.datasets._registry import Survey
+from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.layouts import PANOPTIC19
+
+DESCRIPTION = "CMU Panoptic Studio: single-person sequences in HD cameras."
+
+SEQUENCES = ("171204_pose5", "171204_pose6")
+CAMERAS = (1, 2, 10, 13, 3, 23, 19, 30)
+"""HD cameras in the order in which the experiments add them: the first four, then one by one."""
+
+_TRUTH = "hdPose3d_stage1_coco19"
+_FORMATS = ("toolbox", "skelsplat")
+
+
+def read(
+    root: Path,
+    *,
+    detector: str | None = None,
+    detections: Path | str | None = None,
+    views: int | Sequence[int] = 4,
+    sequences: Sequence[str] = SEQUENCES,
+    format: str | None = None,
+    truth_unit: str = "cm",
+    person: int | None = None,
+    monocular: str | None = None,
+) -> Dataset:
+    """Read sequences of CMU Panoptic.
+
+    Parameters
+    ----------
+    root : Path
+    detector : str or None
+        Name of the detector, as in ``2d_DETECTOR``; chosen as for Human3.6M when left out.
+    detections : Path or None
+        A folder of detections outside the root.
+    views : int or sequence of int
+        The first so many of `CAMERAS`, or numbers of HD cameras.
+    sequences : sequence of str
+    format : {"toolbox", "skelsplat"} or None
+        Where the truth is; None looks.
+    truth_unit : {"cm", "mm", "m"}
+        Unit of the truth in format ``"skelsplat"``; that of the toolbox is always cm.
+    person : int or None
+        Id of the body to take where there are several.
+    monocular : str or None
+        The folder in ``initial_guess`` with world poses, mm, a row per row of the detections.
+
+    Raises
+    ------
+    DatasetError
+        If a file is missing or malformed; names the file and the field.
+    InvalidInputError
+        If `views`, `format` or `truth_unit` is unknown.
+    """
+    numbers_ = _cameras(views)
+    source = detections_folder(root, detector, detections)
+    takes, notes = [], []
+    for sequence in sequences:
+        path = find(_calibrations(root, sequence), f"calibration of {sequence}")
+        rig = read_cameras(path, numbers_)
+        frames, truth, truth_path = _truth(
+            find(_truths(root, sequence, len(rig), format), f"truth of {sequence}"), truth_unit, person
+        )
+        files = {"cameras": path, "truth": truth_path}
+        take = Take(f"S0/{sequence}", "S0", sequence, rig, frames, truth, files=files)
+        if source is not None:
+            guess = None if monocular is None else root / "initial_guess" / monocular / "S0" / sequence
+            take, note = _with_detections(take, source, guess, filtered=detections is None)
+            notes += [note] if note else []
+        takes.append(take)
+    name = detector_name(detector or (source.parent.name if source and detections is None else "")) or None
+    words = f"CMU Panoptic, HD cameras {', '.join(map(str, numbers_))}, detections: {name or 'none'}"
+    return Dataset("panoptic", PANOPTIC19, tuple(takes), detector=name, source=words, notes=tuple(notes))
+
+
+def survey(
+    root: Path,
+    *,
+    detector: str | None = None,
+    detections: Path | str | None = None,
+    views: int | Sequence[int] = 4,
+    sequences: Sequence[str] = SEQUENCES,
+    format: str | None = None,
+    truth_unit: str = "cm",
+    person: int | None = None,
+    monocular: str | None = None,
+) -> Survey:
+    """Say which files are there."""
+    del truth_unit, person, monocular
+    wishes, count = Wishes(), len(_cameras(views))
+    for sequence in sequences:
+        wishes.look(_calibrations(root, sequence), f"calibration of {sequence}")
+        wishes.look(_truths(root, sequence, count, format), f"truth of {sequence}")
+        if detections is not None or detector is not None:
+            folder = Path(detections) if detections is not None else root / f"2d_{detector}" / "S0"
+            wishes.look([folder / sequence], f"detections of {sequence}")
+    if detections is None and detector is None and not sorted(root.glob("2d_*")):
+        wishes.look([root / "2d_metrabs" / "S0"], "detections")
+    return wishes.survey(format or "")
+
+
+def _cameras(views: int | Sequence[int]) -> tuple[int, ...]:
+    if isinstance(views, int):
+        if not 1 <= views <= len(CAMERAS):
+            raise InvalidInputError(
+                f"views: expected 1 to {len(CAMERAS)}, or numbers of cameras, got {views}"
+            )
+        return CAMERAS[:views]
+    chosen = tuple(views)
+    if not chosen or len(set(chosen)) < len(chosen):
+        raise InvalidInputError(f"views: expected at least one camera and none twice, got {list(views)}")
+    return chosen
+
+
+def _calibrations(root: Path, sequence: str) -> list[Path]:
+    name = f"calibration_{sequence}.json"
+    return [root / sequence / name, root / "cameras" / name, root / name]
+
+
+def _truths(root: Path, sequence: str, n_views: int, format: str | None) -> list[Path]:
+    if format not in (None, *_FORMATS):
+        raise InvalidInputError(f"format: expected one of {', '.join(_FORMATS)}, got {format!r}")
+    folder = root / "3d_gt" / "S0" / sequence
+    arrays = [folder / f"poses_filtered_{n_views}.npz", folder / "poses.npz"]
+    return {"toolbox": [], "skelsplat": arrays}.get(format or "", arrays) + (
+        [] if format == "skelsplat" else [root / sequence / _TRUTH]
+    )
+
+
+def _truth(path: Path, unit: str, person: int | None) -> tuple[NDArray[np.int64], FloatArray, Path]:
+    """Frames (T,), joints (T, 19, 3) mm, and the file or folder they are from."""
+    if unit not in MM_PER_UNIT:
+        raise InvalidInputError(f"truth_unit: expected one of {', '.join(MM_PER_UNIT)}, got {unit!r}")
+    if path.is_dir():
+        return (*read_truth(truth_files(path), person), path)
+    content = load_npz(path)
+    key = next((key for key in ("poses", "poses3d") if key in content), "poses3d")
+    truth = numbers(path, key, require(path, "", content, key), ("T", PANOPTIC19.n_joints, 3))
+    frames = np.asarray(content.get("frames", np.arange(len(truth))))
+    if frames.shape != (len(truth),) or frames.dtype.kind not in "iu" or (np.diff(frames) <= 0).any():
+        expected = f"{len(truth)} whole numbers that ascend"
+        raise DatasetError(path, "frames", expected, f"{frames.dtype} {frames.shape}")
+    return frames.astype(np.int64), MM_PER_UNIT[unit] * truth, path
+
+
+def _with_detections(take: Take, source: Path, guess: Path | None, *, filtered: bool) -> tuple[Take, str]:
+    """Return the frames of a take in which every view has a detection, and what was left out."""
+    stems = [f"poses_filtered_{len(take.rig)}", "poses"] if filtered else ["poses"]
+    wanted = Wanted(take.key, take.frames, take.rig.names, PANOPTIC19)
+    spellings = [_spellings(name) for name in take.rig.names]
+    found = read_apart(source / take.action, stems, wanted, spellings)
+    if found is None and not filtered:
+        found = read_apart(source, [take.action], wanted, spellings)
+    if found is None:
+        expected = f"detections of {take.action}"
+        raise DatasetError(
+            source / take.action / f"{stems[0]}.npz", "file", expected, "nothing in this place"
+        )
+    values, places, path = found
+    everywhere: NDArray[np.bool_] = np.all(np.any(values[..., 2] > 0, axis=2), axis=1)
+    world = None
+    if guess is not None:
+        world = read_world(guess, stems, (len(values), PANOPTIC19.n_joints), spellings)
+    with_2d = replace(
+        take.select(places), detections=values, monocular=world, files={**take.files, "detections": path}
+    ).select(everywhere)
+    lost = len(take) - len(with_2d)
+    note = f"{take.key}: {lost} of {len(take)} frames left out, not detected in every view"
+    return with_2d, note if lost else ""
+
+
+def _spellings(name: str) -> list[str]:
+    """Names that the folder of a camera may have: 00_03, 3, 03, hd03, cam3."""
+    number = int(re.sub(r"^00_", "", name))
+    return [camera_name(number), f"{number}", f"{number:02d}", f"hd{number:02d}", f"cam{number}"]

@@ -1,0 +1,146 @@
+"""An evaluation from start to end: a data set and names of methods in, scores out.
+
+>>> from skelsplat import datasets
+>>> from skelsplat.evaluation import report, tables
+>>> data = datasets.read("synthetic", "data/h36m-like")                                    # doctest: +SKIP
+>>> print(tables.overall(report.evaluate(data, ["dlt", "skelsplat"])).markdown())          # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from skelsplat.datasets import Dataset
+from skelsplat.evaluation import methods, protocols, runs
+from skelsplat.evaluation._protocol import Case, Protocol
+from skelsplat.evaluation._published import Published, published
+from skelsplat.evaluation.methods import Method, Options
+from skelsplat.evaluation.scores import Scores, score
+from skelsplat.exceptions import InvalidInputError
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Evaluation:
+    """What `evaluate` found.
+
+    Attributes
+    ----------
+    dataset : Dataset
+    protocol : Protocol
+    cases : tuple of Case
+    headers : mapping of str to str
+        Columns that occur, key to header.
+    options : Options
+    settings : mapping of method to mapping
+        What the poses of each method depend on.
+    scores : tuple of Scores
+        One per method, in the order asked for.
+    published : Published or None
+        What others reported of this data set.
+    """
+
+    dataset: Dataset
+    protocol: Protocol
+    cases: tuple[Case, ...]
+    headers: Mapping[str, str]
+    options: Options
+    settings: Mapping[str, Mapping[str, Any]]
+    scores: tuple[Scores, ...]
+    published: Published | None
+
+    @property
+    def simulated(self) -> bool:
+        """Whether no camera saw what was evaluated."""
+        return self.dataset.name in protocols.SIMULATED
+
+
+def evaluate(
+    dataset: Dataset,
+    names: Sequence[str] = (),
+    options: Options | None = None,
+    *,
+    protocol: Protocol | None = None,
+    folder: Path | None = None,
+    report: runs.Report | None = None,
+) -> Evaluation:
+    """Run methods on a data set and score them.
+
+    Parameters
+    ----------
+    dataset : Dataset
+    names : sequence of str
+        Of `methods.names`; none: all that the data allow except the one that renders pixels.
+    options : Options, optional
+        `paper_fields` and `paper_start` are filled in from the protocol.
+    protocol : Protocol, optional
+        Default: that of the data set's name.
+    folder : Path, optional
+        Where the poses of every take are kept, so that a stopped evaluation goes on.
+    report : callable, optional
+        As `runs.Report`.
+
+    Raises
+    ------
+    InvalidInputError
+        An unknown method, or nothing to evaluate.
+    DatasetError
+        A take lacks what a method needs, or results cannot be written.
+    """
+    rules = protocols.get(dataset.name) if protocol is None else protocol
+    cases = rules.cases(dataset)
+    chosen = replace(
+        options or Options(), paper_fields=dict(rules.paper_fields), paper_start=start_of_paper(rules, cases)
+    )
+    picked = select(names, cases, chosen)
+    store = None if folder is None else runs.Store(folder, _source(dataset, rules))
+    solutions = runs.run(cases, dataset.layout, picked, chosen, store=store, report=report)
+    return Evaluation(
+        dataset=dataset,
+        protocol=rules,
+        cases=cases,
+        headers=rules.headers(cases),
+        options=chosen,
+        settings={method.name: method.settings(chosen) for method in picked},
+        scores=tuple(score(m.name, cases, solutions[m.name], dataset.layout, rules) for m in picked),
+        published=published(dataset, rules),
+    )
+
+
+def select(names: Sequence[str], cases: Sequence[Case], options: Options) -> list[Method]:
+    """Return the methods of these names, each once; none: all that the data allow and that render no pixels.
+
+    Raises
+    ------
+    InvalidInputError
+        An unknown name, or the data allow no method.
+    """
+    if names:
+        return [methods.get(name) for name in dict.fromkeys(names)]
+    every = [methods.get(name) for name in methods.names]
+    picked = [
+        method
+        for method in every
+        if not method.by_pixels
+        and all(method.lacks(case.take, method.settings(options)) is None for case in cases)
+    ]
+    if not picked:
+        raise InvalidInputError("methods: expected takes with detections or monocular poses, got neither")
+    return picked
+
+
+def start_of_paper(protocol: Protocol, cases: Sequence[Case]) -> str:
+    """Return where the paper's presets start: as in the paper, or by DLT if there are no monocular poses."""
+    fused = protocol.paper_start == "fusion" and all(case.take.monocular is not None for case in cases)
+    return "fusion" if fused else "dlt"
+
+
+def _source(dataset: Dataset, protocol: Protocol) -> dict[str, Any]:
+    return {
+        "dataset": dataset.name,
+        "detector": dataset.detector,
+        "layout": dataset.layout.name,
+        "protocol": protocol.name,
+    }

@@ -1,0 +1,205 @@
+"""Running methods on cases, with the poses of every take kept on disk so that a stopped run goes on.
+
+A take's result is written to a temporary file that then takes its name, and is read back only if all of it is
+there and it belongs to the same settings and the same data; else it is computed again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import zipfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from skelsplat import _skelsplat
+from skelsplat._skelsplat import Layout
+from skelsplat.datasets import Take
+from skelsplat.evaluation._protocol import Case
+from skelsplat.evaluation.methods import Method, Options, Solution
+from skelsplat.io._atomic import atomic_write
+
+# Raise it when the meaning of a file or of a method's settings changes.
+_FORMAT = 1
+
+Report = Callable[[str, str, int, int], None]
+"""Called with method, take, poses done or found on disk so far, and poses in all (of all methods)."""
+
+
+@dataclass(frozen=True)
+class Store:
+    """Results on disk: ``<folder>/<method>-<hash of settings>/<take>.npz``.
+
+    Parameters
+    ----------
+    folder : Path
+    source : mapping
+        What else the results depend on, as JSON values: data set, layout, detector, protocol.
+    """
+
+    folder: Path
+    source: Mapping[str, Any]
+
+    def path(self, method: Method, settings: Mapping[str, Any], take: Take) -> Path:
+        """Return where the result of a take is or will be."""
+        readable = re.sub(r"[^A-Za-z0-9]+", "-", take.key).strip("-")
+        name = f"{readable}-{_digest(take.key)[:8]}.npz"
+        return self.folder / f"{method.name}-{_digest(self._text(method, settings))[:12]}" / name
+
+    def load(self, method: Method, settings: Mapping[str, Any], take: Take, data: str) -> Solution | None:
+        """Return the stored result of a take whose arrays have the `fingerprint` `data`, if there is one."""
+        path = self.path(method, settings, take)
+        try:
+            with path.open("rb") as stream, np.load(stream, allow_pickle=False) as found:
+                belongs = (str(found["settings"]), str(found["data"])) == (self._text(method, settings), data)
+                pose, seconds = found["pose"], float(found["seconds"])
+        except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
+            return None  # absent or broken
+        fits = pose.shape == take.truth.shape and pose.dtype == np.float64 and not np.isinf(pose).any()
+        return Solution(pose, seconds) if belongs and fits and 0 <= seconds < np.inf else None
+
+    def save(
+        self, method: Method, settings: Mapping[str, Any], take: Take, data: str, solution: Solution
+    ) -> None:
+        """Write the result of a take, whole or not at all.
+
+        Raises
+        ------
+        DatasetError
+            If the folder cannot be written.
+        """
+        path = self.path(method, settings, take)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with atomic_write(path, durable=False) as stream:  # `load` checks what it reads
+            np.savez(
+                stream,
+                pose=solution.pose,
+                seconds=np.float64(solution.seconds),
+                key=np.str_(take.key),
+                settings=np.str_(self._text(method, settings)),
+                data=np.str_(data),
+            )
+
+    def _text(self, method: Method, settings: Mapping[str, Any]) -> str:
+        what = {
+            "format": _FORMAT,
+            "version": _skelsplat.__version__,
+            "method": method.name,
+            "settings": dict(settings),
+            "source": dict(self.source),
+        }
+        return json.dumps(what, sort_keys=True)
+
+
+def fingerprint(take: Take) -> str:
+    """Hash of everything in a take that a result or its score depends on."""
+    digest = hashlib.blake2b(digest_size=16)
+    arrays: dict[str, Any] = {
+        name: getattr(take, name)
+        for name in ("frames", "truth", "detections", "monocular", "boxes", "visible")
+    }
+    for i, camera in enumerate(take.rig):
+        arrays |= {f"{name}{i}": getattr(camera, name) for name in ("K", "R", "t", "distortion", "size")}
+        arrays[f"fisheye{i}"] = camera.fisheye
+    digest.update(f"{take.key}|{take.rig.unit}".encode())
+    for name, value in arrays.items():
+        array = np.zeros(0) if value is None else np.ascontiguousarray(value)
+        digest.update(f"|{name}:{value is None}:{array.dtype.str}:{array.shape}|".encode())
+        digest.update(array.tobytes())
+    return digest.hexdigest()
+
+
+def _digest(text: str) -> str:
+    return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
+
+
+def run(
+    cases: Sequence[Case],
+    layout: Layout,
+    methods: Sequence[Method],
+    options: Options,
+    *,
+    store: Store | None = None,
+    report: Report | None = None,
+) -> dict[str, list[Solution]]:
+    """Run every method on every case, or take the result from the store.
+
+    Parameters
+    ----------
+    cases : sequence of Case
+    layout : Layout
+    methods : sequence of Method
+    options : Options
+    store : Store, optional
+        None: nothing is kept on disk.
+    report : callable, optional
+
+    Returns
+    -------
+    dict of method name to one Solution per case
+
+    Raises
+    ------
+    DatasetError
+        If a take lacks what a method needs (before any work), or a result cannot be written.
+    """
+    settings = {method.name: method.settings(options) for method in methods}
+    for method in methods:
+        for case in cases:
+            method.check(case.take, settings[method.name])
+    prints = ["" if store is None else fingerprint(case.take) for case in cases]
+    tally = _Tally(report, len(methods) * sum(len(case.take) for case in cases))
+    solutions: dict[str, list[Solution]] = {method.name: [] for method in methods}
+    for method in methods:
+        for case, data in zip(cases, prints, strict=True):
+            todo = _Task(method, settings[method.name], case.take, data)
+            solutions[method.name].append(_solved(todo, layout, store, tally))
+    return solutions
+
+
+@dataclass(frozen=True)
+class _Task:
+    method: Method
+    settings: Mapping[str, Any]
+    take: Take
+    data: str
+
+
+@dataclass
+class _Tally:
+    """How many poses are done."""
+
+    report: Report | None
+    total: int
+    done: int = 0
+
+    def within(self, task: _Task, done: int) -> None:
+        """Report `done` poses of a take."""
+        if self.report is not None:
+            self.report(task.method.name, task.take.key, self.done + done, self.total)
+
+    def finish(self, task: _Task) -> None:
+        """Report the whole take."""
+        self.done += len(task.take)
+        self.within(task, 0)
+
+
+def _solved(task: _Task, layout: Layout, store: Store | None, tally: _Tally) -> Solution:
+    method, settings, take = task.method, task.settings, task.take
+    tally.within(task, 0)
+    solution = None if store is None else store.load(method, settings, take, task.data)
+    if solution is None:
+
+        def heard(done: int, _: int) -> None:
+            tally.within(task, done)
+
+        solution = method.solve(take, layout, settings, heard if method.by_pixels else None)
+        if store is not None:
+            store.save(method, settings, take, task.data, solution)
+    tally.finish(task)
+    return solution

@@ -1,0 +1,211 @@
+"""From poses to figures: errors of one method over all cases, by column, by joint, with intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skelsplat import metrics
+from skelsplat._skelsplat import Layout
+from skelsplat.evaluation._protocol import Case, Protocol
+from skelsplat.evaluation.bootstrap import mean_interval
+from skelsplat.evaluation.methods import Solution
+from skelsplat.exceptions import DatasetError
+
+FloatArray = NDArray[np.float64]
+
+PCK_MM = (50, 100, 150)
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A mean and its 95 % interval by bootstrap over takes; NaN where there is none."""
+
+    mean: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """Means over a column or a joint: mm, and PCP as a share; NaN where nothing counts."""
+
+    poses: int
+    absolute: float
+    relative: float
+    procrustes: float
+    pcp: float
+
+
+@dataclass(frozen=True, slots=True)
+class Scores:
+    """What is said about one method.
+
+    Attributes
+    ----------
+    method : str
+    absolute_poses, poses : int
+        Poses whose absolute error counts, and all.
+    absolute, relative, procrustes : Estimate
+        MPJPE, mm, over all joints of all poses. Joints without a position are left out: see `missing`.
+    median : float
+        Of the absolute joint errors, mm.
+    pck : mapping of threshold in mm to share
+        Joints of the absolute error's poses that are at most so far off; a missing one is wrong.
+    pcp : float
+        Share of correct parts; NaN if the protocol has none.
+    missing : float
+        Share of the joints that the method leaves without a position.
+    ms_per_pose : float
+        Wall time of the method alone.
+    columns, joints : mapping of str to Group
+        By column of the protocol and by joint of the layout.
+    """
+
+    method: str
+    absolute_poses: int
+    poses: int
+    absolute: Estimate
+    relative: Estimate
+    procrustes: Estimate
+    median: float
+    pck: Mapping[int, float]
+    pcp: float
+    missing: float
+    ms_per_pose: float
+    columns: Mapping[str, Group]
+    joints: Mapping[str, Group]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Errors:
+    """Of one case: (T, N), parts (T, L); NaN where something does not count."""
+
+    absolute: FloatArray
+    relative: FloatArray
+    procrustes: FloatArray
+    missing: FloatArray
+    pck: Mapping[int, FloatArray]
+    parts: FloatArray
+
+
+def score(
+    method: str,
+    cases: Sequence[Case],
+    solutions: Sequence[Solution],
+    layout: Layout,
+    protocol: Protocol,
+    *,
+    seed: int = 0,
+) -> Scores:
+    """Score the poses of one method, one solution per case.
+
+    Parameters
+    ----------
+    method : str
+        Name for the table.
+    cases, solutions, layout, protocol
+    seed : int
+        Of the bootstrap.
+
+    Raises
+    ------
+    DatasetError
+        If the protocol counts visible joints and a take does not say which are.
+    """
+    errors = [
+        _errors(case, solution.pose, layout, protocol)
+        for case, solution in zip(cases, solutions, strict=True)
+    ]
+    poses = sum(len(case.take) for case in cases)
+    columns = {
+        key: _group([e for e, case in zip(errors, cases, strict=True) if case.column == key])
+        for key in protocol.headers(cases)
+    }
+    every = _group(errors)
+    return Scores(
+        method=method,
+        absolute_poses=sum(len(case.take) for case in cases if case.absolute),
+        poses=poses,
+        absolute=_estimate([e.absolute for e in errors], seed),
+        relative=_estimate([e.relative for e in errors], seed),
+        procrustes=_estimate([e.procrustes for e in errors], seed),
+        median=_median([e.absolute for e in errors]),
+        pck={limit: _mean([e.pck[limit] for e in errors]) for limit in PCK_MM},
+        pcp=_mean([np.array([g.pcp for g in columns.values()])]) if protocol.mean_of_columns else every.pcp,
+        missing=_mean([e.missing for e in errors]),
+        ms_per_pose=1e3 * sum(solution.seconds for solution in solutions) / poses,
+        columns=columns,
+        joints={name: _group(errors, joint=j) for j, name in enumerate(layout.joints)},
+    )
+
+
+def _errors(case: Case, pose: FloatArray, layout: Layout, protocol: Protocol) -> _Errors:
+    take = case.take
+    truth, found = take.truth * take.rig.mm_per_unit, pose * take.rig.mm_per_unit
+    root = layout.root if protocol.root is None else protocol.root
+    counts = _counted(take.key, take.visible, truth.shape[:2], protocol.min_visible_views)
+
+    def absolute(values: FloatArray) -> FloatArray:
+        return np.where(counts & case.absolute, values, np.nan)
+
+    parts = np.full((len(take), 1), np.nan)
+    if protocol.parts:
+        parts = metrics.pcp(found, truth, protocol.parts, reduce="none")
+    relative = metrics.root_relative_mpjpe(found, truth, root=root, reduce="none")
+    return _Errors(
+        absolute=absolute(metrics.mpjpe(found, truth, reduce="none")),
+        relative=np.where(counts, relative, np.nan),
+        procrustes=np.where(counts, metrics.pa_mpjpe(found, truth, reduce="none"), np.nan),
+        missing=np.where(counts, metrics.missing_rate(found, truth, reduce="none"), np.nan),
+        pck={mm: absolute(metrics.pck(found, truth, threshold_mm=mm, reduce="none")) for mm in PCK_MM},
+        parts=parts,
+    )
+
+
+def _counted(
+    key: str, visible: NDArray[np.bool_] | None, shape: tuple[int, ...], least: int
+) -> NDArray[np.bool_]:
+    """Whether each joint (T, N) counts: at least `least` views see it unoccluded."""
+    if least == 0:
+        return np.ones(shape, dtype=np.bool_)
+    if visible is None:
+        raise DatasetError(key, "visible", "which joints are occluded, to count those seen", "nothing")
+    return np.asarray(visible.sum(axis=1) >= least)
+
+
+def _group(errors: Sequence[_Errors], joint: int | None = None) -> Group:
+    """Means over some cases, of all joints or of one."""
+    pick = slice(None) if joint is None else slice(joint, joint + 1)
+    return Group(
+        poses=sum(len(e.relative) for e in errors),
+        absolute=_mean([e.absolute[:, pick] for e in errors]),
+        relative=_mean([e.relative[:, pick] for e in errors]),
+        procrustes=_mean([e.procrustes[:, pick] for e in errors]),
+        pcp=_mean([e.parts for e in errors]) if joint is None else float("nan"),
+    )
+
+
+def _estimate(values: Sequence[FloatArray], seed: int) -> Estimate:
+    sums = [float(np.nansum(v)) for v in values]
+    counts = [np.count_nonzero(~np.isnan(v)) for v in values]
+    return Estimate(_mean(values), *mean_interval(sums, counts, seed=seed))
+
+
+def _mean(values: Sequence[FloatArray]) -> float:
+    """Mean of what is not NaN; NaN if nothing is."""
+    finite = _finite(values)
+    return float(finite.mean()) if finite.size else float("nan")
+
+
+def _median(values: Sequence[FloatArray]) -> float:
+    finite = _finite(values)
+    return float(np.median(finite)) if finite.size else float("nan")
+
+
+def _finite(values: Sequence[FloatArray]) -> FloatArray:
+    flat: FloatArray = np.concatenate([np.zeros(0), *(np.ravel(v) for v in values)])
+    return flat[~np.isnan(flat)]

@@ -1,0 +1,181 @@
+"""Tables of an evaluation: all methods, per action, per joint; measured rows first, then reported ones."""
+
+from __future__ import annotations
+
+import math
+import os
+from typing import Literal
+
+from skelsplat.evaluation._table import MISSING, Cell, Column, Row, Table
+from skelsplat.evaluation.report import Evaluation
+from skelsplat.evaluation.scores import PCK_MM, Estimate, Scores
+
+__all__ = ["Column", "Row", "Table", "actions", "all_tables", "joints", "overall"]
+
+Metric = Literal["absolute", "relative", "procrustes", "pcp"]
+_TITLES = {
+    "absolute": "Absolute MPJPE, mm",
+    "relative": "Root-relative MPJPE, mm",
+    "procrustes": "PA-MPJPE, mm",
+    "pcp": "PCP, %",
+}
+
+
+def overall(evaluation: Evaluation) -> Table:
+    """One row per method: errors, shares, time."""
+    with_pcp = bool(evaluation.protocol.parts)
+    columns = [
+        Column("abs", best="low"),
+        Column("95 % CI"),
+        Column("rel", best="low"),
+        Column("PA", best="low"),
+        Column("median", best="low"),
+        *(Column(f"PCK {mm}", best="high") for mm in PCK_MM),
+        *([Column("PCP", best="high")] if with_pcp else []),
+        Column("missing", digits=2),
+        Column("ms/pose", digits=2),
+    ]
+    rows = [Row(s.method, _cells(s, with_pcp)) for s in evaluation.scores]
+    others = evaluation.published
+    if others is not None:
+        width = len(columns)
+        for row in others.table:
+            cells: list[Cell] = [None] * width
+            cells[0] = others.value(row, others.absolute)
+            if with_pcp:
+                cells[width - 3] = others.value(row, others.pcp)
+            rows.append(Row(others.name(row), tuple(cells), reported=True))
+    return Table(
+        f"{_subject(evaluation)}: MPJPE in mm (absolute, root-relative, Procrustes), shares in %",
+        "method",
+        tuple(columns),
+        tuple(rows),
+        notes(evaluation),
+    )
+
+
+def actions(evaluation: Evaluation, metric: Metric = "absolute") -> Table:
+    """One row per method, one column per action of the protocol and their average over poses."""
+    share = 100.0 if metric == "pcp" else 1.0
+    best: Literal["low", "high"] = "high" if metric == "pcp" else "low"
+    columns = [Column(header, best=best) for header in evaluation.headers.values()]
+    rows = []
+    for s in evaluation.scores:
+        values = [share * getattr(group, metric) for group in s.columns.values()]
+        average = s.pcp if metric == "pcp" else getattr(s, metric).mean
+        rows.append(Row(s.method, (*values, share * average)))
+    others = evaluation.published
+    if others is not None and metric == "absolute" and set(evaluation.headers) <= set(others.table.keys):
+        keys = (*evaluation.headers, others.absolute)
+        rows += [
+            Row(others.name(row), tuple(others.value(row, key) for key in keys), reported=True)
+            for row in others.table
+        ]
+    return Table(
+        f"{_subject(evaluation)}: {_TITLES[metric]}, per {_column_kind(evaluation)}",
+        "method",
+        (*columns, Column("Avg", best=best)),
+        tuple(rows),
+    )
+
+
+def joints(evaluation: Evaluation, metric: Literal["absolute", "relative"] = "absolute") -> Table:
+    """One row per joint, one column per method."""
+    names = evaluation.dataset.layout.joints
+    columns = tuple(Column(s.method) for s in evaluation.scores)
+    rows = [Row(name, tuple(getattr(s.joints[name], metric) for s in evaluation.scores)) for name in names]
+    return Table(f"{_subject(evaluation)}: {_TITLES[metric]}, per joint", "joint", columns, tuple(rows))
+
+
+def all_tables(evaluation: Evaluation) -> list[Table]:
+    """Return every table that is written to files."""
+    several = len(evaluation.headers) > 1
+    kinds: list[Metric] = ["absolute", "relative", "procrustes"]
+    if evaluation.protocol.parts:
+        kinds.append("pcp")
+    return [
+        overall(evaluation),
+        *(actions(evaluation, kind) for kind in kinds if several),
+        joints(evaluation, "absolute"),
+        joints(evaluation, "relative"),
+    ]
+
+
+def notes(evaluation: Evaluation) -> tuple[str, ...]:
+    """Return what goes under the first table: data, protocol, settings, what the columns mean."""
+    options, rules = evaluation.options, evaluation.protocol
+    lens = "removed from the detections" if options.undistort else "ignored, as the paper does (K alone)"
+    lines = [
+        f"Data: {evaluation.dataset.source or evaluation.dataset.name}.",
+        *(f"Note: {note}" for note in evaluation.dataset.notes),
+        f"Protocol: {rules.text} {_counted(evaluation)}",
+        f"Lens distortion: {lens}. {_starts(evaluation)}",
+        "95 % CI: of abs, by bootstrap over takes. Joints without a position (missing, %) are in no "
+        f"distance, and wrong in PCK. Time: the method alone, {_threads(options.n_threads)}; no 2D detector "
+        "or monocular estimator.",
+    ]
+    if evaluation.published is not None:
+        table = evaluation.published.table
+        real = ", on the real data set" if evaluation.simulated else ""
+        lines.append(
+            f"Reported (in italics), not measured here{real}: {table.source}. {' '.join(table.notes)}"
+        )
+    return tuple(" ".join(line.split()) for line in lines)
+
+
+def _cells(s: Scores, with_pcp: bool) -> tuple[Cell, ...]:
+    return (
+        s.absolute.mean,
+        _interval(s.absolute),
+        s.relative.mean,
+        s.procrustes.mean,
+        s.median,
+        *(100 * s.pck[mm] for mm in PCK_MM),
+        *([100 * s.pcp] if with_pcp else []),
+        100 * s.missing,
+        s.ms_per_pose,
+    )
+
+
+def _interval(estimate: Estimate) -> str:
+    if not math.isfinite(estimate.low):
+        return MISSING
+    return f"{estimate.low:.1f}–{estimate.high:.1f}"
+
+
+def _subject(evaluation: Evaluation) -> str:
+    detector = evaluation.dataset.detector or "no detections"
+    views = {len(case.take.rig) for case in evaluation.cases}
+    return f"{evaluation.dataset.name} ({detector}), {', '.join(map(str, sorted(views)))} views"
+
+
+def _column_kind(evaluation: Evaluation) -> str:
+    if evaluation.protocol.parts:
+        return "actor"
+    return "action" if evaluation.protocol.columns else "sequence"
+
+
+def _counted(evaluation: Evaluation) -> str:
+    first = evaluation.scores[0]
+    text = f"Poses: {first.absolute_poses} absolute, {first.poses} relative"
+    expected = evaluation.protocol.expected_poses
+    if expected is not None and expected != (first.absolute_poses, first.poses):
+        text += f" (the published evaluation has {expected[0]} and {expected[1]})"
+    least = evaluation.protocol.min_visible_views
+    return f"{text}; joints seen by at least {least} views only." if least else f"{text}."
+
+
+def _starts(evaluation: Evaluation) -> str:
+    words = {"dlt": "DLT", "fusion": "fused monocular poses", "none": "the solver's own triangulation"}
+    starts = []
+    for name, settings in evaluation.settings.items():
+        if "start" in settings:
+            sigma = settings.get("init_sigma_mm")
+            prior = "" if sigma is None else f" as a prior of {sigma:g} mm per axis"
+            starts.append(f"{name} from {words[settings['start']]}{prior}")
+    return f"Starts: {', '.join(starts)}." if starts else ""
+
+
+def _threads(chosen: int | None) -> str:
+    count = chosen or os.cpu_count() or 1
+    return f"compiled methods on {count} thread{'s' * (count != 1)}"

@@ -1,0 +1,220 @@
+"""Simulated data sets that resemble the ones of the literature in rig, layout, actions and numbers.
+
+Nothing in them was seen by a camera: poses are the package's motions, detections those of
+`skelsplat.synthetic.noise`. They stand in for data sets that may not be passed on, and their results are
+results on simulated detections.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from skelsplat import layouts
+from skelsplat._skelsplat import Camera, Layout
+from skelsplat.cameras import CameraRig
+from skelsplat.exceptions import InvalidInputError
+from skelsplat.synthetic import rigs
+from skelsplat.synthetic._human36m_takes import SUBJECTS, TAKES
+from skelsplat.synthetic.joints import in_layout
+from skelsplat.synthetic.motions import motion, motion_names
+from skelsplat.synthetic.noise import DetectionNoise
+from skelsplat.synthetic.recordings import (
+    GENERATOR_VERSION,
+    MONOCULAR_SIGMA_MM,
+    POSES,
+    Recording,
+    RecordingSet,
+    record,
+    stream,
+)
+
+PANOPTIC_CAMERAS = (1, 2, 10, 13, 3, 23, 19, 30)
+"""HD cameras of CMU Panoptic in the order in which the experiments add them."""
+
+_CAPTURE_HZ = 50.0
+# Detectors, a good one and one that jitters more and misses joints, for a room like Human3.6M's. A detector
+# errs in proportion to the person's size in the image, so elsewhere its pixels are scaled.
+_DETECTORS = {"good": DetectionNoise.good(), "noisy": DetectionNoise.noisy()}
+_SIZE_IN_ROOM = 1147.0 / 5300.0  # focal length, px, over distance, mm
+_SIZE_IN_DOME = 1400.0 / 2800.0
+_SIZE_IN_RING = 640.0 / 3600.0
+
+
+@dataclass(frozen=True)
+class _Take:
+    """What is simulated: a motion sampled `count` times, every `step` frames at 50 Hz."""
+
+    key: str
+    subject: str
+    action: str
+    motion: str
+    rig: str
+    count: int
+    step: int
+    scale: float
+
+
+def simulate_set(name: str, *, poses: int | None = None, seed: int = 0) -> RecordingSet:
+    """Simulate a data set.
+
+    Parameters
+    ----------
+    name : str
+        One of `set_names`. The sets ``human36m-like…`` of one seed have the same poses.
+    poses : int, optional
+        Number of poses over all takes, at least one per take; each set has its own default.
+    seed : int
+        Same name, number and seed, same data.
+
+    Raises
+    ------
+    InvalidInputError
+        If the name is unknown, the seed negative or there are fewer poses than takes.
+    """
+    if name not in _SETS:
+        raise InvalidInputError(f"name: expected one of {', '.join(_SETS)}, got {name!r}")
+    if seed < 0:
+        raise InvalidInputError(f"seed: expected an integer >= 0, got {seed!r}")
+    return _SETS[name](name, poses, seed)
+
+
+def _human36m(name: str, poses: int | None, seed: int, *, occluders: DetectionNoise) -> RecordingSet:
+    """S9 and S11, fifteen actions twice each, four cameras with lens distortion, every 64th frame."""
+    takes = [
+        _Take(f"{take.subject}/{take.name}", take.subject, take.action, take.motion, "room", count, 64, scale)
+        for take, count in zip(TAKES, _share(poses, [take.poses for take in TAKES]), strict=True)
+        for scale in [SUBJECTS[take.subject]]
+    ]
+    room = {"room": rigs.human36m_like(distortion=True)}
+    return _simulate(name, takes, room, layouts.H36M17, _detectors(_SIZE_IN_ROOM, occluders), seed)
+
+
+def _dome(name: str, poses: int | None, seed: int) -> RecordingSet:
+    """Two sequences of one person each in the eight cameras of a dome that the experiments use."""
+    # The first cameras of `rigs.dome` are spread out best; the names are those of Panoptic.
+    spread = rigs.dome(len(PANOPTIC_CAMERAS))
+    cameras = [
+        Camera(c.K, c.R, c.t, size=c.size, name=f"00_{number:02d}")
+        for c, number in zip(spread, PANOPTIC_CAMERAS, strict=True)
+    ]
+    parts = [(sequence, kind) for sequence in ("pose1", "pose2") for kind in motion_names]
+    takes = [
+        _Take(
+            f"{sequence}/{kind}",
+            "S0",
+            sequence,
+            kind,
+            "dome",
+            count,
+            32,
+            1.0 if sequence == "pose1" else 0.95,
+        )
+        for (sequence, kind), count in zip(parts, _share(poses, [100] * len(parts)), strict=True)
+    ]
+    dome = {"dome": CameraRig(cameras)}
+    detectors = _detectors(_SIZE_IN_DOME, DetectionNoise())
+    return _simulate(name, takes, dome, layouts.PANOPTIC19, detectors, seed)
+
+
+def _occlusion_person(name: str, poses: int | None, seed: int) -> RecordingSet:
+    """Nine scenes with a ring of eight cameras each, large occluders in every view, no joint missing."""
+    draw = stream(seed, 999)
+    places = {f"scene{k}": rigs.ring(radius_mm=draw.uniform(3000.0, 4200.0)) for k in range(1, 10)}
+    scales = draw.uniform(0.9, 1.08, size=9).tolist()
+    takes = [
+        _Take(f"S0/{scene}", "S0", scene, motion_names[k % len(motion_names)], scene, count, 50, scales[k])
+        for k, (scene, count) in enumerate(zip(places, _share(poses, [120] * 9), strict=True))
+    ]
+    occluders = DetectionNoise(occluded_views=None, n_discs=2, disc_radius=(0.06, 0.22))
+    detectors = _detectors(_SIZE_IN_RING, occluders)
+    return _simulate(name, takes, places, layouts.OCCLUSION_PERSON15, detectors, seed)
+
+
+def _detectors(size: float, occluders: DetectionNoise) -> dict[str, DetectionNoise]:
+    """Detectors for persons of that size in the image, behind the occluders of `occluders`."""
+    copied = ("occluded_views", "n_discs", "disc_radius", "hidden_missing_rate")
+    shared: dict[str, Any] = {key: getattr(occluders, key) for key in copied}
+    factor = size / _SIZE_IN_ROOM
+    return {
+        name: replace(noise, sigma_px=factor * noise.sigma_px, outlier_px=factor * noise.outlier_px, **shared)
+        for name, noise in _DETECTORS.items()
+    }
+
+
+def _simulate(
+    name: str,
+    takes: Sequence[_Take],
+    places: Mapping[str, CameraRig],
+    layout: Layout,
+    detectors: Mapping[str, DetectionNoise],
+    seed: int,
+) -> RecordingSet:
+    recordings = tuple(
+        _recording(take, places[take.rig], layout, detectors, (seed, index))
+        for index, take in enumerate(takes)
+    )
+    parameters = {
+        "generator_version": GENERATOR_VERSION,
+        "seed": seed,
+        "poses": sum(take.count for take in takes),
+        "detectors": {key: asdict(noise) for key, noise in detectors.items()},
+        "monocular_sigma_mm": MONOCULAR_SIGMA_MM,
+        "motions": {take.key: take.motion for take in takes},
+    }
+    return RecordingSet(name, layout, places, recordings, parameters)
+
+
+def _recording(
+    take: _Take,
+    rig: CameraRig,
+    layout: Layout,
+    detectors: Mapping[str, DetectionNoise],
+    seeds: tuple[int, ...],
+) -> Recording:
+    body = motion(
+        take.motion,
+        take.count,
+        fps=_CAPTURE_HZ / take.step,
+        seed=stream(*seeds, POSES),
+        scale=take.scale,
+    )
+    return record(
+        in_layout(body, layout),
+        rig,
+        names=(take.key, take.subject, take.action, take.rig),
+        frames=take.step * np.arange(take.count, dtype=np.int64),
+        layout=layout,
+        detectors=detectors,
+        seeds=seeds,
+    )
+
+
+def _share(total: int | None, defaults: Sequence[int]) -> list[int]:
+    """Numbers of poses per take that add up to `total`: one each, the rest in proportion to `defaults`."""
+    if total is None:
+        return list(defaults)
+    if total < len(defaults):
+        raise InvalidInputError(f"poses: expected at least {len(defaults)} (one per take), got {total}")
+    exact = np.asarray(defaults) * (total - len(defaults)) / sum(defaults)
+    counts = np.floor(exact).astype(int)
+    largest = np.argsort(counts - exact, kind="stable")[: total - len(defaults) - counts.sum()]
+    counts[largest] += 1
+    return [int(count) + 1 for count in counts]
+
+
+_SETS: dict[str, Callable[[str, int | None, int], RecordingSet]] = {
+    "human36m-like": partial(_human36m, occluders=DetectionNoise()),
+    "human36m-like-occ-2": partial(_human36m, occluders=DetectionNoise.occluded(2)),
+    "human36m-like-occ-3": partial(_human36m, occluders=DetectionNoise.occluded(3)),
+    "human36m-like-occ-3-hard": partial(_human36m, occluders=DetectionNoise.occluded(3, hard=True)),
+    "dome": _dome,
+    "occlusion-person-like": _occlusion_person,
+}
+
+set_names: tuple[str, ...] = tuple(_SETS)
+"""Names that `simulate_set` knows."""

@@ -1,0 +1,171 @@
+"""`skelsplat datasets`: what it prints, and its exit status."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from typer.testing import CliRunner
+
+from skelsplat import datasets
+from skelsplat.cli import app
+from writers import human36m as write
+
+
+def invoke(*args):
+    return CliRunner().invoke(app, ["datasets", *map(str, args)], env={"COLUMNS": "80"})
+
+
+def plain(result):
+    """All that is printed, without line breaks."""
+    return " ".join(result.stdout.split())
+
+
+def narrow(result, root):
+    """Whether every line fits 80 columns, apart from those that are a path."""
+    return all(len(line.rstrip()) <= 80 or str(root) in line for line in result.stdout.splitlines())
+
+
+@pytest.fixture
+def good(tmp_path):
+    write.write_skelsplat(tmp_path, write.record())
+    return tmp_path
+
+
+def test_list_names_all_data_sets():
+    result = invoke("list")
+    assert result.exit_code == 0
+    assert narrow(result, "no path")
+    for name in datasets.names():
+        assert name in result.stdout
+    entries = json.loads(invoke("list", "--json").stdout)
+    assert [entry["name"] for entry in entries] == list(datasets.names())
+    assert "detections" in entries[0]["options"]
+
+
+def test_a_good_data_set_is_status_0(good):
+    result = invoke("check", "human36m", good)
+    assert result.exit_code == 0, result.output
+    assert narrow(result, good)
+    text = plain(result)
+    assert "43 files and folders are there, 0 missing." in text
+    assert "S11 4 24 4 17 100.0 % 100.0 %" in text
+    assert "All there and usable." in text
+    assert text.count("60457274") == 1
+
+
+def test_json_holds_everything(good):
+    result = invoke("check", "human36m", good, "--json")
+    assert result.exit_code == 0
+    report = json.loads(result.stdout)
+    assert report["ok"]
+    assert report["format"] == "skelsplat"
+    assert len(report["files"]["there"]) == 43
+    assert report["files"]["missing"] == report["findings"] == []
+    first = report["dataset"]["takes"][0]
+    assert (first["key"], first["frames"], first["views"]) == ("S9/Directions", 6, list(write.CAMERAS))
+    assert report["dataset"]["joints"] == 17
+    for row in report["reprojection_px"]:
+        assert row["as_given"] < 3 < 20 < row["sides_exchanged"] < row["best_other_camera"] + 40
+
+
+def test_what_is_missing_is_status_1_and_said_where(good):
+    missing = good / "2d_metrabs" / "S9" / "Directions" / "60457274" / "poses.npz"
+    missing.unlink()
+    result = invoke("check", "human36m", good)
+    assert result.exit_code == 1
+    assert "1 missing. missing: detections of 60457274, expected at " + str(missing) in plain(result)
+    assert "cannot be read: file: expected detections of camera 60457274" in plain(result)
+    assert narrow(result, good)
+    report = json.loads(invoke("check", "human36m", good, "--json").stdout)
+    assert report["files"]["missing"] == [{"path": str(missing), "what": "detections of 60457274"}]
+    assert report["dataset"] is None
+    assert not report["ok"]
+
+
+def test_an_empty_folder_says_what_was_looked_for(tmp_path):
+    result = invoke("check", "human36m", tmp_path)
+    assert result.exit_code == 1
+    assert narrow(result, tmp_path)
+    for words in ("data_3d_h36m.npz", "3d_gt/", "h36m_validation.pkl", "labels-*.npy"):
+        assert words in plain(result)
+
+
+def test_exchanged_sides_are_status_1(tmp_path):
+    recording = write.record()
+    recording.exchange_sides()
+    write.write_skelsplat(tmp_path, recording)
+    result = invoke("check", "human36m", tmp_path)
+    assert result.exit_code == 1
+    assert "✗ left and right: expected the same sides" in plain(result)
+    assert "These data cannot be used as they are." in plain(result)
+    report = json.loads(invoke("check", "human36m", tmp_path, "--json").stdout)
+    assert [finding["topic"] for finding in report["findings"]] == ["sides"]
+
+
+def test_doubts_are_told_and_are_status_0(tmp_path):
+    recording = write.record()
+    for take in recording.takes:
+        take.pixels[:, 1] += 80.0
+    write.write_skelsplat(tmp_path, recording)
+    result = invoke("check", "human36m", tmp_path)
+    assert result.exit_code == 0
+    assert "! camera 55011271" in plain(result)
+    assert "with 1 doubt(s)" in plain(result)
+
+
+def test_options_reach_the_reader(tmp_path):
+    recording = write.record()
+    write.write_karfly(tmp_path, recording)
+    write.write_detections(tmp_path / "2d_CPN", recording, numbered=True)
+    result = invoke(
+        "check",
+        "human36m",
+        tmp_path,
+        "--detections",
+        tmp_path / "2d_CPN",
+        "--option",
+        "subjects=S9,",
+        "--json",
+    )
+    report = json.loads(result.stdout)
+    assert report["dataset"]["detector"] == "cpn"
+    assert {take["subject"] for take in report["dataset"]["takes"]} == {"S9"}
+    result = invoke("check", "human36m", tmp_path)
+    assert "No detections" in result.stdout
+    for variant in ("2", "3-hard"):
+        write.write_skelsplat(tmp_path / "occ" / f"occ-{variant}", recording)
+        assert (
+            invoke("check", "human36m-occ", tmp_path / "occ", "--option", f"variant={variant}").exit_code == 0
+        )
+
+
+@pytest.mark.parametrize(
+    ("args", "words"),
+    [
+        (("human37m", "ROOT"), "NAME: expected one of human36m"),
+        (("human36m", "ROOT", "--option", "x"), "--option: expected NAME=VALUE"),
+        (("human36m", "ROOT", "--option", "x=1"), "expected an option of human36m"),
+        (("human36m", "ROOT", "--format", "coco"), "format: expected one of"),
+        (("human36m",), "ROOT"),
+    ],
+)
+def test_bad_usage_is_status_2(good, args, words):
+    result = invoke("check", *(good if arg == "ROOT" else arg for arg in args))
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    assert result.stderr.startswith("error: ")
+    assert words in result.stderr
+
+
+def test_no_folder_is_status_1(tmp_path):
+    result = invoke("check", "human36m", tmp_path / "nowhere")
+    assert result.exit_code == 1
+    assert str(tmp_path / "nowhere") in result.stderr
+
+
+@pytest.mark.parametrize("args", [(), ("--help",), ("check", "--help"), ("list", "--help")])
+def test_help_fits_80_columns(args):
+    result = invoke(*args)
+    assert result.exit_code == 0
+    assert narrow(result, "no path")

@@ -1,0 +1,189 @@
+"""What the verification says of data that were spoiled on purpose, and that it is silent about good ones."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from skelsplat import synthetic
+from skelsplat.datasets import Dataset, Take
+from skelsplat.datasets._verify import verify
+from skelsplat.synthetic import DetectionNoise, simulate_detections
+from writers import human36m as write
+
+N = 17
+
+
+def dataset(noise=None, *, frames=40, takes=3, distortion=True):
+    """Make takes with the projected truth as detections, or with simulated ones."""
+    rig = write.rig((0.0, 0.0, 0.0), distortion=distortion)
+    made = []
+    for k in range(takes):
+        truth = synthetic.motion(("walk", "reach", "turn")[k % 3], frames, seed=k)
+        model = noise or DetectionNoise(sigma_px=0.0)
+        detections = simulate_detections(truth, rig, noise=model, layout="h36m17", seed=k)
+        made.append(Take(f"S9/{k}", "S9", "Walking", rig, np.arange(frames), truth, detections))
+    return Dataset("human36m", sk.layouts.H36M17, tuple(made))
+
+
+def changed(data, **parts):
+    """Replace parts of all takes: each is a function of a take."""
+    takes = tuple(replace(take, **{name: make(take) for name, make in parts.items()}) for take in data)
+    return replace(data, takes=takes)
+
+
+def with_cameras(data, make):
+    return changed(data, rig=lambda take: sk.CameraRig([make(c) for c in take.rig], take.rig.unit))
+
+
+def camera(c, **parts):
+    values = {"K": c.K, "R": c.R, "t": c.t, "distortion": c.distortion, "size": c.size, "name": c.name}
+    values.update(parts)
+    return sk.Camera(values.pop("K"), values.pop("R"), values.pop("t"), **values)
+
+
+@pytest.mark.parametrize(
+    "noise",
+    [
+        None,
+        DetectionNoise.good(),
+        DetectionNoise.noisy(),
+        DetectionNoise.occluded(2),
+        DetectionNoise.occluded(3),
+        DetectionNoise.occluded(3, hard=True),
+        DetectionNoise(sigma_px=3.0, view_swap_rate=0.2, limb_swap_rate=0.2),
+    ],
+)
+def test_good_data_and_noisy_data_are_not_doubted(noise):
+    assert verify(dataset(noise)) == ()
+
+
+def test_no_detections_and_missing_truth_are_no_finding():
+    assert verify(changed(dataset(), detections=lambda _: None)) == ()
+
+    def gaps(take):
+        truth = take.truth.copy()
+        truth[::2, 3:9] = np.nan
+        truth[5] = np.nan
+        return truth
+
+    assert verify(changed(dataset(), truth=gaps)) == ()
+    assert verify(changed(dataset(), truth=lambda take: np.full_like(take.truth, np.nan))) == ()
+
+
+@pytest.mark.parametrize(("factor", "unit"), [(0.001, "m"), (0.1, "cm")])
+@pytest.mark.parametrize("detections", [True, False])
+def test_the_unit_of_the_truth_is_named(factor, unit, detections):
+    data = changed(dataset(), truth=lambda take: factor * take.truth)
+    if not detections:
+        data = changed(data, detections=lambda _: None)
+    (finding,) = verify(data)
+    assert finding.fatal
+    assert finding.topic == "unit"
+    assert finding.field == "truth"
+    assert f"which it would be in {unit}" in str(finding)
+    assert finding.takes == ("S9/0", "S9/1", "S9/2")
+    assert str(finding).endswith("in S9/0 and 2 more")
+
+
+@pytest.mark.parametrize("factor", [0.001, 0.1, 10.0, 1000.0])
+def test_the_unit_of_the_cameras_is_named(factor):
+    data = with_cameras(dataset(DetectionNoise.good()), lambda c: camera(c, t=factor * c.t))
+    (finding,) = verify(data)
+    assert (finding.topic, finding.field, finding.fatal) == ("unit", "cameras", True)
+    assert f"multiplied by {1 / factor:g}" in str(finding)
+
+
+def test_exchanged_sides_of_one_take():
+    data = dataset(DetectionNoise.good())
+    order = np.arange(N)
+    for left, right in data.layout.left_right:
+        order[[left, right]] = right, left
+    takes = list(data.takes)
+    takes[1] = replace(takes[1], detections=takes[1].detections[:, :, order])
+    (finding,) = verify(replace(data, takes=tuple(takes)))
+    assert (finding.topic, finding.takes, finding.fatal) == ("sides", ("S9/1",), True)
+
+
+def test_exchanged_sides_of_one_view():
+    data = dataset(DetectionNoise.good())
+    order = np.arange(N)
+    for left, right in data.layout.left_right:
+        order[[left, right]] = right, left
+
+    def one_view(take):
+        detections = take.detections.copy()
+        detections[:, 2] = detections[:, 2][:, order]
+        return detections
+
+    (finding,) = verify(changed(data, detections=one_view))
+    assert (finding.topic, finding.field, finding.fatal) == ("views", "camera 58860488", False)
+    assert "sides exchanged" in finding.actual
+
+
+def test_another_joint_order():
+    order = [0, 4, 5, 6, 1, 2, 3, *range(7, N)]  # the legs alone, as in no layout
+    data = changed(dataset(DetectionNoise.good()), detections=lambda take: take.detections[:, :, order])
+    findings = verify(data)
+    (finding,) = [f for f in findings if f.topic == "joint order"]
+    assert "right_knee lies on left_knee" in finding.actual
+    mixed = list(np.random.default_rng(1).permutation(N))
+    data = changed(dataset(DetectionNoise.good()), detections=lambda take: take.detections[:, :, mixed])
+    assert "joint order" in {finding.topic for finding in verify(data)}
+
+
+def test_cameras_in_another_order():
+    data = changed(dataset(DetectionNoise.good()), detections=lambda take: take.detections[:, [1, 0, 2, 3]])
+    first, second = [f for f in verify(data) if f.topic == "cameras"]
+    assert first.field == "camera 54138969"
+    assert "px in camera 55011271" in first.actual
+    assert "px in camera 54138969" in second.actual
+    assert not first.fatal
+
+
+def test_a_view_that_is_far_off():
+    def one_view(take):
+        detections = take.detections.copy()
+        detections[:, 1, :, :2] += 60.0
+        return detections
+
+    (finding,) = verify(changed(dataset(DetectionNoise.good()), detections=one_view))
+    assert (finding.topic, finding.field) == ("views", "camera 55011271")
+    assert re.search(r"up to 8\d\.\d px off", finding.actual)  # 60·√2 = 85
+
+
+@pytest.mark.parametrize(("noise", "frames", "takes"), [(None, 5, 1), (DetectionNoise(sigma_px=0.5), 40, 3)])
+def test_exchanged_tangential_coefficients(noise, frames, takes):
+    def exchange(c):
+        return camera(c, distortion=np.array(c.distortion)[[0, 1, 3, 2, 4]])
+
+    data = with_cameras(dataset(noise, frames=frames, takes=takes), exchange)
+    (finding,) = verify(data)
+    assert finding.topic == "lens"
+    assert "p1 and p2 that are exchanged" in str(finding)
+
+
+def test_detections_without_distortion():
+    data = dataset(DetectionNoise.good())
+    ideal = dataset(DetectionNoise.good(), distortion=False)
+    takes = [replace(ideal_take, rig=take.rig) for take, ideal_take in zip(data, ideal, strict=True)]
+    (finding,) = verify(replace(data, takes=tuple(takes)))
+    assert finding.topic == "lens"
+    assert "without distortion" in str(finding)
+
+
+def test_rigs_in_other_units():
+    """A data set in metres is as good as one in millimetres."""
+    data = dataset(DetectionNoise.good())
+
+    def in_metres(take):
+        return sk.CameraRig([camera(c, t=c.t / 1000) for c in take.rig], "m")
+
+    assert verify(changed(data, rig=in_metres, truth=lambda take: take.truth / 1000)) == ()
+    (finding,) = verify(changed(data, rig=in_metres))
+    assert finding.topic == "unit"
+    assert "which it would be in mm" in str(finding)

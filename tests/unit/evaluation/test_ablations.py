@@ -1,0 +1,197 @@
+"""Every ablation on a few simulated poses, what it prints and writes, and the figures it is made of."""
+
+from __future__ import annotations
+
+import csv
+import json
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import skelsplat as sk
+from skelsplat import synthetic
+from skelsplat.cli import app
+from skelsplat.datasets import Dataset
+from skelsplat.datasets._synth_writer import write_simulated
+from skelsplat.evaluation import ablations, protocols
+from skelsplat.evaluation.ablations import Choices, Simulated, Source, _simulated
+from skelsplat.evaluation.ablations._measure import Errors, difference, errors_of
+from skelsplat.evaluation.ablations._sample import sample
+from skelsplat.evaluation.reported import reported
+from writers import human36m as human36m_files
+from writers import panoptic as panoptic_files
+
+# One pose per take, and far too few steps: what is measured does not matter here.
+FEW, STEPS = 60, 4
+
+
+@pytest.fixture(autouse=True)
+def small_sets(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Simulate as few poses as a set can have, once per set, and take few steps."""
+    make = cache(lambda name, seed: synthetic.simulate_set(name, poses=FEW, seed=seed))
+    monkeypatch.setattr(_simulated, "simulate_set", lambda name, *, seed: make(name, seed))
+    paper = Source.paper
+
+    def short(self: Source, *arguments: Any, **fields: Any) -> list[sk.Refinement]:
+        return paper(self, *arguments, **{"max_steps": STEPS, **fields})
+
+    monkeypatch.setattr(Source, "paper", short)
+
+
+def run(*arguments: object) -> str:
+    result = CliRunner().invoke(app, ["ablate", *map(str, arguments)], catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    return result.output
+
+
+def human36m(detector: str = "good") -> Dataset:
+    return _simulated.simulated("human36m-like", detector, seed=0)
+
+
+@pytest.mark.parametrize("name", ablations.names)
+def test_every_ablation_runs_prints_the_papers_row_and_writes_its_files(name: str, tmp_path: Path) -> None:
+    output = run(name, "--poses", 2, "-o", tmp_path)
+    written = json.loads((tmp_path / f"{name}.json").read_text(encoding="utf-8"))
+    assert {path.name for path in tmp_path.iterdir()} == {
+        f"{name}.{suffix}" for suffix in ("md", "csv", "json", "png")
+    }
+    assert output.count("SIMULATED") == len(written["tables"])
+    assert (tmp_path / f"{name}.md").read_text(encoding="utf-8").count("SIMULATED") == len(written["tables"])
+    assert "(paper)" in output
+    assert written["findings"]
+    assert "reproduced" in output
+    label = ablations.get(name).labels[0]
+    published = {v for row in reported(label) for v in row.values if v is not None}
+    rows = [row for table in written["tables"] for row in table["rows"]]
+    shown = {v for row in rows if row["origin"] == "paper" for v in row["values"]}
+    assert len(published & shown) >= min(3, len(published))
+    assert any(row["origin"] == "measured" and row["values"][0] for row in rows)
+
+
+def test_csv_holds_every_figure_with_all_digits(tmp_path: Path) -> None:
+    run("noise", "--poses", 2, "-o", tmp_path, "-q")
+    with (tmp_path / "noise.csv").open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    table = json.loads((tmp_path / "noise.json").read_text(encoding="utf-8"))["tables"][0]
+    by_row = {(r["method"], r["data"], r["column"]): r["value"] for r in rows}
+    for row in table["rows"]:
+        for column, value in zip(table["columns"], row["values"], strict=True):
+            assert by_row[row["method"], row["data"], column] == ("" if value is None else repr(value))
+
+
+def test_same_seed_gives_the_same_figures_and_another_does_not() -> None:
+    def figures(seed: int) -> list[tuple[float | None, ...]]:
+        outcome = ablations.get("noise").run(Simulated(Choices(poses=2, seed=seed)))
+        return [row.values for row in outcome.tables[0].rows]
+
+    assert figures(1) == figures(1)
+    assert figures(1)[0] != figures(2)[0]
+
+
+def test_a_data_set_on_disk_takes_the_simulated_ones_place(tmp_path: Path) -> None:
+    write_simulated(tmp_path / "set", synthetic.simulate_set("human36m-like-occ-2", poses=FEW, seed=3))
+    data = ("--data", "synthetic", tmp_path / "set", "--detections", "good", "--detections", "noisy")
+    run("symmetry", *data, "--poses", 2, "-o", tmp_path / "out", "--protocol", "as-paper")
+    written = json.loads((tmp_path / "out" / "symmetry.json").read_text(encoding="utf-8"))
+    names = {row["data"] for row in written["tables"][0]["rows"] if row["origin"] == "measured"}
+    assert len(names) == 2
+    assert all("human36m-like-occ-2" in name for name in names)
+    assert written["simulated"]
+    assert "human36m-occ-2" in written["findings"][0]["claim"]
+    assert "26.2, 24.6" in written["findings"][0]["paper"]
+    assert "2 of 57 poses" in written["data"]
+
+
+def test_without_monocular_poses_the_start_is_dlt_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    full = _simulated.simulated
+
+    def bare(name: str, detector: str, seed: int) -> Dataset:
+        dataset = full(name, detector, seed)
+        for take in dataset:
+            object.__setattr__(take, "monocular", None)
+        return dataset
+
+    monkeypatch.setattr(_simulated, "simulated", bare)
+    source = Simulated(Choices(poses=2))
+    ablations.get("accumulation").run(source)
+    assert any("no monocular poses" in note for note in source.notes)
+    with pytest.raises(sk.InvalidInputError, match="start: expected monocular poses"):
+        ablations.get("accumulation").run(Simulated(Choices(poses=2, start="fusion")))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["nothing"], "NAME: expected one of encoding, accumulation"),
+        (["noise", "--poses", "2", "--full"], "--poses: expected either a number of poses or --full"),
+        (
+            ["noise", "--detections", "cpn"],
+            "--data: expected a data set for --detections and --set, got none",
+        ),
+        (
+            ["noise", "--data", "synthetic", ".", "--set", "views"],
+            "--set: expected KEY=VALUE, got 'views'",
+        ),
+    ],
+)
+def test_bad_usage_is_said_in_one_line(arguments: list[str], message: str) -> None:
+    result = CliRunner().invoke(app, ["ablate", *arguments])
+    assert result.exit_code == 2
+    assert result.stderr.startswith(f"error: {message}")
+    assert result.stderr.count("\n") == 1
+
+
+def test_a_sample_is_spread_over_the_takes_and_leaves_out_excluded_ones() -> None:
+    dataset, protocol = human36m(), protocols.get("human36m")
+    all_of_it = sample(dataset, protocol, None, name="x", key="human36m", undistort=True)
+    excluded = [take for take in dataset if take.key in protocol.excluded]
+    assert all_of_it.n_poses == FEW - sum(len(take) for take in excluded)
+    some = sample(dataset, protocol, 10, name="x", key="human36m", undistort=False)
+    assert some.n_poses == 10
+    assert len(np.unique(np.concatenate([group.take for group in some.groups]))) == 10
+    assert all(camera.distortion is None for group in some.groups for camera in group.rig)
+    assert some.first_views(2).groups[0].detections.shape[1] == 2
+
+
+def test_errors_are_in_mm_and_count_what_is_missing() -> None:
+    part = sample(human36m(), protocols.get("human36m"), 4, name="x", key="human36m", undistort=True)
+    moved = [group.truth + np.array([3.0, 0.0, 4.0]) for group in part.groups]
+    assert errors_of(part, moved).mpjpe == pytest.approx(5.0)
+    moved[0][0, 0] = np.nan
+    found = errors_of(part, moved)
+    assert found.mpjpe == pytest.approx(5.0)
+    assert found.missing == pytest.approx(1 / (4 * 17))
+
+
+def test_the_standard_error_takes_poses_of_a_take_as_dependent() -> None:
+    """Two takes of two equal poses: differences 1, 1, 3, 3 have mean 2 and, over takes, standard error 1."""
+    zero = Errors(np.zeros((4, 1)), np.array([0, 0, 1, 1]))
+    other = Errors(np.array([[1.0], [1.0], [3.0], [3.0]]), zero.take)
+    found = difference(other, zero)
+    assert found.mean == pytest.approx(2.0)
+    assert found.error == pytest.approx(1.0)
+    assert not found.is_less
+    assert difference(zero, Errors(other.joints + 9.0, zero.take)).is_less
+    assert difference(Errors(other.joints, np.zeros(4, dtype=np.int64)), zero).error == np.inf
+
+
+def test_the_layout_of_human36m_occ_gets_the_papers_rows_of_its_variant(tmp_path: Path) -> None:
+    human36m_files.write_skelsplat(tmp_path / "occ-3", human36m_files.record(), detectors=("metrabs",))
+    data = ("--data", "human36m-occ", tmp_path, "--set", "variant=3", "--detections", "metrabs")
+    output = run("covariance", *data, "--poses", 2, "--protocol", "as-paper", "-o", tmp_path / "out")
+    written = json.loads((tmp_path / "out" / "covariance.json").read_text(encoding="utf-8"))
+    assert not written["simulated"]
+    assert "SIMULATED" not in output
+    assert "31.1, 32.6" in written["findings"][1]["paper"]
+    assert any("no monocular poses" in note for note in written["notes"])
+
+
+def test_a_dome_on_disk_is_taken_with_all_its_cameras(tmp_path: Path) -> None:
+    panoptic_files.write(tmp_path / "set", n_frames=3)
+    run("views", "--data", "panoptic", tmp_path / "set", "--poses", 2, "-o", tmp_path / "out")
+    table = json.loads((tmp_path / "out" / "views.json").read_text(encoding="utf-8"))["tables"][0]
+    assert all(value is not None for row in table["rows"] for value in row["values"])

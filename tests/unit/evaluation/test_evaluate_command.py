@@ -1,0 +1,141 @@
+"""``skelsplat evaluate``: what it prints and writes, and how it fails."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+from matplotlib.image import imread
+from typer.testing import CliRunner
+
+from skelsplat import synthetic
+from skelsplat.cli import app
+from skelsplat.datasets._synth_writer import write_simulated
+
+FILES = {"report.md", "report.csv", "report.json", "bars.png", "runs"}
+
+
+@pytest.fixture(scope="module")
+def dome(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("data") / "dome"
+    write_simulated(root, synthetic.simulate_set("dome", poses=24))
+    return root
+
+
+@pytest.fixture(scope="module")
+def room(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("data") / "room"
+    write_simulated(root, synthetic.simulate_set("human36m-like", poses=60))
+    return root
+
+
+def run(*arguments: object, status: int = 0):
+    result = CliRunner().invoke(app, ["evaluate", *map(str, arguments)])
+    assert result.exit_code == status, result.output
+    return result
+
+
+def test_it_prints_the_table_in_100_columns_and_writes_four_files(dome: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    result = run("synthetic", dome, "-o", out, "-m", "dlt,skelsplat", "-m", "fusion")
+    assert {path.name for path in out.iterdir()} == FILES
+    assert max(map(len, result.stdout.splitlines())) <= 100
+    assert "dome (simulated-good), 4 views" in result.stdout
+    assert [line.split()[0] for line in result.stdout.splitlines() if line.startswith((" dlt", " fus"))][
+        :2
+    ] == ["dlt", "fusion"]
+    assert imread(out / "bars.png").shape[1] == 1400
+    assert (out / "report.md").read_text(encoding="utf-8").startswith("# dome")
+
+
+def test_wide_tables_are_cut_not_squeezed(room: Path, tmp_path: Path) -> None:
+    result = run("synthetic", room, "-o", tmp_path, "-m", "dlt", "--per-joint")
+    lines = result.stdout.splitlines()
+    assert max(map(len, lines)) <= 100
+    headers = [line.split() for line in lines if line.startswith(" method")]
+    assert next(h for h in headers if "Dir." in h)[-1] == "Purch."
+    assert next(h for h in headers if "Avg" in h)[1] == "Sit"
+    assert any(line.startswith(" right_wrist") for line in lines)
+
+
+def test_views_are_those_asked_for(dome: Path, tmp_path: Path) -> None:
+    result = run("synthetic", dome, "-o", tmp_path, "-m", "dlt", "--views", 6, "--json")
+    assert json.loads(result.stdout)["protocol"]["views"] == [6]
+
+
+def test_json_is_all_that_is_printed(dome: Path, tmp_path: Path) -> None:
+    result = run("synthetic", dome, "-o", tmp_path, "-m", "dlt", "--json", "--detections", "noisy")
+    content = json.loads(result.stdout)
+    assert content["dataset"]["detector"] == "simulated-noisy"
+    assert json.loads((tmp_path / "report.json").read_text(encoding="utf-8")) == content
+
+
+def test_as_paper_is_another_run(room: Path, tmp_path: Path) -> None:
+    errors = []
+    for lens in ("undistorted", "as-paper", "undistorted"):
+        result = run("synthetic", room, "-o", tmp_path, "-m", "dlt", "--protocol", lens, "--json")
+        errors.append(json.loads(result.stdout)["scores"][0]["absolute"]["mean"])
+    assert errors[0] == errors[2] != errors[1]
+    assert len(list((tmp_path / "runs").iterdir())) == 2
+
+
+def test_quiet_says_nothing(dome: Path, tmp_path: Path) -> None:
+    assert run("synthetic", dome, "-o", tmp_path, "-m", "dlt", "-q").output == ""
+
+
+def test_options_of_a_method(room: Path, tmp_path: Path) -> None:
+    options = ["--init-sigma", 40, "--start", "dlt", "--every", 128, "--threads", 1, "--seed", 5]
+    names = "skelsplat-prior,skelsplat,ransac-adafuse"
+    result = run("synthetic", room, "-o", tmp_path, "-m", names, *options, "--json")
+    settings = json.loads(result.stdout)["settings"]
+    assert settings["skelsplat-prior"]["init_sigma_mm"] == 40
+    assert settings["skelsplat"]["start"] == "dlt"
+    assert settings["skelsplat"]["config"]["n_threads"] == 1
+    assert settings["ransac-adafuse"]["seed"] == 5
+
+
+BAD_USAGE = [
+    (["mars", "."], "DATASET: expected one of human36m, human36m-occ"),
+    (["synthetic", ".", "-m", "dlt,magic"], "--methods: expected one of dlt, "),
+    (
+        ["synthetic", ".", "--protocol", "mine"],
+        "--protocol: expected one of undistorted, as-paper, got 'mine'",
+    ),
+    (["synthetic", ".", "--start", "here"], "--start: expected one of dlt, fusion, none, got 'here'"),
+    (["synthetic", ".", "--counting", "few"], "--counting: expected one of all, adafuse, got 'few'"),
+    (["synthetic", ".", "--init-sigma", "0"], "--init-sigma: expected a positive number, got 0"),
+    (["synthetic", ".", "--set", "colour=red"], "--set: expected KEY=VALUE with a KEY among detector"),
+    (["synthetic", ".", "--views", "1"], "--views: "),
+    (["synthetic"], "ROOT"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "message"), BAD_USAGE)
+def test_bad_usage_is_status_2_and_one_line(arguments: list[str], message: str) -> None:
+    error = run(*arguments, status=2).stderr
+    assert message in error
+    assert error.count("\n") == 1
+
+
+def test_a_missing_folder_is_status_1_and_named(tmp_path: Path) -> None:
+    error = run("synthetic", tmp_path / "nothing", "-o", tmp_path / "out", status=1).stderr
+    assert str(tmp_path / "nothing") in error
+    assert error.count("\n") == 1
+
+
+def test_a_number_of_views_that_the_protocol_does_not_have(room: Path, tmp_path: Path) -> None:
+    error = run("synthetic", room, "-o", tmp_path, "--views", 3, status=1).stderr
+    assert "views: expected one of" in error
+
+
+@pytest.mark.skipif(os.name == "posix" and os.geteuid() == 0, reason="root may write anywhere")
+def test_a_folder_that_cannot_be_written_is_known_first(dome: Path, tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir(mode=0o500)
+    assert "--output" in run("synthetic", dome, "-o", tmp_path / "out", status=1).stderr
+
+
+def test_help_has_examples() -> None:
+    text = run("--help").stdout
+    assert "skelsplat evaluate panoptic data/panoptic --views 6 -m skelsplat,dlt" in " ".join(text.split())

@@ -1,0 +1,152 @@
+"""Every method of the registry gives the poses of what it is named after."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+import takes
+from skelsplat.evaluation import baselines, methods
+from skelsplat.evaluation._views import without_lens
+
+TAKE = takes.simulated(3).takes[0]
+LAYOUT = sk.layouts.H36M17
+
+
+def solved(name: str, options: methods.Options | None = None, take=TAKE) -> np.ndarray:
+    method = methods.get(name)
+    return method.solve(take, LAYOUT, method.settings(options or methods.Options())).pose
+
+
+def refined(start, config, **keywords) -> np.ndarray:
+    return sk.refine(start, TAKE.detections, TAKE.rig, layout=LAYOUT, config=config, **keywords).pose
+
+
+def fused() -> np.ndarray:
+    return sk.fuse_monocular(TAKE.monocular, TAKE.detections, TAKE.rig)
+
+
+def by_dlt() -> np.ndarray:
+    return sk.triangulate(TAKE.detections[..., :2], TAKE.rig, method="dlt")
+
+
+CLOSED_FORM = sk.RefineConfig.paper(renderer="closed_form")
+BOX_SCALE = np.full((3, 4), 2.0)  # the box of the take is 384 × 768 px
+EXPECTED = {
+    "dlt": lambda: baselines.dlt(TAKE.detections, TAKE.rig),
+    "dlt-confidence": lambda: baselines.dlt(TAKE.detections, TAKE.rig, confidence=True),
+    "ransac-iskakov": lambda: baselines.ransac_iskakov(TAKE.detections, TAKE.rig, crop_scale=BOX_SCALE),
+    "ransac-adafuse": lambda: baselines.ransac_adafuse(TAKE.detections, TAKE.rig),
+    "ransac": lambda: sk.triangulate(TAKE.detections, TAKE.rig, method="ransac"),
+    "cauchy": lambda: baselines.cauchy(TAKE.detections, TAKE.rig),
+    "fusion": fused,
+    "skelsplat": lambda: refined(None, None),
+    "skelsplat-prior": lambda: refined(fused(), None, init_sigma=25.0),
+    "skelsplat-closed-form": lambda: refined(by_dlt(), CLOSED_FORM),
+    "skelsplat-paper": lambda: refined(by_dlt(), sk.RefineConfig.paper()),
+}
+
+
+@pytest.mark.parametrize("name", methods.names)
+def test_a_method_is_what_its_name_says(name: str) -> None:
+    np.testing.assert_array_equal(solved(name), EXPECTED[name]())
+
+
+@pytest.mark.parametrize("name", methods.names)
+def test_settings_are_json_and_say_everything(name: str) -> None:
+    method = methods.get(name)
+    settings = json.loads(json.dumps(method.settings(methods.Options())))
+    again = method.solve(TAKE, LAYOUT, settings).pose
+    np.testing.assert_array_equal(again, solved(name))
+
+
+def test_only_the_raster_preset_renders_pixels() -> None:
+    assert [name for name in methods.names if methods.get(name).by_pixels] == ["skelsplat-paper"]
+    settings = methods.get("skelsplat-paper").settings(methods.Options())
+    assert settings["config"]["renderer"] == "raster"
+
+
+@pytest.mark.parametrize("name", [name for name in methods.names if name != "skelsplat-paper"])
+def test_as_paper_ignores_the_lens(name: str) -> None:
+    bare = replace(TAKE, rig=without_lens(TAKE.rig))
+    found = solved(name, methods.Options(undistort=False))
+    np.testing.assert_array_equal(found, solved(name, take=bare))
+    assert not np.array_equal(found, solved(name))
+
+
+def test_as_paper_is_refining_without_undistortion() -> None:
+    config = sk.RefineConfig(undistort=False)
+    found = solved("skelsplat", methods.Options(undistort=False))
+    np.testing.assert_allclose(found, refined(None, config), atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["skelsplat", "skelsplat-closed-form"])
+def test_starts(name: str) -> None:
+    configs = {"skelsplat": sk.RefineConfig(), "skelsplat-closed-form": CLOSED_FORM}
+    for start, pose in (("dlt", by_dlt()), ("fusion", fused()), ("none", None)):
+        found = solved(name, methods.Options(start=start))
+        np.testing.assert_array_equal(found, refined(pose, configs[name]))
+
+
+def test_the_paper_s_settings_are_those_of_the_data_set() -> None:
+    options = methods.Options(paper_start="fusion", paper_fields={"occlusion_factor": 1.25})
+    settings = methods.get("skelsplat-paper").settings(options)
+    assert settings["start"] == "fusion"
+    assert settings["config"]["occlusion_sigma"] == pytest.approx(42.5, abs=0.05)
+    config = sk.RefineConfig.paper(renderer="closed_form", occlusion_factor=1.25)
+    np.testing.assert_array_equal(solved("skelsplat-closed-form", options), refined(fused(), config))
+
+
+def test_the_prior_is_in_the_rig_s_unit() -> None:
+    rig = sk.CameraRig(
+        [sk.Camera(c.K, c.R, c.t / 1000, distortion=c.distortion, size=c.size) for c in TAKE.rig], unit="m"
+    )
+    metres = replace(TAKE, rig=rig, truth=TAKE.truth / 1000, monocular=TAKE.monocular / 1000)
+    options = methods.Options(init_sigma_mm=30.0)
+    millimetres = solved("skelsplat-prior", options)
+    np.testing.assert_allclose(1000 * solved("skelsplat-prior", options, metres), millimetres, atol=1e-4)
+    assert not np.allclose(millimetres, solved("skelsplat-prior"), atol=0.1)
+
+
+def test_without_boxes_the_threshold_is_in_pixels_of_the_image() -> None:
+    found = solved("ransac-iskakov", take=replace(TAKE, boxes=None))
+    np.testing.assert_array_equal(found, baselines.ransac_iskakov(TAKE.detections, TAKE.rig))
+    unknown = TAKE.boxes.copy()
+    unknown[0, 1] = np.nan
+    assert np.isfinite(solved("ransac-iskakov", take=replace(TAKE, boxes=unknown))).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "lost", "message"),
+    [
+        ("dlt", {}, "detections", "S9/Directions 1: detections: expected 2D detections, for the method dlt"),
+        (
+            "fusion",
+            {},
+            "monocular",
+            "monocular: expected monocular 3D poses, for the method fusion, got none",
+        ),
+        ("skelsplat-prior", {}, "monocular", "for the method skelsplat-prior"),
+        ("skelsplat", {"start": "fusion"}, "monocular", "for the method skelsplat, got none"),
+    ],
+)
+def test_what_a_take_lacks_is_named(name: str, options, lost: str, message: str) -> None:
+    with pytest.raises(sk.DatasetError, match=message):
+        solved(name, methods.Options(**options), replace(TAKE, **{lost: None}))
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: methods.get("magic"), "methods: expected names among dlt, .*, got 'magic'"),
+        (lambda: methods.Options(start="here"), "start: expected one of dlt, fusion, none, got 'here'"),
+        (lambda: methods.Options(init_sigma_mm=0.0), r"init_sigma_mm: expected a positive number, got 0\.0"),
+    ],
+)
+def test_wrong_choices_are_named(call, message: str) -> None:
+    with pytest.raises(sk.InvalidInputError, match=message):
+        call()

@@ -1,0 +1,228 @@
+"""Results on disk: found again if they are whole and belong, computed again if not."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import takes
+from skelsplat import synthetic
+from skelsplat.cli import app
+from skelsplat.datasets import Dataset
+from skelsplat.datasets._synth_writer import write_simulated
+from skelsplat.evaluation import export, methods, protocols, report, runs
+
+DATA = takes.simulated(3)
+
+
+class Spy:
+    """The method `dlt`, which counts its runs."""
+
+    def __init__(self) -> None:
+        self.runs = 0
+        plain = methods.get("dlt")
+
+        def run(*arguments):
+            self.runs += 1
+            return plain.run(*arguments)
+
+        self.method = replace(plain, run=run)
+
+
+def solve(folder: Path, data: Dataset = DATA, options: methods.Options | None = None, **source: str) -> Spy:
+    spy = Spy()
+    cases = protocols.get("human36m").cases(data)
+    store = runs.Store(folder, {"dataset": data.name, **source})
+    found = runs.run(cases, data.layout, [spy.method], options or methods.Options(), store=store)
+    for case, solution in zip(cases, found["dlt"], strict=True):
+        plain = methods.get("dlt")
+        settings = plain.settings(options or methods.Options())
+        np.testing.assert_array_equal(solution.pose, plain.solve(case.take, data.layout, settings).pose)
+    return spy
+
+
+def files(folder: Path) -> list[Path]:
+    return sorted(folder.rglob("*.npz"))
+
+
+def test_a_second_run_finds_everything(tmp_path: Path) -> None:
+    assert solve(tmp_path).runs == 2
+    assert [path.name.rpartition("-")[0] for path in files(tmp_path)] == ["S11-Walking", "S9-Directions-1"]
+    assert solve(tmp_path).runs == 0
+
+
+def test_other_settings_are_computed_and_kept_apart(tmp_path: Path) -> None:
+    options = methods.Options(undistort=False)
+    solve(tmp_path)
+    assert solve(tmp_path, options=options).runs == 2
+    assert len(files(tmp_path)) == 4
+    assert solve(tmp_path).runs == solve(tmp_path, options=options).runs == 0
+
+
+def test_another_detector_is_kept_apart(tmp_path: Path) -> None:
+    solve(tmp_path, detector="one")
+    assert solve(tmp_path, detector="other").runs == 2
+    assert solve(tmp_path, detector="one").runs == 0
+
+
+def changed_detection(take):
+    detections = take.detections.copy()
+    detections[0, 0, 0, 0] += 1e-9
+    return replace(take, detections=detections)
+
+
+def other_cameras(take):
+    return replace(take, rig=synthetic.human36m_like())
+
+
+@pytest.mark.parametrize("change", [changed_detection, other_cameras])
+def test_other_data_are_computed_anew(tmp_path: Path, change: Callable) -> None:
+    solve(tmp_path)
+    other = replace(DATA, takes=(change(DATA.takes[0]), DATA.takes[1]))
+    assert solve(tmp_path, other).runs == 1
+    assert solve(tmp_path, other).runs == 0
+
+
+def truncate(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[:-100])
+
+
+def empty(path: Path) -> None:
+    path.write_bytes(b"")
+
+
+def turn_a_bit(path: Path) -> None:
+    content = bytearray(path.read_bytes())
+    content[300] ^= 1  # in the first array: the poses
+    path.write_bytes(bytes(content))
+
+
+def leave_out(name: str) -> Callable[[Path], None]:
+    def change(path: Path) -> None:
+        with np.load(path) as content:
+            rest = {key: content[key] for key in content.files if key != name}
+        np.savez(path, **rest)
+
+    return change
+
+
+def fewer_frames(path: Path) -> None:
+    with np.load(path) as content:
+        rest = {key: content[key] for key in content.files}
+    rest["pose"] = rest["pose"][1:]
+    np.savez(path, **rest)
+
+
+def pickled(path: Path) -> None:
+    with np.load(path) as content:
+        rest = {key: content[key] for key in content.files}
+    rest["pose"] = np.array([rest["pose"], None], dtype=object)[:1]
+    np.savez(path, **rest)
+
+
+BROKEN = [
+    *(truncate, empty, turn_a_bit, fewer_frames, pickled),
+    *(leave_out(name) for name in ("pose", "seconds", "settings", "data")),
+]
+
+
+@pytest.mark.parametrize("damage", BROKEN)
+def test_a_broken_result_is_never_read(tmp_path: Path, damage: Callable[[Path], None]) -> None:
+    solve(tmp_path)
+    damage(files(tmp_path)[0])
+    assert solve(tmp_path).runs == 1
+    assert solve(tmp_path).runs == 0
+
+
+def test_a_temporary_file_is_no_result(tmp_path: Path) -> None:
+    solve(tmp_path)
+    whole = files(tmp_path)[0]
+    whole.rename(whole.with_name(f".{whole.name}.0123456789ab.tmp"))
+    assert solve(tmp_path).runs == 1
+
+
+def test_two_takes_whose_names_look_alike_are_kept_apart(tmp_path: Path) -> None:
+    """Both names have the same letters and digits."""
+    data = takes.simulated(3, keys=("S9/Eating 1", "S9/Eating-1"))
+    data = replace(data, takes=tuple(replace(take, action="Eating") for take in data))
+    assert solve(tmp_path, data).runs == 2
+    assert len(files(tmp_path)) == 2
+
+
+def test_what_is_lacking_is_known_before_any_work(tmp_path: Path) -> None:
+    lacking = replace(DATA, takes=(DATA.takes[0], replace(DATA.takes[1], monocular=None)))
+    with pytest.raises(Exception, match="S11/Walking: monocular: expected monocular 3D poses"):
+        report.evaluate(lacking, ["dlt", "fusion"], folder=tmp_path)
+    assert files(tmp_path) == []
+
+
+def test_progress_counts_poses_of_all_methods(tmp_path: Path) -> None:
+    heard = []
+    report.evaluate(DATA, ["dlt", "ransac"], folder=tmp_path, report=lambda *call: heard.append(call))
+    assert heard[0] == ("dlt", "S9/Directions 1", 0, 12)
+    assert heard[-1] == ("ransac", "S11/Walking", 12, 12)
+    assert [call[2] for call in heard] == sorted(call[2] for call in heard)
+
+
+@pytest.fixture(scope="module")
+def small_set(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One pose or so of each of the 60 takes of a simulated Human3.6M."""
+    root = tmp_path_factory.mktemp("data") / "set"
+    write_simulated(root, synthetic.simulate_set("human36m-like", poses=100))
+    return root
+
+
+METHODS = "dlt,ransac,cauchy,skelsplat"
+
+
+def arguments(root: Path, out: Path) -> list[str]:
+    return ["evaluate", "synthetic", str(root), "--out", str(out), "-q", "-m", METHODS]
+
+
+def table(root: Path, out: Path) -> list[str]:
+    """Evaluate, and return the lines of the CSV without the times."""
+    assert CliRunner().invoke(app, arguments(root, out)).exit_code == 0
+    lines = (out / "report.csv").read_text(encoding="utf-8").splitlines()
+    return [line.rpartition(",")[0] for line in lines]
+
+
+@pytest.fixture(scope="module")
+def undisturbed(small_set: Path, tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    return table(small_set, tmp_path_factory.mktemp("undisturbed"))
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGKILL, -signal.SIGKILL), (signal.SIGINT, 130)])
+def test_a_stopped_evaluation_goes_on(
+    number: signal.Signals, status: int, small_set: Path, undisturbed: list[str], tmp_path: Path
+) -> None:
+    command = [sys.executable, "-m", "skelsplat", *arguments(small_set, tmp_path)]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        while len(files(tmp_path)) < 30:
+            assert process.poll() is None, "it was done before it could be stopped"
+            time.sleep(0.005)
+        process.send_signal(number)
+        assert process.wait() == status
+        said = process.stderr.read()
+    assert ("interrupted; files already written are complete" in said) == (number == signal.SIGINT)
+    assert not (tmp_path / "report.csv").exists()
+    before = {path: path.stat().st_mtime_ns for path in files(tmp_path)}
+    assert 30 <= len(before) < 240
+    assert table(small_set, tmp_path) == undisturbed
+    assert all(path.stat().st_mtime_ns == when for path, when in before.items())
+    assert len(files(tmp_path)) == 240
+
+
+def test_the_times_of_a_resumed_evaluation_are_those_of_the_first(tmp_path: Path) -> None:
+    first, again = (report.evaluate(DATA, ["dlt", "skelsplat"], folder=tmp_path) for _ in range(2))
+    assert export.to_csv(first) == export.to_csv(again)

@@ -1,0 +1,151 @@
+"""Figures by hand: errors that are known because they were put there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+import takes
+from skelsplat.datasets import Dataset
+from skelsplat.evaluation import protocols
+from skelsplat.evaluation.methods import Solution
+from skelsplat.evaluation.scores import Scores, score
+
+LAYOUT = sk.layouts.H36M17
+
+
+def scored(protocol: protocols.Protocol, made, errors, *, seconds: float = 0.5, layout=LAYOUT) -> Scores:
+    """Score poses whose error is added to the truth of each take."""
+    cases = protocol.cases(Dataset("test", layout, tuple(made)))
+    moved = {take.key: error for take, error in zip(made, errors, strict=True)}
+    solutions = [Solution(case.take.truth + moved[case.take.key], seconds) for case in cases]
+    return score("by hand", cases, solutions, layout, protocol)
+
+
+def along_x(mm: float) -> np.ndarray:
+    return np.array([mm, 0.0, 0.0])
+
+
+PROTOCOL = replace(protocols.get("human36m"), every=1)
+
+
+def test_averages_are_over_frames_not_over_actions_or_takes() -> None:
+    made = [
+        takes.hand_made("S9/Directions", frames=range(3)),
+        takes.hand_made("S11/Directions 1", frames=range(1)),
+        takes.hand_made("S9/Eating", frames=range(4)),
+    ]
+    s = scored(PROTOCOL, made, [along_x(10), along_x(30), along_x(2)])
+    assert s.absolute.mean == pytest.approx((3 * 10 + 30 + 4 * 2) / 8)
+    assert s.columns["Directions"].absolute == pytest.approx(15.0)
+    assert s.columns["Eating"].absolute == pytest.approx(2.0)
+    assert (s.columns["Directions"].poses, s.poses, s.absolute_poses) == (4, 8, 8)
+    assert s.median == pytest.approx(6.0)
+    assert s.ms_per_pose == pytest.approx(1500 / 8)
+    # The body moved as a whole.
+    assert s.relative.mean == pytest.approx(0.0, abs=1e-9)
+    assert s.procrustes.mean == pytest.approx(0.0, abs=1e-9)
+    assert 2.0 <= s.absolute.low <= s.absolute.mean <= s.absolute.high <= 30.0
+
+
+def test_damaged_takes_count_for_the_relative_error_only() -> None:
+    made = [
+        takes.hand_made("S9/Greeting", frames=range(5)),
+        takes.hand_made("S9/Greeting 1", frames=range(5)),
+    ]
+    wrist = np.zeros((17, 3))
+    wrist[16] = along_x(170)
+    s = scored(PROTOCOL, made, [wrist, 0 * wrist])
+    assert (s.absolute.mean, s.absolute_poses, s.poses) == (0.0, 5, 10)
+    assert s.relative.mean == pytest.approx(170 / 17 / 2)
+    assert s.pck == {50: 1.0, 100: 1.0, 150: 1.0}
+    assert s.joints["right_wrist"].relative == pytest.approx(85.0)
+    assert s.joints["right_wrist"].absolute == pytest.approx(0.0)
+
+
+def test_the_root_is_joint_0() -> None:
+    pelvis = np.zeros((17, 3))
+    pelvis[0] = along_x(34)
+    s = scored(PROTOCOL, [takes.hand_made("S9/Eating")], [pelvis])
+    assert s.absolute.mean == pytest.approx(34 / 17)
+    assert s.relative.mean == pytest.approx(34 * 16 / 17)
+
+
+def test_a_scale_is_what_procrustes_forgives() -> None:
+    take = takes.hand_made("S9/Eating", frames=range(4))
+    s = scored(PROTOCOL, [take], [0.1 * take.truth])
+    assert s.procrustes.mean == pytest.approx(0.0, abs=1e-9)
+    assert s.absolute.mean == pytest.approx(0.1 * np.linalg.norm(take.truth, axis=-1).mean())
+
+
+@pytest.mark.parametrize("unit", ["mm", "cm", "m"])
+def test_everything_is_in_millimetres(unit: str) -> None:
+    rig = sk.CameraRig(list(sk.synthetic.human36m_like()), unit=unit)
+    per_unit = rig.mm_per_unit
+    take = takes.hand_made("S9/Eating", rig=rig)
+    s = scored(PROTOCOL, [replace(take, truth=take.truth / per_unit)], [along_x(75.0) / per_unit])
+    assert s.absolute.mean == pytest.approx(75.0)
+    assert s.pck == {50: 0.0, 100: 1.0, 150: 1.0}
+
+
+def test_missing_joints_are_in_no_distance_and_wrong_in_pck() -> None:
+    take = takes.hand_made("S9/Eating")
+    error = np.zeros((1, 17, 3))
+    error[:, :, 0] = 20.0
+    error[0, 3] = np.nan
+    s = scored(PROTOCOL, [take], [error])
+    assert s.absolute.mean == pytest.approx(20.0)
+    assert s.missing == pytest.approx(1 / 17)
+    assert s.pck[50] == pytest.approx(16 / 17)
+    assert np.isnan(s.joints["right_ankle"].absolute)
+
+
+def test_joints_without_truth_do_not_count() -> None:
+    take = takes.hand_made("S9/Eating")
+    take.truth[0, 5] = np.nan
+    s = scored(PROTOCOL, [take], [along_x(20)])
+    assert (s.absolute.mean, s.missing) == (pytest.approx(20.0), 0.0)
+
+
+def test_counting_of_adafuse_needs_two_views_that_see_the_joint() -> None:
+    protocol = replace(protocols.get("occlusion-person").with_options(counting="adafuse"), every=1)
+    visible = np.zeros((1, 4, 15), dtype=bool)
+    visible[:, :2, 3] = True  # two views
+    visible[:, 2, 4] = True  # one
+    rig = sk.synthetic.human36m_like()
+    take = replace(takes.hand_made("S0/scene", rig=rig, n_joints=15), visible=visible)
+    error = np.zeros((15, 3))
+    error[3], error[4] = along_x(60), along_x(900)
+    s = scored(protocol, [take], [error], layout=sk.layouts.OCCLUSION_PERSON15)
+    assert s.absolute.mean == pytest.approx(60.0)
+    assert s.pck == {50: 0.0, 100: 1.0, 150: 1.0}
+    blind = replace(take, visible=None)
+    with pytest.raises(sk.DatasetError, match="S0/scene: visible: expected which joints are occluded"):
+        scored(protocol, [blind], [error], layout=sk.layouts.OCCLUSION_PERSON15)
+
+
+def test_pcp_is_averaged_over_actors() -> None:
+    made = [
+        takes.hand_made(f"S0/actor{k}", frames=range(300, 300 + n), n_joints=14, action=f"actor{k}")
+        for k, n in enumerate((4, 1))
+    ]
+    for take in made:
+        take.truth[:] = np.arange(14)[:, None] * np.array([0.0, 0.0, 300.0])
+    one_end = np.zeros((14, 3))
+    one_end[6] = along_x(310.0)  # a wrist: mean of the two ends 155 mm > half of 300 mm
+    layout = sk.layouts.SHELF14
+    s = scored(protocols.get("shelf"), made, [one_end, 0 * one_end], layout=layout)
+    assert s.columns["actor0"].pcp == pytest.approx(0.9)
+    assert s.pcp == pytest.approx((0.9 + 1.0) / 2)  # not (4 · 0.9 + 1.0) / 5
+    one_end[6] = along_x(290.0)
+    s = scored(protocols.get("shelf"), made, [one_end, one_end], layout=layout)
+    assert s.pcp == pytest.approx(1.0)
+
+
+def test_a_protocol_without_parts_has_no_pcp() -> None:
+    s = scored(PROTOCOL, [takes.hand_made("S9/Eating")], [along_x(1)])
+    assert np.isnan(s.pcp)
+    assert np.isnan(s.absolute.low)  # one take

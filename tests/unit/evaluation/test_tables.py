@@ -1,0 +1,218 @@
+"""What is printed and written of an evaluation."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from dataclasses import replace
+
+import pytest
+
+import skelsplat as sk
+import takes
+from skelsplat.datasets import Dataset
+from skelsplat.evaluation import export, methods, protocols, report, tables
+from skelsplat.evaluation._table import Column, Row, Table
+
+NAMES = ["dlt", "fusion", "skelsplat"]
+DATA = takes.simulated(4, keys=("S9/Walking", "S9/Greeting", "S11/Directions 1"))
+
+
+@pytest.fixture(scope="module")
+def evaluation() -> report.Evaluation:
+    return report.evaluate(DATA, NAMES)
+
+
+def by_hand() -> Table:
+    columns = (Column("low", best="low"), Column("high", 2, best="high"), Column("text"))
+    rows = (
+        Row("a", (1.04, 3.0, "x|y")),
+        Row("b", (1.01, None, "z")),
+        Row("c", (2.0, 1.0, "z")),
+        Row("d", (0.1, None, None), reported=True),
+    )
+    return Table("Title", "method", columns, rows, ("A note.",))
+
+
+def test_markdown_of_a_table() -> None:
+    assert by_hand().markdown() == (
+        "### Title\n\n"
+        "| method | low | high | text |\n"
+        "| --- | ---: | ---: | ---: |\n"
+        "| a | **1.0** | **3.00** | x\\|y |\n"  # as good as b once printed
+        "| b | **1.0** | – | z |\n"
+        "| c | 2.0 | 1.00 | z |\n"
+        "| *d* | 0.1 | – | – |\n"
+        "\nA note.\n"
+    )
+
+
+def test_a_part_of_a_table_has_the_rows_that_say_something() -> None:
+    first, second = by_hand().split(2)
+    assert [row.name for row in first.rows] == ["a", "b", "c", "d"]
+    assert [row.name for row in second.rows] == ["a", "b", "c"]
+    assert (first.title, second.title) == ("Title", "")
+    assert (first.notes, second.notes) == ((), ("A note.",))
+
+
+def test_the_overall_table_has_what_was_measured_and_what_was_reported(evaluation: report.Evaluation) -> None:
+    table = tables.overall(evaluation)
+    assert [row.name for row in table.rows if not row.reported] == NAMES
+    assert [column.header for column in table.columns] == [
+        *("abs", "95 % CI", "rel", "PA", "median", "PCK 50", "PCK 100", "PCK 150", "missing", "ms/pose")
+    ]
+    dlt = evaluation.scores[0]
+    assert table.rows[0].cells[0] == dlt.absolute.mean
+    assert table.rows[0].cells[1] == f"{dlt.absolute.low:.1f}–{dlt.absolute.high:.1f}"
+    reported = {row.name: row.cells[0] for row in table.rows if row.reported}
+    assert reported["SkelSplat (metrabs)"] == 26.7
+    assert reported["Iskakov et al. - Vol"] == 17.7
+
+
+def test_the_notes_say_that_the_data_are_simulated(evaluation: report.Evaluation) -> None:
+    text = "\n".join(tables.overall(evaluation).notes)
+    assert "Data: simulated for tests; no image was seen." in text
+    assert "not measured here, on the real data set" in text
+    assert "Poses: 8 absolute, 12 relative (the published evaluation has 2107 and 2181)." in text
+    assert "Lens distortion: removed" in text
+    assert "skelsplat from the solver's own triangulation" in text
+
+
+def test_the_lens_that_is_ignored_is_said_to_be() -> None:
+    found = report.evaluate(DATA, ["dlt"], methods.Options(undistort=False))
+    assert any("ignored, as the paper does" in note for note in tables.notes(found))
+
+
+def test_actions_are_in_the_paper_s_order_beside_its_rows(evaluation: report.Evaluation) -> None:
+    table = tables.actions(evaluation)
+    assert [column.header for column in table.columns] == ["Dir.", "Greet", "Walk", "Avg"]
+    dlt = evaluation.scores[0]
+    assert table.rows[0].cells[0] == dlt.columns["Directions"].absolute
+    assert table.rows[0].cells[3] == dlt.absolute.mean
+    assert table.text(table.rows[0], 1) == "–"  # S9 Greeting does not count here
+    metrabs = next(row for row in table.rows if row.name == "SkelSplat (metrabs)")
+    assert metrabs.cells == (24.4, 25.0, 28.1, 26.7)
+    relative = tables.actions(evaluation, "relative")
+    assert not any(row.reported for row in relative.rows)
+    assert relative.rows[0].cells[1] == dlt.columns["Greeting"].relative
+
+
+def test_joints_are_rows(evaluation: report.Evaluation) -> None:
+    table = tables.joints(evaluation)
+    assert [row.name for row in table.rows] == list(sk.layouts.H36M17.joints)
+    assert [column.header for column in table.columns] == NAMES
+
+
+@pytest.mark.parametrize(
+    ("name", "n_views", "row", "value"),
+    [
+        ("human36m-like-occ-3-hard", None, "SkelSplat (metrabs)", 38.1),
+        ("human36m-like-occ-3", None, "SkelSplat (metrabs)", 31.1),
+        ("human36m-like-occ-2", None, "MV Pose Fusion", 33.4),
+        ("occlusion-person-like", None, "SkelSplat (resnet50)", 30.5),
+        ("occlusion-person-like", 4, "SkelSplat (resnet50)", 40.3),
+        ("dome", 4, "SkelSplat (metrabs)", 20.9),
+        ("dome", 6, "SkelSplat (metrabs)", 14.7),
+    ],
+)
+def test_the_published_figures_are_those_of_the_same_setting(name, n_views, row, value) -> None:
+    data = sk.synthetic.simulate_set(name, poses=60)
+    made = tuple(
+        replace(
+            takes.hand_made(r.key, frames=r.frames, rig=data.rigs[r.rig_name], n_joints=data.layout.n_joints),
+            action=r.action,
+            detections=r.detections["good"],
+        )
+        for r in data.recordings[:2]
+    )
+    rules = protocols.get(name).with_options(n_views=n_views)
+    found = report.evaluate(Dataset(name, data.layout, made), ["dlt"], protocol=rules)
+    reported = {r.name: r.cells[0] for r in tables.overall(found).rows if r.reported}
+    assert reported[row] == value
+
+
+def shelf() -> report.Evaluation:
+    made = tuple(
+        takes.hand_made(f"S0/actor{k}", frames=range(300, 303), n_joints=14, action=f"actor{k}")
+        for k in range(2)
+    )
+    seen = tuple(
+        replace(
+            take,
+            detections=sk.synthetic.simulate_detections(
+                take.truth, take.rig, noise=sk.synthetic.DetectionNoise(), layout=None
+            ),
+        )
+        for take in made
+    )
+    return report.evaluate(Dataset("shelf", sk.layouts.SHELF14, seen), ["dlt", "ransac"])
+
+
+def test_shelf_has_pcp_per_actor() -> None:
+    found = shelf()
+    table = tables.overall(found)
+    headers = [column.header for column in table.columns]
+    assert "PCP" in headers
+    assert table.rows[0].cells[headers.index("PCP")] == 100 * found.scores[0].pcp
+    mvpose = table.rows[-1]
+    assert (mvpose.name, mvpose.cells[0], mvpose.cells[headers.index("PCP")]) == ("MVPose", 55.3, 95.82)
+    actors = tables.actions(found, "pcp")
+    assert [column.header for column in actors.columns] == ["Actor 0", "Actor 1", "Avg"]
+    assert actors.title.endswith("PCP, %, per actor")
+    line = export.to_csv(found).splitlines()[-1].split(",")
+    assert dict(zip(export.CSV_FIELDS, line, strict=True))["pcp"] == "0.9582"
+
+
+def test_csv_has_a_line_per_method_and_group(evaluation: report.Evaluation) -> None:
+    lines = list(csv.DictReader(io.StringIO(export.to_csv(evaluation))))
+    own = [line for line in lines if line["reported"] == "0"]
+    assert len(own) == 3 * (1 + 3 + 17)
+    dlt = own[0]
+    assert (dlt["method"], dlt["group"], dlt["poses"]) == ("dlt", "all", "12")
+    assert float(dlt["absolute_mm"]) == pytest.approx(evaluation.scores[0].absolute.mean, rel=1e-5)
+    assert dlt["pcp"] == ""
+    greeting = next(line for line in own if line["name"] == "Greeting")
+    assert (greeting["absolute_mm"], greeting["group"], greeting["poses"]) == ("", "action", "4")
+    reported = [line for line in lines if line["reported"] == "1" and line["method"] == "SkelSplat (cpn)"]
+    assert {line["name"]: line["absolute_mm"] for line in reported} == {
+        **{"": "26.2", "Directions": "25.7", "Greeting": "24.6", "Walking": "28.4"}
+    }
+
+
+def test_json_has_settings_and_no_nan(evaluation: report.Evaluation) -> None:
+    def refuse(constant: str) -> None:
+        raise AssertionError(constant)
+
+    content = json.loads(export.to_json(evaluation), parse_constant=refuse)
+    assert content["dataset"]["simulated"] is True
+    assert content["protocol"]["undistort"] is True
+    assert content["settings"]["skelsplat"]["config"]["renderer"] == "closed_form"
+    assert [s["method"] for s in content["scores"]] == NAMES
+    assert content["scores"][0]["columns"]["Greeting"]["absolute"] is None
+    assert content["reported"]["label"] == "tab:h36m"
+
+
+def test_markdown_has_every_table(evaluation: report.Evaluation) -> None:
+    text = export.markdown(evaluation)
+    for title in ("Absolute MPJPE, mm, per action", "Root-relative MPJPE, mm, per joint", "PA-MPJPE"):
+        assert title in text
+    assert "| *SkelSplat (resnet152)* | 20.3 |" in text
+
+
+def test_without_names_everything_runs_that_the_data_allow() -> None:
+    blind = replace(DATA, takes=tuple(replace(take, monocular=None) for take in DATA))
+    found = [s.method for s in report.evaluate(blind).scores]
+    assert found == [
+        name for name in methods.names if name not in ("fusion", "skelsplat-prior", "skelsplat-paper")
+    ]
+    with pytest.raises(sk.InvalidInputError, match="methods: expected takes with detections"):
+        report.evaluate(replace(blind, takes=tuple(replace(t, detections=None) for t in blind)))
+
+
+def test_the_paper_s_presets_start_by_fusion_where_the_paper_does_and_the_data_can() -> None:
+    found = report.evaluate(DATA, ["skelsplat-closed-form"])
+    assert found.settings["skelsplat-closed-form"]["start"] == "fusion"
+    blind = replace(DATA, takes=tuple(replace(take, monocular=None) for take in DATA))
+    found = report.evaluate(blind, ["skelsplat-closed-form"])
+    assert found.settings["skelsplat-closed-form"]["start"] == "dlt"

@@ -1,0 +1,294 @@
+"""Tiny simulated recordings in each of the layouts of Human3.6M.
+
+Every writer takes a `Recording` as it is: a test that wants a faulty data set changes the recording (or the
+files) first.
+"""
+
+from __future__ import annotations
+
+import json
+import pickle
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+import skelsplat as sk
+from skelsplat import synthetic
+
+CAMERAS = ("54138969", "55011271", "58860488", "60457274")
+FRAMES = 6
+NOISE_PX = 1.5
+
+# (action as the original files spell it, number of its take, motion)
+TAKES = (
+    ("Directions", 0, "reach"),
+    ("Directions", 1, "walk"),
+    ("Greeting", 1, "wave"),
+    ("TakingPhoto", 1, "turn"),
+)
+SUBJECTS = {"S9": (0.0, 0.0, 0.0), "S11": (150.0, -80.0, 0.0)}
+"""Subject → by how much the rig has moved, mm."""
+
+ACTION_NUMBERS = {"Directions": 2, "Greeting": 5, "TakingPhoto": 12}
+# The 17 joints of h36m17 among the 32 of the motion capture, and the order of learnable triangulation among
+# those 32 (FORMATS §3.8).
+OF_32 = (0, 1, 2, 3, 6, 7, 8, 12, 13, 14, 15, 17, 18, 19, 25, 26, 27)
+KARFLY_OF_32 = (3, 2, 1, 6, 7, 8, 0, 12, 13, 15, 27, 26, 25, 17, 18, 19, 14)
+
+
+@dataclass
+class TakeData:
+    """One take: truth (T, 17, 3) mm, pixels (T, 4, 17, 2), frame numbers (T,)."""
+
+    subject: str
+    action: str
+    number: int
+    truth: np.ndarray
+    pixels: np.ndarray
+    frames: np.ndarray
+
+    @property
+    def name(self) -> str:
+        """As the original files are called: "Directions", "Directions 1"."""
+        return f"{self.action} {self.number}" if self.number else self.action
+
+    @property
+    def numbered(self) -> str:
+        """As tools number them: "Directions-1", "Directions-2"."""
+        return f"{self.action}-{self.number + 1}"
+
+
+@dataclass
+class Recording:
+    """What all layouts hold."""
+
+    rigs: dict[str, sk.CameraRig]
+    takes: list[TakeData] = field(default_factory=list)
+
+    def exchange_sides(self) -> None:
+        """Exchange left and right in the detections."""
+        order = np.arange(17)
+        for left, right in sk.layouts.H36M17.left_right:
+            order[[left, right]] = right, left
+        for take in self.takes:
+            take.pixels = take.pixels[:, :, order]
+
+    def scale_truth(self, factor: float) -> None:
+        """Give the truth another unit."""
+        for take in self.takes:
+            take.truth = take.truth * factor
+
+    def drop_joint(self) -> None:
+        """Leave the last joint out of truth and detections."""
+        for take in self.takes:
+            take.truth, take.pixels = take.truth[:, :16], take.pixels[:, :, :16]
+
+
+def record(*, frames: int = FRAMES, noise_px: float = NOISE_PX, distortion: bool = True) -> Recording:
+    """Simulate the takes."""
+    recording = Recording({subject: rig(moved, distortion=distortion) for subject, moved in SUBJECTS.items()})
+    rng = np.random.default_rng(5)
+    for subject, cameras in recording.rigs.items():
+        for k, (action, number, motion) in enumerate(TAKES):
+            truth = synthetic.motion(motion, frames, seed=10 * k + len(subject))
+            pixels = sk.project(truth, cameras).swapaxes(0, 1)
+            pixels = pixels + rng.normal(0.0, noise_px, pixels.shape)
+            recording.takes.append(TakeData(subject, action, number, truth, pixels, np.arange(frames)))
+    return recording
+
+
+def rig(moved: tuple[float, float, float], *, distortion: bool = True) -> sk.CameraRig:
+    """Return the rig of `synthetic.human36m_like` under the names of the real one."""
+    return sk.CameraRig(
+        [
+            sk.Camera(c.K, c.R, c.t - c.R @ np.array(moved), distortion=c.distortion, size=c.size, name=name)
+            for name, c in zip(CAMERAS, synthetic.human36m_like(distortion=distortion), strict=True)
+        ]
+    )
+
+
+def lens(camera: sk.Camera) -> np.ndarray:
+    """Return k1, k2, p1, p2, k3."""
+    return np.zeros(5) if camera.distortion is None else camera.distortion
+
+
+def write_cameras(path: Path, recording: Recording) -> None:
+    """Write ``camera-parameters.json``."""
+    first = next(iter(recording.rigs.values()))
+    content = {
+        "intrinsics": {
+            c.name: {"calibration_matrix": c.K.tolist(), "distortion": lens(c).tolist()} for c in first
+        },
+        "extrinsics": {
+            subject: {c.name: {"R": c.R.tolist(), "t": c.t[:, None].tolist()} for c in cameras}
+            for subject, cameras in recording.rigs.items()
+        },
+    }
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(content))
+
+
+def write_skelsplat(root: Path, recording: Recording, *, detectors: tuple[str, ...] = ("metrabs",)) -> None:
+    """Write the layout of the method's authors."""
+    write_cameras(root / "cameras" / "camera-parameters.json", recording)
+    for take in recording.takes:
+        folder = root / "3d_gt" / take.subject / take.name
+        folder.mkdir(parents=True)
+        np.savez(folder / "poses.npz", poses=take.truth)
+    for detector in detectors:
+        write_detections(root / f"2d_{detector}", recording)
+
+
+def write_detections(
+    root: Path, recording: Recording, *, json_files: bool = False, numbered: bool = False
+) -> None:
+    """Write ``<subject>/<activity>/<camera>/poses.npz`` (or ``.json``) with the key poses2d."""
+    for take in recording.takes:
+        for view, name in enumerate(CAMERAS):
+            folder = root / take.subject / (take.numbered if numbered else take.name) / name
+            folder.mkdir(parents=True)
+            if json_files:
+                (folder / "poses.json").write_text(json.dumps({"poses2d": take.pixels[:, view].tolist()}))
+            else:
+                np.savez(folder / "poses.npz", poses2d=take.pixels[:, view])
+
+
+def karfly_labels(recording: Recording) -> dict[str, object]:
+    """Return the content of the labels of learnable triangulation."""
+    subjects = list(recording.rigs)
+    actions = sorted({take.numbered for take in recording.takes})
+    cameras = np.empty(
+        (len(subjects), 4),
+        dtype=[
+            ("R", np.float32, (3, 3)),
+            ("t", np.float32, (3, 1)),
+            ("K", np.float32, (3, 3)),
+            ("dist", np.float32, 5),
+        ],
+    )
+    for s, subject in enumerate(subjects):
+        for v, camera in enumerate(recording.rigs[subject]):
+            cameras[s, v] = (camera.R, camera.t[:, None], camera.K, lens(camera))
+    n_joints = recording.takes[0].truth.shape[1]
+    rows = np.zeros(
+        sum(len(take.frames) for take in recording.takes),
+        dtype=[
+            ("subject_idx", np.int8),
+            ("action_idx", np.int8),
+            ("frame_idx", np.int16),
+            ("keypoints", np.float32, (n_joints, 3)),
+            ("bbox_by_camera_tlbr", np.int16, (4, 4)),
+        ],
+    )
+    start = 0
+    for take in recording.takes:
+        part = rows[start : start + len(take.frames)]
+        start += len(take.frames)
+        part["subject_idx"] = subjects.index(take.subject)
+        part["action_idx"] = actions.index(take.numbered)
+        part["frame_idx"] = take.frames
+        part["keypoints"] = take.truth if n_joints != 17 else karfly_order(take.truth)
+        low, high = np.floor(take.pixels.min(axis=2)), np.ceil(take.pixels.max(axis=2))
+        part["bbox_by_camera_tlbr"] = np.stack(
+            [low[..., 1], low[..., 0], high[..., 1], high[..., 0]], axis=-1
+        )
+    return {
+        "subject_names": subjects,
+        "camera_names": list(CAMERAS),
+        "action_names": actions,
+        "cameras": cameras,
+        "table": rows,
+    }
+
+
+def karfly_order(truth: np.ndarray) -> np.ndarray:
+    """Pick learnable triangulation's 17 joints from the 32, as its own script does."""
+    return joints_32(truth)[:, list(KARFLY_OF_32)]
+
+
+def joints_32(truth: np.ndarray) -> np.ndarray:
+    """Return (T, 32, 3) with the 17 joints in their places; the others are at the pelvis."""
+    out = np.repeat(truth[:, :1], 32, axis=1)
+    out[:, list(OF_32)] = truth
+    return out
+
+
+def write_karfly(root: Path, recording: Recording) -> Path:
+    """Write the labels of learnable triangulation; return the file."""
+    root.mkdir(parents=True, exist_ok=True)
+    path = root / "human36m-multiview-labels-GTbboxes.npy"
+    np.save(path, karfly_labels(recording), allow_pickle=True)
+    return path
+
+
+def adafuse_records(recording: Recording, *, in_world: bool = False) -> list[dict[str, object]]:
+    """Return the records of AdaFuse's pickle."""
+    records = []
+    for take in recording.takes:
+        for t, frame in enumerate(take.frames):
+            for v, camera in enumerate(recording.rigs[take.subject]):
+                k1, k2, p1, p2, k3 = lens(camera)
+                low, high = take.pixels[t, v].min(axis=0), take.pixels[t, v].max(axis=0)
+                records.append(
+                    {
+                        "image": f"s_{take.subject[1:]}_{v}_{frame:06d}.jpg",
+                        "joints_2d": take.pixels[t, v],
+                        "joints_3d": take.truth[t] if in_world else take.truth[t] @ camera.R.T + camera.t,
+                        "joints_vis": np.ones((take.truth.shape[1], 3)),
+                        "video_id": 0,
+                        "image_id": int(frame) + 1,
+                        "subject": int(take.subject[1:]),
+                        "action": ACTION_NUMBERS[take.action],
+                        "subaction": take.number + 1,
+                        "camera_id": v,
+                        "camera": {
+                            "R": camera.R,
+                            "T": camera.centre[:, None],
+                            "fx": np.array([camera.K[0, 0]]),
+                            "fy": np.array([camera.K[1, 1]]),
+                            "cx": np.array([camera.K[0, 2]]),
+                            "cy": np.array([camera.K[1, 2]]),
+                            "k": np.array([[k1], [k2], [k3]]),
+                            "p": np.array([[p1], [p2]]),
+                        },
+                        "center": (low + high) / 2,
+                        "scale": (high - low) / 200,
+                        "box": np.concatenate([low, high]),
+                    }
+                )
+    return records
+
+
+def write_adafuse(root: Path, recording: Recording, *, in_world: bool = False, protocol: int = 4) -> Path:
+    """Write AdaFuse's pickle; return the file."""
+    path = root / "annot" / "h36m_validation.pkl"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(pickle.dumps(adafuse_records(recording, in_world=in_world), protocol=protocol))
+    return path
+
+
+def write_videopose3d(
+    root: Path, recording: Recording, *, detector: str = "cpn_ft_h36m_dbb", extra: int = 2
+) -> None:
+    """Write VideoPose3D's archives; detections run on for `extra` frames, as the released ones do."""
+    write_cameras(root / "camera-parameters.json", recording)
+    truth: dict[str, dict[str, np.ndarray]] = {}
+    pixels: dict[str, dict[str, list[np.ndarray]]] = {}
+    for take in recording.takes:
+        name = take.name.replace("TakingPhoto", "Photo")
+        whole = joints_32(take.truth) if take.truth.shape[1] == 17 else take.truth
+        truth.setdefault(take.subject, {})[name] = (whole / 1000).astype(np.float32)
+        longer = np.concatenate([take.pixels, take.pixels[-1:].repeat(extra, axis=0)])
+        pixels.setdefault(take.subject, {})[name] = [longer[:, v].astype(np.float32) for v in range(4)]
+    metadata = {
+        "layout_name": "h36m",
+        "num_joints": 17,
+        "keypoints_symmetry": [[4, 5, 6, 11, 12, 13], [1, 2, 3, 14, 15, 16]],
+    }
+    np.savez_compressed(root / "data_3d_h36m.npz", positions_3d=np.array(truth, dtype=object))
+    np.savez_compressed(
+        root / f"data_2d_h36m_{detector}.npz",
+        positions_2d=np.array(pixels, dtype=object),
+        metadata=np.array(metadata, dtype=object),
+    )

@@ -1,0 +1,76 @@
+"""Shelf and Campus: VoxelPose's calibration, ``actorsGT.mat``, and detections per actor."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.io import savemat
+
+import skelsplat as sk
+from skelsplat import synthetic
+from writers.people import FloatArray, at_centre, person
+
+LAYOUT = sk.layouts.SHELF14
+SIZES = {"shelf": (1032, 776), "campus": (360, 288)}
+N_CAMERAS = {"shelf": 5, "campus": 3}
+N_ACTORS = {"shelf": 4, "campus": 3}
+LENS = (-0.05, 0.02, 0.0003, -0.0001, 0.0)
+
+
+@dataclass(frozen=True)
+class Written:
+    """Truth (T, 14, 3) mm and detections (T, M, 14, 3) of each actor; actor k is absent before frame k."""
+
+    truth: list[FloatArray]
+    detections: list[FloatArray]
+
+
+def rig_of(name: str) -> sk.CameraRig:
+    """Return cameras round the scene with its image size."""
+    width, height = SIZES[name]
+    ring = synthetic.ring(N_CAMERAS[name], radius_mm=5000.0)
+    factor = width / ring[0].size[0]
+    K = np.array([[640 * factor, 0, width / 2], [0, 640 * factor, height / 2], [0, 0, 1.0]])
+    return sk.CameraRig(
+        [
+            sk.Camera(K, c.R, c.t, distortion=LENS, size=(width, height), name=str(k))
+            for k, c in enumerate(ring)
+        ]
+    )
+
+
+def write(root: Path, name: str, *, n_frames: int = 6, coco: bool = False, nested: bool = False) -> Written:
+    """Write a scene; `coco`: COCO-17 detections; `nested`: the cell of actors lies in another."""
+    root.mkdir(parents=True, exist_ok=True)
+    rig = rig_of(name)
+    calibration = {str(k): at_centre(camera) for k, camera in enumerate(rig)}
+    (root / f"calibration_{name}.json").write_text(json.dumps(calibration))
+    people = [person(LAYOUT, rig, n_frames, motion="turn", seed=k) for k in range(N_ACTORS[name])]
+    write_actors(root / "actorsGT.mat", [who.truth / 1000.0 for who in people], nested=nested)
+    for k in range(N_ACTORS[name]):
+        folder = root / "2d_hrnet" / "S0" / f"actor{k}"
+        folder.mkdir(parents=True)
+        layout = sk.layouts.COCO17 if coco else LAYOUT
+        values = person(layout, rig, n_frames, motion="turn", seed=k).detections[k:]
+        np.savez(folder / "poses.npz", poses2d=values, frames=np.arange(k, n_frames))
+    return Written(
+        [who.truth[k:] for k, who in enumerate(people)], [p.detections[k:] for k, p in enumerate(people)]
+    )
+
+
+def write_actors(path: Path, truth: list[FloatArray], *, nested: bool = False) -> None:
+    """Write cells of actors, of frames, of joints in metres; actor k is not labelled before frame k."""
+    actors = np.empty((1, len(truth)), dtype=object)
+    for k, poses in enumerate(truth):
+        cell = np.empty((len(poses), 1), dtype=object)
+        for t, pose in enumerate(poses):
+            cell[t, 0] = pose if t >= k else np.zeros((1, 1))
+        actors[0, k] = cell
+    if nested:
+        outer = np.empty((1, 1), dtype=object)
+        outer[0, 0] = actors
+        actors = outer
+    savemat(path, {"actor3D": actors})
