@@ -17,20 +17,33 @@ from skelsplat.io import read_json, read_npz, read_trc, write_csv, write_json, w
 def test_between_formats_that_hold_everything(tmp_path):
     write_npz(tmp_path / "a.npz", sample())
     said = convert_poses(tmp_path / "a.npz", tmp_path / "b.json", PoseOptions())
-    assert said == f"{tmp_path / 'a.npz'} → {tmp_path / 'b.json'}: 4 frames of 3 joints"
+    assert said == f"Wrote 4 frames of 3 joints to {tmp_path / 'b.json'}."
     convert_poses(tmp_path / "b.json", tmp_path / "c.npz", PoseOptions())
     assert_equal(read_npz(tmp_path / "c.npz"), sample())
 
 
 def test_options_reach_the_target(tmp_path):
     write_json(tmp_path / "a.json", sample())
-    convert_poses(tmp_path / "a.json", tmp_path / "a.trc", PoseOptions(fps=25.0, unit="mm", y_up=True))
+    convert_poses(tmp_path / "a.json", tmp_path / "a.trc", PoseOptions(fps=25.0, to_unit="mm", y_up=True))
     back = read_trc(tmp_path / "a.trc")
     assert (back.frame_rate, back.unit) == (25.0, "mm")
     # half a unit of the third decimal
     np.testing.assert_allclose(back.pose[0], sample().pose[0][:, [1, 2, 0]], atol=5.0001e-4)
     convert_poses(tmp_path / "a.trc", tmp_path / "b.json", PoseOptions(fps=20.0))
     assert read_json(tmp_path / "b.json").frame_rate == 20.0
+
+
+def test_every_length_is_in_the_new_unit(tmp_path):
+    write_npz(tmp_path / "a.npz", sample())
+    convert_poses(tmp_path / "a.npz", tmp_path / "b.json", PoseOptions(to_unit="cm"))
+    back, data = read_json(tmp_path / "b.json"), sample()
+    assert back.unit == "cm"
+    for name, factor in {"pose": 0.1, "init_pose": 0.1, "noise": 0.1, "uncertainty": 0.01}.items():
+        np.testing.assert_allclose(getattr(back, name), getattr(data, name) * factor, rtol=1e-15)
+    np.testing.assert_array_equal(back.reprojection_error, data.reprojection_error)
+    for kind, unit in (("trc", "cm"), ("c3d", "m"), ("npz", "in")):
+        with pytest.raises(sk.InvalidInputError, match="unit: expected"):
+            convert_poses(tmp_path / "b.json", tmp_path / f"c.{kind}", PoseOptions(to_unit=unit))
 
 
 def test_a_frame_rate_that_the_source_does_not_state_is_asked_for(tmp_path):

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 _CSV_START = "frame,joint,"
 _HEAD_BYTES = 4096
+_OWN_UNIT = ("trc", "c3d")  # these formats do not take any unit
+POSE_SUFFIXES = tuple(f".{kind}" for kind in POSE_FORMATS)
 
 
 @dataclass(frozen=True)
@@ -26,8 +28,8 @@ class PoseOptions:
     ----------
     fps
         Frames per second; None: as the source states it.
-    unit
-        Length unit of a TRC file, ``"m"`` or ``"mm"``; None: m.
+    to_unit
+        Length unit to write: mm, cm or m; None: m in TRC, mm in C3D, else that of the source.
     y_up
         Write a world with z up as y up (TRC, C3D).
     singular
@@ -35,7 +37,7 @@ class PoseOptions:
     """
 
     fps: float | None = None
-    unit: str | None = None
+    to_unit: str | None = None
     y_up: bool = False
     singular: bool = False
 
@@ -59,7 +61,7 @@ def is_pose_file(path: Path) -> bool:
 
 
 def convert_poses(source: Path, target: Path, options: PoseOptions) -> str:
-    """Read the poses in ``source``, write them to ``target``, and return one line on what was done.
+    """Read the poses in ``source``, write them to ``target``, and return a sentence on what was written.
 
     The extensions name the formats. A format keeps what it can hold: npz and json everything; csv positions,
     standard deviations and status; trc and c3d positions; nc positions, uncertainty and status.
@@ -78,7 +80,11 @@ def convert_poses(source: Path, target: Path, options: PoseOptions) -> str:
         raise DatasetError(target, "target", "another file than the source", "the same")
     data = read_pose(source)
     data = data if options.fps is None else replace(data, frame_rate=options.fps)
-    given = {"unit": options.unit, "y_up": options.y_up or None, "singular": options.singular or None}
+    given: dict[str, object] = {"y_up": options.y_up or None, "singular": options.singular or None}
+    if kind in _OWN_UNIT:
+        given["unit"] = options.to_unit
+    elif options.to_unit is not None:
+        data = data.in_unit(options.to_unit)
     try:
         write_pose(target, data, **given)
     except InvalidInputError as error:
@@ -87,18 +93,17 @@ def convert_poses(source: Path, target: Path, options: PoseOptions) -> str:
             raise DatasetError(source, "frame rate", expected, "none in the file") from error
         raise
     frames, joints = data.pose.shape[:2]
-    return f"{source} → {target}: {frames} frames of {joints} joints"
+    return f"Wrote {frames} frames of {joints} joints to {target}."
 
 
 def _convert(request: Request) -> str:
-    given = {("unit" if name == "to_unit" else name): value for name, value in request.options.items()}
-    return convert_poses(request.source, request.target, PoseOptions(**given))
+    return convert_poses(request.source, request.target, PoseOptions(**request.options))
 
 
 POSES = Kind(
-    name="pose file",
-    recognises=is_pose_file,
-    convert=_convert,
-    suffixes=tuple(f".{kind}" for kind in POSE_FORMATS),
-    options=frozenset({"fps", "to_unit", "y_up", "singular"}),
+    "pose file",
+    is_pose_file,
+    _convert,
+    POSE_SUFFIXES,
+    frozenset({"fps", "to_unit", "y_up", "singular"}),
 )

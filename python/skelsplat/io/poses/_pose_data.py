@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -150,6 +150,15 @@ class PoseData:
             stop_reason=np.asarray(refinement.stop_reason, dtype=np.str_),
             frame_rate=frame_rate,
         )
+
+    def in_unit(self, unit: str) -> PoseData:
+        """Return the same poses with all lengths in ``unit``: "mm", "cm" or "m"."""
+        if unit not in MM_PER_UNIT:
+            raise InvalidInputError(f'unit: expected "mm", "cm" or "m", got {unit!r}')
+        factor = MM_PER_UNIT[self.unit] / MM_PER_UNIT[unit]
+        lengths = {name: getattr(self, name) * factor for name in ("pose", "init_pose", "noise")}
+        squares = {name: getattr(self, name) * factor**2 for name in ("covariance", "uncertainty")}
+        return replace(self, unit=unit, **lengths, **squares)
 
 
 def check_frame_rate(rate: float) -> float:
