@@ -13,8 +13,9 @@ PACKAGE = Path(__file__).parents[2] / "python" / "skelsplat"
 FORBIDDEN = {
     "evaluation": ("cli", "viz"),
     "viz": ("cli", "io", "association", "synthetic", "_refine", "_skelsplat", "evaluation"),
-    "io": ("cli", "viz", "_refine", "synthetic", "evaluation"),
-    "synthetic": ("cli", "viz", "io", "_refine", "association", "evaluation"),
+    "io": ("cli", "viz", "_refine", "synthetic", "evaluation", "rig_check"),
+    "rig_check": ("cli", "viz", "io", "synthetic", "evaluation"),
+    "synthetic": ("cli", "viz", "io", "_refine", "association", "evaluation", "rig_check"),
     "metrics": ("cli", "viz", "io", "_refine", "association", "synthetic", "evaluation"),
     "association": ("cli", "viz", "_refine", "evaluation"),
     "_refine": ("cli", "viz", "io", "association", "synthetic", "metrics", "evaluation"),

@@ -168,14 +168,14 @@ def _finding(scene: Scene, cause: Cause) -> Finding:
     if cause.kind == "offset":
         shift = after.shifts[view] - scene.shifts[view]
         text = (
-            f"{name} is {abs(shift)} frame{'s' * (abs(shift) != 1)} {'late' if shift > 0 else 'early'}: its "
-            f"frame f{shift:+d} belongs to frame f of the others ({change})."
+            f"{name}: its frame numbers are {abs(shift)} too {'high' if shift > 0 else 'low'}, its frame "
+            f"f{shift:+d} belongs to frame f of the others ({change})."
         )
         return Finding("offset", (name,), text, {"frames": shift, **errors})
     if cause.kind == "resized":
         text = (
-            f"{name}: the detections are of images of another size; multiplied by {cause.factor:.3g} they fit "
-            f"({change})."
+            f"{name}: the detections are of images of another size; multiplied by {cause.factor:.3g} they "
+            f"fit ({change})."
         )
         return Finding("resized", (name,), text, {"factor": cause.factor, **errors})
     if cause.kind == "images":
