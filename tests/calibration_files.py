@@ -246,3 +246,14 @@ def own_npz(folder: Path, views):
         distortion=np.stack([v.distortion for v in views]),
     )
     return path
+
+
+def openpose_folders(root: Path, rig, detections):
+    """Write detections (T, M, N, 2) as OpenPose folders named like the cameras; NaN becomes zeros."""
+    for i, name in enumerate(rig.names):
+        (root / name).mkdir(parents=True)
+        for t, joints in enumerate(detections[:, i]):
+            seen = np.isfinite(joints).all(axis=1, keepdims=True)
+            values = np.where(seen, np.hstack([np.nan_to_num(joints), np.full(seen.shape, 0.9)]), 0.0)
+            person = {"pose_keypoints_2d": values.ravel().tolist()}
+            (root / name / f"{t:06d}_keypoints.json").write_text(json.dumps({"people": [person]}))

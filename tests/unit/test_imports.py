@@ -18,6 +18,7 @@ FORBIDDEN = {
     "_optional": ("cli", "viz", "io", "_refine", "association", "synthetic", "metrics", "evaluation"),
     "datasets": ("cli", "viz", "_refine", "association", "synthetic", "metrics", "evaluation"),
     "viz": ("cli", "io", "association", "synthetic", "_refine", "_skelsplat", "evaluation"),
+    "rig_check": ("cli", "viz", "io", "synthetic", "evaluation"),
     "io": ("cli", "viz", "_refine", "synthetic", "evaluation", "temporal"),
     "synthetic": ("cli", "viz", "io", "_refine", "association", "evaluation", "datasets"),
     "metrics": ("cli", "viz", "io", "_refine", "association", "synthetic", "evaluation"),

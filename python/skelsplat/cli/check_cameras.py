@@ -56,8 +56,8 @@ _Frames = Annotated[
 ]
 _LEGEND = (
     "left out: from what the other cameras say; offset: frames that would fit better, and "
-    "the distance with them; DLT, robust: from what all cameras say together; weight: how far "
-    "the robust solver believes the detections, 0 to 1"
+    "the distance with them, all else set right; DLT, robust: from what all cameras say; "
+    "weight: how far the robust solver believes the detections, 0 to 1"
 )
 _MODES = ("strict", "intersection", "union")
 

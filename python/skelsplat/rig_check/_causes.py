@@ -168,8 +168,8 @@ def _finding(scene: Scene, cause: Cause) -> Finding:
     if cause.kind == "offset":
         shift = after.shifts[view] - scene.shifts[view]
         text = (
-            f"{name} is {abs(shift)} frame{'s' * (abs(shift) != 1)} {'late' if shift > 0 else 'early'}: its "
-            f"frame f{shift:+d} belongs to frame f of the others ({change})."
+            f"{name}: its frame numbers are {abs(shift)} too {'high' if shift > 0 else 'low'}, its frame "
+            f"f{shift:+d} belongs to frame f of the others ({change})."
         )
         return Finding("offset", (name,), text, {"frames": shift, **errors})
     if cause.kind == "resized":

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 # A camera whose detections are rejected this often, and this many times as often as the others', in so many
 # frames or more (less is somebody in the way); two cameras that miss each other by this share of a diagonal.
 _REJECTED, _RATIO, _LEAST_FRAMES, _APART = 1 / 3, 3.0, 5, 0.012
+# an offset that gains less is chance
+_OFFSET_BETTER = 0.9
 _OUTSIDE = 0.05
 _MIN_CONFIDENCE = 0.3
 
@@ -88,7 +90,7 @@ def _with_detections(
     if not np.isfinite(given).any():
         text = "There is no detection to judge the cameras by."
         return RigReport((*findings, Finding("detections", (), text)))
-    rows = _rows(scene_of(cameras, given, frames))
+    as_given = scene_of(cameras, given, frames)
     images, people = find_images(cameras, people, layout)
     exchange, order = find_exchange(cameras, people, layout)
     if images is not None or exchange is not None:
@@ -98,6 +100,7 @@ def _with_detections(
     if images is not None:
         findings = [finding for finding in findings if "outside" not in finding.numbers]
     causes, mended = explain(scene_of(cameras, given, frames))
+    rows = _rows(as_given, mended)
     causes += _left_over(mended)
     if causes and likely == rig.unit:
         unit = None  # a body of no person's size, but the cameras do not agree on it
@@ -143,8 +146,8 @@ def _images(rig: sk.CameraRig, people: Array) -> list[Finding]:
     return findings
 
 
-def _rows(scene: Scene) -> list[CameraRow]:
-    """Numbers of every camera, all cameras together and each against the others."""
+def _rows(scene: Scene, mended: Scene) -> list[CameraRow]:
+    """Numbers of every camera, all together and each against the others; offsets when all else is mended."""
     detections, rig = scene.judged_detections, list(scene.cameras)
     plain = np.asarray(sk.triangulate(detections, rig, method="dlt"))
     with warnings.catch_warnings():
@@ -152,7 +155,7 @@ def _rows(scene: Scene) -> list[CameraRow]:
         result = sk.refine(None, detections, rig)
     rows = []
     for i, camera in enumerate(rig):
-        offset, with_offset = _best_offset(scene, i)
+        offset, with_offset = _best_offset(mended, i)
         there = np.isfinite(detections[:, i, :, 0])
         weight = result.view_weights[:, i][there]
         weight = weight[np.isfinite(weight)]
@@ -177,12 +180,13 @@ def _best_offset(scene: Scene, view: int) -> tuple[int, float]:
         return 0, float("nan")
     points = scene.points_without(view)
     shift = best_shift(scene, view, points)
-    return shift - scene.shifts[view], scene.error(view, points, shift)
+    best, unshifted = (scene.error(view, points, frames) for frames in (shift, 0))
+    return (0, unshifted) if best > _OFFSET_BETTER * unshifted else (shift, best)
 
 
 def _left_over(scene: Scene) -> list[Finding]:
     """Cameras that still disagree when everything that was found is set right."""
-    rows = _rows(scene)
+    rows = _rows(scene, scene)
     if scene.views == 2:
         return _two(scene, rows)
     findings = []

@@ -47,10 +47,11 @@ class CameraRow:
     left_out_px : float
         Median distance from where the *other* cameras say that the joints are; NaN with two cameras.
     best_offset : int
-        The frame offset of the camera at which `left_out_px` would be least, all else as it is: its frame
-        f + best_offset for frame f of the others. A difference of a few px is no evidence.
+        The frame offset at which the camera fits the others best when all else that was found is set right:
+        its frame f + best_offset for frame f of the others. 0 if none gains a tenth, which is not evidence
+        yet; a finding is.
     best_offset_px : float
-        `left_out_px` at that offset.
+        The median distance at that offset.
     """
 
     name: str

@@ -1,0 +1,219 @@
+"""`skelsplat convert` of calibrations and `skelsplat check-cameras`: output, exit status, one-line errors."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import calibration_files as files
+import skelsplat as sk
+from skelsplat import synthetic
+from skelsplat.cli import app
+from skelsplat.io import read_calibration, sample, write_calibration
+
+NAMES = ["54138969", "55011271", "58860488", "60457274"]
+
+
+def invoke(*args):
+    return CliRunner().invoke(app, [str(arg) for arg in args], env={"COLUMNS": "80"})
+
+
+def assert_fails(result, status, *parts):
+    """One line on stderr that starts with ``error:`` and holds ``parts``; nothing on stdout."""
+    assert result.exit_code == status, result.output
+    assert result.stdout == ""
+    (line,) = result.stderr.splitlines()
+    assert line.startswith("error: ")
+    for part in parts:
+        assert part in line
+
+
+@pytest.fixture
+def views():
+    return files.reference(NAMES)
+
+
+@pytest.mark.parametrize("suffix", [".toml", ".json", ".npz"])
+@pytest.mark.parametrize(
+    ("write", "options"),
+    [
+        (files.anipose, ["--unit", "m"]),
+        (files.easymocap, ["--unit", "m"]),
+        (files.panoptic, ["--camera-type", "hd"]),
+        (files.human36m, ["--subject", "S9"]),
+        (files.openpose, ["--size", "1000x1002"]),
+        (files.qualisys, []),
+    ],
+)
+def test_convert_keeps_the_cameras(tmp_path, views, write, options, suffix):
+    folder = tmp_path / "in"
+    folder.mkdir()
+    target = tmp_path / f"out{suffix}"
+    result = invoke("convert", write(folder, views), target, "--to-unit", "mm", *options)
+    assert result.exit_code == 0, result.output
+    assert "Wrote 4 cameras (54138969, 55011271, 58860488, 60457274) to " in " ".join(result.stdout.split())
+    assert result.stdout.strip().endswith("lengths in mm.")
+    rig = read_calibration(target)
+    assert rig.unit == "mm"
+    np.testing.assert_allclose(sk.project(files.points(), rig), files.projected(views), atol=5e-3)
+
+
+def test_convert_quietly_and_with_warnings_on_stderr(tmp_path, views):
+    source = files.qualisys(tmp_path, views)
+    source.write_text(source.read_text().replace('viewrotation="0"><fov', 'viewrotation="90"><fov'))
+    result = invoke("convert", source, tmp_path / "a.toml", "-q")
+    assert (result.exit_code, result.stdout) == (0, "")
+    assert result.stderr.startswith("warning: ")
+    assert read_calibration(tmp_path / "a.toml").unit == "mm"
+
+
+def test_convert_refuses(tmp_path, views):
+    toml = files.anipose(tmp_path, views)
+    out = tmp_path / "out.json"
+    assert_fails(invoke("convert", toml, out), 2, "--unit: expected", '"m" is likely', "convert --help")
+    assert_fails(invoke("convert", toml, out, "--unit", "ft"), 2, "--unit: expected", "'ft'")
+    assert_fails(
+        invoke("convert", toml, out, "--unit", "m", "--to-unit", "ft"), 2, "--to-unit: expected", "'ft'"
+    )
+    assert_fails(
+        invoke("convert", toml, out, "--unit", "m", "--size", "wide"), 2, "--size: expected", "'wide'"
+    )
+    assert_fails(
+        invoke("convert", toml, out, "--unit", "m", "--subject", "S1"), 2, "--subject: expected none"
+    )
+    assert_fails(invoke("convert", toml, out, "--format", "toml"), 2, "--format: expected one of anipose")
+    assert_fails(
+        invoke("convert", toml, tmp_path / "out.xcp"), 2, "OUTPUT: expected a calibration to be", ".xcp"
+    )
+    assert_fails(
+        invoke("convert", files.human36m(tmp_path, views), out), 2, "--subject: expected one of S1, S9"
+    )
+    assert_fails(invoke("convert", tmp_path / "none.toml", out), 1, "none.toml: file: expected a readable")
+    (tmp_path / "hello.txt").write_text("hello")
+    assert_fails(
+        invoke("convert", tmp_path / "hello.txt", out), 1, "content: expected a calibration in a known"
+    )
+    broken = tmp_path / "broken.json"
+    broken.write_text(files.panoptic(tmp_path, views).read_text()[:300])
+    assert_fails(invoke("convert", broken, out), 1, "broken.json: JSON: expected a complete JSON document")
+    assert not out.exists()
+
+
+@pytest.fixture(scope="module")
+def room(tmp_path_factory):
+    """Write a walk of 30 frames seen by four cameras, as a user has it, and two faults."""
+    folder = tmp_path_factory.mktemp("room")
+    rig = synthetic.human36m_like(distortion=True)
+    noise = synthetic.DetectionNoise.good()
+    found = synthetic.simulate_detections(synthetic.motion("walk", 40, seed=1), rig, noise=noise, seed=3)
+    write_calibration(folder / "Calib.toml", rig)
+    files.openpose_folders(folder / "pose", rig, found[5:35, ..., :2])
+    exchanged = found[5:35, [1, 0, 2, 3], :, :2]
+    files.openpose_folders(folder / "exchanged", rig, exchanged)
+    late = found[5:35, ..., :2].copy()
+    late[:, 2] = found[2:32, 2, :, :2]
+    files.openpose_folders(folder / "late", rig, late)
+    return folder
+
+
+def check(room, detections, *options):
+    return invoke("check-cameras", room / "Calib.toml", room / detections, "--layout", "h36m17", *options)
+
+
+def test_a_sound_rig_is_status_0(room):
+    result = check(room, "pose")
+    assert result.exit_code == 0, result.output
+    assert "Nothing wrong was found: 4 cameras, mm, 30 frames of detections." in result.stdout
+    assert max(len(line) for line in result.stdout.splitlines()) <= 80
+    assert [line.split()[0] for line in result.stdout.splitlines() if line.startswith(" cam")][1:] == [
+        "cam1",
+        "cam2",
+        "cam3",
+        "cam4",
+    ]
+    quiet = check(room, "pose", "--quiet")
+    assert (quiet.exit_code, quiet.output) == (0, "")
+
+
+def test_faults_are_status_1_and_said_in_words(room):
+    result = check(room, "exchanged")
+    assert result.exit_code == 1
+    assert "! The detections of cam1 and cam2 are exchanged" in result.stdout
+    assert result.stderr == ""
+    result = check(room, "late", "-q")
+    assert result.exit_code == 1
+    words = " ".join(result.stdout.split())
+    assert "! cam3: its frame numbers are 3 too high, its frame f+3 belongs to frame f of the others" in words
+    assert "refine takes it as --offset cam3=-3." in words
+
+
+def test_a_wrong_unit_is_said(room, tmp_path):
+    text = (room / "Calib.toml").read_text().replace('unit = "mm"\n', "")
+    (tmp_path / "Calib.toml").write_text(text)
+    result = invoke(
+        "check-cameras", tmp_path / "Calib.toml", room / "pose", "--layout", "h36m17", "--unit", "m"
+    )
+    assert result.exit_code == 1
+    assert result.stdout.count("! ") == 1
+    assert 'the unit of the calibration is most likely "mm".' in " ".join(result.stdout.split())
+    alone = invoke("check-cameras", tmp_path / "Calib.toml", "--unit", "m")
+    assert alone.exit_code == 1
+    assert '"mm" is likely' in " ".join(alone.stdout.split())
+
+
+def test_json_has_the_numbers(room):
+    result = check(room, "late", "--json")
+    assert result.exit_code == 1
+    report = json.loads(result.stdout)
+    assert report["ok"] is False
+    assert report["findings"][0]["numbers"]["frames"] == 3
+    assert [row["best_offset"] for row in report["cameras"]] == [0, 0, 3, 0]
+    assert report["unit"] == "mm"
+
+
+def test_a_calibration_alone(room):
+    result = invoke("check-cameras", room / "Calib.toml")
+    assert (result.exit_code, result.stdout) == (0, "Nothing wrong was found: 4 cameras, mm.\n")
+
+
+def test_check_cameras_refuses(room, tmp_path):
+    assert_fails(
+        invoke("check-cameras", room / "Calib.toml", room / "pose"),
+        2,
+        "--layout: expected",
+        "got none; ",
+        "h36m17",
+    )
+    assert_fails(check(room, "pose", "--frames", "some"), 2, "--frames: expected one of strict", "'some'")
+    assert_fails(check(room, "pose", "--unit", "m"), 2, '--unit: expected none or "mm"', "'m'")
+    assert_fails(check(room, "nowhere"), 1, "nowhere: folder")
+    assert_fails(invoke("check-cameras", tmp_path / "none.toml"), 1, "none.toml: file: expected a readable")
+    assert_fails(invoke("check-cameras"), 2, "CALIBRATION")
+
+
+def test_the_third_camera_of_the_sample_is_turned(tmp_path):
+    paths = sample.extract(tmp_path)
+    result = invoke(
+        "check-cameras",
+        paths.calibration,
+        paths.detections,
+        "--unit",
+        "m",
+        "--layout",
+        sample.LAYOUT,
+        "--json",
+    )
+    assert result.exit_code == 1
+    (finding,) = json.loads(result.stdout)["findings"]
+    assert (finding["kind"], finding["cameras"]) == ("turned", ["cam_03"])
+    assert finding["numbers"]["degrees"] == pytest.approx(1.43, abs=0.1)
+
+
+@pytest.mark.parametrize("command", ["convert", "check-cameras"])
+def test_help_has_examples_and_fits_80_columns(command):
+    result = invoke(command, "--help")
+    assert f"skelsplat {command} " in result.stdout.split("Examples")[1]
+    assert max(len(line.rstrip()) for line in result.stdout.splitlines()) <= 80
