@@ -178,6 +178,8 @@ def evaluate(
     _one_of("--counting", counting, ("all", "adafuse"))
     with collected_warnings(lambda text: typer.echo(f"warning: {text}", err=True)):
         data = datasets.read(dataset, root, **_reader_options(dataset, detections, views, setting or []))
+        for finding in datasets.verify(data):
+            typer.echo(f"warning: {finding.file}: {finding}", err=True)
         rules = protocols.get(data.name).with_options(n_views=views, every=every, counting=counting)
         folder = Path("skelsplat-evaluation") / data.name if out is None else out
         check_output(folder)
