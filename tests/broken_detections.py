@@ -107,3 +107,23 @@ def check(tmp_path, capsys, name, change, message):
     assert str(caught.value).startswith(f"{broken.file}: ")
     assert "\n" not in str(caught.value)
     assert capsys.readouterr().out == ""
+
+
+def write_case(root, name, *, people, names=NAMES, joints=sk.layouts.H36M17.joints):
+    """Write people (T, M, P, K, 3) in the format of a case; of one that knows one person only the first."""
+    case = CASES[name]
+    kept = people if case.people else people[:, :, :1]
+    return case.write(root, Take(kept, list(names), list(joints)))
+
+
+def first_joints(found):
+    """X of the first frame's first person in each camera, (M, N)."""
+    return found.people[0, :, 0, :, 0]
+
+
+def fewest_twins(malformed) -> int:
+    """How many malformed twins the format with the fewest has."""
+    count = dict.fromkeys((CASES[name].format for name in malformed), 0)
+    for name, twins in malformed.items():
+        count[CASES[name].format] += len(twins)
+    return min(count.values())

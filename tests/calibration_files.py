@@ -257,3 +257,20 @@ def openpose_folders(root: Path, rig, detections):
             values = np.where(seen, np.hstack([np.nan_to_num(joints), np.full(seen.shape, 0.9)]), 0.0)
             person = {"pose_keypoints_2d": values.ravel().tolist()}
             (root / name / f"{t:06d}_keypoints.json").write_text(json.dumps({"people": [person]}))
+
+
+NAMES = ["54138969", "55011271", "58860488", "60457274"]
+# format → writer, options, names in the rig, unit, largest difference in px (digits that the format keeps)
+FULL = 1e-9
+FORMATS_WRITTEN = {
+    "anipose": (anipose, {"unit": "m"}, NAMES, "m", FULL),
+    "caliscope": (caliscope, {}, [f"cam_{i}" for i in range(4)], "m", FULL),
+    "easymocap": (easymocap, {"unit": "m"}, NAMES, "m", FULL),
+    "openpose": (openpose, {"size": dict.fromkeys(NAMES, (1000, 1002))}, NAMES, "m", FULL),
+    "panoptic": (panoptic, {}, NAMES, "cm", FULL),
+    "human36m": (human36m, {"subject": "S9"}, NAMES, "mm", FULL),
+    # axes to ½·10⁻⁶ at 1150 px and coefficients likewise: below 5·10⁻³ px
+    "qualisys": (qualisys, {}, NAMES, "mm", 5e-3),
+    "json": (own_json, {}, NAMES, "mm", FULL),
+    "npz": (own_npz, {}, NAMES, "m", FULL),
+}

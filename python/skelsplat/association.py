@@ -216,21 +216,29 @@ class _Evidence:
 
     def _size(self, step: Index, index: Index) -> Array:
         """How large the people are in the images, (H,): mean extent as a part of the diagonal, below 1."""
-        extents = self._extents()[step[:, None], np.arange(index.shape[1]), index]
-        shown = np.where(index >= 0, extents, 0.0)
+        diagonals = np.array([np.hypot(*camera.size) for camera in self.cameras])
+        shares = extents(self.people) / diagonals[:, None]
+        own = shares[step[:, None], np.arange(index.shape[1]), index]
+        shown = np.where(index >= 0, own, 0.0)
         mean: Array = shown.sum(axis=1) / np.maximum((index >= 0).sum(axis=1), 1)
         return mean
 
-    def _extents(self) -> Array:
-        """Diagonal of everybody's bounding box as a part of the image's diagonal, (T, M, P)."""
-        points = self.people[..., :2]
-        there = np.isfinite(points)
-        high = np.where(there, points, -np.inf).max(axis=3)
-        low = np.where(there, points, np.inf).min(axis=3)
-        spans = np.where(there.any(axis=3), high - low, 0.0)
-        diagonals = np.array([np.hypot(*camera.size) for camera in self.cameras])
-        extents: Array = np.hypot(spans[..., 0], spans[..., 1]) / diagonals[:, None]
-        return extents
+
+def extents(people: npt.ArrayLike) -> Array:
+    """Return the diagonal in px of everybody's bounding box; 0 for nobody.
+
+    Parameters
+    ----------
+    people : (..., K, 2|3)
+        Pixels; NaN where missing.
+    """
+    points = np.asarray(people, dtype=np.float64)[..., :2]
+    there = np.isfinite(points)
+    high = np.where(there, points, -np.inf).max(axis=-2)
+    low = np.where(there, points, np.inf).min(axis=-2)
+    spans = np.where(there.any(axis=-2), high - low, 0.0)
+    diagonals: Array = np.hypot(spans[..., 0], spans[..., 1])
+    return diagonals
 
 
 def _masked_median(values: Array, least: int) -> Array:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import shutil
+from functools import partial
 
 import numpy as np
 import pytest
 
 import skelsplat as sk
-from broken_detections import NAMES, K, T, anybody
+from broken_detections import NAMES, K, T, anybody, first_joints, write_case
 from detection_files import CASES, Take
 from skelsplat.io import read_detections
 
@@ -17,17 +18,7 @@ H36M, COCO = sk.layouts.H36M17, sk.layouts.COCO17
 MAIN = anybody()
 
 
-def write(root, name, *, names=NAMES, joints=H36M.joints, people=MAIN):
-    case = CASES[name]
-    kept = people if case.people else people[:, :, :1]
-    return case.write(root, Take(kept, list(names), list(joints)))
-
-
-def first_joints(found):
-    """X of the first frame's first person in each camera, (M, N)."""
-    return found.people[0, :, 0, :, 0]
-
-
+write = partial(write_case, people=MAIN)
 X = MAIN[0, :, 0, :, 0]
 
 

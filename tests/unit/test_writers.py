@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
+from pose_sample import assert_equal
 from skelsplat.io import PoseData, read_npz, read_trc, write_csv, write_npz, write_trc
 from skelsplat.io._atomic import atomic_write, atomic_write_text
 
@@ -51,11 +52,6 @@ def data():
         frame_rate=59.94,
         processing=("Gaps of at most 5 frames filled by straight lines.",),
     )
-
-
-def assert_equal(a, b):
-    for entry in fields(PoseData):
-        np.testing.assert_array_equal(getattr(a, entry.name), getattr(b, entry.name), err_msg=entry.name)
 
 
 # npz

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 
 from rich import box
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
 
+from skelsplat.cli._progress import bar_of
 from skelsplat.evaluation import ablations
 
 if TYPE_CHECKING:
@@ -26,18 +27,7 @@ _STYLES = {"measured": "bold", "paper": "dim", "theory": "dim"}
 @contextmanager
 def progress_bar(*, shown: bool) -> Iterator[ablations.Progress]:
     """Yield what an ablation reports to: a bar on stderr, if that is a terminal."""
-    console = Console(stderr=True)
-    bar = Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("poses"),
-        TimeElapsedColumn(),
-        console=console,
-        transient=True,
-        disable=not (shown and console.is_terminal),
-    )
-    with bar:
+    with bar_of("poses", shown=shown, time=TimeElapsedColumn()) as bar:
         task = bar.add_task("reading", total=None)
         yield lambda text, done, total: bar.update(task, description=text, completed=done, total=total)
 

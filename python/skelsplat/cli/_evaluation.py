@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich import box
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table as Drawn
 from rich.text import Text
 
+from skelsplat.cli._progress import bar_of
 from skelsplat.evaluation import export, tables
 from skelsplat.evaluation._table import Row, Table
 from skelsplat.evaluation.report import Evaluation
@@ -139,18 +139,7 @@ def _bars(evaluation: Evaluation) -> BarData:
 @contextmanager
 def progress(*, shown: bool) -> Iterator[Callable[[str, str, int, int], None]]:
     """Yield what `evaluate` reports to: a bar of poses on stderr, if that is a terminal."""
-    console = Console(stderr=True)
-    bar = Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("poses"),
-        TimeRemainingColumn(),
-        console=console,
-        transient=True,
-        disable=not (shown and console.is_terminal),
-    )
-    with bar:
+    with bar_of("poses", shown=shown) as bar:
         task = bar.add_task("evaluating", total=None)
 
         def report(method: str, take: str, done: int, total: int) -> None:

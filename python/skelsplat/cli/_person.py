@@ -38,7 +38,7 @@ def pick_person(people: Array, rig: sk.CameraRig, person: str, layout: sk.Layout
     if person == "consistent":
         return association.choose_person(people, rig, layout=layout)[0]
     if person == "largest":
-        place = _extent(people).argmax(axis=2)
+        place = association.extents(people).argmax(axis=2)
         largest: Array = np.take_along_axis(people, place[:, :, None, None, None], axis=2)[:, :, 0]
         return largest
     if int(person) >= people.shape[2]:
@@ -47,13 +47,3 @@ def pick_person(people: Array, rig: sk.CameraRig, person: str, layout: sk.Layout
         )
     numbered: Array = people[:, :, int(person)]
     return numbered
-
-
-def _extent(people: Array) -> Array:
-    """Return the diagonal of everybody's bounding box in px, (T, M, P); 0 for nobody."""
-    points = people[..., :2]
-    there = np.isfinite(points)
-    high = np.where(there, points, -np.inf).max(axis=3)
-    low = np.where(there, points, np.inf).min(axis=3)
-    extent: Array = np.linalg.norm(np.where(there.any(axis=3), high - low, 0.0), axis=-1)
-    return extent

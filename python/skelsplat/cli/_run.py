@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from skelsplat.cli._doubts import find_doubts
 from skelsplat.cli._figures import write_figures
 from skelsplat.cli._over_time import apply_over_time
 from skelsplat.cli._pipeline import collected_warnings, read_inputs, refine_inputs
+from skelsplat.cli._progress import bar_of
 from skelsplat.cli._report import build_report, to_text
 from skelsplat.cli._statistics import summarise
 from skelsplat.cli._table import print_doubts, print_files, print_over_time, print_summary
@@ -21,6 +21,8 @@ from skelsplat.io.poses import POSE_FORMATS, check_pose_format
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+    from rich.progress import Progress
 
     from skelsplat.cli._job import Job, Verbosity
     from skelsplat.cli._pipeline import Inputs, Outcome
@@ -78,23 +80,12 @@ def _tell(warning: str) -> None:
 
 def _refine_with_bar(inputs: Inputs, job: Job, *, shown: bool) -> Outcome:
     """Refine under a progress bar on stderr, if that is a terminal."""
-    console = Console(stderr=True)
-    bar = Progress(
-        TextColumn("refining"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("frames"),
-        TimeRemainingColumn(),
-        console=console,
-        transient=True,
-        disable=not (shown and console.is_terminal),
-    )
-    with bar:
+    with bar_of("frames", shown=shown) as bar:
         return refine_inputs(inputs, job, _updater(bar, len(inputs.frames)))
 
 
 def _updater(bar: Progress, frames: int) -> Callable[[int, int], None]:
-    task = bar.add_task("refine", total=frames)
+    task = bar.add_task("refining", total=frames)
 
     def update(done: int, total: int) -> None:
         bar.update(task, completed=done, total=total)

@@ -1,6 +1,6 @@
 """Data sets by name.
 
-A reader is a module with
+A reader is a module, or an object in one (``"module:NAME"``), with
 
 - ``DESCRIPTION``: one line for ``skelsplat datasets list``;
 - ``read(root, **options) -> Dataset``: keyword-only options with defaults; raises `DatasetError`;
@@ -29,8 +29,8 @@ _MODULES = {
     "human36m-occ": "skelsplat.datasets.human36m_occ",
     "panoptic": "skelsplat.datasets.panoptic",
     "occlusion-person": "skelsplat.datasets.occlusion_person",
-    "shelf": "skelsplat.datasets.shelf",
-    "campus": "skelsplat.datasets.campus",
+    "shelf": "skelsplat.datasets._shelf_campus:SHELF",
+    "campus": "skelsplat.datasets._shelf_campus:CAMPUS",
     "synthetic": "skelsplat.datasets.synthetic",
 }
 
@@ -54,7 +54,7 @@ class Survey:
 
 
 class Reader(Protocol):
-    """What a reader module offers."""
+    """What a reader offers."""
 
     DESCRIPTION: str
 
@@ -71,7 +71,7 @@ def names() -> tuple[str, ...]:
 
 
 def reader(name: str) -> Reader:
-    """Return the reader module of a data set.
+    """Return the reader of a data set.
 
     Raises
     ------
@@ -80,7 +80,9 @@ def reader(name: str) -> Reader:
     """
     if name not in _MODULES:
         raise InvalidInputError(f"name: expected one of {', '.join(_MODULES)}, got {name!r}")
-    return cast("Reader", import_module(_MODULES[name]))
+    module, _, inside = _MODULES[name].partition(":")
+    found = import_module(module)
+    return cast("Reader", getattr(found, inside) if inside else found)
 
 
 def options_of(name: str) -> tuple[str, ...]:

@@ -34,12 +34,43 @@ from skelsplat.layouts import COCO17, SHELF14
 
 @dataclass(frozen=True)
 class Scene:
-    """Which of the two: its name, image size, cameras and actors that are evaluated."""
+    """Which of the two: its name, image size, cameras and actors that are evaluated; and its reader."""
 
     name: str
     size: tuple[int, int]
     n_cameras: int
     n_actors: int = 3
+
+    @property
+    def DESCRIPTION(self) -> str:  # noqa: N802  as readers that are modules have it
+        """One line for the list of data sets."""
+        return f"{self.name.capitalize()}: several persons in {self.n_cameras} cameras."
+
+    def read(
+        self, root: Path, *, detector: str | None = None, detections: Path | str | None = None
+    ) -> Dataset:
+        """Read the data set.
+
+        Parameters
+        ----------
+        root : Path
+        detector : str or None
+            Name of the detector, as in ``2d_DETECTOR``; chosen as for Human3.6M when left out.
+        detections : Path or None
+            A folder of detections outside the root, in place of ``2d_DETECTOR/S0``.
+
+        Raises
+        ------
+        DatasetError
+            If a file is missing or malformed; names the file and the field.
+        """
+        return _read(self, root, detector, detections)
+
+    def survey(
+        self, root: Path, *, detector: str | None = None, detections: Path | str | None = None
+    ) -> Survey:
+        """Say which files are there."""
+        return _survey(self, root, detector, detections)
 
 
 SHELF = Scene("shelf", (1032, 776), 5)
@@ -49,8 +80,7 @@ CAMPUS = Scene("campus", (360, 288), 3)
 _FROM_COCO = (16, 14, 12, 11, 13, 15, 10, 8, 6, 5, 7, 9)
 
 
-def read_scene(scene: Scene, root: Path, detector: str | None, detections: Path | str | None) -> Dataset:
-    """Read one of the two data sets; `DatasetError` names the file and the field."""
+def _read(scene: Scene, root: Path, detector: str | None, detections: Path | str | None) -> Dataset:
     calibration = find(_calibrations(scene, root), f"calibration of {scene.name}")
     rig = _rig(scene, calibration)
     truth = find(_truths(scene, root), f"truth of {scene.name}")
@@ -68,8 +98,7 @@ def read_scene(scene: Scene, root: Path, detector: str | None, detections: Path 
     return Dataset(scene.name, SHELF14, tuple(takes), name, words)
 
 
-def survey_scene(scene: Scene, root: Path, detector: str | None, detections: Path | str | None) -> Survey:
-    """Say which files are there."""
+def _survey(scene: Scene, root: Path, detector: str | None, detections: Path | str | None) -> Survey:
     wishes = Wishes()
     wishes.look(_calibrations(scene, root), "calibration")
     wishes.look(_truths(scene, root), "truth")

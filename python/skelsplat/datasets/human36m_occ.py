@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from skelsplat.datasets._model import Dataset
 from skelsplat.datasets._registry import Survey
@@ -59,30 +60,13 @@ def read(
     return read_layout("human36m-occ", name, place, options, origin)
 
 
-def survey(
-    root: Path,
-    *,
-    variant: str | int | None = None,
-    subjects: Sequence[str] | None = ("S9", "S11"),
-    detector: str | None = None,
-    detections: PathLike | None = None,
-    cameras: PathLike | None = None,
-    monocular: str | None = None,
-) -> Survey:
+def survey(root: Path, *, variant: str | int | None = None, **options: Any) -> Survey:
     """Say which files are there, and which are missing; options as for `read`."""
     try:
         folder, _ = _locate(root, variant)
     except DatasetError as error:
         return Survey(missing=[(error.path, error.expected)])
-    return survey_human36m(
-        folder,
-        format="skelsplat",
-        subjects=subjects,
-        detector=detector,
-        detections=detections,
-        cameras=cameras,
-        monocular=monocular,
-    )
+    return survey_human36m(folder, format="skelsplat", **options)
 
 
 def _variant_of(name: str) -> str | None:

@@ -108,10 +108,9 @@ def survey(
     views: int | Sequence[int] = N_CAMERAS,
     format: str | None = None,
     split: str = "validation",
-    step: int = 5,
+    **_: Any,
 ) -> Survey:
-    """Say which files are there."""
-    del step
+    """Say which files are there; what `read` takes beyond these options changes nothing."""
     _cameras(views)
     wishes, chosen = Wishes(), _format(root, format)
     if chosen == "adafuse":

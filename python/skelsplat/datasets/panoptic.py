@@ -17,6 +17,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,12 +112,9 @@ def survey(
     views: int | Sequence[int] = 4,
     sequences: Sequence[str] = SEQUENCES,
     format: str | None = None,
-    truth_unit: str = "cm",
-    person: int | None = None,
-    monocular: str | None = None,
+    **_: Any,
 ) -> Survey:
-    """Say which files are there."""
-    del truth_unit, person, monocular
+    """Say which files are there; what `read` takes beyond these options changes nothing."""
     wishes, count = Wishes(), len(_cameras(views))
     for sequence in sequences:
         wishes.look(_calibrations(root, sequence), f"calibration of {sequence}")

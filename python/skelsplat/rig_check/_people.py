@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import skelsplat as sk
-from skelsplat.association import choose_person
+from skelsplat.association import choose_person, extents
 from skelsplat.rig_check._findings import Finding
 from skelsplat.rig_check._scene import Array, Index, Scene, named, scene_of
 
@@ -128,21 +128,10 @@ def follow(cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout | None
     if people.shape[2] == 1 or len(cameras) < 2:
         return people[:, :, 0, :, :2]
     chosen, index = choose_person(people, cameras, layout=layout)
-    places = _largest(people)
+    places = extents(people).argmax(axis=2)
     there = np.isfinite(people[..., 0]).any(axis=(2, 3))
     found = (index >= 0).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
     fallback = np.take_along_axis(people, places[:, :, None, None, None], axis=2)[:, :, 0]
     lost = found < _LOST
     followed: Array = np.where(lost[None, :, None, None], fallback, chosen)[..., :2]
     return followed
-
-
-def _largest(people: Array) -> Index:
-    """Place of the largest person in every image, (T, M)."""
-    points = people[..., :2]
-    there = np.isfinite(points)
-    high = np.where(there, points, -np.inf).max(axis=3)
-    low = np.where(there, points, np.inf).min(axis=3)
-    extent = np.linalg.norm(np.where(there.any(axis=3), high - low, 0.0), axis=-1)
-    places: Index = extent.argmax(axis=2)
-    return places

@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from skelsplat.datasets._model import Dataset
 from skelsplat.datasets._registry import Survey
@@ -84,19 +85,15 @@ def survey(
     root: Path,
     *,
     format: str | None = None,
-    subjects: Sequence[str] | None = ("S9", "S11"),
-    detector: str | None = None,
-    detections: PathLike | None = None,
-    cameras: PathLike | None = None,
-    monocular: str | None = None,
+    **options: Any,
 ) -> Survey:
     """Say which files of Human3.6M are there, and which are missing; options as for `read`."""
-    options = Options.parse(subjects, detector, detections, cameras, monocular)
+    chosen = Options.parse(**options)
     try:
         name, place = find_format(root, format)
     except DatasetError as error:
         return Survey(missing=[(root, error.expected)])
-    found: Survey = _LAYOUTS[name].survey(place, options).survey(name)
+    found: Survey = _LAYOUTS[name].survey(place, chosen).survey(name)
     return found
 
 

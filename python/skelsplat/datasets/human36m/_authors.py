@@ -19,12 +19,12 @@ from skelsplat.datasets._detections import detector_name, first_key, load_poses,
 from skelsplat.datasets._files import FloatArray, numbers
 from skelsplat.datasets._model import Take
 from skelsplat.datasets._places import Wishes
-from skelsplat.datasets.human36m._actions import action_of
 from skelsplat.datasets.human36m._cameras import CAMERAS, Parameters, find_cameras
 from skelsplat.datasets.human36m._options import (
     Options,
     Reading,
     choose_detector,
+    take_of,
     wanted,
     with_separate,
 )
@@ -106,28 +106,17 @@ def _take(folder: Path, subject: str, rig: CameraRig, cameras: Path) -> Take:
     truth = numbers(path, field, value, ("frames", "joints", 3))
     if truth.shape[1] != H36M17.n_joints:
         raise DatasetError(path, field, f"{H36M17.n_joints} joints of {H36M17.name}", truth.shape[1])
-    return Take(
-        f"{subject}/{folder.name}",
-        subject,
-        action_of(folder.name),
-        rig,
-        np.arange(len(truth)),
-        truth,
-        files={"truth": path, "cameras": cameras},
-    )
+    return take_of(subject, folder.name, rig, truth, {"truth": path, "cameras": cameras})
 
 
 def _with_own(takes: Iterator[Take], root: Path, options: Options, reading: Reading) -> Iterator[Take]:
     """Add the detections in ``2d_<detector>``; leave out takes that have none."""
-    detectors = _detectors(root)
-    reading.detector = choose_detector(detectors, options.detector, root)
-    if reading.detector is None:
+    place = reading.choose(_detectors(root), options, root)
+    if place is None:
         yield from takes
         return
-    if len(detectors) > 1 and options.detector is None:
-        reading.notes.append(f"detector {reading.detector} of {', '.join(sorted(detectors))}")
     for take in takes:
-        folder = detectors[reading.detector] / Path(take.key)
+        folder = place / Path(take.key)
         if not folder.is_dir():
             reading.left_out.append(take.key)
             continue

@@ -7,9 +7,12 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+
+from skelsplat.cameras import CameraRig
 from skelsplat.datasets._detections import Separate, Wanted, detector_name
 from skelsplat.datasets._model import Dataset, FloatArray, Take
-from skelsplat.datasets.human36m._actions import order, spelling, subject_order
+from skelsplat.datasets.human36m._actions import action_of, order, spelling, subject_order
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.layouts import H36M17
 
@@ -32,11 +35,11 @@ class Options:
     @classmethod
     def parse(
         cls,
-        subjects: Sequence[str] | None,
-        detector: str | None,
-        detections: PathLike | None,
-        cameras: PathLike | None,
-        monocular: str | None,
+        subjects: Sequence[str] | None = ("S9", "S11"),
+        detector: str | None = None,
+        detections: PathLike | None = None,
+        cameras: PathLike | None = None,
+        monocular: str | None = None,
     ) -> Options:
         """Check the types that a mistake is likely in.
 
@@ -97,6 +100,21 @@ class Reading:
     detector: str | None = None
     origin: str = ""
 
+    def choose(self, there: dict[str, Path], options: Options, root: Path) -> Path | None:
+        """Return where the chosen detector's detections lie, and note which it is; None if there are none.
+
+        Raises
+        ------
+        DatasetError
+            If the wanted detector is not there.
+        """
+        self.detector = choose_detector(there, options.detector, root)
+        if self.detector is None:
+            return None
+        if len(there) > 1 and options.detector is None:
+            self.notes.append(f"detector {self.detector} of {', '.join(sorted(there))}")
+        return there[self.detector]
+
     def dataset(self, name: str, root: Path) -> Dataset:
         """Return the data set, takes in the order of the tables.
 
@@ -127,6 +145,12 @@ class Reading:
 def activity_of(take: Take) -> str:
     """Return the take's name without the subject."""
     return take.key.partition("/")[2]
+
+
+def take_of(subject: str, activity: str, rig: CameraRig, truth: FloatArray, files: dict[str, Path]) -> Take:
+    """Return a take, frames numbered from 0; `files` says where its truth and its cameras are from."""
+    frames = np.arange(len(truth))
+    return Take(f"{subject}/{activity}", subject, action_of(activity), rig, frames, truth, files=files)
 
 
 def wanted(take: Take) -> Wanted:

@@ -20,13 +20,12 @@ from skelsplat.datasets._detections import Wanted, as_detections, detector_name
 from skelsplat.datasets._files import FloatArray, a_list, a_table, load_npz, numbers, require
 from skelsplat.datasets._model import Take
 from skelsplat.datasets._places import Wishes
-from skelsplat.datasets.human36m._actions import action_of
 from skelsplat.datasets.human36m._cameras import Parameters, check_views, find_cameras
 from skelsplat.datasets.human36m._options import (
     Options,
     Reading,
     activity_of,
-    choose_detector,
+    take_of,
     wanted,
     with_separate,
 )
@@ -101,27 +100,15 @@ def _take(path: Path, subject: str, activity: str, value: Any, rig: CameraRig, c
         truth = truth[:, list(JOINTS_OF_32)]
     if truth.shape[1] != H36M17.n_joints:
         raise DatasetError(path, field, "32 joints, or 17 of h36m17", truth.shape[1])
-    return Take(
-        f"{subject}/{activity}",
-        subject,
-        action_of(activity),
-        rig,
-        np.arange(len(truth)),
-        _MM * truth,
-        files={"truth": path, "cameras": cameras},
-    )
+    return take_of(subject, activity, rig, _MM * truth, {"truth": path, "cameras": cameras})
 
 
 def _with_own(takes: Iterator[Take], root: Path, options: Options, reading: Reading) -> Iterator[Take]:
     """Add the detections in ``data_2d_h36m_<detector>.npz``; leave out takes that have none."""
-    there = _detectors(root)
-    reading.detector = choose_detector(there, options.detector, root)
-    if reading.detector is None:
+    path = reading.choose(_detectors(root), options, root)
+    if path is None:
         yield from takes
         return
-    if len(there) > 1 and options.detector is None:
-        reading.notes.append(f"detector {reading.detector} of {', '.join(sorted(there))}")
-    path = there[reading.detector]
     positions, cut = _table(path, "positions_2d"), 0
     for take in takes:
         own = require(path, "positions_2d", positions, take.subject)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from skelsplat._optional import require
 from skelsplat.evaluation.baselines._observations import Cameras, FloatArray, Observations, observe
-from skelsplat.evaluation.baselines._optional import require
 
 
 def dlt(detections: ArrayLike, cameras: Cameras, *, confidence: bool = False) -> FloatArray:
@@ -93,10 +93,10 @@ def opencv_dlt(detections: ArrayLike, cameras: Cameras) -> FloatArray:
     ------
     InvalidInputError
         Shapes that do not fit, a confidence outside [0, 1].
-    ImportError
+    MissingPackageError
         If OpenCV is not installed.
     """
-    cv2 = require("cv2")
+    cv2 = require("cv2", "OpenCV's triangulation", "evaluation")
     joints = observe(detections, cameras)
     points = np.full((len(joints.seen), 3), np.nan)
     first_two = np.argsort(~joints.seen, axis=1, kind="stable")[:, :2]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from skelsplat.exceptions import DatasetError
+from skelsplat.io.calibration._raw import RawCamera
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -33,6 +34,19 @@ class Entry:
     def error(self, field: str, expected: str, actual: object) -> DatasetError:
         """Return the error for one field; an empty one is the entry itself."""
         return DatasetError(self.path, ".".join(filter(None, (self.key, field))), expected, actual)
+
+    def camera(self, *, distortion: str, size: str, fisheye: bool = False) -> RawCamera:
+        """Return the camera of an entry with ``name``, ``K``, ``R``, ``t``, and these names for the rest."""
+        return RawCamera(
+            table=self.key,
+            name=self.text("name"),
+            K=self.numbers("K", (3, 3)),
+            R=self.numbers("R", (3, 3)),
+            t=self.numbers("t", (3,)),
+            distortion=self.distortion(distortion, fisheye=fisheye),
+            fisheye=fisheye,
+            size=self.size(size),
+        )
 
     def entry(self, field: str) -> Entry:
         """Return the mapping under `field`."""

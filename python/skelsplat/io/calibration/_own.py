@@ -60,16 +60,7 @@ def _parse_json(source: Source, options: Options) -> Parsed:  # noqa: ARG001
 
 def _camera(entry: Entry) -> RawCamera:
     fisheye = entry.flag("fisheye")
-    return RawCamera(
-        table=entry.key,
-        name=entry.text("name"),
-        K=entry.numbers("K", (3, 3)),
-        R=entry.numbers("R", (3, 3)),
-        t=entry.numbers("t", (3,)),
-        distortion=entry.distortion("distortion", fisheye=fisheye),
-        fisheye=fisheye,
-        size=entry.size("size"),
-    )
+    return entry.camera(distortion="distortion", size="size", fisheye=fisheye)
 
 
 def _checked_unit(path: Path, unit: object) -> str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from skelsplat.exceptions import DatasetError
 from skelsplat.io.calibration._fields import Entry
-from skelsplat.io.calibration._raw import CalibrationFormat, Parsed, RawCamera
+from skelsplat.io.calibration._raw import CalibrationFormat, Parsed
 
 if TYPE_CHECKING:
     from skelsplat.io.calibration._raw import Options
@@ -45,20 +45,7 @@ def _parse(source: Source, options: Options) -> Parsed:
     if not entries:
         types = sorted({str(values.get("type")) for values in cameras})
         raise DatasetError(source.path, "type", f"cameras of type {wanted}", f"types {', '.join(types)}")
-    return Parsed([_camera(entry) for entry in entries], "cm")
-
-
-def _camera(entry: Entry) -> RawCamera:
-    return RawCamera(
-        table=entry.key,
-        name=entry.text("name"),
-        K=entry.numbers("K", (3, 3)),
-        R=entry.numbers("R", (3, 3)),
-        t=entry.numbers("t", (3,)),
-        distortion=entry.distortion("distCoef"),
-        fisheye=False,
-        size=entry.size("resolution"),
-    )
+    return Parsed([entry.camera(distortion="distCoef", size="resolution") for entry in entries], "cm")
 
 
 PANOPTIC = CalibrationFormat(

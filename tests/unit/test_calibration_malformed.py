@@ -1,0 +1,304 @@
+"""Calibrations with one thing broken at a time: the message names the file and the field."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import calibration_files as files
+import skelsplat as sk
+from calibration_files import FORMATS_WRITTEN, NAMES
+from skelsplat.io import read_calibration
+from skelsplat.io.calibration import FORMATS
+
+
+@pytest.fixture
+def views():
+    return files.reference(NAMES)
+
+
+def _edit(path, old, new):
+    text = path.read_text()
+    assert old in text, old
+    path.write_text(text.replace(old, new, 1))
+    return path
+
+
+def _json_edit(path, change):
+    document = json.loads(path.read_text())
+    change(document)
+    path.write_text(json.dumps(document))
+    return path
+
+
+def _npz_edit(path, **changes):
+    with np.load(path) as archive:
+        arrays = {**archive, **changes}
+    np.savez(path, **{name: value for name, value in arrays.items() if value is not None})
+    return path
+
+
+def _pair(path, name, old, new):
+    _edit(path / name, old, new)
+    return path
+
+
+N = NAMES[0]
+# format: one thing broken, and what the message must say after the file's name
+MALFORMED = {
+    "caliscope": {
+        "no size": (
+            lambda p: _edit(p, "size = ", "sizes = "),
+            r"cameras\.0\.size: expected 2 numbers, got noth",
+        ),
+        "uncalibrated": (
+            lambda p: _edit(p, "rotation = [[", "extra = [["),
+            r"cameras\.0\.rotation: expected a camera that is calibrated with the others, or ignore",
+        ),
+        "short matrix": (lambda p: _edit(p, ", [0.0, 0.0, 1.0]]", "]"), r"cameras\.0\.matrix: expected 3×3"),
+        "all ignored": (
+            lambda p: (p.write_text(p.read_text().replace("ignore = false", "ignore = true")), p)[1],
+            r"cameras: expected a camera without ignore = true, got none",
+        ),
+        "stretched rotation": (
+            lambda p: _edit(p, "rotation = [[", "rotation = [[9, 0, 0], [0, 1, 0], [0, 0, 1]]\nold = [["),
+            r"R of camera 'cam_0': expected an orthonormal matrix",
+        ),
+    },
+    "easymocap": {
+        "no partner": (
+            lambda p: ((p / "extri.yml").unlink(), p)[1],
+            r"extri\.yml: file: expected a readable",
+        ),
+        "no K": (
+            lambda p: _pair(p, "intri.yml", f"K_{N}:", "Q:"),
+            rf"intri\.yml: K_{N}: expected 3×3 numbers, got no",
+        ),
+        "no T": (
+            lambda p: _pair(p, "extri.yml", f"T_{N}:", "Q:"),
+            rf"extri\.yml: T_{N}: expected 3 numbers, got nothing",
+        ),
+        "short matrix": (
+            lambda p: _pair(p, "extri.yml", "rows: 3\n   cols: 1", "rows: 4\n   cols: 1"),
+            rf"extri\.yml: R_{N}: expected 4×1 numbers in a closed list, got 3 numbers",
+        ),
+        "cut": (
+            lambda p: ((p / "extri.yml").write_text((p / "extri.yml").read_text()[:-20]), p)[1],
+            r"extri\.yml: T_60457274: expected 3×1 numbers in a closed list",
+        ),
+        "two rotations": (
+            lambda p: (
+                _pair(p, "extri.yml", "Rot_55011271", "Rot_54138969b")
+                .joinpath("extri.yml")
+                .write_text(
+                    (p / "extri.yml")
+                    .read_text()
+                    .replace("Rot_54138969:", "old:")
+                    .replace("Rot_54138969b", "Rot_54138969")
+                )
+                and p
+            ),
+            rf"extri\.yml: Rot_{N}: expected the rotation of R_{N}, got another",
+        ),
+        "not a number": (
+            lambda p: _pair(p, "intri.yml", "data: [ 1140", "data: [ f"),
+            rf"intri\.yml: K_{N}: expected a matrix of numbers",
+        ),
+        "half a size": (
+            lambda p: _pair(p, "intri.yml", f"H_{N}", "h"),
+            rf"intri\.yml: H_{N}: expected a finite number, got noth",
+        ),
+        "no key": (
+            lambda p: _pair(p, "intri.yml", f"K_{N}: !!opencv-matrix", "something"),
+            r"intri\.yml: line 8: expected key: value",
+        ),
+    },
+    "openpose": {
+        "not closed": (
+            lambda p: _pair(p, f"{N}.xml", "</opencv_storage>", ""),
+            rf"{N}\.xml: XML: expected a well-formed",
+        ),
+        "other root": (
+            lambda p: _pair(
+                _pair(p, f"{N}.xml", "<opencv_storage>", "<a>"), f"{N}.xml", "</opencv_storage>", "</a>"
+            ),
+            rf"{N}\.xml: root: expected <opencv_storage>.*got <a>",
+        ),
+        "no pose": (
+            lambda p: (
+                (p / f"{N}.xml").write_text((p / f"{N}.xml").read_text().replace("CameraMatrix", "Other")),
+                p,
+            )[1],
+            rf"{N}\.xml: CameraMatrix: expected 3×4 numbers, got nothing",
+        ),
+        "short": (
+            lambda p: _pair(p, f"{N}.xml", "<rows>8", "<rows>9"),
+            rf"{N}\.xml: Distortion: expected 9×1 numbers, got 8",
+        ),
+    },
+    "panoptic": {
+        "cut": (
+            lambda p: (p.write_text(p.read_text()[:500]), p)[1],
+            r"JSON: expected a complete JSON document, got .* at line 1",
+        ),
+        "no R": (
+            lambda p: _json_edit(p, lambda d: d["cameras"][1].pop("R")),
+            r"cameras\[1\]\.R: expected 3×3 numbers, got noth",
+        ),
+        "no hd": (
+            lambda p: _json_edit(p, lambda d: [c.update(type="vga") for c in d["cameras"]]),
+            r"type: expected cameras of type hd, got types vga",
+        ),
+        "mirrored": (
+            lambda p: _json_edit(
+                p, lambda d: d["cameras"][1].update(R=(-np.array(d["cameras"][1]["R"])).tolist())
+            ),
+            r"R of camera '5413\d+': expected a rotation \(determinant \+1\), got a reflection",
+        ),
+        "twice": (
+            lambda p: _json_edit(p, lambda d: d["cameras"][2].update(name=N)),
+            r"name: expected a different name",
+        ),
+        "text": (
+            lambda p: _json_edit(p, lambda d: d["cameras"][1].update(t=["a", 1, 2])),
+            r"cameras\[1\]\.t: expected 3 numb",
+        ),
+    },
+    "human36m": {
+        "no camera": (
+            lambda p: _json_edit(p, lambda d: d["intrinsics"].pop(N)),
+            rf"intrinsics\.{N}: expected a table of f",
+        ),
+        "no matrix": (
+            lambda p: _json_edit(p, lambda d: d["intrinsics"][N].pop("calibration_matrix")),
+            rf"intrinsics\.{N}\.calibration_matrix: expected 3×3",
+        ),
+        "short t": (
+            lambda p: _json_edit(p, lambda d: d["extrinsics"]["S9"][N]["t"].pop()),
+            rf"extrinsics\.S9\.{N}\.t: expected 3",
+        ),
+        "cut": (
+            lambda p: (p.write_text(p.read_text()[:-9]), p)[1],
+            r"JSON: expected a complete JSON document",
+        ),
+    },
+    "qualisys": {
+        "not closed": (
+            lambda p: _edit(p, "</calibration>", ""),
+            r"XML: expected a well-formed XML document, got",
+        ),
+        "no focal length": (
+            lambda p: _edit(p, "focalLengthU", "f"),
+            rf"camera {N}\.intrinsic\.focalLengthU: expected an attr",
+        ),
+        "no number": (
+            lambda p: _edit(p, 'r11="', 'r11="x'),
+            rf"camera {N}\.transform\.r11: expected a finite number, got 'x",
+        ),
+        "no view": (
+            lambda p: _edit(p, "<fov_video", "<fov"),
+            rf"camera {N}\.fov_video: expected an element <fov_video>, got no",
+        ),
+        "odd view": (
+            lambda p: _edit(p, 'right="999"', 'right="-5"'),
+            rf"camera {N}\.fov_video: expected .* whole pixels, got -4 by",
+        ),
+        "skew": (
+            lambda p: _edit(p, 'skew="0.0', 'skew="2.0'),
+            rf"camera {N}\.intrinsic\.skew: expected 0 \(skew is not supp",
+        ),
+        "no rotation": (
+            lambda p: _edit(p, 'r11="', 'r11="5" old="'),
+            rf"R of camera '{N}': expected an orthonormal matrix",
+        ),
+    },
+    "vicon": {
+        "no video": (
+            lambda p: (p.write_text(p.read_text().replace("VueVIDEO", "Vue")), p)[1],
+            r"TYPE: expected a camera whose TYPE has \"video\" in it .*got types Vero_MX, Vue",
+        ),
+        "no frame": (
+            lambda p: _edit(p, "<KeyFrame ", "<Frame "),
+            rf"Camera {N}\.KeyFrames/KeyFrame: expected an element",
+        ),
+        "three numbers": (
+            lambda p: _edit(p, 'ORIENTATION="', 'ORIENTATION="1 '),
+            rf"Camera {N}\.ORIENTATION: expected 4 finite",
+        ),
+        "no unit": (
+            lambda p: _edit(p, 'ORIENTATION="', 'ORIENTATION="1 1 1 1" OLD="'),
+            rf"Camera {N}\.ORIENTATION: expected a quaternion of norm 1",
+        ),
+        "lens": (
+            lambda p: _edit(p, ' 0 0 0"', ' -0.3 0.1 0"'),
+            rf"Camera {N}\.VICON_RADIAL2: expected coefficients in 1/px²",
+        ),
+        "short lens": (
+            lambda p: _edit(p, ' 0 0 0"', ' 0 0"'),
+            rf"Camera {N}\.VICON_RADIAL2: expected a name, then cx cy k1",
+        ),
+        "size": (
+            lambda p: _edit(p, '"1000 1002"', '"1000 0"'),
+            rf"Camera {N}\.SENSOR_SIZE: expected a positive whole",
+        ),
+    },
+    "json": {
+        "version": (lambda p: _json_edit(p, lambda d: d.update(version=2)), r"version: expected 1, got 2"),
+        "unit": (
+            lambda p: _json_edit(p, lambda d: d.update(unit="inch")),
+            r"unit: expected \"mm\", \"cm\" or \"m\", got 'inch'",
+        ),
+        "no cameras": (
+            lambda p: _json_edit(p, lambda d: d.update(cameras=[])),
+            r"cameras: expected a list of at least one",
+        ),
+        "no K": (
+            lambda p: _json_edit(p, lambda d: d["cameras"][0].pop("K")),
+            r"cameras\[0\]\.K: expected 3×3 numbers, got no",
+        ),
+        "three coefficients": (
+            lambda p: _json_edit(p, lambda d: d["cameras"][0].update(distortion=[1, 2, 3])),
+            r"cameras\[0\]\.distortion: expected 4 or 5 .*got 3 of them",
+        ),
+    },
+    "npz": {
+        "no names": (
+            lambda p: _npz_edit(p, names=None),
+            r"names: expected the arrays K, R, t, size, names, unit, got no nam",
+        ),
+        "shape": (lambda p: _npz_edit(p, t=np.zeros((4, 2))), r"t: expected shape \(4, 3\), got \(4, 2\)"),
+        "unit": (lambda p: _npz_edit(p, unit="inch"), r"unit: expected \"mm\", \"cm\" or \"m\", got 'inch'"),
+        "NaN": (lambda p: _npz_edit(p, K=np.full((4, 3, 3), np.nan)), r"\[0\]\.K: expected finite numbers"),
+        "hole": (
+            lambda p: _npz_edit(p, distortion=np.tile([0.1, np.nan, 0.1, 0.1, 0.1], (4, 1))),
+            r"distortion\[0\]: expected coefficients first, then NaN",
+        ),
+        "pickled": (
+            lambda p: _npz_edit(p, K=np.array([None] * 4, dtype=object)),
+            r"file: expected an npz archive of plain arrays",
+        ),
+        "no zip": (
+            lambda p: (p.write_bytes(b"PK\x03\x04 no"), p)[1],
+            r"file: expected an npz archive of plain arrays",
+        ),
+    },
+}
+CASES = [(name, case) for name, cases in MALFORMED.items() for case in cases]
+
+
+@pytest.mark.parametrize(("name", "case"), CASES, ids=[f"{name}: {case}" for name, case in CASES])
+def test_a_malformed_file_is_named_with_its_field(tmp_path, views, name, case):
+    write, options, *_ = FORMATS_WRITTEN.get(name, (files.vicon, {}))
+    change, message = MALFORMED[name][case]
+    path = change(write(tmp_path, views))
+    with pytest.raises(sk.DatasetError, match=message) as caught:
+        read_calibration(path, format=name, **options)
+    assert str(caught.value).startswith(str(path))
+    assert "\n" not in str(caught.value)
+
+
+def test_every_format_has_malformed_twins():
+    assert set(MALFORMED) == set(FORMATS) - {"anipose"}  # whose twins are in test_calibration.py
+    assert min(len(cases) for cases in MALFORMED.values()) >= 3
