@@ -18,7 +18,10 @@ from skelsplat.io import PoseData, read_npz, read_trc, write_npz
 
 T = 5
 NOISE_PX = 2.0
-RESULTS = {"pose.npz", "pose.csv", "pose.trc", "report.json", "overview.png", "weights.png"}
+RESULTS = {
+    *("pose.npz", "pose.csv", "pose.trc", "report.json", "overview.png", "weights.png"),
+    *("cameras.json", "detections.npz"),
+}
 FAST = ["--max-steps", "30", "--fps", "50"]
 
 

@@ -119,7 +119,11 @@ def test_write_names_the_formats(recording, arguments):
     folder, _, _ = recording
     result = invoke(*arguments, *READ, *FPS[:2], "--write", "json, .CSV")
     assert result.exit_code == 0, result.output
-    assert {path.name for path in (folder / "out").glob("pose.*")} == {"pose.json", "pose.csv"}
+    assert {path.name for path in (folder / "out").glob("pose.*")} == {
+        "pose.npz",
+        "pose.json",
+        "pose.csv",
+    }
     assert "pose.json, pose.csv" in " ".join(result.stdout.split())
 
 

@@ -23,8 +23,9 @@ def positive(option: str, value: float | None) -> float | None:
 
 
 def formats(value: str) -> tuple[str, ...]:
-    """Return the pose formats in a list with commas, each once."""
-    names = tuple(dict.fromkeys(name.strip().lower().removeprefix(".") for name in value.split(",")))
+    """Return npz, which every run writes, and the pose formats in a list with commas, each once."""
+    listed = [name.strip().lower().removeprefix(".") for name in value.split(",")]
+    names = tuple(dict.fromkeys(["npz", *listed]))
     for name in names:
         if name not in POSE_FORMATS:
             known = ", ".join(POSE_FORMATS)

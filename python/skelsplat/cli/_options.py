@@ -250,7 +250,7 @@ Write = Annotated[
     typer.Option(
         "--write",
         metavar="FORMATS",
-        help="Pose files to write, of npz, csv, trc, c3d, json and nc (xarray, for movement).",
+        help="Pose files to write beside pose.npz, of csv, trc, c3d, json and nc (xarray, for movement).",
         rich_help_panel=_OUTPUT,
     ),
 ]

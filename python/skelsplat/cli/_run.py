@@ -18,6 +18,7 @@ from skelsplat.cli._table import print_doubts, print_files, print_over_time, pri
 from skelsplat.io import PoseData, write_pose
 from skelsplat.io._atomic import atomic_write_text
 from skelsplat.io.poses import POSE_FORMATS, check_pose_format
+from skelsplat.io.run_folder import REPORT, write_run_inputs
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -56,8 +57,9 @@ def run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
     remarks = {"warnings": warnings, "doubts": doubts, "over_time": over_time}
     report = build_report(job, inputs, outcome, statistics, remarks)
     names = _write_poses(job, poses)
-    atomic_write_text(job.out / "report.json", to_text(report))
-    names += ["report.json", *write_figures(job, inputs, outcome, statistics)]
+    names += write_run_inputs(job.out, inputs.rig, inputs.layout, inputs.detections, inputs.frames)
+    atomic_write_text(job.out / REPORT, to_text(report))
+    names += [REPORT, *write_figures(job, inputs, outcome, statistics)]
     for name in _PICTURES - set(names):
         (job.out / name).unlink(missing_ok=True)  # of another run: it would belong to other results
     if verbosity.as_json or verbosity.quiet:

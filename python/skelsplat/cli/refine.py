@@ -19,8 +19,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 EPILOG = (
-    "Results in FOLDER: pose.npz, pose.csv, pose.trc (or what --write says), report.json, overview.png and "
-    "weights.png, with --paper also heatmaps.png."
+    "Results in FOLDER: pose.npz, pose.csv and pose.trc (or what --write says), report.json, overview.png "
+    "and weights.png, with --paper also heatmaps.png; and the input as it was used, cameras.json and "
+    "detections.npz."
 )
 _UNITS = ("mm", "cm", "m")
 _FRAMES = ("strict", "intersection", "union")
@@ -55,7 +56,7 @@ def refine(
     fill_weak: options.FillWeak = False,
     filter: options.Filter = None,
     output: options.Out,
-    write: options.Write = "npz,csv,trc",
+    write: options.Write = "csv,trc",
     fps: options.Fps = None,
     y_up: options.YUp = False,
     quiet: options.Quiet = False,

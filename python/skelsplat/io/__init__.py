@@ -1,4 +1,4 @@
-"""Files in and out: calibrations, 2D detections, poses, and the sample that ships with the package.
+"""Files in and out: calibrations, 2D detections, poses, runs, and the sample that ships with the package.
 
 Readers raise `skelsplat.DatasetError` with the file and the field; writers replace a file whole or leave it
 alone.
@@ -24,10 +24,12 @@ from skelsplat.io.poses import (
     write_pose,
     write_trc,
 )
+from skelsplat.io.run_folder import RunFolder, read_run
 
 __all__ = [
     "DetectionSet",
     "PoseData",
+    "RunFolder",
     "convert_unit",
     "read_c3d",
     "read_calibration",
@@ -38,6 +40,7 @@ __all__ = [
     "read_npz",
     "read_openpose",
     "read_pose",
+    "read_run",
     "read_trc",
     "to_xarray",
     "write_c3d",

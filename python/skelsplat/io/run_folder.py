@@ -1,0 +1,146 @@
+"""The folder of a run: what went in and what came out, enough to draw it or to run it again.
+
+==================  ==========================================================================================
+pose.npz            every array of the refinement (`skelsplat.io.write_npz`)
+cameras.json        the cameras, in the unit of the poses (`skelsplat.io.write_calibration`)
+detections.npz      the detections of the person who was followed (`skelsplat.io.read_detections`)
+report.json         settings, inputs and statistics
+==================  ==========================================================================================
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skelsplat import layouts
+from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.io._atomic import atomic_write
+from skelsplat.io._files import read_text
+from skelsplat.io.calibration import read_calibration, write_calibration
+from skelsplat.io.detections import read_detections
+from skelsplat.io.poses import PoseData, read_npz
+
+if TYPE_CHECKING:
+    import os
+
+    import skelsplat as sk
+
+    Array = npt.NDArray[np.float64]
+
+POSES, CAMERAS, DETECTIONS, REPORT = "pose.npz", "cameras.json", "detections.npz", "report.json"
+
+
+@dataclass(frozen=True)
+class RunFolder:
+    """A run as `read_run` finds it.
+
+    Attributes
+    ----------
+    path : Path
+    rig : CameraRig
+        The M cameras, in the unit of the poses.
+    layout : Layout
+        What the N joints are.
+    detections : (T, M, N, 3)
+        One person's detections: pixels of the original images and confidence; NaN where missing.
+    poses : PoseData
+        The result, with `PoseData.init_pose` and the other arrays of the refinement.
+    report : dict
+        ``report.json``.
+    """
+
+    path: Path
+    rig: sk.CameraRig
+    layout: sk.Layout
+    detections: Array
+    poses: PoseData
+    report: dict[str, Any]
+
+    @property
+    def undistorted(self) -> bool:
+        """Whether the lens distortion of the cameras was taken out of the detections."""
+        return bool(self.report["settings"]["undistort"])
+
+
+def write_run_inputs(
+    folder: Path, rig: sk.CameraRig, layout: sk.Layout, detections: Array, frames: npt.NDArray[np.int64]
+) -> list[str]:
+    """Write the cameras and the detections (T, M, N, 3) of one person; return the names of the files.
+
+    Raises
+    ------
+    DatasetError
+        If a file cannot be written.
+    """
+    write_calibration(folder / CAMERAS, rig)
+    names = {
+        "camera_names": np.array(rig.names, dtype=np.str_),
+        "joint_names": np.array(layout.joints, dtype=np.str_),
+    }
+    with atomic_write(folder / DETECTIONS) as stream:
+        np.savez_compressed(stream, allow_pickle=False, detections=detections, frames=frames, **names)
+    return [CAMERAS, DETECTIONS]
+
+
+def read_run(path: str | os.PathLike[str]) -> RunFolder:
+    """Read the folder that ``skelsplat refine`` or ``skelsplat demo`` wrote.
+
+    Raises
+    ------
+    DatasetError
+        If a file is missing or malformed, or the files do not belong to one run; names the file and the
+        field.
+    """
+    folder = Path(path)
+    if not (folder / REPORT).is_file():
+        got = "a folder without it" if folder.is_dir() else "no such folder"
+        raise DatasetError(folder, REPORT, "the folder of a run of skelsplat refine", got)
+    report = _read_report(folder / REPORT)
+    layout = _layout(folder / REPORT, report)
+    rig = read_calibration(folder / CAMERAS)
+    poses = read_npz(folder / POSES)
+    found = read_detections(folder / DETECTIONS, list(rig.names), layout=layout, format="npz")
+    for name, expected, actual in (
+        ("joint_names", tuple(layout.joints), poses.joint_names),
+        ("camera_names", tuple(rig.names), poses.camera_names),
+        ("unit", rig.unit, poses.unit),
+        ("frames", found.frames.tolist(), poses.frames.tolist()),
+    ):
+        if expected != actual:
+            raise DatasetError(
+                folder / POSES, name, f"those of the same run ({_short(expected)})", _short(actual)
+            )
+    return RunFolder(folder, rig, layout, found.people[:, :, 0], poses, report)
+
+
+def _read_report(path: Path) -> dict[str, Any]:
+    try:
+        report = json.loads(read_text(path))
+    except (ValueError, RecursionError) as error:
+        raise DatasetError(path, "file", "JSON", error) from error
+    for key in ("input", "settings"):
+        if not (isinstance(report, dict) and isinstance(report.get(key), dict)):
+            raise DatasetError(path, key, "an object under this key, as refine writes it", "none")
+    if not isinstance(report["settings"].get("undistort"), bool):
+        raise DatasetError(path, "settings.undistort", "true or false", report["settings"].get("undistort"))
+    whole: dict[str, Any] = report
+    return whole
+
+
+def _layout(path: Path, report: dict[str, Any]) -> sk.Layout:
+    name = report["input"].get("layout")
+    try:
+        return layouts.get(name)
+    except (InvalidInputError, TypeError, AttributeError) as error:
+        raise DatasetError(path, "input.layout", f"one of {', '.join(layouts.names)}", name) from error
+
+
+def _short(value: Any) -> str:
+    text = ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -1,0 +1,98 @@
+"""The folder of a run is read back whole, and a folder that is none is refused."""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from command_line import READ, invoke
+from skelsplat.io import read_npz, read_run, write_npz
+
+
+@pytest.fixture
+def run(recording, arguments):
+    assert invoke(*arguments, *READ, "--fps", 50, "--write", "csv").exit_code == 0
+    return recording[0] / "out"
+
+
+def test_what_went_in_and_what_came_out_is_read(run, recording):
+    _, rig, _ = recording
+    read = read_run(run)
+    assert read.rig.names == rig.names
+    assert read.rig.unit == "mm"
+    assert read.layout.name == "h36m17"
+    assert read.undistorted
+    np.testing.assert_array_equal(read.poses.pose, read_npz(run / "pose.npz").pose)
+    assert np.isnan(read.detections[:, -1, 3]).all()  # never seen
+    again = sk.refine(None, read.detections, read.rig, layout=read.layout)
+    np.testing.assert_array_equal(again.pose, read.poses.pose)
+
+
+def test_the_stored_input_can_be_refined_again(run, tmp_path):
+    stored = [run / "cameras.json", run / "detections.npz"]
+    assert invoke("refine", *stored, *READ, "--fps", 50, "-o", tmp_path / "again").exit_code == 0
+    np.testing.assert_array_equal(read_run(tmp_path / "again").poses.pose, read_run(run).poses.pose)
+
+
+def test_the_numbers_of_the_frames_are_kept(recording, arguments):
+    folder, rig, _ = recording
+    for name in rig.names:
+        (folder / "openpose" / name / "000002_keypoints.json").unlink()
+    assert invoke(*arguments, *READ, "--fps", 50).exit_code == 0
+    assert read_run(folder / "out").poses.frames.tolist() == [0, 1, 3, 4]
+
+
+def test_a_run_can_be_repeated_into_its_own_folder(run):
+    stored = [run / "cameras.json", run / "detections.npz"]
+    before = read_run(run)
+    assert invoke("refine", *stored, *READ, "--fps", 50, "-o", run).exit_code == 0
+    np.testing.assert_array_equal(read_run(run).detections, before.detections)
+
+
+@pytest.mark.parametrize("name", ["pose.npz", "cameras.json", "detections.npz", "report.json"])
+def test_a_missing_file_is_named(run, name):
+    (run / name).unlink()
+    with pytest.raises(sk.DatasetError, match=name.replace(".", r"\.")):
+        read_run(run)
+
+
+def test_a_folder_that_is_no_run_is_said_to_be_none(tmp_path):
+    with pytest.raises(sk.DatasetError, match="the folder of a run of skelsplat refine, got a folder"):
+        read_run(tmp_path)
+    with pytest.raises(sk.DatasetError, match="no such folder"):
+        read_run(tmp_path / "nowhere")
+
+
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [
+        (lambda r: r.pop("settings"), "settings"),
+        (lambda r: r["input"].update(layout="h36m71"), r"input\.layout"),
+        (lambda r: r["input"].update(layout=None), r"input\.layout"),
+        (lambda r: r["settings"].update(undistort="yes"), r"settings\.undistort"),
+    ],
+)
+def test_a_report_of_another_kind_is_refused(run, change, field):
+    report = json.loads((run / "report.json").read_text())
+    change(report)
+    (run / "report.json").write_text(json.dumps(report))
+    with pytest.raises(sk.DatasetError, match=rf"report\.json: {field}: expected"):
+        read_run(run)
+
+
+def test_a_report_that_is_no_json_is_refused(run):
+    (run / "report.json").write_text("{")
+    with pytest.raises(sk.DatasetError, match=r"report\.json: file: expected JSON"):
+        read_run(run)
+
+
+def test_files_of_two_runs_are_told_apart(run, tmp_path):
+    poses = read_npz(run / "pose.npz")
+    other = shutil.copytree(run, tmp_path / "other")
+    write_npz(other / "pose.npz", poses.in_unit("m"))
+    with pytest.raises(sk.DatasetError, match=r"pose\.npz: unit: expected .* \(mm\), got m"):
+        read_run(other)
