@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skelsplat._skelsplat import Camera
 from skelsplat.cameras import CameraRig
 from skelsplat.datasets._files import FloatArray, load_json, numbers, require, within
-from skelsplat.datasets._rig import build_camera, build_rig, component_reader
+from skelsplat.datasets._rig import read_quietly
 from skelsplat.exceptions import DatasetError
+from skelsplat.io import convert_unit
 from skelsplat.layouts import PANOPTIC19
 
 _MM = 10.0
@@ -35,35 +34,12 @@ def read_cameras(path: Path, chosen: Sequence[int]) -> CameraRig:
     DatasetError
         If a camera is missing or its values make no camera.
     """
-    entries: dict[str, tuple[str, Any]] = {}
-    for k, entry in enumerate(require(path, "", load_json(path), "cameras")):
-        field = f"cameras[{k}]"
-        if require(path, field, entry, "type") == "hd":
-            entries[str(require(path, field, entry, "name"))] = field, entry
-    cameras = []
-    for number in chosen:
-        name = camera_name(number)
-        if name not in entries:
-            there = ", ".join(sorted(entries)) or "none"
-            raise DatasetError(path, "cameras", f"HD camera {name}", f"only {there}")
-        cameras.append(_camera(path, *entries[name], name))
-    return build_rig(path, cameras, "mm")
-
-
-def _camera(path: Path, field: str, entry: Any, name: str) -> Camera:
-    component = component_reader(path, field, entry)
-    width, height = component("resolution", (2,))
-    t = require(path, field, entry, "t")
-    return build_camera(
-        path,
-        field,
-        K=component("K", (3, 3)),
-        R=component("R", (3, 3)),
-        t=_MM * numbers(path, within(field, "t"), np.ravel(t), (3,)),
-        distortion=component("distCoef", (5,)),
-        size=(int(width), int(height)),
-        name=name,
-    )
+    rig = convert_unit(read_quietly(path, "panoptic", camera_type="hd"), "mm")
+    names = [camera_name(number) for number in chosen]
+    for name in names:
+        if name not in rig.names:
+            raise DatasetError(path, "cameras", f"HD camera {name}", f"only {', '.join(sorted(rig.names))}")
+    return CameraRig([rig[name] for name in names], rig.unit)
 
 
 def truth_files(folder: Path) -> dict[int, Path]:

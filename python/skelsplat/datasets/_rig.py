@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from skelsplat._skelsplat import Camera
 from skelsplat.cameras import CameraRig
 from skelsplat.datasets._files import as_numbers, numbers, require, within
 from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.io import read_calibration
 
 FloatArray = NDArray[np.float64]
 
@@ -74,6 +76,13 @@ def build_rig(path: Path, cameras: Sequence[Camera], unit: Any) -> CameraRig:
         return CameraRig(cameras, unit)
     except InvalidInputError as error:
         raise DatasetError(path, "cameras", "a rig", error) from error
+
+
+def read_quietly(path: Path, format: str, **options: Any) -> CameraRig:
+    """Read a calibration without a doubt about its unit: verification by reprojection has the numbers."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        return read_calibration(path, format=format, **options)
 
 
 def component_reader(

@@ -19,7 +19,7 @@ from skelsplat.datasets._detections import detector_name, first_key, load_poses,
 from skelsplat.datasets._files import FloatArray, numbers
 from skelsplat.datasets._model import Take
 from skelsplat.datasets._places import Wishes
-from skelsplat.datasets.human36m._cameras import CAMERAS, Parameters, find_cameras
+from skelsplat.datasets.human36m._cameras import CAMERAS, find_cameras, read_rig
 from skelsplat.datasets.human36m._options import (
     Options,
     Reading,
@@ -49,11 +49,11 @@ def locate(root: Path) -> Path | None:
 
 def read(root: Path, options: Options, reading: Reading) -> None:
     """Read the takes beneath `root`, which holds ``3d_gt``."""
-    parameters = Parameters(find_cameras(root, options.cameras))
+    cameras = find_cameras(root, options.cameras)
     subjects = options.chosen(root / _TRUTH, (path.name for path in _folders(root / _TRUTH)))
-    rigs = {subject: parameters.rig(subject) for subject in subjects}
+    rigs = {subject: read_rig(cameras, subject) for subject in subjects}
     takes: Iterator[Take] = (
-        _take(folder, subject, rigs[subject], parameters.path)
+        _take(folder, subject, rigs[subject], cameras)
         for subject in subjects
         for folder in _folders(root / _TRUTH / subject)
     )

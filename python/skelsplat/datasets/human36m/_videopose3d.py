@@ -20,7 +20,7 @@ from skelsplat.datasets._detections import Wanted, as_detections, detector_name
 from skelsplat.datasets._files import FloatArray, a_list, a_table, load_npz, numbers, require
 from skelsplat.datasets._model import Take
 from skelsplat.datasets._places import Wishes
-from skelsplat.datasets.human36m._cameras import Parameters, check_views, find_cameras
+from skelsplat.datasets.human36m._cameras import check_views, find_cameras, read_rig
 from skelsplat.datasets.human36m._options import (
     Options,
     Reading,
@@ -50,10 +50,10 @@ def read(root: Path, options: Options, reading: Reading) -> None:
     path = root / HAS
     positions = _table(path, "positions_3d")
     subjects = options.chosen(path, map(str, positions))
-    parameters = Parameters(find_cameras(root, options.cameras))
-    rigs = {subject: parameters.rig(subject) for subject in subjects}
+    cameras = find_cameras(root, options.cameras)
+    rigs = {subject: read_rig(cameras, subject) for subject in subjects}
     takes: Iterator[Take] = (
-        _take(path, subject, str(activity), value, rigs[subject], parameters.path)
+        _take(path, subject, str(activity), value, rigs[subject], cameras)
         for subject in subjects
         for activity, value in _activities(path, f"positions_3d.{subject}", positions[subject])
     )
