@@ -1,0 +1,51 @@
+"""Widths and radii, in pixels, for an image of a given size."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
+# Diagonal of a 1920 × 1080 image, for which the sizes are made.
+_DIAGONAL = 2203.0
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Line widths (whole pixels) and radii.
+
+    Parameters
+    ----------
+    thin, limb
+        Widths of ellipses and rings, and of limbs.
+    joint, edge
+        Radius of a joint's dot, and width of its edge.
+    mark
+        Radius of a detection's ring or cross.
+    text
+        Height of text.
+    """
+
+    thin: int
+    limb: int
+    joint: float
+    edge: float
+    mark: float
+    text: int
+
+    @classmethod
+    def of(cls, image: npt.NDArray[np.uint8]) -> Sizes:
+        """Return the sizes for an image (H, W, 3)."""
+        unit = math.hypot(*image.shape[:2]) / _DIAGONAL
+        return cls(
+            thin=max(1, round(unit)),
+            limb=max(1, round(2 * unit)),
+            joint=max(1.5, 3.5 * unit),
+            edge=max(0.5, unit),
+            mark=max(3.0, 6.5 * unit),
+            text=max(11, round(24 * unit)),
+        )
