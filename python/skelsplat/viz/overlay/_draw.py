@@ -79,7 +79,7 @@ class Shown:
 
 def draw_overlay(image: Image, frame: OverlayFrame, skeleton: Skeleton, shown: Shown) -> None:
     """Draw ``frame`` on ``image`` (H, W, 3), in place."""
-    sizes = Sizes.of(image)
+    sizes = Sizes.of(image.shape[1], image.shape[0])
     if shown.before:
         draw_limbs(image, frame.before, skeleton, sizes.thin, colour=_colours.BEFORE)
     if shown.ellipses:

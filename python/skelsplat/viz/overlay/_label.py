@@ -20,7 +20,7 @@ _OPAQUE = 0.6
 
 def draw_label(image: Image, text: str) -> None:
     """Write ``text`` into the upper left corner of ``image`` on a darkened ground, in place."""
-    size = Sizes.of(image).text
+    size = Sizes.of(image.shape[1], image.shape[0]).text
     mask, pad = text_mask(text, size), size // 3
     place = image[: mask.shape[0] + 2 * pad, : mask.shape[1] + 4 * pad]
     place[:] = np.rint((1 - _OPAQUE) * place + _OPAQUE * np.array(DARK)).astype(np.uint8)

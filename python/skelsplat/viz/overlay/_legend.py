@@ -9,6 +9,7 @@ import numpy as np
 from skelsplat.viz import _style
 from skelsplat.viz.overlay import _colours, _marks
 from skelsplat.viz.overlay._draw import SIGMAS, draw_detection, draw_joint, draw_swapped
+from skelsplat.viz.overlay._sizes import Sizes
 from skelsplat.viz.overlay._text import draw_text, text_mask
 
 if TYPE_CHECKING:
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
 
     from skelsplat.viz.overlay._colours import Colour
     from skelsplat.viz.overlay._draw import Shown
-    from skelsplat.viz.overlay._sizes import Sizes
 
     Array = npt.NDArray[np.float64]
     Image = npt.NDArray[np.uint8]
@@ -26,11 +26,12 @@ if TYPE_CHECKING:
     Entry = tuple[str, Symbol]
 
 
-def legend_strip(width: int, sizes: Sizes, shown: Shown) -> Image:
+def legend_strip(width: int, size: tuple[int, int], shown: Shown) -> Image:
     """Return a strip (H, ``width``, 3) with an entry for every layer that is shown, in as many rows as needed.
 
-    ``sizes`` are those of the images above it.
+    Its marks are as large as those on images of this ``size`` (width, height).
     """
+    sizes = Sizes.of(*size)
     row_height = 2 * sizes.text
     rows = _rows(_entries(sizes, shown), width, sizes)
     strip = np.full((row_height * len(rows), width, 3), _colours.LIGHT, dtype=np.uint8)

@@ -54,7 +54,9 @@ def diamond(image: Image, centre: Array, radius: float, colour: Colour, width: i
     line(image, centre + radius * _DIAMOND, colour, width, closed=True)
 
 
-def ellipse(image: Image, centre: Array, covariance: Array, sigmas: float, colour: Colour, width: int) -> None:
+def ellipse(
+    image: Image, centre: Array, covariance: Array, sigmas: float, colour: Colour, width: int
+) -> None:
     """Draw the points at ``sigmas`` standard deviations of a covariance (2, 2) about ``centre``."""
     if not (drawable(centre) and drawable(covariance)):
         return

@@ -4,11 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    import numpy as np
-    import numpy.typing as npt
 
 # Diagonal of a 1920 × 1080 image, for which the sizes are made.
 _DIAGONAL = 2203.0
@@ -38,9 +33,9 @@ class Sizes:
     text: int
 
     @classmethod
-    def of(cls, image: npt.NDArray[np.uint8]) -> Sizes:
-        """Return the sizes for an image (H, W, 3)."""
-        unit = math.hypot(*image.shape[:2]) / _DIAGONAL
+    def of(cls, width: int, height: int) -> Sizes:
+        """Return the sizes for images of this width and height."""
+        unit = math.hypot(width, height) / _DIAGONAL
         return cls(
             thin=max(1, round(unit)),
             limb=max(1, round(2 * unit)),
