@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from skelsplat.io.video import Size
 
     Array = npt.NDArray[np.float64]
+    Flags = npt.NDArray[np.bool_]
 
 _MARGIN = 0.15  # of the person's size, on every side
 _LEAST_PX = 64.0
@@ -37,9 +38,9 @@ def follow(points: Array, size: Size) -> tuple[Size, npt.NDArray[np.int64]]:
         x and y; the middle is averaged over frames and the cut-out stays within the frame.
     """
     limit = np.array(size)
-    inside = ((points >= -0.5) & (points < limit - 0.5)).all(axis=2, keepdims=True)
-    points = np.where(inside, points, np.nan)
-    seen = inside.any(axis=(1, 2))
+    inside: Flags = np.all((points >= -0.5) & (points < limit - 0.5), axis=2)
+    points = np.where(inside[..., None], points, np.nan)
+    seen: Flags = np.any(inside, axis=1)
     if not seen.any():
         return size, np.zeros((len(points), 2), dtype=np.int64)
     with warnings.catch_warnings():
@@ -52,7 +53,7 @@ def follow(points: Array, size: Size) -> tuple[Size, npt.NDArray[np.int64]]:
     return (int(cut[0]), int(cut[1])), np.clip(corners, 0, limit - cut)
 
 
-def _calm(middle: Array, seen: npt.NDArray[np.bool_]) -> Array:
+def _calm(middle: Array, seen: Flags) -> Array:
     """Fill the frames without the person by the nearest ones in time, and average over `_CALM` frames."""
     times = np.arange(len(middle))
     whole = np.stack([np.interp(times, times[seen], axis[seen]) for axis in middle.T], axis=1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import warnings
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -73,7 +74,7 @@ def draw(job: OverlayJob, *, shown: bool) -> list[Written]:
     with bar_of("frames", shown=shown) as bar:
         for group, target in zip(groups, targets, strict=True):
             task = bar.add_task(target.stem, total=max(view.expected(span) for view in group))
-            written.append(_write(job, group, span, target, lambda task=task: bar.advance(task)))
+            written.append(_write(job, group, span, target, partial(bar.advance, task)))
     for view in views:
         count = sum(one.cameras.get(view.name, 0) for one in written)
         _warn_of_missing(view, span, count)

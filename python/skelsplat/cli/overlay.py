@@ -15,8 +15,8 @@ from skelsplat.cli._checks import positive
 from skelsplat.cli._pipeline import check_output, collected_warnings
 
 EPILOG = (
-    "Videos are MP4 with MPEG-4 part 2 (mp4v), which VLC and most players show but browsers do not; "
-    "ffmpeg -i cam01.mp4 -c:v libx264 web.mp4 makes one that they show. Needs pip install 'skelsplat[video]'."
+    "Videos are MP4 with MPEG-4 part 2 (mp4v), which VLC and most players show but browsers do not; ffmpeg "
+    "-i cam01.mp4 -c:v libx264 web.mp4 makes one that they show. Needs pip install 'skelsplat\\[video]'."
 )
 _INPUT, _DRAWING, _OUTPUT = "Input", "Drawing", "Output"
 
@@ -78,19 +78,22 @@ _Frames = Annotated[
 ]
 
 
-def _flag(help: str, panel: str) -> typer.models.OptionInfo:
-    option: typer.models.OptionInfo = typer.Option(metavar="", help=help, rich_help_panel=panel)
+def _flag(name: str, help: str, panel: str) -> typer.models.OptionInfo:
+    option: typer.models.OptionInfo = typer.Option(name, metavar="", help=help, rich_help_panel=panel)
     return option
 
 
-_NoDetections = Annotated[bool, _flag("Leave out the detections.", _DRAWING)]
-_NoEllipses = Annotated[bool, _flag("Leave out the error ellipses.", _DRAWING)]
-_NoPose = Annotated[bool, _flag("Leave out the skeleton.", _DRAWING)]
-_Before = Annotated[bool, _flag("Draw the start of the refinement as well.", _DRAWING)]
+_NoDetections = Annotated[bool, _flag("--no-detections", "Leave out the detections.", _DRAWING)]
+_NoEllipses = Annotated[bool, _flag("--no-ellipses", "Leave out the error ellipses.", _DRAWING)]
+_NoPose = Annotated[bool, _flag("--no-pose", "Leave out the skeleton.", _DRAWING)]
+_Before = Annotated[bool, _flag("--before", "Draw the start of the refinement as well.", _DRAWING)]
 _NoLegend = Annotated[
-    bool, _flag("Leave out legend, camera name and frame number; the image keeps its size.", _DRAWING)
+    bool,
+    _flag(
+        "--no-legend", "Leave out legend, camera name and frame number; the image keeps its size.", _DRAWING
+    ),
 ]
-_Crop = Annotated[bool, _flag("Cut out the person and follow it.", _DRAWING)]
+_Crop = Annotated[bool, _flag("--crop", "Cut out the person and follow it.", _DRAWING)]
 _Scale = Annotated[
     float | None,
     typer.Option(
@@ -109,8 +112,8 @@ _Fps = Annotated[
         rich_help_panel=_OUTPUT,
     ),
 ]
-_Png = Annotated[bool, _flag("Write a folder of PNG files instead of a video.", _OUTPUT)]
-_Grid = Annotated[bool, _flag("Write all cameras side by side into grid.mp4.", _OUTPUT)]
+_Png = Annotated[bool, _flag("--png", "Write a folder of PNG files instead of a video.", _OUTPUT)]
+_Grid = Annotated[bool, _flag("--grid", "Write all cameras side by side into grid.mp4.", _OUTPUT)]
 
 
 def overlay(
@@ -137,7 +140,7 @@ def overlay(
 ) -> None:
     """Draw a run on its videos: detections, reprojected skeleton, error ellipses.
 
-    Detections are rings, from green (believed) to crimson; rejected ones are
+    Detections are discs, from green (believed) to crimson; rejected ones are
     crosses, with a line to where the pose says that the joint is; a diamond
     marks left and right exchanged. Ellipses are 2 standard deviations wide.
 

@@ -1,4 +1,4 @@
-"""Videos and folders of images: which is whose camera's, frames in, frames out; one frame in memory at a time."""
+"""Videos and folders of images: which is whose camera's, frames in, frames out, one in memory at a time."""
 
 from skelsplat.io.video._find import find_videos
 from skelsplat.io.video._source import FrameSource, Image, Size, open_source

@@ -28,8 +28,8 @@ def find_videos(
     Parameters
     ----------
     path : path
-        A folder with one video, or one folder of images, per camera; what fits no camera is left alone. Or one
-        video or folder of images, whose camera is the chosen one, or the one of its name.
+        A folder with one video, or one folder of images, per camera; what fits no camera is left alone. Or
+        one video or folder of images, whose camera is the chosen one, or the one of its name.
     names : sequence of str
         All cameras.
     chosen : collection of str

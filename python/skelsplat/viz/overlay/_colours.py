@@ -19,6 +19,12 @@ def bgr(colour: str) -> Colour:
     return blue, green, red
 
 
+def lighter(colour: Colour) -> Colour:
+    """Return the colour halfway to `LIGHT`."""
+    blue, green, red = ((own + light) // 2 for own, light in zip(colour, LIGHT, strict=True))
+    return blue, green, red
+
+
 BEFORE, REJECTED, SWAPPED = bgr(_style.BEFORE), bgr(_style.REJECTED), bgr(_style.SWAPPED)
 UNUSED = bgr(_style.BEFORE)
 _RAMP = np.array([bgr(colour) for colour in (_style.REJECTED, _HALFWAY, _style.DETECTION)], dtype=float)

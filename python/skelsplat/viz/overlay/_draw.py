@@ -34,7 +34,7 @@ class OverlayFrame:
     covariances : (N, 2, 2)
         Their error bars in the image, px².
     reliable : (N,) bool
-        Joints drawn solid; the others hollow.
+        Joints drawn solid; the others are hollow, and their limbs thin.
     detections : (N, 2)
         As the detector gave them.
     weights : (N,)
@@ -81,29 +81,29 @@ def draw_overlay(image: Image, frame: OverlayFrame, skeleton: Skeleton, shown: S
     """Draw ``frame`` on ``image`` (H, W, 3), in place."""
     sizes = Sizes.of(image.shape[1], image.shape[0])
     if shown.before:
-        draw_limbs(image, frame.before, skeleton, sizes.thin, colour=_colours.BEFORE)
+        for a, b in skeleton.limbs:
+            draw_limb(image, frame.before[[a, b]], _colours.BEFORE, sizes, solid=False)
     if shown.ellipses:
         for j, covariance in enumerate(frame.covariances):
             colour = _side(skeleton, j)
             _marks.ellipse(image, frame.pose[j], covariance, SIGMAS, colour, sizes.thin)
     if shown.pose:
-        draw_limbs(image, frame.pose, skeleton, sizes.limb)
-        for j, joint in enumerate(frame.pose):
-            draw_joint(image, joint, _side(skeleton, j), sizes, solid=bool(frame.reliable[j]))
+        for a, b in skeleton.limbs:
+            colour, solid = _colours.bgr(skeleton.limb_colour((a, b))), frame.reliable[[a, b]].all()
+            draw_limb(image, frame.pose[[a, b]], colour, sizes, solid=bool(solid))
     if shown.detections:
         for j in range(len(frame.detections)):
             _draw_detection(image, frame, j, sizes, shown)
+    if shown.pose:
+        for j, joint in enumerate(frame.pose):
+            draw_joint(image, joint, _side(skeleton, j), sizes, solid=bool(frame.reliable[j]))
 
 
-def draw_limbs(
-    image: Image, points: Array, skeleton: Skeleton, width: int, colour: Colour | None = None
-) -> None:
-    """Draw the limbs whose two ends are known, on a light edge; without ``colour`` in their sides'."""
-    for limb in skeleton.limbs:
-        _marks.line(image, points[list(limb)], _colours.LIGHT, width + 2)
-    for limb in skeleton.limbs:
-        own = colour or _colours.bgr(skeleton.limb_colour(limb))
-        _marks.line(image, points[list(limb)], own, width)
+def draw_limb(image: Image, ends: Array, colour: Colour, sizes: Sizes, *, solid: bool) -> None:
+    """Draw a limb (2, 2) with an edge in a lighter colour, or a thin line without; nothing for NaN."""
+    if solid:
+        _marks.line(image, ends, _colours.lighter(colour), sizes.limb + 2)
+    _marks.line(image, ends, colour, sizes.limb if solid else sizes.thin)
 
 
 def draw_joint(image: Image, at: Array, colour: Colour, sizes: Sizes, *, solid: bool) -> None:
@@ -114,20 +114,19 @@ def draw_joint(image: Image, at: Array, colour: Colour, sizes: Sizes, *, solid: 
 
 
 def draw_detection(image: Image, at: Array, weight: float, sizes: Sizes, *, rejected: bool) -> None:
-    """Draw a ring in the colour of its weight (grey for NaN), or a cross if it is rejected."""
+    """Draw a disc in the colour of its weight (grey for NaN), or a cross if it is rejected."""
     if rejected:
         _marks.cross(image, at, sizes.mark, _colours.LIGHT, sizes.limb + 2)
         _marks.cross(image, at, sizes.mark, _colours.REJECTED, sizes.limb)
         return
     colour = _colours.UNUSED if np.isnan(weight) else _colours.weight_colour(weight)
-    _marks.ring(image, at, sizes.mark, _colours.DARK, sizes.thin + 2)
-    _marks.ring(image, at, sizes.mark, colour, sizes.thin)
+    _marks.dot(image, at, sizes.mark + sizes.edge, _colours.DARK)
+    _marks.dot(image, at, sizes.mark, colour)
 
 
 def draw_swapped(image: Image, at: Array, sizes: Sizes) -> None:
     """Draw the diamond about a detection that was taken for the other side's joint."""
-    _marks.diamond(image, at, 2.0 * sizes.mark, _colours.DARK, sizes.thin + 2)
-    _marks.diamond(image, at, 2.0 * sizes.mark, _colours.SWAPPED, sizes.thin)
+    _marks.diamond(image, at, 2.0 * sizes.mark, _colours.SWAPPED, sizes.limb)
 
 
 def _draw_detection(image: Image, frame: OverlayFrame, j: int, sizes: Sizes, shown: Shown) -> None:

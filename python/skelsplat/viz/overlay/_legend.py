@@ -8,7 +8,7 @@ import numpy as np
 
 from skelsplat.viz import _style
 from skelsplat.viz.overlay import _colours, _marks
-from skelsplat.viz.overlay._draw import SIGMAS, draw_detection, draw_joint, draw_swapped
+from skelsplat.viz.overlay._draw import SIGMAS, draw_detection, draw_joint, draw_limb, draw_swapped
 from skelsplat.viz.overlay._sizes import Sizes
 from skelsplat.viz.overlay._text import draw_text, text_mask
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 def legend_strip(width: int, size: tuple[int, int], shown: Shown) -> Image:
-    """Return a strip (H, ``width``, 3) with an entry for every layer that is shown, in as many rows as needed.
+    """Return a strip (H, ``width``, 3) with an entry for every layer that is shown, in rows as needed.
 
     Its marks are as large as those on images of this ``size`` (width, height).
     """
@@ -51,7 +51,7 @@ def _symbol_width(sizes: Sizes) -> int:
 
 
 def _entry_width(text: str, sizes: Sizes) -> int:
-    return _symbol_width(sizes) + text_mask(text, sizes.text).shape[1] + sizes.text
+    return _symbol_width(sizes) + int(text_mask(text, sizes.text).shape[1]) + sizes.text
 
 
 def _rows(entries: Sequence[Entry], width: int, sizes: Sizes) -> list[list[Entry]]:
@@ -72,12 +72,12 @@ def _entries(sizes: Sizes, shown: Shown) -> list[Entry]:
     sides = (("left", _style.LEFT), ("right", _style.RIGHT), ("middle", _style.MIDDLE))
     entries: list[Entry] = []
     if shown.pose:
-        entries += [(name, _limb(_colours.bgr(colour), sizes, sizes.limb)) for name, colour in sides]
-        entries.append(("not reliable", _hollow(sizes)))
+        entries += [(name, _limb(_colours.bgr(colour), sizes, solid=True)) for name, colour in sides]
+        entries.append(("joint not reliable", _hollow(sizes)))
     if shown.ellipses:
         entries.append((f"{SIGMAS:g}σ of the error", _ellipse(sizes)))
     if shown.before:
-        entries.append(("start", _limb(_colours.BEFORE, sizes, sizes.thin)))
+        entries.append(("start", _limb(_colours.BEFORE, sizes, solid=False)))
     if shown.detections:
         entries += [
             ("detection, believed", _detection(1.0, sizes)),
@@ -89,9 +89,9 @@ def _entries(sizes: Sizes, shown: Shown) -> list[Entry]:
     return entries
 
 
-def _limb(colour: Colour, sizes: Sizes, width: int) -> Symbol:
+def _limb(colour: Colour, sizes: Sizes, *, solid: bool) -> Symbol:
     reach = np.array([sizes.text, 0.0])
-    return lambda image, at: _marks.line(image, np.stack([at - reach, at + reach]), colour, width)
+    return lambda image, at: draw_limb(image, np.stack([at - reach, at + reach]), colour, sizes, solid=solid)
 
 
 def _hollow(sizes: Sizes) -> Symbol:

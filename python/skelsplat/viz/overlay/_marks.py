@@ -9,8 +9,6 @@ import numpy as np
 from skelsplat._opencv import opencv
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     import numpy.typing as npt
 
     from skelsplat.viz.overlay._colours import Colour
@@ -34,12 +32,10 @@ def line(image: Image, points: Array, colour: Colour, width: int, *, closed: boo
 
 def dot(image: Image, centre: Array, radius: float, colour: Colour) -> None:
     """Draw a filled circle."""
-    _circle(image, centre, radius, colour, opencv().FILLED)
-
-
-def ring(image: Image, centre: Array, radius: float, colour: Colour, width: int) -> None:
-    """Draw a circle."""
-    _circle(image, centre, radius, colour, width)
+    if drawable(centre):
+        across, down = _fixed(centre)[0].tolist()
+        size = round(radius * 2**_SHIFT)
+        opencv().circle(image, (across, down), size, colour, opencv().FILLED, opencv().LINE_AA, _SHIFT)
 
 
 def cross(image: Image, centre: Array, radius: float, colour: Colour, width: int) -> None:
@@ -70,12 +66,6 @@ def drawable(points: Array) -> bool:
     return bool((np.abs(points) < _FAR).all())  # False for NaN
 
 
-def _circle(image: Image, centre: Array, radius: float, colour: Colour, width: int) -> None:
-    if drawable(centre):
-        across, down = _fixed(centre)[0].tolist()
-        size = round(radius * 2**_SHIFT)
-        opencv().circle(image, (across, down), size, colour, width, opencv().LINE_AA, _SHIFT)
-
-
-def _fixed(points: Array | Sequence[float]) -> npt.NDArray[np.int32]:
-    return np.rint(np.atleast_2d(points) * 2**_SHIFT).astype(np.int32)
+def _fixed(points: Array) -> npt.NDArray[np.int32]:
+    fixed: npt.NDArray[np.int32] = np.rint(np.atleast_2d(points) * 2**_SHIFT).astype(np.int32)
+    return fixed

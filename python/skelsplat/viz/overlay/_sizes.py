@@ -16,11 +16,11 @@ class Sizes:
     Parameters
     ----------
     thin, limb
-        Widths of ellipses and rings, and of limbs.
+        Widths of ellipses, and of limbs.
     joint, edge
-        Radius of a joint's dot, and width of its edge.
+        Radius of a joint's dot, and width of the edge of dots and discs.
     mark
-        Radius of a detection's ring or cross.
+        Radius of a detection's disc or cross.
     text
         Height of text.
     """
@@ -38,9 +38,9 @@ class Sizes:
         unit = math.hypot(width, height) / _DIAGONAL
         return cls(
             thin=max(1, round(unit)),
-            limb=max(1, round(2 * unit)),
-            joint=max(1.5, 3.5 * unit),
+            limb=max(1, round(2.5 * unit)),
+            joint=max(1.0, 2.5 * unit),
             edge=max(0.5, unit),
-            mark=max(3.0, 6.5 * unit),
+            mark=max(2.5, 6.0 * unit),
             text=max(11, round(24 * unit)),
         )

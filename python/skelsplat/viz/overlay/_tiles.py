@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 Size = tuple[int, int]
 
-_ASPECT = 16 / 9
+_ASPECT = 16 / 9  # of a screen
 
 
 @dataclass(frozen=True)
@@ -61,10 +61,15 @@ class Tiling:
 
 
 def tiling(sizes: Sequence[Size]) -> Tiling:
-    """Return the tiling of images of these sizes whose shape is nearest to that of a screen."""
+    """Return the tiling that shows images of these sizes largest on a screen; the fewest empty cells decide."""
     cell = max(width for width, _ in sizes), max(height for _, height in sizes)
     every = [Tiling(columns, cell, len(sizes)) for columns in range(1, len(sizes) + 1)]
-    return min(every, key=lambda one: abs(math.log(one.size[0] / one.size[1] / _ASPECT)))
+    return max(every, key=lambda one: (_on_screen(one.size), -one.rows * one.columns))
+
+
+def _on_screen(size: Size) -> float:
+    """Return the scale with which an image of this size fills a screen of height 1."""
+    return min(_ASPECT / size[0], 1 / size[1])
 
 
 def blank_tile(size: Size) -> Image:
