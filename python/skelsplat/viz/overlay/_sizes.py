@@ -39,7 +39,7 @@ class Sizes:
         return cls(
             thin=max(1, round(unit)),
             limb=max(1, round(2.5 * unit)),
-            joint=max(1.0, 2.5 * unit),
+            joint=max(1.5, 2.5 * unit),
             edge=max(0.5, unit),
             mark=max(2.5, 6.0 * unit),
             text=max(11, round(24 * unit)),

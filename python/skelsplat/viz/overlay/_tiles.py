@@ -61,7 +61,7 @@ class Tiling:
 
 
 def tiling(sizes: Sequence[Size]) -> Tiling:
-    """Return the tiling that shows images of these sizes largest on a screen; the fewest empty cells decide."""
+    """Return the tiling that shows images of these sizes largest on a screen, with few cells empty."""
     cell = max(width for width, _ in sizes), max(height for _, height in sizes)
     every = [Tiling(columns, cell, len(sizes)) for columns in range(1, len(sizes) + 1)]
     return max(every, key=lambda one: (_on_screen(one.size), -one.rows * one.columns))
