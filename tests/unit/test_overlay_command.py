@@ -173,7 +173,7 @@ def test_the_grid_holds_all_cameras_and_says_where_an_image_is_missing(case, tmp
     assert [level(image[: SIZE[1]]) for image in frames] == list(range(FRAMES))
     assert document["files"][0]["cameras"] == {"cam_01": 6, "cam_02": 4}
     assert "2 of the frames 0 to 5" in document["warnings"][0]
-    assert document["files"][0]["width"], document["files"][0]["height"] == frames[0].shape[1::-1]
+    assert (document["files"][0]["height"], document["files"][0]["width"]) == frames[0].shape[:2]
 
 
 def test_legend_and_label_are_added(case, images, tmp_path):

@@ -59,7 +59,7 @@ NONE = np.full((3, 2), np.nan)
 
 
 def test_joints_and_limbs_have_the_colours_of_their_sides():
-    image = drawn(of(THREE))
+    image = drawn(of(THREE), size=(1920, 1080))  # dots wide enough for a pixel without an edge
     sides = [bgr(colour) for colour in (_style.LEFT, _style.MIDDLE, _style.RIGHT)]
     for (u, v), colour in zip(THREE.astype(int), sides, strict=True):
         assert tuple(image[v, u]) == colour
@@ -95,7 +95,7 @@ def test_detections_have_the_colour_of_their_weight(weight):
 
 
 def test_a_rejected_detection_is_a_cross_with_a_line_to_the_joint():
-    frame = of(THREE, detections=THREE + [0.0, 30.0], weights=np.array([0.1, 1.0, np.nan]))
+    frame = of(THREE, detections=THREE + np.array([0.0, 30.0]), weights=np.array([0.1, 1.0, np.nan]))
     image = drawn(frame)
     rejected = np.array(bgr(_style.REJECTED))
     assert (image[80, 50] == rejected).all()

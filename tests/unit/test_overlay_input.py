@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,8 @@ from overlay_case import FRAMES, NAMES, SIZE, need_opencv, read_video, write_ima
 
 need_opencv()
 
-from skelsplat.exceptions import DatasetError  # noqa: E402  after the check
+from skelsplat._opencv import opencv  # noqa: E402  after the check
+from skelsplat.exceptions import DatasetError  # noqa: E402
 from skelsplat.io.video import Mp4Sink, find_videos, open_source  # noqa: E402
 
 
@@ -49,7 +52,7 @@ def test_a_size_that_does_not_fit(case, tmp_path, size, words):
     for name in ("cam01", "cam02"):
         write_video(tmp_path / "videos" / f"{name}.mp4", size=size)
     assert_fails(overlay(case, tmp_path / "videos"), 1, "cam01.mp4: size: expected", *words)
-    assert not list((case.folder.parent / "out").iterdir())
+    assert not (case.folder.parent / "out").exists()
 
 
 def test_a_video_turned_by_its_metadata(case, videos):
@@ -81,6 +84,13 @@ def test_videos_that_belong_to_no_camera_are_left_alone(case, videos):
     assert overlay(case, videos).exit_code == 0
 
 
+def test_a_folder_that_is_no_run(case, videos, tmp_path):
+    assert_fails(invoke("overlay", tmp_path / "typo", videos), 1, "typo: report.json: expected the folder of")
+    assert not (tmp_path / "typo").exists()
+    (case.folder / "pose.npz").unlink()
+    assert_fails(overlay(case, videos), 1, "pose.npz")
+
+
 def test_a_folder_without_videos(case, tmp_path):
     (tmp_path / "videos").mkdir()
     (tmp_path / "videos" / "notes.txt").write_text("no video")
@@ -93,7 +103,7 @@ def test_a_damaged_video_is_named(case, videos, content):
     path = videos / "cam02.mp4"
     path.write_bytes(path.read_bytes()[:1500] if content is None else content)
     assert_fails(overlay(case, videos), 1, "cam02.mp4: video: expected")
-    assert not list((case.folder.parent / "out").iterdir())
+    assert not (case.folder.parent / "out").exists()
 
 
 def test_a_shorter_video_is_drawn_as_far_as_it_goes(case, videos):
@@ -199,26 +209,38 @@ def test_a_stop_leaves_finished_videos_and_no_half_one(case, videos, tmp_path, m
     assert len(read_video(tmp_path / "out" / "cam_01.mp4")[0]) == FRAMES
 
 
+def write_mp4(path, count, size, before_the_end=lambda _: None):
+    with Mp4Sink(path, 25.0) as sink:
+        for number in range(count):
+            sink.write(number, np.full((size[1], size[0], 3), 200, dtype=np.uint8))
+        before_the_end(sink)
+
+
 def test_a_video_that_cannot_be_written_is_an_error(tmp_path):
     with pytest.raises(DatasetError, match="mp4v video of 20000×2 at 25 per second to be written"):
-        with Mp4Sink(tmp_path / "wide.mp4", 25.0) as sink:  # MPEG-4 part 2 ends at 8191
-            sink.write(0, np.zeros((2, 20000, 3), dtype=np.uint8))
+        write_mp4(tmp_path / "wide.mp4", 1, (20000, 2))  # MPEG-4 part 2 ends at 8191
     assert not list(tmp_path.iterdir())
 
 
 def test_a_video_that_was_cut_short_is_an_error(tmp_path):
     """As on a full disk, of which OpenCV's writer says nothing."""
+
+    def cut(sink):
+        sink._writer.release()
+        sink._temporary.write_bytes(sink._temporary.read_bytes()[:100])
+
     with pytest.raises(DatasetError, match="expected 3 frames to be written, got 0"):
-        with Mp4Sink(tmp_path / "cut.mp4", 25.0) as sink:
-            for number in range(3):
-                sink.write(number, np.zeros((16, 16, 3), dtype=np.uint8))
-            sink._writer.release()
-            sink._temporary.write_bytes(sink._temporary.read_bytes()[:100])
+        write_mp4(tmp_path / "cut.mp4", 3, (16, 16), cut)
     assert not list(tmp_path.iterdir())
 
 
+def test_without_opencv_the_command_says_how_to_get_it(case, videos, monkeypatch):
+    opencv.cache_clear()
+    monkeypatch.setitem(sys.modules, "cv2", None)
+    assert_fails(overlay(case, videos), 1, "expected the package cv2", "pip install 'skelsplat[video]'")
+
+
 def test_odd_sizes_are_made_even(tmp_path):
-    with Mp4Sink(tmp_path / "odd.mp4", 25.0) as sink:
-        sink.write(0, np.full((33, 47, 3), 200, dtype=np.uint8))
+    write_mp4(tmp_path / "odd.mp4", 1, (47, 33))
     frames, _ = read_video(tmp_path / "odd.mp4")
     assert frames[0].shape == (34, 48, 3)

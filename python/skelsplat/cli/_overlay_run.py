@@ -12,6 +12,7 @@ import numpy as np
 
 from skelsplat.cli._overlay_scene import Scene
 from skelsplat.cli._overlay_view import View, open_views, span_of, with_zoom
+from skelsplat.cli._pipeline import check_output
 from skelsplat.cli._progress import bar_of
 from skelsplat.exceptions import DatasetError
 from skelsplat.io import read_run
@@ -70,6 +71,7 @@ def draw(job: OverlayJob, *, shown: bool) -> list[Written]:
     targets = [job.out / (name if job.png else f"{name}.mp4") for name in names]
     for target in targets:
         _check_apart(target, views)
+    check_output(job.out)
     written = []
     with bar_of("frames", shown=shown) as bar:
         for group, target in zip(groups, targets, strict=True):

@@ -12,7 +12,7 @@ import typer
 import skelsplat as sk
 from skelsplat.cli import _options as options
 from skelsplat.cli._checks import positive
-from skelsplat.cli._pipeline import check_output, collected_warnings
+from skelsplat.cli._pipeline import collected_warnings
 
 EPILOG = (
     "Videos are MP4 with MPEG-4 part 2 (mp4v), which VLC and most players show but browsers do not; ffmpeg "
@@ -181,7 +181,6 @@ def overlay(
         grid=grid,
     )
     with collected_warnings(_tell) as remarks:
-        check_output(job.out)
         written = draw(job, shown=not quiet)
     if as_json:
         typer.echo(json.dumps(summary(job, written, remarks), indent=2, ensure_ascii=False))
