@@ -109,8 +109,9 @@ def draw_limb(image: Image, ends: Array, colour: Colour, sizes: Sizes, *, solid:
 def draw_joint(image: Image, at: Array, colour: Colour, sizes: Sizes, *, solid: bool) -> None:
     """Draw a joint: a dot with a light edge, or a light dot with an edge."""
     inner, outer = (colour, _colours.LIGHT) if solid else (_colours.LIGHT, colour)
-    _marks.dot(image, at, sizes.joint + sizes.edge, outer)
-    _marks.dot(image, at, sizes.joint, inner)
+    radius = sizes.joint if solid else sizes.hollow
+    _marks.dot(image, at, radius + sizes.edge, outer)
+    _marks.dot(image, at, radius, inner)
 
 
 def draw_detection(image: Image, at: Array, weight: float, sizes: Sizes, *, rejected: bool) -> None:

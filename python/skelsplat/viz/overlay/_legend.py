@@ -80,8 +80,8 @@ def _entries(sizes: Sizes, shown: Shown) -> list[Entry]:
         entries.append(("start", _limb(_colours.BEFORE, sizes, solid=False)))
     if shown.detections:
         entries += [
-            ("detection, believed", _detection(1.0, sizes)),
-            ("half", _detection(0.5, sizes)),
+            ("detection believed", _detection(1.0, sizes)),
+            ("half believed", _detection(0.5, sizes)),
             ("rejected", _detection(0.0, sizes, rejected=True)),
             ("not used", _detection(np.nan, sizes)),
             ("sides exchanged", lambda image, at: draw_swapped(image, at, sizes)),

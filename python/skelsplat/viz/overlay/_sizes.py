@@ -17,8 +17,8 @@ class Sizes:
     ----------
     thin, limb
         Widths of ellipses, and of limbs.
-    joint, edge
-        Radius of a joint's dot, and width of the edge of dots and discs.
+    joint, hollow, edge
+        Radius of a joint's dot, of one that is not reliable, and width of the edge of dots and discs.
     mark
         Radius of a detection's disc or cross.
     text
@@ -28,6 +28,7 @@ class Sizes:
     thin: int
     limb: int
     joint: float
+    hollow: float
     edge: float
     mark: float
     text: int
@@ -40,6 +41,7 @@ class Sizes:
             thin=max(1, round(unit)),
             limb=max(1, round(2.5 * unit)),
             joint=max(1.5, 2.5 * unit),
+            hollow=max(2.5, 4.0 * unit),
             edge=max(0.5, unit),
             mark=max(2.5, 6.0 * unit),
             text=max(11, round(24 * unit)),
