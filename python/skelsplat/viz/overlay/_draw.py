@@ -86,7 +86,7 @@ def draw_overlay(image: Image, frame: OverlayFrame, skeleton: Skeleton, shown: S
     if shown.ellipses:
         for j, covariance in enumerate(frame.covariances):
             colour = _side(skeleton, j)
-            _marks.ellipse(image, frame.pose[j], covariance, SIGMAS, colour, sizes.thin)
+            _marks.ellipse(image, frame.pose[j], covariance, colour, sigmas=SIGMAS, width=sizes.thin)
     if shown.pose:
         for a, b in skeleton.limbs:
             colour, solid = _colours.bgr(skeleton.limb_colour((a, b))), frame.reliable[[a, b]].all()

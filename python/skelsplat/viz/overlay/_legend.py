@@ -101,7 +101,7 @@ def _hollow(sizes: Sizes) -> Symbol:
 def _ellipse(sizes: Sizes) -> Symbol:
     shape = np.diag([sizes.text / 2, sizes.text / 4]) ** 2 * (2 / SIGMAS) ** 2
     colour = _colours.bgr(_style.MIDDLE)
-    return lambda image, at: _marks.ellipse(image, at, shape, SIGMAS, colour, sizes.thin)
+    return lambda image, at: _marks.ellipse(image, at, shape, colour, sigmas=SIGMAS, width=sizes.thin)
 
 
 def _detection(weight: float, sizes: Sizes, *, rejected: bool = False) -> Symbol:

@@ -51,7 +51,7 @@ def diamond(image: Image, centre: Array, radius: float, colour: Colour, width: i
 
 
 def ellipse(
-    image: Image, centre: Array, covariance: Array, sigmas: float, colour: Colour, width: int
+    image: Image, centre: Array, covariance: Array, colour: Colour, *, sigmas: float, width: int
 ) -> None:
     """Draw the points at ``sigmas`` standard deviations of a covariance (2, 2) about ``centre``."""
     if not (drawable(centre) and drawable(covariance)):
