@@ -16,6 +16,7 @@ FORBIDDEN = {
     "evaluation": ("cli", "viz"),
     "temporal": ("cli", "viz", "io", "_refine", "association", "synthetic", "metrics", "evaluation"),
     "_optional": ("cli", "viz", "io", "_refine", "association", "synthetic", "metrics", "evaluation"),
+    "_opencv": ("cli", "viz", "io", "_refine", "association", "synthetic", "metrics", "evaluation"),
     "datasets": ("cli", "viz", "_refine", "association", "synthetic", "metrics", "evaluation"),
     "viz": ("cli", "io", "association", "synthetic", "_refine", "_skelsplat", "evaluation"),
     "rig_check": ("cli", "viz", "io", "synthetic", "evaluation"),
@@ -63,7 +64,7 @@ def test_imports_point_one_way(part: str) -> None:
 
 
 def test_optional_packages_are_not_imported_with_the_package() -> None:
-    optional = ("scipy", "ezc3d", "xarray", "h5py", "h5netcdf", "pandas")
+    optional = ("scipy", "ezc3d", "xarray", "h5py", "h5netcdf", "pandas", "cv2", "PIL")
     program = (
         "import sys, skelsplat, skelsplat.io, skelsplat.temporal, skelsplat.cli\n"
         f"print(*(name for name in {optional} if name in sys.modules))"

@@ -9,13 +9,25 @@ from __future__ import annotations
 
 import sys
 
-from skelsplat.cli import ablate, check_cameras, convert, datasets, demo, evaluate, live, refine, synth
+from skelsplat.cli import (
+    ablate,
+    check_cameras,
+    convert,
+    datasets,
+    demo,
+    evaluate,
+    live,
+    overlay,
+    refine,
+    synth,
+)
 from skelsplat.cli._app import app
 
 __all__ = ["app", "main"]
 
 app.command("demo")(demo.demo)
 app.command("refine", epilog=refine.EPILOG)(refine.refine)
+app.command("overlay", epilog=overlay.EPILOG)(overlay.overlay)
 app.command("live", epilog=live.EPILOG)(live.live)
 app.command("convert", epilog=convert.EPILOG)(convert.convert)
 app.command("check-cameras", epilog=check_cameras.EPILOG)(check_cameras.check_cameras)

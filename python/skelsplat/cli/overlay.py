@@ -1,0 +1,202 @@
+"""``skelsplat overlay``: a run drawn on the videos that it came from."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import skelsplat as sk
+from skelsplat.cli import _options as options
+from skelsplat.cli._checks import positive
+from skelsplat.cli._pipeline import collected_warnings
+
+EPILOG = (
+    "Videos are MP4 with MPEG-4 part 2 (mp4v), which VLC and most players show but browsers do not; ffmpeg "
+    "-i cam01.mp4 -c:v libx264 web.mp4 makes one that they show. Needs pip install 'skelsplat\\[video]'."
+)
+_INPUT, _DRAWING, _OUTPUT = "Input", "Drawing", "Output"
+
+_Run = Annotated[Path, typer.Argument(metavar="RUN", help="Folder that refine or demo wrote.")]
+_Videos = Annotated[
+    Path,
+    typer.Argument(
+        metavar="VIDEOS",
+        help="Folder with one video, or one folder of images, per camera, named like it; or one of these.",
+    ),
+]
+_Out = Annotated[
+    Path | None,
+    typer.Option(
+        "-o",
+        "--output",
+        metavar="FOLDER",
+        help="Folder for the results.",
+        show_default="RUN/overlay",
+        rich_help_panel=_OUTPUT,
+    ),
+]
+_Camera = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME",
+        help="Camera to draw. Repeatable.",
+        show_default="all",
+        rich_help_panel=_INPUT,
+    ),
+]
+_Order = Annotated[
+    str | None,
+    typer.Option(
+        metavar="A,B,…",
+        help="Video or folder of each camera, in the calibration's order, or sorted.",
+        show_default="by name",
+        rich_help_panel=_INPUT,
+    ),
+]
+_FirstFrame = Annotated[
+    int | None,
+    typer.Option(
+        metavar="N",
+        help="Number of a video's first frame in the files of the detections. Images are numbered by the "
+        "last integer in their names.",
+        show_default="0",
+        rich_help_panel=_INPUT,
+    ),
+]
+_Frames = Annotated[
+    str | None,
+    typer.Option(
+        metavar="A-B",
+        help="Frames to draw, in the run's numbers; A- and -B leave one end open.",
+        show_default="all",
+        rich_help_panel=_INPUT,
+    ),
+]
+
+
+def _flag(name: str, help: str, panel: str) -> typer.models.OptionInfo:
+    option: typer.models.OptionInfo = typer.Option(name, metavar="", help=help, rich_help_panel=panel)
+    return option
+
+
+_NoDetections = Annotated[bool, _flag("--no-detections", "Leave out the detections.", _DRAWING)]
+_NoEllipses = Annotated[bool, _flag("--no-ellipses", "Leave out the error ellipses.", _DRAWING)]
+_NoPose = Annotated[bool, _flag("--no-pose", "Leave out the skeleton.", _DRAWING)]
+_Before = Annotated[bool, _flag("--before", "Draw the start of the refinement as well.", _DRAWING)]
+_NoLegend = Annotated[
+    bool,
+    _flag(
+        "--no-legend", "Leave out legend, camera name and frame number; the image keeps its size.", _DRAWING
+    ),
+]
+_Crop = Annotated[bool, _flag("--crop", "Cut out the person and follow it.", _DRAWING)]
+_Scale = Annotated[
+    float | None,
+    typer.Option(
+        metavar="S",
+        help="Size of the output, 0.5 for half.",
+        show_default="1; --grid fits a screen",
+        rich_help_panel=_DRAWING,
+    ),
+]
+_Fps = Annotated[
+    float | None,
+    typer.Option(
+        metavar="HZ",
+        help="Frame rate of the output.",
+        show_default="that of the video, else of the run",
+        rich_help_panel=_OUTPUT,
+    ),
+]
+_Png = Annotated[bool, _flag("--png", "Write a folder of PNG files instead of a video.", _OUTPUT)]
+_Grid = Annotated[bool, _flag("--grid", "Write all cameras side by side into grid.mp4.", _OUTPUT)]
+
+
+def overlay(
+    run: _Run,
+    videos: _Videos,
+    *,
+    camera: _Camera = None,
+    order: _Order = None,
+    first_frame: _FirstFrame = None,
+    frames: _Frames = None,
+    no_detections: _NoDetections = False,
+    no_ellipses: _NoEllipses = False,
+    no_pose: _NoPose = False,
+    before: _Before = False,
+    no_legend: _NoLegend = False,
+    crop: _Crop = False,
+    scale: _Scale = None,
+    output: _Out = None,
+    fps: _Fps = None,
+    png: _Png = False,
+    grid: _Grid = False,
+    quiet: options.Quiet = False,
+    as_json: options.AsJson = False,
+) -> None:
+    """Draw a run on its videos: detections, reprojected skeleton, error ellipses.
+
+    Detections are discs, from green (believed) to crimson; rejected ones are
+    crosses, with a line to where the pose says that the joint is; a diamond
+    marks left and right exchanged. Ellipses are 2 standard deviations wide.
+
+    [bold]Examples[/bold]
+
+    skelsplat overlay out videos/
+
+    skelsplat overlay out videos/ --grid --frames 100-200
+
+    skelsplat overlay out videos/ --camera cam01 --crop --png -o frames
+
+    skelsplat overlay out frames/ --fps 60 --scale 0.5 --no-detections
+    """
+    from skelsplat.cli._overlay_job import OverlayJob  # OpenCV and matplotlib take long to load
+    from skelsplat.cli._overlay_run import draw, summary
+    from skelsplat.viz.overlay import Shown
+
+    job = OverlayJob(
+        run=run,
+        videos=videos,
+        out=run / "overlay" if output is None else output,
+        shown=Shown(
+            rejected_below=sk.REJECTED_WEIGHT,
+            pose=not no_pose,
+            ellipses=not no_ellipses,
+            detections=not no_detections,
+            before=before,
+        ),
+        cameras=tuple(dict.fromkeys(camera or ())),
+        order=order if order in (None, "sorted") else tuple(part.strip() for part in order.split(",")),
+        first_frame=first_frame,
+        span=_span(frames),
+        fps=positive("--fps", fps),
+        scale=positive("--scale", scale),
+        legend=not no_legend,
+        crop=crop,
+        png=png,
+        grid=grid,
+    )
+    with collected_warnings(_tell) as remarks:
+        written = draw(job, shown=not quiet)
+    if as_json:
+        typer.echo(json.dumps(summary(job, written, remarks), indent=2, ensure_ascii=False))
+    elif not quiet:
+        for one in written:
+            typer.echo(f"{one.path}: {one.frames} frames of {one.size[0]}×{one.size[1]}")
+
+
+def _span(value: str | None) -> tuple[int | None, int | None]:
+    match = re.fullmatch(r"\s*(\d*)\s*-\s*(\d*)\s*", value or "-")
+    if match is None or value == "-":
+        expected = "A-B, A- or -B, frame numbers of the run"
+        raise typer.BadParameter(f"expected {expected}, got {value!r}", param_hint="--frames")
+    first, last = (int(end) if end else None for end in match.groups())
+    return first, last
+
+
+def _tell(warning: str) -> None:
+    typer.echo(f"warning: {warning}", err=True)

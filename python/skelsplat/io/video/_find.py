@@ -1,0 +1,116 @@
+"""Which video or folder of images belongs to which camera."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.io.detections._match import Candidates, match_by_name, match_by_order
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Collection, Mapping, Sequence
+
+VIDEO_SUFFIXES = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".mts", ".wmv")
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
+
+
+def find_videos(
+    path: str | os.PathLike[str],
+    names: Sequence[str],
+    *,
+    chosen: Collection[str] = (),
+    order: str | Sequence[str] | None = None,
+) -> dict[str, Path]:
+    """Return the video, or the folder of images, of every camera.
+
+    Parameters
+    ----------
+    path : path
+        A folder with one video, or one folder of images, per camera; what fits no camera is left alone. Or
+        one video or folder of images, whose camera is the chosen one, or the one of its name.
+    names : sequence of str
+        All cameras.
+    chosen : collection of str
+        Those that are wanted; empty for all.
+    order : sequence of str or "sorted", optional
+        The file or folder of each camera (of the chosen ones, if there are any) instead of matching by name.
+
+    Returns
+    -------
+    dict
+        By name, in the order of `names`.
+
+    Raises
+    ------
+    InvalidInputError
+        If a chosen camera is not there, or `order` does not fit.
+    DatasetError
+        If nothing is there, or a wanted camera has no video, or more than one.
+    """
+    root = Path(path)
+    unknown = [name for name in chosen if name not in names]
+    if unknown:
+        raise InvalidInputError(f"camera: expected one of {', '.join(names)}, got {unknown[0]!r}")
+    wanted = [name for name in names if not chosen or name in chosen]
+    kind, found = _entries(root)
+    if root in found.values():
+        return {_camera_of(root, kind, names, wanted): root}
+    texts = {label: path.stem if kind == "file" else label for label, path in found.items()}
+    if order is not None:
+        labels: Mapping[str, str | None] = match_by_order(Candidates(root, kind, texts), wanted, order)
+    else:
+        every = Candidates(root, kind, texts, idle=texts.keys(), within=True)
+        labels = match_by_name(every, names, allow_missing=bool(chosen))
+    missing = [name for name in wanted if labels[name] is None]
+    if missing:
+        expected = f"a {kind} for every chosen camera ({kind}s: {', '.join(found)})"
+        raise DatasetError(root, f"{kind}s", expected, f"none for {', '.join(missing)}")
+    return {name: found[label] for name in wanted if (label := labels[name]) is not None}
+
+
+def _entries(root: Path) -> tuple[str, dict[str, Path]]:
+    """Return what may belong to cameras and whether these are files or folders; `root` alone if it is one."""
+    if root.is_file():
+        return "file", {root.name: root}
+    try:
+        there = sorted(path for path in root.iterdir() if not path.name.startswith("."))
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise DatasetError(root, "videos", "a readable folder or video", reason) from error
+    videos = {path.name: path for path in there if path.suffix.lower() in VIDEO_SUFFIXES and path.is_file()}
+    if videos:
+        return "file", videos
+    if images_in(root):
+        return "folder", {root.name: root}
+    folders = {path.name: path for path in there if path.is_dir() and images_in(path)}
+    if not folders:
+        expected = f"videos ({', '.join(VIDEO_SUFFIXES)}) or folders of images ({', '.join(IMAGE_SUFFIXES)})"
+        raise DatasetError(root, "videos", expected, ", ".join(path.name for path in there[:9]) or "nothing")
+    return "folder", folders
+
+
+def images_in(folder: Path) -> list[Path]:
+    """Return the images in a folder, by name."""
+    try:
+        return sorted(
+            path
+            for path in folder.iterdir()
+            if path.suffix.lower() in IMAGE_SUFFIXES and not path.name.startswith(".")
+        )
+    except OSError:
+        return []
+
+
+def _camera_of(root: Path, kind: str, names: Sequence[str], wanted: Sequence[str]) -> str:
+    """Return the camera of a single video: the only one that is wanted, or the one of its name."""
+    if len(wanted) == 1:
+        return wanted[0]
+    one = Candidates(root, kind, {root.name: root.stem if kind == "file" else root.name}, within=True)
+    try:
+        labels = match_by_name(one, names, allow_missing=True)
+    except DatasetError as error:
+        expected = f"--camera to say which of {', '.join(wanted)} this {kind} is of"
+        raise DatasetError(root, f"{kind}", expected, "none, and its name does not say") from error
+    return next(name for name, label in labels.items() if label is not None)

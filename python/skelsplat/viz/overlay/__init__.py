@@ -1,0 +1,21 @@
+"""Detections, reprojected skeleton and error ellipses on a camera's image: arrays and image in, image out.
+
+Drawing is OpenCV's, with parts of a pixel and antialiasing; integer coordinates are pixel centres. Lines
+and marks grow with the image. Images are (H, W, 3) uint8 in OpenCV's order of colours, blue first.
+"""
+
+from skelsplat.viz.overlay._draw import OverlayFrame, Shown, draw_overlay
+from skelsplat.viz.overlay._label import draw_label
+from skelsplat.viz.overlay._legend import legend_strip
+from skelsplat.viz.overlay._tiles import Tiling, blank_tile, tiling
+
+__all__ = [
+    "OverlayFrame",
+    "Shown",
+    "Tiling",
+    "blank_tile",
+    "draw_label",
+    "draw_overlay",
+    "legend_strip",
+    "tiling",
+]

@@ -1,0 +1,144 @@
+"""One frame: the image of a camera with what is known of the person in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skelsplat.viz.overlay import _colours, _marks
+from skelsplat.viz.overlay._sizes import Sizes
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    from skelsplat.viz._skeleton import Skeleton
+    from skelsplat.viz.overlay._colours import Colour
+
+    Array = npt.NDArray[np.float64]
+    Flags = npt.NDArray[np.bool_]
+    Image = npt.NDArray[np.uint8]
+
+SIGMAS = 2.0
+
+
+@dataclass(frozen=True)
+class OverlayFrame:
+    """What is drawn on one image, in its pixels; NaN where there is nothing.
+
+    Parameters
+    ----------
+    pose : (N, 2)
+        The refined joints where the camera sees them, lens distortion included.
+    covariances : (N, 2, 2)
+        Their error bars in the image, px².
+    reliable : (N,) bool
+        Joints drawn solid; the others are hollow, and their limbs thin.
+    detections : (N, 2)
+        As the detector gave them.
+    weights : (N,)
+        How far each detection is believed, in [0, 1]; NaN for one that was not used.
+    swapped : (N,) bool
+        Detections that were taken for the joint on the other side of the body.
+    before : (N, 2)
+        The pose that the refinement started from.
+    """
+
+    pose: Array
+    covariances: Array
+    reliable: Flags
+    detections: Array
+    weights: Array
+    swapped: Flags
+    before: Array
+
+    def moved(self, scale: Array, shift: Array) -> OverlayFrame:
+        """Return the same frame on an image whose pixels are ``scale`` · pixel + ``shift``, both (2,)."""
+        return OverlayFrame(
+            pose=self.pose * scale + shift,
+            covariances=self.covariances * np.outer(scale, scale),
+            reliable=self.reliable,
+            detections=self.detections * scale + shift,
+            weights=self.weights,
+            swapped=self.swapped,
+            before=self.before * scale + shift,
+        )
+
+
+@dataclass(frozen=True)
+class Shown:
+    """Which layers are drawn, and below which weight a detection counts as rejected."""
+
+    rejected_below: float
+    pose: bool = True
+    ellipses: bool = True
+    detections: bool = True
+    before: bool = False
+
+
+def draw_overlay(image: Image, frame: OverlayFrame, skeleton: Skeleton, shown: Shown) -> None:
+    """Draw ``frame`` on ``image`` (H, W, 3), in place."""
+    sizes = Sizes.of(image.shape[1], image.shape[0])
+    if shown.before:
+        for a, b in skeleton.limbs:
+            draw_limb(image, frame.before[[a, b]], _colours.BEFORE, sizes, solid=False)
+    if shown.ellipses:
+        for j, covariance in enumerate(frame.covariances):
+            colour = _side(skeleton, j)
+            _marks.ellipse(image, frame.pose[j], covariance, colour, sigmas=SIGMAS, width=sizes.thin)
+    if shown.pose:
+        for a, b in skeleton.limbs:
+            colour, solid = _colours.bgr(skeleton.limb_colour((a, b))), frame.reliable[[a, b]].all()
+            draw_limb(image, frame.pose[[a, b]], colour, sizes, solid=bool(solid))
+    if shown.detections:
+        for j in range(len(frame.detections)):
+            _draw_detection(image, frame, j, sizes, shown)
+    if shown.pose:
+        for j, joint in enumerate(frame.pose):
+            draw_joint(image, joint, _side(skeleton, j), sizes, solid=bool(frame.reliable[j]))
+
+
+def draw_limb(image: Image, ends: Array, colour: Colour, sizes: Sizes, *, solid: bool) -> None:
+    """Draw a limb (2, 2) with an edge in a lighter colour, or a thin line without; nothing for NaN."""
+    if solid:
+        _marks.line(image, ends, _colours.lighter(colour), sizes.limb + 2)
+    _marks.line(image, ends, colour, sizes.limb if solid else sizes.thin)
+
+
+def draw_joint(image: Image, at: Array, colour: Colour, sizes: Sizes, *, solid: bool) -> None:
+    """Draw a joint: a dot with a light edge, or a light dot with an edge."""
+    inner, outer = (colour, _colours.LIGHT) if solid else (_colours.LIGHT, colour)
+    radius = sizes.joint if solid else sizes.hollow
+    _marks.dot(image, at, radius + sizes.edge, outer)
+    _marks.dot(image, at, radius, inner)
+
+
+def draw_detection(image: Image, at: Array, weight: float, sizes: Sizes, *, rejected: bool) -> None:
+    """Draw a disc in the colour of its weight (grey for NaN), or a cross if it is rejected."""
+    if rejected:
+        _marks.cross(image, at, sizes.mark, _colours.LIGHT, sizes.limb + 2)
+        _marks.cross(image, at, sizes.mark, _colours.REJECTED, sizes.limb)
+        return
+    colour = _colours.UNUSED if np.isnan(weight) else _colours.weight_colour(weight)
+    _marks.dot(image, at, sizes.mark + sizes.edge, _colours.DARK)
+    _marks.dot(image, at, sizes.mark, colour)
+
+
+def draw_swapped(image: Image, at: Array, sizes: Sizes) -> None:
+    """Draw the diamond about a detection that was taken for the other side's joint."""
+    _marks.diamond(image, at, 2.0 * sizes.mark, _colours.SWAPPED, sizes.limb)
+
+
+def _draw_detection(image: Image, frame: OverlayFrame, j: int, sizes: Sizes, shown: Shown) -> None:
+    at, weight = frame.detections[j], float(frame.weights[j])
+    rejected = weight < shown.rejected_below
+    if rejected and not frame.swapped[j]:  # an exchanged one was meant for another joint
+        _marks.line(image, np.stack([at, frame.pose[j]]), _colours.REJECTED, sizes.thin)
+    draw_detection(image, at, weight, sizes, rejected=rejected)
+    if frame.swapped[j]:
+        draw_swapped(image, at, sizes)
+
+
+def _side(skeleton: Skeleton, joint: int) -> Colour:
+    return _colours.bgr(skeleton.colour(joint))

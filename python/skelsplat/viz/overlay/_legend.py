@@ -1,0 +1,108 @@
+"""The strip below the image that says what the marks mean."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skelsplat.viz import _style
+from skelsplat.viz.overlay import _colours, _marks
+from skelsplat.viz.overlay._draw import SIGMAS, draw_detection, draw_joint, draw_limb, draw_swapped
+from skelsplat.viz.overlay._sizes import Sizes
+from skelsplat.viz.overlay._text import draw_text, text_mask
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    import numpy.typing as npt
+
+    from skelsplat.viz.overlay._colours import Colour
+    from skelsplat.viz.overlay._draw import Shown
+
+    Array = npt.NDArray[np.float64]
+    Image = npt.NDArray[np.uint8]
+    Symbol = Callable[[Image, Array], None]
+    Entry = tuple[str, Symbol]
+
+
+def legend_strip(width: int, size: tuple[int, int], shown: Shown) -> Image:
+    """Return a strip (H, ``width``, 3) with an entry for every layer that is shown, in rows as needed.
+
+    Its marks are as large as those on images of this ``size`` (width, height).
+    """
+    sizes = Sizes.of(*size)
+    row_height = 2 * sizes.text
+    rows = _rows(_entries(sizes, shown), width, sizes)
+    strip = np.full((row_height * len(rows), width, 3), _colours.LIGHT, dtype=np.uint8)
+    for number, row in enumerate(rows):
+        left, middle = sizes.text, (number + 0.5) * row_height
+        for text, symbol in row:
+            mask = text_mask(text, sizes.text)
+            symbol(strip, np.array([left + sizes.text, middle]))
+            top = round(middle - mask.shape[0] / 2)
+            draw_text(strip, left + _symbol_width(sizes), top, mask, _colours.DARK)
+            left += _entry_width(text, sizes)
+    return strip
+
+
+def _symbol_width(sizes: Sizes) -> int:
+    return round(2.5 * sizes.text)
+
+
+def _entry_width(text: str, sizes: Sizes) -> int:
+    return _symbol_width(sizes) + int(text_mask(text, sizes.text).shape[1]) + sizes.text
+
+
+def _rows(entries: Sequence[Entry], width: int, sizes: Sizes) -> list[list[Entry]]:
+    """Break the entries into rows of at most ``width`` px; a single one may be longer."""
+    rows: list[list[Entry]] = [[]]
+    used = sizes.text
+    for entry in entries:
+        length = _entry_width(entry[0], sizes)
+        if rows[-1] and used + length > width:
+            rows.append([])
+            used = sizes.text
+        rows[-1].append(entry)
+        used += length
+    return [row for row in rows if row]
+
+
+def _entries(sizes: Sizes, shown: Shown) -> list[Entry]:
+    sides = (("left", _style.LEFT), ("right", _style.RIGHT), ("middle", _style.MIDDLE))
+    entries: list[Entry] = []
+    if shown.pose:
+        entries += [(name, _limb(_colours.bgr(colour), sizes, solid=True)) for name, colour in sides]
+        entries.append(("joint not reliable", _hollow(sizes)))
+    if shown.ellipses:
+        entries.append((f"{SIGMAS:g}σ of the error", _ellipse(sizes)))
+    if shown.before:
+        entries.append(("start", _limb(_colours.BEFORE, sizes, solid=False)))
+    if shown.detections:
+        entries += [
+            ("detection believed", _detection(1.0, sizes)),
+            ("half believed", _detection(0.5, sizes)),
+            ("rejected", _detection(0.0, sizes, rejected=True)),
+            ("not used", _detection(np.nan, sizes)),
+            ("sides exchanged", lambda image, at: draw_swapped(image, at, sizes)),
+        ]
+    return entries
+
+
+def _limb(colour: Colour, sizes: Sizes, *, solid: bool) -> Symbol:
+    reach = np.array([sizes.text, 0.0])
+    return lambda image, at: draw_limb(image, np.stack([at - reach, at + reach]), colour, sizes, solid=solid)
+
+
+def _hollow(sizes: Sizes) -> Symbol:
+    return lambda image, at: draw_joint(image, at, _colours.bgr(_style.MIDDLE), sizes, solid=False)
+
+
+def _ellipse(sizes: Sizes) -> Symbol:
+    shape = np.diag([sizes.text / 2, sizes.text / 4]) ** 2 * (2 / SIGMAS) ** 2
+    colour = _colours.bgr(_style.MIDDLE)
+    return lambda image, at: _marks.ellipse(image, at, shape, colour, sigmas=SIGMAS, width=sizes.thin)
+
+
+def _detection(weight: float, sizes: Sizes, *, rejected: bool = False) -> Symbol:
+    return lambda image, at: draw_detection(image, at, weight, sizes, rejected=rejected)

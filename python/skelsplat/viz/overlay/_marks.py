@@ -1,0 +1,71 @@
+"""Lines and marks at parts of a pixel. What lies too far outside for OpenCV's integers is left out."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skelsplat._opencv import opencv
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    from skelsplat.viz.overlay._colours import Colour
+
+    Array = npt.NDArray[np.float64]
+    Image = npt.NDArray[np.uint8]
+
+_SHIFT = 4  # coordinates count sixteenths of a pixel
+_FAR = 1e6  # px; 16 times that is well below 2³¹
+_CROSS = np.array([[-1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [1.0, -1.0]]) / np.sqrt(2.0)
+_DIAMOND = np.array([[0.0, -1.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0]])
+_TURN = np.linspace(0.0, 2 * np.pi, 48, endpoint=False)
+_CIRCLE = np.stack([np.cos(_TURN), np.sin(_TURN)], axis=1)
+
+
+def line(image: Image, points: Array, colour: Colour, width: int, *, closed: bool = False) -> None:
+    """Draw a line through ``points`` (K, 2); nothing if one of them is unknown."""
+    if drawable(points):
+        opencv().polylines(image, [_fixed(points)], closed, colour, width, opencv().LINE_AA, _SHIFT)
+
+
+def dot(image: Image, centre: Array, radius: float, colour: Colour) -> None:
+    """Draw a filled circle."""
+    if drawable(centre):
+        across, down = _fixed(centre)[0].tolist()
+        size = round(radius * 2**_SHIFT)
+        opencv().circle(image, (across, down), size, colour, opencv().FILLED, opencv().LINE_AA, _SHIFT)
+
+
+def cross(image: Image, centre: Array, radius: float, colour: Colour, width: int) -> None:
+    """Draw a diagonal cross."""
+    arms = centre + radius * _CROSS
+    line(image, arms[:2], colour, width)
+    line(image, arms[2:], colour, width)
+
+
+def diamond(image: Image, centre: Array, radius: float, colour: Colour, width: int) -> None:
+    """Draw a square that stands on a corner."""
+    line(image, centre + radius * _DIAMOND, colour, width, closed=True)
+
+
+def ellipse(
+    image: Image, centre: Array, covariance: Array, colour: Colour, *, sigmas: float, width: int
+) -> None:
+    """Draw the points at ``sigmas`` standard deviations of a covariance (2, 2) about ``centre``."""
+    if not (drawable(centre) and drawable(covariance)):
+        return
+    values, vectors = np.linalg.eigh(covariance)
+    axes = vectors * np.sqrt(np.maximum(values, 0.0))
+    line(image, centre + sigmas * _CIRCLE @ axes.T, colour, width, closed=True)
+
+
+def drawable(points: Array) -> bool:
+    """Say whether all numbers are known and fit OpenCV's integers."""
+    return bool((np.abs(points) < _FAR).all())  # False for NaN
+
+
+def _fixed(points: Array) -> npt.NDArray[np.int32]:
+    fixed: npt.NDArray[np.int32] = np.rint(np.atleast_2d(points) * 2**_SHIFT).astype(np.int32)
+    return fixed

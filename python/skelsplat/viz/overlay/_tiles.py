@@ -1,0 +1,77 @@
+"""Several cameras' images in one."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import numpy.typing as npt
+
+    Image = npt.NDArray[np.uint8]
+
+Size = tuple[int, int]
+
+_ASPECT = 16 / 9  # of a screen
+
+
+@dataclass(frozen=True)
+class Tiling:
+    """Equal cells in rows, one per image, each image in the middle of its cell.
+
+    Parameters
+    ----------
+    columns
+        Cells in a row.
+    cell : (width, height)
+        Of the largest images.
+    count
+        Number of images.
+    """
+
+    columns: int
+    cell: Size
+    count: int
+
+    @property
+    def rows(self) -> int:
+        """Number of rows."""
+        return math.ceil(self.count / self.columns)
+
+    @property
+    def size(self) -> Size:
+        """Width and height of the whole."""
+        return self.columns * self.cell[0], self.rows * self.cell[1]
+
+    def join(self, images: Sequence[Image]) -> Image:
+        """Return the images, none larger than a cell, in one."""
+        width, height = self.cell
+        whole = np.zeros((*self.size[::-1], 3), dtype=np.uint8)
+        for place, image in enumerate(images):
+            row, column = divmod(place, self.columns)
+            top = row * height + (height - image.shape[0]) // 2
+            left = column * width + (width - image.shape[1]) // 2
+            whole[top : top + image.shape[0], left : left + image.shape[1]] = image
+        return whole
+
+
+def tiling(sizes: Sequence[Size]) -> Tiling:
+    """Return the tiling that shows images of these sizes largest on a screen, with few cells empty."""
+    cell = max(width for width, _ in sizes), max(height for _, height in sizes)
+    every = [Tiling(columns, cell, len(sizes)) for columns in range(1, len(sizes) + 1)]
+    return max(every, key=lambda one: (_on_screen(one.size), -one.rows * one.columns))
+
+
+def _on_screen(size: Size) -> float:
+    """Return the scale with which an image of this size fills a screen of height 1."""
+    return min(_ASPECT / size[0], 1 / size[1])
+
+
+def blank_tile(size: Size) -> Image:
+    """Return an empty image of a size (width, height)."""
+    return np.full((size[1], size[0], 3), 40, dtype=np.uint8)

@@ -1,0 +1,210 @@
+"""``skelsplat overlay``: which frame is drawn on which, where, and the files that come out."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from command_line import invoke
+from overlay_case import (
+    FRAMES,
+    LAYOUT,
+    NAMES,
+    SIZE,
+    at,
+    level,
+    need_opencv,
+    read_image,
+    read_video,
+    write_images,
+    write_run,
+    write_video,
+)
+from skelsplat.viz import _style
+
+need_opencv()
+
+from skelsplat.cli._overlay_scene import project_covariances  # noqa: E402  after the check
+from skelsplat.viz.overlay._colours import bgr  # noqa: E402
+
+BARE = ["--no-legend", "--quiet"]
+LEFT = LAYOUT.left_right[0][0]
+
+
+@pytest.fixture
+def case(tmp_path):
+    return write_run(tmp_path / "run")
+
+
+@pytest.fixture
+def images(tmp_path):
+    for name in ("cam01", "cam02"):
+        write_images(tmp_path / "images" / name)
+    return tmp_path / "images"
+
+
+def overlay(case, videos, out, *args):
+    result = invoke("overlay", case.folder, videos, "-o", out, *args)
+    assert result.exit_code == 0, result.output
+    return result
+
+
+def image_of(out, view, number):
+    return read_image(out / NAMES[view] / f"{number:06d}.png")
+
+
+@pytest.mark.parametrize("view", [0, 1])
+def test_joints_and_detections_lie_where_the_lens_puts_them(case, images, tmp_path, view):
+    """The second camera's distortion moves the outer joints by up to 20 px."""
+    overlay(case, images, tmp_path / "joints", "--png", "--no-detections", "--no-ellipses", *BARE)
+    overlay(case, images, tmp_path / "seen", "--png", "--no-pose", "--no-ellipses", *BARE)
+    for number in (0, 5):
+        joints = case.pixels(view)[number]
+        pose, seen = (image_of(tmp_path / name, view, number) for name in ("joints", "seen"))
+        assert np.abs(at(pose, joints[LEFT]) - bgr(_style.LEFT)).max() <= 8
+        for place in case.detections[number, view, :, :2]:
+            assert np.abs(at(seen, place) - bgr(_style.DETECTION)).max() <= 8
+
+
+def test_without_undistortion_the_camera_is_a_pinhole(images, tmp_path):
+    case = write_run(tmp_path / "run", undistort=False)
+    overlay(case, images, tmp_path / "out", "--png", "--no-detections", "--no-ellipses", *BARE)
+    lens = case.rig[1]
+    plain = sk.Camera(lens.K, lens.R, lens.t, size=SIZE)
+    ideal, bent = (sk.project(case.pose[0], [camera])[0] for camera in (plain, lens))
+    far = int(np.argmax(np.linalg.norm(ideal - bent, axis=1)))
+    image = image_of(tmp_path / "out", 1, 0)
+    drawn = (np.abs(image.astype(int) - level(image) * 20 - 40) > 20).any(axis=2)
+    assert drawn[tuple(np.rint(ideal[far]).astype(int)[::-1])]
+    assert np.linalg.norm(ideal[far] - bent[far]) > 8
+
+
+def test_ellipses_follow_the_lens():
+    """Against points drawn from the covariance; 3 % is three standard errors of 20,000 of them."""
+    from overlay_case import rig
+
+    rng = np.random.default_rng(0)
+    point, covariance = np.array([700.0, 500.0, 0.0]), np.diag([20.0, 10.0, 15.0]) ** 2
+    pixel, projected = project_covariances(point[None], covariance[None], rig()[1])
+    sample = sk.project(rng.multivariate_normal(point, covariance, 20_000), [rig()[1]])[0]
+    np.testing.assert_allclose(pixel[0], sk.project(point, [rig()[1]])[0], atol=1e-9)
+    np.testing.assert_allclose(projected[0], np.cov(sample.T), rtol=0.03, atol=0.03 * projected[0].max())
+
+
+def test_one_video_per_camera_with_the_frames_in_order(case, tmp_path):
+    for name in ("cam01", "cam02"):
+        write_video(tmp_path / "videos" / f"{name}.mp4")
+    result = overlay(case, tmp_path / "videos", tmp_path / "out", "--no-legend")
+    for name in NAMES:
+        frames, rate = read_video(tmp_path / "out" / f"{name}.mp4")
+        assert [level(image) for image in frames] == list(range(FRAMES))
+        assert rate == pytest.approx(25.0)
+        assert frames[0].shape[:2] == SIZE[::-1]
+    assert f"cam_01.mp4: {FRAMES} frames of 320×240" in "".join(result.stdout.splitlines())
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["cam_01.mp4", "cam_02.mp4"]
+
+
+def test_frame_numbers_offsets_and_the_first_frame(tmp_path):
+    """Common frame 107 is the camera's own 107 − 2; a video that starts at 100 has it in place 5."""
+    case = write_run(tmp_path / "run", frames=np.arange(102, 108), offsets={"cam_02": 2})
+    for name in ("cam01", "cam02"):
+        write_video(tmp_path / "videos" / f"{name}.mp4", count=8)
+    args = ("--png", "--first-frame", 100, *BARE)
+    overlay(case, tmp_path / "videos", tmp_path / "out", *args)
+    for number in range(102, 108):
+        assert level(image_of(tmp_path / "out", 0, number)) == number - 100
+        assert level(image_of(tmp_path / "out", 1, number)) == number - 102
+
+
+def test_images_are_numbered_by_their_names(tmp_path):
+    case = write_run(tmp_path / "run", frames=np.arange(102, 108), offsets={"cam_02": 2})
+    write_images(tmp_path / "images" / "cam01", range(100, 108), first=100)
+    write_images(tmp_path / "images" / "cam02", range(100, 106), first=100)
+    overlay(case, tmp_path / "images", tmp_path / "out", "--png", *BARE)
+    assert level(image_of(tmp_path / "out", 0, 107)) == 7
+    assert level(image_of(tmp_path / "out", 1, 107)) == 5
+
+
+@pytest.mark.parametrize(
+    ("frames", "expected"), [("2-3", [2, 3]), ("4-", [4, 5]), ("-1", [0, 1]), ("3-99", [3, 4, 5])]
+)
+def test_some_frames(case, images, tmp_path, frames, expected):
+    args = ("--png", "--camera", "cam_01", f"--frames={frames}", *BARE)
+    overlay(case, images, tmp_path / "out", *args)
+    written = sorted(path.name for path in (tmp_path / "out" / "cam_01").iterdir())
+    assert written == [f"{number:06d}.png" for number in expected]
+    assert not (tmp_path / "out" / "cam_02").exists()
+
+
+def test_frames_that_the_run_lacks_are_shown_without_a_drawing(tmp_path):
+    case = write_run(tmp_path / "run", frames=[0, 1, 2, 4, 5, 6])
+    write_images(tmp_path / "images" / "cam01", range(7))
+    overlay(case, tmp_path / "images" / "cam01", tmp_path / "out", "--camera", "cam_01", "--png", *BARE)
+    between = image_of(tmp_path / "out", 0, 3)
+    assert (between == between[0, 0]).all()
+
+
+def test_a_copy_in_another_size_scales_the_drawing(case, tmp_path):
+    half = (SIZE[0] // 2, SIZE[1] // 2)
+    for name in ("cam01", "cam02"):
+        write_images(tmp_path / "images" / name, size=half)
+    args = ("--png", "--no-pose", "--no-ellipses", *BARE)
+    overlay(case, tmp_path / "images", tmp_path / "out", *args)
+    overlay(case, tmp_path / "images", tmp_path / "large", "--scale", 2, *args)
+    for view in (0, 1):
+        place = case.detections[3, view, LEFT, :2]
+        small = image_of(tmp_path / "out", view, 3)
+        assert small.shape[:2] == half[::-1]
+        assert np.abs(at(small, (place + 0.5) / 2 - 0.5) - bgr(_style.DETECTION)).max() <= 30
+        assert np.abs(at(image_of(tmp_path / "large", view, 3), place) - bgr(_style.DETECTION)).max() <= 8
+
+
+def test_the_grid_holds_all_cameras_and_says_where_an_image_is_missing(case, tmp_path):
+    write_images(tmp_path / "images" / "cam01")
+    write_images(tmp_path / "images" / "cam02", [0, 1, 2, 5])
+    args = ("--grid", "--no-legend", "--json")
+    document = json.loads(overlay(case, tmp_path / "images", tmp_path / "out", *args, "--fps", 10).stdout)
+    frames, rate = read_video(tmp_path / "out" / "grid.mp4")
+    assert rate == pytest.approx(10.0)
+    assert len(frames) == FRAMES
+    assert [level(image[: SIZE[1]]) for image in frames] == list(range(FRAMES))
+    assert document["files"][0]["cameras"] == {"cam_01": 6, "cam_02": 4}
+    assert "2 of the frames 0 to 5" in document["warnings"][0]
+    assert (document["files"][0]["height"], document["files"][0]["width"]) == frames[0].shape[:2]
+
+
+def test_legend_and_label_are_added(case, images, tmp_path):
+    overlay(case, images, tmp_path / "with", "--png", "--quiet")
+    overlay(case, images, tmp_path / "bare", "--png", *BARE)
+    full, bare = (image_of(tmp_path / name, 0, 2) for name in ("with", "bare"))
+    assert bare.shape[:2] == SIZE[::-1]
+    assert full.shape[0] > bare.shape[0]
+    assert full.shape[1] == bare.shape[1]
+    assert full[2, 2].max() < bare[2, 2].min()  # the label's ground
+
+
+def test_a_crop_has_one_size_and_holds_the_joints(case, images, tmp_path):
+    args = ("--crop", "--no-legend", "--no-pose", "--no-ellipses", "--camera", "cam_01", "--quiet")
+    overlay(case, images, tmp_path / "out", "--png", *args)
+    crops = [image_of(tmp_path / "out", 0, number) for number in range(FRAMES)]
+    assert len({crop.shape for crop in crops}) == 1
+    assert crops[0].shape < (SIZE[1], SIZE[0], 3)
+    for crop in crops:
+        found = (np.abs(crop.astype(int) - bgr(_style.DETECTION)).max(axis=2) <= 8).sum()
+        assert found >= 5 * LAYOUT.n_joints
+
+
+@pytest.mark.parametrize("what", ["pose", "detections", "error bars"])
+def test_missing_data_are_outcomes(images, tmp_path, what):
+    shape = (FRAMES, len(NAMES), LAYOUT.n_joints)
+    nothing = {
+        "pose": {"pose": np.full((FRAMES, LAYOUT.n_joints, 3), np.nan)},
+        "detections": {"detections": np.full((*shape, 3), np.nan), "view_weights": np.full(shape, np.nan)},
+        "error bars": {"uncertainty": np.full((FRAMES, LAYOUT.n_joints, 3, 3), np.nan)},
+    }
+    case = write_run(tmp_path / "run", **nothing[what])
+    for extra in ([], ["--crop"], ["--grid"]):
+        overlay(case, images, tmp_path / "out", "--before", "--quiet", *extra)

@@ -1,0 +1,246 @@
+"""``skelsplat overlay`` with videos that are missing, damaged, of another size or of another recording."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+
+from command_line import assert_fails, invoke
+from overlay_case import FRAMES, NAMES, SIZE, need_opencv, read_video, write_images, write_run, write_video
+
+need_opencv()
+
+from skelsplat._opencv import opencv  # noqa: E402  after the check
+from skelsplat.exceptions import DatasetError  # noqa: E402
+from skelsplat.io.video import Mp4Sink, find_videos, open_source  # noqa: E402
+
+
+@pytest.fixture
+def case(tmp_path):
+    return write_run(tmp_path / "run")
+
+
+@pytest.fixture
+def videos(tmp_path):
+    for name in ("cam01", "cam02"):
+        write_video(tmp_path / "videos" / f"{name}.mp4")
+    return tmp_path / "videos"
+
+
+def overlay(case, videos, *args):
+    return invoke("overlay", case.folder, videos, "-o", case.folder.parent / "out", *args)
+
+
+def test_codec_padding_is_drawn_with_a_warning(case, tmp_path):
+    for name in ("cam01", "cam02"):
+        write_video(tmp_path / "videos" / f"{name}.mp4", size=(SIZE[0], SIZE[1] - 8))
+    result = overlay(case, tmp_path / "videos")
+    assert result.exit_code == 0
+    assert "320×232, but the camera cam_01 has 320×240: drawn without scaling" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("size", "words"),
+    [
+        ((240, 320), ("320×240 like the camera cam_01", "240×320, width and height exchanged", "turned")),
+        ((640, 360), ("320×240 like the camera cam_01, or a copy of it in another size", "got 640×360")),
+    ],
+)
+def test_a_size_that_does_not_fit(case, tmp_path, size, words):
+    for name in ("cam01", "cam02"):
+        write_video(tmp_path / "videos" / f"{name}.mp4", size=size)
+    assert_fails(overlay(case, tmp_path / "videos"), 1, "cam01.mp4: size: expected", *words)
+    assert not (case.folder.parent / "out").exists()
+
+
+def test_a_video_turned_by_its_metadata(case, videos):
+    """A phone's: 240×320 pixels and a matrix that asks for a quarter turn; OpenCV turns it upright."""
+    path = write_video(videos / "cam01.mp4", size=SIZE[::-1])
+    data = path.read_bytes()
+    plain = b"".join(n.to_bytes(4, "big") for n in (1 << 16, 0, 0, 0, 1 << 16, 0, 0, 0, 1 << 30))
+    turned = b"".join(
+        n.to_bytes(4, "big") for n in (0, 1 << 16, 0, (1 << 32) - (1 << 16), 0, 0, 0, 0, 1 << 30)
+    )
+    track = data.index(b"tkhd")
+    assert data[track:].count(plain) == 1
+    path.write_bytes(data[:track] + data[track:].replace(plain, turned))
+    assert open_source(path).size == SIZE
+    assert overlay(case, videos).exit_code == 0
+
+
+def test_a_camera_without_a_video(case, videos):
+    (videos / "cam02.mp4").unlink()
+    (videos / "door.mp4").write_bytes(b"")
+    assert_fails(overlay(case, videos), 1, "a file for every camera (files: cam01.mp4, door.mp4)", "cam_02")
+    assert overlay(case, videos, "--camera", "cam_01").exit_code == 0
+    assert_fails(overlay(case, videos, "--camera", "cam_02"), 1, "cam01.mp4, door.mp4", "none for cam_02")
+    assert_fails(overlay(case, videos, "--camera", "cam_9"), 1, "one of cam_01, cam_02, got 'cam_9'")
+
+
+def test_videos_that_belong_to_no_camera_are_left_alone(case, videos):
+    write_video(videos / "making_of.mp4")
+    assert overlay(case, videos).exit_code == 0
+
+
+def test_a_folder_that_is_no_run(case, videos, tmp_path):
+    assert_fails(invoke("overlay", tmp_path / "typo", videos), 1, "typo: report.json: expected the folder of")
+    assert not (tmp_path / "typo").exists()
+    (case.folder / "pose.npz").unlink()
+    assert_fails(overlay(case, videos), 1, "pose.npz")
+
+
+def test_a_folder_without_videos(case, tmp_path):
+    (tmp_path / "videos").mkdir()
+    (tmp_path / "videos" / "notes.txt").write_text("no video")
+    assert_fails(overlay(case, tmp_path / "videos"), 1, "expected videos (.mp4,", "got notes.txt")
+    assert_fails(overlay(case, tmp_path / "nowhere"), 1, "nowhere", "no such file or directory")
+
+
+@pytest.mark.parametrize("content", [b"", b"this is no video", None])
+def test_a_damaged_video_is_named(case, videos, content):
+    path = videos / "cam02.mp4"
+    path.write_bytes(path.read_bytes()[:1500] if content is None else content)
+    assert_fails(overlay(case, videos), 1, "cam02.mp4: video: expected")
+    assert not (case.folder.parent / "out").exists()
+
+
+def test_a_shorter_video_is_drawn_as_far_as_it_goes(case, videos):
+    write_video(videos / "cam02.mp4", count=4)
+    result = overlay(case, videos)
+    assert result.exit_code == 0
+    assert "cam02.mp4: 2 of the frames 0 to 5 of the run" in result.stderr
+    assert len(read_video(case.folder.parent / "out" / "cam_01.mp4")[0]) == FRAMES
+    assert len(read_video(case.folder.parent / "out" / "cam_02.mp4")[0]) == 4
+
+
+def test_a_video_of_another_time(case, videos):
+    result = overlay(case, videos, "--first-frame", 50)
+    assert_fails(result, 1, "frames from 0 to 5, which the run has of cam_01", "50 to 55", "--first-frame")
+
+
+def test_images_that_cannot_be_read_are_left_out(case, tmp_path):
+    for name in ("cam01", "cam02"):
+        write_images(tmp_path / "images" / name)
+    (tmp_path / "images" / "cam01" / "take2_002.png").write_bytes(b"no image")
+    result = overlay(case, tmp_path / "images", "--fps", 5)
+    assert result.exit_code == 0
+    assert "cam01: 1 of the frames 0 to 5" in result.stderr
+    for path in (tmp_path / "images" / "cam01").iterdir():
+        path.write_bytes(b"")
+    assert_fails(overlay(case, tmp_path / "images"), 1, "cam01: images: expected", "6 that it cannot")
+
+
+def test_images_of_different_sizes(case, tmp_path):
+    for name in ("cam01", "cam02"):
+        write_images(tmp_path / "images" / name)
+    write_images(tmp_path / "images" / "cam02", [3], size=(100, 80))
+    result = overlay(case, tmp_path / "images", "--fps", 5, "--quiet")
+    assert_fails(result, 1, "take2_003.png: frame 3: expected 320×240 like the others, got 100×80")
+    assert [path.name for path in (case.folder.parent / "out").iterdir()] == ["cam_01.mp4"]
+
+
+def test_images_without_a_frame_rate(case, tmp_path):
+    for name in ("cam01", "cam02"):
+        write_images(tmp_path / "images" / name)
+    result = overlay(case, tmp_path / "images")
+    assert "--fps: not given, and neither images nor run say it; 30 per second assumed" in result.stderr
+    assert read_video(case.folder.parent / "out" / "cam_01.mp4")[1] == pytest.approx(30.0)
+    assert_fails(overlay(case, tmp_path / "images", "--first-frame", 3), 1, "first_frame: expected videos")
+
+
+def test_a_single_video_is_that_of_its_name_or_of_the_chosen_camera(case, videos, tmp_path):
+    assert overlay(case, videos / "cam02.mp4").exit_code == 0
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["cam_02.mp4"]
+    other = write_video(tmp_path / "film.mp4")
+    assert_fails(overlay(case, other), 1, "film.mp4: file: expected --camera to say which of cam_01, cam_02")
+    assert overlay(case, other, "--camera", "cam_01").exit_code == 0
+
+
+def test_a_stated_order(videos):
+    names = list(NAMES)
+    assert find_videos(videos, names, order=("cam02", "cam01"))["cam_01"] == videos / "cam02.mp4"
+    assert find_videos(videos, names, order="sorted")["cam_02"] == videos / "cam02.mp4"
+    with pytest.raises(DatasetError, match="expected the file 'cam03' that order names"):
+        find_videos(videos, names, order=("cam01", "cam03"))
+
+
+def test_a_result_never_replaces_a_video_that_is_read(case, tmp_path):
+    for name in NAMES:
+        write_video(tmp_path / "videos" / f"{name}.mp4")
+    before = (tmp_path / "videos" / "cam_01.mp4").read_bytes()
+    result = invoke("overlay", case.folder, tmp_path / "videos", "-o", tmp_path / "videos")
+    assert_fails(result, 1, "--output: expected a folder in which no result replaces a video that is read")
+    assert (tmp_path / "videos" / "cam_01.mp4").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("args", "words"),
+    [
+        (("--frames", "5-2"), "got 5 to 2"),
+        (("--frames", "100-200"), "expected some of 0 to 5, got 100 to 200"),
+    ],
+)
+def test_frames_that_the_run_does_not_have(case, videos, args, words):
+    assert_fails(overlay(case, videos, *args), 1, words)
+
+
+@pytest.mark.parametrize("args", [("--frames", "two"), ("--frames", "-"), ("--scale", "0"), ("--fps", "-1")])
+def test_bad_usage(case, videos, args):
+    assert_fails(overlay(case, videos, *args), 2, args[0])
+
+
+def test_a_stop_leaves_finished_videos_and_no_half_one(case, videos, tmp_path, monkeypatch):
+    from skelsplat.cli._overlay_scene import Scene
+
+    frame = Scene.frame
+
+    def stop_in_the_second_camera(self, view, number):
+        if view == 1 and number == 3:
+            raise KeyboardInterrupt
+        return frame(self, view, number)
+
+    monkeypatch.setattr(Scene, "frame", stop_in_the_second_camera)
+    result = overlay(case, videos)
+    assert result.exit_code == 130
+    assert "interrupted; files already written are complete" in result.stderr
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["cam_01.mp4"]
+    assert len(read_video(tmp_path / "out" / "cam_01.mp4")[0]) == FRAMES
+
+
+def write_mp4(path, count, size, before_the_end=lambda _: None):
+    with Mp4Sink(path, 25.0) as sink:
+        for number in range(count):
+            sink.write(number, np.full((size[1], size[0], 3), 200, dtype=np.uint8))
+        before_the_end(sink)
+
+
+def test_a_video_that_cannot_be_written_is_an_error(tmp_path):
+    with pytest.raises(DatasetError, match="mp4v video of 20000×2 at 25 per second to be written"):
+        write_mp4(tmp_path / "wide.mp4", 1, (20000, 2))  # MPEG-4 part 2 ends at 8191
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_video_that_was_cut_short_is_an_error(tmp_path):
+    """As on a full disk, of which OpenCV's writer says nothing."""
+
+    def cut(sink):
+        sink._writer.release()
+        sink._temporary.write_bytes(sink._temporary.read_bytes()[:100])
+
+    with pytest.raises(DatasetError, match="expected 3 frames to be written, got 0"):
+        write_mp4(tmp_path / "cut.mp4", 3, (16, 16), cut)
+    assert not list(tmp_path.iterdir())
+
+
+def test_without_opencv_the_command_says_how_to_get_it(case, videos, monkeypatch):
+    opencv.cache_clear()
+    monkeypatch.setitem(sys.modules, "cv2", None)
+    assert_fails(overlay(case, videos), 1, "expected the package cv2", "pip install 'skelsplat[video]'")
+
+
+def test_odd_sizes_are_made_even(tmp_path):
+    write_mp4(tmp_path / "odd.mp4", 1, (47, 33))
+    frames, _ = read_video(tmp_path / "odd.mp4")
+    assert frames[0].shape == (34, 48, 3)
