@@ -18,6 +18,7 @@ from skelsplat.cli import (
     evaluate,
     live,
     overlay,
+    plot,
     refine,
     synth,
 )
@@ -29,6 +30,7 @@ app.command("demo")(demo.demo)
 app.command("refine", epilog=refine.EPILOG)(refine.refine)
 app.command("overlay", epilog=overlay.EPILOG)(overlay.overlay)
 app.command("live", epilog=live.EPILOG)(live.live)
+app.command("plot", epilog=plot.EPILOG)(plot.plot)
 app.command("convert", epilog=convert.EPILOG)(convert.convert)
 app.command("check-cameras", epilog=check_cameras.EPILOG)(check_cameras.check_cameras)
 app.command("synth")(synth.synth)

@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     Array = npt.NDArray[np.float64]
 
 # One hue each, from white to dark, so that they can be told in greyscale; grey is nothing measured.
-_ERROR = LinearSegmentedColormap.from_list("error", ["#ffffff", "#9ecae1", "#3182bd", "#08306b"]).with_extremes(
-    bad="#d9d9d9"
-)
+_ERROR = LinearSegmentedColormap.from_list(
+    "error", ["#ffffff", "#9ecae1", "#3182bd", "#08306b"]
+).with_extremes(bad="#d9d9d9")
 _REJECTED = LinearSegmentedColormap.from_list(
     "rejected", ["#ffffff", "#ecc3da", "#c2508f", "#7a0047"]
 ).with_extremes(bad="#d9d9d9")
@@ -163,9 +163,7 @@ def _maps(data: ErrorMapData) -> tuple[_Map, _Map]:
 
 def _draw_map(axes: Axes, chart: _Map, cell_in: tuple[float, float]) -> None:
     image = np.ma.masked_invalid(chart.values)
-    axes.imshow(
-        image, cmap=chart.colours, vmin=0, vmax=chart.top, aspect="auto", interpolation="nearest"
-    )
+    axes.imshow(image, cmap=chart.colours, vmin=0, vmax=chart.top, aspect="auto", interpolation="nearest")
     rows, columns = chart.values.shape
     for edge, line in ((rows - 1.5, axes.axhline), (columns - 1.5, axes.axvline)):
         line(edge, color="0.15", linewidth=0.8)

@@ -134,9 +134,7 @@ def _draw_panel(axes: Axes, data: TrajectoryData, place: tuple[int, int], colour
     )
     filled = status == "filled"
     style = {"color": colour, "zorder": 2.5}
-    draw_series(
-        axes, time, np.where(filled, np.nan, values), **style, linewidth=0.9, label="position"
-    )
+    draw_series(axes, time, np.where(filled, np.nan, values), **style, linewidth=0.9, label="position")
     if filled.any():
         dots = {**style, "linewidth": 1.1, "linestyle": (0, (1, 1)), "label": "filled"}
         draw_series(axes, time, np.where(_with_neighbours(filled), values, np.nan), **dots)
