@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     Array = npt.NDArray[np.float64]
 
 _SPREAD = "Median ± standard deviation over the frames (in brackets: part of the median). Dashed: median."
-_COUNTED = "All detections that were used are counted, the rejected ones too."
+_PALE = "Pale, not counted, and cut off where far away: frames in which an end is weakly seen or filled."
+_COUNTED = "All detections that were used are counted, the rejected ones too. Grey: none was used."
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,7 @@ def draw_trajectories(source: Source, order: Order) -> Drawn:
     )
     stem = order.folder / "trajectories"
     files = viz.write_trajectories(stem, data, skeleton=_skeleton(source), formats=order.formats)
-    known = np.isfinite(poses.pose).all(axis=-1)
+    known = np.asarray(np.isfinite(poses.pose).all(axis=-1))
     numbers = [
         {
             "joint": poses.joint_names[joint],
@@ -89,13 +90,13 @@ def draw_bones(source: Source, order: Order) -> Drawn:
     if not source.limbs:
         why = "the joints are those of no built-in layout, so its limbs are not known; --layout names one"
         return Drawn("bones", sentence=why)
-    names = source.poses.joint_names
-    groups = limb_lengths(source.poses.pose, source.limbs, source.left_right, names)
+    groups = limb_lengths(source.poses, source.limbs, source.left_right)
     panels = [viz.BonePanel(group[0].name, [_bone(limb) for limb in group]) for group in groups]
-    notes = (_SPREAD, *source.poses.processing)
+    limbs = [limb for group in groups for limb in group]
+    unsure = any((np.isfinite(limb.lengths) & ~limb.sure).any() for limb in limbs)
+    notes = (f"{_SPREAD} {_PALE}" if unsure else _SPREAD, *source.poses.processing)
     data = viz.BoneData(panels, _time(source), source.title, notes)
     files = viz.write_bones(order.folder / "bones", data, formats=order.formats)
-    limbs = [limb for group in groups for limb in group]
     return Drawn("bones", files, _about_bones(limbs), [_limb_numbers(limb) for limb in limbs])
 
 
@@ -137,7 +138,7 @@ def _skeleton(source: Source) -> Skeleton:
 def _bone(limb: LimbLength) -> Any:
     from skelsplat import viz  # as in draw_trajectories
 
-    return viz.Bone(limb.side, limb.lengths, limb.median, limb.deviation)
+    return viz.Bone(limb.side, limb.lengths, limb.sure, limb.median, limb.deviation)
 
 
 def _about_bones(limbs: Sequence[LimbLength]) -> str:
@@ -147,7 +148,7 @@ def _about_bones(limbs: Sequence[LimbLength]) -> str:
         if limb.median > 0
     }
     if not shares:
-        return "no limb has a length in any frame."
+        return "no limb has a length that is sure in any frame."
     worst = max(shares, key=lambda name: shares[name])
     return (
         f"standard deviation of the limbs' lengths {min(shares.values()):.1f} to {shares[worst]:.1f} %, "
@@ -173,7 +174,7 @@ def _limb_numbers(limb: LimbLength) -> dict[str, Any]:
         "side": limb.side or None,
         "median_mm": _number(limb.median),
         "sd_mm": _number(limb.deviation),
-        "frames_known": len(limb.known),
+        "frames_counted": int(limb.sure.sum()),
     }
 
 

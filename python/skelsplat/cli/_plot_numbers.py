@@ -1,4 +1,4 @@
-"""The numbers in the pictures of ``skelsplat plot``: chosen joints, lengths of limbs, errors by camera and joint."""
+"""The numbers of ``skelsplat plot``: chosen joints, lengths of limbs, errors by camera and joint."""
 
 from __future__ import annotations
 
@@ -17,14 +17,17 @@ if TYPE_CHECKING:
     from skelsplat.io import PoseData
 
     Array = npt.NDArray[np.float64]
+    Mask = npt.NDArray[np.bool_]
 
 # Ends of the limbs, where errors show first.
 _DISTAL = ("wrist", "ankle")
 _FEW = 4
+# Statuses of joints whose depth is open, or that were not measured.
+_UNSURE = ("weak", "filled")
 
 
 def chosen_joints(text: str | None, names: Sequence[str]) -> list[int]:
-    """Return the joints of a list with commas, or of ``all``; by default wrists and ankles, or the first four.
+    """Return the joints of a list with commas, or ``all``; by default wrists and ankles, or the first four.
 
     Raises
     ------
@@ -46,59 +49,61 @@ def chosen_joints(text: str | None, names: Sequence[str]) -> list[int]:
 
 @dataclass(frozen=True)
 class LimbLength:
-    """A limb: its name without its side, its side (``""`` for the middle), its lengths (T,) in mm."""
+    """A limb over time.
+
+    Parameters
+    ----------
+    name, side
+        The name without the side; the side is ``""`` in the middle.
+    lengths : (T,)
+        In mm; NaN where an end is unknown.
+    sure : (T,)
+        Where both ends are known and neither is weakly seen or filled; the numbers count these frames.
+    """
 
     name: str
     side: str
     lengths: Array
-
-    @property
-    def known(self) -> Array:
-        """The lengths that are known."""
-        return self.lengths[np.isfinite(self.lengths)]
+    sure: Mask
 
     @property
     def median(self) -> float:
-        """Median over the frames, NaN without any."""
-        return float(np.median(self.known)) if len(self.known) else float("nan")
+        """Median, NaN without a frame that counts."""
+        return float(np.median(self.lengths[self.sure])) if self.sure.any() else float("nan")
 
     @property
     def deviation(self) -> float:
-        """Standard deviation over the frames, NaN without any."""
-        return float(np.std(self.known)) if len(self.known) else float("nan")
+        """Standard deviation, NaN without a frame that counts."""
+        return float(np.std(self.lengths[self.sure])) if self.sure.any() else float("nan")
 
 
-def limb_lengths(
-    pose: Array, limbs: Pairs, left_right: Pairs, names: Sequence[str]
-) -> list[list[LimbLength]]:
-    """Return the limbs of poses (T, N, 3) in the order of the layout; left and right ones come together."""
+def limb_lengths(poses: PoseData, limbs: Pairs, left_right: Pairs) -> list[list[LimbLength]]:
+    """Return the limbs in the order of the layout; a left one and its mirror image come together."""
     mirror = {a: b for left, right in left_right for a, b in ((left, right), (right, left))}
     left_joints = {left for left, _ in left_right}
-    open_limbs = {frozenset(limb): limb for limb in limbs}
+    rest = {frozenset(limb): limb for limb in limbs}
     groups = []
     for limb in limbs:
-        if open_limbs.pop(frozenset(limb), None) is None:
+        if rest.pop(frozenset(limb), None) is None:
             continue
-        twin = open_limbs.pop(frozenset(mirror.get(joint, joint) for joint in limb), None)
+        twin = rest.pop(frozenset(mirror.get(joint, joint) for joint in limb), None)
         if twin is None:
-            name = " – ".join(names[joint].replace("_", " ") for joint in limb)
-            groups.append([LimbLength(name, "", _length(pose, limb))])
+            name = " – ".join(poses.joint_names[joint].replace("_", " ") for joint in limb)
+            groups.append([_limb(poses, limb, name)])
             continue
-        pair = (limb, twin) if left_joints & set(limb) else (twin, limb)
-        name = " – ".join(_without_side(names[joint]) for joint in pair[0])
-        groups.append(
-            [
-                LimbLength(name, side, _length(pose, one))
-                for side, one in zip(("left", "right"), pair, strict=True)
-            ]
-        )
+        left, right = (limb, twin) if left_joints & set(limb) else (twin, limb)
+        name = " – ".join(_without_side(poses.joint_names[joint]) for joint in left)
+        groups.append([_limb(poses, left, name, "left"), _limb(poses, right, name, "right")])
     return groups
 
 
-def _length(pose: Array, limb: tuple[int, int]) -> Array:
+def _limb(poses: PoseData, limb: tuple[int, int], name: str, side: str = "") -> LimbLength:
     a, b = limb
-    lengths: Array = np.linalg.norm(pose[:, a] - pose[:, b], axis=-1)
-    return lengths
+    lengths = np.linalg.norm(poses.pose[:, a] - poses.pose[:, b], axis=-1)
+    sure = np.isfinite(lengths)
+    if len(poses.joint_status):
+        sure &= ~np.isin(poses.joint_status[:, limb], _UNSURE).any(axis=1)
+    return LimbLength(name, side, lengths, sure)
 
 
 def _without_side(name: str) -> str:
@@ -106,7 +111,7 @@ def _without_side(name: str) -> str:
 
 
 def error_maps(poses: PoseData, rejected_below: float) -> tuple[Array, Array]:
-    """Return median error in px and share rejected, each (M + 1, N + 1); the last row and column are over all.
+    """Return median error in px and share rejected, each (M + 1, N + 1); last row and column: over all.
 
     Both count the detections that were used, rejected ones among them; NaN where there is none.
     """

@@ -92,7 +92,7 @@ def _known_layout(joints: tuple[str, ...]) -> sk.Layout | None:
 
 
 def _connections(layout: sk.Layout | None, joints: tuple[str, ...]) -> tuple[Pairs, Pairs]:
-    """Return limbs and mirror images as places among ``joints``; without a layout the names tell the sides."""
+    """Return limbs and mirror images as places among ``joints``; without a layout, names tell the sides."""
     place = {name: k for k, name in enumerate(joints)}
     if layout is None:
         mirrored = ((name, name.replace("left", "right", 1)) for name in joints if name.startswith("left"))

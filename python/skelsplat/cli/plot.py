@@ -19,11 +19,11 @@ from skelsplat.cli._report import to_text
 EPILOG = (
     "trajectories: positions with bands of ±1 and ±2 standard deviations. bones: lengths of the limbs, left "
     "beside right. errors: median reprojection error and share of rejected detections, camera by joint. "
-    "Figures are 180 mm wide; further pages of PNG files are numbered. A file of poses is npz, csv, trc, c3d, "
-    "json or nc, and has what its format holds."
+    "Figures are 180 mm wide; further pages of PNG files are numbered. A file of poses is npz, csv, trc, "
+    "c3d, json or nc, and has what its format holds."
 )
 _FORMATS = ("png", "pdf")
-_LONG = 3  # pictures and formats from which on a bar is shown
+_ALL = ",".join(PICTURES)
 _WHAT, _OUTPUT = "What", "Output"
 
 _Run = Annotated[
@@ -87,7 +87,7 @@ _AsJson = Annotated[
 def plot(
     run: _Run,
     *,
-    only: _Only = ",".join(PICTURES),
+    only: _Only = _ALL,
     joints: _Joints = None,
     first_frame: _First = None,
     last_frame: _Last = None,

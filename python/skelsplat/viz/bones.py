@@ -24,10 +24,12 @@ if TYPE_CHECKING:
 COLOURS = {"left": _style.LEFT, "right": _style.RIGHT, "": _style.MIDDLE}
 # A panel shows at least this part of the length above and below it: what is rigid looks flat.
 _LEAST_SHARE = 0.1
+_PALE = 0.35
 
+_UPPER_PT, _LOWER_PT = 13.0, 4.0  # of the two lines above a panel
 _COLUMNS, _ROWS = 2, 7  # on a page
 _AXES_IN, _TEXT_IN = 0.74, 0.46
-_HEAD_IN, _FOOT_IN = 0.42, 0.42
+_HEAD_IN, _FOOT_IN = 0.3, 0.42
 _LEFT_IN, _ACROSS_IN, _RIGHT_IN = 0.5, 0.5, 0.1
 
 
@@ -41,12 +43,15 @@ class Bone:
         ``"left"``, ``"right"`` or ``""``.
     lengths : (T,)
         In mm; NaN where an end is unknown.
+    sure : (T,)
+        Where the length counts; elsewhere it is drawn pale and may leave the panel.
     median, deviation
-        Over the frames, in mm; NaN if the length is never known.
+        Over the frames that count, in mm; NaN without any.
     """
 
     side: str
     lengths: Array
+    sure: npt.NDArray[np.bool_]
     median: float
     deviation: float
 
@@ -110,7 +115,9 @@ def _draw_page(data: BoneData, panels: Sequence[BonePanel]) -> Figure:
 def _draw_panel(axes: Axes, panel: BonePanel, time: TimeAxis) -> None:
     for bone in panel.bones:
         colour = COLOURS[bone.side]
-        draw_series(axes, time, bone.lengths, color=colour, linewidth=0.8, label=bone.side)
+        draw_series(axes, time, bone.lengths, color=colour, alpha=_PALE, linewidth=0.6, label="all")
+        counted = np.where(bone.sure, bone.lengths, np.nan)
+        draw_series(axes, time, counted, color=colour, linewidth=0.8, label=bone.side)
         if np.isfinite(bone.median):
             axes.axhline(bone.median, color=colour, linewidth=0.6, linestyle=(0, (5, 3)), zorder=1.5)
     _paper.tidy(axes)
@@ -126,20 +133,34 @@ def _draw_panel(axes: Axes, panel: BonePanel, time: TimeAxis) -> None:
 
 def _write_numbers(axes: Axes, panel: BonePanel) -> None:
     """Write two lines above a panel: the limb and the difference of its sides, then each side's numbers."""
-    style = {"xycoords": "axes fraction", "textcoords": "offset points", "fontsize": _paper.SMALL_PT}
-    axes.annotate(panel.title, (0, 1), (0, 13), **{**style, "fontsize": _paper.LABEL_PT}, weight="bold")
-    axes.annotate(difference_in_words(panel), (1, 1), (0, 13), **style, ha="right")
+    _write(axes, (0.0, _UPPER_PT), panel.title, size=_paper.LABEL_PT, weight="bold")
+    _write(axes, (1.0, _UPPER_PT), difference_in_words(panel), ha="right")
     for place, bone in zip((0.0, 0.5), panel.bones, strict=False):
         words = f"{bone.side} {in_words(bone)}".strip()
-        axes.annotate(words, (place, 1), (0, 4), **style, color=COLOURS[bone.side])
+        _write(axes, (place, _LOWER_PT), words, color=COLOURS[bone.side])
+
+
+def _write(
+    axes: Axes, place: tuple[float, float], words: str, *, size: float = _paper.SMALL_PT, **style: object
+) -> None:
+    """Write words above an axes at a part of its width and some points above it."""
+    axes.annotate(
+        words,
+        (place[0], 1.0),
+        (0.0, place[1]),
+        xycoords="axes fraction",
+        textcoords="offset points",
+        fontsize=size,
+        **style,  # type: ignore[arg-type]
+    )
 
 
 def in_words(bone: Bone) -> str:
     """Return the median and the standard deviation of a limb in words."""
     if not np.isfinite(bone.median):
-        return "never known"
+        return "never sure"
     share = f" ({100 * bone.deviation / bone.median:.1f} %)" if bone.median > 0 else ""
-    return f"{bone.median:.0f} ± {bone.deviation:.1f} mm{share}"
+    return f"{bone.median:.1f} ± {bone.deviation:.1f} mm{share}"
 
 
 def difference_in_words(panel: BonePanel) -> str:
@@ -153,8 +174,10 @@ def difference_in_words(panel: BonePanel) -> str:
 
 
 def _limits(bones: Sequence[Bone]) -> tuple[float, float]:
-    """Return the range of a panel: all lengths, and at least a tenth of the median above and below it."""
-    known = np.concatenate([bone.lengths[np.isfinite(bone.lengths)] for bone in bones])
+    """Return the range of a panel: all lengths that count, and a tenth of the median above and below it."""
+    known = np.concatenate([bone.lengths[bone.sure] for bone in bones])
+    if not len(known):
+        known = np.concatenate([bone.lengths[np.isfinite(bone.lengths)] for bone in bones])
     if not len(known):
         return 0.0, 1.0
     middle = float(np.median(known))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.colors import Colormap, LinearSegmentedColormap
 
 from skelsplat.viz import _paper, _style
 
@@ -29,12 +29,13 @@ _REJECTED = LinearSegmentedColormap.from_list(
 ).with_extremes(bad="#d9d9d9")
 
 _LEAST_PT, _MOST_PT = 4.8, 7.0  # of the numbers in the cells; smaller ones are left out
-_LETTERS = 2.1  # widths of a figure at which a number such as 12.3 fits into a cell
 _BESIDE = 13  # columns up to which the two maps stand side by side
-_ROW_IN, _LEAST_ROW_IN = 0.2, 0.1
+_ROW_IN, _LEAST_ROW_IN, _COLUMN_IN = 0.2, 0.1, 0.6
+_LEAST_MAP_IN = 1.9  # wide enough for the title of a map
 _BAR_IN, _BAR_GAP_IN = 0.09, 0.08
-_BAR_TEXT_IN = 0.42
-_HEAD_IN, _TITLE_IN, _GAP_IN, _EDGE_IN = 0.3, 0.24, 0.15, 0.08
+_BAR_TEXT_IN = 0.32
+_BESIDE_MAP_IN = _BAR_GAP_IN + _BAR_IN + _BAR_TEXT_IN
+_HEAD_IN, _TITLE_IN, _GAP_IN = 0.3, 0.24, 0.15
 _LETTER_IN = 0.058  # mean width of a letter of SMALL_PT
 _MOST_LETTERS = 22
 # Everything above is drawn in the darkest colour, so that one bad cell does not pale all others.
@@ -75,9 +76,8 @@ class _Map:
     values: Array
     title: str
     written: str
-    colours: LinearSegmentedColormap
+    colours: Colormap
     top: float
-    unit: str
 
 
 def write_error_map(stem: Path, data: ErrorMapData, *, formats: Sequence[str] = ("png",)) -> list[Path]:
@@ -97,35 +97,74 @@ def draw_error_map(data: ErrorMapData) -> Figure:
     The maps stand side by side, or from thirteen cameras on under one another. The numbers are written into
     the cells where they fit.
     """
-    joints, cameras = [*data.joint_names, "all joints"], [*data.camera_names, "all"]
-    rows, columns = len(joints), len(cameras)
-    beside = columns <= _BESIDE
-    names = [_short(name) for name in cameras]
-    upright = max(map(len, names)) * _LETTER_IN > _cell_width(joints, columns, beside=beside)
-    below = (_letters(names) if upright else 0.1) + 0.14
+    joints = [_short(name).replace("_", " ") for name in (*data.joint_names, "all joints")]
+    cameras = [_short(name) for name in (*data.camera_names, "all")]
     lines = _paper.note_lines(data.notes)
-    foot = _paper.notes_height(lines) + 0.06
-    stacked = 1 if beside else 2
-    free = _paper.HEIGHT_IN - foot - _HEAD_IN - stacked * (below + _TITLE_IN) - (stacked - 1) * _GAP_IN
-    row_in = float(np.clip(free / stacked / rows, _LEAST_ROW_IN, _ROW_IN))
-    map_in = rows * row_in
-    figure = _paper.new_page(
-        foot + _HEAD_IN + stacked * (map_in + below + _TITLE_IN) + (stacked - 1) * _GAP_IN
-    )
-    width = columns * _cell_width(joints, columns, beside=beside)
-    left = _left(joints)
+    plan = _plan(joints, cameras, _paper.notes_height(lines) + 0.06)
+    figure = _paper.new_page(plan.height)
     for k, chart in enumerate(_maps(data)):
-        x = left + (k * (width + _BAR_GAP_IN + _BAR_IN + _BAR_TEXT_IN) if beside else 0.0)
-        y = foot + below + (0.0 if beside or k == 1 else map_in + below + _TITLE_IN + _GAP_IN)
-        axes = figure.add_axes(_style.box(figure, x, y, width, map_in))
-        _draw_map(axes, chart, (row_in, width / columns))
-        shown = joints if k == 0 or not beside else []
-        _name_cells(axes, [name.replace("_", " ") for name in map(_short, shown)], names, upright=upright)
-        bar = figure.add_axes(_style.box(figure, x + width + _BAR_GAP_IN, y, _BAR_IN, map_in))
+        x, y = plan.corner(k)
+        axes = figure.add_axes(_style.box(figure, x, y, plan.width, plan.map_in))
+        _draw_map(axes, chart, plan.cell)
+        _name_cells(axes, joints if plan.stacked or k == 0 else [], cameras, upright=plan.upright)
+        bar = figure.add_axes(_style.box(figure, x + plan.width + _BAR_GAP_IN, y, _BAR_IN, plan.map_in))
         _draw_bar(figure, bar, axes, chart)
     _paper.heading(figure, data.title)
     _paper.draw_notes(figure, lines)
     return figure
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """Where the maps of ``rows`` × ``columns`` cells are, in inches.
+
+    ``cell`` is the height and width of one, ``left`` the width of the joints' names, ``below`` the height of
+    the cameras', which are ``upright`` where they are too long, and ``foot`` that of the notes.
+    """
+
+    rows: int
+    columns: int
+    cell: tuple[float, float]
+    stacked: bool
+    upright: bool
+    left: float
+    below: float
+    foot: float
+
+    @property
+    def map_in(self) -> float:
+        return self.rows * self.cell[0]
+
+    @property
+    def width(self) -> float:
+        return self.columns * self.cell[1]
+
+    @property
+    def height(self) -> float:
+        block = self.map_in + self.below + _TITLE_IN
+        return self.foot + _HEAD_IN + block + (block + _GAP_IN if self.stacked else 0.0)
+
+    def corner(self, k: int) -> tuple[float, float]:
+        """Return the lower left corner of the first or second map."""
+        up, along = self.foot + self.below, k * (self.width + _BESIDE_MAP_IN)
+        if not self.stacked:
+            return self.left + along, up
+        return self.left, up + (1 - k) * (self.map_in + self.below + _TITLE_IN + _GAP_IN)
+
+
+def _plan(joints: Sequence[str], cameras: Sequence[str], foot: float) -> _Plan:
+    """Make the cells as large as the page allows."""
+    rows, columns = len(joints), len(cameras)
+    count, stacked = (1, True) if columns > _BESIDE else (2, False)
+    left = _letters(joints) + 0.16
+    space = _paper.WIDTH_IN - left - count * _BESIDE_MAP_IN
+    width = min(space / count / columns, max(_COLUMN_IN, _LEAST_MAP_IN / columns))
+    upright = _letters(cameras) > width
+    below = (_letters(cameras) if upright else 0.1) + 0.14
+    blocks = 2 if stacked else 1
+    free = _paper.HEIGHT_IN - foot - _HEAD_IN - (blocks - 1) * _GAP_IN
+    height = float(np.clip((free / blocks - below - _TITLE_IN) / rows, _LEAST_ROW_IN, _ROW_IN))
+    return _Plan(rows, columns, (height, width), stacked, upright, left, below, foot)
 
 
 def _short(name: str) -> str:
@@ -137,17 +176,6 @@ def _letters(names: Sequence[str]) -> float:
     return _LETTER_IN * max(map(len, names))
 
 
-def _left(joints: Sequence[str]) -> float:
-    return _letters([_short(name) for name in joints]) + 0.16
-
-
-def _cell_width(joints: Sequence[str], columns: int, *, beside: bool) -> float:
-    """Return the width of a cell in inches, at most 0.6."""
-    count = 2 if beside else 1
-    space = _paper.WIDTH_IN - _left(joints) - count * (_BAR_GAP_IN + _BAR_IN + _BAR_TEXT_IN)
-    return min(space / count / columns, 0.6)
-
-
 def _maps(data: ErrorMapData) -> tuple[_Map, _Map]:
     error, share = data.median_px.T, 100 * data.rejected.T
     known = error[np.isfinite(error)]
@@ -156,8 +184,8 @@ def _maps(data: ErrorMapData) -> tuple[_Map, _Map]:
     most = min(max(float(shares.max()) if len(shares) else 0.0, _LEAST_SHARE), 100.0)
     title = "Median reprojection error [px]"
     return (
-        _Map(error, title, "1f", _ERROR, top if top > 0 else 1.0, "px"),
-        _Map(share, "Rejected detections [%]", "0f", _REJECTED, most, "%"),
+        _Map(error, title, "1f", _ERROR, top if top > 0 else 1.0),
+        _Map(share, "Rejected detections [%]", "0f", _REJECTED, most),
     )
 
 
@@ -211,6 +239,5 @@ def _draw_bar(figure: Figure, bar: Axes, axes: Axes, chart: _Map) -> None:
     known = chart.values[np.isfinite(chart.values)]
     beyond = len(known) and known.max() > chart.top
     scale = figure.colorbar(axes.images[0], cax=bar, extend="max" if beyond else "neither", extendfrac=0.03)
-    scale.outline.set_linewidth(0.4)  # type: ignore[operator]
+    scale.outline.set_linewidth(0.4)
     bar.tick_params(labelsize=_paper.SMALL_PT, width=0.5, length=2, pad=1.5)
-    bar.set_ylabel(chart.unit, fontsize=_paper.SMALL_PT, labelpad=1)

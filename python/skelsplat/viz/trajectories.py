@@ -35,7 +35,7 @@ _WORDS = {"unobserved": "unobserved", "filled": "filled (dotted)", "weak": "weak
 _MARK_HEIGHT = 0.055  # of a panel
 
 _ROW_IN, _GAP_IN = 1.02, 0.22
-_HEAD_IN, _FOOT_IN = 0.72, 0.42
+_HEAD_IN, _FOOT_IN = 0.66, 0.42
 _LEFT_IN, _ACROSS_IN, _RIGHT_IN = 0.82, 0.5, 0.1
 _ROWS = 6  # on a page
 
@@ -150,7 +150,9 @@ def _draw_panel(axes: Axes, data: TrajectoryData, place: tuple[int, int], colour
         )
     _paper.tidy(axes)
     time.apply(axes)
-    axes.set_ylim(*_limits(values, data.sigma[:, joint, axis], data.start[:, joint, axis]))
+    low, high = _limits(values, data.sigma[:, joint, axis], data.start[:, joint, axis])
+    room = 2 * _MARK_HEIGHT * (high - low) if np.isin(data.status[:, data.joints], list(MARKS)).any() else 0.0
+    axes.set_ylim(low - room, high)
     axes.yaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
     axes.ticklabel_format(axis="y", style="plain", useOffset=False)
     axes.grid(color="0.92", linewidth=0.5)
@@ -212,7 +214,7 @@ def _limits(values: Array, sigma: Array, start: Array) -> tuple[float, float]:
         bottom = min(bottom, max(float(begun.min()), low - space))
         top = max(top, min(float(begun.max()), high + space))
     margin = max(0.05 * (top - bottom), 0.5)
-    return bottom - 3 * margin, top + margin  # below, room for the marks
+    return bottom - margin, top + margin
 
 
 def _legend_entries(data: TrajectoryData, joints: Sequence[int], skeleton: Skeleton) -> list[Artist]:
