@@ -145,10 +145,10 @@ def _about_bones(limbs: Sequence[LimbLength]) -> str:
     shares = {
         f"{limb.side} {limb.name}".strip(): 100 * limb.deviation / limb.median
         for limb in limbs
-        if limb.median > 0
+        if limb.median > 0 and np.isfinite(limb.deviation)
     }
     if not shares:
-        return "no limb has a length that is sure in any frame."
+        return "no limb has a length that is sure in two frames or more."
     worst = max(shares, key=lambda name: shares[name])
     return (
         f"standard deviation of the limbs' lengths {min(shares.values()):.1f} to {shares[worst]:.1f} %, "

@@ -35,7 +35,7 @@ def chosen_joints(text: str | None, names: Sequence[str]) -> list[int]:
         If a name is no joint.
     """
     if text is None:
-        distal = [k for k, name in enumerate(names) if any(part in name.lower() for part in _DISTAL)]
+        distal = [k for part in _DISTAL for k, name in enumerate(names) if part in name.lower()]
         return distal or list(range(min(_FEW, len(names))))
     if text.strip() == "all":
         return list(range(len(names)))
@@ -73,8 +73,8 @@ class LimbLength:
 
     @property
     def deviation(self) -> float:
-        """Standard deviation, NaN without a frame that counts."""
-        return float(np.std(self.lengths[self.sure])) if self.sure.any() else float("nan")
+        """Standard deviation, NaN with fewer than two frames that count."""
+        return float(np.std(self.lengths[self.sure])) if self.sure.sum() > 1 else float("nan")
 
 
 def limb_lengths(poses: PoseData, limbs: Pairs, left_right: Pairs) -> list[list[LimbLength]]:

@@ -50,10 +50,9 @@ class Source:
     def title(self) -> str:
         """Name, frames and frame rate in words."""
         frames, rate = self.poses.frames, self.poses.frame_rate
-        count = "1 frame" if len(frames) == 1 else f"{len(frames)} frames"
-        span = f"{frames[0]}" if len(frames) == 1 else f"{frames[0]} to {frames[-1]}"
-        speed = "" if rate is None else f", {rate:g} Hz"
-        return f"{self.path.resolve().name}: {count}, {span}{speed}"
+        several = f"{len(frames)} frames, {frames[0]} to {frames[-1]}"
+        span = f"frame {frames[0]}" if len(frames) == 1 else several
+        return f"{self.path.resolve().name}: {span}" + ("" if rate is None else f", {rate:g} Hz")
 
 
 def read_source(path: Path, layout_name: str | None, first: int | None, last: int | None) -> Source:

@@ -87,6 +87,9 @@ class TimeAxis:
         places = self.values
         space = 0.02 * (places[-1] - places[0]) + 0.5 * self.step
         axes.set_xlim(places[0] - space, places[-1] + space)
+        if len(places) == 1:
+            axes.set_xticks(places)
+            return
         whole = self.frame_rate is None
         axes.xaxis.set_major_locator(MaxNLocator(5, integer=whole, steps=[1, 2, 2.5, 5, 10]))
         axes.ticklabel_format(axis="x", style="plain", useOffset=False)

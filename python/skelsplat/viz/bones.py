@@ -29,7 +29,7 @@ _PALE = 0.35
 _UPPER_PT, _LOWER_PT = 13.0, 4.0  # of the two lines above a panel
 _COLUMNS, _ROWS = 2, 7  # on a page
 _AXES_IN, _TEXT_IN = 0.74, 0.46
-_HEAD_IN, _FOOT_IN = 0.3, 0.42
+_HEAD_IN, _FOOT_IN = 0.16, 0.42
 _LEFT_IN, _ACROSS_IN, _RIGHT_IN = 0.5, 0.5, 0.1
 
 
@@ -46,7 +46,7 @@ class Bone:
     sure : (T,)
         Where the length counts; elsewhere it is drawn pale and may leave the panel.
     median, deviation
-        Over the frames that count, in mm; NaN without any.
+        Over the frames that count, in mm; NaN without any, the deviation also with one alone.
     """
 
     side: str
@@ -128,6 +128,9 @@ def _draw_panel(axes: Axes, panel: BonePanel, time: TimeAxis) -> None:
     axes.set_ylabel("mm", labelpad=1)
     axes.grid(color="0.92", linewidth=0.5)
     axes.set_axisbelow(True)
+    if not any(np.isfinite(bone.lengths).any() for bone in panel.bones):
+        axes.set_yticks([])
+        axes.text(0.5, 0.5, "no length", transform=axes.transAxes, ha="center", va="center", fontsize=7)
     _write_numbers(axes, panel)
 
 
@@ -136,7 +139,8 @@ def _write_numbers(axes: Axes, panel: BonePanel) -> None:
     _write(axes, (0.0, _UPPER_PT), panel.title, size=_paper.LABEL_PT, weight="bold")
     _write(axes, (1.0, _UPPER_PT), difference_in_words(panel), ha="right")
     for place, bone in zip((0.0, 0.5), panel.bones, strict=False):
-        words = f"{bone.side} {in_words(bone)}".strip()
+        numbers = in_words(bone)
+        words = f"{bone.side} {numbers}".strip() if numbers else ""
         _write(axes, (place, _LOWER_PT), words, color=COLOURS[bone.side])
 
 
@@ -158,7 +162,9 @@ def _write(
 def in_words(bone: Bone) -> str:
     """Return the median and the standard deviation of a limb in words."""
     if not np.isfinite(bone.median):
-        return "never sure"
+        return "never sure" if np.isfinite(bone.lengths).any() else ""
+    if not np.isfinite(bone.deviation):
+        return f"{bone.median:.1f} mm"
     share = f" ({100 * bone.deviation / bone.median:.1f} %)" if bone.median > 0 else ""
     return f"{bone.median:.1f} ± {bone.deviation:.1f} mm{share}"
 

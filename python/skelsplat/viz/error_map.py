@@ -38,8 +38,8 @@ _BESIDE_MAP_IN = _BAR_GAP_IN + _BAR_IN + _BAR_TEXT_IN
 _HEAD_IN, _TITLE_IN, _GAP_IN = 0.3, 0.24, 0.15
 _LETTER_IN = 0.058  # mean width of a letter of SMALL_PT
 _MOST_LETTERS = 22
-# Everything above is drawn in the darkest colour, so that one bad cell does not pale all others.
-_TOP_PERCENTILE = 97.0
+# Everything above either is drawn in the darkest colour, so that one bad camera does not pale all others.
+_TOP_PERCENTILE, _TOP_MEDIANS = 97.0, 4.0
 _LEAST_SHARE = 10.0
 
 
@@ -71,11 +71,11 @@ class ErrorMapData:
 
 @dataclass(frozen=True)
 class _Map:
-    """One of the two maps: values (N + 1, M + 1), how to write one, and its colours up to ``top``."""
+    """One of the two maps: values (N + 1, M + 1), decimals of those below ten, colours up to ``top``."""
 
     values: Array
     title: str
-    written: str
+    decimals: int
     colours: Colormap
     top: float
 
@@ -179,13 +179,16 @@ def _letters(names: Sequence[str]) -> float:
 def _maps(data: ErrorMapData) -> tuple[_Map, _Map]:
     error, share = data.median_px.T, 100 * data.rejected.T
     known = error[np.isfinite(error)]
-    top = float(np.percentile(known, _TOP_PERCENTILE)) if len(known) else 1.0
+    highest = (
+        [np.percentile(known, _TOP_PERCENTILE), _TOP_MEDIANS * np.median(known)] if len(known) else [1.0]
+    )
+    top = float(min(highest))
     shares = share[np.isfinite(share)]
     most = min(max(float(shares.max()) if len(shares) else 0.0, _LEAST_SHARE), 100.0)
     title = "Median reprojection error [px]"
     return (
-        _Map(error, title, "1f", _ERROR, top if top > 0 else 1.0),
-        _Map(share, "Rejected detections [%]", "0f", _REJECTED, most),
+        _Map(error, title, 1, _ERROR, top if top > 0 else 1.0),
+        _Map(share, "Rejected detections [%]", 0, _REJECTED, most),
     )
 
 
@@ -213,8 +216,8 @@ def _draw_map(axes: Axes, chart: _Map, cell_in: tuple[float, float]) -> None:
 
 
 def _written(chart: _Map, value: float) -> str:
-    """Return a number of at most three figures."""
-    return f"{value:.{chart.written}}" if value < 99.95 else f"{value:.0f}"
+    """Return a number, with decimals below ten alone."""
+    return f"{value:.{chart.decimals if value < 9.95 else 0}f}"
 
 
 def _number_size(chart: _Map, cell_in: tuple[float, float]) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -36,7 +37,9 @@ _MARK_HEIGHT = 0.055  # of a panel
 
 _ROW_IN, _GAP_IN = 1.02, 0.22
 _HEAD_IN, _FOOT_IN = 0.66, 0.42
-_LEFT_IN, _ACROSS_IN, _RIGHT_IN = 0.82, 0.5, 0.1
+_ACROSS_IN, _RIGHT_IN = 0.5, 0.1
+_EDGE_IN, _TICKS_IN, _LETTER_IN = 0.08, 0.47, 0.066  # left of a row: edge, numbers, a letter of its name
+_NAME_LETTERS = 11  # in a line
 _ROWS = 6  # on a page
 
 
@@ -101,11 +104,14 @@ def _draw_page(data: TrajectoryData, joints: Sequence[int], skeleton: Skeleton) 
     foot = _FOOT_IN + _paper.notes_height(lines)
     height = foot + len(joints) * (_ROW_IN + _GAP_IN) - _GAP_IN + _HEAD_IN
     figure = _paper.new_page(height)
-    width = (_paper.WIDTH_IN - _LEFT_IN - _RIGHT_IN - 2 * _ACROSS_IN) / 3
+    names = [textwrap.wrap(data.joint_names[joint].replace("_", " "), _NAME_LETTERS) for joint in joints]
+    letters = max(len(line) for name in names for line in name)
+    start = _EDGE_IN + letters * _LETTER_IN + _TICKS_IN
+    width = (_paper.WIDTH_IN - start - _RIGHT_IN - 2 * _ACROSS_IN) / 3
     for row, joint in enumerate(joints):
         bottom = foot + (len(joints) - 1 - row) * (_ROW_IN + _GAP_IN)
         for axis in range(3):
-            left = _LEFT_IN + axis * (width + _ACROSS_IN)
+            left = start + axis * (width + _ACROSS_IN)
             axes = figure.add_axes(_style.box(figure, left, bottom, width, _ROW_IN))
             _draw_panel(axes, data, (joint, axis), skeleton.colour(joint))
             if row == 0:
@@ -114,9 +120,8 @@ def _draw_page(data: TrajectoryData, joints: Sequence[int], skeleton: Skeleton) 
                 axes.set_xlabel(data.time.label, labelpad=2)
             else:
                 axes.tick_params(labelbottom=False)
-        name = data.joint_names[joint].replace("_", "\n")
-        middle = bottom + _ROW_IN / 2
-        _paper.text(figure, 0.08, middle, name, size=_paper.LABEL_PT, va="center", linespacing=1.1)
+        middle, label = bottom + _ROW_IN / 2, "\n".join(names[row])
+        _paper.text(figure, _EDGE_IN, middle, label, size=_paper.LABEL_PT, va="center", linespacing=1.1)
     _paper.heading(figure, data.title)
     _paper.legend(figure, height - 0.3, _legend_entries(data, joints, skeleton))
     _paper.draw_notes(figure, lines)
