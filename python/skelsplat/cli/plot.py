@@ -15,6 +15,7 @@ from skelsplat.cli._plot_numbers import chosen_joints
 from skelsplat.cli._plot_source import Source, read_source
 from skelsplat.cli._progress import bar_of
 from skelsplat.cli._report import to_text
+from skelsplat.exceptions import DatasetError
 
 EPILOG = (
     "trajectories: positions with bands of ±1 and ±2 standard deviations. bones: lengths of the limbs, left "
@@ -120,6 +121,9 @@ def plot(
     order = Order(folder, formats, chosen_joints(joints, source.poses.joint_names))
     check_output(folder)
     drawn = _draw(source, order, pictures, shown=not quiet)
+    if not any(picture.files for picture in drawn):
+        reasons = "; ".join(f"{picture.name}: {picture.sentence}" for picture in drawn)
+        raise DatasetError(run, ",".join(pictures), "what they show", reasons)
     for picture in drawn:
         if not picture.files and (quiet or as_json):
             typer.echo(f"warning: {picture.name} left out: {picture.sentence}", err=True)
@@ -127,8 +131,6 @@ def plot(
         typer.echo(to_text(_report(source, drawn)), nl=False)
     elif not quiet:
         _tell(folder, drawn)
-    if not any(picture.files for picture in drawn):
-        raise typer.Exit(1)
 
 
 def _some_of(option: str, text: str, choices: tuple[str, ...]) -> tuple[str, ...]:

@@ -111,4 +111,5 @@ def draw_series(axes: Axes, time: TimeAxis, values: Array, **style: object) -> N
     single = alone(y)
     if single.any():
         size = 1.5 * float(style.get("linewidth", 1.0)) + 0.8  # type: ignore[arg-type]
-        axes.plot(x[single], y[single], "o", **{**style, "linestyle": "", "markersize": size})  # type: ignore[arg-type]
+        point = {**style, "linestyle": "", "markersize": size, "label": "_alone"}
+        axes.plot(x[single], y[single], "o", **point)  # type: ignore[arg-type]

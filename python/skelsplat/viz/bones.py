@@ -138,10 +138,10 @@ def _write_numbers(axes: Axes, panel: BonePanel) -> None:
     """Write two lines above a panel: the limb and the difference of its sides, then each side's numbers."""
     _write(axes, (0.0, _UPPER_PT), panel.title, size=_paper.LABEL_PT, weight="bold")
     _write(axes, (1.0, _UPPER_PT), difference_in_words(panel), ha="right")
-    for place, bone in zip((0.0, 0.5), panel.bones, strict=False):
+    for place, end, bone in zip((0.0, 1.0), ("left", "right"), panel.bones, strict=False):
         numbers = in_words(bone)
         words = f"{bone.side} {numbers}".strip() if numbers else ""
-        _write(axes, (place, _LOWER_PT), words, color=COLOURS[bone.side])
+        _write(axes, (place, _LOWER_PT), words, color=COLOURS[bone.side], ha=end)
 
 
 def _write(
