@@ -9,6 +9,7 @@ import typer
 from rich.console import Console
 
 from skelsplat.cli import _options as options
+from skelsplat.cli._checks import some_of
 from skelsplat.cli._pipeline import check_output
 from skelsplat.cli._plot_figures import PICTURES, Drawn, Order
 from skelsplat.cli._plot_numbers import chosen_joints
@@ -114,8 +115,8 @@ def plot(
 
     skelsplat plot out --json | jq .bones
     """
-    pictures = _some_of("--only", only, tuple(PICTURES))
-    formats = _some_of("--format", format, _FORMATS)
+    pictures = some_of("--only", only, tuple(PICTURES))
+    formats = some_of("--format", format, _FORMATS)
     source = read_source(run, layout, first_frame, last_frame)
     folder = output or (run.parent if run.is_file() else run)
     order = Order(folder, formats, chosen_joints(joints, source.poses.joint_names))
@@ -131,16 +132,6 @@ def plot(
         typer.echo(to_text(_report(source, drawn)), nl=False)
     elif not quiet:
         _tell(folder, drawn)
-
-
-def _some_of(option: str, text: str, choices: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the names in a list with commas, each once."""
-    names = tuple(dict.fromkeys(name.strip().lower() for name in text.split(",")))
-    for name in names:
-        if name not in choices:
-            expected = f"some of {', '.join(choices)}"
-            raise typer.BadParameter(f"expected {expected}, got {name!r}", param_hint=option)
-    return names
 
 
 def _draw(source: Source, order: Order, pictures: tuple[str, ...], *, shown: bool) -> list[Drawn]:
