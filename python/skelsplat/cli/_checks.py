@@ -33,5 +33,5 @@ def some_of(option: str, value: str, choices: tuple[str, ...]) -> tuple[str, ...
 
 
 def formats(value: str) -> tuple[str, ...]:
-    """Return the pose formats in a list with commas, each once."""
-    return some_of("--write", value, tuple(POSE_FORMATS))
+    """Return npz, which every run writes, and the pose formats in a list with commas, each once."""
+    return tuple(dict.fromkeys(["npz", *some_of("--write", value, tuple(POSE_FORMATS))]))
