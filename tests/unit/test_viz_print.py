@@ -87,6 +87,12 @@ def test_lines_and_bands_stop_where_positions_or_frames_are_missing():
     assert axes.get_xlabel() == "frame"
 
 
+def test_large_frame_numbers_are_counted_from_the_first():
+    axes = drawn(trajectory_data(frames=np.arange(10**8, 10**8 + T)))[0]
+    assert axes.get_xlabel() == "frames since frame 100000000"
+    assert labelled(axes.lines, "position").get_xdata().tolist() == list(range(T))
+
+
 def test_no_band_where_the_uncertainty_is_unknown():
     data = trajectory_data()
     data.sigma[4:] = np.nan
@@ -188,7 +194,7 @@ def test_a_panel_has_both_sides_and_their_numbers():
     assert words(axes) == [
         "elbow – wrist",
         "left − right +1.0 mm",
-        "left 100.0 ± 5.0 mm (5.0 %)",
+        "left 100 ± 5.0 mm (5.0 %)",
         "right 99.0 ± 5.0 mm (5.1 %)",
     ]
     assert axes.get_ylabel() == "mm"
@@ -207,7 +213,7 @@ def test_bones_without_a_length_or_with_one_alone_say_so():
     weak = bone("", (100.0,), (False,), np.nan, np.nan)
     axes = bone_axes(*(viz.BonePanel("a – b", [b]) for b in (none, one, weak)), frames=1)
     assert words(axes[0])[0] == "no length"
-    assert words(axes[1])[-1] == "100.0 mm"
+    assert words(axes[1])[-1] == "100 mm"
     assert words(axes[2])[-1] == "never sure"
 
 

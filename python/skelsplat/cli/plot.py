@@ -124,7 +124,7 @@ def plot(
     drawn = _draw(source, order, pictures, shown=not quiet)
     if not any(picture.files for picture in drawn):
         reasons = "; ".join(f"{picture.name}: {picture.sentence}" for picture in drawn)
-        raise DatasetError(run, ",".join(pictures), "what they show", reasons)
+        raise DatasetError(run, "figures", "something to draw", f"none ({reasons})")
     for picture in drawn:
         if not picture.files and (quiet or as_json):
             typer.echo(f"warning: {picture.name} left out: {picture.sentence}", err=True)

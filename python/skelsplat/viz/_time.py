@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
+from skelsplat.viz import _paper
+
 if TYPE_CHECKING:
     import numpy.typing as npt
     from matplotlib.axes import Axes
@@ -17,6 +19,8 @@ if TYPE_CHECKING:
 
 # Frames from which on lines and bands go into a PDF as pixels: as curves the file would grow by megabytes.
 MANY_FRAMES = 4000
+# Frame numbers from which on the axis counts from the first one: longer labels would run into each other.
+_LARGE = 100_000
 
 
 @dataclass(frozen=True)
@@ -30,7 +34,7 @@ class TimeAxis:
     frame_rate
         Frames per second; None if unknown: the axis then counts frames.
     zero
-        The frame number at 0 s.
+        The frame number at 0 s, and from which large frame numbers are counted.
     """
 
     frames: npt.NDArray[np.int64]
@@ -39,16 +43,22 @@ class TimeAxis:
 
     @property
     def values(self) -> Array:
-        """Places of the frames on the axis, (T,): seconds or frame numbers."""
-        if self.frame_rate is None:
-            return self.frames.astype(np.float64)
-        seconds: Array = (self.frames - self.zero) / self.frame_rate
-        return seconds
+        """Places of the frames on the axis, (T,): seconds, or numbers of frames."""
+        first = 0 if self._counts_from_zero else self.zero
+        places: Array = (self.frames - first) / (self.frame_rate or 1.0)
+        return places
 
     @property
     def label(self) -> str:
         """What the axis shows."""
-        return "frame" if self.frame_rate is None else f"time since frame {self.zero} [s]"
+        if self._counts_from_zero:
+            return "frame"
+        since = f"since frame {self.zero}"
+        return f"frames {since}" if self.frame_rate is None else f"time {since} [s]"
+
+    @property
+    def _counts_from_zero(self) -> bool:
+        return self.frame_rate is None and int(np.abs(self.frames).max()) < _LARGE
 
     @property
     def step(self) -> float:
@@ -92,7 +102,11 @@ class TimeAxis:
             return
         whole = self.frame_rate is None
         axes.xaxis.set_major_locator(MaxNLocator(5, integer=whole, steps=[1, 2, 2.5, 5, 10]))
-        axes.ticklabel_format(axis="x", style="plain", useOffset=False)
+        plain = np.abs(places).max() < _LARGE
+        axes.ticklabel_format(
+            axis="x", style="plain" if plain else "sci", scilimits=(0, 0), useOffset=False, useMathText=True
+        )
+        axes.xaxis.offsetText.set_fontsize(_paper.SMALL_PT)
 
 
 def alone(values: Array) -> Mask:

@@ -164,9 +164,14 @@ def in_words(bone: Bone) -> str:
     if not np.isfinite(bone.median):
         return "never sure" if np.isfinite(bone.lengths).any() else ""
     if not np.isfinite(bone.deviation):
-        return f"{bone.median:.1f} mm"
-    share = f" ({100 * bone.deviation / bone.median:.1f} %)" if bone.median > 0 else ""
-    return f"{bone.median:.1f} ± {bone.deviation:.1f} mm{share}"
+        return f"{_three_figures(bone.median)} mm"
+    share = f" ({_three_figures(100 * bone.deviation / bone.median)} %)" if bone.median > 0 else ""
+    return f"{_three_figures(bone.median)} ± {_three_figures(bone.deviation)} mm{share}"
+
+
+def _three_figures(value: float) -> str:
+    """Return a number with one decimal, from a hundred on without: both sides' must fit above a panel."""
+    return f"{value:.{1 if value < 99.95 else 0}f}"
 
 
 def difference_in_words(panel: BonePanel) -> str:
