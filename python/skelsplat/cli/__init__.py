@@ -2,7 +2,8 @@
 
 `demo` and `refine` share `_pipeline` (read, choose the person, refine), `_statistics` and `_report` (what is
 said about the result), `_figures` (what `skelsplat.viz` draws) and `_run` (the order of it all, and the
-files). `convert` dispatches on the kind of its input (`_conversion`).
+files). `convert` dispatches on the kind of its input (`_conversion`). `plot` reads with `_plot_source`,
+counts with `_plot_numbers` and draws with `_plot_figures`.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from skelsplat.cli import (
     evaluate,
     live,
     overlay,
+    plot,
     refine,
     synth,
 )
@@ -29,6 +31,7 @@ app.command("demo")(demo.demo)
 app.command("refine", epilog=refine.EPILOG)(refine.refine)
 app.command("overlay", epilog=overlay.EPILOG)(overlay.overlay)
 app.command("live", epilog=live.EPILOG)(live.live)
+app.command("plot", epilog=plot.EPILOG)(plot.plot)
 app.command("convert", epilog=convert.EPILOG)(convert.convert)
 app.command("check-cameras", epilog=check_cameras.EPILOG)(check_cameras.check_cameras)
 app.command("synth")(synth.synth)

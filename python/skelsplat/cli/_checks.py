@@ -22,12 +22,16 @@ def positive(option: str, value: float | None) -> float | None:
     raise typer.BadParameter(f"expected a positive number, got {value:g}", param_hint=option)
 
 
+def some_of(option: str, value: str, choices: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the names in a list with commas, each once and each one of ``choices``."""
+    names = tuple(dict.fromkeys(name.strip().lower().removeprefix(".") for name in value.split(",")))
+    for name in names:
+        if name not in choices:
+            expected = f"some of {', '.join(choices)}"
+            raise typer.BadParameter(f"expected {expected}, got {name!r}", param_hint=option)
+    return names
+
+
 def formats(value: str) -> tuple[str, ...]:
     """Return npz, which every run writes, and the pose formats in a list with commas, each once."""
-    listed = [name.strip().lower().removeprefix(".") for name in value.split(",")]
-    names = tuple(dict.fromkeys(["npz", *listed]))
-    for name in names:
-        if name not in POSE_FORMATS:
-            known = ", ".join(POSE_FORMATS)
-            raise typer.BadParameter(f"expected some of {known}, got {name!r}", param_hint="--write")
-    return names
+    return tuple(dict.fromkeys(["npz", *some_of("--write", value, tuple(POSE_FORMATS))]))

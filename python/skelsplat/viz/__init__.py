@@ -1,4 +1,4 @@
-"""Figures of refined poses and of measurements: arrays in, PNG files out.
+"""Figures of refined poses and of measurements: arrays in, files out (PNG; those in print size also PDF).
 
 A leaf of the package: it computes no pose and no rendering, and only the command line imports it. Figures are
 drawn on matplotlib's Agg canvas through its object interface, so no display and no global state is involved.
@@ -6,27 +6,42 @@ drawn on matplotlib's Agg canvas through its object interface, so no display and
 
 from skelsplat.viz._body import Body
 from skelsplat.viz._panels import CameraPanel
+from skelsplat.viz._paper import FORMATS
 from skelsplat.viz._skeleton import Skeleton, body_axes
+from skelsplat.viz._time import TimeAxis
 from skelsplat.viz.bars import BarData, write_bars
+from skelsplat.viz.bones import Bone, BoneData, BonePanel, write_bones
+from skelsplat.viz.error_map import ErrorMapData, write_error_map
 from skelsplat.viz.heatmaps import HeatmapRow, write_heatmaps
 from skelsplat.viz.overview import OverviewData, write_overview
 from skelsplat.viz.panels import Line, Panel, write_panels
+from skelsplat.viz.trajectories import TrajectoryData, write_trajectories
 from skelsplat.viz.weights import WeightData, write_weights
 
 __all__ = [
+    "FORMATS",
     "BarData",
     "Body",
+    "Bone",
+    "BoneData",
+    "BonePanel",
     "CameraPanel",
+    "ErrorMapData",
     "HeatmapRow",
     "Line",
     "OverviewData",
     "Panel",
     "Skeleton",
+    "TimeAxis",
+    "TrajectoryData",
     "WeightData",
     "body_axes",
     "write_bars",
+    "write_bones",
+    "write_error_map",
     "write_heatmaps",
     "write_overview",
     "write_panels",
+    "write_trajectories",
     "write_weights",
 ]

@@ -59,7 +59,20 @@ def tidy(axes: Axes) -> None:
 
 
 def save_png(figure: Figure, path: str | os.PathLike[str]) -> Path:
-    """Write ``figure`` as a PNG, whole or not at all.
+    """Write ``figure`` as a PNG, whole or not at all (`write_whole`).
+
+    Raises
+    ------
+    OSError
+        If the folder cannot be written.
+    """
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": "skelsplat"})
+    return write_whole(path, buffer.getvalue())
+
+
+def write_whole(path: str | os.PathLike[str], content: bytes) -> Path:
+    """Write a file whole or not at all.
 
     The bytes go to a temporary file beside ``path``, which then takes its name: an interrupted run leaves the
     former file.
@@ -70,12 +83,10 @@ def save_png(figure: Figure, path: str | os.PathLike[str]) -> Path:
         If the folder cannot be written.
     """
     target = Path(path)
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": "skelsplat"})
     handle, temporary = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
     try:
         with os.fdopen(handle, "wb") as stream:
-            stream.write(buffer.getvalue())
+            stream.write(content)
         Path(temporary).chmod(0o644)
         Path(temporary).replace(target)
     except BaseException:

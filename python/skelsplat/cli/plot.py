@@ -1,0 +1,170 @@
+"""``skelsplat plot``: figures of a run or of a file of poses, in print size."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+
+from skelsplat.cli import _options as options
+from skelsplat.cli._checks import some_of
+from skelsplat.cli._pipeline import check_output
+from skelsplat.cli._plot_figures import PICTURES, Drawn, Order
+from skelsplat.cli._plot_numbers import chosen_joints
+from skelsplat.cli._plot_source import Source, read_source
+from skelsplat.cli._progress import bar_of
+from skelsplat.cli._report import to_text
+from skelsplat.exceptions import DatasetError
+
+EPILOG = (
+    "trajectories: positions with bands of ±1 and ±2 standard deviations. bones: lengths of the limbs, left "
+    "beside right. errors: median reprojection error and share of rejected detections, camera by joint. "
+    "Figures are 180 mm wide; further pages of PNG files are numbered. A file of poses is npz, csv, trc, "
+    "c3d, json or nc, and has what its format holds."
+)
+_FORMATS = ("png", "pdf")
+_ALL = ",".join(PICTURES)
+_WHAT, _OUTPUT = "What", "Output"
+
+_Run = Annotated[
+    Path, typer.Argument(metavar="RUN", help="Folder that refine or demo wrote, or a file of poses.")
+]
+_Output = Annotated[
+    Path | None,
+    typer.Option(
+        "-o",
+        "--output",
+        metavar="FOLDER",
+        help="Folder for the figures.",
+        show_default="RUN, or the folder of the file",
+        rich_help_panel=_OUTPUT,
+    ),
+]
+_Only = Annotated[
+    str,
+    typer.Option(
+        metavar="FIGURES", help="Figures to draw: some of trajectories, bones, errors.", rich_help_panel=_WHAT
+    ),
+]
+_Joints = Annotated[
+    str | None,
+    typer.Option(
+        metavar="A,B,…",
+        help="Joints whose trajectories are drawn, or all.",
+        show_default="wrists and ankles",
+        rich_help_panel=_WHAT,
+    ),
+]
+_First = Annotated[
+    int | None, typer.Option(metavar="FRAME", help="First frame number to draw.", rich_help_panel=_WHAT)
+]
+_Last = Annotated[
+    int | None, typer.Option(metavar="FRAME", help="Last frame number to draw.", rich_help_panel=_WHAT)
+]
+_Layout = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME",
+        help="Joint layout, for limbs and sides.",
+        show_default="that of the run, or found from the joints' names",
+        rich_help_panel=_WHAT,
+    ),
+]
+_Format = Annotated[
+    str, typer.Option(metavar="FORMATS", help="png, pdf or png,pdf.", rich_help_panel=_OUTPUT)
+]
+_AsJson = Annotated[
+    bool,
+    typer.Option(
+        "--json",
+        metavar="",
+        help="Print files and numbers as JSON on stdout, and no text.",
+        rich_help_panel=_OUTPUT,
+    ),
+]
+
+
+def plot(
+    run: _Run,
+    *,
+    only: _Only = _ALL,
+    joints: _Joints = None,
+    first_frame: _First = None,
+    last_frame: _Last = None,
+    layout: _Layout = None,
+    output: _Output = None,
+    format: _Format = "png",
+    quiet: options.Quiet = False,
+    as_json: _AsJson = False,
+) -> None:
+    """Draw joint trajectories with error bands, bone lengths and errors.
+
+    [bold]Examples[/bold]
+
+    skelsplat plot out
+
+    skelsplat plot out -o figures --format png,pdf
+
+    skelsplat plot out --only trajectories --joints left_wrist,right_wrist
+
+    skelsplat plot out --first-frame 200 --last-frame 400
+
+    skelsplat plot walk.trc --only bones --layout body25b
+
+    skelsplat plot out --json | jq .bones
+    """
+    pictures = some_of("--only", only, tuple(PICTURES))
+    formats = some_of("--format", format, _FORMATS)
+    source = read_source(run, layout, first_frame, last_frame)
+    folder = output or (run.parent if run.is_file() else run)
+    order = Order(folder, formats, chosen_joints(joints, source.poses.joint_names))
+    check_output(folder)
+    drawn = _draw(source, order, pictures, shown=not quiet)
+    if not any(picture.files for picture in drawn):
+        reasons = "; ".join(f"{picture.name}: {picture.sentence}" for picture in drawn)
+        raise DatasetError(run, "figures", "something to draw", f"none ({reasons})")
+    for picture in drawn:
+        if not picture.files and (quiet or as_json):
+            typer.echo(f"warning: {picture.name} left out: {picture.sentence}", err=True)
+    if as_json:
+        typer.echo(to_text(_report(source, drawn)), nl=False)
+    elif not quiet:
+        _tell(folder, drawn)
+
+
+def _draw(source: Source, order: Order, pictures: tuple[str, ...], *, shown: bool) -> list[Drawn]:
+    drawn = []
+    with bar_of("figures", shown=shown) as bar:
+        task = bar.add_task("drawing", total=len(pictures))
+        for name in pictures:
+            drawn.append(PICTURES[name](source, order))
+            bar.advance(task)
+    return drawn
+
+
+def _tell(folder: Path, drawn: list[Drawn]) -> None:
+    console = Console(highlight=False, markup=False)
+    for picture in drawn:
+        console.print(
+            f"{picture.name}{'' if picture.files else ' left out'}: {picture.sentence}", soft_wrap=False
+        )
+    names = [path.name for picture in drawn for path in picture.files]
+    if names:
+        console.print(f"\nWrote to {folder}/: {', '.join(names)}")
+
+
+def _report(source: Source, drawn: list[Drawn]) -> dict[str, Any]:
+    frames = source.poses.frames
+    return {
+        "input": str(source.path),
+        "frames": len(frames),
+        "first_frame": int(frames[0]),
+        "last_frame": int(frames[-1]),
+        "frame_rate_hz": source.poses.frame_rate,
+        "processing": list(source.poses.processing),
+        "files": [str(path) for picture in drawn for path in picture.files],
+        **{picture.name: picture.numbers for picture in drawn},
+        "left_out": {picture.name: picture.sentence for picture in drawn if not picture.files},
+    }

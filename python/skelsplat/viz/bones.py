@@ -1,0 +1,198 @@
+"""``bones``: the lengths of the limbs over time; how much they vary says how rigid the skeleton is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.ticker import MaxNLocator
+
+from skelsplat.viz import _paper, _style
+from skelsplat.viz._time import TimeAxis, draw_series
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    import numpy.typing as npt
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    Array = npt.NDArray[np.float64]
+
+COLOURS = {"left": _style.LEFT, "right": _style.RIGHT, "": _style.MIDDLE}
+# A panel shows at least this part of the length above and below it: what is rigid looks flat.
+_LEAST_SHARE = 0.1
+_PALE = 0.35
+
+_UPPER_PT, _LOWER_PT = 13.0, 4.0  # of the two lines above a panel
+_COLUMNS, _ROWS = 2, 7  # on a page
+_AXES_IN, _TEXT_IN = 0.74, 0.46
+_HEAD_IN, _FOOT_IN = 0.16, 0.42
+_LEFT_IN, _ACROSS_IN, _RIGHT_IN = 0.5, 0.5, 0.1
+
+
+@dataclass(frozen=True)
+class Bone:
+    """One limb.
+
+    Parameters
+    ----------
+    side
+        ``"left"``, ``"right"`` or ``""``.
+    lengths : (T,)
+        In mm; NaN where an end is unknown.
+    sure : (T,)
+        Where the length counts; elsewhere it is drawn pale and may leave the panel.
+    median, deviation
+        Over the frames that count, in mm; NaN without any, the deviation also with one alone.
+    """
+
+    side: str
+    lengths: Array
+    sure: npt.NDArray[np.bool_]
+    median: float
+    deviation: float
+
+
+@dataclass(frozen=True)
+class BonePanel:
+    """A limb, or a left and a right one that are mirror images."""
+
+    title: str
+    bones: Sequence[Bone]
+
+
+@dataclass(frozen=True)
+class BoneData:
+    """What the picture shows: a panel per limb or pair, when the frames were, and the words around it."""
+
+    panels: Sequence[BonePanel]
+    time: TimeAxis
+    title: str = ""
+    notes: Sequence[str] = ()
+
+
+def write_bones(stem: Path, data: BoneData, *, formats: Sequence[str] = ("png",)) -> list[Path]:
+    """Draw the lengths and write them as ``stem.png`` (then ``stem_2.png`` …) or ``stem.pdf``.
+
+    Raises
+    ------
+    OSError
+        If the folder cannot be written.
+    """
+    return _paper.write_pages(draw_bones(data), stem, formats)
+
+
+def draw_bones(data: BoneData) -> list[Figure]:
+    """Draw the panels in two columns, at most fourteen on a page."""
+    panels, most = list(data.panels), _COLUMNS * _ROWS
+    return [_draw_page(data, panels[k : k + most]) for k in range(0, len(panels), most)]
+
+
+def _draw_page(data: BoneData, panels: Sequence[BonePanel]) -> Figure:
+    lines = _paper.note_lines(data.notes)
+    foot = _FOOT_IN + _paper.notes_height(lines)
+    rows = -(-len(panels) // _COLUMNS)
+    figure = _paper.new_page(foot + rows * (_AXES_IN + _TEXT_IN) + _HEAD_IN)
+    width = (_paper.WIDTH_IN - _LEFT_IN - _RIGHT_IN - (_COLUMNS - 1) * _ACROSS_IN) / _COLUMNS
+    for k, panel in enumerate(panels):
+        row, column = divmod(k, _COLUMNS)
+        left = _LEFT_IN + column * (width + _ACROSS_IN)
+        bottom = foot + (rows - 1 - row) * (_AXES_IN + _TEXT_IN)
+        axes = figure.add_axes(_style.box(figure, left, bottom, width, _AXES_IN))
+        _draw_panel(axes, panel, data.time)
+        if k + _COLUMNS >= len(panels):
+            axes.set_xlabel(data.time.label, labelpad=2)
+        else:
+            axes.tick_params(labelbottom=False)
+    _paper.heading(figure, data.title)
+    _paper.draw_notes(figure, lines)
+    return figure
+
+
+def _draw_panel(axes: Axes, panel: BonePanel, time: TimeAxis) -> None:
+    for bone in panel.bones:
+        colour = COLOURS[bone.side]
+        draw_series(axes, time, bone.lengths, color=colour, alpha=_PALE, linewidth=0.6, label="all")
+        counted = np.where(bone.sure, bone.lengths, np.nan)
+        draw_series(axes, time, counted, color=colour, linewidth=0.8, label=bone.side)
+        if np.isfinite(bone.median):
+            axes.axhline(bone.median, color=colour, linewidth=0.6, linestyle=(0, (5, 3)), zorder=1.5)
+    _paper.tidy(axes)
+    time.apply(axes)
+    axes.set_ylim(*_limits(panel.bones))
+    axes.yaxis.set_major_locator(MaxNLocator(3, steps=[1, 2, 5, 10]))
+    axes.ticklabel_format(axis="y", style="plain", useOffset=False)
+    axes.set_ylabel("mm", labelpad=1)
+    axes.grid(color="0.92", linewidth=0.5)
+    axes.set_axisbelow(True)
+    if not any(np.isfinite(bone.lengths).any() for bone in panel.bones):
+        axes.set_yticks([])
+        axes.text(0.5, 0.5, "no length", transform=axes.transAxes, ha="center", va="center", fontsize=7)
+    _write_numbers(axes, panel)
+
+
+def _write_numbers(axes: Axes, panel: BonePanel) -> None:
+    """Write two lines above a panel: the limb and the difference of its sides, then each side's numbers."""
+    _write(axes, (0.0, _UPPER_PT), panel.title, size=_paper.LABEL_PT, weight="bold")
+    _write(axes, (1.0, _UPPER_PT), difference_in_words(panel), ha="right")
+    for place, end, bone in zip((0.0, 1.0), ("left", "right"), panel.bones, strict=False):
+        numbers = in_words(bone)
+        words = f"{bone.side} {numbers}".strip() if numbers else ""
+        _write(axes, (place, _LOWER_PT), words, color=COLOURS[bone.side], ha=end)
+
+
+def _write(
+    axes: Axes, place: tuple[float, float], words: str, *, size: float = _paper.SMALL_PT, **style: object
+) -> None:
+    """Write words above an axes at a part of its width and some points above it."""
+    axes.annotate(
+        words,
+        (place[0], 1.0),
+        (0.0, place[1]),
+        xycoords="axes fraction",
+        textcoords="offset points",
+        fontsize=size,
+        **style,  # type: ignore[arg-type]
+    )
+
+
+def in_words(bone: Bone) -> str:
+    """Return the median and the standard deviation of a limb in words."""
+    if not np.isfinite(bone.median):
+        return "never sure" if np.isfinite(bone.lengths).any() else ""
+    if not np.isfinite(bone.deviation):
+        return f"{_three_figures(bone.median)} mm"
+    share = f" ({_three_figures(100 * bone.deviation / bone.median)} %)" if bone.median > 0 else ""
+    return f"{_three_figures(bone.median)} ± {_three_figures(bone.deviation)} mm{share}"
+
+
+def _three_figures(value: float) -> str:
+    """Return a number with one decimal, from a hundred on without: both sides' must fit above a panel."""
+    return f"{value:.{1 if value < 99.95 else 0}f}"
+
+
+def difference_in_words(panel: BonePanel) -> str:
+    """Return by how much the median of the left limb exceeds that of the right one; nothing for a single."""
+    if len(panel.bones) < 2:
+        return ""
+    left, right = (bone.median for bone in panel.bones)
+    if not np.isfinite(left - right):
+        return ""
+    return f"left − right {left - right:+.1f} mm".replace("-", "−")
+
+
+def _limits(bones: Sequence[Bone]) -> tuple[float, float]:
+    """Return the range of a panel: all lengths that count, and a tenth of the median above and below it."""
+    known = np.concatenate([bone.lengths[bone.sure] for bone in bones])
+    if not len(known):
+        known = np.concatenate([bone.lengths[np.isfinite(bone.lengths)] for bone in bones])
+    if not len(known):
+        return 0.0, 1.0
+    middle = float(np.median(known))
+    least = max(_LEAST_SHARE * middle, 1.0)
+    low, high = min(float(known.min()), middle - least), max(float(known.max()), middle + least)
+    margin = 0.03 * (high - low)
+    return low - margin, high + margin

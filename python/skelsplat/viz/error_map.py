@@ -1,0 +1,246 @@
+"""``errors``: where the pose and the detections disagree, joint by camera."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.colors import Colormap, LinearSegmentedColormap
+
+from skelsplat.viz import _paper, _style
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    import numpy.typing as npt
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    Array = npt.NDArray[np.float64]
+
+# One hue each, from white to dark, so that they can be told in greyscale; grey is nothing measured.
+_ERROR = LinearSegmentedColormap.from_list(
+    "error", ["#ffffff", "#9ecae1", "#3182bd", "#08306b"]
+).with_extremes(bad="#d9d9d9")
+_REJECTED = LinearSegmentedColormap.from_list(
+    "rejected", ["#ffffff", "#ecc3da", "#c2508f", "#7a0047"]
+).with_extremes(bad="#d9d9d9")
+
+_LEAST_PT, _MOST_PT = 4.8, 7.0  # of the numbers in the cells; smaller ones are left out
+_BESIDE = 13  # columns up to which the two maps stand side by side
+_ROW_IN, _LEAST_ROW_IN, _COLUMN_IN = 0.2, 0.1, 0.6
+_LEAST_MAP_IN = 1.9  # wide enough for the title of a map
+_BAR_IN, _BAR_GAP_IN = 0.09, 0.08
+_BAR_TEXT_IN = 0.32
+_BESIDE_MAP_IN = _BAR_GAP_IN + _BAR_IN + _BAR_TEXT_IN
+_HEAD_IN, _TITLE_IN, _GAP_IN = 0.3, 0.24, 0.15
+_LETTER_IN = 0.058  # mean width of a letter of SMALL_PT
+_MOST_LETTERS = 22
+# Everything above either is drawn in the darkest colour, so that one bad camera does not pale all others.
+_TOP_PERCENTILE, _TOP_MEDIANS = 97.0, 4.0
+_LEAST_SHARE = 10.0
+
+
+@dataclass(frozen=True)
+class ErrorMapData:
+    """What the picture shows.
+
+    Parameters
+    ----------
+    median_px : (M + 1, N + 1)
+        Median reprojection error per camera and joint; the last row and column are over all cameras and all
+        joints. NaN where there is no detection.
+    rejected : (M + 1, N + 1)
+        Share of the detections that is rejected, 0 to 1; likewise.
+    camera_names, joint_names : (M,) and (N,)
+    title
+        What was recorded.
+    notes
+        Sentences below.
+    """
+
+    median_px: Array
+    rejected: Array
+    camera_names: Sequence[str]
+    joint_names: Sequence[str]
+    title: str = ""
+    notes: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
+class _Map:
+    """One of the two maps: values (N + 1, M + 1), decimals of those below ten, colours up to ``top``."""
+
+    values: Array
+    title: str
+    decimals: int
+    colours: Colormap
+    top: float
+
+
+def write_error_map(stem: Path, data: ErrorMapData, *, formats: Sequence[str] = ("png",)) -> list[Path]:
+    """Draw the two maps and write them as ``stem.png`` or ``stem.pdf``.
+
+    Raises
+    ------
+    OSError
+        If the folder cannot be written.
+    """
+    return _paper.write_pages([draw_error_map(data)], stem, formats)
+
+
+def draw_error_map(data: ErrorMapData) -> Figure:
+    """Draw a row per joint and a column per camera: the median error, and the share of rejected detections.
+
+    The maps stand side by side, or from thirteen cameras on under one another. The numbers are written into
+    the cells where they fit.
+    """
+    joints = [_short(name).replace("_", " ") for name in (*data.joint_names, "all joints")]
+    cameras = [_short(name) for name in (*data.camera_names, "all")]
+    lines = _paper.note_lines(data.notes)
+    plan = _plan(joints, cameras, _paper.notes_height(lines) + 0.06)
+    figure = _paper.new_page(plan.height)
+    for k, chart in enumerate(_maps(data)):
+        x, y = plan.corner(k)
+        axes = figure.add_axes(_style.box(figure, x, y, plan.width, plan.map_in))
+        _draw_map(axes, chart, plan.cell)
+        _name_cells(axes, joints if plan.stacked or k == 0 else [], cameras, upright=plan.upright)
+        bar = figure.add_axes(_style.box(figure, x + plan.width + _BAR_GAP_IN, y, _BAR_IN, plan.map_in))
+        _draw_bar(figure, bar, axes, chart)
+    _paper.heading(figure, data.title)
+    _paper.draw_notes(figure, lines)
+    return figure
+
+
+@dataclass(frozen=True)
+class _Plan:
+    """Where the maps of ``rows`` × ``columns`` cells are, in inches.
+
+    ``cell`` is the height and width of one, ``left`` the width of the joints' names, ``below`` the height of
+    the cameras', which are ``upright`` where they are too long, and ``foot`` that of the notes.
+    """
+
+    rows: int
+    columns: int
+    cell: tuple[float, float]
+    stacked: bool
+    upright: bool
+    left: float
+    below: float
+    foot: float
+
+    @property
+    def map_in(self) -> float:
+        return self.rows * self.cell[0]
+
+    @property
+    def width(self) -> float:
+        return self.columns * self.cell[1]
+
+    @property
+    def height(self) -> float:
+        block = self.map_in + self.below + _TITLE_IN
+        return self.foot + _HEAD_IN + block + (block + _GAP_IN if self.stacked else 0.0)
+
+    def corner(self, k: int) -> tuple[float, float]:
+        """Return the lower left corner of the first or second map."""
+        up, along = self.foot + self.below, k * (self.width + _BESIDE_MAP_IN)
+        if not self.stacked:
+            return self.left + along, up
+        return self.left, up + (1 - k) * (self.map_in + self.below + _TITLE_IN + _GAP_IN)
+
+
+def _plan(joints: Sequence[str], cameras: Sequence[str], foot: float) -> _Plan:
+    """Make the cells as large as the page allows."""
+    rows, columns = len(joints), len(cameras)
+    count, stacked = (1, True) if columns > _BESIDE else (2, False)
+    left = _letters(joints) + 0.16
+    space = _paper.WIDTH_IN - left - count * _BESIDE_MAP_IN
+    width = min(space / count / columns, max(_COLUMN_IN, _LEAST_MAP_IN / columns))
+    upright = _letters(cameras) > width
+    below = (_letters(cameras) if upright else 0.1) + 0.14
+    blocks = 2 if stacked else 1
+    free = _paper.HEIGHT_IN - foot - _HEAD_IN - (blocks - 1) * _GAP_IN
+    height = float(np.clip((free / blocks - below - _TITLE_IN) / rows, _LEAST_ROW_IN, _ROW_IN))
+    return _Plan(rows, columns, (height, width), stacked, upright, left, below, foot)
+
+
+def _short(name: str) -> str:
+    """Return a name of at most so many letters; of a long one the end, which usually tells it apart."""
+    return name if len(name) <= _MOST_LETTERS else "…" + name[1 - _MOST_LETTERS :]
+
+
+def _letters(names: Sequence[str]) -> float:
+    return _LETTER_IN * max(map(len, names))
+
+
+def _maps(data: ErrorMapData) -> tuple[_Map, _Map]:
+    error, share = data.median_px.T, 100 * data.rejected.T
+    known = error[np.isfinite(error)]
+    highest = (
+        [np.percentile(known, _TOP_PERCENTILE), _TOP_MEDIANS * np.median(known)] if len(known) else [1.0]
+    )
+    top = float(min(highest))
+    shares = share[np.isfinite(share)]
+    most = min(max(float(shares.max()) if len(shares) else 0.0, _LEAST_SHARE), 100.0)
+    title = "Median reprojection error [px]"
+    return (
+        _Map(error, title, 1, _ERROR, top if top > 0 else 1.0),
+        _Map(share, "Rejected detections [%]", 0, _REJECTED, most),
+    )
+
+
+def _draw_map(axes: Axes, chart: _Map, cell_in: tuple[float, float]) -> None:
+    image = np.ma.masked_invalid(chart.values)
+    axes.imshow(image, cmap=chart.colours, vmin=0, vmax=chart.top, aspect="auto", interpolation="nearest")
+    rows, columns = chart.values.shape
+    for edge, line in ((rows - 1.5, axes.axhline), (columns - 1.5, axes.axvline)):
+        line(edge, color="0.15", linewidth=0.8)
+    axes.set_xticks(np.arange(columns - 1) + 0.5, minor=True)
+    axes.set_yticks(np.arange(rows - 1) + 0.5, minor=True)
+    axes.grid(which="minor", color="0.85", linewidth=0.3)
+    axes.tick_params(which="minor", length=0)
+    axes.set_title(chart.title, fontsize=_paper.LABEL_PT, loc="left", pad=4)
+    size = _number_size(chart, cell_in)
+    if size:
+        for (row, column), value in np.ndenumerate(chart.values):
+            if np.isfinite(value):
+                colour = "white" if value > 0.6 * chart.top else "0.1"
+                axes.text(
+                    column, row, _written(chart, value), color=colour, fontsize=size, ha="center", va="center"
+                )
+    if not np.isfinite(chart.values).any():
+        axes.text(0.5, 0.5, "no detections", transform=axes.transAxes, ha="center", va="center", fontsize=8)
+
+
+def _written(chart: _Map, value: float) -> str:
+    """Return a number, with decimals below ten alone."""
+    return f"{value:.{chart.decimals if value < 9.95 else 0}f}"
+
+
+def _number_size(chart: _Map, cell_in: tuple[float, float]) -> float:
+    """Return the size in points at which the longest number fits into a cell; 0 if it would be too small."""
+    known = chart.values[np.isfinite(chart.values)]
+    letters = max((len(_written(chart, value)) for value in known), default=1)
+    height, width = cell_in
+    size = min(72 * height / 1.3, 72 * width / (0.6 * letters + 0.3), _MOST_PT)
+    return size if size >= _LEAST_PT else 0.0
+
+
+def _name_cells(axes: Axes, joints: Sequence[str], cameras: Sequence[str], *, upright: bool) -> None:
+    axes.set_xticks(range(len(cameras)), cameras, rotation=90 if upright else 0)
+    axes.set_yticks(range(len(joints)), joints)
+    _paper.tidy(axes)
+    axes.tick_params(which="both", length=0)
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+
+
+def _draw_bar(figure: Figure, bar: Axes, axes: Axes, chart: _Map) -> None:
+    known = chart.values[np.isfinite(chart.values)]
+    beyond = len(known) and known.max() > chart.top
+    scale = figure.colorbar(axes.images[0], cax=bar, extend="max" if beyond else "neither", extendfrac=0.03)
+    scale.outline.set_linewidth(0.4)
+    bar.tick_params(labelsize=_paper.SMALL_PT, width=0.5, length=2, pad=1.5)

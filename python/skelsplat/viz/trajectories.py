@@ -1,0 +1,242 @@
+"""``trajectories``: where chosen joints are over time, with the error bands of the refinement."""
+
+from __future__ import annotations
+
+import textwrap
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
+
+from skelsplat.viz import _paper, _style
+from skelsplat.viz._time import MANY_FRAMES, TimeAxis, alone, draw_series
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    import numpy.typing as npt
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from skelsplat.viz._skeleton import Skeleton
+
+    Array = npt.NDArray[np.float64]
+    Mask = npt.NDArray[np.bool_]
+
+# Number of standard deviations → how dark the band is; the wide one is drawn first.
+BANDS = {2: 0.18, 1: 0.32}
+# Status → colour of its mark at the foot of a panel: dark, middle and light also in greyscale.
+MARKS = {"unobserved": "#222222", "filled": "#009e73", "weak": "#e69f00"}
+_WORDS = {"unobserved": "unobserved", "filled": "filled (dotted)", "weak": "weakly seen"}
+_MARK_HEIGHT = 0.055  # of a panel
+
+_ROW_IN, _GAP_IN = 1.02, 0.22
+_HEAD_IN, _FOOT_IN = 0.66, 0.42
+_ACROSS_IN, _RIGHT_IN = 0.5, 0.1
+_EDGE_IN, _TICKS_IN, _LETTER_IN = 0.08, 0.47, 0.066  # left of a row: edge, numbers, a letter of its name
+_NAME_LETTERS = 11  # in a line
+_ROWS = 6  # on a page
+
+
+@dataclass(frozen=True)
+class TrajectoryData:
+    """What the picture shows.
+
+    Parameters
+    ----------
+    pose : (T, N, 3)
+        Positions in mm; NaN where unknown.
+    sigma : (T, N, 3)
+        Standard deviations along the axes in mm; NaN where unknown, and there no band is drawn.
+    start : (T, N, 3)
+        Where the refinement began, in mm; NaN where unknown.
+    status : (T, N)
+        ``"ok"``, ``"weak"``, ``"unobserved"`` or ``"filled"``; ``""`` where unknown.
+    time
+        When the frames were.
+    joint_names : (N,)
+    joints
+        Indices of the joints to draw, from top to bottom.
+    title
+        What was recorded.
+    notes
+        Sentences below: what was done to the poses.
+    """
+
+    pose: Array
+    sigma: Array
+    start: Array
+    status: npt.NDArray[np.str_]
+    time: TimeAxis
+    joint_names: Sequence[str]
+    joints: Sequence[int]
+    title: str = ""
+    notes: Sequence[str] = ()
+
+
+def write_trajectories(
+    stem: Path, data: TrajectoryData, *, skeleton: Skeleton, formats: Sequence[str] = ("png",)
+) -> list[Path]:
+    """Draw the trajectories and write them as ``stem.png`` (then ``stem_2.png`` …) or ``stem.pdf``.
+
+    Raises
+    ------
+    OSError
+        If the folder cannot be written.
+    """
+    return _paper.write_pages(draw_trajectories(data, skeleton=skeleton), stem, formats)
+
+
+def draw_trajectories(data: TrajectoryData, *, skeleton: Skeleton) -> list[Figure]:
+    """Draw x, y and z of each joint side by side, at most six joints on a page."""
+    joints = list(data.joints)
+    groups = [joints[k : k + _ROWS] for k in range(0, len(joints), _ROWS)]
+    return [_draw_page(data, group, skeleton) for group in groups]
+
+
+def _draw_page(data: TrajectoryData, joints: Sequence[int], skeleton: Skeleton) -> Figure:
+    lines = _paper.note_lines(data.notes)
+    foot = _FOOT_IN + _paper.notes_height(lines)
+    height = foot + len(joints) * (_ROW_IN + _GAP_IN) - _GAP_IN + _HEAD_IN
+    figure = _paper.new_page(height)
+    names = [textwrap.wrap(data.joint_names[joint].replace("_", " "), _NAME_LETTERS) for joint in joints]
+    letters = max(len(line) for name in names for line in name)
+    start = _EDGE_IN + letters * _LETTER_IN + _TICKS_IN
+    width = (_paper.WIDTH_IN - start - _RIGHT_IN - 2 * _ACROSS_IN) / 3
+    for row, joint in enumerate(joints):
+        bottom = foot + (len(joints) - 1 - row) * (_ROW_IN + _GAP_IN)
+        for axis in range(3):
+            left = start + axis * (width + _ACROSS_IN)
+            axes = figure.add_axes(_style.box(figure, left, bottom, width, _ROW_IN))
+            _draw_panel(axes, data, (joint, axis), skeleton.colour(joint))
+            if row == 0:
+                axes.set_title(f"{'xyz'[axis]} [mm]", fontsize=_paper.LABEL_PT, pad=4)
+            if row == len(joints) - 1:
+                axes.set_xlabel(data.time.label, labelpad=2)
+            else:
+                axes.tick_params(labelbottom=False)
+        middle, label = bottom + _ROW_IN / 2, "\n".join(names[row])
+        _paper.text(figure, _EDGE_IN, middle, label, size=_paper.LABEL_PT, va="center", linespacing=1.1)
+    _paper.heading(figure, data.title)
+    _paper.legend(figure, height - 0.3, _legend_entries(data, joints, skeleton))
+    _paper.draw_notes(figure, lines)
+    return figure
+
+
+def _draw_panel(axes: Axes, data: TrajectoryData, place: tuple[int, int], colour: str) -> None:
+    """Draw one coordinate of one joint, ``place``: bands, start, position and the marks of its status."""
+    joint, axis = place
+    time, values = data.time, data.pose[:, joint, axis]
+    status = data.status[:, joint]
+    _draw_bands(axes, time, values, (data.sigma[:, joint, axis], colour))
+    draw_series(
+        axes, time, data.start[:, joint, axis], color=_style.BEFORE, linewidth=0.6, zorder=2.2, label="start"
+    )
+    filled = status == "filled"
+    style = {"color": colour, "zorder": 2.5}
+    draw_series(axes, time, np.where(filled, np.nan, values), **style, linewidth=0.9, label="position")
+    if filled.any():
+        dots = {**style, "linewidth": 1.1, "linestyle": (0, (1, 1)), "label": "filled"}
+        draw_series(axes, time, np.where(_with_neighbours(filled), values, np.nan), **dots)
+    for name, mark in MARKS.items():
+        axes.broken_barh(
+            time.runs(status == name),
+            (0.0, _MARK_HEIGHT),
+            transform=axes.get_xaxis_transform(),
+            color=mark,
+            linewidth=0.5,
+            zorder=3,
+            label=name,
+        )
+    _paper.tidy(axes)
+    time.apply(axes)
+    low, high = _limits(values, data.sigma[:, joint, axis], data.start[:, joint, axis])
+    room = 2 * _MARK_HEIGHT * (high - low) if np.isin(data.status[:, data.joints], list(MARKS)).any() else 0.0
+    axes.set_ylim(low - room, high)
+    axes.yaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
+    axes.ticklabel_format(axis="y", style="plain", useOffset=False)
+    axes.grid(color="0.92", linewidth=0.5)
+    axes.set_axisbelow(True)
+    if not np.isfinite(values).any():
+        axes.set_yticks([])
+        axes.text(0.5, 0.5, "no position", transform=axes.transAxes, ha="center", va="center", fontsize=7)
+
+
+def _draw_bands(axes: Axes, time: TimeAxis, values: Array, spread: tuple[Array, str]) -> None:
+    """Draw ±2σ and ±1σ; a frame without neighbours gets bars."""
+    sigma, colour = spread
+    x, y, s = time.broken(values, sigma)
+    single = alone(y + s)
+    for count, alpha in BANDS.items():
+        low, high = y - count * s, y + count * s
+        axes.fill_between(
+            x,
+            low,
+            high,
+            color=colour,
+            alpha=alpha,
+            linewidth=0,
+            rasterized=len(x) > MANY_FRAMES,
+            label=f"{count} σ",
+        )
+        if single.any():
+            width = 4.0 / count
+            axes.vlines(
+                x[single], low[single], high[single], color=colour, alpha=alpha + 0.1, linewidth=width
+            )
+
+
+def _with_neighbours(mask: Mask) -> Mask:
+    """Return the mask and the frames beside it, so that a line meets what it continues."""
+    wide = mask.copy()
+    wide[1:] |= mask[:-1]
+    wide[:-1] |= mask[1:]
+    return wide
+
+
+def _limits(values: Array, sigma: Array, start: Array) -> tuple[float, float]:
+    """Return the range of a panel: all positions, most of the band, and a start that is not far away.
+
+    A joint that is hardly determined has a band of metres, and a bad start is anywhere; neither may flatten
+    the motion.
+    """
+    known = values[np.isfinite(values)]
+    if not len(known):
+        return -1.0, 1.0
+    low, high = float(known.min()), float(known.max())
+    band = 2 * sigma[np.isfinite(sigma) & np.isfinite(values)]
+    widest = 3 * float(np.median(band)) if len(band) else 0.0
+    reach = np.minimum(np.nan_to_num(2 * sigma), widest)
+    bottom, top = float(np.nanmin(values - reach)), float(np.nanmax(values + reach))
+    space = max(high - low, 2 * widest / 3, 1.0) / 2
+    begun = start[np.isfinite(start)]
+    if len(begun):
+        bottom = min(bottom, max(float(begun.min()), low - space))
+        top = max(top, min(float(begun.max()), high + space))
+    margin = max(0.05 * (top - bottom), 0.5)
+    return bottom - margin, top + margin
+
+
+def _legend_entries(data: TrajectoryData, joints: Sequence[int], skeleton: Skeleton) -> list[Artist]:
+    """Return what occurs on this page."""
+    sides = {_style.LEFT: "left", _style.RIGHT: "right", _style.MIDDLE: "middle"}
+    colours = {skeleton.colour(joint) for joint in joints}
+    entries: list[Artist] = [
+        Line2D([], [], color=colour, linewidth=1.2, label=side)
+        for colour, side in sides.items()
+        if colour in colours and skeleton.left_right
+    ]
+    if np.isfinite(data.sigma[:, joints]).any():
+        dark = {2: BANDS[2], 1: BANDS[1] + BANDS[2]}
+        entries += [Patch(color="0.2", alpha=dark[n], linewidth=0, label=f"±{n} σ") for n in (1, 2)]
+    if np.isfinite(data.start[:, joints]).any():
+        entries.append(Line2D([], [], color=_style.BEFORE, linewidth=0.8, label="start of the refinement"))
+    for name, colour in MARKS.items():
+        if (data.status[:, joints] == name).any():
+            entries.append(Patch(color=colour, linewidth=0, label=_WORDS[name]))
+    return entries

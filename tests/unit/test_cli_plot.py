@@ -1,0 +1,224 @@
+"""``skelsplat plot``: from a run or a file of poses to figures and numbers."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from command_line import READ, assert_fails, invoke
+from pose_sample import sample
+from skelsplat.io import read_npz, write_pose
+
+LAYOUT = sk.layouts.H36M17
+
+
+@pytest.fixture
+def run_folder(arguments, recording):
+    """Return the folder of a refined walk of five frames at 60 Hz."""
+    result = invoke(*arguments, *READ, "--fps", "60", "-q")
+    assert result.exit_code == 0, result.output
+    return recording[0] / "out"
+
+
+def h36m(steps=6, **changes):
+    """Return a still pose with every joint 100 mm above the last, in metres."""
+    pose = np.zeros((steps, 17, 3))
+    pose[..., 2] = 0.1 * np.arange(17)
+    data = replace(
+        sample(),
+        pose=pose,
+        joint_names=tuple(LAYOUT.joints),
+        frames=np.arange(steps) + 10,
+        unit="m",
+        camera_names=(),
+        **{name: np.empty((0, 0)) for name in ("noise", "loss", "n_iter", "stop_reason", "joint_status")},
+        **{name: np.empty((0, 0, 0)) for name in ("init_pose", "view_weights", "swapped")},
+        **{name: np.empty((0, 0, 0, 0)) for name in ("covariance", "uncertainty")},
+        reprojection_error=np.empty((0, 0, 0)),
+    )
+    return replace(data, **changes)
+
+
+def written(path, data):
+    write_pose(path, data)
+    return path
+
+
+def numbers(*arguments):
+    result = invoke("plot", *arguments, "--json")
+    assert result.exit_code == 0, result.output
+    return json.loads(result.stdout)
+
+
+def test_a_run_gives_three_figures_in_its_folder(run_folder):
+    result = invoke("plot", run_folder)
+    assert result.exit_code == 0, result.output
+    assert result.stderr == ""
+    for name in ("trajectories", "bones", "errors"):
+        assert (run_folder / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+        assert f"{name}.png" in result.stdout
+
+
+def test_pdf_goes_where_it_is_asked_for(run_folder, tmp_path):
+    result = invoke("plot", run_folder, "-o", tmp_path / "f", "--only", "bones", "--format", "png,pdf", "-q")
+    assert result.exit_code == 0, result.output
+    assert result.stdout == ""
+    assert sorted(path.name for path in (tmp_path / "f").iterdir()) == ["bones.pdf", "bones.png"]
+    assert (tmp_path / "f" / "bones.pdf").read_bytes().startswith(b"%PDF-")
+
+
+def test_bone_lengths_are_those_of_numpy(run_folder):
+    poses = read_npz(run_folder / "pose.npz")
+    bones = numbers(run_folder, "--only", "bones")["bones"]
+    assert len(bones) == len(LAYOUT.limbs)
+    for name, side, ends in (
+        ("knee – ankle", "left", ("left_knee", "left_ankle")),
+        ("pelvis – hip", "right", ("pelvis", "right_hip")),
+        ("nose – head", None, ("nose", "head")),
+    ):
+        a, b = (poses.pose[:, LAYOUT.joints.index(end)] for end in ends)
+        lengths = np.linalg.norm(a - b, axis=1)
+        (bone,) = [bone for bone in bones if (bone["limb"], bone["side"]) == (name, side)]
+        assert bone["median_mm"] == pytest.approx(np.median(lengths), rel=1e-12)
+        assert bone["sd_mm"] == pytest.approx(np.std(lengths), rel=1e-9)
+        assert bone["frames_counted"] == 5
+
+
+def test_weak_and_filled_ends_do_not_count(tmp_path):
+    data = h36m(joint_status=np.full((6, 17), "ok", dtype="<U10"))
+    knee = LAYOUT.joints.index("left_knee")
+    data.pose[2:4, knee] = 99.0
+    data.joint_status[2, knee], data.joint_status[3, knee] = "weak", "filled"
+    bones = numbers(written(tmp_path / "p.npz", data), "--only", "bones")["bones"]
+    (bone,) = [bone for bone in bones if (bone["limb"], bone["side"]) == ("knee – ankle", "left")]
+    assert bone["frames_counted"] == 4
+    assert bone["median_mm"] == pytest.approx(100.0)
+    assert bone["sd_mm"] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_errors_are_medians_and_shares(run_folder):
+    poses = read_npz(run_folder / "pose.npz")
+    errors = numbers(run_folder, "--only", "errors")["errors"]
+    assert errors["median_px"] == pytest.approx(np.nanmedian(poses.reprojection_error))
+    used = np.isfinite(poses.view_weights)
+    rejected = used & (poses.view_weights < sk.REJECTED_WEIGHT)
+    for i, camera in enumerate(errors["cameras"]):
+        assert camera["camera"] == poses.camera_names[i]
+        assert camera["median_px"] == pytest.approx(np.nanmedian(poses.reprojection_error[:, i]))
+        assert camera["rejected_share"] == pytest.approx(rejected[:, i].sum() / used[:, i].sum())
+    for j, joint in enumerate(errors["joints"]):
+        assert joint["joint"] == LAYOUT.joints[j]
+        assert joint["median_px"] == pytest.approx(np.nanmedian(poses.reprojection_error[:, :, j]))
+
+
+def test_the_standard_deviations_are_those_of_the_run(run_folder):
+    poses = read_npz(run_folder / "pose.npz")
+    found = numbers(run_folder, "--only", "trajectories", "--joints", "head,left_knee")["trajectories"]
+    assert [joint["joint"] for joint in found] == ["head", "left_knee"]
+    for joint in found:
+        covariances = poses.uncertainty[:, LAYOUT.joints.index(joint["joint"])]
+        expected = np.median(np.sqrt(np.diagonal(covariances, axis1=1, axis2=2)), axis=0)
+        assert joint["sigma_median_mm"] == pytest.approx(expected.tolist())
+
+
+def test_wrists_and_ankles_are_the_default(run_folder):
+    found = numbers(run_folder, "--only", "trajectories")["trajectories"]
+    assert {joint["joint"] for joint in found} == {"left_wrist", "right_wrist", "left_ankle", "right_ankle"}
+    found = numbers(run_folder, "--only", "trajectories", "--joints", "all")
+    assert len(found["trajectories"]) == 17
+    assert len(found["files"]) == 3
+
+
+def test_the_range_of_frames_is_that_of_the_numbers(run_folder):
+    found = numbers(run_folder, "--only", "bones", "--first-frame", "1", "--last-frame", "3")
+    assert (found["first_frame"], found["last_frame"], found["frames"]) == (1, 3, 3)
+    assert found["bones"][0]["frames_counted"] == 3
+
+
+@pytest.mark.parametrize("suffix", ["npz", "csv", "trc", "c3d", "json", "nc"])
+def test_any_pose_file_has_trajectories_and_bones(tmp_path, suffix):
+    path = written(tmp_path / f"walk.{suffix}", h36m())
+    result = invoke("plot", path)
+    assert result.exit_code == 0, result.output
+    assert "errors left out: the file has no errors of single cameras" in result.stdout
+    assert (tmp_path / "trajectories.png").is_file()
+    assert (tmp_path / "bones.png").is_file()
+    assert not (tmp_path / "errors.png").exists()
+
+
+def test_bones_need_a_layout(tmp_path):
+    names = tuple(f"marker{k}" for k in range(17))
+    path = written(tmp_path / "walk.npz", h36m(joint_names=names))
+    result = invoke("plot", path, "--json")
+    assert result.exit_code == 0
+    report = json.loads(result.stdout)
+    assert "--layout" in report["left_out"]["bones"]
+    assert report["bones"] is None
+    assert "warning: bones left out" in result.stderr
+    assert len(numbers(path, "--layout", "H36M17", "--only", "bones")["bones"]) == len(LAYOUT.limbs)
+
+
+def test_a_layout_of_some_of_the_joints_is_found_by_name(tmp_path):
+    data = h36m(joint_names=tuple(reversed(LAYOUT.joints)))
+    (bone, *_) = numbers(written(tmp_path / "p.npz", data), "--layout", "h36m17", "--only", "bones")["bones"]
+    assert bone["median_mm"] == pytest.approx(
+        100.0 * abs(np.subtract(*[LAYOUT.joints.index(name) for name in ("pelvis", "spine")]))
+    )
+
+
+@pytest.mark.parametrize("steps", [1, 4])
+def test_poses_without_any_position_are_drawn(tmp_path, steps):
+    path = written(tmp_path / "p.npz", h36m(steps, pose=np.full((steps, 17, 3), np.nan)))
+    report = numbers(path)
+    assert all(bone["median_mm"] is None for bone in report["bones"])
+    assert len(report["files"]) == 2
+
+
+def test_large_frame_numbers_with_gaps(tmp_path):
+    frames = np.array([10**6, 10**6 + 1, 10**6 + 2, 2 * 10**9, 2 * 10**9 + 1, 2 * 10**9 + 2])
+    report = numbers(written(tmp_path / "p.npz", h36m(frames=frames)))
+    assert report["last_frame"] == frames[-1]
+
+
+@pytest.mark.parametrize(
+    ("options", "status", "parts"),
+    [
+        (["--only", "bones,arms"], 2, ["--only", "trajectories, bones, errors", "'arms'"]),
+        (["--format", "svg"], 2, ["--format", "png, pdf", "'svg'"]),
+        (["--joints", "head,tail"], 2, ["--joints", "left_wrist", "'tail'"]),
+        (["--layout", "cat"], 2, ["--layout", "h36m17", "'cat'"]),
+        (["--layout", "body25"], 2, ["--layout", "17 joints", "body25 with 25"]),
+        (["--first-frame", "99"], 2, ["--first-frame", "10 to 15", "99"]),
+        (["--last-frame", "3"], 2, ["--last-frame", "10 to 15", "3"]),
+        (["--first-frame", "5", "--last-frame", "3"], 2, ["--last-frame", "--first-frame 5", "3"]),
+    ],
+)
+def test_a_wrong_option_is_named(tmp_path, options, status, parts):
+    path = written(tmp_path / "walk.npz", h36m())
+    assert_fails(invoke("plot", path, *options), status, *parts)
+
+
+def test_a_figure_that_cannot_be_drawn_is_a_failure(tmp_path):
+    path = written(tmp_path / "walk.npz", h36m())
+    assert_fails(invoke("plot", path, "--only", "errors"), 1, "walk.npz", "errors of single cameras")
+
+
+def test_wrong_input_is_named(tmp_path):
+    assert_fails(invoke("plot", tmp_path / "none"), 1, "none", "no such")
+    assert_fails(invoke("plot", tmp_path), 1, "report.json")
+    (tmp_path / "walk.txt").write_text("x")
+    assert_fails(invoke("plot", tmp_path / "walk.txt"), 1, "walk.txt", ".npz")
+    path = written(tmp_path / "p.npz", h36m(frames=np.array([3, 2, 1, 4, 5, 6])))
+    assert_fails(invoke("plot", path), 1, "p.npz", "ascending")
+    path = written(tmp_path / "p.npz", h36m(0))
+    assert_fails(invoke("plot", path), 1, "p.npz", "frames", "at least one")
+
+
+def test_a_folder_that_cannot_be_written_is_named(tmp_path):
+    path = written(tmp_path / "walk.npz", h36m())
+    (tmp_path / "file").write_text("x")
+    assert_fails(invoke("plot", path, "-o", tmp_path / "file"), 1, "--output", "folder")
