@@ -10,6 +10,7 @@ import typer
 from typer.core import TyperGroup
 
 import skelsplat as sk
+from skelsplat.cli._config import Application, origin
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -69,7 +70,8 @@ def _usage(error: Any) -> str:
     context = getattr(error, "ctx", None)
     command = context.command_path if context is not None else "skelsplat"
     message = re.sub(r"^Invalid value for '?([^\s':]+)'?: ", r"\1: ", error.format_message())
-    return f"{message.rstrip('.')} (see {command} --help)"
+    source = origin(context, message.partition(":")[0])
+    return f"{message.rstrip('.')} ({f'from {source}; ' if source else ''}see {command} --help)"
 
 
 def _show_version(value: bool) -> None:
@@ -78,7 +80,7 @@ def _show_version(value: bool) -> None:
         raise typer.Exit
 
 
-app = typer.Typer(
+app = Application(
     name="skelsplat",
     cls=OneLineErrors,
     help="Multi-view 3D human pose from 2D keypoints, by differentiable Gaussian splatting.",

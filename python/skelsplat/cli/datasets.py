@@ -11,11 +11,12 @@ from rich.console import Console
 
 from skelsplat import datasets
 from skelsplat.cli import _options as options
+from skelsplat.cli._config import Application
 from skelsplat.cli._dataset_report import print_list, print_report, report_json
 from skelsplat.datasets import _registry as registry
 from skelsplat.exceptions import InvalidInputError
 
-app = typer.Typer(
+app = Application(
     help="Data sets with ground truth: list them, check one on disk.",
     invoke_without_command=True,
     rich_markup_mode="rich",
