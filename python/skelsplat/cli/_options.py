@@ -13,10 +13,6 @@ from skelsplat.io.detections import FORMATS
 _INPUT, _METHOD, _TIME, _OUTPUT = "Input", "Method", "Over time", "Output"
 _DEFAULT, _PAPER = RefineConfig(), RefineConfig.paper()
 
-Calibration = Annotated[
-    Path,
-    typer.Argument(metavar="CALIBRATION", help="Calibration TOML (Anipose, Pose2Sim, FreeMoCap, Caliscope)."),
-]
 Detections = Annotated[
     Path,
     typer.Argument(
@@ -26,10 +22,6 @@ Detections = Annotated[
     ),
 ]
 
-Unit = Annotated[
-    str | None,
-    typer.Option(metavar="mm|cm|m", help="Length unit of the calibration. Required.", rich_help_panel=_INPUT),
-]
 LayoutName = Annotated[
     str | None,
     typer.Option(

@@ -87,6 +87,7 @@ def to_text(report: dict[str, Any]) -> str:
 def _input(job: Job, inputs: Inputs) -> dict[str, Any]:
     return {
         "calibration": str(job.calibration),
+        "calibration_format": inputs.calibration_format,
         "detections": str(job.detections),
         "format": inputs.format,
         "offsets": job.offsets,
@@ -95,7 +96,7 @@ def _input(job: Job, inputs: Inputs) -> dict[str, Any]:
         "sequence": job.sequence,
         "init": None if job.init is None else str(job.init),
         "init_sigma_mm": job.init_sigma_mm,
-        "unit": job.unit,
+        "unit": inputs.rig.unit,
         "layout": inputs.layout.name,
         "person": job.person,
         "frame_mode": job.frames,
