@@ -1,4 +1,4 @@
-"""Calibrations of every format on the command line: the unit where it is missing, and the format's options."""
+"""Calibrations of all formats on the command line: the unit where the file lacks it, and their options."""
 
 from __future__ import annotations
 

@@ -22,8 +22,16 @@ class OneLineErrors(TyperGroup):
     """A command group that ends with ``error: …`` on one line of stderr instead of a box or a traceback.
 
     Only errors that a user can act on are caught: wrong usage, `skelsplat.SkelSplatError` and `OSError`.
-    Anything else is a defect of the program and keeps its traceback.
+    Anything else is a defect of the program and keeps its traceback. A reader of stdout that goes away is
+    status 1 without a word; every command writes its files before it prints.
     """
+
+    def invoke(self, ctx: typer.Context) -> Any:  # type: ignore[override, unused-ignore]
+        """Run the command; a reader of stdout that has gone away shows here, not when Python ends."""
+        try:
+            return super().invoke(ctx)
+        finally:
+            sys.stdout.flush()
 
     def main(
         self,

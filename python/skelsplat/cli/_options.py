@@ -272,7 +272,7 @@ AsJson = Annotated[
     typer.Option(
         "--json",
         metavar="",
-        help="Print the report as JSON on stdout, and no table.",
+        help="Print the result as JSON on stdout, and nothing else there.",
         rich_help_panel=_OUTPUT,
     ),
 ]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import asdict
 from pathlib import Path
@@ -18,12 +17,13 @@ from skelsplat.cli import _calibration as calibration
 from skelsplat.cli import _options as options
 from skelsplat.cli._calibration import CalibrationOptions
 from skelsplat.cli._checks import one_of
+from skelsplat.cli._json import print_json
 from skelsplat.cli._pipeline import collected_warnings
 from skelsplat.cli._reading import read_found, reading
 from skelsplat.rig_check import Finding, RigReport, check_rig
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
     from skelsplat.io import DetectionSet
 
@@ -112,7 +112,7 @@ def check_cameras(
         doubts = [doubt for doubt in doubts if doubt.kind != "unit"]
     report = RigReport((*doubts, *report.findings), report.cameras)
     if as_json:
-        typer.echo(_to_json(source, detections, rig, report), nl=False)
+        print_json(_document(source, detections, rig, report))
     elif not (quiet and report.ok):
         _print(rig, report, found, given["offsets"])
     if not report.ok:
@@ -164,28 +164,12 @@ def _number(value: float, digits: int = 1) -> str:
     return f"{value:.{digits}f}" if math.isfinite(value) else "–"
 
 
-def _to_json(source: Path, detections: Path | None, rig: sk.CameraRig, report: RigReport) -> str:
-    document = {
+def _document(source: Path, detections: Path | None, rig: sk.CameraRig, report: RigReport) -> dict[str, Any]:
+    return {
         "calibration": str(source),
         "detections": None if detections is None else str(detections),
         "unit": rig.unit,
         "ok": report.ok,
         "findings": [asdict(finding) for finding in report.findings],
-        "cameras": _rows(report),
+        "cameras": [asdict(row) for row in report.cameras],
     }
-    return json.dumps(_plain(document), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-
-
-def _rows(report: RigReport) -> Sequence[dict[str, Any]]:
-    return [asdict(row) for row in report.cameras]
-
-
-def _plain(value: Any) -> Any:
-    """Return ``value`` with NaN and infinity as None."""
-    if isinstance(value, dict):
-        return {str(key): _plain(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
