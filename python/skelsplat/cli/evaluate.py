@@ -11,6 +11,7 @@ from rich.console import Console
 
 from skelsplat import datasets
 from skelsplat.cli import _options as options
+from skelsplat.cli._config_file import NAME_OR_PATH
 from skelsplat.cli._evaluation import WIDTH, print_evaluation, progress, write_evaluation
 from skelsplat.cli._json import print_json
 from skelsplat.cli._pipeline import check_output, collected_warnings
@@ -31,6 +32,7 @@ Name = Annotated[str, typer.Argument(metavar="DATASET", help=", ".join(datasets.
 Root = Annotated[Path, typer.Argument(metavar="ROOT", help="Its folder.")]
 Detections = Annotated[
     str | None,
+    NAME_OR_PATH,
     typer.Option(
         metavar="WHICH",
         help="Name of a detector that the data set has, or a folder of detections.",
