@@ -2,8 +2,8 @@
 
     python benchmarks/imports.py [--repeat 9] [--markdown]
 
-Python's own clock, `-X importtime`: the sum over modules of the time each takes itself. The figure is the median
-of several interpreters, after one that fills the file cache. Exit status 1 if it is above 150 ms.
+Python's own clock, `-X importtime`: the sum over modules of the time each takes itself. The figure is the
+median of several interpreters, after one that fills the file cache. Exit status 1 if it is above 150 ms.
 """
 
 from __future__ import annotations

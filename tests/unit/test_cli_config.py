@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,9 @@ from skelsplat.cli import _run, ablate, app, evaluate, refine
 from skelsplat.cli._app import OneLineErrors
 from skelsplat.cli._config import Application
 from skelsplat.cli._config_file import _known
+from skelsplat.io import sample
 
+CONVENTIONS = Path(__file__).parents[2] / "docs" / "conventions.md"
 BASE = """
 calibration = "Calib.toml"
 detections = "openpose"
@@ -158,6 +161,20 @@ def test_repeatable_options_are_lists_or_tables(folder, text, monkeypatch):
     assert (jobs[0].offsets, jobs[0].mapping) == ({"cam1": 2, "cam3": -1}, {"pelvis": None})
     assert configured(folder, REFINE + text, "--offset", "cam2=1").exit_code == 0
     assert (jobs[1].offsets, jobs[1].mapping) == ({"cam2": 1}, {"pelvis": None})
+
+
+def test_the_example_of_the_documents(tmp_path, monkeypatch):
+    jobs = []
+    monkeypatch.setattr(refine, "run", lambda job, _: jobs.append(job))
+    paths = sample.extract(tmp_path)
+    paths.calibration.rename(tmp_path / "Calib.toml")
+    paths.detections.rename(tmp_path / "pose")
+    (text,) = re.findall(r"```toml\n(.*?)```", CONVENTIONS.read_text(encoding="utf-8"), flags=re.DOTALL)
+    (tmp_path / "run.toml").write_text(text)
+    assert invoke("refine", "--config", tmp_path / "run.toml").exit_code == 0
+    assert (jobs[0].out, jobs[0].fps, jobs[0].offsets) == (tmp_path / "out", 60, {"cam_02": 3})
+    found = invoke("check-cameras", "--config", tmp_path / "run.toml", "--json")
+    assert [finding["kind"] for finding in json.loads(found.stdout)["findings"]] == ["turned"]
 
 
 SEEN = {}

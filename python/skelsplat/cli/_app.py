@@ -92,7 +92,8 @@ app = Application(
     name="skelsplat",
     cls=OneLineErrors,
     help="Multi-view 3D human pose from 2D keypoints, by differentiable Gaussian splatting.",
-    epilog="Exit status: 0 ok, 1 failed, 2 bad usage, 130 interrupted.",
+    epilog="Every command has --help with examples, and takes its options from a file: --config FILE.toml. "
+    "Exit status: 0 ok, 1 failed, 2 bad usage, 130 interrupted.",
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
     add_completion=False,

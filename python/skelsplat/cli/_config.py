@@ -20,8 +20,9 @@ if TYPE_CHECKING:
 _SAID, _TAKEN_BACK = "skelsplat.config.said", "skelsplat.config.taken_back"
 _NAME = "config"
 _HELP = (
-    "Options and arguments of this command, from a file of KEY = VALUE: min-confidence = 0.3, paper = true. "
-    "The command line counts more; there --no-paper takes back a paper = true."
+    "Options and arguments of this command, from a file of KEY = VALUE: min-confidence = 0.3, paper = true; "
+    "paths begin at the file's folder. The command line counts more; there --no-paper takes back a "
+    "paper = true."
 )
 
 
