@@ -77,7 +77,9 @@ def _usage(error: Any) -> str:
     """Return the message of an error of usage, beginning with the option's name, and where to read on."""
     context = getattr(error, "ctx", None)
     command = context.command_path if context is not None else "skelsplat"
-    message = re.sub(r"^Invalid value for '?([^\s':]+)'?: ", r"\1: ", error.format_message())
+    # older versions of click add the variable of the environment, even if there is none
+    start = r"^Invalid value for '?([^\s':]+)'?(?: \(env var: '\w*'\))?: "
+    message = re.sub(start, r"\1: ", error.format_message())
     source = origin(context, message.partition(":")[0])
     return f"{message.rstrip('.')} ({f'from {source}; ' if source else ''}see {command} --help)"
 
