@@ -17,7 +17,7 @@ from skelsplat.io import read_json, read_npz, read_trc, write_csv, write_json, w
 def test_between_formats_that_hold_everything(tmp_path):
     write_npz(tmp_path / "a.npz", sample())
     said = convert_poses(tmp_path / "a.npz", tmp_path / "b.json", PoseOptions())
-    assert said == f"Wrote 4 frames of 3 joints to {tmp_path / 'b.json'}."
+    assert said.sentence == f"Wrote 4 frames of 3 joints to {tmp_path / 'b.json'}."
     convert_poses(tmp_path / "b.json", tmp_path / "c.npz", PoseOptions())
     assert_equal(read_npz(tmp_path / "c.npz"), sample())
 

@@ -73,6 +73,33 @@ def test_optional_packages_are_not_imported_with_the_package() -> None:
     assert run.stdout.split() == []
 
 
+HEAVY = {
+    "matplotlib",
+    "scipy",
+    "cv2",
+    "pandas",
+    "tables",
+    "h5py",
+    "xarray",
+    "h5netcdf",
+    "ezc3d",
+    "plotly",
+    "PIL",
+}
+HEAVY |= {"typer", "click", "rich", "tomli", "tomllib", "json", "multiprocessing", "asyncio"}
+PARTS = ("io", "cli", "viz", "datasets", "evaluation", "rig_check", "association", "temporal")
+
+
+def test_the_package_brings_only_numpy_and_what_it_computes_with() -> None:
+    # what it takes is measured by benchmarks/imports.py
+    program = [sys.executable, "-X", "importtime", "-c", "import skelsplat"]
+    said = subprocess.run(program, check=True, capture_output=True, text=True).stderr.splitlines()
+    names = {line.rpartition("|")[2].strip() for line in said if line.startswith("import time:")}
+    assert {"numpy", "skelsplat", "skelsplat._skelsplat"} <= names
+    assert not {name.partition(".")[0] for name in names} & HEAVY
+    assert not names & {f"skelsplat.{part}" for part in PARTS}
+
+
 def test_the_compiled_core_knows_no_python() -> None:
     manifest = (PACKAGE.parents[1] / "crates" / "skelsplat-core" / "Cargo.toml").read_text(encoding="utf-8")
     assert "pyo3" not in manifest

@@ -10,6 +10,7 @@ import typer
 from typer.core import TyperGroup
 
 import skelsplat as sk
+from skelsplat.cli._config import Application, origin
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,8 +22,16 @@ class OneLineErrors(TyperGroup):
     """A command group that ends with ``error: …`` on one line of stderr instead of a box or a traceback.
 
     Only errors that a user can act on are caught: wrong usage, `skelsplat.SkelSplatError` and `OSError`.
-    Anything else is a defect of the program and keeps its traceback.
+    Anything else is a defect of the program and keeps its traceback. A reader of stdout that goes away is
+    status 1 without a word; every command writes its files before it prints.
     """
+
+    def invoke(self, ctx: typer.Context) -> Any:  # type: ignore[override, unused-ignore]
+        """Run the command; a reader of stdout that has gone away shows here, not when Python ends."""
+        try:
+            return super().invoke(ctx)
+        finally:
+            sys.stdout.flush()
 
     def main(
         self,
@@ -68,8 +77,11 @@ def _usage(error: Any) -> str:
     """Return the message of an error of usage, beginning with the option's name, and where to read on."""
     context = getattr(error, "ctx", None)
     command = context.command_path if context is not None else "skelsplat"
-    message = re.sub(r"^Invalid value for '?([^\s':]+)'?: ", r"\1: ", error.format_message())
-    return f"{message.rstrip('.')} (see {command} --help)"
+    # older versions of click add the variable of the environment, even if there is none
+    start = r"^Invalid value for '?([^\s':]+)'?(?: \(env var: '\w*'\))?: "
+    message = re.sub(start, r"\1: ", error.format_message())
+    source = origin(context, message.partition(":")[0])
+    return f"{message.rstrip('.')} ({f'from {source}; ' if source else ''}see {command} --help)"
 
 
 def _show_version(value: bool) -> None:
@@ -78,11 +90,12 @@ def _show_version(value: bool) -> None:
         raise typer.Exit
 
 
-app = typer.Typer(
+app = Application(
     name="skelsplat",
     cls=OneLineErrors,
     help="Multi-view 3D human pose from 2D keypoints, by differentiable Gaussian splatting.",
-    epilog="Exit status: 0 ok, 1 failed, 2 bad usage, 130 interrupted.",
+    epilog="Every command has --help with examples, and takes its options from a file: --config FILE.toml. "
+    "Exit status: 0 ok, 1 failed, 2 bad usage, 130 interrupted.",
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
     add_completion=False,

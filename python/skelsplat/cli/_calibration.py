@@ -3,19 +3,27 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 import skelsplat as sk
-from skelsplat.io.calibration import FORMATS, read_calibration
+from skelsplat.io.calibration import FORMATS, find_format, read_calibration
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
 _PANEL = "Calibration"
+
+Calibration = Annotated[
+    Path,
+    typer.Argument(
+        metavar="CALIBRATION",
+        help="Calibration file, or folder where a format is one; convert --help has the formats.",
+    ),
+]
 
 Unit = Annotated[
     str | None,
@@ -71,8 +79,8 @@ class CalibrationOptions:
     size: str | None = None
     binning: float | None = None
 
-    def read(self, path: Path) -> sk.CameraRig:
-        """Read a rig.
+    def read(self, path: Path, *, format_option: str = "--format") -> sk.CameraRig:
+        """Read a rig; ``format_option`` is what the command calls the option that names the format.
 
         Raises
         ------
@@ -93,15 +101,21 @@ class CalibrationOptions:
                 binning=self.binning,
             )
         except sk.InvalidInputError as error:
-            raise usage(error) from error
+            options = {field.name: "--" + field.name.replace("_", "-") for field in fields(self)}
+            raise usage(error, {**options, "format": format_option}) from error
+
+    def format_of(self, path: Path) -> str | None:
+        """Return the name of the format: what the user said, or what the content says."""
+        return self.format or find_format(path)
 
 
-def usage(error: sk.InvalidInputError) -> Exception:
-    """Return an error of usage that names the option, if an argument of a reader is one; else the error."""
+def usage(error: sk.InvalidInputError, options: Mapping[str, str]) -> Exception:
+    """Return an error of usage that names the option, if the error is of an argument that is one.
+
+    ``options`` are the options by argument of the reader.
+    """
     name, _, message = str(error).partition(": ")
-    if name.isidentifier():
-        return typer.BadParameter(message, param_hint="--" + name.replace("_", "-"))
-    return error
+    return typer.BadParameter(message, param_hint=options[name]) if name in options else error
 
 
 def _width_and_height(text: str) -> tuple[int, int]:

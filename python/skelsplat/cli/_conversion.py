@@ -20,6 +20,14 @@ class Request:
 
 
 @dataclass(frozen=True)
+class Written:
+    """What was written: a sentence, and the same as values of JSON."""
+
+    sentence: str
+    document: dict[str, Any]
+
+
+@dataclass(frozen=True)
 class Kind:
     """A kind of file.
 
@@ -30,7 +38,7 @@ class Kind:
     recognises : callable
         Whether a path is one; it must not raise for files of other kinds.
     convert : callable
-        Reads, writes, and returns a sentence on what was written.
+        Reads, writes, and says what was written.
     suffixes : tuple of str
         What OUTPUT may end in.
     options : frozenset of str
@@ -39,6 +47,6 @@ class Kind:
 
     name: str
     recognises: Callable[[Path], bool]
-    convert: Callable[[Request], str]
+    convert: Callable[[Request], Written]
     suffixes: tuple[str, ...]
     options: frozenset[str]

@@ -8,7 +8,7 @@ import typer
 
 import skelsplat as sk
 from skelsplat.cli._calibration import CalibrationOptions, listed
-from skelsplat.cli._conversion import Kind, Request
+from skelsplat.cli._conversion import Kind, Request, Written
 from skelsplat.io import convert_unit, write_calibration
 from skelsplat.io.calibration import find_format
 
@@ -25,16 +25,19 @@ def _recognises(path: Path) -> bool:
         return False
 
 
-def _convert(request: Request) -> str:
+def _convert(request: Request) -> Written:
     options = dict(request.options)
     unit = options.pop("to_unit", None)
     if unit not in (None, "mm", "cm", "m"):
         raise typer.BadParameter(f"expected mm, cm or m, got {unit!r}", param_hint="--to-unit")
-    rig = CalibrationOptions(**options).read(request.source)
+    given = CalibrationOptions(**options)
+    rig = given.read(request.source)
     written = rig if unit is None else convert_unit(rig, unit)
     write_calibration(request.target, written)
     cameras = f"{len(rig)} camera{'s' * (len(rig) != 1)} ({listed(rig.names)})"
-    return f"Wrote {cameras} to {request.target}, lengths in {written.unit}."
+    sentence = f"Wrote {cameras} to {request.target}, lengths in {written.unit}."
+    about = {"format": given.format_of(request.source), "cameras": list(rig.names)}
+    return Written(sentence, {**about, "unit": {"input": rig.unit, "output": written.unit}})
 
 
 CALIBRATION = Kind(

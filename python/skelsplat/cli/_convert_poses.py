@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skelsplat.cli._conversion import Kind, Request
+from skelsplat.cli._conversion import Kind, Request, Written
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io.poses import POSE_FORMATS, is_json_poses, pose_format, read_pose, write_pose
 
@@ -60,8 +60,8 @@ def is_pose_file(path: Path) -> bool:
     return True
 
 
-def convert_poses(source: Path, target: Path, options: PoseOptions) -> str:
-    """Read the poses in ``source``, write them to ``target``, and return a sentence on what was written.
+def convert_poses(source: Path, target: Path, options: PoseOptions) -> Written:
+    """Read the poses in ``source``, write them to ``target``, and say what was written.
 
     The extensions name the formats. A format keeps what it can hold: npz and json everything; csv positions,
     standard deviations and status; trc and c3d positions; nc positions, uncertainty and status.
@@ -93,10 +93,12 @@ def convert_poses(source: Path, target: Path, options: PoseOptions) -> str:
             raise DatasetError(source, "frame rate", expected, "none in the file") from error
         raise
     frames, joints = data.pose.shape[:2]
-    return f"Wrote {frames} frames of {joints} joints to {target}."
+    about = {"format": pose_format(source), "frames": frames, "joints": list(data.joint_names)}
+    about |= {"frame_rate_hz": data.frame_rate}
+    return Written(f"Wrote {frames} frames of {joints} joints to {target}.", about)
 
 
-def _convert(request: Request) -> str:
+def _convert(request: Request) -> Written:
     return convert_poses(request.source, request.target, PoseOptions(**request.options))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from skelsplat.cli._calibration import CalibrationOptions
 from skelsplat.cli._over_time import OverTime
 
 if TYPE_CHECKING:
@@ -19,12 +20,12 @@ class Job:
     ----------
     calibration, detections
         The calibration file, and the folder or file of detections.
-    unit
-        Length unit of the calibration: ``"mm"``, ``"cm"`` or ``"m"``.
     layout
         Name of the joint layout of the detections.
     out
         Folder for the results.
+    cameras
+        What the user says about the calibration.
     person
         ``"consistent"``, ``"largest"`` or the index of a person.
     frames
@@ -62,9 +63,9 @@ class Job:
 
     calibration: Path
     detections: Path
-    unit: str
     layout: str
     out: Path
+    cameras: CalibrationOptions = field(default_factory=CalibrationOptions)
     person: str = "consistent"
     frames: str = "strict"
     format: str | None = None

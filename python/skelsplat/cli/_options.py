@@ -13,10 +13,6 @@ from skelsplat.io.detections import FORMATS
 _INPUT, _METHOD, _TIME, _OUTPUT = "Input", "Method", "Over time", "Output"
 _DEFAULT, _PAPER = RefineConfig(), RefineConfig.paper()
 
-Calibration = Annotated[
-    Path,
-    typer.Argument(metavar="CALIBRATION", help="Calibration TOML (Anipose, Pose2Sim, FreeMoCap, Caliscope)."),
-]
 Detections = Annotated[
     Path,
     typer.Argument(
@@ -26,10 +22,6 @@ Detections = Annotated[
     ),
 ]
 
-Unit = Annotated[
-    str | None,
-    typer.Option(metavar="mm|cm|m", help="Length unit of the calibration. Required.", rich_help_panel=_INPUT),
-]
 LayoutName = Annotated[
     str | None,
     typer.Option(
@@ -280,7 +272,7 @@ AsJson = Annotated[
     typer.Option(
         "--json",
         metavar="",
-        help="Print the report as JSON on stdout, and no table.",
+        help="Print the result as JSON on stdout, and nothing else there.",
         rich_help_panel=_OUTPUT,
     ),
 ]

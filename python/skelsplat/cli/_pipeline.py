@@ -9,15 +9,16 @@ import time
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, TextIO
 
 import numpy as np
 
 import skelsplat as sk
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.cli._person import pick_person
+from skelsplat.cli._reading import read_found
 from skelsplat.exceptions import DatasetError
-from skelsplat.io import read_calibration, read_detections, read_npz
+from skelsplat.io import read_npz
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -43,8 +44,8 @@ class Inputs:
         Frame numbers of the files.
     init_pose : (T, N, 3)
         The start in the rig's unit, or None for triangulation.
-    format
-        Name of the detections' format.
+    format, calibration_format
+        Names of the formats of the detections and of the calibration; None where it is not known.
     """
 
     rig: sk.CameraRig
@@ -53,6 +54,7 @@ class Inputs:
     frames: npt.NDArray[np.int64]
     init_pose: Array | None
     format: str = ""
+    calibration_format: str | None = None
 
 
 @dataclass(frozen=True)
@@ -122,18 +124,18 @@ def read_inputs(job: Job) -> Inputs:
 
     Raises
     ------
-    DatasetError, InvalidInputError
-        If a file is missing or malformed, or the files do not fit each other; the message names it.
+    DatasetError, InvalidInputError, typer.BadParameter
+        If a file is missing or malformed, or files and options do not fit each other; the message names it.
     """
-    rig = read_calibration(job.calibration, unit=job.unit)
+    rig = job.cameras.read(job.calibration, format_option="--calibration-format")
     if len(rig) < 2:
         raise DatasetError(job.calibration, "cameras", "at least two cameras", len(rig))
-    found = read_detections(
+    found = read_found(
         job.detections,
         rig,
         layout=job.layout,
         format=job.format,
-        frames=_frame_mode(job.frames),
+        frames=job.frames,
         offsets=job.offsets,
         order=job.order,
         mapping=job.mapping,
@@ -142,11 +144,8 @@ def read_inputs(job: Job) -> Inputs:
     layout = sk.layouts.get(job.layout)
     chosen = pick_person(found.people, rig, job.person, layout)
     init = None if job.init is None else _read_init(job.init, rig, (len(found.frames), layout))
-    return Inputs(rig, layout, chosen, found.frames, init, found.format)
-
-
-def _frame_mode(mode: str) -> Any:
-    return mode  # checked by the command; the reader's type is a Literal
+    known = job.cameras.format_of(job.calibration)
+    return Inputs(rig, layout, chosen, found.frames, init, found.format, known)
 
 
 def _read_init(path: Path, rig: sk.CameraRig, size: tuple[int, sk.Layout]) -> Array:

@@ -1,4 +1,4 @@
-"""How detections are to be read: the checks of ``--format``, ``--offset``, ``--order`` and ``--map``."""
+"""How detections are read: the checks of ``--format``, ``--offset``, ``--order`` and ``--map``."""
 
 from __future__ import annotations
 
@@ -7,16 +7,45 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from skelsplat.io.detections import FORMATS
+import skelsplat as sk
+from skelsplat.cli._calibration import usage
+from skelsplat.io.detections import FORMATS, DetectionSet, read_detections
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
+
+_OPTIONS = {
+    "layout": "--layout",
+    "format": "--format",
+    "frames": "--frames",
+    "offsets": "--offset",
+    "order": "--order",
+    "mapping": "--map",
+    "sequence": "--sequence",
+}
+
+
+def read_found(path: Path, rig: sk.CameraRig, **given: Any) -> DetectionSet:
+    """Read detections; ``given`` are the arguments of `skelsplat.io.read_detections`.
+
+    Raises
+    ------
+    typer.BadParameter
+        If an option is missing or does not fit the files.
+    DatasetError
+        If a file is missing or malformed.
+    """
+    try:
+        return read_detections(path, rig, **given)
+    except sk.InvalidInputError as error:
+        raise usage(error, _OPTIONS) from error
 
 
 def reading(
     name: str | None, offset: list[str] | None, order: str | None, joint_map: list[str] | None
 ) -> dict[str, Any]:
-    """Return the fields ``format``, ``offsets``, ``order`` and ``mapping`` of a job.
+    """Return the arguments ``format``, ``offsets``, ``order`` and ``mapping`` of `read_found`.
 
     Raises
     ------

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import math
 import platform
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
@@ -11,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import skelsplat as sk
+from skelsplat.cli._json import plain
 from skelsplat.cli._pipeline import default_threads
 from skelsplat.cli._statistics import POOR_SHARE, Statistics, finite_max, finite_median
 
@@ -75,18 +74,14 @@ def build_report(
         "note": job.note or None,
         **remarks,
     }
-    cleaned: dict[str, Any] = _json_value(report)
+    cleaned: dict[str, Any] = plain(report)
     return cleaned
-
-
-def to_text(report: dict[str, Any]) -> str:
-    """Return the report as JSON text, with a final line break."""
-    return json.dumps(report, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def _input(job: Job, inputs: Inputs) -> dict[str, Any]:
     return {
         "calibration": str(job.calibration),
+        "calibration_format": inputs.calibration_format,
         "detections": str(job.detections),
         "format": inputs.format,
         "offsets": job.offsets,
@@ -95,7 +90,7 @@ def _input(job: Job, inputs: Inputs) -> dict[str, Any]:
         "sequence": job.sequence,
         "init": None if job.init is None else str(job.init),
         "init_sigma_mm": job.init_sigma_mm,
-        "unit": job.unit,
+        "unit": inputs.rig.unit,
         "layout": inputs.layout.name,
         "person": job.person,
         "frame_mode": job.frames,
@@ -125,16 +120,3 @@ def _iterations(outcome: Outcome) -> dict[str, float]:
 
 def _plain(group: Any) -> dict[str, Any]:
     return asdict(group)
-
-
-def _json_value(value: Any) -> Any:
-    """Return ``value`` with numbers of NumPy as Python's, and NaN and infinity as None."""
-    if isinstance(value, dict):
-        return {str(key): _json_value(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [_json_value(entry) for entry in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

@@ -9,10 +9,11 @@ from rich.console import Console
 
 from skelsplat.cli._doubts import find_doubts
 from skelsplat.cli._figures import write_figures
+from skelsplat.cli._json import print_json, to_text
 from skelsplat.cli._over_time import apply_over_time
 from skelsplat.cli._pipeline import collected_warnings, read_inputs, refine_inputs
 from skelsplat.cli._progress import bar_of
-from skelsplat.cli._report import build_report, to_text
+from skelsplat.cli._report import build_report
 from skelsplat.cli._statistics import summarise
 from skelsplat.cli._table import print_doubts, print_files, print_over_time, print_summary
 from skelsplat.io import PoseData, write_pose
@@ -66,7 +67,7 @@ def run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
         for doubt in doubts:
             _tell(doubt)
     if verbosity.as_json:
-        typer.echo(to_text(report), nl=False)
+        print_json(report)
     elif not verbosity.quiet:
         console = Console(highlight=False, markup=False)
         print_summary(console, job, inputs, outcome, statistics)

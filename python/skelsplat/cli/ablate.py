@@ -12,6 +12,7 @@ from rich.console import Console
 
 from skelsplat.cli import _options as common
 from skelsplat.cli._ablation_view import draw, print_record, progress_bar
+from skelsplat.cli._json import print_json
 from skelsplat.evaluation import ablations
 from skelsplat.evaluation._method import DEFAULT_INIT_SIGMA_MM
 from skelsplat.evaluation.ablations import Choices, OnDisk, Record, Simulated, Source
@@ -101,6 +102,7 @@ def ablate(
     protocol: Lens = "undistorted",
     out: Out = None,
     quiet: common.Quiet = False,
+    as_json: common.AsJson = False,
 ) -> None:
     """Repeat an ablation of the paper and print its tables with the paper's rows.
 
@@ -111,6 +113,8 @@ def ablate(
     [bold]Examples[/bold]
 
     skelsplat ablate noise
+
+    skelsplat ablate symmetry --poses 50 --json > symmetry.json
 
     skelsplat ablate views --data panoptic data/panoptic --detections metrabs --full -o out
     """
@@ -124,7 +128,6 @@ def ablate(
         init_sigma_mm=init_sigma,
         undistort=protocol == "undistorted",
     )
-    console = Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else _WIDTH)
     with progress_bar(shown=not quiet) as progress:
         source: Source
         if data is None:
@@ -137,11 +140,13 @@ def ablate(
             source = OnDisk(choices, data[0], data[1], detections or (), _pairs(setting or ()), progress)
         outcome = ablation.run(source)
     record = Record(ablation, source.noted(outcome), choices, source.simulated, source.line(), _command())
-    if not quiet:
+    files = [] if out is None else [*ablations.write(out, record), draw(out, record)]
+    if as_json:
+        print_json(ablations.as_dict(record))
+    elif not quiet:
+        console = Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else _WIDTH)
         print_record(console, record)
-    if out is not None:
-        files = [*ablations.write(out, record), draw(out, record)]
-        if not quiet:
+        if files:
             console.print(f"{out}: {', '.join(file.name for file in files)}")
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import asdict
 from pathlib import Path
@@ -16,25 +15,27 @@ from rich.table import Table
 import skelsplat as sk
 from skelsplat.cli import _calibration as calibration
 from skelsplat.cli import _options as options
-from skelsplat.cli._calibration import CalibrationOptions, usage
+from skelsplat.cli._calibration import CalibrationOptions
+from skelsplat.cli._checks import one_of
+from skelsplat.cli._json import print_json
 from skelsplat.cli._pipeline import collected_warnings
-from skelsplat.io import DetectionSet, read_openpose
+from skelsplat.cli._reading import read_found, reading
 from skelsplat.rig_check import Finding, RigReport, check_rig
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping
+
+    from skelsplat.io import DetectionSet
 
 EPILOG = "Exit status: 0 nothing found, 1 something found or a file is unreadable, 2 bad usage."
 
-_Calibration = Annotated[
-    Path, typer.Argument(metavar="CALIBRATION", help="Calibration, in any format that convert reads.")
-]
 _Detections = Annotated[
     Path | None,
     typer.Argument(
         metavar="DETECTIONS",
-        help="Folder with one folder of OpenPose JSON per camera, named like the camera. Without it only "
-        "the calibration itself is looked at.",
+        help="Detections of one person walking about, as refine reads them: a folder with one folder or file "
+        "per camera, named like the camera, or one file of all. Without it only the calibration itself is "
+        "looked at.",
         show_default=False,
     ),
 ]
@@ -43,15 +44,8 @@ _Layout = Annotated[
     typer.Option(
         metavar="NAME",
         help="Joint layout of the detections.",
-        rich_help_panel="Detections",
-    ),
-]
-_Frames = Annotated[
-    str,
-    typer.Option(
-        metavar="MODE",
-        help="If cameras have different frames: strict refuses, intersection keeps common ones, union all.",
-        rich_help_panel="Detections",
+        show_default="what the files name",
+        rich_help_panel="Input",
     ),
 ]
 _LEGEND = (
@@ -63,11 +57,16 @@ _MODES = ("strict", "intersection", "union")
 
 
 def check_cameras(
-    source: _Calibration,
+    source: calibration.Calibration,
     detections: _Detections = None,
     *,
     layout: _Layout = None,
-    frames: _Frames = "union",
+    frames: options.Frames = "union",
+    format: options.Format = None,
+    offset: options.Offset = None,
+    order: options.Order = None,
+    joint_map: options.JointMap = None,
+    sequence: options.Sequence = None,
     unit: calibration.Unit = None,
     calibration_format: calibration.Format = None,
     camera_type: calibration.CameraType = None,
@@ -80,7 +79,8 @@ def check_cameras(
     """Say what is wrong with a calibration: unit, exchanged, turned or late cameras.
 
     With the detections of one person walking about, every camera is compared
-    with what the other cameras say.
+    with what the other cameras say. All formats and options of refine's
+    detections are read.
 
     [bold]Examples[/bold]
 
@@ -89,56 +89,56 @@ def check_cameras(
     skelsplat check-cameras Calib.toml pose/ --unit m --layout body25b
 
     skelsplat check-cameras Calib.qca.txt pose/ --layout halpe26 --json
+
+    skelsplat check-cameras Calib.toml dlc/ --unit mm --layout coco17 --map nose=snout --offset camB=3
     """
-    if frames not in _MODES:
-        raise typer.BadParameter(
-            f"expected one of {', '.join(_MODES)}, got {frames!r}", param_hint="--frames"
-        )
+    given = {
+        "layout": layout and layout.lower(),
+        "frames": one_of("--frames", frames, _MODES),
+        "sequence": sequence,
+        **reading(format, offset, order, joint_map),
+    }
     read = CalibrationOptions(unit, calibration_format, camera_type, subject, size, binning)
     with collected_warnings(lambda _: None) as warnings:
-        rig = read.read(source)
-        found = None if detections is None else _detections(detections, rig, layout, frames)
+        rig = read.read(source, format_option="--calibration-format")
+        found = None if detections is None else read_found(detections, rig, **given)
         report = (
             check_rig(rig)
             if found is None
-            else check_rig(rig, found.people, frames=found.frames, layout=layout)
+            else check_rig(rig, found.people, frames=found.frames, layout=found.layout)
         )
     doubts = [Finding("unit" if " apart in " in text else "geometry", (), text) for text in warnings]
     if any(finding.kind == "unit" for finding in report.findings):
         doubts = [doubt for doubt in doubts if doubt.kind != "unit"]
     report = RigReport((*doubts, *report.findings), report.cameras)
     if as_json:
-        typer.echo(_to_json(source, detections, rig, report), nl=False)
+        print_json(_document(source, detections, rig, report))
     elif not (quiet and report.ok):
-        _print(rig, report, found)
+        _print(rig, report, found, given["offsets"])
     if not report.ok:
         raise typer.Exit(1)
 
 
-def _detections(folder: Path, rig: sk.CameraRig, layout: str | None, frames: Any) -> DetectionSet:
-    try:
-        return read_openpose(folder, rig, layout=layout and layout.lower(), frames=frames)
-    except sk.InvalidInputError as error:
-        raise usage(error) from error
-
-
-def _print(rig: sk.CameraRig, report: RigReport, found: DetectionSet | None) -> None:
+def _print(
+    rig: sk.CameraRig, report: RigReport, found: DetectionSet | None, offsets: Mapping[str, int]
+) -> None:
     console = Console(highlight=False, markup=False)
     if report.cameras:
         console.print(_table(report))
         console.print(_LEGEND, style="dim")
         console.print()
     for finding in report.findings:
-        console.print(f"! {finding.text}{_remedy(finding)}")
+        console.print(f"! {finding.text}{_remedy(finding, offsets)}")
     if report.ok:
         recording = "" if found is None else f", {len(found.frames)} frames of detections"
         console.print(f"Nothing wrong was found: {len(rig)} cameras, {rig.unit}{recording}.")
 
 
-def _remedy(finding: Finding) -> str:
-    """Say what to give to refine for a finding, if it has an option for it."""
+def _remedy(finding: Finding, offsets: Mapping[str, int]) -> str:
+    """Say what to give to refine for a finding, if it has an option for it, beside the offsets given here."""
     if finding.kind == "offset":
-        return f" refine takes it as --offset {finding.cameras[0]}={-finding.numbers['frames']}."
+        name = finding.cameras[0]
+        return f" refine takes it as --offset {name}={offsets.get(name, 0) - int(finding.numbers['frames'])}."
     return ""
 
 
@@ -164,28 +164,12 @@ def _number(value: float, digits: int = 1) -> str:
     return f"{value:.{digits}f}" if math.isfinite(value) else "–"
 
 
-def _to_json(source: Path, detections: Path | None, rig: sk.CameraRig, report: RigReport) -> str:
-    document = {
+def _document(source: Path, detections: Path | None, rig: sk.CameraRig, report: RigReport) -> dict[str, Any]:
+    return {
         "calibration": str(source),
         "detections": None if detections is None else str(detections),
         "unit": rig.unit,
         "ok": report.ok,
         "findings": [asdict(finding) for finding in report.findings],
-        "cameras": _rows(report),
+        "cameras": [asdict(row) for row in report.cameras],
     }
-    return json.dumps(_plain(document), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-
-
-def _rows(report: RigReport) -> Sequence[dict[str, Any]]:
-    return [asdict(row) for row in report.cameras]
-
-
-def _plain(value: Any) -> Any:
-    """Return ``value`` with NaN and infinity as None."""
-    if isinstance(value, dict):
-        return {str(key): _plain(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

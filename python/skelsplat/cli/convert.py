@@ -12,6 +12,7 @@ from skelsplat.cli import _options as options
 from skelsplat.cli._conversion import Kind, Request
 from skelsplat.cli._convert_calibration import CALIBRATION
 from skelsplat.cli._convert_poses import POSES
+from skelsplat.cli._json import print_json
 from skelsplat.cli._pipeline import collected_warnings
 from skelsplat.exceptions import DatasetError
 
@@ -63,6 +64,7 @@ def convert(
     y_up: _YUp = False,
     singular: _Singular = False,
     quiet: options.Quiet = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Convert a calibration, or a file of poses, to another format.
 
@@ -95,9 +97,12 @@ def convert(
     request = Request(source, target, {name: value for name, value in given.items() if value is not None})
     kind = _kind(request)
     with collected_warnings(_tell):
-        sentence = kind.convert(request)
-    if not quiet:
-        typer.echo(sentence)
+        written = kind.convert(request)
+    if as_json:
+        files = {"kind": kind.name, "input": str(source), "output": str(target)}
+        print_json({**files, **written.document})
+    elif not quiet:
+        typer.echo(written.sentence)
 
 
 def _kind(request: Request) -> Kind:

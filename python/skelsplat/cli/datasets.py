@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,11 +10,13 @@ from rich.console import Console
 
 from skelsplat import datasets
 from skelsplat.cli import _options as options
+from skelsplat.cli._config import Application
 from skelsplat.cli._dataset_report import print_list, print_report, report_json
+from skelsplat.cli._json import print_json
 from skelsplat.datasets import _registry as registry
 from skelsplat.exceptions import InvalidInputError
 
-app = typer.Typer(
+app = Application(
     help="Data sets with ground truth: list them, check one on disk.",
     invoke_without_command=True,
     rich_markup_mode="rich",
@@ -44,6 +45,12 @@ Other = Annotated[
 ]
 
 
+_NamesOnly = Annotated[
+    bool,
+    typer.Option("--quiet", "-q", metavar="", help="Only the names, a line each.", rich_help_panel="Output"),
+]
+
+
 @app.callback()
 def _root(context: typer.Context) -> None:
     if context.invoked_subcommand is None:
@@ -51,12 +58,14 @@ def _root(context: typer.Context) -> None:
 
 
 @app.command("list")
-def list_(as_json: options.AsJson = False) -> None:
+def list_(quiet: _NamesOnly = False, as_json: options.AsJson = False) -> None:
     """List the data sets that can be read.
 
-    [bold]Example[/bold]
+    [bold]Examples[/bold]
 
     skelsplat datasets list
+
+    skelsplat datasets list --json
     """
     entries = [
         {
@@ -67,7 +76,9 @@ def list_(as_json: options.AsJson = False) -> None:
         for name in datasets.names()
     ]
     if as_json:
-        typer.echo(json.dumps(entries, indent=2, ensure_ascii=False))
+        print_json(entries)
+    elif quiet:
+        typer.echo("\n".join(datasets.names()))
     else:
         print_list(_console(), entries)
 
@@ -80,6 +91,7 @@ def check(
     detector: Detector = None,
     detections: Detections = None,
     option: Other = None,
+    quiet: options.Quiet = False,
     as_json: options.AsJson = False,
 ) -> None:
     """Say what is there, what is missing, and whether units, joints and cameras are right.
@@ -92,6 +104,8 @@ def check(
     skelsplat datasets check human36m data/human36m --detector cpn
 
     skelsplat datasets check human36m-occ data --option variant=3-hard
+
+    skelsplat datasets check panoptic data/panoptic --json
 
     skelsplat datasets check human36m labels.npy --option subjects=S9,S11
     """
@@ -107,8 +121,8 @@ def check(
     except InvalidInputError as error:
         raise typer.BadParameter(str(error), param_hint="options") from error
     if as_json:
-        typer.echo(json.dumps(report_json(report), indent=2, ensure_ascii=False, allow_nan=False))
-    else:
+        print_json(report_json(report))
+    elif not (quiet and report.ok and not report.findings):
         print_report(_console(), report)
     if not report.ok:
         raise typer.Exit(1)

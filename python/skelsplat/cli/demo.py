@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from skelsplat.cli import _options as options
+from skelsplat.cli._calibration import CalibrationOptions
 from skelsplat.cli._job import Job, Verbosity
 from skelsplat.cli._pipeline import check_output
 from skelsplat.cli._run import run
@@ -43,7 +44,7 @@ def demo(
     job = Job(
         calibration=paths.calibration,
         detections=paths.detections,
-        unit=sample.UNIT,
+        cameras=CalibrationOptions(unit=sample.UNIT),
         layout=sample.LAYOUT,
         out=output,
         fps=sample.FRAME_RATE_HZ,

@@ -11,7 +11,9 @@ from rich.console import Console
 
 from skelsplat import datasets
 from skelsplat.cli import _options as options
+from skelsplat.cli._config_file import NAME_OR_PATH
 from skelsplat.cli._evaluation import WIDTH, print_evaluation, progress, write_evaluation
+from skelsplat.cli._json import print_json
 from skelsplat.cli._pipeline import check_output, collected_warnings
 from skelsplat.datasets import Dataset
 from skelsplat.datasets._registry import options_of
@@ -30,6 +32,7 @@ Name = Annotated[str, typer.Argument(metavar="DATASET", help=", ".join(datasets.
 Root = Annotated[Path, typer.Argument(metavar="ROOT", help="Its folder.")]
 Detections = Annotated[
     str | None,
+    NAME_OR_PATH,
     typer.Option(
         metavar="WHICH",
         help="Name of a detector that the data set has, or a folder of detections.",
@@ -186,7 +189,7 @@ def evaluate(
         found = _run(data, names, chosen, rules, folder, shown=not quiet)
     files = write_evaluation(folder, found)
     if as_json:
-        typer.echo(export.to_json(found), nl=False)
+        print_json(export.as_dict(found))
     elif not quiet:
         console = Console(highlight=False, markup=False)
         console.width = min(console.width, WIDTH) if console.is_terminal else WIDTH

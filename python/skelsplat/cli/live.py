@@ -11,25 +11,31 @@ import numpy as np
 import typer
 
 import skelsplat as sk
+from skelsplat.cli import _calibration as calibration
 from skelsplat.cli import _options as options
 from skelsplat.cli._app import FAILED, INTERRUPTED
+from skelsplat.cli._calibration import CalibrationOptions
 from skelsplat.cli._checks import one_of
 from skelsplat.cli._lines import MalformedLineError, answer_text, parse_line
 from skelsplat.cli._pipeline import collected_warnings
 from skelsplat.exceptions import DatasetError
-from skelsplat.io import read_calibration
 
 EPILOG = "Exit status: 0 at the end of the input, 1 failed, 2 bad usage, 130 interrupted."
 _PERCENTILES = (50, 90, 99, 99.9)
 
 
 def live(
-    calibration: options.Calibration,
+    source: calibration.Calibration,
     *,
-    unit: options.Unit = None,
     layout: options.LayoutName = None,
     min_confidence: options.MinConfidence = None,
     no_undistort: options.NoUndistort = False,
+    unit: calibration.Unit = None,
+    calibration_format: calibration.Format = None,
+    camera_type: calibration.CameraType = None,
+    subject: calibration.Subject = None,
+    size: calibration.Size = None,
+    binning: calibration.Binning = None,
     no_swaps: options.NoSwaps = False,
     sigma: options.Sigma = None,
     quiet: options.Quiet = False,
@@ -55,6 +61,8 @@ def live(
     the line before. "latency_ms" is the time from having read the line to the
     answer.
 
+    The language of stdin and stdout is JSON already: there is no --json.
+
     A malformed line is named on stderr with its number and skipped. At the end
     stderr has the count of the lines and percentiles of the latency.
 
@@ -65,7 +73,7 @@ def live(
     skelsplat live Calib.toml --unit mm --layout body25 < recorded.jsonl > poses.jsonl
     """
     known = sk.layouts.get(one_of("--layout", layout and layout.lower(), sk.layouts.names))
-    known_unit = unit and one_of("--unit", unit, ("mm", "cm", "m"))
+    read = CalibrationOptions(unit, calibration_format, camera_type, subject, size, binning)
     settings = {
         "min_confidence": min_confidence,
         "sigma": sigma,
@@ -74,9 +82,9 @@ def live(
     }
     given = {name: value for name, value in settings.items() if value is not None}
     with collected_warnings(lambda text: _say(f"warning: {text}")):
-        rig = read_calibration(calibration, unit=known_unit)
+        rig = read.read(source, format_option="--calibration-format")
         if len(rig) < 2:
-            raise DatasetError(calibration, "cameras", "at least two cameras", len(rig))
+            raise DatasetError(source, "cameras", "at least two cameras", len(rig))
         session = Session(rig, known, sk.RefineConfig(n_threads=1, **given))
         if not quiet:
             cameras, joints = f"{len(rig)} cameras ({', '.join(rig.names)})", f"{known.n_joints} joints"

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 import typer
 
 import skelsplat as sk
+from skelsplat.cli import _calibration as calibration
 from skelsplat.cli import _options as options
+from skelsplat.cli._calibration import CalibrationOptions
 from skelsplat.cli._checks import formats, one_of, positive
 from skelsplat.cli._job import Job, Verbosity
 from skelsplat.cli._over_time import over_time
@@ -28,10 +30,9 @@ _FRAMES = ("strict", "intersection", "union")
 
 
 def refine(
-    calibration: options.Calibration,
+    source: calibration.Calibration,
     detections: options.Detections,
     *,
-    unit: options.Unit = None,
     layout: options.LayoutName = None,
     person: options.Person = "consistent",
     frames: options.Frames = "strict",
@@ -44,6 +45,12 @@ def refine(
     init_sigma: options.InitSigma = None,
     min_confidence: options.MinConfidence = None,
     no_undistort: options.NoUndistort = False,
+    unit: calibration.Unit = None,
+    calibration_format: calibration.Format = None,
+    camera_type: calibration.CameraType = None,
+    subject: calibration.Subject = None,
+    size: calibration.Size = None,
+    binning: calibration.Binning = None,
     paper: options.Paper = False,
     no_swaps: options.NoSwaps = False,
     sigma: options.Sigma = None,
@@ -64,11 +71,13 @@ def refine(
 ) -> None:
     """Refine the 3D pose of one person from calibrated cameras and 2D detections.
 
+    --unit is needed where the calibration does not say it.
+
     [bold]Examples[/bold]
 
     skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b
 
-    skelsplat refine Calib.toml pose/ -o out --unit m --layout body25 --y-up
+    skelsplat refine Calib.qca.txt pose/ -o out --layout body25 --y-up
 
     skelsplat refine Calib.toml dlc/ -o out --unit mm --layout coco17 --map nose=snout --offset camB=3
 
@@ -79,6 +88,8 @@ def refine(
     skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b --paper
 
     skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b --init mono.npz --init-sigma 40
+
+    skelsplat refine --config run.toml
     """
     settings = {
         "sigma": sigma,
@@ -90,10 +101,12 @@ def refine(
         "undistort": False if no_undistort else None,
         "find_swaps": False if no_swaps and not paper else None,
     }
+    if unit is not None:
+        one_of("--unit", unit, _UNITS)  # the rest is known when the file is read
     job = Job(
-        calibration=calibration,
+        calibration=source,
         detections=detections,
-        unit=one_of("--unit", unit, _UNITS),
+        cameras=CalibrationOptions(unit, calibration_format, camera_type, subject, size, binning),
         layout=one_of("--layout", layout and layout.lower(), sk.layouts.names),
         out=output,
         person=_person(person),

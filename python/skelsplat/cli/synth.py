@@ -9,7 +9,11 @@ import typer
 
 from skelsplat import synthetic
 from skelsplat.cli import _options as options
+from skelsplat.cli._calibration import usage
+from skelsplat.cli._checks import one_of
+from skelsplat.cli._json import print_json
 from skelsplat.datasets._synth_writer import write_simulated
+from skelsplat.exceptions import InvalidInputError
 
 Name = Annotated[str, typer.Argument(metavar="NAME", help=", ".join(synthetic.set_names) + ".")]
 Root = Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder to make; must not exist or be empty.")]
@@ -34,6 +38,7 @@ def synth(
     openpose: OpenPose = False,
     force: Force = False,
     quiet: options.Quiet = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Write a simulated data set: known poses, simulated detections of two detectors.
 
@@ -47,9 +52,16 @@ def synth(
 
     skelsplat synth dome data/dome --poses 100 --openpose
     """
-    data = synthetic.simulate_set(name, poses=poses, seed=seed)
+    one_of("NAME", name, synthetic.set_names)
+    try:
+        data = synthetic.simulate_set(name, poses=poses, seed=seed)
+    except InvalidInputError as error:
+        raise usage(error, {"poses": "--poses"}) from error
     write_simulated(root, data, openpose=openpose, force=force)
-    if not quiet:
+    if as_json:
+        takes = len(data.recordings)
+        print_json({"folder": str(root), "name": name, "takes": takes, "parameters": data.parameters})
+    elif not quiet:
         typer.echo(
             f"{root}: {name} (simulated), {data.parameters['poses']} poses in {len(data.recordings)} takes, "
             f"detectors {' and '.join(data.parameters['detectors'])}, seed {seed}"

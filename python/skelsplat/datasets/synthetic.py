@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -154,6 +154,9 @@ def _take(root: Path, entry: _Entry, rigs: Mapping[str, CameraRig], layout: Layo
     def part(name: str, key: str, shape: tuple[int, ...]) -> FloatArray:
         return numbers(files[name], key, require(files[name], "", loaded[name], key), shape)
 
+    cameras = root / "cameras" / f"{entry['cameras']}.json"
+    per_view = (loaded["truth"].get("boxes"), loaded["detections"].get("detections"))
+    _check_views(cameras, m, [np.asarray(array).shape for array in per_view])
     visible = loaded["truth"].get("visible")
     if visible is not None:
         visible = numbers(files["truth"], "visible", visible, (t, m, n)).astype(bool)
@@ -168,8 +171,15 @@ def _take(root: Path, entry: _Entry, rigs: Mapping[str, CameraRig], layout: Layo
         monocular=part("monocular", "poses", (t, m, n, 3)),
         boxes=part("truth", "boxes", (t, m, 4)),
         visible=visible,
-        files={**files, "cameras": root / "cameras" / f"{entry['cameras']}.json"},
+        files={**files, "cameras": cameras},
     )
+
+
+def _check_views(cameras: Path, count: int, shapes: Sequence[tuple[int, ...]]) -> None:
+    """Raise if boxes and detections agree on another number of views than there are cameras."""
+    views = {shape[1] if len(shape) > 1 else None for shape in shapes}
+    if len(views) == 1 and views.isdisjoint({count, None}):
+        raise DatasetError(cameras, "cameras", f"{views.pop()} cameras, one per view of the takes", count)
 
 
 def _frames(files: Mapping[str, Path], loaded: Mapping[str, Mapping[str, Any]]) -> Any:

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import sys
+from typing import TYPE_CHECKING, Any
 
 from skelsplat.exceptions import DatasetError
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -19,3 +25,11 @@ def read_text(path: Path) -> str:
         raise DatasetError(path, "file", "a readable file", reason) from error
     except UnicodeDecodeError as error:
         raise DatasetError(path, "file", "text in UTF-8", f"byte {error.start} that is not") from error
+
+
+def parse_toml(path: Path, text: str) -> dict[str, Any]:
+    """Return the TOML document that ``path`` holds as ``text``, or raise `DatasetError`."""
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise DatasetError(path, "TOML", "valid TOML", str(error)) from error

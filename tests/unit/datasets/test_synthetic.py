@@ -218,3 +218,13 @@ def test_a_missing_camera_value_is_refused(root):
     path.write_text(json.dumps(document))
     with pytest.raises(DatasetError, match=r"room.json: cameras\[2\].K: expected a value under this key"):
         datasets.read("synthetic", root)
+
+
+def test_a_camera_that_lacks_is_a_fault_of_the_file_of_cameras(root):
+    (path,) = (root / "cameras").glob("*.json")
+    document = json.loads(path.read_text())
+    document["cameras"].pop()
+    path.write_text(json.dumps(document))
+    with pytest.raises(DatasetError, match="expected 4 cameras, one per view of the takes, got 3") as error:
+        datasets.read("synthetic", root)
+    assert error.value.path == path

@@ -9,7 +9,7 @@ from skelsplat.evaluation.ablations._real import OnDisk
 from skelsplat.evaluation.ablations._registry import get, names
 from skelsplat.evaluation.ablations._simulated import Simulated
 from skelsplat.evaluation.ablations._source import Choices, Source
-from skelsplat.evaluation.ablations._write import Record, cell, write
+from skelsplat.evaluation.ablations._write import Record, as_dict, cell, write
 
 __all__ = [
     "Ablation",
@@ -23,6 +23,7 @@ __all__ = [
     "Simulated",
     "Source",
     "Table",
+    "as_dict",
     "cell",
     "get",
     "names",

@@ -8,6 +8,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 from skelsplat._skelsplat import __version__
 from skelsplat.evaluation.ablations._model import Ablation, Outcome, Table
@@ -94,7 +95,12 @@ def to_csv(record: Record) -> str:
 
 def to_json(record: Record) -> str:
     """Return everything as a JSON object."""
-    content = {
+    return json.dumps(as_dict(record), indent=2, ensure_ascii=False) + "\n"
+
+
+def as_dict(record: Record) -> dict[str, Any]:
+    """Return everything as values of JSON."""
+    return {
         "ablation": record.ablation.name,
         "title": record.ablation.title,
         "version": __version__,
@@ -107,7 +113,6 @@ def to_json(record: Record) -> str:
         "notes": record.notes,
         "sources": record.sources,
     }
-    return json.dumps(content, indent=2, ensure_ascii=False) + "\n"
 
 
 def write(folder: Path, record: Record) -> list[Path]:

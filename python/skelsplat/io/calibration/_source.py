@@ -3,19 +3,13 @@
 from __future__ import annotations
 
 import json
-import sys
 import xml.etree.ElementTree as ET
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._files import read_text
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
+from skelsplat.io._files import parse_toml, read_text
 
 if TYPE_CHECKING:
     import os
@@ -88,10 +82,7 @@ class Source:
     @cached_property
     def toml(self) -> dict[str, Any]:
         """The TOML document, or `DatasetError`."""
-        try:
-            return tomllib.loads(self.text)
-        except tomllib.TOMLDecodeError as error:
-            raise DatasetError(self.path, "TOML", "valid TOML", str(error)) from error
+        return parse_toml(self.path, self.text)
 
 
 def _is_toml_header(start: str) -> bool:

@@ -1,0 +1,169 @@
+"""Calibrations of all formats on the command line: the unit where the file lacks it, and their options."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import calibration_files as files
+import skelsplat as sk
+from command_line import assert_fails, invoke
+from detection_files import CASES, Take
+from skelsplat import synthetic
+from skelsplat.cli import _run
+from skelsplat.io import read_npz, write_calibration
+
+NAMES = ["54138969", "55011271", "58860488", "60457274"]
+T = 3
+LAYOUT = ["--layout", "h36m17"]
+# How the file is written, what has to be said of it, its unit, and what the report calls it.
+CALIBRATIONS = [
+    (files.anipose, ["--unit", "m"], "m", "anipose"),
+    (files.easymocap, ["--unit", "m", "--calibration-format", "easymocap"], "m", "easymocap"),
+    (files.caliscope, [], "m", "caliscope"),
+    (files.openpose, ["--size", "1000x1002"], "m", "openpose"),
+    (files.panoptic, ["--camera-type", "hd"], "cm", "panoptic"),
+    (files.human36m, ["--subject", "S9"], "mm", "human36m"),
+    (files.qualisys, ["--binning", "1"], "mm", "qualisys"),
+    (files.vicon, [], "mm", "vicon"),
+    (files.own_json, [], "mm", "json"),
+    (files.own_npz, [], "m", "npz"),
+]
+
+
+@pytest.fixture(autouse=True)
+def no_pictures(monkeypatch):
+    monkeypatch.setattr(_run, "write_figures", lambda *_: [])
+
+
+@pytest.fixture
+def views():
+    """Four cameras without distortion; their images have one size, which OpenPose has to be told."""
+    return [
+        files.View(view.name, view.K, view.R, view.t, (1000, 1002), view.distortion)
+        for view in files.reference(NAMES, distortion=False)
+    ]
+
+
+def written(tmp_path, views, write):
+    folder = tmp_path / "calibration"
+    folder.mkdir()
+    return write(folder, views)
+
+
+def detections_of(tmp_path, views):
+    """Write a walk seen by the views, without noise; return the file and the pose in mm."""
+    pose = synthetic.motion("walk", T, seed=3)
+    cameras = [sk.Camera(v.K, v.R, v.t, size=v.size, name=v.name) for v in views]
+    seen = sk.project(pose, sk.CameraRig(cameras, unit="mm")).swapaxes(0, 1)
+    path = tmp_path / "detections.npz"
+    np.savez(path, detections=seen)
+    return path, pose
+
+
+def refine(tmp_path, calibration, detections, *options):
+    always = [*LAYOUT, "--order", "sorted", "-q", "--fps", 50, "-o", tmp_path / "out"]
+    return invoke("refine", calibration, detections, *always, *options)
+
+
+@pytest.mark.parametrize(("write", "options", "unit", "name"), CALIBRATIONS)
+def test_refine_reads_every_format_and_says_which(tmp_path, views, write, options, unit, name):
+    calibration = written(tmp_path, views, write)
+    detections, pose = detections_of(tmp_path, views)
+    result = refine(tmp_path, calibration, detections, *options)
+    assert result.exit_code == 0, result.output
+    said = json.loads((tmp_path / "out" / "report.json").read_text())["input"]
+    assert (said["unit"], said["calibration_format"]) == (unit, name)
+    poses = read_npz(tmp_path / "out" / "pose.npz")
+    assert poses.unit == unit
+    in_mm = poses.pose * {"mm": 1.0, "cm": 10.0, "m": 1000.0}[unit]
+    # the files hold six digits: at 4 m a hundredth of a pixel is 0.04 mm; symmetry pulls by less than that
+    np.testing.assert_allclose(in_mm, pose, atol=1.0)
+
+
+def test_live_reads_them_too(tmp_path, views):
+    calibration = written(tmp_path, views, files.human36m)
+    result = invoke("live", calibration, *LAYOUT, "--subject", "S9")
+    assert result.exit_code == 0, result.output
+    assert "17 joints (h36m17), in mm" in result.stderr
+
+
+@pytest.mark.parametrize("command", ["refine", "live", "check-cameras"])
+def test_what_is_missing_or_wrong_is_status_2_and_names_the_option(tmp_path, views, command):
+    rest = [tmp_path / "none", "-o", tmp_path / "out"] if command == "refine" else []
+
+    def fails(write, options, *parts):
+        (tmp_path / write.__name__).mkdir(exist_ok=True)
+        calibration = write(tmp_path / write.__name__, views)
+        assert_fails(invoke(command, calibration, *rest, *LAYOUT, *options), 2, *parts, f"{command} --help")
+
+    fails(files.anipose, [], "--unit: expected", '"m" is likely')
+    fails(files.anipose, ["--unit", "ft"], "--unit: expected", "'ft'")
+    fails(files.qualisys, ["--unit", "m"], '--unit: expected none or "mm"', "'m'")
+    fails(files.human36m, [], "--subject: expected one of S1, S9")
+    fails(files.openpose, [], "--size: expected")
+    fails(files.openpose, ["--size", "wide"], "--size: expected a width and a height", "'wide'")
+    fails(files.anipose, ["--calibration-format", "toml"], "--calibration-format: expected one of anipose")
+
+
+@pytest.fixture(scope="module")
+def room(tmp_path_factory):
+    """Write a calibration, and a walk of 30 frames with one camera three frames late, by several tools."""
+    folder = tmp_path_factory.mktemp("room")
+    rig = synthetic.human36m_like()
+    noise = synthetic.DetectionNoise.good()
+    found = synthetic.simulate_detections(synthetic.motion("walk", 40, seed=1), rig, noise=noise, seed=3)
+    late = found[5:35].copy()
+    late[:, 2] = found[2:32, 2]
+    write_calibration(folder / "rig.npz", rig)
+    take = Take(late[:, :, None], list(rig.names), list(sk.layouts.H36M17.joints))
+    for name in ("coco", "deeplabcut_csv", "npz"):
+        (folder / name).mkdir()
+        CASES[name].write(folder / name, take)
+    return folder
+
+
+def check(room, name, *options):
+    path = room / name
+    files_in = sorted(path.iterdir())
+    return invoke("check-cameras", room / "rig.npz", files_in[0] if name == "npz" else path, *options)
+
+
+@pytest.mark.parametrize("name", ["coco", "deeplabcut_csv", "npz"])
+def test_check_cameras_reads_the_detections_of_every_tool(room, name):
+    result = check(room, name, *LAYOUT)
+    assert result.exit_code == 1, result.output
+    words = " ".join(result.stdout.split())
+    assert "! cam3: its frame numbers are 3 too high" in words
+    assert "refine takes it as --offset cam3=-3." in words
+
+
+def test_the_offset_to_give_is_beside_the_one_given(room):
+    words = " ".join(check(room, "coco", *LAYOUT, "--offset", "cam3=-1").stdout.split())
+    assert "! cam3: its frame numbers are 2 too high" in words
+    assert "refine takes it as --offset cam3=-3." in words
+    assert check(room, "coco", *LAYOUT, "--offset", "cam3=-3").exit_code == 0
+
+
+def test_check_cameras_takes_a_layout_from_the_files_and_a_map(room):
+    assert "cam3: its frame numbers" in " ".join(check(room, "deeplabcut_csv").stdout.split())
+    result = check(room, "deeplabcut_csv", *LAYOUT, "--map", "pelvis=none", "--json")
+    assert [finding["kind"] for finding in json.loads(result.stdout)["findings"]] == ["offset"]
+
+
+@pytest.mark.parametrize(
+    ("status", "options", "parts"),
+    [
+        (2, ["--format", "yolo"], ["--format: expected one of openpose", "'yolo'"]),
+        (2, ["--offset", "cam3"], ["--offset: expected A=B", "'cam3'"]),
+        (2, ["--offset", "cam9=1"], ["--offset: ", "'cam9'"]),
+        (2, ["--map", "tail=x"], ["--map: ", "'tail'"]),
+        (2, ["--order", "a,b"], ["--order: ", "a, b"]),
+        (2, ["--frames", "some"], ["--frames: expected one of strict", "'some'"]),
+        (1, ["--format", "sleap"], ["coco"]),
+    ],
+)
+def test_check_cameras_refuses_options_of_detections(room, status, options, parts):
+    assert_fails(check(room, "coco", *LAYOUT, *options), status, *parts)

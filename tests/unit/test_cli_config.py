@@ -1,0 +1,329 @@
+"""``--config``: options from a TOML file, and what is said of a file that does not fit."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from pathlib import Path
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from command_line import assert_fails, invoke
+from skelsplat.cli import _run, ablate, app, evaluate, refine
+from skelsplat.cli._app import OneLineErrors
+from skelsplat.cli._config import Application
+from skelsplat.cli._config_file import _known
+from skelsplat.io import sample
+
+CONVENTIONS = Path(__file__).parents[2] / "docs" / "conventions.md"
+BASE = """
+calibration = "Calib.toml"
+detections = "openpose"
+layout = "h36m17"
+"""
+
+
+@pytest.fixture(autouse=True)
+def no_pictures(monkeypatch):
+    monkeypatch.setattr(_run, "write_figures", lambda *_: [])
+
+
+@pytest.fixture
+def folder(recording):
+    return recording[0]
+
+
+def configured(folder, text, *args, command="refine"):
+    (folder / "run.toml").write_text(BASE + text, encoding="utf-8")
+    return invoke(*command.split(), "--config", folder / "run.toml", *args)
+
+
+def report(folder, out="out"):
+    return json.loads((folder / out / "report.json").read_text())
+
+
+REFINE = """
+output = "out"
+min-confidence = 0.25
+max_steps = 7
+fps = 50
+quiet = true
+"""
+
+
+def test_arguments_and_required_options_may_come_from_the_file(folder):
+    result = configured(folder, REFINE + "no-undistort = true\n")
+    assert (result.exit_code, result.output) == (0, "")
+    said = report(folder)
+    assert said["input"]["calibration"] == str(folder / "Calib.toml")
+    assert said["input"]["frame_rate_hz"] == 50.0
+    settings = said["settings"]
+    assert (settings["min_confidence"], settings["max_steps"], settings["undistort"]) == (0.25, 7, False)
+
+
+def test_the_command_line_counts_more(folder):
+    result = configured(
+        folder, REFINE + "no-swaps = true\n", "--max-steps", 9, "-o", folder / "there", "--swaps"
+    )
+    assert result.exit_code == 0, result.output
+    settings = report(folder, "there")["settings"]
+    assert (settings["min_confidence"], settings["max_steps"], settings["find_swaps"]) == (0.25, 9, True)
+    assert not (folder / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("flags", "quiet"),
+    [
+        (["--no-quiet"], False),
+        (["--no-quiet", "-q"], True),
+        (["--quiet", "--no-quiet"], False),
+        ([], True),
+    ],
+)
+def test_the_last_word_on_a_flag_counts(folder, flags, quiet):
+    assert (configured(folder, REFINE, *flags).stdout == "") is quiet
+
+
+def test_a_flag_is_taken_back_without_a_file_too_and_only_before_the_arguments_end(arguments):
+    assert invoke(*arguments, "--layout", "h36m17", "-q", "--no-paper", "--fps", 50).exit_code == 0
+    assert_fails(invoke("synth", "--", "dome", "--no-force", "x"), 2, "unexpected extra argument")
+
+
+def test_relative_paths_begin_at_the_files_folder(folder, monkeypatch):
+    (folder / "elsewhere").mkdir()
+    monkeypatch.chdir(folder / "elsewhere")
+    (folder / "run.toml").write_text(BASE + REFINE)
+    assert invoke("refine", "--config", Path("..") / "run.toml").exit_code == 0
+    assert (folder / "out" / "pose.npz").is_file()
+    assert invoke("refine", "--config", Path("..") / "run.toml", "-o", "here").exit_code == 0
+    assert (folder / "elsewhere" / "here" / "pose.npz").is_file()
+    absolute = f"calibration = {json.dumps(str(folder / 'Calib.toml'))}\n"
+    (folder / "elsewhere" / "check.toml").write_text(absolute)
+    assert invoke("check-cameras", "--config", "check.toml").exit_code == 0
+
+
+def test_one_file_for_several_commands(folder):
+    text = """
+    layout = "h36m17"
+    fps = 50
+    seed = 3
+    [refine]
+    output = "out"
+    calibration = "Calib.toml"
+    detections = "openpose"
+    [check-cameras]
+    calibration = "Calib.toml"
+    detections = "openpose"
+    frames = "intersection"
+    json = true
+    [datasets]
+    json = true
+    [datasets.check]
+    name = "synthetic"
+    root = "data"
+    [synth]
+    name = "dome"
+    folder = "data"
+    poses = 12
+    """
+    (folder / "run.toml").write_text(text)
+
+    def run(*command):
+        return invoke(*command, "--config", folder / "run.toml")
+
+    assert run("refine", "-q").exit_code == 0
+    assert report(folder)["input"]["frame_rate_hz"] == 50.0
+    checked = run("check-cameras")
+    assert json.loads(checked.stdout)["detections"] == str(folder / "openpose")
+    made = run("synth")
+    assert "12 poses" in made.stdout
+    assert made.stdout.endswith("seed 3\n")
+    assert json.loads(run("datasets", "check").stdout)["ok"] is True
+    assert json.loads(run("datasets", "list").stdout)[0]["name"] == "human36m"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        'offset = ["cam1=2", "cam3=-1"]\nmap = ["pelvis=none"]',
+        'map = "pelvis=none"\n[offset]\ncam1 = 2\ncam3 = -1',
+        '[refine]\noffset = {cam1 = 2, cam3 = -1}\n[refine.map]\npelvis = "none"',
+    ],
+)
+def test_repeatable_options_are_lists_or_tables(folder, text, monkeypatch):
+    jobs = []
+    monkeypatch.setattr(refine, "run", lambda job, _: jobs.append(job))
+    result = configured(folder, REFINE + text)
+    assert result.exit_code == 0, result.output
+    assert (jobs[0].offsets, jobs[0].mapping) == ({"cam1": 2, "cam3": -1}, {"pelvis": None})
+    assert configured(folder, REFINE + text, "--offset", "cam2=1").exit_code == 0
+    assert (jobs[1].offsets, jobs[1].mapping) == ({"cam2": 1}, {"pelvis": None})
+
+
+def test_the_example_of_the_documents(tmp_path, monkeypatch):
+    jobs = []
+    monkeypatch.setattr(refine, "run", lambda job, _: jobs.append(job))
+    paths = sample.extract(tmp_path)
+    paths.calibration.rename(tmp_path / "Calib.toml")
+    paths.detections.rename(tmp_path / "pose")
+    (text,) = re.findall(r"```toml\n(.*?)```", CONVENTIONS.read_text(encoding="utf-8"), flags=re.DOTALL)
+    (tmp_path / "run.toml").write_text(text)
+    assert invoke("refine", "--config", tmp_path / "run.toml").exit_code == 0
+    assert (jobs[0].out, jobs[0].fps, jobs[0].offsets) == (tmp_path / "out", 60, {"cam_02": 3})
+    found = invoke("check-cameras", "--config", tmp_path / "run.toml", "--json")
+    assert [finding["kind"] for finding in json.loads(found.stdout)["findings"]] == ["turned"]
+
+
+SEEN = {}
+PROGRAM = Application(cls=OneLineErrors)
+
+
+@PROGRAM.command("every-kind")
+def every_kind(
+    name: ablate.Name,
+    data: ablate.Data = None,
+    start: ablate.Start = "paper",
+    detector: ablate.Detections = None,
+    setting: ablate.Setting = None,
+    which: evaluate.Detections = None,
+    sigma: ablate.InitSigma = 1.0,
+) -> None:
+    """Keep what came."""
+    SEEN.update(locals())
+
+
+@PROGRAM.command("other")
+def other() -> None:
+    """Do nothing: a program of one command has no names of commands."""
+
+
+@pytest.mark.parametrize(("folders", "expected"), [(["cpn"], "{}/cpn"), ([], "cpn")])
+def test_every_kind_of_value(tmp_path, folders, expected):
+    for folder in folders:
+        (tmp_path / folder).mkdir()
+    (tmp_path / "run.toml").write_text(
+        '[every-kind]\nname = "noise"\ndata = ["panoptic", "there"]\nstart = "dlt"\ndetector = ["a", "b"]\n'
+        'which = "cpn"\nset = {variant = 3, subjects = ["S9"], cameras = [1, 2]}\nsigma = 4\n'
+    )
+    result = CliRunner().invoke(PROGRAM, ["every-kind", "--config", str(tmp_path / "run.toml")])
+    assert result.exit_code == 0, result.output
+    assert {
+        "name": "noise",
+        "data": ("panoptic", tmp_path / "there"),
+        "start": "dlt",
+        "detector": ["a", "b"],
+        "setting": ["variant=3", "subjects=S9,", "cameras=1,2"],
+        "which": expected.format(tmp_path),
+        "sigma": 4.0,
+    } == SEEN
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ("colour = 3", ["colour: expected an option or argument of any command", "unknown key"]),
+        ("min-confidance = 3", ["min-confidance: ", "such as min-confidence"]),
+        ("[refine]\nposes = 3", ["refine.poses: expected an option or argument of refine"]),
+        ("[refin]\nfps = 3", ["refin: ", "such as refine"]),
+        ("refine = 3", ["refine: expected a table [refine] of options, got 3"]),
+        ('config = "b.toml"', ["config: expected an option"]),
+        ("max-steps = 3\nmax_steps = 3", ["max_steps: expected each option once"]),
+        ('max-steps = "3"', ["max-steps: expected a whole number, got '3'"]),
+        ("max-steps = 3.0", ["max-steps: expected a whole number, got 3.0"]),
+        ("max-steps = true", ["max-steps: expected a whole number, got true"]),
+        ('fps = "fast"', ["fps: expected a number, got 'fast'"]),
+        ("person = [1]", ["person: expected text, got a list"]),
+        ("init = 3", ["init: expected a path, as text, got 3"]),
+        ("quiet = 1", ["quiet: expected true or false, got 1"]),
+        ("offset = [true]", ["offset: expected a list of A=B texts, or a table, got a list"]),
+        ("offset = {cam1 = true}", ["offset.cam1: expected text or a number, got true"]),
+        ("when = 2026-11-21", ["when: "]),
+    ],
+)
+def test_a_file_that_does_not_fit_is_status_2_and_names_file_and_key(folder, text, parts):
+    result = configured(folder, text, "-o", folder / "x")
+    assert_fails(result, 2, "--config: ", f"{folder / 'run.toml'}: ", *parts)
+
+
+def test_the_table_of_a_command_is_judged_when_that_command_runs(folder):
+    text = "[ablate]\nfps = 3\n"
+    assert configured(folder, text + "[refine]\n" + REFINE).exit_code == 0
+    result = configured(folder, text, command="ablate")
+    assert_fails(result, 2, "--config: ", "ablate.fps: expected an option or argument of ablate, got")
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ('[refine]\nlayout = "body26"', ["--layout: expected one of", "'body26'", "refine.layout;"]),
+        ("max-steps = -1", ["--max-steps: ", "run.toml: max-steps;"]),
+        ("offset = 3", ["--offset: expected A=B", "'3'", "run.toml: offset;"]),
+        ('unit = "m"', ['--unit: expected none or "mm"', "run.toml: unit;"]),
+    ],
+)
+def test_a_value_that_the_command_refuses_names_file_and_key(folder, text, parts):
+    assert_fails(configured(folder, text, "-o", folder / "x"), 2, *parts)
+
+
+def test_a_value_of_the_command_line_does_not(folder):
+    result = configured(folder, "max-steps = 3", "-o", folder / "x", "--layout", "body26")
+    assert_fails(result, 2, "--layout: expected one of", "'body26'")
+    assert "run.toml" not in result.stderr
+
+
+def test_an_argument_that_is_refused_names_the_file(tmp_path):
+    (tmp_path / "run.toml").write_text('name = "mars"\nfolder = "x"\n')
+    result = invoke("synth", "--config", tmp_path / "run.toml")
+    assert_fails(result, 2, "NAME: expected one of human36m-like", f"{tmp_path / 'run.toml'}: name;")
+
+
+def test_what_is_still_missing_is_said(folder):
+    (folder / "run.toml").write_text('calibration = "Calib.toml"\noutput = "out"\n')
+    assert_fails(invoke("refine", "--config", folder / "run.toml"), 2, "DETECTIONS")
+
+
+@pytest.mark.parametrize(
+    ("content", "parts"),
+    [
+        (None, ["file: expected a readable file", "no such file"]),
+        (b"fps = ", ["TOML: expected valid TOML", "end of document"]),
+        (b"fps = 3\nfps = 4\n", ["TOML: expected valid TOML", "overwrite"]),
+        (b"\xff\xfe", ["file: expected text in UTF-8", "byte 0"]),
+    ],
+)
+def test_a_file_that_cannot_be_read_is_status_1(tmp_path, content, parts):
+    path = tmp_path / "run.toml"
+    if content is not None:
+        path.write_bytes(content)
+    assert_fails(invoke("refine", "--config", path), 1, f"{path}: ", *parts)
+    assert_fails(invoke("refine", "--config", tmp_path), 1, f"{tmp_path}: file: expected a readable file")
+
+
+@pytest.mark.skipif(os.name == "posix" and os.geteuid() == 0, reason="root may read anything")
+def test_a_file_without_permission_is_status_1(tmp_path):
+    (tmp_path / "run.toml").touch(mode=0)
+    assert_fails(invoke("refine", "--config", tmp_path / "run.toml"), 1, "permission denied")
+
+
+def commands(group, path=()):
+    for name, command in group.commands.items():
+        if hasattr(command, "commands"):
+            yield from commands(command, (*path, name))
+        else:
+            yield (*path, name), command
+
+
+ROOT = typer.main.get_command(app)
+
+
+@pytest.mark.parametrize("path", [path for path, _ in commands(ROOT)], ids=" ".join)
+def test_every_command_has_it_and_no_option_is_called_like_a_command(path):
+    text = " ".join(invoke(*path, "--help").stdout.replace("│", " ").split())
+    assert "--config FILE.toml Options and arguments of this command, from a file" in text
+    command = dict(commands(ROOT))[path]
+    assert not _known(command).keys() & {name for parts, _ in commands(ROOT) for name in parts}
+    parameters = {param.name for param in command.params} - {"config"}
+    assert {entry.parameter for entry in _known(command).values()} == parameters

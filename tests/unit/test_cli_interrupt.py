@@ -1,0 +1,78 @@
+"""Ctrl-C in the midst of long work, and readers of stdout that go away: what is finished stays readable.
+
+Of an evaluation that is interrupted, tests/unit/evaluation/test_runs.py.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from skelsplat import synthetic
+from skelsplat.io import read_npz, write_calibration
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals and pipes of POSIX")
+SAID = "interrupted; files already written are complete"
+
+
+def start(*args):
+    command = [sys.executable, "-m", "skelsplat", *map(str, args)]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+@pytest.fixture(autouse=True)
+def _heeded_signal():
+    """Let children hear SIGINT: a background job of a shell ignores it, and they would as well."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def walk(folder, steps):
+    """Write a walk and its detections; return the arguments of refine that are the same for all."""
+    rig = synthetic.human36m_like()
+    seen = sk.project(synthetic.motion("walk", steps, seed=3), rig).swapaxes(0, 1)
+    np.savez(folder / f"{steps}.npz", detections=seen, camera_names=rig.names)
+    write_calibration(folder / "rig.json", rig)
+    rest = ["--layout", "h36m17", "-o", folder / "out", "-q", "--threads", 1]
+    return ["refine", folder / "rig.json", folder / f"{steps}.npz", *rest]
+
+
+def test_refine_keeps_the_result_that_is_there(tmp_path):
+    with start(*walk(tmp_path, 3), "--fps", 50) as process:
+        assert process.wait() == 0
+    before = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()}
+    # 3,000 frames of 125 steps, half a minute: the signal comes in time
+    with start(*walk(tmp_path, 3000), "--paper", "--write", "trc") as process:
+        assert process.stderr.readline().startswith(
+            "warning: --fps: not given"
+        )  # the last word before the work
+        process.send_signal(signal.SIGINT)
+        assert process.wait() == 130
+        assert process.stderr.read() == f"{SAID}\n"
+        assert process.stdout.read() == ""
+    assert {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()} == before
+    assert len(read_npz(tmp_path / "out" / "pose.npz").frames) == 3
+
+
+@pytest.mark.parametrize("command", [["--help"], ["datasets", "list"], ["ablate", "--help"]])
+def test_a_reader_that_goes_away_is_no_traceback(command):
+    with start(*command) as process:
+        process.stdout.close()
+        assert process.wait() == 1
+        assert process.stderr.read() == ""
+
+
+def test_files_are_written_before_anything_is_printed(tmp_path):
+    with start("ablate", "symmetry", "--poses", 2, "-o", tmp_path) as process:
+        process.stdout.close()
+        assert process.wait() == 1
+        assert process.stderr.read() == ""
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {f"symmetry.{kind}" for kind in ("md", "csv", "json", "png")}

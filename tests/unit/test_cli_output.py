@@ -1,0 +1,175 @@
+"""What all commands share: --json, --quiet, examples in --help, and no colour where there is no terminal."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+import typer
+
+from command_line import assert_fails, invoke
+from skelsplat import datasets, synthetic
+from skelsplat.cli import app
+from skelsplat.cli._json import plain
+from skelsplat.datasets._synth_writer import write_simulated
+
+
+def commands(group, path=()):
+    for name, command in group.commands.items():
+        if hasattr(command, "commands"):
+            yield from commands(command, (*path, name))
+        else:
+            yield (*path, name), {opt for param in command.params for opt in param.opts}
+
+
+COMMANDS = dict(commands(typer.main.get_command(app)))
+
+
+@pytest.mark.parametrize("path", COMMANDS, ids=" ".join)
+def test_every_command_has_examples_json_and_quiet(path):
+    text = invoke(*path, "--help").stdout
+    assert max(len(line.rstrip()) for line in text.splitlines()) <= 80
+    examples = text.split("Examples")[1]
+    assert f"skelsplat {' '.join(path)}" in examples
+    assert {"--quiet", "-q", "--config"} <= COMMANDS[path]
+    if path == ("live",):
+        assert "there is no --json" in " ".join(text.split())
+    else:
+        assert "--json" in COMMANDS[path]
+
+
+@pytest.fixture(scope="module")
+def dome(tmp_path_factory):
+    root = tmp_path_factory.mktemp("data") / "dome"
+    write_simulated(root, synthetic.simulate_set("dome", poses=12))
+    return root
+
+
+@pytest.fixture
+def cases(recording, dome):
+    """Every command that prints a result, with arguments and the keys of its document."""
+    folder, _, _ = recording
+    calibration, out = folder / "Calib.toml", folder / "out"
+    return {
+        "demo": (["-o", out], {"input", "doubts"}),
+        "refine": (
+            [calibration, folder / "openpose", "--layout", "h36m17", "-o", out, "--fps", 50],
+            {"input", "doubts"},
+        ),
+        "convert": (
+            [calibration, folder / "rig.json"],
+            {"kind", "input", "output", "format", "cameras", "unit"},
+        ),
+        "check-cameras": ([calibration], {"calibration", "ok", "findings", "cameras"}),
+        "synth": (["dome", folder / "set", "--poses", 12], {"folder", "name", "takes", "parameters"}),
+        "datasets check": (["synthetic", dome], {"name", "ok", "findings", "dataset"}),
+        "evaluate": (["synthetic", dome, "-m", "dlt", "-o", out], {"dataset", "protocol", "scores"}),
+        "ablate": (["symmetry", "--poses", 2], {"ablation", "tables", "findings", "command"}),
+    }
+
+
+@pytest.mark.parametrize(
+    "name", ["demo", "refine", "convert", "check-cameras", "synth", "datasets check", "evaluate", "ablate"]
+)
+def test_json_is_a_document_and_quiet_is_silence(cases, name):
+    arguments, keys = cases[name]
+    result = invoke(*name.split(), *arguments, "--json")
+    assert result.exit_code == 0, result.output
+    document = json.loads(result.stdout, parse_constant=pytest.fail)
+    assert keys <= document.keys()
+    force = ["--force"] if name == "synth" else []
+    quiet = invoke(*name.split(), *arguments, *force, "-q")
+    assert (quiet.exit_code, quiet.stdout) == (0, "")
+    assert all(line.startswith("warning: ") for line in quiet.stderr.splitlines())
+
+
+def test_the_list_of_data_sets():
+    entries = json.loads(invoke("datasets", "list", "--json").stdout)
+    assert [entry["name"] for entry in entries] == list(datasets.names())
+    assert invoke("datasets", "list", "-q").stdout.split() == list(datasets.names())
+
+
+def test_a_conversion_says_what_was_written(recording):
+    folder, rig, _ = recording
+    result = invoke("convert", folder / "Calib.toml", folder / "rig.npz", "--to-unit", "m", "--json")
+    document = json.loads(result.stdout)
+    assert document["kind"] == "calibration"
+    assert document["format"] == "anipose"
+    assert document["cameras"] == list(rig.names)
+    assert document["unit"] == {"input": "mm", "output": "m"}
+    assert invoke("demo", "-o", folder / "demo", "-q").exit_code == 0
+    result = invoke("convert", folder / "demo" / "pose.npz", folder / "pose.csv", "--json")
+    document = json.loads(result.stdout)
+    assert (document["kind"], document["format"], document["frames"]) == ("pose file", "npz", 100)
+    assert document["frame_rate_hz"] == 60.0
+
+
+def test_a_quiet_check_of_data_tells_faults(tmp_path):
+    result = invoke("datasets", "check", "synthetic", tmp_path, "-q")
+    assert result.exit_code == 1
+    assert "missing" in result.stdout
+
+
+def test_names_and_numbers_of_synth_are_usage(tmp_path):
+    parts = ["NAME: expected one of human36m-like", "'mars'", "synth --help"]
+    assert_fails(invoke("synth", "mars", tmp_path / "x"), 2, *parts)
+    assert_fails(invoke("synth", "dome", tmp_path / "x", "--poses", 1), 2, "--poses: expected at least 12")
+
+
+def test_a_number_that_is_none_is_null():
+    assert plain({"a": [float("nan"), float("inf"), 1.5], 2: (True, None)}) == {
+        "a": [None, None, 1.5],
+        "2": [True, None],
+    }
+
+
+COLOURED = ["datasets", "list"]
+
+
+def through_a_pipe(*args, **variables):
+    environment = {k: v for k, v in os.environ.items() if k not in ("FORCE_COLOR", "GITHUB_ACTIONS")}
+    command = [sys.executable, "-m", "skelsplat", *map(str, args)]
+    return subprocess.run(command, env={**environment, **variables}, capture_output=True, check=True)
+
+
+@pytest.mark.parametrize("args", [["--help"], ["refine", "--help"], COLOURED])
+def test_no_colour_without_a_terminal(args):
+    assert b"\x1b" not in through_a_pipe(*args, TERM="xterm-256color", COLORTERM="truecolor").stdout
+
+
+def test_no_progress_bar_without_a_terminal(recording):
+    folder, _, _ = recording
+    arguments = ["refine", folder / "Calib.toml", folder / "openpose", "--layout", "h36m17", "--fps", 50]
+    run = through_a_pipe(*arguments, "-o", folder / "out", TERM="xterm-256color")
+    assert run.stderr == b""
+    assert b"\x1b" not in run.stdout
+
+
+@pytest.mark.skipif(os.name != "posix", reason="terminals of POSIX")
+@pytest.mark.parametrize(("variables", "colours"), [({}, True), ({"NO_COLOR": "1"}, False)])
+def test_a_terminal_has_colours_unless_they_are_unwanted(variables, colours):
+    import pty
+
+    main, side = pty.openpty()
+    environment = {k: v for k, v in os.environ.items() if k != "NO_COLOR"}
+    environment |= {"TERM": "xterm-256color", **variables}
+    command = [sys.executable, "-m", "skelsplat", "synth", "--help"]
+    with subprocess.Popen(command, env=environment, stdin=side, stdout=side, stderr=side) as process:
+        os.close(side)
+        said = b""
+        while part := _read(main):
+            said += part
+        assert process.wait() == 0
+    os.close(main)
+    assert b"Seed" in said or b"seed" in said
+    assert (b"\x1b[3" in said or b"\x1b[1;3" in said) is colours  # bold and dim are no colours
+
+
+def _read(descriptor):
+    try:
+        return os.read(descriptor, 65536)
+    except OSError:  # Linux: the other side is closed
+        return b""
