@@ -59,7 +59,7 @@ def test_a_run_gives_three_figures_in_its_folder(run_folder):
     assert result.exit_code == 0, result.output
     assert result.stderr == ""
     for name in ("trajectories", "bones", "errors"):
-        assert (run_folder / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+        assert (run_folder / "plots" / f"{name}.png").read_bytes().startswith(b"\x89PNG")
         assert f"{name}.png" in result.stdout
 
 
@@ -134,7 +134,7 @@ def test_wrists_and_ankles_are_the_default(run_folder):
 
 
 def test_the_range_of_frames_is_that_of_the_numbers(run_folder):
-    found = numbers(run_folder, "--only", "bones", "--first-frame", "1", "--last-frame", "3")
+    found = numbers(run_folder, "--only", "bones", "--range", "1-3")
     assert (found["first_frame"], found["last_frame"], found["frames"]) == (1, 3, 3)
     assert found["bones"][0]["frames_counted"] == 3
 
@@ -145,8 +145,8 @@ def test_any_pose_file_has_trajectories_and_bones(tmp_path, suffix):
     result = invoke("plot", path)
     assert result.exit_code == 0, result.output
     assert "errors left out: the file has no errors of single cameras" in result.stdout
-    assert (tmp_path / "trajectories.png").is_file()
-    assert (tmp_path / "bones.png").is_file()
+    assert (tmp_path / "plots" / "trajectories.png").is_file()
+    assert (tmp_path / "plots" / "bones.png").is_file()
     assert not (tmp_path / "errors.png").exists()
 
 
@@ -192,9 +192,10 @@ def test_large_frame_numbers_with_gaps(tmp_path):
         (["--joints", "head,tail"], 2, ["--joints", "left_wrist", "'tail'"]),
         (["--layout", "cat"], 2, ["--layout", "h36m17", "'cat'"]),
         (["--layout", "body25"], 2, ["--layout", "17 joints", "body25 with 25"]),
-        (["--first-frame", "99"], 2, ["--first-frame", "10 to 15", "99"]),
-        (["--last-frame", "3"], 2, ["--last-frame", "10 to 15", "3"]),
-        (["--first-frame", "5", "--last-frame", "3"], 2, ["--last-frame", "--first-frame 5", "3"]),
+        (["--range", "99-"], 2, ["--range", "10 to 15", "99"]),
+        (["--range", "-3"], 2, ["--range", "10 to 15", "3"]),
+        (["--range", "15-12"], 2, ["--range", "10 to 15", "15 to 12"]),
+        (["--range", "last"], 2, ["--range", "A-B", "'last'"]),
     ],
 )
 def test_a_wrong_option_is_named(tmp_path, options, status, parts):

@@ -132,7 +132,7 @@ def test_images_are_numbered_by_their_names(tmp_path):
     ("frames", "expected"), [("2-3", [2, 3]), ("4-", [4, 5]), ("-1", [0, 1]), ("3-99", [3, 4, 5])]
 )
 def test_some_frames(case, images, tmp_path, frames, expected):
-    args = ("--png", "--camera", "cam_01", f"--frames={frames}", *BARE)
+    args = ("--png", "--camera", "cam_01", f"--range={frames}", *BARE)
     overlay(case, images, tmp_path / "out", *args)
     written = sorted(path.name for path in (tmp_path / "out" / "cam_01").iterdir())
     assert written == [f"{number:06d}.png" for number in expected]

@@ -178,15 +178,15 @@ def test_a_result_never_replaces_a_video_that_is_read(case, tmp_path):
 @pytest.mark.parametrize(
     ("args", "words"),
     [
-        (("--frames", "5-2"), "got 5 to 2"),
-        (("--frames", "100-200"), "expected some of 0 to 5, got 100 to 200"),
+        (("--range", "5-2"), "got 5 to 2"),
+        (("--range", "100-200"), "expected some of the frames 0 to 5, got 100 to 200"),
     ],
 )
 def test_frames_that_the_run_does_not_have(case, videos, args, words):
-    assert_fails(overlay(case, videos, *args), 1, words)
+    assert_fails(overlay(case, videos, *args), 2, "--range", words)
 
 
-@pytest.mark.parametrize("args", [("--frames", "two"), ("--frames", "-"), ("--scale", "0"), ("--fps", "-1")])
+@pytest.mark.parametrize("args", [("--range", "two"), ("--range", "-"), ("--scale", "0"), ("--fps", "-1")])
 def test_bad_usage(case, videos, args):
     assert_fails(overlay(case, videos, *args), 2, args[0])
 

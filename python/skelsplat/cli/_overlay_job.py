@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
+
+from skelsplat.cli._frame_range import FrameRange
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -27,8 +29,8 @@ class OverlayJob:
         The video of each camera, or ``"sorted"``; None to match by name.
     first_frame
         The camera's own number of a video's first frame; None for 0.
-    span
-        First and last frame to draw, in the run's numbers; None for its own.
+    frames
+        The frames to draw.
     fps
         Frames per second of the output; None for those of the video.
     scale
@@ -48,7 +50,7 @@ class OverlayJob:
     cameras: tuple[str, ...] = ()
     order: str | tuple[str, ...] | None = None
     first_frame: int | None = None
-    span: tuple[int | None, int | None] = (None, None)
+    frames: FrameRange = field(default_factory=FrameRange)
     fps: float | None = None
     scale: float | None = None
     legend: bool = True

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from skelsplat.cli._overlay_scene import Scene
-from skelsplat.cli._overlay_view import View, open_views, span_of, with_zoom
+from skelsplat.cli._overlay_view import View, open_views, with_zoom
 from skelsplat.cli._pipeline import check_output
 from skelsplat.cli._progress import bar_of
 from skelsplat.exceptions import DatasetError
@@ -64,7 +64,7 @@ def draw(job: OverlayJob, *, shown: bool) -> list[Written]:
         If an input is missing, malformed or does not fit, or a result cannot be written.
     """
     scene = Scene(read_run(job.run))
-    span = span_of(job, scene)
+    span = job.frames.within(scene.run.poses.frames)
     views = open_views(job, scene, span)
     groups = [views] if job.grid else [[view] for view in views]
     names = [GRID] if job.grid else [_file_name(view.name) for view in views]

@@ -82,23 +82,6 @@ class View:
         return canvas
 
 
-def span_of(job: OverlayJob, scene: Scene) -> Span:
-    """Return the first and last frame to draw.
-
-    Raises
-    ------
-    InvalidInputError
-        If the run has none of those that are asked for.
-    """
-    numbers = scene.run.poses.frames
-    known = int(numbers[0]), int(numbers[-1])
-    first, last = (known[side] if asked is None else asked for side, asked in enumerate(job.span))
-    span = max(first, known[0]), min(last, known[1])
-    if span[0] > span[1]:
-        raise InvalidInputError(f"frames: expected some of {known[0]} to {known[1]}, got {first} to {last}")
-    return span
-
-
 def open_views(job: OverlayJob, scene: Scene, span: Span) -> list[View]:
     """Open every camera's video and see that it fits, before any is drawn.
 

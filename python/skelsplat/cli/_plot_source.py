@@ -16,6 +16,8 @@ from skelsplat.io import PoseData, read_pose, read_run
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from skelsplat.cli._frame_range import FrameRange
+
 Pairs = tuple[tuple[int, int], ...]
 _PER_FRAME = tuple(
     entry.name
@@ -55,8 +57,8 @@ class Source:
         return f"{self.path.resolve().name}: {span}" + ("" if rate is None else f", {rate:g} Hz")
 
 
-def read_source(path: Path, layout_name: str | None, first: int | None, last: int | None) -> Source:
-    """Read a run or a file of poses and keep the frames from ``first`` to ``last``.
+def read_source(path: Path, layout_name: str | None, chosen: FrameRange) -> Source:
+    """Read a run or a file of poses and keep the ``chosen`` frames.
 
     Raises
     ------
@@ -78,7 +80,7 @@ def read_source(path: Path, layout_name: str | None, first: int | None, last: in
         raise DatasetError(path, "frames", "ascending numbers", "some that are not")
     limbs, left_right = _connections(layout, poses.joint_names)
     zero = int(poses.frames[0])
-    return Source(path, _between(poses, first, last).in_unit("mm"), limbs, left_right, zero)
+    return Source(path, _between(poses, *chosen.within(poses.frames)).in_unit("mm"), limbs, left_right, zero)
 
 
 def _named(name: str) -> sk.Layout:
@@ -110,19 +112,9 @@ def _connections(layout: sk.Layout | None, joints: tuple[str, ...]) -> tuple[Pai
     return limbs, mirrored_pairs
 
 
-def _between(poses: PoseData, first: int | None, last: int | None) -> PoseData:
+def _between(poses: PoseData, first: int, last: int) -> PoseData:
     frames = poses.frames
-    low = int(frames[0]) if first is None else first
-    high = int(frames[-1]) if last is None else last
-    if low > high and first is not None and last is not None:
-        raise typer.BadParameter(
-            f"expected at least --first-frame {first}, got {last}", param_hint="--last-frame"
-        )
-    keep = (frames >= low) & (frames <= high)
-    if not keep.any():
-        hint = "--last-frame" if first is None else "--first-frame"
-        expected = f"a range that holds some of the frames {frames[0]} to {frames[-1]}"
-        raise typer.BadParameter(f"expected {expected}, got {low} to {high}", param_hint=hint)
+    keep = (frames >= first) & (frames <= last)
     arrays = {name: getattr(poses, name) for name in _PER_FRAME}
     return replace(
         poses, **{name: array[keep] for name, array in arrays.items() if len(array) == len(frames)}

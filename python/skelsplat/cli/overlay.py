@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import re
 from pathlib import Path
 from typing import Annotated
 
@@ -12,6 +10,8 @@ import typer
 import skelsplat as sk
 from skelsplat.cli import _options as options
 from skelsplat.cli._checks import positive
+from skelsplat.cli._frame_range import FrameRange, Range
+from skelsplat.cli._json import print_json
 from skelsplat.cli._pipeline import collected_warnings
 
 EPILOG = (
@@ -67,15 +67,6 @@ _FirstFrame = Annotated[
         rich_help_panel=_INPUT,
     ),
 ]
-_Frames = Annotated[
-    str | None,
-    typer.Option(
-        metavar="A-B",
-        help="Frames to draw, in the run's numbers; A- and -B leave one end open.",
-        show_default="all",
-        rich_help_panel=_INPUT,
-    ),
-]
 
 
 def _flag(name: str, help: str, panel: str) -> typer.models.OptionInfo:
@@ -123,7 +114,7 @@ def overlay(
     camera: _Camera = None,
     order: _Order = None,
     first_frame: _FirstFrame = None,
-    frames: _Frames = None,
+    range: Range = None,
     no_detections: _NoDetections = False,
     no_ellipses: _NoEllipses = False,
     no_pose: _NoPose = False,
@@ -148,7 +139,7 @@ def overlay(
 
     skelsplat overlay out videos/
 
-    skelsplat overlay out videos/ --grid --frames 100-200
+    skelsplat overlay out videos/ --grid --range 100-200
 
     skelsplat overlay out videos/ --camera cam01 --crop --png -o frames
 
@@ -172,7 +163,7 @@ def overlay(
         cameras=tuple(dict.fromkeys(camera or ())),
         order=order if order in (None, "sorted") else tuple(part.strip() for part in order.split(",")),
         first_frame=first_frame,
-        span=_span(frames),
+        frames=FrameRange.parse(range),
         fps=positive("--fps", fps),
         scale=positive("--scale", scale),
         legend=not no_legend,
@@ -183,19 +174,10 @@ def overlay(
     with collected_warnings(_tell) as remarks:
         written = draw(job, shown=not quiet)
     if as_json:
-        typer.echo(json.dumps(summary(job, written, remarks), indent=2, ensure_ascii=False))
+        print_json(summary(job, written, remarks))
     elif not quiet:
         for one in written:
             typer.echo(f"{one.path}: {one.frames} frames of {one.size[0]}×{one.size[1]}")
-
-
-def _span(value: str | None) -> tuple[int | None, int | None]:
-    match = re.fullmatch(r"\s*(\d*)\s*-\s*(\d*)\s*", value or "-")
-    if match is None or value == "-":
-        expected = "A-B, A- or -B, frame numbers of the run"
-        raise typer.BadParameter(f"expected {expected}, got {value!r}", param_hint="--frames")
-    first, last = (int(end) if end else None for end in match.groups())
-    return first, last
 
 
 def _tell(warning: str) -> None:

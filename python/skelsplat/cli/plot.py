@@ -10,12 +10,13 @@ from rich.console import Console
 
 from skelsplat.cli import _options as options
 from skelsplat.cli._checks import some_of
+from skelsplat.cli._frame_range import FrameRange, Range
+from skelsplat.cli._json import print_json
 from skelsplat.cli._pipeline import check_output
 from skelsplat.cli._plot_figures import PICTURES, Drawn, Order
 from skelsplat.cli._plot_numbers import chosen_joints
 from skelsplat.cli._plot_source import Source, read_source
 from skelsplat.cli._progress import bar_of
-from skelsplat.cli._report import to_text
 from skelsplat.exceptions import DatasetError
 
 EPILOG = (
@@ -26,7 +27,7 @@ EPILOG = (
 )
 _FORMATS = ("png", "pdf")
 _ALL = ",".join(PICTURES)
-_WHAT, _OUTPUT = "What", "Output"
+_WHAT, _OUTPUT = "Drawing", "Output"
 
 _Run = Annotated[
     Path, typer.Argument(metavar="RUN", help="Folder that refine or demo wrote, or a file of poses.")
@@ -38,7 +39,7 @@ _Output = Annotated[
         "--output",
         metavar="FOLDER",
         help="Folder for the figures.",
-        show_default="RUN, or the folder of the file",
+        show_default="RUN/plots, or plots beside the file",
         rich_help_panel=_OUTPUT,
     ),
 ]
@@ -57,12 +58,6 @@ _Joints = Annotated[
         rich_help_panel=_WHAT,
     ),
 ]
-_First = Annotated[
-    int | None, typer.Option(metavar="FRAME", help="First frame number to draw.", rich_help_panel=_WHAT)
-]
-_Last = Annotated[
-    int | None, typer.Option(metavar="FRAME", help="Last frame number to draw.", rich_help_panel=_WHAT)
-]
 _Layout = Annotated[
     str | None,
     typer.Option(
@@ -75,15 +70,6 @@ _Layout = Annotated[
 _Format = Annotated[
     str, typer.Option(metavar="FORMATS", help="png, pdf or png,pdf.", rich_help_panel=_OUTPUT)
 ]
-_AsJson = Annotated[
-    bool,
-    typer.Option(
-        "--json",
-        metavar="",
-        help="Print files and numbers as JSON on stdout, and no text.",
-        rich_help_panel=_OUTPUT,
-    ),
-]
 
 
 def plot(
@@ -91,13 +77,12 @@ def plot(
     *,
     only: _Only = _ALL,
     joints: _Joints = None,
-    first_frame: _First = None,
-    last_frame: _Last = None,
+    range: Range = None,
     layout: _Layout = None,
     output: _Output = None,
     format: _Format = "png",
     quiet: options.Quiet = False,
-    as_json: _AsJson = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Draw joint trajectories with error bands, bone lengths and errors.
 
@@ -109,7 +94,7 @@ def plot(
 
     skelsplat plot out --only trajectories --joints left_wrist,right_wrist
 
-    skelsplat plot out --first-frame 200 --last-frame 400
+    skelsplat plot out --range 200-400
 
     skelsplat plot walk.trc --only bones --layout body25b
 
@@ -117,8 +102,8 @@ def plot(
     """
     pictures = some_of("--only", only, tuple(PICTURES))
     formats = some_of("--format", format, _FORMATS)
-    source = read_source(run, layout, first_frame, last_frame)
-    folder = output or (run.parent if run.is_file() else run)
+    source = read_source(run, layout, FrameRange.parse(range))
+    folder = output or (run.parent if run.is_file() else run) / "plots"
     order = Order(folder, formats, chosen_joints(joints, source.poses.joint_names))
     check_output(folder)
     drawn = _draw(source, order, pictures, shown=not quiet)
@@ -129,7 +114,7 @@ def plot(
         if not picture.files and (quiet or as_json):
             typer.echo(f"warning: {picture.name} left out: {picture.sentence}", err=True)
     if as_json:
-        typer.echo(to_text(_report(source, drawn)), nl=False)
+        print_json(_report(source, drawn))
     elif not quiet:
         _tell(folder, drawn)
 
