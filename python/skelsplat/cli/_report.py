@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from skelsplat.cli._pipeline import Inputs, Outcome
     from skelsplat.cli._statistics import Group
 
-_MEANINGS = {
+MEANINGS = {
     "mean_weight": "mean weight k of the detections used, 0 to 1: how far they are believed",
     "down_weighted": "detections used whose weight is below down_weighted_below, the rejected among them",
     "rejected": "detections used whose weight is below rejected_below: they hardly pull on the pose",
@@ -55,7 +55,7 @@ def build_report(
         "preset": "paper" if job.paper else "default",
         "settings": outcome.config.to_dict(),
         "ground_truth": None,
-        "meanings": _MEANINGS,
+        "meanings": MEANINGS,
         "reprojection_error": {
             "meaning": _MEANING,
             "down_weighted_below": DOWN_WEIGHTED,

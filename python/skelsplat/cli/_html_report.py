@@ -1,0 +1,254 @@
+"""``report.html``: what a run says, as arrays and plain values for the page of `skelsplat.viz`."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import skelsplat as sk
+from skelsplat.cli._figures import start_name, world_up
+from skelsplat.cli._problems import frame_medians, runs_in_words
+from skelsplat.cli._report import MEANINGS
+from skelsplat.cli._statistics import DOWN_WEIGHTED, finite_max, finite_median
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import numpy.typing as npt
+
+    from skelsplat.cli._job import Job
+    from skelsplat.cli._pipeline import Inputs, Outcome
+    from skelsplat.cli._problems import Problem
+    from skelsplat.cli._statistics import Group, Statistics
+    from skelsplat.io import PoseData
+    from skelsplat.viz import report as page
+
+    Array = npt.NDArray[np.float64]
+
+NAME = "report.html"
+
+
+def write_html_report(
+    job: Job,
+    inputs: Inputs,
+    outcome: Outcome,
+    statistics: Statistics,
+    *,
+    poses: PoseData,
+    problems: Sequence[Problem],
+    remarks: dict[str, Any],
+) -> list[str]:
+    """Write ``report.html`` and return its name; ``poses`` are those written, filled and filtered.
+
+    ``remarks`` are the warnings and doubts, lists of sentences.
+    """
+    from skelsplat.viz import report as page  # matplotlib takes long to load, and --help does without
+
+    data = page.ReportData(
+        title=f"SkelSplat: {job.detections.name}",
+        facts=_facts(job, inputs),
+        distrust=[*remarks["doubts"], *remarks["warnings"]],
+        notes=_notes(job, poses),
+        numbers=_numbers(inputs, statistics, problems),
+        sequence=_sequence(job, inputs, outcome, poses),
+        shapes=camera_shapes(inputs.rig),
+        cameras=_camera_table(statistics),
+        joints=_joint_table(inputs, statistics),
+        heat=page.HeatMaps(
+            errors_px=_by_view_and_joint(statistics.error_after, finite_median),
+            rejected=_shares(statistics),
+        ),
+        lines=_lines(job, inputs, outcome, statistics),
+        problems=[page.ProblemRow(*run) for run in runs_in_words(problems)],
+    )
+    page.write_report(job.out / NAME, data)
+    return [NAME]
+
+
+def camera_shapes(rig: sk.CameraRig) -> page.CameraShapes:
+    """Return where the cameras stand and the rays to the corners of their images, in mm."""
+    from skelsplat.viz import report as page  # as in write_html_report
+
+    corners = []
+    for camera in rig:
+        width, height = camera.size
+        pixels = np.array([[-0.5, -0.5], [width - 0.5, -0.5], [width - 0.5, height - 0.5], [-0.5, height - 0.5]])
+        rays = np.hstack([pixels, np.ones((4, 1))]) @ np.linalg.inv(camera.K).T
+        corners.append(rays @ np.asarray(camera.R))
+    centres = np.array([camera.centre for camera in rig]) * rig.mm_per_unit
+    return page.CameraShapes(rig.names, centres, np.array(corners))
+
+
+def _facts(job: Job, inputs: Inputs) -> list[tuple[str, str]]:
+    frames = inputs.frames
+    span = f"{len(frames):,}, {frames[0]} to {frames[-1]}" if len(frames) > 1 else f"1, number {frames[0]}"
+    return [
+        ("calibration", str(job.calibration)),
+        ("detections", f"{job.detections} ({inputs.format})"),
+        ("layout", f"{inputs.layout.name}, {inputs.layout.n_joints} joints"),
+        ("cameras", str(len(inputs.rig))),
+        ("frames", span),
+        ("rate", "not given" if job.fps is None else f"{job.fps:g} per second"),
+        ("preset", "paper" if job.paper else "default"),
+        ("unit of the calibration", inputs.rig.unit),
+        ("skelsplat", sk.__version__),
+    ]
+
+
+def _notes(job: Job, poses: PoseData) -> list[str]:
+    speed = "" if job.fps is not None else " The frame rate is not known; 1 × plays 30 frames per second."
+    return [
+        *([job.note] if job.note else []),
+        *poses.processing,
+        f"Before is the {start_name(job)}; refined is what the pose files hold. Reprojection errors are "
+        "distances from the detections used, px of the original images: agreement with them, not accuracy.",
+        f"Weight: how far a detection is believed, 0 to 1; down-weighted below {DOWN_WEIGHTED:g}, rejected "
+        f"below {sk.REJECTED_WEIGHT:g}. Error bar: one standard deviation per axis.",
+        f"The 3D view is in metres of the calibration's world; ellipsoids are drawn at two standard "
+        f"deviations, and hollow joints are not ok.{speed}",
+    ]
+
+
+def _numbers(inputs: Inputs, statistics: Statistics, problems: Sequence[Problem]) -> list[page.KeyNumber]:
+    from skelsplat.viz.report import KeyNumber  # as in write_html_report
+
+    total, frames = statistics.total, len(inputs.frames)
+    error = f"{_number(total.before_px)} → {_number(total.after_px)} px"
+    largest = finite_max(statistics.error_bar_mm)
+    return [
+        KeyNumber("median reprojection error", error, "before → refined"),
+        KeyNumber("detections rejected", _share(total.rejected, total.used), f"of {total.used:,} used"),
+        KeyNumber(
+            "noise of the detections",
+            f"{_number(statistics.noise_px)} px",
+            f"{_number(statistics.noise_mm)} mm across the ray, estimated",
+        ),
+        KeyNumber(
+            "median error bar",
+            f"{_number(finite_median(statistics.error_bar_mm))} mm",
+            f"largest {_number(largest, 0)} mm",
+        ),
+        KeyNumber("frames with a problem", f"{len(problems):,} of {frames:,}", "listed below"),
+    ]
+
+
+def _sequence(job: Job, inputs: Inputs, outcome: Outcome, poses: PoseData) -> page.Sequence3D:
+    from skelsplat import viz  # as in write_html_report
+
+    mm, layout = inputs.rig.mm_per_unit, inputs.layout
+    return viz.report.Sequence3D(
+        start=outcome.start * mm,
+        refined=poses.pose * mm,
+        uncertainty=poses.uncertainty * mm**2,
+        status=poses.joint_status,
+        frames=inputs.frames,
+        frame_rate=job.fps,
+        joint_names=layout.joints,
+        skeleton=viz.Skeleton(limbs=tuple(layout.limbs), left_right=tuple(layout.left_right)),
+        up=world_up(inputs.rig),
+        start_name=start_name(job),
+    )
+
+
+_SHARED = (
+    ("median [px]", "median reprojection error, before → refined"),
+    ("90th percentile [px]", "of the reprojection error, before → refined"),
+    ("used", "detections used"),
+    ("missing", "no detection there"),
+    ("left out", "detections below the least confidence, or of a joint without a position"),
+    ("down-weighted", MEANINGS["down_weighted"]),
+    ("rejected", MEANINGS["rejected"]),
+    ("weight", MEANINGS["mean_weight"]),
+    ("swapped", MEANINGS["swapped"]),
+)
+_OF_JOINTS = (
+    ("views used", "views whose detection is used and not rejected: median over the frames (least)"),
+    ("error bar [mm]", "standard deviation of the joint per axis: median over the frames (largest)"),
+    ("moved [mm]", "median distance of the refined joint from its start"),
+)
+
+
+def _camera_table(statistics: Statistics) -> page.Table:
+    from skelsplat.viz.report import Column, Table  # as in write_html_report
+
+    return Table(
+        columns=[Column("camera"), *(Column(*column) for column in _SHARED)],
+        rows=[_cells(group) for group in statistics.cameras],
+        total=_cells(statistics.total),
+    )
+
+
+def _joint_table(inputs: Inputs, statistics: Statistics) -> page.Table:
+    from skelsplat.viz.report import Column, Table  # as in write_html_report
+
+    rows = []
+    for j, group in enumerate(statistics.joints):
+        views, bars = statistics.views_used[:, j], statistics.error_bar_mm[:, j]
+        own = [
+            f"{np.median(views):g} ({views.min()})",
+            f"{_number(finite_median(bars))} ({_number(finite_max(bars), 0)})",
+            _number(finite_median(statistics.moved_mm[:, j])),
+        ]
+        rows.append([*_cells(group), *own])
+    columns = [Column("joint"), *(Column(*column) for column in (*_SHARED, *_OF_JOINTS))]
+    columns[-3] = Column(f"views used, of {len(inputs.rig)}", columns[-3].meaning)
+    return Table(columns, rows)
+
+
+def _cells(group: Group) -> list[str]:
+    return [
+        group.name,
+        f"{_number(group.before_px)} → {_number(group.after_px)}",
+        f"{_number(group.p90_before_px)} → {_number(group.p90_after_px)}",
+        f"{group.used:,}",
+        f"{group.missing:,}",
+        f"{group.left_out:,}",
+        _share(group.down_weighted, group.used),
+        _share(group.rejected, group.used),
+        _number(group.mean_weight, 2),
+        f"{group.swapped:,}",
+    ]
+
+
+def _lines(job: Job, inputs: Inputs, outcome: Outcome, statistics: Statistics) -> list[page.TimeLine]:
+    from skelsplat.viz.report import TimeLine  # as in write_html_report
+
+    used = np.isfinite(statistics.error_after)
+    swapped = (used & np.asarray(outcome.result.swapped)).sum(axis=(1, 2))
+    bars = np.fmax.reduce(statistics.error_bar_mm, axis=1)
+    noise = np.asarray(outcome.result.noise) * inputs.rig.mm_per_unit
+    return [
+        TimeLine(
+            "Median reprojection error",
+            "px",
+            frame_medians(statistics.error_after),
+            beside=frame_medians(statistics.error_before),
+            beside_name=start_name(job),
+        ),
+        TimeLine("Noise of the detections, estimated", "mm", noise),
+        TimeLine("Detections rejected", "", statistics.rejected.sum(axis=(1, 2)).astype(float), peaks=True),
+        TimeLine("Detections with left and right exchanged", "", swapped.astype(float), peaks=True),
+        TimeLine("Largest error bar", "mm", bars, peaks=True),
+    ]
+
+
+def _by_view_and_joint(values: Array, of: Any) -> Array:
+    """Return ``of`` the values (T, M, N) of every view and joint, (M, N)."""
+    _, views, joints = values.shape
+    return np.array([[of(values[:, i, j]) for j in range(joints)] for i in range(views)])
+
+
+def _shares(statistics: Statistics) -> Array:
+    used = np.isfinite(statistics.error_after).sum(axis=0)
+    shares: Array = np.where(used > 0, statistics.rejected.sum(axis=0) / np.maximum(used, 1), np.nan)
+    return shares
+
+
+def _share(count: int, of: int) -> str:
+    return f"{100 * count / of:.1f}%" if of else "–"
+
+
+def _number(value: float, digits: int = 1) -> str:
+    return f"{value:,.{digits}f}" if math.isfinite(value) else "–"
