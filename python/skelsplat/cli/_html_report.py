@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,29 +31,42 @@ if TYPE_CHECKING:
 NAME = "report.html"
 
 
+@dataclass(frozen=True)
+class Findings:
+    """What the page shows beside the statistics.
+
+    Parameters
+    ----------
+    poses
+        Those that are written: filled and filtered, if that was asked for.
+    problems
+        Frames to look at.
+    distrust
+        Sentences: doubts and warnings.
+    """
+
+    poses: PoseData
+    problems: Sequence[Problem]
+    distrust: Sequence[str]
+
+
 def write_html_report(
     job: Job,
     inputs: Inputs,
     outcome: Outcome,
     statistics: Statistics,
-    *,
-    poses: PoseData,
-    problems: Sequence[Problem],
-    remarks: dict[str, Any],
+    findings: Findings,
 ) -> list[str]:
-    """Write ``report.html`` and return its name; ``poses`` are those written, filled and filtered.
-
-    ``remarks`` are the warnings and doubts, lists of sentences.
-    """
+    """Write ``report.html`` and return its name."""
     from skelsplat.viz import report as page  # matplotlib takes long to load, and --help does without
 
     data = page.ReportData(
         title=f"SkelSplat: {job.detections.name}",
         facts=_facts(job, inputs),
-        distrust=[*remarks["doubts"], *remarks["warnings"]],
-        notes=_notes(job, poses),
-        numbers=_numbers(inputs, statistics, problems),
-        sequence=_sequence(job, inputs, outcome, poses),
+        distrust=findings.distrust,
+        notes=_notes(job, findings.poses),
+        numbers=_numbers(inputs, statistics, findings.problems),
+        sequence=_sequence(job, inputs, outcome, findings.poses),
         shapes=camera_shapes(inputs.rig),
         cameras=_camera_table(statistics),
         joints=_joint_table(inputs, statistics),
@@ -61,7 +75,7 @@ def write_html_report(
             rejected=_shares(statistics),
         ),
         lines=_lines(job, inputs, outcome, statistics),
-        problems=[page.ProblemRow(*run) for run in runs_in_words(problems)],
+        problems=[page.ProblemRow(*run) for run in runs_in_words(findings.problems)],
     )
     page.write_report(job.out / NAME, data)
     return [NAME]
@@ -74,7 +88,9 @@ def camera_shapes(rig: sk.CameraRig) -> page.CameraShapes:
     corners = []
     for camera in rig:
         width, height = camera.size
-        pixels = np.array([[-0.5, -0.5], [width - 0.5, -0.5], [width - 0.5, height - 0.5], [-0.5, height - 0.5]])
+        pixels = np.array(
+            [[-0.5, -0.5], [width - 0.5, -0.5], [width - 0.5, height - 0.5], [-0.5, height - 0.5]]
+        )
         rays = np.hstack([pixels, np.ones((4, 1))]) @ np.linalg.inv(camera.K).T
         corners.append(rays @ np.asarray(camera.R))
     centres = np.array([camera.centre for camera in rig]) * rig.mm_per_unit
@@ -158,8 +174,11 @@ _SHARED = (
     ("used", "detections used"),
     ("missing", "no detection there"),
     ("left out", "detections below the least confidence, or of a joint without a position"),
-    ("down-weighted", MEANINGS["down_weighted"]),
-    ("rejected", MEANINGS["rejected"]),
+    ("down-weighted", f"detections used whose weight is below {DOWN_WEIGHTED:g}, the rejected among them"),
+    (
+        "rejected",
+        f"detections used whose weight is below {sk.REJECTED_WEIGHT:g}: they hardly pull on the pose",
+    ),
     ("weight", MEANINGS["mean_weight"]),
     ("swapped", MEANINGS["swapped"]),
 )

@@ -91,9 +91,7 @@ def find_problems(
         *_error_bars(statistics, status, inputs.layout.joints),
     ]:
         reasons[t].append(reason)
-    return [
-        Problem(t, int(inputs.frames[t]), tuple(found)) for t, found in enumerate(reasons) if found
-    ]
+    return [Problem(t, int(inputs.frames[t]), tuple(found)) for t, found in enumerate(reasons) if found]
 
 
 def runs_in_words(problems: Sequence[Problem]) -> list[tuple[int, int, str]]:
@@ -134,11 +132,9 @@ def _statuses(
         yield from _named(kind, where, joints)
 
 
-def _swaps(
-    statistics: Statistics, swapped: Mask, cameras: Sequence[str]
-) -> Iterator[tuple[int, Reason]]:
+def _swaps(statistics: Statistics, swapped: Mask, cameras: Sequence[str]) -> Iterator[tuple[int, Reason]]:
     used = np.isfinite(statistics.error_after)
-    yield from _named("swapped", (swapped & used).any(axis=2), cameras)
+    yield from _named("swapped", np.asarray((swapped & used).any(axis=2)), cameras)
 
 
 def _rejected(statistics: Statistics) -> Iterator[tuple[int, Reason]]:
@@ -168,7 +164,7 @@ def _error_bars(
 
 def _named(kind: str, where: Mask, names: Sequence[str]) -> Iterator[tuple[int, Reason]]:
     for t in np.flatnonzero(where.any(axis=1)):
-        yield int(t), Reason(kind, tuple(names[k] for k in np.flatnonzero(where[t])))
+        yield int(t), Reason(kind, tuple(names[int(k)] for k in np.flatnonzero(where[t])))
 
 
 def frame_medians(values: Array) -> Array:

@@ -10,7 +10,7 @@ from rich.console import Console
 from skelsplat.cli._doubts import find_doubts
 from skelsplat.cli._figures import write_figures
 from skelsplat.cli._html_report import NAME as PAGE
-from skelsplat.cli._html_report import write_html_report
+from skelsplat.cli._html_report import Findings, write_html_report
 from skelsplat.cli._json import print_json, to_text
 from skelsplat.cli._over_time import apply_over_time
 from skelsplat.cli._pipeline import collected_warnings, read_inputs, refine_inputs
@@ -71,8 +71,8 @@ def run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
     atomic_write_text(job.out / REPORT, to_text(report))
     names += [REPORT, *write_figures(job, inputs, outcome, statistics)]
     if job.html:
-        found = {"poses": poses, "problems": problems, "remarks": remarks}
-        names += write_html_report(job, inputs, outcome, statistics, **found)
+        findings = Findings(poses, problems, distrust=[*doubts, *warnings])
+        names += write_html_report(job, inputs, outcome, statistics, findings)
     for name in {*_PICTURES, PAGE} - set(names):
         (job.out / name).unlink(missing_ok=True)  # of another run: it would belong to other results
     if verbosity.as_json or verbosity.quiet:

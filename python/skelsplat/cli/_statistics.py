@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 # A detection is called poor beyond this share of the image's diagonal: 22 px at 1920 × 1080, some 40 mm on a
 # person who fills the longer side.
 POOR_SHARE = 0.01
-# A detection is called down-weighted if it is believed by less than half. With the kernel twice as wide as the
-# noise that is 3.3 standard deviations from the joint, which one in 250 sound detections exceeds.
+# A detection is called down-weighted if it is believed by less than half. With the kernel twice as wide as
+# the noise that is 3.3 standard deviations from the joint, which one in 250 sound detections exceeds.
 DOWN_WEIGHTED = 0.5
 
 

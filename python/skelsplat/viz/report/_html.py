@@ -53,7 +53,9 @@ def table(content: Table) -> str:
 def meanings(content: Table) -> str:
     """Return what the columns mean, for print and for readers without a pointer."""
     said = [
-        f"<b>{escape(column.head)}</b> {escape(column.meaning)}" for column in content.columns if column.meaning
+        f"<b>{escape(column.head)}</b> {escape(column.meaning)}"
+        for column in content.columns
+        if column.meaning
     ]
     return "; ".join(said) + "."
 

@@ -43,7 +43,7 @@ def pack_spreads(covariances: Array) -> dict[str, Any]:
 
     A root turns the unit sphere into the ellipsoid of one standard deviation. None is wider than 2 m.
     """
-    known = np.isfinite(covariances).all(axis=(-2, -1))
+    known = np.asarray(np.isfinite(covariances).all(axis=(-2, -1)))
     values, vectors = np.linalg.eigh(np.where(known[..., None, None], covariances, 0.0))
     widths = np.sqrt(np.clip(values, 0.0, _WIDEST_MM**2))
     roots = (vectors * widths[..., None, :]) @ np.swapaxes(vectors, -2, -1)

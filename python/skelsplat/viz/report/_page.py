@@ -48,7 +48,7 @@ def write_report(path: str | os.PathLike[str], data: ReportData) -> Path:
 
 def build_page(data: ReportData) -> str:
     """Return the page's text."""
-    from plotly.offline import get_plotlyjs  # 5 MB of text that only this needs
+    from plotly.offline import get_plotlyjs  # type: ignore[import-untyped]  # slow, and only needed here
 
     sequence = data.sequence
     wanted = [number for row in data.problems for number in (row.first, row.last)]
@@ -122,9 +122,9 @@ def _thinned(count: int, shown: int, every: int) -> list[str]:
     if shown == count:
         return []
     return [
-        f"Of {count:,} frames the 3D view and the time lines have {shown:,}: every {every}th, and frames with a "
-        "problem. Time lines of counts and of largest values keep the highest between two of them. Tables and "
-        "heat map are of all frames."
+        f"Of {count:,} frames the 3D view and the time lines have {shown:,}: one in {every}, and frames with "
+        "a problem. Time lines of counts and of largest values keep the highest between two of them. Tables "
+        "and heat map are of all frames."
     ]
 
 

@@ -25,9 +25,7 @@ _DEPTH, _DEPTH_MM = 0.09, (40.0, 600.0)
 _SIDES = {_style.LEFT: 0, _style.RIGHT: 1, _style.MIDDLE: 2}
 
 
-def pack_scene(
-    sequence: Sequence3D, shapes: CameraShapes, places: npt.NDArray[np.int64]
-) -> dict[str, Any]:
+def pack_scene(sequence: Sequence3D, shapes: CameraShapes, places: npt.NDArray[np.int64]) -> dict[str, Any]:
     """Return the sequence at ``places`` for the page: axes turned so that the third points up."""
     turn, axes = upright(sequence.up)
     refined = sequence.refined[places] @ turn.T
@@ -49,6 +47,7 @@ def pack_scene(
         "spread": pack_spreads(turn @ sequence.uncertainty[places] @ turn.T),
         "status": pack_labels(sequence.status[places]),
         "reach": [low.tolist(), high.tolist()],
+        "floor_mm": _floor(sequence.refined @ turn.T, float(low[2])),
         "cameras": _cameras(shapes, turn, (low + high) / 2),
     }
 
@@ -67,7 +66,7 @@ def upright(up: Array) -> tuple[Array, list[str]]:
 
 
 def reach(poses: Array) -> tuple[Array, Array]:
-    """Return the corners of the box that holds the joints of (T, N, 3), but for stray ones; 1 m if none is."""
+    """Return the corners of the box of the joints of (T, N, 3), but for stray ones; 1 m without any."""
     known = poses[np.isfinite(poses).all(axis=-1)]
     if not len(known):
         return np.full(3, -500.0), np.full(3, 500.0)
@@ -76,6 +75,13 @@ def reach(poses: Array) -> tuple[Array, Array]:
         np.maximum(known.min(axis=0), low - _MARGIN_MM / 2),
         np.minimum(known.max(axis=0), high + _MARGIN_MM / 2),
     )
+
+
+def _floor(poses: Array, low: float) -> float:
+    """Return the median height of a frame's lowest joint, and ``low`` if there is none."""
+    lowest = np.fmin.reduce(poses[..., 2], axis=1)
+    known = lowest[np.isfinite(lowest)]
+    return float(np.median(known)) if len(known) else low
 
 
 def _cameras(shapes: CameraShapes, turn: Array, middle: Array) -> list[dict[str, Any]]:

@@ -70,7 +70,7 @@ function drawLines() {
       rangemode: "tozero", nticks: 4, fixedrange: true,
     };
     layout.annotations.push({
-      text: `${escaped(line.title)}${unit}${line.beside ? ` (grey: ${escaped(line.beside_name)})` : ""}`,
+      text: `${escaped(line.title)}${unit}${line.beside && charts.lines.clientWidth > 520 ? ` (grey: ${escaped(line.beside_name)})` : ""}`,
       xref: "paper", yref: "paper", x: 0, y: top, xanchor: "left", yanchor: "bottom", showarrow: false,
     });
     const base = { x: frames, yaxis: name, mode, marker: { size: 4 }, type: "scatter" };

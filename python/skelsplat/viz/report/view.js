@@ -3,7 +3,11 @@
 
 const EMPTY = coordinates();
 const MOST_LABELS = 60;
-const CONFIG = { displaylogo: false, responsive: true, scrollZoom: true };
+const MOST_PATH = 300; // points; every trace is drawn anew with every frame
+const CONFIG = {
+  displaylogo: false, responsive: true, scrollZoom: true,
+  plotGlPixelRatio: Math.min(Math.max(devicePixelRatio, 1), 2), // 2 by default: four times the pixels of most screens
+};
 let colourOfSide = [];
 
 const view = {
@@ -91,7 +95,9 @@ function pyramid(camera) {
   return [[a, b, c, d, a], [a, centre, b], [c, centre, d], [a, above, b]];
 }
 
-// The corners of the space: the person's way and all cameras.
+// The space: the person's way (reach) and all cameras, with room for a start that lies outside.
+const SPACE = space();
+
 function space() {
   const reach = scene.reach.map((corner) => corner.map((mm) => mm / 1000));
   const points = scene.cameras.flatMap((camera) => [camera.centre, ...camera.corners]);
@@ -100,14 +106,14 @@ function space() {
   return { low: low.map((value) => value - 1.6), high: high.map((value) => value + 1.6), reach };
 }
 
-// A square grid below the lowest joint, a metre beyond the person's way, and the world's axes at its corner.
+// A square grid at the height of the feet, half a metre or more beyond the person's way, and the world's axes at its corner.
 function floor() {
-  const [low, high] = space().reach;
+  const [low, high] = SPACE.reach;
   const extent = Math.max(high[0] - low[0], high[1] - low[1]) + 2;
-  const cell = [0.1, 0.25, 0.5, 1, 2, 5, 10, 50, 100].find((size) => extent / size <= 24) ?? extent / 24;
+  const cell = [0.1, 0.25, 0.5, 1, 2, 5, 10, 50, 100].find((size) => extent / size <= 12) ?? extent / 12;
   const from = [0, 1].map((axis) => Math.floor((low[axis] - 0.6) / cell));
   const to = [0, 1].map((axis) => Math.ceil((high[axis] + 0.6) / cell));
-  const height = low[2];
+  const height = scene.floor_mm / 1000;
   const lines = coordinates();
   const add = (a, b) => [[...a, height], [...b, height], null].forEach((point) => push(lines, point));
   for (let k = from[0]; k <= to[0]; k += 1) add([k * cell, from[1] * cell], [k * cell, to[1] * cell]);
@@ -122,13 +128,15 @@ function floor() {
   });
   const where = `${(1000 * height).toFixed(0)} mm`;
   document.getElementById("grid-size").textContent =
-    `floor grid: ${cell} m squares, at ${scene.axes[2]} = ${where} (the lowest joint)`;
+    `floor grid: ${cell} m squares at ${scene.axes[2]} = ${where}, the usual height of the lowest joint`;
   return { lines, axes, texts, height };
 }
 
+// Where the person went, on the floor: the middle joint of some hundred frames.
 function pathOnFloor(height) {
   const line = coordinates();
-  for (let t = 0; t < scene.count; t += 1) {
+  const every = Math.ceil(scene.count / MOST_PATH);
+  for (let t = 0; t < scene.count; t += every) {
     const point = middle(scene.refined, t);
     push(line, point ? [point[0], point[1], height] : null);
   }
@@ -136,7 +144,7 @@ function pathOnFloor(height) {
 }
 
 function sceneLayout() {
-  const { low, high } = space();
+  const { low, high } = SPACE;
   const axis = (k) => ({ visible: false, range: [low[k], high[k]], autorange: false });
   const length = high.map((value, k) => value - low[k]);
   return {
@@ -148,13 +156,13 @@ function sceneLayout() {
 
 // A point in metres as Plotly's camera counts: from the middle of the space.
 function inView(point) {
-  const { low, high } = space();
+  const { low, high } = SPACE;
   return point.map((value, k) => value - (low[k] + high[k]) / 2);
 }
 
-// A camera that sees the person's way, or all cameras, from in front of the first camera's side.
+// A camera that sees the person's way, or all cameras, from a little above.
 function lookAt(what) {
-  const { low, high, reach } = space();
+  const { low, high, reach } = SPACE;
   const [from, to] = what === "person" ? reach : [low, high];
   const centre = inView([0, 1, 2].map((k) => (from[k] + to[k]) / 2));
   const across = Math.hypot(to[0] - from[0], to[1] - from[1], to[2] - from[2]);
