@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -10,8 +9,8 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat.cli._figures import start_name, world_up
+from skelsplat.cli._html_tables import camera_table, joint_table, number, share
 from skelsplat.cli._problems import frame_medians, runs_in_words
-from skelsplat.cli._report import MEANINGS
 from skelsplat.cli._statistics import DOWN_WEIGHTED, finite_max, finite_median
 
 if TYPE_CHECKING:
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
     from skelsplat.cli._job import Job
     from skelsplat.cli._pipeline import Inputs, Outcome
     from skelsplat.cli._problems import Problem
-    from skelsplat.cli._statistics import Group, Statistics
+    from skelsplat.cli._statistics import Statistics
     from skelsplat.io import PoseData
     from skelsplat.viz import report as page
 
@@ -68,8 +67,8 @@ def write_html_report(
         numbers=_numbers(inputs, statistics, findings.problems),
         sequence=_sequence(job, inputs, outcome, findings.poses),
         shapes=camera_shapes(inputs.rig),
-        cameras=_camera_table(statistics),
-        joints=_joint_table(inputs, statistics),
+        cameras=camera_table(statistics),
+        joints=joint_table(inputs, statistics),
         heat=page.HeatMaps(
             errors_px=_by_view_and_joint(statistics.error_after, finite_median),
             rejected=_shares(statistics),
@@ -131,20 +130,20 @@ def _numbers(inputs: Inputs, statistics: Statistics, problems: Sequence[Problem]
     from skelsplat.viz.report import KeyNumber  # as in write_html_report
 
     total, frames = statistics.total, len(inputs.frames)
-    error = f"{_number(total.before_px)} → {_number(total.after_px)} px"
+    error = f"{number(total.before_px)} → {number(total.after_px)} px"
     largest = finite_max(statistics.error_bar_mm)
     return [
         KeyNumber("median reprojection error", error, "before → refined"),
-        KeyNumber("detections rejected", _share(total.rejected, total.used), f"of {total.used:,} used"),
+        KeyNumber("detections rejected", share(total.rejected, total.used), f"of {total.used:,} used"),
         KeyNumber(
             "noise of the detections",
-            f"{_number(statistics.noise_px)} px",
-            f"{_number(statistics.noise_mm)} mm across the ray, estimated",
+            f"{number(statistics.noise_px)} px",
+            f"{number(statistics.noise_mm)} mm across the ray, estimated",
         ),
         KeyNumber(
             "median error bar",
-            f"{_number(finite_median(statistics.error_bar_mm))} mm",
-            f"largest {_number(largest, 0)} mm",
+            f"{number(finite_median(statistics.error_bar_mm))} mm",
+            f"largest {number(largest, 0)} mm",
         ),
         KeyNumber("frames with a problem", f"{len(problems):,} of {frames:,}", "listed below"),
     ]
@@ -166,69 +165,6 @@ def _sequence(job: Job, inputs: Inputs, outcome: Outcome, poses: PoseData) -> pa
         up=world_up(inputs.rig),
         start_name=start_name(job),
     )
-
-
-_SHARED = (
-    ("median [px]", "median reprojection error, before → refined"),
-    ("90th percentile [px]", "of the reprojection error, before → refined"),
-    ("used", "detections used"),
-    ("missing", "no detection there"),
-    ("left out", "detections below the least confidence, or of a joint without a position"),
-    ("down-weighted", f"detections used whose weight is below {DOWN_WEIGHTED:g}, the rejected among them"),
-    (
-        "rejected",
-        f"detections used whose weight is below {sk.REJECTED_WEIGHT:g}: they hardly pull on the pose",
-    ),
-    ("weight", MEANINGS["mean_weight"]),
-    ("swapped", MEANINGS["swapped"]),
-)
-_OF_JOINTS = (
-    ("views used", "views whose detection is used and not rejected: median over the frames (least)"),
-    ("error bar [mm]", "standard deviation of the joint per axis: median over the frames (largest)"),
-    ("moved [mm]", "median distance of the refined joint from its start"),
-)
-
-
-def _camera_table(statistics: Statistics) -> page.Table:
-    from skelsplat.viz.report import Column, Table  # as in write_html_report
-
-    return Table(
-        columns=[Column("camera"), *(Column(*column) for column in _SHARED)],
-        rows=[_cells(group) for group in statistics.cameras],
-        total=_cells(statistics.total),
-    )
-
-
-def _joint_table(inputs: Inputs, statistics: Statistics) -> page.Table:
-    from skelsplat.viz.report import Column, Table  # as in write_html_report
-
-    rows = []
-    for j, group in enumerate(statistics.joints):
-        views, bars = statistics.views_used[:, j], statistics.error_bar_mm[:, j]
-        own = [
-            f"{np.median(views):g} ({views.min()})",
-            f"{_number(finite_median(bars))} ({_number(finite_max(bars), 0)})",
-            _number(finite_median(statistics.moved_mm[:, j])),
-        ]
-        rows.append([*_cells(group), *own])
-    columns = [Column("joint"), *(Column(*column) for column in (*_SHARED, *_OF_JOINTS))]
-    columns[-3] = Column(f"views used, of {len(inputs.rig)}", columns[-3].meaning)
-    return Table(columns, rows)
-
-
-def _cells(group: Group) -> list[str]:
-    return [
-        group.name,
-        f"{_number(group.before_px)} → {_number(group.after_px)}",
-        f"{_number(group.p90_before_px)} → {_number(group.p90_after_px)}",
-        f"{group.used:,}",
-        f"{group.missing:,}",
-        f"{group.left_out:,}",
-        _share(group.down_weighted, group.used),
-        _share(group.rejected, group.used),
-        _number(group.mean_weight, 2),
-        f"{group.swapped:,}",
-    ]
 
 
 def _lines(job: Job, inputs: Inputs, outcome: Outcome, statistics: Statistics) -> list[page.TimeLine]:
@@ -263,11 +199,3 @@ def _shares(statistics: Statistics) -> Array:
     used = np.isfinite(statistics.error_after).sum(axis=0)
     shares: Array = np.where(used > 0, statistics.rejected.sum(axis=0) / np.maximum(used, 1), np.nan)
     return shares
-
-
-def _share(count: int, of: int) -> str:
-    return f"{100 * count / of:.1f}%" if of else "–"
-
-
-def _number(value: float, digits: int = 1) -> str:
-    return f"{value:,.{digits}f}" if math.isfinite(value) else "–"

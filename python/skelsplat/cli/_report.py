@@ -27,8 +27,8 @@ MEANINGS = {
     "noise": "standard deviation of the detections' noise, estimated, median over the frames",
     "error_bar": "standard deviation of a joint: root mean square over the axes of the posterior covariance",
     "start": "what before_px and moved are measured from: the initial pose if one was given, else DLT",
-    "frames_with_a_problem": "frames to look at, by number, each with its reasons in words; what holds for the "
-    "whole recording is among the doubts instead",
+    "frames_with_a_problem": "frames to look at, by number, each with its reasons in words; what holds for "
+    "the whole recording is among the doubts instead",
 }
 _MEANING = (
     "distance of the pose's projection from the detection in px of the original image, over the detections "
