@@ -10,7 +10,7 @@ import pytest
 
 import skelsplat as sk
 from command_line import READ, invoke
-from skelsplat.cli._problems import Problem, Reason, find_problems, runs_in_words
+from skelsplat.cli._problems import Problem, Reason, _named, find_problems, runs_in_words
 
 T, M, N = 20, 4, 3
 
@@ -74,6 +74,11 @@ def test_what_stands_out_of_a_recording_is_named(found, part, index, value, word
 )
 def test_what_holds_throughout_and_single_rejections_are_no_problem_of_a_frame(found, part, index, value):
     assert found(**{part: (index, value)}) == {}
+
+
+def test_many_names_are_counted():
+    where = np.ones((1, 9), dtype=bool)
+    assert [reason.words for _, reason in _named("weak", where, "abcdefghi")] == ["depth not fixed (weak): 9 of 9"]
 
 
 def test_a_third_rejected_is_a_problem_even_if_it_is_usual(found):

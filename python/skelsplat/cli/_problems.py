@@ -29,6 +29,7 @@ _SHARE, _HIGH_SHARE = 0.1, 1 / 3
 _BAR_RATIO = 2.0
 # A way to stop that most frames share says nothing about one of them.
 _MOSTLY = 0.5
+_MOST_NAMES = 6
 
 _WORDS = {
     "no_observations": "no detection could be used",
@@ -126,10 +127,10 @@ def _stops(outcome: Outcome) -> Iterator[tuple[int, Reason]]:
 def _statuses(
     status: npt.NDArray[np.str_], empty: Mask, joints: Sequence[str]
 ) -> Iterator[tuple[int, Reason]]:
-    for kind in ("unobserved", "weak", "filled"):
-        where = (status == kind) & ~empty[:, None]
-        where[:, (status == "unobserved").all(axis=0)] = False
-        yield from _named(kind, where, joints)
+    everywhere = (status == "unobserved").all(axis=0)
+    yield from _named("unobserved", (status == "unobserved") & ~empty[:, None] & ~everywhere, joints)
+    for kind in ("weak", "filled"):
+        yield from _named(kind, status == kind, joints)
 
 
 def _swaps(statistics: Statistics, swapped: Mask, cameras: Sequence[str]) -> Iterator[tuple[int, Reason]]:
@@ -163,8 +164,10 @@ def _error_bars(
 
 
 def _named(kind: str, where: Mask, names: Sequence[str]) -> Iterator[tuple[int, Reason]]:
+    """Yield a reason with the names of every frame's True; of many, with their number."""
     for t in np.flatnonzero(where.any(axis=1)):
-        yield int(t), Reason(kind, tuple(names[int(k)] for k in np.flatnonzero(where[t])))
+        named = tuple(names[int(k)] for k in np.flatnonzero(where[t]))
+        yield int(t), Reason(kind, named if len(named) <= _MOST_NAMES else (f"{len(named)} of {len(names)}",))
 
 
 def frame_medians(values: Array) -> Array:

@@ -38,15 +38,15 @@ function drawHeat(kind) {
   const trace = {
     type: "heatmap", z: rows, customdata: hover, xgap: 1, ygap: 1, zmin: 0,
     colorscale: dark ? [[0, "#1f2a30"], [0.5, "#2f7fb0"], [1, "#bfe4ff"]] : [[0, "#f2f7fb"], [0.5, "#5ba3cf"], [1, "#08306b"]],
-    zmax: kind === "rejected" ? 100 : undefined, hovertemplate: `%{customdata}<br>${words}<extra></extra>`,
+    zmax: kind === "rejected" ? 100 : Math.max(1e-9, ...rows.flat()), hovertemplate: `%{customdata}<br>${words}<extra></extra>`,
     texttemplate: numbers ? format : "", colorbar: { title: { text: title }, thickness: 12, outlinewidth: 0 },
   };
   const some = Math.ceil(joints.length / Math.max(4, Math.floor(charts.heat.clientWidth / 18)));
   const ticks = joints.map((_, j) => j).filter((j) => j % some === 0);
   const layout = {
     ...baseLayout(cell * cameras.length + 150), margin: { l: 110, r: 10, t: 8, b: 120 }, plot_bgcolor: colour("empty"),
-    xaxis: { tickvals: ticks, ticktext: ticks.map((j) => escaped(shorten(joints[j], 18))), tickangle: -45, fixedrange: true, showgrid: false, zeroline: false },
-    yaxis: { tickvals: cameras.map((_, i) => i), ticktext: names.map((name) => shorten(name, 16)), autorange: "reversed", fixedrange: true, showgrid: false, zeroline: false },
+    xaxis: { tickvals: ticks, ticktext: ticks.map((j) => escaped(shorten(joints[j], 18))), tickangle: -45, range: [-0.5, joints.length - 0.5], fixedrange: true, showgrid: false, zeroline: false },
+    yaxis: { tickvals: cameras.map((_, i) => i), ticktext: names.map((name) => shorten(name, 16)), range: [cameras.length - 0.5, -0.5], fixedrange: true, showgrid: false, zeroline: false },
   };
   return Plotly.react(charts.heat, [trace], layout, { ...CONFIG, scrollZoom: false, displayModeBar: false });
 }
@@ -58,7 +58,7 @@ function drawLines() {
   const mode = frames.length > 60 ? "lines" : "lines+markers";
   const layout = {
     ...baseLayout(total), margin: { ...MARGIN, t: 0, b: 30 }, hovermode: "x", annotations: [],
-    xaxis: { title: "", gridcolor: colour("line"), zeroline: false, anchor: `y${lines.length}`, range: wholeRange(frames), tickformat: "d" },
+    xaxis: { title: "", gridcolor: colour("line"), zeroline: false, anchor: `y${lines.length}`, range: wholeRange(frames), tickformat: "d", dtick: frames.at(-1) - frames[0] < 8 ? 1 : null },
   };
   const drawn = [];
   lines.forEach((line, k) => {
