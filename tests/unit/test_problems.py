@@ -78,7 +78,9 @@ def test_what_holds_throughout_and_single_rejections_are_no_problem_of_a_frame(f
 
 def test_many_names_are_counted():
     where = np.ones((1, 9), dtype=bool)
-    assert [reason.words for _, reason in _named("weak", where, "abcdefghi")] == ["depth not fixed (weak): 9 of 9"]
+    assert [reason.words for _, reason in _named("weak", where, "abcdefghi")] == [
+        "depth not fixed (weak): 9 of 9"
+    ]
 
 
 def test_a_third_rejected_is_a_problem_even_if_it_is_usual(found):
