@@ -20,7 +20,7 @@ T = 5
 NOISE_PX = 2.0
 RESULTS = {
     *("pose.npz", "pose.csv", "pose.trc", "report.json", "overview.png", "weights.png"),
-    *("cameras.json", "detections.npz"),
+    *("report.html", "cameras.json", "detections.npz"),
 }
 FAST = ["--max-steps", "30", "--fps", "50"]
 

@@ -53,6 +53,8 @@ class Job:
         Write ``pose.trc`` and ``pose.c3d`` with y pointing up, for OpenSim, instead of z.
     write
         The pose files to write, keys of `skelsplat.io.poses.POSE_FORMATS`.
+    html
+        Write ``report.html``.
     over_time
         What to do with gaps and noise over time; nothing by default.
     settings
@@ -79,6 +81,7 @@ class Job:
     fps: float | None = None
     y_up: bool = False
     write: tuple[str, ...] = ("npz", "csv", "trc")
+    html: bool = True
     over_time: OverTime = field(default_factory=OverTime)
     settings: dict[str, Any] = field(default_factory=dict)
     note: str = ""

@@ -261,6 +261,15 @@ YUp = Annotated[
         rich_help_panel=_OUTPUT,
     ),
 ]
+NoHtml = Annotated[
+    bool,
+    typer.Option(
+        "--no-html",
+        metavar="",
+        help="Leave out report.html, which takes 5 MB and more.",
+        rich_help_panel=_OUTPUT,
+    ),
+]
 Quiet = Annotated[
     bool,
     typer.Option(

@@ -11,19 +11,24 @@ import numpy as np
 import skelsplat as sk
 from skelsplat.cli._json import plain
 from skelsplat.cli._pipeline import default_threads
-from skelsplat.cli._statistics import POOR_SHARE, Statistics, finite_max, finite_median
+from skelsplat.cli._statistics import DOWN_WEIGHTED, POOR_SHARE, Statistics, finite_max, finite_median
 
 if TYPE_CHECKING:
     from skelsplat.cli._job import Job
     from skelsplat.cli._pipeline import Inputs, Outcome
+    from skelsplat.cli._statistics import Group
 
-_MEANINGS = {
+MEANINGS = {
     "mean_weight": "mean weight k of the detections used, 0 to 1: how far they are believed",
+    "down_weighted": "detections used whose weight is below down_weighted_below, the rejected among them",
     "rejected": "detections used whose weight is below rejected_below: they hardly pull on the pose",
     "swapped": "detections taken for the joint on the other side of the body",
+    "views_used": "views per frame whose detection of the joint is used and not rejected, of all cameras",
     "noise": "standard deviation of the detections' noise, estimated, median over the frames",
     "error_bar": "standard deviation of a joint: root mean square over the axes of the posterior covariance",
     "start": "what before_px and moved are measured from: the initial pose if one was given, else DLT",
+    "frames_with_a_problem": "frames to look at, by number, each with its reasons in words; what holds for "
+    "the whole recording is among the doubts instead",
 }
 _MEANING = (
     "distance of the pose's projection from the detection in px of the original image, over the detections "
@@ -50,14 +55,15 @@ def build_report(
         "preset": "paper" if job.paper else "default",
         "settings": outcome.config.to_dict(),
         "ground_truth": None,
-        "meanings": _MEANINGS,
+        "meanings": MEANINGS,
         "reprojection_error": {
             "meaning": _MEANING,
+            "down_weighted_below": DOWN_WEIGHTED,
             "rejected_below": sk.REJECTED_WEIGHT,
             "poor_share_of_diagonal": POOR_SHARE,
-            "all": _plain(statistics.total),
+            "all": _group(statistics.total),
             "cameras": [
-                {**_plain(group), "poor_above_px": float(limit)}
+                {**_group(group), "poor_above_px": float(limit)}
                 for group, limit in zip(statistics.cameras, statistics.poor_px, strict=True)
             ],
             "joints": _joints(statistics),
@@ -104,7 +110,9 @@ def _input(job: Job, inputs: Inputs) -> dict[str, Any]:
 def _joints(statistics: Statistics) -> list[dict[str, Any]]:
     return [
         {
-            **_plain(group),
+            **_group(group),
+            "views_used_median": float(np.median(statistics.views_used[:, j])),
+            "views_used_min": int(statistics.views_used[:, j].min()),
             "moved_median_mm": finite_median(statistics.moved_mm[:, j]),
             "error_bar_median_mm": finite_median(statistics.error_bar_mm[:, j]),
             "error_bar_max_mm": finite_max(statistics.error_bar_mm[:, j]),
@@ -118,5 +126,7 @@ def _iterations(outcome: Outcome) -> dict[str, float]:
     return {"median": float(np.median(steps)), "max": int(steps.max())}
 
 
-def _plain(group: Any) -> dict[str, Any]:
-    return asdict(group)
+def _group(group: Group) -> dict[str, Any]:
+    """Return the counts of a group, and as shares of the detections used; None without any."""
+    shares = {"down_weighted_share": group.down_weighted_share, "rejected_share": group.rejected_share}
+    return {**asdict(group), **(shares if group.used else dict.fromkeys(shares))}

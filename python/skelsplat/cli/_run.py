@@ -9,9 +9,12 @@ from rich.console import Console
 
 from skelsplat.cli._doubts import find_doubts
 from skelsplat.cli._figures import write_figures
+from skelsplat.cli._html_report import NAME as PAGE
+from skelsplat.cli._html_report import Findings, write_html_report
 from skelsplat.cli._json import print_json, to_text
 from skelsplat.cli._over_time import apply_over_time
 from skelsplat.cli._pipeline import collected_warnings, read_inputs, refine_inputs
+from skelsplat.cli._problems import find_problems
 from skelsplat.cli._progress import bar_of
 from skelsplat.cli._report import build_report
 from skelsplat.cli._statistics import summarise
@@ -55,13 +58,22 @@ def run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
     statistics = summarise(inputs, outcome)
     doubts = find_doubts(inputs, outcome, statistics)
     poses, over_time = apply_over_time(_poses(job, inputs, outcome), job.over_time)
-    remarks = {"warnings": warnings, "doubts": doubts, "over_time": over_time}
+    problems = find_problems(inputs, outcome, statistics, poses.joint_status)
+    remarks = {
+        "warnings": warnings,
+        "doubts": doubts,
+        "frames_with_a_problem": [problem.to_dict() for problem in problems],
+        "over_time": over_time,
+    }
     report = build_report(job, inputs, outcome, statistics, remarks)
     names = _write_poses(job, poses)
     names += write_run_inputs(job.out, inputs.rig, inputs.layout, inputs.detections, inputs.frames)
     atomic_write_text(job.out / REPORT, to_text(report))
     names += [REPORT, *write_figures(job, inputs, outcome, statistics)]
-    for name in _PICTURES - set(names):
+    if job.html:
+        findings = Findings(poses, problems, distrust=[*doubts, *warnings])
+        names += write_html_report(job, inputs, outcome, statistics, findings)
+    for name in {*_PICTURES, PAGE} - set(names):
         (job.out / name).unlink(missing_ok=True)  # of another run: it would belong to other results
     if verbosity.as_json or verbosity.quiet:
         for doubt in doubts:

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 # A detection is called poor beyond this share of the image's diagonal: 22 px at 1920 × 1080, some 40 mm on a
 # person who fills the longer side.
 POOR_SHARE = 0.01
+# A detection is called down-weighted if it is believed by less than half. With the kernel twice as wide as
+# the noise that is 3.3 standard deviations from the joint, which one in 250 sound detections exceeds.
+DOWN_WEIGHTED = 0.5
 
 
 @dataclass(frozen=True)
@@ -29,8 +32,8 @@ class Group:
 
     ``before_px`` and ``after_px`` are medians over the same detections (NaN without any); ``used`` +
     ``left_out`` + ``missing`` is their number. Left out are those below the least confidence and those of
-    joints that have no position. ``rejected``, ``swapped`` and ``poor`` ones are among the used, and
-    ``mean_weight`` is their mean weight k.
+    joints that have no position. ``down_weighted`` (the ``rejected`` among them), ``swapped`` and ``poor``
+    ones are among the used, and ``mean_weight`` is their mean weight k.
     """
 
     name: str
@@ -41,6 +44,7 @@ class Group:
     used: int
     left_out: int
     missing: int
+    down_weighted: int
     rejected: int
     swapped: int
     mean_weight: float
@@ -51,6 +55,11 @@ class Group:
         """Part of the used detections that is rejected; 0 without any."""
         return self.rejected / self.used if self.used else 0.0
 
+    @property
+    def down_weighted_share(self) -> float:
+        """Part of the used detections that is down-weighted; 0 without any."""
+        return self.down_weighted / self.used if self.used else 0.0
+
 
 @dataclass(frozen=True)
 class Statistics:
@@ -60,6 +69,10 @@ class Statistics:
     ----------
     error_before, error_after : (T, M, N)
         Reprojection errors in px, NaN for detections that were not used.
+    rejected : (T, M, N)
+        Detections that are used and rejected.
+    views_used : (T, N)
+        Number of views whose detection of the joint is used and not rejected.
     moved_mm : (T, N)
         Distance of each refined joint from its start, in mm.
     error_bar_mm : (T, N)
@@ -76,6 +89,8 @@ class Statistics:
 
     error_before: Array
     error_after: Array
+    rejected: Mask
+    views_used: npt.NDArray[np.int64]
     moved_mm: Array
     error_bar_mm: Array
     noise_mm: float
@@ -103,10 +118,13 @@ def summarise(inputs: Inputs, outcome: Outcome) -> Statistics:
         swapped=used & np.asarray(result.swapped),
         poor=used & (after > poor_px[:, None]),
     )
+    rejected = every.weight < sk.REJECTED_WEIGHT
     variance = np.trace(result.uncertainty, axis1=-2, axis2=-1) / 3
     return Statistics(
         error_before=before,
         error_after=after,
+        rejected=rejected,
+        views_used=(used & ~rejected).sum(axis=1),
         moved_mm=np.linalg.norm(np.asarray(result.pose) - outcome.start, axis=-1) * mm,
         error_bar_mm=np.sqrt(variance) * mm,
         noise_mm=finite_median(result.noise) * mm,
@@ -178,6 +196,7 @@ def _group(name: str, detections: _Detections) -> Group:
         used=int(used.sum()),
         left_out=int((detections.there & ~used).sum()),
         missing=int((~detections.there & ~used).sum()),
+        down_weighted=int((weights < DOWN_WEIGHTED).sum()),
         rejected=int((weights < sk.REJECTED_WEIGHT).sum()),
         swapped=int(detections.swapped.sum()),
         mean_weight=float(weights.mean()) if weights.size else float("nan"),

@@ -28,7 +28,7 @@ def demo(
 
     The input is put into FOLDER/input as the files a user would have
     (calibration TOML, one folder of OpenPose JSON per camera) and read from
-    there. The results are pose.npz, pose.csv, pose.trc, report.json,
+    there. The results are pose.npz, pose.csv, pose.trc, report.json, report.html,
     overview.png and weights.png, with --paper also heatmaps.png.
 
     [bold]Examples[/bold]

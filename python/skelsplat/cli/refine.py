@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 EPILOG = (
-    "Results in FOLDER: pose.npz, pose.csv and pose.trc (or what --write says), report.json, overview.png "
-    "and weights.png, with --paper also heatmaps.png; and the input as it was used, cameras.json and "
-    "detections.npz."
+    "Results in FOLDER: pose.npz, pose.csv and pose.trc (or what --write says), report.json, report.html, "
+    "overview.png and weights.png, with --paper also heatmaps.png; and the input as it was used, "
+    "cameras.json and detections.npz."
 )
 _UNITS = ("mm", "cm", "m")
 _FRAMES = ("strict", "intersection", "union")
@@ -66,6 +66,7 @@ def refine(
     write: options.Write = "csv,trc",
     fps: options.Fps = None,
     y_up: options.YUp = False,
+    no_html: options.NoHtml = False,
     quiet: options.Quiet = False,
     as_json: options.AsJson = False,
 ) -> None:
@@ -119,6 +120,7 @@ def refine(
         fps=positive("--fps", fps),
         y_up=y_up,
         write=formats(write),
+        html=not no_html,
         over_time=over_time(filter, fps, fill_gaps, fill_method, weak=fill_weak),
         settings={name: value for name, value in settings.items() if value is not None},
     )

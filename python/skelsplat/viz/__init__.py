@@ -1,9 +1,10 @@
-"""Figures of refined poses and of measurements: arrays in, files out (PNG; those in print size also PDF).
+"""Figures and pages of refined poses and of measurements: arrays in, PNG, PDF and HTML files out.
 
 A leaf of the package: it computes no pose and no rendering, and only the command line imports it. Figures are
 drawn on matplotlib's Agg canvas through its object interface, so no display and no global state is involved.
 """
 
+from skelsplat.viz import report
 from skelsplat.viz._body import Body
 from skelsplat.viz._panels import CameraPanel
 from skelsplat.viz._paper import FORMATS
@@ -36,6 +37,7 @@ __all__ = [
     "TrajectoryData",
     "WeightData",
     "body_axes",
+    "report",
     "write_bars",
     "write_bones",
     "write_error_map",

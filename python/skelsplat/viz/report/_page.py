@@ -1,0 +1,147 @@
+"""The page itself: template, style, programs and data in one file."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import math
+from html import escape
+from importlib.resources import files
+from string import Template
+from typing import TYPE_CHECKING, Any
+
+from skelsplat.viz import _style
+from skelsplat.viz.report import _html
+from skelsplat.viz.report._pack import as_text
+from skelsplat.viz.report._scene import pack_scene
+from skelsplat.viz.report._thin import frames_to_show, thin_line
+
+if TYPE_CHECKING:
+    import os
+    from pathlib import Path
+
+    import numpy as np
+    import numpy.typing as npt
+
+    from skelsplat.viz.report._data import HeatMaps, ReportData, TimeLine
+
+    Places = npt.NDArray[np.int64]
+
+# One program in several files, in this order.
+_PROGRAMS = ("decode.js", "body.js", "view.js", "charts.js", "player.js")
+
+
+def write_report(path: str | os.PathLike[str], data: ReportData) -> Path:
+    """Write a report as one HTML file that needs no network, whole or not at all.
+
+    plotly.js is 4.8 MB of it; a sequence takes 33 bytes per joint and frame. Longer ones than
+    `_thin.MOST_POSITIONS` are thinned out, which the page then says.
+
+    Raises
+    ------
+    OSError
+        If the folder cannot be written.
+    """
+    return _style.write_whole(path, build_page(data).encode("utf-8"))
+
+
+def build_page(data: ReportData) -> str:
+    """Return the page's text."""
+    from plotly.offline import get_plotlyjs  # type: ignore[import-untyped]  # slow, and only needed here
+
+    sequence = data.sequence
+    wanted = [number for row in data.problems for number in (row.first, row.last)]
+    places, every = frames_to_show(sequence.frames, len(sequence.joint_names), wanted)
+    content = {
+        "scene": pack_scene(sequence, data.shapes, places),
+        "heat": _heat(data.heat, data),
+        "lines": [_line(line, places) for line in data.lines],
+        "problems": [[row.first, row.last, row.words] for row in data.problems],
+        "colours": {"left": _style.LEFT, "right": _style.RIGHT},
+    }
+    programs = [get_plotlyjs(), "\n".join(_resource(name) for name in _PROGRAMS)]
+    return Template(_resource("page.html")).substitute(
+        policy=_policy(programs),
+        title=escape(data.title),
+        style=_resource("style.css"),
+        facts=_html.facts_line(data.facts),
+        distrust=_html.distrust(data.distrust),
+        distrust_kind="doubts" if data.distrust else "quiet",
+        notes=_html.notes([*data.notes, *_thinned(len(sequence.frames), len(places), every)]),
+        numbers=_html.tiles(data.numbers),
+        cameras=_html.table(data.cameras),
+        joints=_html.table(data.joints),
+        meanings=_html.meanings(data.joints),
+        problems=_html.problems(data.problems),
+        start=escape(sequence.start_name),
+        plotly=programs[0],
+        program=programs[1],
+        data=_json(content),
+    )
+
+
+def _policy(programs: list[str]) -> str:
+    """Return a Content-Security-Policy that allows these programs and no connection of any kind.
+
+    plotly.js sets styles of its own, and saves pictures by way of data and blob addresses.
+    """
+    hashes = " ".join(
+        f"'sha256-{base64.b64encode(hashlib.sha256(text.encode('utf-8')).digest()).decode()}'"
+        for text in programs
+    )
+    return (
+        f"default-src 'none'; script-src {hashes}; style-src 'unsafe-inline'; img-src data: blob:; "
+        "base-uri 'none'; form-action 'none'"
+    )
+
+
+def _heat(heat: HeatMaps, data: ReportData) -> dict[str, Any]:
+    return {
+        "cameras": list(data.shapes.names),
+        "joints": list(data.sequence.joint_names),
+        "errors": as_text(heat.errors_px, "<f4"),
+        "rejected": as_text(heat.rejected, "<f4"),
+    }
+
+
+def _line(line: TimeLine, places: Places) -> dict[str, Any]:
+    def packed(values: npt.NDArray[np.float64]) -> str:
+        return as_text(thin_line(values, places, peaks=line.peaks), "<f4")
+
+    return {
+        "title": line.title,
+        "unit": line.unit,
+        "values": packed(line.values),
+        "beside": None if line.beside is None else packed(line.beside),
+        "beside_name": line.beside_name,
+    }
+
+
+def _thinned(count: int, shown: int, every: int) -> list[str]:
+    if shown == count:
+        return []
+    return [
+        f"Of {count:,} frames the 3D view and the time lines have {shown:,}: one in {every}, and frames with "
+        "a problem. Time lines of counts and of largest values keep the highest between two of them. Tables "
+        "and heat map are of all frames."
+    ]
+
+
+def _json(content: dict[str, Any]) -> str:
+    """Return JSON that cannot end the element it stands in: ``<``, ``>`` and ``&`` are escaped."""
+    text = json.dumps(_finite(content), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def _finite(value: Any) -> Any:
+    """Return nested values with None for NaN and infinity."""
+    if isinstance(value, dict):
+        return {key: _finite(entry) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [_finite(entry) for entry in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _resource(name: str) -> str:
+    return (files("skelsplat.viz.report") / name).read_text(encoding="utf-8")

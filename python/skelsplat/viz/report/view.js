@@ -1,0 +1,228 @@
+// The 3D view: few traces, of which a frame changes the coordinates.
+"use strict";
+
+const EMPTY = coordinates();
+const MOST_LABELS = 60;
+const MOST_PATH = 300; // points; every trace is drawn anew with every frame
+const CONFIG = {
+  displaylogo: false, responsive: true, scrollZoom: true,
+  plotGlPixelRatio: Math.min(Math.max(devicePixelRatio, 1), 2), // 2 by default: four times the pixels of most screens
+};
+let colourOfSide = [];
+
+const view = {
+  div: document.getElementById("view"),
+  pose: "refined",
+  ellipsoids: true,
+  follow: false,
+  held: false, // the pointer turns the view: frames wait
+  at: 0,
+};
+
+// Names of the traces that change, in their order, and of those that stay.
+const MOVING = ["left", "right", "middle", "before", "ok", "other", "ellipsoids"];
+const FIXED = ["floor", "axes", "path", "cameras", "names"];
+
+function moving(t) {
+  const pose = view.pose === "start" ? scene.start : scene.refined;
+  const errors = view.ellipsoids && view.pose !== "start";
+  return [
+    ...SIDES.map((_, side) => bones(pose, t, side)),
+    view.pose === "both" ? bones(scene.start, t, null) : EMPTY,
+    joints(pose, t, true),
+    joints(pose, t, false),
+    errors ? ellipsoids(t) : null,
+  ];
+}
+
+function traces(t) {
+  colourOfSide = SIDES.map(colour);
+  const parts = moving(t);
+  const line = { type: "scatter3d", mode: "lines", hoverinfo: "skip", showlegend: false };
+  const drawn = SIDES.map((side, k) => ({ ...line, ...xyz(parts[k]), line: { color: colour(side), width: 7 } }));
+  drawn.push({ ...line, ...xyz(parts[3]), line: { color: colour("start"), width: 4 } });
+  const dots = { ...line, mode: "markers", hoverinfo: "text" };
+  drawn.push({ ...dots, ...xyz(parts[4]), text: parts[4].texts, marker: { size: 4, color: parts[4].colours } });
+  drawn.push({
+    ...dots, ...xyz(parts[5]), text: parts[5].texts,
+    marker: { size: 7, symbol: "circle-open", color: parts[5].colours, line: { width: 2 } },
+  });
+  drawn.push({
+    type: "mesh3d", ...(parts[6] ?? ellipsoids(t)), ...faces(), visible: parts[6] !== null, opacity: 0.35,
+    facecolor: scene.sides.flatMap((side) => SPHERE.faces.map(() => colourOfSide[side])),
+    hoverinfo: "skip", flatshading: false, lighting: { ambient: 0.8, diffuse: 0.4, specular: 0 },
+  });
+  return [...drawn, ...surroundings(line)];
+}
+
+function xyz({ x, y, z }) {
+  return { x, y, z };
+}
+
+// What stays: floor, axes of the world, path of the person on the floor, cameras and their names.
+function surroundings(line) {
+  const ground = floor();
+  const soft = { color: colour("camera"), size: 12 };
+  const names = scene.cameras.map((camera) => escaped(camera.name));
+  const centres = coordinates();
+  const pyramids = coordinates();
+  for (const camera of scene.cameras) {
+    push(centres, camera.centre.map((mm) => mm / 1000));
+    for (const points of pyramid(camera)) [...points, null].forEach((point) => push(pyramids, point));
+  }
+  return [
+    { ...line, ...ground.lines, line: { color: colour("floor"), width: 1.5 } },
+    {
+      ...line, ...ground.axes, mode: "lines+text", text: ground.texts, textfont: soft,
+      line: { color: colour("camera"), width: 4 },
+    },
+    { ...line, ...pathOnFloor(ground.height), line: { color: colour("start"), width: 3 } },
+    { ...line, ...pyramids, line: { color: colour("camera"), width: 2.5 } },
+    {
+      ...line, ...centres, mode: names.length > MOST_LABELS ? "markers" : "markers+text", text: names,
+      hoverinfo: "text", textposition: "top center", textfont: soft,
+      marker: { size: 3, color: colour("camera") },
+    },
+  ];
+}
+
+// The lines of a camera's pyramid and a triangle on its upper edge.
+function pyramid(camera) {
+  const inMetres = (point) => point.map((mm) => mm / 1000);
+  const centre = inMetres(camera.centre);
+  const [a, b, c, d] = camera.corners.map(inMetres);
+  const above = [0, 1, 2].map((axis) => (a[axis] + b[axis]) / 2 + 0.35 * ((a[axis] + b[axis]) / 2 - (c[axis] + d[axis]) / 2));
+  return [[a, b, c, d, a], [a, centre, b], [c, centre, d], [a, above, b]];
+}
+
+// The space: the person's way (reach) and all cameras, with room for a start that lies outside.
+const SPACE = space();
+
+function space() {
+  const reach = scene.reach.map((corner) => corner.map((mm) => mm / 1000));
+  const points = scene.cameras.flatMap((camera) => [camera.centre, ...camera.corners]);
+  const low = [0, 1, 2].map((axis) => Math.min(reach[0][axis], ...points.map((p) => p[axis] / 1000)));
+  const high = [0, 1, 2].map((axis) => Math.max(reach[1][axis], ...points.map((p) => p[axis] / 1000)));
+  return { low: low.map((value) => value - 1.6), high: high.map((value) => value + 1.6), reach };
+}
+
+// A square grid at the height of the feet, half a metre or more beyond the person's way, and the world's axes at its corner.
+function floor() {
+  const [low, high] = SPACE.reach;
+  const extent = Math.max(high[0] - low[0], high[1] - low[1]) + 2;
+  const cell = [0.1, 0.25, 0.5, 1, 2, 5, 10, 50, 100].find((size) => extent / size <= 12) ?? extent / 12;
+  const from = [0, 1].map((axis) => Math.floor((low[axis] - 0.6) / cell));
+  const to = [0, 1].map((axis) => Math.ceil((high[axis] + 0.6) / cell));
+  const height = scene.floor_mm / 1000;
+  const lines = coordinates();
+  const add = (a, b) => [[...a, height], [...b, height], null].forEach((point) => push(lines, point));
+  for (let k = from[0]; k <= to[0]; k += 1) add([k * cell, from[1] * cell], [k * cell, to[1] * cell]);
+  for (let k = from[1]; k <= to[1]; k += 1) add([from[0] * cell, k * cell], [to[0] * cell, k * cell]);
+  const corner = [from[0] * cell, from[1] * cell, height];
+  const axes = coordinates();
+  const texts = [];
+  scene.axes.forEach((name, axis) => {
+    const tip = corner.map((value, k) => value + (k === axis ? 0.5 : 0));
+    [corner, tip, null].forEach((point) => push(axes, point));
+    texts.push("", name, "");
+  });
+  const where = `${(1000 * height).toFixed(0)} mm`;
+  document.getElementById("grid-size").textContent =
+    `floor grid: ${cell} m squares at ${scene.axes[2]} = ${where}, the usual height of the lowest joint`;
+  return { lines, axes, texts, height };
+}
+
+// Where the person went, on the floor: the middle joint of some hundred frames.
+function pathOnFloor(height) {
+  const line = coordinates();
+  const every = Math.ceil(scene.count / MOST_PATH);
+  for (let t = 0; t < scene.count; t += every) {
+    const point = middle(scene.refined, t);
+    push(line, point ? [point[0], point[1], height] : null);
+  }
+  return line;
+}
+
+function sceneLayout() {
+  const { low, high } = SPACE;
+  const axis = (k) => ({ visible: false, range: [low[k], high[k]], autorange: false });
+  const length = high.map((value, k) => value - low[k]);
+  return {
+    xaxis: axis(0), yaxis: axis(1), zaxis: axis(2),
+    aspectmode: "manual", aspectratio: { x: length[0], y: length[1], z: length[2] }, // 1 is a metre
+    dragmode: "turntable", bgcolor: colour("paper"), camera: lookAt("person"),
+  };
+}
+
+// A point in metres as Plotly's camera counts: from the middle of the space.
+function inView(point) {
+  const { low, high } = SPACE;
+  return point.map((value, k) => value - (low[k] + high[k]) / 2);
+}
+
+// A camera that sees the person's way, or all cameras, from a little above.
+function lookAt(what) {
+  const { low, high, reach } = SPACE;
+  const [from, to] = what === "person" ? reach : [low, high];
+  const centre = inView([0, 1, 2].map((k) => (from[k] + to[k]) / 2));
+  const across = Math.hypot(to[0] - from[0], to[1] - from[1], to[2] - from[2]);
+  const narrow = view.div.clientWidth < 0.9 * view.div.clientHeight ? 1.35 : 1;
+  const distance = narrow * (what === "person" ? Math.max(1.15 * across, 1.6) : 0.95 * across);
+  return cameraFrom(centre, [-0.62, -0.72, 0.32], distance);
+}
+
+function cameraFrom(centre, direction, distance) {
+  const towards = unit(direction);
+  const [x, y, z] = centre;
+  return {
+    up: { x: 0, y: 0, z: 1 }, center: { x, y, z },
+    eye: { x: x + distance * towards[0], y: y + distance * towards[1], z: z + distance * towards[2] },
+  };
+}
+
+// The camera as the pointer has left it: Plotly tells its layout only when the pointer lets go.
+function liveCamera() {
+  const live = view.div._fullLayout?.scene?._scene?.getCamera?.();
+  return live ?? view.div.layout.scene.camera;
+}
+
+function followed(t) {
+  const camera = liveCamera();
+  const centre = view.follow ? middle(scene.refined, t) ?? middle(scene.start, t) : null;
+  if (!centre) return camera;
+  const [x, y, z] = inView(centre);
+  const { eye, center } = camera;
+  return {
+    ...camera, center: { x, y, z },
+    eye: { x: eye.x + x - center.x, y: eye.y + y - center.y, z: eye.z + z - center.z },
+  };
+}
+
+async function openView() {
+  const layout = {
+    scene: sceneLayout(), margin: { l: 0, r: 0, t: 0, b: 0 }, paper_bgcolor: colour("paper"),
+    hoverlabel: { font: { size: 13 } }, showlegend: false,
+  };
+  const remove = ["resetCameraLastSave3d", "resetCameraDefault3d", "tableRotation", "hoverClosest3d"];
+  await Plotly.newPlot(view.div, traces(view.at), layout, { ...CONFIG, modeBarButtonsToRemove: remove });
+}
+
+// Draw the frame at place `t`.
+async function drawFrame(t) {
+  view.at = t;
+  const parts = moving(t);
+  const shown = parts[6] ? MOVING.length : MOVING.length - 1;
+  const some = parts.slice(0, shown);
+  const change = { x: some.map((p) => p.x), y: some.map((p) => p.y), z: some.map((p) => p.z) };
+  change.text = some.map((p) => p.texts);
+  change["marker.color"] = some.map((p) => p.colours);
+  await Plotly.update(view.div, change, { "scene.camera": followed(t) }, some.map((_, k) => k));
+}
+
+async function setShown(name, visible) {
+  await Plotly.restyle(view.div, { visible }, [[...MOVING, ...FIXED].indexOf(name)]);
+}
+
+async function setCamera(camera) {
+  await Plotly.relayout(view.div, { "scene.camera": camera });
+}

@@ -1,0 +1,150 @@
+"""Frames with a problem: what is one, in which words, and what belongs to the whole recording instead."""
+
+from __future__ import annotations
+
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from command_line import READ, invoke
+from skelsplat.cli._problems import Problem, Reason, _named, find_problems, runs_in_words
+
+T, M, N = 20, 4, 3
+
+
+@pytest.fixture
+def found():
+    """Return a function that finds the problems of a clean recording with changes, as {frame: [words]}."""
+
+    def find(**changes):
+        parts = {
+            "stop_reason": np.full(T, "converged", dtype="<U20"),
+            "swapped": np.zeros((T, M, N), dtype=bool),
+            "status": np.full((T, N), "ok", dtype="<U10"),
+            "error_after": np.full((T, M, N), 2.0),
+            "rejected": np.zeros((T, M, N), dtype=bool),
+            "error_bar_mm": np.full((T, N), 10.0),
+        }
+        for name, (index, value) in changes.items():
+            parts[name][index] = value
+        layout = SimpleNamespace(joints=("hip", "knee", "wrist"))
+        inputs = SimpleNamespace(
+            frames=np.arange(50, 50 + T), layout=layout, rig=SimpleNamespace(names="abcd")
+        )
+        result = SimpleNamespace(stop_reason=parts["stop_reason"], swapped=parts["swapped"])
+        outcome = SimpleNamespace(result=result)
+        problems = find_problems(inputs, outcome, SimpleNamespace(**parts), parts["status"])
+        return {p.frame: p.to_dict()["reasons"] for p in problems}
+
+    return find
+
+
+@pytest.mark.parametrize(
+    ("part", "index", "value", "words"),
+    [
+        ("status", (3, 1), "unobserved", "unobserved: knee"),
+        ("status", (3, [1, 2]), "weak", "depth not fixed (weak): knee, wrist"),
+        ("status", (3, 2), "filled", "filled over time: wrist"),
+        ("swapped", (3, [1, 3], 0), True, "left and right exchanged in b, d"),
+        ("rejected", (3, [0, 1], 0), True, "17% of the detections rejected"),
+        ("error_after", (3,), 7.0, "median reprojection error 7.0 px"),
+        ("error_bar_mm", (3, 2), 31.0, "error bar far above the usual: wrist, 31 mm"),
+        ("stop_reason", 3, "diverged", "diverged"),
+        ("stop_reason", 3, "max_steps", "stopped at the step limit"),
+    ],
+)
+def test_what_stands_out_of_a_recording_is_named(found, part, index, value, words):
+    assert found() == {}
+    assert found(**{part: (index, value)}) == {53: [words]}
+
+
+@pytest.mark.parametrize(
+    ("part", "index", "value"),
+    [
+        ("status", (slice(None), 1), "unobserved"),
+        ("stop_reason", slice(None), "max_steps"),
+        ("error_after", slice(None), 50.0),
+        ("error_bar_mm", (slice(None), 2), 100.0),
+        ("rejected", (slice(None), 0), True),
+        ("rejected", (3, 0, 0), True),
+    ],
+)
+def test_what_holds_throughout_and_single_rejections_are_no_problem_of_a_frame(found, part, index, value):
+    assert found(**{part: (index, value)}) == {}
+
+
+def test_many_names_are_counted():
+    where = np.ones((1, 9), dtype=bool)
+    assert [reason.words for _, reason in _named("weak", where, "abcdefghi")] == [
+        "depth not fixed (weak): 9 of 9"
+    ]
+
+
+def test_a_third_rejected_is_a_problem_even_if_it_is_usual(found):
+    assert len(found(rejected=((slice(None), [0, 1]), True))) == T
+
+
+def test_a_frame_without_detections_has_one_reason(found):
+    nothing = found(
+        stop_reason=(3, "no_observations"),
+        status=(3, "unobserved"),
+        error_after=(3, np.nan),
+        error_bar_mm=(3, np.nan),
+    )
+    assert nothing == {53: ["no detection could be used"]}
+
+
+def test_a_recording_without_detections_names_every_frame(found):
+    everything = slice(None)
+    nothing = found(
+        stop_reason=(everything, "no_observations"),
+        status=(everything, "unobserved"),
+        error_after=(everything, np.nan),
+        error_bar_mm=(everything, np.nan),
+    )
+    assert nothing == {50 + t: ["no detection could be used"] for t in range(T)}
+
+
+def test_frames_that_follow_each_other_with_the_same_reasons_are_one_row():
+    def problem(index, share):
+        return Problem(index, 50 + index, (Reason("weak", ("knee",)), Reason("rejected", value=share)))
+
+    others = Problem(9, 59, (Reason("diverged"),))
+    assert runs_in_words([problem(1, 35.0), problem(2, 50.0), problem(4, 40.0), others]) == [
+        (51, 52, "depth not fixed (weak): knee; 50% of the detections rejected"),
+        (54, 54, "depth not fixed (weak): knee; 40% of the detections rejected"),
+        (59, 59, "diverged"),
+    ]
+
+
+def test_report_json_has_the_facts_of_the_page(recording, arguments):
+    folder, rig, _ = recording
+    for camera in rig.names:
+        path = folder / "openpose" / camera / "000002_keypoints.json"
+        path.write_text(json.dumps({"people": []}))
+    result = invoke(*arguments, *READ, "--fps", 50, "-q")
+    assert result.exit_code == 0, result.output
+    report = json.loads((folder / "out" / "report.json").read_text())
+    assert report["frames_with_a_problem"] == [{"frame": 2, "reasons": ["no detection could be used"]}]
+    joints = report["reprojection_error"]["joints"]
+    assert [joint["views_used_median"] for joint in joints] == [4.0] * 3 + [3.0] + [4.0] * 13
+    assert {joint["views_used_min"] for joint in joints} == {0}
+    assert report["reprojection_error"]["down_weighted_below"] > sk.REJECTED_WEIGHT
+    for group in joints:
+        assert group["down_weighted_share"] == group["down_weighted"] / group["used"]
+        assert group["down_weighted"] >= group["rejected"]
+    assert {"down_weighted", "views_used", "frames_with_a_problem"} <= set(report["meanings"])
+    page = (folder / "out" / "report.html").read_text(encoding="utf-8")
+    assert '<a href="#frame=2">2</a></th><td>no detection could be used</td>' in page
+
+
+def test_the_page_can_be_left_out_and_an_older_one_goes(recording, arguments):
+    folder, _, _ = recording
+    assert invoke(*arguments, *READ, "--fps", 50, "-q").exit_code == 0
+    assert (folder / "out" / "report.html").exists()
+    assert invoke(*arguments, *READ, "--fps", 50, "-q", "--no-html").exit_code == 0
+    assert not (folder / "out" / "report.html").exists()
+    assert (folder / "out" / "report.json").exists()

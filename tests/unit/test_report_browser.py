@@ -1,0 +1,196 @@
+"""report.html in headless Chromium, off line: it opens without an error, plays, and follows its controls."""
+
+from __future__ import annotations
+
+import io
+import shutil
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from report_page import report_data, sequence
+from skelsplat.viz import report
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium: apt-get install chromium")
+# WebGL without a graphics card, as root.
+FLAGS = "--no-sandbox --disable-gpu --use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader"
+READY = "document.documentElement.dataset.ready === 'yes'"
+PATIENCE_MS = 60_000
+
+
+@pytest.fixture(scope="module")
+def browser():
+    playwright = pytest.importorskip("playwright.sync_api")
+    with playwright.sync_playwright() as running:
+        opened = running.chromium.launch(executable_path=CHROMIUM, args=FLAGS.split())
+        yield opened
+        opened.close()
+
+
+@pytest.fixture
+def visit(browser, tmp_path):
+    """Open a report in a page of its own; fail in the end if it complained or asked for anything else."""
+    complaints: list[str] = []
+    opened = []
+
+    def open_page(data=None, fragment=""):
+        path = report.write_report(tmp_path / "report.html", report_data() if data is None else data)
+        page = browser.new_page(viewport={"width": 1000, "height": 800})
+        opened.append(page)
+        page.set_default_timeout(PATIENCE_MS)
+        page.context.set_offline(True)
+        page.on("pageerror", lambda error: complaints.append(f"exception: {error}"))
+        page.on("console", lambda said: complaints.append(said.text) if said.type == "error" else None)
+        page.on(
+            "request", lambda asked: complaints.append(asked.url) if is_request(asked.url, path) else None
+        )
+        page.goto(path.as_uri() + fragment)
+        wait(page, READY)
+        return page
+
+    yield open_page
+    for page in opened:
+        page.close()
+    assert complaints == []
+
+
+def wait(page, condition):
+    """Wait until a condition holds; Playwright's own way to wait is forbidden by the page's policy."""
+    for _ in range(PATIENCE_MS // 50):
+        if page.evaluate(condition):
+            return
+        page.wait_for_timeout(50)
+    raise TimeoutError(condition)
+
+
+def is_request(url, path):
+    return url.partition("#")[0] != path.as_uri() and not url.startswith(("data:", "blob:"))
+
+
+def frame_of(page):
+    return int(page.input_value("#frame"))
+
+
+def picture(page):
+    """Return the 3D view (H, W, 3), once it has been still for a while."""
+    wait(page, "!player.busy && player.wanted === null")
+    page.evaluate("new Promise((done) => setTimeout(done, 500))")
+    return imread(io.BytesIO(page.locator("#view canvas").first.screenshot()))[..., :3]
+
+
+def near(image, colour, tolerance=0.12):
+    """Return how many pixels are nearly of a colour."""
+    wanted = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) / 255
+    return int((np.abs(image - wanted).max(axis=-1) < tolerance).sum())
+
+
+COLOURS = SimpleNamespace(left="#0072b2", right="#d55e00", start="#8c8c8c")
+
+
+def test_the_skeleton_is_drawn_in_the_colours_of_its_sides(visit):
+    image = picture(visit())
+    assert image.std() > 0.01
+    # a limb is some 80 px long and 5 wide
+    assert near(image, COLOURS.left) > 100
+    assert near(image, COLOURS.right) > 100
+
+
+def test_play_goes_on_from_frame_to_frame_and_stops_at_the_end(visit):
+    page = visit()
+    assert frame_of(page) == 100
+    page.click("#play")
+    wait(page, "Number(document.getElementById('frame').value) > 105")
+    assert page.get_attribute("#play", "aria-label") == "Pause"
+    wait(page, "document.getElementById('frame').value === '139'")
+    wait(page, "document.getElementById('play').getAttribute('aria-label') === 'Play'")
+    assert page.evaluate("location.hash") == "#frame=139"
+
+
+def test_the_pose_before_and_the_ellipsoids_can_be_chosen(visit):
+    page = visit()
+    refined = picture(page)
+    page.uncheck("#ellipsoids")
+    bare = picture(page)
+    assert np.abs(bare - refined).max() > 0.1
+    page.check("#ellipsoids")
+    # antialiasing may differ by single pixels
+    assert (np.abs(picture(page) - refined) > 0.1).mean() < 0.001
+    page.check("input[name=pose][value=start]")
+    start = picture(page)
+    assert np.abs(start - bare).max() > 0.1
+    page.check("input[name=pose][value=both]")
+    assert near(picture(page), COLOURS.start) > near(refined, COLOURS.start) + 50
+
+
+def test_a_link_leads_to_its_frame(visit):
+    page = visit(fragment="#frame=117")
+    assert frame_of(page) == 117
+    assert page.inner_text("#time") == "2.34 s"
+    page.click("#problems a")
+    wait(page, "document.getElementById('frame').value === '120'")
+    assert page.inner_text("#reasons") == "weak: left_knee"
+    assert page.evaluate("location.hash") == "#frame=120"
+    page.evaluate("location.hash = '#frame=9999'")
+    wait(page, "document.getElementById('frame').value === '139'")
+    page.click("#previous")
+    wait(page, "document.getElementById('frame').value === '120'")
+
+
+def test_the_view_turns_follows_and_shows_all_cameras(visit):
+    page = visit()
+    eye = "Object.values(liveCamera().eye).map((value) => value.toFixed(6)).join()"
+    page.locator("#view").scroll_into_view_if_needed()
+    box = page.locator("#view").bounding_box()
+    seen = [page.evaluate(eye)]
+    page.mouse.move(box["x"] + 300, box["y"] + 200)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 420, box["y"] + 210, steps=4)
+    page.mouse.up()
+    wait(page, f"{eye} !== '{seen[-1]}'")
+    seen.append(page.evaluate(eye))
+    page.evaluate("show(39)")
+    picture(page)
+    assert page.evaluate(eye) == seen[-1]  # a new frame leaves the view as it is
+    page.check("#follow")
+    picture(page)
+    seen.append(page.evaluate(eye))
+    page.click("#fit-all")
+    picture(page)
+    seen.append(page.evaluate(eye))
+    assert len(set(seen)) == 4
+
+
+def test_the_heat_map_switches_and_a_curve_leads_to_its_frame(visit):
+    page = visit()
+    assert page.evaluate("charts.heat.data[0].z[0][0]") == 2.0
+    page.check("input[name=heat][value=rejected]")
+    wait(page, "Math.abs(charts.heat.data[0].z[0][0] - 10) < 1e-5")
+    page.locator("#lines").scroll_into_view_if_needed()
+    box = page.locator("#lines").bounding_box()
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 60)
+    page.mouse.click(box["x"] + box["width"] / 2, box["y"] + 60)
+    wait(page, "document.getElementById('frame').value !== '100'")
+    assert abs(frame_of(page) - 120) <= 2
+
+
+@pytest.mark.parametrize("frames", [1, 3])
+def test_a_sequence_without_a_single_joint_opens(visit, frames):
+    nothing = np.full((frames, 3, 3), np.nan)
+    walk = sequence(frames, refined=nothing, start=nothing, uncertainty=np.full((frames, 3, 3, 3), np.nan))
+    page = visit(report_data(walk, problems=[]))
+    page.check("input[name=pose][value=both]")
+    page.evaluate(f"show({frames - 1})")
+    picture(page)
+    assert frame_of(page) == 99 + frames
+
+
+def test_names_from_files_are_shown_as_they_are(visit):
+    name = "<img src=x onerror=alert(1)></script>'é"
+    walk = sequence(joint_names=(name, "left_knee", "right_knee"), start_name=name)
+    page = visit(report_data(walk, names=(name, "window"), title=name, distrust=[name]))
+    assert page.inner_text("h1") == name
+    assert page.locator("img").count() == 0
+    picture(page)
