@@ -7,7 +7,7 @@ BIN    := $(VENV)/bin
 STAMPS := .stamps
 
 RUST_SOURCES   := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name 'Cargo.toml' 2>/dev/null)
-PYTHON_SOURCES := pyproject.toml README.md $(shell find python -name '*.py' -o -name '*.pyi' -o -name '*.zip' -o -path '*/viz/report/*' -type f 2>/dev/null)
+PYTHON_SOURCES := pyproject.toml README.md $(shell find python -name '*.py' -o -name '*.pyi' -o -name '*.zip' -o -name '*.html' -o -name '*.css' -o -name '*.js' 2>/dev/null)
 
 .PHONY: demo test fmt lint rust-test python-test bench clean
 
