@@ -63,11 +63,11 @@ def kernel() -> Figure:
         right.plot(offsets, 1.0 - np.array(exact) / most, color=colour)
     pixels = [_loss(JOINT + x * side, seen, camera, SIGMAS[0], "raster") for x in offsets[::4]]
     left.plot(offsets[::4], np.array(pixels) / pixels[-1], ".", color="black", label="pixels, σ = 20 mm")
-    left.set(xlabel="distance from the ray [mm]", ylabel="loss, part of the largest", title="what is minimised")
+    left.set(xlabel="distance from the ray [mm]", ylabel="loss, part of the largest", title="what is minimised", ylim=(-0.05, 1.75))
     right.set(xlabel="distance from the ray [mm]", ylabel="weight k", title="how far a detection is believed")
     right.axhline(sk.REJECTED_WEIGHT, color=GREY, lw=1, ls="--")
     right.text(250, sk.REJECTED_WEIGHT + 0.02, "below: rejected", ha="right", color=GREY, fontsize=8)
-    left.legend(fontsize=8, frameon=False)
+    left.legend(fontsize=8, frameon=False, ncols=2, loc="upper right")
     return figure
 
 
@@ -97,7 +97,7 @@ def annealing() -> Figure:
         ]
         left.plot(line, np.array(loss) / max(loss), color=colour, label=f"σ = {sigma} mm")
     left.axvline(0.0, color="black", lw=1, ls=":")
-    left.set(xlabel="position on a line through the joint [mm]", ylabel="loss", title="wide: one valley. narrow: exact")
+    left.set(xlabel="position on a line through the joint [mm]", ylabel="loss", title="wide: pulls from afar. narrow: exact")
     left.legend(fontsize=8, frameon=False)
     _starts(right)
     return figure

@@ -14,7 +14,7 @@ from PIL import Image
 
 COLOURS = 128
 # left, top, right, bottom of the body's two views with their legend, in parts of the overview
-POSE = (0.0, 0.045, 0.6, 0.605)
+POSE = (0.0, 0.035, 0.675, 0.61)
 
 
 def main(folder: Path) -> None:
