@@ -32,7 +32,9 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
-_FENCE = re.compile(r"^(?P<tail>`{3,})(?P<kind>\w+)\n(?P<text>.*?)^(?P=tail)[ \t]*\n", re.DOTALL | re.MULTILINE)
+_FENCE = re.compile(
+    r"^(?P<tail>`{3,})(?P<kind>\w+)\n(?P<text>.*?)^(?P=tail)[ \t]*\n", re.DOTALL | re.MULTILINE
+)
 _RUN = ("python", "console", "toml")
 _STATUS = re.compile(r"\s+# exit status (\d+)$")
 _SHELL = re.compile(r"[|<>;&*$]")

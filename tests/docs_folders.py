@@ -33,7 +33,7 @@ def prepare(page: str, folder: Path) -> None:
 
 
 def _sample(folder: Path, *, calibration: str = "Calib.toml", frames: int = FRAMES) -> None:
-    """The recording: a calibration, and ``pose`` with its first frames."""
+    """Put the recording there: a calibration, and ``pose`` with its first frames."""
     paths = sample.extract(folder)
     for camera in paths.detections.iterdir():
         for path in sorted(camera.iterdir())[frames:]:
@@ -45,7 +45,7 @@ def _sample(folder: Path, *, calibration: str = "Calib.toml", frames: int = FRAM
 
 
 def _walk(folder: Path, names: list[str], layout: str, scale: float) -> tuple[Path, detection_files.Take]:
-    """An Anipose TOML of a ring of cameras, and a walk that they see, one person without a number."""
+    """Write an Anipose TOML of a ring of cameras; return it with a walk that they see."""
     path = calibration_files.anipose(folder, calibration_files.reference(names), scale)
     rig = read_calibration(path, unit={1.0: "mm", 1e-3: "m"}[scale])
     known = sk.layouts.get(layout)
@@ -82,7 +82,9 @@ def _anipose(folder: Path) -> None:
     path.rename(session / "calibration" / "calibration.toml")
     for name, view in take.views():
         table = detection_files.deeplabcut_table(view, take.joints, 0, multi=False)
-        table.to_hdf(session / "pose-2d" / f"walk_cam{name}.h5", key="df_with_missing", format="table", mode="w")
+        table.to_hdf(
+            session / "pose-2d" / f"walk_cam{name}.h5", key="df_with_missing", format="table", mode="w"
+        )
 
 
 def _deeplabcut(folder: Path) -> None:
@@ -118,6 +120,9 @@ def _synthetic(folder: Path) -> None:
 
 PREPARED: dict[str, Callable[[Path], None]] = {
     "README.md": _sample,
+    "docs/errors.md": _sample,
+    "docs/formats.md": _sample,
+    "docs/pose-files.md": _sample,
     "docs/howto/anipose.md": _anipose,
     "docs/howto/deeplabcut.md": _deeplabcut,
     "docs/howto/freemocap.md": _freemocap,

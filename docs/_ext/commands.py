@@ -94,7 +94,8 @@ def _entry(param: Any) -> Lines:
     if param.param_type_name == "argument":
         yield f".. option:: {metavar}"
     else:
-        yield f".. option:: {', '.join(f'{name} {metavar}'.strip() for name in sorted(param.opts, key=len, reverse=True))}"
+        names = sorted(param.opts, key=len, reverse=True)
+        yield f".. option:: {', '.join(f'{name} {metavar}'.strip() for name in names)}"
     text = " ".join((param.help or "").split())
     shown = _default(param)
     yield from ("", f"   {_plain(text)}{shown}", "")

@@ -56,14 +56,21 @@ def kernel() -> Figure:
     side = camera.R[0]
     offsets = np.linspace(0.0, 250.0, 60)
     figure, (left, right) = plt.subplots(1, 2, figsize=(8.4, 3.2), layout="constrained")
-    for sigma, colour in zip(SIGMAS, plt.get_cmap("viridis")(np.linspace(0.0, 0.85, len(SIGMAS))), strict=True):
+    for sigma, colour in zip(
+        SIGMAS, plt.get_cmap("viridis")(np.linspace(0.0, 0.85, len(SIGMAS))), strict=True
+    ):
         exact = [_loss(JOINT + x * side, seen, camera, sigma, "closed_form") for x in offsets]
         most = _loss(JOINT + 6.0 * sigma * side, seen, camera, sigma, "closed_form")
         left.plot(offsets, np.array(exact) / most, color=colour, label=f"σ = {sigma} mm")
         right.plot(offsets, 1.0 - np.array(exact) / most, color=colour)
     pixels = [_loss(JOINT + x * side, seen, camera, SIGMAS[0], "raster") for x in offsets[::4]]
     left.plot(offsets[::4], np.array(pixels) / pixels[-1], ".", color="black", label="pixels, σ = 20 mm")
-    left.set(xlabel="distance from the ray [mm]", ylabel="loss, part of the largest", title="what is minimised", ylim=(-0.05, 1.75))
+    left.set(
+        xlabel="distance from the ray [mm]",
+        ylabel="loss, part of the largest",
+        title="what is minimised",
+        ylim=(-0.05, 1.75),
+    )
     right.set(xlabel="distance from the ray [mm]", ylabel="weight k", title="how far a detection is believed")
     right.axhline(sk.REJECTED_WEIGHT, color=GREY, lw=1, ls="--")
     right.text(250, sk.REJECTED_WEIGHT + 0.02, "below: rejected", ha="right", color=GREY, fontsize=8)
@@ -93,11 +100,16 @@ def annealing() -> Figure:
         config = sk.RefineConfig.paper(renderer="closed_form", symmetry_tier=0, dilation=1e-6)
         scales, turns = np.full((1, 3), np.log(sigma)), np.array([[1.0, 0.0, 0.0, 0.0]])
         loss = [
-            sk.loss_and_gradient(JOINT + x * towards, scales, turns, seen, rig, config=config).loss for x in line
+            sk.loss_and_gradient(JOINT + x * towards, scales, turns, seen, rig, config=config).loss
+            for x in line
         ]
         left.plot(line, np.array(loss) / max(loss), color=colour, label=f"σ = {sigma} mm")
     left.axvline(0.0, color="black", lw=1, ls=":")
-    left.set(xlabel="position on a line through the joint [mm]", ylabel="loss", title="wide: pulls from afar. narrow: exact")
+    left.set(
+        xlabel="position on a line through the joint [mm]",
+        ylabel="loss",
+        title="wide: pulls from afar. narrow: exact",
+    )
     left.legend(fontsize=8, frameon=False)
     _starts(right)
     return figure
@@ -119,14 +131,20 @@ def _starts(axis: Axes) -> None:
             errors.append(sk.metrics.mpjpe(result.pose, truth))
         axis.plot(STARTS, errors, "o-", ms=3, color=colour, label=label)
     axis.set(
-        xlabel="noise on the start, per axis [mm]", ylabel="mean error [mm]", yscale="log", title="where it ends"
+        xlabel="noise on the start, per axis [mm]",
+        ylabel="mean error [mm]",
+        yscale="log",
+        title="where it ends",
     )
     axis.legend(fontsize=8, frameon=False)
 
 
 def ellipsoids() -> Figure:
     """Seen from above: where 300 simulated repetitions put a joint, and the error bars they came with."""
-    rigs = {"two cameras side by side": synthetic.stereo(), "four cameras round the room": synthetic.human36m_like()}
+    rigs = {
+        "two cameras side by side": synthetic.stereo(),
+        "four cameras round the room": synthetic.human36m_like(),
+    }
     figure, axes = plt.subplots(1, 2, figsize=(8.4, 3.6), layout="constrained")
     for axis, (title, rig) in zip(axes, rigs.items(), strict=True):
         pose = synthetic.motion("reach", 1, seed=2)

@@ -13,8 +13,8 @@ from pathlib import Path
 from PIL import Image
 
 COLOURS = 128
-# left, top, right, bottom of the body's two views with their legend, in parts of the overview
-POSE = (0.0, 0.035, 0.675, 0.61)
+# left, top, right, bottom of the body's two views in parts of the overview
+POSE = (0.0, 0.035, 0.6, 0.565)
 
 
 def main(folder: Path) -> None:

@@ -43,12 +43,21 @@ def test_blocks_and_what_is_promised() -> None:
 
 
 def test_commands_of_a_block() -> None:
-    assert commands("$ a \\\n    b\nout\n$ c  # exit status 1\n") == [("a b", "out\n"), ("c  # exit status 1", "")]
+    assert commands("$ a \\\n    b\nout\n$ c  # exit status 1\n") == [
+        ("a b", "out\n"),
+        ("c  # exit status 1", ""),
+    ]
 
 
 @pytest.mark.parametrize(
     ("actual", "promised"),
-    [("a\nb\n", "a\nb"), ("a 12 px\n", "a … px"), ("a\nb\nc\n", "a\n…\nc"), ("a\nb\n", "…\nb"), ("a\n", "a\n…")],
+    [
+        ("a\nb\n", "a\nb"),
+        ("a 12 px\n", "a … px"),
+        ("a\nb\nc\n", "a\n…\nc"),
+        ("a\nb\n", "…\nb"),
+        ("a\n", "a\n…"),
+    ],
 )
 def test_output_that_is_as_promised(actual: str, promised: str) -> None:
     assert_output(actual, promised, "here")
