@@ -30,7 +30,7 @@ extensions = [
     "config_docstring",
 ]
 exclude_patterns = ["_ext", "figures"]
-nitpicky = True
+nitpicky = True  # nothing is left out
 smartquotes = False  # they would turn --option into –option
 highlight_language = "none"
 
@@ -57,14 +57,4 @@ autodoc_typehints = "none"
 autodoc_preserve_defaults = True
 numpydoc_show_class_members = False
 numpydoc_attributes_as_param_list = True
-numpydoc_class_members_toctree = False
 numpydoc_xref_param_type = False
-
-# Bases that Python and the compiled module name and that have no page here.
-nitpick_ignore = [
-    ("py:class", "Exception"),
-    ("py:class", "ImportError"),
-    ("py:class", "ValueError"),
-    ("py:class", "object"),
-    ("py:class", "builtins.object"),
-]

@@ -18,7 +18,7 @@ from sphinx.util.nodes import nested_parse_with_titles
 from skelsplat.cli import app as program
 
 # a command line, also behind a pipe, or JSON
-_VERBATIM = re.compile(r"(\w+ \| )?skelsplat [a-z-]+ |\{")
+_VERBATIM = re.compile(r"(\w+ \| )?skelsplat [a-z-]+( |$)|\{")
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
