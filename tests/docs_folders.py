@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING
 
+import cv2
 import numpy as np
 
 import calibration_files
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 FRAMES = 24
 STEPS = 12
+VIDEO_FRAMES = 8
 
 
 def prepare(page: str, folder: Path) -> None:
@@ -53,6 +55,22 @@ def _walk(folder: Path, names: list[str], layout: str, scale: float) -> tuple[Pa
     good = synthetic.DetectionNoise.good()
     seen = synthetic.simulate_detections(truth * scale, rig, noise=good, layout=known, seed=0)
     return path, detection_files.Take(seen[:, :, None], names, list(known.joints))
+
+
+def _videos(folder: Path) -> None:
+    """Grey videos of the recording's size, of as many frames as a page draws."""
+    (folder / "videos").mkdir()
+    for name in ("cam01", "cam02", "cam03", "cam04"):
+        path = str(folder / "videos" / f"{name}.mp4")
+        writer = cv2.VideoWriter(path, cv2.VideoWriter_fourcc(*"mp4v"), 60.0, (1088, 1920))
+        for _ in range(VIDEO_FRAMES):
+            writer.write(np.full((1920, 1088, 3), 128, dtype=np.uint8))
+        writer.release()
+
+
+def _pictures(folder: Path) -> None:
+    _sample(folder)
+    _videos(folder)
 
 
 def _pose2sim(folder: Path) -> None:
@@ -131,5 +149,8 @@ PREPARED: dict[str, Callable[[Path], None]] = {
     "docs/howto/pose2sim.md": _pose2sim,
     "docs/howto/python.md": _sample,
     "docs/howto/rtmpose.md": _rtmpose,
+    "docs/howto/config.md": lambda folder: _sample(folder, frames=100),
+    "docs/howto/pictures.md": _pictures,
     "docs/synthetic-data.md": _synthetic,
+    "docs/tutorial.md": _videos,
 }
