@@ -23,7 +23,7 @@ def main(folder: Path) -> None:
         overview = Image.open(Path(made) / "overview.png").convert("RGB")
         weights = Image.open(Path(made) / "weights.png").convert("RGB")
         subprocess.run([sys.executable, "-m", "skelsplat", "plot", made, "--quiet"], check=True)
-        paths = Image.open(Path(made) / "trajectories.png").convert("RGB")
+        paths = Image.open(Path(made) / "plots" / "trajectories.png").convert("RGB")
     width, height = overview.size
     box = (POSE[0] * width, POSE[1] * height, POSE[2] * width, POSE[3] * height)
     for name, picture in (
