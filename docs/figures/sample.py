@@ -1,6 +1,7 @@
 """Pictures of the recording that ships with the package: ``python docs/figures/sample.py [FOLDER]``.
 
-They are those of ``skelsplat demo`` and ``skelsplat plot``, with fewer colours; ``pose.png`` is the upper left of the overview.
+They are those of ``skelsplat demo`` and ``skelsplat plot``, with fewer colours; ``pose.png`` is the upper
+left of the overview.
 """
 
 from __future__ import annotations
