@@ -1,6 +1,7 @@
-# Two commands on a new machine with Rust and Python >= 3.10:
+# Three commands on a new machine with Rust and Python >= 3.10:
 #   make demo   set up, build, refine the embedded real sample into ./skelsplat-demo
 #   make test   set up, every check
+#   make docs   set up, build the documentation into ./site
 PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
@@ -9,7 +10,7 @@ STAMPS := .stamps
 RUST_SOURCES   := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name 'Cargo.toml' 2>/dev/null)
 PYTHON_SOURCES := pyproject.toml README.md $(shell find python -name '*.py' -o -name '*.pyi' -o -name '*.zip' -o -name '*.html' -o -name '*.css' -o -name '*.js' 2>/dev/null)
 
-.PHONY: demo test fmt lint rust-test python-test bench clean
+.PHONY: demo test docs fmt lint rust-test python-test bench clean
 
 demo: $(STAMPS)/installed
 	$(BIN)/skelsplat demo -o skelsplat-demo
@@ -56,8 +57,12 @@ rust-test:
 python-test: $(STAMPS)/dev
 	$(BIN)/python -m pytest
 
+# The site needs no network: open site/index.html.
+docs: $(STAMPS)/dev
+	$(BIN)/sphinx-build -W -n --keep-going -q docs site
+
 bench: $(STAMPS)/dev
 	$(BIN)/python benchmarks/paper.py
 
 clean:
-	rm -rf $(VENV) $(STAMPS) dist target skelsplat-demo
+	rm -rf $(VENV) $(STAMPS) dist target site skelsplat-demo

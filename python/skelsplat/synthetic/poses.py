@@ -59,7 +59,8 @@ def monocular_poses(
 
     Normal errors, independent between views and frames, 2.5 times as large along the ray from the camera to
     the joint as across it; half of the variance is common to all joints of a pose (the body is placed wrongly
-    as a whole), half is each joint's own. The mean over the three axes of the variance is `sigma_mm`².
+    as a whole), half is each joint's own. The mean over the three axes of the variance is ``sigma_mm``
+    squared.
 
     Parameters
     ----------

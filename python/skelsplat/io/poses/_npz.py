@@ -30,14 +30,14 @@ def write_npz(path: str | os.PathLike[str], data: PoseData) -> None:
     of shape ()), and ``version``, the version of this package. No key needs pickle to be read.
 
     ============================================  ==============  ======================================
-    pose, init_pose                               (T, N, 3)       ``unit``
-    uncertainty                                   (T, N, 3, 3)    posterior covariance, ``unit``²
-    covariance                                    (T, N, 3, 3)    of the splats, ``unit``²; no error bar
+    pose, init_pose                               (T, N, 3)       unit
+    uncertainty                                   (T, N, 3, 3)    posterior covariance, unit²
+    covariance                                    (T, N, 3, 3)    of the splats, unit²; no error bar
     joint_status                                  (T, N)          ok, weak, unobserved
     view_weights                                  (T, M, N)       0 to 1; NaN without a detection
     swapped                                       (T, M, N)       left and right exchanged
     reprojection_error                            (T, M, N)       px
-    noise                                         (T,)            of the detections, ``unit``
+    noise                                         (T,)            of the detections, unit
     loss, n_iter, stop_reason, frames             (T,)
     joint_names, camera_names                     (N,), (M,)
     frame_rate                                    ()              frames per second; NaN if unknown

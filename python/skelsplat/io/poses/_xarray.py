@@ -32,12 +32,12 @@ def to_xarray(
 ) -> xr.Dataset:
     """Return the poses as a ``poses`` dataset of movement (https://movement.neuroinformatics.dev).
 
-    ============== ============================================= =======================================
-    position       (time, space, keypoints, individuals)         in ``attrs["unit"]``
-    confidence     (time, keypoints, individuals)                0 to 1
+    ============== ============================================== ======================================
+    position       (time, space, keypoints, individuals)          in ``attrs["unit"]``
+    confidence     (time, keypoints, individuals)                 0 to 1
     uncertainty    (time, space, space_2, keypoints, individuals) posterior covariance, unit²; if known
-    status         (time, keypoints, individuals)                ok, weak, unobserved, filled; if known
-    ============== ============================================= =======================================
+    status         (time, keypoints, individuals)                 ok, weak, unobserved, filled; if known
+    ============== ============================================== ======================================
 
     ``confidence`` is the mean weight of the joint's detections, how far they are believed. It is 0 for a
     joint that is not ``ok``, and NaN if the data have no weights. ``time`` is in seconds from the first frame

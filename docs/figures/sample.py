@@ -1,0 +1,40 @@
+"""Pictures of the recording that ships with the package: ``python docs/figures/sample.py [FOLDER]``.
+
+They are those of ``skelsplat demo`` and ``skelsplat plot``, with fewer colours; ``pose.png`` is the upper
+left of the overview.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from PIL import Image
+
+COLOURS = 128
+# left, top, right, bottom of the body's two views in parts of the overview
+POSE = (0.0, 0.035, 0.6, 0.565)
+
+
+def main(folder: Path) -> None:
+    with tempfile.TemporaryDirectory() as made:
+        subprocess.run([sys.executable, "-m", "skelsplat", "demo", "-o", made, "--quiet"], check=False)
+        overview = Image.open(Path(made) / "overview.png").convert("RGB")
+        weights = Image.open(Path(made) / "weights.png").convert("RGB")
+        subprocess.run([sys.executable, "-m", "skelsplat", "plot", made, "--quiet"], check=True)
+        paths = Image.open(Path(made) / "plots" / "trajectories.png").convert("RGB")
+    width, height = overview.size
+    box = (POSE[0] * width, POSE[1] * height, POSE[2] * width, POSE[3] * height)
+    for name, picture in (
+        ("overview", overview),
+        ("weights", weights),
+        ("trajectories", paths),
+        ("pose", overview.crop(tuple(round(side) for side in box))),
+    ):
+        picture.quantize(COLOURS).save(folder / f"{name}.png", optimize=True)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent)

@@ -1,0 +1,141 @@
+"""The site builds without a warning, needs no network, and leaves no link and no public name out."""
+
+from __future__ import annotations
+
+import importlib
+import re
+import subprocess
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+import pytest
+import typer.main
+
+import skelsplat as sk
+from skelsplat.cli import app
+
+DOCS = Path(__file__).parents[2] / "docs"
+MODULES = (
+    "skelsplat",
+    "skelsplat.io",
+    "skelsplat.layouts",
+    "skelsplat.metrics",
+    "skelsplat.synthetic",
+    "skelsplat.rig_check",
+    "skelsplat.datasets",
+    "skelsplat.evaluation.baselines",
+)
+# attribute of the tag that loads something; of <link> only what the browser fetches
+LOADED = {"script": "src", "img": "src", "iframe": "src", "source": "src", "link": "href", "audio": "src"}
+# without a docstring of their own: formats.md has the layouts
+CONSTANTS = {*(name.upper() for name in sk.layouts.names), "__version__"}
+
+
+class Page(HTMLParser):
+    """What a page loads, where it links to, and what can be linked to in it."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.loaded: list[str] = []
+        self.links: list[str] = []
+        self.anchors: set[str] = set()
+        self.feed(path.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        given = {name: value or "" for name, value in attrs}
+        self.anchors |= {given[name] for name in ("id", "name") if name in given}
+        if tag in LOADED and LOADED[tag] in given:
+            self.loaded.append(given[LOADED[tag]])
+        if tag == "a" and "href" in given:
+            self.links.append(given["href"])
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    target = tmp_path_factory.mktemp("site")
+    package = str(Path(sk.__file__).parents[1])
+    command = [sys.executable, "-m", "sphinx", "-W", "-n", "--keep-going", "-q", str(DOCS), str(target)]
+    done = subprocess.run(
+        command, env={"PATH": "", "PYTHONPATH": package}, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return target
+
+
+@pytest.fixture(scope="module")
+def pages(site: Path) -> dict[Path, Page]:
+    return {path: Page(path) for path in site.rglob("*.html")}
+
+
+def test_nothing_is_loaded_from_elsewhere(site: Path, pages: dict[Path, Page]) -> None:
+    foreign = [
+        (path.name, url) for path, page in pages.items() for url in page.loaded if urlsplit(url).netloc
+    ]
+    styles = [
+        (path.name, url)
+        for path in site.rglob("*.css")
+        for url in re.findall(
+            r"url\(['\"]?(//[^)]*|https?:[^)]*)\)|@import", path.read_text(encoding="utf-8")
+        )
+    ]
+    assert (foreign, styles) == ([], [])
+
+
+def test_every_link_within_the_site_leads_somewhere(pages: dict[Path, Page]) -> None:
+    broken = []
+    for path, page in pages.items():
+        for link in page.links:
+            parts = urlsplit(link)
+            if parts.scheme or parts.netloc:
+                continue
+            target = (path.parent / unquote(parts.path)).resolve() if parts.path else path
+            anchors = pages[target].anchors if target in pages else set()
+            if not target.exists() or (parts.fragment and unquote(parts.fragment) not in anchors):
+                broken.append(f"{path.name}: {link}")
+    assert broken == []
+
+
+def test_mathematics_is_mathml(site: Path) -> None:
+    text = (site / "method.html").read_text(encoding="utf-8")
+    assert text.count("<math ") > 30
+    assert "\\frac" not in text
+    assert "$" not in re.sub(r"<(pre|script)\b.*?</\1>", "", text, flags=re.DOTALL)
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_every_public_name_is_documented(module: str, pages: dict[Path, Page]) -> None:
+    known = set().union(*(page.anchors for page in pages.values()))
+    names = [f"{module}.{name}" for name in importlib.import_module(module).__all__ if name not in CONSTANTS]
+    assert [name for name in names if not known & {name, f"module-{name}"}] == []
+
+
+def test_every_command_and_option_is_documented(site: Path) -> None:
+    text = (site / "commands.html").read_text(encoding="utf-8")
+    anchors = Page(site / "commands.html").anchors
+    commands = typer.main.get_command(app).commands
+    leaves = {name: command for name, command in commands.items() if not hasattr(command, "commands")}
+    for name, command in leaves.items():
+        assert f"command-{name}" in anchors
+        for param in command.params:
+            assert param.name == "help" or any(option in text for option in (*param.opts, param.metavar)), (
+                name
+            )
+
+
+def test_figures_are_small() -> None:
+    sizes = {path.name: path.stat().st_size for path in (DOCS / "figures").glob("*.png")}
+    assert sizes
+    assert max(sizes.values()) < 300_000
+
+
+@pytest.mark.parametrize("script", ["method", "sample"])
+def test_figures_are_what_the_scripts_draw(script: str, tmp_path: Path) -> None:
+    package = str(Path(sk.__file__).parents[1])
+    env = {"PATH": "", "PYTHONPATH": package, "MPLBACKEND": "Agg", "MPLCONFIGDIR": str(tmp_path / "mpl")}
+    command = [sys.executable, str(DOCS / "figures" / f"{script}.py"), str(tmp_path)]
+    subprocess.run(command, env=env, check=True, capture_output=True)
+    drawn = {path.name for path in tmp_path.glob("*.png")}
+    assert drawn
+    assert drawn <= {path.name for path in (DOCS / "figures").glob("*.png")}

@@ -1,0 +1,156 @@
+"""The folders that the pages talk about: files in the form that each tool writes, small.
+
+Pages on a tool start from a simulated walk, written by the writers of the formats' tests; others from the
+first frames of the recording in the package.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+import calibration_files
+import detection_files
+import skelsplat as sk
+from docs_code import run
+from skelsplat import synthetic
+from skelsplat.io import read_calibration, sample
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+FRAMES = 24
+STEPS = 12
+VIDEO_FRAMES = 8
+
+
+def prepare(page: str, folder: Path) -> None:
+    """Put the files that `page` starts from into `folder`."""
+    if page in PREPARED:
+        PREPARED[page](folder)
+
+
+def _sample(folder: Path, *, calibration: str = "Calib.toml", frames: int = FRAMES) -> None:
+    """Put the recording there: a calibration, and ``pose`` with its first frames."""
+    paths = sample.extract(folder)
+    for camera in paths.detections.iterdir():
+        for path in sorted(camera.iterdir())[frames:]:
+            path.unlink()
+    paths.detections.rename(folder / "pose")
+    target = folder / calibration
+    target.parent.mkdir(exist_ok=True)
+    paths.calibration.rename(target)
+
+
+def _walk(folder: Path, names: list[str], layout: str, scale: float) -> tuple[Path, detection_files.Take]:
+    """Write an Anipose TOML of a ring of cameras; return it with a walk that they see."""
+    path = calibration_files.anipose(folder, calibration_files.reference(names), scale)
+    rig = read_calibration(path, unit={1.0: "mm", 1e-3: "m"}[scale])
+    known = sk.layouts.get(layout)
+    truth = synthetic.in_layout(synthetic.motion("walk", STEPS, seed=4), known)
+    good = synthetic.DetectionNoise.good()
+    seen = synthetic.simulate_detections(truth * scale, rig, noise=good, layout=known, seed=0)
+    return path, detection_files.Take(seen[:, :, None], names, list(known.joints))
+
+
+def _videos(folder: Path) -> None:
+    """Grey videos of the recording's size, of as many frames as a page draws."""
+    (folder / "videos").mkdir()
+    for name in ("cam01", "cam02", "cam03", "cam04"):
+        path = str(folder / "videos" / f"{name}.mp4")
+        writer = cv2.VideoWriter(path, cv2.VideoWriter_fourcc(*"mp4v"), 60.0, (1088, 1920))
+        for _ in range(VIDEO_FRAMES):
+            writer.write(np.full((1920, 1088, 3), 128, dtype=np.uint8))
+        writer.release()
+
+
+def _pictures(folder: Path) -> None:
+    _sample(folder)
+    _videos(folder)
+
+
+def _pose2sim(folder: Path) -> None:
+    _sample(folder, calibration="calibration/Calib_scene.toml", frames=100)
+
+
+def _openpose(folder: Path) -> None:
+    _sample(folder)
+    parameters = folder / "cameraParameters"
+    parameters.mkdir()
+    calibration_files.openpose(parameters, calibration_files.reference(["1", "2"]))
+
+
+def _freemocap(folder: Path) -> None:
+    raw = folder / "recording" / "output_data" / "raw_data"
+    raw.mkdir(parents=True)
+    path, take = _walk(folder, ["cam_0", "cam_1", "cam_2"], "coco17", 1.0)
+    path.rename(folder / "recording" / "session_camera_calibration.toml")
+    detection_files.freemocap(raw, take)
+
+
+def _anipose(folder: Path) -> None:
+    session = folder / "session1"
+    for name in ("calibration", "pose-2d"):
+        (session / name).mkdir(parents=True)
+    path, take = _walk(folder, ["A", "B", "C"], "coco17", 1.0)
+    path.rename(session / "calibration" / "calibration.toml")
+    for name, view in take.views():
+        table = detection_files.deeplabcut_table(view, take.joints, 0, multi=False)
+        table.to_hdf(
+            session / "pose-2d" / f"walk_cam{name}.h5", key="df_with_missing", format="table", mode="w"
+        )
+
+
+def _deeplabcut(folder: Path) -> None:
+    path, take = _walk(folder, ["camA", "camB", "camC"], "coco17", 1.0)
+    path.rename(folder / "calibration.toml")
+    kept = [j for j, joint in enumerate(take.joints) if "ear" not in joint]
+    joints = ["snout" if j == 0 else take.joints[j] for j in kept]
+    (folder / "dlc").mkdir()
+    detection_files.deeplabcut(
+        folder / "dlc", detection_files.Take(take.people[..., kept, :], take.names, joints)
+    )
+
+
+def _rtmpose(folder: Path) -> None:
+    _, take = _walk(folder, ["cam01", "cam02", "cam03"], "coco17", 1e-3)
+    (folder / "mmpose").mkdir()
+    detection_files.mmpose(folder / "mmpose", take)
+
+
+def _live(folder: Path) -> None:
+    _, take = _walk(folder, ["A", "B", "C", "D"], "h36m17", 1.0)
+    frames = [
+        {"frame": t, "detections": np.nan_to_num(views[:, 0]).tolist()} for t, views in enumerate(take.people)
+    ]
+    (folder / "recorded.jsonl").write_text("".join(json.dumps(frame) + "\n" for frame in frames))
+
+
+def _synthetic(folder: Path) -> None:
+    command = "skelsplat synth human36m-like data/h36m-like --poses 60 --openpose"
+    status, output = run(command, folder)
+    assert status == 0, output
+
+
+PREPARED: dict[str, Callable[[Path], None]] = {
+    "README.md": _sample,
+    "docs/errors.md": _sample,
+    "docs/formats.md": _sample,
+    "docs/pose-files.md": _sample,
+    "docs/howto/anipose.md": _anipose,
+    "docs/howto/deeplabcut.md": _deeplabcut,
+    "docs/howto/freemocap.md": _freemocap,
+    "docs/howto/live.md": _live,
+    "docs/howto/openpose.md": _openpose,
+    "docs/howto/pose2sim.md": _pose2sim,
+    "docs/howto/python.md": _sample,
+    "docs/howto/rtmpose.md": _rtmpose,
+    "docs/howto/config.md": lambda folder: _sample(folder, frames=100),
+    "docs/howto/pictures.md": _pictures,
+    "docs/synthetic-data.md": _synthetic,
+    "docs/tutorial.md": _videos,
+}
