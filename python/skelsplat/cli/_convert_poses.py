@@ -32,6 +32,8 @@ class PoseOptions:
         Length unit to write: mm, cm or m; None: m in TRC, mm in C3D, else that of the source.
     y_up
         Write a world with z up as y up (TRC, C3D).
+    marker_names
+        What joints are called (TRC, C3D); None: as in the source.
     singular
         Name the dimensions of a NetCDF file as movement does from version 0.17 on.
     """
@@ -39,6 +41,7 @@ class PoseOptions:
     fps: float | None = None
     to_unit: str | None = None
     y_up: bool = False
+    marker_names: str | None = None
     singular: bool = False
 
 
@@ -80,7 +83,11 @@ def convert_poses(source: Path, target: Path, options: PoseOptions) -> Written:
         raise DatasetError(target, "target", "another file than the source", "the same")
     data = read_pose(source)
     data = data if options.fps is None else replace(data, frame_rate=options.fps)
-    given: dict[str, object] = {"y_up": options.y_up or None, "singular": options.singular or None}
+    given: dict[str, object] = {
+        "y_up": options.y_up or None,
+        "marker_names": options.marker_names,
+        "singular": options.singular or None,
+    }
     if kind in _OWN_UNIT:
         given["unit"] = options.to_unit
     elif options.to_unit is not None:
@@ -107,5 +114,5 @@ POSES = Kind(
     is_pose_file,
     _convert,
     POSE_SUFFIXES,
-    frozenset({"fps", "to_unit", "y_up", "singular"}),
+    frozenset({"fps", "to_unit", "y_up", "marker_names", "singular"}),
 )

@@ -51,6 +51,8 @@ class Job:
         Frames per second of the recording; None if unknown.
     y_up
         Write ``pose.trc`` and ``pose.c3d`` with y pointing up, for OpenSim, instead of z.
+    marker_names
+        What joints are called in these two, of `skelsplat.io.poses.MARKER_NAMES`.
     write
         The pose files to write, keys of `skelsplat.io.poses.POSE_FORMATS`.
     html
@@ -80,6 +82,7 @@ class Job:
     paper: bool = False
     fps: float | None = None
     y_up: bool = False
+    marker_names: str = "skelsplat"
     write: tuple[str, ...] = ("npz", "csv", "trc")
     html: bool = True
     over_time: OverTime = field(default_factory=OverTime)

@@ -270,6 +270,15 @@ NoHtml = Annotated[
         rich_help_panel=_OUTPUT,
     ),
 ]
+MarkerNames = Annotated[
+    str,
+    typer.Option(
+        "--marker-names",
+        metavar="STYLE",
+        help="Names in .trc and .c3d: skelsplat (right_hip), or pose2sim (RHip), for its OpenSim models.",
+        rich_help_panel=_OUTPUT,
+    ),
+]
 Quiet = Annotated[
     bool,
     typer.Option(

@@ -121,7 +121,7 @@ def _poses(job: Job, inputs: Inputs, outcome: Outcome) -> PoseData:
 
 def _write_poses(job: Job, data: PoseData) -> list[str]:
     """Write the pose files that the job asks for; return their names."""
-    given = {"frame_rate": job.fps or _ASSUMED_FPS, "y_up": job.y_up}
+    given = {"frame_rate": job.fps or _ASSUMED_FPS, "y_up": job.y_up, "marker_names": job.marker_names}
     names = []
     for kind in job.write:
         options = given if kind in _NEED_FPS else {}

@@ -43,6 +43,14 @@ _Fps = Annotated[
 _YUp = Annotated[
     bool, typer.Option("--y-up", help="Poses: write a world with z up as y up.", rich_help_panel="Output")
 ]
+_MarkerNames = Annotated[
+    str | None,
+    typer.Option(
+        metavar="STYLE",
+        help="Poses in .trc and .c3d: skelsplat, or pose2sim for RHip instead of right_hip.",
+        rich_help_panel="Output",
+    ),
+]
 _Singular = Annotated[
     bool,
     typer.Option("--singular", help="Poses in .nc: as movement 0.17.", rich_help_panel="Output"),
@@ -62,6 +70,7 @@ def convert(
     to_unit: _ToUnit = None,
     fps: _Fps = None,
     y_up: _YUp = False,
+    marker_names: _MarkerNames = None,
     singular: _Singular = False,
     quiet: options.Quiet = False,
     as_json: options.AsJson = False,
@@ -92,6 +101,7 @@ def convert(
         "to_unit": to_unit,
         "fps": fps,
         "y_up": y_up or None,
+        "marker_names": marker_names,
         "singular": singular or None,
     }
     request = Request(source, target, {name: value for name, value in given.items() if value is not None})

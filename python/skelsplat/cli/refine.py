@@ -16,6 +16,7 @@ from skelsplat.cli._over_time import over_time
 from skelsplat.cli._pipeline import check_output
 from skelsplat.cli._reading import reading
 from skelsplat.cli._run import run
+from skelsplat.io.poses import MARKER_NAMES
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -66,6 +67,7 @@ def refine(
     write: options.Write = "csv,trc",
     fps: options.Fps = None,
     y_up: options.YUp = False,
+    marker_names: options.MarkerNames = "skelsplat",
     no_html: options.NoHtml = False,
     quiet: options.Quiet = False,
     as_json: options.AsJson = False,
@@ -119,6 +121,7 @@ def refine(
         paper=paper,
         fps=positive("--fps", fps),
         y_up=y_up,
+        marker_names=one_of("--marker-names", marker_names, MARKER_NAMES),
         write=formats(write),
         html=not no_html,
         over_time=over_time(filter, fps, fill_gaps, fill_method, weak=fill_weak),

@@ -4,12 +4,14 @@ from skelsplat.io.poses._c3d import read_c3d, write_c3d
 from skelsplat.io.poses._csv import read_csv, write_csv
 from skelsplat.io.poses._files import POSE_FORMATS, check_pose_format, pose_format, read_pose, write_pose
 from skelsplat.io.poses._json import is_json_poses, read_json, to_json, write_json
+from skelsplat.io.poses._marker_names import MARKER_NAMES
 from skelsplat.io.poses._npz import read_npz, write_npz
 from skelsplat.io.poses._pose_data import PoseData
 from skelsplat.io.poses._trc import read_trc, write_trc
 from skelsplat.io.poses._xarray import read_netcdf, to_xarray, write_netcdf
 
 __all__ = [
+    "MARKER_NAMES",
     "POSE_FORMATS",
     "PoseData",
     "check_pose_format",

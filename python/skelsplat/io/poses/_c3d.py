@@ -13,6 +13,7 @@ from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._atomic import atomic_path
 from skelsplat.io.poses._c3d_structure import check_structure
+from skelsplat.io.poses._marker_names import marker_names as named
 from skelsplat.io.poses._pose_data import Array, PoseData, known_frame_rate
 
 if TYPE_CHECKING:
@@ -29,7 +30,12 @@ _GROUP = "SKELSPLAT"
 
 
 def write_c3d(
-    path: str | os.PathLike[str], data: PoseData, *, frame_rate: float | None = None, y_up: bool = False
+    path: str | os.PathLike[str],
+    data: PoseData,
+    *,
+    frame_rate: float | None = None,
+    y_up: bool = False,
+    marker_names: str = "skelsplat",
 ) -> None:
     """Write the poses as points of a C3D file, in mm.
 
@@ -47,17 +53,21 @@ def write_c3d(
         Frames per second; that of `data` if left out.
     y_up : bool
         Write a world with z up as y up, (x, y, z) → (y, z, x), and say so in ``POINT:Y_SCREEN``.
+    marker_names : "skelsplat" or "pose2sim"
+        What the joints are called, as in `write_trc`.
 
     Raises
     ------
     InvalidInputError
-        If no frame rate is known, or there are no frames, or more than 65535 from the first to the last.
+        If no frame rate is known, `marker_names` is unknown, or there are no frames, or more than 65535 from
+        the first to the last.
     MissingPackageError
         If ezc3d is not installed.
     DatasetError
         If the path cannot be written.
     """
     ezc3d = _library()
+    labels = named(data.joint_names, marker_names)
     rate = known_frame_rate(data, frame_rate, "C3D")
     check_c3d_frames(data.frames)
     shift = _shift(data.frames)
@@ -73,7 +83,7 @@ def write_c3d(
     point = file["parameters"]["POINT"]
     point["RATE"]["value"] = [rate]
     point["UNITS"]["value"] = ["mm"]
-    point["LABELS"]["value"] = list(data.joint_names)
+    point["LABELS"]["value"] = list(labels)
     file["header"]["points"]["first_frame"] = int(data.frames[0]) + shift - 1
     file["data"]["points"] = points
     file["data"]["meta_points"]["residuals"] = residuals

@@ -8,6 +8,7 @@ from the end of a line, and a row whose last marker is missing would be one fiel
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +18,7 @@ from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._atomic import atomic_write_text
 from skelsplat.io._files import read_text
+from skelsplat.io.poses._marker_names import marker_names as named
 from skelsplat.io.poses._pose_data import PoseData, check_frame_rate, known_frame_rate
 
 if TYPE_CHECKING:
@@ -40,6 +42,7 @@ def write_trc(
     frame_rate: float | None = None,
     unit: str = "m",
     y_up: bool = False,
+    marker_names: str = "skelsplat",
 ) -> None:
     """Write the poses as TRC.
 
@@ -56,18 +59,21 @@ def write_trc(
         Unit of the file; lengths are converted.
     y_up : bool
         Write a world with z up as y up, (x, y, z) → (y, z, x). The default keeps the axes of the calibration.
+    marker_names : "skelsplat" or "pose2sim"
+        What the joints are called: ``right_hip``, or ``RHip`` as Pose2Sim and its OpenSim models know it.
 
     Raises
     ------
     InvalidInputError
-        If `unit` or `frame_rate` is not valid, no frame rate is known, or a joint's name cannot stand in a
-        line of tab-separated fields.
+        If `unit`, `frame_rate` or `marker_names` is not valid, no frame rate is known, or a joint's name
+        cannot stand in a line of tab-separated fields.
     DatasetError
         If the path cannot be written.
     """
     if unit not in _DECIMALS:
         raise InvalidInputError(f'unit: expected "m" or "mm" in a TRC file, got {unit!r}')
     rate = known_frame_rate(data, frame_rate, "TRC")
+    data = replace(data, joint_names=named(data.joint_names, marker_names))
     for name in data.joint_names:
         if not name.strip() or "\t" in name or name.splitlines() != [name]:
             raise InvalidInputError(f"joint_names: expected names without tabs and line breaks, got {name!r}")
