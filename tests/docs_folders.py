@@ -137,7 +137,7 @@ def _synthetic(folder: Path) -> None:
 
 
 PREPARED: dict[str, Callable[[Path], None]] = {
-    "README.md": _sample,
+    "README.md": _pictures,
     "docs/errors.md": _sample,
     "docs/formats.md": _sample,
     "docs/pose-files.md": _sample,
