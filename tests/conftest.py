@@ -1,12 +1,24 @@
-"""What the twin and the parity tests share; tests/unit has a `scene` of its own."""
+"""What all tests share, and the scenes of the twin and the parity tests; tests/unit has one of its own."""
 
 from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
 
 import scenes
 from reference import total
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _heeded_signal() -> Iterator[None]:
+    """Let the tests and their children hear SIGINT, which a shell's background job ignores."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
 
 SCENES = {"three_joints": scenes.three_joints, "beyond_the_image": scenes.beyond_the_image}
 

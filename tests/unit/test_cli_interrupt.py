@@ -26,14 +26,6 @@ def start(*args):
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
-@pytest.fixture(autouse=True)
-def _heeded_signal():
-    """Let children hear SIGINT: a background job of a shell ignores it, and they would as well."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
-
-
 def walk(folder, steps):
     """Write a walk and its detections; return the arguments of refine that are the same for all."""
     rig = synthetic.human36m_like()
