@@ -87,9 +87,7 @@ def _file_names(cameras: Sequence[str]) -> list[str]:
     """Return the cameras' names without what a file's name must not hold; those then alike get a number."""
     names = [re.sub(r'^\.+|[/\\:*?"<>|\x00-\x1f]', "_", camera) for camera in cameras]
     folded = [name.casefold() for name in names]  # some file systems do not tell a from A
-    return [
-        f"{name}_{k}" if folded.count(folded[k]) > 1 else name for k, name in enumerate(names)
-    ]
+    return [f"{name}_{k}" if folded.count(folded[k]) > 1 else name for k, name in enumerate(names)]
 
 
 def _check_apart(target: Path, views: Sequence[View]) -> None:

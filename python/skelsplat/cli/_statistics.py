@@ -144,6 +144,15 @@ def finite_median(values: npt.ArrayLike) -> float:
     return _percentile(np.asarray(values, dtype=np.float64), 50)
 
 
+def frame_medians(values: Array) -> Array:
+    """Return the median of what is finite in every frame of (T, …), NaN where there is nothing."""
+    frames = np.where(np.isfinite(values), values, np.nan).reshape(len(values), -1)
+    ordered = np.sort(frames, axis=1)  # NaN comes last
+    every, last = np.arange(len(frames)), np.maximum(np.isfinite(frames).sum(axis=1) - 1, 0)
+    medians: Array = (ordered[every, last // 2] + ordered[every, (last + 1) // 2]) / 2
+    return medians
+
+
 def finite_max(values: npt.ArrayLike) -> float:
     """Return the largest finite value, NaN if there is none."""
     return _percentile(np.asarray(values, dtype=np.float64), 100)
