@@ -132,6 +132,12 @@ def test_images_that_cannot_be_read_are_left_out(case, tmp_path):
     assert_fails(overlay(case, tmp_path / "images"), 1, "cam01: images: expected", "6 that it cannot")
 
 
+def test_hidden_files_beside_the_images_are_left_alone(tmp_path):
+    folder = write_images(tmp_path / "cam01")
+    (folder / "._take2_000.png").write_bytes(b"\x00\x05\x16\x07")
+    assert [number for number, _ in open_source(folder).frames(0, 2)] == [0, 1, 2]
+
+
 def test_images_of_different_sizes(case, tmp_path):
     for name in ("cam01", "cam02"):
         write_images(tmp_path / "images" / name)
