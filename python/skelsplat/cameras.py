@@ -92,3 +92,8 @@ class CameraRig(Sequence[Camera]):
 
     def __repr__(self) -> str:
         return f"CameraRig({len(self)} cameras, unit='{self._unit}': {', '.join(self.names)})"
+
+
+def without_distortion(camera: Camera) -> Camera:
+    """Return the camera with an ideal lens."""
+    return Camera(camera.K, camera.R, camera.t, size=camera.size, name=camera.name)

@@ -241,6 +241,7 @@ def test_every_kind_of_value(tmp_path, folders, expected):
         ("offset = [true]", ["offset: expected a list of A=B texts, or a table, got a list"]),
         ("offset = {cam1 = true}", ["offset.cam1: expected text or a number, got true"]),
         ("when = 2026-11-21", ["when: "]),
+        ("min-confidence = 1" + 400 * "0", ["min-confidence: expected a number, got 1000"]),
     ],
 )
 def test_a_file_that_does_not_fit_is_status_2_and_names_file_and_key(folder, text, parts):
@@ -291,6 +292,7 @@ def test_what_is_still_missing_is_said(folder):
         (None, ["file: expected a readable file", "no such file"]),
         (b"fps = ", ["TOML: expected valid TOML", "end of document"]),
         (b"fps = 3\nfps = 4\n", ["TOML: expected valid TOML", "overwrite"]),
+        (b"fps = 1" + 5000 * b"0", ["TOML: expected valid TOML", "4300 digits"]),
         (b"\xff\xfe", ["file: expected text in UTF-8", "byte 0"]),
     ],
 )

@@ -11,9 +11,11 @@ from typer.testing import CliRunner
 
 import skelsplat as sk
 from skelsplat import synthetic
+from skelsplat.cameras import without_distortion
 from skelsplat.cli import app
 from skelsplat.cli._figures import most_moved_frame, world_up
 from skelsplat.io import read_npz
+from skelsplat.io.run_folder import write_run_inputs
 
 T = 5  # frames of `recording`
 NOISE_PX = 2.0
@@ -44,6 +46,31 @@ def test_the_report_holds_statistics_settings_and_timing(recording, arguments):
     assert 0.0 < errors["all"]["after_px"] < 2 * NOISE_PX
     assert sum(report["stop_reasons"].values()) == T
     assert report["timing"]["ms_per_frame"] == pytest.approx(1000 * report["timing"]["refine_s"] / T)
+
+
+def noise_free(folder, rig, pixels, *options):
+    """Refine pixels (M, T, N, 2) and return the report."""
+    detections = np.concatenate([pixels, np.ones((*pixels.shape[:-1], 1))], axis=-1).swapaxes(0, 1)
+    write_run_inputs(folder, rig, sk.layouts.get("h36m17"), detections, np.arange(T))
+    inputs = [folder / "cameras.json", folder / "detections.npz", "--layout", "h36m17", "-o", folder]
+    assert invoke("refine", *inputs, *FAST, *options).exit_code == 0
+    return json.loads((folder / "report.json").read_text())
+
+
+def test_without_undistortion_the_start_is_measured_with_ideal_lenses_too(tmp_path):
+    """Detections without distortion and cameras with it: nothing is left over and nothing moves."""
+    rig = synthetic.human36m_like(distortion=True)
+    pose = synthetic.motion("walk", T, seed=3)
+    ideal = sk.CameraRig([without_distortion(camera) for camera in rig])
+    errors = noise_free(tmp_path, rig, sk.project(pose, ideal), "--no-undistort")["reprojection_error"]
+    assert errors["all"]["before_px"] < 1e-6
+    assert max(joint["moved_median_mm"] for joint in errors["joints"]) < 1e-3
+
+
+def test_noise_free_detections_raise_no_doubt(tmp_path):
+    """Start and result then differ by rounding alone, whose ratio says nothing."""
+    rig, pose = synthetic.human36m_like(), synthetic.motion("walk", T, seed=3)
+    assert noise_free(tmp_path, rig, sk.project(pose, rig))["doubts"] == []
 
 
 def spoil(folder, camera, frame, joint, by=200.0):

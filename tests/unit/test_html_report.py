@@ -6,6 +6,7 @@ import base64
 import hashlib
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -49,7 +50,13 @@ def test_positions_and_ellipsoids_come_back_to_the_stated_accuracy(written):
         np.testing.assert_allclose(found, pose @ upright(walk.up)[0].T, atol=0.51 * grid["step_mm"])
     roots = packed["spread"]["step_mm"] * numbers(packed["spread"]["numbers"]).reshape(40, 3, 6)
     np.testing.assert_allclose(roots, np.broadcast_to([20.0, 0, 0, 20, 0, 20], roots.shape), atol=0.01)
-    np.testing.assert_array_equal(numbers(packed["frames"], "<i4"), walk.frames)
+    np.testing.assert_array_equal(numbers(packed["frames"], "<f8"), walk.frames)
+
+
+def test_frame_numbers_may_be_time_stamps(written):
+    stamps = 1_636_212_345_678 + 33 * np.arange(40)
+    packed = data_of(written(report_data(replace(sequence(), frames=stamps), problems=[])))["scene"]
+    np.testing.assert_array_equal(numbers(packed["frames"], "<f8"), stamps)
 
 
 def test_names_from_files_are_escaped_in_markup_and_in_data(written):
@@ -108,7 +115,7 @@ def test_a_long_sequence_is_thinned_out_and_says_so(written):
     )
     text = written(data)
     packed = data_of(text)
-    shown = numbers(packed["scene"]["frames"], "<i4")
+    shown = numbers(packed["scene"]["frames"], "<f8")
     assert len(shown) == packed["scene"]["count"] <= MOST_POSITIONS // 25
     assert {100, 1101, 15_003, 15_009} <= set(shown.tolist())
     assert numbers(packed["lines"][0]["values"], "<f4").max() == 7.0

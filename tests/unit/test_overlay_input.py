@@ -132,6 +132,12 @@ def test_images_that_cannot_be_read_are_left_out(case, tmp_path):
     assert_fails(overlay(case, tmp_path / "images"), 1, "cam01: images: expected", "6 that it cannot")
 
 
+def test_hidden_files_beside_the_images_are_left_alone(tmp_path):
+    folder = write_images(tmp_path / "cam01")
+    (folder / "._take2_000.png").write_bytes(b"\x00\x05\x16\x07")
+    assert [number for number, _ in open_source(folder).frames(0, 2)] == [0, 1, 2]
+
+
 def test_images_of_different_sizes(case, tmp_path):
     for name in ("cam01", "cam02"):
         write_images(tmp_path / "images" / name)
@@ -158,6 +164,18 @@ def test_a_single_video_is_that_of_its_name_or_of_the_chosen_camera(case, videos
     assert overlay(case, other, "--camera", "cam_01").exit_code == 0
 
 
+def test_the_current_folder_has_its_name(case, tmp_path, monkeypatch):
+    monkeypatch.chdir(write_images(tmp_path / "cam02"))
+    assert overlay(case, ".").exit_code == 0
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["cam_02.mp4"]
+
+
+def test_cameras_with_odd_names_have_files_of_their_own():
+    from skelsplat.cli._overlay_run import _file_names
+
+    assert _file_names(["a/b", "a:b", "A?b", "..", "c.1"]) == ["a_b_0", "a_b_1", "A_b_2", "_", "c.1"]
+
+
 def test_a_stated_order(videos):
     names = list(NAMES)
     assert find_videos(videos, names, order=("cam02", "cam01"))["cam_01"] == videos / "cam02.mp4"
@@ -178,15 +196,18 @@ def test_a_result_never_replaces_a_video_that_is_read(case, tmp_path):
 @pytest.mark.parametrize(
     ("args", "words"),
     [
-        (("--range", "5-2"), "got 5 to 2"),
-        (("--range", "100-200"), "expected some of the frames 0 to 5, got 100 to 200"),
+        (("--range", "5-2"), "got 5-2"),
+        (("--range", "100-200"), "expected some of the frames 0 to 5, got 100-200"),
+        (("--range", "100-"), "expected some of the frames 0 to 5, got 100-"),
     ],
 )
 def test_frames_that_the_run_does_not_have(case, videos, args, words):
     assert_fails(overlay(case, videos, *args), 2, "--range", words)
 
 
-@pytest.mark.parametrize("args", [("--range", "two"), ("--range", "-"), ("--scale", "0"), ("--fps", "-1")])
+@pytest.mark.parametrize(
+    "args", [("--range", "two"), ("--range", "-"), ("--scale", "0"), ("--scale", "1e6"), ("--fps", "-1")]
+)
 def test_bad_usage(case, videos, args):
     assert_fails(overlay(case, videos, *args), 2, args[0])
 

@@ -11,6 +11,7 @@ import pytest
 import skelsplat as sk
 from command_line import READ, invoke
 from skelsplat.cli._problems import Problem, Reason, _named, find_problems, runs_in_words
+from skelsplat.cli._statistics import frame_medians
 
 T, M, N = 20, 4, 3
 
@@ -148,3 +149,16 @@ def test_the_page_can_be_left_out_and_an_older_one_goes(recording, arguments):
     assert invoke(*arguments, *READ, "--fps", 50, "-q", "--no-html").exit_code == 0
     assert not (folder / "out" / "report.html").exists()
     assert (folder / "out" / "report.json").exists()
+
+
+def test_medians_of_frames_with_gaps():
+    values = np.random.default_rng(0).normal(size=(9, 4, 5))
+    values[np.random.default_rng(1).random(values.shape) < 0.3] = np.nan
+    values[2] = np.nan
+    values[3] = np.nan
+    values[3, 1, 1] = 1.0
+    values[4, 0, 0] = np.inf
+    known = np.where(np.isfinite(values), values, np.nan).reshape(9, 20)
+    medians = frame_medians(values)
+    assert np.isnan(medians[2])
+    np.testing.assert_allclose(np.delete(medians, 2), np.nanmedian(np.delete(known, 2, axis=0), axis=1))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import shutil
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -125,10 +126,16 @@ def test_the_pose_before_and_the_ellipsoids_can_be_chosen(visit):
     assert near(picture(page), COLOURS.start) > near(refined, COLOURS.start) + 50
 
 
+def test_frame_numbers_may_be_time_stamps(visit):
+    stamps = 1_636_212_345_678 + 33 * np.arange(40)
+    page = visit(report_data(replace(sequence(), frames=stamps), problems=[]), f"#frame={stamps[7]}")
+    assert frame_of(page) == stamps[7]
+
+
 def test_a_link_leads_to_its_frame(visit):
     page = visit(fragment="#frame=117")
     assert frame_of(page) == 117
-    assert page.inner_text("#time") == "2.34 s"
+    assert page.inner_text("#time") == "0.34 s"  # since the first frame, as in pose.trc and in the plots
     page.click("#problems a")
     wait(page, "document.getElementById('frame').value === '120'")
     assert page.inner_text("#reasons") == "weak: left_knee"

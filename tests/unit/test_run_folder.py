@@ -10,6 +10,7 @@ import pytest
 
 import skelsplat as sk
 from command_line import READ, invoke
+from skelsplat.cli import _run
 from skelsplat.io import read_npz, read_run, write_npz
 
 
@@ -74,6 +75,9 @@ def test_a_folder_that_is_no_run_is_said_to_be_none(tmp_path):
         (lambda r: r["input"].update(layout="h36m71"), r"input\.layout"),
         (lambda r: r["input"].update(layout=None), r"input\.layout"),
         (lambda r: r["settings"].update(undistort="yes"), r"settings\.undistort"),
+        (lambda r: r["input"].update(offsets=["cam1"]), r"input\.offsets"),
+        (lambda r: r["input"].update(offsets={"cam1": 1.5}), r"input\.offsets\.cam1"),
+        (lambda r: r["input"].update(offsets={"cam1": True}), r"input\.offsets\.cam1"),
     ],
 )
 def test_a_report_of_another_kind_is_refused(run, change, field):
@@ -96,3 +100,14 @@ def test_files_of_two_runs_are_told_apart(run, tmp_path):
     write_npz(other / "pose.npz", poses.in_unit("m"))
     with pytest.raises(sk.DatasetError, match=r"pose\.npz: unit: expected .* \(mm\), got m"):
         read_run(other)
+
+
+def test_a_run_that_stops_half_way_leaves_no_mixture_of_two(run, monkeypatch):
+    def stop(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(_run, "write_run_inputs", stop)
+    stored = [run / "cameras.json", run / "detections.npz"]
+    assert invoke("refine", *stored, *READ, "--fps", 50, "-o", run, "--sigma", 20).exit_code == 1
+    with pytest.raises(sk.DatasetError, match=r"report\.json: expected the folder of a run"):
+        read_run(run)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from skelsplat import viz
+from skelsplat.viz import _style
 from skelsplat.viz.bones import draw_bones
 from skelsplat.viz.error_map import draw_error_map
 from skelsplat.viz.trajectories import draw_trajectories
@@ -278,3 +279,11 @@ def test_maps_without_any_detection_say_so(tmp_path):
     assert "no detections" in words(draw_error_map(data).axes[0])
     (path,) = viz.write_error_map(tmp_path / "e", data)
     assert path.read_bytes().startswith(MAGIC["png"])
+
+
+def test_a_file_that_cannot_be_written_is_named(tmp_path):
+    (tmp_path / "bones.png").mkdir()
+    with pytest.raises(OSError, match="directory") as caught:
+        _style.write_whole(tmp_path / "bones.png", b"")
+    assert caught.value.filename == str(tmp_path / "bones.png")
+    assert [path.name for path in tmp_path.iterdir()] == ["bones.png"]

@@ -184,7 +184,7 @@ def _scalar(kind: Any, value: Any, folder: Path, marks: tuple[Any, ...] = ()) ->
     if kind is int:
         return value if isinstance(value, int) else None
     if kind is float:
-        return float(value) if isinstance(value, int | float) else None
+        return _float(value) if isinstance(value, int | float) else None
     if kind is Path:
         return str(folder / value) if isinstance(value, str) else None
     if NAME_OR_PATH in marks and isinstance(value, str) and (folder / value).exists():
@@ -192,6 +192,13 @@ def _scalar(kind: Any, value: Any, folder: Path, marks: tuple[Any, ...] = ()) ->
     if kind is str or get_origin(kind) is Literal:
         return str(value) if isinstance(value, str | int) else None
     raise TypeError(f"no TOML value is known for a parameter of type {kind}")
+
+
+def _float(value: float) -> float | None:
+    try:
+        return float(value)
+    except OverflowError:  # TOML's whole numbers have no limit
+        return None
 
 
 def _right(path: Path, key: str, value: Any) -> str:

@@ -22,7 +22,7 @@ _MOSTLY = 0.5
 # share, the whole recording with the last.
 _CAMERA_SHARE, _CAMERA_RATIO, _WHOLE_SHARE = 0.1, 3.0, 1 / 3
 # A robust fit may leave the median where it was; a tenth more is further away.
-_FURTHER = 1.1
+_FURTHER, _FURTHER_PX = 1.1, 0.1  # less is the rounding of the detections
 # About half the arms and legs, which are half of a layout's joints or more.
 _MIRRORED_SHARE = 0.25
 # Longer side over shorter side that no person's arms or legs have.
@@ -53,7 +53,7 @@ def _whole(statistics: Statistics) -> Iterator[str]:
             f"{_percent(total.rejected_share)} of all detections are rejected: check that calibration, "
             "cameras and detections belong together, their timing, the unit and the layout."
         )
-    elif total.after_px > _FURTHER * total.before_px:
+    elif total.after_px > max(_FURTHER * total.before_px, total.before_px + _FURTHER_PX):
         yield (
             "The refined pose lies further from the detections than its start (median "
             f"{total.before_px:.1f} to {total.after_px:.1f} px): check the layout, the unit and the "

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import skelsplat as sk
-from skelsplat.cli._statistics import finite_median
+from skelsplat.cli._statistics import finite_median, frame_medians
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -71,7 +71,7 @@ def most_moved_frame(moved_mm: Array, status: npt.NDArray[np.str_]) -> int:
     status : (T, N)
         Frames whose joints are all ``"ok"`` come first, if there are any.
     """
-    median = np.array([finite_median(frame) for frame in moved_mm])
+    median = frame_medians(moved_mm)
     complete = (status == "ok").all(axis=1) & np.isfinite(median)
     median = np.where(np.isfinite(median) & (complete | ~complete.any()), median, -np.inf)
     return int(np.argmax(median))

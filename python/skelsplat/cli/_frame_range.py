@@ -54,7 +54,8 @@ class FrameRange:
         first = known[0] if self.first is None else self.first
         last = known[1] if self.last is None else self.last
         if not ((frames >= first) & (frames <= last)).any():
-            raise _refused(f"some of the frames {known[0]} to {known[1]}", f"{first} to {last}")
+            said = "-".join("" if end is None else str(end) for end in (self.first, self.last))
+            raise _refused(f"some of the frames {known[0]} to {known[1]}", said)
         return max(first, known[0]), min(last, known[1])
 
 

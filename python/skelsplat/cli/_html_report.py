@@ -10,8 +10,8 @@ import numpy as np
 import skelsplat as sk
 from skelsplat.cli._figures import start_name, world_up
 from skelsplat.cli._html_tables import camera_table, joint_table, number, share
-from skelsplat.cli._problems import frame_medians, runs_in_words
-from skelsplat.cli._statistics import DOWN_WEIGHTED, finite_max, finite_median
+from skelsplat.cli._problems import runs_in_words
+from skelsplat.cli._statistics import DOWN_WEIGHTED, finite_max, finite_median, frame_medians
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

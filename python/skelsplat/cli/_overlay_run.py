@@ -67,7 +67,7 @@ def draw(job: OverlayJob, *, shown: bool) -> list[Written]:
     span = job.frames.within(scene.run.poses.frames)
     views = open_views(job, scene, span)
     groups = [views] if job.grid else [[view] for view in views]
-    names = [GRID] if job.grid else [_file_name(view.name) for view in views]
+    names = [GRID] if job.grid else _file_names([view.name for view in views])
     targets = [job.out / (name if job.png else f"{name}.mp4") for name in names]
     for target in targets:
         _check_apart(target, views)
@@ -83,9 +83,11 @@ def draw(job: OverlayJob, *, shown: bool) -> list[Written]:
     return written
 
 
-def _file_name(camera: str) -> str:
-    """Return a camera's name without what a file's name must not hold."""
-    return re.sub(r'[/\\:*?"<>|\x00-\x1f]', "_", camera)
+def _file_names(cameras: Sequence[str]) -> list[str]:
+    """Return the cameras' names without what a file's name must not hold; those then alike get a number."""
+    names = [re.sub(r'^\.+|[/\\:*?"<>|\x00-\x1f]', "_", camera) for camera in cameras]
+    folded = [name.casefold() for name in names]  # some file systems do not tell a from A
+    return [f"{name}_{k}" if folded.count(folded[k]) > 1 else name for k, name in enumerate(names)]
 
 
 def _check_apart(target: Path, views: Sequence[View]) -> None:

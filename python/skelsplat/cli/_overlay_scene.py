@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import skelsplat as sk
+from skelsplat.cli._pipeline import rig_as_used
 from skelsplat.viz.overlay import OverlayFrame
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ class Scene:
 
     def __init__(self, run: RunFolder) -> None:
         self.run = run
-        self.cameras = [camera if run.undistorted else _pinhole(camera) for camera in run.rig]
+        self.cameras = list(rig_as_used(run.rig, undistort=run.undistorted))
         self._index = {int(number): t for t, number in enumerate(run.poses.frames)}
 
     def frame(self, view: int, number: int) -> OverlayFrame | None:
@@ -76,10 +77,6 @@ def project_covariances(points: Array, covariances: Array, camera: sk.Camera) ->
     seen = sk.project(np.concatenate([points[None], points + shifts]), [camera])[0]
     jacobian = (seen[1:4] - seen[4:]) / (2 * step[:, None])  # (3, N, 2)
     return seen[0], np.einsum("anu,nab,bnv->nuv", jacobian, covariances, jacobian)
-
-
-def _pinhole(camera: sk.Camera) -> sk.Camera:
-    return sk.Camera(camera.K, camera.R, camera.t, size=camera.size, name=camera.name)
 
 
 def _known(values: Array, shape: tuple[int, ...]) -> Array:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import typer
 
 from skelsplat.cli._overlay_follow import follow
 from skelsplat.cli._overlay_place import Place, fit_size
@@ -24,6 +25,9 @@ if TYPE_CHECKING:
     from skelsplat.cli._overlay_scene import Scene
 
 Span = tuple[int, int]
+
+# More no encoder takes, and a frame would fill the memory.
+_MOST_PX = 16_384
 
 
 @dataclass(frozen=True)
@@ -89,6 +93,8 @@ def open_views(job: OverlayJob, scene: Scene, span: Span) -> list[View]:
     ------
     DatasetError, InvalidInputError
         If a video is missing, unreadable, of another size than its camera, or has no frame of the run.
+    typer.BadParameter
+        If the output would be too large.
     """
     rig = scene.run.rig
     paths = find_videos(job.videos, list(rig.names), chosen=job.cameras, order=job.order)
@@ -125,11 +131,15 @@ def _open(job: OverlayJob, scene: Scene, index: int, source: FrameSource, span: 
         index=index,
         name=name,
         source=source,
-        offset=int((run.report["input"].get("offsets") or {}).get(name, 0)),
+        offset=run.offsets.get(name, 0),
         place=Place(fit.scale, size, job.scale or 1.0),
         corners=corners,
         labelled=job.legend,
     )
+    if max(view.place.output) > _MOST_PX:
+        width, height = view.place.output
+        expected = f"an output of at most {_MOST_PX} px in width and height"
+        raise typer.BadParameter(f"expected {expected}, got {width}×{height}", param_hint="--scale")
     if not view.expected(span):
         raise _no_frame(view, span)
     return view

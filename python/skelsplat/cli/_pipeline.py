@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, TextIO
 import numpy as np
 
 import skelsplat as sk
-from skelsplat.cameras import MM_PER_UNIT
+from skelsplat.cameras import MM_PER_UNIT, without_distortion
 from skelsplat.cli._person import pick_person
 from skelsplat.cli._reading import read_found
 from skelsplat.exceptions import DatasetError
@@ -183,7 +183,13 @@ def _plain(inputs: Inputs, config: sk.RefineConfig) -> Array:
     """Triangulate the detections that count, by DLT, (T, N, 3)."""
     counts = inputs.detections[..., 2] >= config.min_confidence
     detections = np.where(counts[..., None], inputs.detections, np.nan)
-    return sk.triangulate(detections, inputs.rig, method="dlt")
+    rig = rig_as_used(inputs.rig, undistort=config.undistort)
+    return sk.triangulate(detections, rig, method="dlt")
+
+
+def rig_as_used(rig: sk.CameraRig, *, undistort: bool) -> sk.CameraRig:
+    """Return the cameras with which detections are compared: with ideal lenses if distortion is ignored."""
+    return rig if undistort else sk.CameraRig([without_distortion(camera) for camera in rig], unit=rig.unit)
 
 
 def default_threads(config: sk.RefineConfig) -> int:

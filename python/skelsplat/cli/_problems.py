@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skelsplat.cli._statistics import finite_median
+from skelsplat.cli._statistics import finite_median, frame_medians
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -168,8 +168,3 @@ def _named(kind: str, where: Mask, names: Sequence[str]) -> Iterator[tuple[int, 
     for t in np.flatnonzero(where.any(axis=1)):
         named = tuple(names[int(k)] for k in np.flatnonzero(where[t]))
         yield int(t), Reason(kind, named if len(named) <= _MOST_NAMES else (f"{len(named)} of {len(names)}",))
-
-
-def frame_medians(values: Array) -> Array:
-    """Return the median of what is finite in every frame of (T, …), NaN where there is nothing."""
-    return np.array([finite_median(frame) for frame in values])

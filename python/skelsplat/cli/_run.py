@@ -66,6 +66,7 @@ def run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
         "over_time": over_time,
     }
     report = build_report(job, inputs, outcome, statistics, remarks)
+    (job.out / REPORT).unlink(missing_ok=True)  # until it is written again, files of two runs may lie here
     names = _write_poses(job, poses)
     names += write_run_inputs(job.out, inputs.rig, inputs.layout, inputs.detections, inputs.frames)
     atomic_write_text(job.out / REPORT, to_text(report))

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import skelsplat as sk
+from skelsplat.cli._pipeline import rig_as_used
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -108,7 +109,7 @@ def summarise(inputs: Inputs, outcome: Outcome) -> Statistics:
     result, mm = outcome.result, inputs.rig.mm_per_unit
     after = np.asarray(result.reprojection_error)
     used = np.isfinite(after)
-    before = np.where(used, _reprojection_error(outcome.start, inputs), np.nan)
+    before = np.where(used, _reprojection_error(outcome, inputs), np.nan)
     poor_px = np.array([POOR_SHARE * np.hypot(*camera.size) for camera in inputs.rig])
     every = _Detections(
         before=before,
@@ -143,14 +144,24 @@ def finite_median(values: npt.ArrayLike) -> float:
     return _percentile(np.asarray(values, dtype=np.float64), 50)
 
 
+def frame_medians(values: Array) -> Array:
+    """Return the median of what is finite in every frame of (T, …), NaN where there is nothing."""
+    frames = np.where(np.isfinite(values), values, np.nan).reshape(len(values), -1)
+    ordered = np.sort(frames, axis=1)  # NaN comes last
+    every, last = np.arange(len(frames)), np.maximum(np.isfinite(frames).sum(axis=1) - 1, 0)
+    medians: Array = (ordered[every, last // 2] + ordered[every, (last + 1) // 2]) / 2
+    return medians
+
+
 def finite_max(values: npt.ArrayLike) -> float:
     """Return the largest finite value, NaN if there is none."""
     return _percentile(np.asarray(values, dtype=np.float64), 100)
 
 
-def _reprojection_error(poses: Array, inputs: Inputs) -> Array:
-    """Return the distances in px, (T, M, N), of ``poses`` (T, N, 3) from the detections as given."""
-    projected = np.moveaxis(np.asarray(sk.project(poses, inputs.rig)), 0, 1)
+def _reprojection_error(outcome: Outcome, inputs: Inputs) -> Array:
+    """Return the distances in px, (T, M, N), of the start from the detections as given."""
+    rig = rig_as_used(inputs.rig, undistort=outcome.config.undistort)
+    projected = np.moveaxis(np.asarray(sk.project(outcome.start, rig)), 0, 1)
     error: Array = np.linalg.norm(projected - inputs.detections[..., :2], axis=-1)
     return error
 

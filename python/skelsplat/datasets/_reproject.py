@@ -201,10 +201,5 @@ def with_exchanged_tangential(camera: Camera) -> Camera:
     return _with_distortion(camera, coefficients)
 
 
-def without_distortion(camera: Camera) -> Camera:
-    """Return the camera with an ideal lens."""
-    return _with_distortion(camera, None)
-
-
-def _with_distortion(camera: Camera, coefficients: FloatArray | None) -> Camera:
+def _with_distortion(camera: Camera, coefficients: FloatArray) -> Camera:
     return Camera(camera.K, camera.R, camera.t, distortion=coefficients, size=camera.size, name=camera.name)

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from skelsplat._skelsplat import Camera, Layout
-from skelsplat.cameras import CameraRig
+from skelsplat.cameras import CameraRig, without_distortion
 from skelsplat.datasets import _reproject as rp
 from skelsplat.datasets._finding import Finding, file_of, merged
 from skelsplat.datasets._model import Dataset, FloatArray
@@ -209,7 +209,7 @@ def _views(item: rp.Sample, layout: Layout) -> Iterator[Finding]:
 
 _LENSES: dict[str, Callable[[Camera], Camera]] = {
     "p1 and p2 that are exchanged": rp.with_exchanged_tangential,
-    "detections without distortion (undistorted, or made with K alone)": rp.without_distortion,
+    "detections without distortion (undistorted, or made with K alone)": without_distortion,
 }
 
 

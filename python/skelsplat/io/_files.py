@@ -31,5 +31,6 @@ def parse_toml(path: Path, text: str) -> dict[str, Any]:
     """Return the TOML document that ``path`` holds as ``text``, or raise `DatasetError`."""
     try:
         return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise DatasetError(path, "TOML", "valid TOML", str(error)) from error
+    except (ValueError, RecursionError) as error:  # a number of thousands of digits is no TOMLDecodeError
+        reason = str(error).partition(";")[0]
+        raise DatasetError(path, "TOML", "valid TOML", reason) from error

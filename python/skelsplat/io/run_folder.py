@@ -67,6 +67,11 @@ class RunFolder:
         """Whether the lens distortion of the cameras was taken out of the detections."""
         return bool(self.report["settings"]["undistort"])
 
+    @property
+    def offsets(self) -> dict[str, int]:
+        """By camera, what was added to its frame numbers to get those of the run; 0 if not named."""
+        return dict(self.report["input"].get("offsets") or {})
+
 
 def write_run_inputs(
     folder: Path, rig: sk.CameraRig, layout: sk.Layout, detections: Array, frames: npt.NDArray[np.int64]
@@ -129,8 +134,18 @@ def _read_report(path: Path) -> dict[str, Any]:
             raise DatasetError(path, key, "an object under this key, as refine writes it", "none")
     if not isinstance(report["settings"].get("undistort"), bool):
         raise DatasetError(path, "settings.undistort", "true or false", report["settings"].get("undistort"))
+    _check_offsets(path, report["input"].get("offsets"))
     whole: dict[str, Any] = report
     return whole
+
+
+def _check_offsets(path: Path, offsets: Any) -> None:
+    expected = "an object with a whole number of frames by camera"
+    if not isinstance(offsets, dict | None):
+        raise DatasetError(path, "input.offsets", expected, offsets)
+    for name, offset in (offsets or {}).items():
+        if not isinstance(offset, int) or isinstance(offset, bool):
+            raise DatasetError(path, f"input.offsets.{name}", "a whole number of frames", offset)
 
 
 def _layout(path: Path, report: dict[str, Any]) -> sk.Layout:

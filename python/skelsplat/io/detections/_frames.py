@@ -140,6 +140,8 @@ def frame_files(folder: Path, pattern: str, expected: str) -> dict[int, Path]:
     """
     files: dict[int, Path] = {}
     for path in sorted(folder.glob(pattern)):
+        if path.name.startswith("."):  # "._name" of macOS beside every file on foreign disks
+            continue
         digits = re.findall(r"\d+", path.stem)
         if not digits:
             raise DatasetError(path, "file name", "a frame number in it", f"{path.name!r}")

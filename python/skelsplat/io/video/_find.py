@@ -107,7 +107,8 @@ def _camera_of(root: Path, kind: str, names: Sequence[str], wanted: Sequence[str
     """Return the camera of a single video: the only one that is wanted, or the one of its name."""
     if len(wanted) == 1:
         return wanted[0]
-    one = Candidates(root, kind, {root.name: root.stem if kind == "file" else root.name}, within=True)
+    path = root.absolute()  # "." has no name
+    one = Candidates(root, kind, {path.name: path.stem if kind == "file" else path.name}, within=True)
     try:
         labels = match_by_name(one, names, allow_missing=True)
     except DatasetError as error:

@@ -34,7 +34,7 @@ def pack_scene(sequence: Sequence3D, shapes: CameraShapes, places: npt.NDArray[n
     skeleton, joints = sequence.skeleton, range(len(sequence.joint_names))
     return {
         "axes": axes,
-        "frames": as_text(sequence.frames[places], "<i4"),
+        "frames": as_text(sequence.frames[places], "<f8"),  # time stamps exceed 32 bits
         "count": len(places),
         "frame_rate": sequence.frame_rate,
         "joints": list(sequence.joint_names),

@@ -15,7 +15,7 @@ function floatsOf(text) {
 // Positions come in mm on a grid; the view works in metres.
 const scene = {
   ...report.scene,
-  frames: new Int32Array(bytesOf(report.scene.frames)),
+  frames: new Float64Array(bytesOf(report.scene.frames)),
   start: new Int16Array(bytesOf(report.scene.start)),
   refined: new Int16Array(bytesOf(report.scene.refined)),
   spreads: new Int16Array(bytesOf(report.scene.spread.numbers)),

@@ -27,7 +27,7 @@ function tellFrame(t) {
   controls.scrubber.value = t;
   controls.scrubber.setAttribute("aria-valuetext", `frame ${number}`);
   if (document.activeElement !== controls.frame) controls.frame.value = number;
-  if (scene.frame_rate) get("time").textContent = `${(number / rate).toFixed(2)} s`;
+  if (scene.frame_rate) get("time").textContent = `${((number - scene.frames[0]) / rate).toFixed(2)} s`;
   const found = problemsAt(number);
   get("reasons").textContent = found.map(([, , words]) => words).join("; ");
   moveCursor(number);
