@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 
 import numpy as np
 import pytest
@@ -75,13 +74,11 @@ def test_views_can_be_chosen(root):
         datasets.read("synthetic", root, views=[1, 1])
 
 
-def test_the_same_seed_gives_the_same_bytes_in_little_time(tmp_path):
+def test_the_same_seed_gives_the_same_bytes(tmp_path):
     runner = CliRunner()
-    begin = time.perf_counter()
     for name in "ab":
         result = runner.invoke(app, ["synth", "human36m-like", str(tmp_path / name), "--seed", "5"])
         assert result.exit_code == 0, result.output
-    assert time.perf_counter() - begin < 20.0
     assert "human36m-like (simulated), 2181 poses in 60 takes" in result.output
     files = sorted(path.relative_to(tmp_path / "a") for path in (tmp_path / "a").rglob("*") if path.is_file())
     assert len(files) == 1 + 2 + 60 * 4
