@@ -9,7 +9,7 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat.exceptions import InvalidInputError
-from skelsplat.rig_check._causes import best_shift, explain
+from skelsplat.rig_check._causes import explain
 from skelsplat.rig_check._findings import CameraRow, Finding, RigReport
 from skelsplat.rig_check._geometry import check_geometry
 from skelsplat.rig_check._images import find_images
@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 # A camera whose detections are rejected this often, and this many times as often as the others', in so many
 # frames or more (less is somebody in the way); two cameras that miss each other by this share of a diagonal.
 _REJECTED, _RATIO, _LEAST_FRAMES, _APART = 1 / 3, 3.0, 5, 0.012
-# an offset that gains less is chance
-_OFFSET_BETTER = 0.9
 _OUTSIDE = 0.05
 _MIN_CONFIDENCE = 0.3
 
@@ -147,7 +145,7 @@ def _images(rig: sk.CameraRig, people: Array) -> list[Finding]:
 
 
 def _rows(scene: Scene, mended: Scene) -> list[CameraRow]:
-    """Numbers of every camera, all together and each against the others; offsets when all else is mended."""
+    """Numbers of every camera, all together and each against the others; offsets are the mended scene's."""
     detections, rig = scene.judged_detections, list(scene.cameras)
     plain = np.asarray(sk.triangulate(detections, rig, method="dlt"))
     with warnings.catch_warnings():
@@ -155,7 +153,6 @@ def _rows(scene: Scene, mended: Scene) -> list[CameraRow]:
         result = sk.refine(None, detections, rig)
     rows = []
     for i, camera in enumerate(rig):
-        offset, with_offset = _best_offset(mended, i)
         there = np.isfinite(detections[:, i, :, 0])
         weight = result.view_weights[:, i][there]
         weight = weight[np.isfinite(weight)]
@@ -168,20 +165,11 @@ def _rows(scene: Scene, mended: Scene) -> list[CameraRow]:
                 weight=float(weight.mean()) if weight.size else float("nan"),
                 rejected=float((weight < sk.REJECTED_WEIGHT).mean()) if weight.size else float("nan"),
                 left_out_px=float(scene.left_out[i]) if scene.views > 2 else float("nan"),
-                best_offset=offset,
-                best_offset_px=with_offset,
+                best_offset=mended.shifts[i],
+                best_offset_px=float(mended.left_out[i]),
             )
         )
     return rows
-
-
-def _best_offset(scene: Scene, view: int) -> tuple[int, float]:
-    if scene.views == 2:
-        return 0, float("nan")
-    points = scene.points_without(view)
-    shift = best_shift(scene, view, points)
-    best, unshifted = (scene.error(view, points, frames) for frames in (shift, 0))
-    return (0, unshifted) if best > _OFFSET_BETTER * unshifted else (shift, best)
 
 
 def _left_over(scene: Scene) -> list[Finding]:
