@@ -14,6 +14,7 @@ from skelsplat.rig_check._findings import CameraRow, Finding, RigReport
 from skelsplat.rig_check._geometry import check_geometry
 from skelsplat.rig_check._images import find_images
 from skelsplat.rig_check._people import find_exchange, follow
+from skelsplat.rig_check._recording import check_recording
 from skelsplat.rig_check._scene import Array, Index, Scene, in_mm, median, scene_of
 from skelsplat.rig_check._unit import check_unit
 
@@ -40,7 +41,7 @@ def check_rig(
     Without detections: lenses, cameras in one place, cameras that look away. With detections of a person
     also the unit (is the body as large as a person?), detections of other images than the calibration's
     (resized, turned, mirrored), exchanged cameras (every pair is tried), frame offsets between cameras, and
-    cameras that were turned or moved. A cause is named when with it set right all cameras agree clearly
+    cameras that were turned or moved; half of the cameras or more mean another recording. A cause is named when with it set right all cameras agree clearly
     better by leave-one-out reprojection; what is left over is named as a camera that disagrees. It takes
     three cameras to say which one is wrong, and where half of them are wrong nothing says which half.
 
@@ -98,12 +99,14 @@ def _with_detections(
     if images is not None:
         findings = [finding for finding in findings if "outside" not in finding.numbers]
     causes, mended = explain(scene_of(cameras, given, frames))
-    rows = _rows(as_given, mended)
+    recording = check_recording(causes, mended)
+    if recording is not None:  # what single cameras or their order would explain is chance then
+        return RigReport((recording, *findings), tuple(_rows(as_given, as_given)))
     causes += _left_over(mended)
     if causes and likely == rig.unit:
         unit = None  # a body of no person's size, but the cameras do not agree on it
     found = [finding for finding in (unit, images, exchange) if finding is not None]
-    return RigReport((*found, *findings, *causes), tuple(rows))
+    return RigReport((*found, *findings, *causes), tuple(_rows(as_given, mended)))
 
 
 def _checked(people: npt.ArrayLike, rig: sk.CameraRig) -> Array:

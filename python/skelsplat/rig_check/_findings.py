@@ -14,7 +14,7 @@ class Finding:
     ----------
     kind : str
         ``"unit"``, ``"images"``, ``"exchanged"``, ``"offset"``, ``"resized"``, ``"turned"``, ``"moved"``,
-        ``"disagrees"``, ``"geometry"`` or ``"detections"``.
+        ``"disagrees"``, ``"recording"``, ``"geometry"`` or ``"detections"``.
     cameras : tuple of str
         The cameras it concerns; empty for all.
     text : str
