@@ -142,7 +142,8 @@ def _print(
 def _nothing(rig: sk.CameraRig, found: DetectionSet | None) -> str:
     """Say that nothing was found, and in what."""
     if found is not None:
-        return f"Nothing wrong was found: {len(rig)} cameras, {rig.unit}, {len(found.frames)} frames of detections."
+        frames = len(found.frames)
+        return f"Nothing wrong was found: {len(rig)} cameras, {rig.unit}, {frames} frames of detections."
     return (
         f"Nothing wrong was found in the file itself: {len(rig)} cameras, {rig.unit}. Only detections tell "
         "whether it fits a recording: skelsplat check-cameras CALIBRATION DETECTIONS."

@@ -41,9 +41,10 @@ def check_rig(
     Without detections: lenses, cameras in one place, cameras that look away. With detections of a person
     also the unit (is the body as large as a person?), detections of other images than the calibration's
     (resized, turned, mirrored), exchanged cameras (every pair is tried), frame offsets between cameras, and
-    cameras that were turned or moved; half of the cameras or more mean another recording. A cause is named when with it set right all cameras agree clearly
-    better by leave-one-out reprojection; what is left over is named as a camera that disagrees. It takes
-    three cameras to say which one is wrong, and where half of them are wrong nothing says which half.
+    cameras that were turned or moved; half of the cameras or more mean another recording. A cause is named
+    when with it set right all cameras agree clearly better by leave-one-out reprojection; what is left over
+    is named as a camera that disagrees. It takes three cameras to say which one is wrong, and where half of
+    them are wrong nothing says which half.
 
     Parameters
     ----------
