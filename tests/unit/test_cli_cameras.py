@@ -147,7 +147,30 @@ def test_faults_are_status_1_and_said_in_words(room):
     assert result.exit_code == 1
     words = " ".join(result.stdout.split())
     assert "! cam3: its frame numbers are 3 too high, its frame f+3 belongs to frame f of the others" in words
-    assert "refine takes it as --offset cam3=-3." in words
+    assert words.endswith("refine takes it as --offset cam3=-3.")
+    assert words.startswith("! cam3")  # no table, no legend
+
+
+def test_the_offset_of_the_table_is_the_one_to_give(room, tmp_path):
+    table = check(room, "late").stdout
+    (row,) = (line.split() for line in table.splitlines() if line.startswith(" cam3 "))
+    assert row[2] == "-3:"
+    given = check(room, "late", "--offset", "cam3=-3")
+    assert given.exit_code == 0, given.output
+    more = json.loads(check(room, "late", "--offset", "cam3=2", "--json").stdout)
+    assert [row["offset_option"] for row in more["cameras"]] == [None, None, -3, None]
+    errors = []
+    for frames in (0, -3, 3):
+        out = tmp_path / str(frames)
+        refined = invoke(
+            *("refine", room / "Calib.toml", room / "late", "-o", out, "--layout", "h36m17"),
+            *("--offset", f"cam3={frames}", "--frames", "intersection", "-q"),
+        )
+        assert refined.exit_code == 0, refined.output
+        error = sk.io.read_npz(out / "pose.npz").reprojection_error
+        errors.append(float(np.nanmean(error)))
+    without, negative, positive = errors
+    assert negative < 0.7 * without < 0.7 * positive
 
 
 def test_a_wrong_unit_is_said(room, tmp_path):
@@ -171,12 +194,16 @@ def test_json_has_the_numbers(room):
     assert report["ok"] is False
     assert report["findings"][0]["numbers"]["frames"] == 3
     assert [row["best_offset"] for row in report["cameras"]] == [0, 0, 3, 0]
+    assert [row["offset_option"] for row in report["cameras"]] == [None, None, -3, None]
     assert report["unit"] == "mm"
 
 
 def test_a_calibration_alone(room):
     result = invoke("check-cameras", room / "Calib.toml")
-    assert (result.exit_code, result.stdout) == (0, "Nothing wrong was found: 4 cameras, mm.\n")
+    assert result.exit_code == 0
+    words = " ".join(result.stdout.split())
+    assert words.startswith("Nothing wrong was found in the file itself: 4 cameras, mm. Only detections tell")
+    assert invoke("check-cameras", room / "Calib.toml", "-q").output == ""
 
 
 def test_check_cameras_refuses(room, tmp_path):

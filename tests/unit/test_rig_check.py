@@ -243,6 +243,31 @@ def test_the_main_person_is_judged_not_a_bystander():
     assert (finding.kind, finding.cameras) == ("exchanged", ("cam1", "cam4"))
 
 
+@pytest.mark.parametrize(
+    ("name", "degrees", "mm"),
+    [
+        ("room", 5, 100),
+        ("room", 10, 500),
+        ("dome of 3", 10, 500),
+        ("dome of 6", 5, 100),
+        ("dome of 6", 10, 500),
+    ],
+)
+def test_a_calibration_of_another_recording_is_named_once(name, degrees, mm):
+    """Every camera was set up anew, turned and moved by about so much."""
+    random = np.random.default_rng(0)
+    cameras = rig(name)
+    for view, camera in enumerate(rig(name)):
+        axis = random.normal(size=3)
+        R = rotation(np.radians(degrees) * axis / np.linalg.norm(axis)) @ np.asarray(camera.R)
+        centre = np.asarray(camera.centre) + mm / np.sqrt(3.0) * random.normal(size=3)
+        cameras = replaced(cameras, view, R=R, t=-R @ centre)
+    finding = only(check_rig(cameras, detections(name), layout=LAYOUT))
+    assert finding.kind == "recording"
+    assert finding.text.startswith("Calibration and detections probably do not belong together")
+    assert 2 * len(finding.cameras) >= len(cameras)
+
+
 def test_a_camera_that_sees_something_else_disagrees():
     found = detections("dome of 6").copy()
     found[:, 5, :, :2] = np.random.default_rng(0).uniform(0, 1000, found[:, 5, :, :2].shape)

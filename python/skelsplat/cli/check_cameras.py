@@ -20,7 +20,7 @@ from skelsplat.cli._checks import one_of
 from skelsplat.cli._json import print_json
 from skelsplat.cli._pipeline import collected_warnings
 from skelsplat.cli._reading import read_found, reading
-from skelsplat.rig_check import Finding, RigReport, check_rig
+from skelsplat.rig_check import CameraRow, Finding, RigReport, check_rig
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -49,9 +49,9 @@ _Layout = Annotated[
     ),
 ]
 _LEGEND = (
-    "left out: from what the other cameras say; offset: frames that would fit better, and "
-    "the distance with them, all else set right; DLT, robust: from what all cameras say; "
-    "weight: how far the robust solver believes the detections, 0 to 1"
+    "by others: from what the other cameras say; --offset: what to give to refine for a camera that is "
+    "out of step, and the distance with it; DLT, robust: from what all cameras say; "
+    "weight: how far the robust solver believes the detections, 0 to 1; rejected: below 0.25"
 )
 _MODES = ("strict", "intersection", "union")
 
@@ -80,7 +80,8 @@ def check_cameras(
 
     With the detections of one person walking about, every camera is compared
     with what the other cameras say. All formats and options of refine's
-    detections are read.
+    detections are read. With --json, best_offset of a camera is by how many
+    frames its numbers are too high, offset_option the value for --offset.
 
     [bold]Examples[/bold]
 
@@ -112,37 +113,57 @@ def check_cameras(
         doubts = [doubt for doubt in doubts if doubt.kind != "unit"]
     report = RigReport((*doubts, *report.findings), report.cameras)
     if as_json:
-        print_json(_document(source, detections, rig, report))
-    elif not (quiet and report.ok):
-        _print(rig, report, found, given["offsets"])
+        print_json(_document(source, detections, rig, report, given["offsets"]))
+    else:
+        _print(rig, report, found, given["offsets"], quiet=quiet)
     if not report.ok:
         raise typer.Exit(1)
 
 
 def _print(
-    rig: sk.CameraRig, report: RigReport, found: DetectionSet | None, offsets: Mapping[str, int]
+    rig: sk.CameraRig,
+    report: RigReport,
+    found: DetectionSet | None,
+    offsets: Mapping[str, int],
+    *,
+    quiet: bool,
 ) -> None:
     console = Console(highlight=False, markup=False)
-    if report.cameras:
-        console.print(_table(report))
+    if report.cameras and not quiet:
+        console.print(_table(report, offsets))
         console.print(_LEGEND, style="dim")
         console.print()
     for finding in report.findings:
-        console.print(f"! {finding.text}{_remedy(finding, offsets)}")
-    if report.ok:
-        recording = "" if found is None else f", {len(found.frames)} frames of detections"
-        console.print(f"Nothing wrong was found: {len(rig)} cameras, {rig.unit}{recording}.")
+        console.print(f"! {finding.text}{_remedy(finding, report, offsets)}")
+    if report.ok and not quiet:
+        console.print(_nothing(rig, found))
 
 
-def _remedy(finding: Finding, offsets: Mapping[str, int]) -> str:
-    """Say what to give to refine for a finding, if it has an option for it, beside the offsets given here."""
+def _nothing(rig: sk.CameraRig, found: DetectionSet | None) -> str:
+    """Say that nothing was found, and in what."""
+    if found is not None:
+        frames = len(found.frames)
+        return f"Nothing wrong was found: {len(rig)} cameras, {rig.unit}, {frames} frames of detections."
+    return (
+        f"Nothing wrong was found in the file itself: {len(rig)} cameras, {rig.unit}. Only detections tell "
+        "whether it fits a recording: skelsplat check-cameras CALIBRATION DETECTIONS."
+    )
+
+
+def _remedy(finding: Finding, report: RigReport, offsets: Mapping[str, int]) -> str:
+    """Say what to give to refine for a finding, if it has an option for it."""
     if finding.kind == "offset":
-        name = finding.cameras[0]
-        return f" refine takes it as --offset {name}={offsets.get(name, 0) - int(finding.numbers['frames'])}."
+        (row,) = (row for row in report.cameras if row.name == finding.cameras[0])
+        return f" refine takes it as --offset {row.name}={_offset_option(row, offsets)}."
     return ""
 
 
-def _table(report: RigReport) -> Table:
+def _offset_option(row: CameraRow, offsets: Mapping[str, int]) -> int | None:
+    """Value of --offset that puts a camera in step, the one given here included; None if it is in step."""
+    return offsets.get(row.name, 0) - row.best_offset if row.best_offset else None
+
+
+def _table(report: RigReport, offsets: Mapping[str, int]) -> Table:
     table = Table(
         title="Distance of the detections from the person [px], medians",
         title_justify="left",
@@ -150,10 +171,11 @@ def _table(report: RigReport) -> Table:
         padding=(0, 1, 0, 0),
     )
     table.add_column("camera")
-    for name in ("left\nout", "offset", "DLT", "robust", "weight", "rejected", "detections"):
+    for name in ("by\nothers", "--offset", "DLT", "robust", "weight", "rejected", "detections"):
         table.add_column(name, justify="right")
     for row in report.cameras:
-        offset = f"{row.best_offset:+d}: {row.best_offset_px:.1f}" if row.best_offset else ""
+        option = _offset_option(row, offsets)
+        offset = "" if option is None else f"{option}: {row.best_offset_px:.1f}"
         share = f"{100 * row.rejected:.0f}%" if math.isfinite(row.rejected) else "–"
         cells = [_number(row.left_out_px), offset, _number(row.dlt_px), _number(row.robust_px)]
         table.add_row(row.name, *cells, _number(row.weight, 2), share, str(row.used))
@@ -164,12 +186,18 @@ def _number(value: float, digits: int = 1) -> str:
     return f"{value:.{digits}f}" if math.isfinite(value) else "–"
 
 
-def _document(source: Path, detections: Path | None, rig: sk.CameraRig, report: RigReport) -> dict[str, Any]:
+def _document(
+    source: Path,
+    detections: Path | None,
+    rig: sk.CameraRig,
+    report: RigReport,
+    offsets: Mapping[str, int],
+) -> dict[str, Any]:
     return {
         "calibration": str(source),
         "detections": None if detections is None else str(detections),
         "unit": rig.unit,
         "ok": report.ok,
         "findings": [asdict(finding) for finding in report.findings],
-        "cameras": [asdict(row) for row in report.cameras],
+        "cameras": [{**asdict(row), "offset_option": _offset_option(row, offsets)} for row in report.cameras],
     }

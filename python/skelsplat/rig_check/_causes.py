@@ -164,7 +164,8 @@ def _finding(scene: Scene, cause: Cause) -> Finding:
     view, after = cause.view, cause.scene
     name = named(scene.cameras)[view]
     errors = {"before_px": float(scene.left_out[view]), "after_px": float(after.left_out[view])}
-    change = f"{errors['before_px']:.1f} px off what the others say, so set right {errors['after_px']:.1f} px"
+    before_px, after_px = errors["before_px"], errors["after_px"]
+    change = f"{before_px:.1f} px off what the others say, with that put right {after_px:.1f} px"
     if cause.kind == "offset":
         shift = after.shifts[view] - scene.shifts[view]
         text = (

@@ -9,11 +9,12 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat.exceptions import InvalidInputError
-from skelsplat.rig_check._causes import best_shift, explain
+from skelsplat.rig_check._causes import explain
 from skelsplat.rig_check._findings import CameraRow, Finding, RigReport
 from skelsplat.rig_check._geometry import check_geometry
 from skelsplat.rig_check._images import find_images
 from skelsplat.rig_check._people import find_exchange, follow
+from skelsplat.rig_check._recording import check_recording
 from skelsplat.rig_check._scene import Array, Index, Scene, in_mm, median, scene_of
 from skelsplat.rig_check._unit import check_unit
 
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
 # A camera whose detections are rejected this often, and this many times as often as the others', in so many
 # frames or more (less is somebody in the way); two cameras that miss each other by this share of a diagonal.
 _REJECTED, _RATIO, _LEAST_FRAMES, _APART = 1 / 3, 3.0, 5, 0.012
-# an offset that gains less is chance
-_OFFSET_BETTER = 0.9
 _OUTSIDE = 0.05
 _MIN_CONFIDENCE = 0.3
 
@@ -42,9 +41,10 @@ def check_rig(
     Without detections: lenses, cameras in one place, cameras that look away. With detections of a person
     also the unit (is the body as large as a person?), detections of other images than the calibration's
     (resized, turned, mirrored), exchanged cameras (every pair is tried), frame offsets between cameras, and
-    cameras that were turned or moved. A cause is named when with it set right all cameras agree clearly
-    better by leave-one-out reprojection; what is left over is named as a camera that disagrees. It takes
-    three cameras to say which one is wrong, and where half of them are wrong nothing says which half.
+    cameras that were turned or moved; half of the cameras or more mean another recording. A cause is named
+    when with it set right all cameras agree clearly better by leave-one-out reprojection; what is left over
+    is named as a camera that disagrees. It takes three cameras to say which one is wrong, and where half of
+    them are wrong nothing says which half.
 
     Parameters
     ----------
@@ -100,12 +100,14 @@ def _with_detections(
     if images is not None:
         findings = [finding for finding in findings if "outside" not in finding.numbers]
     causes, mended = explain(scene_of(cameras, given, frames))
-    rows = _rows(as_given, mended)
+    recording = check_recording(causes, mended)
+    if recording is not None:  # what single cameras or their order would explain is chance then
+        return RigReport((recording, *findings), tuple(_rows(as_given, as_given)))
     causes += _left_over(mended)
     if causes and likely == rig.unit:
         unit = None  # a body of no person's size, but the cameras do not agree on it
     found = [finding for finding in (unit, images, exchange) if finding is not None]
-    return RigReport((*found, *findings, *causes), tuple(rows))
+    return RigReport((*found, *findings, *causes), tuple(_rows(as_given, mended)))
 
 
 def _checked(people: npt.ArrayLike, rig: sk.CameraRig) -> Array:
@@ -147,7 +149,7 @@ def _images(rig: sk.CameraRig, people: Array) -> list[Finding]:
 
 
 def _rows(scene: Scene, mended: Scene) -> list[CameraRow]:
-    """Numbers of every camera, all together and each against the others; offsets when all else is mended."""
+    """Numbers of every camera, all together and each against the others; offsets are the mended scene's."""
     detections, rig = scene.judged_detections, list(scene.cameras)
     plain = np.asarray(sk.triangulate(detections, rig, method="dlt"))
     with warnings.catch_warnings():
@@ -155,7 +157,6 @@ def _rows(scene: Scene, mended: Scene) -> list[CameraRow]:
         result = sk.refine(None, detections, rig)
     rows = []
     for i, camera in enumerate(rig):
-        offset, with_offset = _best_offset(mended, i)
         there = np.isfinite(detections[:, i, :, 0])
         weight = result.view_weights[:, i][there]
         weight = weight[np.isfinite(weight)]
@@ -168,20 +169,11 @@ def _rows(scene: Scene, mended: Scene) -> list[CameraRow]:
                 weight=float(weight.mean()) if weight.size else float("nan"),
                 rejected=float((weight < sk.REJECTED_WEIGHT).mean()) if weight.size else float("nan"),
                 left_out_px=float(scene.left_out[i]) if scene.views > 2 else float("nan"),
-                best_offset=offset,
-                best_offset_px=with_offset,
+                best_offset=mended.shifts[i],
+                best_offset_px=float(mended.left_out[i]),
             )
         )
     return rows
-
-
-def _best_offset(scene: Scene, view: int) -> tuple[int, float]:
-    if scene.views == 2:
-        return 0, float("nan")
-    points = scene.points_without(view)
-    shift = best_shift(scene, view, points)
-    best, unshifted = (scene.error(view, points, frames) for frames in (shift, 0))
-    return (0, unshifted) if best > _OFFSET_BETTER * unshifted else (shift, best)
 
 
 def _left_over(scene: Scene) -> list[Finding]:

@@ -14,7 +14,7 @@ class Finding:
     ----------
     kind : str
         ``"unit"``, ``"images"``, ``"exchanged"``, ``"offset"``, ``"resized"``, ``"turned"``, ``"moved"``,
-        ``"disagrees"``, ``"geometry"`` or ``"detections"``.
+        ``"disagrees"``, ``"recording"``, ``"geometry"`` or ``"detections"``.
     cameras : tuple of str
         The cameras it concerns; empty for all.
     text : str
@@ -47,11 +47,10 @@ class CameraRow:
     left_out_px : float
         Median distance from where the *other* cameras say that the joints are; NaN with two cameras.
     best_offset : int
-        The frame offset at which the camera fits the others best when all else that was found is set right:
-        its frame f + best_offset for frame f of the others. 0 if none gains a tenth, which is not evidence
-        yet; a finding is.
+        By how many frames the camera's numbers are too high, as a finding says: its frame f + best_offset
+        belongs to frame f of the others, so `--offset` takes the negative. 0 without such a finding.
     best_offset_px : float
-        The median distance at that offset.
+        The median distance from what the others say when all that was found is put right.
     """
 
     name: str
