@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
+from command_line import assert_fails, invoke
 from pose_sample import JOINTS, assert_equal, sample
 from skelsplat.cli._convert_poses import PoseOptions, convert_poses, is_pose_file
 from skelsplat.io import read_json, read_npz, read_trc, write_csv, write_json, write_npz, write_trc
@@ -85,3 +86,11 @@ def test_pose_files_are_told_from_others_of_the_same_extension(tmp_path):
     (tmp_path / "c.npz").write_text("no archive")
     for name in ("b.npz", "b.json", "b.csv", "c.npz", "none.trc", "."):
         assert not is_pose_file(tmp_path / name)
+
+
+@pytest.mark.parametrize("kept", [0, 300])
+def test_a_damaged_npz_is_named(tmp_path, kept):
+    write_npz(tmp_path / "whole.npz", sample())
+    (tmp_path / "c.npz").write_bytes((tmp_path / "whole.npz").read_bytes()[:kept])
+    assert_fails(invoke("convert", tmp_path / "c.npz", tmp_path / "o.json"), 1, "c.npz", "npz")
+    assert not (tmp_path / "o.json").exists()

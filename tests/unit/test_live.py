@@ -89,6 +89,17 @@ def test_what_is_missing_may_be_null_or_nan_or_of_no_confidence(tmp_path, detect
     assert all(pose == poses[0] for pose in poses)
 
 
+def test_a_score_above_1_counts_as_1(tmp_path, detections):
+    peak, sure = detections[0].copy(), detections[0].copy()
+    peak[0, 0, 2], sure[0, 0, 2] = 1.02, 1.0
+    poses = [records(run(tmp_path, line(0, found)))[0]["pose"] for found in (peak, sure)]
+    assert poses[0] == poses[1]
+    pixel = detections[0].copy()
+    pixel[0, 0, 2] = 812.5
+    result = run(tmp_path, line(0, pixel))
+    assert "line 1: skipped: confidence[0, 0]" in result.stderr
+
+
 def test_points_without_confidence_and_names_of_any_kind(tmp_path, rig, detections):
     names = [None, "a", 2.5, {"clip": 1}]
     lines = [line(name, detections[0][..., :2]) for name in names]
@@ -126,7 +137,7 @@ def test_malformed_lines_are_named_and_skipped(tmp_path, detections):
         point(["1", 2, 3]): 'detections[0][0]: expected [x, y, confidence] or null, got ["1", 2, 3]',
         point([1]): "detections[0][0]: expected [x, y, confidence] or null, got [1]",
         point([True, 2, None]): "detections[0][0]: expected [x, y, confidence] or null, got [true, 2, null]",
-        point([1, 2, 3]): "expected a value in [0, 1], got 3",
+        point([1, 2, 300]): "expected a value in [0, 1], got 300",
         point([1, 2, 0.5]).replace("0.5", "1e999", 1): "detections: expected numbers, got infinity",
         line(0, detections[0]).replace(": 0", ": NaN", 1): "frame: expected a value of JSON, got nan",
     }

@@ -82,6 +82,14 @@ def test_a_joint_that_was_not_detected_is_nan(root, joint):
     assert np.isfinite(people[1, 1, 0, [1, 3]]).all()
 
 
+def test_a_score_above_1_counts_as_1(root):
+    values = person(100.0)
+    values["pose_keypoints_2d"][5] = 1.40701  # as OpenPose writes now and then
+    a_file(root, 1, 0).write_text(json.dumps(document(values)))
+    people = read_openpose(root, CAMERAS, layout="coco17").people
+    assert people[0, 0, 0, :2, 2].tolist() == [0.5, 1.0]
+
+
 def test_a_joint_on_the_edge_is_a_detection(root):
     values = person(1.0)
     values["pose_keypoints_2d"][6:9] = [0, 0, 0.3]
@@ -343,13 +351,13 @@ MALFORMED = {
     "null": (_set(4, None), r"pose_keypoints_2d\[4\]: expected a number, got None"),
     "truth value": (_set(4, True), r"pose_keypoints_2d\[4\]: expected a number, got True"),
     "infinity": (_set(4, float("inf")), r"pose_keypoints_2d\[4\]: expected a number, got inf"),
-    "confidence above 1": (
-        _set(5, 1.5),
-        r"pose_keypoints_2d\[5\]: expected a confidence in \[0, 1\], got 1\.5",
+    "a pixel for a confidence": (
+        _set(5, 812.5),
+        r"pose_keypoints_2d\[5\]: expected a confidence, 0 to 1, got 812\.5",
     ),
     "confidence below 0": (
         _set(5, -0.5),
-        r"pose_keypoints_2d\[5\]: expected a confidence in \[0, 1\], got -0\.5",
+        r"pose_keypoints_2d\[5\]: expected a confidence, 0 to 1, got -0\.5",
     ),
     "nested too deeply": ("[" * 200_000, r"JSON: expected an OpenPose document, got lists nested too deeply"),
 }

@@ -335,3 +335,24 @@ def test_bad_arguments():
         check_rig(rig("room"), good, frames=np.zeros(T, dtype=int))
     with pytest.raises(sk.InvalidInputError, match="cameras: expected at least two beside detections, got 1"):
         check_rig(rig("room")[:1], good[:, :1])
+
+
+FLIP = np.diag([1.0, -1.0, -1.0])
+CONVENTIONS = {
+    "camera → world instead": lambda R, t: (R.T, -R.T @ t),
+    "with y up and z backward": lambda R, t: (FLIP @ R, FLIP @ t),
+    "camera → world with y up": lambda R, t: ((FLIP @ R).T, -(FLIP @ R).T @ FLIP @ t),
+}
+
+
+@pytest.mark.parametrize("name", ["room", "dome of 3", "dome of 6", "pair"])
+@pytest.mark.parametrize("words", CONVENTIONS)
+def test_poses_in_another_convention_are_named_alone(name, words):
+    cameras = rig(name)
+    for view in range(len(cameras)):
+        R, t = CONVENTIONS[words](np.asarray(cameras[view].R), np.asarray(cameras[view].t))
+        cameras = replaced(cameras, view, R=R, t=t)
+    report = check_rig(cameras, detections(name), layout=LAYOUT)
+    found = [finding for finding in report.findings if finding.kind not in ("geometry",)]
+    assert [finding.kind for finding in found] == ["convention"], report.findings
+    assert words in found[0].text

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+import zipfile
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from skelsplat.cli._conversion import Kind, Request, Written
 from skelsplat.exceptions import DatasetError, InvalidInputError
@@ -51,16 +50,20 @@ def is_pose_file(path: Path) -> bool:
     if kind not in POSE_FORMATS or not path.is_file():
         return False
     if kind == "npz":
-        try:
-            with np.load(path, allow_pickle=False) as archive:
-                return {"pose", "joint_names", "unit"} <= set(archive.files)
-        except (OSError, ValueError):
-            return False
+        return {"pose.npy", "joint_names.npy", "unit.npy"} <= set(_members(path))
     if kind in ("json", "csv"):
         with path.open("rb") as stream:
             head = stream.read(_HEAD_BYTES).decode("utf-8-sig", errors="replace")
         return is_json_poses(head) if kind == "json" else head.startswith(_CSV_START)
     return True
+
+
+def _members(path: Path) -> list[str]:
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return archive.namelist()
+    except (OSError, zipfile.BadZipFile):
+        return []
 
 
 def convert_poses(source: Path, target: Path, options: PoseOptions) -> Written:

@@ -19,6 +19,10 @@ if TYPE_CHECKING:
     Array = npt.NDArray[np.float64]
 
 
+# more than any detector's score: a pixel in its place
+_NO_SCORE = 100.0
+
+
 class MalformedLineError(Exception):
     """What a line should have held and what it holds."""
 
@@ -66,7 +70,9 @@ def _detections(value: Any, cameras: int, joints: int) -> Array:
         raise MalformedLineError("detections: expected numbers, got infinity")
     array[np.isnan(array).any(axis=-1), :2] = np.nan
     if array.shape[-1] == 3:
-        array[np.isnan(array[..., 2]), 2] = 0.0
+        scores = array[..., 2]
+        scores[np.isnan(scores)] = 0.0
+        scores[(scores > 1.0) & (scores < _NO_SCORE)] = 1.0  # the peak of a detector's map
     return array
 
 

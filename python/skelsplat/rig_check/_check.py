@@ -10,6 +10,7 @@ import numpy as np
 import skelsplat as sk
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.rig_check._causes import explain
+from skelsplat.rig_check._convention import find_convention
 from skelsplat.rig_check._findings import CameraRow, Finding, RigReport
 from skelsplat.rig_check._geometry import check_geometry
 from skelsplat.rig_check._images import find_images
@@ -39,12 +40,12 @@ def check_rig(
     """Look for what is wrong with a calibration, alone or with a recording.
 
     Without detections: lenses, cameras in one place, cameras that look away. With detections of a person
-    also the unit (is the body as large as a person?), detections of other images than the calibration's
-    (resized, turned, mirrored), exchanged cameras (every pair is tried), frame offsets between cameras, and
-    cameras that were turned or moved; half of the cameras or more mean another recording. A cause is named
-    when with it set right all cameras agree clearly better by leave-one-out reprojection; what is left over
-    is named as a camera that disagrees. It takes three cameras to say which one is wrong, and where half of
-    them are wrong nothing says which half.
+    also the convention of the poses (camera → world? OpenGL's axes?), the unit (is the body as large as a
+    person?), detections of other images than the calibration's (resized, turned, mirrored), exchanged
+    cameras (every pair is tried), frame offsets between cameras, and cameras that were turned or moved; half
+    of the cameras or more mean another recording. A cause is named when with it set right all cameras agree
+    clearly better by leave-one-out reprojection; what is left over is named as a camera that disagrees. It
+    takes three cameras to say which one is wrong, and where half of them are wrong nothing says which half.
 
     Parameters
     ----------
@@ -84,6 +85,7 @@ def check_rig(
 def _with_detections(
     rig: sk.CameraRig, people: Array, frames: Index, layout: sk.Layout | None, findings: list[Finding]
 ) -> RigReport:
+    convention, rig = find_convention(rig, people, layout)
     unit, likely = check_unit(rig, follow(in_mm(rig), people, layout))
     cameras = in_mm(sk.CameraRig(list(rig), unit=likely))
     given = follow(cameras, people, layout)
@@ -106,7 +108,7 @@ def _with_detections(
     causes += _left_over(mended)
     if causes and likely == rig.unit:
         unit = None  # a body of no person's size, but the cameras do not agree on it
-    found = [finding for finding in (unit, images, exchange) if finding is not None]
+    found = [finding for finding in (convention, unit, images, exchange) if finding is not None]
     return RigReport((*found, *findings, *causes), tuple(_rows(as_given, mended)))
 
 

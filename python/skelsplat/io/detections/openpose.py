@@ -1,7 +1,8 @@
 """OpenPose folders: one folder per camera, one JSON file per frame.
 
 ``{"people": [{"pose_keypoints_2d": [x, y, c, …]}]}``, pixels of the original image; x = y = c = 0 marks a
-joint that was not detected. The frame number is the last integer in the file's name.
+joint that was not detected. A score is the peak of a map and may lie above 1, where it counts as 1. The frame
+number is the last integer in the file's name.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 _FIELD = "pose_keypoints_2d"
+# more than any map's peak: a pixel in the place of a score
+_NO_SCORE = 100.0
 
 
 def read_folder(folder: Path) -> View:
@@ -47,16 +50,20 @@ def _read_person(path: Path, index: int, person: object) -> Person:
 
 
 def triples(path: Path, field: str, value: object, *, clip: bool) -> Person:
-    """Return a person from a flat list x, y, confidence, …; other formats write it as well."""
+    """Return a person from a flat list x, y, confidence, …; other formats write it as well.
+
+    Scores above 1 count as 1. With `clip` anything outside [0, 1] does as well, or as missing; otherwise what
+    cannot be a score is an error.
+    """
     flat = flat_numbers(path, field, value)
     if flat.size % 3 or not flat.size:
         raise DatasetError(path, field, "three numbers per joint", f"{flat.size} numbers")
     joints = flat.reshape(-1, 3)
-    wrong = (joints[:, 2] < 0.0) | (joints[:, 2] > 1.0)
+    wrong = (joints[:, 2] < 0.0) | (joints[:, 2] >= _NO_SCORE)
     if wrong.any() and not clip:
         place = 3 * int(wrong.argmax()) + 2
-        raise DatasetError(path, f"{field}[{place}]", "a confidence in [0, 1]", f"{flat[place]:g}")
-    return Person(path, field, joints_of(path, field, joints[:, :2], joints[:, 2], clip=clip))
+        raise DatasetError(path, f"{field}[{place}]", "a confidence, 0 to 1", f"{flat[place]:g}")
+    return Person(path, field, joints_of(path, field, joints[:, :2], joints[:, 2], clip=True))
 
 
 FORMAT = DetectionFormat(
