@@ -40,6 +40,15 @@ def _npz_edit(path, **changes):
     return path
 
 
+def _compressed_otherwise(path):
+    """Say method 99, which nothing can unpack, in the first entry of the archive's directory."""
+    data = bytearray(path.read_bytes())
+    place = data.index(b"PK\x01\x02") + 10
+    data[place] = 99
+    path.write_bytes(data)
+    return path
+
+
 def _pair(path, name, old, new):
     _edit(path / name, old, new)
     return path
@@ -278,6 +287,10 @@ MALFORMED = {
         "pickled": (
             lambda p: _npz_edit(p, K=np.array([None] * 4, dtype=object)),
             r"file: expected an npz archive of plain arrays",
+        ),
+        "unknown compression": (
+            _compressed_otherwise,
+            r"file: expected an npz archive of plain arrays, got .*compression",
         ),
         "no zip": (
             lambda p: (p.write_bytes(b"PK\x03\x04 no"), p)[1],

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import struct
 import sys
+import zipfile
+import zlib
 from typing import TYPE_CHECKING, Any
 
 from skelsplat.exceptions import DatasetError
@@ -14,6 +17,9 @@ else:
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+# what zipfile and NumPy raise for an npz whose bytes are damaged, besides OSError and ValueError
+DAMAGED_NPZ = (zipfile.BadZipFile, zlib.error, struct.error, EOFError, NotImplementedError, RuntimeError)
 
 
 def read_text(path: Path) -> str:

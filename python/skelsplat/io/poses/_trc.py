@@ -128,6 +128,7 @@ def read_trc(path: str | os.PathLike[str]) -> PoseData:
         for number, line in enumerate(lines[5:], start=6)
         if line.strip()
     ]
+    _check_count(source, lines[2], len(rows))
     frames = np.array([frame for frame, _ in rows], dtype=np.int64)
     points = np.array([values for _, values in rows], dtype=np.float64)
     return PoseData(points.reshape(len(rows), len(markers), 3), markers, frames, unit, frame_rate=rate)
@@ -156,6 +157,13 @@ def _marker_names(path: Path, lines: Sequence[str]) -> tuple[str, ...]:
     if str(len(names)) != stated.strip():
         raise DatasetError(path, "line 4", f"the {stated} marker names that line 3 states", f"{len(names)}")
     return tuple(names)
+
+
+def _check_count(path: Path, line: str, rows: int) -> None:
+    """Raise if there are not as many rows as line 3 states: a file cut between two rows looks whole."""
+    stated = line.split("\t")[2].strip()
+    if stated != str(rows):
+        raise DatasetError(path, "line 3 NumFrames", f"the {stated} rows that it states", f"{rows}")
 
 
 def _read_row(path: Path, number: int, line: str, count: int) -> tuple[int, list[float]]:
