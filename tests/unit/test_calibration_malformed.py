@@ -67,6 +67,14 @@ MALFORMED = {
             r"cameras\.0\.rotation: expected a camera that is calibrated with the others, or ignore",
         ),
         "short matrix": (lambda p: _edit(p, ", [0.0, 0.0, 1.0]]", "]"), r"cameras\.0\.matrix: expected 3×3"),
+        "a number of 400 digits": (
+            lambda p: _edit(p, "translation = [", "translation = [1" + 400 * "0" + ", 1, 2]\nold = ["),
+            r"cameras\.0\.translation: expected finite numbers, got \[1000",
+        ),
+        "a size of 400 digits": (
+            lambda p: _edit(p, "size = [", "size = [1" + 400 * "0" + ", 5]\nold = ["),
+            r"cameras\.0\.size: expected finite numbers",
+        ),
         "all ignored": (
             lambda p: (p.write_text(p.read_text().replace("ignore = false", "ignore = true")), p)[1],
             r"cameras: expected a camera without ignore = true, got none",
@@ -155,6 +163,10 @@ MALFORMED = {
         "no R": (
             lambda p: _json_edit(p, lambda d: d["cameras"][1].pop("R")),
             r"cameras\[1\]\.R: expected 3×3 numbers, got noth",
+        ),
+        "a number of 400 digits": (
+            lambda p: _json_edit(p, lambda d: d["cameras"][1].update(t=[10**400, 1, 2])),
+            r"cameras\[1\]\.t: expected finite numbers, got \[inf, 1, 2\]",
         ),
         "no hd": (
             lambda p: _json_edit(p, lambda d: [c.update(type="vga") for c in d["cameras"]]),
@@ -266,6 +278,14 @@ MALFORMED = {
         "no K": (
             lambda p: _json_edit(p, lambda d: d["cameras"][0].pop("K")),
             r"cameras\[0\]\.K: expected 3×3 numbers, got no",
+        ),
+        "a number of 5000 digits": (
+            lambda p: _edit(p, '"t": [', '"t": [' + 5000 * "9" + ', 1, 2], "old": ['),
+            r"cameras\[0\]\.t: expected finite numbers, got \[inf, 1, 2",
+        ),
+        "a size beyond all images": (
+            lambda p: _json_edit(p, lambda d: d["cameras"][0].update(size=[10**30, 5])),
+            r"cameras\[0\]\.size: expected a positive whole width",
         ),
         "three coefficients": (
             lambda p: _json_edit(p, lambda d: d["cameras"][0].update(distortion=[1, 2, 3])),

@@ -276,6 +276,10 @@ MALFORMED_TRC = {
         lambda lines: [line.replace("\t3\t2\tm", "\tx\t2\tm") for line in lines],
         "line 3 NumFrames: expected the x rows that it states, got 3",
     ),
+    "a frame of 20 digits": (
+        lambda lines: [*lines[:6], 20 * "1" + lines[6], *lines[7:]],
+        r"line 7, frame: expected a frame number below 2\^62, got 1111",
+    ),
     "text": (lambda lines: [*lines[:6], lines[6].replace("1\t0.0", "one\t0.0")], "line 7: expected numbers"),
 }
 

@@ -64,7 +64,7 @@ def npz_keys(path: Path) -> frozenset[str]:
     try:
         with zipfile.ZipFile(path) as archive:
             return frozenset(name.removesuffix(".npy") for name in archive.namelist())
-    except (OSError, *_DAMAGED):
+    except (OSError, *DAMAGED_NPZ):
         return frozenset()
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._atomic import atomic_write_text
-from skelsplat.io._files import read_text
+from skelsplat.io._files import frame_number, read_text
 from skelsplat.io.poses._marker_names import marker_names as named
 from skelsplat.io.poses._pose_data import PoseData, check_frame_rate, known_frame_rate
 
@@ -174,6 +174,7 @@ def _read_row(path: Path, number: int, line: str, count: int) -> tuple[int, list
     if len(fields) != count + 2:
         raise DatasetError(path, f"line {number}", f"{count + 2} fields", f"{len(fields)}")
     try:
-        return int(fields[0]), [float(value) if value.strip() else math.nan for value in fields[2:]]
+        frame, values = int(fields[0]), [float(value) if value.strip() else math.nan for value in fields[2:]]
     except ValueError as error:
         raise DatasetError(path, f"line {number}", "numbers", str(error)) from error
+    return frame_number(path, f"line {number}, frame", frame), values
