@@ -40,6 +40,15 @@ def _npz_edit(path, **changes):
     return path
 
 
+def _compressed_otherwise(path):
+    """Say method 99, which nothing can unpack, in the first entry of the archive's directory."""
+    data = bytearray(path.read_bytes())
+    place = data.index(b"PK\x01\x02") + 10
+    data[place] = 99
+    path.write_bytes(data)
+    return path
+
+
 def _pair(path, name, old, new):
     _edit(path / name, old, new)
     return path
@@ -58,6 +67,14 @@ MALFORMED = {
             r"cameras\.0\.rotation: expected a camera that is calibrated with the others, or ignore",
         ),
         "short matrix": (lambda p: _edit(p, ", [0.0, 0.0, 1.0]]", "]"), r"cameras\.0\.matrix: expected 3×3"),
+        "a number of 400 digits": (
+            lambda p: _edit(p, "translation = [", "translation = [1" + 400 * "0" + ", 1, 2]\nold = ["),
+            r"cameras\.0\.translation: expected finite numbers, got \[1000",
+        ),
+        "a size of 400 digits": (
+            lambda p: _edit(p, "size = [", "size = [1" + 400 * "0" + ", 5]\nold = ["),
+            r"cameras\.0\.size: expected finite numbers",
+        ),
         "all ignored": (
             lambda p: (p.write_text(p.read_text().replace("ignore = false", "ignore = true")), p)[1],
             r"cameras: expected a camera without ignore = true, got none",
@@ -146,6 +163,10 @@ MALFORMED = {
         "no R": (
             lambda p: _json_edit(p, lambda d: d["cameras"][1].pop("R")),
             r"cameras\[1\]\.R: expected 3×3 numbers, got noth",
+        ),
+        "a number of 400 digits": (
+            lambda p: _json_edit(p, lambda d: d["cameras"][1].update(t=[10**400, 1, 2])),
+            r"cameras\[1\]\.t: expected finite numbers, got \[inf, 1, 2\]",
         ),
         "no hd": (
             lambda p: _json_edit(p, lambda d: [c.update(type="vga") for c in d["cameras"]]),
@@ -258,6 +279,14 @@ MALFORMED = {
             lambda p: _json_edit(p, lambda d: d["cameras"][0].pop("K")),
             r"cameras\[0\]\.K: expected 3×3 numbers, got no",
         ),
+        "a number of 5000 digits": (
+            lambda p: _edit(p, '"t": [', '"t": [' + 5000 * "9" + ', 1, 2], "old": ['),
+            r"cameras\[0\]\.t: expected finite numbers, got \[inf, 1, 2",
+        ),
+        "a size beyond all images": (
+            lambda p: _json_edit(p, lambda d: d["cameras"][0].update(size=[10**30, 5])),
+            r"cameras\[0\]\.size: expected a positive whole width",
+        ),
         "three coefficients": (
             lambda p: _json_edit(p, lambda d: d["cameras"][0].update(distortion=[1, 2, 3])),
             r"cameras\[0\]\.distortion: expected 4 or 5 .*got 3 of them",
@@ -278,6 +307,10 @@ MALFORMED = {
         "pickled": (
             lambda p: _npz_edit(p, K=np.array([None] * 4, dtype=object)),
             r"file: expected an npz archive of plain arrays",
+        ),
+        "unknown compression": (
+            _compressed_otherwise,
+            r"file: expected an npz archive of plain arrays, got .*compression",
         ),
         "no zip": (
             lambda p: (p.write_bytes(b"PK\x03\x04 no"), p)[1],

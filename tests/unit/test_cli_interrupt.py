@@ -53,6 +53,14 @@ def test_refine_keeps_the_result_that_is_there(tmp_path):
     assert len(read_npz(tmp_path / "out" / "pose.npz").frames) == 3
 
 
+def test_ctrl_c_during_the_imports_is_one_line(tmp_path, monkeypatch):
+    (tmp_path / "typer.py").write_text("raise KeyboardInterrupt")
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")]))
+    with start("--version") as process:
+        assert process.wait() == 130
+        assert process.stderr.read() == "interrupted\n"
+
+
 @pytest.mark.parametrize("command", [["--help"], ["datasets", "list"], ["ablate", "--help"]])
 def test_a_reader_that_goes_away_is_no_traceback(command):
     with start(*command) as process:

@@ -162,6 +162,10 @@ MALFORMED = {
             lambda b: b.h5(attr("tracks", "dims", '["frame", "x"]')),
             r"tracks\.dims: expected an order of track, xy, node, frame",
         ),
+        "a wrong bit": (
+            lambda b: b.file.write_bytes(b.file.read_bytes().replace(b"SNOD", b"SNOE")),
+            r"file: expected a complete HDF5 file, got ",
+        ),
         "names twice": (
             lambda b: b.h5(replaced("node_names", lambda old: np.repeat(old[:1], 17))),
             r"node_names: expected different names, got 'pelvis' twice",

@@ -111,6 +111,10 @@ MALFORMED = {
             lambda b: b.json(put(entry, "image_id", "a.jpg")),
             r"\[0\]\.image_id: expected an image's name with a number.*got 'a\.jpg'",
         ),
+        "20 digits": (
+            lambda b: b.json(put(entry, "image_id", "20251121123456789012.jpg")),
+            r"\[0\]\.image_id: expected a frame number below 2\^62, got 20251121123456789012",
+        ),
         "one number too few": (
             lambda b: b.json(lambda d: d[0]["keypoints"].pop() and None),
             r"\[0\]\.keypoints: expected three numbers per joint, got 50 numbers",
@@ -134,6 +138,14 @@ MALFORMED = {
             lambda b: b.json(put(entry, "image_id", 1.5)),
             r"\[0\]\.image_id: expected a whole number from 0, got 1\.5",
         ),
+        "image_id of 20 digits": (
+            lambda b: b.json(put(entry, "image_id", 20251121123456789012)),
+            r"\[0\]\.image_id: expected a frame number below 2\^62, got 20251121123456789012",
+        ),
+        "a number of 400 digits": (
+            lambda b: b.json(lambda d: d[0]["keypoints"].__setitem__(4, 10**400)),
+            r"\[0\]\.keypoints\[4\]: expected a number, got inf",
+        ),
         "null": (
             lambda b: b.json(lambda d: d[0]["keypoints"].__setitem__(4, None)),
             r"\[0\]\.keypoints\[4\]: expected a number, got None",
@@ -150,6 +162,10 @@ MALFORMED = {
         ),
         "text": (lambda b: b.text("\n0,", "\n0,a"), r"line 4: expected a number or an empty field, got 'a"),
         "labels": (lambda b: b.text("\n0,", "\nimg0.png,"), r"line 4: expected a frame number"),
+        "frame of 20 digits": (
+            lambda b: b.text("\n0,", f"\n{10**19},"),
+            r"line 4: expected a frame number below 2\^62, got 1000",
+        ),
         "no frames": (
             lambda b: b.file.write_text("".join(b.file.read_text().splitlines(keepends=True)[:3])),
             r"index: expected frame numbers that ascend, got none",
@@ -179,6 +195,10 @@ MALFORMED = {
             r"line 206, joint: expected a joint, once per person, got 'pelvis'",
         ),
         "frame": (lambda b: b.text("camA,0,", "camA,0.5,"), r"line 2, frame: expected a whole number from 0"),
+        "frame of 5000 digits": (
+            lambda b: b.text("camA,0,", f"camA,{5000 * '9'},"),
+            r"line 2, frame: expected a frame number below 2\^62, got 999",
+        ),
         "places and names": (
             lambda b: b.text("pelvis", "0"),
             r"joint: expected names or places, not both, got places and right_hip",

@@ -139,6 +139,7 @@ def test_malformed_lines_are_named_and_skipped(tmp_path, detections):
         point([True, 2, None]): "detections[0][0]: expected [x, y, confidence] or null, got [true, 2, null]",
         point([1, 2, 300]): "expected a value in [0, 1], got 300",
         point([1, 2, 0.5]).replace("0.5", "1e999", 1): "detections: expected numbers, got infinity",
+        point([10**400, 2, 0.5]): "detections[0][0]: expected finite numbers, got [1000000",
         line(0, detections[0]).replace(": 0", ": NaN", 1): "frame: expected a value of JSON, got nan",
     }
     result = run(tmp_path, *lines, "", "  ", line("last", detections[0]), options=())

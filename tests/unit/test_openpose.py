@@ -271,6 +271,15 @@ def test_a_frame_twice(root):
         read_openpose(root, CAMERAS, layout="coco17")
 
 
+def test_a_time_stamp_beyond_64_bits(root):
+    shutil.copy(a_file(root), root / "cam02_json" / "20251121123456789012.json")
+    with pytest.raises(
+        sk.DatasetError,
+        match=r"9012\.json: file name: expected a frame number below 2\^62, got 20251121123456789012",
+    ):
+        read_openpose(root, CAMERAS, layout="coco17")
+
+
 def test_a_file_without_a_number(root):
     (root / "cam02_json" / "notes.json").write_text("{}")
     with pytest.raises(sk.DatasetError, match=r"notes\.json: file name: expected a frame number"):

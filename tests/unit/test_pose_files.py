@@ -97,6 +97,14 @@ MALFORMED_JSON = {
         r"frames\[2\].pose\[1\]\[2\]: expected a number or null, got 'x'",
     ),
     "true": (with_frame(0, noise=True), r"frames\[0\].noise: expected a number or null, got True"),
+    "400 digits": (
+        with_frame(0, noise=10**400),
+        r"frames\[0\].noise: expected a number or null of at most 64 bits, got inf",
+    ),
+    "a frame of 20 digits": (
+        with_frame(0, frame=10**19),
+        r"frames\[0\].frame: expected a whole number of at most 64 bits, got 1000",
+    ),
     "half a frame": (with_frame(0, frame=0.5), r"frames\[0\].frame: expected a whole number, got 0.5"),
     "no status": (
         with_frame(3, joint_status=[None] * N),
@@ -161,6 +169,10 @@ MALFORMED_CSV = {
     "a field too few": (
         lambda lines: [*lines[:3], lines[3].rpartition(",")[0], *lines[4:]],
         "line 4: expected as many fields as line 1",
+    ),
+    "a frame of 20 digits": (
+        lambda lines: [lines[0], 10 * "10" + lines[1], *lines[2:]],
+        "line 2, frame: expected a frame number below 2.62, got 1010",
     ),
     "a joint too few": (
         lambda lines: [*lines[:5], *lines[6:]],

@@ -267,6 +267,19 @@ MALFORMED_TRC = {
         "line 3 DataRate: expected frames per second, a positive number, got 'x'",
     ),
     "a row cut short": (lambda lines: [*lines[:6], lines[6][:30]], r"line 7: expected 8 fields, got \d"),
+    "rows cut off": (lambda lines: lines[:8], "line 3 NumFrames: expected the 3 rows that it states, got 2"),
+    "a row too many": (
+        lambda lines: [*lines[:9], lines[8]],
+        "line 3 NumFrames: expected the 3 rows that it states, got 4",
+    ),
+    "no count": (
+        lambda lines: [line.replace("\t3\t2\tm", "\tx\t2\tm") for line in lines],
+        "line 3 NumFrames: expected the x rows that it states, got 3",
+    ),
+    "a frame of 20 digits": (
+        lambda lines: [*lines[:6], 20 * "1" + lines[6], *lines[7:]],
+        r"line 7, frame: expected a frame number below 2\^62, got 1111",
+    ),
     "text": (lambda lines: [*lines[:6], lines[6].replace("1\t0.0", "one\t0.0")], "line 7: expected numbers"),
 }
 

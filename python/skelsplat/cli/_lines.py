@@ -103,7 +103,10 @@ def _point(value: Any, place: str) -> list[float]:
     numbers = isinstance(value, list) and len(value) in (2, 3) and all(map(_is_number, value))
     if not numbers:
         raise MalformedLineError(f"{place}: expected [x, y, confidence] or null, got {_shown(value)}")
-    point = [float("nan") if number is None else float(number) for number in value]
+    try:
+        point = [float("nan") if number is None else float(number) for number in value]
+    except OverflowError:  # a whole number beyond any float
+        raise MalformedLineError(f"{place}: expected finite numbers, got {_shown(value)}") from None
     return point if len(point) == 3 else [*point, 1.0]
 
 

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import json
+import struct
 import sys
+import zipfile
+import zlib
 from typing import TYPE_CHECKING, Any
 
 from skelsplat.exceptions import DatasetError
@@ -15,6 +19,11 @@ else:
 if TYPE_CHECKING:
     from pathlib import Path
 
+# frame numbers and offsets are below it, so that their sum fits into 64 bits
+FRAME_LIMIT = 2**62
+# what zipfile and NumPy raise for an npz whose bytes are damaged, besides OSError and ValueError
+DAMAGED_NPZ = (zipfile.BadZipFile, zlib.error, struct.error, EOFError, NotImplementedError, RuntimeError)
+
 
 def read_text(path: Path) -> str:
     """Return the text of a UTF-8 file (a byte-order mark is dropped), or raise `DatasetError`."""
@@ -25,6 +34,36 @@ def read_text(path: Path) -> str:
         raise DatasetError(path, "file", "a readable file", reason) from error
     except UnicodeDecodeError as error:
         raise DatasetError(path, "file", "text in UTF-8", f"byte {error.start} that is not") from error
+
+
+def parse_json(text: str) -> Any:
+    """Return what JSON text holds; a whole number beyond any float is infinite, as it is with an exponent.
+
+    Raises
+    ------
+    json.JSONDecodeError, RecursionError
+        If it is no JSON, or nested too deeply.
+    """
+    return json.loads(text, parse_int=whole_number)
+
+
+def whole_number(text: str) -> int | float:
+    """Return the whole number that digits say; infinity beyond any float."""
+    return int(text) if len(text) < sys.float_info.max_10_exp else float(text)
+
+
+def frame_number(path: Path, field: str, value: int | str) -> int:
+    """Return a frame number, given as such or in digits, that can be counted on from in 64 bits.
+
+    Raises
+    ------
+    DatasetError
+        If it is too large.
+    """
+    number = whole_number(value) if isinstance(value, str) else value
+    if not isinstance(number, int) or abs(number) >= FRAME_LIMIT:
+        raise DatasetError(path, field, "a frame number below 2^62", str(value)[:40])
+    return number
 
 
 def parse_toml(path: Path, text: str) -> dict[str, Any]:

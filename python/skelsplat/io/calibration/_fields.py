@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
 PINHOLE_COUNTS = (4, 5, 8, 12, 14)
 FISHEYE_COUNT = 4
+_MOST_PIXELS = 2**31 - 1
 _MISSING = "nothing (the key is missing)"
 
 
@@ -78,6 +80,8 @@ class Entry:
             array = np.asarray(value, dtype=np.float64)
         except ValueError:
             raise self.error(field, expected, "lists of different lengths") from None
+        except OverflowError:  # TOML's whole numbers have no limit
+            raise self.error(field, "finite numbers", _short(value)) from None
         if (shape is None or len(shape) == 1) and array.ndim == 2 and 1 in array.shape:
             array = array.ravel()
         if array.ndim != 1 if shape is None else array.shape != shape:
@@ -89,7 +93,7 @@ class Entry:
     def number(self, field: str) -> float:
         """Return the one finite number under `field`."""
         value = self.values.get(field)
-        if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+        if isinstance(value, bool) or not isinstance(value, int | float) or not _is_finite(value):
             raise self.error(field, "a finite number", _MISSING if value is None else _short(value))
         return float(value)
 
@@ -119,7 +123,11 @@ class Entry:
     def size(self, field: str) -> tuple[int, int]:
         """Return a positive whole width and height."""
         width, height = self.numbers(field, (2,))
-        if min(width, height) < 1 or not (width.is_integer() and height.is_integer()):
+        if (
+            min(width, height) < 1
+            or max(width, height) > _MOST_PIXELS
+            or not (width.is_integer() and height.is_integer())
+        ):
             expected = "a positive whole width and height in pixels"
             raise self.error(field, expected, _short(self.values[field]))
         return int(width), int(height)
@@ -128,6 +136,13 @@ class Entry:
 def _short(value: object) -> str:
     text = repr(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _is_finite(value: float) -> bool:
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # a whole number beyond any float
+        return False
 
 
 def _is_numeric(value: object) -> bool:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from skelsplat.exceptions import DatasetError
+from skelsplat.io._files import whole_number
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -97,7 +98,7 @@ def _scalar(text: str) -> Any:
     if text[:1] in "\"'":
         return text[1:-1] if text[-1:] == text[:1] and len(text) > 1 else text
     if re.fullmatch(r"[-+]?(0|[1-9]\d*)", text):
-        return int(text)
+        return whole_number(text)
     if re.fullmatch(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", text) and not text.isdigit():
         return float(text)
     return text

@@ -17,12 +17,12 @@ from __future__ import annotations
 
 import io
 import json
-import zipfile
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from skelsplat.exceptions import DatasetError
+from skelsplat.io._files import DAMAGED_NPZ
 from skelsplat.io.calibration._fields import Entry
 from skelsplat.io.calibration._raw import CalibrationFormat, Parsed, RawCamera
 
@@ -100,7 +100,7 @@ def _load(source: Source) -> dict[str, Any]:
     except OSError as error:
         reason = (error.strerror or "no npz archive").lower()
         raise DatasetError(source.path, "file", "a readable npz archive", reason) from error
-    except (ValueError, zipfile.BadZipFile, EOFError, AttributeError) as error:
+    except (ValueError, AttributeError, *DAMAGED_NPZ) as error:
         raise DatasetError(source.path, "file", "an npz archive of plain arrays", str(error)) from error
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._files import parse_toml, read_text
+from skelsplat.io._files import parse_json, parse_toml, read_text
 
 if TYPE_CHECKING:
     import os
@@ -62,7 +62,7 @@ class Source:
         if not self.start.startswith(("{", "[")) or self.suffix == ".toml" or _is_toml_header(self.start):
             return None
         try:
-            return json.loads(self.text)
+            return parse_json(self.text)
         except json.JSONDecodeError as error:
             at = f"{error.msg.lower()} at line {error.lineno}, column {error.colno}"
             raise DatasetError(self.path, "JSON", "a complete JSON document", at) from error

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import struct
 import zipfile
-import zlib
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from skelsplat.exceptions import DatasetError
+from skelsplat.io._files import DAMAGED_NPZ
 from skelsplat.io._unpickle import read_array
 
 if TYPE_CHECKING:
     from collections.abc import Collection
     from pathlib import Path
-
-_DAMAGED = (zipfile.BadZipFile, zlib.error, struct.error, EOFError, NotImplementedError, RuntimeError)
 
 
 def load_npz(path: Path, keys: Collection[str] | None = None) -> dict[str, Any]:
@@ -35,7 +32,7 @@ def load_npz(path: Path, keys: Collection[str] | None = None) -> dict[str, Any]:
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise DatasetError(path, "file", "a readable npz file", reason) from error
-    except _DAMAGED as error:
+    except DAMAGED_NPZ as error:
         raise DatasetError(path, "file", "a complete npz file", str(error) or type(error).__name__) from error
 
 
@@ -67,7 +64,7 @@ def npz_keys(path: Path) -> frozenset[str]:
     try:
         with zipfile.ZipFile(path) as archive:
             return frozenset(name.removesuffix(".npy") for name in archive.namelist())
-    except (OSError, *_DAMAGED):
+    except (OSError, *DAMAGED_NPZ):
         return frozenset()
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skelsplat.exceptions import DatasetError
+from skelsplat.io._files import frame_number
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -171,4 +172,4 @@ def frame_numbers(path: Path, where: str, value: object, count: int) -> list[int
     ):
         expected = f"{count} whole numbers that ascend"
         raise DatasetError(path, where, expected, f"{array.dtype} of shape {array.shape}")
-    return [int(number) for number in array]
+    return [frame_number(path, where, int(number)) for number in array]

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.io._files import FRAME_LIMIT, frame_number
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -47,6 +48,8 @@ def check_offsets(offsets: Mapping[str, int] | None, names: Sequence[str]) -> di
             raise InvalidInputError(
                 f"offsets[{name}]: expected a whole number of frames, got {value!r}"
             ) from None
+        if abs(checked[name]) >= FRAME_LIMIT:
+            raise InvalidInputError(f"offsets[{name}]: expected frames, fewer than 2^62, got {value!r:.40}")
     return checked
 
 
@@ -145,7 +148,7 @@ def frame_files(folder: Path, pattern: str, expected: str) -> dict[int, Path]:
         digits = re.findall(r"\d+", path.stem)
         if not digits:
             raise DatasetError(path, "file name", "a frame number in it", f"{path.name!r}")
-        number = int(digits[-1])
+        number = frame_number(path, "file name", digits[-1])
         if number in files:
             rule = f"one file for frame {number} (the last integer in the name)"
             raise DatasetError(path, "file name", rule, f"also {files[number].name}")

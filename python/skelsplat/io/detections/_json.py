@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._files import read_text
+from skelsplat.io._files import frame_number, parse_json, read_text
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -23,7 +23,7 @@ def load_json(path: Path, document: str) -> Any:
     """Return what a JSON file holds; `document` says what it should be, for messages."""
     text = read_text(path)
     try:
-        return json.loads(text)
+        return parse_json(text)
     except json.JSONDecodeError as error:
         at = f"{error.msg.lower()} at character {error.pos} of {len(text)}"
         raise DatasetError(path, "JSON", "a complete JSON document", at) from error
@@ -58,10 +58,10 @@ def as_list(path: Path, field: str, value: object, expected: str = "a list") -> 
 
 
 def as_index(path: Path, field: str, value: object) -> int:
-    """Return `value` if it is a whole number that is not negative."""
+    """Return `value` if it is a frame number that is not negative."""
     if isinstance(value, bool) or not isinstance(value, int) or value < 0:
         raise DatasetError(path, field, "a whole number from 0", repr(value)[:40])
-    return value
+    return frame_number(path, field, value)
 
 
 def flat_numbers(path: Path, field: str, value: object) -> npt.NDArray[np.float64]:

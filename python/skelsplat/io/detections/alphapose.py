@@ -10,6 +10,7 @@ import re
 from pathlib import Path
 
 from skelsplat.exceptions import DatasetError
+from skelsplat.io._files import frame_number
 from skelsplat.io.detections._format import DetectionFormat, View
 from skelsplat.io.detections._json import json_head
 from skelsplat.io.detections._results import read_entries, view_of
@@ -24,7 +25,7 @@ def _frame(path: Path, field: str, image: object) -> int:
     digits = re.findall(r"\d+", Path(image).stem) if isinstance(image, str) else []
     if not digits:
         raise DatasetError(path, field, "an image's name with a number, like '12.jpg'", repr(image)[:40])
-    return int(digits[-1])
+    return frame_number(path, field, digits[-1])
 
 
 def _matches(path: Path) -> bool:

@@ -14,6 +14,7 @@ import numpy as np
 
 from skelsplat._optional import require
 from skelsplat.exceptions import DatasetError
+from skelsplat.io._files import frame_number
 from skelsplat.io.detections._dlc_table import Table, camera_part
 from skelsplat.io.detections._format import DetectionFormat, View
 from skelsplat.io.detections._hdf5 import hdf5_mentions
@@ -36,7 +37,9 @@ def read_file(path: Path) -> View:
         raise DatasetError(path, "values", "numbers", "columns of another kind")
     levels = tuple(str(name) for name in frame.columns.names)
     values = np.asarray(frame.to_numpy(dtype=np.float64))
-    return Table(path, levels, columns, [int(number) for number in frame.index], values).view()
+    return Table(
+        path, levels, columns, [frame_number(path, "index", int(number)) for number in frame.index], values
+    ).view()
 
 
 def _load(path: Path) -> Any:

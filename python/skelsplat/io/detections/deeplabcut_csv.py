@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._files import read_text
+from skelsplat.io._files import frame_number, read_text
 from skelsplat.io.detections._dlc_table import LEVELS, Table, camera_part
 from skelsplat.io.detections._format import DetectionFormat, View
 from skelsplat.io.detections._json import json_head
@@ -45,7 +45,7 @@ def read_file(path: Path) -> View:
 def _frame(path: Path, line: int, text: str) -> int:
     if not text.isdecimal():
         raise DatasetError(path, f"line {line}", "a frame number (results of a video)", repr(text))
-    return int(text)
+    return frame_number(path, f"line {line}", text)
 
 
 def _value(path: Path, line: int, text: str) -> float:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._files import read_text
+from skelsplat.io._files import frame_number, read_text, whole_number
 from skelsplat.io.detections._format import DetectionFormat, Person, Recording, View, joints_of, list_view
 from skelsplat.io.detections._json import json_head
 
@@ -91,7 +91,7 @@ def _columns(path: Path, header: Sequence[str]) -> dict[str, int]:
 def _frame(path: Path, line: int, text: str) -> int:
     if not text.isdecimal():
         raise DatasetError(path, f"line {line}, frame", "a whole number from 0", repr(text))
-    return int(text)
+    return frame_number(path, f"line {line}, frame", text)
 
 
 def _number(path: Path, line: int, column: str, text: str) -> float:
@@ -111,10 +111,10 @@ def _ordered(path: Path, joints: tuple[str, ...]) -> tuple[str, ...]:
     if places and len(places) < len(joints):
         names = ", ".join(joint for joint in joints if joint not in places)
         raise DatasetError(path, "joint", "names or places, not both", f"places and {names}")
-    highest = max(map(int, places), default=0)
+    highest = max(map(whole_number, places), default=0)
     if highest > _HIGHEST:
         raise DatasetError(path, "joint", f"places from 0 to {_HIGHEST}", highest)
-    return tuple(str(place) for place in range(highest + 1)) if places else joints
+    return tuple(str(place) for place in range(int(highest) + 1)) if places else joints
 
 
 def _view(path: Path, camera: _Camera, joints: tuple[str, ...]) -> View:

@@ -39,8 +39,11 @@ def read_file(path: Path) -> View:
             names = np.asarray(_dataset(path, file, _NAMES)[()])
             pixels = as_numbers(path, _TRACKS, tracks[()])
             sure = as_numbers(path, _SCORES, scores[()])
-    except OSError as error:
-        raise DatasetError(path, "file", "a complete HDF5 file", str(error)) from error
+    except DatasetError:
+        raise
+    except Exception as error:  # h5py raises nearly anything for a damaged file
+        reason = str(error).strip().splitlines() or [type(error).__name__]
+        raise DatasetError(path, "file", "a complete HDF5 file", reason[-1]) from error
     xy = _arranged(path, pixels, order, len(names))
     confidence = _scores(path, sure, order, xy.shape[:3])
     known = array_names(path, _NAMES, names, xy.shape[2])

@@ -15,7 +15,7 @@ import skelsplat as sk
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._atomic import atomic_write_text
-from skelsplat.io._files import read_text
+from skelsplat.io._files import frame_number, read_text
 from skelsplat.io.poses._pose_data import PoseData
 
 if TYPE_CHECKING:
@@ -106,7 +106,7 @@ class _Row:
             raise DatasetError(path, f"line {line}", "as many fields as line 1", "another number")
         fields = {name: str(value).strip() for name, value in row.items()}
         try:
-            return cls(
+            parsed = cls(
                 line=line,
                 frame=int(fields["frame"]),
                 joint=fields["joint"],
@@ -117,6 +117,8 @@ class _Row:
             )
         except ValueError as error:
             raise DatasetError(path, f"line {line}", "numbers", str(error)) from error
+        frame_number(path, f"line {line}, frame", parsed.frame)
+        return parsed
 
 
 def _number(text: str) -> float:

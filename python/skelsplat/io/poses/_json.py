@@ -12,7 +12,7 @@ import numpy as np
 import skelsplat as sk
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._atomic import atomic_write_text
-from skelsplat.io._files import read_text
+from skelsplat.io._files import FRAME_LIMIT, parse_json, read_text
 from skelsplat.io.poses._pose_data import PoseData
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ def read_json(path: str | os.PathLike[str]) -> PoseData:
     """
     source = Path(path)
     try:
-        document = json.loads(read_text(source))
+        document = parse_json(read_text(source))
     except (json.JSONDecodeError, RecursionError) as error:
         raise DatasetError(source, "file", "JSON", str(error)) from error
     if not isinstance(document, dict) or document.get("format") != FORMAT:
@@ -210,11 +210,14 @@ class _Reader:
             for i, entry in enumerate(value):
                 self._flatten(entry, shape[1:], kind, f"{place}[{i}]", flat)
         elif isinstance(value, _KINDS[kind]) and (kind is np.bool_ or not isinstance(value, bool)):
+            if kind in _LIMITS and abs(value) >= _LIMITS[kind]:
+                raise self._error(place, f"a {_NAMES[kind]} of at most 64 bits", repr(value)[:40])
             flat.append(value)
         else:
             raise self._error(place, f"a {_NAMES[kind]}", repr(value))
 
 
+_LIMITS: dict[Any, float] = {np.float64: math.inf, np.int64: FRAME_LIMIT}
 _NAMES = {
     np.float64: "number or null",
     np.int64: "whole number",

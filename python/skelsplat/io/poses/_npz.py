@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
-import zlib
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,6 +11,7 @@ import numpy as np
 import skelsplat as sk
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._atomic import atomic_write
+from skelsplat.io._files import DAMAGED_NPZ
 from skelsplat.io.poses._pose_data import PoseData
 
 if TYPE_CHECKING:
@@ -94,5 +93,5 @@ def _load(path: Path) -> dict[str, Any]:
         raise DatasetError(
             path, "file", "a readable npz file", (error.strerror or str(error)).lower()
         ) from error
-    except (ValueError, TypeError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+    except (ValueError, TypeError, *DAMAGED_NPZ) as error:
         raise DatasetError(path, "file", "an npz file", str(error)) from error

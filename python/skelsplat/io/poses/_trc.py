@@ -17,7 +17,7 @@ import numpy as np
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._atomic import atomic_write_text
-from skelsplat.io._files import read_text
+from skelsplat.io._files import frame_number, read_text
 from skelsplat.io.poses._marker_names import marker_names as named
 from skelsplat.io.poses._pose_data import PoseData, check_frame_rate, known_frame_rate
 
@@ -128,6 +128,7 @@ def read_trc(path: str | os.PathLike[str]) -> PoseData:
         for number, line in enumerate(lines[5:], start=6)
         if line.strip()
     ]
+    _check_count(source, lines[2], len(rows))
     frames = np.array([frame for frame, _ in rows], dtype=np.int64)
     points = np.array([values for _, values in rows], dtype=np.float64)
     return PoseData(points.reshape(len(rows), len(markers), 3), markers, frames, unit, frame_rate=rate)
@@ -158,6 +159,13 @@ def _marker_names(path: Path, lines: Sequence[str]) -> tuple[str, ...]:
     return tuple(names)
 
 
+def _check_count(path: Path, line: str, rows: int) -> None:
+    """Raise if there are not as many rows as line 3 states: a file cut between two rows looks whole."""
+    stated = line.split("\t")[2].strip()
+    if stated != str(rows):
+        raise DatasetError(path, "line 3 NumFrames", f"the {stated} rows that it states", f"{rows}")
+
+
 def _read_row(path: Path, number: int, line: str, count: int) -> tuple[int, list[float]]:
     """Frame number and `count` coordinates of a row."""
     fields = line.split("\t")
@@ -166,6 +174,7 @@ def _read_row(path: Path, number: int, line: str, count: int) -> tuple[int, list
     if len(fields) != count + 2:
         raise DatasetError(path, f"line {number}", f"{count + 2} fields", f"{len(fields)}")
     try:
-        return int(fields[0]), [float(value) if value.strip() else math.nan for value in fields[2:]]
+        frame, values = int(fields[0]), [float(value) if value.strip() else math.nan for value in fields[2:]]
     except ValueError as error:
         raise DatasetError(path, f"line {number}", "numbers", str(error)) from error
+    return frame_number(path, f"line {number}, frame", frame), values
