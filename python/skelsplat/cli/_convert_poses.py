@@ -113,9 +113,7 @@ def _warn_if_turned(source: Path) -> None:
     """Warn if the axes of a motion-capture file may have been turned before, or were."""
     kind = pose_format(source)
     if kind == "trc":
-        text = (
-            "a TRC file does not say which axis is up; --y-up turns it once more if y is already"
-        )
+        text = "a TRC file does not say which axis is up; --y-up turns it once more if y is already"
     elif kind == "c3d" and c3d_is_y_up(source):
         text = "y is up in it already (POINT:Y_SCREEN); --y-up turns its axes once more"
     else:

@@ -15,6 +15,8 @@ else:
 if TYPE_CHECKING:
     from pathlib import Path
 
+VIDEO_SUFFIXES = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".mts", ".wmv")
+
 
 def read_text(path: Path) -> str:
     """Return the text of a UTF-8 file (a byte-order mark is dropped), or raise `DatasetError`."""
