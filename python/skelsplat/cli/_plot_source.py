@@ -90,7 +90,7 @@ def read_source(path: Path, layout_name: str | None, chosen: FrameRange) -> Sour
 
 
 def _symmetry_tier(settings: dict[str, Any]) -> int:
-    tier = (settings.get("config") or settings).get("symmetry_tier", 0)
+    tier = settings.get("symmetry_tier")
     return tier if isinstance(tier, int) else 0
 
 
