@@ -91,10 +91,13 @@ def test_bone_lengths_are_those_of_numpy(run_folder):
 def test_limbs_that_were_kept_equal_have_a_note(run_folder, tmp_path, monkeypatch):
     from skelsplat import viz
 
-    notes = []
-    monkeypatch.setattr(
-        viz, "write_bones", lambda stem, data, formats: notes.append(" ".join(data.notes)) or []
-    )
+    notes, write = [], viz.write_bones
+
+    def listen(stem, data, *, formats):
+        notes.append(" ".join(data.notes))
+        return write(stem, data, formats=formats)
+
+    monkeypatch.setattr(viz, "write_bones", listen)
     report = json.loads((run_folder / "report.json").read_text())
     assert report["settings"]["symmetry_tier"] == 1
     for tier in (1, 2, 0):
