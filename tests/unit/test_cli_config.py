@@ -221,6 +221,13 @@ def test_every_kind_of_value(tmp_path, folders, expected):
     } == SEEN
 
 
+def test_a_list_of_texts_stands_for_a_list_with_commas(folder):
+    result = configured(folder, REFINE + 'write = ["trc", "json"]\n')
+    assert (result.exit_code, result.output) == (0, "")
+    assert {"pose.npz", "pose.trc", "pose.json"} <= {path.name for path in (folder / "out").iterdir()}
+    assert not (folder / "out" / "pose.csv").exists()
+
+
 @pytest.mark.parametrize(
     ("text", "parts"),
     [
@@ -236,6 +243,8 @@ def test_every_kind_of_value(tmp_path, folders, expected):
         ("max-steps = true", ["max-steps: expected a whole number, got true"]),
         ('fps = "fast"', ["fps: expected a number, got 'fast'"]),
         ("person = [1]", ["person: expected text, got a list"]),
+        ("write = [1]", ["write: expected text, got a list"]),
+        ("write = []", ["write: expected text, got a list"]),
         ("init = 3", ["init: expected a path, as text, got 3"]),
         ("quiet = 1", ["quiet: expected true or false, got 1"]),
         ("offset = [true]", ["offset: expected a list of A=B texts, or a table, got a list"]),

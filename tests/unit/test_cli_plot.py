@@ -88,6 +88,28 @@ def test_bone_lengths_are_those_of_numpy(run_folder):
         assert bone["frames_counted"] == 5
 
 
+def test_limbs_that_were_kept_equal_have_a_note(run_folder, tmp_path, monkeypatch):
+    from skelsplat import viz
+
+    notes, write = [], viz.write_bones
+
+    def listen(stem, data, *, formats):
+        notes.append(" ".join(data.notes))
+        return write(stem, data, formats=formats)
+
+    monkeypatch.setattr(viz, "write_bones", listen)
+    report = json.loads((run_folder / "report.json").read_text())
+    assert report["settings"]["symmetry_tier"] == 1
+    for tier in (1, 2, 0):
+        report["settings"]["symmetry_tier"] = tier
+        (run_folder / "report.json").write_text(json.dumps(report))
+        numbers(run_folder, "--only", "bones")
+    numbers(run_folder / "pose.npz", "--only", "bones", "-o", tmp_path)
+    assert "kept lower arms and legs nearly equal" in notes[0]
+    assert "kept arms and legs nearly equal" in notes[1]
+    assert "equal" not in notes[2] + notes[3]
+
+
 def test_weak_and_filled_ends_do_not_count(tmp_path):
     data = h36m(joint_status=np.full((6, 17), "ok", dtype="<U10"))
     knee = LAYOUT.joints.index("left_knee")

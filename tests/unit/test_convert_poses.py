@@ -94,3 +94,37 @@ def test_a_damaged_npz_is_named(tmp_path, kept):
     (tmp_path / "c.npz").write_bytes((tmp_path / "whole.npz").read_bytes()[:kept])
     assert_fails(invoke("convert", tmp_path / "c.npz", tmp_path / "o.json"), 1, "c.npz", "npz")
     assert not (tmp_path / "o.json").exists()
+
+
+@pytest.mark.parametrize("options", [("--y-up",), ("--fps", "60"), ()])
+def test_the_folder_of_a_run_stands_for_its_poses(tmp_path, options):
+    run = tmp_path / "out"
+    run.mkdir()
+    write_npz(run / "pose.npz", replace(sample(), frame_rate=50.0))
+    result = invoke("convert", run, tmp_path / "walk.trc", *options)
+    assert result.exit_code == 0, result.output
+    assert result.stderr == ""
+    write_npz(tmp_path / "a.npz", replace(sample(), frame_rate=50.0))
+    assert invoke("convert", tmp_path / "a.npz", tmp_path / "a.trc", *options).exit_code == 0
+    np.testing.assert_array_equal(read_trc(tmp_path / "walk.trc").pose, read_trc(tmp_path / "a.trc").pose)
+
+
+@pytest.mark.parametrize("options", [("--y-up",), ("--fps", "60"), ("--unit", "m"), ()])
+def test_an_input_of_no_kind_is_one_line_whatever_the_options(tmp_path, options):
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "hello.txt").write_text("hello")
+    for name in ("empty", "hello.txt"):
+        result = invoke("convert", tmp_path / name, tmp_path / "x.trc", *options)
+        assert_fails(result, 1, f"{name}: content: expected a calibration", "the folder of a run")
+
+
+def test_axes_that_are_turned_once_more_are_a_warning(tmp_path):
+    write_npz(tmp_path / "a.npz", replace(sample(), frame_rate=50.0))
+    for kind, words in (("trc", "does not say which axis is up"), ("c3d", "y is up in it already")):
+        turned, again = tmp_path / f"a.{kind}", tmp_path / f"b.{kind}"
+        result = invoke("convert", tmp_path / "a.npz", turned, "--y-up")
+        assert (result.exit_code, result.stderr) == (0, "")
+        assert words in invoke("convert", turned, again, "--y-up").stderr.replace("\n", " ")
+        assert invoke("convert", turned, again).stderr == ""
+    invoke("convert", tmp_path / "a.npz", tmp_path / "up.c3d")
+    assert invoke("convert", tmp_path / "up.c3d", tmp_path / "b.c3d", "--y-up").stderr == ""

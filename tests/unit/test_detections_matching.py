@@ -299,3 +299,12 @@ def test_filtered_results_beside_the_others_are_chosen_by_order(tmp_path):
         read_detections(tmp_path, NAMES, layout=H36M)
     order = [name.replace(".h5", "_filtered") for name in files]
     np.testing.assert_array_equal(first_joints(read_detections(tmp_path, NAMES, layout=H36M, order=order)), X)
+
+
+def test_videos_are_told_from_files_that_are_unknown(tmp_path):
+    (tmp_path / "camA").mkdir()
+    (tmp_path / "camA" / "walk.MOV").touch()
+    (tmp_path / "camA.mp4").touch()
+    for path in (tmp_path, tmp_path / "camA", tmp_path / "camA.mp4"):
+        with pytest.raises(sk.DatasetError, match="got videos; run a 2D keypoint detector on them first"):
+            read_detections(path, NAMES, layout=H36M)

@@ -13,7 +13,7 @@ from overlay_case import FRAMES, NAMES, SIZE, need_opencv, read_video, write_ima
 need_opencv()
 
 from skelsplat._opencv import opencv  # noqa: E402  after the check
-from skelsplat.exceptions import DatasetError  # noqa: E402
+from skelsplat.exceptions import DatasetError, InvalidInputError  # noqa: E402
 from skelsplat.io.video import Mp4Sink, find_videos, open_source  # noqa: E402
 
 
@@ -162,6 +162,14 @@ def test_a_single_video_is_that_of_its_name_or_of_the_chosen_camera(case, videos
     other = write_video(tmp_path / "film.mp4")
     assert_fails(overlay(case, other), 1, "film.mp4: file: expected --camera to say which of cam_01, cam_02")
     assert overlay(case, other, "--camera", "cam_01").exit_code == 0
+
+
+def test_a_chosen_camera_is_compared_as_loosely_as_a_video(case, videos, tmp_path):
+    assert overlay(case, videos, "--camera", "cam01").exit_code == 0
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["cam_01.mp4"]
+    assert_fails(overlay(case, videos, "--camera", "door"), 1, "camera: expected one of cam_01, cam_02, got")
+    with pytest.raises(InvalidInputError, match="camera: expected the exact name of one of a1, A_01, got"):
+        find_videos(videos, ["a1", "A_01"], chosen=["a01"])
 
 
 def test_the_current_folder_has_its_name(case, tmp_path, monkeypatch):

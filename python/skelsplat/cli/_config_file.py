@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 # Marks a parameter that takes a name or, if there is one, a path: beside typer's in `Annotated`.
 NAME_OR_PATH = "name or path"
 _MOST_CHARACTERS = 40
+# Metavars of options that take several names with commas between them.
+_WITH_COMMAS = ("A,B,…", "FORMATS", "FIGURES")
 _WORDS = {
     bool: "true or false",
     int: "a whole number",
@@ -47,12 +49,15 @@ class _Entry:
         What else stands in its `Annotated`.
     pairs
         It is repeatable and of the form A=B.
+    commas
+        It is one text with commas between its parts.
     """
 
     parameter: str
     kind: Any
     marks: tuple[Any, ...] = ()
     pairs: bool = False
+    commas: bool = False
 
 
 def read_config(path: Path, context: typer.Context) -> dict[str, tuple[str, Any]]:
@@ -92,7 +97,8 @@ def _entries(command: Any) -> dict[str, _Entry]:
             continue
         kind, *marks = _unwrapped(signature.parameters[param.name].annotation)
         metavar = param.metavar or ""
-        entry = _Entry(param.name, kind, tuple(marks), get_origin(kind) is list and "=" in metavar)
+        pairs, commas = get_origin(kind) is list and "=" in metavar, kind is str and metavar in _WITH_COMMAS
+        entry = _Entry(param.name, kind, tuple(marks), pairs, commas)
         if param.param_type_name == "argument":
             entries[(metavar or param.name).lower()] = entry
         else:
@@ -170,11 +176,18 @@ def _value(path: Path, key: str, entry: _Entry, value: Any) -> Any:
         converted = [_scalar(kind, part, path.parent) for kind, part in pairs]
         expected = f"a list of {' and '.join(_WORDS[kind] for kind in kinds)}"
     else:
-        converted = [_scalar(entry.kind, value, path.parent, entry.marks)]
+        converted = [_scalar(entry.kind, _joined(entry, value), path.parent, entry.marks)]
         expected = _WORDS.get(entry.kind, _WORDS[str])
     if None in converted:
         raise ConfigError(path, key, expected, _told(value))
     return converted if get_origin(entry.kind) in (list, tuple) else converted[0]
+
+
+def _joined(entry: _Entry, value: Any) -> Any:
+    """Return a list of texts as one text with commas, if the option takes that; else the value itself."""
+    if entry.commas and isinstance(value, list) and value and all(isinstance(part, str) for part in value):
+        return ",".join(value)
+    return value
 
 
 def _scalar(kind: Any, value: Any, folder: Path, marks: tuple[Any, ...] = ()) -> Any:

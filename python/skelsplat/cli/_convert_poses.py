@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import warnings
 import zipfile
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from skelsplat.cli._conversion import Kind, Request, Written
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io.poses import POSE_FORMATS, is_json_poses, pose_format, read_pose, write_pose
+from skelsplat.io.poses import POSE_FORMATS, c3d_is_y_up, is_json_poses, pose_format, read_pose, write_pose
+from skelsplat.io.run_folder import POSES as POSES_OF_RUN
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -95,6 +97,8 @@ def convert_poses(source: Path, target: Path, options: PoseOptions) -> Written:
         given["unit"] = options.to_unit
     elif options.to_unit is not None:
         data = data.in_unit(options.to_unit)
+    if options.y_up:
+        _warn_if_turned(source)
     try:
         write_pose(target, data, **given)
     except InvalidInputError as error:
@@ -108,13 +112,30 @@ def convert_poses(source: Path, target: Path, options: PoseOptions) -> Written:
     return Written(f"Wrote {frames} frames of {joints} joints to {target}.", about)
 
 
+def _warn_if_turned(source: Path) -> None:
+    """Warn if the axes of a motion-capture file may have been turned before, or were."""
+    kind = pose_format(source)
+    if kind == "trc":
+        text = "a TRC file does not say which axis is up; --y-up turns it once more if y is already"
+    elif kind == "c3d" and c3d_is_y_up(source):
+        text = "y is up in it already (POINT:Y_SCREEN); --y-up turns its axes once more"
+    else:
+        return
+    warnings.warn(f"{source}: {text}", UserWarning, stacklevel=2)
+
+
+def _is_run(path: Path) -> bool:
+    return is_pose_file(path / POSES_OF_RUN)
+
+
 def _convert(request: Request) -> Written:
-    return convert_poses(request.source, request.target, PoseOptions(**request.options))
+    source = request.source / POSES_OF_RUN if _is_run(request.source) else request.source
+    return convert_poses(source, request.target, PoseOptions(**request.options))
 
 
 POSES = Kind(
     "pose file",
-    is_pose_file,
+    lambda path: is_pose_file(path) or _is_run(path),
     _convert,
     POSE_SUFFIXES,
     frozenset({"fps", "to_unit", "y_up", "marker_names", "singular"}),

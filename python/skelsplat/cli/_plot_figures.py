@@ -23,6 +23,11 @@ if TYPE_CHECKING:
 
 _SPREAD = "Median ± standard deviation over the frames (in brackets: part of the median). Dashed: median."
 _PALE = "Pale, not counted, and cut off where far away: frames in which an end is weakly seen or filled."
+_EQUAL = (
+    "The refinement kept {which} nearly equal left and right, so that their difference is no finding; "
+    "refine with --symmetry-tier 0 to study it."
+)
+_KEPT_EQUAL = {1: "lower arms and legs", 2: "arms and legs", 3: "arms, legs and trunk"}  # by the tier
 _COUNTED = "All detections that were used are counted, the rejected ones too. Grey: none was used."
 
 
@@ -94,7 +99,9 @@ def draw_bones(source: Source, order: Order) -> Drawn:
     panels = [viz.BonePanel(group[0].name, [_bone(limb) for limb in group]) for group in groups]
     limbs = [limb for group in groups for limb in group]
     unsure = any((np.isfinite(limb.lengths) & ~limb.sure).any() for limb in limbs)
-    notes = (f"{_SPREAD} {_PALE}" if unsure else _SPREAD, *source.poses.processing)
+    which = _KEPT_EQUAL.get(source.symmetry_tier)
+    equal = [] if which is None else [_EQUAL.format(which=which)]
+    notes = (f"{_SPREAD} {_PALE}" if unsure else _SPREAD, *equal, *source.poses.processing)
     data = viz.BoneData(panels, _time(source), source.title, notes)
     files = viz.write_bones(order.folder / "bones", data, formats=order.formats)
     return Drawn("bones", files, _about_bones(limbs), [_limb_numbers(limb) for limb in limbs])

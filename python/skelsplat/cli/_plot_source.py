@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import typer
@@ -40,6 +40,8 @@ class Source:
         Pairs of joint indices; no limbs where no layout is known.
     zero
         The first frame number of the whole recording, where time begins.
+    symmetry_tier
+        Which limbs the run kept equal left and right (`RefineConfig.symmetry_tier`); 0 if it is not known.
     """
 
     path: Path
@@ -47,6 +49,7 @@ class Source:
     limbs: Pairs
     left_right: Pairs
     zero: int
+    symmetry_tier: int = 0
 
     @property
     def title(self) -> str:
@@ -68,19 +71,27 @@ def read_source(path: Path, layout_name: str | None, chosen: FrameRange) -> Sour
         If the layout does not fit the joints, or no frame lies in the range.
     """
     named = None if layout_name is None else _named(layout_name)
+    tier = 0
     if path.is_file():
         poses = read_pose(path)
         layout = _known_layout(poses.joint_names) if named is None else named
     else:
         run = read_run(path)
         poses, layout = run.poses, run.layout if named is None else named
+        tier = _symmetry_tier(run.report["settings"])
     if not len(poses.frames):
         raise DatasetError(path, "frames", "at least one", "none")
     if (np.diff(poses.frames) < 1).any():
         raise DatasetError(path, "frames", "ascending numbers", "some that are not")
     limbs, left_right = _connections(layout, poses.joint_names)
     zero = int(poses.frames[0])
-    return Source(path, _between(poses, *chosen.within(poses.frames)).in_unit("mm"), limbs, left_right, zero)
+    poses = _between(poses, *chosen.within(poses.frames)).in_unit("mm")
+    return Source(path, poses, limbs, left_right, zero, tier)
+
+
+def _symmetry_tier(settings: dict[str, Any]) -> int:
+    tier = settings.get("symmetry_tier")
+    return tier if isinstance(tier, int) else 0
 
 
 def _named(name: str) -> sk.Layout:

@@ -15,6 +15,7 @@ from skelsplat.cli._convert_poses import POSES
 from skelsplat.cli._json import print_json
 from skelsplat.cli._pipeline import collected_warnings
 from skelsplat.exceptions import DatasetError
+from skelsplat.io.calibration import find_format
 
 KINDS: tuple[Kind, ...] = (POSES, CALIBRATION)
 
@@ -75,7 +76,7 @@ def convert(
     quiet: options.Quiet = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Convert a calibration, or a file of poses, to another format.
+    """Convert a calibration, or poses (a file, or the folder of a run), to another format.
 
     [bold]Examples[/bold]
 
@@ -85,7 +86,7 @@ def convert(
 
     skelsplat convert calibration/ Calib.toml --unit m
 
-    skelsplat convert out/pose.npz walk.c3d --fps 60
+    skelsplat convert out walk.c3d --fps 60 --y-up
 
     skelsplat convert camera-parameters.json S9.toml --subject S9
 
@@ -122,8 +123,7 @@ def _kind(request: Request) -> Kind:
     named = CALIBRATION if "format" in request.options else None
     kind = named or next((kind for kind in KINDS if kind.recognises(request.source)), None)
     if kind is None:
-        CALIBRATION.convert(request)  # says what is wrong with it
-        raise AssertionError(request)
+        raise _unknown(request.source)
     if request.target.suffix.lower() not in kind.suffixes:
         expected = f"a {kind.name} to be written as {', '.join(kind.suffixes)}"
         raise typer.BadParameter(
@@ -134,6 +134,16 @@ def _kind(request: Request) -> Kind:
         hint = "--" + stray[0].replace("_", "-")
         raise typer.BadParameter(f"expected none for a {kind.name}, got one", param_hint=hint)
     return kind
+
+
+def _unknown(source: Path) -> DatasetError:
+    """Return what is wrong with an input of no kind."""
+    expected = "a calibration in a known format, a file of poses, or the folder of a run"
+    try:
+        find_format(source)
+    except DatasetError as error:
+        return error
+    return DatasetError(source, "content", expected, "something else (convert --help has the formats)")
 
 
 def _tell(warning: str) -> None:

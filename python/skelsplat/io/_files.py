@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 FRAME_LIMIT = 2**62
 # what zipfile and NumPy raise for an npz whose bytes are damaged, besides OSError and ValueError
 DAMAGED_NPZ = (zipfile.BadZipFile, zlib.error, struct.error, EOFError, NotImplementedError, RuntimeError)
+VIDEO_SUFFIXES = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".mts", ".wmv")
 
 
 def read_text(path: Path) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 from skelsplat.exceptions import DatasetError, InvalidInputError
@@ -13,8 +14,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 _ADVICE = (
-    "name each {kind} like its camera, for example cam_01{tail} or cam01_json for the camera cam_01, "
-    "or state their order (order=, --order)"
+    "name each {kind} like its camera, for example cam_01{tail} or cam01{tail} for the camera cam_01, "
+    "or state their order with --order (in Python order=)"
 )
 SORTED = "sorted"
 
@@ -61,7 +62,7 @@ def match_by_name(
         camera, or a name fits more than one.
     """
     kind, texts, root = candidates.kind, candidates.texts, candidates.root
-    advice = _ADVICE.format(kind=kind, tail="" if kind == "folder" else ".json")
+    advice = _ADVICE.format(kind=kind, tail=PurePath(next(iter(texts), "")).suffix if kind == "file" else "")
     if not texts:
         raise DatasetError(root, f"{kind}s", f"one {kind} per camera ({', '.join(names)})", f"no {kind}s")
     found = {name: _label_of(candidates, name, names, advice) for name in names}
@@ -108,6 +109,23 @@ def _fitting(texts: Mapping[str, str], name: str, names: Sequence[str], candidat
     if alike or not candidates.within:
         return alike
     return [label for label, key in free.items() if _is_within(words, key)]
+
+
+def camera_called(text: str, names: Sequence[str]) -> str:
+    """Return the camera that is meant by `text`: exactly its name, or the one that reads the same.
+
+    Raises
+    ------
+    InvalidInputError
+        If there is none, or more than one.
+    """
+    known = ", ".join(names)
+    fitting = [text] if text in names else [name for name in names if _key(name) == _key(text)]
+    if len(fitting) > 1:
+        raise InvalidInputError(f"camera: expected the exact name of one of {known}, got {text!r}")
+    if not fitting:
+        raise InvalidInputError(f"camera: expected one of {known}, got {text!r}")
+    return fitting[0]
 
 
 def match_by_order(

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from itertools import chain
 from typing import TYPE_CHECKING
 
 from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.io._files import VIDEO_SUFFIXES
 from skelsplat.io.detections import (
     alphapose,
     coco,
@@ -66,7 +68,15 @@ def find_format(path: Path, name: str | None) -> DetectionFormat:
         actual = ", ".join(f"{known} ({found[known].name})" for known in FORMATS if known in found)
         expected = "one format, or its name (format=, --format)"
         raise DatasetError(path, "content", expected, actual)
-    raise DatasetError(path, "content", f"detections in a known format ({known})", "none that is recognised")
+    expected = f"detections in a known format ({known})"
+    raise DatasetError(path, "content", expected, _told(path))
+
+
+def _told(path: Path) -> str:
+    """Say what is there if it is no detections."""
+    if any(one.suffix.lower() in VIDEO_SUFFIXES for one in chain([path], path.glob("*"), path.glob("*/*"))):
+        return "videos; run a 2D keypoint detector on them first, and give the files that it writes"
+    return "none that is recognised"
 
 
 def _samples(path: Path) -> Iterator[Path]:

@@ -1,6 +1,6 @@
 """Poses in files: npz and json (everything), csv (tidy), trc and c3d (motion capture), nc (movement)."""
 
-from skelsplat.io.poses._c3d import read_c3d, write_c3d
+from skelsplat.io.poses._c3d import c3d_is_y_up, read_c3d, write_c3d
 from skelsplat.io.poses._csv import read_csv, write_csv
 from skelsplat.io.poses._files import POSE_FORMATS, check_pose_format, pose_format, read_pose, write_pose
 from skelsplat.io.poses._json import is_json_poses, read_json, to_json, write_json
@@ -14,6 +14,7 @@ __all__ = [
     "MARKER_NAMES",
     "POSE_FORMATS",
     "PoseData",
+    "c3d_is_y_up",
     "check_pose_format",
     "is_json_poses",
     "pose_format",

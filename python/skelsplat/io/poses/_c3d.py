@@ -148,17 +148,8 @@ def read_c3d(path: str | os.PathLike[str]) -> PoseData:
         If the file cannot be read, does not state its unit, frame rate or a label for every point, or is cut
         short.
     """
-    source, ezc3d = Path(path), _library()
-    try:
-        check_structure(source, source.read_bytes())
-        file = ezc3d.c3d(str(source))
-    except DatasetError:
-        raise
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise DatasetError(source, "file", "a readable C3D file", reason.lower()) from error
-    except Exception as error:  # whatever the library meets in a file that is none
-        raise DatasetError(source, "file", "a C3D file", str(error)) from error
+    source = Path(path)
+    file = _opened(source)
     points, header = file["data"]["points"], file["header"]["points"]
     steps = int(header["last_frame"]) - int(header["first_frame"]) + 1
     if points.shape[2] != steps:
@@ -175,6 +166,32 @@ def read_c3d(path: str | os.PathLike[str]) -> PoseData:
         frame_rate=_rate(source, file["parameters"]["POINT"]),
         processing=tuple(own["PROCESSING"]["value"]) if "PROCESSING" in own else (),
     )
+
+
+def c3d_is_y_up(path: str | os.PathLike[str]) -> bool:
+    """Tell whether a C3D file states, in ``POINT:Y_SCREEN``, that its y axis points up the screen.
+
+    Raises
+    ------
+    MissingPackageError, DatasetError
+        As `read_c3d`.
+    """
+    point = _opened(Path(path))["parameters"]["POINT"]
+    return "Y_SCREEN" in point and [axis.strip() for axis in point["Y_SCREEN"]["value"]] == ["+Y"]
+
+
+def _opened(source: Path) -> Any:
+    ezc3d = _library()
+    try:
+        check_structure(source, source.read_bytes())
+        return ezc3d.c3d(str(source))
+    except DatasetError:
+        raise
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise DatasetError(source, "file", "a readable C3D file", reason.lower()) from error
+    except Exception as error:  # whatever the library meets in a file that is none
+        raise DatasetError(source, "file", "a C3D file", str(error)) from error
 
 
 def _labels(path: Path, point: Any, count: int) -> tuple[str, ...]:

@@ -5,14 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io.detections._match import Candidates, match_by_name, match_by_order
+from skelsplat.exceptions import DatasetError
+from skelsplat.io._files import VIDEO_SUFFIXES
+from skelsplat.io.detections._match import Candidates, camera_called, match_by_name, match_by_order
 
 if TYPE_CHECKING:
     import os
     from collections.abc import Collection, Mapping, Sequence
 
-VIDEO_SUFFIXES = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".mts", ".wmv")
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 
 
@@ -33,7 +33,7 @@ def find_videos(
     names : sequence of str
         All cameras.
     chosen : collection of str
-        Those that are wanted; empty for all.
+        Those that are wanted, compared as loosely as the videos' names are; empty for all.
     order : sequence of str or "sorted", optional
         The file or folder of each camera (of the chosen ones, if there are any) instead of matching by name.
 
@@ -50,10 +50,8 @@ def find_videos(
         If nothing is there, or a wanted camera has no video, or more than one.
     """
     root = Path(path)
-    unknown = [name for name in chosen if name not in names]
-    if unknown:
-        raise InvalidInputError(f"camera: expected one of {', '.join(names)}, got {unknown[0]!r}")
-    wanted = [name for name in names if not chosen or name in chosen]
+    meant = [camera_called(name, names) for name in chosen]
+    wanted = [name for name in names if not meant or name in meant]
     kind, found = _entries(root)
     if root in found.values():
         return {_camera_of(root, kind, names, wanted): root}
@@ -66,7 +64,7 @@ def find_videos(
     missing = [name for name in wanted if labels[name] is None]
     if missing:
         expected = f"a {kind} for every chosen camera ({kind}s: {', '.join(found)})"
-        raise DatasetError(root, f"{kind}s", expected, f"none for {', '.join(missing)}")
+        raise DatasetError(root, "content", expected, f"none for {', '.join(missing)}")
     return {name: found[label] for name in wanted if (label := labels[name]) is not None}
 
 
@@ -78,7 +76,7 @@ def _entries(root: Path) -> tuple[str, dict[str, Path]]:
         there = sorted(path for path in root.iterdir() if not path.name.startswith("."))
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
-        raise DatasetError(root, "videos", "a readable folder or video", reason) from error
+        raise DatasetError(root, "content", "a readable folder or video", reason) from error
     videos = {path.name: path for path in there if path.suffix.lower() in VIDEO_SUFFIXES and path.is_file()}
     if videos:
         return "file", videos
@@ -87,7 +85,7 @@ def _entries(root: Path) -> tuple[str, dict[str, Path]]:
     folders = {path.name: path for path in there if path.is_dir() and images_in(path)}
     if not folders:
         expected = f"videos ({', '.join(VIDEO_SUFFIXES)}) or folders of images ({', '.join(IMAGE_SUFFIXES)})"
-        raise DatasetError(root, "videos", expected, ", ".join(path.name for path in there[:9]) or "nothing")
+        raise DatasetError(root, "content", expected, ", ".join(path.name for path in there[:9]) or "nothing")
     return "folder", folders
 
 

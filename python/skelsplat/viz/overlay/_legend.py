@@ -80,8 +80,7 @@ def _entries(sizes: Sizes, shown: Shown) -> list[Entry]:
         entries.append(("start", _limb(_colours.BEFORE, sizes, solid=False)))
     if shown.detections:
         entries += [
-            ("detection believed", _detection(1.0, sizes)),
-            ("half believed", _detection(0.5, sizes)),
+            (f"detection, weight {shown.rejected_below:g} to 1", _weights(shown.rejected_below, sizes)),
             ("rejected", _detection(0.0, sizes, rejected=True)),
             ("not used", _detection(np.nan, sizes)),
             ("sides exchanged", lambda image, at: draw_swapped(image, at, sizes)),
@@ -102,6 +101,23 @@ def _ellipse(sizes: Sizes) -> Symbol:
     shape = np.diag([sizes.text / 2, sizes.text / 4]) ** 2 * (2 / SIGMAS) ** 2
     colour = _colours.bgr(_style.MIDDLE)
     return lambda image, at: _marks.ellipse(image, at, shape, colour, sigmas=SIGMAS, width=sizes.thin)
+
+
+def _weights(lowest: float, sizes: Sizes) -> Symbol:
+    """Return a bar in the colours of the weights from ``lowest`` to 1, edged like the discs."""
+    reach, high, edge = sizes.text, max(2, sizes.text // 4), max(1, round(sizes.edge))
+
+    def draw(image: Image, at: Array) -> None:
+        left, middle = round(float(at[0])) - reach, round(float(at[1]))
+        colours = [_colours.weight_colour(weight) for weight in np.linspace(lowest, 1.0, 2 * reach)]
+        framed = image[
+            middle - high - edge : middle + high + edge, max(0, left - edge) : left + 2 * reach + edge
+        ]
+        framed[:] = _colours.DARK
+        inner = image[middle - high : middle + high, left : left + 2 * reach]
+        inner[:] = np.array(colours, dtype=np.uint8)[: inner.shape[1]]
+
+    return draw
 
 
 def _detection(weight: float, sizes: Sizes, *, rejected: bool = False) -> Symbol:
