@@ -36,6 +36,8 @@ class Job:
         By camera, frames to add to its frame numbers.
     order
         The source of each camera's detections, or ``"sorted"``; None to match by name.
+    without
+        Names of cameras that are left out.
     mapping
         By joint of the layout, its name or place in the files, where these differ.
     sequence
@@ -75,6 +77,7 @@ class Job:
     format: str | None = None
     offsets: dict[str, int] = field(default_factory=dict)
     order: str | tuple[str, ...] | None = None
+    without: tuple[str, ...] = ()
     mapping: dict[str, str | int | None] = field(default_factory=dict)
     sequence: str | None = None
     init: Path | None = None

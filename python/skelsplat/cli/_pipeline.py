@@ -16,7 +16,7 @@ import numpy as np
 import skelsplat as sk
 from skelsplat.cameras import MM_PER_UNIT, without_distortion
 from skelsplat.cli._person import pick_person
-from skelsplat.cli._reading import read_found
+from skelsplat.cli._reading import leave_out, read_found
 from skelsplat.exceptions import DatasetError
 from skelsplat.io import read_npz
 
@@ -127,12 +127,14 @@ def read_inputs(job: Job) -> Inputs:
     DatasetError, InvalidInputError, typer.BadParameter
         If a file is missing or malformed, or files and options do not fit each other; the message names it.
     """
-    rig = job.cameras.read(job.calibration, format_option="--calibration-format")
-    if len(rig) < 2:
-        raise DatasetError(job.calibration, "cameras", "at least two cameras", len(rig))
+    every = job.cameras.read(job.calibration, format_option="--calibration-format")
+    if len(every) < 2:
+        raise DatasetError(job.calibration, "cameras", "at least two cameras", len(every))
+    rig = leave_out(every, job.without)
     found = read_found(
         job.detections,
-        rig,
+        every,
+        without=job.without,
         layout=job.layout,
         format=job.format,
         frames=job.frames,
