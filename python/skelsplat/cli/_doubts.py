@@ -10,17 +10,21 @@ import skelsplat as sk
 from skelsplat.cli._statistics import finite_median
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from skelsplat.cli._pipeline import Inputs, Outcome
-    from skelsplat.cli._statistics import Statistics
+    from skelsplat.cli._statistics import Group, Statistics
 
 # Most: at least this share.
 _MOSTLY = 0.5
 # Under normal noise hardly a detection is rejected (k < 1/4 at σ = 2 s has probability 4⁻⁸), and a detector's
 # outliers are a few per cent. A camera stands out with this share and this multiple of the other cameras'
-# share, the whole recording with the last.
-_CAMERA_SHARE, _CAMERA_RATIO, _WHOLE_SHARE = 0.1, 3.0, 1 / 3
+# median,
+_CAMERA_SHARE, _CAMERA_RATIO = 0.1, 3.0
+# or with this share and this multiple of the best camera's, as two bad cameras raise the median;
+_BAD_SHARE, _BEST_RATIO = 0.2, 2.0
+# the whole recording with this.
+_WHOLE_SHARE = 1 / 3
 # A robust fit may leave the median where it was; a tenth more is further away.
 _FURTHER, _FURTHER_PX = 1.1, 0.1  # less is the rounding of the detections
 # About half the arms and legs, which are half of a layout's joints or more.
@@ -62,24 +66,45 @@ def _whole(statistics: Statistics) -> Iterator[str]:
 
 
 def _cameras(statistics: Statistics) -> Iterator[str]:
-    total = statistics.total
+    bad = _bad_cameras(statistics.cameras)
+    good = [group for group in statistics.cameras if group.used and group not in bad]
+    good_share = sum(group.rejected for group in good) / max(1, sum(group.used for group in good))
+    theirs = "theirs" if len(bad) == 1 else f"those of {', '.join(group.name for group in good)}"
+    leave = len(statistics.cameras) > 2  # two must remain
     for group in statistics.cameras:
-        if total.used and not group.used:
+        if statistics.total.used and not group.used:
             yield (
                 f"{group.name} has no detection that could be used. Either it does not see the person, or "
-                "what it sees does not agree with the other views: --person says who is followed."
+                "what it sees does not agree with the other views: --person says who is followed"
+                f"{_without(group) if leave else ''}."
             )
+        elif group in bad:
+            yield (
+                f"{group.name} disagrees with the other cameras: {_percent(group.rejected_share)} of its "
+                f"detections are rejected, {_percent(good_share)} of {theirs}, and its mean weight is "
+                f"{group.mean_weight:.2f}. The pose follows the others: check this camera's calibration and "
+                "timing, and what it can see. check-cameras looks for the cause"
+                f"{_without(group) if leave else ''}."
+            )
+
+
+def _without(group: Group) -> str:
+    return f"; --without {group.name} leaves it out"
+
+
+def _bad_cameras(cameras: Sequence[Group]) -> list[Group]:
+    """Return the cameras whose share of rejected detections stands out; never all of them."""
+    used = [group for group in cameras if group.used]
+    bad = []
+    for group in used:
+        others = [other.rejected_share for other in used if other is not group]
+        if not others:
             continue
-        others = total.used - group.used
-        share = (total.rejected - group.rejected) / others if others else 1.0
-        if group.rejected_share < max(_CAMERA_SHARE, _CAMERA_RATIO * share):
-            continue
-        yield (
-            f"{group.name} disagrees with the other cameras: {_percent(group.rejected_share)} of its "
-            f"detections are rejected, {_percent(share)} of theirs, and its mean weight is "
-            f"{group.mean_weight:.2f}. The pose follows the others: check this camera's calibration and "
-            "timing, and what it can see."
-        )
+        share = group.rejected_share
+        far = share >= max(_CAMERA_SHARE, _CAMERA_RATIO * finite_median(others))
+        if far or share >= max(_BAD_SHARE, _BEST_RATIO * min(others)):
+            bad.append(group)
+    return bad
 
 
 def _mirrored(statistics: Statistics) -> Iterator[str]:
