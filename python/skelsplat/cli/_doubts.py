@@ -12,6 +12,8 @@ from skelsplat.cli._statistics import finite_median
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    import numpy.typing as npt
+
     from skelsplat.cli._pipeline import Inputs, Outcome
     from skelsplat.cli._statistics import Group, Statistics
 
@@ -36,15 +38,20 @@ _BAR_RATIO = 2.0
 _MOST_FRAMES = 6
 
 
-def find_doubts(inputs: Inputs, outcome: Outcome, statistics: Statistics) -> list[str]:
-    """Return sentences on cameras that disagree and on joints that fit nowhere or are not well known."""
+def find_doubts(
+    inputs: Inputs, outcome: Outcome, statistics: Statistics, written: npt.NDArray[np.str_]
+) -> list[str]:
+    """Return sentences on cameras that disagree and on joints that fit nowhere or are not well known.
+
+    ``written`` (T, N) is the status of the poses written, where joints may be filled over time.
+    """
     return [
         *_whole(statistics),
         *_cameras(statistics),
         *_mirrored(statistics),
         *_limbs(inputs, outcome),
         *_joints(statistics),
-        *_statuses(inputs, outcome),
+        *_statuses(inputs, outcome, written),
     ]
 
 
@@ -151,20 +158,32 @@ def _joints(statistics: Statistics) -> Iterator[str]:
         yield f"Error bars far above the median of {typical:.0f} mm: {', '.join(wide)}."
 
 
-def _statuses(inputs: Inputs, outcome: Outcome) -> Iterator[str]:
-    status = np.asarray(outcome.result.joint_status)
+def _statuses(inputs: Inputs, outcome: Outcome, written: npt.NDArray[np.str_]) -> Iterator[str]:
+    status, filled = np.asarray(outcome.result.joint_status), written == "filled"
+    asked = np.array([joint not in inputs.lacking for joint in inputs.layout.joints])
     for label, meaning in (
         ("weak", "meets its detections in fewer than two views, so its depth is not fixed"),
         ("unobserved", "has no usable detection and keeps its start, if it has one"),
     ):
-        where = status == label
-        parts = [
-            f"{name} ({_frames(inputs.frames[where[:, j]])})"
-            for j, name in enumerate(inputs.layout.joints)
-            if where[:, j].any()
-        ]
-        if parts:
-            yield f"{label}, that is, {meaning}: {', '.join(parts)}."
+        where = (status == label) & asked
+        if (where & ~filled).any():
+            yield f"{label}, that is, {meaning}: {_places(inputs, where & ~filled)}."
+        if (where & filled).any():
+            yield f"{label}, now filled from the frames around: {_places(inputs, where & filled)}."
+
+
+def _places(inputs: Inputs, where: npt.NDArray[np.bool_]) -> str:
+    """Return joints with the frames where (T, N) holds."""
+    return ", ".join(
+        f"{name} ({_frames(inputs.frames[where[:, j]])})"
+        for j, name in enumerate(inputs.layout.joints)
+        if where[:, j].any()
+    )
+
+
+def is_of_size(warning: str) -> bool:
+    """Say whether a warning is of the size of the rig or the person, which is that of the unit."""
+    return " apart in " in warning or "is the unit really" in warning
 
 
 def _percent(share: float) -> str:

@@ -21,7 +21,7 @@ class Job:
     calibration, detections
         The calibration file, and the folder or file of detections.
     layout
-        Name of the joint layout of the detections.
+        Name of the joint layout of the detections; None: the one whose joints the files name.
     out
         Folder for the results.
     cameras
@@ -69,7 +69,7 @@ class Job:
 
     calibration: Path
     detections: Path
-    layout: str
+    layout: str | None
     out: Path
     cameras: CalibrationOptions = field(default_factory=CalibrationOptions)
     person: str = "consistent"
