@@ -37,6 +37,17 @@ def test_refine_writes_all_results(recording, arguments):
     assert np.linalg.norm(written.pose - pose, axis=-1).mean() < 16.3
 
 
+def test_poses_of_another_run_are_removed_and_other_files_left(recording, arguments):
+    folder, _, _ = recording
+    assert invoke(*arguments, *READ, *FAST, "--no-html").exit_code == 0
+    (folder / "out" / "plots").mkdir()
+    (folder / "out" / "pose.txt").write_text("mine")
+    assert invoke(*arguments, *READ, *FAST, "--no-html", "--write", "json").exit_code == 0
+    left = {path.name for path in (folder / "out").iterdir()}
+    kept = RESULTS - {"pose.csv", "pose.trc", "report.html"}
+    assert left == kept | {"pose.json", "pose.txt", "plots"}
+
+
 def test_the_printed_table_fits_80_columns_and_counts_missing_detections(arguments):
     result = invoke(*arguments, *READ, *FAST)
     lines = result.stdout.splitlines()
@@ -128,7 +139,7 @@ def test_y_up_turns_the_marker_file_only(recording, arguments):
 @pytest.mark.parametrize(
     ("extra", "parts"),
     [
-        ([], ["--layout", "expected one of", "body25b", "nothing"]),
+        (["--unit", "mm"], ["--layout", "has 17 joints per person: ", "h36m17"]),
         (["--unit", "inch"], ["--unit", "'inch'"]),
         (["--unit", "mm", "--layout", "body26"], ["--layout", "h36m17", "'body26'"]),
         ([*READ, "--person", "left"], ["--person", "'left'"]),
@@ -254,6 +265,10 @@ def test_a_warning_of_the_package_is_told_and_reported(recording, arguments):
     warnings = json.loads((folder / "out" / "report.json").read_text())["warnings"]
     assert any("unit" in warning and '"m" is likely' in warning for warning in warnings)
     assert result.stderr.splitlines() == [f"warning: {warning}" for warning in warnings]
+    below = " ".join(invoke(*arguments, "--max-steps", 1).stdout.split())
+    of_size = [warning for warning in warnings if "unit" in warning]
+    assert len(of_size) == 2
+    assert below.index(" ".join(f"! {warning}" for warning in of_size)) == below.index("!")
 
 
 @pytest.mark.parametrize(

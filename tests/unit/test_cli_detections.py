@@ -9,6 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 import skelsplat as sk
+from command_line import invoke
 from detection_files import CASES, Take
 from skelsplat.cli import _run, app
 from skelsplat.io import read_npz, read_openpose
@@ -79,6 +80,19 @@ def test_a_joint_that_the_files_lack(recording, take):
     result = refine(folder, path, "--map", "pelvis=none", "--map", "nose=nose")
     assert result.exit_code == 0, result.output
     assert np.isnan(read_npz(folder / "out" / "pose.npz").reprojection_error[:, :, 0]).all()
+    arguments = ["refine", folder / "Calib.toml", path, "-o", folder / "out", *OPTIONS[:-1]]
+    printed = invoke(*arguments, "--map", "pelvis=none").stdout
+    assert "right_" in printed.split("Error bars")[1]
+    assert "pelvis" not in printed
+    assert json.loads((folder / "out" / "report.json").read_text())["doubts"] == []
+
+
+def test_names_in_the_files_decide_the_layout(recording, take):
+    folder, _, _ = recording
+    path = written(folder, "deeplabcut_csv", take)
+    result = invoke("refine", folder / "Calib.toml", path, "-o", folder / "out", "--unit", "mm", "-q")
+    assert result.exit_code == 0, result.output
+    assert report(folder)["layout"] == "h36m17"
 
 
 def test_offset_sets_a_clock(recording, expected):

@@ -75,7 +75,7 @@ pub fn implausible_extent(poses: &[Vec<Vector3<f64>>], unit: Unit) -> Option<Str
     }
     let size = if mm > high { "taller than 10 m" } else { "shorter than 10 cm" };
     Some(format!(
-        "the skeleton measures {median:.4} {name} and is {size}: is the unit really '{name}'?",
+        "the skeleton measures {median:.2} {name} and is {size}: is the unit really '{name}'?",
         name = unit.name()
     ))
 }

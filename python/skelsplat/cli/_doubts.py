@@ -10,17 +10,23 @@ import skelsplat as sk
 from skelsplat.cli._statistics import finite_median
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
+
+    import numpy.typing as npt
 
     from skelsplat.cli._pipeline import Inputs, Outcome
-    from skelsplat.cli._statistics import Statistics
+    from skelsplat.cli._statistics import Group, Statistics
 
 # Most: at least this share.
 _MOSTLY = 0.5
 # Under normal noise hardly a detection is rejected (k < 1/4 at σ = 2 s has probability 4⁻⁸), and a detector's
 # outliers are a few per cent. A camera stands out with this share and this multiple of the other cameras'
-# share, the whole recording with the last.
-_CAMERA_SHARE, _CAMERA_RATIO, _WHOLE_SHARE = 0.1, 3.0, 1 / 3
+# median,
+_CAMERA_SHARE, _CAMERA_RATIO = 0.1, 3.0
+# or with this share and this multiple of the best camera's, as two bad cameras raise the median;
+_BAD_SHARE, _BEST_RATIO = 0.2, 2.0
+# the whole recording with this.
+_WHOLE_SHARE = 1 / 3
 # A robust fit may leave the median where it was; a tenth more is further away.
 _FURTHER, _FURTHER_PX = 1.1, 0.1  # less is the rounding of the detections
 # About half the arms and legs, which are half of a layout's joints or more.
@@ -32,15 +38,20 @@ _BAR_RATIO = 2.0
 _MOST_FRAMES = 6
 
 
-def find_doubts(inputs: Inputs, outcome: Outcome, statistics: Statistics) -> list[str]:
-    """Return sentences on cameras that disagree and on joints that fit nowhere or are not well known."""
+def find_doubts(
+    inputs: Inputs, outcome: Outcome, statistics: Statistics, written: npt.NDArray[np.str_]
+) -> list[str]:
+    """Return sentences on cameras that disagree and on joints that fit nowhere or are not well known.
+
+    ``written`` (T, N) is the status of the poses written, where joints may be filled over time.
+    """
     return [
         *_whole(statistics),
         *_cameras(statistics),
         *_mirrored(statistics),
         *_limbs(inputs, outcome),
         *_joints(statistics),
-        *_statuses(inputs, outcome),
+        *_statuses(inputs, outcome, written),
     ]
 
 
@@ -62,24 +73,45 @@ def _whole(statistics: Statistics) -> Iterator[str]:
 
 
 def _cameras(statistics: Statistics) -> Iterator[str]:
-    total = statistics.total
+    bad = _bad_cameras(statistics.cameras)
+    good = [group for group in statistics.cameras if group.used and group not in bad]
+    good_share = sum(group.rejected for group in good) / max(1, sum(group.used for group in good))
+    theirs = "theirs" if len(bad) == 1 else f"those of {', '.join(group.name for group in good)}"
+    leave = len(statistics.cameras) > 2  # two must remain
     for group in statistics.cameras:
-        if total.used and not group.used:
+        if statistics.total.used and not group.used:
             yield (
                 f"{group.name} has no detection that could be used. Either it does not see the person, or "
-                "what it sees does not agree with the other views: --person says who is followed."
+                "what it sees does not agree with the other views: --person says who is followed"
+                f"{_without(group) if leave else ''}."
             )
+        elif group in bad:
+            yield (
+                f"{group.name} disagrees with the other cameras: {_percent(group.rejected_share)} of its "
+                f"detections are rejected, {_percent(good_share)} of {theirs}, and its mean weight is "
+                f"{group.mean_weight:.2f}. The pose follows the others: check this camera's calibration and "
+                "timing, and what it can see. check-cameras looks for the cause"
+                f"{_without(group) if leave else ''}."
+            )
+
+
+def _without(group: Group) -> str:
+    return f"; --without {group.name} leaves it out"
+
+
+def _bad_cameras(cameras: Sequence[Group]) -> list[Group]:
+    """Return the cameras whose share of rejected detections stands out; never all of them."""
+    used = [group for group in cameras if group.used]
+    bad = []
+    for group in used:
+        others = [other.rejected_share for other in used if other is not group]
+        if not others:
             continue
-        others = total.used - group.used
-        share = (total.rejected - group.rejected) / others if others else 1.0
-        if group.rejected_share < max(_CAMERA_SHARE, _CAMERA_RATIO * share):
-            continue
-        yield (
-            f"{group.name} disagrees with the other cameras: {_percent(group.rejected_share)} of its "
-            f"detections are rejected, {_percent(share)} of theirs, and its mean weight is "
-            f"{group.mean_weight:.2f}. The pose follows the others: check this camera's calibration and "
-            "timing, and what it can see."
-        )
+        share = group.rejected_share
+        far = share >= max(_CAMERA_SHARE, _CAMERA_RATIO * finite_median(others))
+        if far or share >= max(_BAD_SHARE, _BEST_RATIO * min(others)):
+            bad.append(group)
+    return bad
 
 
 def _mirrored(statistics: Statistics) -> Iterator[str]:
@@ -126,20 +158,32 @@ def _joints(statistics: Statistics) -> Iterator[str]:
         yield f"Error bars far above the median of {typical:.0f} mm: {', '.join(wide)}."
 
 
-def _statuses(inputs: Inputs, outcome: Outcome) -> Iterator[str]:
-    status = np.asarray(outcome.result.joint_status)
+def _statuses(inputs: Inputs, outcome: Outcome, written: npt.NDArray[np.str_]) -> Iterator[str]:
+    status, filled = np.asarray(outcome.result.joint_status), written == "filled"
+    asked = np.array([joint not in inputs.lacking for joint in inputs.layout.joints])
     for label, meaning in (
         ("weak", "meets its detections in fewer than two views, so its depth is not fixed"),
         ("unobserved", "has no usable detection and keeps its start, if it has one"),
     ):
-        where = status == label
-        parts = [
-            f"{name} ({_frames(inputs.frames[where[:, j]])})"
-            for j, name in enumerate(inputs.layout.joints)
-            if where[:, j].any()
-        ]
-        if parts:
-            yield f"{label}, that is, {meaning}: {', '.join(parts)}."
+        where = (status == label) & asked
+        if (where & ~filled).any():
+            yield f"{label}, that is, {meaning}: {_places(inputs, where & ~filled)}."
+        if (where & filled).any():
+            yield f"{label}, now filled from the frames around: {_places(inputs, where & filled)}."
+
+
+def _places(inputs: Inputs, where: npt.NDArray[np.bool_]) -> str:
+    """Return joints with the frames where (T, N) holds."""
+    return ", ".join(
+        f"{name} ({_frames(inputs.frames[where[:, j]])})"
+        for j, name in enumerate(inputs.layout.joints)
+        if where[:, j].any()
+    )
+
+
+def is_of_size(warning: str) -> bool:
+    """Say whether a warning is of the size of the rig or the person, which is that of the unit."""
+    return " apart in " in warning or "is the unit really" in warning
 
 
 def _percent(share: float) -> str:

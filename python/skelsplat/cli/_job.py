@@ -21,7 +21,7 @@ class Job:
     calibration, detections
         The calibration file, and the folder or file of detections.
     layout
-        Name of the joint layout of the detections.
+        Name of the joint layout of the detections; None: the one whose joints the files name.
     out
         Folder for the results.
     cameras
@@ -36,6 +36,8 @@ class Job:
         By camera, frames to add to its frame numbers.
     order
         The source of each camera's detections, or ``"sorted"``; None to match by name.
+    without
+        Names of cameras that are left out.
     mapping
         By joint of the layout, its name or place in the files, where these differ.
     sequence
@@ -67,7 +69,7 @@ class Job:
 
     calibration: Path
     detections: Path
-    layout: str
+    layout: str | None
     out: Path
     cameras: CalibrationOptions = field(default_factory=CalibrationOptions)
     person: str = "consistent"
@@ -75,6 +77,7 @@ class Job:
     format: str | None = None
     offsets: dict[str, int] = field(default_factory=dict)
     order: str | tuple[str, ...] | None = None
+    without: tuple[str, ...] = ()
     mapping: dict[str, str | int | None] = field(default_factory=dict)
     sequence: str | None = None
     init: Path | None = None

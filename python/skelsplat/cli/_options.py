@@ -56,6 +56,14 @@ Order = Annotated[
         rich_help_panel=_INPUT,
     ),
 ]
+Without = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="CAMERA",
+        help="Leave a camera out, whether it has detections or not. Repeatable.",
+        rich_help_panel=_INPUT,
+    ),
+]
 JointMap = Annotated[
     list[str] | None,
     typer.Option(

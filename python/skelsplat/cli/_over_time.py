@@ -113,11 +113,12 @@ def apply_over_time(data: PoseData, wanted: OverTime) -> tuple[PoseData, dict[st
         data, count = _filled(data, wanted)
         settings = {"max_frames": wanted.max_gap, "method": wanted.method, "weak_joints_too": wanted.weak}
         entry["gaps"] = {**settings, "filled": count}
-        what = "Gaps and weak stretches" if wanted.weak else "Gaps"
-        sentences.append(
-            f"{what} of at most {wanted.max_gap} frames filled by {_METHODS[wanted.method]}: "
-            f"{count} joint positions, whose status is filled."
-        )
+        if count:
+            what = "Gaps and weak stretches" if wanted.weak else "Gaps"
+            sentences.append(
+                f"{what} of at most {wanted.max_gap} frames filled by {_METHODS[wanted.method]}: "
+                f"{count} joint positions, whose status is filled."
+            )
     if wanted.filter is not None:
         mm = MM_PER_UNIT[data.unit]
         pose, left = _filtered(data.pose, data.frames, wanted.filter, data.frame_rate, mm)

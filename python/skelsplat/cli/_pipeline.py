@@ -16,7 +16,7 @@ import numpy as np
 import skelsplat as sk
 from skelsplat.cameras import MM_PER_UNIT, without_distortion
 from skelsplat.cli._person import pick_person
-from skelsplat.cli._reading import read_found
+from skelsplat.cli._reading import leave_out, read_found
 from skelsplat.exceptions import DatasetError
 from skelsplat.io import read_npz
 
@@ -46,6 +46,8 @@ class Inputs:
         The start in the rig's unit, or None for triangulation.
     format, calibration_format
         Names of the formats of the detections and of the calibration; None where it is not known.
+    lacking
+        Joints that the files lack by the user's own word.
     """
 
     rig: sk.CameraRig
@@ -55,6 +57,7 @@ class Inputs:
     init_pose: Array | None
     format: str = ""
     calibration_format: str | None = None
+    lacking: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
@@ -127,12 +130,14 @@ def read_inputs(job: Job) -> Inputs:
     DatasetError, InvalidInputError, typer.BadParameter
         If a file is missing or malformed, or files and options do not fit each other; the message names it.
     """
-    rig = job.cameras.read(job.calibration, format_option="--calibration-format")
-    if len(rig) < 2:
-        raise DatasetError(job.calibration, "cameras", "at least two cameras", len(rig))
+    every = job.cameras.read(job.calibration, format_option="--calibration-format")
+    if len(every) < 2:
+        raise DatasetError(job.calibration, "cameras", "at least two cameras", len(every))
+    rig = leave_out(every, job.without)
     found = read_found(
         job.detections,
-        rig,
+        every,
+        without=job.without,
         layout=job.layout,
         format=job.format,
         frames=job.frames,
@@ -141,11 +146,12 @@ def read_inputs(job: Job) -> Inputs:
         mapping=job.mapping,
         sequence=job.sequence,
     )
-    layout = sk.layouts.get(job.layout)
+    layout = sk.layouts.get(found.layout)
     chosen = pick_person(found.people, rig, job.person, layout)
     init = None if job.init is None else _read_init(job.init, rig, (len(found.frames), layout))
     known = job.cameras.format_of(job.calibration)
-    return Inputs(rig, layout, chosen, found.frames, init, found.format, known)
+    lacking = frozenset(joint for joint, place in job.mapping.items() if place is None)
+    return Inputs(rig, layout, chosen, found.frames, init, found.format, known, lacking)
 
 
 def _read_init(path: Path, rig: sk.CameraRig, size: tuple[int, sk.Layout]) -> Array:

@@ -42,6 +42,25 @@ def read_found(path: Path, rig: sk.CameraRig, **given: Any) -> DetectionSet:
         raise usage(error, _OPTIONS) from error
 
 
+def leave_out(rig: sk.CameraRig, without: tuple[str, ...]) -> sk.CameraRig:
+    """Return the rig without the cameras of these names.
+
+    Raises
+    ------
+    typer.BadParameter
+        If there is no camera of such a name, or fewer than two are left.
+    """
+    for name in without:
+        if name not in rig.names:
+            expected = f"a camera of the calibration ({', '.join(rig.names)})"
+            raise typer.BadParameter(f"expected {expected}, got {name!r}", param_hint="--without")
+    kept = [camera for camera in rig if camera.name not in without]
+    if len(kept) < 2:
+        expected = f"two cameras or more to be left of {', '.join(rig.names)}"
+        raise typer.BadParameter(f"expected {expected}, got {len(kept)}", param_hint="--without")
+    return sk.CameraRig(kept, unit=rig.unit) if without else rig
+
+
 def reading(
     name: str | None, offset: list[str] | None, order: str | None, joint_map: list[str] | None
 ) -> dict[str, Any]:

@@ -92,6 +92,7 @@ def _input(job: Job, inputs: Inputs) -> dict[str, Any]:
         "format": inputs.format,
         "offsets": job.offsets,
         "order": job.order,
+        "without": list(job.without),
         "mapping": job.mapping,
         "sequence": job.sequence,
         "init": None if job.init is None else str(job.init),

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 import typer
 from rich.console import Console
 
-from skelsplat.cli._doubts import find_doubts
+from skelsplat.cli._doubts import find_doubts, is_of_size
 from skelsplat.cli._figures import write_figures
 from skelsplat.cli._html_report import NAME as PAGE
 from skelsplat.cli._html_report import Findings, write_html_report
 from skelsplat.cli._json import print_json, to_text
 from skelsplat.cli._over_time import apply_over_time
-from skelsplat.cli._pipeline import collected_warnings, read_inputs, refine_inputs
+from skelsplat.cli._pipeline import check_output, collected_warnings, read_inputs, refine_inputs
 from skelsplat.cli._problems import find_problems
 from skelsplat.cli._progress import bar_of
 from skelsplat.cli._report import build_report
@@ -47,6 +47,8 @@ def run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
     """
     with collected_warnings(_tell) as warnings:
         inputs = read_inputs(job)
+        if job.layout is None:
+            check_output(job.out)
         for kind in job.write:
             check_pose_format(kind, inputs.frames)
         timed = [f"pose.{kind}" for kind in job.write if kind in _NEED_FPS]
@@ -56,8 +58,8 @@ def run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
             _tell(warnings[-1])
         outcome = _refine_with_bar(inputs, job, shown=not verbosity.quiet)
     statistics = summarise(inputs, outcome)
-    doubts = find_doubts(inputs, outcome, statistics)
     poses, over_time = apply_over_time(_poses(job, inputs, outcome), job.over_time)
+    doubts = find_doubts(inputs, outcome, statistics, poses.joint_status)
     problems = find_problems(inputs, outcome, statistics, poses.joint_status)
     remarks = {
         "warnings": warnings,
@@ -74,8 +76,7 @@ def run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
     if job.html:
         findings = Findings(poses, problems, distrust=[*doubts, *warnings])
         names += write_html_report(job, inputs, outcome, statistics, findings)
-    for name in {*_PICTURES, PAGE} - set(names):
-        (job.out / name).unlink(missing_ok=True)  # of another run: it would belong to other results
+    _remove_others(job, names)
     if verbosity.as_json or verbosity.quiet:
         for doubt in doubts:
             _tell(doubt)
@@ -84,10 +85,18 @@ def run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
     elif not verbosity.quiet:
         console = Console(highlight=False, markup=False)
         print_summary(console, job, inputs, outcome, statistics)
-        print_doubts(console, doubts)
+        print_doubts(console, [*filter(is_of_size, warnings), *doubts])
         print_over_time(console, poses.processing)
         print_files(console, job.out, names)
     return report
+
+
+def _remove_others(job: Job, names: list[str]) -> None:
+    """Remove the poses, pictures and page of another run, which would lie beside results of this one."""
+    given = {path.resolve() for path in (job.calibration, job.detections, job.init) if path is not None}
+    for name in {*_PICTURES, PAGE, *(f"pose.{kind}" for kind in POSE_FORMATS)} - set(names):
+        if (job.out / name).resolve() not in given:
+            (job.out / name).unlink(missing_ok=True)
 
 
 def _tell(warning: str) -> None:

@@ -43,7 +43,7 @@ def print_summary(
     console.print()
     for line in _lines(job, inputs, outcome, statistics):
         console.print(line)
-    console.print(_joints(statistics))
+    console.print(_joints(inputs, statistics))
     console.print()
     if job.note:
         console.print(job.note)
@@ -129,14 +129,15 @@ def _lines(job: Job, inputs: Inputs, outcome: Outcome, statistics: Statistics) -
     yield f"Error bars, one standard deviation per axis: median {typical} mm. The largest [mm]:"
 
 
-def _joints(statistics: Statistics) -> Table:
-    """Return the joints with the largest median error bars."""
+def _joints(inputs: Inputs, statistics: Statistics) -> Table:
+    """Return the joints with the largest median error bars, without those that the files lack."""
     bars = np.array([finite_median(bar) for bar in statistics.error_bar_mm.T])
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
     table.add_column(" joint")
     for name in ("median", "largest", "missing", "rejected", "of"):
         table.add_column(name, justify="right")
-    for j in np.argsort(np.where(np.isfinite(bars), -bars, -np.inf), kind="stable")[:_MOST_JOINTS]:
+    order = np.argsort(np.where(np.isfinite(bars), -bars, -np.inf), kind="stable")
+    for j in [j for j in order if statistics.joints[j].name not in inputs.lacking][:_MOST_JOINTS]:
         group, largest = statistics.joints[j], finite_max(statistics.error_bar_mm[:, j])
         counts = (group.missing, group.rejected, group.used + group.missing + group.left_out)
         table.add_row(f" {group.name}", _number(bars[j]), _number(largest), *map(str, counts))

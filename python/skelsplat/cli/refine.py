@@ -40,6 +40,7 @@ def refine(
     format: options.Format = None,
     offset: options.Offset = None,
     order: options.Order = None,
+    without: options.Without = None,
     joint_map: options.JointMap = None,
     sequence: options.Sequence = None,
     init: options.Init = None,
@@ -110,11 +111,12 @@ def refine(
         calibration=source,
         detections=detections,
         cameras=CalibrationOptions(unit, calibration_format, camera_type, subject, size, binning),
-        layout=one_of("--layout", layout and layout.lower(), sk.layouts.names),
+        layout=layout and one_of("--layout", layout.lower(), sk.layouts.names),
         out=output,
         person=_person(person),
         frames=one_of("--frames", frames, _FRAMES),
         **reading(format, offset, order, joint_map),
+        without=tuple(dict.fromkeys(without or [])),
         sequence=sequence,
         init=init,
         init_sigma_mm=_init_sigma(init_sigma, init, paper=paper),
@@ -129,7 +131,8 @@ def refine(
     )
     positive("--sigma", sigma)
     positive("--occlusion-sigma", occlusion_sigma)
-    check_output(output)
+    if layout is not None:  # else it depends on the files whether the usage is right
+        check_output(output)
     run(job, Verbosity(quiet=quiet, as_json=as_json))
 
 

@@ -46,7 +46,7 @@ class Candidates:
 
 
 def match_by_name(
-    candidates: Candidates, names: Sequence[str], *, allow_missing: bool
+    candidates: Candidates, names: Sequence[str], *, allow_missing: bool, optional: Collection[str] = ()
 ) -> dict[str, str | None]:
     """Assign a label to every camera name, in the order of `names`.
 
@@ -58,8 +58,8 @@ def match_by_name(
     Raises
     ------
     DatasetError
-        If a camera has no label (unless `allow_missing`, then it gets None), a label that is not idle no
-        camera, or a name fits more than one.
+        If a camera has no label (unless `allow_missing` or it is `optional`, then it gets None), a label
+        that is not idle no camera, or a name fits more than one.
     """
     kind, texts, root = candidates.kind, candidates.texts, candidates.root
     advice = _ADVICE.format(kind=kind, tail=PurePath(next(iter(texts), "")).suffix if kind == "file" else "")
@@ -76,9 +76,10 @@ def match_by_name(
     if stray:
         expected = f"a camera in the calibration for every {kind} (it has {', '.join(names)})"
         raise DatasetError(root, f"{kind}s", expected, f"no camera for {', '.join(stray)}; {advice}")
-    if missing and not (allow_missing and len(missing) < len(names)):
+    needed = [name for name in missing if not (allow_missing or name in optional)]
+    if needed or len(missing) == len(names):
         expected = f"a {kind} for every camera ({kind}s: {', '.join(texts)})"
-        raise DatasetError(root, f"{kind}s", expected, f"none for {', '.join(missing)}; {advice}")
+        raise DatasetError(root, f"{kind}s", expected, f"none for {', '.join(needed or missing)}; {advice}")
     return found
 
 
@@ -129,12 +130,18 @@ def camera_called(text: str, names: Sequence[str]) -> str:
 
 
 def match_by_order(
-    candidates: Candidates, names: Sequence[str], order: str | Sequence[str]
+    candidates: Candidates,
+    names: Sequence[str],
+    order: str | Sequence[str],
+    *,
+    left_out: Collection[str] = (),
 ) -> dict[str, str | None]:
-    """Assign a label to every camera name by a stated order.
+    """Assign a label by a stated order to every camera name that is not left out.
 
     `order` is the label of every camera, in the order of the cameras, or ``"sorted"``: the first label in
-    natural order (2 before 10) belongs to the first camera. A file may be named without its suffix.
+    natural order (2 before 10) belongs to the first camera. A file may be named without its suffix. Where
+    there are as many labels as cameras that are not left out, they are theirs; otherwise they are all
+    cameras', and those of the left out need not exist.
 
     Raises
     ------
@@ -148,15 +155,24 @@ def match_by_order(
     if isinstance(order, str):
         if order != SORTED:
             raise InvalidInputError(f'order: expected "{SORTED}" or a list of {kind}s, got {order!r}')
+        names = _meant(names, left_out, len(usable))
         if len(usable) != len(names):
             expected = f"{len(names)} {kind}s for the cameras {', '.join(names)}"
             raise DatasetError(root, f"{kind}s", expected, f"{len(usable)} ({', '.join(usable) or 'none'})")
-        return dict(zip(names, usable, strict=True))
+        return {name: label for name, label in zip(names, usable, strict=True) if name not in left_out}
     wanted = [str(label) for label in order]
+    names = _meant(names, left_out, len(wanted))
     if len(wanted) != len(names) or len(set(wanted)) != len(wanted):
         expected = f"{len(names)} different {kind}s, one per camera ({', '.join(names)})"
         raise InvalidInputError(f"order: expected {expected}, got {', '.join(wanted) or 'none'}")
-    return {name: _stated(candidates, label) for name, label in zip(names, wanted, strict=True)}
+    pairs = zip(names, wanted, strict=True)
+    return {name: _stated(candidates, label) for name, label in pairs if name not in left_out}
+
+
+def _meant(names: Sequence[str], left_out: Collection[str], count: int) -> Sequence[str]:
+    """Return the cameras that so many labels belong to: those that are not left out, or all."""
+    kept = [name for name in names if name not in left_out]
+    return kept if count == len(kept) else names
 
 
 def _stated(candidates: Candidates, label: str) -> str:

@@ -17,7 +17,7 @@ from skelsplat.io.detections._sources import Matching, open_sources
 
 if TYPE_CHECKING:
     import os
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Collection, Mapping, Sequence
 
     import numpy.typing as npt
 
@@ -41,6 +41,7 @@ def read_detections(
     mapping: Mapping[str, str | int | None] | None = None,
     sequence: str | None = None,
     allow_missing: bool = False,
+    without: Collection[str] = (),
 ) -> DetectionSet:
     """Read the 2D detections of all cameras, whichever tool wrote them.
 
@@ -73,6 +74,9 @@ def read_detections(
         Which sequence of a file that has several (VideoPose3D): ``"S9/Directions 1"``.
     allow_missing : bool
         Accept cameras without detections; theirs are missing.
+    without : collection of str
+        Names of `cameras` that are left out: their detections may be there or not, are not read, and have no
+        place in the result. `order` and `offsets` may name them or not.
 
     Returns
     -------
@@ -94,7 +98,8 @@ def read_detections(
     shifts = check_offsets(offsets, names)
     root = Path(path)
     form = find_format(root, format)
-    sources = open_sources(root, form, Matching(names, order, allow_missing), sequence)
+    sources = open_sources(root, form, Matching(names, order, allow_missing, without), sequence)
+    names = [name for name in names if name not in without]
     numbers = _clock(root, sources, shifts).shared(frames)
     chosen = choose_layout(layout, sources.views.values())
     joints = check_mapping(mapping, chosen)

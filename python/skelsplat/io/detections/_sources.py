@@ -9,7 +9,7 @@ from skelsplat.exceptions import DatasetError
 from skelsplat.io.detections._match import Candidates, match_by_name, match_by_order
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Collection, Mapping, Sequence
     from pathlib import Path
 
     from skelsplat.io.detections._format import DetectionFormat, View
@@ -38,17 +38,24 @@ class Sources:
 
 @dataclass(frozen=True)
 class Matching:
-    """How cameras are matched: by name, or by a stated order, and whether some may be without detections."""
+    """How cameras are matched: by name, or by a stated order, and whether some may be without detections.
+
+    What belongs to a camera of `left_out` is passed over, whether it is there or not.
+    """
 
     names: Sequence[str]
     order: Order | None
     allow_missing: bool
+    left_out: Collection[str] = ()
 
     def match(self, candidates: Candidates) -> dict[str, str | None]:
-        """Return the label of every camera."""
+        """Return the label of every camera that is not left out."""
         if self.order is not None:
-            return match_by_order(candidates, self.names, self.order)
-        return match_by_name(candidates, self.names, allow_missing=self.allow_missing)
+            return match_by_order(candidates, self.names, self.order, left_out=self.left_out)
+        found = match_by_name(
+            candidates, self.names, allow_missing=self.allow_missing, optional=self.left_out
+        )
+        return {name: label for name, label in found.items() if name not in self.left_out}
 
 
 def open_sources(path: Path, form: DetectionFormat, matching: Matching, sequence: str | None) -> Sources:

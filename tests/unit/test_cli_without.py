@@ -1,0 +1,92 @@
+"""``--without``: a camera is left out of the rig and of every kind of detections."""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from command_line import READ, assert_fails, invoke
+from detection_files import CASES, Take
+from skelsplat.cli import _run
+from skelsplat.io import read_npz, read_openpose, read_run
+
+OUT = "cam3"
+KEPT = ("cam1", "cam2", "cam4")
+LEFT_OUT = ["--without", OUT, "--fps", "50", "-q"]
+
+
+@pytest.fixture(autouse=True)
+def no_pictures(monkeypatch):
+    monkeypatch.setattr(_run, "write_figures", lambda *_: [])
+
+
+def refine(folder, detections, *options):
+    args = ["refine", folder / "Calib.toml", detections, "-o", folder / "out", *READ, *LEFT_OUT]
+    return invoke(*args, "--no-html", *options)
+
+
+def pose(folder):
+    return read_npz(folder / "out" / "pose.npz").pose
+
+
+@pytest.fixture
+def expected(recording):
+    """Return the pose of the other three cameras, which OpenPose folders give."""
+    folder, rig, _ = recording
+    detections = read_openpose(folder / "openpose", rig, layout="h36m17").people[:, :, 0]
+    kept = [rig.names.index(name) for name in KEPT]
+    three = sk.CameraRig([rig[i] for i in kept], unit=rig.unit)
+    return sk.refine(None, detections[:, kept], three, layout="h36m17").pose
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_its_folder_may_be_there_or_not(recording, expected, there):
+    folder, _, _ = recording
+    if there:  # frames of its own would be refused by --frames strict
+        next((folder / "openpose" / OUT).iterdir()).unlink()
+    else:
+        shutil.rmtree(folder / "openpose" / OUT)
+    result = refine(folder, folder / "openpose", "--offset", f"{OUT}=3")
+    assert result.exit_code == 0, result.output
+    np.testing.assert_allclose(pose(folder), expected, rtol=1e-9)
+    assert read_run(folder / "out").rig.names == KEPT
+    stated = json.loads((folder / "out" / "report.json").read_text())["input"]
+    assert stated["without"] == [OUT]
+
+
+@pytest.mark.parametrize("count", [3, 4])
+@pytest.mark.parametrize("name", ["coco", "mmpose", "deeplabcut_csv", "npz", "csv"])
+def test_every_kind_of_detections_with_all_views_or_without_the_one(recording, expected, name, count):
+    folder, rig, _ = recording
+    people = read_openpose(folder / "openpose", rig, layout="h36m17").people
+    kept = range(4) if count == 4 else [rig.names.index(camera) for camera in KEPT]
+    (folder / name).mkdir()
+    take = Take(people[:, list(kept)], [rig.names[i] for i in kept], list(sk.layouts.H36M17.joints))
+    result = refine(folder, CASES[name].write(folder / name, take))
+    assert result.exit_code == 0, result.output
+    np.testing.assert_allclose(pose(folder), expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize("order", ["sorted", "cam1,cam2,cam3,cam4", "cam1,cam2,cam4"])
+@pytest.mark.parametrize("there", [True, False])
+def test_a_stated_order_may_name_it_or_not(recording, expected, order, there):
+    folder, _, _ = recording
+    if not there:
+        shutil.rmtree(folder / "openpose" / OUT)
+    result = refine(folder, folder / "openpose", "--order", order)
+    assert result.exit_code == 0, result.output
+    np.testing.assert_allclose(pose(folder), expected, rtol=1e-9)
+
+
+def test_names_that_are_none_and_too_few_cameras_are_bad_usage(recording):
+    folder, _, _ = recording
+    result = refine(folder, folder / "openpose", "--without", "cam9")
+    assert_fails(result, 2, "--without: ", "cam1, cam2, cam3, cam4", "'cam9'")
+    result = refine(folder, folder / "openpose", "--without", "cam1", "--without", "cam2")
+    assert_fails(result, 2, "--without: ", "two cameras or more", "got 1")
+    shutil.rmtree(folder / "openpose" / "cam1")
+    assert_fails(refine(folder, folder / "openpose"), 1, "none for cam1")
