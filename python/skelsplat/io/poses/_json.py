@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -210,14 +211,14 @@ class _Reader:
             for i, entry in enumerate(value):
                 self._flatten(entry, shape[1:], kind, f"{place}[{i}]", flat)
         elif isinstance(value, _KINDS[kind]) and (kind is np.bool_ or not isinstance(value, bool)):
-            if kind in _LIMITS and abs(value) >= _LIMITS[kind]:
+            if kind in _LIMITS and isinstance(value, int | float) and abs(value) > _LIMITS[kind]:
                 raise self._error(place, f"a {_NAMES[kind]} of at most 64 bits", repr(value)[:40])
             flat.append(value)
         else:
             raise self._error(place, f"a {_NAMES[kind]}", repr(value))
 
 
-_LIMITS: dict[Any, float] = {np.float64: math.inf, np.int64: FRAME_LIMIT}
+_LIMITS: dict[Any, float] = {np.float64: sys.float_info.max, np.int64: FRAME_LIMIT}
 _NAMES = {
     np.float64: "number or null",
     np.int64: "whole number",
