@@ -388,7 +388,8 @@ def test_an_unknown_extension_and_an_option_of_another_format(tmp_path):
     ):
         write_pose(tmp_path / "a.csv", sample(), y_up=True)
     with pytest.raises(
-        sk.InvalidInputError, match=r"unit: expected frame_rate, y_up, marker_names for a \.c3d file, got unit='m'"
+        sk.InvalidInputError,
+        match=r"unit: expected frame_rate, y_up, marker_names for a \.c3d file, got unit='m'",
     ):
         write_pose(tmp_path / "a.c3d", sample(), unit="m")
     assert not list(tmp_path.iterdir())
