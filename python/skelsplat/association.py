@@ -83,7 +83,11 @@ def choose_person(
     everyone = _check(people, cameras)
     steps, views, _, joints, _ = everyone.shape
     usable = np.where(everyone[..., 2:] >= min_confidence, everyone, np.nan)
-    evidence = _Evidence(usable, cameras, gate, min(min_joints, joints), _mirrored(layout, joints))
+    diagonals = np.array([np.hypot(*camera.size) for camera in cameras])
+    shares = extents(usable) / diagonals[:, None]
+    evidence = _Evidence(
+        usable, shares, cameras, gate * diagonals, min(min_joints, joints), _mirrored(layout, joints)
+    )
     candidates = evidence.candidates()
     path = _link(candidates, _mm_per_unit(cameras))
     index = np.full((steps, views), -1, dtype=np.int64)
@@ -140,11 +144,22 @@ class _Candidates:
 
 @dataclass(frozen=True)
 class _Evidence:
-    """The usable detections (T, M, P, K, 3) and what it takes to weigh hypotheses on them."""
+    """What it takes to weigh hypotheses.
+
+    Attributes
+    ----------
+    people : (T, M, P, K, 3) usable detections
+    shares : (T, M, P) their extent as a part of the image's diagonal
+    cameras : M of them
+    gates : (M,) largest median reprojection error, px
+    min_joints : joints that must be in common for a comparison
+    mirrored : (K,) place of every joint's mirror image
+    """
 
     people: Array
+    shares: Array
     cameras: sk.CameraRig | Sequence[sk.Camera]
-    gate: float
+    gates: Array
     min_joints: int
     mirrored: Index
 
@@ -200,14 +215,13 @@ class _Evidence:
 
     def _errors(self, step: Index, pose: Array) -> Array:
         """Median reprojection error as a part of the gate, (H, M, P); infinite without common joints."""
-        gates = np.array([self.gate * np.hypot(*camera.size) for camera in self.cameras])
         pixels = np.moveaxis(np.asarray(sk.project(pose, self.cameras)), 0, 1)
         people = self.people[step][..., :2]
 
         def median(seen: Array) -> Array:
             offset = seen - pixels[:, :, None]
             distance = np.hypot(offset[..., 0], offset[..., 1])
-            error = _masked_median(distance, self.min_joints) / gates[:, None]
+            error = _masked_median(distance, self.min_joints) / self.gates[:, None]
             return np.where(np.isnan(error), np.inf, error)
 
         if (self.mirrored == np.arange(len(self.mirrored))).all():
@@ -216,9 +230,7 @@ class _Evidence:
 
     def _size(self, step: Index, index: Index) -> Array:
         """How large the people are in the images, (H,): mean extent as a part of the diagonal, below 1."""
-        diagonals = np.array([np.hypot(*camera.size) for camera in self.cameras])
-        shares = extents(self.people) / diagonals[:, None]
-        own = shares[step[:, None], np.arange(index.shape[1]), index]
+        own = self.shares[step[:, None], np.arange(index.shape[1]), index]
         shown = np.where(index >= 0, own, 0.0)
         mean: Array = shown.sum(axis=1) / np.maximum((index >= 0).sum(axis=1), 1)
         return mean

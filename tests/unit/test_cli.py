@@ -186,7 +186,7 @@ def test_json_cut_in_half_is_status_1(recording, arguments):
     path = folder / "openpose" / rig.names[1] / "000003_keypoints.json"
     path.write_text(path.read_text()[:100])
     assert_fails(invoke(*arguments, *READ), 1, str(path), "JSON", "expected", "got")
-    assert not list((folder / "out").iterdir())
+    assert not (folder / "out").exists()
 
 
 def test_different_frame_counts_are_status_1_unless_allowed(recording, arguments):
@@ -343,3 +343,15 @@ def test_pick_person_by_place_and_by_size():
     assert largest[1, 2, 2, 0] == 60.0
     assert largest[0, 0, 2, 0] == 30.0
     np.testing.assert_array_equal(pick_person(people, rig, "0"), people[:, :, 0])
+
+
+def test_a_failure_leaves_an_output_folder_as_it_was(recording, arguments):
+    folder, rig, _ = recording
+    (folder / "openpose" / rig.names[0] / "000001_keypoints.json").write_text("[")
+    nested = folder / "results" / "walk"
+    assert invoke(*arguments, *READ, "-o", nested).exit_code == 1
+    assert not (folder / "results").exists()
+    (folder / "results").mkdir()
+    (folder / "results" / "notes.txt").write_text("mine")
+    assert invoke(*arguments, *READ, "-o", nested).exit_code == 1
+    assert [path.name for path in (folder / "results").iterdir()] == ["notes.txt"]

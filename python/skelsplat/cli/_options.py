@@ -26,6 +26,16 @@ LayoutName = Annotated[
     str | None,
     typer.Option(
         metavar="NAME",
+        help=f"Joint layout of the detections: {', '.join(layouts.names)}.",
+        show_default="the one whose joints the files name",
+        rich_help_panel=_INPUT,
+    ),
+]
+RequiredLayout = Annotated[
+    str | None,
+    typer.Option(
+        "--layout",
+        metavar="NAME",
         help=f"Joint layout of the detections: {', '.join(layouts.names)}. Required.",
         rich_help_panel=_INPUT,
     ),

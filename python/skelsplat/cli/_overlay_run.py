@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from skelsplat.cli._output_folder import output_folder
 from skelsplat.cli._overlay_scene import Scene
 from skelsplat.cli._overlay_view import View, open_views, with_zoom
-from skelsplat.cli._pipeline import check_output
 from skelsplat.cli._progress import bar_of
 from skelsplat.exceptions import DatasetError
 from skelsplat.io import read_run
@@ -71,9 +71,8 @@ def draw(job: OverlayJob, *, shown: bool) -> list[Written]:
     targets = [job.out / (name if job.png else f"{name}.mp4") for name in names]
     for target in targets:
         _check_apart(target, views)
-    check_output(job.out)
     written = []
-    with bar_of("frames", shown=shown) as bar:
+    with output_folder(job.out), bar_of("frames", shown=shown) as bar:
         for group, target in zip(groups, targets, strict=True):
             task = bar.add_task(target.stem, total=max(view.expected(span) for view in group))
             written.append(_write(job, group, span, target, partial(bar.advance, task)))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import tempfile
 import time
 import warnings
 from dataclasses import dataclass
@@ -79,23 +78,6 @@ class Outcome:
     config: sk.RefineConfig
     start: Array
     seconds: float
-
-
-def check_output(folder: Path) -> None:
-    """Make the output folder and write into it once, so that a bad one is known before the work.
-
-    Raises
-    ------
-    DatasetError
-        If the folder cannot be made or written.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise DatasetError(folder, "--output", "a folder that can be written", reason) from error
 
 
 @contextlib.contextmanager

@@ -12,8 +12,9 @@ from skelsplat.cli._figures import write_figures
 from skelsplat.cli._html_report import NAME as PAGE
 from skelsplat.cli._html_report import Findings, write_html_report
 from skelsplat.cli._json import print_json, to_text
+from skelsplat.cli._output_folder import output_folder
 from skelsplat.cli._over_time import apply_over_time
-from skelsplat.cli._pipeline import check_output, collected_warnings, read_inputs, refine_inputs
+from skelsplat.cli._pipeline import collected_warnings, read_inputs, refine_inputs
 from skelsplat.cli._problems import find_problems
 from skelsplat.cli._progress import bar_of
 from skelsplat.cli._report import build_report
@@ -45,10 +46,13 @@ def run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
     SkelSplatError
         If an input is missing, malformed or does not fit, or a result cannot be written.
     """
+    with output_folder(job.out):
+        return _run(job, verbosity)
+
+
+def _run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
     with collected_warnings(_tell) as warnings:
         inputs = read_inputs(job)
-        if job.layout is None:
-            check_output(job.out)
         for kind in job.write:
             check_pose_format(kind, inputs.frames)
         timed = [f"pose.{kind}" for kind in job.write if kind in _NEED_FPS]

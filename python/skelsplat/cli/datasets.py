@@ -17,7 +17,8 @@ from skelsplat.datasets import _registry as registry
 from skelsplat.exceptions import InvalidInputError
 
 app = Application(
-    help="Data sets with ground truth: list them, check one on disk.",
+    help="Data sets with ground truth: list them, check one on disk.\n\n[bold]Examples[/bold]\n\n"
+    "skelsplat datasets list\n\nskelsplat datasets check human36m data/human36m",
     invoke_without_command=True,
     rich_markup_mode="rich",
     context_settings={"help_option_names": ["-h", "--help"]},

@@ -7,7 +7,7 @@ from pathlib import Path
 from skelsplat.cli import _options as options
 from skelsplat.cli._calibration import CalibrationOptions
 from skelsplat.cli._job import Job, Verbosity
-from skelsplat.cli._pipeline import check_output
+from skelsplat.cli._output_folder import output_folder
 from skelsplat.cli._run import run
 from skelsplat.io import sample
 
@@ -39,8 +39,8 @@ def demo(
 
     skelsplat demo -o /tmp/demo --json > report.json
     """
-    check_output(output)
-    paths = sample.extract(output / "input")
+    with output_folder(output):
+        paths = sample.extract(output / "input")
     job = Job(
         calibration=paths.calibration,
         detections=paths.detections,

@@ -14,7 +14,8 @@ from skelsplat.cli import _options as options
 from skelsplat.cli._config_file import NAME_OR_PATH
 from skelsplat.cli._evaluation import WIDTH, print_evaluation, progress, write_evaluation
 from skelsplat.cli._json import print_json
-from skelsplat.cli._pipeline import check_output, collected_warnings
+from skelsplat.cli._output_folder import output_folder
+from skelsplat.cli._pipeline import collected_warnings
 from skelsplat.datasets import Dataset
 from skelsplat.datasets._registry import options_of
 from skelsplat.evaluation import export, methods, protocols, report
@@ -185,9 +186,9 @@ def evaluate(
             typer.echo(f"warning: {finding.file}: {finding}", err=True)
         rules = protocols.get(data.name).with_options(n_views=views, every=every, counting=counting)
         folder = Path("skelsplat-evaluation") / data.name if out is None else out
-        check_output(folder)
-        found = _run(data, names, chosen, rules, folder, shown=not quiet)
-    files = write_evaluation(folder, found)
+        with output_folder(folder):
+            found = _run(data, names, chosen, rules, folder, shown=not quiet)
+            files = write_evaluation(folder, found)
     if as_json:
         print_json(export.as_dict(found))
     elif not quiet:

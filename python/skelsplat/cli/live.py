@@ -27,7 +27,7 @@ _PERCENTILES = (50, 90, 99, 99.9)
 def live(
     source: calibration.Calibration,
     *,
-    layout: options.LayoutName = None,
+    layout: options.RequiredLayout = None,
     min_confidence: options.MinConfidence = None,
     no_undistort: options.NoUndistort = False,
     unit: calibration.Unit = None,

@@ -12,7 +12,7 @@ from skelsplat.cli import _options as options
 from skelsplat.cli._checks import some_of
 from skelsplat.cli._frame_range import FrameRange, Range
 from skelsplat.cli._json import print_json
-from skelsplat.cli._pipeline import check_output
+from skelsplat.cli._output_folder import output_folder
 from skelsplat.cli._plot_figures import PICTURES, Drawn, Order
 from skelsplat.cli._plot_numbers import chosen_joints
 from skelsplat.cli._plot_source import Source, read_source
@@ -105,11 +105,11 @@ def plot(
     source = read_source(run, layout, FrameRange.parse(range))
     folder = output or (run.parent if run.is_file() else run) / "plots"
     order = Order(folder, formats, chosen_joints(joints, source.poses.joint_names))
-    check_output(folder)
-    drawn = _draw(source, order, pictures, shown=not quiet)
-    if not any(picture.files for picture in drawn):
-        reasons = "; ".join(f"{picture.name}: {picture.sentence}" for picture in drawn)
-        raise DatasetError(run, "figures", "something to draw", f"none ({reasons})")
+    with output_folder(folder):
+        drawn = _draw(source, order, pictures, shown=not quiet)
+        if not any(picture.files for picture in drawn):
+            reasons = "; ".join(f"{picture.name}: {picture.sentence}" for picture in drawn)
+            raise DatasetError(run, "figures", "something to draw", f"none ({reasons})")
     for picture in drawn:
         if not picture.files and (quiet or as_json):
             typer.echo(f"warning: {picture.name} left out: {picture.sentence}", err=True)

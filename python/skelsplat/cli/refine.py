@@ -13,7 +13,6 @@ from skelsplat.cli._calibration import CalibrationOptions
 from skelsplat.cli._checks import formats, one_of, positive
 from skelsplat.cli._job import Job, Verbosity
 from skelsplat.cli._over_time import over_time
-from skelsplat.cli._pipeline import check_output
 from skelsplat.cli._reading import reading
 from skelsplat.cli._run import run
 from skelsplat.io.poses import MARKER_NAMES
@@ -131,8 +130,6 @@ def refine(
     )
     positive("--sigma", sigma)
     positive("--occlusion-sigma", occlusion_sigma)
-    if layout is not None:  # else it depends on the files whether the usage is right
-        check_output(output)
     run(job, Verbosity(quiet=quiet, as_json=as_json))
 
 

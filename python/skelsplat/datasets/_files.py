@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skelsplat.exceptions import DatasetError
+from skelsplat.io._files import parse_json
 from skelsplat.io._unpickle import read_array, unpickle
 
 FloatArray = NDArray[np.float64]
@@ -43,7 +44,7 @@ def load_json(path: Path) -> Any:
     with opened(path) as stream:
         data = stream.read()
     try:
-        return json.loads(data.decode("utf-8-sig"))
+        return parse_json(data.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
         raise DatasetError(path, "file", "text in UTF-8", f"byte {error.start} that is not") from error
     except json.JSONDecodeError as error:
