@@ -196,6 +196,10 @@ MALFORMED = {
             lambda p: _json_edit(p, lambda d: d["intrinsics"][N].pop("calibration_matrix")),
             rf"intrinsics\.{N}\.calibration_matrix: expected 3×3",
         ),
+        "no lens": (
+            lambda p: _json_edit(p, lambda d: d["intrinsics"][N].pop("distortion")),
+            rf"intrinsics\.{N}\.distortion: expected k1",
+        ),
         "short t": (
             lambda p: _json_edit(p, lambda d: d["extrinsics"]["S9"][N]["t"].pop()),
             rf"extrinsics\.S9\.{N}\.t: expected 3",
