@@ -3,8 +3,9 @@
 ``refine`` treats every frame by itself. What is done here uses the frames around it, so it belongs behind the
 refinement, and whoever writes the result says so in it. All functions take poses (T, N, 3) with NaN for what
 is missing, leave the input as it is, and never carry anything across a gap that they do not fill. ``frames``
-are the numbers of the frames; a gap in the numbers is a gap in time. Cubic splines and the Butterworth filter
-need SciPy (``pip install 'skelsplat[temporal]'``).
+are the numbers of the frames; a gap in the numbers is a gap in time. ``weak`` marks positions that are not to
+be believed (the status ``weak`` of a refinement): a filter leaves them as they are, and they do not pull on
+those around them. Cubic splines and the Butterworth filter need SciPy: ``pip install 'skelsplat[temporal]'``.
 """
 
 from __future__ import annotations
@@ -73,11 +74,7 @@ def fill_gaps(
     if method not in METHODS:
         raise InvalidInputError(f"method: expected one of {', '.join(METHODS)}, got {method!r}")
     known = _known(positions)
-    if gaps is not None:
-        wanted = np.asarray(gaps, dtype=np.bool_)
-        if wanted.shape != known.shape:
-            raise InvalidInputError(f"gaps: expected shape {known.shape}, got {wanted.shape}")
-        known &= ~wanted
+    known &= ~_marked("gaps", gaps, known.shape)
     filled = np.zeros_like(known)
     for j in range(known.shape[1]):
         filled[:, j] = _short_gaps(known[:, j], numbers, max_gap)
@@ -96,6 +93,7 @@ def butterworth(
     *,
     order: int = 4,
     frames: npt.ArrayLike | None = None,
+    weak: npt.ArrayLike | None = None,
 ) -> tuple[Array, Mask]:
     """Low-pass every joint with a Butterworth filter run forwards and backwards, so without lag.
 
@@ -111,12 +109,15 @@ def butterworth(
         Of both passes together: 2, 4, 6 or 8.
     frames : (T,) int, optional
         Ascending frame numbers; 0, 1, … if left out.
+    weak : (T, N) bool, optional
+        Positions not to be believed. Between others a straight line stands in for them in the filter.
 
     Returns
     -------
     pose : (T, N, 3)
     left : (T, N) bool
-        Positions that were left as they are, because a run of frames without a gap is too short to filter.
+        Positions that were left as they are: weak ones, and those of a run of frames without a gap that is
+        too short to filter.
 
     Raises
     ------
@@ -136,12 +137,17 @@ def butterworth(
     sections = signal.butter(order // 2, _single_pass(cutoff, frame_rate, order // 2), output="sos")
     # of scipy.signal.sosfiltfilt: how much it reflects at either end, and so the shortest that it takes
     shortest = 3 * (2 * len(sections) + 1 - int((sections[:, 5] == 0).sum())) + 1
-    left: Mask = np.zeros(positions.shape[:2], dtype=np.bool_)
+    left: Mask = _known(positions)
+    believed = left & ~_marked("weak", weak, left.shape)
     for j, run in _runs(positions, numbers):
-        if run.stop - run.start < shortest:
-            left[run, j] = True
-        else:
-            positions[run, j] = signal.sosfiltfilt(sections, positions[run, j], axis=0)
+        inner = np.flatnonzero(believed[run, j])
+        if len(inner) == 0 or inner[-1] - inner[0] + 1 < shortest:
+            continue
+        times = np.arange(inner[0], inner[-1] + 1)
+        path = _interpolated(inner, positions[run, j][inner], times, "linear")
+        smooth = signal.sosfiltfilt(sections, path, axis=0)
+        positions[run.start + inner, j] = smooth[inner - inner[0]]
+        left[run.start + inner, j] = False
     return positions, left
 
 
@@ -153,6 +159,7 @@ def one_euro(
     beta: float,
     speed_cutoff: float = 1.0,
     frames: npt.ArrayLike | None = None,
+    weak: npt.ArrayLike | None = None,
 ) -> Array:
     """Low-pass every joint with the one-euro filter: strong at rest, weak in fast motion.
 
@@ -173,6 +180,8 @@ def one_euro(
         Cutoff of the low-pass on the speed, Hz.
     frames : (T,) int, optional
         Ascending frame numbers; 0, 1, … if left out.
+    weak : (T, N) bool, optional
+        Positions not to be believed: as a gap for the filter, but left as they are.
 
     Raises
     ------
@@ -189,6 +198,9 @@ def one_euro(
     if not (math.isfinite(beta) and beta >= 0.0):
         raise InvalidInputError(f"beta: expected a number of at least 0, got {beta}")
     speed_share = _smoothing(np.asarray(speed_cutoff), frame_rate)
+    unbelieved = _marked("weak", weak, positions.shape[:2])
+    kept = positions[unbelieved]
+    positions[unbelieved] = np.nan
     velocity = np.zeros(positions.shape[1:])
     for t in range(1, len(positions)):
         before, now = positions[t - 1], positions[t]
@@ -201,6 +213,7 @@ def one_euro(
         speed = np.linalg.norm(velocity, axis=-1, keepdims=True)
         share = _smoothing(min_cutoff + beta * speed, frame_rate)
         positions[t] = np.where(started, before + share * (now - before), now)
+    positions[unbelieved] = kept
     return positions
 
 
@@ -216,6 +229,14 @@ def _checked(pose: npt.ArrayLike, frames: npt.ArrayLike | None) -> tuple[Array, 
     if (np.diff(numbers) < 1).any():
         raise InvalidInputError("frames: expected ascending numbers, got some that are not")
     return positions, numbers.astype(np.int64)
+
+
+def _marked(name: str, mask: npt.ArrayLike | None, shape: tuple[int, ...]) -> Mask:
+    """Return a mask (T, N) that was given; without one nothing is marked."""
+    marked = np.zeros(shape, dtype=np.bool_) if mask is None else np.asarray(mask, dtype=np.bool_)
+    if marked.shape != shape:
+        raise InvalidInputError(f"{name}: expected shape {shape}, got {marked.shape}")
+    return marked
 
 
 def _known(positions: Array) -> Mask:

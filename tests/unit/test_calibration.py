@@ -84,9 +84,10 @@ def test_fisheye_coefficients(write, padding):
     np.testing.assert_array_equal(camera.distortion, [-0.05, 0.002, 1e-05, -2e-05])
 
 
-def test_a_camera_without_distortions_has_none(write):
+def test_a_camera_without_distortions_has_none_and_is_warned_of(write):
     text = VALID.replace("distortions = [-0.05, 0.002, 1e-05, -2e-05]\n", "")
-    assert read_calibration(write(text), unit="m")[0].distortion is None
+    with pytest.warns(UserWarning, match="no distortions for cam_b.*: read as without a lens"):
+        assert read_calibration(write(text), unit="m")[0].distortion is None
 
 
 def test_a_byte_order_mark_is_no_part_of_the_text(write):

@@ -58,6 +58,10 @@ N = NAMES[0]
 # format: one thing broken, and what the message must say after the file's name
 MALFORMED = {
     "caliscope": {
+        "misspelt lens": (
+            lambda p: _edit(p, "distortions = ", "distorsions = "),
+            r"cameras\.0\.distortions: expected lens coefficients, zeros for no lens, got none",
+        ),
         "no size": (
             lambda p: _edit(p, "size = ", "sizes = "),
             r"cameras\.0\.size: expected 2 numbers, got noth",
@@ -85,6 +89,10 @@ MALFORMED = {
         ),
     },
     "easymocap": {
+        "misspelt lens": (
+            lambda p: _pair(p, "intri.yml", f"dist_{N}:", f"dost_{N}:"),
+            rf"dist_{N}: expected lens coefficients",
+        ),
         "no partner": (
             lambda p: ((p / "extri.yml").unlink(), p)[1],
             r"extri\.yml: file: expected a readable",
@@ -198,7 +206,7 @@ MALFORMED = {
         ),
         "no lens": (
             lambda p: _json_edit(p, lambda d: d["intrinsics"][N].pop("distortion")),
-            rf"intrinsics\.{N}\.distortion: expected k1",
+            rf"intrinsics\.{N}\.distortion: expected lens coefficients, zeros for no lens, got none",
         ),
         "short t": (
             lambda p: _json_edit(p, lambda d: d["extrinsics"]["S9"][N]["t"].pop()),
@@ -268,6 +276,10 @@ MALFORMED = {
             lambda p: _edit(p, '"1000 1002"', '"1000 0"'),
             rf"Camera {N}\.SENSOR_SIZE: expected a positive whole",
         ),
+        "skew": (
+            lambda p: _edit(p, 'SKEW="0"', 'SKEW="0.1"'),
+            rf"Camera {N}\.SKEW: expected 0",
+        ),
     },
     "json": {
         "version": (lambda p: _json_edit(p, lambda d: d.update(version=2)), r"version: expected 1, got 2"),
@@ -300,6 +312,12 @@ MALFORMED = {
         "no names": (
             lambda p: _npz_edit(p, names=None),
             r"names: expected the arrays K, R, t, size, names, unit, got no nam",
+        ),
+        "no camera": (
+            lambda p: _npz_edit(
+                p, **{name: values[:0] for name, values in np.load(p).items() if values.ndim}
+            ),
+            r"cameras: expected at least one camera, got none",
         ),
         "shape": (lambda p: _npz_edit(p, t=np.zeros((4, 2))), r"t: expected shape \(4, 3\), got \(4, 2\)"),
         "unit": (lambda p: _npz_edit(p, unit="inch"), r"unit: expected \"mm\", \"cm\" or \"m\", got 'inch'"),

@@ -85,6 +85,7 @@ def test_the_filter_is_that_of_temporal_in_mm_and_is_stated_in_every_format_with
         "min_cutoff_hz": 2.0,
         "beta_hz_per_mm_s": 0.01,
         "left_as_they_are": 0,
+        "weak_left": 0,
     }
 
 
@@ -92,13 +93,14 @@ def test_runs_too_short_for_butterworth_are_said_to_be_left(gap, arguments):
     assert invoke(*arguments, *READ, *FPS, "--filter", "butterworth:6:4").exit_code == 0
     report = json.loads((gap / "out" / "report.json").read_text())["over_time"]
     # five frames are fewer than ten
-    assert report["filter"] == {"name": "butterworth", "cutoff_hz": 6.0, "order": 4, "left_as_they_are": 84}
+    settings = {"name": "butterworth", "cutoff_hz": 6.0, "order": 4}
+    assert report["filter"] == {**settings, "left_as_they_are": 84, "weak_left": 0}
     assert "order 4, −3 dB at 6 Hz, both ways, no lag; 84 joint positions" in report["processing"][0]
 
 
-def test_weak_joints_are_filled_when_asked(recording, arguments):
+def with_a_weak_joint(recording):
+    """Let two views see the right wrist in frame 2, and contradict each other."""
     folder, rig, _ = recording
-    # two views see the joint, and contradict each other
     seen = {0: 0.0, 1: 300.0}
     for i, name in enumerate(rig.names):
         path = folder / "openpose" / name / "000002_keypoints.json"
@@ -106,6 +108,26 @@ def test_weak_joints_are_filled_when_asked(recording, arguments):
         joint = document["people"][0]["pose_keypoints_2d"]
         joint[48:51] = [joint[48], joint[49] + seen[i], 0.9] if i in seen else [0.0, 0.0, 0.0]
         path.write_text(json.dumps(document))
+
+
+def test_a_filter_leaves_weak_joints_and_keeps_them_from_the_others(recording, arguments):
+    with_a_weak_joint(recording)
+    out = recording[0] / "out" / "pose.npz"
+    assert invoke(*arguments, *READ, *FPS).exit_code == 0
+    plain = read_npz(out)
+    weak = plain.joint_status == "weak"
+    assert np.argwhere(weak).tolist() == [[2, 16]]
+    assert invoke(*arguments, *READ, *FPS, "--filter", "one-euro:2:0.01").exit_code == 0
+    smooth = read_npz(out)
+    expected = temporal.one_euro(plain.pose, 50.0, min_cutoff=2.0, beta=0.01, weak=weak)
+    np.testing.assert_array_equal(smooth.pose, expected)
+    np.testing.assert_array_equal(smooth.pose[weak], plain.pose[weak])
+    assert "; 1 weak joint position is left as it is and does not pull on others." in smooth.processing[0]
+
+
+def test_weak_joints_are_filled_when_asked(recording, arguments):
+    folder, _, _ = recording
+    with_a_weak_joint(recording)
     run = [*arguments, *READ, *FPS, "--fill-gaps", "2", "--fill-method", "linear"]
     left = invoke(*run)
     assert left.exit_code == 0

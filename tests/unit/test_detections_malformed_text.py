@@ -152,6 +152,10 @@ MALFORMED = {
         ),
     },
     "deeplabcut_csv": {
+        "open quote": (
+            lambda b: b.file.write_text(b.file.read_text().rstrip("\n") + ',"' + "1,2\n" * 60_000),
+            r"line \d+: expected comma-separated fields, every quote closed, got field larger",
+        ),
         "cut": (
             lambda b: b.file.write_text(b.file.read_text()[:-200]),
             r"line 6: expected 52 fields, got \d+ fields",
@@ -184,6 +188,10 @@ MALFORMED = {
         ),
     },
     "csv": {
+        "open quote": (
+            lambda b: b.text("pelvis,", '"pelvis,'),
+            r"line \d+: expected comma-separated fields, every quote closed, got unexpected end",
+        ),
         "header": (
             lambda b: b.text("joint", "part"),
             r"line 1: expected different columns, among them frame",

@@ -141,6 +141,50 @@ def test_a_run_that_is_too_short_is_left_and_counted(order, shortest):
     np.testing.assert_array_equal(smooth, pose[1:])
 
 
+# weak positions
+
+FILTERS = {
+    "butterworth": lambda pose, weak: temporal.butterworth(pose, RATE, 6.0, weak=weak)[0],
+    "one euro": lambda pose, weak: temporal.one_euro(pose, RATE, min_cutoff=1.0, beta=0.1, weak=weak),
+}
+
+
+@pytest.mark.parametrize("name", FILTERS)
+def test_a_weak_position_stays_as_it_is_and_does_not_pull_on_others(name):
+    walk = np.random.default_rng(5).normal(size=(60, 2, 3)).cumsum(axis=0)
+    weak = np.zeros((60, 2), dtype=bool)
+    weak[[0, 1, 20, 21, 22, 40, 59], 0] = True  # at the ends, a stretch, and alone
+    wild = walk.copy()
+    wild[weak] += 1e4
+    usual, wilder = FILTERS[name](walk, weak), FILTERS[name](wild, weak)
+    np.testing.assert_array_equal(usual[~weak], wilder[~weak])
+    np.testing.assert_array_equal(wilder[weak], wild[weak])
+    np.testing.assert_array_equal(usual[:, 1], FILTERS[name](walk, None)[:, 1])
+    assert not np.isclose(usual[~weak], walk[~weak]).all()
+
+
+def test_butterworth_bridges_weak_positions_by_a_straight_line_within_a_run():
+    walk = np.random.default_rng(6).normal(size=(60, 1, 3)).cumsum(axis=0)
+    weak = np.zeros((60, 1), dtype=bool)
+    weak[[5, 20, 21, 35, 36], 0] = True
+    walk[37:40] = NAN  # so that the weak frames before it are the end of a run
+    smooth, left = temporal.butterworth(walk, RATE, 6.0, weak=weak)
+    bridged, _ = temporal.fill_gaps(walk[:35], 2, method="linear", gaps=weak[:35])
+    expected, _ = temporal.butterworth(bridged, RATE, 6.0)
+    np.testing.assert_array_equal(smooth[:35][~weak[:35]], expected[~weak[:35]])
+    np.testing.assert_array_equal(left, weak)
+
+
+def test_a_run_without_enough_positions_to_believe_is_left():
+    walk = np.random.default_rng(7).normal(size=(30, 1, 3))
+    weak = np.ones((30, 1), dtype=bool)
+    assert temporal.butterworth(walk, RATE, weak=weak)[1].all()
+    weak[10:19] = False  # nine are fewer than ten
+    smooth, left = temporal.butterworth(walk, RATE, weak=weak)
+    assert left.all()
+    np.testing.assert_array_equal(smooth, walk)
+
+
 # one euro
 
 

@@ -245,7 +245,7 @@ Filter = Annotated[
         "--filter",
         metavar="FILTER",
         help="butterworth[:HZ[:ORDER]], both ways and without lag, or one-euro[:HZ[:BETA]], causal, BETA in "
-        "Hz per mm/s. Needs --fps.",
+        "Hz per mm/s. Weak joints stay as they are and pull on no others. Needs --fps.",
         show_default="none",
         rich_help_panel=_TIME,
     ),

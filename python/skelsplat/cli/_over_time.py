@@ -81,7 +81,7 @@ def over_time(
     if max_gap:
         temporal.fill_gaps([[[0.0] * 3], [[np.nan] * 3], [[0.0] * 3]], 1, method=method)
     try:
-        _filtered(np.zeros((3, 1, 3)), np.arange(3), chosen, fps, 1.0)
+        _filtered(np.zeros((3, 1, 3)), np.arange(3), np.zeros((3, 1), dtype=np.bool_), chosen, fps, 1.0)
     except InvalidInputError as error:
         raise typer.BadParameter(str(error), param_hint="--filter") from error
     return OverTime(max_gap or 0, method, weak, chosen)
@@ -120,10 +120,11 @@ def apply_over_time(data: PoseData, wanted: OverTime) -> tuple[PoseData, dict[st
                 f"{count} joint positions, whose status is filled."
             )
     if wanted.filter is not None:
-        mm = MM_PER_UNIT[data.unit]
-        pose, left = _filtered(data.pose, data.frames, wanted.filter, data.frame_rate, mm)
+        mm, weak = MM_PER_UNIT[data.unit], data.joint_status == "weak"
+        pose, short = _filtered(data.pose, data.frames, weak, wanted.filter, data.frame_rate, mm)
         data = replace(data, pose=pose)
-        entry["filter"] = {"name": wanted.filter.name, **asdict(wanted.filter), "left_as_they_are": left}
+        left = {"left_as_they_are": short, "weak_left": int(weak.sum())}
+        entry["filter"] = {"name": wanted.filter.name, **asdict(wanted.filter), **left}
         sentences.append(f"Low-pass: {_in_words(wanted.filter, left)}. {_UNTOUCHED}")
     data = replace(data, processing=(*data.processing, *sentences))
     return data, {**entry, "processing": list(data.processing)}
@@ -151,21 +152,35 @@ def _filled(data: PoseData, wanted: OverTime) -> tuple[PoseData, int]:
 
 
 def _filtered(
-    pose: temporal.Array, frames: Any, chosen: Filter | None, fps: float | None, mm: float
+    pose: temporal.Array,
+    frames: Any,
+    weak: temporal.Mask,
+    chosen: Filter | None,
+    fps: float | None,
+    mm: float,
 ) -> tuple[temporal.Array, int]:
-    """Filter poses whose unit is ``mm`` millimetres; also return how many positions were left as they are."""
+    """Filter poses whose unit is ``mm`` millimetres; also return how many were in runs too short for it."""
     if isinstance(chosen, Butterworth) and fps is not None:
-        result, left = temporal.butterworth(pose, fps, chosen.cutoff_hz, order=chosen.order, frames=frames)
-        return result, int(left.sum())
+        result, left = temporal.butterworth(
+            pose, fps, chosen.cutoff_hz, order=chosen.order, frames=frames, weak=weak
+        )
+        return result, int((left & ~weak).sum())
     if isinstance(chosen, OneEuro) and fps is not None:
-        beta = chosen.beta_hz_per_mm_s * mm
-        return temporal.one_euro(pose, fps, min_cutoff=chosen.min_cutoff_hz, beta=beta, frames=frames), 0
+        cutoff, beta = chosen.min_cutoff_hz, chosen.beta_hz_per_mm_s * mm
+        return temporal.one_euro(pose, fps, min_cutoff=cutoff, beta=beta, frames=frames, weak=weak), 0
     return pose, 0
 
 
-def _in_words(chosen: Filter, left: int) -> str:
+def _in_words(chosen: Filter, left: dict[str, int]) -> str:
     if isinstance(chosen, OneEuro):
         speed = f"{chosen.beta_hz_per_mm_s:g} Hz per mm/s"
-        return f"one-euro filter, {chosen.min_cutoff_hz:g} Hz at rest and {speed}, causal"
-    few = f"; {left} joint positions in runs too short for it are as they were" if left else ""
-    return f"Butterworth of order {chosen.order}, −3 dB at {chosen.cutoff_hz:g} Hz, both ways, no lag{few}"
+        text = f"one-euro filter, {chosen.min_cutoff_hz:g} Hz at rest and {speed}, causal"
+    else:
+        text = f"Butterworth of order {chosen.order}, −3 dB at {chosen.cutoff_hz:g} Hz, both ways, no lag"
+    if left["weak_left"] == 1:
+        text += "; 1 weak joint position is left as it is and does not pull on others"
+    elif left["weak_left"]:
+        text += f"; {left['weak_left']} weak joint positions are left as they are and do not pull on others"
+    if left["left_as_they_are"]:
+        text += f"; {left['left_as_they_are']} joint positions in runs too short for it are as they were"
+    return text

@@ -81,7 +81,7 @@ Out = Annotated[
     Path | None,
     typer.Option(
         "-o",
-        "--out",
+        "--output",
         metavar="FOLDER",
         help="Write NAME.md, .csv, .json and .png into this folder.",
         rich_help_panel=_OUTPUT,

@@ -121,8 +121,8 @@ Seed = Annotated[
 Out = Annotated[
     Path | None,
     typer.Option(
-        "--out",
         "-o",
+        "--output",
         metavar="FOLDER",
         help="Folder for results.",
         show_default="skelsplat-evaluation/NAME",

@@ -186,7 +186,7 @@ METHODS = "dlt,ransac,cauchy,skelsplat"
 
 
 def arguments(root: Path, out: Path) -> list[str]:
-    return ["evaluate", "synthetic", str(root), "--out", str(out), "-q", "-m", METHODS]
+    return ["evaluate", "synthetic", str(root), "--output", str(out), "-q", "-m", METHODS]
 
 
 def table(root: Path, out: Path) -> list[str]:

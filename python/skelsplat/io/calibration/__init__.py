@@ -121,14 +121,17 @@ def read_calibration(
     Warns
     -----
     UserWarning
-        If the cameras would stand less than 5 cm or more than 100 m apart in the given unit; if a Qualisys
-        camera's view was turned; if Vicon's lens model could not be followed to 0.1 px.
+        If the cameras would stand less than 5 cm or more than 100 m apart in the given unit; if a camera of a
+        TOML has no lens coefficients; if a Qualisys camera's view was turned; if Vicon's lens model could not
+        be followed to 0.1 px.
     """
     source = Source(path)
     chosen = _find(source, format)
     options = Options(camera_type=camera_type, subject=subject, size=size, binning=binning)
     _check_options(chosen, options)
     parsed = chosen.parse(source, options)
+    if not parsed.cameras:
+        raise DatasetError(source.path, "cameras", "at least one camera", "none")
     _check_names(source.path, parsed.cameras)
     cameras = [_build(source.path, camera, _size(source.path, camera, size)) for camera in parsed.cameras]
     centres = [np.asarray(camera.centre) for camera in cameras]

@@ -1,14 +1,15 @@
 """TOML calibrations of the Anipose family: Anipose, Pose2Sim, FreeMoCap and Caliscope's export.
 
 One table per camera with ``matrix`` 3×3, ``rotation`` (Rodrigues, radians) and ``translation``, both
-world → camera, ``size`` (width, height), and optionally ``distortions``, ``fisheye``, ``name``. Other tables
-are passed over. The format has no place for the length unit; files that this package wrote state it as
-``unit`` under ``metadata``.
+world → camera, ``size`` (width, height), ``distortions`` (a camera without them has no lens, which is warned
+of), and optionally ``fisheye``, ``name``. Other tables are passed over. The format has no place for the
+length unit; files that this package wrote state it as ``unit`` under ``metadata``.
 """
 
 from __future__ import annotations
 
 import re
+import warnings
 from typing import TYPE_CHECKING, Any
 
 from skelsplat.exceptions import DatasetError
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from skelsplat.io.calibration._source import Source
 
 _REQUIRED = ("matrix", "rotation", "translation")
+_LENS = ("distortion", "distortions")
 _NOT_CAMERAS = frozenset({"metadata", "capture_volume", "charuco", "checkerboard"})
 
 
@@ -40,6 +42,10 @@ def _parse(source: Source, options: Options) -> Parsed:  # noqa: ARG001  the sig
     if not tables:
         expected = "at least one camera table with matrix, rotation and translation"
         raise DatasetError(source.path, "cameras", expected, f"tables {', '.join(document) or 'none'}")
+    without = [key for key, value in tables if value.keys().isdisjoint(_LENS)]
+    if without:
+        text = f"{source.path}: no distortions for {', '.join(without)}: read as without a lens"
+        warnings.warn(text, UserWarning, stacklevel=4)
     return Parsed([_camera(Entry(source.path, key, value)) for key, value in tables], _unit(document))
 
 
@@ -62,7 +68,7 @@ def _camera(entry: Entry) -> RawCamera:
     rotation = entry.numbers("rotation", (3,))
     translation = entry.numbers("translation", (3,))
     fisheye = entry.flag("fisheye")
-    lens = "distortion" if "distortion" in entry.values else "distortions"
+    lens = next((name for name in _LENS if name in entry.values), None)
     size = "size" if "size" in entry.values or "image_size" not in entry.values else "image_size"
     return RawCamera(
         table=entry.key,
@@ -70,7 +76,7 @@ def _camera(entry: Entry) -> RawCamera:
         K=matrix,
         R=matrix_from_vector(rotation),
         t=translation,
-        distortion=entry.distortion(lens, fisheye=fisheye),
+        distortion=None if lens is None else entry.distortion(lens, fisheye=fisheye),
         fisheye=fisheye,
         size=entry.size(size),
     )

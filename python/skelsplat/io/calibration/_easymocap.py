@@ -79,7 +79,7 @@ def _text(value: object) -> str:
 
 
 def _camera(intri: Entry, extri: Entry, name: str) -> RawCamera:
-    lens = f"dist_{name}" if f"dist_{name}" in intri.values else f"D_{name}"
+    lens = f"D_{name}" if f"D_{name}" in intri.values else f"dist_{name}"
     return RawCamera(
         table=name,
         name=name,

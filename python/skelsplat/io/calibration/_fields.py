@@ -105,8 +105,10 @@ class Entry:
         return value
 
     def distortion(self, field: str, *, fisheye: bool = False) -> Array | None:
-        """Return lens coefficients in a number that OpenCV has; None if the field is missing or null."""
-        if self.values.get(field) is None:
+        """Return lens coefficients in a number that OpenCV has; None if the file says null."""
+        if field not in self.values:  # a misspelt key must not pass for a camera without a lens
+            raise self.error(field, "lens coefficients, zeros for no lens", "none")
+        if self.values[field] is None:
             return None
         values = self.numbers(field, None)
         # FreeMoCap pads the four fisheye coefficients with a zero

@@ -60,8 +60,6 @@ def _subject(extrinsics: Entry, subject: str | None) -> str:
 
 
 def _camera(intrinsics: Entry, pose: Entry, name: str) -> RawCamera:
-    if "distortion" not in intrinsics.values:  # the file always has it, and up to 5 px hang on it
-        raise intrinsics.error("distortion", "k1, k2, p1, p2, k3, or null for no lens", "nothing")
     return RawCamera(
         table=pose.key,
         name=name,

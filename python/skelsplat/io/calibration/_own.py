@@ -123,7 +123,7 @@ def _parse_npz(source: Source, options: Options) -> Parsed:  # noqa: ARG001
     fisheye = arrays.get("fisheye", np.zeros(len(names), dtype=bool))
     rows = [
         {
-            "name": str(names[i]),
+            "name": name.decode() if isinstance(name := names[i], bytes) else str(name),
             "fisheye": bool(fisheye[i]),
             "distortion": _unpadded(source.path, i, lenses[i]),
             **{name: arrays[name][i].tolist() for name in ("K", "R", "t", "size")},

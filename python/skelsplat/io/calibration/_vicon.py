@@ -61,6 +61,8 @@ def _camera(path: Path, node: ET.Element, index: int) -> RawCamera:
     aspect = float(_xml.numbers(path, key, node, "PIXEL_ASPECT_RATIO", 1)[0])
     if not aspect > 0.0:
         raise DatasetError(path, f"{key}.PIXEL_ASPECT_RATIO", "a positive number", f"{aspect:g}")
+    if node.get("SKEW") is not None and _xml.numbers(path, key, node, "SKEW", 1)[0] != 0.0:
+        raise DatasetError(path, f"{key}.SKEW", "0 (skew is not supported)", node.get("SKEW"))
     frame = _xml.child(path, key, node, "KeyFrames/KeyFrame")
     focal = float(_xml.numbers(path, key, frame, "FOCAL_LENGTH", 1)[0])
     principal = _xml.numbers(path, key, frame, "PRINCIPAL_POINT", 2)

@@ -57,11 +57,7 @@ def find_format(path: Path, name: str | None) -> DetectionFormat:
         if name not in FORMATS:
             raise InvalidInputError(f"format: expected one of {known}, got {name!r}")
         return FORMATS[name]
-    found: dict[str, Path] = {}
-    for sample in _samples(path):
-        for candidate in FORMATS.values():
-            if sample.suffix.lower() in candidate.suffixes and candidate.matches(sample):
-                found.setdefault(candidate.name, sample)
+    found = _recognised(path)
     if len(found) == 1:
         return FORMATS[next(iter(found))]
     if found:
@@ -72,11 +68,29 @@ def find_format(path: Path, name: str | None) -> DetectionFormat:
     raise DatasetError(path, "content", expected, _told(path))
 
 
+def _recognised(path: Path) -> dict[str, Path]:
+    """Return the formats that a look at the path finds, each with the file that it was found in."""
+    found: dict[str, Path] = {}
+    for sample in _samples(path):
+        for candidate in FORMATS.values():
+            if sample.suffix.lower() in candidate.suffixes and candidate.matches(sample):
+                found.setdefault(candidate.name, sample)
+    return found
+
+
 def _told(path: Path) -> str:
     """Say what is there if it is no detections."""
     if any(one.suffix.lower() in VIDEO_SUFFIXES for one in chain([path], path.glob("*"), path.glob("*/*"))):
         return "videos; run a 2D keypoint detector on them first, and give the files that it writes"
+    if path.is_dir():
+        deeper = [folder for folder in subfolders(path)[:_MOST] if _recognised(folder)]
+        if deeper:
+            return f"folders with such detections beneath it: give one of them ({_names(deeper)})"
     return "none that is recognised"
+
+
+def _names(folders: list[Path]) -> str:
+    return ", ".join(f"{folder.name}/" for folder in folders)
 
 
 def _samples(path: Path) -> Iterator[Path]:

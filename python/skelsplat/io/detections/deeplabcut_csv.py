@@ -6,13 +6,13 @@ that begins with the frame number. An empty field is a missing value. Parts are 
 
 from __future__ import annotations
 
-import csv
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._files import frame_number, read_text
+from skelsplat.io._files import frame_number
+from skelsplat.io.detections._csv import csv_lines
 from skelsplat.io.detections._dlc_table import LEVELS, Table, camera_part
 from skelsplat.io.detections._format import DetectionFormat, View
 from skelsplat.io.detections._json import json_head
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 def read_file(path: Path) -> View:
     """Return the view of one camera."""
-    lines = [line for line in csv.reader(read_text(path).splitlines()) if line]
+    lines = [line for line in csv_lines(path) if line]
     names = [line[0] for line in lines[:4]]
     depth = 4 if len(names) > 1 and names[1] == "individuals" else 3
     levels = tuple(names[:depth])

@@ -8,14 +8,14 @@ like it). ``joint`` is a name, or in every line the place in the layout, from 0.
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._files import frame_number, read_text, whole_number
+from skelsplat.io._files import frame_number, whole_number
+from skelsplat.io.detections._csv import csv_lines
 from skelsplat.io.detections._format import DetectionFormat, Person, Recording, View, joints_of, list_view
 from skelsplat.io.detections._json import json_head
 
@@ -55,7 +55,7 @@ def read_file(path: Path) -> View:
 
 def _read(path: Path) -> tuple[dict[str, _Camera], tuple[str, ...]]:
     """Return the lines of each camera, and all joints in the order in which they come."""
-    lines = list(csv.reader(read_text(path).splitlines()))
+    lines = csv_lines(path)
     columns = _columns(path, lines[0] if lines else [])
     cameras: dict[str, _Camera] = {}
     joints: dict[str, None] = {}
