@@ -170,6 +170,14 @@ def test_the_view_turns_follows_and_shows_all_cameras(visit):
     assert len(set(seen)) == 4
 
 
+def test_no_button_uploads_the_recording(visit):
+    page = visit()
+    titles = page.eval_on_selector_all(".modebar-btn", "all => all.map(one => one.dataset.title || '')")
+    assert len(titles) > 2
+    assert not [title for title in titles if "share" in title.lower() or "cloud" in title.lower()]
+    assert page.evaluate("document.getElementById('view')._context.plotlyServerURL") == ""
+
+
 def test_the_heat_map_switches_and_a_curve_leads_to_its_frame(visit):
     page = visit()
     assert page.evaluate("charts.heat.data[0].z[0][0]") == 2.0

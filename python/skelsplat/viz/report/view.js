@@ -6,6 +6,7 @@ const MOST_LABELS = 60;
 const MOST_PATH = 300; // points; every trace is drawn anew with every frame
 const CONFIG = {
   displaylogo: false, responsive: true, scrollZoom: true,
+  showSendToCloud: false, plotlyServerURL: "", // a recording of a person does not leave the machine
   plotGlPixelRatio: Math.min(Math.max(devicePixelRatio, 1), 2), // 2 by default: four times the pixels of most screens
 };
 let colourOfSide = [];
