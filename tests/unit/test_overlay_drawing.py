@@ -67,11 +67,19 @@ def test_joints_and_limbs_have_the_colours_of_their_sides():
     assert tuple(image[100, 150]) == sides[2]
 
 
-def test_unreliable_joints_are_hollow_and_their_limbs_thin():
+def test_unreliable_joints_are_hollow_and_their_limbs_dashed():
     solid = drawn(of(THREE))
     hollow = drawn(of(THREE, reliable=np.array([True, False, True])))
     assert (hollow[50, 150] > 200).all()
-    assert changed(hollow)[:, 100].sum() < changed(solid)[:, 100].sum()
+    along = changed(hollow)[48:53, 60:140].any(axis=0)
+    assert 0.3 < along.mean() < 0.9
+    assert changed(solid)[48:53, 60:140].any(axis=0).all()
+
+
+def test_a_limb_that_leaves_the_image_far_behind_is_still_dashed():
+    frame = of([[50.0, 50.0], [250_000.0, 50.0], [np.nan, np.nan]], reliable=np.array([True, False, True]))
+    along = changed(drawn(frame, size=(3000, 100)))[48:53, 100:].any(axis=0)
+    assert 0.0 < along.mean() < 0.9
 
 
 @pytest.mark.parametrize("place", [(0.0, 0.0), (60.25, 40.75), (60.5, 40.0)])
@@ -118,6 +126,13 @@ def test_an_ellipse_is_two_standard_deviations_wide():
     assert columns[-1] - columns[0] == pytest.approx(2 * 2 * 10, abs=3)  # the line's own width
     assert rows[-1] - rows[0] == pytest.approx(2 * 2 * 5, abs=3)
     assert not inked[100, 140:161].any()
+
+
+def test_an_ellipse_that_says_anywhere_is_left_out():
+    shown = replace(NOTHING, ellipses=True)
+    for sigma, seen in ((40.0, True), (50.0, False)):  # 2σ against a quarter of the diagonal, 90 px
+        frame = of([[150.0, 100.0]], covariances=np.diag([sigma**2, 25.0])[None])
+        assert changed(drawn(frame, shown)).any() == seen
 
 
 def test_layers_are_drawn_only_if_shown():

@@ -34,7 +34,7 @@ class OverlayFrame:
     covariances : (N, 2, 2)
         Their error bars in the image, px².
     reliable : (N,) bool
-        Joints drawn solid; the others are hollow, and their limbs thin.
+        Joints drawn solid; the others are hollow, and their limbs dashed.
     detections : (N, 2)
         As the detector gave them.
     weights : (N,)
@@ -89,8 +89,11 @@ def draw_overlay(image: Image, frame: OverlayFrame, skeleton: Skeleton, shown: S
             _marks.ellipse(image, frame.pose[j], covariance, colour, sigmas=SIGMAS, width=sizes.thin)
     if shown.pose:
         for a, b in skeleton.limbs:
-            colour, solid = _colours.bgr(skeleton.limb_colour((a, b))), frame.reliable[[a, b]].all()
-            draw_limb(image, frame.pose[[a, b]], colour, sizes, solid=bool(solid))
+            colour, ends = _colours.bgr(skeleton.limb_colour((a, b))), frame.pose[[a, b]]
+            if frame.reliable[[a, b]].all():
+                draw_limb(image, ends, colour, sizes, solid=True)
+            else:
+                _marks.dashed(image, ends, colour, sizes.thin, dash=sizes.mark)
     if shown.detections:
         for j in range(len(frame.detections)):
             _draw_detection(image, frame, j, sizes, shown)

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 _SHIFT = 4  # coordinates count sixteenths of a pixel
 _FAR = 1e6  # px; 16 times that is well below 2³¹
+_MOST_DASHES = 300
 _CROSS = np.array([[-1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [1.0, -1.0]]) / np.sqrt(2.0)
 _DIAMOND = np.array([[0.0, -1.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0]])
 _TURN = np.linspace(0.0, 2 * np.pi, 48, endpoint=False)
@@ -28,6 +29,16 @@ def line(image: Image, points: Array, colour: Colour, width: int, *, closed: boo
     """Draw a line through ``points`` (K, 2); nothing if one of them is unknown."""
     if drawable(points):
         opencv().polylines(image, [_fixed(points)], closed, colour, width, opencv().LINE_AA, _SHIFT)
+
+
+def dashed(image: Image, ends: Array, colour: Colour, width: int, *, dash: float) -> None:
+    """Draw a line (2, 2) in dashes of ``dash`` px with gaps as long; longer ones where they would be many."""
+    if not drawable(ends):
+        return
+    count = min(max(1, round(float(np.linalg.norm(ends[1] - ends[0])) / (2 * dash))), _MOST_DASHES)
+    stops = np.arange(count)[:, None] + np.array([0.25, 0.75])  # (count, 2) begin and end of each
+    for share in stops / count:
+        line(image, ends[0] + share[:, None] * (ends[1] - ends[0]), colour, width)
 
 
 def dot(image: Image, centre: Array, radius: float, colour: Colour) -> None:
@@ -53,11 +64,17 @@ def diamond(image: Image, centre: Array, radius: float, colour: Colour, width: i
 def ellipse(
     image: Image, centre: Array, covariance: Array, colour: Colour, *, sigmas: float, width: int
 ) -> None:
-    """Draw the points at ``sigmas`` standard deviations of a covariance (2, 2) about ``centre``."""
+    """Draw the points at ``sigmas`` standard deviations of a covariance (2, 2) about ``centre``.
+
+    Nothing if they reach further than a quarter of the image's diagonal: that joint may be anywhere, and the
+    ellipse would be a line across the image.
+    """
     if not (drawable(centre) and drawable(covariance)):
         return
     values, vectors = np.linalg.eigh(covariance)
     axes = vectors * np.sqrt(np.maximum(values, 0.0))
+    if sigmas * np.sqrt(max(values[-1], 0.0)) > 0.25 * np.hypot(*image.shape[:2]):
+        return
     line(image, centre + sigmas * _CIRCLE @ axes.T, colour, width, closed=True)
 
 
