@@ -263,6 +263,7 @@ fn history<'py>(
 }
 
 /// Return a sentence if the skeletons (T, N, 3) are taller than 10 m or shorter than 10 cm, else None.
+///
 /// With a layout of one's own the limits are 20 m and 1 mm.
 #[pyfunction]
 #[pyo3(signature = (poses, unit, *, layout=None))]
