@@ -23,7 +23,8 @@ camera_loop = synthetic.simulate_detections(walk, rig, noise=synthetic.Detection
 refiner = sk.Refiner(rig, layout="h36m17", config=sk.RefineConfig(n_threads=1))
 wrist = sk.layouts.H36M17.joints.index("right_wrist")
 latency = []
-for detections in camera_loop:  # (M, N, 3): x, y in pixels, confidence; NaN where a joint was not detected
+# (M, N, 3): x, y in pixels, confidence in [0, 1] (RTMPose: np.clip it); NaN where a joint was not detected
+for detections in camera_loop:
     begin = time.perf_counter()
     result = refiner.step(detections)
     latency.append(1e3 * (time.perf_counter() - begin))

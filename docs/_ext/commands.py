@@ -121,8 +121,9 @@ def _default(param: Any) -> str:
 
 
 def _plain(text: str) -> str:
-    """Return text in which nothing is markup: rich's tags go, reStructuredText's signs are escaped."""
-    return re.sub(r"([*`|\\_])", r"\\\1", re.sub(r"\[/?(?:bold|dim|italic)\]", "", text))
+    """Return text in which nothing is markup: rich's tags and escapes go, reStructuredText's are put."""
+    bare = re.sub(r"\[/?(?:bold|dim|italic)\]", "", text).replace("\\[", "[")
+    return re.sub(r"([*`|\\_])", r"\\\1", bare)
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

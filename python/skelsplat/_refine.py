@@ -167,18 +167,19 @@ def refine(
     Warns
     -----
     UserWarning
-        If the skeleton is taller than 10 m or shorter than 10 cm in the stated unit.
+        If the skeleton is taller than 10 m or shorter than 10 cm in the stated unit; with a layout of one's
+        own, which may be an animal's or a hand's, taller than 20 m or shorter than 1 mm.
     """
     prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
     by_pixels = config is not None and config.renderer == "raster"
     if by_pixels:
-        _warn_before_the_work(init_pose, detections, cameras)
+        _warn_before_the_work(init_pose, detections, cameras, layout)
     with _reporter(progress) as report:
         out = prepared.refine(
             init_pose, detections, confidence=confidence, init_sigma=init_sigma, progress=report
         )
     if not by_pixels:
-        _warn_of_unit(out["pose"], cameras)
+        _warn_of_unit(out["pose"], cameras, layout)
     result = _refinement(out)
     if init_sigma is not None:
         _warn_of_prior(result)
@@ -197,7 +198,9 @@ def _refinement(out: dict[str, Any]) -> Refinement:
     )
 
 
-def _warn_before_the_work(init_pose: ArrayLike | None, detections: ArrayLike, cameras: Cameras) -> None:
+def _warn_before_the_work(
+    init_pose: ArrayLike | None, detections: ArrayLike, cameras: Cameras, layout: str | Layout | None
+) -> None:
     """Judge the start: in a wrong unit splats of pixels can cover whole images and take minutes."""
     try:
         if init_pose is not None:
@@ -209,13 +212,15 @@ def _warn_before_the_work(init_pose: ArrayLike | None, detections: ArrayLike, ca
     except (TypeError, ValueError):
         return  # the core names what is wrong with it
     if poses.ndim in (2, 3) and poses.shape[-1] == 3 and poses.size:
-        _warn_of_unit(poses, cameras, depth=4)
+        _warn_of_unit(poses, cameras, layout, depth=4)
 
 
-def _warn_of_unit(poses: NDArray[np.float64], cameras: Cameras, *, depth: int = 3) -> None:
+def _warn_of_unit(
+    poses: NDArray[np.float64], cameras: Cameras, layout: str | Layout | None, *, depth: int = 3
+) -> None:
     unit = cameras.unit if isinstance(cameras, CameraRig) else "mm"
     some = poses[:: max(1, len(poses) // _FRAMES_TO_JUDGE)] if poses.ndim == 3 else poses[None]
-    doubt = _skelsplat.implausible_extent(some, unit)
+    doubt = _skelsplat.implausible_extent(some, unit, layout=layout)
     if doubt is not None:
         warnings.warn(doubt, UserWarning, stacklevel=depth)
 
@@ -321,7 +326,7 @@ class Refiner:
         config: RefineConfig | None = None,
     ) -> None:
         self._prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
-        self._cameras = cameras
+        self._cameras, self._layout = cameras, layout
         self._by_adam = config is not None and config.optimizer == "adam"
         self._last: NDArray[np.float64] | None = None
 
@@ -350,7 +355,7 @@ class Refiner:
             raise InvalidInputError(f"detections: expected {expected}, got {shape[1]}")
         result = self._refine(self._last, detections, confidence)
         if self._last is None:
-            _warn_of_unit(result.pose, self._cameras)
+            _warn_of_unit(result.pose, self._cameras, self._layout)
         elif self._by_adam and _is_lost(result):
             result = self._refine(None, detections, confidence)
         self._last = self._remembered(result)

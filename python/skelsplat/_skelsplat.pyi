@@ -490,5 +490,8 @@ class Refiner:
     ) -> dict[str, Any]:
         """Return the fields of ``skelsplat.Refinement``; ``joint_status`` as codes into ``JOINT_STATUS``."""
 
-def implausible_extent(poses: ArrayLike, unit: str) -> str | None:
-    """Return a sentence if the skeletons (T, N, 3) are taller than 10 m or shorter than 10 cm, else None."""
+def implausible_extent(poses: ArrayLike, unit: str, *, layout: str | Layout | None = None) -> str | None:
+    """Return a sentence if the skeletons (T, N, 3) are taller than 10 m or shorter than 10 cm, else None.
+
+    With a layout of one's own the limits are 20 m and 1 mm.
+    """

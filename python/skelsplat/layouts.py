@@ -17,6 +17,7 @@ BODY25B = Layout.by_name("body25b")
 HALPE26 = Layout.by_name("halpe26")
 SHELF14 = Layout.by_name("shelf14")
 
+#: Names of the built-in layouts, all of them people's, as `get` and every argument ``layout`` take them.
 names: tuple[str, ...] = tuple(LAYOUT_NAMES)
 
 __all__ = [

@@ -309,6 +309,7 @@ def test_demo_refines_the_sample(tmp_path):
         f"cam_0{i}" for i in (1, 2, 3, 4)
     ]
     assert report["preset"] == "default"
+    assert not any("nobody who fits" in doubt for doubt in report["doubts"])
     # one camera disagrees, and the weights say which
     assert [doubt.split()[0] for doubt in report["doubts"] if "disagrees" in doubt] == ["cam_03"]
     lines = result.stdout.splitlines()
@@ -339,10 +340,13 @@ def test_pick_person_by_place_and_by_size():
     people[:, :, 0, :, :2] = [[10.0, 10.0], [20.0, 20.0], [30.0, 30.0]]
     people[:, :, 1, :, :2] = [[10.0, 10.0], [20.0, 20.0], [60.0, 60.0]]
     people[0, 0, 1] = np.nan
-    largest = pick_person(people, rig, "largest")
+    largest, nobody_fits = pick_person(people, rig, "largest")
     assert largest[1, 2, 2, 0] == 60.0
     assert largest[0, 0, 2, 0] == 30.0
-    np.testing.assert_array_equal(pick_person(people, rig, "0"), people[:, :, 0])
+    assert not nobody_fits.any()
+    numbered, nobody_fits = pick_person(people, rig, "0")
+    np.testing.assert_array_equal(numbered, people[:, :, 0])
+    assert not nobody_fits.any()
 
 
 def test_a_failure_leaves_an_output_folder_as_it_was(recording, arguments):

@@ -1,17 +1,21 @@
-"""Which cameras are named as those that disagree."""
+"""Which cameras are named as those that disagree, or that see nobody who fits."""
 
 from __future__ import annotations
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
-from skelsplat.cli._doubts import _cameras
+import skelsplat as sk
+from skelsplat import synthetic
+from skelsplat.cli._doubts import _cameras, _unfit, _unfit_cameras
+from skelsplat.cli._person import pick_person
 from skelsplat.cli._statistics import Group
 
 
 def group(name, rejected, used=1000):
-    counts = dict.fromkeys(("left_out", "missing", "down_weighted", "swapped", "poor"), 0)
+    counts = dict.fromkeys(("left_out", "missing", "not_chosen", "down_weighted", "swapped", "poor"), 0)
     errors = dict.fromkeys(("before_px", "after_px", "p90_before_px", "p90_after_px"), 1.0)
     return Group(name=name, used=used, rejected=rejected, mean_weight=0.5, **counts, **errors)
 
@@ -52,3 +56,82 @@ def test_a_doubted_camera_is_compared_with_those_that_are_not():
 def test_of_two_cameras_none_can_be_left_out():
     (doubt,) = doubts(20, 100)
     assert doubt.endswith("check-cameras looks for the cause.")
+
+
+FRAMES = 20
+
+
+def views(**frames):
+    """Return inputs of cameras of (frames with somebody, frames of them in which nobody fits)."""
+    detections = np.full((FRAMES, len(frames), 5, 3), np.nan)
+    nobody_fits = np.zeros((FRAMES, len(frames)), dtype=bool)
+    for i, (somebody, unfit) in enumerate(frames.values()):
+        nobody_fits[:unfit, i] = True
+        detections[unfit:somebody, i] = 0.5
+    rig = SimpleNamespace(names=tuple(frames))
+    return SimpleNamespace(detections=detections, nobody_fits=nobody_fits, rig=rig)
+
+
+@pytest.mark.parametrize(
+    ("frames", "named"),
+    [
+        ({"a": (20, 15), "b": (20, 18), "c": (20, 0), "d": (20, 0)}, {"a": 0.75, "b": 0.9}),
+        ({"a": (20, 6), "b": (20, 18), "c": (20, 1)}, {"a": 0.3, "b": 0.9}),  # one half of an exchanged pair
+        ({"a": (20, 6), "b": (20, 9), "c": (20, 0)}, {}),  # nowhere in most frames
+        ({"a": (8, 6), "b": (20, 0)}, {"a": 0.75}),  # of the frames in which it sees somebody
+        ({"a": (1, 1), "b": (20, 0)}, {}),  # a single ghost
+        ({"a": (0, 0), "b": (20, 0)}, {}),  # sees nobody
+    ],
+)
+def test_cameras_in_which_nobody_fits_are_found(frames, named):
+    inputs = views(**frames)
+    found = _unfit_cameras(inputs)
+    assert {inputs.rig.names[i]: share for i, share in found.items()} == pytest.approx(named)
+
+
+def test_cameras_in_which_nobody_fits_are_named_together():
+    rig = synthetic.human36m_like()
+    (doubt,) = _unfit(SimpleNamespace(rig=rig), {0: 0.71, 1: 0.81})
+    assert doubt.startswith(
+        "In cam1 and cam2 somebody is detected, but nobody who fits the other cameras in 71% and 81% of the "
+        "frames: exchanged cameras, "
+    )
+    assert doubt.endswith("check-cameras looks for the cause; --without cam1 --without cam2 leaves them out.")
+    (three,) = _unfit(SimpleNamespace(rig=rig), {0: 0.7, 1: 0.8, 3: 0.9})
+    assert three.startswith("In cam1, cam2 and cam4 somebody")
+    assert three.endswith("looks for the cause.")  # one camera would remain
+    (one,) = _unfit(SimpleNamespace(rig=rig), {2: 0.6})
+    assert one.endswith("; --without cam3 leaves it out.")
+    assert not list(_unfit(SimpleNamespace(rig=rig), {}))
+
+
+def test_what_has_been_said_of_a_camera_is_not_said_again():
+    cameras = [group("a", 0, used=0), group("b", 600), group("c", 0), group("d", 0)]
+    statistics = SimpleNamespace(cameras=cameras, total=group("all", 600))
+    (doubt,) = _cameras(statistics, {"a", "b"})
+    assert doubt.startswith("b disagrees")
+    assert doubt.endswith("check-cameras looks for the cause.")
+
+
+def simulated(noise):
+    rig = synthetic.human36m_like(distortion=True)
+    found = synthetic.simulate_detections(synthetic.motion("walk", 30, seed=1), rig, noise=noise, seed=3)
+    return rig, found[:, :, None]
+
+
+def unfit_of(rig, people):
+    chosen, nobody_fits = pick_person(people, rig, "consistent", sk.layouts.H36M17)
+    return _unfit_cameras(SimpleNamespace(detections=chosen, nobody_fits=nobody_fits, rig=rig))
+
+
+@pytest.mark.parametrize("hidden", [1, 2, 3])
+def test_occluded_views_fit(hidden):
+    assert unfit_of(*simulated(synthetic.DetectionNoise.occluded(hidden))) == {}
+
+
+def test_in_exchanged_cameras_nobody_fits():
+    rig, people = simulated(synthetic.DetectionNoise.good())
+    assert set(unfit_of(rig, people[:, [1, 0, 2, 3]])) == {0, 1}
+    nobody = people.copy()
+    nobody[:, :2] = np.nan  # cameras that see nobody are not counted
+    assert unfit_of(rig, nobody) == {}

@@ -180,7 +180,12 @@ def test_detections_of_other_cameras_are_doubted(recording, arguments):
     text = " ".join(invoke(*arguments, *READ, *FAST, "--person", 0).stdout.split())
     assert "of all detections are rejected: check that calibration, cameras" in text
     text = " ".join(invoke(*arguments, *READ, *FAST).stdout.split())
-    assert f"! {rig.names[0]} has no detection that could be used" in text
+    where = " and ".join(rig.names[:2])
+    assert f"! In {where} somebody is detected, but nobody who fits the other cameras in 100% and" in text
+    assert "has no detection that could be used" not in text  # that they fit nowhere says more
+    cameras = json.loads((folder / "out" / "report.json").read_text())["reprojection_error"]["cameras"]
+    assert [camera["not_chosen"] for camera in cameras] == [T * 17, T * 17, 0, 0]
+    assert [camera["missing"] for camera in cameras] == [T * 17, T * 17, 0, T]
 
 
 def test_an_error_bar_far_above_the_others_is_named(recording, arguments):

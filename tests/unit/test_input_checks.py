@@ -87,7 +87,7 @@ REFINE = {
     ),
     "confidence range": (
         lambda _: {"confidence": np.full((4, 17), 1.2)},
-        r"confidence\[0, 0\]: expected a value in \[0, 1\], got 1.2",
+        r"^confidence\[0, 0\]: expected a value in \[0, 1\] \(clip scores: np\.clip\(.*\)\), got 1.2$",
     ),
     "confidence twice": (
         lambda s: {

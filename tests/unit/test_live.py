@@ -97,7 +97,7 @@ def test_a_score_above_1_counts_as_1(tmp_path, detections):
     pixel = detections[0].copy()
     pixel[0, 0, 2] = 812.5
     result = run(tmp_path, line(0, pixel))
-    assert "line 1: skipped: confidence[0, 0]" in result.stderr
+    assert "line 1: skipped: detections[0, 0, 2]: expected a value in [0, 1], got 812.5" in result.stderr
 
 
 def test_points_without_confidence_and_names_of_any_kind(tmp_path, rig, detections):

@@ -139,6 +139,21 @@ def test_confidence_as_an_argument_is_the_third_channel(scene):
     assert np.isnan(a.reprojection_error[:, 0, 3]).all()
 
 
+def test_a_score_above_1_is_named_where_it_was_given(scene):
+    found = np.concatenate([scene.detections, np.ones((*scene.detections.shape[:-1], 1))], axis=-1)
+    found[1, 2, 9, 2] = 1.0103
+    hint = r"expected a value in \[0, 1\] \(clip scores: np\.clip\(scores, 0, 1\)\), got 1\.0103$"
+    with pytest.raises(sk.InvalidInputError, match=rf"^detections\[1, 2, 9, 2\]: {hint}"):
+        sk.refine(None, found, scene.rig)
+    with pytest.raises(sk.InvalidInputError, match=rf"^confidence\[1, 2, 9\]: {hint}"):
+        sk.refine(None, found[..., :2], scene.rig, confidence=found[..., 2])
+    with pytest.raises(sk.InvalidInputError, match=rf"^detections\[2, 9, 2\]: {hint}"):
+        sk.Refiner(scene.rig).step(found[1])
+    found[1, 2, 9, 2] = 812.5  # no score: clipping would hide the mistake
+    with pytest.raises(sk.InvalidInputError, match=r": expected a value in \[0, 1\], got 812\.5$"):
+        sk.Refiner(scene.rig).step(found[1])
+
+
 def test_low_confidence_can_count_as_missing(scene):
     confidence = np.ones(scene.detections.shape[:-1])
     confidence[:, 1] = 0.2
@@ -179,6 +194,36 @@ def test_a_unit_mistaken_by_1000_warns(scene):
     rig = sk.CameraRig(list(scene.rig), unit="m")
     with pytest.warns(UserWarning, match=r"taller than 10 m: is the unit really 'm'\?"):
         sk.refine(scene.pose[0], scene.detections[0], rig, config=quick())
+
+
+def scaled_to(scene, size):
+    """Return the rig and the pose of the scene, in mm, when the person measures `size` mm."""
+    by = size / np.linalg.norm(np.ptp(scene.pose[0], axis=0))
+    cameras = [sk.Camera(c.K, c.R, c.t * by, size=c.size, name=c.name) for c in scene.rig]
+    return sk.CameraRig(cameras, unit="mm"), scene.pose[0] * by
+
+
+@pytest.mark.parametrize("config", [sk.RefineConfig(), quick()])
+@pytest.mark.parametrize(
+    ("own", "size", "told"),
+    [
+        (False, 96.0, "shorter than 10 cm"),
+        (True, 96.0, None),
+        (True, 0.5, "measures 0.50 mm and is shorter than 1 mm"),
+        (True, 15_000.0, None),
+        (True, 30_000.0, "taller than 20 m"),
+    ],
+)
+def test_a_body_of_one_s_own_layout_need_not_have_a_person_s_size(scene, config, own, size, told):
+    rig, pose = scaled_to(scene, size)
+    layout = sk.Layout("mouse", [f"part {j}" for j in range(17)]) if own else "h36m17"
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        sk.refine(pose, scene.detections[0], rig, layout=layout, config=config)
+        sk.Refiner(rig, layout=layout).step(scene.detections[0])
+    texts = [str(warning.message) for warning in caught]
+    assert len(texts) == (0 if told is None else 2)
+    assert all(told in text for text in texts)
 
 
 def test_a_right_unit_does_not_warn(scene):

@@ -184,14 +184,30 @@ def test_a_wrong_unit_is_named(name, unit):
     assert finding.text.endswith('the unit of the calibration is most likely "mm".')
 
 
-def test_a_scale_that_is_no_unit_is_named():
-    scaled = [
-        sk.Camera(c.K, c.R, np.asarray(c.t) * 30.0, distortion=c.distortion, size=c.size, name=c.name)
+def scaled(by, unit):
+    made = [
+        sk.Camera(c.K, c.R, np.asarray(c.t) * by, distortion=c.distortion, size=c.size, name=c.name)
         for c in rig("room")
     ]
-    finding = only(check_rig(sk.CameraRig(scaled, unit="m"), detections("room")))
+    return sk.CameraRig(made, unit=unit)
+
+
+def test_a_scale_that_is_no_unit_is_named():
+    finding = only(check_rig(scaled(30.0, "m"), detections("room")))
     assert finding.kind == "unit"
     assert "was the calibration scaled?" in finding.text
+
+
+def test_an_animal_need_not_have_a_person_s_size():
+    human, mouse = sk.layouts.H36M17, scaled(0.05, "mm")
+    own = sk.Layout("mouse", human.joints, limbs=human.limbs, left_right=human.left_right)
+    assert check_rig(mouse, detections("room"), layout=own).ok
+    for layout in (None, LAYOUT, human):
+        assert only(check_rig(mouse, detections("room"), layout=layout)).kind == "unit"
+    finding = only(check_rig(scaled(0.05, "m"), detections("room"), layout=own))
+    assert finding.kind == "unit"
+    assert finding.text.startswith("In m the body measures about ")
+    assert finding.text.endswith(" m: is that the calibration's unit?")
 
 
 def test_detections_of_other_images_are_named():

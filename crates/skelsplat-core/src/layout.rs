@@ -78,6 +78,12 @@ impl Layout {
         })
     }
 
+    /// Whether this is one of the built-in layouts, all of which are people's.
+    #[must_use]
+    pub fn is_built_in(&self) -> bool {
+        tables::spec(&self.name).is_some_and(|known| known == self.0)
+    }
+
     /// Number of joints `N`.
     #[must_use]
     pub fn n_joints(&self) -> usize {

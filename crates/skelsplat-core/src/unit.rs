@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 
 use crate::error::{Error, Result};
+use crate::layout::Layout;
 
 /// Unit in which camera translations and 3D points are given.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -55,13 +56,30 @@ impl Unit {
     }
 }
 
-/// Smallest and largest plausible extent of a skeleton, mm.
-const PLAUSIBLE_EXTENT_MM: [f64; 2] = [100.0, 10_000.0];
+/// Extents between which a skeleton is plausible, mm, and what it is below and above.
+struct Range {
+    low: f64,
+    high: f64,
+    shorter: &'static str,
+    taller: &'static str,
+}
+
+const PERSON: Range =
+    Range { low: 100.0, high: 10_000.0, shorter: "shorter than 10 cm", taller: "taller than 10 m" };
+/// A body of any kind: from less than an ant to more than a giraffe three times over.
+const ANYTHING: Range =
+    Range { low: 1.0, high: 20_000.0, shorter: "shorter than 1 mm", taller: "taller than 20 m" };
 
 /// A sentence that names the unit if most of these skeletons, `(T, N)` in `unit`, are taller
 /// than 10 m or shorter than 10 cm; `None` if they are plausible or too incomplete to tell.
+///
+/// A layout of one's own need not be a person: with it the limits are 20 m and 1 mm.
 #[must_use]
-pub fn implausible_extent(poses: &[Vec<Vector3<f64>>], unit: Unit) -> Option<String> {
+pub fn implausible_extent(
+    poses: &[Vec<Vector3<f64>>],
+    unit: Unit,
+    layout: Option<&Layout>,
+) -> Option<String> {
     let mut extents: Vec<f64> = poses.iter().filter_map(|pose| extent(pose)).collect();
     if extents.is_empty() {
         return None;
@@ -69,13 +87,14 @@ pub fn implausible_extent(poses: &[Vec<Vector3<f64>>], unit: Unit) -> Option<Str
     extents.sort_by(f64::total_cmp);
     let median = extents[extents.len() / 2];
     let mm = median * unit.millimetres();
-    let [low, high] = PLAUSIBLE_EXTENT_MM;
-    if (low..=high).contains(&mm) {
+    let plausible = if layout.is_none_or(Layout::is_built_in) { PERSON } else { ANYTHING };
+    if (plausible.low..=plausible.high).contains(&mm) {
         return None;
     }
-    let size = if mm > high { "taller than 10 m" } else { "shorter than 10 cm" };
+    let size = if mm > plausible.high { plausible.taller } else { plausible.shorter };
     Some(format!(
-        "the skeleton measures {median:.2} {name} and is {size}: is the unit really '{name}'?",
+        "the skeleton measures {median:.digits$} {name} and is {size}: is the unit really '{name}'?",
+        digits = if median < 0.01 { 6 } else { 2 },
         name = unit.name()
     ))
 }
@@ -95,6 +114,7 @@ fn extent(pose: &[Vector3<f64>]) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::layout::LayoutSpec;
 
     fn person(height: f64) -> Vec<Vec<Vector3<f64>>> {
         vec![vec![Vector3::zeros(), Vector3::new(0.0, 0.0, height)]]
@@ -102,22 +122,41 @@ mod tests {
 
     #[test]
     fn a_person_in_the_right_unit_raises_no_doubt() {
-        assert_eq!(implausible_extent(&person(1700.0), Unit::Millimetre), None);
-        assert_eq!(implausible_extent(&person(1.7), Unit::Metre), None);
+        assert_eq!(implausible_extent(&person(1700.0), Unit::Millimetre, None), None);
+        assert_eq!(implausible_extent(&person(1.7), Unit::Metre, None), None);
     }
 
     #[test]
     fn a_unit_mistaken_by_1000_is_named() {
-        let tall = implausible_extent(&person(1700.0), Unit::Metre).unwrap();
+        let tall = implausible_extent(&person(1700.0), Unit::Metre, None).unwrap();
         assert!(tall.contains("taller than 10 m") && tall.contains("'m'"), "{tall}");
-        let short = implausible_extent(&person(1.7), Unit::Millimetre).unwrap();
+        let short = implausible_extent(&person(1.7), Unit::Millimetre, None).unwrap();
         assert!(short.contains("shorter than 10 cm") && short.contains("'mm'"), "{short}");
+    }
+
+    #[test]
+    fn a_body_of_one_s_own_layout_may_be_of_any_size_that_bodies_have() {
+        let spec = LayoutSpec {
+            name: "mouse".to_owned(),
+            joints: vec!["snout".to_owned(), "tail".to_owned()],
+            ..LayoutSpec::default()
+        };
+        let mouse = Layout::new(spec).unwrap();
+        let told = |size, unit| implausible_extent(&person(size), unit, Some(&mouse));
+        assert_eq!(told(95.6, Unit::Millimetre), None);
+        assert_eq!(told(18.0, Unit::Metre), None);
+        let tall = told(95.6, Unit::Metre).unwrap();
+        assert!(tall.contains("taller than 20 m") && tall.contains("'m'"), "{tall}");
+        let short = told(0.0956, Unit::Millimetre).unwrap();
+        assert!(short.contains("measures 0.10 mm and is shorter than 1 mm"), "{short}");
+        let human = Layout::by_name("coco17").unwrap();
+        assert!(implausible_extent(&person(95.6), Unit::Millimetre, Some(&human)).is_some());
     }
 
     #[test]
     fn an_incomplete_skeleton_says_nothing() {
         let pose =
             vec![vec![Vector3::zeros(), Vector3::repeat(f64::NAN), Vector3::repeat(f64::NAN)]];
-        assert_eq!(implausible_extent(&pose, Unit::Millimetre), None);
+        assert_eq!(implausible_extent(&pose, Unit::Millimetre, None), None);
     }
 }

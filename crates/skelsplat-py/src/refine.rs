@@ -263,16 +263,21 @@ fn history<'py>(
 }
 
 /// Return a sentence if the skeletons (T, N, 3) are taller than 10 m or shorter than 10 cm, else None.
+///
+/// With a layout of one's own the limits are 20 m and 1 mm.
 #[pyfunction]
+#[pyo3(signature = (poses, unit, *, layout=None))]
 pub(crate) fn implausible_extent(
     py: Python<'_>,
     poses: &Bound<'_, PyAny>,
     unit: &str,
+    layout: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Option<String>> {
     let unit = Unit::by_name(unit).or_raise(py)?;
+    let layout = self::layout(layout)?;
     let array = Array::of_shape("poses", poses, &[None, None, Some(3)], "(T, N, 3)")?;
     let n = array.shape[1];
     let poses: Vec<Vec<Vector3<f64>>> =
         array.points().chunks(n.max(1)).map(<[_]>::to_vec).collect();
-    Ok(core_extent(&poses, unit))
+    Ok(core_extent(&poses, unit, layout.as_ref()))
 }

@@ -11,6 +11,7 @@ from skelsplat.cli._statistics import finite_median
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+    from collections.abc import Set as AbstractSet
 
     import numpy.typing as npt
 
@@ -29,6 +30,9 @@ _BAD_SHARE, _BEST_RATIO = 0.2, 2.0
 _WHOLE_SHARE = 1 / 3
 # A robust fit may leave the median where it was; a tenth more is further away.
 _FURTHER, _FURTHER_PX = 1.1, 0.1  # less is the rounding of the detections
+# Nobody of those whom a camera detects is the one whom the others see, in this share of the frames at least;
+# beside a camera in which that is so in most frames, this share of the frames with somebody is enough.
+_SOME, _ALSO_UNFIT = 0.1, 0.25
 # About half the arms and legs, which are half of a layout's joints or more.
 _MIRRORED_SHARE = 0.25
 # Longer side over shorter side that no person's arms or legs have.
@@ -45,9 +49,11 @@ def find_doubts(
 
     ``written`` (T, N) is the status of the poses written, where joints may be filled over time.
     """
+    unfit = _unfit_cameras(inputs)
     return [
         *_whole(statistics),
-        *_cameras(statistics),
+        *_unfit(inputs, unfit),
+        *_cameras(statistics, {inputs.rig.names[i] for i in unfit}),
         *_mirrored(statistics),
         *_limbs(inputs, outcome),
         *_joints(statistics),
@@ -72,14 +78,42 @@ def _whole(statistics: Statistics) -> Iterator[str]:
         )
 
 
-def _cameras(statistics: Statistics) -> Iterator[str]:
+def _unfit_cameras(inputs: Inputs) -> dict[int, float]:
+    """Return the cameras that see people, but mostly nobody who fits the others, with their shares of frames.
+
+    The share is of the frames in which a camera detects somebody. Two cameras that are exchanged share the
+    blame unequally, so that beside one others are named sooner.
+    """
+    somebody = inputs.nobody_fits | np.isfinite(inputs.detections[..., 0]).any(axis=2)
+    count, seen = inputs.nobody_fits.sum(axis=0), somebody.sum(axis=0)
+    shares = np.where(count >= _SOME * len(somebody), count / np.maximum(seen, 1), 0.0)
+    least = _ALSO_UNFIT if (shares >= _MOSTLY).any() else _MOSTLY
+    return {int(i): float(shares[i]) for i in np.flatnonzero(shares >= least)}
+
+
+def _unfit(inputs: Inputs, unfit: dict[int, float]) -> Iterator[str]:
+    if not unfit:
+        return
+    names = [inputs.rig.names[i] for i in unfit]
+    without = " ".join(f"--without {name}" for name in names)
+    leave = f"; {without} leaves {'it' if len(names) == 1 else 'them'} out"
+    yield (
+        f"In {_and(names)} somebody is detected, but nobody who fits the other cameras in "
+        f"{_and([_percent(share) for share in unfit.values()])} of the frames: exchanged cameras, a wrong "
+        "calibration, another clock, or other people? check-cameras looks for the cause"
+        f"{leave if len(inputs.rig) - len(names) >= 2 else ''}."
+    )
+
+
+def _cameras(statistics: Statistics, unfit: AbstractSet[str] = frozenset()) -> Iterator[str]:
+    """Name cameras without a use and those that disagree; of those that are ``unfit`` more has been said."""
     bad = _bad_cameras(statistics.cameras)
     good = [group for group in statistics.cameras if group.used and group not in bad]
     good_share = sum(group.rejected for group in good) / max(1, sum(group.used for group in good))
     theirs = "theirs" if len(bad) == 1 else f"those of {', '.join(group.name for group in good)}"
     leave = len(statistics.cameras) > 2  # two must remain
     for group in statistics.cameras:
-        if statistics.total.used and not group.used:
+        if statistics.total.used and not group.used and group.name not in unfit:
             yield (
                 f"{group.name} has no detection that could be used. Either it does not see the person, or "
                 "what it sees does not agree with the other views: --person says who is followed"
@@ -91,7 +125,7 @@ def _cameras(statistics: Statistics) -> Iterator[str]:
                 f"detections are rejected, {_percent(good_share)} of {theirs}, and its mean weight is "
                 f"{group.mean_weight:.2f}. The pose follows the others: check this camera's calibration and "
                 "timing, and what it can see. check-cameras looks for the cause"
-                f"{_without(group) if leave else ''}."
+                f"{_without(group) if leave and group.name not in unfit else ''}."
             )
 
 
@@ -184,6 +218,10 @@ def _places(inputs: Inputs, where: npt.NDArray[np.bool_]) -> str:
 def is_of_size(warning: str) -> bool:
     """Say whether a warning is of the size of the rig or the person, which is that of the unit."""
     return " apart in " in warning or "is the unit really" in warning
+
+
+def _and(words: Sequence[str]) -> str:
+    return " and ".join(filter(None, (", ".join(words[:-1]), words[-1])))
 
 
 def _percent(share: float) -> str:

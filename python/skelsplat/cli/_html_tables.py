@@ -20,7 +20,8 @@ _SHARED = (
     ("median [px]", "median reprojection error, before → refined"),
     ("90th percentile [px]", "of the reprojection error, before → refined"),
     ("used", "detections used"),
-    ("missing", "no detection there"),
+    ("missing", "no detection of the person who is followed"),
+    ("not chosen", "of the missing: somebody is detected in the view, but nobody who fits the other views"),
     ("left out", "detections below the least confidence, or of a joint without a position"),
     ("down-weighted", f"detections used whose weight is below {DOWN_WEIGHTED:g}, the rejected among them"),
     (
@@ -73,6 +74,7 @@ def _cells(group: Group) -> list[str]:
         f"{number(group.p90_before_px)} → {number(group.p90_after_px)}",
         f"{group.used:,}",
         f"{group.missing:,}",
+        f"{group.not_chosen:,}",
         f"{group.left_out:,}",
         share(group.down_weighted, group.used),
         share(group.rejected, group.used),

@@ -13,10 +13,19 @@ if TYPE_CHECKING:
     import numpy.typing as npt
 
     Array = npt.NDArray[np.float64]
+    Mask = npt.NDArray[np.bool_]
+
+# Somebody is detected who has so many joints of so much confidence; others take no part in the choice.
+_MIN_JOINTS, _MIN_CONFIDENCE = 4, 0.2
 
 
-def pick_person(people: Array, rig: sk.CameraRig, person: str, layout: sk.Layout | None = None) -> Array:
-    """Return the detections (T, M, N, 3) of one person among ``people`` (T, M, P, N, 3).
+def pick_person(
+    people: Array, rig: sk.CameraRig, person: str, layout: sk.Layout | None = None
+) -> tuple[Array, Mask]:
+    """Return one person's detections (T, M, N, 3) among ``people`` (T, M, P, N, 3), and where nobody fitted.
+
+    Nobody fits, (T, M), in a view in which somebody is detected, but not the person on whom the views agree;
+    whoever is the largest or asked for by number fits.
 
     Parameters
     ----------
@@ -36,14 +45,25 @@ def pick_person(people: Array, rig: sk.CameraRig, person: str, layout: sk.Layout
         If no file has a person at the place asked for.
     """
     if person == "consistent":
-        return association.choose_person(people, rig, layout=layout)[0]
+        chosen, index = association.choose_person(
+            people, rig, layout=layout, min_confidence=_MIN_CONFIDENCE, min_joints=_MIN_JOINTS
+        )
+        return chosen, _somebody(people) & (index < 0)
+    never = np.zeros(people.shape[:2], dtype=bool)
     if person == "largest":
         place = association.extents(people).argmax(axis=2)
         largest: Array = np.take_along_axis(people, place[:, :, None, None, None], axis=2)[:, :, 0]
-        return largest
+        return largest, never
     if int(person) >= people.shape[2]:
         raise sk.InvalidInputError(
             f"--person: expected less than {people.shape[2]} (the most people in a file), got {person}"
         )
     numbered: Array = people[:, :, int(person)]
-    return numbered
+    return numbered, never
+
+
+def _somebody(people: Array) -> Mask:
+    """Whether anybody is detected in a view, (T, M)."""
+    sure = np.isfinite(people[..., :2]).all(axis=-1) & (people[..., 2] >= _MIN_CONFIDENCE)
+    found: Mask = (sure.sum(axis=-1) >= min(_MIN_JOINTS, people.shape[3])).any(axis=2)
+    return found

@@ -39,6 +39,8 @@ class Inputs:
         The cameras, and what the joints are.
     detections : (T, M, N, 3)
         One person's detections; NaN where missing.
+    nobody_fits : (T, M)
+        Somebody is detected in this view, but nobody who fits the other views: the person is missing there.
     frames : (T,)
         Frame numbers of the files.
     init_pose : (T, N, 3)
@@ -52,6 +54,7 @@ class Inputs:
     rig: sk.CameraRig
     layout: sk.Layout
     detections: Array
+    nobody_fits: npt.NDArray[np.bool_]
     frames: npt.NDArray[np.int64]
     init_pose: Array | None
     format: str = ""
@@ -129,11 +132,11 @@ def read_inputs(job: Job) -> Inputs:
         sequence=job.sequence,
     )
     layout = sk.layouts.get(found.layout)
-    chosen = pick_person(found.people, rig, job.person, layout)
+    chosen, nobody_fits = pick_person(found.people, rig, job.person, layout)
     init = None if job.init is None else _read_init(job.init, rig, (len(found.frames), layout))
     known = job.cameras.format_of(job.calibration)
     lacking = frozenset(joint for joint, place in job.mapping.items() if place is None)
-    return Inputs(rig, layout, chosen, found.frames, init, found.format, known, lacking)
+    return Inputs(rig, layout, chosen, nobody_fits, found.frames, init, found.format, known, lacking)
 
 
 def _read_init(path: Path, rig: sk.CameraRig, size: tuple[int, sk.Layout]) -> Array:

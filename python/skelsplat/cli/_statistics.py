@@ -33,8 +33,9 @@ class Group:
 
     ``before_px`` and ``after_px`` are medians over the same detections (NaN without any); ``used`` +
     ``left_out`` + ``missing`` is their number. Left out are those below the least confidence and those of
-    joints that have no position. ``down_weighted`` (the ``rejected`` among them), ``swapped`` and ``poor``
-    ones are among the used, and ``mean_weight`` is their mean weight k.
+    joints that have no position. ``not_chosen`` ones are among the missing: somebody is detected in the
+    view, but nobody who fits the other views. ``down_weighted`` (the ``rejected`` among them), ``swapped``
+    and ``poor`` ones are among the used, and ``mean_weight`` is their mean weight k.
     """
 
     name: str
@@ -45,6 +46,7 @@ class Group:
     used: int
     left_out: int
     missing: int
+    not_chosen: int
     down_weighted: int
     rejected: int
     swapped: int
@@ -115,6 +117,7 @@ def summarise(inputs: Inputs, outcome: Outcome) -> Statistics:
         before=before,
         after=after,
         there=np.isfinite(inputs.detections[..., :2]).all(axis=-1) & (inputs.detections[..., 2] > 0),
+        nobody_fits=np.broadcast_to(inputs.nobody_fits[..., None], used.shape),
         weight=np.where(used, result.view_weights, np.nan),
         swapped=used & np.asarray(result.swapped),
         poor=used & (after > poor_px[:, None]),
@@ -185,6 +188,7 @@ class _Detections:
     before: Array
     after: Array
     there: Mask
+    nobody_fits: Mask
     weight: Array
     swapped: Mask
     poor: Mask
@@ -195,6 +199,7 @@ class _Detections:
 
 def _group(name: str, detections: _Detections) -> Group:
     used = np.isfinite(detections.after)
+    missing = ~detections.there & ~used
     both = used & np.isfinite(detections.before)
     before, after = detections.before[both], detections.after[both]
     weights = detections.weight[np.isfinite(detections.weight)]
@@ -206,7 +211,8 @@ def _group(name: str, detections: _Detections) -> Group:
         p90_after_px=_percentile(after, 90),
         used=int(used.sum()),
         left_out=int((detections.there & ~used).sum()),
-        missing=int((~detections.there & ~used).sum()),
+        missing=int(missing.sum()),
+        not_chosen=int((missing & detections.nobody_fits).sum()),
         down_weighted=int((weights < DOWN_WEIGHTED).sum()),
         rejected=int((weights < sk.REJECTED_WEIGHT).sum()),
         swapped=int(detections.swapped.sum()),

@@ -103,7 +103,10 @@ def _number(value: float, digits: int = 1) -> str:
 
 
 def _legend() -> str:
-    return f"weight: how far the detections are believed, 0 to 1; rejected: below {sk.REJECTED_WEIGHT:g}"
+    return (
+        "missing: no detection of the person followed; weight: how far the detections are believed, "
+        f"0 to 1; rejected: below {sk.REJECTED_WEIGHT:g}"
+    )
 
 
 def _lines(job: Job, inputs: Inputs, outcome: Outcome, statistics: Statistics) -> Iterator[str]:

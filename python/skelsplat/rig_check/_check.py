@@ -41,11 +41,12 @@ def check_rig(
 
     Without detections: lenses, cameras in one place, cameras that look away. With detections of a person
     also the convention of the poses (camera → world? OpenGL's axes?), the unit (is the body as large as a
-    person?), detections of other images than the calibration's (resized, turned, mirrored), exchanged
-    cameras (every pair is tried), frame offsets between cameras, and cameras that were turned or moved; half
-    of the cameras or more mean another recording. A cause is named when with it set right all cameras agree
-    clearly better by leave-one-out reprojection; what is left over is named as a camera that disagrees. It
-    takes three cameras to say which one is wrong, and where half of them are wrong nothing says which half.
+    person; with a layout of one's own, between 1 mm and 20 m?), detections of other images than the
+    calibration's (resized, turned, mirrored), exchanged cameras (every pair is tried), frame offsets between
+    cameras, and cameras that were turned or moved; half of the cameras or more mean another recording. A
+    cause is named when with it set right all cameras agree clearly better by leave-one-out reprojection; what
+    is left over is named as a camera that disagrees. It takes three cameras to say which one is wrong, and
+    where half of them are wrong nothing says which half.
 
     Parameters
     ----------
@@ -56,7 +57,8 @@ def check_rig(
     frames : (T,) int, optional
         Frame numbers, ascending; 0, 1, … when left out.
     layout : str or Layout, optional
-        Lets a person stand in a view with left and right exchanged.
+        Lets a person stand in a view with left and right exchanged. Give an animal one
+        of its own: without a layout, or with a built-in one, it has to be of a person's size.
     min_confidence : float
         Detections below it are not used.
 
@@ -86,7 +88,7 @@ def _with_detections(
     rig: sk.CameraRig, people: Array, frames: Index, layout: sk.Layout | None, findings: list[Finding]
 ) -> RigReport:
     convention, rig = find_convention(rig, people, layout)
-    unit, likely = check_unit(rig, follow(in_mm(rig), people, layout))
+    unit, likely = check_unit(rig, follow(in_mm(rig), people, layout), layout)
     cameras = in_mm(sk.CameraRig(list(rig), unit=likely))
     given = follow(cameras, people, layout)
     if not np.isfinite(given).any():
@@ -97,7 +99,7 @@ def _with_detections(
     exchange, order = find_exchange(cameras, people, layout)
     if images is not None or exchange is not None:
         given = follow(cameras, people[:, list(order)], layout)
-        unit, likely = check_unit(rig, given)
+        unit, likely = check_unit(rig, given, layout)
         cameras = in_mm(sk.CameraRig(list(rig), unit=likely))
     if images is not None:
         findings = [finding for finding in findings if "outside" not in finding.numbers]

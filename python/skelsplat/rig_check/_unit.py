@@ -1,4 +1,4 @@
-"""Whether a body measured in the calibration's unit has the size of a person."""
+"""Whether a body measured in the calibration's unit has the size of a person, or of any body."""
 
 from __future__ import annotations
 
@@ -12,14 +12,16 @@ from skelsplat.rig_check._scene import Array, median
 # twice the distance from the middle joint that four joints in five keep within: 1.4 m standing, 0.8 m
 # curled up
 _PERSON_MM = (400.0, 3000.0)
+# of a body that need not be a person's
+_ANYTHING_MM = (1.0, 20_000.0)
 _TYPICAL_MM = 1300.0
 _SHARE = 80.0
 _FRAMES = 30
 _LEAST_JOINTS = 8
 
 
-def check_unit(rig: sk.CameraRig, detections: Array) -> tuple[Finding | None, str]:
-    """Compare the size of the body in detections (T, M, N, 2) with a person's.
+def check_unit(rig: sk.CameraRig, detections: Array, layout: sk.Layout | None) -> tuple[Finding | None, str]:
+    """Compare the size of the body in detections (T, M, N, 2) with a person's, if the layout is a person's.
 
     Plain triangulation, which knows no unit, is used, and sizes in every frame, so that neither a wrong unit
     nor a few wrong detections matter. Returns the finding, and the unit in which the rig is plausible.
@@ -27,12 +29,32 @@ def check_unit(rig: sk.CameraRig, detections: Array) -> tuple[Finding | None, st
     some = np.unique(np.linspace(0, len(detections) - 1, min(_FRAMES, len(detections))).round().astype(int))
     points = np.asarray(sk.triangulate(detections[some], rig, method="dlt"))
     size = median(np.array([_size(frame) for frame in points]))
-    stated = rig.unit
-    if not np.isfinite(size) or _is_person(size * MM_PER_UNIT[stated]):
+    if not np.isfinite(size):
+        return None, rig.unit
+    if _may_be_anything(layout):
+        return _of_anything(size * rig.mm_per_unit, rig.unit), rig.unit
+    return _of_person(size, rig.unit)
+
+
+def _may_be_anything(layout: sk.Layout | None) -> bool:
+    """Whether the layout is the user's own: an animal, a hand. The built-in ones are people's."""
+    return layout is not None and all(layout != sk.layouts.get(name) for name in sk.layouts.names)
+
+
+def _of_anything(size_mm: float, stated: str) -> Finding | None:
+    if _ANYTHING_MM[0] <= size_mm <= _ANYTHING_MM[1]:
+        return None
+    text = f"In {stated} the body measures about {_length(size_mm)}: is that the calibration's unit?"
+    return Finding("unit", (), text, {"stated": stated, "size_mm": size_mm})
+
+
+def _of_person(size: float, stated: str) -> tuple[Finding | None, str]:
+    size_mm = size * MM_PER_UNIT[stated]
+    if _is_person(size_mm):
         return None, stated
     likely = min(MM_PER_UNIT, key=lambda unit: abs(np.log(size * MM_PER_UNIT[unit] / _TYPICAL_MM)))
-    measured = f"In {stated} the person measures about {_length(size * MM_PER_UNIT[stated])}"
-    numbers = {"stated": stated, "size_mm": size * MM_PER_UNIT[stated]}
+    measured = f"In {stated} the person measures about {_length(size_mm)}"
+    numbers = {"stated": stated, "size_mm": size_mm}
     if not _is_person(size * MM_PER_UNIT[likely]):
         text = f"{measured}, which no unit of mm, cm or m mends: was the calibration scaled?"
         return Finding("unit", (), text, numbers), stated

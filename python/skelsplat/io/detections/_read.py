@@ -48,8 +48,8 @@ def read_detections(
     Parameters
     ----------
     path : path
-        A folder with one folder or one file per camera, named like it; or one file of all cameras. What each
-        tool writes is said in the module of its format, for example `skelsplat.io.detections.mmpose`.
+        A folder with one folder or one file per camera, named like it; or one file of all cameras. The
+        page on file formats says what each tool writes.
     cameras : CameraRig, sequence of Camera or of names
         Gives the views and their order. Cameras must have names, unless `order` is given.
     layout : str or Layout

@@ -32,7 +32,7 @@ def write_npz(path: str | os.PathLike[str], data: PoseData) -> None:
     pose, init_pose                               (T, N, 3)       unit
     uncertainty                                   (T, N, 3, 3)    posterior covariance, unit²
     covariance                                    (T, N, 3, 3)    of the splats, unit²; no error bar
-    joint_status                                  (T, N)          ok, weak, unobserved
+    joint_status                                  (T, N)          ok, weak, unobserved, filled
     view_weights                                  (T, M, N)       0 to 1; NaN without a detection
     swapped                                       (T, M, N)       left and right exchanged
     reprojection_error                            (T, M, N)       px
