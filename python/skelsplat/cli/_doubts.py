@@ -195,13 +195,17 @@ def _joints(statistics: Statistics) -> Iterator[str]:
 def _statuses(inputs: Inputs, outcome: Outcome, written: npt.NDArray[np.str_]) -> Iterator[str]:
     status, filled = np.asarray(outcome.result.joint_status), written == "filled"
     asked = np.array([joint not in inputs.lacking for joint in inputs.layout.joints])
-    for label, meaning in (
-        ("weak", "meets its detections in fewer than two views, so its depth is not fixed"),
-        ("unobserved", "has no usable detection and keeps its start, if it has one"),
+    for label, meaning, remedy in (
+        (
+            "weak",
+            "meets its detections in fewer than two views, so its depth is not fixed",
+            " Files hold it like any other; refine --fill-gaps N --fill-weak interpolates it.",
+        ),
+        ("unobserved", "has no usable detection and keeps its start, if it has one", ""),
     ):
         where = (status == label) & asked
         if (where & ~filled).any():
-            yield f"{label}, that is, {meaning}: {_places(inputs, where & ~filled)}."
+            yield f"{label}, that is, {meaning}: {_places(inputs, where & ~filled)}.{remedy}"
         if (where & filled).any():
             yield f"{label}, now filled from the frames around: {_places(inputs, where & filled)}."
 
