@@ -7,6 +7,11 @@ from typer.testing import CliRunner
 from skelsplat.cli import app
 
 READ = ["--unit", "mm", "--layout", "h36m17"]
+FAST = ["--max-steps", "30", "--fps", "50"]
+RESULTS = {
+    *("pose.npz", "pose.csv", "pose.trc", "report.json", "overview.png", "weights.png"),
+    *("report.html", "cameras.json", "detections.npz"),
+}
 
 
 def invoke(*args):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from command_line import READ, assert_fails, invoke
+from command_line import FAST, READ, RESULTS, assert_fails, invoke
 from skelsplat import synthetic
 from skelsplat.cli import _pipeline, _run
 from skelsplat.cli._person import pick_person
@@ -18,11 +18,6 @@ from skelsplat.io import PoseData, read_npz, read_trc, write_npz
 
 T = 5
 NOISE_PX = 2.0
-RESULTS = {
-    *("pose.npz", "pose.csv", "pose.trc", "report.json", "overview.png", "weights.png"),
-    *("report.html", "cameras.json", "detections.npz"),
-}
-FAST = ["--max-steps", "30", "--fps", "50"]
 
 
 def test_refine_writes_all_results(recording, arguments):
@@ -35,17 +30,6 @@ def test_refine_writes_all_results(recording, arguments):
     assert written.camera_names == rig.names
     # 2 px at a focal length of 1145 px and 5.4 m are 9.4 mm; on three axes √3 of that; four views do better
     assert np.linalg.norm(written.pose - pose, axis=-1).mean() < 16.3
-
-
-def test_poses_of_another_run_are_removed_and_other_files_left(recording, arguments):
-    folder, _, _ = recording
-    assert invoke(*arguments, *READ, *FAST, "--no-html").exit_code == 0
-    (folder / "out" / "plots").mkdir()
-    (folder / "out" / "pose.txt").write_text("mine")
-    assert invoke(*arguments, *READ, *FAST, "--no-html", "--write", "json").exit_code == 0
-    left = {path.name for path in (folder / "out").iterdir()}
-    kept = RESULTS - {"pose.csv", "pose.trc", "report.html"}
-    assert left == kept | {"pose.json", "pose.txt", "plots"}
 
 
 def test_the_printed_table_fits_80_columns_and_counts_missing_detections(arguments):

@@ -111,11 +111,17 @@ def room(tmp_path_factory):
     found = synthetic.simulate_detections(synthetic.motion("walk", 40, seed=1), rig, noise=noise, seed=3)
     write_calibration(folder / "Calib.toml", rig)
     files.openpose_folders(folder / "pose", rig, found[5:35, ..., :2])
-    exchanged = found[5:35, [1, 0, 2, 3], :, :2]
+    exchanged = found[5:35, [1, 0, 2, 3], :, :2].copy()
     files.openpose_folders(folder / "exchanged", rig, exchanged)
     late = found[5:35, ..., :2].copy()
     late[:, 2] = found[2:32, 2, :, :2]
     files.openpose_folders(folder / "late", rig, late)
+    files.openpose_folders(folder / "both", rig, late[:, [1, 0, 2, 3]])
+    exchanged[:, 0] = found[3:33, 1, :, :2]
+    files.openpose_folders(folder / "moved", rig, exchanged)
+    files.openpose_folders(folder / "short", rig, late)
+    for path in sorted((folder / "short" / "cam3").iterdir())[:2]:
+        path.unlink()
     return folder
 
 
@@ -149,6 +155,65 @@ def test_faults_are_status_1_and_said_in_words(room):
     assert "! cam3: its frame numbers are 3 too high, its frame f+3 belongs to frame f of the others" in words
     assert words.endswith("refine takes it as --offset cam3=-3.")
     assert words.startswith("! cam3")  # no table, no legend
+
+
+def options(document, kind):
+    (finding,) = (finding for finding in document["findings"] if finding["kind"] == kind)
+    return finding["refine_options"]
+
+
+def refined_px(room, detections, out, *given):
+    result = invoke(
+        *("refine", room / "Calib.toml", room / detections, "-o", out, "--layout", "h36m17", "-q"),
+        *("--no-html", "--fps", 50, *given),
+    )
+    assert result.exit_code == 0, result.output
+    return float(np.nanmedian(sk.io.read_npz(out / "pose.npz").reprojection_error))
+
+
+def test_the_order_that_is_printed_puts_exchanged_cameras_right(room, tmp_path):
+    said = " ".join(check(room, "exchanged").stdout.split())
+    assert "refine takes it as --order cam2,cam1,cam3,cam4." in said
+    order = options(json.loads(check(room, "exchanged", "--json").stdout), "exchanged")
+    assert check(room, "exchanged", *order).exit_code == 0
+    right = refined_px(room, "pose", tmp_path / "pose")
+    assert refined_px(room, "exchanged", tmp_path / "exchanged", *order) == pytest.approx(right, rel=1e-6)
+
+
+def test_an_order_is_that_of_the_files_as_they_are_called(room, tmp_path):
+    everyone = sk.io.read_detections(room / "exchanged", ["cam1", "cam2", "cam3", "cam4"], layout="h36m17")
+    names = ["walk cam1", "walk cam2", "walk cam3", "walk cam4"]
+    for name, view in zip(names, everyone.people.swapaxes(0, 1), strict=True):
+        np.savez(tmp_path / f"{name}.npz", detections=view)
+    result = invoke("check-cameras", room / "Calib.toml", tmp_path, "--layout", "h36m17")
+    said = " ".join(result.stdout.split())
+    assert "--order 'walk cam2.npz,walk cam1.npz,walk cam3.npz,walk cam4.npz'." in said
+
+
+def test_offsets_that_were_given_follow_an_exchange(room):
+    given = ["--offset", "cam_01=-2"]  # of the folder cam1, which is camera 2's
+    order = options(json.loads(check(room, "moved", *given, "--json").stdout), "exchanged")
+    assert order == ["--order", "cam2,cam1,cam3,cam4", "--offset", "cam1=0", "--offset", "cam2=-2"]
+    assert check(room, "moved", *order).exit_code == 0
+    document = json.loads(check(room, "both", "--offset", "cam3=2", "--json").stdout)
+    assert options(document, "exchanged") == ["--order", "cam2,cam1,cam3,cam4"]
+    assert options(document, "offset") == ["--offset", "cam3=-3"]
+
+
+def test_a_finding_says_what_is_put_right_before(room):
+    result = check(room, "both", "-q")
+    said = " ".join(result.stdout.split())
+    assert "px off what the others say once cam1 and cam2 are put right, with that put right" in said
+
+
+def test_frames_that_differ_need_more_than_an_offset(room, tmp_path):
+    assert options(json.loads(check(room, "late", "--json").stdout), "offset") == ["--offset", "cam3=-3"]
+    given = options(json.loads(check(room, "short", "--json").stdout), "offset")
+    assert given == ["--offset", "cam3=-3", "--frames", "intersection"]
+    refined_px(room, "short", tmp_path / "out", *given)
+    refused = ("refine", room / "Calib.toml", room / "short", "-o", tmp_path / "x", "--layout", "h36m17")
+    said = ["expected the same frames in every folder", "--frames intersection reads the frames that all"]
+    assert_fails(invoke(*refused, *given[:2]), 1, *said, '(in Python frames="intersection", frames="union")')
 
 
 def test_the_offset_of_the_table_is_the_one_to_give(room, tmp_path):

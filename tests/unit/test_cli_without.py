@@ -89,4 +89,27 @@ def test_names_that_are_none_and_too_few_cameras_are_bad_usage(recording):
     result = refine(folder, folder / "openpose", "--without", "cam1", "--without", "cam2")
     assert_fails(result, 2, "--without: ", "two cameras or more", "got 1")
     shutil.rmtree(folder / "openpose" / "cam1")
-    assert_fails(refine(folder, folder / "openpose"), 1, "none for cam1")
+    said = ["none for cam1", "--without cam1 (in Python without=)"]
+    assert_fails(refine(folder, folder / "openpose"), 1, *said)
+
+
+def test_names_are_compared_as_loosely_as_folders(recording, expected):
+    folder, _, _ = recording
+    result = refine(folder, folder / "openpose", "--without", "Cam_03", "--offset", "cam_04=0")
+    assert result.exit_code == 0, result.output
+    np.testing.assert_allclose(pose(folder), expected, rtol=1e-9)
+    stated = json.loads((folder / "out" / "report.json").read_text())["input"]
+    assert (stated["without"], stated["offsets"]) == ([OUT], {"cam4": 0})
+    result = refine(folder, folder / "openpose", "--offset", "cam4=1", "--offset", "cam_04=2")
+    assert_fails(result, 2, "--offset: expected cam4 once, got 'cam4' and 'cam_04'")
+
+
+def test_check_cameras_leaves_out_a_camera_that_was_not_recorded(recording):
+    folder, _, _ = recording
+    shutil.rmtree(folder / "openpose" / OUT)
+    check = ["check-cameras", folder / "Calib.toml", folder / "openpose", "--layout", "h36m17"]
+    assert_fails(invoke(*check), 1, f"none for {OUT}", f"--without {OUT}")
+    assert_fails(invoke(*check, "--without", "door"), 2, "--without: expected a camera, one of cam1")
+    result = invoke(*check, "--without", "cam_03", "--json")
+    assert result.exit_code == 0, result.output
+    assert [row["name"] for row in json.loads(result.stdout)["cameras"]] == list(KEPT)

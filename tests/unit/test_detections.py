@@ -138,12 +138,28 @@ def test_offsets_are_for_cameras_and_whole_numbers(tmp_path, people, place, rig)
     union = read_detections(path, rig, layout="h36m17", offsets={rig.names[0]: 1}, frames="union")
     np.testing.assert_array_equal(union.frames, [5, 6, 7, 8, 9])
     assert np.isnan(union.people[0, 0]).all()
-    with pytest.raises(sk.InvalidInputError, match=r"offsets: expected a camera \(.*\), got 'cam9'"):
+    with pytest.raises(sk.InvalidInputError, match=r"offsets: expected a camera, one of .*, got 'cam9'"):
         read_detections(path, rig, layout="h36m17", offsets={"cam9": 1})
     with pytest.raises(sk.InvalidInputError, match=r"offsets\[\w+\]: expected a whole number .*, got 0\.5"):
         read_detections(path, rig, layout="h36m17", offsets={rig.names[0]: 0.5})
     with pytest.raises(sk.DatasetError, match=r"frames: expected frames that all folders have after the off"):
         read_detections(path, rig, layout="h36m17", offsets={rig.names[0]: 10})
+
+
+def test_cameras_are_named_as_loosely_as_their_files(tmp_path, people, place, rig):
+    path, _ = written(CASES["openpose"], tmp_path, people, place, rig)
+    first, *others = rig.names
+    loose = first.upper().replace("CAM", "CAM_0")
+    exact = read_detections(path, rig, layout="h36m17", offsets={first: 1})
+    found = read_detections(path, rig, layout="h36m17", offsets={loose: 1})
+    np.testing.assert_array_equal(found.people, exact.people)
+    left = read_detections(path, rig, layout="h36m17", without=[loose])
+    assert left.camera_names == tuple(others)
+    assert left.labels == tuple(others)
+    with pytest.raises(sk.InvalidInputError, match=r"without: expected a camera, one of .*, got 'door'"):
+        read_detections(path, rig, layout="h36m17", without=["door"])
+    with pytest.raises(sk.InvalidInputError, match=f"offsets: expected {first} once"):
+        read_detections(path, rig, layout="h36m17", offsets={first: 1, loose: 2})
 
 
 @pytest.mark.parametrize("name", ["alphapose", "coco", "csv"])

@@ -51,6 +51,22 @@ def test_joints_of_the_file_that_the_layout_lacks_are_left_out(tmp_path):
         sk.InvalidInputError, match=r"got none; .* has 18 joints per person: no known layout.*names tail"
     ):
         read_detections(tmp_path, NAMES)
+    with pytest.raises(sk.InvalidInputError, match=r"--map JOINT=NAME .*\(in Python .*skelsplat\.Layout"):
+        read_detections(tmp_path, NAMES)
+
+
+def test_a_known_layout_is_taken_by_place_from_one_that_is_unknown(tmp_path):
+    people = np.concatenate([MAIN[..., 8:9, :], MAIN], axis=-2)
+    write(tmp_path, "openpose", people=people)
+    message = r"18: no known layout\); choose a known one .*--map JOINT=NAME"
+    with pytest.raises(sk.DatasetError, match=message):
+        read_detections(tmp_path, NAMES, layout="h36m17")
+    places = {joint: place for place, joint in enumerate(H36M.joints, start=1)}
+    found = read_detections(tmp_path, NAMES, layout="h36m17", mapping=places)
+    np.testing.assert_array_equal(first_joints(found), X)
+    del places[H36M.joints[0]]
+    with pytest.raises(sk.DatasetError, match=r"expected --map \(in Python mapping=\) for every joint"):
+        read_detections(tmp_path, NAMES, layout="h36m17", mapping=places)
 
 
 def test_mapping_says_what_names_do_not(tmp_path):
@@ -113,7 +129,7 @@ def test_a_mapping_without_names_in_the_file(tmp_path):
     ):
         read_detections(tmp_path, NAMES, layout="coco17", mapping={"nose": "x"})
     with pytest.raises(
-        sk.DatasetError, match=r"mapping for every joint of coco17, .*got none for left_eye, "
+        sk.DatasetError, match=r"--map .*for every joint of coco17, .*got none for left_eye, "
     ):
         read_detections(tmp_path, NAMES, layout="coco17", mapping={"nose": 0})
 

@@ -74,6 +74,7 @@ def test_a_camera_without_a_video(case, videos):
     (videos / "cam02.mp4").unlink()
     (videos / "door.mp4").write_bytes(b"")
     assert_fails(overlay(case, videos), 1, "a file for every camera (files: cam01.mp4, door.mp4)", "cam_02")
+    assert_fails(overlay(case, videos), 1, "with --camera CAMERA, repeatable (in Python chosen=)")
     assert overlay(case, videos, "--camera", "cam_01").exit_code == 0
     assert_fails(overlay(case, videos, "--camera", "cam_02"), 1, "cam01.mp4, door.mp4", "none for cam_02")
     assert_fails(overlay(case, videos, "--camera", "cam_9"), 1, "one of cam_01, cam_02, got 'cam_9'")
@@ -167,7 +168,8 @@ def test_a_single_video_is_that_of_its_name_or_of_the_chosen_camera(case, videos
 def test_a_chosen_camera_is_compared_as_loosely_as_a_video(case, videos, tmp_path):
     assert overlay(case, videos, "--camera", "cam01").exit_code == 0
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["cam_01.mp4"]
-    assert_fails(overlay(case, videos, "--camera", "door"), 1, "camera: expected one of cam_01, cam_02, got")
+    said = "camera: expected a camera, one of cam_01, cam_02, got 'door'"
+    assert_fails(overlay(case, videos, "--camera", "door"), 1, said)
     with pytest.raises(InvalidInputError, match="camera: expected the exact name of one of a1, A_01, got"):
         find_videos(videos, ["a1", "A_01"], chosen=["a01"])
 

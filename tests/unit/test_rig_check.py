@@ -171,6 +171,10 @@ def test_two_faults_are_both_named():
         "turned": ("hd01",),
         "offset": ("hd04",),
     }
+    first, second = report.findings
+    assert "are put right" not in first.text
+    assert "is put right" not in first.text
+    assert f"px off what the others say once {first.cameras[0]} is put right, with that" in second.text
 
 
 @pytest.mark.parametrize("unit", ["m", "cm"])

@@ -33,11 +33,11 @@ class Job:
     format
         Format of the detections; None to find it from the files.
     offsets
-        By camera, frames to add to its frame numbers.
+        By camera, frames to add to its frame numbers; names as the user wrote them.
     order
         The source of each camera's detections, or ``"sorted"``; None to match by name.
     without
-        Names of cameras that are left out.
+        Names of cameras that are left out, as the user wrote them.
     mapping
         By joint of the layout, its name or place in the files, where these differ.
     sequence

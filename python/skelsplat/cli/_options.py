@@ -103,7 +103,8 @@ Frames = Annotated[
     str,
     typer.Option(
         metavar="MODE",
-        help="If cameras have different frames, strict refuses, intersection keeps common ones, union all.",
+        help="If cameras have different frames, strict refuses (but for formats that list only people: "
+        "alphapose, coco, csv), intersection keeps common ones, union all.",
         rich_help_panel=_INPUT,
     ),
 ]

@@ -6,7 +6,7 @@ import contextlib
 import os
 import time
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
@@ -15,7 +15,7 @@ import numpy as np
 import skelsplat as sk
 from skelsplat.cameras import MM_PER_UNIT, without_distortion
 from skelsplat.cli._person import pick_person
-from skelsplat.cli._reading import leave_out, read_found
+from skelsplat.cli._reading import leave_out, named_offsets, read_found
 from skelsplat.exceptions import DatasetError
 from skelsplat.io import read_npz
 
@@ -49,6 +49,10 @@ class Inputs:
         Names of the formats of the detections and of the calibration; None where it is not known.
     lacking
         Joints that the files lack by the user's own word.
+    offsets
+        By camera, frames that were added to its numbers, where the user gave them.
+    without
+        Cameras of the calibration that are left out.
     """
 
     rig: sk.CameraRig
@@ -60,6 +64,8 @@ class Inputs:
     format: str = ""
     calibration_format: str | None = None
     lacking: frozenset[str] = frozenset()
+    offsets: dict[str, int] = field(default_factory=dict)
+    without: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -136,7 +142,19 @@ def read_inputs(job: Job) -> Inputs:
     init = None if job.init is None else _read_init(job.init, rig, (len(found.frames), layout))
     known = job.cameras.format_of(job.calibration)
     lacking = frozenset(joint for joint, place in job.mapping.items() if place is None)
-    return Inputs(rig, layout, chosen, nobody_fits, found.frames, init, found.format, known, lacking)
+    return Inputs(
+        rig,
+        layout,
+        chosen,
+        nobody_fits,
+        found.frames,
+        init,
+        format=found.format,
+        calibration_format=known,
+        lacking=lacking,
+        offsets=named_offsets(every, job.offsets),
+        without=tuple(name for name in every.names if name not in rig.names),
+    )
 
 
 def _read_init(path: Path, rig: sk.CameraRig, size: tuple[int, sk.Layout]) -> Array:

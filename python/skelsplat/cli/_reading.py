@@ -10,9 +10,10 @@ import typer
 import skelsplat as sk
 from skelsplat.cli._calibration import usage
 from skelsplat.io.detections import FORMATS, DetectionSet, read_detections
+from skelsplat.io.detections._cameras import camera_called, cameras_called
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
     from pathlib import Path
 
 _OPTIONS = {
@@ -23,6 +24,7 @@ _OPTIONS = {
     "order": "--order",
     "mapping": "--map",
     "sequence": "--sequence",
+    "without": "--without",
 }
 
 
@@ -43,22 +45,27 @@ def read_found(path: Path, rig: sk.CameraRig, **given: Any) -> DetectionSet:
 
 
 def leave_out(rig: sk.CameraRig, without: tuple[str, ...]) -> sk.CameraRig:
-    """Return the rig without the cameras of these names.
+    """Return the rig without the cameras that are meant, whose names may be written loosely.
 
     Raises
     ------
     typer.BadParameter
         If there is no camera of such a name, or fewer than two are left.
     """
-    for name in without:
-        if name not in rig.names:
-            expected = f"a camera of the calibration ({', '.join(rig.names)})"
-            raise typer.BadParameter(f"expected {expected}, got {name!r}", param_hint="--without")
-    kept = [camera for camera in rig if camera.name not in without]
+    try:
+        left_out = cameras_called(without, rig.names, "without")
+    except sk.InvalidInputError as error:
+        raise usage(error, _OPTIONS) from error
+    kept = [camera for name, camera in zip(rig.names, rig, strict=True) if name not in left_out]
     if len(kept) < 2:
         expected = f"two cameras or more to be left of {', '.join(rig.names)}"
         raise typer.BadParameter(f"expected {expected}, got {len(kept)}", param_hint="--without")
     return sk.CameraRig(kept, unit=rig.unit) if without else rig
+
+
+def named_offsets(rig: sk.CameraRig, offsets: Mapping[str, int]) -> dict[str, int]:
+    """Return offsets that were read with, by the calibration's own names."""
+    return {camera_called(text, rig.names): frames for text, frames in offsets.items()}
 
 
 def reading(

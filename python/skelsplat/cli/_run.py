@@ -8,8 +8,8 @@ import typer
 from rich.console import Console
 
 from skelsplat.cli._doubts import find_doubts, is_of_size
+from skelsplat.cli._earlier_run import clear_earlier, left_of_earlier
 from skelsplat.cli._figures import write_figures
-from skelsplat.cli._html_report import NAME as PAGE
 from skelsplat.cli._html_report import Findings, write_html_report
 from skelsplat.cli._json import print_json, to_text
 from skelsplat.cli._output_folder import output_folder
@@ -19,7 +19,7 @@ from skelsplat.cli._problems import find_problems
 from skelsplat.cli._progress import bar_of
 from skelsplat.cli._report import build_report
 from skelsplat.cli._statistics import summarise
-from skelsplat.cli._table import print_doubts, print_files, print_over_time, print_summary
+from skelsplat.cli._table import print_doubts, print_files, print_left, print_over_time, print_summary
 from skelsplat.io import PoseData, write_pose
 from skelsplat.io._atomic import atomic_write_text
 from skelsplat.io.poses import POSE_FORMATS, check_pose_format
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from skelsplat.cli._pipeline import Inputs, Outcome
 
 _ASSUMED_FPS = 30.0
-_PICTURES = {"overview.png", "weights.png", "heatmaps.png"}
 _NEED_FPS = [kind for kind, entry in POSE_FORMATS.items() if "y_up" in entry.options]
 
 
@@ -72,7 +71,7 @@ def _run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
         "over_time": over_time,
     }
     report = build_report(job, inputs, outcome, statistics, remarks)
-    (job.out / REPORT).unlink(missing_ok=True)  # until it is written again, files of two runs may lie here
+    clear_earlier(job)
     names = _write_poses(job, poses)
     names += write_run_inputs(job.out, inputs.rig, inputs.layout, inputs.detections, inputs.frames)
     atomic_write_text(job.out / REPORT, to_text(report))
@@ -80,7 +79,6 @@ def _run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
     if job.html:
         findings = Findings(poses, problems, distrust=[*doubts, *warnings])
         names += write_html_report(job, inputs, outcome, statistics, findings)
-    _remove_others(job, names)
     if verbosity.as_json or verbosity.quiet:
         for doubt in doubts:
             _tell(doubt)
@@ -92,15 +90,8 @@ def _run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
         print_doubts(console, [*filter(is_of_size, warnings), *doubts])
         print_over_time(console, poses.processing)
         print_files(console, job.out, names)
+        print_left(console, left_of_earlier(job.out))
     return report
-
-
-def _remove_others(job: Job, names: list[str]) -> None:
-    """Remove the poses, pictures and page of another run, which would lie beside results of this one."""
-    given = {path.resolve() for path in (job.calibration, job.detections, job.init) if path is not None}
-    for name in {*_PICTURES, PAGE, *(f"pose.{kind}" for kind in POSE_FORMATS)} - set(names):
-        if (job.out / name).resolve() not in given:
-            (job.out / name).unlink(missing_ok=True)
 
 
 def _tell(warning: str) -> None:

@@ -71,6 +71,12 @@ def print_files(console: Console, folder: Path, names: Sequence[str]) -> None:
     console.print(Text.assemble("Wrote to ", (f"{folder}/", "bold"), f": {', '.join(names)}"))
 
 
+def print_left(console: Console, folders: Sequence[str]) -> None:
+    """Say which folders beside the results belong to an earlier run."""
+    if folders:
+        console.print(f"! {' and '.join(folders)} {'is' if len(folders) == 1 else 'are'} of an earlier run")
+
+
 def _cameras(job: Job, statistics: Statistics) -> Table:
     table = Table(
         title=f"Reprojection error [px], {start_name(job)} → refined, and detections",

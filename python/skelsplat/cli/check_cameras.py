@@ -19,12 +19,11 @@ from skelsplat.cli._calibration import CalibrationOptions
 from skelsplat.cli._checks import one_of
 from skelsplat.cli._json import print_json
 from skelsplat.cli._pipeline import collected_warnings
-from skelsplat.cli._reading import read_found, reading
-from skelsplat.rig_check import CameraRow, Finding, RigReport, check_rig
+from skelsplat.cli._reading import leave_out, named_offsets, read_found, reading
+from skelsplat.cli._remedies import Remedies
+from skelsplat.rig_check import Finding, RigReport, check_rig
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from skelsplat.io import DetectionSet
 
 EPILOG = "Exit status: 0 nothing found, 1 something found or a file is unreadable, 2 bad usage."
@@ -65,6 +64,7 @@ def check_cameras(
     format: options.Format = None,
     offset: options.Offset = None,
     order: options.Order = None,
+    without: options.Without = None,
     joint_map: options.JointMap = None,
     sequence: options.Sequence = None,
     unit: calibration.Unit = None,
@@ -81,7 +81,8 @@ def check_cameras(
     With the detections of one person walking about, every camera is compared
     with what the other cameras say. All formats and options of refine's
     detections are read. With --json, best_offset of a camera is by how many
-    frames its numbers are too high, offset_option the value for --offset.
+    frames its numbers are too high, offset_option the value for --offset;
+    refine_options of a finding are what puts it right there.
 
     [bold]Examples[/bold]
 
@@ -101,8 +102,9 @@ def check_cameras(
     }
     read = CalibrationOptions(unit, calibration_format, camera_type, subject, size, binning)
     with collected_warnings(lambda _: None) as warnings:
-        rig = read.read(source, format_option="--calibration-format")
-        found = None if detections is None else read_found(detections, rig, **given)
+        every = read.read(source, format_option="--calibration-format")
+        rig = leave_out(every, tuple(without or ()))
+        found = None if detections is None else read_found(detections, every, without=without or (), **given)
         report = (
             check_rig(rig)
             if found is None
@@ -112,29 +114,23 @@ def check_cameras(
     if any(finding.kind == "unit" for finding in report.findings):
         doubts = [doubt for doubt in doubts if doubt.kind != "unit"]
     report = RigReport((*doubts, *report.findings), report.cameras)
+    remedies = Remedies(report, found, {} if found is None else named_offsets(every, given["offsets"]))
     if as_json:
-        print_json(_document(source, detections, rig, report, given["offsets"]))
+        print_json(_document(source, detections, rig, remedies))
     else:
-        _print(rig, report, found, given["offsets"], quiet=quiet)
+        _print(rig, found, remedies, quiet=quiet)
     if not report.ok:
         raise typer.Exit(1)
 
 
-def _print(
-    rig: sk.CameraRig,
-    report: RigReport,
-    found: DetectionSet | None,
-    offsets: Mapping[str, int],
-    *,
-    quiet: bool,
-) -> None:
-    console = Console(highlight=False, markup=False)
+def _print(rig: sk.CameraRig, found: DetectionSet | None, remedies: Remedies, *, quiet: bool) -> None:
+    console, report = Console(highlight=False, markup=False), remedies.report
     if report.cameras and not quiet:
-        console.print(_table(report, offsets))
+        console.print(_table(remedies))
         console.print(_LEGEND, style="dim")
         console.print()
     for finding in report.findings:
-        console.print(f"! {finding.text}{_remedy(finding, report, offsets)}")
+        console.print(f"! {finding.text}{remedies.text(finding)}")
     if report.ok and not quiet:
         console.print(_nothing(rig, found))
 
@@ -150,20 +146,7 @@ def _nothing(rig: sk.CameraRig, found: DetectionSet | None) -> str:
     )
 
 
-def _remedy(finding: Finding, report: RigReport, offsets: Mapping[str, int]) -> str:
-    """Say what to give to refine for a finding, if it has an option for it."""
-    if finding.kind == "offset":
-        (row,) = (row for row in report.cameras if row.name == finding.cameras[0])
-        return f" refine takes it as --offset {row.name}={_offset_option(row, offsets)}."
-    return ""
-
-
-def _offset_option(row: CameraRow, offsets: Mapping[str, int]) -> int | None:
-    """Value of --offset that puts a camera in step, the one given here included; None if it is in step."""
-    return offsets.get(row.name, 0) - row.best_offset if row.best_offset else None
-
-
-def _table(report: RigReport, offsets: Mapping[str, int]) -> Table:
+def _table(remedies: Remedies) -> Table:
     table = Table(
         title="Distance of the detections from the person [px], medians",
         title_justify="left",
@@ -173,8 +156,8 @@ def _table(report: RigReport, offsets: Mapping[str, int]) -> Table:
     table.add_column("camera")
     for name in ("by\nothers", "--offset", "DLT", "robust", "weight", "rejected", "detections"):
         table.add_column(name, justify="right")
-    for row in report.cameras:
-        option = _offset_option(row, offsets)
+    for row in remedies.report.cameras:
+        option = remedies.offset(row)
         offset = "" if option is None else f"{option}: {row.best_offset_px:.1f}"
         share = f"{100 * row.rejected:.0f}%" if math.isfinite(row.rejected) else "–"
         cells = [_number(row.left_out_px), offset, _number(row.dlt_px), _number(row.robust_px)]
@@ -186,18 +169,15 @@ def _number(value: float, digits: int = 1) -> str:
     return f"{value:.{digits}f}" if math.isfinite(value) else "–"
 
 
-def _document(
-    source: Path,
-    detections: Path | None,
-    rig: sk.CameraRig,
-    report: RigReport,
-    offsets: Mapping[str, int],
-) -> dict[str, Any]:
+def _document(source: Path, detections: Path | None, rig: sk.CameraRig, remedies: Remedies) -> dict[str, Any]:
+    report = remedies.report
     return {
         "calibration": str(source),
         "detections": None if detections is None else str(detections),
         "unit": rig.unit,
         "ok": report.ok,
-        "findings": [asdict(finding) for finding in report.findings],
-        "cameras": [{**asdict(row), "offset_option": _offset_option(row, offsets)} for row in report.cameras],
+        "findings": [
+            {**asdict(finding), "refine_options": remedies.of(finding)} for finding in report.findings
+        ],
+        "cameras": [{**asdict(row), "offset_option": remedies.offset(row)} for row in report.cameras],
     }

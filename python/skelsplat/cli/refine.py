@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 EPILOG = (
     "Results in FOLDER: pose.npz, pose.csv and pose.trc (or what --write says), report.json, report.html, "
     "overview.png and weights.png, with --paper also heatmaps.png; and the input as it was used, "
-    "cameras.json and detections.npz."
+    "cameras.json and detections.npz. What an earlier run wrote there is removed first; plots/ and overlay/ "
+    "stay."
 )
 _UNITS = ("mm", "cm", "m")
 _FRAMES = ("strict", "intersection", "union")

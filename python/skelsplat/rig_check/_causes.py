@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skelsplat.rig_check._findings import Finding
+from skelsplat.rig_check._findings import Finding, once_right
 from skelsplat.rig_check._images import CHANGES, changed_view, resizer
 from skelsplat.rig_check._resection import angle_between, resect, turn_between
 from skelsplat.rig_check._scene import named
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from skelsplat.rig_check._scene import Array, Scene
 
@@ -56,14 +56,17 @@ class Cause:
         return _ORDER.index(self.kind)
 
 
-def explain(scene: Scene) -> tuple[list[Finding], Scene]:
-    """Name the causes of disagreement one by one, and return the scene with all of them set right."""
+def explain(scene: Scene, earlier: Sequence[Finding] = ()) -> tuple[list[Finding], Scene]:
+    """Name the causes of disagreement one by one, and return the scene with all of them set right.
+
+    In the given scene what was found `earlier` is set right.
+    """
     findings: list[Finding] = []
     for _ in range(scene.views):
         cause = _best_cause(scene)
         if cause is None:
             break
-        findings.append(_finding(scene, cause))
+        findings.append(_finding(scene, cause, [*earlier, *findings]))
         scene = cause.scene
     return findings, scene
 
@@ -160,12 +163,13 @@ def _size_factor(scene: Scene, view: int, points: Array) -> float | None:
     return factor if factor > 0 and abs(np.log(factor)) > 0.05 else None
 
 
-def _finding(scene: Scene, cause: Cause) -> Finding:
+def _finding(scene: Scene, cause: Cause, earlier: Sequence[Finding]) -> Finding:
     view, after = cause.view, cause.scene
     name = named(scene.cameras)[view]
     errors = {"before_px": float(scene.left_out[view]), "after_px": float(after.left_out[view])}
     before_px, after_px = errors["before_px"], errors["after_px"]
-    change = f"{before_px:.1f} px off what the others say, with that put right {after_px:.1f} px"
+    once = once_right(earlier, name)  # the errors are of the scene in which the earlier are put right
+    change = f"{before_px:.1f} px off what the others say{once}, with that put right {after_px:.1f} px"
     if cause.kind == "offset":
         shift = after.shifts[view] - scene.shifts[view]
         text = (

@@ -11,7 +11,7 @@ import skelsplat as sk
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.rig_check._causes import explain
 from skelsplat.rig_check._convention import find_convention
-from skelsplat.rig_check._findings import CameraRow, Finding, RigReport
+from skelsplat.rig_check._findings import CameraRow, Finding, RigReport, once_right
 from skelsplat.rig_check._geometry import check_geometry
 from skelsplat.rig_check._images import find_images
 from skelsplat.rig_check._people import find_exchange, follow
@@ -103,11 +103,12 @@ def _with_detections(
         cameras = in_mm(sk.CameraRig(list(rig), unit=likely))
     if images is not None:
         findings = [finding for finding in findings if "outside" not in finding.numbers]
-    causes, mended = explain(scene_of(cameras, given, frames))
+    earlier = [finding for finding in (images, exchange) if finding is not None]
+    causes, mended = explain(scene_of(cameras, given, frames), earlier)
     recording = check_recording(causes, mended)
     if recording is not None:  # what single cameras or their order would explain is chance then
         return RigReport((recording, *findings), tuple(_rows(as_given, as_given)))
-    causes += _left_over(mended)
+    causes += _left_over(mended, [*earlier, *causes])
     if causes and likely == rig.unit:
         unit = None  # a body of no person's size, but the cameras do not agree on it
     found = [finding for finding in (convention, unit, images, exchange) if finding is not None]
@@ -180,7 +181,7 @@ def _rows(scene: Scene, mended: Scene) -> list[CameraRow]:
     return rows
 
 
-def _left_over(scene: Scene) -> list[Finding]:
+def _left_over(scene: Scene, earlier: list[Finding]) -> list[Finding]:
     """Cameras that still disagree when everything that was found is set right."""
     rows = _rows(scene, scene)
     if scene.views == 2:
@@ -194,8 +195,9 @@ def _left_over(scene: Scene) -> list[Finding]:
             text = (
                 f"{row.name} disagrees with the other cameras and nothing that was tried explains it: "
                 f"{100 * row.rejected:.0f}% of its detections are rejected, {100 * usual:.0f}% of theirs, "
-                f"and they lie {scene.left_out[i]:.0f} px from where the others say. Look at its image: what "
-                "it sees, and whether its lens is the calibration's."
+                f"and they lie {scene.left_out[i]:.0f} px from where the others say"
+                f"{once_right(earlier, row.name)}. Look at its image: what it sees, and whether its lens is "
+                "the calibration's."
             )
             findings.append(
                 Finding("disagrees", (row.name,), text, {"rejected": row.rejected, "others": usual})

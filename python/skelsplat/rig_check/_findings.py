@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 
 @dataclass(frozen=True)
@@ -27,6 +30,17 @@ class Finding:
     cameras: tuple[str, ...]
     text: str
     numbers: dict[str, Any] = field(default_factory=dict)
+
+
+def once_right(findings: Sequence[Finding], camera: str) -> str:
+    """Return a clause: a number of the camera holds once these findings are put right; empty without any."""
+    if not findings:
+        return ""
+    names = list(dict.fromkeys(name for finding in findings for name in finding.cameras))
+    if camera in names or not all(finding.cameras for finding in findings):
+        return " once what stands above is put right"
+    listed = names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+    return f" once {listed} {'is' if len(names) == 1 else 'are'} put right"
 
 
 @dataclass(frozen=True)

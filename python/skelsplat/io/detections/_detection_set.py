@@ -29,6 +29,10 @@ class DetectionSet:
         Name of the joint layout of the K joints.
     format : str
         Name of the format that they were read from.
+    labels : tuple of str or None
+        The folder, file or place in the file of each camera, as ``order`` of `read_detections` takes it.
+    uneven : bool
+        Cameras have different frames in the files, which ``frames="strict"`` refuses.
     """
 
     people: npt.NDArray[np.float64]
@@ -37,6 +41,8 @@ class DetectionSet:
     sources: tuple[Path | None, ...]
     layout: str
     format: str = ""
+    labels: tuple[str | None, ...] = ()
+    uneven: bool = False
 
     @property
     def people_per_frame(self) -> npt.NDArray[np.int64]:

@@ -11,6 +11,7 @@ import numpy as np
 
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._files import FRAME_LIMIT, frame_number
+from skelsplat.io.detections._cameras import camera_called
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -31,17 +32,19 @@ def check_mode(mode: str) -> None:
 
 
 def check_offsets(offsets: Mapping[str, int] | None, names: Sequence[str]) -> dict[str, int]:
-    """Return the offset of every camera, 0 unless given.
+    """Return the offset of every camera, 0 unless given; cameras may be written loosely.
 
     Raises
     ------
     InvalidInputError
-        If a camera is unknown or an offset no whole number.
+        If a camera is unknown or named twice, or an offset no whole number.
     """
-    checked = dict.fromkeys(names, 0)
-    for name, value in (offsets or {}).items():
-        if name not in checked:
-            raise InvalidInputError(f"offsets: expected a camera ({', '.join(names)}), got {name!r}")
+    checked, written = dict.fromkeys(names, 0), dict[str, str]()
+    for text, value in (offsets or {}).items():
+        name = camera_called(text, names, "offsets")
+        if name in written:
+            raise InvalidInputError(f"offsets: expected {name} once, got {written[name]!r} and {text!r}")
+        written[name] = text
         try:
             checked[name] = operator.index(value)
         except TypeError:
@@ -77,11 +80,16 @@ class Clock:
     offsets: Mapping[str, int]
     sparse: bool = False
 
+    @property
+    def uneven(self) -> bool:
+        """Whether ``strict`` refuses the sources because they do not have the same frames."""
+        return not self.sparse and len({frozenset(frames) for frames in self.frames.values()}) > 1
+
     def shared(self, mode: str) -> Frames:
         """Return the ascending frame numbers to read, (T,), in the common time.
 
-        ``strict`` asks for the same frames everywhere; where clocks differ, it reads what they share. Of a
-        sparse format it reads every frame that is listed anywhere.
+        ``strict`` asks for the same numbers in all sources, before the offsets, and reads what they share
+        after them. Of a sparse format it reads every frame that is listed anywhere.
 
         Raises
         ------
@@ -89,8 +97,8 @@ class Clock:
             If the sources differ under ``strict``, or share no frame.
         """
         own = {label: set(frames) for label, frames in self.frames.items()}
-        if mode == "strict" and not self.sparse:
-            _check_same(self.root, own, self.kind)
+        if mode == "strict" and self.uneven:
+            raise DatasetError(self.root, "frames", f"the same frames in every {self.kind}", _difference(own))
         common = {label: {n + self.offsets[label] for n in frames} for label, frames in own.items()}
         union, shared = set.union(*common.values()), set.intersection(*common.values())
         if mode == "strict" and self.sparse:
@@ -108,16 +116,13 @@ def _alone(label: str, sets: dict[str, set[int]]) -> bool:
     return bool(others) and all(sets[label].isdisjoint(frames) for frames in others)
 
 
-def _check_same(root: Path, sets: dict[str, set[int]], kind: str) -> None:
+def _difference(sets: dict[str, set[int]]) -> str:
+    advice = (
+        "--frames intersection reads the frames that all have, --frames union every frame "
+        '(in Python frames="intersection", frames="union")'
+    )
     union, shared = set.union(*sets.values()), set.intersection(*sets.values())
-    if union != shared:
-        expected = f"the same frames in every {kind}"
-        raise DatasetError(root, "frames", expected, _difference(sets, union - shared))
-
-
-def _difference(sets: dict[str, set[int]], uneven: set[int]) -> str:
-    advice = 'frames="intersection" or "union" (--frames) reads them all the same'
-    first = min(uneven)
+    first = min(union - shared)
     if len({len(frames) for frames in sets.values()}) > 1:
         return f"{_counts(sets)}; {advice}"
     without = ", ".join(name for name, frames in sets.items() if first not in frames)

@@ -22,6 +22,12 @@ if TYPE_CHECKING:
 
 _SIDES = {"l": "left", "r": "right"}
 _SHOWN = 40
+_UNKNOWN = "no known layout"
+_CUSTOM = (
+    "; choose a known one with --layout and say with --map JOINT=NAME (a name, a place from 0, or none) "
+    "where its joints are (in Python layout= and mapping=); a layout of just these joints needs Python "
+    "(skelsplat.Layout)"
+)
 
 
 def choose_layout(layout: str | sk.Layout | None, views: Iterable[View]) -> sk.Layout:
@@ -45,7 +51,7 @@ def choose_layout(layout: str | sk.Layout | None, views: Iterable[View]) -> sk.L
         if counted:
             path, joints = counted
             names = f"; it names {_listed(view.joints)}" if view.joints else ""
-            hint = f"{path} has {joints} joints per person: {layouts_of(joints)}{names}"
+            hint = f"{path} has {joints} joints per person: {layouts_of(joints)}{names}{_advice_on(joints)}"
             break
     raise InvalidInputError(f"layout: expected the name of a joint layout, got none; {hint}")
 
@@ -70,7 +76,12 @@ def _count(view: View) -> tuple[Path, int] | None:
 def layouts_of(joints: int) -> str:
     """Names of the known layouts with that many joints, as a phrase."""
     fitting = [layout.name for layout in _known() if layout.n_joints == joints]
-    return " or ".join(fitting) if fitting else "no known layout, so pass a Layout of your own"
+    return " or ".join(fitting) if fitting else _UNKNOWN
+
+
+def _advice_on(joints: int) -> str:
+    """Say what to do with so many joints if they are those of no known layout."""
+    return "" if layouts_of(joints) != _UNKNOWN else _CUSTOM
 
 
 def check_mapping(mapping: Mapping[str, Joint] | None, layout: sk.Layout) -> dict[str, Joint]:
@@ -130,7 +141,7 @@ def _without_names(layout: sk.Layout, mapping: Mapping[str, Joint], view: View) 
         )
     missing = [joint for joint in layout.joints if joint not in mapping]
     if missing:
-        expected = f"a mapping for every joint of {layout.name}, as the file has no names"
+        expected = f"--map (in Python mapping=) for every joint of {layout.name}, as the file has no names"
         raise DatasetError(view.path, "joint names", expected, f"none for {', '.join(missing)}")
     return tuple(place for joint in layout.joints for place in [mapping[joint]] if not isinstance(place, str))
 
@@ -190,7 +201,7 @@ def arranged(person: Person, layout: sk.Layout, places: Places | None, *, flat: 
             actual = (
                 f"{3 * count} (3·{count}: {layouts_of(count)})" if flat else f"{count} ({layouts_of(count)})"
             )
-            raise DatasetError(person.path, person.field, expected, actual)
+            raise DatasetError(person.path, person.field, expected, actual + _advice_on(count))
         return person.joints
     highest = max((place for place in places if place is not None), default=-1)
     if highest >= count:

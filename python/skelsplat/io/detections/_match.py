@@ -8,9 +8,10 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.io.detections._cameras import words_of
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping, Sequence
+    from collections.abc import Callable, Collection, Mapping, Sequence
     from pathlib import Path
 
 _ADVICE = (
@@ -46,7 +47,12 @@ class Candidates:
 
 
 def match_by_name(
-    candidates: Candidates, names: Sequence[str], *, allow_missing: bool, optional: Collection[str] = ()
+    candidates: Candidates,
+    names: Sequence[str],
+    *,
+    allow_missing: bool,
+    optional: Collection[str] = (),
+    otherwise: Callable[[Sequence[str]], str] | None = None,
 ) -> dict[str, str | None]:
     """Assign a label to every camera name, in the order of `names`.
 
@@ -54,6 +60,7 @@ def match_by_name(
     separators, leading zeros and a last word "json": camera ``cam_01`` and folder ``cam01_json`` belong
     together. Last, if `Candidates.within`, the camera's words stand together among those of the text
     (``take2_cam01_results`` and ``cam_01``), if that is so for one text alone. The match must be one to one.
+    `otherwise` says, from the cameras that have no label, what else may be done about it.
 
     Raises
     ------
@@ -79,6 +86,8 @@ def match_by_name(
     needed = [name for name in missing if not (allow_missing or name in optional)]
     if needed or len(missing) == len(names):
         expected = f"a {kind} for every camera ({kind}s: {', '.join(texts)})"
+        if otherwise is not None and len(missing) < len(names):
+            advice += f"; {otherwise(needed)}"
         raise DatasetError(root, f"{kind}s", expected, f"none for {', '.join(needed or missing)}; {advice}")
     return found
 
@@ -89,7 +98,7 @@ def _label_of(candidates: Candidates, name: str, names: Sequence[str], advice: s
     busy = {label: text for label, text in texts.items() if label not in candidates.idle}
     idle = {label: text for label, text in texts.items() if label in candidates.idle}
     fitting = _fitting(busy, name, names, candidates) or _fitting(idle, name, names, candidates)
-    rivals = [other for other in names if _key(other) == _key(name) and other not in texts.values()]
+    rivals = [other for other in names if words_of(other) == words_of(name) and other not in texts.values()]
     if len(fitting) > 1 or (fitting and name in rivals and len(rivals) > 1):
         who = f"cameras {', '.join(rivals)}" if len(rivals) > 1 else f"camera {name}"
         actual = f"{who} and {candidates.kind}s {', '.join(fitting)} that read the same; {advice}"
@@ -104,29 +113,12 @@ def _fitting(texts: Mapping[str, str], name: str, names: Sequence[str], candidat
     exact = [label for label, text in texts.items() if text == name]
     if exact:
         return exact
-    words = _key(name)
-    free = {label: _key(text) for label, text in texts.items() if text not in names}
+    words = words_of(name)
+    free = {label: words_of(text) for label, text in texts.items() if text not in names}
     alike = [label for label, key in free.items() if key == words]
     if alike or not candidates.within:
         return alike
     return [label for label, key in free.items() if _is_within(words, key)]
-
-
-def camera_called(text: str, names: Sequence[str]) -> str:
-    """Return the camera that is meant by `text`: exactly its name, or the one that reads the same.
-
-    Raises
-    ------
-    InvalidInputError
-        If there is none, or more than one.
-    """
-    known = ", ".join(names)
-    fitting = [text] if text in names else [name for name in names if _key(name) == _key(text)]
-    if len(fitting) > 1:
-        raise InvalidInputError(f"camera: expected the exact name of one of {known}, got {text!r}")
-    if not fitting:
-        raise InvalidInputError(f"camera: expected one of {known}, got {text!r}")
-    return fitting[0]
 
 
 def match_by_order(
@@ -191,14 +183,3 @@ def _natural(label: str) -> tuple[tuple[int, str], ...]:
 
 def _is_within(words: tuple[str, ...], among: tuple[str, ...]) -> bool:
     return any(among[at : at + len(words)] == words for at in range(len(among) - len(words) + 1))
-
-
-def _key(name: str) -> tuple[str, ...]:
-    """Split a name into lower-case words and numbers, without separators, leading zeros and a last "json"."""
-    words = [word.lstrip("0") or "0" if word.isdigit() else word for word in _WORDS.findall(name.lower())]
-    if len(words) > 1 and words[-1] == "json":
-        words.pop()
-    return tuple(words)
-
-
-_WORDS = re.compile(r"\d+|[^\W\d_]+")

@@ -9,6 +9,7 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.io.detections._cameras import cameras_called
 from skelsplat.io.detections._detection_set import DetectionSet
 from skelsplat.io.detections._frames import Clock, check_mode, check_offsets
 from skelsplat.io.detections._joints import arranged, check_mapping, choose_layout, places_of
@@ -63,7 +64,9 @@ def read_detections(
         do not list frames without people; there ``strict`` reads every frame that is listed for any camera.
     offsets : dict, optional
         By camera, frames to add to its numbers: ``{"cam2": 3}`` if that camera started 3 frames late. The
-        frame numbers of the result count in the common time, and ``strict`` then reads what is shared.
+        frame numbers of the result count in the common time. ``strict`` still compares the numbers as the
+        files have them, and then reads what the cameras share in the common time. Cameras may be written as
+        loosely as their folders: ``cam2`` for ``cam_02``.
     order : sequence of str or "sorted", optional
         The folder, file, or place in the file of each camera, in the order of `cameras`, instead of matching
         by name. ``"sorted"``: the first in natural order belongs to the first camera.
@@ -75,8 +78,9 @@ def read_detections(
     allow_missing : bool
         Accept cameras without detections; theirs are missing.
     without : collection of str
-        Names of `cameras` that are left out: their detections may be there or not, are not read, and have no
-        place in the result. `order` and `offsets` may name them or not.
+        Names of `cameras` that are left out, written as loosely as in `offsets`: their detections may be
+        there or not, are not read, and have no place in the result. `order` and `offsets` may name them or
+        not.
 
     Returns
     -------
@@ -96,11 +100,13 @@ def read_detections(
     check_mode(frames)
     names = _camera_names(cameras, ordered=order is not None)
     shifts = check_offsets(offsets, names)
+    left_out = cameras_called(without, names, "without")
     root = Path(path)
     form = find_format(root, format)
-    sources = open_sources(root, form, Matching(names, order, allow_missing, without), sequence)
-    names = [name for name in names if name not in without]
-    numbers = _clock(root, sources, shifts).shared(frames)
+    sources = open_sources(root, form, Matching(names, order, allow_missing, left_out), sequence)
+    names = [name for name in names if name not in left_out]
+    clock = _clock(root, sources, shifts)
+    numbers = clock.shared(frames)
     chosen = choose_layout(layout, sources.views.values())
     joints = check_mapping(mapping, chosen)
     read = {
@@ -113,6 +119,8 @@ def read_detections(
         sources=tuple(sources.views[name].path if name in sources.views else None for name in names),
         layout=chosen.name,
         format=form.name,
+        labels=tuple(sources.labels[name] for name in names),
+        uneven=clock.uneven,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -53,9 +54,18 @@ class Matching:
         if self.order is not None:
             return match_by_order(candidates, self.names, self.order, left_out=self.left_out)
         found = match_by_name(
-            candidates, self.names, allow_missing=self.allow_missing, optional=self.left_out
+            candidates,
+            self.names,
+            allow_missing=self.allow_missing,
+            optional=self.left_out,
+            otherwise=_leave_out,
         )
         return {name: label for name, label in found.items() if name not in self.left_out}
+
+
+def _leave_out(names: Sequence[str]) -> str:
+    options = " ".join(f"--without {shlex.quote(name)}" for name in names)
+    return f"or leave out what was not recorded with {options} (in Python without=)"
 
 
 def open_sources(path: Path, form: DetectionFormat, matching: Matching, sequence: str | None) -> Sources:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._files import VIDEO_SUFFIXES
-from skelsplat.io.detections._match import Candidates, camera_called, match_by_name, match_by_order
+from skelsplat.io.detections._cameras import cameras_called
+from skelsplat.io.detections._match import Candidates, match_by_name, match_by_order
 
 if TYPE_CHECKING:
     import os
@@ -50,7 +51,7 @@ def find_videos(
         If nothing is there, or a wanted camera has no video, or more than one.
     """
     root = Path(path)
-    meant = [camera_called(name, names) for name in chosen]
+    meant = cameras_called(chosen, names, "camera")
     wanted = [name for name in names if not meant or name in meant]
     kind, found = _entries(root)
     if root in found.values():
@@ -60,7 +61,7 @@ def find_videos(
         labels: Mapping[str, str | None] = match_by_order(Candidates(root, kind, texts), wanted, order)
     else:
         every = Candidates(root, kind, texts, idle=texts.keys(), within=True)
-        labels = match_by_name(every, names, allow_missing=bool(chosen))
+        labels = match_by_name(every, names, allow_missing=bool(chosen), otherwise=_choose)
     missing = [name for name in wanted if labels[name] is None]
     if missing:
         expected = f"a {kind} for every chosen camera ({kind}s: {', '.join(found)})"
@@ -99,6 +100,10 @@ def images_in(folder: Path) -> list[Path]:
         )
     except OSError:
         return []
+
+
+def _choose(names: Sequence[str]) -> str:  # noqa: ARG001  the cameras that lack one are not those to choose
+    return "or draw only the cameras that have one with --camera CAMERA, repeatable (in Python chosen=)"
 
 
 def _camera_of(root: Path, kind: str, names: Sequence[str], wanted: Sequence[str]) -> str:
