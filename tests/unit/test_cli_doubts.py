@@ -105,6 +105,17 @@ def test_cameras_in_which_nobody_fits_are_named_together():
     assert not list(_unfit(SimpleNamespace(rig=rig), {}))
 
 
+def test_names_are_quoted_for_the_shell():
+    c = synthetic.human36m_like()[0]
+    names = ("a", "b", "left door")
+    rig = sk.CameraRig([sk.Camera(c.K, c.R, c.t, size=c.size, name=name) for name in names])
+    (doubt,) = _unfit(SimpleNamespace(rig=rig), {2: 0.6})
+    assert doubt.endswith("; --without 'left door' leaves it out.")
+    cameras = [group("a", 20), group("b", 20), group("left door", 240)]
+    (other,) = _cameras(SimpleNamespace(cameras=cameras, total=group("all", 280)))
+    assert other.endswith("; --without 'left door' leaves it out.")
+
+
 def test_what_has_been_said_of_a_camera_is_not_said_again():
     cameras = [group("a", 0, used=0), group("b", 600), group("c", 0), group("d", 0)]
     statistics = SimpleNamespace(cameras=cameras, total=group("all", 600))

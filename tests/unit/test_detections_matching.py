@@ -187,9 +187,22 @@ def test_an_order_that_does_not_fit(tmp_path, order, error, message):
 def test_sorted_with_another_number_of_files(tmp_path):
     write(tmp_path, "coco")
     with pytest.raises(
-        sk.DatasetError, match=r"files: expected 3 files for the cameras .*got 2 \(camA.json, camB"
+        sk.DatasetError,
+        match=r"files: expected 3 files for the cameras .*got 2 \(camA.json, camB.json\); --without leaves",
     ):
         read_detections(tmp_path, [*NAMES, "camC"], layout=H36M, order="sorted")
+    with pytest.raises(sk.DatasetError, match=r"got 2 \(camA.json, camB.json\)$"):  # too many files
+        read_detections(tmp_path, ["camA"], layout=H36M, order="sorted")
+
+
+def test_cameras_to_leave_out_are_named_only_where_two_remain(tmp_path):
+    write(tmp_path, "coco", names=["camA"])
+    with pytest.raises(sk.DatasetError, match="none for camB") as one_remains:
+        read_detections(tmp_path, NAMES, layout=H36M)
+    assert "--without" not in str(one_remains.value)
+    write(tmp_path, "coco")
+    with pytest.raises(sk.DatasetError, match=r"none for camC; .*--without camC"):
+        read_detections(tmp_path, [*NAMES, "camC"], layout=H36M)
 
 
 @pytest.mark.parametrize("name", ["freemocap", "npz"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -95,7 +96,7 @@ def _unfit(inputs: Inputs, unfit: dict[int, float]) -> Iterator[str]:
     if not unfit:
         return
     names = [inputs.rig.names[i] for i in unfit]
-    without = " ".join(f"--without {name}" for name in names)
+    without = " ".join(f"--without {shlex.quote(name)}" for name in names)
     leave = f"; {without} leaves {'it' if len(names) == 1 else 'them'} out"
     yield (
         f"In {_and(names)} somebody is detected, but nobody who fits the other cameras in "
@@ -130,7 +131,7 @@ def _cameras(statistics: Statistics, unfit: AbstractSet[str] = frozenset()) -> I
 
 
 def _without(group: Group) -> str:
-    return f"; --without {group.name} leaves it out"
+    return f"; --without {shlex.quote(group.name)} leaves it out"
 
 
 def _bad_cameras(cameras: Sequence[Group]) -> list[Group]:

@@ -60,7 +60,7 @@ def match_by_name(
     separators, leading zeros and a last word "json": camera ``cam_01`` and folder ``cam01_json`` belong
     together. Last, if `Candidates.within`, the camera's words stand together among those of the text
     (``take2_cam01_results`` and ``cam_01``), if that is so for one text alone. The match must be one to one.
-    `otherwise` says, from the cameras that have no label, what else may be done about it.
+    `otherwise` says, from the cameras that have no label, what else may be done about it; nothing if empty.
 
     Raises
     ------
@@ -86,8 +86,8 @@ def match_by_name(
     needed = [name for name in missing if not (allow_missing or name in optional)]
     if needed or len(missing) == len(names):
         expected = f"a {kind} for every camera ({kind}s: {', '.join(texts)})"
-        if otherwise is not None and len(missing) < len(names):
-            advice += f"; {otherwise(needed)}"
+        remedy = otherwise(needed) if otherwise is not None else ""
+        advice += f"; {remedy}" if remedy else ""
         raise DatasetError(root, f"{kind}s", expected, f"none for {', '.join(needed or missing)}; {advice}")
     return found
 
@@ -150,7 +150,10 @@ def match_by_order(
         names = _meant(names, left_out, len(usable))
         if len(usable) != len(names):
             expected = f"{len(names)} {kind}s for the cameras {', '.join(names)}"
-            raise DatasetError(root, f"{kind}s", expected, f"{len(usable)} ({', '.join(usable) or 'none'})")
+            got = f"{len(usable)} ({', '.join(usable) or 'none'})"
+            if 2 <= len(usable) < len(names):
+                got += "; --without leaves out cameras (in Python without=)"
+            raise DatasetError(root, f"{kind}s", expected, got)
         return {name: label for name, label in zip(names, usable, strict=True) if name not in left_out}
     wanted = [str(label) for label in order]
     names = _meant(names, left_out, len(wanted))

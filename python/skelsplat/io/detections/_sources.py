@@ -58,14 +58,15 @@ class Matching:
             self.names,
             allow_missing=self.allow_missing,
             optional=self.left_out,
-            otherwise=_leave_out,
+            otherwise=self._leave_out,
         )
         return {name: label for name, label in found.items() if name not in self.left_out}
 
-
-def _leave_out(names: Sequence[str]) -> str:
-    options = " ".join(f"--without {shlex.quote(name)}" for name in names)
-    return f"or leave out what was not recorded with {options} (in Python without=)"
+    def _leave_out(self, missing: Sequence[str]) -> str:
+        if len(set(self.names) - set(missing) - set(self.left_out)) < 2:
+            return ""  # two must remain
+        options = " ".join(f"--without {shlex.quote(name)}" for name in missing)
+        return f"or leave out what was not recorded with {options} (in Python without=)"
 
 
 def open_sources(path: Path, form: DetectionFormat, matching: Matching, sequence: str | None) -> Sources:
