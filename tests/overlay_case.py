@@ -11,7 +11,8 @@ import pytest
 
 import skelsplat as sk
 from skelsplat.io import PoseData, write_npz
-from skelsplat.io.run_folder import REPORT, write_run_inputs
+from skelsplat.io._run_files import REPORT
+from skelsplat.io.run_folder import write_run_inputs
 
 LAYOUT = sk.layouts.get("h36m17")
 NAMES = ("cam_01", "cam_02")

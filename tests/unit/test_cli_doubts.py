@@ -75,10 +75,13 @@ def views(**frames):
 @pytest.mark.parametrize(
     ("frames", "named"),
     [
-        ({"a": (20, 15), "b": (20, 18), "c": (20, 0), "d": (20, 0)}, {"a": 0.75, "b": 0.9}),
-        ({"a": (20, 6), "b": (20, 18), "c": (20, 1)}, {"a": 0.3, "b": 0.9}),  # one half of an exchanged pair
+        ({"a": (20, 15), "b": (20, 18), "c": (20, 0), "d": (20, 0)}, {"a": (15, 20), "b": (18, 20)}),
+        (
+            {"a": (20, 6), "b": (20, 18), "c": (20, 1)},
+            {"a": (6, 20), "b": (18, 20)},
+        ),  # one half of an exchanged pair
         ({"a": (20, 6), "b": (20, 9), "c": (20, 0)}, {}),  # nowhere in most frames
-        ({"a": (8, 6), "b": (20, 0)}, {"a": 0.75}),  # of the frames in which it sees somebody
+        ({"a": (8, 6), "b": (20, 0)}, {"a": (6, 8)}),  # of the frames in which it sees somebody
         ({"a": (1, 1), "b": (20, 0)}, {}),  # a single ghost
         ({"a": (0, 0), "b": (20, 0)}, {}),  # sees nobody
     ],
@@ -86,30 +89,44 @@ def views(**frames):
 def test_cameras_in_which_nobody_fits_are_found(frames, named):
     inputs = views(**frames)
     found = _unfit_cameras(inputs)
-    assert {inputs.rig.names[i]: share for i, share in found.items()} == pytest.approx(named)
+    assert {inputs.rig.names[i]: frames for i, frames in found.items()} == named
 
 
 def test_cameras_in_which_nobody_fits_are_named_together():
     rig = synthetic.human36m_like()
-    (doubt,) = _unfit(SimpleNamespace(rig=rig), {0: 0.71, 1: 0.81})
+    (doubt,) = _unfit(SimpleNamespace(rig=rig), {0: (71, 100), 1: (81, 90)})
     assert doubt.startswith(
-        "In cam1 and cam2 somebody is detected, but nobody who fits the other cameras in 71% and 81% of the "
-        "frames: exchanged cameras, "
+        "In cam1 and cam2 somebody is detected, but nobody who fits the other cameras, in 71 of 100 and 81 "
+        "of 90 of the frames in which they and others detect somebody: exchanged cameras, "
     )
     assert doubt.endswith("check-cameras looks for the cause; --without cam1 --without cam2 leaves them out.")
-    (three,) = _unfit(SimpleNamespace(rig=rig), {0: 0.7, 1: 0.8, 3: 0.9})
+    (three,) = _unfit(SimpleNamespace(rig=rig), {0: (7, 10), 1: (8, 10), 3: (9, 10)})
     assert three.startswith("In cam1, cam2 and cam4 somebody")
     assert three.endswith("looks for the cause.")  # one camera would remain
-    (one,) = _unfit(SimpleNamespace(rig=rig), {2: 0.6})
+    (one,) = _unfit(SimpleNamespace(rig=rig), {2: (6, 1200)})
+    assert "in 6 of 1,200 of the frames in which it and others detect somebody: " in one
     assert one.endswith("; --without cam3 leaves it out.")
     assert not list(_unfit(SimpleNamespace(rig=rig), {}))
+
+
+def test_a_camera_that_alone_sees_somebody_contradicts_nobody():
+    rig = synthetic.human36m_like()
+    pose = synthetic.motion("walk", FRAMES, seed=1)
+    noise = synthetic.DetectionNoise.good()
+    seen = np.asarray(synthetic.simulate_detections(pose, rig, noise=noise, seed=2))
+    seen[5:, 1:] = np.nan  # the others see the person in the first five frames alone
+    _, nobody_fits = pick_person(seen[:, :, None], rig, "consistent")
+    assert not nobody_fits.any()
+    seen[5:10, 1] = [0.0, 1000.0, 0.0] + [1.0, -1.0, 1.0] * seen[5:10, 0]  # upside down: of no such body
+    _, nobody_fits = pick_person(seen[:, :, None], rig, "consistent")
+    assert nobody_fits.sum(axis=0).tolist() == [5, 5, 0, 0]
 
 
 def test_names_are_quoted_for_the_shell():
     c = synthetic.human36m_like()[0]
     names = ("a", "b", "left door")
     rig = sk.CameraRig([sk.Camera(c.K, c.R, c.t, size=c.size, name=name) for name in names])
-    (doubt,) = _unfit(SimpleNamespace(rig=rig), {2: 0.6})
+    (doubt,) = _unfit(SimpleNamespace(rig=rig), {2: (6, 1200)})
     assert doubt.endswith("; --without 'left door' leaves it out.")
     cameras = [group("a", 20), group("b", 20), group("left door", 240)]
     (other,) = _cameras(SimpleNamespace(cameras=cameras, total=group("all", 280)))

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
+import json
 
-from command_line import FAST, READ, RESULTS, invoke
+from command_line import FAST, READ, RESULTS, assert_fails, invoke
 from skelsplat.cli import _run
-from skelsplat.io import read_npz
 
 
 def test_poses_of_another_run_are_removed_and_other_files_left(recording, arguments):
@@ -22,26 +21,65 @@ def test_poses_of_another_run_are_removed_and_other_files_left(recording, argume
 
 def test_a_stop_while_writing_leaves_no_file_of_an_earlier_run(recording, arguments, monkeypatch):
     folder, _, _ = recording
+    out = folder / "out"
     assert invoke(*arguments, *READ, *FAST).exit_code == 0
 
     def interrupted(*_args, **_kwargs):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(_run, "write_run_inputs", interrupted)
-    assert invoke(*arguments, *READ, *FAST).exit_code == 130
-    left = {path.name for path in (folder / "out").iterdir()}
-    assert left == {"pose.npz", "pose.csv", "pose.trc"}
+    with monkeypatch.context() as patched:
+        patched.setattr(_run, "write_run_inputs", interrupted)
+        assert invoke(*arguments, *READ, *FAST).exit_code == 130
+    assert {path.name for path in out.iterdir()} == {"pose.npz", "pose.csv", "pose.trc", "report.json"}
+    assert_fails(
+        invoke("plot", out), 1, "report.json: unfinished: expected the report of a run", "run it again"
+    )
+    # what the stopped run left is known by its report
+    assert invoke(*arguments, *READ, *FAST, "--no-html", "--write", "json").exit_code == 0
+    kept = RESULTS - {"pose.csv", "pose.trc", "report.html"}
+    assert {path.name for path in out.iterdir()} == kept | {"pose.json"}
 
 
-def test_a_run_reads_from_the_folder_that_it_writes(recording, arguments):
+def test_files_that_no_run_wrote_are_left(recording, arguments):
+    folder, _, _ = recording
+    out = folder / "out"
+    out.mkdir()
+    for name in ("pose.trc", "pose.c3d", "heatmaps.png"):
+        (out / name).write_text("mine")
+    (out / "report.json").write_text('{"files": ["pose.c3d"]}')  # of another program
+    for _ in range(2):  # nor are they taken for the first run's by the second
+        assert invoke(*arguments, *READ, *FAST, "--write", "csv").exit_code == 0
+        assert {(out / name).read_text() for name in ("pose.trc", "pose.c3d", "heatmaps.png")} == {"mine"}
+    listed = json.loads((out / "report.json").read_text())["files"]
+    assert sorted(listed) == sorted(RESULTS - {"pose.trc", "report.json"})
+
+
+def test_the_input_is_never_written_over(recording, arguments):
     folder, _, _ = recording
     out = folder / "out"
     assert invoke(*arguments, *READ, *FAST).exit_code == 0
-    before = read_npz(out / "pose.npz").pose
-    again = ["refine", out / "cameras.json", out / "detections.npz", "-o", out, "--layout", "h36m17"]
-    assert invoke(*again, *FAST, "--init", out / "pose.npz").exit_code == 0
-    assert {path.name for path in out.iterdir()} == RESULTS
-    np.testing.assert_allclose(read_npz(out / "pose.npz").pose, before, atol=1.0)
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+    always = ["--layout", "h36m17", *FAST]
+    expected = ["--output: ", "expected a folder in which nothing that the run reads is written over"]
+    calibration, detections, init = out / "cameras.json", out / "detections.npz", out / "pose.npz"
+    given = (calibration, folder / "openpose")
+    assert_fails(invoke("refine", *given, "-o", out, *always), 2, *expected, "cameras.json")
+    given = (folder / "Calib.toml", detections)
+    assert_fails(invoke("refine", *given, "-o", out / ".." / "out", *always), 2, *expected, "detections.npz")
+    given = (folder / "Calib.toml", folder / "openpose", "--init", init, "--unit", "mm")
+    assert_fails(invoke("refine", *given, "-o", out, *always), 2, *expected, "pose.npz")
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+    assert invoke("refine", calibration, detections, "-o", folder / "again", *always).exit_code == 0
+
+
+def test_results_do_not_get_in_the_way_of_the_detections(recording):
+    folder, _, _ = recording
+    refine = ["refine", folder / "Calib.toml", folder / "openpose", *READ, *FAST]
+    assert_fails(
+        invoke(*refine, "-o", folder / "openpose"), 2, "--output: ", "mixed with results", "openpose"
+    )
+    for _ in range(2):  # a folder of results beneath is none of a camera
+        assert invoke(*refine, "-o", folder / "openpose" / "out", "--order", "sorted").exit_code == 0
 
 
 def test_pictures_of_an_earlier_run_are_said_to_be_that(recording, arguments):

@@ -52,9 +52,9 @@ def noise_free(folder, rig, pixels, *options):
     """Refine pixels (M, T, N, 2) and return the report."""
     detections = np.concatenate([pixels, np.ones((*pixels.shape[:-1], 1))], axis=-1).swapaxes(0, 1)
     write_run_inputs(folder, rig, sk.layouts.get("h36m17"), detections, np.arange(T))
-    inputs = [folder / "cameras.json", folder / "detections.npz", "--layout", "h36m17", "-o", folder]
+    inputs = [folder / "cameras.json", folder / "detections.npz", "--layout", "h36m17", "-o", folder / "out"]
     assert invoke("refine", *inputs, *FAST, *options).exit_code == 0
-    return json.loads((folder / "report.json").read_text())
+    return json.loads((folder / "out" / "report.json").read_text())
 
 
 def test_without_undistortion_the_start_is_measured_with_ideal_lenses_too(tmp_path):
@@ -181,7 +181,8 @@ def test_detections_of_other_cameras_are_doubted(recording, arguments):
     assert "of all detections are rejected: check that calibration, cameras" in text
     text = " ".join(invoke(*arguments, *READ, *FAST).stdout.split())
     where = " and ".join(rig.names[:2])
-    assert f"! In {where} somebody is detected, but nobody who fits the other cameras in 100% and" in text
+    frames = f"in {T} of {T} and {T} of {T} of the frames"
+    assert f"! In {where} somebody is detected, but nobody who fits the other cameras, {frames}" in text
     assert "has no detection that could be used" not in text  # that they fit nowhere says more
     cameras = json.loads((folder / "out" / "report.json").read_text())["reprojection_error"]["cameras"]
     assert [camera["not_chosen"] for camera in cameras] == [T * 17, T * 17, 0, 0]

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from skelsplat.cli._conversion import Kind, Request, Written
 from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.io._run_files import POSES as POSES_OF_RUN
 from skelsplat.io.poses import POSE_FORMATS, c3d_is_y_up, is_json_poses, pose_format, read_pose, write_pose
-from skelsplat.io.run_folder import POSES as POSES_OF_RUN
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -79,28 +79,29 @@ def _whole(statistics: Statistics) -> Iterator[str]:
         )
 
 
-def _unfit_cameras(inputs: Inputs) -> dict[int, float]:
-    """Return the cameras that see people, but mostly nobody who fits the others, with their shares of frames.
+def _unfit_cameras(inputs: Inputs) -> dict[int, tuple[int, int]]:
+    """Return the cameras that see people, but mostly nobody who fits the others, with two numbers of frames.
 
-    The share is of the frames in which a camera detects somebody. Two cameras that are exchanged share the
-    blame unequally, so that beside one others are named sooner.
+    Those in which nobody fits, of those in which a camera and another detect somebody. Two cameras that are
+    exchanged share the blame unequally, so that beside one others are named sooner.
     """
     somebody = inputs.nobody_fits | np.isfinite(inputs.detections[..., 0]).any(axis=2)
     count, seen = inputs.nobody_fits.sum(axis=0), somebody.sum(axis=0)
     shares = np.where(count >= _SOME * len(somebody), count / np.maximum(seen, 1), 0.0)
     least = _ALSO_UNFIT if (shares >= _MOSTLY).any() else _MOSTLY
-    return {int(i): float(shares[i]) for i in np.flatnonzero(shares >= least)}
+    return {int(i): (int(count[i]), int(seen[i])) for i in np.flatnonzero(shares >= least)}
 
 
-def _unfit(inputs: Inputs, unfit: dict[int, float]) -> Iterator[str]:
+def _unfit(inputs: Inputs, unfit: dict[int, tuple[int, int]]) -> Iterator[str]:
     if not unfit:
         return
     names = [inputs.rig.names[i] for i in unfit]
     without = " ".join(f"--without {shlex.quote(name)}" for name in names)
     leave = f"; {without} leaves {'it' if len(names) == 1 else 'them'} out"
     yield (
-        f"In {_and(names)} somebody is detected, but nobody who fits the other cameras in "
-        f"{_and([_percent(share) for share in unfit.values()])} of the frames: exchanged cameras, a wrong "
+        f"In {_and(names)} somebody is detected, but nobody who fits the other cameras, in "
+        f"{_and([f'{count:,} of {seen:,}' for count, seen in unfit.values()])} of the frames in which "
+        f"{'it' if len(names) == 1 else 'they'} and others detect somebody: exchanged cameras, a wrong "
         "calibration, another clock, or other people? check-cameras looks for the cause"
         f"{leave if len(inputs.rig) - len(names) >= 2 else ''}."
     )

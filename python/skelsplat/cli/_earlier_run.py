@@ -1,38 +1,71 @@
-"""What lies in a run's folder from before: removed, so that files of two runs are never mixed, or named."""
+"""The files that a run writes, and those in its folder from before: removed if a run wrote them, or named."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import typer
 
 from skelsplat.cli._html_report import NAME as PAGE
+from skelsplat.cli._json import to_text
 from skelsplat.exceptions import DatasetError
+from skelsplat.io._atomic import atomic_write_text
+from skelsplat.io._run_files import CAMERAS, DETECTIONS, REPORT, UNFINISHED, files_of_run
 from skelsplat.io.poses import POSE_FORMATS
-from skelsplat.io.run_folder import CAMERAS, DETECTIONS, REPORT
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from skelsplat.cli._job import Job
 
-_PICTURES = ("overview.png", "weights.png", "heatmaps.png")
-# the report first: without it nothing takes the folder for a whole run
-_OF_A_RUN = (REPORT, PAGE, *_PICTURES, *(f"pose.{kind}" for kind in POSE_FORMATS), CAMERAS, DETECTIONS)
+_PICTURES, _PAPERS_PICTURE = ("overview.png", "weights.png"), "heatmaps.png"
+_POSSIBLE = (
+    *(f"pose.{kind}" for kind in POSE_FORMATS),
+    CAMERAS,
+    DETECTIONS,
+    *_PICTURES,
+    _PAPERS_PICTURE,
+    PAGE,
+)
 # of other commands, perhaps the work of hours
 _OF_OTHERS = ("plots", "overlay")
 
 
-def clear_earlier(job: Job) -> None:
-    """Remove the files that an earlier run wrote into the folder, but for those that this run reads.
+def planned(job: Job) -> list[str]:
+    """Return the names of the files that a run writes, but for its report."""
+    wanted = {*(f"pose.{kind}" for kind in job.write), CAMERAS, DETECTIONS, *_PICTURES}
+    wanted |= {_PAPERS_PICTURE} if job.paper else set()
+    wanted |= {PAGE} if job.html else set()
+    return [name for name in _POSSIBLE if name in wanted]
+
+
+def keep_input(job: Job) -> None:
+    """Refuse a folder for the results in which they would stand in the place, or in the midst, of the input.
+
+    Raises
+    ------
+    typer.BadParameter
+        If a file that the run reads has the name of one that it writes, or the detections are the folder.
+    """
+    written = {(job.out / name).resolve() for name in (*_POSSIBLE, REPORT)}
+    for path in (job.calibration, job.detections, job.init):
+        if path is not None and path.resolve() in {job.out.resolve(), *written}:
+            expected = "a folder in which nothing that the run reads is written over or mixed with results"
+            raise typer.BadParameter(f"expected {expected}, got that of {path}", param_hint="--output")
+
+
+def begin_writing(folder: Path, report: dict[str, Any]) -> None:
+    """Write the report as that of an unfinished run, and then remove the files that an earlier run lists.
 
     Raises
     ------
     DatasetError
         If one cannot be removed.
     """
-    given = {path.resolve() for path in (job.calibration, job.detections, job.init) if path is not None}
-    for path in (job.out / name for name in _OF_A_RUN):
-        if path.resolve() in given or path.is_dir():
-            continue
+    earlier = [name for name in _POSSIBLE if name in (files_of_run(folder) or [])]
+    files = [name for name in _POSSIBLE if name in {*earlier, *report["files"]}]
+    atomic_write_text(folder / REPORT, to_text({UNFINISHED: True, **report, "files": files}))
+    for path in (folder / name for name in earlier):
         try:
             path.unlink(missing_ok=True)
         except OSError as error:

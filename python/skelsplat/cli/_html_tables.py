@@ -21,7 +21,7 @@ _SHARED = (
     ("90th percentile [px]", "of the reprojection error, before → refined"),
     ("used", "detections used"),
     ("missing", "no detection of the person who is followed"),
-    ("not chosen", "of the missing: somebody is detected in the view, but nobody who fits the other views"),
+    ("not chosen", "of the missing: somebody is detected in this view and another, but here nobody who fits"),
     ("left out", "detections below the least confidence, or of a joint without a position"),
     ("down-weighted", f"detections used whose weight is below {DOWN_WEIGHTED:g}, the rejected among them"),
     (

@@ -24,8 +24,8 @@ def pick_person(
 ) -> tuple[Array, Mask]:
     """Return one person's detections (T, M, N, 3) among ``people`` (T, M, P, N, 3), and where nobody fitted.
 
-    Nobody fits, (T, M), in a view in which somebody is detected, but not the person on whom the views agree;
-    whoever is the largest or asked for by number fits.
+    Nobody fits, (T, M), in a view in which somebody is detected, and in another as well, but not the person
+    on whom the views agree; whoever is the largest or asked for by number fits.
 
     Parameters
     ----------
@@ -48,7 +48,8 @@ def pick_person(
         chosen, index = association.choose_person(
             people, rig, layout=layout, min_confidence=_MIN_CONFIDENCE, min_joints=_MIN_JOINTS
         )
-        return chosen, _somebody(people) & (index < 0)
+        there = _somebody(people)
+        return chosen, there & (index < 0) & (there.sum(axis=1, keepdims=True) >= 2)
     never = np.zeros(people.shape[:2], dtype=bool)
     if person == "largest":
         place = association.extents(people).argmax(axis=2)

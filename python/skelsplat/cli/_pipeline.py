@@ -40,7 +40,7 @@ class Inputs:
     detections : (T, M, N, 3)
         One person's detections; NaN where missing.
     nobody_fits : (T, M)
-        Somebody is detected in this view, but nobody who fits the other views: the person is missing there.
+        Somebody is detected in this view and another, but nobody who fits: the person is missing here.
     frames : (T,)
         Frame numbers of the files.
     init_pose : (T, N, 3)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 MEANINGS = {
     "missing": "no detection of the person who is followed: not detected, or not_chosen",
-    "not_chosen": "missing, though somebody is detected in the view: nobody who fits the other views",
+    "not_chosen": "missing, though somebody is detected in this view and another: here nobody who fits",
     "mean_weight": "mean weight k of the detections used, 0 to 1: how far they are believed",
     "down_weighted": "detections used whose weight is below down_weighted_below, the rejected among them",
     "rejected": "detections used whose weight is below rejected_below: they hardly pull on the pose",

@@ -8,7 +8,7 @@ import typer
 from rich.console import Console
 
 from skelsplat.cli._doubts import find_doubts, is_of_size
-from skelsplat.cli._earlier_run import clear_earlier, left_of_earlier
+from skelsplat.cli._earlier_run import begin_writing, keep_input, left_of_earlier, planned
 from skelsplat.cli._figures import write_figures
 from skelsplat.cli._html_report import Findings, write_html_report
 from skelsplat.cli._json import print_json, to_text
@@ -22,8 +22,9 @@ from skelsplat.cli._statistics import summarise
 from skelsplat.cli._table import print_doubts, print_files, print_left, print_over_time, print_summary
 from skelsplat.io import PoseData, write_pose
 from skelsplat.io._atomic import atomic_write_text
+from skelsplat.io._run_files import REPORT
 from skelsplat.io.poses import POSE_FORMATS, check_pose_format
-from skelsplat.io.run_folder import REPORT, write_run_inputs
+from skelsplat.io.run_folder import write_run_inputs
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -44,7 +45,10 @@ def run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
     ------
     SkelSplatError
         If an input is missing, malformed or does not fit, or a result cannot be written.
+    typer.BadParameter
+        If results would be written over the input.
     """
+    keep_input(job)
     with output_folder(job.out):
         return _run(job, verbosity)
 
@@ -69,16 +73,17 @@ def _run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
         "doubts": doubts,
         "frames_with_a_problem": [problem.to_dict() for problem in problems],
         "over_time": over_time,
+        "files": planned(job),
     }
     report = build_report(job, inputs, outcome, statistics, remarks)
-    clear_earlier(job)
+    begin_writing(job.out, report)
     names = _write_poses(job, poses)
     names += write_run_inputs(job.out, inputs.rig, inputs.layout, inputs.detections, inputs.frames)
-    atomic_write_text(job.out / REPORT, to_text(report))
     names += [REPORT, *write_figures(job, inputs, outcome, statistics)]
     if job.html:
         findings = Findings(poses, problems, distrust=[*doubts, *warnings])
         names += write_html_report(job, inputs, outcome, statistics, findings)
+    atomic_write_text(job.out / REPORT, to_text(report))  # last: the run is whole
     if verbosity.as_json or verbosity.quiet:
         for doubt in doubts:
             _tell(doubt)

@@ -34,7 +34,7 @@ class Group:
     ``before_px`` and ``after_px`` are medians over the same detections (NaN without any); ``used`` +
     ``left_out`` + ``missing`` is their number. Left out are those below the least confidence and those of
     joints that have no position. ``not_chosen`` ones are among the missing: somebody is detected in the
-    view, but nobody who fits the other views. ``down_weighted`` (the ``rejected`` among them), ``swapped``
+    view and another, but here nobody who fits. ``down_weighted`` (the ``rejected`` among them), ``swapped``
     and ``poor`` ones are among the used, and ``mean_weight`` is their mean weight k.
     """
 

@@ -22,6 +22,7 @@ from skelsplat import layouts
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._atomic import atomic_write
 from skelsplat.io._files import read_text
+from skelsplat.io._run_files import CAMERAS, DETECTIONS, POSES, REPORT, UNFINISHED
 from skelsplat.io.calibration import read_calibration, write_calibration
 from skelsplat.io.detections import read_detections
 from skelsplat.io.poses import PoseData, read_npz
@@ -32,8 +33,6 @@ if TYPE_CHECKING:
     import skelsplat as sk
 
     Array = npt.NDArray[np.float64]
-
-POSES, CAMERAS, DETECTIONS, REPORT = "pose.npz", "cameras.json", "detections.npz", "report.json"
 
 
 @dataclass(frozen=True)
@@ -129,6 +128,9 @@ def _read_report(path: Path) -> dict[str, Any]:
         report = json.loads(read_text(path))
     except (ValueError, RecursionError) as error:
         raise DatasetError(path, "file", "JSON", error) from error
+    if isinstance(report, dict) and report.get(UNFINISHED):
+        expected = "the report of a run that has written all its files"
+        raise DatasetError(path, UNFINISHED, expected, "one that was stopped while it wrote: run it again")
     for key in ("input", "settings"):
         if not (isinstance(report, dict) and isinstance(report.get(key), dict)):
             raise DatasetError(path, key, "an object under this key, as refine writes it", "none")

@@ -86,7 +86,7 @@ def match_by_name(
     needed = [name for name in missing if not (allow_missing or name in optional)]
     if needed or len(missing) == len(names):
         expected = f"a {kind} for every camera ({kind}s: {', '.join(texts)})"
-        remedy = otherwise(needed) if otherwise is not None else ""
+        remedy = otherwise(needed) if otherwise is not None and len(missing) < len(names) else ""
         advice += f"; {remedy}" if remedy else ""
         raise DatasetError(root, f"{kind}s", expected, f"none for {', '.join(needed or missing)}; {advice}")
     return found
@@ -127,13 +127,15 @@ def match_by_order(
     order: str | Sequence[str],
     *,
     left_out: Collection[str] = (),
+    otherwise: str = "",
 ) -> dict[str, str | None]:
     """Assign a label by a stated order to every camera name that is not left out.
 
     `order` is the label of every camera, in the order of the cameras, or ``"sorted"``: the first label in
     natural order (2 before 10) belongs to the first camera. A file may be named without its suffix. Where
     there are as many labels as cameras that are not left out, they are theirs; otherwise they are all
-    cameras', and those of the left out need not exist.
+    cameras', and those of the left out need not exist. `otherwise` says what else may be done where
+    ``"sorted"`` finds fewer labels than cameras, but two.
 
     Raises
     ------
@@ -151,8 +153,8 @@ def match_by_order(
         if len(usable) != len(names):
             expected = f"{len(names)} {kind}s for the cameras {', '.join(names)}"
             got = f"{len(usable)} ({', '.join(usable) or 'none'})"
-            if 2 <= len(usable) < len(names):
-                got += "; --without leaves out cameras (in Python without=)"
+            if otherwise and 2 <= len(usable) < len(names):
+                got += f"; {otherwise}"
             raise DatasetError(root, f"{kind}s", expected, got)
         return {name: label for name, label in zip(names, usable, strict=True) if name not in left_out}
     wanted = [str(label) for label in order]

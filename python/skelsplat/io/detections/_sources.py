@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from skelsplat.exceptions import DatasetError
+from skelsplat.io._run_files import is_run
 from skelsplat.io.detections._match import Candidates, match_by_name, match_by_order
 
 if TYPE_CHECKING:
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
     from skelsplat.io.detections._format import DetectionFormat, View
 
     Order = str | Sequence[str]
+
+_SOME_LEFT_OUT = "--without leaves out cameras (in Python without=)"
 
 
 @dataclass(frozen=True)
@@ -52,7 +55,9 @@ class Matching:
     def match(self, candidates: Candidates) -> dict[str, str | None]:
         """Return the label of every camera that is not left out."""
         if self.order is not None:
-            return match_by_order(candidates, self.names, self.order, left_out=self.left_out)
+            return match_by_order(
+                candidates, self.names, self.order, left_out=self.left_out, otherwise=_SOME_LEFT_OUT
+            )
         found = match_by_name(
             candidates,
             self.names,
@@ -91,12 +96,13 @@ def open_sources(path: Path, form: DetectionFormat, matching: Matching, sequence
 
 
 def subfolders(path: Path) -> list[Path]:
-    """Folders beneath a folder, by name, without hidden ones."""
+    """Folders beneath a folder, by name, without hidden ones and those that a run wrote."""
     try:
-        return sorted(p for p in path.iterdir() if p.is_dir() and not p.name.startswith("."))
+        shown = sorted(p for p in path.iterdir() if p.is_dir() and not p.name.startswith("."))
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise DatasetError(path, "folder", "a readable folder", reason) from error
+    return [folder for folder in shown if not is_run(folder)]
 
 
 def _files(folder: Path, form: DetectionFormat, *, recognised: bool = True) -> list[Path]:
