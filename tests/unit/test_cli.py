@@ -137,8 +137,8 @@ def test_y_up_turns_the_marker_file_only(recording, arguments):
             [*READ, "--paper", "--init", "a.npz", "--init-sigma", "40"],
             ["--init-sigma", "without --paper", "both"],
         ),
-        ([*READ, "--symmetry-tier", "4"], ["--symmetry-tier", "3"]),
-        ([*READ, "--max-steps", "many"], ["--max-steps"]),
+        ([*READ, "--symmetry-tier", "4"], ["--symmetry-tier: expected ", "3", "'4'"]),
+        ([*READ, "--max-steps", "many"], ["--max-steps: expected ", "'many'"]),
         ([*READ, "--sigmas", "3"], ["--sigmas"]),
     ],
 )

@@ -155,6 +155,16 @@ def test_write_names_the_formats(recording, arguments):
     assert "pose.json, pose.csv" in " ".join(result.stdout.split())
 
 
+def test_options_of_marker_files_are_warned_of_where_there_is_none(arguments):
+    always = [*arguments, *READ, *FPS, "--y-up", "--marker-names", "pose2sim"]
+    said = invoke(*always, "--write", "csv").stderr.splitlines()
+    assert [line.partition(": not used; it is for pose.trc and pose.c3d")[0] for line in said] == [
+        "warning: --y-up",
+        "warning: --marker-names",
+    ]
+    assert invoke(*always, "--write", "trc").stderr == ""
+
+
 def test_an_unknown_frame_rate_is_a_warning_of_the_files_that_need_one(recording, arguments):
     pytest.importorskip("ezc3d", reason="ezc3d is not installed")
     folder, _, _ = recording
@@ -192,6 +202,7 @@ def test_y_up_turns_c3d_as_well(recording, arguments):
         (["--fill-gaps", "0"], ["--fill-gaps"]),
         (["--fill-gaps", "2", "--fill-method", "spline"], ["--fill-method", "cubic, linear", "'spline'"]),
         (["--fill-weak"], ["--fill-weak", "--fill-gaps beside it"]),
+        (["--fill-method", "linear"], ["--fill-method", "--fill-gaps beside it"]),
     ],
 )
 def test_bad_usage_is_status_2(recording, arguments, extra, parts):

@@ -63,8 +63,10 @@ def test_what_cannot_be_converted(tmp_path):
         convert_poses(tmp_path / "a.npz", tmp_path / "." / "a.npz", PoseOptions())
     with pytest.raises(sk.InvalidInputError, match="path: expected a name that ends in"):
         convert_poses(tmp_path / "a.npz", tmp_path / "a.bvh", PoseOptions())
-    with pytest.raises(sk.InvalidInputError, match=r"y_up: expected no options for a \.csv file"):
+    with pytest.raises(sk.InvalidInputError, match=r"y_up: expected a \.trc or \.c3d file for it"):
         convert_poses(tmp_path / "a.npz", tmp_path / "a.csv", PoseOptions(y_up=True))
+    with pytest.raises(sk.InvalidInputError, match=r"fps: expected a file with a place for it, got \.csv"):
+        convert_poses(tmp_path / "a.npz", tmp_path / "a.csv", PoseOptions(fps=50.0))
     with pytest.raises(sk.DatasetError, match=r"b\.npz: file: expected a readable npz file"):
         convert_poses(tmp_path / "b.npz", tmp_path / "b.json", PoseOptions())
     assert [path.name for path in tmp_path.iterdir()] == ["a.npz"]
@@ -116,6 +118,14 @@ def test_an_input_of_no_kind_is_one_line_whatever_the_options(tmp_path, options)
     for name in ("empty", "hello.txt"):
         result = invoke("convert", tmp_path / name, tmp_path / "x.trc", *options)
         assert_fails(result, 1, f"{name}: content: expected a calibration", "the folder of a run")
+
+
+@pytest.mark.parametrize("options", [("--y-up",), ("--fps", "60"), ("--marker-names", "pose2sim")])
+def test_an_option_without_a_place_in_the_output_is_bad_usage(tmp_path, options):
+    write_npz(tmp_path / "a.npz", sample())
+    result = invoke("convert", tmp_path / "a.npz", tmp_path / "a.csv", *options)
+    assert_fails(result, 2, f"{options[0]}: expected a ", "got .csv", "see skelsplat convert --help")
+    assert not (tmp_path / "a.csv").exists()
 
 
 def test_axes_that_are_turned_once_more_are_a_warning(tmp_path):

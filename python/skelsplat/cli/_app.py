@@ -80,8 +80,18 @@ def _usage(error: Any) -> str:
     # older versions of click add the variable of the environment, even if there is none
     start = r"^Invalid value for '?([^\s':]+)'?(?: \(env var: '\w*'\))?: "
     message = re.sub(start, r"\1: ", error.format_message())
+    message = _with_value(message, error.__cause__)
     source = origin(context, message.partition(":")[0])
     return f"{message.rstrip('.')} ({f'from {source}; ' if source else ''}see {command} --help)"
+
+
+def _with_value(message: str, cause: Any) -> str:
+    """Return the message of a value that is no number, or not in its range, in our words, with the value."""
+    if "Input should be " not in message or not hasattr(cause, "errors"):  # pydantic's, which typer asks
+        return message
+    expected = message.partition(", unable to parse")[0].replace("Input should be", "expected")
+    expected = re.sub("expected (?=less|greater)", "expected a number ", expected)
+    return f"{expected}, got {cause.errors()[0].get('input')!r}"
 
 
 def _show_version(value: bool) -> None:

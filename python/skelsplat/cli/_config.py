@@ -12,6 +12,7 @@ import typer
 from typer.core import TyperCommand
 
 from skelsplat.cli._config_file import ConfigError, read_config
+from skelsplat.exceptions import InvalidInputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -50,6 +51,18 @@ class ConfiguredCommand(TyperCommand):
         """Parse the command line without the flags that are taken back."""
         kept, ctx.meta[_TAKEN_BACK] = _without_opposites(self.params, args)
         return super().parse_args(ctx, kept)
+
+    def invoke(self, ctx: typer.Context) -> Any:  # type: ignore[override, unused-ignore]
+        """Run the command; what is wrong with an argument that is an option is an error of usage."""
+        try:
+            return super().invoke(ctx)
+        except InvalidInputError as error:
+            name, _, message = str(error).partition(": ")
+            spelt = [opt for param in self.params if param.name == name for opt in param.opts]
+            options = [opt for opt in spelt if opt.startswith("--")]
+            if not options:
+                raise
+            raise typer.BadParameter(message, ctx=ctx, param_hint=options[0]) from error
 
 
 @dataclass(frozen=True)

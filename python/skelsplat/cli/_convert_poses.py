@@ -86,6 +86,8 @@ def convert_poses(source: Path, target: Path, options: PoseOptions) -> Written:
     kind = pose_format(target)
     if target.resolve() == source.resolve():
         raise DatasetError(target, "target", "another file than the source", "the same")
+    if options.fps is not None and kind == "csv":
+        raise InvalidInputError("fps: expected a file with a place for it, got .csv")
     data = read_pose(source)
     data = data if options.fps is None else replace(data, frame_rate=options.fps)
     given: dict[str, object] = {

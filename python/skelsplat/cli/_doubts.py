@@ -196,18 +196,31 @@ def _joints(statistics: Statistics) -> Iterator[str]:
 
 def _statuses(inputs: Inputs, outcome: Outcome, written: npt.NDArray[np.str_]) -> Iterator[str]:
     status, filled = np.asarray(outcome.result.joint_status), written == "filled"
+    placed = np.isfinite(outcome.result.pose).all(axis=-1)
     asked = np.array([joint not in inputs.lacking for joint in inputs.layout.joints])
-    for label, meaning, remedy in (
+    for label, where, meaning, remedy in (
         (
             "weak",
-            "meets its detections in fewer than two views, so its depth is not fixed",
+            (status == "weak") & placed,
+            ", that is, meets its detections in fewer than two views, so its depth is not fixed",
             " Files hold it like any other; refine --fill-gaps N --fill-weak interpolates it.",
         ),
-        ("unobserved", "has no usable detection and keeps its start, if it has one", ""),
+        (
+            "weak",
+            (status == "weak") & ~placed,
+            " and without a position, as a single view detects it or views from one place",
+            " refine --fill-gaps N interpolates it.",
+        ),
+        (
+            "unobserved",
+            status == "unobserved",
+            ", that is, has no usable detection and keeps its start, if it has one",
+            "",
+        ),
     ):
-        where = (status == label) & asked
+        where = where & asked
         if (where & ~filled).any():
-            yield f"{label}, that is, {meaning}: {_places(inputs, where & ~filled)}.{remedy}"
+            yield f"{label}{meaning}: {_places(inputs, where & ~filled)}.{remedy}"
         if (where & filled).any():
             yield f"{label}, now filled from the frames around: {_places(inputs, where & filled)}."
 

@@ -223,11 +223,12 @@ FillGaps = Annotated[
     ),
 ]
 FillMethod = Annotated[
-    str,
+    str | None,
     typer.Option(
         "--fill-method",
         metavar="cubic|linear",
         help="Cubic splines, or straight lines.",
+        show_default="cubic",
         rich_help_panel=_TIME,
     ),
 ]

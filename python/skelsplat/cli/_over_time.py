@@ -61,7 +61,7 @@ class OverTime:
 
 
 def over_time(
-    filter_text: str | None, fps: float | None, max_gap: int | None, method: str, *, weak: bool
+    filter_text: str | None, fps: float | None, max_gap: int | None, method: str | None, *, weak: bool
 ) -> OverTime:
     """Return what the options ask for, tried on three frames so that a fault shows before the work.
 
@@ -72,9 +72,10 @@ def over_time(
     MissingPackageError
         If SciPy is needed and not installed.
     """
-    one_of("--fill-method", method, temporal.METHODS)
-    if weak and not max_gap:
-        raise typer.BadParameter("expected --fill-gaps beside it, got none", param_hint="--fill-weak")
+    for option, given in (("--fill-weak", weak), ("--fill-method", method)):
+        if given and not max_gap:
+            raise typer.BadParameter("expected --fill-gaps beside it, got none", param_hint=option)
+    method = one_of("--fill-method", method or temporal.METHODS[0], temporal.METHODS)
     chosen = None if filter_text is None else _parse(filter_text)
     if chosen is not None and fps is None:
         raise typer.BadParameter("expected --fps beside it, got none", param_hint="--filter")
@@ -120,7 +121,8 @@ def apply_over_time(data: PoseData, wanted: OverTime) -> tuple[PoseData, dict[st
                 f"{count} joint positions, whose status is filled."
             )
     if wanted.filter is not None:
-        mm, weak = MM_PER_UNIT[data.unit], data.joint_status == "weak"
+        mm = MM_PER_UNIT[data.unit]
+        weak = (data.joint_status == "weak") & np.isfinite(data.pose).all(axis=-1)
         pose, short = _filtered(data.pose, data.frames, weak, wanted.filter, data.frame_rate, mm)
         data = replace(data, pose=pose)
         left = {"left_as_they_are": short, "weak_left": int(weak.sum())}
@@ -128,6 +130,14 @@ def apply_over_time(data: PoseData, wanted: OverTime) -> tuple[PoseData, dict[st
         sentences.append(f"Low-pass: {_in_words(wanted.filter, left)}. {_UNTOUCHED}")
     data = replace(data, processing=(*data.processing, *sentences))
     return data, {**entry, "processing": list(data.processing)}
+
+
+def nothing_filled(entry: dict[str, Any]) -> list[str]:
+    """Return a sentence if gaps were to be filled and none was, from the entry of the report."""
+    gaps = entry["gaps"]
+    if gaps is None or gaps["filled"]:
+        return []
+    return [f"No gap of at most {gaps['max_frames']} frames between others, so that none was filled."]
 
 
 _METHODS = {"cubic": "cubic splines", "linear": "straight lines"}

@@ -13,7 +13,7 @@ from skelsplat.cli._figures import write_figures
 from skelsplat.cli._html_report import Findings, write_html_report
 from skelsplat.cli._json import print_json, to_text
 from skelsplat.cli._output_folder import output_folder
-from skelsplat.cli._over_time import apply_over_time
+from skelsplat.cli._over_time import apply_over_time, nothing_filled
 from skelsplat.cli._pipeline import collected_warnings, read_inputs, refine_inputs
 from skelsplat.cli._problems import find_problems
 from skelsplat.cli._progress import bar_of
@@ -23,7 +23,7 @@ from skelsplat.cli._table import print_doubts, print_files, print_left, print_ov
 from skelsplat.io import PoseData, write_pose
 from skelsplat.io._atomic import atomic_write_text
 from skelsplat.io._run_files import REPORT
-from skelsplat.io.poses import POSE_FORMATS, check_pose_format
+from skelsplat.io.poses import MARKER_NAMES, POSE_FORMATS, check_pose_format
 from skelsplat.io.run_folder import write_run_inputs
 
 if TYPE_CHECKING:
@@ -59,6 +59,9 @@ def _run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
         for kind in job.write:
             check_pose_format(kind, inputs.frames)
         timed = [f"pose.{kind}" for kind in job.write if kind in _NEED_FPS]
+        for option in _unused(job) if not timed else ():
+            warnings.append(f"{option}: not used; it is for pose.trc and pose.c3d, and --write names neither")
+            _tell(warnings[-1])
         if job.fps is None and timed:
             files = " and ".join(timed)
             warnings.append(f"--fps: not given; the times in {files} assume {_ASSUMED_FPS:g} per second")
@@ -66,6 +69,7 @@ def _run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
         outcome = _refine_with_bar(inputs, job, shown=not verbosity.quiet)
     statistics = summarise(inputs, outcome)
     poses, over_time = apply_over_time(_poses(job, inputs, outcome), job.over_time)
+    statistics = statistics.without_bars(poses.joint_status == "filled")
     doubts = find_doubts(inputs, outcome, statistics, poses.joint_status)
     problems = find_problems(inputs, outcome, statistics, poses.joint_status)
     remarks = {
@@ -93,10 +97,16 @@ def _run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
         console = Console(highlight=False, markup=False)
         print_summary(console, job, inputs, outcome, statistics)
         print_doubts(console, [*filter(is_of_size, warnings), *doubts])
-        print_over_time(console, poses.processing)
+        print_over_time(console, [*nothing_filled(over_time), *poses.processing])
         print_files(console, job.out, names)
         print_left(console, left_of_earlier(job.out))
     return report
+
+
+def _unused(job: Job) -> list[str]:
+    """Return the options that are for files with markers alone, where they are not at their defaults."""
+    given = {"--y-up": job.y_up, "--marker-names": job.marker_names != MARKER_NAMES[0]}
+    return [option for option, value in given.items() if value]
 
 
 def _tell(warning: str) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -104,6 +104,10 @@ class Statistics:
     total: Group
     stop_reasons: dict[str, int]
     statuses: dict[str, int]
+
+    def without_bars(self, where: Mask) -> Statistics:
+        """Return the same without the error bars where (T, N) holds, as of positions that were replaced."""
+        return replace(self, error_bar_mm=np.where(where, np.nan, self.error_bar_mm))
 
 
 def summarise(inputs: Inputs, outcome: Outcome) -> Statistics:

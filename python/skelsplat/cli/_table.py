@@ -39,7 +39,7 @@ def print_summary(
 ) -> None:
     """Print the table of cameras, the lines on the run and the joints that are known least."""
     console.print(_cameras(job, statistics))
-    console.print(_legend(), style="dim")
+    console.print(_legend(statistics), style="dim")
     console.print()
     for line in _lines(job, inputs, outcome, statistics):
         console.print(line)
@@ -108,10 +108,11 @@ def _number(value: float, digits: int = 1) -> str:
     return f"{value:.{digits}f}" if math.isfinite(value) else "–"
 
 
-def _legend() -> str:
+def _legend(statistics: Statistics) -> str:
+    left_out = "; left out: too little confidence, or the joint has no position"
     return (
         "missing: no detection of the person followed; weight: how far the detections are believed, "
-        f"0 to 1; rejected: below {sk.REJECTED_WEIGHT:g}"
+        f"0 to 1; rejected: below {sk.REJECTED_WEIGHT:g}{left_out if statistics.total.left_out else ''}"
     )
 
 

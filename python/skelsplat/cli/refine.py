@@ -61,7 +61,7 @@ def refine(
     max_steps: options.MaxSteps = None,
     threads: options.Threads = None,
     fill_gaps: options.FillGaps = None,
-    fill_method: options.FillMethod = "cubic",
+    fill_method: options.FillMethod = None,
     fill_weak: options.FillWeak = False,
     filter: options.Filter = None,
     output: options.Out,

@@ -37,9 +37,9 @@ def write_csv(path: str | os.PathLike[str], data: PoseData) -> None:
     """Write one row per frame and joint, with the columns of `COLUMNS`.
 
     ``x, y, z`` and their standard deviations ``sx, sy, sz`` (from `PoseData.uncertainty`) are in ``unit``
-    with all their digits, ``n_views`` counts the views that detected the joint, ``n_rejected`` those of them
-    whose weight is below `skelsplat.REJECTED_WEIGHT`, and ``reprojection_error_px`` is the mean over all of
-    them. A value that does not exist is an empty field.
+    with all their digits, ``n_views`` counts the views whose detection of the joint was used (none if it has
+    no position), ``n_rejected`` those of them whose weight is below `skelsplat.REJECTED_WEIGHT`, and
+    ``reprojection_error_px`` is the mean over all of them. A value that does not exist is an empty field.
 
     Raises
     ------

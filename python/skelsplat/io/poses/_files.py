@@ -115,10 +115,9 @@ def write_pose(path: str | os.PathLike[str], data: PoseData, **options: object) 
     given = {name: value for name, value in options.items() if value is not None}
     for name in given:
         if name not in POSE_FORMATS[kind].options:
-            known = ", ".join(POSE_FORMATS[kind].options) or "no options"
-            raise InvalidInputError(
-                f"{name}: expected {known} for a .{kind} file, got {name}={given[name]!r}"
-            )
+            having = [f".{other}" for other, entry in POSE_FORMATS.items() if name in entry.options]
+            expected = f"a {' or '.join(having)} file for it" if having else "no such option"
+            raise InvalidInputError(f"{name}: expected {expected}, got .{kind}")
     POSE_FORMATS[kind].write(path, data, **given)
 
 

@@ -1,0 +1,78 @@
+"""A joint that a single view detects has no position: what is said of it, and what fills it."""
+
+from __future__ import annotations
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from command_line import READ, invoke
+from skelsplat.io import read_npz
+
+FPS = ["--fps", "50"]
+
+
+@pytest.fixture
+def one_view(recording):
+    """Let the first view alone see the right wrist in frame 2."""
+    folder, rig, _ = recording
+    for name in rig.names[1:]:
+        path = folder / "openpose" / name / "000002_keypoints.json"
+        document = json.loads(path.read_text())
+        document["people"][0]["pose_keypoints_2d"][48:51] = [0.0, 0.0, 0.0]
+        path.write_text(json.dumps(document))
+    return folder / "out"
+
+
+def test_it_is_said_to_have_none(one_view, arguments):
+    result = invoke(*arguments, *READ, *FPS, "--filter", "one-euro")
+    text = " ".join(result.stdout.split())
+    assert "! weak and without a position, as a single view detects it or views from one place: " in text
+    assert ": right_wrist (frame 2). refine --fill-gaps N interpolates it." in text
+    assert "weak, that is" not in text
+    assert "left as it is" not in text  # of the filter: there is nothing to leave
+    assert "; left out: too little confidence, or the joint has no position" in text
+    data = read_npz(one_view / "pose.npz")
+    assert data.joint_status[2, 16] == "weak"
+    assert np.isnan(data.pose[2, 16]).all()
+    with (one_view / "pose.csv").open(newline="") as stream:
+        rows = {(row["frame"], row["joint"]): row for row in csv.DictReader(stream)}
+    row = rows["2", "right_wrist"]
+    assert (row["x"], row["status"], row["n_views"]) == ("", "weak", "0")
+
+
+def test_gaps_are_filled_at_it_and_have_no_error_bar(one_view, arguments):
+    result = invoke(*arguments, *READ, *FPS, "--fill-gaps", 1)
+    text = " ".join(result.stdout.split())
+    assert "! weak, now filled from the frames around: right_wrist (frame 2)." in text
+    assert "without a position" not in text
+    assert read_npz(one_view / "pose.npz").joint_status[2, 16] == "filled"
+
+
+def test_a_filled_joint_does_not_count_among_the_error_bars(recording, arguments):
+    """Two views contradict each other in frame 2; what stands there instead has no error bar."""
+    folder, rig, _ = recording
+    for i, name in enumerate(rig.names):
+        path = folder / "openpose" / name / "000002_keypoints.json"
+        document = json.loads(path.read_text())
+        joint = document["people"][0]["pose_keypoints_2d"]
+        joint[48:51] = [joint[48], joint[49] + 300.0 * i, 0.9] if i < 2 else [0.0, 0.0, 0.0]
+        path.write_text(json.dumps(document))
+
+    def largest():
+        report = json.loads((folder / "out" / "report.json").read_text())
+        return report["reprojection_error"]["joints"][16]["error_bar_max_mm"]
+
+    assert invoke(*arguments, *READ, *FPS).exit_code == 0
+    before = largest()
+    assert invoke(*arguments, *READ, *FPS, "--fill-gaps", 1, "--fill-weak").exit_code == 0
+    assert largest() < 0.5 * before
+
+
+def test_that_there_was_nothing_to_fill_is_said_but_not_written(recording, arguments):
+    result = invoke(*arguments, *READ, *FPS, "--fill-gaps", 3)
+    assert "No gap of at most 3 frames between others, so that none was filled." in result.stdout
+    assert read_npz(recording[0] / "out" / "pose.npz").processing == ()
+    assert "No gap" not in invoke(*arguments, *READ, *FPS).stdout
