@@ -236,7 +236,7 @@ def test_a_list_of_texts_stands_for_a_list_with_commas(folder):
         ("[refine]\nposes = 3", ["refine.poses: expected an option or argument of refine"]),
         ("[refin]\nfps = 3", ["refin: ", "such as refine"]),
         ("refine = 3", ["refine: expected a table [refine] of options, got 3"]),
-        ('config = "b.toml"', ["config: expected an option"]),
+        ('config = "b.toml"', ["config: expected an option or argument of any command, got"]),
         ("max-steps = 3\nmax_steps = 3", ["max_steps: expected each option once"]),
         ('max-steps = "3"', ["max-steps: expected a whole number, got '3'"]),
         ("max-steps = 3.0", ["max-steps: expected a whole number, got 3.0"]),

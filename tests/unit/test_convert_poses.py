@@ -11,8 +11,18 @@ import pytest
 import skelsplat as sk
 from command_line import assert_fails, invoke
 from pose_sample import JOINTS, assert_equal, sample
+from skelsplat import synthetic
 from skelsplat.cli._convert_poses import PoseOptions, convert_poses, is_pose_file
-from skelsplat.io import read_json, read_npz, read_trc, write_csv, write_json, write_npz, write_trc
+from skelsplat.io import (
+    read_json,
+    read_npz,
+    read_trc,
+    write_calibration,
+    write_csv,
+    write_json,
+    write_npz,
+    write_trc,
+)
 
 
 def test_between_formats_that_hold_everything(tmp_path):
@@ -96,6 +106,21 @@ def test_a_damaged_npz_is_named(tmp_path, kept):
     (tmp_path / "c.npz").write_bytes((tmp_path / "whole.npz").read_bytes()[:kept])
     assert_fails(invoke("convert", tmp_path / "c.npz", tmp_path / "o.json"), 1, "c.npz", "npz")
     assert not (tmp_path / "o.json").exists()
+
+
+def test_another_kind_of_file_is_no_npz_and_nobody_is_told_to_trust_it(tmp_path):
+    write_csv(tmp_path / "a.csv", sample())
+    with pytest.raises(sk.DatasetError, match=r"file: expected an npz file, got another kind of file, or"):
+        read_npz(tmp_path / "a.csv")
+
+
+def test_a_calibration_is_not_written_over_itself(tmp_path):
+    path = tmp_path / "Calib.toml"
+    write_calibration(path, synthetic.human36m_like())
+    before = path.read_bytes()
+    result = invoke("convert", path, tmp_path / "." / "Calib.toml", "--unit", "mm", "--to-unit", "m")
+    assert_fails(result, 1, "Calib.toml: target: expected another file than the source, got the same")
+    assert path.read_bytes() == before
 
 
 @pytest.mark.parametrize("options", [("--y-up",), ("--fps", "60"), ()])

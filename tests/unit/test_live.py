@@ -7,6 +7,7 @@ import re
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -126,9 +127,10 @@ def test_malformed_lines_are_named_and_skipped(tmp_path, detections):
         return json.dumps({"detections": [[value, *good[0][1:]], *good[1:]]})
 
     lines = {
-        "{bad": "expected JSON, got",
+        "{bad": "expected JSON, got at column 2: Expecting property name",
         "[" * 100_000: "expected JSON, got",
-        "[1]": 'expected an object with "detections", got list',
+        "[1]": 'expected an object with "detections", got [1]',
+        "null": 'expected an object with "detections", got null',
         '{"frame": 3}': 'expected an object with "detections", got the keys frame',
         '{"detections": null}': "detections: expected a list of 4 cameras, got null",
         '{"detections": [null, null, null]}': "detections: expected a list of 4 cameras, got 3",
@@ -159,6 +161,12 @@ def test_a_line_that_is_no_utf8(tmp_path, detections):
     result = CliRunner().invoke(app, ["live", str(tmp_path / "Calib.toml"), *OPTIONS, "-q"], input=data)
     assert result.stderr.startswith("line 1: skipped: expected JSON, got 'utf-8' codec can't decode")
     assert len(records(result)) == 1
+
+
+def test_the_mark_with_which_windows_begins_a_stream(tmp_path, detections):
+    data = b"\xef\xbb\xbf" + line(1, detections[0]).encode() + b"\n"
+    result = CliRunner().invoke(app, ["live", str(tmp_path / "Calib.toml"), *OPTIONS, "-q"], input=data)
+    assert (len(records(result)), result.stderr) == (1, "")
 
 
 def test_the_end_has_percentiles(tmp_path, detections):
@@ -226,4 +234,16 @@ def test_a_reader_that_goes_away_is_status_1(tmp_path, detections):
         assert process.wait() == 1
         said = process.stderr.read().splitlines()
     assert said[1] == "error: stdout: expected a reader, got a closed pipe"
+    assert len(said) == 3
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full here")
+def test_a_full_disk_is_one_line_and_status_1(tmp_path, detections):
+    command = [sys.executable, "-m", "skelsplat", "live", str(tmp_path / "Calib.toml"), *OPTIONS]
+    with Path("/dev/full").open("wb") as full:
+        text = (line(0, detections[0]) + "\n").encode()
+        process = subprocess.run(command, input=text, stdout=full, stderr=subprocess.PIPE, check=False)
+    assert process.returncode == 1
+    said = process.stderr.decode().splitlines()
+    assert said[1] == "error: stdout: expected a reader, got no space left on device"
     assert len(said) == 3

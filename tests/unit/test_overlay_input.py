@@ -77,7 +77,7 @@ def test_a_camera_without_a_video(case, videos):
     assert_fails(overlay(case, videos), 1, "with --camera CAMERA, repeatable (in Python chosen=)")
     assert overlay(case, videos, "--camera", "cam_01").exit_code == 0
     assert_fails(overlay(case, videos, "--camera", "cam_02"), 1, "cam01.mp4, door.mp4", "none for cam_02")
-    assert_fails(overlay(case, videos, "--camera", "cam_9"), 1, "one of cam_01, cam_02, got 'cam_9'")
+    assert_fails(overlay(case, videos, "--camera", "cam_9"), 2, "one of cam_01, cam_02, got 'cam_9'")
 
 
 def test_videos_that_belong_to_no_camera_are_left_alone(case, videos):
@@ -121,6 +121,19 @@ def test_a_video_of_another_time(case, videos):
     assert_fails(result, 1, "frames from 0 to 5, which the run has of cam_01", "50 to 55", "--first-frame")
 
 
+def test_a_detector_that_counts_from_one_is_suspected(tmp_path, videos):
+    case = write_run(tmp_path / "from_one", frames=np.arange(1, FRAMES + 1))
+    result = overlay(case, videos)
+    said = " ".join(result.stderr.split())
+    assert "cam01.mp4: frames 0 to 5, and the run has 1 to 6 of cam_01: if its detector counts from 1" in said
+    for first in (0, 1):
+        assert "counts from 1" not in overlay(case, videos, "--first-frame", first).stderr
+    other = write_run(tmp_path / "a_part", frames=np.arange(1, FRAMES + 1) + 3, offsets={"cam_02": 3})
+    said = " ".join(overlay(other, videos).stderr.split())
+    assert "counts from 1" in said.partition("cam02.mp4")[2]
+    assert "counts from 1" not in said.partition("cam02.mp4")[0]
+
+
 def test_images_that_cannot_be_read_are_left_out(case, tmp_path):
     for name in ("cam01", "cam02"):
         write_images(tmp_path / "images" / name)
@@ -154,7 +167,7 @@ def test_images_without_a_frame_rate(case, tmp_path):
     result = overlay(case, tmp_path / "images")
     assert "--fps: not given, and neither images nor run say it; 30 per second assumed" in result.stderr
     assert read_video(case.folder.parent / "out" / "cam_01.mp4")[1] == pytest.approx(30.0)
-    assert_fails(overlay(case, tmp_path / "images", "--first-frame", 3), 1, "first_frame: expected videos")
+    assert_fails(overlay(case, tmp_path / "images", "--first-frame", 3), 2, "--first-frame: expected videos")
 
 
 def test_a_single_video_is_that_of_its_name_or_of_the_chosen_camera(case, videos, tmp_path):
@@ -168,8 +181,8 @@ def test_a_single_video_is_that_of_its_name_or_of_the_chosen_camera(case, videos
 def test_a_chosen_camera_is_compared_as_loosely_as_a_video(case, videos, tmp_path):
     assert overlay(case, videos, "--camera", "cam01").exit_code == 0
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["cam_01.mp4"]
-    said = "camera: expected a camera, one of cam_01, cam_02, got 'door'"
-    assert_fails(overlay(case, videos, "--camera", "door"), 1, said)
+    said = "--camera: expected a camera, one of cam_01, cam_02, got 'door'"
+    assert_fails(overlay(case, videos, "--camera", "door"), 2, said)
     with pytest.raises(InvalidInputError, match="camera: expected the exact name of one of a1, A_01, got"):
         find_videos(videos, ["a1", "A_01"], chosen=["a01"])
 

@@ -146,6 +146,14 @@ def test_a_link_leads_to_its_frame(visit):
     wait(page, "document.getElementById('frame').value === '120'")
 
 
+def test_a_number_that_is_no_frame_gives_way_to_the_one_that_is_shown(visit):
+    page = visit()
+    for typed, shown in (("5000", "139"), ("-3", "100"), ("120.4", "120")):
+        page.fill("#frame", typed)
+        page.press("#frame", "Enter")
+        wait(page, f"document.getElementById('frame').value === '{shown}'")
+
+
 def test_the_view_turns_follows_and_shows_all_cameras(visit):
     page = visit()
     eye = "Object.values(liveCamera().eye).map((value) => value.toFixed(6)).join()"

@@ -155,7 +155,7 @@ def _table(path: Path, key: str, value: Any) -> dict[str, Any]:
 
 def _unknown(path: Path, key: str, lineage: list[Any], known: list[str]) -> ConfigError:
     of = " ".join(str(step.info_name) for step in lineage[1:]) or "any command"
-    close = get_close_matches(_normal(key.rpartition(".")[2]), known, n=1)
+    close = get_close_matches(_normal(key.rpartition(".")[2]), known, n=1, cutoff=0.75)
     hint = f" such as {close[0]}" if close else ""
     return ConfigError(path, key, f"an option or argument of {of}{hint}", "an unknown key")
 

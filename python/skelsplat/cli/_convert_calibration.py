@@ -32,6 +32,8 @@ def _convert(request: Request) -> Written:
         raise typer.BadParameter(f"expected mm, cm or m, got {unit!r}", param_hint="--to-unit")
     given = CalibrationOptions(**options)
     rig = given.read(request.source)
+    if request.target.resolve() == request.source.resolve():
+        raise sk.DatasetError(request.target, "target", "another file than the source", "the same")
     written = rig if unit is None else convert_unit(rig, unit)
     write_calibration(request.target, written)
     cameras = f"{len(rig)} camera{'s' * (len(rig) != 1)} ({listed(rig.names)})"

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 # more than any detector's score: a pixel in its place
 _NO_SCORE = 100.0
+# characters of a line that a message shows
+_SHOWN = 40
 
 
 class MalformedLineError(Exception):
@@ -46,12 +48,14 @@ def parse_line(line: bytes, cameras: int, joints: int) -> Frame | None:
     if not line.strip():
         return None
     try:
-        record = json.loads(line.decode())
+        record = json.loads(line.decode("utf-8-sig"))  # Windows begins a stream with its mark
+    except json.JSONDecodeError as error:
+        raise MalformedLineError(f"expected JSON, got at column {error.colno}: {error.msg}") from error
     except (ValueError, RecursionError) as error:
         raise MalformedLineError(f"expected JSON, got {error}") from error
     if not isinstance(record, dict) or "detections" not in record:
-        keys = f"the keys {', '.join(record)}" if isinstance(record, dict) else type(record).__name__
-        raise MalformedLineError(f'expected an object with "detections", got {keys}')
+        got = f"the keys {', '.join(record)}" if isinstance(record, dict) else json.dumps(record)[:_SHOWN]
+        raise MalformedLineError(f'expected an object with "detections", got {got}')
     reset = record.get("reset", False)
     if not isinstance(reset, bool):
         raise MalformedLineError(f"reset: expected true or false, got {json.dumps(reset)}")

@@ -142,7 +142,20 @@ def _open(job: OverlayJob, scene: Scene, index: int, source: FrameSource, span: 
         raise typer.BadParameter(f"expected {expected}, got {width}×{height}", param_hint="--scale")
     if not view.expected(span):
         raise _no_frame(view, span)
+    if job.first_frame is None and _counted_from_one(view):
+        text = (
+            f"{source.path}: frames 0 to {source.last}, and the run has 1 to {source.last + 1} of {name}: if "
+            "its detector counts from 1, all is drawn one frame late; --first-frame 1 puts that right"
+        )
+        warnings.warn(text, UserWarning, stacklevel=2)
     return view
+
+
+def _counted_from_one(view: View) -> bool:
+    """Say whether the run's frames are as many as those of a video that begins at 0, but begin at 1."""
+    frames = view.scene.run.poses.frames - view.offset
+    is_video = not view.source.path.is_dir()
+    return is_video and (frames[0], frames[-1]) == (view.source.first + 1, view.source.last + 1)
 
 
 def _no_frame(view: View, span: Span) -> DatasetError:

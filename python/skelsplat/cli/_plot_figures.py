@@ -93,7 +93,7 @@ def draw_bones(source: Source, order: Order) -> Drawn:
     from skelsplat import viz  # as in draw_trajectories
 
     if not source.limbs:
-        why = "the joints are those of no built-in layout, so its limbs are not known; --layout names one"
+        why = "the joints are those of no built-in layout, so its limbs are not known (--layout, if they are)"
         return Drawn("bones", sentence=why)
     groups = limb_lengths(source.poses, source.limbs, source.left_right)
     panels = [viz.BonePanel(group[0].name, [_bone(limb) for limb in group]) for group in groups]

@@ -114,8 +114,10 @@ def _serve(session: Session, source: BinaryIO, target: BinaryIO) -> int:
                 target.flush()
     except KeyboardInterrupt:
         return INTERRUPTED
-    except BrokenPipeError:
-        _say("error: stdout: expected a reader, got a closed pipe")
+    except OSError as error:
+        closed = isinstance(error, BrokenPipeError)
+        got = "a closed pipe" if closed else (error.strerror or str(error)).lower()
+        _say(f"error: stdout: expected a reader, got {got}")
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nothing is left to flush at exit
         return FAILED
     return 0

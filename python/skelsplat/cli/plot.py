@@ -54,7 +54,7 @@ _Joints = Annotated[
     typer.Option(
         metavar="A,B,…",
         help="Joints whose trajectories are drawn, or all.",
-        show_default="wrists and ankles",
+        show_default="wrists and ankles, or the first four",
         rich_help_panel=_WHAT,
     ),
 ]

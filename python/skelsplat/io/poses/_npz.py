@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -87,8 +88,12 @@ def read_npz(path: str | os.PathLike[str]) -> PoseData:
 
 def _load(path: Path) -> dict[str, Any]:
     try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
-            return dict(archive)
+        with path.open("rb") as stream:
+            if not zipfile.is_zipfile(stream):
+                raise DatasetError(path, "file", "an npz file", "another kind of file, or a damaged one")
+            stream.seek(0)
+            with np.load(stream, allow_pickle=False) as archive:
+                return dict(archive)
     except OSError as error:
         raise DatasetError(
             path, "file", "a readable npz file", (error.strerror or str(error)).lower()

@@ -112,7 +112,10 @@ function listen() {
   controls.frame.max = scene.frames[scene.count - 1];
   controls.scrubber.addEventListener("input", () => show(Number(controls.scrubber.value)));
   controls.scrubber.addEventListener("change", keepAddress);
-  controls.frame.addEventListener("change", () => goTo(placeOf(Number(controls.frame.value))));
+  controls.frame.addEventListener("change", () => {
+    goTo(placeOf(Number(controls.frame.value)));
+    controls.frame.value = scene.frames[view.at]; // the frame there is, whatever was typed
+  });
   controls.play.addEventListener("click", () => (player.playing ? pause() : play()));
   get("previous").addEventListener("click", () => nextProblem(-1));
   get("next").addEventListener("click", () => nextProblem(1));
