@@ -129,7 +129,7 @@ def test_images_are_numbered_by_their_names(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("frames", "expected"), [("2-3", [2, 3]), ("4-", [4, 5]), ("-1", [0, 1]), ("3-99", [3, 4, 5])]
+    ("frames", "expected"), [("2-3", [2, 3]), ("4-", [4, 5]), ("-1", [0, 1]), ("3-99", [3, 4, 5]), ("4", [4])]
 )
 def test_some_frames(case, images, tmp_path, frames, expected):
     args = ("--png", "--camera", "cam_01", f"--range={frames}", *BARE)

@@ -67,6 +67,12 @@ def test_joints_and_limbs_have_the_colours_of_their_sides():
     assert tuple(image[100, 150]) == sides[2]
 
 
+def test_unreliable_joints_are_squares_as_discs_are_detections():
+    image = drawn(of(THREE, reliable=np.array([True, False, True])), size=(1920, 1080))
+    for corner in ([45, 145], [45, 155], [55, 145], [55, 155]):
+        assert tuple(image[tuple(corner)]) == bgr(_style.MIDDLE)
+
+
 def test_unreliable_joints_are_hollow_and_their_limbs_dashed():
     solid = drawn(of(THREE))
     hollow = drawn(of(THREE, reliable=np.array([True, False, True])))

@@ -17,7 +17,7 @@ Range = Annotated[
     typer.Option(
         "--range",
         metavar="A-B",
-        help="Frames to draw, in the run's numbers; A- and -B leave one end open.",
+        help="Frames to draw, in the run's numbers; A- and -B leave one end open; A is one frame.",
         show_default="all",
         rich_help_panel="Drawing",
     ),
@@ -33,12 +33,14 @@ class FrameRange:
 
     @classmethod
     def parse(cls, value: str | None) -> FrameRange:
-        """Return what ``A-B``, ``A-`` or ``-B`` says, or raise `typer.BadParameter`."""
+        """Return what ``A-B``, ``A-``, ``-B`` or ``A`` alone says, or raise `typer.BadParameter`."""
         if value is None:
             return cls()
+        if re.fullmatch(r"\s*\d+\s*", value):
+            return cls(int(value), int(value))
         match = re.fullmatch(r"\s*(\d*)\s*-\s*(\d*)\s*", value)
         if match is None or not any(match.groups()):
-            raise _refused("A-B, A- or -B, frame numbers", repr(value))
+            raise _refused("A-B, A-, -B or A, frame numbers", repr(value))
         first, last = (int(end) if end else None for end in match.groups())
         return cls(first, last)
 

@@ -110,11 +110,13 @@ def draw_limb(image: Image, ends: Array, colour: Colour, sizes: Sizes, *, solid:
 
 
 def draw_joint(image: Image, at: Array, colour: Colour, sizes: Sizes, *, solid: bool) -> None:
-    """Draw a joint: a dot with a light edge, or a light dot with an edge."""
-    inner, outer = (colour, _colours.LIGHT) if solid else (_colours.LIGHT, colour)
-    radius = sizes.joint if solid else sizes.hollow
-    _marks.dot(image, at, radius + sizes.edge, outer)
-    _marks.dot(image, at, radius, inner)
+    """Draw a joint: a dot with a light edge, or a light square with an edge, as discs are detections."""
+    if solid:
+        _marks.dot(image, at, sizes.joint + sizes.edge, _colours.LIGHT)
+        _marks.dot(image, at, sizes.joint, colour)
+        return
+    _marks.square(image, at, sizes.hollow + sizes.limb, colour)
+    _marks.square(image, at, sizes.hollow, _colours.LIGHT)
 
 
 def draw_detection(image: Image, at: Array, weight: float, sizes: Sizes, *, rejected: bool) -> None:

@@ -20,6 +20,7 @@ _SHIFT = 4  # coordinates count sixteenths of a pixel
 _FAR = 1e6  # px; 16 times that is well below 2³¹
 _MOST_DASHES = 300
 _CROSS = np.array([[-1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [1.0, -1.0]]) / np.sqrt(2.0)
+_SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 _DIAMOND = np.array([[0.0, -1.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0]])
 _TURN = np.linspace(0.0, 2 * np.pi, 48, endpoint=False)
 _CIRCLE = np.stack([np.cos(_TURN), np.sin(_TURN)], axis=1)
@@ -47,6 +48,13 @@ def dot(image: Image, centre: Array, radius: float, colour: Colour) -> None:
         across, down = _fixed(centre)[0].tolist()
         size = round(radius * 2**_SHIFT)
         opencv().circle(image, (across, down), size, colour, opencv().FILLED, opencv().LINE_AA, _SHIFT)
+
+
+def square(image: Image, centre: Array, radius: float, colour: Colour) -> None:
+    """Draw a filled square of ``2 radius``."""
+    corners = centre + radius * _SQUARE
+    if drawable(corners):
+        opencv().fillPoly(image, [_fixed(corners)], colour, opencv().LINE_AA, _SHIFT)
 
 
 def cross(image: Image, centre: Array, radius: float, colour: Colour, width: int) -> None:

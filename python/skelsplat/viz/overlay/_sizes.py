@@ -18,7 +18,8 @@ class Sizes:
     thin, limb
         Widths of ellipses, and of limbs.
     joint, hollow, edge
-        Radius of a joint's dot, of one that is not reliable, and width of the edge of dots and discs.
+        Radius of a joint's dot, half the side of the square of one that is not reliable, and width of the
+        edge of dots and discs.
     mark
         Radius of a detection's disc or cross.
     text
