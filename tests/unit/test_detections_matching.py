@@ -321,14 +321,3 @@ def test_videos_are_told_from_files_that_are_unknown(tmp_path):
     for path in (tmp_path, tmp_path / "camA", tmp_path / "camA.mp4"):
         with pytest.raises(sk.DatasetError, match="got videos; run a 2D keypoint detector on them first"):
             read_detections(path, NAMES, layout=H36M)
-
-
-@pytest.mark.parametrize("name", ["openpose", "easymocap"])
-def test_the_folder_above_is_told_which_one_beneath_it_has_detections(tmp_path, name):
-    above = tmp_path / "recording"
-    (above / "images").mkdir(parents=True)
-    write(above / "walk", name)
-    beneath = "annots" if name == "easymocap" else "walk"
-    top = above / "walk" if name == "easymocap" else above
-    with pytest.raises(sk.DatasetError, match=rf"folders with such detections .* \({beneath}/\)"):
-        read_detections(top, NAMES, layout=H36M)
