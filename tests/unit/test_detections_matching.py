@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import shutil
 from functools import partial
@@ -321,3 +322,17 @@ def test_videos_are_told_from_files_that_are_unknown(tmp_path):
     for path in (tmp_path, tmp_path / "camA", tmp_path / "camA.mp4"):
         with pytest.raises(sk.DatasetError, match="got videos; run a 2D keypoint detector on them first"):
             read_detections(path, NAMES, layout=H36M)
+
+
+@pytest.mark.parametrize("name", ["csv", "deeplabcut_csv"])
+def test_csv_of_programs_that_quote_everything_is_recognised(tmp_path, name):
+    written = write(tmp_path, name)
+    for path in tmp_path.glob("*.csv"):
+        with path.open(newline="") as file:
+            lines = list(csv.reader(file))
+        with path.open("w", newline="") as file:
+            csv.writer(file, quoting=csv.QUOTE_ALL).writerows(lines)
+        assert path.read_text().startswith('"')
+    found = read_detections(written, NAMES, layout=H36M)
+    assert found.format == name
+    np.testing.assert_array_equal(first_joints(found), X)

@@ -15,9 +15,8 @@ import numpy as np
 
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._files import frame_number, whole_number
-from skelsplat.io.detections._csv import csv_lines
+from skelsplat.io.detections._csv import csv_header, csv_lines
 from skelsplat.io.detections._format import DetectionFormat, Person, Recording, View, joints_of, list_view
-from skelsplat.io.detections._json import json_head
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -139,8 +138,7 @@ def _person(path: Path, where: str, person: dict[str, tuple[float, ...]], joints
 
 
 def _matches(path: Path) -> bool:
-    first = json_head(path).partition("\n")[0].lower().split(",")
-    return set(_NEEDED) <= {name.strip() for name in first}
+    return set(_NEEDED) <= {name.strip().lower() for name in csv_header(path)}
 
 
 FORMAT = DetectionFormat(
