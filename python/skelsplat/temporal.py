@@ -6,8 +6,8 @@ is missing, leave the input as it is, and never carry anything across missing po
 ``frames`` are the numbers of the frames; a gap in the numbers is a gap in time. ``weak`` marks positions that
 are not to be believed (the status ``weak`` of a refinement): a filter leaves them as they are, and they do
 not pull on those around them. The one-euro filter starts anew after them; the Butterworth filter goes on over
-them on a straight line, however many there are. Cubic splines and the Butterworth filter need SciPy: ``pip
-install 'skelsplat[temporal]'``.
+them on a straight line, however many there are. Cubic splines and the Butterworth filter need SciPy:
+``pip install 'skelsplat[temporal]'``.
 """
 
 from __future__ import annotations
