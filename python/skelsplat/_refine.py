@@ -133,7 +133,8 @@ def refine(
         Where to start, in the unit of the cameras. A joint that is NaN, or all of them if None, is
         triangulated from the detections.
     detections : (M, N, 2|3) or (T, M, N, 2|3)
-        Pixels, and the confidence in [0, 1] as an optional third channel. NaN or confidence 0: missing.
+        Pixels, and the confidence in [0, 1] as an optional third channel. NaN or confidence 0: missing; the
+        confidence of a pixel that is NaN does not count.
     cameras : CameraRig or sequence of Camera
         M cameras; a plain sequence is in mm.
     layout : str, Layout or None

@@ -17,6 +17,7 @@ __all__ = [
     "RefineConfig",
     "Refiner",
     "__version__",
+    "check_people",
     "fuse_monocular",
     "implausible_extent",
     "loss_and_gradient",
@@ -495,3 +496,6 @@ def implausible_extent(poses: ArrayLike, unit: str, *, layout: str | Layout | No
 
     With a layout of one's own the limits are 20 m and 1 mm.
     """
+
+def check_people(people: ArrayLike) -> None:
+    """Refuse a confidence outside [0, 1] in people (T, M, P, K, 3), which the message calls ``people``."""

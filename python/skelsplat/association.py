@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 import skelsplat as sk
+from skelsplat._skelsplat import check_people
 from skelsplat.exceptions import InvalidInputError
 
 if TYPE_CHECKING:
@@ -78,7 +79,7 @@ def choose_person(
     Raises
     ------
     InvalidInputError
-        If the shapes do not fit or there are fewer than two cameras.
+        If the shapes do not fit, a confidence is outside [0, 1], or there are fewer than two cameras.
     """
     everyone = _check(people, cameras)
     steps, views, _, joints, _ = everyone.shape
@@ -103,6 +104,7 @@ def _check(people: npt.ArrayLike, cameras: Sequence[sk.Camera]) -> Array:
     if array.ndim != 5 or array.shape[1] != len(cameras) or array.shape[4] != 3 or 0 in array.shape[2:4]:
         expected = f"shape (T, {len(cameras)}, P, K, 3) for {len(cameras)} cameras"
         raise InvalidInputError(f"people: expected {expected}, got {array.shape}")
+    check_people(array)
     return array
 
 

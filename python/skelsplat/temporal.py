@@ -2,10 +2,12 @@
 
 ``refine`` treats every frame by itself. What is done here uses the frames around it, so it belongs behind the
 refinement, and whoever writes the result says so in it. All functions take poses (T, N, 3) with NaN for what
-is missing, leave the input as it is, and never carry anything across a gap that they do not fill. ``frames``
-are the numbers of the frames; a gap in the numbers is a gap in time. ``weak`` marks positions that are not to
-be believed (the status ``weak`` of a refinement): a filter leaves them as they are, and they do not pull on
-those around them. Cubic splines and the Butterworth filter need SciPy: ``pip install 'skelsplat[temporal]'``.
+is missing, leave the input as it is, and never carry anything across missing positions that they do not fill.
+``frames`` are the numbers of the frames; a gap in the numbers is a gap in time. ``weak`` marks positions that
+are not to be believed (the status ``weak`` of a refinement): a filter leaves them as they are, and they do
+not pull on those around them. The one-euro filter starts anew after them; the Butterworth filter goes on over
+them on a straight line, however many there are. Cubic splines and the Butterworth filter need SciPy:
+``pip install 'skelsplat[temporal]'``.
 """
 
 from __future__ import annotations
@@ -110,7 +112,8 @@ def butterworth(
     frames : (T,) int, optional
         Ascending frame numbers; 0, 1, … if left out.
     weak : (T, N) bool, optional
-        Positions not to be believed. Between others a straight line stands in for them in the filter.
+        Positions not to be believed. Between others a straight line stands in for them in the filter, over a
+        stretch of any length.
 
     Returns
     -------

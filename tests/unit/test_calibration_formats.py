@@ -195,6 +195,18 @@ def test_easymocap_as_its_own_program_writes_it(tmp_path):
     np.testing.assert_array_equal(rig[1].t, [2, 0, 3])
 
 
+def test_easymocaps_two_names_for_a_lens_may_both_be_there(tmp_path, views):
+    folder = files.easymocap(tmp_path, views)
+    path = folder / "intri.yml"
+    both = ""
+    for v in views:
+        numbers = ", ".join(f"{k:.6f}" for k in v.distortion)
+        both += f"D_{v.name}: !!opencv-matrix\n   rows: 5\n   cols: 1\n   dt: d\n   data: [ {numbers} ]\n"
+    path.write_text(path.read_text() + both)
+    for camera, view in zip(read_calibration(folder, unit="m"), views, strict=True):
+        np.testing.assert_array_equal(camera.distortion, view.distortion)
+
+
 def test_openpose_files_are_in_natural_order_and_one_file_is_a_camera(tmp_path, views):
     renamed = [
         files.View(n, v.K, v.R, v.t, v.size, v.distortion)

@@ -55,6 +55,7 @@ def _pair(path, name, old, new):
 
 
 N = NAMES[0]
+LENS = "{}: !!opencv-matrix\n   rows: 1\n   cols: 4\n   dt: d\n   data: [ {} ]\n"
 # format: one thing broken, and what the message must say after the file's name
 MALFORMED = {
     "caliscope": {
@@ -92,6 +93,10 @@ MALFORMED = {
         "misspelt lens": (
             lambda p: _pair(p, "intri.yml", f"dist_{N}:", f"dost_{N}:"),
             rf"dist_{N}: expected lens coefficients",
+        ),
+        "two lenses": (
+            lambda p: _pair(p, "intri.yml", f"H_{N}:", LENS.format(f"D_{N}", "0.1, 0, 0, 0") + f"H_{N}:"),
+            rf"intri\.yml: D_{N}: expected the coefficients of dist_{N}, got others$",
         ),
         "no partner": (
             lambda p: ((p / "extri.yml").unlink(), p)[1],
@@ -272,6 +277,10 @@ MALFORMED = {
             lambda p: _edit(p, ' 0 0 0"', ' 0 0"'),
             rf"Camera {N}\.VICON_RADIAL2: expected a name, then cx cy k1",
         ),
+        "misspelt lens": (
+            lambda p: _edit(p, "VICON_RADIAL2", "VICON_RADIAL3"),
+            rf"Camera {N}\.VICON_RADIAL2: expected lens coefficients, here or in VICON_RADIAL, .*got none$",
+        ),
         "size": (
             lambda p: _edit(p, '"1000 1002"', '"1000 0"'),
             rf"Camera {N}\.SENSOR_SIZE: expected a positive whole",
@@ -289,7 +298,15 @@ MALFORMED = {
         ),
         "no cameras": (
             lambda p: _json_edit(p, lambda d: d.update(cameras=[])),
-            r"cameras: expected a list of at least one",
+            r"cameras: expected a list of at least one camera, got an empty list$",
+        ),
+        "one camera for the list": (
+            lambda p: _json_edit(p, lambda d: d.update(cameras=d["cameras"][0])),
+            r"cameras: expected a list of at least one camera, got dict$",
+        ),
+        "a name for a camera": (
+            lambda p: _json_edit(p, lambda d: d["cameras"].__setitem__(1, "cam")),
+            r"cameras\[1\]: expected an object with the fields of a camera, got str$",
         ),
         "no K": (
             lambda p: _json_edit(p, lambda d: d["cameras"][0].pop("K")),
@@ -318,6 +335,10 @@ MALFORMED = {
                 p, **{name: values[:0] for name, values in np.load(p).items() if values.ndim}
             ),
             r"cameras: expected at least one camera, got none",
+        ),
+        "names in no encoding": (
+            lambda p: _npz_edit(p, names=np.array([b"a", b"\xff\xfe", b"c", b"d"])),
+            r"names\[1\]: expected a name in UTF-8, got b'\\xff\\xfe'$",
         ),
         "shape": (lambda p: _npz_edit(p, t=np.zeros((4, 2))), r"t: expected shape \(4, 3\), got \(4, 2\)"),
         "unit": (lambda p: _npz_edit(p, unit="inch"), r"unit: expected \"mm\", \"cm\" or \"m\", got 'inch'"),

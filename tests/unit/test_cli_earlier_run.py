@@ -94,4 +94,5 @@ def test_pictures_of_an_earlier_run_are_said_to_be_that(recording, arguments):
     (out / "plots" / "bones.png").write_text("")
     said = invoke(*arguments, *READ, *FAST).stdout
     assert said.endswith("\n! plots/ and overlay/ are of an earlier run\n")
+    assert "earlier run" not in invoke(*arguments, *READ, *FAST, "--json").output
     assert invoke(*arguments, *READ, *FAST, "--quiet").output == ""

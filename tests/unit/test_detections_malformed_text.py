@@ -154,7 +154,11 @@ MALFORMED = {
     "deeplabcut_csv": {
         "open quote": (
             lambda b: b.file.write_text(b.file.read_text().rstrip("\n") + ',"' + "1,2\n" * 60_000),
-            r"line \d+: expected comma-separated fields, every quote closed, got field larger",
+            r"line 6: expected comma-separated fields, every quote closed, got a quote that is not closed in",
+        ),
+        "a field without end": (
+            lambda b: b.file.write_text(b.file.read_text().rstrip("\n") + 140_000 * "9"),
+            r"line 6: expected fields of at most 131072 characters, got a longer one",
         ),
         "cut": (
             lambda b: b.file.write_text(b.file.read_text()[:-200]),
@@ -190,7 +194,19 @@ MALFORMED = {
     "csv": {
         "open quote": (
             lambda b: b.text("pelvis,", '"pelvis,'),
-            r"line \d+: expected comma-separated fields, every quote closed, got unexpected end",
+            r"line 2: expected comma-separated fields, every quote closed, got a quote that is not closed in",
+        ),
+        "a quote that another one closes": (
+            lambda b: (b.text("spine,", '"spine,'), b.text("nose,", '"nose",')),
+            r"line 9: expected .*, every quote closed, got a quote that is not closed in this line",
+        ),
+        "a quote in the last line": (
+            lambda b: b.file.write_text(b.file.read_text().rstrip("\n") + '\ncamA,"'),
+            r"line 206: expected .*, every quote closed, got a quote that is not closed in this line",
+        ),
+        "text behind a quote": (
+            lambda b: b.text("pelvis,", '"pelvis" ,'),
+            r"line 2: expected .*, every quote closed, got ',' expected after '\"'",
         ),
         "header": (
             lambda b: b.text("joint", "part"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import shutil
 from functools import partial
@@ -323,12 +324,15 @@ def test_videos_are_told_from_files_that_are_unknown(tmp_path):
             read_detections(path, NAMES, layout=H36M)
 
 
-@pytest.mark.parametrize("name", ["openpose", "easymocap"])
-def test_the_folder_above_is_told_which_one_beneath_it_has_detections(tmp_path, name):
-    above = tmp_path / "recording"
-    (above / "images").mkdir(parents=True)
-    write(above / "walk", name)
-    beneath = "annots" if name == "easymocap" else "walk"
-    top = above / "walk" if name == "easymocap" else above
-    with pytest.raises(sk.DatasetError, match=rf"folders with such detections .* \({beneath}/\)"):
-        read_detections(top, NAMES, layout=H36M)
+@pytest.mark.parametrize("name", ["csv", "deeplabcut_csv"])
+def test_csv_of_programs_that_quote_everything_is_recognised(tmp_path, name):
+    written = write(tmp_path, name)
+    for path in tmp_path.glob("*.csv"):
+        with path.open(newline="") as file:
+            lines = list(csv.reader(file))
+        with path.open("w", newline="") as file:
+            csv.writer(file, quoting=csv.QUOTE_ALL).writerows(lines)
+        assert path.read_text().startswith('"')
+    found = read_detections(written, NAMES, layout=H36M)
+    assert found.format == name
+    np.testing.assert_array_equal(first_joints(found), X)

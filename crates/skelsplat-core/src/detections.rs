@@ -21,7 +21,7 @@ impl Detections {
     ///
     /// # Errors
     /// [`Error::InvalidInput`] if a length does not match or a confidence is outside [0, 1].
-    /// A confidence that is not a number marks the detection as missing.
+    /// A confidence that is not a number marks the detection as missing; that of a missing one does not count.
     pub fn new(
         n_views: usize,
         n_joints: usize,
@@ -41,14 +41,17 @@ impl Detections {
                 return Err(Error::invalid("confidence", expected, c.len().to_string()));
             }
         };
-        if let Some(bad) = confidence.iter().position(|c| *c < 0.0 || *c > 1.0) {
+        let points: Vec<Vector2<f64>> =
+            pixels.chunks_exact(2).map(|p| Vector2::new(p[0], p[1])).collect();
+        let seen = |p: &Vector2<f64>| p.x.is_finite() && p.y.is_finite();
+        let wrong = |(c, p): (&f64, &Vector2<f64>)| (*c < 0.0 || *c > 1.0) && seen(p);
+        if let Some(bad) = confidence.iter().zip(&points).position(wrong) {
             return Err(Error::invalid(
                 format!("confidence[{}, {}]", bad / n_joints, bad % n_joints),
                 "a value in [0, 1]",
                 confidence[bad].to_string(),
             ));
         }
-        let points = pixels.chunks_exact(2).map(|p| Vector2::new(p[0], p[1])).collect();
         Ok(Self { n_views, n_joints, points, confidence })
     }
 

@@ -70,6 +70,14 @@ fn a_confidence_outside_its_range() {
 }
 
 #[test]
+fn the_confidence_of_a_missing_detection_does_not_count() {
+    let nan = f64::NAN;
+    let pixels = [5.0, 5.0, nan, 5.0, 5.0, nan];
+    let found = Detections::new(1, 3, &pixels, Some(&[0.5, -1.0, 95.0])).unwrap();
+    assert_eq!([0, 1, 2].map(|j| found.get(0, j).is_some()), [true, false, false]);
+}
+
+#[test]
 fn no_cameras() {
     let error = Refiner::new(&[], Unit::Millimetre, None, RefineConfig::paper()).map(|_| ());
     assert_eq!(text(error), "cameras: expected at least one camera, got none");

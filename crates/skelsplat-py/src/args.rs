@@ -10,6 +10,7 @@ use skelsplat_core::unit::Unit;
 use crate::camera::Camera;
 use crate::errors::{OrRaise, invalid};
 use crate::layout::Layout;
+use crate::scores::{self, Place};
 
 /// A C-contiguous float64 array and its shape.
 pub(crate) struct Array<'py> {
@@ -170,7 +171,8 @@ impl Frames {
             return Err(invalid(py, "detections", "at least one view and one joint", actual));
         }
         let (pixels, mut scores) = split(array.values(), last[0]);
-        check_scores(py, "detections", &scores, lead, ", 2")?;
+        let place = Place { name: "detections", shape: lead, channel: ", 2" };
+        scores::check(py, &scores, &pixels, &place)?;
         if let Some(confidence) = confidence.filter(|c| !c.is_none()) {
             if !scores.is_empty() {
                 let actual = "detections with a third channel too";
@@ -179,7 +181,8 @@ impl Frames {
             let want: Vec<Option<usize>> = lead.iter().copied().map(Some).collect();
             let array = Array::of_shape("confidence", confidence, &want, &shown(lead))?;
             scores = array.values().to_vec();
-            check_scores(py, "confidence", &scores, lead, "")?;
+            let place = Place { name: "confidence", shape: lead, channel: "" };
+            scores::check(py, &scores, &pixels, &place)?;
         }
         let (m, n) = (lead[lead.len() - 2], lead[lead.len() - 1]);
         let count = if lead.len() == 3 { lead[0] } else { 1 };
@@ -211,35 +214,12 @@ impl Frames {
 }
 
 /// Pixels, and the third channel if there is one.
-fn split(values: &[f64], channels: usize) -> (Vec<f64>, Vec<f64>) {
+pub(crate) fn split(values: &[f64], channels: usize) -> (Vec<f64>, Vec<f64>) {
     if channels == 2 {
         return (values.to_vec(), Vec::new());
     }
     let pixels = values.chunks_exact(3).flat_map(|d| [d[0], d[1]]).collect();
     (pixels, values.chunks_exact(3).map(|d| d[2]).collect())
-}
-
-/// More than any detector's score.
-const NO_SCORE: f64 = 100.0;
-
-/// Refuses a confidence outside [0, 1] by its place in the array that it came in, which ends in `channel`.
-fn check_scores(
-    py: Python<'_>,
-    name: &str,
-    scores: &[f64],
-    shape: &[usize],
-    channel: &str,
-) -> PyResult<()> {
-    let Some(k) = scores.iter().position(|c| *c < 0.0 || *c > 1.0) else { return Ok(()) };
-    let (m, n) = (shape[shape.len() - 2], shape[shape.len() - 1]);
-    let (view, joint) = (k / n % m, k % n);
-    let frame = if shape.len() == 3 { format!("{}, ", k / (m * n)) } else { String::new() };
-    let place = format!("{name}[{frame}{view}, {joint}{channel}]");
-    // Peaks of a detector's maps run a little over; what is far off is a pixel or a percentage.
-    let hint =
-        if scores[k].abs() < NO_SCORE { " (clip scores: np.clip(scores, 0, 1))" } else { "" };
-    let expected = format!("a value in [0, 1]{hint}");
-    Err(invalid(py, &place, &expected, scores[k].to_string()))
 }
 
 /// `values` as an array of `shape`.

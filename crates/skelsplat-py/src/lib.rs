@@ -9,6 +9,7 @@ mod geometry;
 mod layout;
 mod refine;
 mod rendering;
+mod scores;
 
 use pyo3::prelude::*;
 
@@ -29,6 +30,8 @@ mod _skelsplat {
     use crate::refine::{PyRefiner, implausible_extent};
     #[pymodule_export]
     use crate::rendering::{loss_and_gradient, pseudo_ground_truth, render};
+    #[pymodule_export]
+    use crate::scores::check_people;
 
     #[pymodule_init]
     fn init(m: &Bound<'_, PyModule>) -> PyResult<()> {

@@ -107,7 +107,7 @@ def _checked(detections: ArrayLike, n_views: int) -> FloatArray:
         )
     if found.shape[-1] == 3:
         confidence = found[..., 2]
-        outside = confidence[(confidence < 0) | (confidence > 1)]
+        outside = confidence[np.isfinite(found[..., :2]).all(axis=-1) & ((confidence < 0) | (confidence > 1))]
         if outside.size:
             raise InvalidInputError(
                 f"detections: expected confidences in [0, 1], got {float(outside.flat[0])!r}"

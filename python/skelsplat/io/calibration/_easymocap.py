@@ -1,6 +1,6 @@
 """Pairs of OpenCV YAML files, ``intri.yml`` and ``extri.yml``, as EasyMocap writes them.
 
-``names`` lists the cameras. ``intri.yml`` has ``K_NAME`` 3×3, ``dist_NAME`` (older: ``D_NAME``) and often
+``names`` lists the cameras. ``intri.yml`` has ``K_NAME`` 3×3, ``dist_NAME``, ``D_NAME`` or both, and often
 ``H_NAME`` and ``W_NAME``, the image's height and width; ``extri.yml`` has ``R_NAME`` (Rodrigues vector),
 ``Rot_NAME`` 3×3 or both, and ``T_NAME``, world → camera. Given is the folder or either file; one file that
 holds everything will do as well. The length unit is that of the board that was calibrated with.
@@ -15,7 +15,7 @@ import numpy as np
 
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._files import read_text
-from skelsplat.io.calibration._fields import Entry
+from skelsplat.io.calibration._fields import PINHOLE_COUNTS, Entry
 from skelsplat.io.calibration._opencv_yaml import is_opencv_yaml, parse_opencv_yaml
 from skelsplat.io.calibration._raw import CalibrationFormat, Parsed, RawCamera
 from skelsplat.io.calibration._rotation import matrix_from_vector
@@ -26,8 +26,9 @@ if TYPE_CHECKING:
 
 _PAIR = ("intri", "extri")
 _SUFFIXES = (".yml", ".yaml")
-# R_ and Rot_ are written with six decimals
+# R_ and Rot_ are written with six decimals, and so may be one of dist_ and D_
 _SAME_ROTATION = 1e-4
+_SAME_LENS = 1e-6
 
 
 def _matches(source: Source) -> bool:
@@ -79,17 +80,33 @@ def _text(value: object) -> str:
 
 
 def _camera(intri: Entry, extri: Entry, name: str) -> RawCamera:
-    lens = f"D_{name}" if f"D_{name}" in intri.values else f"dist_{name}"
     return RawCamera(
         table=name,
         name=name,
         K=intri.numbers(f"K_{name}", (3, 3)),
         R=_rotation(extri, name),
         t=extri.numbers(f"T_{name}", (3,)),
-        distortion=intri.distortion(lens),
+        distortion=_lens(intri, name),
         fisheye=False,
         size=_size(intri, name),
     )
+
+
+def _lens(intri: Entry, name: str) -> Array | None:
+    """Lens coefficients from ``dist_``, else ``D_``; both must say the same."""
+    keys = [f"dist_{name}", f"D_{name}"]
+    there = [key for key in keys if key in intri.values] or keys[:1]
+    found = [intri.distortion(key) for key in there]
+    if len(found) == 2 and not _same_lens(*found):
+        raise intri.error(there[1], f"the coefficients of {there[0]}", "others")
+    return found[0]
+
+
+def _same_lens(one: Array | None, other: Array | None) -> bool:
+    """Compare coefficients; those that are left out are 0."""
+    longest = max(PINHOLE_COUNTS)
+    padded = [np.zeros(longest) if k is None else np.pad(k, (0, longest - k.size)) for k in (one, other)]
+    return bool(np.abs(padded[0] - padded[1]).max() <= _SAME_LENS)
 
 
 def _rotation(extri: Entry, name: str) -> Array:

@@ -51,11 +51,18 @@ def _parse_json(source: Source, options: Options) -> Parsed:  # noqa: ARG001
     if document.get("version") != _VERSION:
         raise top.error("version", str(_VERSION), repr(document.get("version")))
     unit = _checked_unit(source.path, document.get("unit"))
-    cameras = document.get("cameras")
-    if not isinstance(cameras, list) or not cameras or not all(isinstance(c, dict) for c in cameras):
-        raise top.error("cameras", "a list of at least one camera", type(cameras).__name__)
-    entries = [Entry(source.path, f"cameras[{i}]", values) for i, values in enumerate(cameras)]
-    return Parsed([_camera(entry) for entry in entries], unit)
+    return Parsed([_camera(entry) for entry in _entries(top)], unit)
+
+
+def _entries(top: Entry) -> list[Entry]:
+    cameras = top.values.get("cameras")
+    if not isinstance(cameras, list) or not cameras:
+        actual = "an empty list" if cameras == [] else type(cameras).__name__
+        raise top.error("cameras", "a list of at least one camera", actual)
+    for i, values in enumerate(cameras):
+        if not isinstance(values, dict):
+            raise top.error(f"cameras[{i}]", "an object with the fields of a camera", type(values).__name__)
+    return [Entry(top.path, f"cameras[{i}]", values) for i, values in enumerate(cameras)]
 
 
 def _camera(entry: Entry) -> RawCamera:
@@ -123,7 +130,7 @@ def _parse_npz(source: Source, options: Options) -> Parsed:  # noqa: ARG001
     fisheye = arrays.get("fisheye", np.zeros(len(names), dtype=bool))
     rows = [
         {
-            "name": name.decode() if isinstance(name := names[i], bytes) else str(name),
+            "name": _name(source.path, i, names[i]),
             "fisheye": bool(fisheye[i]),
             "distortion": _unpadded(source.path, i, lenses[i]),
             **{name: arrays[name][i].tolist() for name in ("K", "R", "t", "size")},
@@ -131,6 +138,16 @@ def _parse_npz(source: Source, options: Options) -> Parsed:  # noqa: ARG001
         for i in range(len(names))
     ]
     return Parsed([_camera(Entry(source.path, f"[{i}]", row)) for i, row in enumerate(rows)], unit)
+
+
+def _name(path: Path, index: int, value: object) -> str:
+    """Return a camera's name, which may be of bytes."""
+    if not isinstance(value, bytes):
+        return str(value)
+    try:
+        return value.decode()
+    except UnicodeDecodeError:
+        raise DatasetError(path, f"names[{index}]", "a name in UTF-8", repr(bytes(value))) from None
 
 
 def _unpadded(path: Path, index: int, row: Array) -> list[float] | None:

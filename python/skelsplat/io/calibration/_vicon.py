@@ -4,7 +4,7 @@
 its first ``KeyFrame`` has ``FOCAL_LENGTH`` in px, ``PRINCIPAL_POINT``, ``ORIENTATION``, a quaternion (x, y,
 z, w: scalar last) that turns world into camera, ``POSITION`` of the camera in the world, and the lens as
 ``VICON_RADIAL2`` (model's name, centre x y, k1 k2 k3) or, in older files, ``VICON_RADIAL`` (k1 k2 about the
-principal point). `_vicon_lens` makes OpenCV's coefficients of it.
+principal point); a camera with neither is refused. `_vicon_lens` makes OpenCV's coefficients of it.
 
 Marker cameras have no images: only cameras whose ``TYPE`` has "video" in it are read.
 """
@@ -110,8 +110,9 @@ def _radial(path: Path, key: str, frame: ET.Element, principal: Array) -> tuple[
     """Centre (2,), coefficients and the name of the attribute that they come from."""
     text = frame.get("VICON_RADIAL2")
     if text is None:
-        if frame.get("VICON_RADIAL") is None:
-            return principal, np.zeros(3), "VICON_RADIAL2"
+        if frame.get("VICON_RADIAL") is None:  # a misspelt name must not pass for a camera without a lens
+            expected = "lens coefficients, here or in VICON_RADIAL, zeros for no lens"
+            raise DatasetError(path, f"{key}.VICON_RADIAL2", expected, "none")
         return principal, _xml.numbers(path, key, frame, "VICON_RADIAL", 2), "VICON_RADIAL"
     field = f"{key}.VICON_RADIAL2"
     parts = text.split()

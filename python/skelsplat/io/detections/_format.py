@@ -109,7 +109,8 @@ def joints_of(path: Path, where: str, xy: Array, confidence: Array | None, *, cl
 
     A joint without finite pixels, without confidence, or with a confidence of 0 is missing. Without any
     confidence a joint counts as sure (1). With `clip`, a score above 1 counts as 1 and one below 0 as
-    missing: maxima of heat maps and SimCC are no probabilities.
+    missing: maxima of heat maps and SimCC are no probabilities. The confidence of a joint without pixels does
+    not count, whatever it is.
 
     Raises
     ------
@@ -121,7 +122,7 @@ def joints_of(path: Path, where: str, xy: Array, confidence: Array | None, *, cl
     sure = np.ones(xy.shape[:-1]) if confidence is None else np.array(confidence, dtype=np.float64)
     if clip:
         sure = np.clip(sure, 0.0, 1.0)
-    wrong = (sure < 0.0) | (sure > 1.0)
+    wrong = ((sure < 0.0) | (sure > 1.0)) & np.isfinite(xy).all(axis=-1)
     if wrong.any():
         place = tuple(int(i) for i in np.argwhere(wrong)[0])
         raise DatasetError(path, f"{where}{list(place)}", "a confidence in [0, 1]", f"{sure[place]:g}")

@@ -23,6 +23,7 @@ from skelsplat.io.detections import (
     sleap,
     videopose3d,
 )
+from skelsplat.io.detections._beneath import folders_beneath
 from skelsplat.io.detections._sources import subfolders
 
 if TYPE_CHECKING:
@@ -38,6 +39,8 @@ _MODULES = (
 FORMATS: dict[str, DetectionFormat] = {module.FORMAT.name: module.FORMAT for module in _MODULES}
 # files looked at per folder: enough for every camera of a dome, and never a folder of a million images
 _MOST = 64
+# folders named in a message
+_NAMED = 10
 
 
 def find_format(path: Path, name: str | None) -> DetectionFormat:
@@ -79,18 +82,26 @@ def _recognised(path: Path) -> dict[str, Path]:
 
 
 def _told(path: Path) -> str:
-    """Say what is there if it is no detections."""
+    """Say what is there if it is no detections: folders with some beneath it, or only videos."""
+    deeper = folders_beneath(path, _has_detections)
+    if deeper:
+        return f"folders with such detections beneath it: give one of them ({_names(path, deeper)})"
     if any(one.suffix.lower() in VIDEO_SUFFIXES for one in chain([path], path.glob("*"), path.glob("*/*"))):
         return "videos; run a 2D keypoint detector on them first, and give the files that it writes"
-    if path.is_dir():
-        deeper = [folder for folder in subfolders(path)[:_MOST] if _recognised(folder)]
-        if deeper:
-            return f"folders with such detections beneath it: give one of them ({_names(deeper)})"
     return "none that is recognised"
 
 
-def _names(folders: list[Path]) -> str:
-    return ", ".join(f"{folder.name}/" for folder in folders)
+def _has_detections(folder: Path) -> bool:
+    try:
+        return bool(_recognised(folder))
+    except DatasetError:  # it cannot be read
+        return False
+
+
+def _names(top: Path, folders: list[Path]) -> str:
+    names = [f"{folder.relative_to(top).as_posix()}/" for folder in folders]
+    more = [f"and {len(names) - _NAMED} more"] if len(names) > _NAMED else []
+    return ", ".join(names[:_NAMED] + more)
 
 
 def _samples(path: Path) -> Iterator[Path]:

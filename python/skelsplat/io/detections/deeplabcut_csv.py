@@ -12,10 +12,9 @@ import numpy as np
 
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._files import frame_number
-from skelsplat.io.detections._csv import csv_lines
+from skelsplat.io.detections._csv import csv_header, csv_lines
 from skelsplat.io.detections._dlc_table import LEVELS, Table, camera_part
 from skelsplat.io.detections._format import DetectionFormat, View
-from skelsplat.io.detections._json import json_head
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -58,7 +57,7 @@ def _value(path: Path, line: int, text: str) -> float:
 FORMAT = DetectionFormat(
     name="deeplabcut_csv",
     suffixes=(".csv",),
-    matches=lambda path: json_head(path).startswith("scorer,"),
+    matches=lambda path: len(first := csv_header(path)) > 1 and first[0] == "scorer",
     file=read_file,
     camera_part=camera_part,
 )

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from skelsplat.exceptions import DatasetError
 from skelsplat.io.detections._format import DetectionFormat, Person, View, joints_of
 from skelsplat.io.detections._frames import frame_files
@@ -59,7 +61,7 @@ def triples(path: Path, field: str, value: object, *, clip: bool) -> Person:
     if flat.size % 3 or not flat.size:
         raise DatasetError(path, field, "three numbers per joint", f"{flat.size} numbers")
     joints = flat.reshape(-1, 3)
-    wrong = (joints[:, 2] < 0.0) | (joints[:, 2] >= _NO_SCORE)
+    wrong = ((joints[:, 2] < 0.0) | (joints[:, 2] >= _NO_SCORE)) & np.isfinite(joints[:, :2]).all(axis=1)
     if wrong.any() and not clip:
         place = 3 * int(wrong.argmax()) + 2
         raise DatasetError(path, f"{field}[{place}]", "a confidence, 0 to 1", f"{flat[place]:g}")

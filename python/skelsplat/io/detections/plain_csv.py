@@ -15,9 +15,8 @@ import numpy as np
 
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._files import frame_number, whole_number
-from skelsplat.io.detections._csv import csv_lines
+from skelsplat.io.detections._csv import csv_header, csv_lines
 from skelsplat.io.detections._format import DetectionFormat, Person, Recording, View, joints_of, list_view
-from skelsplat.io.detections._json import json_head
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -71,8 +70,7 @@ def _read(path: Path) -> tuple[dict[str, _Camera], tuple[str, ...]]:
         if not cell["joint"] or cell["joint"] in person:
             expected = "a joint, once per person"
             raise DatasetError(path, f"line {number}, joint", expected, repr(cell["joint"]))
-        values = [_number(path, number, name, cell.get(name, "1")) for name in ("x", "y", "confidence")]
-        person[cell["joint"]] = tuple(values)
+        person[cell["joint"]] = _values(path, number, cell)
         joints[cell["joint"]] = None
     if not cameras:
         raise DatasetError(path, "lines", "one line per joint after the header", "none")
@@ -94,14 +92,22 @@ def _frame(path: Path, line: int, text: str) -> int:
     return frame_number(path, f"line {line}, frame", text)
 
 
+def _values(path: Path, line: int, cell: dict[str, str]) -> tuple[float, ...]:
+    """Return x, y and the confidence, which is that of a detection only where x and y are there."""
+    x, y, sure = (_number(path, line, name, cell.get(name, "1")) for name in ("x", "y", "confidence"))
+    if not np.isnan([x, y, sure]).any() and not 0.0 <= sure <= 1.0:
+        expected, actual = "a confidence in [0, 1]", cell["confidence"]
+        raise DatasetError(path, f"line {line}, confidence", expected, actual)
+    return x, y, sure
+
+
 def _number(path: Path, line: int, column: str, text: str) -> float:
     try:
         value = float(text) if text else float("nan")
     except ValueError:
         raise DatasetError(path, f"line {line}, {column}", "a number or nothing", repr(text)) from None
-    if np.isinf(value) or (column == "confidence" and not np.isnan(value) and not 0.0 <= value <= 1.0):
-        expected = "a confidence in [0, 1]" if column == "confidence" else "a number or nothing"
-        raise DatasetError(path, f"line {line}, {column}", expected, text)
+    if np.isinf(value):
+        raise DatasetError(path, f"line {line}, {column}", "a number or nothing", text)
     return value
 
 
@@ -132,8 +138,7 @@ def _person(path: Path, where: str, person: dict[str, tuple[float, ...]], joints
 
 
 def _matches(path: Path) -> bool:
-    first = json_head(path).partition("\n")[0].lower().split(",")
-    return set(_NEEDED) <= {name.strip() for name in first}
+    return set(_NEEDED) <= {name.strip().lower() for name in csv_header(path)}
 
 
 FORMAT = DetectionFormat(

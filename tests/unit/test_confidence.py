@@ -1,0 +1,134 @@
+"""Confidences outside [0, 1]: named where they were given; that of a missing detection does not count."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from skelsplat import synthetic
+from skelsplat.association import choose_person
+from skelsplat.evaluation import baselines
+from skelsplat.io import read_detections
+
+H36M = sk.layouts.H36M17
+
+
+@pytest.fixture(scope="module")
+def rig():
+    return synthetic.human36m_like()
+
+
+@pytest.fixture(scope="module")
+def detections(rig):
+    pixels = np.moveaxis(sk.project(synthetic.motion("walk", 3, seed=0), rig), 0, 1)
+    return np.concatenate([pixels, np.full((*pixels.shape[:-1], 1), 0.9)], axis=-1)
+
+
+def refined(found, rig):
+    return sk.refine(None, found, rig, layout=H36M, progress=False).pose
+
+
+def apart(found, rig):
+    pixels, confidence = found[..., :2], found[..., 2]
+    return sk.refine(None, pixels, rig, confidence=confidence, layout=H36M, progress=False).pose
+
+
+def stepped(found, rig):
+    return sk.Refiner(rig, layout=H36M).step(found[1]).pose
+
+
+def chosen(found, rig):
+    people = np.stack([found, np.full_like(found, np.nan)], axis=2)
+    return sk.triangulate(choose_person(people, rig)[0], rig)
+
+
+ENTRIES = {
+    "refine": (refined, "detections[1, 2, 3, 2]"),
+    "confidence": (apart, "confidence[1, 2, 3]"),
+    "Refiner": (stepped, "detections[2, 3, 2]"),
+    "triangulate": (sk.triangulate, "detections[1, 2, 3, 2]"),
+    "choose_person": (chosen, "people[1, 2, 0, 3, 2]"),
+    "baselines": (baselines.dlt, "detections"),
+}
+
+
+@pytest.mark.parametrize("entry", ENTRIES)
+def test_a_wrong_confidence_is_named_where_it_was_given(entry, detections, rig):
+    call, place = ENTRIES[entry]
+    found = detections.copy()
+    found[1, 2, 3, 2] = 1.2
+    with pytest.raises(sk.InvalidInputError) as caught:
+        call(found, rig)
+    assert str(caught.value).startswith(f"{place}: expected ")
+    assert str(caught.value).endswith(", got 1.2")
+
+
+@pytest.mark.parametrize("score", [-1.0, 95.0, np.inf])
+@pytest.mark.parametrize("entry", ENTRIES)
+def test_the_confidence_of_a_missing_detection_does_not_count(entry, score, detections, rig):
+    call, _ = ENTRIES[entry]
+    found = detections.copy()
+    found[1, 2, 3] = np.nan
+    without = call(found, rig)
+    found[1, 2, 3, 2] = score
+    np.testing.assert_array_equal(call(found, rig), without)
+    found[1, 2, 3, 1] = 5.0  # half a pixel is none
+    np.testing.assert_array_equal(call(found, rig), without)
+
+
+@pytest.mark.parametrize(
+    ("score", "advice"),
+    [
+        (1.01, " (clip scores: np.clip(scores, 0, 1))"),
+        (-0.1, " (clip scores: np.clip(scores, 0, 1))"),
+        (2.5, " (divide percentages by 100)"),
+        (100.0, " (divide percentages by 100)"),
+        (-95.0, ""),
+        (812.5, ""),
+    ],
+)
+def test_advice_fits_the_score(score, advice, detections, rig):
+    found = detections.copy()
+    found[0, 0, 0, 2] = score
+    with pytest.raises(sk.InvalidInputError) as caught:
+        sk.triangulate(found, rig)
+    assert str(caught.value) == f"detections[0, 0, 0, 2]: expected a value in [0, 1]{advice}, got {score:g}"
+
+
+def npz(root, view):
+    np.savez(root / "cam.npz", detections=view[:, None])
+
+
+def csv(root, view):
+    cells = np.where(np.isnan(view), "", view.astype(str))
+    lines = [
+        f"{t},{name},{','.join(joint)}"
+        for t, frame in enumerate(cells)
+        for name, joint in zip(H36M.joints, frame, strict=True)
+    ]
+    (root / "cam.csv").write_text("\n".join(["frame,joint,x,y,confidence", *lines]))
+
+
+def openpose(root, view):
+    (root / "cam").mkdir()
+    for t, frame in enumerate(view):
+        people = [{"pose_keypoints_2d": frame.ravel().tolist()}]
+        (root / "cam" / f"{t}.json").write_text(json.dumps({"people": people}))
+
+
+@pytest.mark.parametrize("write", [npz, csv, openpose])
+def test_nor_does_it_in_files(tmp_path, write, detections):
+    view = detections[:, 0].copy()
+    view[1, 3] = [np.nan, np.nan, -1.0]
+    write(tmp_path, view)
+    found = read_detections(tmp_path, ["cam"], layout=H36M).people[:, 0, 0]
+    assert np.isnan(found[1, 3]).all()
+    assert np.isfinite(found).all(axis=-1).sum() == found[..., 0].size - 1
+    view[1, 3] = [5.0, 5.0, -1.0]
+    (tmp_path / "seen").mkdir()
+    write(tmp_path / "seen", view)
+    with pytest.raises(sk.DatasetError, match=r"expected a confidence.*, got -1"):
+        read_detections(tmp_path / "seen", ["cam"], layout=H36M)
