@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ import skelsplat as sk
 from broken_detections import NAMES, K, T, anybody, first_joints, write_case
 from detection_files import CASES, Take
 from skelsplat.io import read_detections
+from skelsplat.io.detections._match import Candidates, match_by_order
 
 H36M, COCO = sk.layouts.H36M17, sk.layouts.COCO17
 MAIN = anybody()
@@ -152,6 +154,20 @@ def test_a_stated_order_comes_before_names(tmp_path, name, order):
     path = write(tmp_path, name, joints=layout.joints)
     found = read_detections(path, NAMES, layout=layout, order=order)
     np.testing.assert_array_equal(first_joints(found), X[::-1])
+
+
+@pytest.mark.parametrize("kind", ["folder", "file"])
+def test_an_order_means_what_is_called_exactly_so_first(kind):
+    """A dot begins the suffix of a file, but nothing in the name of a folder."""
+    labels = ["cam", "cam.1", "cam.2"]
+    candidates = Candidates(Path("pose"), kind, {label: label for label in labels})
+    assert list(match_by_order(candidates, ["a", "b", "c"], labels[::-1]).values()) == labels[::-1]
+
+
+def test_a_folder_has_no_suffix_to_leave_out():
+    candidates = Candidates(Path("pose"), "folder", {"cam1.json": "cam1.json", "cam2.json": "cam2.json"})
+    with pytest.raises(sk.DatasetError, match=r"the folder 'cam1' that order names, got cam1.json"):
+        match_by_order(candidates, NAMES, ["cam1", "cam2"])
 
 
 def test_sorted_is_natural_and_needs_no_names_of_cameras(tmp_path):

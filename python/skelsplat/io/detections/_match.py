@@ -131,9 +131,9 @@ def match_by_order(
     """Assign a label by a stated order to every camera name that is not left out.
 
     `order` is the label of every camera, in the order of the cameras, or ``"sorted"``: the first label in
-    natural order (2 before 10) belongs to the first camera. A file may be named without its suffix. Where
-    there are as many labels as cameras that are not left out, they are theirs; otherwise they are all
-    cameras', and those of the left out need not exist.
+    natural order (2 before 10) belongs to the first camera. A file may be named without its suffix, where
+    none is called exactly so. Where there are as many labels as cameras that are not left out, they are
+    theirs; otherwise they are all cameras', and those of the left out need not exist.
 
     Raises
     ------
@@ -171,7 +171,11 @@ def _meant(names: Sequence[str], left_out: Collection[str], count: int) -> Seque
 
 
 def _stated(candidates: Candidates, label: str) -> str:
-    fitting = [known for known in candidates.texts if label in (known, known.rpartition(".")[0])]
+    """Return what a stated label means: exactly that, or the one file of that name without its suffix."""
+    if label in candidates.texts:
+        return label
+    files = candidates.texts if candidates.kind == "file" else ()
+    fitting = [known for known in files if label == known.rpartition(".")[0]]
     if len(fitting) != 1:
         expected = f"the {candidates.kind} {label!r} that order names"
         raise DatasetError(
