@@ -77,7 +77,8 @@ def test_a_camera_without_a_video(case, videos):
     assert_fails(overlay(case, videos), 1, "with --camera CAMERA, repeatable (in Python chosen=)")
     assert overlay(case, videos, "--camera", "cam_01").exit_code == 0
     assert_fails(overlay(case, videos, "--camera", "cam_02"), 1, "cam01.mp4, door.mp4", "none for cam_02")
-    assert_fails(overlay(case, videos, "--camera", "cam_9"), 1, "one of cam_01, cam_02, got 'cam_9'")
+    said = "--camera: expected a camera, one of cam_01, cam_02, got 'cam_9'"
+    assert_fails(overlay(case, videos, "--camera", "cam_9"), 2, said)
 
 
 def test_videos_that_belong_to_no_camera_are_left_alone(case, videos):
@@ -154,7 +155,7 @@ def test_images_without_a_frame_rate(case, tmp_path):
     result = overlay(case, tmp_path / "images")
     assert "--fps: not given, and neither images nor run say it; 30 per second assumed" in result.stderr
     assert read_video(case.folder.parent / "out" / "cam_01.mp4")[1] == pytest.approx(30.0)
-    assert_fails(overlay(case, tmp_path / "images", "--first-frame", 3), 1, "first_frame: expected videos")
+    assert_fails(overlay(case, tmp_path / "images", "--first-frame", 3), 2, "--first-frame: expected videos")
 
 
 def test_a_single_video_is_that_of_its_name_or_of_the_chosen_camera(case, videos, tmp_path):
@@ -168,10 +169,15 @@ def test_a_single_video_is_that_of_its_name_or_of_the_chosen_camera(case, videos
 def test_a_chosen_camera_is_compared_as_loosely_as_a_video(case, videos, tmp_path):
     assert overlay(case, videos, "--camera", "cam01").exit_code == 0
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["cam_01.mp4"]
-    said = "camera: expected a camera, one of cam_01, cam_02, got 'door'"
-    assert_fails(overlay(case, videos, "--camera", "door"), 1, said)
+    said = "--camera: expected a camera, one of cam_01, cam_02, got 'door'"
+    assert_fails(overlay(case, videos, "--camera", "door"), 2, said)
     with pytest.raises(InvalidInputError, match="camera: expected the exact name of one of a1, A_01, got"):
         find_videos(videos, ["a1", "A_01"], chosen=["a01"])
+
+
+def test_an_order_of_too_few_is_bad_usage(case, videos):
+    said = "--order: expected 2 different files, one per camera (cam_01, cam_02), got cam01"
+    assert_fails(overlay(case, videos, "--order", "cam01"), 2, said)
 
 
 def test_the_current_folder_has_its_name(case, tmp_path, monkeypatch):

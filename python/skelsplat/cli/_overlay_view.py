@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import typer
 
+from skelsplat.cli._calibration import usage
 from skelsplat.cli._overlay_follow import follow
 from skelsplat.cli._overlay_place import Place, fit_size
 from skelsplat.exceptions import DatasetError, InvalidInputError
@@ -91,17 +92,19 @@ def open_views(job: OverlayJob, scene: Scene, span: Span) -> list[View]:
 
     Raises
     ------
-    DatasetError, InvalidInputError
+    DatasetError
         If a video is missing, unreadable, of another size than its camera, or has no frame of the run.
     typer.BadParameter
-        If the output would be too large.
+        If an option names no camera or does not fit the videos, or the output would be too large.
     """
     rig = scene.run.rig
-    paths = find_videos(job.videos, list(rig.names), chosen=job.cameras, order=job.order)
+    try:
+        paths = find_videos(job.videos, list(rig.names), chosen=job.cameras, order=job.order)
+    except InvalidInputError as error:
+        raise usage(error, {"camera": "--camera", "order": "--order"}) from error
     if job.first_frame is not None and any(path.is_dir() for path in paths.values()):
-        raise InvalidInputError(
-            "first_frame: expected videos, got images, whose numbers are those in the names of the files"
-        )
+        expected = "expected videos, got images, whose numbers are those in the names of the files"
+        raise typer.BadParameter(expected, param_hint="--first-frame")
     return [
         _open(job, scene, rig.names.index(name), open_source(path, job.first_frame or 0), span)
         for name, path in paths.items()
