@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 
@@ -157,6 +158,12 @@ def test_a_missing_calibration_is_status_1(recording, arguments):
     folder, _, _ = recording
     (folder / "Calib.toml").unlink()
     assert_fails(invoke(*arguments, *READ), 1, str(folder / "Calib.toml"), "expected", "got")
+
+
+def test_whether_a_file_is_readable_its_reader_finds_out(arguments, monkeypatch):
+    """Not the command line beforehand, whose fault would be one of usage; root may read anything."""
+    monkeypatch.setattr(os, "access", lambda *_, **__: False)
+    assert invoke(*arguments, *READ, *FAST, "--no-html").exit_code == 0
 
 
 def test_a_missing_folder_of_detections_is_status_1(recording, arguments):

@@ -47,11 +47,11 @@ def test_joints_of_the_file_that_the_layout_lacks_are_left_out(tmp_path):
     people = np.concatenate([MAIN[..., 8:9, :], MAIN], axis=-2)
     write(tmp_path, "deeplabcut_csv_multi", joints=["tail", *H36M.joints], people=people)
     np.testing.assert_array_equal(first_joints(read_detections(tmp_path, NAMES, layout="h36m17")), X)
-    with pytest.raises(
-        sk.InvalidInputError, match=r"got none; .* has 18 joints per person: no known layout.*names tail"
-    ):
+    with pytest.raises(sk.InvalidInputError, match=r"got none; .* names tail, .*: all joints of h36m17 or "):
         read_detections(tmp_path, NAMES)
-    with pytest.raises(sk.InvalidInputError, match=r"--map JOINT=NAME .*\(in Python .*skelsplat\.Layout"):
+    write(tmp_path, "deeplabcut_csv_multi", joints=[f"part{k}" for k in range(18)], people=people)
+    expected = r"all those of no known layout; .*--map JOINT=NAME .*\(in Python .*skelsplat\.Layout"
+    with pytest.raises(sk.InvalidInputError, match=expected):
         read_detections(tmp_path, NAMES)
 
 
@@ -174,6 +174,22 @@ def test_videopose3d_says_its_layout(tmp_path):
     assert read_detections(path, NAMES).layout == "coco17"
     with pytest.raises(sk.DatasetError, match=r"got none for pelvis, spine, neck, head among nose, left_eye"):
         read_detections(path, NAMES, layout="h36m17")
+
+
+@pytest.mark.parametrize("count", [33, 543, 553])
+def test_mediapipes_points_are_known_by_their_number_where_no_other_has_as_many(tmp_path, count):
+    """MediaPipe's nose, left shoulder and left hip are its points 0, 11 and 23."""
+    points = np.full((len(NAMES), 2, count, 2), np.nan)
+    points[:, :, 0], points[:, :, 11], points[:, :, 23] = 1.0, 2.0, 3.0
+    path = tmp_path / "renamed.npy"
+    np.save(path, points)
+    if count == 33:  # the body alone may be in anybody's order
+        with pytest.raises(sk.DatasetError, match=r"expected 17 joints \(layout coco17\), got 33"):
+            read_detections(path, NAMES, layout="coco17", order="sorted")
+        return
+    found = read_detections(path, NAMES, layout="coco17", order="sorted").people[0, 0, 0]
+    for joint, value in (("nose", 1.0), ("left_shoulder", 2.0), ("left_hip", 3.0)):
+        assert found[COCO.joints.index(joint), 0] == value
 
 
 def test_freemocap_of_another_tracker_has_no_names(tmp_path):

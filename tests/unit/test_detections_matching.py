@@ -6,6 +6,7 @@ import csv
 import json
 import shutil
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ import skelsplat as sk
 from broken_detections import NAMES, K, T, anybody, first_joints, write_case
 from detection_files import CASES, Take
 from skelsplat.io import read_detections
+from skelsplat.io.detections._match import Candidates, match_by_order
 
 H36M, COCO = sk.layouts.H36M17, sk.layouts.COCO17
 MAIN = anybody()
@@ -153,6 +155,37 @@ def test_a_stated_order_comes_before_names(tmp_path, name, order):
     path = write(tmp_path, name, joints=layout.joints)
     found = read_detections(path, NAMES, layout=layout, order=order)
     np.testing.assert_array_equal(first_joints(found), X[::-1])
+
+
+@pytest.mark.parametrize("kind", ["folder", "file"])
+def test_an_order_means_what_is_called_exactly_so_first(kind):
+    """A dot begins the suffix of a file, but nothing in the name of a folder."""
+    labels = ["cam", "cam.1", "cam.2"]
+    candidates = Candidates(Path("pose"), kind, {label: label for label in labels})
+    assert list(match_by_order(candidates, ["a", "b", "c"], labels[::-1]).values()) == labels[::-1]
+
+
+def test_a_folder_has_no_suffix_to_leave_out():
+    candidates = Candidates(Path("pose"), "folder", {"cam1.json": "cam1.json", "cam2.json": "cam2.json"})
+    with pytest.raises(sk.DatasetError, match=r"the folder 'cam1' that order names, got cam1.json"):
+        match_by_order(candidates, NAMES, ["cam1", "cam2"])
+
+
+@pytest.mark.parametrize("name", ["deeplabcut", "deeplabcut_csv"])
+def test_an_order_may_name_the_cameras_part_of_a_file(tmp_path, name):
+    """``camA`` of ``camADLC_resnet50_…``."""
+    if name == "deeplabcut":
+        pytest.importorskip("tables", reason="PyTables is not installed")
+    write(tmp_path, name)
+    found = read_detections(tmp_path, ["left", "right"], layout=H36M, order=["camB", "camA"])
+    np.testing.assert_array_equal(first_joints(found), X[::-1])
+
+
+def test_files_of_another_format_are_shown(tmp_path):
+    write(tmp_path, "deeplabcut_csv")
+    expected = r"files: expected files of deeplabcut \(\.h5\), got camADLC_.*\.csv, camBDLC_.*\.csv$"
+    with pytest.raises(sk.DatasetError, match=expected):
+        read_detections(tmp_path, NAMES, layout=H36M, format="deeplabcut")
 
 
 def test_sorted_is_natural_and_needs_no_names_of_cameras(tmp_path):
@@ -311,6 +344,8 @@ def test_filtered_results_beside_the_others_are_chosen_by_order(tmp_path):
         sk.DatasetError, match=r"files: expected one file per camera, got camera camA and files .*_fil"
     ):
         read_detections(tmp_path, NAMES, layout=H36M)
+    with pytest.raises(sk.DatasetError, match="the file 'camB' that order names"):  # it is in two names
+        read_detections(tmp_path, NAMES, layout=H36M, order=["camB", "camA"])
     order = [name.replace(".h5", "_filtered") for name in files]
     np.testing.assert_array_equal(first_joints(read_detections(tmp_path, NAMES, layout=H36M, order=order)), X)
 

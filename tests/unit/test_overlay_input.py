@@ -77,7 +77,8 @@ def test_a_camera_without_a_video(case, videos):
     assert_fails(overlay(case, videos), 1, "with --camera CAMERA, repeatable (in Python chosen=)")
     assert overlay(case, videos, "--camera", "cam_01").exit_code == 0
     assert_fails(overlay(case, videos, "--camera", "cam_02"), 1, "cam01.mp4, door.mp4", "none for cam_02")
-    assert_fails(overlay(case, videos, "--camera", "cam_9"), 2, "one of cam_01, cam_02, got 'cam_9'")
+    said = "--camera: expected a camera, one of cam_01, cam_02, got 'cam_9'"
+    assert_fails(overlay(case, videos, "--camera", "cam_9"), 2, said)
 
 
 def test_videos_that_belong_to_no_camera_are_left_alone(case, videos):
@@ -185,6 +186,11 @@ def test_a_chosen_camera_is_compared_as_loosely_as_a_video(case, videos, tmp_pat
     assert_fails(overlay(case, videos, "--camera", "door"), 2, said)
     with pytest.raises(InvalidInputError, match="camera: expected the exact name of one of a1, A_01, got"):
         find_videos(videos, ["a1", "A_01"], chosen=["a01"])
+
+
+def test_an_order_of_too_few_is_bad_usage(case, videos):
+    said = "--order: expected 2 different files, one per camera (cam_01, cam_02), got cam01"
+    assert_fails(overlay(case, videos, "--order", "cam01"), 2, said)
 
 
 def test_the_current_folder_has_its_name(case, tmp_path, monkeypatch):

@@ -9,6 +9,7 @@ import pytest
 
 import skelsplat as sk
 from skelsplat import synthetic
+from skelsplat.io import read_calibration, read_detections, sample
 from skelsplat.rig_check import check_rig
 from skelsplat.rig_check._resection import rotation
 
@@ -22,6 +23,7 @@ def rig(name):
         "room": lambda: synthetic.human36m_like(distortion=True),
         "dome of 3": lambda: synthetic.dome(3),
         "dome of 6": lambda: synthetic.dome(6),
+        "ring of 4": lambda: synthetic.ring(4),
         "pair": synthetic.stereo,
     }[name]()
 
@@ -38,6 +40,21 @@ def detections(name, motion="walk", noise="good", steps=T):
     )
     found.setflags(write=False)
     return found
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    """Return cameras and people of the recording in the package, every third frame."""
+    paths = sample.extract(tmp_path_factory.mktemp("sample"))
+    cameras = read_calibration(paths.calibration, unit=sample.UNIT)
+    return cameras, read_detections(paths.detections, cameras, layout=sample.LAYOUT).people[::3]
+
+
+def mirrored(found, name):
+    """Return detections (T, M, N, 3) of mirrored images of a rig's cameras."""
+    changed = found.copy()
+    changed[..., 0] = np.array([camera.size[0] for camera in rig(name)])[:, None] - 1 - found[..., 0]
+    return changed
 
 
 def replaced(cameras, view, **changes):
@@ -108,6 +125,68 @@ def test_three_cameras_in_a_circle_are_named():
     assert finding.kind == "exchanged"
     assert "those of cam3 belong to cam2" in finding.text
     assert finding.numbers["folders"] == {"cam1": "cam2", "cam2": "cam3", "cam3": "cam1", "cam4": "cam4"}
+
+
+def folders_of(order, names):
+    """Return what the finding says of detections in this order: by camera, whose folder has its own."""
+    return {names[camera]: names[place] for place, camera in enumerate(order)}
+
+
+@pytest.mark.parametrize("motion", ["walk", "sit", "reach"])
+@pytest.mark.parametrize(
+    ("name", "order"),
+    [("room", (1, 0, 3, 2)), ("room", (2, 3, 0, 1)), ("dome of 3", (2, 1, 0))],
+)
+def test_exchanged_cameras_are_no_mirrored_images(name, order, motion):
+    """In a room that is nearly symmetric mirrored images set them right, too, but not as well."""
+    finding = only(check_rig(rig(name), detections(name, motion)[:, list(order)], layout=LAYOUT))
+    assert finding.kind == "exchanged"
+    assert finding.numbers["folders"] == folders_of(order, rig(name).names)
+    near = (name, motion) in {("room", "sit"), ("room", "reach")}
+    rival = "That the detections of all cameras are mirrored would fit almost as well."
+    assert finding.text.endswith(rival) == near
+
+
+@pytest.mark.parametrize("motion", ["walk", "sit", "reach"])
+def test_mirrored_images_are_no_exchanged_cameras(motion):
+    finding = only(check_rig(rig("room"), mirrored(detections("room", motion), "room"), layout=LAYOUT))
+    assert finding.kind == "images"
+    assert "The detections of all cameras are mirrored" in finding.text
+    rival = (
+        "That the detections of 4 cameras are exchanged (or their calibrations): those of cam3 belong to "
+        "cam1, those of cam4 belong to cam2, those of cam1 belong to cam3, those of cam2 belong to cam4 "
+        "would fit almost as well."
+    )
+    assert finding.text.endswith(rival) == (motion != "walk")
+
+
+def test_where_nothing_tells_them_apart_both_are_mentioned():
+    found = detections("ring of 4", "sit")
+    for people in (mirrored(found, "ring of 4"), found[:, [0, 3, 2, 1]]):
+        finding = only(check_rig(rig("ring of 4"), people, layout=LAYOUT))
+        assert finding.kind == "images"
+        assert "That the detections of 4 cameras are exchanged" in finding.text
+
+
+@pytest.mark.parametrize("order", [(3, 2, 1, 0), (1, 2, 0, 3), (3, 0, 2, 1)])
+def test_exchanged_cameras_of_a_recording_are_no_images_of_another_size(recording, order):
+    """Another size or images upside down would take the half, or the third, of the disagreement away."""
+    cameras, people = recording
+    exchange, turned = check_rig(cameras, people[:, list(order)], layout=sample.LAYOUT).findings
+    assert exchange.kind == "exchanged"
+    assert exchange.numbers["folders"] == folders_of(order, cameras.names)
+    assert (turned.kind, turned.cameras) == ("turned", ("cam_03",))
+
+
+@pytest.mark.parametrize(("factor", "words"), [(3 / 4, "0.75"), (4 / 3, "1.33")])
+def test_a_recording_of_another_size_has_no_exchanged_cameras(recording, factor, words):
+    cameras, people = recording
+    resized = people.copy()
+    resized[..., :2] = (people[..., :2] + 0.5) * factor - 0.5
+    images, turned = check_rig(cameras, resized, layout=sample.LAYOUT).findings
+    assert images.text.startswith(f"The detections of all cameras are of images {words} times as large: ")
+    assert "almost as well" not in images.text
+    assert (turned.kind, turned.cameras) == ("turned", ("cam_03",))
 
 
 @pytest.mark.parametrize("shift", [3, -4])
@@ -219,13 +298,13 @@ def test_detections_of_other_images_are_named():
     good = detections("dome of 6")
     upside = good.copy()
     upside[:, 2, :, :2] = size - 1 - upside[:, 2, :, :2]
-    mirrored = good.copy()
-    mirrored[:, 3, :, 0] = size[0] - 1 - mirrored[:, 3, :, 0]
+    flipped = good.copy()
+    flipped[:, 3, :, 0] = size[0] - 1 - flipped[:, 3, :, 0]
     half = good.copy()
     half[:, 1, :, :2] = (half[:, 1, :, :2] + 0.5) / 2 - 0.5
     for found, camera, text in (
         (upside, "hd02", "its images are upside down"),
-        (mirrored, "hd03", "its images are mirrored"),
+        (flipped, "hd03", "its images are mirrored"),
         (half, "hd01", "of images of another size; multiplied by 2"),
     ):
         finding = only(check_rig(rig("dome of 6"), found))

@@ -20,6 +20,7 @@ _PANEL = "Calibration"
 Calibration = Annotated[
     Path,
     typer.Argument(
+        readable=False,
         metavar="CALIBRATION",
         help="Calibration file, or folder where a format is one; convert --help has the formats.",
     ),

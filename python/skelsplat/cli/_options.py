@@ -16,6 +16,7 @@ _DEFAULT, _PAPER = RefineConfig(), RefineConfig.paper()
 Detections = Annotated[
     Path,
     typer.Argument(
+        readable=False,
         metavar="DETECTIONS",
         help="Folder with one folder or file of 2D detections per camera, named like the camera; "
         "or one file of all cameras.",
@@ -111,6 +112,7 @@ Frames = Annotated[
 Init = Annotated[
     Path | None,
     typer.Option(
+        readable=False,
         metavar="POSE.npz",
         help="Pose to start from, as refine writes it.",
         show_default="triangulation",

@@ -11,7 +11,7 @@ import typer
 
 from skelsplat.cli._overlay_follow import follow
 from skelsplat.cli._overlay_place import Place, fit_size
-from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.exceptions import DatasetError
 from skelsplat.io.video import FrameSource, Image, Size, find_videos, open_source
 from skelsplat.viz import Skeleton
 from skelsplat.viz.overlay import Shown, draw_label, draw_overlay
@@ -91,17 +91,18 @@ def open_views(job: OverlayJob, scene: Scene, span: Span) -> list[View]:
 
     Raises
     ------
-    DatasetError, InvalidInputError
+    DatasetError
         If a video is missing, unreadable, of another size than its camera, or has no frame of the run.
+    InvalidInputError
+        If there is no camera of a name, or the order does not fit.
     typer.BadParameter
-        If the output would be too large.
+        If there are images whose numbers an option would change, or the output would be too large.
     """
     rig = scene.run.rig
     paths = find_videos(job.videos, list(rig.names), chosen=job.cameras, order=job.order)
     if job.first_frame is not None and any(path.is_dir() for path in paths.values()):
-        raise InvalidInputError(
-            "first_frame: expected videos, got images, whose numbers are those in the names of the files"
-        )
+        expected = "expected videos, got images, whose numbers are those in the names of the files"
+        raise typer.BadParameter(expected, param_hint="--first-frame")
     return [
         _open(job, scene, rig.names.index(name), open_source(path, job.first_frame or 0), span)
         for name, path in paths.items()

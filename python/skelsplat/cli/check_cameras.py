@@ -31,6 +31,7 @@ EPILOG = "Exit status: 0 nothing found, 1 something found or a file is unreadabl
 _Detections = Annotated[
     Path | None,
     typer.Argument(
+        readable=False,
         metavar="DETECTIONS",
         help="Detections of one person walking about, as refine reads them: a folder with one folder or file "
         "per camera, named like the camera, or one file of all. Without it only the calibration itself is "

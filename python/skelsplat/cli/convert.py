@@ -26,7 +26,9 @@ EPILOG = (
     ".c3d, .json and .nc."
 )
 
-_Input = Annotated[Path, typer.Argument(metavar="INPUT", help="File, or folder where a format is one.")]
+_Input = Annotated[
+    Path, typer.Argument(readable=False, metavar="INPUT", help="File, or folder where a format is one.")
+]
 _Output = Annotated[Path, typer.Argument(metavar="OUTPUT", help="File; its suffix says the format.")]
 _ToUnit = Annotated[
     str | None,

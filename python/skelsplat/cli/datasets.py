@@ -25,7 +25,7 @@ app = Application(
 )
 
 Name = Annotated[str, typer.Argument(metavar="NAME", help=", ".join(datasets.names()) + ".")]
-Root = Annotated[Path, typer.Argument(metavar="ROOT", help="Folder of the data set.")]
+Root = Annotated[Path, typer.Argument(readable=False, metavar="ROOT", help="Folder of the data set.")]
 Format = Annotated[
     str | None, typer.Option(metavar="NAME", help="Layout on disk.", show_default="as the files say")
 ]

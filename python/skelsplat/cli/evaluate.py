@@ -30,7 +30,7 @@ _LENSES = {"undistorted": True, "as-paper": False}
 _DATA, _METHODS, _OUTPUT = "Data and protocol", "Method", "Output"
 
 Name = Annotated[str, typer.Argument(metavar="DATASET", help=", ".join(datasets.names()) + ".")]
-Root = Annotated[Path, typer.Argument(metavar="ROOT", help="Its folder.")]
+Root = Annotated[Path, typer.Argument(readable=False, metavar="ROOT", help="Its folder.")]
 Detections = Annotated[
     str | None,
     NAME_OR_PATH,

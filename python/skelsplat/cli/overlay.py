@@ -20,10 +20,13 @@ EPILOG = (
 )
 _INPUT, _DRAWING, _OUTPUT = "Input", "Drawing", "Output"
 
-_Run = Annotated[Path, typer.Argument(metavar="RUN", help="Folder that refine or demo wrote.")]
+_Run = Annotated[
+    Path, typer.Argument(readable=False, metavar="RUN", help="Folder that refine or demo wrote.")
+]
 _Videos = Annotated[
     Path,
     typer.Argument(
+        readable=False,
         metavar="VIDEOS",
         help="Folder with one video, or one folder of images, per camera, named like it; or one of these.",
     ),

@@ -30,7 +30,10 @@ _ALL = ",".join(PICTURES)
 _WHAT, _OUTPUT = "Drawing", "Output"
 
 _Run = Annotated[
-    Path, typer.Argument(metavar="RUN", help="Folder that refine or demo wrote, or a file of poses.")
+    Path,
+    typer.Argument(
+        readable=False, metavar="RUN", help="Folder that refine or demo wrote, or a file of poses."
+    ),
 ]
 _Output = Annotated[
     Path | None,

@@ -11,10 +11,10 @@ import skelsplat as sk
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.rig_check._causes import explain
 from skelsplat.rig_check._convention import find_convention
+from skelsplat.rig_check._files import mend_files
 from skelsplat.rig_check._findings import CameraRow, Finding, RigReport, once_right
 from skelsplat.rig_check._geometry import check_geometry
-from skelsplat.rig_check._images import find_images
-from skelsplat.rig_check._people import find_exchange, follow
+from skelsplat.rig_check._people import follow
 from skelsplat.rig_check._recording import check_recording
 from skelsplat.rig_check._scene import Array, Index, Scene, in_mm, median, scene_of
 from skelsplat.rig_check._unit import check_unit
@@ -95,15 +95,14 @@ def _with_detections(
         text = "There is no detection to judge the cameras by."
         return RigReport((*findings, Finding("detections", (), text)))
     as_given = scene_of(cameras, given, frames)
-    images, people = find_images(cameras, people, layout)
-    exchange, order = find_exchange(cameras, people, layout)
-    if images is not None or exchange is not None:
-        given = follow(cameras, people[:, list(order)], layout)
+    files = mend_files(cameras, people, layout)
+    earlier = list(files.findings)
+    if earlier:
+        given = follow(cameras, files.people, layout)
         unit, likely = check_unit(rig, given, layout)
         cameras = in_mm(sk.CameraRig(list(rig), unit=likely))
-    if images is not None:
+    if any(finding.kind == "images" for finding in earlier):
         findings = [finding for finding in findings if "outside" not in finding.numbers]
-    earlier = [finding for finding in (images, exchange) if finding is not None]
     causes, mended = explain(scene_of(cameras, given, frames), earlier)
     recording = check_recording(causes, mended)
     if recording is not None:  # what single cameras or their order would explain is chance then
@@ -111,7 +110,7 @@ def _with_detections(
     causes += _left_over(mended, [*earlier, *causes])
     if causes and likely == rig.unit:
         unit = None  # a body of no person's size, but the cameras do not agree on it
-    found = [finding for finding in (convention, unit, images, exchange) if finding is not None]
+    found = [finding for finding in (convention, unit, *earlier) if finding is not None]
     return RigReport((*found, *findings, *causes), tuple(_rows(as_given, mended)))
 
 

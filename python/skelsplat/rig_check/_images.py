@@ -66,12 +66,15 @@ _FOR_ALL: dict[str, Change] = {
 
 def find_images(
     cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout | None
-) -> tuple[Finding | None, Array]:
-    """Say whether the detections of all cameras are of other images, and return them set right."""
+) -> tuple[Finding | None, Array, float]:
+    """Say whether the detections of all cameras are of other images.
+
+    Returns the finding (None: they are not), the people set right, and the factor on lengths in that.
+    """
     some = people[some_frames(len(people))]
     before = judge(cameras, some, layout)
     if not is_gross(before):
-        return None, people
+        return None, people, 1.0
 
     def disagreement(tried: tuple[str, Change, float]) -> float:
         """Return it in pixels of the detections as they are: small images make small errors."""
@@ -80,13 +83,13 @@ def find_images(
     best = min(_tries(), key=disagreement)
     after = disagreement(best)
     if not after < _BETTER * before.disagreement:
-        return None, people
+        return None, people, 1.0
     text = (
         f"The detections of all cameras are {best[0]}: with that undone the cameras are {after:.1f} px off "
         f"what the others say, as it is {_px(before.disagreement)}."
     )
     numbers = {"before_px": before.disagreement, "after_px": after}
-    return Finding("images", (), text, numbers), _applied(people, cameras, best[1])
+    return Finding("images", (), text, numbers), _applied(people, cameras, best[1]), best[2]
 
 
 def _tries() -> Iterator[tuple[str, Change, float]]:

@@ -19,9 +19,9 @@ _FRAMES = 30
 # Cameras that miss each other's joints by more than this share of the diagonal (20 px at 1700 px) are worth
 # a search. The right order must leave less than a third of that; or less than most of it, if the exchanged
 # cameras themselves lose half. A rival leaves little more.
-_GROSS, _BETTER, _RATHER, _HALF, _CLEAR = 0.012, 0.35, 0.7, 0.5, 1.5
+_GROSS, _BETTER, _RATHER, _HALF, CLEAR = 0.012, 0.35, 0.7, 0.5, 1.5
 # of so many cameras all orders are tried (24), of more those that exchange two
-_ALL_ORDERS = 4
+ALL_ORDERS = 4
 # A camera in which the chosen person is found in fewer frames is judged by whoever stands there.
 _LOST = 0.2
 
@@ -60,7 +60,7 @@ def find_exchange(
     if not ranked or not _is_right(before, tried[ranked[0]], orders[ranked[0]]):
         return None, given
     best, after = orders[ranked[0]], tried[ranked[0]].disagreement
-    rivals = [orders[k] for k in ranked[1:] if tried[k].disagreement < _CLEAR * after]
+    rivals = [orders[k] for k in ranked[1:] if tried[k].disagreement < CLEAR * after]
     return _finding(named(cameras), best, rivals, (before.disagreement, after)), best
 
 
@@ -77,7 +77,7 @@ def _is_right(before: Scene, after: Scene, order: tuple[int, ...]) -> bool:
 
 def _orders(suspects: list[int], count: int) -> Iterator[tuple[int, ...]]:
     """Orders other than the given one: all of few cameras, of more the exchanges of two that disagree."""
-    if count <= _ALL_ORDERS:
+    if count <= ALL_ORDERS:
         yield from list(permutations(range(count)))[1:]
         return
     for i, j in combinations(suspects, 2):

@@ -42,7 +42,7 @@ def _parse(source: Source, options: Options) -> Parsed:  # noqa: ARG001  the sig
     if not tables:
         expected = "at least one camera table with matrix, rotation and translation"
         raise DatasetError(source.path, "cameras", expected, f"tables {', '.join(document) or 'none'}")
-    without = [key for key, value in tables if value.keys().isdisjoint(_LENS)]
+    without = [str(value.get("name", key)) for key, value in tables if value.keys().isdisjoint(_LENS)]
     if without:
         text = f"{source.path}: no distortions for {', '.join(without)}: read as without a lens"
         warnings.warn(text, UserWarning, stacklevel=4)

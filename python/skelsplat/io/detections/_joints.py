@@ -47,6 +47,9 @@ def choose_layout(layout: str | sk.Layout | None, views: Iterable[View]) -> sk.L
         named = [known for known in _known() if view.joints and _same_joints(known, view.joints)]
         if len(named) == 1:
             return named[0]
+        if view.joints and not view.own_order:
+            hint = f"{view.path} names {_listed(view.joints)}: {_named_layouts(view.joints)}"
+            break
         counted = _count(view)
         if counted:
             path, joints = counted
@@ -77,6 +80,13 @@ def layouts_of(joints: int) -> str:
     """Names of the known layouts with that many joints, as a phrase."""
     fitting = [layout.name for layout in _known() if layout.n_joints == joints]
     return " or ".join(fitting) if fitting else _UNKNOWN
+
+
+def _named_layouts(names: Sequence[str]) -> str:
+    """Say which known layouts have all their joints among the names, or what to do if none has."""
+    there = {_key(name) for name in names}
+    fitting = [layout.name for layout in _known() if there.issuperset(map(_key, layout.joints))]
+    return f"all joints of {' or '.join(fitting)}" if fitting else f"all those of {_UNKNOWN}{_CUSTOM}"
 
 
 def _advice_on(joints: int) -> str:

@@ -132,8 +132,9 @@ def match_by_order(
     """Assign a label by a stated order to every camera name that is not left out.
 
     `order` is the label of every camera, in the order of the cameras, or ``"sorted"``: the first label in
-    natural order (2 before 10) belongs to the first camera. A file may be named without its suffix. Where
-    there are as many labels as cameras that are not left out, they are theirs; otherwise they are all
+    natural order (2 before 10) belongs to the first camera. Where no file is called exactly so, it may be
+    named without its suffix, or by the camera's part of its name (of DeepLabCut's files that before "DLC").
+    Where there are as many labels as cameras that are not left out, they are theirs; otherwise they are all
     cameras', and those of the left out need not exist. `otherwise` says what else may be done where
     ``"sorted"`` finds fewer labels than cameras, but two.
 
@@ -173,7 +174,12 @@ def _meant(names: Sequence[str], left_out: Collection[str], count: int) -> Seque
 
 
 def _stated(candidates: Candidates, label: str) -> str:
-    fitting = [known for known in candidates.texts if label in (known, known.rpartition(".")[0])]
+    """Return what a stated label means: exactly that, or the one file of that name in part."""
+    if label in candidates.texts:
+        return label
+    files = candidates.texts if candidates.kind == "file" else {}
+    fitting = [known for known in files if label == known.rpartition(".")[0]]
+    fitting = fitting or [known for known, part in files.items() if label == part]
     if len(fitting) != 1:
         expected = f"the {candidates.kind} {label!r} that order names"
         raise DatasetError(

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     Order = str | Sequence[str]
 
+_MOST_SHOWN = 8  # files named in a message
 _SOME_LEFT_OUT = "--without leaves out cameras (in Python without=)"
 
 
@@ -89,8 +90,11 @@ def open_sources(path: Path, form: DetectionFormat, matching: Matching, sequence
         return _of_files(path, form, matching)
     if form.folder is not None:
         return _of_folders(path, folders, form, matching)
-    if form.file is not None:
+    if form.file is not None and folders:
         return _of_single_files(path, folders, form, matching)
+    if form.file is not None:
+        expected = f"files of {form.name} ({', '.join(form.suffixes)})"
+        raise DatasetError(path, "files", expected, _shown(path))
     there = ", ".join(file.name for file in _files(path, form)) or "a folder"
     raise DatasetError(path, "path", f"the {form.name} file of all cameras itself", there)
 
@@ -103,6 +107,13 @@ def subfolders(path: Path) -> list[Path]:
         reason = (error.strerror or str(error)).lower()
         raise DatasetError(path, "folder", "a readable folder", reason) from error
     return [folder for folder in shown if not is_run(folder)]
+
+
+def _shown(path: Path) -> str:
+    """Return some of the files in a folder, for a message."""
+    names = sorted(file.name for file in path.iterdir() if file.is_file())
+    more = f" and {len(names) - _MOST_SHOWN} more" if len(names) > _MOST_SHOWN else ""
+    return ", ".join(names[:_MOST_SHOWN]) + more or "none"
 
 
 def _files(folder: Path, form: DetectionFormat, *, recognised: bool = True) -> list[Path]:

@@ -46,8 +46,10 @@ def _load(path: Path) -> Any:
     """Return the table; its file is closed again."""
     pandas = require("pandas", f"{path}: DeepLabCut's h5")
     require("tables", f"{path}: DeepLabCut's h5")
-    if not path.is_file():
-        raise DatasetError(path, "file", "a readable file", "no such file")
+    try:
+        path.open("rb").close()
+    except OSError as error:
+        raise DatasetError(path, "file", "a readable file", (error.strerror or str(error)).lower()) from error
     try:
         with pandas.HDFStore(path, mode="r") as store:
             keys = [key.strip("/") for key in store.keys()]  # noqa: SIM118 - a store, not a dict

@@ -2,8 +2,9 @@
 
 Shape (M, T, K, 2) in pixels, NaN for missing; a third number per point is MediaPipe's depth and is left out.
 There is one person and no confidence: it counts as 1. The file names no cameras, so their order must be
-stated; FreeMoCap's is that of the synchronised videos' names. A file whose name begins with ``mediapipe`` has
-MediaPipe's points: their first 33, the body, are matched to joints by name.
+stated; FreeMoCap's is that of the synchronised videos' names. A file whose name begins with ``mediapipe``, or
+with as many points as MediaPipe alone has (75, 543 or 553), has MediaPipe's: their first 33, the body, are
+matched to joints by name.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ def read_recording(path: Path, _: str | None) -> Recording:
 
 
 def _names(path: Path, count: int) -> tuple[str, ...] | None:
-    if not path.name.lower().startswith("mediapipe"):
+    if not path.name.lower().startswith("mediapipe") and count not in _COUNTS[1:]:
         return None
     if count not in _COUNTS:
         counts = ", ".join(str(known) for known in _COUNTS)
