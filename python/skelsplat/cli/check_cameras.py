@@ -130,9 +130,16 @@ def _print(rig: sk.CameraRig, found: DetectionSet | None, remedies: Remedies, *,
         console.print(_LEGEND, style="dim")
         console.print()
     for finding in report.findings:
-        console.print(f"! {finding.text}{remedies.text(finding)}")
+        _print_finding(console, finding, remedies.line(finding))
     if report.ok and not quiet:
         console.print(_nothing(rig, found))
+
+
+def _print_finding(console: Console, finding: Finding, remedy: str) -> None:
+    """Print a finding, and below it what to give to refine: on one line, however long, to be pasted."""
+    console.print(f"! {finding.text}{' refine puts it right with' if remedy else ''}")
+    if remedy:
+        typer.echo(f"  {remedy}")
 
 
 def _nothing(rig: sk.CameraRig, found: DetectionSet | None) -> str:
