@@ -92,12 +92,13 @@ def test_live_reads_them_too(tmp_path, views):
 
 @pytest.mark.parametrize("command", ["refine", "live", "check-cameras"])
 def test_what_is_missing_or_wrong_is_status_2_and_names_the_option(tmp_path, views, command):
+    layout = [] if command == "check-cameras" else LAYOUT  # which needs none without detections
     rest = [tmp_path / "none", "-o", tmp_path / "out"] if command == "refine" else []
 
     def fails(write, options, *parts):
         (tmp_path / write.__name__).mkdir(exist_ok=True)
         calibration = write(tmp_path / write.__name__, views)
-        assert_fails(invoke(command, calibration, *rest, *LAYOUT, *options), 2, *parts, f"{command} --help")
+        assert_fails(invoke(command, calibration, *rest, *layout, *options), 2, *parts, f"{command} --help")
 
     fails(files.anipose, [], "--unit: expected", '"m" is likely')
     fails(files.anipose, ["--unit", "ft"], "--unit: expected", "'ft'")

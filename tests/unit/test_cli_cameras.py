@@ -291,6 +291,29 @@ def test_a_calibration_alone(room):
     assert invoke("check-cameras", room / "Calib.toml", "-q").output == ""
 
 
+@pytest.mark.parametrize(
+    "given",
+    [
+        *(["--offset", "cam1=2"], ["--order", "sorted"], ["--layout", "h36m17"], ["--map", "nose=0"]),
+        *(["--frames", "union"], ["--format", "npz"], ["--sequence", "one"]),
+    ],
+)
+def test_options_of_detections_need_some(room, tmp_path, given):
+    said = f"{given[0]}: expected DETECTIONS beside it, got none"
+    assert_fails(invoke("check-cameras", room / "Calib.toml", *given), 2, said)
+    shared = tmp_path / "run.toml"  # may hold what other commands need
+    shared.write_text('layout = "h36m17"\nframes = "union"\n[check-cameras.offset]\ncam1 = 2\n')
+    assert invoke("check-cameras", room / "Calib.toml", "--config", shared).exit_code == 0
+    assert_fails(invoke("check-cameras", room / "Calib.toml", "--config", shared, *given), 2, said)
+
+
+def test_a_camera_may_be_left_out_of_a_calibration_alone(room):
+    result = invoke("check-cameras", room / "Calib.toml", "--without", "cam1")
+    assert (result.exit_code, "3 cameras, mm" in result.stdout) == (0, True)
+    unknown = invoke("check-cameras", room / "Calib.toml", "--without", "nosuch")
+    assert_fails(unknown, 2, "--without: expected a camera, one of cam1, cam2, cam3, cam4, got 'nosuch'")
+
+
 def test_check_cameras_refuses(room, tmp_path):
     assert_fails(
         invoke("check-cameras", room / "Calib.toml", room / "pose"),

@@ -19,7 +19,7 @@ from skelsplat.cli._calibration import CalibrationOptions
 from skelsplat.cli._checks import one_of
 from skelsplat.cli._json import print_json
 from skelsplat.cli._pipeline import collected_warnings
-from skelsplat.cli._reading import leave_out, named_offsets, read_found, reading
+from skelsplat.cli._reading import leave_out, named_offsets, read_found, reading, refuse_reading
 from skelsplat.cli._remedies import Remedies
 from skelsplat.rig_check import Finding, RigReport, check_rig
 
@@ -56,6 +56,7 @@ _MODES = ("strict", "intersection", "union")
 
 
 def check_cameras(
+    context: typer.Context,
     source: calibration.Calibration,
     detections: _Detections = None,
     *,
@@ -94,6 +95,8 @@ def check_cameras(
 
     skelsplat check-cameras Calib.toml dlc/ --unit mm --layout coco17 --map nose=snout --offset camB=3
     """
+    if detections is None:
+        refuse_reading(context)
     given = {
         "layout": layout and layout.lower(),
         "frames": one_of("--frames", frames, _MODES),
