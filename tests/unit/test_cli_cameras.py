@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 
 import numpy as np
 import pytest
@@ -153,7 +154,8 @@ def test_faults_are_status_1_and_said_in_words(room):
     assert result.exit_code == 1
     words = " ".join(result.stdout.split())
     assert "! cam3: its frame numbers are 3 too high, its frame f+3 belongs to frame f of the others" in words
-    assert words.endswith("refine takes it as --offset cam3=-3.")
+    assert words.endswith("refine puts it right with --offset cam3=-3")
+    assert result.stdout.splitlines()[-1] == "  --offset cam3=-3"
     assert words.startswith("! cam3")  # no table, no legend
 
 
@@ -172,22 +174,40 @@ def refined_px(room, detections, out, *given):
 
 
 def test_the_order_that_is_printed_puts_exchanged_cameras_right(room, tmp_path):
-    said = " ".join(check(room, "exchanged").stdout.split())
-    assert "refine takes it as --order cam2,cam1,cam3,cam4." in said
+    assert "  --order cam2,cam1,cam3,cam4" in check(room, "exchanged").stdout.splitlines()
     order = options(json.loads(check(room, "exchanged", "--json").stdout), "exchanged")
     assert check(room, "exchanged", *order).exit_code == 0
     right = refined_px(room, "pose", tmp_path / "pose")
     assert refined_px(room, "exchanged", tmp_path / "exchanged", *order) == pytest.approx(right, rel=1e-6)
 
 
-def test_an_order_is_that_of_the_files_as_they_are_called(room, tmp_path):
+def exchanged_as_files(room, folder, names):
+    """Write the exchanged cameras as files of these names, and return the check of them."""
     everyone = sk.io.read_detections(room / "exchanged", ["cam1", "cam2", "cam3", "cam4"], layout="h36m17")
-    names = ["walk cam1", "walk cam2", "walk cam3", "walk cam4"]
     for name, view in zip(names, everyone.people.swapaxes(0, 1), strict=True):
-        np.savez(tmp_path / f"{name}.npz", detections=view)
-    result = invoke("check-cameras", room / "Calib.toml", tmp_path, "--layout", "h36m17")
-    said = " ".join(result.stdout.split())
-    assert "--order 'walk cam2.npz,walk cam1.npz,walk cam3.npz,walk cam4.npz'." in said
+        np.savez(folder / f"{name}.npz", detections=view)
+    return ["check-cameras", room / "Calib.toml", folder, "--layout", "h36m17"]
+
+
+def test_options_stand_on_a_line_that_can_be_pasted_however_long_it_is(room, tmp_path):
+    names = [f"the long walk of Monday $1 :smile: cam{i}" for i in (1, 2, 3, 4)]
+    command = exchanged_as_files(room, tmp_path, names)
+    said = invoke(*command).stdout.splitlines()
+    (line,) = (line for line in said if "--order" in line)
+    assert len(line) > 80
+    order = shlex.split(line)
+    assert order == ["--order", ",".join(f"{names[i]}.npz" for i in (1, 0, 2, 3))]
+    assert options(json.loads(invoke(*command, "--json").stdout), "exchanged") == order
+    assert invoke(*command, *order).exit_code == 0
+    assert max(len(other) for other in said if other is not line) <= 80
+
+
+def test_an_order_with_a_comma_in_a_name_cannot_be_said(room, tmp_path):
+    command = exchanged_as_files(room, tmp_path, [f"walk, cam{i}" for i in (1, 2, 3, 4)])
+    assert options(json.loads(invoke(*command, "--json").stdout), "exchanged") == []
+    said = invoke(*command).stdout
+    assert said.rstrip().endswith(" px.")
+    assert "--order" not in said
 
 
 def test_offsets_that_were_given_follow_an_exchange(room):
@@ -269,6 +289,29 @@ def test_a_calibration_alone(room):
     words = " ".join(result.stdout.split())
     assert words.startswith("Nothing wrong was found in the file itself: 4 cameras, mm. Only detections tell")
     assert invoke("check-cameras", room / "Calib.toml", "-q").output == ""
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        *(["--offset", "cam1=2"], ["--order", "sorted"], ["--layout", "h36m17"], ["--map", "nose=0"]),
+        *(["--frames", "union"], ["--format", "npz"], ["--sequence", "one"]),
+    ],
+)
+def test_options_of_detections_need_some(room, tmp_path, given):
+    said = f"{given[0]}: expected DETECTIONS beside it, got none"
+    assert_fails(invoke("check-cameras", room / "Calib.toml", *given), 2, said)
+    shared = tmp_path / "run.toml"  # may hold what other commands need
+    shared.write_text('layout = "h36m17"\nframes = "union"\n[check-cameras.offset]\ncam1 = 2\n')
+    assert invoke("check-cameras", room / "Calib.toml", "--config", shared).exit_code == 0
+    assert_fails(invoke("check-cameras", room / "Calib.toml", "--config", shared, *given), 2, said)
+
+
+def test_a_camera_may_be_left_out_of_a_calibration_alone(room):
+    result = invoke("check-cameras", room / "Calib.toml", "--without", "cam1")
+    assert (result.exit_code, "3 cameras, mm" in result.stdout) == (0, True)
+    unknown = invoke("check-cameras", room / "Calib.toml", "--without", "nosuch")
+    assert_fails(unknown, 2, "--without: expected a camera, one of cam1, cam2, cam3, cam4, got 'nosuch'")
 
 
 def test_check_cameras_refuses(room, tmp_path):

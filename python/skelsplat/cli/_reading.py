@@ -88,6 +88,22 @@ def reading(
     }
 
 
+def refuse_reading(context: typer.Context) -> None:
+    """Refuse options on the command line that say how detections are read, where there are none.
+
+    Those in a file of options may be meant for another command.
+
+    Raises
+    ------
+    typer.BadParameter
+        If there is one.
+    """
+    for param in context.command.params:
+        said = getattr(context.get_parameter_source(str(param.name)), "name", "") == "COMMANDLINE"
+        if said and param.opts[0] in _OPTIONS.values() and param.opts[0] != "--without":
+            raise typer.BadParameter("expected DETECTIONS beside it, got none", param_hint=param.opts[0])
+
+
 def _pairs(option: str, values: list[str] | None) -> Iterator[tuple[str, str]]:
     """Yield the two sides of each ``A=B``; no A comes twice."""
     seen = set()

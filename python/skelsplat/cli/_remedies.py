@@ -40,10 +40,9 @@ class Remedies:
             return ["--offset", f"{row.name}={self.offset(row)}", *self._frames()]
         return []
 
-    def text(self, finding: Finding) -> str:
-        """Return a sentence with the options, to stand behind the finding; empty if there are none."""
-        options = self.of(finding)
-        return f" refine takes it as {shlex.join(options)}." if options else ""
+    def line(self, finding: Finding) -> str:
+        """Return the options as they are pasted into a shell; empty if there are none."""
+        return shlex.join(self.of(finding))
 
     def offset(self, row: CameraRow) -> int | None:
         """Value of --offset that puts a camera in step, the one given included; None if it is in step."""

@@ -19,7 +19,7 @@ from skelsplat.cli._calibration import CalibrationOptions
 from skelsplat.cli._checks import one_of
 from skelsplat.cli._json import print_json
 from skelsplat.cli._pipeline import collected_warnings
-from skelsplat.cli._reading import leave_out, named_offsets, read_found, reading
+from skelsplat.cli._reading import leave_out, named_offsets, read_found, reading, refuse_reading
 from skelsplat.cli._remedies import Remedies
 from skelsplat.rig_check import Finding, RigReport, check_rig
 
@@ -57,6 +57,7 @@ _MODES = ("strict", "intersection", "union")
 
 
 def check_cameras(
+    context: typer.Context,
     source: calibration.Calibration,
     detections: _Detections = None,
     *,
@@ -95,6 +96,8 @@ def check_cameras(
 
     skelsplat check-cameras Calib.toml dlc/ --unit mm --layout coco17 --map nose=snout --offset camB=3
     """
+    if detections is None:
+        refuse_reading(context)
     given = {
         "layout": layout and layout.lower(),
         "frames": one_of("--frames", frames, _MODES),
@@ -131,9 +134,16 @@ def _print(rig: sk.CameraRig, found: DetectionSet | None, remedies: Remedies, *,
         console.print(_LEGEND, style="dim")
         console.print()
     for finding in report.findings:
-        console.print(f"! {finding.text}{remedies.text(finding)}")
+        _print_finding(console, finding, remedies.line(finding))
     if report.ok and not quiet:
         console.print(_nothing(rig, found))
+
+
+def _print_finding(console: Console, finding: Finding, remedy: str) -> None:
+    """Print a finding, and below it what to give to refine: on one line, however long, to be pasted."""
+    console.print(f"! {finding.text}{' refine puts it right with' if remedy else ''}")
+    if remedy:
+        typer.echo(f"  {remedy}")
 
 
 def _nothing(rig: sk.CameraRig, found: DetectionSet | None) -> str:
