@@ -205,6 +205,48 @@ def test_a_frame_offset_is_named(name, motion, shift):
     assert report.cameras[1].best_offset_px < report.cameras[1].left_out_px
 
 
+def test_what_explains_nearly_as_much_is_said(recording):
+    """In the recording two of the four cameras could be the turned one."""
+    cameras, people = recording
+    finding = only(check_rig(cameras, people, layout=sample.LAYOUT))
+    assert (finding.kind, finding.cameras) == ("turned", ("cam_03",))
+    assert " Nearly as well the cameras agree with cam_01 turned by 1." in finding.text
+    (rival,) = finding.numbers["rivals"]
+    assert (rival["camera"], rival["kind"]) == ("cam_01", "turned")
+    assert "Only" not in finding.text
+    few = check_rig(cameras, people[:3], layout=sample.LAYOUT).findings[0]
+    assert few.text.endswith(" Only 3 frames say so: give more.")
+
+
+@pytest.mark.parametrize("name", ["room", "dome of 6"])
+def test_what_explains_much_less_is_not(name):
+    found = check_rig(turned(rig(name), 1, 4.0, (0, 1, 0)), detections(name), layout=LAYOUT)
+    assert "Nearly as well" not in only(found).text
+    assert "rivals" not in only(found).numbers
+
+
+def test_a_turn_and_an_offset_of_the_same_camera_are_told_apart_or_both_said():
+    """At 50 frames per second two frames of a walk are a small turn, too."""
+    whole = detections("room", steps=T + 10)
+    found = whole[5 : 5 + T].copy()
+    found[:, 0] = whole[3 : 3 + T, 0]
+    finding = only(check_rig(rig("room"), found, layout=LAYOUT))
+    assert (finding.kind, finding.cameras, finding.numbers["frames"]) == ("offset", ("cam1",), 2)
+    assert " Nearly as well the cameras agree with cam1 turned by 0." in finding.text
+
+
+@pytest.mark.parametrize(("shift", "words"), [(-5, " (4 to 5 fit nearly as well), "), (5, " too high, its")])
+def test_frames_that_fit_nearly_as_well_are_a_range(shift, words):
+    found, whole = detections("room").copy(), detections("room")
+    found[:, 1] = np.nan
+    here, there = slice(max(shift, 0), T + min(shift, 0)), slice(max(-shift, 0), T + min(-shift, 0))
+    found[here, 1] = whole[there, 1]
+    finding = only(check_rig(rig("room"), found, layout=LAYOUT))
+    assert (finding.kind, finding.cameras, finding.numbers["frames"]) == ("offset", ("cam2",), shift)
+    assert finding.numbers["frames_nearly_as_good"] == ([-5, -4] if shift < 0 else [5, 5])
+    assert words in finding.text
+
+
 def test_a_frame_offset_counts_frame_numbers_not_places():
     whole = detections("room", steps=T + 10)
     keep = np.delete(np.arange(T), [7, 8, 20])

@@ -7,19 +7,19 @@ what the others are compared with, too.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skelsplat.rig_check._findings import Finding, once_right
+from skelsplat.rig_check._cause import Cause
 from skelsplat.rig_check._images import CHANGES, changed_view, resizer
-from skelsplat.rig_check._resection import angle_between, resect, turn_between
-from skelsplat.rig_check._scene import named
+from skelsplat.rig_check._resection import resect
+from skelsplat.rig_check._words import finding_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from skelsplat.rig_check._findings import Finding
     from skelsplat.rig_check._scene import Array, Scene
 
 # A cause must make the cameras agree better by this much, over all and for the camera itself, and by more
@@ -35,25 +35,8 @@ _GOOD = 0.012
 _AS_GOOD = 1.1
 # Frames of the camera's count that are tried, at most this part of the recording; a few frames do not tell.
 _MOST_SHIFT, _PART, _LEAST_SPAN = 30, 3, 12
-# a turn about the optical axis is no shift of the picture
-_ROLL = 0.25
-_ORDER = ("offset", "images", "resized", "turned", "moved")
-
-
-@dataclass(frozen=True)
-class Cause:
-    """A hypothesis about one camera, and the scene in which it is set right."""
-
-    kind: str
-    view: int
-    scene: Scene
-    words: str = ""
-    factor: float = 1.0
-
-    @property
-    def rank(self) -> int:
-        """Simpler causes first."""
-        return _ORDER.index(self.kind)
+# What explains nearly as much is named beside it.
+_NEARLY_AS_GOOD = 1.2
 
 
 def explain(scene: Scene, earlier: Sequence[Finding] = ()) -> tuple[list[Finding], Scene]:
@@ -63,24 +46,32 @@ def explain(scene: Scene, earlier: Sequence[Finding] = ()) -> tuple[list[Finding
     """
     findings: list[Finding] = []
     for _ in range(scene.views):
-        cause = _best_cause(scene)
-        if cause is None:
+        known = np.isfinite(scene.disagreement)
+        causes = [cause for cause in _causes(scene) if _explains(scene, cause)] if known else []
+        if not causes:
             break
-        findings.append(_finding(scene, cause, [*earlier, *findings]))
+        cause = _simplest_of_the_best(causes)
+        findings.append(finding_of(scene, cause, [*earlier, *findings], _rivals(cause, causes)))
         scene = cause.scene
     return findings, scene
 
 
-def _best_cause(scene: Scene) -> Cause | None:
-    before = scene.disagreement
-    if not np.isfinite(before):
-        return None
-    causes = [cause for cause in _causes(scene) if _explains(scene, cause)]
-    if not causes:
-        return None
+def _simplest_of_the_best(causes: Sequence[Cause]) -> Cause:
     least = min(cause.scene.disagreement for cause in causes)
     good = [cause for cause in causes if cause.scene.disagreement <= _AS_GOOD * least]
     return min(good, key=lambda cause: (cause.rank, cause.scene.disagreement))
+
+
+def _rivals(chosen: Cause, causes: Sequence[Cause]) -> list[Cause]:
+    """Return what explains nearly as much: of each other camera, and of the same time against place."""
+    limit = _NEARLY_AS_GOOD * chosen.scene.disagreement
+    by_view: dict[int, list[Cause]] = {}
+    for cause in causes:
+        other = cause.view != chosen.view or (cause.kind == "offset") != (chosen.kind == "offset")
+        if other and cause.scene.disagreement <= limit:
+            by_view.setdefault(cause.view, []).append(cause)
+    rivals = [_simplest_of_the_best(some) for some in by_view.values()]
+    return sorted(rivals, key=lambda cause: cause.scene.disagreement)
 
 
 def _explains(scene: Scene, cause: Cause) -> bool:
@@ -161,45 +152,3 @@ def _size_factor(scene: Scene, view: int, points: Array) -> float | None:
         return None
     factor = float(np.median((pixels[known] * seen[known]).sum(axis=-1) / lengths**2))
     return factor if factor > 0 and abs(np.log(factor)) > 0.05 else None
-
-
-def _finding(scene: Scene, cause: Cause, earlier: Sequence[Finding]) -> Finding:
-    view, after = cause.view, cause.scene
-    name = named(scene.cameras)[view]
-    errors = {"before_px": float(scene.left_out[view]), "after_px": float(after.left_out[view])}
-    before_px, after_px = errors["before_px"], errors["after_px"]
-    once = once_right(earlier, name)  # the errors are of the scene in which the earlier are put right
-    change = f"{before_px:.1f} px off what the others say{once}, with that put right {after_px:.1f} px"
-    if cause.kind == "offset":
-        shift = after.shifts[view] - scene.shifts[view]
-        text = (
-            f"{name}: its frame numbers are {abs(shift)} too {'high' if shift > 0 else 'low'}, its frame "
-            f"f{shift:+d} belongs to frame f of the others ({change})."
-        )
-        return Finding("offset", (name,), text, {"frames": shift, **errors})
-    if cause.kind == "resized":
-        text = (
-            f"{name}: the detections are of images of another size; multiplied by {cause.factor:.3g} they "
-            f"fit ({change})."
-        )
-        return Finding("resized", (name,), text, {"factor": cause.factor, **errors})
-    if cause.kind == "images":
-        return Finding("images", (name,), f"{name}: its images are {cause.words} ({change}).", errors)
-    return _pose_finding(scene, cause, name, errors, change)
-
-
-def _pose_finding(scene: Scene, cause: Cause, name: str, errors: dict[str, float], change: str) -> Finding:
-    old, new = scene.cameras[cause.view], cause.scene.cameras[cause.view]
-    angle = angle_between(old, new)
-    distance = float(np.linalg.norm(np.asarray(old.centre) - np.asarray(new.centre)))
-    how = f"turned by {angle:.1f}°" + (f" and moved by {distance:.0f} mm" if cause.kind == "moved" else "")
-    text = (
-        f"{name} does not stand as its calibration says: {how} it agrees with the other cameras "
-        f"({change}). It was moved since, or the calibration is another camera's or another image's."
-    )
-    axis = turn_between(old, new)
-    if cause.kind == "turned" and abs(axis[2]) < _ROLL * np.linalg.norm(axis):
-        shift = float(np.hypot(axis[1], axis[0]) * np.asarray(old.K)[0, 0])
-        text += f" A picture shifted by {shift:.0f} px (a crop, a principal point) would look the same."
-    numbers = {"degrees": angle, "mm": distance if cause.kind == "moved" else 0.0, **errors}
-    return Finding(cause.kind, (name,), text, numbers)
