@@ -12,12 +12,26 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skelsplat.io.detections.freemocap import _BODY
-
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
 
+# the landmarks of MediaPipe Pose 0 to 32, as its documentation lists them
+MEDIAPIPE = (
+    *(
+        "nose",
+        "left_eye_inner",
+        "left_eye",
+        "left_eye_outer",
+        "right_eye_inner",
+        "right_eye",
+        "right_eye_outer",
+    ),
+    *("left_ear", "right_ear", "mouth_left", "mouth_right", "left_shoulder", "right_shoulder", "left_elbow"),
+    *("right_elbow", "left_wrist", "right_wrist", "left_pinky", "right_pinky", "left_index", "right_index"),
+    *("left_thumb", "right_thumb", "left_hip", "right_hip", "left_knee", "right_knee", "left_ankle"),
+    *("right_ankle", "left_heel", "right_heel", "left_foot_index", "right_foot_index"),
+)
 SCORER = "DLC_resnet50_gaitOct30shuffle1_100000"
 
 
@@ -251,7 +265,7 @@ def sleap(root: Path, take: Take) -> Path:
 def freemocap(root: Path, take: Take) -> Path:
     points = np.full((take.people.shape[1], len(take.people), 553, 2), np.nan)
     for k, joint in enumerate(take.joints):
-        points[:, :, _BODY.index(joint)] = take.people[:, :, 0, k, :2].swapaxes(0, 1)
+        points[:, :, MEDIAPIPE.index(joint)] = take.people[:, :, 0, k, :2].swapaxes(0, 1)
     path = root / "mediapipe_2dData_numCams_numFrames_numTrackedPoints_pixelXY.npy"
     np.save(path, points)
     return path

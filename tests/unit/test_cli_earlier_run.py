@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
+
 from command_line import FAST, READ, RESULTS, assert_fails, invoke
 from skelsplat.cli import _run
+from skelsplat.io import read_openpose
 
 
 def test_poses_of_another_run_are_removed_and_other_files_left(recording, arguments):
@@ -73,13 +76,36 @@ def test_the_input_is_never_written_over(recording, arguments):
 
 
 def test_results_do_not_get_in_the_way_of_the_detections(recording):
-    folder, _, _ = recording
+    folder, rig, _ = recording
     refine = ["refine", folder / "Calib.toml", folder / "openpose", *READ, *FAST]
     assert_fails(
         invoke(*refine, "-o", folder / "openpose"), 2, "--output: ", "mixed with results", "openpose"
     )
+    for place in (rig.names[0], f"{rig.names[1]}/out"):
+        before = sorted((folder / "openpose" / rig.names[0]).iterdir())
+        assert_fails(
+            invoke(*refine, "-o", folder / "openpose" / place), 2, "--output: ", "mixed with results"
+        )
+        assert sorted((folder / "openpose" / rig.names[0]).iterdir()) == before
+        assert not (folder / "openpose" / rig.names[1] / "out").exists()
     for _ in range(2):  # a folder of results beneath is none of a camera
         assert invoke(*refine, "-o", folder / "openpose" / "out", "--order", "sorted").exit_code == 0
+
+
+def test_one_file_in_each_cameras_folder_is_never_written_over(recording):
+    """Its name may be that of a result."""
+    folder, rig, _ = recording
+    people = read_openpose(folder / "openpose", rig, layout="h36m17").people
+    for i, name in enumerate(rig.names):
+        (folder / "cams" / name).mkdir(parents=True)
+        np.savez(folder / "cams" / name / "detections.npz", detections=people[:, i, 0])
+    refine = ["refine", folder / "Calib.toml", folder / "cams", *READ, *FAST, "--no-html"]
+    own = folder / "cams" / rig.names[0]
+    before = (own / "detections.npz").read_bytes()
+    assert_fails(invoke(*refine, "-o", own), 2, "--output: ", f"got that of {own / 'detections.npz'}")
+    assert [path.name for path in own.iterdir()] == ["detections.npz"]
+    assert (own / "detections.npz").read_bytes() == before
+    assert invoke(*refine, "-o", folder / "cams" / "out").exit_code == 0
 
 
 def test_pictures_of_an_earlier_run_are_said_to_be_that(recording, arguments):

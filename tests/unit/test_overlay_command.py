@@ -176,6 +176,15 @@ def test_the_grid_holds_all_cameras_and_says_where_an_image_is_missing(case, tmp
     assert (document["files"][0]["height"], document["files"][0]["width"]) == frames[0].shape[:2]
 
 
+@pytest.mark.parametrize("scale", ["1", "0.303"])
+def test_the_size_that_is_said_is_the_one_that_is_written(case, images, tmp_path, scale):
+    """MPEG-4 has even sizes alone."""
+    args = ("--no-legend", "--json", "--scale", scale, "--fps", 10)
+    document = json.loads(overlay(case, images, tmp_path / "out", *args).stdout)
+    frames, _ = read_video(tmp_path / "out" / "cam_01.mp4")
+    assert (document["files"][0]["height"], document["files"][0]["width"]) == frames[0].shape[:2]
+
+
 def test_legend_and_label_are_added(case, images, tmp_path):
     overlay(case, images, tmp_path / "with", "--png", "--quiet")
     overlay(case, images, tmp_path / "bare", "--png", *BARE)

@@ -14,6 +14,7 @@ from skelsplat.io._run_files import CAMERAS, DETECTIONS, REPORT, UNFINISHED, fil
 from skelsplat.io.poses import POSE_FORMATS
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     from skelsplat.cli._job import Job
@@ -39,19 +40,36 @@ def planned(job: Job) -> list[str]:
     return [name for name in _POSSIBLE if name in wanted]
 
 
-def keep_input(job: Job) -> None:
+def keep_input(job: Job, sources: Sequence[Path] = ()) -> None:
     """Refuse a folder for the results in which they would stand in the place, or in the midst, of the input.
+
+    Parameters
+    ----------
+    job : Job
+    sources : sequence of Path
+        The files or folders of single cameras, once they are known.
 
     Raises
     ------
     typer.BadParameter
-        If a file that the run reads has the name of one that it writes, or the detections are the folder.
+        If a file that the run reads has the name of one that it writes, or the folder is that of the
+        detections, or of one camera's, or lies within the latter.
     """
-    written = {(job.out / name).resolve() for name in (*_POSSIBLE, REPORT)}
+    out, top = job.out.resolve(), job.detections.resolve()
+    written = {(out / name).resolve() for name in (*_POSSIBLE, REPORT)}
     for path in (job.calibration, job.detections, job.init):
-        if path is not None and path.resolve() in {job.out.resolve(), *written}:
-            expected = "a folder in which nothing that the run reads is written over or mixed with results"
-            raise typer.BadParameter(f"expected {expected}, got that of {path}", param_hint="--output")
+        if path is not None and path.resolve() in {out, *written}:
+            raise _in_the_way(path)
+    for path in sources:
+        place = path.resolve()
+        folder = place if place.is_dir() else place.parent
+        if place in written or (folder != top and folder != top.parent and folder in {out, *out.parents}):
+            raise _in_the_way(path)
+
+
+def _in_the_way(path: Path) -> typer.BadParameter:
+    expected = "a folder in which nothing that the run reads is written over or mixed with results"
+    return typer.BadParameter(f"expected {expected}, got that of {path}", param_hint="--output")
 
 
 def begin_writing(folder: Path, report: dict[str, Any]) -> None:

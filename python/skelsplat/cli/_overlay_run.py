@@ -106,19 +106,17 @@ def _write(
     counts = dict.fromkeys((view.name for view in views), 0)
     legend = legend_strip(tiles.size[0], tiles.cell, job.shown) if job.legend else None
     rate = _rate(job, views)
-    size = (0, 0)
     with PngSink(target) if job.png else Mp4Sink(target, rate) as sink:
         for number, images in _together(views, span):
             whole = _joined(views, tiles, images, number)
             whole = whole if legend is None else np.concatenate([whole, legend])
             sink.write(number, whole)
-            size = whole.shape[1], whole.shape[0]
             for view, image in zip(views, images, strict=True):
                 counts[view.name] += image is not None
             advance()
     if not sink.count:
         raise DatasetError(views[0].source.path, "frames", "one of the run that can be decoded", "none")
-    return Written(target, size, sink.count, None if job.png else rate, counts)
+    return Written(target, sink.size, sink.count, None if job.png else rate, counts)
 
 
 def _fitted(views: list[View]) -> list[View]:

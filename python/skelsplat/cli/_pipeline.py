@@ -53,6 +53,8 @@ class Inputs:
         By camera, frames that were added to its numbers, where the user gave them.
     without
         Cameras of the calibration that are left out.
+    sources
+        The files or folders that hold the cameras' detections.
     """
 
     rig: sk.CameraRig
@@ -66,6 +68,7 @@ class Inputs:
     lacking: frozenset[str] = frozenset()
     offsets: dict[str, int] = field(default_factory=dict)
     without: tuple[str, ...] = ()
+    sources: tuple[Path, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -154,6 +157,7 @@ def read_inputs(job: Job) -> Inputs:
         lacking=lacking,
         offsets=named_offsets(every, job.offsets),
         without=tuple(name for name in every.names if name not in rig.names),
+        sources=tuple(path for path in found.sources if path is not None),
     )
 
 

@@ -56,6 +56,7 @@ def run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
 def _run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
     with collected_warnings(_tell) as warnings:
         inputs = read_inputs(job)
+        keep_input(job, inputs.sources)
         for kind in job.write:
             check_pose_format(kind, inputs.frames)
         timed = [f"pose.{kind}" for kind in job.write if kind in _NEED_FPS]

@@ -37,11 +37,14 @@ class Mp4Sink:
     path : Path
     count : int
         Frames written so far. A video without any is not written.
+    size : (width, height)
+        Of the frames as they are written.
     """
 
     def __init__(self, path: Path, rate: float) -> None:
         self.path = path
         self.count = 0
+        self.size = (0, 0)
         self._rate = rate
         self._temporary: Path | None = None
         self._writer: Any = None
@@ -85,7 +88,7 @@ class Mp4Sink:
         if not writer.isOpened():
             expected = f"an {_CODEC} video of {size[0]}×{size[1]} at {self._rate:g} per second to be written"
             raise DatasetError(self.path, "output", expected, "a refusal of OpenCV")
-        self._writer = writer
+        self._writer, self.size = writer, size
 
     def _check(self, temporary: Path) -> None:
         """Read the header back: a full disk is no error to OpenCV's writer."""
@@ -109,11 +112,14 @@ class PngSink:
     path : Path
     count : int
         Frames written so far.
+    size : (width, height)
+        Of the last frame.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.count = 0
+        self.size = (0, 0)
 
     def __enter__(self) -> PngSink:
         return self
@@ -134,3 +140,4 @@ class PngSink:
         with atomic_write(self.path / f"{number:06d}.png", durable=False) as stream:
             stream.write(data.tobytes())
         self.count += 1
+        self.size = image.shape[1], image.shape[0]
