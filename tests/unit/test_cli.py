@@ -15,7 +15,7 @@ from command_line import FAST, READ, RESULTS, assert_fails, invoke
 from skelsplat import synthetic
 from skelsplat.cli import _pipeline, _run
 from skelsplat.cli._person import pick_person
-from skelsplat.io import PoseData, read_npz, read_trc, write_npz
+from skelsplat.io import PoseData, read_npz, read_trc, write_npz, write_pose
 
 T = 5
 NOISE_PX = 2.0
@@ -199,8 +199,8 @@ def test_an_initial_pose_of_another_length_is_status_1(recording, arguments):
     assert_fails(result, 1, str(folder / "s.npz"), "pose", "(5, 17, 3)", "(2, 17, 3)")
 
 
-def test_a_person_that_is_not_there_is_status_1(arguments):
-    assert_fails(invoke(*arguments, *READ, "--person", 7), 1, "--person", "less than 1", "7")
+def test_a_person_that_is_not_there_is_status_2(arguments):
+    assert_fails(invoke(*arguments, *READ, "--person", 7), 2, "--person: expected less than 1", "7")
 
 
 @pytest.mark.parametrize("command", ["refine", "demo"])
@@ -215,10 +215,16 @@ def test_an_output_folder_below_a_file_is_status_1_before_the_work(
     assert_fails(invoke(*args), 1, str(bad), "--output", "expected a folder that can be written")
 
 
-def test_a_result_that_cannot_be_written_is_status_1(recording, arguments):
+def test_a_result_that_cannot_be_written_is_status_1(recording, arguments, monkeypatch):
     folder, _, _ = recording
-    (folder / "out" / "pose.csv").mkdir(parents=True)
-    assert_fails(invoke(*arguments, *READ, *FAST), 1, "pose.csv")
+
+    def write(path, data, **options):
+        if path.suffix == ".csv":
+            raise OSError(28, "No space left on device", str(path))
+        write_pose(path, data, **options)
+
+    monkeypatch.setattr(_run, "write_pose", write)
+    assert_fails(invoke(*arguments, *READ, *FAST), 1, "pose.csv: no space left")
     assert read_npz(folder / "out" / "pose.npz").pose.shape == (T, 17, 3)
 
 

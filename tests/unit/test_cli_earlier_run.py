@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
+import os
+from pathlib import Path
 
 import numpy as np
+import pytest
 
 from command_line import FAST, READ, RESULTS, assert_fails, invoke
 from skelsplat.cli import _run
 from skelsplat.io import read_openpose
+from skelsplat.io._run_files import files_of_run, is_run
 
 
 def test_poses_of_another_run_are_removed_and_other_files_left(recording, arguments):
@@ -106,6 +110,66 @@ def test_one_file_in_each_cameras_folder_is_never_written_over(recording):
     assert [path.name for path in own.iterdir()] == ["detections.npz"]
     assert (own / "detections.npz").read_bytes() == before
     assert invoke(*refine, "-o", folder / "cams" / "out").exit_code == 0
+
+
+def test_a_stop_in_the_midst_of_clearing_forgets_no_file(recording, arguments, monkeypatch):
+    out = recording[0] / "out"
+    assert invoke(*arguments, *READ, *FAST, "--no-html").exit_code == 0
+
+    def interrupted(*_args, **_kwargs):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "unlink", interrupted)
+        assert invoke(*arguments, *READ, *FAST, "--no-html", "--write", "json").exit_code == 130
+    assert (out / "pose.trc").exists()
+    assert invoke(*arguments, *READ, *FAST, "--no-html", "--write", "json").exit_code == 0
+    assert not (out / "pose.trc").exists()
+
+
+def test_a_file_that_a_stopped_run_meant_to_write_over_is_not_taken_for_its_own(
+    recording, arguments, monkeypatch
+):
+    out = recording[0] / "out"
+    out.mkdir()
+    (out / "pose.trc").write_text("mine")
+
+    def interrupted(*_args, **_kwargs):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(_run, "_write_poses", interrupted)
+        assert invoke(*arguments, *READ, *FAST, "--write", "trc").exit_code == 130
+    assert invoke(*arguments, *READ, *FAST, "--write", "csv").exit_code == 0
+    assert (out / "pose.trc").read_text() == "mine"
+
+
+def test_a_folder_in_the_place_of_a_result_is_known_before_the_work(recording, arguments, monkeypatch):
+    out = recording[0] / "out"
+    (out / "pose.csv").mkdir(parents=True)
+    monkeypatch.setattr(_run, "_refine_with_bar", lambda *_, **__: pytest.fail("it refined"))
+    expected = "pose.csv: --output: expected a file or nothing in the place of a result, got a folder"
+    assert_fails(invoke(*arguments, *READ, *FAST), 1, expected)
+    assert [path.name for path in out.iterdir()] == ["pose.csv"]
+
+
+def test_input_behind_a_link_is_input(recording):
+    folder, _, _ = recording
+    out = folder / "out"
+    out.mkdir()
+    (folder / "Calib.toml").rename(out / "cameras.json")
+    (folder / "Calib.toml").symlink_to(out / "cameras.json")
+    before = (out / "cameras.json").read_bytes()
+    result = invoke("refine", folder / "Calib.toml", folder / "openpose", "-o", out, *READ, *FAST)
+    assert_fails(result, 2, "--output: ", "Calib.toml")
+    assert (out / "cameras.json").read_bytes() == before
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no named pipes here")
+def test_a_pipe_is_no_report(tmp_path):
+    os.mkfifo(tmp_path / "report.json")
+    assert not is_run(tmp_path)
+    assert files_of_run(tmp_path) is None
 
 
 def test_pictures_of_an_earlier_run_are_said_to_be_that(recording, arguments):

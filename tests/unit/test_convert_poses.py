@@ -153,6 +153,15 @@ def test_an_option_without_a_place_in_the_output_is_bad_usage(tmp_path, options)
     assert not (tmp_path / "a.csv").exists()
 
 
+def test_a_frame_rate_for_all_commands_is_passed_over_where_it_has_no_place(tmp_path):
+    write_npz(tmp_path / "a.npz", sample())
+    (tmp_path / "run.toml").write_text("fps = 60\n")
+    run = ["convert", "--config", tmp_path / "run.toml", tmp_path / "a.npz"]
+    assert invoke(*run, tmp_path / "a.csv").exit_code == 0
+    assert invoke(*run, tmp_path / "b.npz").exit_code == 0
+    assert read_npz(tmp_path / "b.npz").frame_rate == 60.0
+
+
 def test_axes_that_are_turned_once_more_are_a_warning(tmp_path):
     write_npz(tmp_path / "a.npz", replace(sample(), frame_rate=50.0))
     for kind, words in (("trc", "does not say which axis is up"), ("c3d", "y is up in it already")):

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import skelsplat as sk
@@ -36,6 +38,20 @@ def test_detections_count_more_than_videos_beside_them(tmp_path, beneath):
     write(tmp_path / beneath, "openpose")
     with pytest.raises(sk.DatasetError, match=rf"give one of them \({beneath}/\)$"):
         read_detections(tmp_path, NAMES, layout=H36M)
+
+
+def test_folders_of_results_are_not_proposed_but_what_lies_in_them(tmp_path):
+    report = {"versions": {"skelsplat": "0.1.0"}, "settings": {}}
+    for folder in (tmp_path / "demo", tmp_path / "out"):
+        folder.mkdir()
+        (folder / "report.json").write_text(json.dumps(report))
+        (folder / "pose.csv").write_text("frame,joint,x,y,z,unit\n")
+        np.savez(folder / "detections.npz", detections=np.zeros((1, 2, 17, 3)))
+    beneath = tmp_path / "demo" / "input" / "openpose"
+    beneath.mkdir(parents=True)
+    write(beneath, "openpose")
+    with pytest.raises(sk.DatasetError, match=r"give one of them \(demo/input/openpose/\)$"):
+        read_detections(tmp_path, NAMES, layout="h36m17")
 
 
 def test_of_many_folders_ten_are_named(tmp_path):

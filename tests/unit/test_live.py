@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 import skelsplat as sk
 from command_line import assert_fails, invoke
 from skelsplat import synthetic
-from skelsplat.cli import app
+from skelsplat.cli import app, live
 from skelsplat.io import read_calibration, write_calibration
 
 T = 6
@@ -235,6 +235,18 @@ def test_a_reader_that_goes_away_is_status_1(tmp_path, detections):
         said = process.stderr.read().splitlines()
     assert said[1] == "error: stdout: expected a reader, got a closed pipe"
     assert len(said) == 3
+
+
+def test_a_fault_of_reading_is_not_one_of_writing():
+    class Broken:
+        def __iter__(self):
+            yield b"{}\n"
+            raise OSError(5, "Input/output error")
+
+    lines = live._numbered(Broken())
+    assert next(lines) == (1, b"{}\n")
+    with pytest.raises(sk.DatasetError, match=r"stdin: line: expected a stream .* got input"):
+        next(lines)
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full here")

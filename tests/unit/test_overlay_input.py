@@ -127,6 +127,8 @@ def test_a_detector_that_counts_from_one_is_suspected(tmp_path, videos):
     result = overlay(case, videos)
     said = " ".join(result.stderr.split())
     assert "cam01.mp4: frames 0 to 5, and the run has 1 to 6 of cam_01: if its detector counts from 1" in said
+    shorter = write_run(tmp_path / "shorter", frames=[1, 2, 3, 4, 5, 7])  # or the detector saw other frames
+    assert "counts from 1" not in overlay(shorter, videos).stderr
     for first in (0, 1):
         assert "counts from 1" not in overlay(case, videos, "--first-frame", first).stderr
     other = write_run(tmp_path / "a_part", frames=np.arange(1, FRAMES + 1) + 3, offsets={"cam_02": 3})
@@ -228,6 +230,7 @@ def test_a_result_never_replaces_a_video_that_is_read(case, tmp_path):
         (("--range", "5-2"), "got 5-2"),
         (("--range", "100-200"), "expected some of the frames 0 to 5, got 100-200"),
         (("--range", "100-"), "expected some of the frames 0 to 5, got 100-"),
+        (("--range", "500"), "expected some of the frames 0 to 5, got 500 "),
     ],
 )
 def test_frames_that_the_run_does_not_have(case, videos, args, words):

@@ -107,12 +107,12 @@ def test_y_up_turns_the_axes_and_says_so(tmp_path):
 def test_what_the_format_cannot_hold(tmp_path):
     data = sample()
     with pytest.raises(
-        sk.InvalidInputError, match=r"frames: expected 1 to 65535 .* in a C3D file, got 65536"
+        sk.InvalidInputError, match=r"frame numbers: expected 1 to 65535 .* in a C3D file, got 65536"
     ):
         write_c3d(tmp_path / "a.c3d", replace(data, frames=np.array([0, 1, 2, 65_535])))
-    with pytest.raises(sk.InvalidInputError, match="frames: expected ascending numbers"):
+    with pytest.raises(sk.InvalidInputError, match="frame numbers: expected ascending numbers"):
         write_c3d(tmp_path / "a.c3d", replace(data, frames=np.array([0, 1, 1, 3])))
-    with pytest.raises(sk.InvalidInputError, match=r"frames: expected 1 to 65535 .*, got 0"):
+    with pytest.raises(sk.InvalidInputError, match=r"frame numbers: expected 1 to 65535 .*, got 0"):
         write_c3d(tmp_path / "a.c3d", PoseData(np.empty((0, 1, 3)), ("a",), np.arange(0), "mm"), frame_rate=1)
     with pytest.raises(sk.InvalidInputError, match="frame_rate: expected one for a C3D file"):
         write_c3d(tmp_path / "a.c3d", replace(data, frame_rate=None))

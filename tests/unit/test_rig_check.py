@@ -476,6 +476,10 @@ def test_bad_arguments():
         check_rig(rig("room"), good, frames=np.zeros(T, dtype=int))
     with pytest.raises(sk.InvalidInputError, match="cameras: expected at least two beside detections, got 1"):
         check_rig(rig("room")[:1], good[:, :1])
+    percentages = good.copy()
+    percentages[3, 1, 2, 2] = 95.0
+    with pytest.raises(sk.InvalidInputError, match=r"people\[3, 1, 0, 2, 2\]: expected a value in \[0, 1\]"):
+        check_rig(rig("room"), percentages)
 
 
 FLIP = np.diag([1.0, -1.0, -1.0])

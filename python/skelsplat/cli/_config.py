@@ -85,11 +85,15 @@ def origin(context: Any, label: str) -> str:
     """
     said: _Said | None = context.meta.get(_SAID) if context is not None else None
     for param in context.command.params if said is not None else ():
-        source = context.get_parameter_source(param.name)
-        if label in (*param.opts, param.metavar) and getattr(source, "name", "") == "DEFAULT_MAP":
+        if label in (*param.opts, param.metavar) and from_file(context, param.name):
             assert said is not None  # else the loop is empty
             return f"{said.path}: {said.keys[param.name]}"
     return ""
+
+
+def from_file(context: typer.Context, name: str) -> bool:
+    """Say whether a parameter's value comes from a file of options."""
+    return getattr(context.get_parameter_source(name), "name", "") == "DEFAULT_MAP"
 
 
 def _with_config(function: Callable[..., Any]) -> Callable[..., Any]:

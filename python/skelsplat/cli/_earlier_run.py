@@ -67,6 +67,13 @@ def keep_input(job: Job, sources: Sequence[Path] = ()) -> None:
             raise _in_the_way(path)
 
 
+def check_places(job: Job) -> None:
+    """Raise `DatasetError` if a folder stands where a result goes, before the work."""
+    for path in (job.out / name for name in (*planned(job), REPORT)):
+        if path.is_dir():
+            raise DatasetError(path, "--output", "a file or nothing in the place of a result", "a folder")
+
+
 def _in_the_way(path: Path) -> typer.BadParameter:
     expected = "a folder in which nothing that the run reads is written over or mixed with results"
     return typer.BadParameter(f"expected {expected}, got that of {path}", param_hint="--output")
@@ -75,13 +82,17 @@ def _in_the_way(path: Path) -> typer.BadParameter:
 def begin_writing(folder: Path, report: dict[str, Any]) -> None:
     """Write the report as that of an unfinished run, and then remove the files that an earlier run lists.
 
+    It lists what is there of the earlier run and what is not there yet: the rest no run has written so far.
+
     Raises
     ------
     DatasetError
         If one cannot be removed.
     """
-    earlier = [name for name in _POSSIBLE if name in (files_of_run(folder) or [])]
-    files = [name for name in _POSSIBLE if name in {*earlier, *report["files"]}]
+    listed = set(files_of_run(folder) or ())
+    earlier = [name for name in _POSSIBLE if name in listed and not (folder / name).is_dir()]
+    new = {name for name in report["files"] if not (folder / name).exists()}
+    files = [name for name in _POSSIBLE if name in {*earlier, *new}]
     atomic_write_text(folder / REPORT, to_text({UNFINISHED: True, **report, "files": files}))
     for path in (folder / name for name in earlier):
         try:

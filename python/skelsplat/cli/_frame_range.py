@@ -56,7 +56,8 @@ class FrameRange:
         first = known[0] if self.first is None else self.first
         last = known[1] if self.last is None else self.last
         if not ((frames >= first) & (frames <= last)).any():
-            said = "-".join("" if end is None else str(end) for end in (self.first, self.last))
+            ends = ["" if end is None else str(end) for end in (self.first, self.last)]
+            said = ends[0] if ends[0] == ends[1] else "-".join(ends)
             raise _refused(f"some of the frames {known[0]} to {known[1]}", said)
         return max(first, known[0]), min(last, known[1])
 

@@ -57,7 +57,7 @@ def pick_person(
         return largest, never
     if int(person) >= people.shape[2]:
         raise sk.InvalidInputError(
-            f"--person: expected less than {people.shape[2]} (the most people in a file), got {person}"
+            f"person: expected less than {people.shape[2]} (the most people in a file), got {person}"
         )
     numbered: Array = people[:, :, int(person)]
     return numbered, never

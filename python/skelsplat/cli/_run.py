@@ -8,7 +8,7 @@ import typer
 from rich.console import Console
 
 from skelsplat.cli._doubts import find_doubts, is_of_size
-from skelsplat.cli._earlier_run import begin_writing, keep_input, left_of_earlier, planned
+from skelsplat.cli._earlier_run import begin_writing, check_places, keep_input, left_of_earlier, planned
 from skelsplat.cli._figures import write_figures
 from skelsplat.cli._html_report import Findings, write_html_report
 from skelsplat.cli._json import print_json, to_text
@@ -49,6 +49,7 @@ def run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
         If results would be written over the input.
     """
     keep_input(job)
+    check_places(job)
     with output_folder(job.out):
         return _run(job, verbosity)
 

@@ -9,6 +9,7 @@ import typer
 
 from skelsplat.cli import _calibration as calibration
 from skelsplat.cli import _options as options
+from skelsplat.cli._config import from_file
 from skelsplat.cli._conversion import Kind, Request
 from skelsplat.cli._convert_calibration import CALIBRATION
 from skelsplat.cli._convert_poses import POSES
@@ -61,6 +62,7 @@ _Singular = Annotated[
 
 
 def convert(
+    context: typer.Context,
     source: _Input,
     target: _Output,
     *,
@@ -94,6 +96,8 @@ def convert(
 
     skelsplat convert cameraParameters/ Calib.toml --size 1280x1024
     """
+    if target.suffix.lower() == ".csv" and from_file(context, "fps"):
+        fps = None  # which may be meant for another command
     given = {
         "unit": unit,
         "format": format,

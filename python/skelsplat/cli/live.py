@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import time
-from typing import BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 import typer
@@ -19,6 +19,9 @@ from skelsplat.cli._checks import one_of
 from skelsplat.cli._lines import MalformedLineError, answer_text, parse_line
 from skelsplat.cli._pipeline import collected_warnings
 from skelsplat.exceptions import DatasetError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 EPILOG = "Exit status: 0 at the end of the input, 1 failed, 2 bad usage, 130 interrupted."
 _PERCENTILES = (50, 90, 99, 99.9)
@@ -100,10 +103,19 @@ def _say(text: str) -> None:
     typer.echo(text, err=True)
 
 
+def _numbered(source: BinaryIO) -> Iterator[tuple[int, bytes]]:
+    """Yield the lines with their numbers from 1; a fault of reading is told from one of writing."""
+    try:
+        yield from enumerate(source, start=1)
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise DatasetError("stdin", "line", "a stream that can be read", reason) from error
+
+
 def _serve(session: Session, source: BinaryIO, target: BinaryIO) -> int:
     """Answer line by line until the input ends; return the exit status."""
     try:
-        for number, line in enumerate(source, start=1):
+        for number, line in _numbered(source):
             try:
                 answer = session.answer(line)
             except MalformedLineError as error:

@@ -12,14 +12,26 @@ POSES, CAMERAS, DETECTIONS, REPORT = "pose.npz", "cameras.json", "detections.npz
 UNFINISHED = "unfinished"
 """Key of a report whose run still writes its files, or was stopped there."""
 
+_START = 1024  # bytes; the versions come first
+
 
 def is_run(folder: Path) -> bool:
-    """Say whether a run wrote into this folder, whole or not."""
-    return files_of_run(folder) is not None
+    """Say whether a run wrote into this folder, whole or not, by how its report begins."""
+    path = folder / REPORT
+    try:
+        if not path.is_file():
+            return False
+        with path.open("rb") as stream:
+            start = stream.read(_START)
+    except OSError:
+        return False
+    return b'"versions"' in start and b'"skelsplat"' in start
 
 
 def files_of_run(folder: Path) -> list[str] | None:
     """Return the names of the files that the run which wrote into this folder lists; None without one."""
+    if not is_run(folder):
+        return None
     try:
         report = json.loads((folder / REPORT).read_bytes())
     except (OSError, ValueError, RecursionError):

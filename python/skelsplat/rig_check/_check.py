@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import skelsplat as sk
+from skelsplat._skelsplat import check_people
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.rig_check._causes import explain
 from skelsplat.rig_check._convention import find_convention
@@ -70,7 +71,8 @@ def check_rig(
     Raises
     ------
     InvalidInputError
-        If shapes do not fit or there are fewer than two cameras beside detections.
+        If shapes do not fit, a confidence lies outside [0, 1], or there are fewer than two cameras beside
+        detections.
     """
     findings = check_geometry(in_mm(rig))
     if people is None:
@@ -122,6 +124,8 @@ def _checked(people: npt.ArrayLike, rig: sk.CameraRig) -> Array:
     if array.ndim != 5 or array.shape[1] != len(rig) or array.shape[4] not in (2, 3) or 0 in array.shape:
         expected = f"shape (T, {len(rig)}, P, N, 3) for {len(rig)} cameras"
         raise InvalidInputError(f"people: expected {expected}, got {array.shape}")
+    if array.shape[4] == 3:
+        check_people(array)
     return array
 
 

@@ -42,7 +42,8 @@ def finding_of(scene: Scene, cause: Cause, earlier: Sequence[Finding], rivals: S
         numbers["rivals"] = [_rival(scene, rival) for rival in rivals]
         text += _of_rivals(scene, cause, rivals)
     if len(scene.judged) < _FEW:
-        text += f" Only {len(scene.judged)} frame{'s' * (len(scene.judged) > 1)} say so: give more."
+        frames = "1 frame says" if len(scene.judged) == 1 else f"{len(scene.judged)} frames say"
+        text += f" Only {frames} so: give more."
     return Finding(cause.kind, (name,), text, numbers)
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._files import VIDEO_SUFFIXES
+from skelsplat.io._run_files import is_run
 from skelsplat.io.detections import (
     alphapose,
     coco,
@@ -93,7 +94,7 @@ def _told(path: Path) -> str:
 
 def _has_detections(folder: Path) -> bool:
     try:
-        return bool(_recognised(folder))
+        return not is_run(folder) and bool(_recognised(folder))
     except DatasetError:  # it cannot be read
         return False
 

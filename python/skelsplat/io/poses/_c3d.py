@@ -104,10 +104,10 @@ def check_c3d_frames(frames: npt.NDArray[np.int64]) -> None:
     span = int(frames[-1] - frames[0]) + 1 if len(frames) else 0
     if not 1 <= span <= MAX_FRAMES:
         raise InvalidInputError(
-            f"frames: expected 1 to {MAX_FRAMES} from the first to the last in a C3D file, got {span}"
+            f"frame numbers: expected 1 to {MAX_FRAMES} from the first to the last in a C3D file, got {span}"
         )
     if (np.diff(frames) < 1).any():
-        raise InvalidInputError("frames: expected ascending numbers, got some that are not")
+        raise InvalidInputError("frame numbers: expected ascending numbers, got some that are not")
 
 
 def _library() -> Any:
