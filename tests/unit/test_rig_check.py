@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import cache
 
 import numpy as np
@@ -127,6 +128,20 @@ def test_three_cameras_in_a_circle_are_named():
     assert finding.numbers["folders"] == {"cam1": "cam2", "cam2": "cam3", "cam3": "cam1", "cam4": "cam4"}
 
 
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("pair", [(0, 1), (1, 2), (0, 3)])
+def test_in_a_symmetric_ring_the_fewest_exchanges_are_named(pair, seed):
+    """A cycle of three leaves the same but for noise: it is the exchange, seen with the world turned."""
+    cameras = synthetic.ring(4)
+    found = synthetic.simulate_detections(
+        synthetic.motion("walk", T, seed=1), cameras, noise=synthetic.DetectionNoise.good(), seed=seed
+    )
+    i, j = pair
+    found[:, [i, j]] = found[:, [j, i]]
+    finding = check_rig(cameras, found, layout=LAYOUT).findings[0]
+    assert (finding.kind, finding.cameras) == ("exchanged", (cameras.names[i], cameras.names[j]))
+
+
 def folders_of(order, names):
     """Return what the finding says of detections in this order: by camera, whose folder has its own."""
     return {names[camera]: names[place] for place, camera in enumerate(order)}
@@ -165,7 +180,8 @@ def test_where_nothing_tells_them_apart_both_are_mentioned():
     for people in (mirrored(found, "ring of 4"), found[:, [0, 3, 2, 1]]):
         finding = only(check_rig(rig("ring of 4"), people, layout=LAYOUT))
         assert finding.kind == "images"
-        assert "That the detections of 4 cameras are exchanged" in finding.text
+        # two that face each other, whichever; an order of all four leaves the same and is no simpler
+        assert re.search("That the detections of (cam0 and cam2|cam1 and cam3) are exchanged", finding.text)
 
 
 @pytest.mark.parametrize("order", [(3, 2, 1, 0), (1, 2, 0, 3), (3, 0, 2, 1)])

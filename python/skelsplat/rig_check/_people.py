@@ -20,6 +20,8 @@ _FRAMES = 30
 # a search. The right order must leave less than a third of that; or less than most of it, if the exchanged
 # cameras themselves lose half. A rival leaves little more.
 _GROSS, _BETTER, _RATHER, _HALF, CLEAR = 0.012, 0.35, 0.7, 0.5, 1.5
+# In a symmetric rig orders leave the same, but for noise.
+_SAME = 1.05
 # of so many cameras all orders are tried (24), of more those that exchange two
 ALL_ORDERS = 4
 # A camera in which the chosen person is found in fewer frames is judged by whoever stands there.
@@ -56,7 +58,15 @@ def find_exchange(
     suspects = np.flatnonzero(~(before.left_out <= _limit(before))).tolist()
     orders = list(_orders(suspects, len(cameras)))
     tried = [judge(cameras, some[:, list(order)], layout) for order in orders]
-    ranked = sorted(range(len(tried)), key=lambda k: tried[k].disagreement)
+    least = min((scene.disagreement for scene in tried), default=float("inf"))
+
+    def rank(k: int) -> tuple[bool, int, float]:
+        """Orders that leave the same are told apart by how many cameras they exchange."""
+        moved = sum(i != folder for i, folder in enumerate(orders[k]))
+        same = tried[k].disagreement <= _SAME * least
+        return (not same, moved if same else 0, tried[k].disagreement)
+
+    ranked = sorted(range(len(tried)), key=rank)
     if not ranked or not _is_right(before, tried[ranked[0]], orders[ranked[0]]):
         return None, given
     best, after = orders[ranked[0]], tried[ranked[0]].disagreement
