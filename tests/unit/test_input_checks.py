@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
+from skelsplat import synthetic
 
 K = np.array([[1000.0, 0, 500], [0, 1000, 400], [0, 0, 1]])
 EYE, ZERO, SIZE = np.eye(3), np.zeros(3), (1000, 800)
@@ -268,3 +269,25 @@ def test_loss_and_gradient(scene):
     bad[2, 0, 1] = 0.5
     with pytest.raises(sk.InvalidInputError, match=r"covariances\[2\]: expected a symmetric matrix"):
         sk.render(scene.pose[0], bad, scene.rig[0])
+
+
+class Stopped:
+    """What Python code meets at Ctrl-C, wherever the compiled code calls it."""
+
+    def __array__(self, *_args, **_kwargs):
+        raise KeyboardInterrupt
+
+    __iter__ = __index__ = __array__
+
+
+def test_ctrl_c_is_no_bad_input():
+    rig = synthetic.human36m_like()
+    detections = np.zeros((4, 17, 3))
+    with pytest.raises(KeyboardInterrupt):
+        sk.triangulate(Stopped(), rig)
+    with pytest.raises(KeyboardInterrupt):
+        sk.triangulate(detections, Stopped())
+    with pytest.raises(KeyboardInterrupt):
+        sk.Layout("pair", ["a", "b"], limbs=[("a", Stopped())])
+    with pytest.raises(KeyboardInterrupt):
+        sk.Camera(np.eye(3), np.eye(3), [0.0, 0.0, 1.0], size=(Stopped(), 3))

@@ -8,7 +8,7 @@ use skelsplat_core::detections::Detections;
 use skelsplat_core::unit::Unit;
 
 use crate::camera::Camera;
-use crate::errors::{OrRaise, invalid};
+use crate::errors::{OrRaise, in_words, invalid};
 use crate::layout::Layout;
 use crate::scores::{self, Place};
 
@@ -36,7 +36,10 @@ impl<'py> Array<'py> {
             .import("numpy")?
             .call_method("asarray", (value,), Some(&options))
             .and_then(|a| Ok(a.cast_into::<PyArrayDyn<f64>>()?))
-            .map_err(|e| invalid(py, name, "an array of numbers", e.value(py).to_string()))?;
+            .map_err(|e| {
+                let expected = "an array of numbers";
+                in_words(py, e, |e| invalid(py, name, expected, e.value(py).to_string()))
+            })?;
         let shape = array.shape().to_vec();
         Ok(Self { array: array.readonly(), shape })
     }
@@ -109,7 +112,7 @@ impl Cameras {
             Some(name) => Unit::by_name(&name.extract::<String>()?).or_raise(py)?,
             None => Unit::default(),
         };
-        let items = value.try_iter().map_err(|_| wrong(type_name(value)))?;
+        let items = value.try_iter().map_err(|e| in_words(py, e, |_| wrong(type_name(value))))?;
         let one = |(i, item): (usize, PyResult<Bound<'_, PyAny>>)| {
             let item = item?;
             match item.cast::<Camera>() {
@@ -133,7 +136,7 @@ pub(crate) fn layout(
     let Some(value) = value.filter(|v| !v.is_none()) else { return Ok(None) };
     let py = value.py();
     if let Ok(name) = value.cast::<PyString>() {
-        let found = skelsplat_core::layout::Layout::by_name(&name.to_string());
+        let found = skelsplat_core::layout::Layout::by_name(&name.to_cow()?);
         return found.map(Some).or_raise(py);
     }
     match value.cast::<Layout>() {

@@ -7,7 +7,7 @@ use pyo3::types::{IntoPyDict, PyDict};
 use skelsplat_core::camera::{Camera as Core, Distortion, Undistorted, for_camera};
 
 use crate::args::{Array, array_out};
-use crate::errors::{OrRaise, invalid};
+use crate::errors::{OrRaise, in_words, invalid};
 
 /// A calibrated camera: pinhole, lens and image size. Immutable.
 ///
@@ -83,8 +83,9 @@ impl Camera {
         let k = Matrix3::from_row_slice(Array::of_shape("K", K, &square, "(3, 3)")?.values());
         let r = Matrix3::from_row_slice(Array::of_shape("R", R, &square, "(3, 3)")?.values());
         let (t, lens) = (translation(t)?, lens(distortion, fisheye)?);
-        let size = size.extract::<[u32; 2]>().map_err(|_| {
-            invalid(py, "size", "(width, height) as two positive integers", size.to_string())
+        let size = size.extract::<[u32; 2]>().map_err(|e| {
+            let expected = "(width, height) as two positive integers";
+            in_words(py, e, |_| invalid(py, "size", expected, size.to_string()))
         })?;
         let camera = Core::new(&k, &r, &t, size).and_then(|c| Ok(c.with_distortion(lens?)));
         match name {

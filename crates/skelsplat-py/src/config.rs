@@ -139,7 +139,7 @@ plain_field!(Option<f64>, "a number or None");
 impl Field for Encoding {
     const EXPECTED: &'static str = "'one_hot', 'rgb' or 'single'";
     fn parse(value: &Bound<'_, PyAny>) -> Option<Self> {
-        Self::by_name(&value.cast::<PyString>().ok()?.to_string()).ok()
+        Self::by_name(&value.cast::<PyString>().ok()?.to_cow().ok()?).ok()
     }
     fn show<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.name().into_bound_py_any(py)
@@ -149,7 +149,7 @@ impl Field for Encoding {
 impl Field for Renderer {
     const EXPECTED: &'static str = "'raster' or 'closed_form'";
     fn parse(value: &Bound<'_, PyAny>) -> Option<Self> {
-        Self::by_name(&value.cast::<PyString>().ok()?.to_string()).ok()
+        Self::by_name(&value.cast::<PyString>().ok()?.to_cow().ok()?).ok()
     }
     fn show<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.name().into_bound_py_any(py)
@@ -159,7 +159,7 @@ impl Field for Renderer {
 impl Field for Optimizer {
     const EXPECTED: &'static str = "'adam' or 'gauss_newton'";
     fn parse(value: &Bound<'_, PyAny>) -> Option<Self> {
-        Self::by_name(&value.cast::<PyString>().ok()?.to_string()).ok()
+        Self::by_name(&value.cast::<PyString>().ok()?.to_cow().ok()?).ok()
     }
     fn show<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.name().into_bound_py_any(py)
@@ -284,7 +284,8 @@ impl RefineConfig {
     ) -> PyResult<Self> {
         let Some(fields) = fields else { return Ok(Self(config)) };
         for (name, value) in fields.iter() {
-            let name = name.to_string();
+            // not `to_string`: str() runs what Ctrl-C has left to do, and its error would be lost
+            let name: String = name.extract()?;
             if name != OCCLUSION_FACTOR {
                 set(&mut config, &name, &value)?;
             }

@@ -1,6 +1,6 @@
 //! One mapping from the core's errors to the classes of `skelsplat.exceptions`.
 
-use pyo3::exceptions::PyKeyboardInterrupt;
+use pyo3::exceptions::{PyException, PyKeyboardInterrupt};
 use pyo3::prelude::*;
 use pyo3::types::PyType;
 use skelsplat_core::Error;
@@ -34,6 +34,15 @@ pub(crate) fn invalid(
     actual: impl Into<String>,
 ) -> PyErr {
     to_python(py, &Error::invalid(argument, expected, actual))
+}
+
+/// What Python code raised for a value, in our words; Ctrl-C, which any of it may meet, stays what it is.
+pub(crate) fn in_words(
+    py: Python<'_>,
+    raised: PyErr,
+    words: impl FnOnce(&PyErr) -> PyErr,
+) -> PyErr {
+    if raised.is_instance_of::<PyException>(py) { words(&raised) } else { raised }
 }
 
 /// Turns core results into Python results.

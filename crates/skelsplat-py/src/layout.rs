@@ -5,7 +5,7 @@ use pyo3::types::{PyString, PyTuple};
 use skelsplat_core::layout::{Layout as Core, LayoutSpec, SymmetricPair};
 
 use crate::args::type_name;
-use crate::errors::{OrRaise, invalid};
+use crate::errors::{OrRaise, in_words, invalid};
 
 /// Joint names, limbs and symmetries of a skeleton. Immutable. Joints are given by index or by name.
 ///
@@ -46,13 +46,15 @@ fn or_none<T>(
 fn joint(argument: &str, value: &Bound<'_, PyAny>, joints: &[String]) -> PyResult<usize> {
     let py = value.py();
     if let Ok(name) = value.cast::<PyString>() {
-        let name = name.to_string();
+        let name = name.to_cow()?;
         return joints
             .iter()
-            .position(|j| *j == name)
+            .position(|j| **j == *name)
             .ok_or_else(|| invalid(py, argument, "a joint of the layout", format!("'{name}'")));
     }
-    value.extract().map_err(|_| invalid(py, argument, "a joint's index or name", type_name(value)))
+    value.extract().map_err(|e| {
+        in_words(py, e, |_| invalid(py, argument, "a joint's index or name", type_name(value)))
+    })
 }
 
 fn joint_list(argument: &str, value: &Bound<'_, PyAny>, joints: &[String]) -> PyResult<Vec<usize>> {

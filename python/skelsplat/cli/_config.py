@@ -58,7 +58,8 @@ class ConfiguredCommand(TyperCommand):
             return super().invoke(ctx)
         except InvalidInputError as error:
             name, _, message = str(error).partition(": ")
-            spelt = [opt for param in self.params if param.name == name for opt in param.opts]
+            named = [param for param in self.params if param.name == name and name != _NAME]
+            spelt = [opt for param in named for opt in param.opts]
             options = [opt for opt in spelt if opt.startswith("--")]
             if not options:
                 raise
