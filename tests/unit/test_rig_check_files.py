@@ -1,0 +1,146 @@
+"""Exchanged cameras and detections of other images are named, and told from each other."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+from rig_case import LAYOUT, T, detections, mirrored, only, recording, rig
+from skelsplat import synthetic
+from skelsplat.io import sample
+from skelsplat.rig_check import check_rig
+
+
+@pytest.mark.parametrize("motion", ["walk", "sit"])
+@pytest.mark.parametrize("pair", [(0, 1), (0, 2), (1, 3)])
+@pytest.mark.parametrize("name", ["room", "dome of 6"])
+def test_exchanged_names_are_named(name, pair, motion):
+    found = detections(name, motion).copy()
+    found[:, list(pair)] = found[:, list(pair[::-1])]
+    finding = only(check_rig(rig(name), found, layout=LAYOUT))
+    names = [rig(name).names[i] for i in pair]
+    assert finding.kind == "exchanged"
+    assert finding.cameras == tuple(names)
+    assert finding.numbers["folders"][names[0]] == names[1]
+    assert f"The detections of {names[0]} and {names[1]} are exchanged" in finding.text
+
+
+def test_three_cameras_in_a_circle_are_named():
+    finding = only(check_rig(rig("room"), detections("room")[:, [2, 0, 1, 3]]))
+    assert finding.kind == "exchanged"
+    assert "those of cam3 belong to cam2" in finding.text
+    assert finding.numbers["folders"] == {"cam1": "cam2", "cam2": "cam3", "cam3": "cam1", "cam4": "cam4"}
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("pair", [(0, 1), (1, 2), (0, 3)])
+def test_in_a_symmetric_ring_the_fewest_exchanges_are_named(pair, seed):
+    """A cycle of three leaves the same but for noise: it is the exchange, seen with the world turned."""
+    cameras = synthetic.ring(4)
+    found = synthetic.simulate_detections(
+        synthetic.motion("walk", T, seed=1), cameras, noise=synthetic.DetectionNoise.good(), seed=seed
+    )
+    i, j = pair
+    found[:, [i, j]] = found[:, [j, i]]
+    finding = check_rig(cameras, found, layout=LAYOUT).findings[0]
+    assert (finding.kind, finding.cameras) == ("exchanged", (cameras.names[i], cameras.names[j]))
+
+
+def folders_of(order, names):
+    """Return what the finding says of detections in this order: by camera, whose folder has its own."""
+    return {names[camera]: names[place] for place, camera in enumerate(order)}
+
+
+@pytest.mark.parametrize("motion", ["walk", "sit", "reach"])
+@pytest.mark.parametrize(
+    ("name", "order"),
+    [("room", (1, 0, 3, 2)), ("room", (2, 3, 0, 1)), ("dome of 3", (2, 1, 0))],
+)
+def test_exchanged_cameras_are_no_mirrored_images(name, order, motion):
+    """In a room that is nearly symmetric mirrored images set them right, too, but not as well."""
+    finding = only(check_rig(rig(name), detections(name, motion)[:, list(order)], layout=LAYOUT))
+    assert finding.kind == "exchanged"
+    assert finding.numbers["folders"] == folders_of(order, rig(name).names)
+    near = (name, motion) in {("room", "sit"), ("room", "reach")}
+    rival = "That the detections of all cameras are mirrored would fit almost as well."
+    assert finding.text.endswith(rival) == near
+
+
+@pytest.mark.parametrize("motion", ["walk", "sit", "reach"])
+def test_mirrored_images_are_no_exchanged_cameras(motion):
+    finding = only(check_rig(rig("room"), mirrored(detections("room", motion), "room"), layout=LAYOUT))
+    assert finding.kind == "images"
+    assert "The detections of all cameras are mirrored" in finding.text
+    rival = (
+        "That the detections of 4 cameras are exchanged (or their calibrations): those of cam3 belong to "
+        "cam1, those of cam4 belong to cam2, those of cam1 belong to cam3, those of cam2 belong to cam4 "
+        "would fit almost as well."
+    )
+    assert finding.text.endswith(rival) == (motion != "walk")
+
+
+def test_where_nothing_tells_them_apart_both_are_mentioned():
+    found = detections("ring of 4", "sit")
+    for people in (mirrored(found, "ring of 4"), found[:, [0, 3, 2, 1]]):
+        finding = only(check_rig(rig("ring of 4"), people, layout=LAYOUT))
+        assert finding.kind == "images"
+        # two that face each other, whichever; an order of all four leaves the same and is no simpler
+        assert re.search("That the detections of (cam0 and cam2|cam1 and cam3) are exchanged", finding.text)
+
+
+@pytest.mark.parametrize("order", [(3, 2, 1, 0), (1, 2, 0, 3), (3, 0, 2, 1)])
+def test_exchanged_cameras_of_a_recording_are_no_images_of_another_size(order):
+    """Another size or images upside down would take the half, or the third, of the disagreement away."""
+    cameras, people = recording()
+    exchange, turned = check_rig(cameras, people[:, list(order)], layout=sample.LAYOUT).findings
+    assert exchange.kind == "exchanged"
+    assert exchange.numbers["folders"] == folders_of(order, cameras.names)
+    assert (turned.kind, turned.cameras) == ("turned", ("cam_03",))
+
+
+@pytest.mark.parametrize(("factor", "words"), [(3 / 4, "0.75"), (4 / 3, "1.33")])
+def test_a_recording_of_another_size_has_no_exchanged_cameras(factor, words):
+    cameras, people = recording()
+    resized = people.copy()
+    resized[..., :2] = (people[..., :2] + 0.5) * factor - 0.5
+    images, turned = check_rig(cameras, resized, layout=sample.LAYOUT).findings
+    assert images.text.startswith(f"The detections of all cameras are of images {words} times as large: ")
+    assert "almost as well" not in images.text
+    assert (turned.kind, turned.cameras) == ("turned", ("cam_03",))
+
+
+def test_detections_of_other_images_are_named():
+    size = np.array(rig("dome of 6")[0].size)
+    good = detections("dome of 6")
+    upside = good.copy()
+    upside[:, 2, :, :2] = size - 1 - upside[:, 2, :, :2]
+    flipped = good.copy()
+    flipped[:, 3, :, 0] = size[0] - 1 - flipped[:, 3, :, 0]
+    half = good.copy()
+    half[:, 1, :, :2] = (half[:, 1, :, :2] + 0.5) / 2 - 0.5
+    for found, camera, text in (
+        (upside, "hd02", "its images are upside down"),
+        (flipped, "hd03", "its images are mirrored"),
+        (half, "hd01", "of images of another size; multiplied by 2"),
+    ):
+        finding = only(check_rig(rig("dome of 6"), found))
+        assert finding.cameras == (camera,)
+        assert text in finding.text
+
+
+def test_all_detections_of_other_images_are_named():
+    good, size = detections("dome of 6"), np.array(rig("dome of 6")[0].size)
+    exchanged, parts, small = good.copy(), good.copy(), good.copy()
+    exchanged[..., :2] = good[..., 1::-1]
+    parts[..., :2] = (good[..., :2] + 0.5) / size
+    small[..., :2] = (good[..., :2] + 0.5) * 2 / 3 - 0.5
+    for found, text in (
+        (exchanged, "given with y before x"),
+        (parts, "given as parts of the image's width and height"),
+        (small, "of images 0.667 times as large"),
+    ):
+        finding = only(check_rig(rig("dome of 6"), found))
+        assert (finding.kind, finding.cameras) == ("images", ())
+        assert text in finding.text
