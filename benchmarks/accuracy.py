@@ -14,6 +14,7 @@ from typing import Any
 
 import report
 from measures.coverage import coverage
+from measures.gaussian import gaussian
 from measures.noises import table
 from measures.operating_room import mvor
 from measures.schedule import schedule
@@ -23,7 +24,7 @@ from measures.sweep import sweep
 from measures.useless import useless
 from measures.views import views
 
-MEASURES = {f.__name__: f for f in (table, start, coverage, mvor, swaps, useless, sweep, views, schedule)}
+MEASURES = {f.__name__: f for f in (table, start, coverage, gaussian, mvor, swaps, useless, sweep, views, schedule)}
 
 
 def parsed(text: str) -> tuple[str, Any]:

@@ -2,8 +2,8 @@
 //!
 //! Σ_post = (Σ_i c k (I − d dᵀ)/ŝ_j² + Π + I/ρ² + symmetry)⁻¹ at the solution. ŝ_j² is the frame's noise, corrected by the
 //! joint's own residuals as a scaled inverse χ²: a joint whose views disagree has a wider bar. Along a ray that nothing
-//! crosses only ρ speaks: the joint belongs to a body, whose joints lie ρ (root mean square) from its middle, and in front
-//! of the camera.
+//! crosses only ρ speaks: the joint belongs to a body, whose joints lie at the root mean square distance s from its middle
+//! b, so that ρ² = s² + |x − b|² about wherever x lies. Without a body, ρ is the distance to the nearest camera.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -17,12 +17,19 @@ const NOISE_SHARE: f64 = 0.87;
 
 /// Views whose weights have to place a joint before the length of its limb says something of it.
 const PLACED: f64 = 1.5;
+/// Joints that make a body.
+const LEAST_JOINTS: usize = 3;
 
-/// Posterior covariances `(N)` in mm²; NaN for a joint of which nothing is known.
+/// Posterior covariances `(N)` in mm²; NaN for a joint of which nothing is known. `deep[j]` says whether the rays of joint
+/// j fix its depth (see [`crate::annealed::depth`]): such joints are the body.
 #[must_use]
-pub fn posterior(problem: &Problem<'_>, solution: &mut Solution) -> Vec<Matrix3<f64>> {
+pub fn posterior(
+    problem: &Problem<'_>,
+    solution: &mut Solution,
+    deep: &[bool],
+) -> Vec<Matrix3<f64>> {
     let shared = solution.variance;
-    let spread = spread(&solution.points);
+    let body = Body::of(&solution.points, deep);
     for (j, x) in solution.points.iter().enumerate() {
         let residuals = &solution.residuals[j];
         let variance = NOISE_SHARE * (SHARED_DOF * shared + residuals.squares)
@@ -36,7 +43,9 @@ pub fn posterior(problem: &Problem<'_>, solution: &mut Solution) -> Vec<Matrix3<
             nearest = nearest.min(offset.range.abs());
         }
         if nearest.is_finite() {
-            block += Matrix3::from_diagonal_element(nearest.min(spread).powi(-2));
+            let reach = body.map(|body| body.square_reach(x)).filter(|square| *square > 0.0);
+            let square = reach.unwrap_or(nearest * nearest).max(f64::MIN_POSITIVE);
+            block += Matrix3::from_diagonal_element(1.0 / square);
         }
         if let Some(priors) = problem.priors {
             block += priors[j].precision;
@@ -49,17 +58,53 @@ pub fn posterior(problem: &Problem<'_>, solution: &mut Solution) -> Vec<Matrix3<
         .equations
         .retain_couplings(|joints| joints.iter().all(|j| residuals[*j].support >= PLACED));
     solution.equations.factorise(|_| 0.0);
-    let known = |m: Matrix3<f64>| if m.trace() > 0.0 { m } else { Matrix3::repeat(f64::NAN) };
+    let known = |m: Matrix3<f64>| {
+        if m.trace() > 0.0 { positive(m) } else { Matrix3::repeat(f64::NAN) }
+    };
     (0..solution.points.len()).map(|j| known(solution.equations.covariance(j))).collect()
 }
 
-/// Root mean square distance of the joints from their mean, mm; infinite for fewer than three joints.
-fn spread(points: &[Vector3<f64>]) -> f64 {
-    let known = || points.iter().filter(|x| x.iter().all(|v| v.is_finite()));
-    let n = known().count();
-    if n < 3 {
-        return f64::INFINITY;
+/// `m` without the negative eigenvalues that rounding leaves where the largest exceeds the smallest by 10⁸ and more.
+fn positive(m: Matrix3<f64>) -> Matrix3<f64> {
+    if m.cholesky().is_some() {
+        return m;
     }
-    let mean = known().sum::<Vector3<f64>>() / n as f64;
-    (known().map(|x| (x - mean).norm_squared()).sum::<f64>() / n as f64).sqrt()
+    let mut eigen = m.symmetric_eigen();
+    let least = f64::EPSILON * eigen.eigenvalues.max();
+    eigen.eigenvalues.apply(|v| *v = v.max(4.0 * least));
+    let m = eigen.recompose();
+    0.5 * (m + m.transpose())
+}
+
+/// Where a body is and how far it extends.
+#[derive(Clone, Copy)]
+struct Body {
+    middle: Vector3<f64>,
+    /// s², mm².
+    square_spread: f64,
+}
+
+impl Body {
+    /// Of at least three joints that lie where they are known to lie, else of all that have a position.
+    fn of(points: &[Vector3<f64>], deep: &[bool]) -> Option<Self> {
+        let finite = |x: &&Vector3<f64>| x.iter().all(|v| v.is_finite());
+        let sure = || points.iter().zip(deep).filter(|(_, deep)| **deep).map(|(x, _)| x);
+        if sure().filter(finite).count() >= LEAST_JOINTS {
+            return Some(Self::around(&sure().filter(finite).collect::<Vec<_>>()));
+        }
+        let known: Vec<_> = points.iter().filter(finite).collect();
+        (known.len() >= LEAST_JOINTS).then(|| Self::around(&known))
+    }
+
+    fn around(points: &[&Vector3<f64>]) -> Self {
+        let n = points.len() as f64;
+        let middle = points.iter().copied().sum::<Vector3<f64>>() / n;
+        let square_spread = points.iter().map(|x| (*x - middle).norm_squared()).sum::<f64>() / n;
+        Self { middle, square_spread }
+    }
+
+    /// ρ² of a joint at `x`.
+    fn square_reach(&self, x: &Vector3<f64>) -> f64 {
+        self.square_spread + (x - self.middle).norm_squared()
+    }
 }

@@ -37,7 +37,7 @@ mod _skelsplat {
     fn init(m: &Bound<'_, PyModule>) -> PyResult<()> {
         m.add("__version__", env!("CARGO_PKG_VERSION"))?;
         m.add("LAYOUT_NAMES", skelsplat_core::layout::Layout::NAMES.to_vec())?;
-        m.add("REJECTED_WEIGHT", skelsplat_core::triangulate::robust::REJECTED)?;
+        m.add("REJECTED_WEIGHT", skelsplat_core::annealed::consensus::REJECTED)?;
         m.add(
             "JOINT_STATUS",
             crate::refine::JOINT_STATUS.map(skelsplat_core::refine::JointStatus::name).to_vec(),

@@ -13,6 +13,8 @@
 //! every detection counts, and narrows to the noise.
 
 pub mod consensus;
+pub mod depth;
+pub mod evidence;
 pub mod noise;
 pub mod rays;
 pub mod solver;

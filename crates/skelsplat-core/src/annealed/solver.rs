@@ -84,6 +84,8 @@ pub struct Problem<'a> {
     pub priors: Option<&'a [Prior]>,
     /// Settings.
     pub annealing: &'a Annealing,
+    /// Factor by which the final kernels may exceed [`Annealing::end`] where the noise asks for it; 1: not at all.
+    pub widening: f64,
 }
 
 /// Where the joints are and what is left over.
@@ -99,6 +101,8 @@ pub struct Solution {
     pub noise: f64,
     /// ŝ², mm²: the same for weight 1, as F has it.
     pub variance: f64,
+    /// Mean size of a pixel at the joints, mm.
+    pub pixel: f64,
     /// Steps taken.
     pub n_iter: usize,
     /// Whether the steps became small.
@@ -219,6 +223,7 @@ pub fn solve(problem: &Problem<'_>, start: Vec<Vector3<f64>>, sigma: Vec<f64>) -
         residuals: run.residuals,
         noise: (run.variance / run.weight).sqrt(),
         variance: run.variance,
+        pixel: run.pixel,
         n_iter,
         converged,
         equations: run.equations,
@@ -343,7 +348,7 @@ impl<'a> Run<'a> {
             self.estimate_noise();
         }
         let noise = (self.variance / self.weight).sqrt();
-        let share = (annealing.per_noise * noise / annealing.base).min(1.0);
+        let share = (annealing.per_noise * noise / annealing.base).min(self.problem.widening);
         let mut done = true;
         for j in 0..self.sigma.len() {
             let end = annealing.end[j] * share;

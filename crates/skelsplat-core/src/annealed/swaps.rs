@@ -20,8 +20,8 @@ const UNDECIDED: f64 = 0.5;
 const UNEXPLAINED: f64 = 1.0;
 /// Of two views that contradict each other nothing says which is exchanged.
 const LEAST_VIEWS: usize = 3;
-/// Views of which two at a time propose a position.
-const MOST_PROPOSERS: usize = 4;
+/// Views of which two at a time propose a position: those with the most to say, of equals those that explain the most.
+const MOST_PROPOSERS: usize = 6;
 
 /// Kernel, in multiples of the final one, under which a proposed position settles.
 const SETTLE: f64 = 2.0;
@@ -124,14 +124,15 @@ impl Judge<'_> {
     fn views(&self, chain: &Chain, points: &[Vector3<f64>], sideways: &Vector3<f64>) -> Vec<usize> {
         let at: Vec<[Vector3<f64>; 2]> = chain.iter().map(|p| p.map(|j| points[j])).collect();
         let ways = self.all_ways(chain, &at);
-        if ways.iter().filter(|w| w.all > 0.0).count() < LEAST_VIEWS {
+        let seeing = ways.iter().filter(|w| w.all > 0.0).count();
+        if seeing < LEAST_VIEWS {
             return Vec::new();
         }
         let explained = best_ways(&ways);
         let against = |w: &&Ways| w.all - w.own.max(w.exchanged) > UNEXPLAINED * self.unit;
-        let doubtful = 2 * ways.iter().filter(against).count() >= ways.len();
+        let doubtful = 2 * ways.iter().filter(against).count() >= seeing;
         let better = |p: &Proposal| best_ways(&p.ways) >= explained + GAIN * self.unit;
-        let proposal = if doubtful { self.best_proposal(chain) } else { None };
+        let proposal = if doubtful { self.best_proposal(chain, &ways) } else { None };
         if let Some(proposal) = proposal.filter(better) {
             return self.right_way_round(&proposal, sideways);
         }
@@ -140,10 +141,12 @@ impl Judge<'_> {
     }
 
     /// The position of the chain, from two views, that explains most when every view chooses its way round.
-    fn best_proposal(&self, chain: &Chain) -> Option<Proposal> {
-        let proposers = self.rays.n_views().min(MOST_PROPOSERS);
+    fn best_proposal(&self, chain: &Chain, ways: &[Ways]) -> Option<Proposal> {
+        let proposers = proposers(ways);
+        let pairs = proposers.iter().enumerate();
+        let pairs = pairs.flat_map(|(k, a)| proposers[k + 1..].iter().map(move |b| (*a, *b)));
         let mut best: Option<Proposal> = None;
-        for (a, b) in (0..proposers).flat_map(|a| (a + 1..proposers).map(move |b| (a, b))) {
+        for (a, b) in pairs {
             for exchanged in [false, true] {
                 let at = self.proposal(chain, a, b, exchanged);
                 let at = self.settled(chain, &at, &self.all_ways(chain, &at));
@@ -211,6 +214,17 @@ impl Judge<'_> {
         }
         one
     }
+}
+
+/// The views that propose, in an order that depends on what they see and not on how they are numbered.
+fn proposers(ways: &[Ways]) -> Vec<usize> {
+    let mut views: Vec<usize> = (0..ways.len()).filter(|i| ways[*i].all > 0.0).collect();
+    let best = |i: usize| ways[i].own.max(ways[i].exchanged);
+    views.sort_by(|a, b| {
+        ways[*b].all.total_cmp(&ways[*a].all).then(best(*b).total_cmp(&best(*a)))
+    });
+    views.truncate(MOST_PROPOSERS);
+    views
 }
 
 fn best_ways(ways: &[Ways]) -> f64 {

@@ -5,12 +5,13 @@ use nalgebra::{Matrix3, Vector3};
 use super::objective::Loss;
 use super::refiner::{Frame, Refiner};
 use super::result::{JointStatus, Refinement, StopReason};
-use crate::annealed::consensus::agreement;
+use crate::annealed::consensus::{REJECTED, agreement, rival};
+use crate::annealed::depth::is_fixed;
 use crate::annealed::swaps;
 use crate::annealed::{Annealing, NoiseModel, Prior, Problem, Rays, Solution, solve};
 use crate::detections::Detections;
 use crate::symmetry::{LimbPair, symmetry};
-use crate::triangulate::robust::{REJECTED, locate, start};
+use crate::triangulate::robust::{Located, locate, start};
 use crate::uncertainty::posterior;
 
 /// What follows from residuals alone, in the unit of the cameras.
@@ -18,6 +19,8 @@ pub(super) struct ErrorBars {
     pub(super) uncertainty: Vec<Matrix3<f64>>,
     pub(super) view_weights: Vec<f64>,
     pub(super) noise: f64,
+    /// Whether the rays fix the depth of each joint and no other place has as many votes.
+    pub(super) fixed: Vec<bool>,
 }
 
 /// Where a search begins.
@@ -25,6 +28,15 @@ struct Start {
     init: Vec<Vector3<f64>>,
     points: Vec<Vector3<f64>>,
     sigma: Vec<f64>,
+    widening: f64,
+}
+
+/// What holds for all assignments of left and right of one frame.
+struct Given<'a> {
+    priors: Option<&'a [Prior]>,
+    annealing: &'a Annealing,
+    /// [`Problem::widening`] where the noise was estimated beforehand.
+    widening: Option<f64>,
 }
 
 /// Standard deviations of a prior that the first kernel covers.
@@ -35,6 +47,7 @@ struct Found {
     rays: Rays,
     init: Vec<Vector3<f64>>,
     solution: Solution,
+    widening: f64,
 }
 
 /// Rounds of looking for exchanged sides.
@@ -63,18 +76,21 @@ impl Refiner {
         let used = self.usable(&frame.detections);
         let rays = Rays::new(&used, &self.cameras, self.view_weights());
         let mut annealing = self.annealing(used.n_joints());
+        let mut widening = None;
         if frame.init_covariance.is_some() {
             // Without the prior: one that is wrong must not pass for noise of the detections.
             let alone = locate(&rays, &annealing);
-            let located = alone.points.iter().any(|x| x.x.is_finite());
+            let located = alone.solution.points.iter().any(|x| x.x.is_finite());
             annealing.noise = match annealing.noise {
-                NoiseModel::Estimated if located => NoiseModel::Millimetres(alone.noise),
+                NoiseModel::Estimated if located => NoiseModel::Millimetres(alone.solution.noise),
                 NoiseModel::Estimated => NoiseModel::Pixels(NoiseModel::PRIOR_PX),
                 given => given,
             };
+            widening = Some(alone.widening);
         }
         let priors = self.priors(frame);
-        let mut found = self.find(frame, rays, priors.as_deref(), &annealing);
+        let given = Given { priors: priors.as_deref(), annealing: &annealing, widening };
+        let mut found = self.find(frame, rays, &given);
         let mut swapped = vec![false; used.n_views() * used.n_joints()];
         for _ in 0..SWAP_ROUNDS {
             let swaps = swaps::find(&found.rays, &self.chains, &found.solution);
@@ -82,37 +98,27 @@ impl Refiner {
                 break;
             }
             let rays = self.exchanged(&found.rays, &swaps);
-            let other = self.find(frame, rays, priors.as_deref(), &annealing);
+            let other = self.find(frame, rays, &given);
             if other.loses_against(&found) || other.explained() <= found.explained() + SWAP_GAIN {
                 break;
             }
             found = other;
             self.mark(&swaps, &mut swapped, used.n_joints());
         }
-        let problem = self.problem(&found.rays, priors.as_deref(), &annealing);
-        let uncertainty = posterior(&problem, &mut found.solution);
-        self.annealed_result(frame, &problem, &found, (swapped, uncertainty))
+        let problem = self.problem(&found.rays, &given, found.widening);
+        let bars = self.bars(&problem, &mut found.solution, &swapped);
+        self.annealed_result(frame, &problem, &found, (swapped, bars))
     }
 
-    fn problem<'a>(
-        &'a self,
-        rays: &'a Rays,
-        priors: Option<&'a [Prior]>,
-        annealing: &'a Annealing,
-    ) -> Problem<'a> {
-        Problem { rays, pairs: &self.pairs, priors, annealing }
+    fn problem<'a>(&'a self, rays: &'a Rays, given: &Given<'a>, widening: f64) -> Problem<'a> {
+        let Given { priors, annealing, .. } = *given;
+        Problem { rays, pairs: &self.pairs, priors, annealing, widening }
     }
 
-    fn find(
-        &self,
-        frame: &Frame,
-        rays: Rays,
-        priors: Option<&[Prior]>,
-        annealing: &Annealing,
-    ) -> Found {
-        let Start { init, points, sigma } = self.annealed_start(frame, &rays, annealing);
-        let solution = solve(&self.problem(&rays, priors, annealing), points, sigma);
-        Found { rays, init, solution }
+    fn find(&self, frame: &Frame, rays: Rays, given: &Given<'_>) -> Found {
+        let Start { init, points, sigma, widening } = self.annealed_start(frame, &rays, given);
+        let solution = solve(&self.problem(&rays, given, widening), points, sigma);
+        Found { rays, init, solution, widening }
     }
 
     /// The rays with the chains of `swaps` exchanged.
@@ -151,42 +157,46 @@ impl Refiner {
     /// The initial pose, where to begin and with which kernels, mm.
     ///
     /// Where two views see a joint the detections place it, whatever the start; a start that is no more than that places
-    /// the others. A prior is where the search begins, under a kernel that covers its spread.
-    fn annealed_start(&self, frame: &Frame, rays: &Rays, annealing: &Annealing) -> Start {
-        let mm = self.unit.millimetres();
+    /// the others, and decides between two places that have as many votes. A prior is where the search begins, under a
+    /// kernel that covers its spread.
+    fn annealed_start(&self, frame: &Frame, rays: &Rays, given: &Given<'_>) -> Start {
         let Some(pose) = &frame.init_pose else {
-            let found = locate(rays, annealing);
-            return Start { init: found.points.clone(), points: found.points, sigma: found.sigma };
+            let found = locate(rays, given.annealing);
+            let Solution { points, sigma, .. } = found.solution;
+            return Start { init: points.clone(), points, sigma, widening: found.widening };
         };
-        let given = |j: usize| {
-            let p = pose[j] * mm;
-            p.iter().all(|v| v.is_finite()).then_some(p)
+        let mm = self.unit.millimetres();
+        let known = |p: &Vector3<f64>| p.iter().all(|v| v.is_finite()).then_some(p * mm);
+        let pose: Vec<Option<Vector3<f64>>> = pose.iter().map(known).collect();
+        match &frame.init_covariance {
+            Some(covariances) => self.start_at_prior(&pose, covariances, rays, given),
+            None => start_beside(&pose, rays, given.annealing),
+        }
+    }
+
+    fn start_at_prior(
+        &self,
+        pose: &[Option<Vector3<f64>>],
+        covariances: &[Matrix3<f64>],
+        rays: &Rays,
+        given: &Given<'_>,
+    ) -> Start {
+        let (n, annealing, mm) = (pose.len(), given.annealing, self.unit.millimetres());
+        let reach = |j: usize| {
+            let widest = covariances[j].diagonal().max();
+            if widest.is_finite() { PRIOR_REACH * mm * widest.sqrt() } else { 0.0 }
         };
-        let n = pose.len();
-        if let Some(covariances) = &frame.init_covariance {
-            let reach = |j: usize| {
-                let widest = covariances[j].diagonal().max();
-                if widest.is_finite() { PRIOR_REACH * mm * widest.sqrt() } else { 0.0 }
-            };
-            let init: Vec<_> = (0..n).map(|j| given(j).unwrap_or_else(|| start(rays, j))).collect();
-            let mut points = init.clone();
-            if (0..n).any(|j| reach(j) > annealing.start) {
-                // Wider than any kernel: the detections know better where to begin.
-                let found = locate(rays, annealing).points;
-                for j in (0..n).filter(|j| reach(*j) > annealing.start && found[*j].x.is_finite()) {
-                    points[j] = found[j];
-                }
-            }
-            return Start { init, points, sigma: vec![annealing.start; n] };
-        }
-        let mut found = locate(rays, annealing);
-        let init = (0..n).map(|j| given(j).unwrap_or(found.points[j])).collect();
-        for j in (0..n).filter(|j| found.points[*j].x.is_nan()).collect::<Vec<_>>() {
-            if let Some(p) = given(j) {
-                (found.points[j], found.sigma[j]) = (p, f64::INFINITY);
+        let init: Vec<_> = (0..n).map(|j| pose[j].unwrap_or_else(|| start(rays, j))).collect();
+        let mut points = init.clone();
+        if (0..n).any(|j| reach(j) > annealing.start) {
+            // Wider than any kernel: the detections know better where to begin.
+            let found = locate(rays, annealing).solution.points;
+            for j in (0..n).filter(|j| reach(*j) > annealing.start && found[*j].x.is_finite()) {
+                points[j] = found[j];
             }
         }
-        Start { init, points: found.points, sigma: found.sigma }
+        let widening = given.widening.unwrap_or(1.0);
+        Start { init, points, sigma: vec![annealing.start; n], widening }
     }
 
     /// The precision of the initial pose, mm⁻²; none for a joint that the initial pose does not have.
@@ -225,21 +235,33 @@ impl Refiner {
     pub(super) fn error_bars(&self, used: &Detections, points: &[Vector3<f64>]) -> ErrorBars {
         let rays = Rays::new(used, &self.cameras, self.view_weights());
         let annealing = Annealing { max_steps: 0, ..self.annealing(points.len()) };
-        let problem = self.problem(&rays, None, &annealing);
+        let given = Given { priors: None, annealing: &annealing, widening: None };
+        let problem = self.problem(&rays, &given, 1.0);
         let mut solution = solve(&problem, points.to_vec(), annealing.end.clone());
-        let covariances = posterior(&problem, &mut solution);
-        self.bars(&rays, &solution, &covariances, &vec![false; used.n_views() * used.n_joints()])
+        let swapped = vec![false; used.n_views() * used.n_joints()];
+        self.bars(&problem, &mut solution, &swapped)
     }
 
     fn bars(
         &self,
-        rays: &Rays,
-        solution: &Solution,
-        covariances: &[Matrix3<f64>],
+        problem: &Problem<'_>,
+        solution: &mut Solution,
         swapped: &[bool],
     ) -> ErrorBars {
         let mm = self.unit.millimetres();
+        let rays = problem.rays;
         let (m, n) = (rays.n_views(), rays.n_joints());
+        let deep: Vec<bool> = (0..n).map(|j| is_fixed(rays.of_joint(j), j, solution)).collect();
+        let mut covariances = posterior(problem, solution, &deep);
+        let mut fixed = deep;
+        for j in 0..n {
+            let x = &solution.points[j];
+            if let Some((y, share)) = rival(rays.of_joint(j), x, solution.sigma[j]) {
+                // The second moment about x of two places, of which y is right with the probability `share`.
+                covariances[j] += (y - x) * (y - x).transpose() * share;
+                fixed[j] = false;
+            }
+        }
         let weight = |k: usize| {
             let (i, j) = (k / n, self.used_for(swapped, k / n, k % n, n));
             let (ray, x) = (&rays.of_joint(j)[i], &solution.points[j]);
@@ -249,6 +271,7 @@ impl Refiner {
             uncertainty: covariances.iter().map(|c| c / (mm * mm)).collect(),
             view_weights: (0..m * n).map(weight).collect(),
             noise: solution.noise / mm,
+            fixed,
         }
     }
 
@@ -257,19 +280,18 @@ impl Refiner {
         frame: &Frame,
         problem: &Problem<'_>,
         found: &Found,
-        (swapped, covariances): (Vec<bool>, Vec<Matrix3<f64>>),
+        (swapped, bars): (Vec<bool>, ErrorBars),
     ) -> Refinement {
         let mm = self.unit.millimetres();
         let (rays, solution) = (problem.rays, &found.solution);
         let n = rays.n_joints();
-        let bars = self.bars(rays, solution, &covariances, &swapped);
         let used_for = |i: usize, j: usize| self.used_for(&swapped, i, j, n);
         let errors = self.reprojection_error(&frame.detections, &solution.points, used_for);
         let splat = |(x, sigma): (&Vector3<f64>, &f64)| {
             let variance = if x.x.is_nan() { f64::NAN } else { (sigma / mm).powi(2) };
             Matrix3::from_diagonal_element(variance)
         };
-        let joint_status = joint_status(rays, solution);
+        let joint_status = joint_status(rays, solution, &bars.fixed);
         let known = |j: usize| solution.points[j].x.is_finite();
         let mut seen =
             joint_status.iter().enumerate().filter(|(_, s)| **s != JointStatus::Unobserved);
@@ -296,13 +318,31 @@ impl Refiner {
     }
 }
 
-fn joint_status(rays: &Rays, solution: &Solution) -> Vec<JointStatus> {
+/// Where to begin with an initial pose `(N)` that is no prior: the detections place what they can.
+fn start_beside(pose: &[Option<Vector3<f64>>], rays: &Rays, annealing: &Annealing) -> Start {
+    let Located { solution: found, widening } = locate(rays, annealing);
+    let init = pose.iter().zip(&found.points).map(|(p, x)| p.unwrap_or(*x)).collect();
+    let (mut points, mut sigma) = (found.points, found.sigma);
+    for (j, p) in pose.iter().enumerate().filter_map(|(j, p)| Some((j, (*p)?))) {
+        if points[j].x.is_nan() {
+            (points[j], sigma[j]) = (p, f64::INFINITY);
+        } else if let Some((y, _)) = rival(rays.of_joint(j), &points[j], sigma[j])
+            && (y - p).norm() < (points[j] - p).norm()
+        {
+            points[j] = y;
+        }
+    }
+    Start { init, points, sigma, widening }
+}
+
+fn joint_status(rays: &Rays, solution: &Solution, fixed: &[bool]) -> Vec<JointStatus> {
     let one = |j: usize| {
         let (x, sigma) = (&solution.points[j], solution.sigma[j]);
         let there = || rays.of_joint(j).iter().filter(|ray| ray.is_there());
         match there().filter(|ray| ray.offset(x).weight(sigma) >= REJECTED).count() {
             _ if there().next().is_none() => JointStatus::Unobserved,
             0 | 1 => JointStatus::Weak,
+            _ if !fixed[j] => JointStatus::Weak,
             _ => JointStatus::Ok,
         }
     };

@@ -1,0 +1,61 @@
+//! Whether the rays of a joint fix its depth.
+//!
+//! Cameras in nearly one place see a joint along nearly one ray: a point at infinity fits them as well as any nearer
+//! one. The residual |e| in mm cannot tell, since it shrinks towards the cameras; angles can. With a the noise of a ray's
+//! direction (the detections' noise in pixels times the angle of a pixel) the rays prefer x to infinity by
+//!
+//! ```text
+//! Δχ² = Σ_i c k |d_i − u|²/a_i² − Σ_i c k (|e_i|/r_i)²/a_i²          u ∝ Σ_i c k d_i/a_i²
+//! ```
+//!
+//! with the range r. Two rays at the angle φ give Δχ² = φ²/2a², and a standard deviation of the depth of r/√Δχ².
+
+use nalgebra::Vector3;
+
+use super::rays::Ray;
+use super::solver::Solution;
+
+/// Three standard deviations: the depth is known to a third of itself.
+const DISTINCT: f64 = 9.0;
+/// Noise that a joint is granted before its frame's is known, px.
+const LEAST_PX: f64 = 1.0;
+/// Noise of a detection where rays are judged two at a time, px.
+const USUAL_PX: f64 = super::NoiseModel::PRIOR_PX;
+
+/// Δχ² of `rays` at `x`, of which each counts `k` times; `variance` is that of a detection of weight 1, px².
+/// Σ w |d − u|² = 2 (Σ w − |Σ w d|), since u is a unit vector along Σ w d.
+fn over_infinity(rays: &[Ray], x: &Vector3<f64>, variance: f64, k: impl Fn(&Ray) -> f64) -> f64 {
+    let (mut weight, mut along, mut at_x) = (0.0, Vector3::zeros(), 0.0);
+    for ray in rays.iter().filter(|ray| ray.is_there()) {
+        let w = ray.weight * k(ray) / (variance * ray.pixel * ray.pixel);
+        if w > 0.0 {
+            let from = x - ray.centre;
+            weight += w;
+            along += w * ray.direction;
+            at_x += w * ray.offset(x).across.norm_squared() / from.norm_squared();
+        }
+    }
+    2.0 * (weight - along.norm()) - at_x
+}
+
+/// Whether all rays together fix the depth of `x` if they are as good as can be hoped for: all of the largest weight, with
+/// a pixel of noise. What they leave open even so is not worth a position.
+#[must_use]
+pub fn may_be_fixed(rays: &[Ray], x: &Vector3<f64>) -> bool {
+    over_infinity(rays, x, LEAST_PX * LEAST_PX, |ray| 1.0 / ray.weight) >= DISTINCT
+}
+
+/// Whether the believed rays of joint `j` fix its depth at the solution, given the frame's noise.
+#[must_use]
+pub fn is_fixed(rays: &[Ray], j: usize, solution: &Solution) -> bool {
+    let (x, sigma) = (&solution.points[j], solution.sigma[j]);
+    let variance = solution.variance / (solution.pixel * solution.pixel);
+    over_infinity(rays, x, variance, |ray| ray.offset(x).weight(sigma)) >= DISTINCT
+}
+
+/// Whether two rays are far enough from parallel for their meeting point to have a depth.
+#[must_use]
+pub fn have_parallax(a: &Ray, b: &Ray) -> bool {
+    let noise = USUAL_PX * (a.pixel + b.pixel) / 2.0;
+    (a.direction - b.direction).norm_squared() >= 2.0 * DISTINCT * noise * noise
+}

@@ -1,0 +1,79 @@
+//! Large noise or many wrong detections: which of two solutions the detections speak for.
+//!
+//! A kernel that ends narrow explains two or three of four scattered rays and rejects the others; a wide one explains
+//! all by larger noise. Either is a model of the same frame: a detection is right with probability 1 − ε and then lies
+//! within the noise s, or it is wrong and lies anywhere within S, the widest kernel,
+//!
+//! ```text
+//! p(e) = (1−ε) N₂(e; s²) + ε N₂(e; S²)           log p = Σ_ij log p(e_ij) − ½ Σ_j log det H_j + const
+//! H_j  = Σ_i r_ij (I − d dᵀ)/s² + I/S²             r = (1−ε) N₂(e; s²) / p(e)
+//! ```
+//!
+//! with the joints integrated out by Laplace's method: that two rays nearly meet somewhere is no evidence for small
+//! noise, since the volume in which they do so shrinks with it. ε is the one that makes log p largest.
+
+use super::rays::{Ray, Rays};
+use super::solver::Solution;
+use nalgebra::{Matrix3, Vector3};
+
+/// Rounds of expectation and maximisation for ε; it starts at one detection in ten.
+const ROUNDS: usize = 3;
+const FIRST_SHARE: f64 = 0.1;
+
+/// The share of wrong detections and where they lie.
+#[derive(Clone, Copy)]
+struct Mixture {
+    /// ŝ² for weight 1.
+    variance: f64,
+    /// S².
+    anywhere: f64,
+    /// ε.
+    wrong: f64,
+}
+
+impl Mixture {
+    /// (p(e), r) of a ray of weight c, whose noise has the variance ŝ²/c.
+    fn of(&self, ray: &Ray, x: &Vector3<f64>) -> (f64, f64) {
+        let offset = ray.offset(x);
+        let square = offset.across.norm_squared();
+        let normal = |v: f64| (-0.5 * square / v).exp() / (std::f64::consts::TAU * v);
+        let right = if offset.range > 0.0 {
+            (1.0 - self.wrong) * normal(self.variance / ray.weight)
+        } else {
+            0.0
+        };
+        let p = right + self.wrong * normal(self.anywhere);
+        (p, right / p.max(f64::MIN_POSITIVE))
+    }
+}
+
+/// log p of the frame at `solution`, up to a constant that all solutions share which place the same joints;
+/// `widest` is S, mm.
+#[must_use]
+pub fn evidence(rays: &Rays, solution: &Solution, widest: f64) -> f64 {
+    let placed = || solution.points.iter().enumerate().filter(|(_, x)| x.x.is_finite());
+    let there = |j: usize| rays.of_joint(j).iter().filter(|ray| ray.is_there());
+    let mut mixture =
+        Mixture { variance: solution.variance, anywhere: widest * widest, wrong: FIRST_SHARE };
+    for _ in 0..ROUNDS {
+        let (mut wrong, mut n) = (0.0, 0.0);
+        for (j, x) in placed() {
+            for ray in there(j) {
+                wrong += 1.0 - mixture.of(ray, x).1;
+                n += 1.0;
+            }
+        }
+        mixture.wrong = (wrong + 1.0) / (n + 2.0);
+    }
+    let of_joint = |(j, x): (usize, &Vector3<f64>)| {
+        let mut information = Matrix3::from_diagonal_element(1.0 / mixture.anywhere);
+        let mut log_p = 0.0;
+        for ray in there(j) {
+            let (p, right) = mixture.of(ray, x);
+            log_p += p.max(f64::MIN_POSITIVE).ln();
+            information += ray.information() * (right * ray.weight / mixture.variance);
+        }
+        log_p - 0.5 * information.determinant().ln()
+    };
+    placed().map(of_joint).sum()
+}
