@@ -11,9 +11,6 @@ use crate::annealed::{Problem, Solution};
 
 /// Degrees of freedom that the frame's noise is worth for one joint (measured, docs/decisions.md).
 const SHARED_DOF: f64 = 5.0;
-/// Share of the residuals' variance that is noise; the rest are wrong detections that the kernel lets through
-/// (measured, docs/decisions.md).
-const NOISE_SHARE: f64 = 0.87;
 
 /// Views whose weights have to place a joint before the length of its limb says something of it.
 const PLACED: f64 = 1.5;
@@ -32,7 +29,7 @@ pub fn posterior(
     let body = Body::of(&solution.points, deep);
     for (j, x) in solution.points.iter().enumerate() {
         let residuals = &solution.residuals[j];
-        let variance = NOISE_SHARE * (SHARED_DOF * shared + residuals.squares)
+        let variance = problem.widening.noise_share * (SHARED_DOF * shared + residuals.squares)
             / (SHARED_DOF + residuals.freedom);
         let mut block = Matrix3::zeros();
         let mut nearest = f64::INFINITY;

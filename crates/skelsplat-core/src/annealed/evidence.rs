@@ -10,10 +10,11 @@
 //! ```
 //!
 //! with the joints integrated out by Laplace's method: that two rays nearly meet somewhere is no evidence for small
-//! noise, since the volume in which they do so shrinks with it. ε is the one that makes log p largest.
+//! noise, since the volume in which they do so shrinks with it. ε is the one that makes log p largest. An independent start
+//! adds −½ (x−x⁰)ᵀ Π (x−x⁰) to log p and Π to H.
 
 use super::rays::{Ray, Rays};
-use super::solver::Solution;
+use super::solver::{Prior, Solution};
 use nalgebra::{Matrix3, Vector3};
 
 /// Rounds of expectation and maximisation for ε; it starts at one detection in ten.
@@ -47,10 +48,23 @@ impl Mixture {
     }
 }
 
-/// log p of the frame at `solution`, up to a constant that all solutions share which place the same joints;
-/// `widest` is S, mm.
+/// What the detections say of a solution.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Evidence {
+    /// log p up to a constant that all solutions share which place the same joints.
+    pub log: f64,
+    /// ε, the share of wrong detections.
+    pub wrong: f64,
+}
+
+/// The evidence of the frame, and of its `priors`, for `solution`; `widest` is S, mm.
 #[must_use]
-pub fn evidence(rays: &Rays, solution: &Solution, widest: f64) -> f64 {
+pub fn evidence(
+    rays: &Rays,
+    solution: &Solution,
+    priors: Option<&[Prior]>,
+    widest: f64,
+) -> Evidence {
     let placed = || solution.points.iter().enumerate().filter(|(_, x)| x.x.is_finite());
     let there = |j: usize| rays.of_joint(j).iter().filter(|ray| ray.is_there());
     let mut mixture =
@@ -73,7 +87,12 @@ pub fn evidence(rays: &Rays, solution: &Solution, widest: f64) -> f64 {
             log_p += p.max(f64::MIN_POSITIVE).ln();
             information += ray.information() * (right * ray.weight / mixture.variance);
         }
+        if let Some(prior) = priors.map(|p| &p[j]) {
+            let off = x - prior.mean;
+            log_p -= 0.5 * off.dot(&(prior.precision * off));
+            information += prior.precision;
+        }
         log_p - 0.5 * information.determinant().ln()
     };
-    placed().map(of_joint).sum()
+    Evidence { log: placed().map(of_joint).sum(), wrong: mixture.wrong }
 }

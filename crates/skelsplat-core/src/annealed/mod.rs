@@ -22,4 +22,4 @@ pub mod swaps;
 
 pub use noise::NoiseModel;
 pub use rays::{Offset, Ray, Rays};
-pub use solver::{Annealing, Prior, Problem, Solution, solve};
+pub use solver::{Annealing, Prior, Problem, Solution, Widening, solve};

@@ -19,8 +19,20 @@ pub enum NoiseModel {
     Estimated,
 }
 
-/// The estimate's prior is worth this many residuals.
+/// What turns pixels and confidences of a frame into mm.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Scale {
+    /// Mean size of a pixel at the joints, mm.
+    pub(super) pixel: f64,
+    /// Mean weight of the detections.
+    pub(super) weight: f64,
+    /// Whether the frame has been found to have more noise than the prior expects.
+    pub(super) refuted: bool,
+}
+
+/// The estimate's prior is worth this many residuals, and this many where the frame has refuted it.
 const PRIOR_DOF: f64 = 6.0;
+const REFUTED_DOF: f64 = 3.0;
 /// The shrinking by the kernel is undone up to this factor of the variance.
 const MOST_UNSHRUNK: f64 = 4.0;
 
@@ -60,22 +72,19 @@ impl NoiseModel {
     /// What the estimate begins with.
     pub const PRIOR_PX: f64 = 3.0;
 
-    /// s², mm², from the joints' residuals under a kernel of standard deviation `sigma`, with pixels of `pixel` mm and
-    /// detections of mean weight `weight`, which the residuals carry.
-    pub(super) fn variance(
-        self,
-        residuals: &[Residuals],
-        sigma: f64,
-        (pixel, weight): (f64, f64),
-    ) -> f64 {
+    /// s², mm², from the joints' residuals under a kernel of standard deviation `sigma`, in a frame that is `scale`, whose
+    /// mean weight the residuals carry.
+    pub(super) fn variance(self, residuals: &[Residuals], sigma: f64, scale: Scale) -> f64 {
+        let Scale { pixel, weight, refuted } = scale;
         match self {
             Self::Pixels(px) => weight * (px * pixel).powi(2),
             Self::Millimetres(mm) => weight * mm * mm,
             Self::Estimated => {
                 let squares: f64 = residuals.iter().map(|r| r.squares).sum();
                 let freedom: f64 = residuals.iter().map(|r| r.freedom).sum();
-                let prior = PRIOR_DOF * weight * (Self::PRIOR_PX * pixel).powi(2);
-                let shrunk = (prior + squares) / (PRIOR_DOF + freedom);
+                let dof = if refuted { REFUTED_DOF } else { PRIOR_DOF };
+                let prior = dof * weight * (Self::PRIOR_PX * pixel).powi(2);
+                let shrunk = (prior + squares) / (dof + freedom);
                 let kernel = 2.0 * weight * sigma * sigma;
                 shrunk / (1.0 - shrunk / kernel).max(1.0 / MOST_UNSHRUNK)
             }

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::noise::{NoiseModel, Residuals, pixel_size};
+use super::noise::{NoiseModel, Residuals, Scale, pixel_size};
 use super::rays::{Ray, Rays};
 use crate::optim::gauss_newton::{Coupling, NormalEquations};
 use crate::symmetry::LimbPair;
@@ -84,8 +84,24 @@ pub struct Problem<'a> {
     pub priors: Option<&'a [Prior]>,
     /// Settings.
     pub annealing: &'a Annealing,
-    /// Factor by which the final kernels may exceed [`Annealing::end`] where the noise asks for it; 1: not at all.
-    pub widening: f64,
+    /// How far the final kernels may follow the noise upwards.
+    pub widening: Widening,
+}
+
+/// How far the final kernels may follow the noise upwards.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Widening {
+    /// Factor by which they may exceed [`Annealing::end`] where the noise asks for it.
+    pub factor: f64,
+    /// Share of the residuals' variance that is noise; the rest are wrong detections that the kernel lets through.
+    pub noise_share: f64,
+}
+
+impl Widening {
+    /// Not at all. The share is measured (docs/decisions.md).
+    pub const NONE: Self = Self { factor: 1.0, noise_share: 0.87 };
+    /// As far as it goes, where it is given.
+    pub const FREE: Self = Self { factor: f64::INFINITY, ..Self::NONE };
 }
 
 /// Where the joints are and what is left over.
@@ -253,8 +269,7 @@ impl<'a> Run<'a> {
             points,
             problem,
         };
-        let known = (pixel, run.weight);
-        run.variance = problem.annealing.noise.variance(&[], f64::INFINITY, known);
+        run.variance = problem.annealing.noise.variance(&[], f64::INFINITY, run.scale());
         for j in problem.pairs.iter().flat_map(|(l, r)| l.iter().chain(r)) {
             run.coupled[*j] = true;
         }
@@ -348,7 +363,7 @@ impl<'a> Run<'a> {
             self.estimate_noise();
         }
         let noise = (self.variance / self.weight).sqrt();
-        let share = (annealing.per_noise * noise / annealing.base).min(self.problem.widening);
+        let share = (annealing.per_noise * noise / annealing.base).min(self.problem.widening.factor);
         let mut done = true;
         for j in 0..self.sigma.len() {
             let end = annealing.end[j] * share;
@@ -369,7 +384,12 @@ impl<'a> Run<'a> {
     fn estimate_noise(&mut self) {
         let mean = self.sigma.iter().sum::<f64>() / self.sigma.len() as f64;
         let model = self.problem.annealing.noise;
-        self.variance = model.variance(&self.residuals, mean, (self.pixel, self.weight));
+        self.variance = model.variance(&self.residuals, mean, self.scale());
+    }
+
+    fn scale(&self) -> Scale {
+        let refuted = self.problem.widening.factor > 1.0;
+        Scale { pixel: self.pixel, weight: self.weight, refuted }
     }
 
     /// Distance of each joint's farthest ray.

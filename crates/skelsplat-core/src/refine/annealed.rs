@@ -7,11 +7,14 @@ use super::refiner::{Frame, Refiner};
 use super::result::{JointStatus, Refinement, StopReason};
 use crate::annealed::consensus::{REJECTED, agreement, rival};
 use crate::annealed::depth::is_fixed;
+use crate::annealed::evidence::evidence;
 use crate::annealed::swaps;
-use crate::annealed::{Annealing, NoiseModel, Prior, Problem, Rays, Solution, solve};
+use crate::annealed::{
+    Annealing, NoiseModel, Prior, Problem, Rays, Solution, Widening, solve,
+};
 use crate::detections::Detections;
 use crate::symmetry::{LimbPair, symmetry};
-use crate::triangulate::robust::{Located, locate, start};
+use crate::triangulate::robust::{Located, anywhere, locate, start};
 use crate::uncertainty::posterior;
 
 /// What follows from residuals alone, in the unit of the cameras.
@@ -28,15 +31,15 @@ struct Start {
     init: Vec<Vector3<f64>>,
     points: Vec<Vector3<f64>>,
     sigma: Vec<f64>,
-    widening: f64,
+    widening: Widening,
 }
 
 /// What holds for all assignments of left and right of one frame.
 struct Given<'a> {
     priors: Option<&'a [Prior]>,
-    annealing: &'a Annealing,
-    /// [`Problem::widening`] where the noise was estimated beforehand.
-    widening: Option<f64>,
+    annealing: Annealing,
+    /// [`Problem::widening`] where there are priors.
+    widening: Widening,
 }
 
 /// Standard deviations of a prior that the first kernel covers.
@@ -47,7 +50,7 @@ struct Found {
     rays: Rays,
     init: Vec<Vector3<f64>>,
     solution: Solution,
-    widening: f64,
+    widening: Widening,
 }
 
 /// Rounds of looking for exchanged sides.
@@ -75,22 +78,16 @@ impl Refiner {
     pub(super) fn refine_annealed(&self, frame: &Frame) -> Refinement {
         let used = self.usable(&frame.detections);
         let rays = Rays::new(&used, &self.cameras, self.view_weights());
-        let mut annealing = self.annealing(used.n_joints());
-        let mut widening = None;
-        if frame.init_covariance.is_some() {
-            // Without the prior: one that is wrong must not pass for noise of the detections.
-            let alone = locate(&rays, &annealing);
-            let located = alone.solution.points.iter().any(|x| x.x.is_finite());
-            annealing.noise = match annealing.noise {
-                NoiseModel::Estimated if located => NoiseModel::Millimetres(alone.solution.noise),
-                NoiseModel::Estimated => NoiseModel::Pixels(NoiseModel::PRIOR_PX),
-                given => given,
-            };
-            widening = Some(alone.widening);
-        }
+        let annealing = self.annealing(used.n_joints());
         let priors = self.priors(frame);
-        let given = Given { priors: priors.as_deref(), annealing: &annealing, widening };
-        let mut found = self.find(frame, rays, &given);
+        let (given, mut found) = match &priors {
+            None => {
+                let given = Given { priors: None, annealing, widening: Widening::NONE };
+                let found = self.find(frame, rays, &given);
+                (given, found)
+            }
+            Some(priors) => self.find_with(priors, frame, &rays, &annealing),
+        };
         let mut swapped = vec![false; used.n_views() * used.n_joints()];
         for _ in 0..SWAP_ROUNDS {
             let swaps = swaps::find(&found.rays, &self.chains, &found.solution);
@@ -110,9 +107,47 @@ impl Refiner {
         self.annealed_result(frame, &problem, &found, (swapped, bars))
     }
 
-    fn problem<'a>(&'a self, rays: &'a Rays, given: &Given<'a>, widening: f64) -> Problem<'a> {
-        let Given { priors, annealing, .. } = *given;
-        Problem { rays, pairs: &self.pairs, priors, annealing, widening }
+    /// The pose with priors, whose noise is estimated without them: one that is wrong must not pass for noise of the
+    /// detections. Where that asked for wider kernels, the priors have their say on whether it is noise.
+    fn find_with<'a>(
+        &self,
+        priors: &'a [Prior],
+        frame: &Frame,
+        rays: &Rays,
+        annealing: &Annealing,
+    ) -> (Given<'a>, Found) {
+        let alone = locate(rays, annealing);
+        let located = alone.solution.points.iter().any(|x| x.x.is_finite());
+        let under = |noise: f64, widening: Widening| {
+            let noise = match annealing.noise {
+                NoiseModel::Estimated if located => NoiseModel::Millimetres(noise),
+                NoiseModel::Estimated => NoiseModel::Pixels(NoiseModel::PRIOR_PX),
+                given => given,
+            };
+            let annealing = Annealing { noise, ..annealing.clone() };
+            let given = Given { priors: Some(priors), annealing, widening };
+            let found = self.find(frame, rays.clone(), &given);
+            (given, found)
+        };
+        let wide = under(alone.solution.noise, alone.widening);
+        if annealing.noise != NoiseModel::Estimated || alone.widening.factor <= 1.0 {
+            return wide;
+        }
+        let narrow = under(alone.narrow_noise, Widening::NONE);
+        let likely = |(_, found): &(Given<'_>, Found)| {
+            evidence(rays, &found.solution, Some(priors), anywhere(rays, annealing)).log
+        };
+        if likely(&wide) > likely(&narrow) { wide } else { narrow }
+    }
+
+    fn problem<'a>(
+        &'a self,
+        rays: &'a Rays,
+        given: &'a Given<'a>,
+        widening: Widening,
+    ) -> Problem<'a> {
+        let Given { priors, annealing, .. } = given;
+        Problem { rays, pairs: &self.pairs, priors: *priors, annealing, widening }
     }
 
     fn find(&self, frame: &Frame, rays: Rays, given: &Given<'_>) -> Found {
@@ -161,7 +196,7 @@ impl Refiner {
     /// kernel that covers its spread.
     fn annealed_start(&self, frame: &Frame, rays: &Rays, given: &Given<'_>) -> Start {
         let Some(pose) = &frame.init_pose else {
-            let found = locate(rays, given.annealing);
+            let found = locate(rays, &given.annealing);
             let Solution { points, sigma, .. } = found.solution;
             return Start { init: points.clone(), points, sigma, widening: found.widening };
         };
@@ -170,7 +205,7 @@ impl Refiner {
         let pose: Vec<Option<Vector3<f64>>> = pose.iter().map(known).collect();
         match &frame.init_covariance {
             Some(covariances) => self.start_at_prior(&pose, covariances, rays, given),
-            None => start_beside(&pose, rays, given.annealing),
+            None => start_beside(&pose, rays, &given.annealing),
         }
     }
 
@@ -181,7 +216,7 @@ impl Refiner {
         rays: &Rays,
         given: &Given<'_>,
     ) -> Start {
-        let (n, annealing, mm) = (pose.len(), given.annealing, self.unit.millimetres());
+        let (n, annealing, mm) = (pose.len(), &given.annealing, self.unit.millimetres());
         let reach = |j: usize| {
             let widest = covariances[j].diagonal().max();
             if widest.is_finite() { PRIOR_REACH * mm * widest.sqrt() } else { 0.0 }
@@ -195,8 +230,7 @@ impl Refiner {
                 points[j] = found[j];
             }
         }
-        let widening = given.widening.unwrap_or(1.0);
-        Start { init, points, sigma: vec![annealing.start; n], widening }
+        Start { init, points, sigma: vec![annealing.start; n], widening: given.widening }
     }
 
     /// The precision of the initial pose, mm⁻²; none for a joint that the initial pose does not have.
@@ -235,9 +269,9 @@ impl Refiner {
     pub(super) fn error_bars(&self, used: &Detections, points: &[Vector3<f64>]) -> ErrorBars {
         let rays = Rays::new(used, &self.cameras, self.view_weights());
         let annealing = Annealing { max_steps: 0, ..self.annealing(points.len()) };
-        let given = Given { priors: None, annealing: &annealing, widening: None };
-        let problem = self.problem(&rays, &given, 1.0);
-        let mut solution = solve(&problem, points.to_vec(), annealing.end.clone());
+        let given = Given { priors: None, annealing, widening: Widening::NONE };
+        let problem = self.problem(&rays, &given, Widening::NONE);
+        let mut solution = solve(&problem, points.to_vec(), given.annealing.end.clone());
         let swapped = vec![false; used.n_views() * used.n_joints()];
         self.bars(&problem, &mut solution, &swapped)
     }
@@ -320,7 +354,7 @@ impl Refiner {
 
 /// Where to begin with an initial pose `(N)` that is no prior: the detections place what they can.
 fn start_beside(pose: &[Option<Vector3<f64>>], rays: &Rays, annealing: &Annealing) -> Start {
-    let Located { solution: found, widening } = locate(rays, annealing);
+    let Located { solution: found, widening, .. } = locate(rays, annealing);
     let init = pose.iter().zip(&found.points).map(|(p, x)| p.unwrap_or(*x)).collect();
     let (mut points, mut sigma) = (found.points, found.sigma);
     for (j, p) in pose.iter().enumerate().filter_map(|(j, p)| Some((j, (*p)?))) {

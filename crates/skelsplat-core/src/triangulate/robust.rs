@@ -7,7 +7,7 @@ use crate::annealed::consensus::{REJECTED, agreement, best_pair};
 use crate::annealed::depth::may_be_fixed;
 use crate::annealed::evidence::evidence;
 use crate::annealed::rays::nearest_point;
-use crate::annealed::{Annealing, NoiseModel, Problem, Rays, Solution, solve};
+use crate::annealed::{Annealing, NoiseModel, Problem, Rays, Solution, Widening, solve};
 use crate::camera::Camera;
 use crate::detections::Detections;
 
@@ -16,6 +16,11 @@ const MAJORITY: f64 = 0.25;
 /// Agreement by which a pair's point has to exceed the annealed one's, in detections of the joint's mean weight: with three
 /// views, of which any two outvote the third by chance, and with more.
 const MARGIN: [f64; 2] = [0.75, 0.5];
+/// How far off a wrong detection may be, in multiples of the widest kernel: where no joint is seen by three views, so that
+/// nothing says which detection is wrong, and otherwise.
+const ANYWHERE: [f64; 2] = [1.5, 1.0];
+/// The prior of the noise counts as this many residuals at least, so that the variance of Student's t is finite.
+const LEAST_FREEDOM: f64 = 6.0;
 
 /// Triangulates each joint from ideal pixels; NaN as [`super::dlt()`], with fewer than two views or parallel rays.
 ///
@@ -35,49 +40,90 @@ pub fn robust(detections: &Detections, cameras: &[Camera]) -> Triangulated {
     Triangulated { rejected: rejected.collect(), points: solution.points }
 }
 
-/// Joints that are placed by their detections alone, and the factor by which their kernels may exceed the configured ones.
+/// Joints that are placed by their detections alone.
 #[derive(Debug, Clone)]
 pub struct Located {
     /// Where they are.
     pub solution: Solution,
-    /// [`Problem::widening`].
-    pub widening: f64,
+    /// How far the kernels followed the noise.
+    pub widening: Widening,
+    /// [`Solution::noise`] under the configured kernels.
+    pub narrow_noise: f64,
 }
-
-/// The widest that the final kernels become, in multiples of [`Annealing::start`].
-const WIDEST: f64 = 4.0;
 
 /// The joints of one frame without priors and symmetry.
 ///
 /// The noise is estimated under a kernel, so that a kernel that ends narrower than twice the noise sees less of it than
-/// there is. Where the estimate asks for a wider one the ends are doubled as long as the detections are more likely so.
+/// there is. Where the estimate asks for a wider one, kernels that follow the noise as far as it goes are tried, then ends of
+/// twice, four times, … the width, as long as that makes the detections more likely ([`evidence`]).
 #[must_use]
 pub fn locate(rays: &Rays, annealing: &Annealing) -> Located {
-    let follows = annealing.per_noise.is_finite();
-    let known = annealing.noise != NoiseModel::Estimated;
-    let widening = if known && follows { f64::INFINITY } else { 1.0 };
-    let mut best = Located { solution: under(rays, annealing, widening), widening };
-    if known || !follows {
-        return best;
+    if !annealing.per_noise.is_finite() {
+        return located(rays, annealing, Widening::NONE);
     }
-    let mut likely = None;
-    while annealing.per_noise * best.solution.noise >= annealing.base * best.widening
-        && annealing.base * best.widening < WIDEST * annealing.start
-    {
-        let widening = 2.0 * best.widening;
-        let wider = under(rays, annealing, widening);
-        let before = likely.unwrap_or_else(|| evidence(rays, &best.solution, annealing.start));
-        let now = evidence(rays, &wider, annealing.start);
-        if now <= before {
-            break;
+    if annealing.noise != NoiseModel::Estimated {
+        return located(rays, annealing, Widening::FREE);
+    }
+    let best = located(rays, annealing, Widening::NONE);
+    if annealing.asks_for_more(&best) { widened(rays, annealing, best) } else { best }
+}
+
+impl Annealing {
+    /// Whether the noise asks for wider kernels than these were.
+    fn asks_for_more(&self, found: &Located) -> bool {
+        self.per_noise * found.solution.noise >= self.base * found.widening.factor
+    }
+}
+
+/// The most likely of `narrow` and of solutions under wider kernels.
+fn widened(rays: &Rays, annealing: &Annealing, narrow: Located) -> Located {
+    let (anywhere, narrow_noise) = (anywhere(rays, annealing), narrow.narrow_noise);
+    let mut likely = evidence(rays, &narrow.solution, None, anywhere).log;
+    let mut wider = |factor: f64| {
+        let mut found = located(rays, annealing, Widening { factor, ..Widening::NONE });
+        found.narrow_noise = narrow_noise;
+        let now = evidence(rays, &found.solution, None, anywhere);
+        found.widening.noise_share = (1.0 - now.wrong) * spread_of_noise(&found.solution);
+        (now.log > likely).then(|| {
+            likely = now.log;
+            found
+        })
+    };
+    if let Some(follows_noise) = wider(f64::INFINITY) {
+        return follows_noise;
+    }
+    let mut best = narrow;
+    while annealing.asks_for_more(&best) {
+        match wider(2.0 * best.widening.factor) {
+            Some(found) => best = found,
+            None => break,
         }
-        (best, likely) = (Located { solution: wider, widening }, Some(now));
     }
     best
 }
 
-/// [`locate`] with kernels that may exceed the configured ones by the factor `widening`.
-fn under(rays: &Rays, annealing: &Annealing, widening: f64) -> Solution {
+/// How far off wrong detections of a frame are taken to be, mm.
+#[must_use]
+pub fn anywhere(rays: &Rays, annealing: &Annealing) -> f64 {
+    let views = |j: usize| rays.of_joint(j).iter().filter(|ray| ray.is_there()).count();
+    let outvoted = (0..rays.n_joints()).any(|j| views(j) > 2);
+    annealing.start * if outvoted { ANYWHERE[1] } else { ANYWHERE[0] }
+}
+
+/// ν/(ν−2), the variance of Student's t: what it adds to an error bar that its noise was estimated from ν residuals.
+fn spread_of_noise(solution: &Solution) -> f64 {
+    let freedom: f64 = solution.residuals.iter().map(|r| r.freedom).sum();
+    let known = freedom.max(LEAST_FREEDOM);
+    known / (known - 2.0)
+}
+
+fn located(rays: &Rays, annealing: &Annealing, widening: Widening) -> Located {
+    let solution = under(rays, annealing, widening);
+    Located { narrow_noise: solution.noise, solution, widening }
+}
+
+/// Every joint from least squares down to its final kernel, and from a better place if there is one.
+fn under(rays: &Rays, annealing: &Annealing, widening: Widening) -> Solution {
     let problem = Problem { rays, pairs: &[], priors: None, annealing, widening };
     let start = (0..rays.n_joints()).map(|j| start(rays, j)).collect();
     let mut solution = solve(&problem, start, vec![f64::INFINITY; rays.n_joints()]);
