@@ -74,15 +74,22 @@ struct Proposal {
 /// A frame whose chains are judged.
 struct Judge<'a> {
     rays: &'a Rays,
-    sigma: &'a [f64],
+    /// Kernel of each joint, at most the configured one: exchanged sides can pass for noise and widen it.
+    sigma: Vec<f64>,
     /// Mean weight of a detection.
     unit: f64,
 }
 
-/// Which chains are exchanged in which views, as (view, chain).
+/// Which chains are exchanged in which views, as (view, chain); `end` are the configured final kernels `(N)`.
 #[must_use]
-pub fn find(rays: &Rays, chains: &[Chain], solution: &Solution) -> Vec<(usize, usize)> {
-    let judge = Judge { rays, sigma: &solution.sigma, unit: rays.mean_weight() };
+pub fn find(
+    rays: &Rays,
+    chains: &[Chain],
+    solution: &Solution,
+    end: &[f64],
+) -> Vec<(usize, usize)> {
+    let sigma = solution.sigma.iter().zip(end).map(|(sigma, end)| sigma.min(*end)).collect();
+    let judge = Judge { rays, sigma, unit: rays.mean_weight() };
     let mut found = Vec::new();
     for (c, chain) in chains.iter().enumerate() {
         let others = chains.iter().enumerate().filter(|(o, _)| *o != c).map(|(_, o)| o[0]);

@@ -57,12 +57,25 @@ struct Found {
 const SWAP_ROUNDS: usize = 3;
 /// Detections of mean weight that an exchange has to explain more after the pose was solved again.
 const SWAP_GAIN: f64 = 1.0;
+/// Logarithm of the odds that an exchange has to reach where the noise is large: there are a few dozen to choose from.
+const SWAP_EVIDENCE: f64 = 5.0;
 
 impl Found {
     /// Whether a joint that `other` locates has no position here.
     fn loses_against(&self, other: &Self) -> bool {
         let (here, there) = (&self.solution.points, &other.solution.points);
         here.iter().zip(there).any(|(x, y)| x.x.is_nan() && y.x.is_finite())
+    }
+
+    /// Whether an exchange is worth it: in detections that are explained, and where the noise is large, so that chance
+    /// explains some, in the likelihood of all.
+    fn explains_more(&self, before: &Self, given: &Given<'_>) -> bool {
+        let likely = |found: &Self| {
+            let anywhere = anywhere(&found.rays, &given.annealing);
+            evidence(&found.rays, &found.solution, given.priors, anywhere).log
+        };
+        self.explained() > before.explained() + SWAP_GAIN
+            && (before.widening.factor <= 1.0 || likely(self) > likely(before) + SWAP_EVIDENCE)
     }
 
     /// Detections of mean weight that are explained, under the same kernel for all solutions that are compared.
@@ -90,13 +103,13 @@ impl Refiner {
         };
         let mut swapped = vec![false; used.n_views() * used.n_joints()];
         for _ in 0..SWAP_ROUNDS {
-            let swaps = swaps::find(&found.rays, &self.chains, &found.solution);
+            let swaps = swaps::find(&found.rays, &self.chains, &found.solution, &given.annealing.end);
             if swaps.is_empty() {
                 break;
             }
             let rays = self.exchanged(&found.rays, &swaps);
             let other = self.find(frame, rays, &given);
-            if other.loses_against(&found) || other.explained() <= found.explained() + SWAP_GAIN {
+            if other.loses_against(&found) || !other.explains_more(&found, &given) {
                 break;
             }
             found = other;
