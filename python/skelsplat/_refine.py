@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skelsplat import _skelsplat
+from skelsplat._arrays import numbers
 from skelsplat._skelsplat import Camera, Layout, RefineConfig
 from skelsplat.cameras import CameraRig
 from skelsplat.exceptions import InvalidInputError
@@ -205,9 +206,9 @@ def _warn_before_the_work(
     """Judge the start: in a wrong unit splats of pixels can cover whole images and take minutes."""
     try:
         if init_pose is not None:
-            poses = np.asarray(init_pose, dtype=float)
+            poses = numbers(init_pose, "init_pose")
         else:
-            frames = np.asarray(detections, dtype=float)
+            frames = numbers(detections, "detections")
             some = frames[:: max(1, len(frames) // _FRAMES_TO_JUDGE)] if frames.ndim == 4 else frames
             poses = _skelsplat.triangulate(some, cameras, method="dlt")
     except (TypeError, ValueError):
@@ -328,8 +329,16 @@ class Refiner:
     ) -> None:
         self._prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
         self._cameras, self._layout = cameras, layout
+        self._config = config
         self._by_adam = config is not None and config.optimizer == "adam"
         self._last: NDArray[np.float64] | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "_prepared"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._prepared = _skelsplat.Refiner(self._cameras, layout=self._layout, config=self._config)
 
     def reset(self) -> None:
         """Forget the last pose: the next frame is triangulated."""
@@ -348,7 +357,8 @@ class Refiner:
         InvalidInputError
             If ``detections`` is not one frame, or has another number of joints than the frames before.
         """
-        shape = np.shape(detections)
+        detections = numbers(detections, "detections")
+        shape = detections.shape
         if len(shape) != 3:
             raise InvalidInputError(f"detections: expected one frame (M, N, 2|3), got shape {shape}")
         if self._last is not None and shape[1] != len(self._last):

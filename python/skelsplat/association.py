@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 import skelsplat as sk
+from skelsplat._arrays import numbers
 from skelsplat._skelsplat import check_people
 from skelsplat.exceptions import InvalidInputError
 
@@ -98,7 +99,7 @@ def choose_person(
 
 
 def _check(people: npt.ArrayLike, cameras: Sequence[sk.Camera]) -> Array:
-    array = np.asarray(people, dtype=np.float64)
+    array = numbers(people, "people")
     if len(cameras) < 2:
         raise InvalidInputError(f"cameras: expected at least two, got {len(cameras)}")
     if array.ndim != 5 or array.shape[1] != len(cameras) or array.shape[4] != 3 or 0 in array.shape[2:4]:
@@ -246,7 +247,7 @@ def extents(people: npt.ArrayLike) -> Array:
     people : (..., K, 2|3)
         Pixels; NaN where missing.
     """
-    points = np.asarray(people, dtype=np.float64)[..., :2]
+    points = numbers(people, "people")[..., :2]
     there = np.isfinite(points)
     high = np.where(there, points, -np.inf).max(axis=-2)
     low = np.where(there, points, np.inf).min(axis=-2)

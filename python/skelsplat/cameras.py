@@ -90,6 +90,9 @@ class CameraRig(Sequence[Camera]):
 
     __hash__ = None  # type: ignore[assignment]  # cameras hold arrays of doubles: equal, but not hashable
 
+    def __reduce__(self) -> tuple[type[CameraRig], tuple[tuple[Camera, ...], str]]:
+        return type(self), (self._cameras, self._unit)
+
     def __repr__(self) -> str:
         return f"CameraRig({len(self)} cameras, unit='{self._unit}': {', '.join(self.names)})"
 

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from skelsplat import _arrays
 from skelsplat._optional import require
 from skelsplat.exceptions import InvalidInputError
 
@@ -222,11 +223,11 @@ def one_euro(
 
 def _checked(pose: npt.ArrayLike, frames: npt.ArrayLike | None) -> tuple[Array, npt.NDArray[np.int64]]:
     """Return a copy of the poses in which a joint has three numbers or none, and the frame numbers."""
-    positions = np.array(pose, dtype=np.float64)
+    positions = _arrays.numbers(pose, "pose").copy()
     if positions.ndim != 3 or positions.shape[2] != 3:
         raise InvalidInputError(f"pose: expected shape (T, N, 3), got {positions.shape}")
     positions[~_known(positions)] = np.nan
-    numbers = np.arange(len(positions)) if frames is None else np.asarray(frames)
+    numbers = np.arange(len(positions)) if frames is None else _arrays.whole_numbers(frames, "frames")
     if numbers.shape != positions.shape[:1]:
         raise InvalidInputError(f"frames: expected shape {positions.shape[:1]}, got {numbers.shape}")
     if (np.diff(numbers) < 1).any():
@@ -236,7 +237,7 @@ def _checked(pose: npt.ArrayLike, frames: npt.ArrayLike | None) -> tuple[Array, 
 
 def _marked(name: str, mask: npt.ArrayLike | None, shape: tuple[int, ...]) -> Mask:
     """Return a mask (T, N) that was given; without one nothing is marked."""
-    marked = np.zeros(shape, dtype=np.bool_) if mask is None else np.asarray(mask, dtype=np.bool_)
+    marked = np.zeros(shape, dtype=np.bool_) if mask is None else _arrays.flags(mask, name)
     if marked.shape != shape:
         raise InvalidInputError(f"{name}: expected shape {shape}, got {marked.shape}")
     return marked

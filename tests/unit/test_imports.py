@@ -15,6 +15,17 @@ PACKAGE = Path(__file__).parents[2] / "python" / "skelsplat"
 FORBIDDEN = {
     "evaluation": ("cli", "viz"),
     "temporal": ("cli", "viz", "io", "_refine", "association", "synthetic", "metrics", "evaluation"),
+    "_arrays": (
+        "cli",
+        "viz",
+        "io",
+        "_refine",
+        "_skelsplat",
+        "association",
+        "synthetic",
+        "metrics",
+        "evaluation",
+    ),
     "_optional": ("cli", "viz", "io", "_refine", "association", "synthetic", "metrics", "evaluation"),
     "_opencv": ("cli", "viz", "io", "_refine", "association", "synthetic", "metrics", "evaluation"),
     "datasets": ("cli", "viz", "_refine", "association", "synthetic", "metrics", "evaluation"),

@@ -1,9 +1,9 @@
 //! Arguments as the core wants them: arrays, cameras, detections, layouts.
 
 use nalgebra::{Matrix3, Vector3};
-use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::{IntoPyDict, PyString};
+use pyo3::types::PyString;
 use skelsplat_core::detections::Detections;
 use skelsplat_core::unit::Unit;
 
@@ -12,9 +12,9 @@ use crate::errors::{OrRaise, in_words, invalid};
 use crate::layout::Layout;
 use crate::scores::{self, Place};
 
-/// A C-contiguous float64 array and its shape.
-pub(crate) struct Array<'py> {
-    array: PyReadonlyArrayDyn<'py, f64>,
+/// The values of a float64 array, row-major, and its shape.
+pub(crate) struct Array {
+    values: Vec<f64>,
     pub(crate) shape: Vec<usize>,
 }
 
@@ -27,26 +27,24 @@ fn shown(shape: &[usize]) -> String {
     }
 }
 
-impl<'py> Array<'py> {
-    /// Anything NumPy can turn into doubles.
-    pub(crate) fn new(name: &str, value: &Bound<'py, PyAny>) -> PyResult<Self> {
+impl Array {
+    /// Anything that holds numbers, in any layout in memory; NaN where it is masked or missing.
+    ///
+    /// `skelsplat._arrays.numbers` reads it, as for the functions that are written in Python.
+    pub(crate) fn new(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Self> {
         let py = value.py();
-        let options = [("dtype", "float64"), ("order", "C")].into_py_dict(py)?;
-        let array = py
-            .import("numpy")?
-            .call_method("asarray", (value,), Some(&options))
-            .and_then(|a| Ok(a.cast_into::<PyArrayDyn<f64>>()?))
-            .map_err(|e| {
-                let expected = "an array of numbers";
-                in_words(py, e, |e| invalid(py, name, expected, e.value(py).to_string()))
-            })?;
+        let read = py.import("skelsplat._arrays")?.call_method1("numbers", (value, name))?;
+        let array = read.cast_into::<PyArrayDyn<f64>>()?;
         let shape = array.shape().to_vec();
-        Ok(Self { array: array.readonly(), shape })
+        let plain = |actual: String| invalid(py, name, "an array that can be read", actual);
+        let array = array.try_readonly().map_err(|e| plain(e.to_string()))?;
+        let values = array.as_slice().map_err(|e| plain(e.to_string()))?.to_vec();
+        Ok(Self { values, shape })
     }
 
     /// The values, row-major.
     pub(crate) fn values(&self) -> &[f64] {
-        self.array.as_slice().unwrap_or(&[])
+        &self.values
     }
 
     /// Refuses the array if `ok` does not hold.
@@ -71,7 +69,7 @@ impl<'py> Array<'py> {
     /// An array whose shape is `shape` (`None`: any size).
     pub(crate) fn of_shape(
         name: &str,
-        value: &Bound<'py, PyAny>,
+        value: &Bound<'_, PyAny>,
         shape: &[Option<usize>],
         expected: &str,
     ) -> PyResult<Self> {

@@ -8,6 +8,7 @@ use skelsplat_core::camera::{Camera as Core, Distortion, Undistorted, for_camera
 
 use crate::args::{Array, array_out};
 use crate::errors::{OrRaise, in_words, invalid};
+use crate::pickle::{Rebuilt, rebuilt};
 
 /// A calibrated camera: pinhole, lens and image size. Immutable.
 ///
@@ -177,6 +178,11 @@ impl Camera {
         keywords.set_item("name", self.name())?;
         let keywords = keywords.into_py_dict(py)?;
         Ok(((self.k(py)?.into_any(), self.r(py)?.into_any(), self.t(py).into_any()), keywords))
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Rebuilt<'py>> {
+        let (arguments, keywords) = slf.get().__getnewargs_ex__(slf.py())?;
+        rebuilt(slf.as_any(), arguments.into_pyobject(slf.py())?, keywords)
     }
 
     fn __eq__(&self, other: &Bound<'_, PyAny>) -> bool {

@@ -1,12 +1,13 @@
 //! `skelsplat.RefineConfig`: the core's settings by keyword. Only what the user sets is touched.
 
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyString};
+use pyo3::types::{PyDict, PyString, PyTuple};
 use skelsplat_core::raster::encoding::Encoding;
 use skelsplat_core::refine::{Optimizer, PositionLearningRate, RefineConfig as Core, Renderer};
 
-use crate::args::type_name;
-use crate::errors::{OrRaise, invalid, to_python};
+use crate::args::{Array, type_name};
+use crate::errors::{OrRaise, in_words, invalid, to_python};
+use crate::pickle::{Rebuilt, rebuilt};
 
 /// Settings of ``refine``; lengths in mm whatever the unit of the cameras. Immutable.
 ///
@@ -109,7 +110,7 @@ pub(crate) struct RefineConfig(pub(crate) Core);
 /// A setting as Python sees it.
 trait Field: Sized {
     const EXPECTED: &'static str;
-    fn parse(value: &Bound<'_, PyAny>) -> Option<Self>;
+    fn parse(value: &Bound<'_, PyAny>) -> PyResult<Self>;
     fn show<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>>;
 }
 
@@ -117,8 +118,8 @@ macro_rules! plain_field {
     ($type:ty, $expected:literal) => {
         impl Field for $type {
             const EXPECTED: &'static str = $expected;
-            fn parse(value: &Bound<'_, PyAny>) -> Option<Self> {
-                value.extract().ok()
+            fn parse(value: &Bound<'_, PyAny>) -> PyResult<Self> {
+                value.extract()
             }
             fn show<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
                 self.into_bound_py_any(py)
@@ -138,8 +139,8 @@ plain_field!(Option<f64>, "a number or None");
 
 impl Field for Encoding {
     const EXPECTED: &'static str = "'one_hot', 'rgb' or 'single'";
-    fn parse(value: &Bound<'_, PyAny>) -> Option<Self> {
-        Self::by_name(&value.cast::<PyString>().ok()?.to_cow().ok()?).ok()
+    fn parse(value: &Bound<'_, PyAny>) -> PyResult<Self> {
+        Self::by_name(&value.cast::<PyString>()?.to_cow()?).or_raise(value.py())
     }
     fn show<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.name().into_bound_py_any(py)
@@ -148,8 +149,8 @@ impl Field for Encoding {
 
 impl Field for Renderer {
     const EXPECTED: &'static str = "'raster' or 'closed_form'";
-    fn parse(value: &Bound<'_, PyAny>) -> Option<Self> {
-        Self::by_name(&value.cast::<PyString>().ok()?.to_cow().ok()?).ok()
+    fn parse(value: &Bound<'_, PyAny>) -> PyResult<Self> {
+        Self::by_name(&value.cast::<PyString>()?.to_cow()?).or_raise(value.py())
     }
     fn show<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.name().into_bound_py_any(py)
@@ -158,8 +159,8 @@ impl Field for Renderer {
 
 impl Field for Optimizer {
     const EXPECTED: &'static str = "'adam' or 'gauss_newton'";
-    fn parse(value: &Bound<'_, PyAny>) -> Option<Self> {
-        Self::by_name(&value.cast::<PyString>().ok()?.to_cow().ok()?).ok()
+    fn parse(value: &Bound<'_, PyAny>) -> PyResult<Self> {
+        Self::by_name(&value.cast::<PyString>()?.to_cow()?).or_raise(value.py())
     }
     fn show<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.name().into_bound_py_any(py)
@@ -168,22 +169,26 @@ impl Field for Optimizer {
 
 impl Field for Option<Vec<f64>> {
     const EXPECTED: &'static str = "a sequence of numbers, or None";
-    fn parse(value: &Bound<'_, PyAny>) -> Option<Self> {
-        value.extract().ok()
+    fn parse(value: &Bound<'_, PyAny>) -> PyResult<Self> {
+        if value.is_none() {
+            return Ok(None);
+        }
+        let given = Array::of_shape("", value, &[None], Self::EXPECTED)?;
+        Ok(Some(given.values().to_vec()))
     }
     fn show<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let Some(values) = self else { return Ok(py.None().into_bound(py)) };
-        Ok(pyo3::types::PyTuple::new(py, values)?.into_any())
+        Ok(PyTuple::new(py, values)?.into_any())
     }
 }
 
 impl Field for PositionLearningRate {
     const EXPECTED: &'static str = "a number of mm, or 'camera_extent'";
-    fn parse(value: &Bound<'_, PyAny>) -> Option<Self> {
-        if let Ok(name) = value.cast::<PyString>() {
-            return (*name == "camera_extent").then_some(Self::CameraExtent);
+    fn parse(value: &Bound<'_, PyAny>) -> PyResult<Self> {
+        if value.cast::<PyString>().is_ok_and(|name| *name == "camera_extent") {
+            return Ok(Self::CameraExtent);
         }
-        value.extract().ok().map(Self::Millimetres)
+        value.extract().map(Self::Millimetres)
     }
     fn show<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         match self {
@@ -194,10 +199,12 @@ impl Field for PositionLearningRate {
 }
 
 fn parse<T: Field>(name: &str, value: &Bound<'_, PyAny>) -> PyResult<T> {
-    T::parse(value).ok_or_else(|| {
+    let py = value.py();
+    let words = |_: &PyErr| {
         let shown = value.repr().map_or_else(|_| type_name(value), |r| r.to_string());
-        invalid(value.py(), &format!("config.{name}"), T::EXPECTED, shown)
-    })
+        invalid(py, &format!("config.{name}"), T::EXPECTED, shown)
+    };
+    T::parse(value).map_err(|e| in_words(py, e, words))
 }
 
 /// Getters, setters and the list of fields from one table.
@@ -247,6 +254,11 @@ macro_rules! fields {
                 let out = PyDict::new(py);
                 $(out.set_item(stringify!($field), self.0.$field.show(py)?)?;)*
                 Ok(out)
+            }
+
+            fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Rebuilt<'py>> {
+                let py = slf.py();
+                rebuilt(slf.as_any(), PyTuple::empty(py), slf.get().to_dict(py)?)
             }
 
             fn __repr__(&self, py: Python<'_>) -> PyResult<String> {

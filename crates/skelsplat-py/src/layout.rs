@@ -1,11 +1,12 @@
 //! `skelsplat.Layout`.
 
 use pyo3::prelude::*;
-use pyo3::types::{PyString, PyTuple};
+use pyo3::types::{PyDict, PyString, PyTuple};
 use skelsplat_core::layout::{Layout as Core, LayoutSpec, SymmetricPair};
 
 use crate::args::type_name;
 use crate::errors::{OrRaise, in_words, invalid};
+use crate::pickle::{Rebuilt, rebuilt};
 
 /// Joint names, limbs and symmetries of a skeleton. Immutable. Joints are given by index or by name.
 ///
@@ -163,6 +164,20 @@ impl Layout {
         let pairs: Vec<_> =
             self.0.symmetric_pairs(tier).map(|([a, b], [c, d])| ((a, b), (c, d))).collect();
         PyTuple::new(py, pairs)
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Rebuilt<'py>> {
+        let (py, layout) = (slf.py(), &slf.get().0);
+        let symmetric: Vec<_> =
+            layout.symmetric.iter().map(|p| (p.tier, p.left, p.right)).collect();
+        let keywords = PyDict::new(py);
+        keywords.set_item("limbs", &layout.limbs)?;
+        keywords.set_item("symmetric", symmetric)?;
+        keywords.set_item("left_right", &layout.left_right)?;
+        keywords.set_item("occlusion_prone", &layout.occlusion_prone)?;
+        keywords.set_item("root", &layout.root)?;
+        let arguments = (&layout.name, &layout.joints).into_pyobject(py)?;
+        rebuilt(slf.as_any(), arguments, keywords)
     }
 
     fn __eq__(&self, other: &Bound<'_, PyAny>) -> bool {

@@ -7,6 +7,7 @@ mod config;
 mod errors;
 mod geometry;
 mod layout;
+mod pickle;
 mod refine;
 mod rendering;
 mod scores;

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from skelsplat._arrays import numbers
 from skelsplat.exceptions import InvalidInputError
 
 RESAMPLES = 2000
@@ -39,7 +40,7 @@ def mean_interval(
     InvalidInputError
         Shapes that differ, a level not between 0 and 1, no resamples.
     """
-    total, number = (np.asarray(values, dtype=np.float64) for values in (sums, counts))
+    total, number = numbers(sums, "sums"), numbers(counts, "counts")
     if total.ndim != 1 or total.shape != number.shape:
         raise InvalidInputError(f"counts: expected shape {total.shape} (S,) as sums, got {number.shape}")
     if not 0.0 < level < 1.0:

@@ -9,6 +9,7 @@ Missing values follow one rule:
   `sigma_coverage` leave it out, so read them together with `missing_rate`; the rates (`pck`, `auc`, `pcp`)
   count it as wrong.
 * A mean over nothing is NaN.
+* A masked entry is NaN. Coordinates beyond ±1e100, whose products would overflow, are an `InvalidInputError`.
 
 ``reduce`` says what is averaged: ``"mean"`` everything at once (each joint of each pose counts the same),
 ``"per_joint"`` all leading axes, giving ``(N,)``; ``"per_pose"`` the joints, giving ``(…)``; ``"none"``

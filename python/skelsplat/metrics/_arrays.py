@@ -8,6 +8,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from skelsplat._arrays import numbers
 from skelsplat.exceptions import InvalidInputError
 
 FloatArray: TypeAlias = NDArray[np.float64]
@@ -15,22 +16,30 @@ PartialReduce: TypeAlias = Literal["per_joint", "per_pose", "none"]
 Reduce: TypeAlias = Literal["mean", "per_joint", "per_pose", "none"]
 
 
-def as_numbers(value: ArrayLike, name: str) -> FloatArray:
-    """Return `value` as a float64 array, or raise `InvalidInputError`."""
-    try:
-        return np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"{name}: expected an array of numbers, got {error}") from None
+# Products of coordinates up to it, and sums of them, are doubles; LAPACK may not return from what overflows.
+LARGEST = 1e100
 
 
 def as_poses(value: ArrayLike, name: str) -> FloatArray:
     """Return `value` as float64 (…, N, 3), or raise `InvalidInputError`; NaN passes, infinity does not."""
-    array = as_numbers(value, name)
+    array = numbers(value, name)
     if array.ndim < 2 or array.shape[-1] != 3:
         raise InvalidInputError(f"{name}: expected shape (..., N, 3), got {array.shape}")
     if np.isinf(array).any():
         raise InvalidInputError(f"{name}: expected finite numbers or NaN, got infinity")
+    within(array, LARGEST, name)
     return array
+
+
+def within(array: FloatArray, largest: float, name: str) -> None:
+    """Refuse finite numbers beyond ±`largest`."""
+    too_large = (np.abs(array) > largest) & np.isfinite(array)
+    if too_large.any():
+        place = tuple(int(i) for i in np.argwhere(too_large)[0])
+        expected = f"numbers from -{largest:g} to {largest:g}"
+        raise InvalidInputError(
+            f"{name}[{', '.join(map(str, place))}]: expected {expected}, got {array[place]:g}"
+        )
 
 
 def as_pair(pred: ArrayLike, gt: ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -56,9 +65,11 @@ def present(points: FloatArray) -> NDArray[np.bool_]:
 
 def centre(points: FloatArray, indices: int | Sequence[int], name: str) -> FloatArray:
     """Mean of the joints `indices`, (…, 3)."""
-    chosen = np.atleast_1d(np.asarray(indices))
+    given = np.asanyarray(indices)
+    chosen = np.atleast_1d(np.asarray(given))
     n_joints = points.shape[-2]
-    if chosen.ndim != 1 or chosen.size == 0 or not np.issubdtype(chosen.dtype, np.integer):
+    whole = np.issubdtype(given.dtype, np.integer) and not np.ma.is_masked(given)
+    if chosen.ndim != 1 or chosen.size == 0 or not whole:
         raise InvalidInputError(f"{name}: expected a joint index or a sequence of them, got {indices!r}")
     if (chosen < 0).any() or (chosen >= n_joints).any():
         raise InvalidInputError(f"{name}: expected joint indices from 0 to {n_joints - 1}, got {indices!r}")

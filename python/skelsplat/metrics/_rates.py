@@ -8,18 +8,20 @@ from typing import Literal, TypeAlias, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from skelsplat._arrays import numbers
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.metrics._arrays import (
+    LARGEST,
     FloatArray,
     PartialReduce,
     Reduce,
-    as_numbers,
     as_pair,
     centre,
     joint_errors,
     present,
     reduced,
     result,
+    within,
 )
 
 BoolArray: TypeAlias = NDArray[np.bool_]
@@ -99,7 +101,7 @@ def auc(
         If the shapes do not match or a threshold is negative or not finite.
     """
     thresholds = (
-        np.arange(0.0, 151.0, 5.0) if thresholds_mm is None else as_numbers(thresholds_mm, "thresholds_mm")
+        np.arange(0.0, 151.0, 5.0) if thresholds_mm is None else numbers(thresholds_mm, "thresholds_mm")
     )
     if thresholds.ndim != 1 or thresholds.size == 0:
         raise InvalidInputError(f"thresholds_mm: expected a sequence of numbers, got {thresholds_mm!r}")
@@ -202,7 +204,7 @@ def sigma_coverage(
         If the shapes do not match or a covariance is not symmetric positive definite.
     """
     predicted, truth = as_pair(pred, gt)
-    distance = _mahalanobis(predicted - truth, as_numbers(covariance, "covariance"))
+    distance = _mahalanobis(predicted - truth, numbers(covariance, "covariance"))
     judged = ~np.isnan(distance)
     return np.stack([reduced(_correct(distance <= k, judged), reduce) for k in sigmas])
 
@@ -212,6 +214,7 @@ def _mahalanobis(offset: FloatArray, covariance: FloatArray) -> FloatArray:
     expected = (*offset.shape, 3)
     if covariance.shape != expected:
         raise InvalidInputError(f"covariance: expected shape {expected}, got {covariance.shape}")
+    within(covariance, LARGEST**2, "covariance")
     known = np.isfinite(covariance).all(axis=(-2, -1)) & present(offset)
     sigma = np.where(known[..., None, None], covariance, np.eye(3))
     size = np.abs(sigma).max(axis=(-2, -1))

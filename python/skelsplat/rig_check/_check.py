@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import skelsplat as sk
+from skelsplat._arrays import numbers, whole_numbers
 from skelsplat._skelsplat import check_people
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.rig_check._causes import explain
@@ -117,7 +118,7 @@ def _with_detections(
 
 
 def _checked(people: npt.ArrayLike, rig: sk.CameraRig) -> Array:
-    array = np.asarray(people, dtype=np.float64)
+    array = numbers(people, "people")
     array = array[:, :, None] if array.ndim == 4 else array
     if len(rig) < 2:
         raise InvalidInputError(f"cameras: expected at least two beside detections, got {len(rig)}")
@@ -130,10 +131,10 @@ def _checked(people: npt.ArrayLike, rig: sk.CameraRig) -> Array:
 
 
 def _numbers(frames: npt.ArrayLike | None, count: int) -> Index:
-    numbers = np.arange(count) if frames is None else np.asarray(frames, dtype=np.int64)
-    if numbers.shape != (count,) or (np.diff(numbers) <= 0).any():
-        raise InvalidInputError(f"frames: expected {count} ascending numbers, got shape {numbers.shape}")
-    return numbers
+    counts = np.arange(count) if frames is None else whole_numbers(frames, "frames")
+    if counts.shape != (count,) or (np.diff(counts) <= 0).any():
+        raise InvalidInputError(f"frames: expected {count} ascending numbers, got shape {counts.shape}")
+    return counts
 
 
 def _images(rig: sk.CameraRig, people: Array) -> list[Finding]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from skelsplat._arrays import numbers
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.synthetic import _effects
 from skelsplat.synthetic.noise import DetectionNoise
@@ -93,7 +94,7 @@ def simulate_detections(
     """
     from skelsplat import layouts
 
-    world = np.asarray(points, dtype=np.float64)
+    world = numbers(points, "points")
     if world.ndim not in (2, 3) or world.shape[-1] != 3:
         raise InvalidInputError(f"points: expected shape (T, N, 3) or (N, 3), got {world.shape}")
     frames = world if world.ndim == 3 else world[None]
@@ -140,7 +141,7 @@ def corrupt(
         If the shape is another, the layout has another number of joints, or more views are to be occluded
         than there are.
     """
-    true = np.asarray(pixels, dtype=np.float64)
+    true = numbers(pixels, "pixels")
     if true.ndim != 4 or true.shape[-1] != 2:
         raise InvalidInputError(f"pixels: expected shape (T, M, N, 2), got {true.shape}")
     n_frames, n_views, n_joints = true.shape[:3]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from skelsplat._arrays import numbers
 from skelsplat._skelsplat import Layout
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.synthetic.skeleton import JOINT_NAMES, N_JOINTS
@@ -41,7 +42,7 @@ def in_layout(points: ArrayLike, layout: Layout) -> FloatArray:
     InvalidInputError
         If the shape is another or the body has not a joint of that name.
     """
-    array = np.asarray(points, dtype=np.float64)
+    array = numbers(points, "points")
     if array.ndim < 2 or array.shape[-2:] != (N_JOINTS, 3):
         raise InvalidInputError(f"points: expected shape (..., {N_JOINTS}, 3), got {array.shape}")
     unknown = [name for name in layout.joints if name not in JOINT_NAMES and name not in _ON_HEAD]

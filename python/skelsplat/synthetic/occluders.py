@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from skelsplat._arrays import numbers
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.synthetic import _effects
 from skelsplat.synthetic.noise import DetectionNoise
@@ -41,7 +42,7 @@ class Occluders:
 
 
 def draw_occluders(
-    pixels: FloatArray, *, noise: DetectionNoise, seed: int | np.random.Generator = 0
+    pixels: ArrayLike, *, noise: DetectionNoise, seed: int | np.random.Generator = 0
 ) -> Occluders:
     """Draw the discs that `noise` describes over bodies with these projections.
 
@@ -56,13 +57,16 @@ def draw_occluders(
     Raises
     ------
     InvalidInputError
-        If more views are to be occluded than there are.
+        If the shape is another or more views are to be occluded than there are.
     """
+    true = numbers(pixels, "pixels")
+    if true.ndim != 4 or true.shape[-1] != 2:
+        raise InvalidInputError(f"pixels: expected shape (T, M, N, 2), got {true.shape}")
     rng = np.random.default_rng(seed)
-    streams = [np.random.default_rng(s) for s in rng.integers(2**63, size=pixels.shape[1] + 1)]
-    views = occluded_views(pixels.shape[0], pixels.shape[1], noise, streams[0])
+    streams = [np.random.default_rng(s) for s in rng.integers(2**63, size=true.shape[1] + 1)]
+    views = occluded_views(true.shape[0], true.shape[1], noise, streams[0])
     discs = [
-        _effects.discs(pixels[:, i], noise.n_discs, noise.disc_radius, noise.occluder_frames, stream)
+        _effects.discs(true[:, i], noise.n_discs, noise.disc_radius, noise.occluder_frames, stream)
         for i, stream in enumerate(streams[1:])
     ]
     centres, radii = (np.stack(part, axis=1) for part in zip(*discs, strict=True))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from skelsplat._arrays import numbers
 from skelsplat.exceptions import InvalidInputError
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ _COMMON_SHARE = 0.5
 
 
 def _checked(points: ArrayLike, sigma_mm: float) -> FloatArray:
-    array = np.asarray(points, dtype=np.float64)
+    array = numbers(points, "points")
     if array.ndim < 2 or array.shape[-1] != 3:
         raise InvalidInputError(f"points: expected shape (..., N, 3), got {array.shape}")
     if not (np.isfinite(sigma_mm) and sigma_mm >= 0):

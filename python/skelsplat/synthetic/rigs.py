@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from skelsplat._arrays import numbers
 from skelsplat.exceptions import DegenerateGeometryError, InvalidInputError
 
 if TYPE_CHECKING:
@@ -57,14 +58,16 @@ def look_at(
 
     Raises
     ------
+    InvalidInputError
+        If one is not three finite numbers.
     DegenerateGeometryError
         If `eye` equals `target`, or the axis is parallel to `up`.
     """
-    centre = np.asarray(eye, dtype=np.float64)
-    axis = np.asarray(target, dtype=np.float64) - centre
-    right = np.cross(axis, np.asarray(up, dtype=np.float64))
+    centre, upwards = _vector(eye, "eye"), _vector(up, "up")
+    axis = _vector(target, "target") - centre
+    right = np.cross(axis, upwards)
     # 1e-9: the sine of the angle to `up` below which rounding decides where "right" is.
-    if np.linalg.norm(right) <= 1e-9 * np.linalg.norm(axis) * np.linalg.norm(up):
+    if np.linalg.norm(right) <= 1e-9 * np.linalg.norm(axis) * np.linalg.norm(upwards):
         raise DegenerateGeometryError(
             f"look_at: expected a viewing direction not zero and not parallel to up, got {axis.tolist()}"
         )
@@ -72,6 +75,13 @@ def look_at(
     x = right / np.linalg.norm(right)
     R = np.stack([x, np.cross(z, x), z])
     return R, -R @ centre
+
+
+def _vector(value: ArrayLike, name: str) -> NDArray[np.float64]:
+    vector = numbers(value, name)
+    if vector.shape != (3,) or not np.isfinite(vector).all():
+        raise InvalidInputError(f"{name}: expected three finite numbers, got {vector.tolist()}")
+    return vector
 
 
 def _view(

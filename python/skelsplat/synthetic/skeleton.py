@@ -14,6 +14,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from skelsplat._arrays import numbers
 from skelsplat.exceptions import InvalidInputError
 
 FloatArray: TypeAlias = NDArray[np.float64]
@@ -146,7 +147,7 @@ class _Angles:
         for name, given in angles.items():
             if name not in known:
                 raise InvalidInputError(f"angles: expected names among {', '.join(known)}, got {name!r}")
-            value = np.broadcast_to(np.asarray(given, dtype=np.float64), (n_frames,))
+            value = np.broadcast_to(numbers(given, f"angles[{name!r}]"), (n_frames,))
             low, high = LIMITS_DEG[name.removesuffix("_l").removesuffix("_r")]
             # Written so that NaN fails too; 1e-9 forgives rounding at the limit.
             if not ((value >= low - 1e-9) & (value <= high + 1e-9)).all():
@@ -227,10 +228,10 @@ def forward_kinematics(
     """
     if not (np.isfinite(scale) and scale > 0):
         raise InvalidInputError(f"scale: expected a finite number > 0, got {scale!r}")
-    heading = np.broadcast_to(np.asarray(heading_deg, dtype=np.float64), (n_frames,))
+    heading = np.broadcast_to(numbers(heading_deg, "heading_deg"), (n_frames,))
     rotations = _segment_rotations(_Angles(angles, n_frames), heading)
     pose = np.empty((n_frames, N_JOINTS, 3))
-    pose[:, 0] = root
+    pose[:, 0] = numbers(root, "root")
     for joint in range(1, N_JOINTS):
         offset = rotations[_SEGMENT_OF[joint]] @ (scale * _OFFSETS[joint])
         pose[:, joint] = pose[:, PARENTS[joint]] + offset
@@ -239,7 +240,7 @@ def forward_kinematics(
 
 def bone_lengths(points: ArrayLike) -> FloatArray:
     """Length of the bone from each joint to its parent, (…, 16), joints 1 to 16, in the unit of `points`."""
-    array = np.asarray(points, dtype=np.float64)
+    array = numbers(points, "points")
     if array.ndim < 2 or array.shape[-2:] != (N_JOINTS, 3):
         raise InvalidInputError(f"points: expected shape (..., {N_JOINTS}, 3), got {array.shape}")
     lengths: FloatArray = np.linalg.norm(array[..., 1:, :] - array[..., PARENTS[1:], :], axis=-1)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.ticker import MultipleLocator
 
+from skelsplat._arrays import read_fields
 from skelsplat.viz import _style
 from skelsplat.viz._ellipses import draw_ellipses
 from skelsplat.viz._skeleton import Skeleton, body_axes, draw_limbs
@@ -51,6 +52,9 @@ class Body:
     status: npt.NDArray[np.str_]
     up: Array
     frame: int
+
+    def __post_init__(self) -> None:
+        read_fields(self, "before", "after", "uncertainty", "up")
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skelsplat._arrays import read_fields
 from skelsplat.viz import _style
 from skelsplat.viz._ellipses import draw_ellipses
 from skelsplat.viz._skeleton import Skeleton, draw_limbs
@@ -54,6 +55,9 @@ class CameraPanel:
     covariances: Array
     rejected: Mask
     swapped: Mask
+
+    def __post_init__(self) -> None:
+        read_fields(self, "detections", "reprojection", "covariances")
 
 
 def choose_panels(panels: Sequence[CameraPanel]) -> list[CameraPanel]:

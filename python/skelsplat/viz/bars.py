@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from skelsplat._arrays import read_fields
 from skelsplat.viz._style import AFTER, BEFORE, LABEL_PT, SMALL_PT, new_figure, save_png, tidy
 
 
@@ -36,6 +37,9 @@ class BarData:
     title: str
     axis: str
     caption: str = ""
+
+    def __post_init__(self) -> None:
+        read_fields(self, "values", "low", "high")
 
 
 def write_bars(path: str | os.PathLike[str], data: BarData) -> Path:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
+from skelsplat._arrays import read_fields
 from skelsplat.viz import _paper, _style
 from skelsplat.viz._time import TimeAxis, draw_series
 
@@ -54,6 +55,9 @@ class Bone:
     sure: npt.NDArray[np.bool_]
     median: float
     deviation: float
+
+    def __post_init__(self) -> None:
+        read_fields(self, "lengths")
 
 
 @dataclass(frozen=True)

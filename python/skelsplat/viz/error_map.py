@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.colors import Colormap, LinearSegmentedColormap
 
+from skelsplat._arrays import read_fields
 from skelsplat.viz import _paper, _style
 
 if TYPE_CHECKING:
@@ -67,6 +68,9 @@ class ErrorMapData:
     joint_names: Sequence[str]
     title: str = ""
     notes: Sequence[str] = ()
+
+    def __post_init__(self) -> None:
+        read_fields(self, "median_px", "rejected")
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.lines import Line2D
 
+from skelsplat._arrays import read_fields
 from skelsplat.viz import _style
 from skelsplat.viz._skeleton import Skeleton, draw_limbs
 from skelsplat.viz._window import Window, aspect, person_window
@@ -53,6 +54,9 @@ class HeatmapRow:
     detections: Array
     reprojection: Array
     median_error_px: float
+
+    def __post_init__(self) -> None:
+        read_fields(self, "detections", "reprojection")
 
 
 def write_heatmaps(

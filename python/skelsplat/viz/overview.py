@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from skelsplat._arrays import read_fields
 from skelsplat.viz import _style
 from skelsplat.viz._body import Body, draw_body
 from skelsplat.viz._ellipses import SIGMAS
@@ -60,6 +61,9 @@ class OverviewData:
     camera_names: Sequence[str]
     panels: Sequence[CameraPanel]
     caption: str
+
+    def __post_init__(self) -> None:
+        read_fields(self, "error_before", "error_after")
 
 
 def write_overview(path: str | os.PathLike[str], data: OverviewData, *, skeleton: Skeleton) -> Path:

@@ -11,6 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
+from skelsplat._arrays import read_fields
 from skelsplat.viz import _paper, _style
 from skelsplat.viz._time import MANY_FRAMES, TimeAxis, alone, draw_series
 
@@ -77,6 +78,9 @@ class TrajectoryData:
     joints: Sequence[int]
     title: str = ""
     notes: Sequence[str] = ()
+
+    def __post_init__(self) -> None:
+        read_fields(self, "pose", "sigma", "start")
 
 
 def write_trajectories(

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.ticker import MaxNLocator
 
+from skelsplat._arrays import read_fields
 from skelsplat.viz import _style
 
 if TYPE_CHECKING:
@@ -56,6 +57,9 @@ class WeightData:
     camera_names: Sequence[str]
     joint_names: Sequence[str]
     rejected_below: float
+
+    def __post_init__(self) -> None:
+        read_fields(self, "weights")
 
 
 def write_weights(path: str | os.PathLike[str], data: WeightData) -> Path:

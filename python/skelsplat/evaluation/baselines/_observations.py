@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from skelsplat._arrays import numbers
 from skelsplat._skelsplat import Camera
 from skelsplat.cameras import CameraRig
 from skelsplat.exceptions import InvalidInputError
@@ -16,6 +17,9 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.intp]
 Cameras = CameraRig | Sequence[Camera]
+
+# Squares of pixels times lengths stay doubles in the normal equations; LAPACK may not return from infinities.
+_FARTHEST = 1e50
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,10 +97,7 @@ def observe(detections: ArrayLike, cameras: Cameras) -> Observations:
 
 def _checked(detections: ArrayLike, n_views: int) -> FloatArray:
     """Return the detections as float64 of a shape and with confidences that make sense."""
-    try:
-        found = np.asarray(detections, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InvalidInputError(f"detections: expected an array of numbers, got {error}") from None
+    found = numbers(detections, "detections")
     if found.ndim not in (3, 4) or found.shape[-1] not in (2, 3):
         raise InvalidInputError(
             f"detections: expected shape (T, M, N, 2|3) or (M, N, 2|3), got {found.shape}"
@@ -105,6 +106,10 @@ def _checked(detections: ArrayLike, n_views: int) -> FloatArray:
         raise InvalidInputError(
             f"detections: expected M = {n_views} views, one per camera, got {found.shape[-3]}"
         )
+    far = np.abs(found[..., :2]) > _FARTHEST
+    if (far & np.isfinite(found[..., :2])).any():
+        expected = f"pixels from -{_FARTHEST:g} to {_FARTHEST:g}"
+        raise InvalidInputError(f"detections: expected {expected}, got {found[..., :2][far][0]:g}")
     if found.shape[-1] == 3:
         confidence = found[..., 2]
         outside = confidence[np.isfinite(found[..., :2]).all(axis=-1) & ((confidence < 0) | (confidence > 1))]

@@ -19,6 +19,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from skelsplat._arrays import numbers
 from skelsplat.evaluation.baselines._least_squares import huber_on_half_distances, positive
 from skelsplat.evaluation.baselines._linear import solve
 from skelsplat.evaluation.baselines._observations import (
@@ -165,7 +166,7 @@ def _distances(joints: Observations, points: FloatArray) -> FloatArray:
 
 def _per_joint(crop_scale: ArrayLike, joints: Observations) -> FloatArray:
     """Spread ``crop_scale`` over the joints, (B, M)."""
-    scale = np.asarray(crop_scale, dtype=np.float64)
+    scale = numbers(crop_scale, "crop_scale")
     *frames, n_joints = joints.leading
     n_views = joints.seen.shape[1]
     if scale.ndim != 0 and scale.shape != (*frames, n_views):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from skelsplat._arrays import flags, read_fields, whole_numbers
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import InvalidInputError
 
@@ -88,6 +89,7 @@ class PoseData:
     processing: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        self._read_arrays()
         if self.unit not in MM_PER_UNIT:
             raise InvalidInputError(f'unit: expected "mm", "cm" or "m", got {self.unit!r}')
         if self.pose.ndim != 3 or self.pose.shape[2] != 3:
@@ -99,6 +101,14 @@ class PoseData:
             optional = name not in ("joint_names", "frames")
             if actual != shape and not (optional and actual[:1] == (0,)):
                 raise InvalidInputError(f"{name}: expected shape {shape}, got {actual}")
+
+    def _read_arrays(self) -> None:
+        """Take arrays of any kind: NaN for what is masked."""
+        read_fields(self, "pose", "init_pose", "covariance", "uncertainty", "view_weights", "noise")
+        read_fields(self, "reprojection_error", "loss")
+        object.__setattr__(self, "frames", whole_numbers(self.frames, "frames"))
+        object.__setattr__(self, "n_iter", whole_numbers(self.n_iter, "n_iter"))
+        object.__setattr__(self, "swapped", flags(self.swapped, "swapped"))
 
     def _shapes(self) -> dict[str, tuple[int, ...]]:
         steps, joints, _ = self.pose.shape
@@ -132,21 +142,21 @@ class PoseData:
     ) -> PoseData:
         """Collect the result of `skelsplat.refine` over T frames with its names; arrays are not copied."""
         return cls(
-            pose=np.asarray(refinement.pose),
+            pose=refinement.pose,
             joint_names=tuple(joint_names),
-            frames=np.asarray(frames, dtype=np.int64),
+            frames=whole_numbers(frames, "frames"),
             unit=unit,
             camera_names=tuple(camera_names),
-            init_pose=np.asarray(refinement.init_pose),
-            covariance=np.asarray(refinement.covariance),
-            uncertainty=np.asarray(refinement.uncertainty),
-            view_weights=np.asarray(refinement.view_weights),
-            swapped=np.asarray(refinement.swapped, dtype=np.bool_),
-            noise=np.asarray(refinement.noise, dtype=np.float64),
-            reprojection_error=np.asarray(refinement.reprojection_error),
+            init_pose=refinement.init_pose,
+            covariance=refinement.covariance,
+            uncertainty=refinement.uncertainty,
+            view_weights=refinement.view_weights,
+            swapped=refinement.swapped,
+            noise=refinement.noise,
+            reprojection_error=refinement.reprojection_error,
             joint_status=np.asarray(refinement.joint_status, dtype=np.str_),
-            loss=np.asarray(refinement.loss, dtype=np.float64),
-            n_iter=np.asarray(refinement.n_iter, dtype=np.int64),
+            loss=refinement.loss,
+            n_iter=refinement.n_iter,
             stop_reason=np.asarray(refinement.stop_reason, dtype=np.str_),
             frame_rate=frame_rate,
         )

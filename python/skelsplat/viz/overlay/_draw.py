@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skelsplat._arrays import read_fields
 from skelsplat.viz.overlay import _colours, _marks
 from skelsplat.viz.overlay._sizes import Sizes
 
@@ -52,6 +53,9 @@ class OverlayFrame:
     weights: Array
     swapped: Flags
     before: Array
+
+    def __post_init__(self) -> None:
+        read_fields(self, "pose", "covariances", "detections", "weights", "before")
 
     def moved(self, scale: Array, shift: Array) -> OverlayFrame:
         """Return the same frame on an image whose pixels are ``scale`` · pixel + ``shift``, both (2,)."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from skelsplat._arrays import read_fields
 from skelsplat.viz._skeleton import Skeleton
 
 Array = npt.NDArray[np.float64]
@@ -30,6 +31,9 @@ class CameraShapes:
     names: Sequence[str]
     centres: Array
     corners: Array
+
+    def __post_init__(self) -> None:
+        read_fields(self, "centres", "corners")
 
 
 @dataclass(frozen=True)
@@ -69,6 +73,9 @@ class Sequence3D:
     up: Array
     start_name: str
 
+    def __post_init__(self) -> None:
+        read_fields(self, "start", "refined", "uncertainty", "up")
+
 
 @dataclass(frozen=True)
 class KeyNumber:
@@ -106,6 +113,9 @@ class HeatMaps:
     errors_px: Array
     rejected: Array
 
+    def __post_init__(self) -> None:
+        read_fields(self, "errors_px", "rejected")
+
 
 @dataclass(frozen=True)
 class TimeLine:
@@ -129,6 +139,9 @@ class TimeLine:
     peaks: bool = False
     beside: Array | None = None
     beside_name: str = ""
+
+    def __post_init__(self) -> None:
+        read_fields(self, "values", *(() if self.beside is None else ("beside",)))
 
 
 @dataclass(frozen=True)

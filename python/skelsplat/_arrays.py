@@ -1,0 +1,141 @@
+"""Arrays as users have them, as the package computes with them: one reading for the whole of it.
+
+The compiled core reads its arguments through `numbers` too, so that a mask, a ``None`` or a string means the
+same to every function.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skelsplat.exceptions import InvalidInputError
+
+_FLOAT64 = np.dtype(np.float64)
+# NumPy makes a float64 of these: it parses text, drops the imaginary part, drops the unit.
+_NO_NUMBERS = (str, bytes, complex, np.complexfloating, np.datetime64, np.timedelta64)
+# Above it not every whole number is a double.
+_EXACT = 2.0**53
+
+
+def numbers(value: object, name: str) -> NDArray[np.float64]:
+    """Return `value` as a C-ordered, aligned float64 array of this machine's byte order.
+
+    It is `value` itself if that is one already, else a copy. Masked entries, ``None`` and ``pandas.NA``
+    become NaN. Integers and booleans are numbers; text, complex numbers, times and records are not.
+
+    Parameters
+    ----------
+    value : object
+        An array of any layout in memory, nested sequences, or anything that NumPy makes an array of.
+    name : str
+        The argument's name, for the message.
+
+    Raises
+    ------
+    InvalidInputError
+        If it is not an array of numbers.
+    """
+    array: NDArray[np.float64]
+    if type(value) is np.ndarray and value.dtype is _FLOAT64:
+        array = value
+    else:
+        array = _as_float64(_read(value, name), name)
+    if array.flags.c_contiguous and array.flags.aligned:
+        return array
+    return array.copy(order="C")
+
+
+def whole_numbers(value: object, name: str) -> NDArray[np.int64]:
+    """Return `value` as int64; a masked entry, a missing one or a fraction is an `InvalidInputError`."""
+    array = _read(value, name)
+    if array.dtype.kind in "iu" and not np.ma.is_masked(array) and (array <= np.iinfo(np.int64).max).all():
+        return np.asarray(array, dtype=np.int64)
+    given = _as_float64(array, name)
+    wrong = ~((np.abs(given) <= _EXACT) & (given == np.rint(given)))
+    if wrong.any():
+        raise InvalidInputError(f"{name}: expected whole numbers, got {given[wrong][0]:g}")
+    return given.astype(np.int64)
+
+
+def flags(value: object, name: str) -> NDArray[np.bool_]:
+    """Return `value` as bool; an entry that is masked, missing or 2, say, is an `InvalidInputError`."""
+    given = numbers(value, name)
+    wrong = (given != 0.0) & (given != 1.0)
+    if wrong.any():
+        raise InvalidInputError(f"{name}: expected True or False everywhere, got {given[wrong][0]:g}")
+    return np.asarray(given == 1.0)
+
+
+def read_fields(instance: object, *names: str) -> None:
+    """Replace fields of a frozen dataclass that hold arrays by what `numbers` makes of them."""
+    for name in names:
+        object.__setattr__(instance, name, numbers(getattr(instance, name), name))
+
+
+def _read(value: object, name: str) -> NDArray[Any]:
+    """Return what NumPy makes of `value`, of any type of numbers; a masked array stays one."""
+    if value is None:
+        raise InvalidInputError(f"{name}: expected an array of numbers, got None")
+    if isinstance(value, list | tuple) and _holds_masks(value):
+        value = [numbers(item, name) for item in value]
+    try:
+        return np.asanyarray(value)
+    except MemoryError:
+        raise
+    except Exception as error:  # an object's own __array__ may raise anything
+        raise InvalidInputError(_expected(name, " ".join(str(error).split()))) from error
+
+
+def _holds_masks(items: list[Any] | tuple[Any, ...]) -> bool:
+    """Whether nested sequences hold a masked array, whose mask NumPy would drop."""
+    kinds = set(map(type, items))
+    if any(issubclass(kind, np.ma.MaskedArray) for kind in kinds):
+        return True
+    if not any(issubclass(kind, list | tuple) for kind in kinds):
+        return False
+    return any(_holds_masks(item) for item in items if isinstance(item, list | tuple))
+
+
+def _as_float64(array: NDArray[Any], name: str) -> NDArray[np.float64]:
+    """Return an array of any type of numbers as float64, NaN where it is masked or missing."""
+    if isinstance(array, np.ma.MaskedArray) and array.dtype.names is None:
+        there = ~np.ma.getmaskarray(array)
+        filled = np.full(array.shape, np.nan)
+        filled[there] = _as_float64(np.asarray(array.data)[there], name)
+        return filled
+    if array.dtype == object:
+        return _of_objects(np.asarray(array), name)
+    if not np.can_cast(array.dtype, np.float64, "same_kind"):
+        raise InvalidInputError(_expected(name, _in_words(array.dtype)))
+    return np.asarray(array, dtype=np.float64, order="C")
+
+
+def _of_objects(array: NDArray[np.object_], name: str) -> NDArray[np.float64]:
+    """Return an array of Python objects as float64, NaN where one is missing."""
+    pandas = sys.modules.get("pandas")
+    missing = getattr(pandas, "NA", None)
+    items = [np.nan if item is None or item is missing else item for item in array.ravel()]
+    for kind in set(map(type, items)):
+        if issubclass(kind, _NO_NUMBERS):
+            raise InvalidInputError(_expected(name, f"an object of type {kind.__name__}"))
+    try:
+        return np.array(items, dtype=np.float64).reshape(array.shape)
+    except (TypeError, ValueError) as error:
+        raise InvalidInputError(_expected(name, str(error))) from error
+
+
+def _in_words(kind: np.dtype[Any]) -> str:
+    if kind.names is not None:
+        fields = ", ".join(kind.names)
+        return f"records with the fields {fields} (give one of them: array['{kind.names[0]}'])"
+    if kind.kind == "c":
+        return f"complex numbers ({kind})"
+    return f"text ({kind})" if kind.kind in "SUT" else f"an array of {kind}"
+
+
+def _expected(name: str, actual: str) -> str:
+    return f"{name}: expected an array of numbers, got {actual}"
