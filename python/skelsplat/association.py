@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import combinations, pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
     Array = npt.NDArray[np.float64]
     Index = npt.NDArray[np.int64]
+    Mask = npt.NDArray[np.bool_]
 
 # bounds the memory of a step: distances held at once, 8 bytes each
 _CHUNK = 4_000_000
@@ -36,6 +37,8 @@ _SWITCH_COST = 2.0
 _SWITCH_MM = 1000.0
 # two equal explanations are told apart by size
 _SIZE_COST = 1e-3
+# of a body's size: who is nearer to someone else than this is the same body, detected twice
+_SAME_BODY = 0.25
 
 
 def choose_person(
@@ -94,8 +97,89 @@ def choose_person(
     path = _link(candidates, _mm_per_unit(cameras))
     index = np.full((steps, views), -1, dtype=np.int64)
     index[candidates.step[path]] = candidates.index[path]
-    picked = np.take_along_axis(everyone, np.maximum(index, 0)[:, :, None, None, None], axis=2)[:, :, 0]
-    return np.where((index >= 0)[..., None, None], picked, np.nan), index
+    return take_people(everyone, index), index
+
+
+def separate_people(
+    people: npt.ArrayLike,
+    cameras: sk.CameraRig | Sequence[sk.Camera],
+    *,
+    first: Index | None = None,
+    most: int = 4,
+    layout: sk.Layout | None = None,
+    min_confidence: float = 0.2,
+    min_joints: int = 4,
+) -> tuple[Index, Array]:
+    """Tell apart the people on whom two views or more agree, the one whom `choose_person` takes first.
+
+    Everybody else is chosen in the same way among the detections that are left. A body detected twice is one
+    person: who is nearer to an earlier one than a quarter of that body's size is left out.
+
+    Parameters
+    ----------
+    people, cameras, layout, min_confidence, min_joints
+        As for `choose_person`.
+    first : (T, M) int, optional
+        The first person's places in P, -1 for none, if they are known.
+    most : int
+        Stop after so many people.
+
+    Returns
+    -------
+    index : (Q, T, M) int
+        Everybody's place in P, -1 for none. Nobody of the Q ≥ 1 but the first is without any place.
+    pose : (Q, T, K, 3)
+        Their joints, triangulated; NaN where unknown.
+
+    Raises
+    ------
+    InvalidInputError
+        As `choose_person`.
+    """
+    everyone = _check(people, cameras)
+    options: dict[str, Any] = {"layout": layout, "min_confidence": min_confidence, "min_joints": min_joints}
+    index = choose_person(everyone, cameras, **options)[1] if first is None else first
+    rest, found, poses = everyone.copy(), [index], [_triangulated(everyone, index, cameras)]
+    while len(found) < most:
+        steps, views = np.nonzero(index >= 0)
+        rest[steps, views, index[steps, views]] = np.nan
+        index = choose_person(rest, cameras, **options)[1]
+        if (index < 0).all():
+            break
+        pose = _triangulated(everyone, index, cameras)
+        same = np.logical_or.reduce([_same_body(pose, other) for other in poses])
+        if not same[(index >= 0).any(axis=1)].all():
+            found.append(np.where(same[:, None], -1, index))
+            poses.append(np.where(same[:, None, None], np.nan, pose))
+    return np.stack(found), np.stack(poses)
+
+
+def take_people(people: Array, index: Index) -> Array:
+    """Return the detections (T, M, K, 3) at the places (T, M) of ``people`` (T, M, P, K, 3); NaN for -1."""
+    taken = np.take_along_axis(people, np.maximum(index, 0)[:, :, None, None, None], axis=2)[:, :, 0]
+    return np.where((index >= 0)[..., None, None], taken, np.nan)
+
+
+def _triangulated(people: Array, index: Index, cameras: sk.CameraRig | Sequence[sk.Camera]) -> Array:
+    pose: Array = np.asarray(sk.triangulate(take_people(people, index), cameras, method="dlt"))
+    return pose
+
+
+def _same_body(pose: Array, other: Array) -> Mask:
+    """Whether two people (T, K, 3) are one body, (T,); not where one of them is unknown."""
+    apart = _masked_median(np.linalg.norm(pose - other, axis=-1), 1)
+    same: Mask = apart < _SAME_BODY * body_sizes(other)
+    return same
+
+
+def body_sizes(pose: npt.ArrayLike) -> Array:
+    """Return the diagonals (T,) of the boxes around poses (T, K, 3), in their unit; 0 for nobody."""
+    points = np.asarray(pose, dtype=np.float64)
+    there: Mask = np.isfinite(points)
+    high = np.where(there, points, -np.inf).max(axis=1)
+    low = np.where(there, points, np.inf).min(axis=1)
+    sizes: Array = np.linalg.norm(np.where(there.any(axis=1), high - low, 0.0), axis=-1)
+    return sizes
 
 
 def _check(people: npt.ArrayLike, cameras: Sequence[sk.Camera]) -> Array:

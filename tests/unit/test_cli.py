@@ -307,6 +307,12 @@ def test_demo_refines_the_sample(tmp_path):
     ]
     assert report["preset"] == "default"
     assert not any("nobody who fits" in doubt for doubt in report["doubts"])
+    for words in (
+        "people",
+        "Limb lengths",
+        "of all detections are rejected",
+    ):  # the bystander is in two views
+        assert not any(words in doubt for doubt in report["doubts"])
     # one camera disagrees, and the weights say which
     assert [doubt.split()[0] for doubt in report["doubts"] if "disagrees" in doubt] == ["cam_03"]
     lines = result.stdout.splitlines()

@@ -9,7 +9,7 @@ import pytest
 
 import skelsplat as sk
 from skelsplat import synthetic
-from skelsplat.cli._doubts import _cameras, _unfit, _unfit_cameras
+from skelsplat.cli._doubts import _cameras, _unfit, _unfit_cameras, _whole
 from skelsplat.cli._person import pick_person
 from skelsplat.cli._statistics import Group
 
@@ -56,6 +56,45 @@ def test_a_doubted_camera_is_compared_with_those_that_are_not():
 def test_of_two_cameras_none_can_be_left_out():
     (doubt,) = doubts(20, 100)
     assert doubt.endswith("check-cameras looks for the cause.")
+
+
+def whole(rejected, *, mixed=False):
+    """Return the doubts of all detections (100, M, N) of which these are rejected."""
+    count = rejected.shape[0]
+    statistics = SimpleNamespace(
+        total=group("all", int(rejected.sum()), used=rejected.size),
+        cameras=[
+            group(f"cam_{i}", int(one.sum()), used=one.size) for i, one in enumerate(rejected.swapaxes(0, 1))
+        ],
+        joints=[
+            group(f"j{j}", int(one.sum()), used=one.size) for j, one in enumerate(np.moveaxis(rejected, 2, 0))
+        ],
+        rejected=rejected,
+        error_after=np.ones((count, *rejected.shape[1:])),
+    )
+    return [doubt.split(": check ")[0] for doubt in _whole(statistics, mixed=mixed)]
+
+
+def shares(cameras, joints):
+    """Return detections (100, M, N) rejected in so many per cent of the frames, by camera and by joint."""
+    percent = np.fmax.outer(np.asarray(cameras), np.asarray(joints))
+    return np.arange(100)[:, None, None] < percent
+
+
+@pytest.mark.parametrize(
+    ("cameras", "joints", "told"),
+    [
+        ((21, 21, 21, 21), (0,) * 8, ["21% of all detections are rejected"]),
+        ((19, 19, 19, 19), (0,) * 8, []),
+        ((5, 5, 5, 80), (0,) * 8, []),  # 24 %, of which one camera is the cause and named
+        ((5, 5, 5, 95), (50,) * 2 + (0,) * 6, ["36% of all detections are rejected"]),
+        ((5, 5, 5, 5), (70, 70) + (0,) * 6, []),  # 21 %, of which two joints are
+        ((15, 15, 15, 90), (0,) * 8, ["34% of all detections are rejected"]),
+        ((21, 21, 21, 60), (0,) * 8, ["31% of all detections are rejected"]),  # and the others, too
+    ],
+)
+def test_a_fifth_rejected_is_told_unless_cameras_or_joints_are_named_for_it(cameras, joints, told):
+    assert whole(shares(cameras, joints)) == told
 
 
 FRAMES = 20

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import skelsplat as sk
+from skelsplat.cli._people_doubts import are_mixed, people_doubts
 from skelsplat.cli._statistics import finite_median
 
 if TYPE_CHECKING:
@@ -27,8 +28,8 @@ _MOSTLY = 0.5
 _CAMERA_SHARE, _CAMERA_RATIO = 0.1, 3.0
 # or with this share and this multiple of the best camera's, as two bad cameras raise the median;
 _BAD_SHARE, _BEST_RATIO = 0.2, 2.0
-# the whole recording with this.
-_WHOLE_SHARE = 1 / 3
+# the whole recording with this, or with the lesser share that also those have who are not named for it.
+_WHOLE_SHARE, _REST_SHARE = 1 / 3, 0.2
 # A robust fit may leave the median where it was; a tenth more is further away.
 _FURTHER, _FURTHER_PX = 1.1, 0.1  # less is the rounding of the detections
 # Nobody of those whom a camera detects is the one whom the others see, in this share of the frames at least;
@@ -52,7 +53,8 @@ def find_doubts(
     """
     unfit = _unfit_cameras(inputs)
     return [
-        *_whole(statistics),
+        *people_doubts(inputs, outcome),
+        *_whole(statistics, mixed=are_mixed(inputs)),
         *_unfit(inputs, unfit),
         *_cameras(statistics, {inputs.rig.names[i] for i in unfit}),
         *_mirrored(statistics),
@@ -62,14 +64,15 @@ def find_doubts(
     ]
 
 
-def _whole(statistics: Statistics) -> Iterator[str]:
+def _whole(statistics: Statistics, *, mixed: bool = False) -> Iterator[str]:
     total = statistics.total
     if total.used == 0:
         yield "No detection could be used: are they pixels of these cameras' images (not 0 to 1), x before y?"
-    elif total.rejected_share >= _WHOLE_SHARE:
+    elif total.rejected_share >= _WHOLE_SHARE or min(total.rejected_share, _rest(statistics)) >= _REST_SHARE:
+        first = "that all views show the same person (--person), then " if mixed else ""
         yield (
-            f"{_percent(total.rejected_share)} of all detections are rejected: check that calibration, "
-            "cameras and detections belong together, their timing, the unit and the layout."
+            f"{_percent(total.rejected_share)} of all detections are rejected: check {first}"
+            "that calibration, cameras and detections belong together, their timing, the unit and the layout."
         )
     elif total.after_px > max(_FURTHER * total.before_px, total.before_px + _FURTHER_PX):
         yield (
@@ -77,6 +80,16 @@ def _whole(statistics: Statistics) -> Iterator[str]:
             f"{total.before_px:.1f} to {total.after_px:.1f} px): check the layout, the unit and the "
             "calibration."
         )
+
+
+def _rest(statistics: Statistics) -> float:
+    """Return the rejected part of the detections of cameras and joints that are not named for theirs."""
+    bad = _bad_cameras(statistics.cameras)
+    cameras = [group not in bad for group in statistics.cameras]
+    joints = [group.rejected_share < _MOSTLY for group in statistics.joints]
+    part = np.s_[:, np.flatnonzero(cameras)[:, None], np.flatnonzero(joints)]
+    used = np.isfinite(statistics.error_after[part]).sum()
+    return float(statistics.rejected[part].sum() / max(1, used))
 
 
 def _unfit_cameras(inputs: Inputs) -> dict[int, tuple[int, int]]:

@@ -7,16 +7,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import skelsplat as sk
+from skelsplat import _crowd as crowd
 from skelsplat import association
 
 if TYPE_CHECKING:
     import numpy.typing as npt
 
+    from skelsplat._crowd import Crowd
+
     Array = npt.NDArray[np.float64]
+    Index = npt.NDArray[np.int64]
     Mask = npt.NDArray[np.bool_]
 
 # Somebody is detected who has so many joints of so much confidence; others take no part in the choice.
 _MIN_JOINTS, _MIN_CONFIDENCE = 4, 0.2
+# Share of the frames with several people in two views or more from which these people are looked at.
+_CROWDED = 0.1
 
 
 def pick_person(
@@ -44,27 +50,66 @@ def pick_person(
     InvalidInputError
         If no file has a person at the place asked for.
     """
+    index, nobody_fits = pick_places(people, rig, person, layout)
+    return association.take_people(people, index), nobody_fits
+
+
+def pick_places(
+    people: Array, rig: sk.CameraRig, person: str, layout: sk.Layout | None = None
+) -> tuple[Index, Mask]:
+    """Return the places (T, M) in P of the person whom `pick_person` returns, -1 for none, and the same mask.
+
+    Raises
+    ------
+    InvalidInputError
+        As `pick_person`.
+    """
     if person == "consistent":
-        chosen, index = association.choose_person(
+        _, index = association.choose_person(
             people, rig, layout=layout, min_confidence=_MIN_CONFIDENCE, min_joints=_MIN_JOINTS
         )
-        there = _somebody(people)
-        return chosen, there & (index < 0) & (there.sum(axis=1, keepdims=True) >= 2)
+        there = count_people(people) > 0
+        return index, there & (index < 0) & (there.sum(axis=1, keepdims=True) >= 2)
     never = np.zeros(people.shape[:2], dtype=bool)
     if person == "largest":
-        place = association.extents(people).argmax(axis=2)
-        largest: Array = np.take_along_axis(people, place[:, :, None, None, None], axis=2)[:, :, 0]
-        return largest, never
+        return association.extents(people).argmax(axis=2), never
     if int(person) >= people.shape[2]:
         raise sk.InvalidInputError(
             f"person: expected less than {people.shape[2]} (the most people in a file), got {person}"
         )
-    numbered: Array = people[:, :, int(person)]
-    return numbered, never
+    return np.full(people.shape[:2], int(person), dtype=np.int64), never
 
 
-def _somebody(people: Array) -> Mask:
-    """Whether anybody is detected in a view, (T, M)."""
+def look_around(
+    people: Array, index: Index, rig: sk.CameraRig, person: str, layout: sk.Layout | None = None
+) -> Crowd | None:
+    """Return who is visible besides the person at the places ``index`` (T, M), and whether these mix people.
+
+    None where hardly a frame has several people in two views. Of a long recording some frames are looked at.
+
+    Parameters
+    ----------
+    people, rig, person, layout
+        As for `pick_person`.
+    """
+    several = (count_people(people) >= 2).sum(axis=1) >= 2
+    if several.mean() < _CROWDED:
+        return None
+    steps = crowd.sampled(len(people))
+    chosen = index[steps]
+    found, poses = association.separate_people(
+        people[steps],
+        rig,
+        first=chosen if person == "consistent" else None,
+        layout=layout,
+        min_confidence=_MIN_CONFIDENCE,
+        min_joints=_MIN_JOINTS,
+    )
+    return crowd.describe(people[steps], chosen, found, poses, crowd.gates_px(rig), steps)
+
+
+def count_people(people: Array) -> Index:
+    """Count those in every view, (T, M), who have enough joints of enough confidence."""
     sure = np.isfinite(people[..., :2]).all(axis=-1) & (people[..., 2] >= _MIN_CONFIDENCE)
-    found: Mask = (sure.sum(axis=-1) >= min(_MIN_JOINTS, people.shape[3])).any(axis=2)
-    return found
+    count: Index = (sure.sum(axis=-1) >= min(_MIN_JOINTS, people.shape[3])).sum(axis=2)
+    return count

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, TextIO
 import numpy as np
 
 import skelsplat as sk
+from skelsplat.association import take_people
 from skelsplat.cameras import MM_PER_UNIT, without_distortion
-from skelsplat.cli._person import pick_person
+from skelsplat.cli._person import look_around, pick_places
 from skelsplat.cli._reading import leave_out, named_offsets, read_found
 from skelsplat.exceptions import DatasetError
 from skelsplat.io import read_npz
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
     import numpy.typing as npt
 
+    from skelsplat._crowd import Crowd
     from skelsplat.cli._job import Job
 
     Array = npt.NDArray[np.float64]
@@ -55,6 +57,10 @@ class Inputs:
         Cameras of the calibration that are left out.
     sources
         The files or folders that hold the cameras' detections.
+    person
+        Whom to follow, as `Job.person`.
+    crowd
+        The people whom the cameras see; None where they see one.
     """
 
     rig: sk.CameraRig
@@ -69,6 +75,8 @@ class Inputs:
     offsets: dict[str, int] = field(default_factory=dict)
     without: tuple[str, ...] = ()
     sources: tuple[Path, ...] = ()
+    person: str = "consistent"
+    crowd: Crowd | None = None
 
 
 @dataclass(frozen=True)
@@ -141,14 +149,14 @@ def read_inputs(job: Job) -> Inputs:
         sequence=job.sequence,
     )
     layout = sk.layouts.get(found.layout)
-    chosen, nobody_fits = pick_person(found.people, rig, job.person, layout)
+    index, nobody_fits = pick_places(found.people, rig, job.person, layout)
     init = None if job.init is None else _read_init(job.init, rig, (len(found.frames), layout))
     known = job.cameras.format_of(job.calibration)
     lacking = frozenset(joint for joint, place in job.mapping.items() if place is None)
     return Inputs(
         rig,
         layout,
-        chosen,
+        take_people(found.people, index),
         nobody_fits,
         found.frames,
         init,
@@ -158,6 +166,8 @@ def read_inputs(job: Job) -> Inputs:
         offsets=named_offsets(every, job.offsets),
         without=tuple(name for name in every.names if name not in rig.names),
         sources=tuple(path for path in found.sources if path is not None),
+        person=job.person,
+        crowd=look_around(found.people, index, rig, job.person, layout),
     )
 
 

@@ -1,0 +1,57 @@
+"""Two people before four cameras, real detections in OpenPose's arbitrary order."""
+
+from __future__ import annotations
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+from command_line import invoke
+from detection_files import CASES, Take
+
+OPTIONS = ["--unit", "m", "--layout", "body25b", "--fps", 60, "--no-html"]
+
+
+@pytest.fixture(scope="module")
+def trial(data, tmp_path_factory):
+    """Return a folder with the calibration and the files of everybody."""
+    folder = tmp_path_factory.mktemp("two")
+    shutil.copy(data / "pose2sim_demo" / "Calib_qualisys.toml", folder)
+    with np.load(data / "pose2sim_demo" / "pose2sim_demo.npz") as archive:
+        people = archive["two_persons_det2d"].astype(float)
+        cameras, joints = (archive[key].tolist() for key in ("camera_names", "kpt_names"))
+    people[people[..., 2] <= 0] = np.nan
+    (folder / "pose").mkdir()
+    CASES["openpose"].write(folder / "pose", Take(people, cameras, joints))
+    return folder
+
+
+def doubts(trial, out, person):
+    arguments = [trial / "Calib_qualisys.toml", trial / "pose", "-o", out, *OPTIONS, "--person", person]
+    result = invoke("refine", *arguments)
+    assert result.exit_code == 0, result.output
+    assert max(len(line) for line in result.stdout.splitlines() if line.startswith("!")) <= 80
+    return json.loads((out / "report.json").read_text())["doubts"]
+
+
+def test_the_first_entries_of_the_files_are_several_people(trial, tmp_path):
+    mixes, visible, lengths, rejected, *_ = doubts(trial, tmp_path, "0")
+    assert mixes.startswith("--person 0 mixes people: the views show different people in 84% of the frames")
+    assert visible.startswith(
+        "2 people are visible in about the same number of views in 100% of the frames; "
+    )
+    assert lengths.startswith("Limb lengths vary by up to 390% over the recording; a body's do not. ")
+    assert rejected.startswith(
+        "32% of all detections are rejected: check that all views show the same person "
+    )
+
+
+@pytest.mark.parametrize("person", ["consistent", "largest"])
+def test_of_one_person_the_other_is_named(trial, tmp_path, person):
+    about = [one for one in doubts(trial, tmp_path, person) if "people" in one or "Limb lengths" in one]
+    (visible,) = about
+    assert visible.startswith(
+        "2 people are visible in about the same number of views in 100% of the frames. "
+    )

@@ -1,0 +1,55 @@
+"""Two people who walk past each other, seen by several cameras."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+
+import skelsplat as sk
+from skelsplat import synthetic
+from skelsplat.association import take_people
+from skelsplat.cli._people_doubts import people_doubts
+from skelsplat.cli._person import look_around, pick_places
+from skelsplat.synthetic import DetectionNoise
+
+LAYOUT = sk.layouts.H36M17
+FRAMES = 24
+
+
+def crossing(frames=FRAMES, apart_mm=600.0):
+    """Return two walks (T, 17, 3) in opposite directions along x, which pass at a distance."""
+    walks = [synthetic.motion("walk", frames, seed=seed) for seed in (1, 7)]
+    for pose, sign in zip(walks, (1.0, -1.0), strict=True):
+        pose[..., :2] -= pose[:, :1, :2]
+        pose[..., 0] += sign * np.linspace(-900.0, 900.0, frames)[:, None]
+        pose[..., 1] -= sign * apart_mm / 2
+    return walks
+
+
+def seen(poses, rig, noise=None):
+    """Return detections (T, M, P, 17, 3) of people (T, 17, 3) each, everybody in a slot of their own."""
+    noise = DetectionNoise.good() if noise is None else noise
+    found = [synthetic.simulate_detections(p, rig, noise=noise, seed=k) for k, p in enumerate(poses)]
+    return np.stack([np.asarray(one) for one in found], axis=2)
+
+
+def shuffled(people, seed=2):
+    """Return people in another order in every view and frame, as OpenPose's files have them."""
+    order = np.argsort(np.random.default_rng(seed).random(people.shape[:3]), axis=2)
+    return np.take_along_axis(people, order[..., None, None], axis=2)
+
+
+def crowd_of(people, rig, person):
+    """Return who is visible when ``person`` is chosen."""
+    index, _ = pick_places(people, rig, person, LAYOUT)
+    return look_around(people, index, rig, person, LAYOUT)
+
+
+def doubts_of(people, rig, person="consistent"):
+    """Return the doubts that a run with ``person`` follows one person."""
+    index, _ = pick_places(people, rig, person, LAYOUT)
+    crowd = look_around(people, index, rig, person, LAYOUT)
+    inputs = SimpleNamespace(person=person, crowd=crowd, layout=LAYOUT, rig=rig)
+    result = sk.refine(None, take_people(people, index), rig, layout=LAYOUT)
+    return list(people_doubts(inputs, SimpleNamespace(result=result)))

@@ -1,0 +1,163 @@
+"""Telling people apart, and the numbers of a choice that mixes them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from skelsplat import _crowd, synthetic
+from skelsplat.association import body_sizes, separate_people, take_people
+from two_people import FRAMES, LAYOUT, crossing, crowd_of, seen, shuffled
+
+RIG = synthetic.human36m_like()
+
+
+@pytest.fixture(scope="module")
+def people():
+    return seen(crossing(), RIG)
+
+
+def test_people_are_told_apart(people):
+    mixed = shuffled(people)
+    index, pose = separate_people(mixed, RIG, layout=LAYOUT)
+    assert index.shape == (2, FRAMES, 4)
+    assert pose.shape == (2, FRAMES, 17, 3)
+    first = int(np.abs(pose[1] - crossing()[0]).mean() < np.abs(pose[0] - crossing()[0]).mean())
+    for found, own in zip(index, (people[:, :, first], people[:, :, 1 - first]), strict=True):
+        np.testing.assert_array_equal(take_people(mixed, found), own)
+
+
+def test_the_first_person_may_be_given_and_the_number_limited(people):
+    second = np.ones((FRAMES, 4), dtype=np.int64)
+    index, _ = separate_people(people, RIG, first=second)
+    np.testing.assert_array_equal(index, [second, 0 * second])
+    index, _ = separate_people(people, RIG, first=second, most=1)
+    np.testing.assert_array_equal(index, [second])
+
+
+def test_a_body_detected_twice_is_one_person(people):
+    twice = np.stack([people[:, :, 0], people[:, :, 0] + [3.0, -2.0, 0.0]], axis=2)
+    index, _ = separate_people(twice, RIG)
+    assert len(index) == 1
+
+
+def test_nobody_is_one_person_without_a_place():
+    index, pose = separate_people(np.full((3, 4, 2, 17, 3), np.nan), RIG)
+    np.testing.assert_array_equal(index, np.full((1, 3, 4), -1))
+    assert np.isnan(pose).all()
+
+
+def test_body_sizes_are_diagonals():
+    pose = np.array([[[0.0, 0.0, 0.0], [3.0, 4.0, 12.0], [np.nan] * 3], [[np.nan] * 3] * 3])
+    np.testing.assert_array_equal(body_sizes(pose), [13.0, 0.0])
+
+
+@pytest.mark.parametrize("frames", [1, 2, 200, 201, 5000])
+def test_a_long_recording_is_sampled_in_pairs_of_neighbours(frames):
+    steps = _crowd.sampled(frames)
+    assert len(steps) == len(set(steps.tolist())) <= 200
+    assert steps[0] == 0
+    assert steps[-1] == frames - 1
+    if frames > 200:
+        assert (np.diff(steps) == 1).sum() >= 99
+
+
+def test_who_is_seen_by_three_quarters_of_the_views_is_as_visible():
+    found = np.full((3, 1, 4), -1)
+    found[0], found[1, 0, :3], found[2, 0, :2] = 0, 1, 2
+    assert _crowd.visible_alike(found)[:, 0].tolist() == [True, True, False]
+    assert not _crowd.visible_alike(np.full((1, 5, 4), -1)).any()
+
+
+def test_slots_in_a_fixed_order_mix_nobody(people):
+    crowd = crowd_of(people, RIG, "1")
+    assert (crowd.visible, crowd.changed, crowd.compared) == (2, 0, FRAMES - 1)
+    assert crowd.together.all()
+    assert not crowd.mixed.any()
+    assert not crowd.mixes
+
+
+def test_frames_with_views_of_different_people_are_found(people):
+    exchanged = people.copy()
+    exchanged[3:9, 1] = people[3:9, 1, ::-1]
+    exchanged[12, [0, 2]] = people[12, [0, 2], ::-1]
+    np.testing.assert_array_equal(np.flatnonzero(crowd_of(exchanged, RIG, "0").mixed), [*range(3, 9), 12])
+    np.testing.assert_array_equal(crowd_of(exchanged, RIG, "consistent").mixed, False)
+
+
+def test_two_views_of_different_people_are_found():
+    rig = synthetic.stereo()
+    people = seen(crossing(), rig)
+    assert not crowd_of(people, rig, "0").mixes
+    people[4:8, 1] = people[4:8, 1, ::-1]
+    np.testing.assert_array_equal(np.flatnonzero(crowd_of(people, rig, "0").mixed), range(4, 8))
+
+
+def test_a_change_to_the_other_person_is_found_and_not_the_meeting_of_the_two(people):
+    changed = people.copy()
+    changed[-4:] = people[-4:, :, ::-1]  # all views alike, where the two are apart again
+    crowd = crowd_of(changed, RIG, "0")
+    assert (crowd.changed, crowd.compared) == (1, FRAMES - 1)
+    assert not crowd.mixed.any()
+    assert crowd.mixes
+
+
+def test_one_person_is_no_crowd(people):
+    assert crowd_of(people[:, :, :1], RIG, "0") is None
+    passing = people.copy()
+    passing[2:, :, 1] = np.nan
+    assert crowd_of(passing, RIG, "0") is None  # two frames with somebody else
+
+
+def test_a_bystander_in_two_of_four_views_is_not_as_visible(people):
+    people = people.copy()
+    people[:, 2:, 1] = np.nan
+    crowd = crowd_of(people, RIG, "consistent")
+    assert crowd.visible == 1
+    assert not crowd.together.any()
+
+
+LIMBS = [(0, 1), (1, 2)]
+
+
+def spread_of(lengths, sigma=10.0):
+    """Of a body whose first limb has these lengths and its second one 400."""
+    pose = np.zeros((len(lengths), 3, 3))
+    pose[:, 1, 0] = lengths
+    pose[:, 2] = pose[:, 1] + [0.0, 400.0, 0.0]
+    uncertainty = np.broadcast_to(np.eye(3) * sigma**2, (*pose.shape, 3))
+    return _crowd.limb_spread(pose, uncertainty, np.ones(pose.shape[:2], dtype=bool), LIMBS)
+
+
+def test_a_length_is_off_beyond_four_standard_deviations():
+    # √(2·10² + (0.05·400)²) = 24.49: four are 98
+    lengths = np.full(20, 400.0)
+    lengths[3], lengths[7] = 497.0, 303.0
+    assert spread_of(lengths).off == 0.0
+    lengths[3], lengths[7] = 499.0, 301.0
+    assert spread_of(lengths).off == 2 / 40
+    assert spread_of(lengths, sigma=12.0).off == 0.0
+
+
+def test_error_bars_count_along_the_limb():
+    pose = np.zeros((20, 2, 3))
+    pose[:, 1, 0] = 400.0
+    pose[5, 1, 0] = 520.0
+    known = np.ones((20, 2), dtype=bool)
+    for axis, off in ((0, 0.0), (1, 1 / 20)):
+        uncertainty = np.zeros((20, 2, 3, 3))
+        uncertainty[..., axis, axis] = 30.0**2
+        assert _crowd.limb_spread(pose, uncertainty, known, [(0, 1)]).off == off
+
+
+def test_the_spread_is_that_of_the_percentiles():
+    spread = spread_of(np.linspace(300.0, 500.0, 21))
+    np.testing.assert_allclose(spread.median, [400.0, 400.0])
+    np.testing.assert_allclose(spread.relative, [180.0 / 400.0, 0.0])
+    np.testing.assert_array_equal(spread.limbs, LIMBS)
+
+
+def test_limbs_of_few_frames_do_not_count():
+    spread = spread_of([400.0] * 8 + [9000.0])
+    assert len(spread.limbs) == 0
+    assert spread.off == 0.0

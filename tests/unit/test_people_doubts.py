@@ -1,0 +1,116 @@
+"""Doubts of a run that mixes people: given where it does, and silent where it does not."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from command_line import READ, invoke
+from detection_files import CASES, Take
+from skelsplat import synthetic
+from skelsplat.io import write_calibration
+from skelsplat.synthetic import DetectionNoise
+from two_people import LAYOUT, crossing, doubts_of, seen, shuffled
+
+RIG = synthetic.human36m_like()
+VISIBLE = "2 people are visible in about the same number of views in 100% of the frames"
+NOISES = [
+    DetectionNoise.good(),
+    DetectionNoise.noisy(),
+    DetectionNoise.occluded(2),
+    DetectionNoise.occluded(3),
+    DetectionNoise.occluded(3, hard=True),
+]
+
+
+def test_entries_in_any_order_mix_people():
+    mixes, visible, lengths = doubts_of(shuffled(seen(crossing(), RIG)), RIG, "0")
+    assert mixes.startswith("--person 0 mixes people: the views show different people in ")
+    assert mixes.endswith(
+        "The order of people in a file is arbitrary: entry 0 is not always the same person; --person "
+        "consistent follows the person the views agree on."
+    )
+    assert visible == f"{VISIBLE}; only --person consistent tells them apart."
+    assert lengths.startswith("Limb lengths vary by up to ")
+    assert " over the recording; a body's do not. " in lengths
+    assert "The detections probably mix people: --person consistent follows" in lengths
+
+
+def test_a_change_alone_is_told():
+    people = seen(crossing(), RIG)
+    people[-4:] = people[-4:, :, ::-1].copy()
+    mixes, visible = doubts_of(people, RIG, "1")
+    assert "mixes people: it changes to another person in 1 of 23 steps from frame to frame" in mixes
+    assert visible.endswith("; only --person consistent tells them apart.")
+
+
+def test_the_largest_need_not_be_one_person():
+    mixes, *_ = doubts_of(seen(crossing(), RIG), RIG, "largest")
+    assert mixes.startswith("--person largest mixes people: the views show different people in ")
+    assert "The largest in each image is not always the same person; --person consistent follows" in mixes
+
+
+@pytest.mark.parametrize("noise", NOISES[:4])
+def test_of_a_sound_choice_the_other_person_is_named(noise):
+    people = seen(crossing(), RIG, noise)
+    (doubt,) = doubts_of(shuffled(people), RIG)
+    assert doubt.startswith("2 people are visible in about the same number of views in ")
+    assert (
+        "Check that the right one is followed: --person largest follows the largest in each image; " in doubt
+    )
+    assert doubt.endswith("the order of people in a file is arbitrary, so --person 0 may mix them.")
+    (doubt,) = doubts_of(people, RIG, "1")  # a tracker's entries
+    assert doubt.endswith("followed: --person consistent or --person largest may follow another.")
+
+
+@pytest.mark.parametrize("noise", NOISES)
+@pytest.mark.parametrize("scale", [1.0, 0.6])
+def test_one_person_is_not_doubted_whatever_is_hidden(noise, scale):
+    people = seen([scale * synthetic.motion("walk", 60, seed=3)], RIG, noise)
+    assert doubts_of(people, RIG, "0") == []
+
+
+@pytest.mark.parametrize("person", ["consistent", "0"])
+def test_a_bystander_in_two_of_four_views_is_not_named(person):
+    people = seen(crossing(), RIG)
+    people[:, 2:, 1] = np.nan
+    assert doubts_of(people, RIG, person) == []
+
+
+def test_lengths_that_vary_without_a_crowd_are_told_of():
+    """Each file holds one person, but every other frame of two views somebody else."""
+    people = seen(crossing(), RIG)
+    people[::2, 2:, 0] = people[::2, 2:, 1]
+    (doubt,) = doubts_of(people[:, :, :1], RIG, "0")
+    assert doubt.startswith("Limb lengths vary by up to ")
+    assert "Either the views show different people, or most views are wrong about these joints: " in doubt
+
+
+def test_a_run_that_mixes_people_ends_well_and_says_so(tmp_path):
+    write_calibration(tmp_path / "Calib.toml", RIG)
+    (tmp_path / "openpose").mkdir()
+    people = shuffled(seen(crossing(), RIG))
+    source = CASES["openpose"].write(
+        tmp_path / "openpose", Take(people, list(RIG.names), list(LAYOUT.joints))
+    )
+    arguments = ["refine", tmp_path / "Calib.toml", source, "-o", tmp_path / "out", *READ, "--fps", 50]
+    result = invoke(*arguments, "--person", 0)
+    assert result.exit_code == 0, result.output
+    text = " ".join(result.stdout.split())
+    doubts = json.loads((tmp_path / "out" / "report.json").read_text())["doubts"]
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    for start in ("--person 0 mixes people: ", "2 people are visible", "Limb lengths vary by up to "):
+        assert sum(doubt.startswith(start) for doubt in doubts) == 1
+        assert f"! {start}" in text
+        assert start.strip() in page
+    assert (
+        "of all detections are rejected: check that all views show the same person (--person), then" in text
+    )
+    result = invoke(*arguments)
+    assert [doubt.split(" in ")[0] for doubt in report_doubts(tmp_path)] == ["2 people are visible"]
+
+
+def report_doubts(folder):
+    return json.loads((folder / "out" / "report.json").read_text())["doubts"]
