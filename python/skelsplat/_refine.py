@@ -385,7 +385,7 @@ class Refiner:
     def _refine(
         self, init: NDArray[np.float64] | None, detections: ArrayLike, confidence: ArrayLike | None
     ) -> Refinement:
-        return _refinement(self._prepared.refine(init, detections, confidence=confidence))
+        return _refinement(self._prepared.refine(init, detections, confidence=confidence, past=True))
 
 
 def _is_lost(result: Refinement) -> bool:

@@ -487,9 +487,13 @@ class Refiner:
         *,
         confidence: ArrayLike | None = None,
         init_sigma: ArrayLike | None = None,
+        past: bool = False,
         progress: Callable[[int, int], Any] | None = None,
     ) -> dict[str, Any]:
-        """Return the fields of ``skelsplat.Refinement``; ``joint_status`` as codes into ``JOINT_STATUS``."""
+        """Return the fields of ``skelsplat.Refinement``; ``joint_status`` as codes into ``JOINT_STATUS``.
+
+        ``past`` says that ``init_pose`` is the pose of the frame before.
+        """
 
 def implausible_extent(poses: ArrayLike, unit: str, *, layout: str | Layout | None = None) -> str | None:
     """Return a sentence if the skeletons (T, N, 3) are taller than 10 m or shorter than 10 cm, else None.

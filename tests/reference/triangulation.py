@@ -14,11 +14,12 @@ def conditioning(views: Sequence[View]) -> Array:
     """Similarity (4,4) from a frame centred on the cameras, with rms distance 1 to them, to the world.
 
     The unit norm that DLT puts on (X, 1) depends on origin and unit; in this frame the solution does not
-    (Hartley & Zisserman, §4.4). All cameras of the rig count, whether they detect the joint or not.
+    (Hartley & Zisserman, §4.4). `views` are those whose detections are used; coinciding ones keep the unit.
     """
     centres = np.array([-view.R.T @ view.t for view in views])
     middle = centres.mean(axis=0)
     radius = np.sqrt(np.mean(np.sum((centres - middle) ** 2, axis=1)))
+    radius = radius if radius > 0 else 1.0
     T = np.diag([radius, radius, radius, 1.0])
     T[:3, 3] = middle
     return T
@@ -30,13 +31,14 @@ def triangulate_joint(detections: Array, weights: Array, views: Sequence[View]) 
     Each view gives the rows w(u·P₃ − P₁) and w(v·P₃ − P₂) of A with P = K [R | t] T in pixels; the solution
     is A's last right singular vector, brought back by T (`conditioning`). NaN with fewer than two views.
     """
-    rows, T = [], conditioning(views)
-    for (u, v), weight, view in zip(detections, weights, views, strict=True):
-        if weight > 0 and np.isfinite([u, v]).all():
+    used = (weights > 0) & np.isfinite(detections).all(axis=1)
+    if np.count_nonzero(used) < 2:
+        return np.full(3, np.nan)
+    rows, T = [], conditioning([view for view, use in zip(views, used, strict=True) if use])
+    for (u, v), weight, view, use in zip(detections, weights, views, used, strict=True):
+        if use:
             P = view.K @ np.column_stack([view.R, view.t]) @ T
             rows += [weight * (u * P[2] - P[0]), weight * (v * P[2] - P[1])]
-    if len(rows) < 4:
-        return np.full(3, np.nan)
     X = T @ np.linalg.svd(np.array(rows))[2][-1]
     return np.asarray(X[:3] / X[3])
 

@@ -30,6 +30,7 @@ fn paper(c: &mut Criterion) {
             detections: noisy_detections(&standing(), &cameras, 3.0, &mut noise),
             init_pose: Some(perturbed(&standing(), 20.0, &mut noise)),
             init_covariance: None,
+            past: false,
         };
         let config = RefineConfig { stop_tolerance: 0.0, ..RefineConfig::paper() };
         let layout = Layout::by_name("h36m17").expect("built in");
@@ -48,7 +49,7 @@ fn default_method(c: &mut Criterion) {
     for views in [4, 8, 31] {
         let cameras = room(views);
         let detections = noisy_detections(&standing(), &cameras, 3.0, &mut Noise::new(1));
-        let frame = Frame { detections, init_pose: None, init_covariance: None };
+        let frame = Frame { detections, init_pose: None, init_covariance: None, past: false };
         let layout = Layout::by_name("h36m17").expect("built in");
         let config = RefineConfig::default();
         let refiner =

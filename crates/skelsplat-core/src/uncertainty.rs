@@ -2,8 +2,9 @@
 //!
 //! Σ_post = (Σ_i c k (I − d dᵀ)/ŝ_j² + Π + I/ρ² + symmetry)⁻¹ at the solution. ŝ_j² is the frame's noise, corrected by the
 //! joint's own residuals as a scaled inverse χ²: a joint whose views disagree has a wider bar. Along a ray that nothing
-//! crosses only ρ speaks: the joint belongs to a body, whose joints lie at the root mean square distance s from its middle
-//! b, so that ρ² = s² + |x − b|² about wherever x lies. Without a body, ρ is the distance to the nearest camera.
+//! crosses only ρ speaks: the joint belongs to a body, whose joints lie s (root mean square) from its middle, and in front
+//! of the camera. Where x is more than 2 s from the middle, the distance beyond is added in squares: wherever such a ray
+//! has put the joint, the bar reaches back to the body.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -14,6 +15,8 @@ const SHARED_DOF: f64 = 5.0;
 
 /// Views whose weights have to place a joint before the length of its limb says something of it.
 const PLACED: f64 = 1.5;
+/// Spreads of a body within which all of its joints lie.
+const BODY: f64 = 2.0;
 /// Joints that make a body.
 const LEAST_JOINTS: usize = 3;
 
@@ -40,9 +43,7 @@ pub fn posterior(
             nearest = nearest.min(offset.range.abs());
         }
         if nearest.is_finite() {
-            let reach = body.map(|body| body.square_reach(x)).filter(|square| *square > 0.0);
-            let square = reach.unwrap_or(nearest * nearest).max(f64::MIN_POSITIVE);
-            block += Matrix3::from_diagonal_element(1.0 / square);
+            block += Matrix3::from_diagonal_element(1.0 / square_reach(body, x, nearest));
         }
         if let Some(priors) = problem.priors {
             block += priors[j].precision;
@@ -99,9 +100,13 @@ impl Body {
         let square_spread = points.iter().map(|x| (*x - middle).norm_squared()).sum::<f64>() / n;
         Self { middle, square_spread }
     }
+}
 
-    /// ρ² of a joint at `x`.
-    fn square_reach(&self, x: &Vector3<f64>) -> f64 {
-        self.square_spread + (x - self.middle).norm_squared()
-    }
+/// ρ² of a joint at `x`, whose nearest camera is `nearest` away.
+fn square_reach(body: Option<Body>, x: &Vector3<f64>, nearest: f64) -> f64 {
+    let (spread, off) = body
+        .map_or((f64::INFINITY, 0.0), |body| (body.square_spread.sqrt(), (x - body.middle).norm()));
+    let spread = if spread > 0.0 { spread } else { f64::INFINITY };
+    let beyond = (off - BODY * spread).max(0.0);
+    (nearest.min(spread).powi(2) + beyond * beyond).max(f64::MIN_POSITIVE)
 }

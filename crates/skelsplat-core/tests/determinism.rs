@@ -17,6 +17,7 @@ fn frames(n: u64) -> Vec<Frame> {
                 detections: noisy_detections(&standing(), &cameras, 3.0, &mut noise),
                 init_pose: Some(perturbed(&standing(), 15.0, &mut noise)),
                 init_covariance: None,
+                past: false,
             }
         })
         .collect()

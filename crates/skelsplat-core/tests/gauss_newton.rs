@@ -1,7 +1,9 @@
 //! One Gauss–Newton step: the normal equations against residuals differentiated by number, and against dense algebra.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
-use skelsplat_core::annealed::{Annealing, NoiseModel, Prior, Problem, Rays, Solution, solve};
+use skelsplat_core::annealed::{
+    Annealing, NoiseModel, Prior, Problem, Rays, Solution, Widening, solve,
+};
 use skelsplat_core::optim::gauss_newton::{Coupling, NormalEquations};
 use skelsplat_core::symmetry::LimbPair;
 use skelsplat_core::testing::scenes::{Noise, noisy_detections, perturbed, room, standing};
@@ -58,8 +60,13 @@ impl Linearised {
             ..Annealing::of_joints(n)
         };
         let pairs = pairs();
-        let problem =
-            Problem { rays: &rays, pairs: &pairs, priors: Some(&priors), annealing: &annealing };
+        let problem = Problem {
+            rays: &rays,
+            pairs: &pairs,
+            priors: Some(&priors),
+            annealing: &annealing,
+            widening: Widening::NONE,
+        };
         let solution = solve(&problem, at.clone(), vec![SIGMA; n]);
         assert_eq!(solution.n_iter, 0);
         let symmetry_sigma = annealing.symmetry_sigma;

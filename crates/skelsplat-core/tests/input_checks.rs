@@ -16,6 +16,7 @@ fn valid_frame() -> Frame {
         detections: exact_detections(&standing(), &room(4)),
         init_pose: Some(standing()),
         init_covariance: None,
+        past: false,
     }
 }
 
@@ -50,6 +51,7 @@ fn a_layout_of_another_number_of_joints() {
         detections: exact_detections(pose, &room(4)),
         init_pose: None,
         init_covariance: None,
+        past: false,
     };
     assert_eq!(text(refine(&frame)), "detections: expected the layout's 17 joints, got 15 joints");
 }

@@ -50,6 +50,7 @@ fn exact_detections_recover_the_pose_from_20_mm_of_noise() {
             detections: detections.clone(),
             init_pose: Some(start(20.0, seed)),
             init_covariance: None,
+            past: false,
         };
         let out = refine(&cameras, Unit::Millimetre, &frame, RefineConfig::paper());
         let before = mean_error(&out.init_pose, &standing());
@@ -71,11 +72,13 @@ fn the_unit_changes_nothing() {
         detections: detections.clone(),
         init_pose: Some(start(20.0, 1)),
         init_covariance: None,
+        past: false,
     };
     let in_m = Frame {
         detections,
         init_pose: in_mm.init_pose.as_ref().map(|p| p.iter().map(|x| x * 1e-3).collect()),
         init_covariance: None,
+        past: false,
     };
     let a = refine(&cameras, Unit::Millimetre, &in_mm, config.clone());
     let b = refine(&metres, Unit::Metre, &in_m, config);
@@ -88,7 +91,8 @@ fn the_unit_changes_nothing() {
 fn a_joint_that_no_view_sees_keeps_its_start_and_says_so() {
     let cameras = room(4);
     let detections = without(&exact_detections(&standing(), &cameras), 13, 0);
-    let frame = Frame { detections, init_pose: Some(start(10.0, 4)), init_covariance: None };
+    let frame =
+        Frame { detections, init_pose: Some(start(10.0, 4)), init_covariance: None, past: false };
     let out = refine(&cameras, Unit::Millimetre, &frame, RefineConfig::paper());
     assert_eq!(out.joint_status[13], JointStatus::Unobserved);
     assert!((out.pose[13] - out.init_pose[13]).norm() < 1e-9);
@@ -102,7 +106,7 @@ fn a_joint_that_no_view_sees_and_that_has_no_start_is_nan() {
     let out = refine(
         &cameras,
         Unit::Millimetre,
-        &Frame { detections, init_pose: None, init_covariance: None },
+        &Frame { detections, init_pose: None, init_covariance: None, past: false },
         RefineConfig::paper(),
     );
     assert_eq!(out.joint_status[13], JointStatus::Unobserved);
@@ -115,7 +119,8 @@ fn a_joint_that_no_view_sees_and_that_has_no_start_is_nan() {
 fn a_joint_that_one_view_sees_is_weak_but_agrees_with_that_view() {
     let cameras = room(4);
     let detections = without(&exact_detections(&standing(), &cameras), 13, 1);
-    let frame = Frame { detections, init_pose: Some(start(10.0, 5)), init_covariance: None };
+    let frame =
+        Frame { detections, init_pose: Some(start(10.0, 5)), init_covariance: None, past: false };
     let config = RefineConfig { stop_tolerance: 0.0, ..RefineConfig::paper() };
     let out = refine(&cameras, Unit::Millimetre, &frame, config);
     assert_eq!(out.joint_status[13], JointStatus::Weak);
@@ -127,7 +132,8 @@ fn a_joint_that_one_view_sees_is_weak_but_agrees_with_that_view() {
 fn a_frame_without_detections_keeps_its_start() {
     let cameras = room(4);
     let detections = Detections::new(4, 17, &[f64::NAN; 4 * 17 * 2], None).unwrap();
-    let frame = Frame { detections, init_pose: Some(start(10.0, 6)), init_covariance: None };
+    let frame =
+        Frame { detections, init_pose: Some(start(10.0, 6)), init_covariance: None, past: false };
     let out = refine(&cameras, Unit::Millimetre, &frame, RefineConfig::paper());
     assert_eq!((out.stop_reason, out.n_iter), (StopReason::NoObservations, 0));
     assert_eq!(out.pose, out.init_pose);
@@ -144,8 +150,12 @@ fn joints_behind_every_camera_or_outside_every_image_are_outcomes() {
     for (j, place) in [(4, outside), (9, behind)] {
         let mut init = standing();
         init[j] = place;
-        let frame =
-            Frame { detections: detections.clone(), init_pose: Some(init), init_covariance: None };
+        let frame = Frame {
+            detections: detections.clone(),
+            init_pose: Some(init),
+            init_covariance: None,
+            past: false,
+        };
         let out = refine(&cameras, Unit::Millimetre, &frame, RefineConfig::paper());
         assert_ne!(out.joint_status[j], JointStatus::Ok);
         assert!(out.pose.iter().flat_map(|p| p.iter()).all(|v| v.is_finite()));
@@ -158,7 +168,7 @@ fn nan_joints_of_the_start_are_triangulated() {
     let detections = exact_detections(&standing(), &cameras);
     let mut init = standing();
     init[2] = Vector3::repeat(f64::NAN);
-    let frame = Frame { detections, init_pose: Some(init), init_covariance: None };
+    let frame = Frame { detections, init_pose: Some(init), init_covariance: None, past: false };
     let out = refine(&cameras, Unit::Millimetre, &frame, RefineConfig::paper());
     assert!((out.init_pose[2] - standing()[2]).norm() < 1e-6);
 }
@@ -167,7 +177,8 @@ fn nan_joints_of_the_start_are_triangulated() {
 fn a_lower_resolution_still_recovers_the_pose() {
     let cameras = room(4);
     let detections = exact_detections(&standing(), &cameras);
-    let frame = Frame { detections, init_pose: Some(start(10.0, 8)), init_covariance: None };
+    let frame =
+        Frame { detections, init_pose: Some(start(10.0, 8)), init_covariance: None, past: false };
     let config = RefineConfig { resolution: 0.5, ..RefineConfig::paper() };
     let out = refine(&cameras, Unit::Millimetre, &frame, config);
     // A shift of half a pixel at 4.6 mm per pixel would show as more than 2 mm.
@@ -179,7 +190,8 @@ fn a_lower_resolution_still_recovers_the_pose() {
 fn divergence_is_an_outcome_with_finite_numbers() {
     let cameras = room(4);
     let detections = exact_detections(&standing(), &cameras);
-    let frame = Frame { detections, init_pose: Some(start(10.0, 9)), init_covariance: None };
+    let frame =
+        Frame { detections, init_pose: Some(start(10.0, 9)), init_covariance: None, past: false };
     for config in [
         RefineConfig { log_scale_lr: 400.0, ..RefineConfig::paper() },
         RefineConfig {

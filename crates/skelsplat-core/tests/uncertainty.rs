@@ -38,6 +38,7 @@ fn repeated(cameras: &[Camera], px: f64, config: &RefineConfig, prior: Option<f6
             detections,
             init_pose: prior.map(|sigma| perturbed(&standing(), sigma, &mut noise)),
             init_covariance: prior.map(|s| vec![Matrix3::from_diagonal_element(s * s); n]),
+            past: false,
         };
         let found = refiner.refine(&frame, false, &AtomicBool::new(false)).unwrap();
         out.noise += found.noise * share;
@@ -128,7 +129,8 @@ fn error_bars_of_one_view_with_a_prior_are_what_repetitions_scatter() {
 }
 
 fn one(cameras: &[Camera], detections: Detections, config: RefineConfig) -> Refinement {
-    let frame = Frame { detections, init_pose: Some(standing()), init_covariance: None };
+    let frame =
+        Frame { detections, init_pose: Some(standing()), init_covariance: None, past: false };
     let refiner = Refiner::new(cameras, Unit::Millimetre, None, config).unwrap();
     refiner.refine(&frame, false, &AtomicBool::new(false)).unwrap()
 }

@@ -48,7 +48,9 @@ impl PyRefiner {
     }
 
     /// Return the fields of ``skelsplat.Refinement``; ``joint_status`` as codes into ``JOINT_STATUS``.
-    #[pyo3(signature = (init_pose, detections, *, confidence=None, init_sigma=None, progress=None))]
+    /// ``past`` says that ``init_pose`` is the pose of the frame before.
+    #[pyo3(signature = (init_pose, detections, *, confidence=None, init_sigma=None, past=false, progress=None))]
+    #[allow(clippy::too_many_arguments, reason = "one per keyword")]
     fn refine<'py>(
         &self,
         py: Python<'py>,
@@ -56,6 +58,7 @@ impl PyRefiner {
         detections: &Bound<'py, PyAny>,
         confidence: Option<&Bound<'py, PyAny>>,
         init_sigma: Option<&Bound<'py, PyAny>>,
+        past: bool,
         progress: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let mut frames = Frames::new(detections, confidence)?;
@@ -69,6 +72,7 @@ impl PyRefiner {
                 detections,
                 init_pose,
                 init_covariance,
+                past,
             })
             .collect();
         let done = match jobs.as_slice() {

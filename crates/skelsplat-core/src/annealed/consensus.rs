@@ -11,8 +11,12 @@ pub const REJECTED: f64 = 0.25;
 const ANCHORS: usize = 8;
 /// Agreement that is good enough, in rays of the largest weight: three that agree.
 const ENOUGH: f64 = 2.5;
-/// A point is a rival of another if it has no more than this less agreement, in detections of the joint's mean weight.
-const TIE: f64 = 0.5;
+/// A place is a rival of another if it has no more than this less agreement, in detections of the joint's mean weight,
+pub const TIE: f64 = 0.5;
+/// and this where the past decides between them: two views against two, however well they agree, not two against three.
+pub const NEAR_TIE: f64 = 0.9;
+/// Places nearer to each other than this multiple of the kernel are one.
+const APART: f64 = 4.0;
 
 /// Σ c k of the rays at `x`, under a kernel of standard deviation `sigma`.
 #[must_use]
@@ -51,22 +55,49 @@ pub fn best_pair(rays: &[Ray], from: &Vector3<f64>, sigma: f64) -> Option<(Vecto
     best
 }
 
-/// The point on which the rays that are rejected at `x` agree as well as the others do at `x`, with its share of the
-/// votes: two views that see one place and two that see another leave it open which is right.
+/// Another place that as many views vote for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Rival {
+    /// Where it is.
+    pub at: Vector3<f64>,
+    /// Its share of the votes for all places.
+    pub share: f64,
+}
+
+/// Places on which rays, of which at least one is rejected at `x`, agree as well as the others do at `x`: two views that see
+/// one place and two that see another leave it open which is right. As well is `slack` less, see [`TIE`].
 #[must_use]
-pub fn rival(rays: &[Ray], x: &Vector3<f64>, sigma: f64) -> Option<(Vector3<f64>, f64)> {
-    let k = |ray: &Ray| ray.offset(x).weight(sigma);
-    let against = |ray: &&Ray| ray.is_there() && k(ray) < REJECTED;
-    if rays.iter().filter(against).count() < 2 {
-        return None;
+pub fn rivals(rays: &[Ray], x: &Vector3<f64>, sigma: f64, slack: f64) -> Vec<Rival> {
+    let against = |ray: &Ray| ray.offset(x).weight(sigma) < REJECTED;
+    let there = || rays.iter().filter(|ray| ray.is_there());
+    let mut found: Vec<Rival> = Vec::new();
+    if !there().any(against) {
+        return found;
     }
-    let rejected: Vec<Ray> = rays.iter().filter(against).copied().collect();
-    let (y, agreed) = best_pair(&rejected, x, sigma)?;
-    let (n, sum) = rays.iter().fold((0.0, 0.0), |(n, sum), ray| {
-        (n + f64::from(u8::from(ray.is_there())), sum + ray.weight)
-    });
+    let n = there().count() as f64;
     let here = agreement(rays, x, sigma);
-    (agreed >= here - TIE * sum / n).then(|| (y, agreed / (here + agreed)))
+    let enough = here - slack * there().map(|ray| ray.weight).sum::<f64>() / n;
+    for (a, first) in rays.iter().enumerate().filter(|(_, ray)| ray.is_there()) {
+        for second in rays[a + 1..].iter().filter(|ray| ray.is_there()) {
+            if !against(first) && !against(second) {
+                continue;
+            }
+            let Some(at) = meeting_point(first, second, sigma) else { continue };
+            let votes = agreement(rays, &at, sigma);
+            let apart = |y: &Vector3<f64>| (y - at).norm() > APART * sigma;
+            if votes < enough || !apart(x) {
+                continue;
+            }
+            match found.iter_mut().find(|other| !apart(&other.at)) {
+                Some(same) if same.share >= votes => {}
+                Some(same) => *same = Rival { at, share: votes },
+                None => found.push(Rival { at, share: votes }),
+            }
+        }
+    }
+    let all = here + found.iter().map(|rival| rival.share).sum::<f64>();
+    found.iter_mut().for_each(|rival| rival.share /= all);
+    found
 }
 
 /// The point between two rays where they pass each other in front of both cameras, if that is within 2σ and the rays are

@@ -363,7 +363,8 @@ impl<'a> Run<'a> {
             self.estimate_noise();
         }
         let noise = (self.variance / self.weight).sqrt();
-        let share = (annealing.per_noise * noise / annealing.base).min(self.problem.widening.factor);
+        let share =
+            (annealing.per_noise * noise / annealing.base).min(self.problem.widening.factor);
         let mut done = true;
         for j in 0..self.sigma.len() {
             let end = annealing.end[j] * share;

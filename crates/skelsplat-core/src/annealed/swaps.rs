@@ -227,9 +227,7 @@ impl Judge<'_> {
 fn proposers(ways: &[Ways]) -> Vec<usize> {
     let mut views: Vec<usize> = (0..ways.len()).filter(|i| ways[*i].all > 0.0).collect();
     let best = |i: usize| ways[i].own.max(ways[i].exchanged);
-    views.sort_by(|a, b| {
-        ways[*b].all.total_cmp(&ways[*a].all).then(best(*b).total_cmp(&best(*a)))
-    });
+    views.sort_by(|a, b| ways[*b].all.total_cmp(&ways[*a].all).then(best(*b).total_cmp(&best(*a))));
     views.truncate(MOST_PROPOSERS);
     views
 }

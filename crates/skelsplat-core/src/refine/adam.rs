@@ -80,6 +80,7 @@ impl Refiner {
             detections: detections.clone(),
             init_pose: Some(means),
             init_covariance: None,
+            past: false,
         })?;
         let mm = self.unit.millimetres();
         let in_mm = |g: &Gaussian| Gaussian {

@@ -5,13 +5,11 @@ use nalgebra::{Matrix3, Vector3};
 use super::objective::Loss;
 use super::refiner::{Frame, Refiner};
 use super::result::{JointStatus, Refinement, StopReason};
-use crate::annealed::consensus::{REJECTED, agreement, rival};
+use crate::annealed::consensus::{NEAR_TIE, REJECTED, TIE, agreement, rivals};
 use crate::annealed::depth::is_fixed;
 use crate::annealed::evidence::evidence;
 use crate::annealed::swaps;
-use crate::annealed::{
-    Annealing, NoiseModel, Prior, Problem, Rays, Solution, Widening, solve,
-};
+use crate::annealed::{Annealing, NoiseModel, Prior, Problem, Rays, Solution, Widening, solve};
 use crate::detections::Detections;
 use crate::symmetry::{LimbPair, symmetry};
 use crate::triangulate::robust::{Located, anywhere, locate, start};
@@ -58,7 +56,7 @@ const SWAP_ROUNDS: usize = 3;
 /// Detections of mean weight that an exchange has to explain more after the pose was solved again.
 const SWAP_GAIN: f64 = 1.0;
 /// Logarithm of the odds that an exchange has to reach where the noise is large: there are a few dozen to choose from.
-const SWAP_EVIDENCE: f64 = 5.0;
+const SWAP_EVIDENCE: f64 = 10.0;
 
 impl Found {
     /// Whether a joint that `other` locates has no position here.
@@ -103,7 +101,8 @@ impl Refiner {
         };
         let mut swapped = vec![false; used.n_views() * used.n_joints()];
         for _ in 0..SWAP_ROUNDS {
-            let swaps = swaps::find(&found.rays, &self.chains, &found.solution, &given.annealing.end);
+            let swaps =
+                swaps::find(&found.rays, &self.chains, &found.solution, &given.annealing.end);
             if swaps.is_empty() {
                 break;
             }
@@ -205,8 +204,7 @@ impl Refiner {
     /// The initial pose, where to begin and with which kernels, mm.
     ///
     /// Where two views see a joint the detections place it, whatever the start; a start that is no more than that places
-    /// the others, and decides between two places that have as many votes. A prior is where the search begins, under a
-    /// kernel that covers its spread.
+    /// the others. A prior is where the search begins, under a kernel that covers its spread.
     fn annealed_start(&self, frame: &Frame, rays: &Rays, given: &Given<'_>) -> Start {
         let Some(pose) = &frame.init_pose else {
             let found = locate(rays, &given.annealing);
@@ -218,7 +216,7 @@ impl Refiner {
         let pose: Vec<Option<Vector3<f64>>> = pose.iter().map(known).collect();
         match &frame.init_covariance {
             Some(covariances) => self.start_at_prior(&pose, covariances, rays, given),
-            None => start_beside(&pose, rays, &given.annealing),
+            None => start_beside(&pose, frame.past, rays, &given.annealing),
         }
     }
 
@@ -289,12 +287,7 @@ impl Refiner {
         self.bars(&problem, &mut solution, &swapped)
     }
 
-    fn bars(
-        &self,
-        problem: &Problem<'_>,
-        solution: &mut Solution,
-        swapped: &[bool],
-    ) -> ErrorBars {
+    fn bars(&self, problem: &Problem<'_>, solution: &mut Solution, swapped: &[bool]) -> ErrorBars {
         let mm = self.unit.millimetres();
         let rays = problem.rays;
         let (m, n) = (rays.n_views(), rays.n_joints());
@@ -303,9 +296,10 @@ impl Refiner {
         let mut fixed = deep;
         for j in 0..n {
             let x = &solution.points[j];
-            if let Some((y, share)) = rival(rays.of_joint(j), x, solution.sigma[j]) {
-                // The second moment about x of two places, of which y is right with the probability `share`.
-                covariances[j] += (y - x) * (y - x).transpose() * share;
+            for rival in rivals(rays.of_joint(j), x, solution.sigma[j], TIE) {
+                // The second moment about x of places that are right with these probabilities.
+                let off = rival.at - x;
+                covariances[j] += off * off.transpose() * rival.share;
                 fixed[j] = false;
             }
         }
@@ -365,18 +359,28 @@ impl Refiner {
     }
 }
 
-/// Where to begin with an initial pose `(N)` that is no prior: the detections place what they can.
-fn start_beside(pose: &[Option<Vector3<f64>>], rays: &Rays, annealing: &Annealing) -> Start {
+/// Where to begin with an initial pose `(N)` that is no prior: the detections place what they can. Of two places that have
+/// as many votes the `past` decides.
+fn start_beside(
+    pose: &[Option<Vector3<f64>>],
+    past: bool,
+    rays: &Rays,
+    annealing: &Annealing,
+) -> Start {
     let Located { solution: found, widening, .. } = locate(rays, annealing);
     let init = pose.iter().zip(&found.points).map(|(p, x)| p.unwrap_or(*x)).collect();
     let (mut points, mut sigma) = (found.points, found.sigma);
     for (j, p) in pose.iter().enumerate().filter_map(|(j, p)| Some((j, (*p)?))) {
         if points[j].x.is_nan() {
             (points[j], sigma[j]) = (p, f64::INFINITY);
-        } else if let Some((y, _)) = rival(rays.of_joint(j), &points[j], sigma[j])
-            && (y - p).norm() < (points[j] - p).norm()
-        {
-            points[j] = y;
+        }
+        if !past {
+            continue;
+        }
+        for rival in rivals(rays.of_joint(j), &points[j].clone(), sigma[j], NEAR_TIE) {
+            if (rival.at - p).norm() < (points[j] - p).norm() {
+                points[j] = rival.at;
+            }
         }
     }
     Start { init, points, sigma, widening }

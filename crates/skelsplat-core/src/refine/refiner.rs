@@ -30,6 +30,8 @@ pub struct Frame {
     /// Covariance `(N)`, unit², of an initial pose that does not come from these detections: it then counts as
     /// knowledge and not as a mere start.
     pub init_covariance: Option<Vec<Matrix3<f64>>>,
+    /// Whether the initial pose is that of the frame before: it then decides between places that have as many votes.
+    pub past: bool,
 }
 
 /// Cameras, layout and settings prepared once for any number of frames. Everything inside is in mm.

@@ -15,65 +15,65 @@ const AT_INFINITY: f64 = 1e-9;
 ///
 /// Every detection gives the rows c·(u P₃ − P₁) and c·(v P₃ − P₂) with its confidence c and the rows P of K [R | t],
 /// and the point is their right null vector: the algebraic method of learnable triangulation, in which a row weighs
-/// c times a focal length times the point's depth. World coordinates are first moved and scaled to the rig (origin at
-/// the mean camera centre, its RMS distance as unit), so that the unit vector among which the best one is sought, and
-/// with it the answer on noisy data, depends neither on the unit of length nor on the world's origin.
+/// c times a focal length times the point's depth. World coordinates are first moved and scaled to the cameras whose
+/// detections are used (origin at their mean centre, its RMS distance as unit), so that the unit vector among which the best
+/// one is sought, and with it the answer on noisy data, depends neither on the unit of length nor on the world's origin
+/// nor on cameras that have nothing to say.
 ///
 /// NaN where fewer than two views detect the joint, where the rays are parallel or one and the same,
 /// and where the point lies behind every camera that detects it.
 #[must_use]
 pub fn dlt(detections: &Detections, cameras: &[Camera]) -> Vec<Vector3<f64>> {
-    let rig = Rig::new(cameras);
-    (0..detections.n_joints()).map(|j| rig.point(detections, j, |_| true)).collect()
+    (0..detections.n_joints()).map(|j| point(detections, cameras, j, |_| true)).collect()
 }
 
-/// The cameras' frame of length and origin, and their pinhole projections in it.
-pub(super) struct Rig<'a> {
-    cameras: &'a [Camera],
+/// The joint from those of its detections whose view is in `used`; NaN as said at [`dlt()`].
+pub(super) fn point(
+    detections: &Detections,
+    cameras: &[Camera],
+    joint: usize,
+    used: impl Fn(usize) -> bool,
+) -> Vector3<f64> {
+    let nan = Vector3::repeat(f64::NAN);
+    let used = &used;
+    let seen = || {
+        let views = cameras.iter().enumerate().filter(|(i, _)| used(*i));
+        views.filter_map(move |(i, camera)| Some((camera, detections.get(i, joint)?)))
+    };
+    let frame = RigFrame::of(seen().map(|(camera, _)| camera));
+    let strongest = seen().map(|(_, (_, c))| c).fold(0.0, f64::max);
+    let mut system = Matrix4::zeros();
+    for (camera, (pixel, confidence)) in seen() {
+        for row in frame.rows(camera, &pixel) {
+            add_row(&mut system, row * (confidence / strongest));
+        }
+    }
+    let Some(h) = null_vector(&system).filter(|_| seen().count() >= 2) else {
+        return nan;
+    };
+    if h.w.abs() <= AT_INFINITY {
+        return nan;
+    }
+    let x = frame.origin + h.xyz() * (frame.length / h.w);
+    let in_front = seen().any(|(camera, _)| camera.to_camera(&x).z > NEAR);
+    if in_front { x } else { nan }
+}
+
+/// Origin and lengths of the cameras that are used.
+struct RigFrame {
     origin: Vector3<f64>,
     length: f64,
     focal: f64,
 }
 
-impl<'a> Rig<'a> {
-    pub(super) fn new(cameras: &'a [Camera]) -> Self {
-        let n = cameras.len().max(1) as f64;
-        let origin = cameras.iter().map(Camera::centre).sum::<Vector3<f64>>() / n;
-        let square = cameras.iter().map(|c| (c.centre() - origin).norm_squared()).sum::<f64>() / n;
+impl RigFrame {
+    fn of<'a>(cameras: impl Iterator<Item = &'a Camera> + Clone) -> Self {
+        let n = cameras.clone().count().max(1) as f64;
+        let origin = cameras.clone().map(Camera::centre).sum::<Vector3<f64>>() / n;
+        let squares = cameras.clone().map(|c| (c.centre() - origin).norm_squared());
+        let square = squares.sum::<f64>() / n;
         let length = if square > 0.0 { square.sqrt() } else { 1.0 };
-        let focal = cameras.iter().flat_map(Camera::focal).fold(1.0, f64::max);
-        Self { cameras, origin, length, focal }
-    }
-
-    /// The joint from those of its detections whose view is in `used`; NaN as said at [`dlt()`].
-    pub(super) fn point(
-        &self,
-        detections: &Detections,
-        joint: usize,
-        used: impl Fn(usize) -> bool,
-    ) -> Vector3<f64> {
-        let nan = Vector3::repeat(f64::NAN);
-        let used = &used;
-        let seen = || {
-            let views = self.cameras.iter().enumerate().filter(|(i, _)| used(*i));
-            views.filter_map(move |(i, camera)| Some((camera, detections.get(i, joint)?)))
-        };
-        let strongest = seen().map(|(_, (_, c))| c).fold(0.0, f64::max);
-        let mut system = Matrix4::zeros();
-        for (camera, (pixel, confidence)) in seen() {
-            for row in self.rows(camera, &pixel) {
-                add_row(&mut system, row * (confidence / strongest));
-            }
-        }
-        let Some(h) = null_vector(&system).filter(|_| seen().count() >= 2) else {
-            return nan;
-        };
-        if h.w.abs() <= AT_INFINITY {
-            return nan;
-        }
-        let x = self.origin + h.xyz() * (self.length / h.w);
-        let in_front = seen().any(|(camera, _)| camera.to_camera(&x).z > NEAR);
-        if in_front { x } else { nan }
+        Self { origin, length, focal: cameras.flat_map(Camera::focal).fold(1.0, f64::max) }
     }
 
     /// u P₃ − P₁ = fx·(x̂ r₃ − r₁) with x̂ = (u − cx)/fx, and likewise for v, in units of the largest focal length.

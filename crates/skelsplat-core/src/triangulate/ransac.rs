@@ -6,7 +6,7 @@ use crate::camera::Camera;
 use crate::detections::Detections;
 
 use super::Triangulated;
-use super::dlt::Rig;
+use super::dlt::point;
 
 /// At most this many pairs of views are tried per joint: all pairs of up to five views.
 pub const ITERATIONS: usize = 10;
@@ -27,7 +27,6 @@ pub const INLIER_PX: f64 = 20.0;
 /// `detections` are ideal pixels.
 #[must_use]
 pub fn ransac(detections: &Detections, cameras: &[Camera]) -> Triangulated {
-    let rig = Rig::new(cameras);
     let (m, n) = (detections.n_views(), detections.n_joints());
     let mut rejected = vec![false; m * n];
     let mut views = Vec::with_capacity(m);
@@ -35,9 +34,9 @@ pub fn ransac(detections: &Detections, cameras: &[Camera]) -> Triangulated {
         .map(|joint| {
             views.clear();
             views.extend((0..m).filter(|&i| detections.get(i, joint).is_some()));
-            let seen = Seen { rig: &rig, cameras, detections, joint, views: &views };
+            let seen = Seen { cameras, detections, joint, views: &views };
             let Some((point, hypothesis)) = seen.consensus() else {
-                return rig.point(detections, joint, |_| true);
+                return point(detections, cameras, joint, |_| true);
             };
             for &i in &views {
                 rejected[i * n + joint] = seen.inlier_error(i, &hypothesis).is_none();
@@ -50,7 +49,6 @@ pub fn ransac(detections: &Detections, cameras: &[Camera]) -> Triangulated {
 
 /// One joint and the views that detect it.
 struct Seen<'a> {
-    rig: &'a Rig<'a>,
     cameras: &'a [Camera],
     detections: &'a Detections,
     joint: usize,
@@ -72,7 +70,7 @@ impl Seen<'_> {
         });
         let (x, _, _) = best?;
         let inlier = |i| self.inlier_error(i, &x).is_some();
-        let point = self.rig.point(self.detections, self.joint, inlier);
+        let point = point(self.detections, self.cameras, self.joint, inlier);
         point.iter().all(|v| v.is_finite()).then_some((point, x))
     }
 
@@ -80,7 +78,7 @@ impl Seen<'_> {
     fn hypothesis(&self, pair: usize) -> Vector3<f64> {
         let (a, b) = pair_of(pair);
         let (a, b) = (self.views[a], self.views[b]);
-        self.rig.point(self.detections, self.joint, |i| i == a || i == b)
+        point(self.detections, self.cameras, self.joint, |i| i == a || i == b)
     }
 
     /// Number and summed error of a point's inliers.

@@ -19,7 +19,7 @@ const MARGIN: [f64; 2] = [0.75, 0.5];
 /// How far off a wrong detection may be, in multiples of the widest kernel: where no joint is seen by three views, so that
 /// nothing says which detection is wrong, and otherwise.
 const ANYWHERE: [f64; 2] = [1.5, 1.0];
-/// The prior of the noise counts as this many residuals at least, so that the variance of Student's t is finite.
+/// Residuals that say something of the noise.
 const LEAST_FREEDOM: f64 = 6.0;
 
 /// Triangulates each joint from ideal pixels; NaN as [`super::dlt()`], with fewer than two views or parallel rays.
@@ -77,13 +77,14 @@ impl Annealing {
 
 /// The most likely of `narrow` and of solutions under wider kernels.
 fn widened(rays: &Rays, annealing: &Annealing, narrow: Located) -> Located {
-    let (anywhere, narrow_noise) = (anywhere(rays, annealing), narrow.narrow_noise);
+    let (anywhere, few) = (anywhere(rays, annealing), of_few(rays));
+    let narrow_noise = narrow.narrow_noise;
     let mut likely = evidence(rays, &narrow.solution, None, anywhere).log;
     let mut wider = |factor: f64| {
         let mut found = located(rays, annealing, Widening { factor, ..Widening::NONE });
         found.narrow_noise = narrow_noise;
         let now = evidence(rays, &found.solution, None, anywhere);
-        found.widening.noise_share = (1.0 - now.wrong) * spread_of_noise(&found.solution);
+        found.widening.noise_share = (1.0 - now.wrong) * few;
         (now.log > likely).then(|| {
             likely = now.log;
             found
@@ -105,16 +106,20 @@ fn widened(rays: &Rays, annealing: &Annealing, narrow: Located) -> Located {
 /// How far off wrong detections of a frame are taken to be, mm.
 #[must_use]
 pub fn anywhere(rays: &Rays, annealing: &Annealing) -> f64 {
-    let views = |j: usize| rays.of_joint(j).iter().filter(|ray| ray.is_there()).count();
-    let outvoted = (0..rays.n_joints()).any(|j| views(j) > 2);
-    annealing.start * if outvoted { ANYWHERE[1] } else { ANYWHERE[0] }
+    annealing.start * ANYWHERE[usize::from(can_outvote(rays))]
 }
 
-/// ν/(ν−2), the variance of Student's t: what it adds to an error bar that its noise was estimated from ν residuals.
-fn spread_of_noise(solution: &Solution) -> f64 {
-    let freedom: f64 = solution.residuals.iter().map(|r| r.freedom).sum();
-    let known = freedom.max(LEAST_FREEDOM);
-    known / (known - 2.0)
+/// Whether three views see any joint, so that two of them can say that the third is wrong.
+fn can_outvote(rays: &Rays) -> bool {
+    let views = |j: usize| rays.of_joint(j).iter().filter(|ray| ray.is_there()).count();
+    (0..rays.n_joints()).any(|j| views(j) > 2)
+}
+
+/// What it adds to the squares of error bars that the noise is known from few residuals: the variance of Student's t.
+/// Two views leave one residual of a joint, three views three.
+fn of_few(rays: &Rays) -> f64 {
+    let freedom = rays.n_joints() as f64;
+    if can_outvote(rays) || freedom < LEAST_FREEDOM { 1.0 } else { freedom / (freedom - 2.0) }
 }
 
 fn located(rays: &Rays, annealing: &Annealing, widening: Widening) -> Located {
@@ -159,8 +164,8 @@ fn reconsider(rays: &Rays, solution: &mut Solution) -> bool {
         let sigma = solution.sigma[j];
         let margin = if views < 4.0 { MARGIN[0] } else { MARGIN[1] };
         let enough = agreement(of_joint, &solution.points[j], sigma) + margin * mean;
-        if let Some((x, _)) = best_pair(of_joint, &solution.points[j], sigma)
-            .filter(|(_, agreed)| *agreed > enough)
+        if let Some((x, _)) =
+            best_pair(of_joint, &solution.points[j], sigma).filter(|(_, agreed)| *agreed > enough)
         {
             solution.points[j] = x;
             moved = true;

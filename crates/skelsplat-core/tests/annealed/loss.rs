@@ -1,6 +1,7 @@
 //! The loss: its weight is the closed form's, its steps follow its gradient.
 
 use super::*;
+use skelsplat_core::annealed::Widening;
 
 /// With the ray's nearest point y, r = (z_x / z_y) J W (x − y) holds exactly, and (J W)⁺ forgets what lies along x − c, so
 /// that rᵀΣ⁻¹r = (z_x / z_y)² |e|² cos²θ / σ² with tan θ = |e| / range. Both factors differ from 1 by |e| / z or less.
@@ -53,7 +54,13 @@ fn linearised(
         noise: NoiseModel::Millimetres(noise),
         ..Annealing::of_joints(n)
     };
-    let problem = Problem { rays, pairs: &LIMBS, priors: Some(priors), annealing: &annealing };
+    let problem = Problem {
+        rays,
+        pairs: &LIMBS,
+        priors: Some(priors),
+        annealing: &annealing,
+        widening: Widening::NONE,
+    };
     (solve(&problem, at.to_vec(), vec![sigma; n]), annealing)
 }
 

@@ -57,13 +57,18 @@ fn refine(cameras: &[Camera], frame: &Frame, config: RefineConfig) -> Refinement
 }
 
 fn from(detections: Detections, init_pose: Option<Vec<Vector3<f64>>>) -> Frame {
-    Frame { detections, init_pose, init_covariance: None }
+    Frame { detections, init_pose, init_covariance: None, past: false }
 }
 
 fn with_prior(detections: Detections, pose: Vec<Vector3<f64>>, sigma: f64) -> Frame {
     let covariance = Matrix3::from_diagonal_element(sigma * sigma);
     let n = pose.len();
-    Frame { detections, init_pose: Some(pose), init_covariance: Some(vec![covariance; n]) }
+    Frame {
+        detections,
+        init_pose: Some(pose),
+        init_covariance: Some(vec![covariance; n]),
+        past: false,
+    }
 }
 
 /// `detections` moved, dropped (`None`) or with another confidence by `f(view, joint, pixel)`.

@@ -99,6 +99,7 @@ fn the_unit_changes_nothing() {
             .init_covariance
             .as_ref()
             .map(|p| p.iter().map(|c| c * 1e-6).collect()),
+        past: false,
     };
     let a = refine(&cameras, &in_mm, RefineConfig::default());
     let refiner =
