@@ -121,14 +121,13 @@ fn a_prior_keeps_a_joint_that_one_view_sees_near_its_start() {
 fn a_joint_whose_prior_is_nan_has_none() {
     let cameras = room(4);
     let mut noise = Noise::new(4);
-    let detections = noisy_detections(&standing(), &cameras, 3.0, &mut noise);
+    // Little enough that the kernels end below their widest, whatever the wrong priors of the other joints say of it.
+    let detections = noisy_detections(&standing(), &cameras, 2.0, &mut noise);
     let mut frame = with_prior(detections.clone(), perturbed(&standing(), 25.0, &mut noise), 1e-3);
     frame.init_pose.as_mut().unwrap()[4] = Vector3::repeat(f64::NAN);
     frame.init_covariance.as_mut().unwrap()[5] = Matrix3::repeat(f64::NAN);
-    // To the end: where they stop by default is known to 0.01 of the noise, 0.15 mm.
-    let to_the_end = RefineConfig { step_tolerance: 1e-6, ..free() };
-    let out = refine(&cameras, &frame, to_the_end.clone());
-    let none = refine(&cameras, &from(detections, None), to_the_end);
+    let out = refine(&cameras, &frame, free());
+    let none = refine(&cameras, &from(detections, None), free());
     for j in [4, 5] {
         assert!((out.pose[j] - none.pose[j]).norm() < 0.2, "joint {j}");
     }
