@@ -24,7 +24,9 @@ from measures.sweep import sweep
 from measures.useless import useless
 from measures.views import views
 
-MEASURES = {f.__name__: f for f in (table, start, coverage, gaussian, mvor, swaps, useless, sweep, views, schedule)}
+MEASURES = {
+    f.__name__: f for f in (table, start, coverage, gaussian, mvor, swaps, useless, sweep, views, schedule)
+}
 
 
 def parsed(text: str) -> tuple[str, Any]:

@@ -2,8 +2,8 @@
 
     python benchmarks/reliability.py [NAME ...] [--markdown]
 
-Every attack runs in a process of its own with a time limit, so that one that hangs or aborts is a row like any
-other. Run it with the Python of another environment to measure another version.
+Every attack runs in a process of its own with a time limit, so that one that hangs or aborts is a row like
+any other. Run it with the Python of another environment to measure another version.
 """
 
 from __future__ import annotations

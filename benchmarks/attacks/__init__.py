@@ -1,7 +1,8 @@
 """Attacks on the library: calls that once gave a wrong answer in silence, hung or ended the process.
 
-Every module here holds functions marked with ``@attack(order, what, ideal)``. A function takes nothing and returns a short
-text of numbers. Modules use the public interface only, so that they also run against earlier versions.
+Every module here holds functions marked with ``@attack(order, what, ideal)``. A function takes nothing and
+returns a short text of numbers. Modules use the public interface only, so that they also run against earlier
+versions.
 """
 
 from __future__ import annotations

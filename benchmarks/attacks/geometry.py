@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from attacks import attack
 from scenarios import FloatArray, cmu_poses, rig
 
 import skelsplat as sk
+from attacks import attack
 from skelsplat import synthetic
 
 _WRIST = 16
@@ -20,7 +20,7 @@ def _detections(truth: FloatArray, cameras: sk.CameraRig, seed: int = 0) -> Floa
 
 
 def _wide(camera: sk.Camera) -> sk.Camera:
-    """A lens of half the focal length in the same housing."""
+    """Return a camera with a lens of half the focal length in the same housing."""
     K = camera.K * [[0.5], [0.5], [1.0]]
     K[:2, 2] = camera.K[:2, 2]
     return sk.Camera(K, camera.R, camera.t, size=camera.size)
@@ -87,7 +87,7 @@ def cameras_200_mm_apart() -> str:
 
 
 def _arm_exchanged(truth: FloatArray, cameras: sk.CameraRig) -> tuple[FloatArray, np.ndarray]:
-    """Detections with one arm exchanged in one of the views, and where (T, M, N)."""
+    """Simulate detections with one arm exchanged in one of the views, and say where (T, M, N)."""
     detections = _detections(truth, cameras)
     exchanged = np.zeros(detections.shape[:3], bool)
     view = np.random.default_rng(1).integers(detections.shape[1], size=len(truth))
@@ -149,9 +149,7 @@ def order_of_cameras() -> str:
 
 def _moved_by_empty(method: str) -> str:
     truth, cameras = cmu_poses(100, 0), rig("room", 5)
-    detections = synthetic.simulate_detections(
-        truth, cameras, noise=synthetic.DetectionNoise.noisy(), seed=0
-    )
+    detections = synthetic.simulate_detections(truth, cameras, noise=synthetic.DetectionNoise.noisy(), seed=0)
     few = sk.CameraRig(list(cameras)[:4])
     plain = sk.triangulate(detections[:, :4], few, method=method)
     detections[:, 4] = np.nan
@@ -173,7 +171,7 @@ def _two_people(frames: int = 30) -> tuple[FloatArray, FloatArray, sk.CameraRig]
     """Somebody walking, and detections of which two of four views show another person from frame 10 on."""
     cameras = rig("room", 4)
     truth = synthetic.motion("walk", frames, seed=0)
-    other = synthetic.motion("walk", frames, seed=5) + [600.0, 300.0, 0.0]
+    other = synthetic.motion("walk", frames, seed=5) + np.array([600.0, 300.0, 0.0])
     detections, of_other = _detections(truth, cameras), _detections(other, cameras, 1)
     detections[10:, 2:] = of_other[10:, 2:]
     return truth, detections, cameras
@@ -204,14 +202,16 @@ def half_of_the_views_in_sequence() -> str:
     truth, detections, cameras = _two_people()
     refiner = sk.Refiner(cameras, layout="h36m17")
     steps = [refiner.step(frame) for frame in detections][10:]
-    pose, status, bars = (np.stack([getattr(s, n) for s in steps]) for n in ("pose", "joint_status", "uncertainty"))
+    pose, status, bars = (
+        np.stack([getattr(s, n) for s in steps]) for n in ("pose", "joint_status", "uncertainty")
+    )
     return _far(pose, truth[10:], status, bars)
 
 
 @attack("10h", "all joints at one point", "finite uncertainty")
 def all_joints_at_one_point() -> str:
     cameras = rig("room", 4)
-    truth = np.zeros((1, 17, 3)) + [0.0, 0.0, 1000.0]
+    truth = np.tile([0.0, 0.0, 1000.0], (1, 17, 1))
     result = sk.refine(None, np.moveaxis(sk.project(truth, cameras), 0, 1), cameras, layout="h36m17")
     finite = np.isfinite(result.uncertainty).all(axis=(-2, -1))
     return f"{int((result.joint_status == 'ok').sum())} ok, {int(finite.sum())} with a finite uncertainty"

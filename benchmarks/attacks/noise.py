@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from attacks import attack
 from measures.gaussian import noisy_scene, row
 from methods import default
+
+from attacks import attack
 
 
 def _at(sigma_px: float) -> str:
     here = noisy_scene(sigma_px, 200, 0, 4)
     figures = row(here, default(here))
-    return f"{figures['default']:.1f} mm, DLT {figures['DLT conf.']:.1f}; {figures['beyond']:.1f} % beyond 3 σ"
+    return (
+        f"{figures['default']:.1f} mm, DLT {figures['DLT conf.']:.1f}; {figures['beyond']:.1f} % beyond 3 σ"
+    )
 
 
 @attack("6a", "Gaussian noise of 2 px, 4 views", "as DLT, 3 % beyond")

@@ -1,4 +1,4 @@
-"""Plain Gaussian noise of any size: the default beside DLT, and whether its error bars grow with the noise."""
+"""Plain Gaussian noise of any size: the default beside DLT, and whether its error bars follow."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ VIEWS = (2, 3, 4, 8)
 
 
 def noisy_scene(sigma_px: float, poses: int, seed: int, n_views: int) -> Scene:
-    """Detections that are the projections plus independent normal noise on both axes, confidence 1."""
+    """Project poses and add independent normal noise on both axes; every confidence is 1."""
     cameras, truth = rig("room", n_views), cmu_poses(poses, seed)
     pixels = np.moveaxis(sk.project(truth, cameras), 0, 1)
     pixels += sigma_px * np.random.default_rng(seed).standard_normal(pixels.shape)
@@ -25,7 +25,7 @@ def noisy_scene(sigma_px: float, poses: int, seed: int, n_views: int) -> Scene:
 
 
 def gaussian(*, poses: int = 200, seed: int = 0, fields: Fields | None = None) -> dict[str, Any]:
-    """MPJPE in mm of DLT with confidence and of the default, their ratio, and the coverage of the error bars."""
+    """MPJPE in mm of DLT with confidence and of the default, their ratio, and coverage of the error bars."""
     rows: dict[str, dict[str, Any]] = {}
     for n_views in VIEWS:
         for sigma in SIGMAS_PX:

@@ -14,11 +14,12 @@ import skelsplat as sk
 from parity.bridge import rig
 from parity.test_triangulation import ring, with_outliers
 from reference import annealed, consensus
-from reference.arrays import Array, View
-from reference.rays import make_rays, nearest_points, offsets, weights
+from reference.arrays import Array, Mask, View
+from reference.rays import Rays, make_rays, offsets, weights
 
 POSE_MM = 1e-6
 RELATIVE = 1e-9
+TIE = 0.5
 MARGIN = (0.75, 0.5)
 """Detections by which a pair of rays has to be better than what annealing found."""
 
@@ -32,20 +33,33 @@ def run_twin(
     view_weights, pairs = settings.pop("view_weights", None), settings.pop("pairs", ())
     rays = make_rays(detections, views, view_weights)
     chosen = annealed.Settings(**settings)
+    located = consensus.locate(rays, chosen, MARGIN)
     if prior is not None:
-        located = consensus.locate(rays, chosen, MARGIN)
-        chosen = chosen._replace(noise_mm=np.sqrt(located.variance / rays.mean_weight))
-    problem = annealed.Problem(rays, pairs, prior, chosen)
-    if start is None:
-        located = consensus.locate(rays, chosen, MARGIN)
-        return problem, annealed.solve(problem, located.points, located.sigma)
-    if prior is None:
-        located = consensus.locate(rays, chosen, MARGIN)
-        lost = np.isnan(located.points).any(axis=1) & np.isfinite(start).all(axis=1)
-        points = np.where(lost[:, None], start, located.points)
-        return problem, annealed.solve(problem, points, np.where(lost, np.inf, located.sigma))
-    filled = np.where(np.isfinite(start), start, nearest_points(rays, rays.weight))
-    return problem, annealed.solve(problem, filled, np.full(len(filled), chosen.widest))
+        return with_prior(annealed.Problem(rays, pairs, prior, chosen), start, located)
+    problem = annealed.Problem(rays, pairs, prior, chosen, located.widening)
+    points, sigma = located.solution.points, located.solution.sigma
+    if start is not None:
+        lost = np.isnan(points).any(axis=1) & np.isfinite(start).all(axis=1)
+        points, sigma = np.where(lost[:, None], start, points), np.where(lost, np.inf, sigma)
+    return problem, annealed.solve(problem, points, sigma)
+
+
+def with_prior(
+    problem: annealed.Problem, start: Array, located: consensus.Located
+) -> tuple[annealed.Problem, annealed.Solution]:
+    """Solve under the noise that was estimated without the prior, narrow or wide as is likelier."""
+    rays, settings = problem.rays, problem.settings
+    filled = np.where(np.isfinite(start), start, consensus.starts(rays))
+    noise = float(np.sqrt(located.solution.variance / rays.mean_weight))
+    candidates = [(noise, located.widening)]
+    if located.widening.factor > 1:
+        candidates.append((located.narrow_noise, annealed.Widening()))
+    found = []
+    for noise_mm, widening in candidates:
+        chosen = problem._replace(settings=settings._replace(noise_mm=noise_mm), widening=widening)
+        found.append((chosen, annealed.solve(chosen, filled, np.full(len(filled), settings.widest))))
+    scale = consensus.anywhere(rays, settings)
+    return max(found, key=lambda f: consensus.evidence(f[1], rays, scale, problem.prior).log)
 
 
 def assert_same(found: sk.Refinement, problem: annealed.Problem, expected: annealed.Solution) -> None:
@@ -68,11 +82,33 @@ def assert_same(found: sk.Refinement, problem: annealed.Problem, expected: annea
     k[:, ~known] = np.nan
     assert found.view_weights[:, known] == pytest.approx(k[:, known], abs=RELATIVE, nan_ok=True)
 
-    posterior = annealed.posterior(problem, expected)
+    body = consensus.fixed_depth(expected, problem.rays)
+    posterior = annealed.posterior(problem, expected, body)
+    status = statuses(problem.rays, expected, body)
+    for j in np.flatnonzero(known):
+        x, sigma = expected.points[j], float(expected.sigma[j])
+        for at, share in consensus.rivals(problem.rays, j, x, sigma, TIE):
+            posterior[j] += share * np.outer(at - x, at - x)
+            status[j] = "weak" if status[j] == "ok" else status[j]
+    assert list(found.joint_status) == list(status)
     assert np.array_equal(np.isnan(found.uncertainty), np.isnan(posterior))
     scale = np.nanmax(np.abs(posterior), axis=(1, 2), initial=1e-300)
     error = np.nanmax(np.abs(found.uncertainty - posterior), axis=(1, 2), initial=0.0)
     assert (error <= RELATIVE * scale).all()
+
+
+def statuses(rays: Rays, solution: annealed.Solution, body: Mask) -> Array:
+    """Status of each joint (N,) before ties are looked for."""
+    k = np.divide(
+        weights(np.nan_to_num(solution.points), rays, solution.sigma),
+        rays.weight,
+        out=np.zeros_like(rays.weight),
+        where=rays.weight > 0,
+    )
+    known = np.isfinite(solution.points).all(axis=1)
+    believed = np.count_nonzero((k >= consensus.REJECTED) & known, axis=0)
+    seen = (rays.weight > 0).any(axis=0)
+    return np.where(seen, np.where((believed > 1) & body, "ok", "weak"), "unobserved").astype(object)
 
 
 def refine(detections: Array, views: list[View], start: Array | None, **settings: Any) -> sk.Refinement:
@@ -173,7 +209,7 @@ def test_triangulation_where_most_are_wrong(n_views: int) -> None:
     views = ring(n_views)
     detections = with_outliers(views, 0.6)
     rays = make_rays(detections, views)
-    expected = consensus.locate(rays, annealed.Settings(), MARGIN)
+    expected = consensus.locate(rays, annealed.Settings(), MARGIN).solution
     pose, rejected = sk.triangulate(detections, rig(views), return_rejected=True)
     assert pose == pytest.approx(expected.points, abs=POSE_MM, nan_ok=True)
     e, _ = offsets(np.nan_to_num(expected.points), rays)
@@ -213,3 +249,39 @@ def test_the_twin_follows_the_gradient_of_f() -> None:
         numeric[k] = (value(x + move.reshape(17, 3)) - value(x - move.reshape(17, 3))) / 2e-3
     # F is some 1e3: rounding leaves 1e-10 per mm, truncation (1e-3/60)² of 1.
     assert scenes.worst_relative_error(gradient, numeric) < 1e-7
+
+
+@pytest.mark.parametrize("sigma_px", [12.0, 40.0])
+def test_noise_beyond_the_configured_kernels(views: list[View], sigma_px: float) -> None:
+    detections = with_outliers(views, 0.0)
+    detections[..., :2] += np.random.default_rng(9).normal(scale=sigma_px, size=(*detections.shape[:2], 2))
+    pairs = scenes.symmetric_pairs(1)
+    found = refine(detections, views, None, layout="h36m17")
+    assert_same(found, *run_twin(detections, views, None, pairs=pairs))
+    assert found.covariance[0, 0, 0] > 2 * 30.0**2
+    start = scenes.H36M_POSE + np.random.default_rng(3).normal(scale=80.0, size=(17, 3))
+    prior = (start, np.tile(np.eye(3) / 6400.0, (17, 1, 1)))
+    found = refine(detections, views, start, init_sigma=80.0)
+    assert_same(found, *run_twin(detections, views, start, prior))
+
+
+def test_two_views_against_two() -> None:
+    views = ring(4)
+    detections = with_outliers(views, 0.0)
+    elsewhere = scenes.H36M_POSE + np.array([1500.0, 0.0, 0.0])
+    for i in (2, 3):
+        seen = elsewhere @ views[i].R.T + views[i].t
+        detections[i, :, :2] = (seen @ views[i].K.T)[:, :2] / seen[:, 2:]
+    found = refine(detections, views, None)
+    assert_same(found, *run_twin(detections, views, None))
+    assert np.count_nonzero(found.joint_status == "weak") > 8
+
+
+def test_cameras_in_nearly_one_place() -> None:
+    views = ring(4)
+    views.append(views[0]._replace(t=views[0].t + np.array([1.0, 0.0, 0.0])))
+    detections = with_outliers(views, 0.0)
+    detections[1:4, 3] = np.nan
+    found = refine(detections, views, far_start(10))
+    assert_same(found, *run_twin(detections, views, far_start(10)))
+    assert found.joint_status[3] == "weak"

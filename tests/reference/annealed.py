@@ -15,9 +15,17 @@ from reference.arrays import Array, Mask
 from reference.rays import Rays, information, offsets, pixel_mm, weights
 from reference.symmetry import Pairs
 
-PRIOR_PX, PRIOR_FREEDOM = 3.0, 6.0
+PRIOR_PX, PRIOR_FREEDOM, REFUTED_FREEDOM = 3.0, 6.0, 3.0
 SYMMETRY_REACH = 3.0
 RESIDUAL_SHARE, SHARED_FREEDOM = 0.87, 5.0
+BODY, LEAST_JOINTS = 2.0, 3
+
+
+class Widening(NamedTuple):
+    """Factor by which final kernels may exceed `Settings.end`, and which share of the residuals is noise."""
+
+    factor: float = 1.0
+    noise_share: float = RESIDUAL_SHARE
 
 
 class Settings(NamedTuple):
@@ -34,20 +42,22 @@ class Settings(NamedTuple):
 
 
 class Problem(NamedTuple):
-    """Rays, limb pairs, an independent start (x⁰ (N,3), Π (N,3,3)) or None, settings."""
+    """Rays, limb pairs, an independent start (x⁰ (N,3), Π (N,3,3)) or None, settings, widening."""
 
     rays: Rays
     pairs: Pairs = ()
     prior: tuple[Array, Array] | None = None
     settings: Settings = Settings()
+    widening: Widening = Widening()
 
 
 class Solution(NamedTuple):
-    """Pose (N,3), final σ (N,), ŝ² for weight 1 (mm²), and the steps it took."""
+    """Pose (N,3), final σ (N,), ŝ² for weight 1 (mm²), mm per pixel, and the steps it took."""
 
     points: Array
     sigma: Array
     variance: float
+    pixel: float
     n_iter: int
     converged: bool
 
@@ -55,13 +65,15 @@ class Solution(NamedTuple):
 def noise_variance(problem: Problem, squares: Array, support: Array, sigma: float, pixel: float) -> float:
     """ŝ² from Σ c k |e|² and Σ k per joint (N,): two degrees a detection, three taken up by the joint.
 
-    For normal e of variance s², E[k|e|²] / E[k] = 2 s² / (1 + s²/2σ²); it is undone up to a factor of 4.
+    For normal e of variance s², E[k|e|²] / E[k] = 2 s² / (1 + s²/2σ²); it is undone up to a factor of 4. The
+    prior of 3 px counts less in a frame that has refuted it.
     """
     weight = problem.rays.mean_weight
     if problem.settings.noise_mm is not None:
         return weight * problem.settings.noise_mm**2
-    prior = PRIOR_FREEDOM * weight * (PRIOR_PX * pixel) ** 2
-    shrunk = (prior + squares.sum()) / (PRIOR_FREEDOM + np.maximum(2 * support - 3, 0).sum())
+    freedom = REFUTED_FREEDOM if problem.widening.factor > 1 else PRIOR_FREEDOM
+    prior = freedom * weight * (PRIOR_PX * pixel) ** 2
+    shrunk = (prior + squares.sum()) / (freedom + np.maximum(2 * support - 3, 0).sum())
     return float(shrunk / max(1 - shrunk / (2 * weight * sigma**2), 0.25))
 
 
@@ -155,7 +167,8 @@ def narrowed(problem: Problem, now: Kernels, x: Array, active: Mask, moments: tu
     else:
         variance = noise_variance(problem, *moments, float(now.sigma.mean()), pixel)
         target = now.sigma * settings.factor
-    end = min(settings.end, settings.per_noise * np.sqrt(variance / rays.mean_weight))
+    widest = problem.widening.factor * settings.end
+    end = min(widest, settings.per_noise * np.sqrt(variance / rays.mean_weight))
     return Kernels(np.maximum(target, end), variance, pixel, now.sigma <= 1.05 * end)
 
 
@@ -190,30 +203,43 @@ def solve(problem: Problem, start: Array, sigma: Array) -> Solution:
     sigma = np.where(np.isinf(now.sigma), settings.end, now.sigma)
     moments = tuple(active * m for m in residuals(x, rays, sigma))
     variance = noise_variance(problem, *moments, float(sigma.mean()), now.pixel)
-    return Solution(np.where(active[:, None], x, start), sigma, variance, n_iter, converged)
+    return Solution(np.where(active[:, None], x, start), sigma, variance, now.pixel, n_iter, converged)
 
 
-def posterior(problem: Problem, solution: Solution) -> Array:
-    """Covariances (N,3,3) at the solution, NaN where nothing is known.
+def square_reach(x: Array, body: Mask, nearest: Array) -> Array:
+    """ρ² (N,): to the body's extent or the nearest camera, and back to the body from beyond twice its extent.
 
-    The joint's own residuals correct the shared variance (worth 5 degrees), 0.87 of which is noise; along
-    a ray that nothing crosses the joint is known to the body's extent, or to the nearest camera's distance.
+    The body are the joints `body` (N,) if there are three, else all that are known, else nothing.
+    """
+    known = np.isfinite(x).all(axis=1)
+    members = body & known if np.count_nonzero(body & known) >= LEAST_JOINTS else known
+    if np.count_nonzero(members) < LEAST_JOINTS:
+        return nearest**2
+    middle = x[members].mean(axis=0)
+    spread = np.sqrt(np.mean(np.sum((x[members] - middle) ** 2, axis=1)))
+    beyond = np.maximum(np.linalg.norm(x - middle, axis=1) - BODY * spread, 0)
+    return np.asarray(np.minimum(nearest, spread) ** 2 + beyond**2)
+
+
+def posterior(problem: Problem, solution: Solution, body: Mask) -> Array:
+    """Covariances (N,3,3) at the solution, NaN where nothing is known; `body` (N,): joints of fixed depth.
+
+    The joint's own residuals correct the shared variance (worth 5 degrees), of which a share is noise; along
+    a ray that nothing crosses the joint is known to the body's extent (`square_reach`).
     """
     x, rays = solution.points, problem.rays
     known = np.isfinite(x).all(axis=1)
     squares, support = residuals(np.nan_to_num(x), rays, solution.sigma)
     variance = (
-        RESIDUAL_SHARE
+        problem.widening.noise_share
         * (SHARED_FREEDOM * solution.variance + squares)
         / (SHARED_FREEDOM + np.maximum(2 * support - 3, 0))
     )
     blocks = information(weights(np.nan_to_num(x), rays, solution.sigma), rays) / variance[:, None, None]
-    spread = (
-        np.sqrt(np.sum((x[known] - x[known].mean(axis=0)) ** 2) / known.sum()) if known.sum() > 2 else np.inf
-    )
     along = np.where(rays.weight > 0, np.abs(offsets(np.nan_to_num(x), rays)[1]), np.inf).min(axis=0)
-    seen = np.isfinite(along)
-    blocks[seen] += np.eye(3) / np.minimum(along[seen], spread)[:, None, None] ** 2
+    seen = np.isfinite(along) & known
+    reach = square_reach(x, body, along)
+    blocks[seen] += np.eye(3) / reach[seen, None, None]
     if problem.prior is not None:
         blocks += problem.prior[1]
     placed = support >= 1.5  # equal limbs leave two places on the ray of a joint that one view sees

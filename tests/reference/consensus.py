@@ -1,37 +1,254 @@
-"""Robust triangulation: every joint annealed, and by pairs of rays where no majority agrees (DESIGN §3)."""
+"""Where the detections alone put the joints: robust triangulation, large noise, ties (DESIGN §3)."""
 
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
-from reference.annealed import Problem, Settings, Solution, residuals, solve
-from reference.arrays import Array
-from reference.rays import Rays, nearest_points, offsets, weights
+from reference.annealed import Problem, Settings, Solution, Widening, residuals, solve
+from reference.arrays import Array, Mask
+from reference.rays import Rays, information, nearest_points, offsets, weights
+
+DISTINCT = 9.0
+"""Δχ² from which a depth counts as known: three standard deviations."""
+LEAST_PX, USUAL_PX = 1.0, 3.0
+REJECTED = 0.25
+APART = 4.0
+ROUNDS, FIRST_SHARE = 3, 0.1
+ANYWHERE = (1.5, 1.0)
+LEAST_FREEDOM = 6
 
 
-def best_pair(rays: Rays, j: int, sigma: float) -> tuple[Array, float] | None:
-    """Point between two rays of joint `j`, within 2σ of both, on which Σ c k is largest, and that sum."""
-    one = Rays(rays.centre, rays.direction[:, [j]], rays.weight[:, [j]], rays.pixel[:, [j]])
-    best = None
-    for pair in combinations(np.flatnonzero(one.weight[:, 0] > 0), 2):
-        chosen = np.isin(np.arange(len(one.weight)), pair)[:, None].astype(float)
+def over_infinity(x: Array, rays: Rays, w: Array) -> Array:
+    """Δχ² (N,) by which rays of inverse variances `w` (M,N) per square radian prefer x (N,3) to infinity.
+
+    Σ w |d − u|² for the best direction u, less Σ w sin² of the angles at which x is seen off the rays.
+    """
+    e, _ = offsets(x, rays)
+    square = np.sum((x - rays.centre) ** 2, axis=-1)
+    at_x = np.where(w > 0, w * np.sum(e**2, axis=-1) / square, 0.0).sum(axis=0)
+    total = np.linalg.norm(np.einsum("mn,mna->na", w, rays.direction), axis=-1)
+    return np.asarray(2 * (w.sum(axis=0) - total) - at_x)
+
+
+def starts(rays: Rays) -> Array:
+    """Points nearest to all rays (N,3); NaN where a pixel of noise leaves their depth open."""
+    x = nearest_points(rays, rays.weight)
+    there = rays.weight > 0
+    w = np.divide(1.0, (LEAST_PX * rays.pixel) ** 2, out=np.zeros_like(rays.pixel), where=there)
+    fixed = over_infinity(np.nan_to_num(x), rays, w) >= DISTINCT
+    ahead = ((offsets(np.nan_to_num(x), rays)[1] > 0) & there).any(axis=0)
+    return np.where((fixed & ahead)[:, None], x, np.nan)
+
+
+def fixed_depth(solution: Solution, rays: Rays) -> Mask:
+    """Whether the believed rays fix each joint's depth at the solution (N,)."""
+    x = np.nan_to_num(solution.points)
+    variance = solution.variance / solution.pixel**2
+    w = np.divide(
+        weights(x, rays, solution.sigma),
+        variance * rays.pixel**2,
+        out=np.zeros_like(rays.pixel),
+        where=rays.weight > 0,
+    )
+    known = np.isfinite(solution.points).all(axis=1)
+    return np.asarray(known & (over_infinity(x, rays, w) >= DISTINCT))
+
+
+def one_joint(rays: Rays, j: int) -> Rays:
+    """Take the rays of joint `j` alone."""
+    return Rays(rays.centre, rays.direction[:, [j]], rays.weight[:, [j]], rays.pixel[:, [j]])
+
+
+def meeting_points(rays: Rays, j: int, sigma: float) -> list[tuple[tuple[int, int], Array, float]]:
+    """Pairs of rays of joint `j` that pass within 2σ in front of both cameras: views, point, Σ c k there."""
+    one, found = one_joint(rays, j), []
+    for a, b in combinations(np.flatnonzero(one.weight[:, 0] > 0), 2):
+        apart = np.sum((one.direction[a, 0] - one.direction[b, 0]) ** 2)
+        if apart < 2 * DISTINCT * (USUAL_PX * (one.pixel[a, 0] + one.pixel[b, 0]) / 2) ** 2:
+            continue
+        chosen = np.isin(np.arange(len(one.weight)), (a, b))[:, None].astype(float)
         x = nearest_points(one, chosen)
         e, along = offsets(x, one)
         meets = (np.linalg.norm(e, axis=-1) <= 2 * sigma) & (along > 0)
-        agreed = float(weights(x, one, np.array([sigma])).sum())
-        if np.isfinite(x).all() and meets[list(pair)].all() and (best is None or agreed > best[1]):
-            best = x[0], agreed
-    return best
+        if np.isfinite(x).all() and meets[[a, b]].all():
+            found.append(((a, b), x[0], float(weights(x, one, np.array([sigma])).sum())))
+    return found
 
 
-def locate(rays: Rays, settings: Settings, margins: tuple[float, float]) -> Solution:
+def best_pair(rays: Rays, j: int, sigma: float) -> tuple[Array, float] | None:
+    """Meeting point of two rays of joint `j` on which Σ c k is largest, and that sum."""
+    found = meeting_points(rays, j, sigma)
+    return max(((x, agreed) for _, x, agreed in found), key=lambda f: f[1], default=None)
+
+
+def rivals(rays: Rays, j: int, x: Array, sigma: float, slack: float) -> list[tuple[Array, float]]:
+    """Other places of joint `j` with at most `slack` detections less than x (3,), and their share of votes.
+
+    A pair of rays proposes one if x rejects one of the two; within 4σ of x or of a better one it is the same.
+    """
+    one = one_joint(rays, j)
+    if not (one.weight > 0).any():
+        return []
+    k = np.divide(
+        weights(x[None], one, np.array([sigma])),
+        one.weight,
+        out=np.ones_like(one.weight),
+        where=one.weight > 0,
+    )[:, 0]
+    here = float((k * one.weight[:, 0]).sum())
+    enough = here - slack * one.weight[one.weight > 0].mean()
+    found: list[tuple[Array, float]] = []
+    for views, at, votes in meeting_points(rays, j, sigma):
+        if not (k[list(views)] < REJECTED).any() or votes < enough:
+            continue
+        if np.linalg.norm(at - x) <= APART * sigma:
+            continue
+        near = [n for n, (y, _) in enumerate(found) if np.linalg.norm(at - y) <= APART * sigma]
+        if not near:
+            found.append((at, votes))
+        elif votes > found[near[0]][1]:
+            found[near[0]] = (at, votes)
+    total = here + sum(votes for _, votes in found)
+    return [(at, votes / total) for at, votes in found]
+
+
+class Evidence(NamedTuple):
+    """log p of the detections up to a constant, and the share ε of wrong ones."""
+
+    log: float
+    wrong: float
+
+
+def evidence(
+    solution: Solution, rays: Rays, widest: float, prior: tuple[Array, Array] | None = None
+) -> Evidence:
+    """Sum log p over right (normal, ŝ²/c) and wrong (normal, `widest`²) detections, joints integrated out.
+
+    ε by three rounds of expectation and maximisation; each joint contributes −½ log det H_j.
+    """
+    known = np.isfinite(solution.points).all(axis=1)
+    x = np.nan_to_num(solution.points)
+    e, along = offsets(x, rays)
+    square, there = np.sum(e**2, axis=-1), (rays.weight > 0) & known
+    variance = np.divide(solution.variance, rays.weight, out=np.ones_like(square), where=rays.weight > 0)
+    right = np.where(along > 0, np.exp(-0.5 * square / variance) / (2 * np.pi * variance), 0.0)
+    anywhere = np.exp(-0.5 * square / widest**2) / (2 * np.pi * widest**2)
+    wrong = FIRST_SHARE
+    for _ in range(ROUNDS):
+        p = np.maximum((1 - wrong) * right + wrong * anywhere, np.finfo(float).tiny)
+        r = (1 - wrong) * right / p
+        wrong = ((1 - r)[there].sum() + 1) / (there.sum() + 2)
+    p = np.maximum((1 - wrong) * right + wrong * anywhere, np.finfo(float).tiny)
+    r = (1 - wrong) * right / p
+    H = information(np.where(there, r / variance, 0.0), rays) + np.eye(3) / widest**2
+    logs = np.where(there, np.log(p), 0.0)
+    log = 0.0
+    for j in np.flatnonzero(known):
+        off = there[:, j] & (r[:, j] < 0.5)
+        another = another_place(rays, j, off, x[j], solution.variance, widest, wrong)
+        log += float(logs[~off, j].sum() + max(logs[off, j].sum(), another))
+    if prior is not None:
+        apart = (x - prior[0])[known]
+        log -= 0.5 * float(np.einsum("na,nab,nb", apart, prior[1][known], apart))
+        H[known] += prior[1][known]
+    return Evidence(log - 0.5 * float(np.linalg.slogdet(H[known])[1].sum()), float(wrong))
+
+
+def another_place(
+    rays: Rays, j: int, off: Mask, x: Array, variance: float, widest: float, wrong: float
+) -> float:
+    """Sum log p of the wrong rays `off` (M,) of joint `j` if they agree on a place of their own, else −inf."""
+    if np.count_nonzero(off) < 2:
+        return -np.inf
+    one = one_joint(rays, j)
+    one = one._replace(weight=np.where(off[:, None], one.weight, 0.0))
+    best = best_pair(one, 0, 2 * float(np.sqrt(variance / one.weight[off].mean())))
+    if best is None:
+        return -np.inf
+    y = best[0]
+    e, along = offsets(y, one)
+    square, c = np.sum(e**2, axis=-1)[off, 0], one.weight[off, 0]
+    near = np.exp(-0.5 * square * c / variance) * c / (2 * np.pi * variance) * (along[off, 0] > 0)
+    anywhere = np.exp(-0.5 * square / widest**2) / (2 * np.pi * widest**2)
+    p = np.maximum(wrong * (near + anywhere), np.finfo(float).tiny)
+    w = np.zeros_like(one.weight)
+    w[off, 0] = wrong * near / p * c * widest**2 / variance
+    H = information(w, one)[0] + np.eye(3)
+    apart = float(np.sum((y - x) ** 2)) / widest**2
+    return float(np.log(p).sum() - 0.5 * apart - 0.5 * np.linalg.slogdet(H)[1])
+
+
+class Located(NamedTuple):
+    """Joints placed by their detections, how far kernels followed the noise, ŝ under the configured ones."""
+
+    solution: Solution
+    widening: Widening
+    narrow_noise: float
+
+
+def locate(rays: Rays, settings: Settings, margins: tuple[float, float]) -> Located:
+    """Triangulate each joint; wider kernels, where the noise asks for them, if that is likelier.
+
+    First kernels that follow the noise as far as it goes, then twice, four times, … the configured ones.
+    """
+
+    def noise(solution: Solution) -> float:
+        return float(np.sqrt(solution.variance / rays.mean_weight))
+
+    if settings.noise_mm is not None:
+        widening = Widening(factor=np.inf)
+        solution = under(rays, settings, margins, widening)
+        return Located(solution, widening, noise(solution))
+    narrow = under(rays, settings, margins, Widening())
+    narrow_noise = noise(narrow)
+    best, widening = narrow, Widening()
+
+    def asks() -> bool:
+        return settings.per_noise * noise(best) >= settings.end * widening.factor
+
+    if not asks():
+        return Located(narrow, widening, narrow_noise)
+    likely = evidence(narrow, rays, anywhere(rays, settings)).log
+    factors = [np.inf]
+    while factors:
+        factor = factors.pop()
+        found = under(rays, settings, margins, Widening(factor))
+        now = evidence(found, rays, anywhere(rays, settings))
+        if now.log > likely:
+            best, likely = found, now.log
+            widening = Widening(factor, (1 - now.wrong) * of_few(rays))
+        elif np.isfinite(factor):
+            break
+        if np.isfinite(widening.factor) and asks():
+            factors = [2 * widening.factor]
+    return Located(best, widening, narrow_noise)
+
+
+def can_outvote(rays: Rays) -> bool:
+    """Whether three views see any joint."""
+    return bool(((rays.weight > 0).sum(axis=0) > 2).any())
+
+
+def anywhere(rays: Rays, settings: Settings) -> float:
+    """How far off wrong detections are taken to be, mm."""
+    return settings.widest * ANYWHERE[int(can_outvote(rays))]
+
+
+def of_few(rays: Rays) -> float:
+    """Variance of Student's t with one degree of freedom per joint, where two views see each."""
+    freedom = rays.weight.shape[1]
+    return 1.0 if can_outvote(rays) or freedom < LEAST_FREEDOM else freedom / (freedom - 2)
+
+
+def under(rays: Rays, settings: Settings, margins: tuple[float, float], widening: Widening) -> Solution:
     """Triangulate each joint; where no majority agrees in the end, pairs of rays are judged by all.
 
     Such a joint moves to the best pair's point if that has more than `margins` (for three views, for more)
     detections of mean weight more.
     """
-    problem = Problem(rays, settings=settings)
-    found = solve(problem, nearest_points(rays, rays.weight), np.full(rays.weight.shape[1], np.inf))
+    problem = Problem(rays, settings=settings, widening=widening)
+    found = solve(problem, starts(rays), np.full(rays.weight.shape[1], np.inf))
     points, there = found.points.copy(), rays.weight > 0
     support = residuals(np.nan_to_num(points), rays, found.sigma)[1]
     for j, views in enumerate(there.sum(axis=0)):

@@ -12,7 +12,11 @@
 //! with the joints integrated out by Laplace's method: that two rays nearly meet somewhere is no evidence for small
 //! noise, since the volume in which they do so shrinks with it. ε is the one that makes log p largest. An independent start
 //! adds −½ (x−x⁰)ᵀ Π (x−x⁰) to log p and Π to H.
+//!
+//! Wrong detections may agree on another place y, as views do that show somebody else. Then they lie within the noise of y,
+//! which lies within S of x: ε N₂(e(y); s²) for each and −½ log det (S² H_y) − |y−x|²/2S² for y, where that is more.
 
+use super::consensus::best_pair;
 use super::rays::{Ray, Rays};
 use super::solver::{Prior, Solution};
 use nalgebra::{Matrix3, Vector3};
@@ -20,6 +24,8 @@ use nalgebra::{Matrix3, Vector3};
 /// Rounds of expectation and maximisation for ε; it starts at one detection in ten.
 const ROUNDS: usize = 3;
 const FIRST_SHARE: f64 = 0.1;
+/// r below which a detection may be part of another place.
+const RIGHT: f64 = 0.5;
 
 /// The share of wrong detections and where they lie.
 #[derive(Clone, Copy)]
@@ -33,18 +39,43 @@ struct Mixture {
 }
 
 impl Mixture {
-    /// (p(e), r) of a ray of weight c, whose noise has the variance ŝ²/c.
-    fn of(&self, ray: &Ray, x: &Vector3<f64>) -> (f64, f64) {
+    /// N₂(e; ŝ²/c) of a ray of weight c, 0 behind its camera, and N₂(e; S²).
+    fn densities(&self, ray: &Ray, x: &Vector3<f64>) -> (f64, f64) {
         let offset = ray.offset(x);
         let square = offset.across.norm_squared();
         let normal = |v: f64| (-0.5 * square / v).exp() / (std::f64::consts::TAU * v);
-        let right = if offset.range > 0.0 {
-            (1.0 - self.wrong) * normal(self.variance / ray.weight)
-        } else {
-            0.0
-        };
-        let p = right + self.wrong * normal(self.anywhere);
-        (p, right / p.max(f64::MIN_POSITIVE))
+        let near = if offset.range > 0.0 { normal(self.variance / ray.weight) } else { 0.0 };
+        (near, normal(self.anywhere))
+    }
+
+    /// (p(e), r).
+    fn of(&self, ray: &Ray, x: &Vector3<f64>) -> (f64, f64) {
+        let (near, anywhere) = self.densities(ray, x);
+        let right = (1.0 - self.wrong) * near;
+        let p = (right + self.wrong * anywhere).max(f64::MIN_POSITIVE);
+        (p, right / p)
+    }
+
+    /// log p of wrong rays that agree on a place of their own; minus infinity if no two do.
+    fn of_another_place(&self, wrong: &[Ray], x: &Vector3<f64>) -> f64 {
+        let sigma = super::Annealing::PER_NOISE * self.noise(wrong);
+        let Some((y, _)) = best_pair(wrong, x, sigma) else { return f64::NEG_INFINITY };
+        let mut information = Matrix3::identity();
+        let mut log_p = -0.5 * (y - x).norm_squared() / self.anywhere;
+        for ray in wrong {
+            let (near, anywhere) = self.densities(ray, &y);
+            let p = (self.wrong * (near + anywhere)).max(f64::MIN_POSITIVE);
+            log_p += p.ln();
+            let share = self.wrong * near / p;
+            information += ray.information() * (share * ray.weight * self.anywhere / self.variance);
+        }
+        log_p - 0.5 * information.determinant().ln()
+    }
+
+    /// ŝ of a ray of the mean weight of these, mm.
+    fn noise(&self, rays: &[Ray]) -> f64 {
+        let mean = rays.iter().map(|ray| ray.weight).sum::<f64>() / rays.len() as f64;
+        (self.variance / mean).sqrt()
     }
 }
 
@@ -81,18 +112,27 @@ pub fn evidence(
     }
     let of_joint = |(j, x): (usize, &Vector3<f64>)| {
         let mut information = Matrix3::from_diagonal_element(1.0 / mixture.anywhere);
-        let mut log_p = 0.0;
+        let (mut log_p, mut of_wrong) = (0.0, 0.0);
+        let mut wrong = Vec::new();
         for ray in there(j) {
             let (p, right) = mixture.of(ray, x);
-            log_p += p.max(f64::MIN_POSITIVE).ln();
+            if right < RIGHT {
+                wrong.push(*ray);
+                of_wrong += p.ln();
+            } else {
+                log_p += p.ln();
+            }
             information += ray.information() * (right * ray.weight / mixture.variance);
+        }
+        if wrong.len() > 1 {
+            of_wrong = of_wrong.max(mixture.of_another_place(&wrong, x));
         }
         if let Some(prior) = priors.map(|p| &p[j]) {
             let off = x - prior.mean;
             log_p -= 0.5 * off.dot(&(prior.precision * off));
             information += prior.precision;
         }
-        log_p - 0.5 * information.determinant().ln()
+        log_p + of_wrong - 0.5 * information.determinant().ln()
     };
     Evidence { log: placed().map(of_joint).sum(), wrong: mixture.wrong }
 }
