@@ -10,6 +10,7 @@ mod layout;
 mod refine;
 mod rendering;
 mod scores;
+mod watch;
 
 use pyo3::prelude::*;
 
