@@ -63,7 +63,7 @@ class Camera:
     Raises
     ------
     InvalidInputError
-        A wrong shape, a value that is not finite, a focal length that is not positive, an R that is not a
+        A wrong shape, a value that is not finite or outside its range (page Conventions), an R that is not a
         rotation, a wrong number of coefficients.
     """
 
@@ -438,6 +438,7 @@ def render(
     """Render Gaussians (N, 3), (N, 3, 3) as float32 images.
 
     (N, H, W) for ``"one_hot"``, (3, H, W) for ``"rgb"``, (1, H, W) for ``"single"``; ideal pixels.
+    Images that do not fit into memory raise ``MemoryError``.
     """
 
 def pseudo_ground_truth(

@@ -6,7 +6,8 @@ use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::refine::refiner::Frame;
-use crate::refine::{Refinement, Refiner};
+use crate::refine::{Refinement, Refiner, Renderer};
+use crate::threads;
 
 /// How far a batch has come, and the switch that stops it; shared between threads.
 #[derive(Debug, Default)]
@@ -26,6 +27,20 @@ impl Progress {
     pub fn cancel(&self) {
         self.cancel.store(true, Ordering::Relaxed);
     }
+
+    /// Whether to go on.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`] once the batch is cancelled.
+    pub fn check(&self) -> Result<()> {
+        if self.cancel.load(Ordering::Relaxed) { Err(Error::Cancelled) } else { Ok(()) }
+    }
+
+    /// The switch itself.
+    #[must_use]
+    pub fn cancelled(&self) -> &AtomicBool {
+        &self.cancel
+    }
 }
 
 /// Refines every frame on its own, in order. One frame alone shares its windows among the threads.
@@ -37,29 +52,31 @@ pub fn refine_batch(
     frames: &[Frame],
     progress: &Progress,
 ) -> Result<Vec<Refinement>> {
-    let one = |(frame, parallel): (&Frame, bool)| {
-        if progress.cancel.load(Ordering::Relaxed) {
-            return Err(Error::Cancelled);
-        }
+    let one = |frame: &Frame, parallel: bool| {
+        progress.check()?;
         let out = refiner.refine(frame, parallel, &progress.cancel);
         progress.done.fetch_add(1, Ordering::Relaxed);
         out
     };
-    let threads = refiner.config().n_threads;
-    let all = || match frames {
-        [frame] => one((frame, threads != Some(1))).map(|r| vec![r]),
-        _ if threads == Some(1) => frames.iter().map(|f| one((f, false))).collect(),
-        _ => {
-            let out: Vec<Result<Refinement>> = frames.par_iter().map(|f| one((f, false))).collect();
-            out.into_iter().collect()
+    let serial = || frames.iter().map(|frame| one(frame, false)).collect();
+    let config = refiner.config();
+    match frames {
+        _ if config.n_threads == Some(1) => serial(),
+        // No windows to share.
+        [_] if config.renderer == Renderer::ClosedForm => serial(),
+        [frame] => {
+            let out = threads::install(config.n_threads, |parallel| one(frame, parallel));
+            out.map(|refined| vec![refined])
         }
-    };
-    match threads {
-        None | Some(1) => all(),
-        Some(n) => rayon::ThreadPoolBuilder::new()
-            .num_threads(n)
-            .build()
-            .map_err(|e| Error::invalid("config.n_threads", "a number of threads", e.to_string()))?
-            .install(all),
+        _ => {
+            let n_threads = config.n_threads.map(|n| n.min(frames.len()));
+            threads::install(n_threads, |parallel| match parallel {
+                true => {
+                    let out: Vec<_> = frames.par_iter().map(|frame| one(frame, false)).collect();
+                    out.into_iter().collect()
+                }
+                false => serial(),
+            })
+        }
     }
 }

@@ -5,6 +5,20 @@ use nalgebra::Vector2;
 use crate::camera::{Camera, Undistorted};
 use crate::error::{Error, Result};
 
+/// Largest coordinate of a pixel or a world point that is computed with: what is further is no measurement, and products
+/// of a few such numbers stay finite. Points that are simulated close to a camera can be projected very far.
+pub const FARTHEST: f64 = 1e30;
+
+/// Index of the first finite value outside ±[`FARTHEST`].
+#[must_use]
+pub fn too_far(values: &[f64]) -> Option<usize> {
+    // Without a branch per value: a frame takes microseconds.
+    if !values.iter().fold(false, |far, v| far | (v.abs() > FARTHEST)) {
+        return None;
+    }
+    values.iter().position(|v| v.is_finite() && v.abs() > FARTHEST)
+}
+
 /// One frame's detections, `(M, N)`: pixel and confidence of joint `j` in view `i`.
 ///
 /// A detection is missing when a coordinate is not finite or its confidence is 0.
@@ -20,7 +34,8 @@ impl Detections {
     /// From row-major `(M, N, 2)` pixels and optional `(M, N)` confidences in [0, 1] (default 1).
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] if a length does not match or a confidence is outside [0, 1].
+    /// [`Error::InvalidInput`] if a length does not match, a confidence is outside [0, 1] or a finite pixel outside
+    /// ±[`FARTHEST`].
     /// A confidence that is not a number marks the detection as missing; that of a missing one does not count.
     pub fn new(
         n_views: usize,
@@ -43,6 +58,13 @@ impl Detections {
         };
         let points: Vec<Vector2<f64>> =
             pixels.chunks_exact(2).map(|p| Vector2::new(p[0], p[1])).collect();
+        if let Some(k) = too_far(pixels) {
+            return Err(Error::invalid(
+                format!("detections[{}, {}]", k / 2 / n_joints, k / 2 % n_joints),
+                format!("pixels within ±{FARTHEST:e}, or NaN where missing"),
+                format!("{:e}", pixels[k]),
+            ));
+        }
         let seen = |p: &Vector2<f64>| p.x.is_finite() && p.y.is_finite();
         let wrong = |(c, p): (&f64, &Vector2<f64>)| (*c < 0.0 || *c > 1.0) && seen(p);
         if let Some(bad) = confidence.iter().zip(&points).position(wrong) {

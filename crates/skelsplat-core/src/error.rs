@@ -31,6 +31,9 @@ pub enum Error {
     /// Geometry that admits no answer, such as two cameras at one place.
     #[error("degenerate geometry: {0}")]
     DegenerateGeometry(String),
+    /// Arrays that do not fit into memory: what needs how much, and how much there is.
+    #[error("{0}")]
+    OutOfMemory(String),
     /// The caller asked to stop before the work was done.
     #[error("cancelled by the caller")]
     Cancelled,
@@ -47,6 +50,17 @@ impl Error {
             argument: argument.into(),
             expected: expected.into(),
             actual: actual.into(),
+        }
+    }
+
+    /// The same input error about the argument as a caller further up knows it.
+    #[must_use]
+    pub fn of_argument(self, argument: &str) -> Self {
+        match self {
+            Self::InvalidInput { expected, actual, .. } => {
+                Self::invalid(argument, expected, actual)
+            }
+            other => other,
         }
     }
 }

@@ -1,8 +1,16 @@
 //! The same bits on any number of threads, and a batch that can be stopped.
 
+use std::sync::atomic::AtomicBool;
+
+use nalgebra::{Matrix2, Vector2, Vector3};
 use skelsplat_core::Error;
 use skelsplat_core::batch::{Progress, refine_batch};
+use skelsplat_core::camera::Camera;
+use skelsplat_core::gaussian::Gaussian;
 use skelsplat_core::layout::Layout;
+use skelsplat_core::raster::encoding::Encoding;
+use skelsplat_core::raster::render::{pseudo_ground_truth, render};
+use skelsplat_core::raster::splat::Splat;
 use skelsplat_core::refine::refiner::Frame;
 use skelsplat_core::refine::{RefineConfig, Refinement, Refiner};
 use skelsplat_core::testing::scenes::{Noise, noisy_detections, perturbed, room, standing};
@@ -43,6 +51,15 @@ fn a_batch_has_the_same_bits_on_any_number_of_threads() {
     let one = run(1);
     assert_eq!(one, run(2));
     assert_eq!(one, run(5));
+    assert_eq!(one, run_in_the_pool_of_the_process(&frames));
+}
+
+fn run_in_the_pool_of_the_process(frames: &[Frame]) -> Vec<u64> {
+    let config =
+        RefineConfig { n_threads: None, ..refiner(1, &RefineConfig::paper()).config().clone() };
+    let layout = Layout::by_name("h36m17").unwrap();
+    let refiner = Refiner::new(&room(4), Unit::Millimetre, Some(&layout), config).unwrap();
+    bits(&refine_batch(&refiner, frames, &Progress::default()).unwrap())
 }
 
 /// Wide splats make one pose large enough for its windows to be shared among threads.
@@ -55,6 +72,8 @@ fn one_pose_has_the_same_bits_on_any_number_of_threads() {
         bits(&refine_batch(&refiner, &frames, &Progress::default()).unwrap())
     };
     assert_eq!(run(1), run(4));
+    let one = refiner(1, &wide).refine(&frames[0], true, &AtomicBool::new(false)).unwrap();
+    assert_eq!(run(1), bits(&[one]), "the pool of the process");
 }
 
 #[test]
@@ -85,4 +104,44 @@ fn cancel_begins_no_further_frame() {
     progress.cancel();
     assert_eq!(refine_batch(&refiner, &frames(3), &progress), Err(Error::Cancelled));
     assert_eq!(progress.done(), 0);
+}
+
+/// The paper's method gives up within a frame, before its first step.
+#[test]
+fn cancel_ends_a_frame() {
+    let cancel = AtomicBool::new(true);
+    let frame = &frames(1)[0];
+    for encoding in [Encoding::OneHot, Encoding::Single] {
+        let refiner = refiner(1, &RefineConfig { encoding, ..RefineConfig::paper() });
+        assert_eq!(refiner.refine(frame, false, &cancel), Err(Error::Cancelled));
+        let gaussians = vec![Gaussian::isotropic(Vector3::zeros(), 20.0); 17];
+        let found = refiner.loss_and_gradient(&gaussians, &frame.detections, None, &cancel);
+        assert_eq!(found, Err(Error::Cancelled));
+    }
+}
+
+#[test]
+fn cancel_ends_an_image() {
+    let cancel = AtomicBool::new(true);
+    let splat = Splat::new(Vector2::new(5.0, 5.0), &Matrix2::identity(), [9, 9]).unwrap();
+    for encoding in [Encoding::OneHot, Encoding::Rgb, Encoding::Single] {
+        assert_eq!(render(&[Some((splat, 1.0))], encoding, [9, 9], &cancel), Err(Error::Cancelled));
+        let heats = pseudo_ground_truth(&[Some(splat)], encoding, [9, 9], &cancel);
+        assert_eq!(heats, Err(Error::Cancelled));
+    }
+}
+
+/// 65 535² pixels of 4 bytes for each of 17 joints in 4 views, a splat covering them all.
+#[test]
+fn windows_are_refused_before_they_are_allocated() {
+    let side = 65_535;
+    let cameras: Vec<Camera> = room(4)
+        .iter()
+        .map(|c| Camera::new(&c.k(), c.rotation(), c.translation(), [side, side]).unwrap())
+        .collect();
+    let config = RefineConfig { sigma: 1e6, ..RefineConfig::paper() };
+    let refiner = Refiner::new(&cameras, Unit::Millimetre, None, config).unwrap();
+    let refused = refiner.refine(&frames(1)[0], false, &AtomicBool::new(false));
+    let text = refused.unwrap_err().to_string();
+    assert!(text.starts_with("heat maps: the windows of 68 detections need 1168."), "{text}");
 }

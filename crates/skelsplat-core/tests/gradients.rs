@@ -5,6 +5,8 @@
 //! loss is smooth as long as no pixel crosses the 1/255 cut; a step of 1e-6 mm makes such a crossing unlikely
 //! and the scenes below have none, so the tolerance is the 1e-5 that rounding (ulp·L/h) leaves.
 
+use std::sync::atomic::AtomicBool;
+
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3, Vector4};
 use skelsplat_core::gaussian::Gaussian;
 use skelsplat_core::layout::Layout;
@@ -118,7 +120,14 @@ fn total_loss_in_every_parameter() {
             RefineConfig { renderer, encoding, symmetry_tier: tier, ..RefineConfig::paper() };
         let refiner = Refiner::new(&cameras, Unit::Millimetre, Some(&layout), config).unwrap();
         let of = |gaussians: &[Gaussian]| {
-            refiner.loss_and_gradient(gaussians, &detections, Some(targets.clone())).unwrap()
+            refiner
+                .loss_and_gradient(
+                    gaussians,
+                    &detections,
+                    Some(targets.clone()),
+                    &AtomicBool::new(false),
+                )
+                .unwrap()
         };
         let (_, gradient) = of(&gaussians);
         // One joint of the trunk and one of each side is enough: the others run through the same code.

@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyString;
-use skelsplat_core::detections::Detections;
+use skelsplat_core::detections::{Detections, FARTHEST, too_far};
 use skelsplat_core::unit::Unit;
 
 use crate::camera::Camera;
@@ -64,6 +64,14 @@ impl Array {
             &format!("shape {expected}"),
             format!("shape {}", shown(&self.shape)),
         ))
+    }
+
+    /// Refuses finite values that are too large to compute with; `missing` says in the message what is none.
+    pub(crate) fn bounded(self, py: Python<'_>, name: &str, missing: &str) -> PyResult<Self> {
+        let Some(k) = too_far(self.values()) else { return Ok(self) };
+        let place = scores::Place { name, shape: &self.shape, channel: "" };
+        let expected = format!("values within ±{FARTHEST:e}{missing}");
+        Err(invalid(py, &place.of(k), &expected, format!("{:e}", self.values()[k])))
     }
 
     /// An array whose shape is `shape` (`None`: any size).
@@ -166,6 +174,7 @@ impl Frames {
         let ok =
             matches!(array.shape.as_slice(), [.., 2 | 3] if (3..=4).contains(&array.shape.len()));
         let array = array.expect(py, "detections", expected, ok)?;
+        let array = array.bounded(py, "detections", ", or NaN where missing")?;
         let (lead, last) = array.shape.split_at(array.shape.len() - 1);
         if lead[lead.len() - 2..].contains(&0) {
             let actual = format!("shape {}", shown(&array.shape));

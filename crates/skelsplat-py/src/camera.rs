@@ -8,6 +8,7 @@ use skelsplat_core::camera::{Camera as Core, Distortion, Undistorted, for_camera
 
 use crate::args::{Array, array_out};
 use crate::errors::{OrRaise, in_words, invalid};
+use crate::geometry::in_every_view;
 use crate::pickle::{Rebuilt, rebuilt};
 
 /// A calibrated camera: pinhole, lens and image size. Immutable.
@@ -34,7 +35,7 @@ use crate::pickle::{Rebuilt, rebuilt};
 /// Raises
 /// ------
 /// InvalidInputError
-///     A wrong shape, a value that is not finite, a focal length that is not positive, an R that is not a
+///     A wrong shape, a value that is not finite or outside its range (page Conventions), an R that is not a
 ///     rotation, a wrong number of coefficients.
 #[pyclass(frozen, module = "skelsplat", name = "Camera")]
 pub(crate) struct Camera(pub(crate) Core);
@@ -162,12 +163,14 @@ impl Camera {
     ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let array = Array::new("points", points)?;
         let ok = array.shape.last() == Some(&2);
-        let array = array.expect(py, "points", "(..., 2)", ok)?;
-        let undistort = |p: &[f64]| match self.0.undistort(Vector2::new(p[0], p[1])) {
+        let array = array.expect(py, "points", "(..., 2)", ok)?.bounded(py, "points", "")?;
+        let pixels = array.values().chunks_exact(2).map(Vector2::from_column_slice).collect();
+        let undistort = |camera: &Core, p: &Vector2<f64>| match camera.undistort(*p) {
             Undistorted::Converged(q) => [q.x, q.y],
             Undistorted::OutOfRange => [f64::NAN; 2],
         };
-        array_out(py, array.values().chunks_exact(2).flat_map(undistort).collect(), &array.shape)
+        let ideal = in_every_view(py, vec![self.0.clone()], pixels, undistort)?;
+        array_out(py, ideal.into_flattened(), &array.shape)
     }
 
     fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<CameraArguments<'py>> {

@@ -1,6 +1,6 @@
 //! One mapping from the core's errors to the classes of `skelsplat.exceptions`.
 
-use pyo3::exceptions::{PyException, PyKeyboardInterrupt};
+use pyo3::exceptions::{PyException, PyKeyboardInterrupt, PyMemoryError};
 use pyo3::prelude::*;
 use pyo3::types::PyType;
 use skelsplat_core::Error;
@@ -20,6 +20,7 @@ fn raised(py: Python<'_>, class: &str, message: &str) -> PyErr {
 pub(crate) fn to_python(py: Python<'_>, error: &Error) -> PyErr {
     let class = match error {
         Error::Cancelled => return PyKeyboardInterrupt::new_err(()),
+        Error::OutOfMemory(needed) => return PyMemoryError::new_err(needed.clone()),
         Error::DegenerateGeometry(_) => "DegenerateGeometryError",
         _ => "InvalidInputError",
     };

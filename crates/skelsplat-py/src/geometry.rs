@@ -4,12 +4,18 @@ use nalgebra::{Matrix3, Vector3};
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use skelsplat_core::camera::Camera;
+use skelsplat_core::detections::Detections;
+use skelsplat_core::memory;
 use skelsplat_core::projection::View;
 use skelsplat_core::refine::RefineConfig;
 use skelsplat_core::triangulate::{self as core, Method, Triangulated};
 
 use crate::args::{Array, Cameras, Frames, array_out, points_out};
 use crate::errors::{OrRaise, invalid};
+use crate::watch;
+
+/// Points in cameras that are projected within a few milliseconds.
+const SHORT_PROJECTIONS: usize = 50_000;
 
 /// Means and covariances, one each per joint.
 type MeansAndCovariances = (Vec<Vector3<f64>>, Vec<Matrix3<f64>>);
@@ -29,16 +35,37 @@ pub(crate) fn project<'py>(
 ) -> PyResult<Doubles<'py>> {
     let array = Array::new("points", points)?;
     let ok = array.shape.last() == Some(&3);
-    let array = array.expect(py, "points", "(..., 3)", ok)?;
+    let array = array.expect(py, "points", "(..., 3)", ok)?.bounded(py, "points", "")?;
     let (points, cameras) = (array.points(), Cameras::new(cameras)?.cameras);
-    let pixels = py.detach(|| {
-        let one = |c: &Camera, p: &Vector3<f64>| c.project(p).map_or([f64::NAN; 2], |u| [u.x, u.y]);
-        cameras.iter().flat_map(|c| points.iter().flat_map(move |p| one(c, p))).collect()
-    });
     let mut shape = vec![cameras.len()];
     shape.extend(&array.shape);
     *shape.last_mut().unwrap_or(&mut 0) = 2;
-    array_out(py, pixels, &shape)
+    let one = |c: &Camera, p: &Vector3<f64>| c.project(p).map_or([f64::NAN; 2], Into::into);
+    let pixels = in_every_view(py, cameras, points, one)?;
+    array_out(py, pixels.into_flattened(), &shape)
+}
+
+/// `each(view, item)` for all items in the first view, then in the next.
+pub(crate) fn in_every_view<V: Send + 'static, T: Send + 'static, const K: usize>(
+    py: Python<'_>,
+    views: Vec<V>,
+    items: Vec<T>,
+    each: impl Fn(&V, &T) -> [f64; K] + Send + 'static,
+) -> PyResult<Vec<[f64; K]>> {
+    let short = views.len().saturating_mul(items.len()) <= SHORT_PROJECTIONS;
+    watch::run(py, short, move |progress| {
+        let bytes = (views.len() * size_of::<[f64; K]>()) as u128 * items.len() as u128;
+        let what = || format!("projections: {} points in {} views", items.len(), views.len());
+        memory::check(bytes, what)?;
+        let mut out = Vec::with_capacity(views.len() * items.len());
+        for view in &views {
+            for block in items.chunks(SHORT_PROJECTIONS) {
+                progress.check()?;
+                out.extend(block.iter().map(|item| each(view, item)));
+            }
+        }
+        Ok(out)
+    })
 }
 
 /// Triangulate detections ([T,] M, N, 2|3) to points ([T,] N, 3); NaN with fewer than two views.
@@ -83,14 +110,17 @@ pub(crate) fn triangulate<'py>(
     return_rejected: bool,
 ) -> PyResult<Bound<'py, PyAny>> {
     let method = Method::by_name(method).or_raise(py)?;
-    let frames = Frames::new(detections, confidence)?;
+    let mut frames = Frames::new(detections, confidence)?;
     let Cameras { cameras, unit } = Cameras::new(cameras)?;
     frames.expect_views(py, cameras.len())?;
-    let found: skelsplat_core::Result<Vec<Triangulated>> = py.detach(|| {
-        frames.frames.iter().map(|d| core::triangulate(d, &cameras, unit, method)).collect()
-    });
+    let given = std::mem::take(&mut frames.frames);
+    let short = watch::is_short(given.len(), frames.n_views, frames.n_joints);
+    let found: Vec<Triangulated> = watch::run(py, short, move |progress| {
+        let one = |d| progress.check().and_then(|()| core::triangulate(d, &cameras, unit, method));
+        given.iter().map(one).collect()
+    })?;
     let (points, rejected): (Vec<_>, Vec<_>) =
-        found.or_raise(py)?.into_iter().map(|t| (t.points, t.rejected)).unzip();
+        found.into_iter().map(|t| (t.points, t.rejected)).unzip();
     let points = points_out(py, &points.concat(), &frames.shape(&[frames.n_joints, 3]))?;
     if !return_rejected {
         return Ok(points.into_any());
@@ -111,7 +141,7 @@ pub(crate) fn fuse_monocular<'py>(
     detections: &Bound<'py, PyAny>,
     cameras: &Bound<'py, PyAny>,
 ) -> PyResult<Doubles<'py>> {
-    let (frames, cameras) = (Frames::new(detections, None)?, Cameras::new(cameras)?.cameras);
+    let (mut frames, cameras) = (Frames::new(detections, None)?, Cameras::new(cameras)?.cameras);
     frames.expect_views(py, cameras.len())?;
     let (t, n) = (frames.frames.len(), frames.n_joints);
     let array = Array::new("poses", poses)?;
@@ -123,17 +153,21 @@ pub(crate) fn fuse_monocular<'py>(
         && array.shape[axes - 3] > 0;
     let array =
         array.expect(py, "poses", &format!("([T,] views, {n}, 3) as the detections"), ok)?;
+    let array = array.bounded(py, "poses", "")?;
     let points = array.points();
     let per_frame = points.len() / t.max(1);
-    let fused: Vec<Vector3<f64>> = py.detach(|| {
-        let one = |(t, d): (usize, &_)| {
+    let given = std::mem::take(&mut frames.frames);
+    let short = points.len().saturating_mul(cameras.len()) <= SHORT_PROJECTIONS;
+    let fused: Vec<Vec<Vector3<f64>>> = watch::run(py, short, move |progress| {
+        let one = |(t, d): (usize, &Detections)| {
+            progress.check()?;
             let poses: Vec<Vec<Vector3<f64>>> =
                 points[t * per_frame..(t + 1) * per_frame].chunks(n).map(<[_]>::to_vec).collect();
-            let ideal = skelsplat_core::detections::Detections::undistorted(d, &cameras);
-            core::fuse_monocular(&poses, &ideal, &cameras)
+            Ok(core::fuse_monocular(&poses, &d.undistorted(&cameras), &cameras))
         };
-        frames.frames.iter().enumerate().flat_map(one).collect()
-    });
+        given.iter().enumerate().map(one).collect()
+    })?;
+    let fused = fused.concat();
     points_out(py, &fused, &frames.shape(&[n, 3]))
 }
 
@@ -149,20 +183,19 @@ pub(crate) fn project_gaussians<'py>(
 ) -> PyResult<(Doubles<'py>, Doubles<'py>)> {
     let (means, covariances) = gaussians(means, covariances)?;
     let cameras = Cameras::new(cameras)?.cameras;
-    let (mut pixels, mut shapes) = (Vec::new(), Vec::new());
-    let dilation = RefineConfig::default().dilation;
-    for view in cameras.iter().map(View::new) {
-        for (mean, covariance) in means.iter().zip(&covariances) {
-            let p = view.project(mean, covariance, dilation);
-            let s = p.map_or([f64::NAN; 4], |p| {
-                let s = p.covariance;
-                [s[(0, 0)], s[(0, 1)], s[(1, 0)], s[(1, 1)]]
-            });
-            pixels.extend(p.map_or([f64::NAN; 2], |p| [p.mean.x, p.mean.y]));
-            shapes.extend(s);
-        }
-    }
     let (m, n) = (cameras.len(), means.len());
+    let dilation = RefineConfig::default().dilation;
+    let one = move |view: &View, (mean, covariance): &(Vector3<f64>, Matrix3<f64>)| {
+        let p = view.project(mean, covariance, dilation);
+        p.map_or([f64::NAN; 6], |p| {
+            let (u, s) = (p.mean, p.covariance);
+            [u.x, u.y, s[(0, 0)], s[(0, 1)], s[(1, 0)], s[(1, 1)]]
+        })
+    };
+    let views = cameras.iter().map(View::new).collect();
+    let found = in_every_view(py, views, means.into_iter().zip(covariances).collect(), one)?;
+    let pixels = found.iter().flat_map(|p| [p[0], p[1]]).collect();
+    let shapes = found.iter().flat_map(|p| [p[2], p[3], p[4], p[5]]).collect();
     Ok((array_out(py, pixels, &[m, n, 2])?, array_out(py, shapes, &[m, n, 2, 2])?))
 }
 
@@ -171,12 +204,14 @@ pub(crate) fn gaussians(
     means: &Bound<'_, PyAny>,
     covariances: &Bound<'_, PyAny>,
 ) -> PyResult<MeansAndCovariances> {
+    let py = covariances.py();
     let means = Array::of_shape("means", means, &[None, Some(3)], "(N, 3)")?;
+    let means = means.bounded(py, "means", "")?;
     let n = means.shape[0];
     let shape = [Some(n), Some(3), Some(3)];
     let expected = format!("({n}, 3, 3), one per mean");
-    let py = covariances.py();
-    let covariances = Array::of_shape("covariances", covariances, &shape, &expected)?.matrices();
+    let covariances = Array::of_shape("covariances", covariances, &shape, &expected)?;
+    let covariances = covariances.bounded(py, "covariances", "")?.matrices();
     let asymmetric = |c: &Matrix3<f64>| {
         c.iter().all(|v| v.is_finite()) && (c - c.transpose()).amax() > 1e-6 * c.amax()
     };

@@ -11,6 +11,7 @@ mod pickle;
 mod refine;
 mod rendering;
 mod scores;
+mod watch;
 
 use pyo3::prelude::*;
 

@@ -1,27 +1,26 @@
 //! `refine`, for one frame or many.
 
-use std::sync::Mutex;
-use std::sync::mpsc::{RecvTimeoutError, channel};
-use std::time::Duration;
+use std::sync::Arc;
 
 use nalgebra::{Matrix3, Vector3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use skelsplat_core::batch::{Progress, refine_batch};
 use skelsplat_core::refine::refiner::Frame;
-use skelsplat_core::refine::{JointStatus, Refinement, Refiner};
+use skelsplat_core::refine::{JointStatus, Optimizer, Refinement, Refiner, Renderer};
 use skelsplat_core::unit::{Unit, implausible_extent as core_extent};
 
 use crate::args::{Array, Cameras, Frames, array_out, layout};
 use crate::config::config;
 use crate::errors::{OrRaise, invalid};
+use crate::watch::{self, watched};
 
 /// Statuses in the order of the codes that `refine` returns.
 pub(crate) const JOINT_STATUS: [JointStatus; 3] =
     [JointStatus::Ok, JointStatus::Weak, JointStatus::Unobserved];
 
-/// How often a running batch looks for signals and reports progress.
-const POLL: Duration = Duration::from_millis(50);
+/// Least standard deviation of a start: the inverse of its square is still far from the end of a double.
+const FINEST: f64 = 1e-15;
 
 /// Cameras, layout and settings, prepared once for any number of frames.
 ///
@@ -30,7 +29,7 @@ const POLL: Duration = Duration::from_millis(50);
 /// InvalidInputError
 ///     No camera, an unknown layout, settings that do not fit the cameras.
 #[pyclass(frozen, module = "skelsplat._skelsplat", name = "Refiner")]
-pub(crate) struct PyRefiner(Refiner);
+pub(crate) struct PyRefiner(Arc<Refiner>);
 
 #[pymethods]
 impl PyRefiner {
@@ -44,7 +43,8 @@ impl PyRefiner {
     ) -> PyResult<Self> {
         let (layout, config) = (self::layout(layout)?, self::config(config)?);
         let cameras = Cameras::new(cameras)?;
-        Refiner::new(&cameras.cameras, cameras.unit, layout.as_ref(), config).map(Self).or_raise(py)
+        let refiner = Refiner::new(&cameras.cameras, cameras.unit, layout.as_ref(), config);
+        refiner.map(|refiner| Self(Arc::new(refiner))).or_raise(py)
     }
 
     /// Return the fields of ``skelsplat.Refinement``; ``joint_status`` as codes into ``JOINT_STATUS``.
@@ -76,10 +76,39 @@ impl PyRefiner {
             })
             .collect();
         let done = match jobs.as_slice() {
-            [_] => py.detach(|| refine_batch(&self.0, &jobs, &Progress::default())).or_raise(py)?,
-            _ => run_watched(py, &self.0, &jobs, progress)?,
+            [_] => self.one(py, &frames, jobs)?,
+            _ => self.many(py, jobs, progress)?,
         };
         results(py, &frames, &done)
+    }
+}
+
+impl PyRefiner {
+    fn one(&self, py: Python<'_>, frames: &Frames, jobs: Vec<Frame>) -> PyResult<Vec<Refinement>> {
+        let config = self.0.config();
+        let steps = match (config.optimizer, config.renderer) {
+            (Optimizer::GaussNewton, _) => Some(1),
+            (_, Renderer::ClosedForm) => Some(config.max_steps),
+            _ => None,
+        };
+        let short = steps.is_some_and(|n| watch::is_short(n, frames.n_views, frames.n_joints));
+        let refiner = Arc::clone(&self.0);
+        watch::run(py, short, move |progress| refine_batch(&refiner, &jobs, progress))
+    }
+
+    fn many(
+        &self,
+        py: Python<'_>,
+        jobs: Vec<Frame>,
+        report: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Vec<Refinement>> {
+        let (progress, total) = (Arc::new(Progress::default()), jobs.len());
+        let tell = || match report.filter(|r| !r.is_none()) {
+            Some(report) => report.call1((progress.done(), total)).map(|_| ()),
+            None => Ok(()),
+        };
+        let refiner = Arc::clone(&self.0);
+        watched(py, &progress, tell, move |progress| refine_batch(&refiner, &jobs, progress))
     }
 }
 
@@ -97,7 +126,8 @@ fn initial_poses(
         true => format!("({}, {n}, 3), as the detections", frames.count),
         false => format!("({n}, 3), as the detections"),
     };
-    let points = Array::of_shape("init_pose", given, &shape, &expected)?.points();
+    let poses = Array::of_shape("init_pose", given, &shape, &expected)?;
+    let points = poses.bounded(given.py(), "init_pose", ", or NaN for none")?.points();
     Ok(points.chunks(n.max(1)).map(|p| Some(p.to_vec())).collect())
 }
 
@@ -109,7 +139,7 @@ fn initial_covariances(
     let (t, n) = (frames.count, frames.n_joints);
     let Some(given) = init_sigma.filter(|s| !s.is_none()) else { return Ok(vec![None; t]) };
     let py = given.py();
-    let array = Array::new("init_sigma", given)?;
+    let array = Array::new("init_sigma", given)?.bounded(py, "init_sigma", ", or NaN for none")?;
     let is_sigma = |s: &f64| s.is_nan() || (*s > 0.0 && s.is_finite());
     if array.shape.len() < 2
         && let Some((j, sigma)) = array.values().iter().enumerate().find(|(_, s)| !is_sigma(s))
@@ -117,6 +147,13 @@ fn initial_covariances(
         let name = if array.shape.is_empty() { String::new() } else { format!("[{j}]") };
         let expected = "a positive finite standard deviation, or NaN for none";
         return Err(invalid(py, &format!("init_sigma{name}"), expected, sigma.to_string()));
+    }
+    let fine = |s: &f64| *s > 0.0 && *s < FINEST;
+    if array.shape.len() < 2
+        && let Some(sigma) = array.values().iter().find(|s| fine(s))
+    {
+        let expected = format!("standard deviations of at least {FINEST:e}");
+        return Err(invalid(py, "init_sigma", &expected, format!("{sigma:e}")));
     }
     let isotropic = |sigma: &f64| Matrix3::from_diagonal_element(sigma * sigma);
     let covariances: Vec<Matrix3<f64>> = match array.shape.as_slice() {
@@ -150,46 +187,6 @@ fn initial_covariances(
             Some(covariances[of_frame].to_vec())
         })
         .collect())
-}
-
-/// Runs a batch on a thread of its own while this one reports progress and listens for Ctrl-C.
-fn run_watched(
-    py: Python<'_>,
-    refiner: &Refiner,
-    jobs: &[Frame],
-    report: Option<&Bound<'_, PyAny>>,
-) -> PyResult<Vec<Refinement>> {
-    let progress = Progress::default();
-    let tell = || match report.filter(|r| !r.is_none()) {
-        Some(report) => report.call1((progress.done(), jobs.len())).map(|_| ()),
-        None => Ok(()),
-    };
-    std::thread::scope(|scope| {
-        let (send, receive) = channel();
-        // Only to make the receiver shareable with the detached closure: nobody else takes the lock.
-        let receive = Mutex::new(receive);
-        let progress = &progress;
-        scope.spawn(move || send.send(refine_batch(refiner, jobs, progress)));
-        loop {
-            let received = py.detach(|| match receive.lock() {
-                Ok(receive) => receive.recv_timeout(POLL),
-                Err(_) => Err(RecvTimeoutError::Disconnected),
-            });
-            let watched = py.check_signals().and_then(|()| tell());
-            if let Err(stop) = watched {
-                progress.cancel();
-                return Err(stop);
-            }
-            match received {
-                Ok(done) => return done.or_raise(py),
-                Err(RecvTimeoutError::Timeout) => {}
-                Err(RecvTimeoutError::Disconnected) => {
-                    let text = "the refinement thread ended without a result";
-                    return Err(pyo3::exceptions::PyRuntimeError::new_err(text));
-                }
-            }
-        }
-    })
 }
 
 /// The arrays of `Refinement`, with the leading T if there was one.

@@ -15,12 +15,27 @@ use crate::args::{Array, Cameras, Frames, array_out, points_out, type_name};
 use crate::camera::Camera;
 use crate::errors::{OrRaise, invalid};
 use crate::geometry::gaussians;
+use crate::watch;
+
+/// Pixels that are drawn within a tenth of a second.
+const SHORT_PIXELS: u64 = 50_000_000;
+
+/// Largest logarithm of a standard deviation: e⁵⁰ mm is 500 light years.
+const FARTHEST_LOG_SCALE: f64 = 50.0;
+/// Below this the square of a quaternion's norm can be lost.
+const ZERO_QUATERNION: f64 = 1e-100;
 
 type Image<'py> = Bound<'py, PyArrayDyn<f32>>;
 
 fn images_out<'py>(py: Python<'py>, images: Images) -> PyResult<Image<'py>> {
     let [w, h] = images.size.map(|s| s as usize);
     array_out(py, images.values, &[images.channels, h, w])
+}
+
+/// Whether even splats that cover the whole image are drawn within a tenth of a second.
+fn is_short(encoding: Encoding, n_joints: usize, size: [u32; 2]) -> bool {
+    let drawn = n_joints.max(encoding.channels(n_joints)) as u64;
+    drawn.saturating_mul(u64::from(size[0]) * u64::from(size[1])) <= SHORT_PIXELS
 }
 
 fn view(camera: &Bound<'_, PyAny>) -> PyResult<View> {
@@ -47,6 +62,7 @@ fn splats(
 /// Render Gaussians (N, 3), (N, 3, 3) as float32 images.
 ///
 /// (N, H, W) for ``"one_hot"``, (3, H, W) for ``"rgb"``, (1, H, W) for ``"single"``; ideal pixels.
+/// Images that do not fit into memory raise ``MemoryError``.
 #[pyfunction]
 #[pyo3(signature = (means, covariances, camera, *, encoding="one_hot"))]
 pub(crate) fn render<'py>(
@@ -59,8 +75,11 @@ pub(crate) fn render<'py>(
     let encoding = Encoding::by_name(encoding).or_raise(py)?;
     let (means, covariances) = gaussians(means, covariances)?;
     let view = view(camera)?;
-    let images =
-        py.detach(|| core::render(&splats(&view, &means, &covariances), encoding, view.size));
+    let short = is_short(encoding, means.len(), view.size);
+    let images = watch::run(py, short, move |progress| {
+        let splats = splats(&view, &means, &covariances);
+        core::render(&splats, encoding, view.size, progress.cancelled())
+    })?;
     images_out(py, images)
 }
 
@@ -85,14 +104,16 @@ pub(crate) fn pseudo_ground_truth<'py>(
     let ok = matches!(array.shape.as_slice(), [m, 2 | 3] if *m == n);
     let array =
         array.expect(py, "detections", &format!("({n}, 2) or ({n}, 3), one per mean"), ok)?;
-    let shapes = splats(&view, &means, &covariances);
-    let heats: Vec<Option<Splat>> = array
-        .values()
-        .chunks_exact(array.shape[1])
-        .zip(shapes)
-        .map(|(d, shape)| heat(d, shape?.0, view.size))
-        .collect();
-    images_out(py, py.detach(|| core::pseudo_ground_truth(&heats, encoding, view.size)))
+    let array = array.bounded(py, "detections", ", or NaN where missing")?;
+    let (values, channels) = (array.values().to_vec(), array.shape[1]);
+    let short = is_short(encoding, n, view.size);
+    let images = watch::run(py, short, move |progress| {
+        let shapes = splats(&view, &means, &covariances).into_iter();
+        let each = values.chunks_exact(channels).zip(shapes);
+        let heats: Vec<_> = each.map(|(d, shape)| heat(d, shape?.0, view.size)).collect();
+        core::pseudo_ground_truth(&heats, encoding, view.size, progress.cancelled())
+    })?;
+    images_out(py, images)
 }
 
 /// The shape of a projected Gaussian at detection `d` = (u, v[, confidence]), if it is there.
@@ -141,10 +162,10 @@ pub(crate) fn loss_and_gradient<'py>(
         crate::config::config(config)?,
     )
     .or_raise(py)?;
-    let (loss, gradient) = py
-        .detach(|| refiner.loss_and_gradient(&gaussians, &frames.frames[0], targets))
-        .or_raise(py)?;
     let n = gaussians.len();
+    let (loss, gradient) = watch::run(py, false, move |progress| {
+        refiner.loss_and_gradient(&gaussians, &frames.frames[0], targets, progress.cancelled())
+    })?;
     let out = PyDict::new(py);
     out.set_item("loss", loss.total)?;
     out.set_item("render", loss.render)?;
@@ -165,13 +186,22 @@ fn parameters(
 ) -> PyResult<Vec<Gaussian>> {
     let py = means.py();
     let means = Array::of_shape("means", means, &[None, Some(3)], "(N, 3)")?;
+    let means = means.bounded(py, "means", "")?;
     let n = means.shape[0];
     let shape = |k| [Some(n), Some(k)];
     let scales =
         Array::of_shape("log_scales", log_scales, &shape(3), &format!("({n}, 3), one per mean"))?;
     let turns =
         Array::of_shape("quaternions", quaternions, &shape(4), &format!("({n}, 4), one per mean"))?;
-    if let Some(j) = turns.values().chunks_exact(4).position(|q| q.iter().all(|v| *v == 0.0)) {
+    let turns = turns.bounded(py, "quaternions", "")?;
+    let is_far = |s: &f64| s.is_finite() && s.abs() > FARTHEST_LOG_SCALE;
+    if let Some(k) = scales.values().iter().position(is_far) {
+        let name = format!("log_scales[{}, {}]", k / 3, k % 3);
+        let expected = format!("a value within ±{FARTHEST_LOG_SCALE}");
+        return Err(invalid(py, &name, &expected, scales.values()[k].to_string()));
+    }
+    let is_zero = |q: &[f64]| q.iter().all(|v| v.abs() < ZERO_QUATERNION);
+    if let Some(j) = turns.values().chunks_exact(4).position(is_zero) {
         let name = format!("quaternions[{j}]");
         return Err(invalid(py, &name, "a quaternion (w, x, y, z) that is not zero", "zeros"));
     }

@@ -44,7 +44,7 @@ fn advice(score: f64) -> &'static str {
 
 impl Place<'_> {
     /// `name[…]` of the entry `k`, counted row-major.
-    fn of(&self, mut k: usize) -> String {
+    pub(crate) fn of(&self, mut k: usize) -> String {
         let mut places = Vec::with_capacity(self.shape.len());
         for n in self.shape.iter().rev() {
             places.push((k % n).to_string());

@@ -9,6 +9,18 @@ const ORTHONORMAL: f64 = 1e-6;
 /// Largest entry, relative to fx, that still counts as one of K's zeros (rounding of a computed K).
 const ZERO: f64 = 1e-9;
 
+/// Focal lengths, pixels: from a camera scaled down to one pixel to a telescope. With the bounds below, products of a few of
+/// these numbers and their squares stay far from the ends of a double.
+const FOCAL: [f64; 2] = [1e-9, 1e9];
+/// Largest coordinate of the principal point, pixels.
+const PRINCIPAL: f64 = 1e9;
+/// Largest coordinate of the translation, in any unit: a million kilometres in mm.
+const TRANSLATION: f64 = 1e12;
+/// Largest distortion coefficient: rational models of real lenses have some of hundreds.
+const COEFFICIENT: f64 = 1e9;
+/// Largest width and height, pixels: that of a JPEG. The pixels of an image can be counted in 32 bits.
+const SIDE: u32 = 65_535;
+
 /// Adds the camera's name to the argument of an input error, for use in `map_err`.
 pub fn for_camera(name: &str) -> impl FnOnce(Error) -> Error + '_ {
     move |error| match error {
@@ -26,6 +38,16 @@ pub(super) fn intrinsics(k: &Matrix3<f64>) -> Result<()> {
     let (fx, fy) = (k[(0, 0)], k[(1, 1)]);
     if fx <= 0.0 || fy <= 0.0 {
         return Err(Error::invalid("K", "positive focal lengths", format!("fx = {fx}, fy = {fy}")));
+    }
+    let [least, most] = FOCAL;
+    if !(least..=most).contains(&fx) || !(least..=most).contains(&fy) {
+        let expected = format!("focal lengths from {least:e} to {most:e} pixels");
+        return Err(Error::invalid("K", expected, format!("fx = {fx:e}, fy = {fy:e}")));
+    }
+    let (cx, cy) = (k[(0, 2)], k[(1, 2)]);
+    if cx.abs().max(cy.abs()) > PRINCIPAL {
+        let expected = format!("a principal point within ±{PRINCIPAL:e} pixels");
+        return Err(Error::invalid("K", expected, format!("cx = {cx:e}, cy = {cy:e}")));
     }
     if k[(0, 1)].abs() > ZERO * fx {
         return Err(Error::invalid("K", "zero skew", format!("K[0, 1] = {}", k[(0, 1)])));
@@ -55,15 +77,35 @@ pub(super) fn rotation(r: &Matrix3<f64>) -> Result<()> {
 }
 
 pub(super) fn translation(t: &Vector3<f64>) -> Result<()> {
-    finite("t", t.as_slice())
+    finite("t", t.as_slice())?;
+    within("t", t.as_slice(), TRANSLATION)
+}
+
+pub(super) fn distortion(coefficients: &[f64]) -> Result<()> {
+    finite("distortion", coefficients)?;
+    within("distortion", coefficients, COEFFICIENT)
 }
 
 pub(super) fn size(size: [u32; 2]) -> Result<()> {
+    let actual = || format!("({}, {})", size[0], size[1]);
     if size.contains(&0) {
-        let actual = format!("({}, {})", size[0], size[1]);
-        return Err(Error::invalid("size", "(width, height) of at least 1 pixel", actual));
+        return Err(Error::invalid("size", "(width, height) of at least 1 pixel", actual()));
+    }
+    if size.iter().any(|n| *n > SIDE) {
+        let expected = format!("(width, height) of at most {SIDE} pixels");
+        return Err(Error::invalid("size", expected, actual()));
     }
     Ok(())
+}
+
+/// Every value lies within ±`most`; otherwise the message shows the first that does not.
+fn within(argument: &str, values: &[f64], most: f64) -> Result<()> {
+    match values.iter().find(|v| v.abs() > most) {
+        None => Ok(()),
+        Some(v) => {
+            Err(Error::invalid(argument, format!("values within ±{most:e}"), format!("{v:e}")))
+        }
+    }
 }
 
 /// Every value is finite; otherwise the message shows the first that is not.

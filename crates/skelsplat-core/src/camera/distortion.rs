@@ -3,7 +3,7 @@
 
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
-use super::checks::finite;
+use super::checks;
 use super::fisheye::Fisheye;
 use super::fold;
 use crate::error::{Error, Result};
@@ -25,9 +25,9 @@ impl Distortion {
     ///
     /// # Errors
     /// [`Error::InvalidInput`] naming `distortion`: a count other than 0, 4, 5, 8, 12, 14 (fisheye: 0, 4)
-    /// or a value that is not finite.
+    /// or a value that is not finite or beyond ±1e9.
     pub fn from_coefficients(c: &[f64], fisheye: bool) -> Result<Self> {
-        finite("distortion", c)?;
+        checks::distortion(c)?;
         match (c.len(), fisheye) {
             (0, _) => Ok(Self::None),
             (4, true) => Ok(Self::Fisheye(Fisheye::new([c[0], c[1], c[2], c[3]]))),

@@ -39,8 +39,9 @@ impl Camera {
     ///
     /// # Errors
     /// [`Error::InvalidInput`] naming `K`, `R`, `t` or `size`: a value is not finite, K is not
-    /// `[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]` with positive focal lengths, R is not orthonormal to 1e-6
-    /// or is a reflection, or the image is empty. [`for_camera`] adds the camera's name.
+    /// `[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]` with focal lengths from 1e-9 to 1e9 and a principal point within ±1e9
+    /// pixels, R is not orthonormal to 1e-6 or is a reflection, t is not within ±1e12, or the image is not 1 to
+    /// 65 535 pixels wide and high. [`for_camera`] adds the camera's name.
     pub fn new(
         k: &Matrix3<f64>,
         rotation: &Matrix3<f64>,
@@ -208,7 +209,8 @@ impl Camera {
     /// K and the size (rounded, at least 1) follow; distortion acts on normalised coordinates and stays.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] if `factor` is not positive and finite.
+    /// [`Error::InvalidInput`] if `factor` is not positive and finite, or if K or the size leave the ranges of
+    /// [`Camera::new`].
     pub fn scaled(&self, factor: f64) -> Result<Self> {
         if !(factor.is_finite() && factor > 0.0) {
             return Err(Error::invalid("factor", "a positive finite number", factor.to_string()));
@@ -216,8 +218,17 @@ impl Camera {
         let mut out = self.clone();
         out.focal *= factor;
         out.principal = self.principal.map(|c| (c + 0.5) * factor - 0.5);
+        // Saturates, far beyond what is accepted.
         out.size = self.size.map(|n| (f64::from(n) * factor).round().max(1.0) as u32);
-        Ok(out)
+        let checked = checks::intrinsics(&out.k()).and_then(|()| checks::size(out.size));
+        checked.map(|()| out).map_err(|error| match error {
+            Error::InvalidInput { argument, expected, actual } => Error::invalid(
+                "factor",
+                format!("one after which {argument} has {expected}"),
+                format!("{factor:e}, after which it has {actual}"),
+            ),
+            other => other,
+        })
     }
 
     /// The same camera with lengths in another unit: t × `factor` (1000 for metres to millimetres).

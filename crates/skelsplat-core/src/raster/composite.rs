@@ -9,7 +9,10 @@
 //!
 //! since every term behind j holds the factor (1 − a_j); a ≤ 0.99 keeps the division safe. The pseudo
 //! ground truth is the sum of the joints' heat maps, scaled to peak 1. Canvases cover the person's window,
-//! never the whole image. This path is for ablations and keeps to doubles.
+//! never the whole image. This path is for ablations and keeps to doubles. Once `cancel` is set, no further row is
+//! drawn and what comes back is for the bin.
+
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use nalgebra::Vector2;
 
@@ -51,6 +54,9 @@ impl Canvas {
     }
 }
 
+/// Canvases of a [`Composite`].
+const CANVASES: usize = 4;
+
 /// One view's shared channel: its pseudo ground truth and the buffers of the compositing.
 #[derive(Debug, Clone, Default)]
 pub struct Composite {
@@ -81,15 +87,25 @@ fn hull<'a>(splats: impl Iterator<Item = &'a Splat>) -> (Span, Span) {
     })
 }
 
-/// Calls `visit(v, span, a)` for every covered row of `splat` with its values cut at 0.99 (if `clamp`).
+/// Bytes of the buffers for the shared channel of `splats`.
+#[must_use]
+pub fn bytes<'a>(splats: impl Iterator<Item = &'a Splat>) -> u128 {
+    let (rows, columns) = hull(splats);
+    (CANVASES * size_of::<f64>()) as u128 * rows.len() as u128 * columns.len() as u128
+}
+
+/// Calls `visit(v, span, a)` for every covered row of `splat` with its values cut at 0.99 (if `clamp`), until `cancel`.
 fn each_row(
     splat: &Splat,
     clamp: bool,
-    line: &mut Vec<f64>,
+    (line, cancel): (&mut Vec<f64>, &AtomicBool),
     mut visit: impl FnMut(i32, Span, &[f64]),
 ) {
     let table = RowTable::new(splat.conic[(0, 0)]);
     for (v, row) in splat.covered_rows() {
+        if cancel.load(Ordering::Relaxed) {
+            return;
+        }
         line.clear();
         line.resize(row.span.len(), 0.0);
         fill(&table, splat, &row, line);
@@ -103,12 +119,12 @@ fn each_row(
 impl Composite {
     /// Takes the pseudo ground truth from the detections' heat maps: their sum, scaled to peak 1.
     #[must_use]
-    pub fn new(heats: &[Splat]) -> Self {
+    pub fn new(heats: &[Splat], cancel: &AtomicBool) -> Self {
         let mut out = Self::default();
         let (rows, columns) = hull(heats.iter());
         out.pseudo.reset(rows, columns, 0.0);
         for heat in heats {
-            each_row(heat, false, &mut out.line, |v, span, values| {
+            each_row(heat, false, (&mut out.line, cancel), |v, span, values| {
                 let target = out.pseudo.line(v, span);
                 target.iter_mut().zip(values).for_each(|(t, p)| *t += p);
             });
@@ -126,9 +142,15 @@ impl Composite {
         &self.pseudo
     }
 
+    /// The pseudo ground truth alone, without the buffers.
+    #[must_use]
+    pub fn into_pseudo(self) -> Canvas {
+        self.pseudo
+    }
+
     /// Composites `splats`, nearest first, and compares with the pseudo ground truth.
-    pub fn compare(&mut self, splats: &[Splat]) -> CompositeSums {
-        self.forward(splats);
+    pub fn compare(&mut self, splats: &[Splat], cancel: &AtomicBool) -> CompositeSums {
+        self.forward(splats, cancel);
         let pseudo = std::mem::take(&mut self.pseudo);
         let mut mask = 0;
         let mut at = 0;
@@ -150,7 +172,7 @@ impl Composite {
     }
 
     /// C on `difference`, and the light left behind all joints on `transmittance`.
-    fn forward(&mut self, splats: &[Splat]) {
+    fn forward(&mut self, splats: &[Splat], cancel: &AtomicBool) {
         let (rows, columns) = hull(splats.iter());
         let rows = rows.hull(self.pseudo.rows);
         let columns = columns.hull(self.pseudo.columns);
@@ -158,7 +180,7 @@ impl Composite {
         self.transmittance.reset(rows, columns, 1.0);
         self.behind.reset(rows, columns, 0.0);
         for splat in splats {
-            each_row(splat, true, &mut self.line, |v, span, values| {
+            each_row(splat, true, (&mut self.line, cancel), |v, span, values| {
                 let colour = self.difference.line(v, span).iter_mut();
                 let light = self.transmittance.line(v, span).iter_mut();
                 for ((c, t), a) in colour.zip(light).zip(values) {
@@ -171,10 +193,15 @@ impl Composite {
 
     /// Moments of every splat after [`Composite::compare`] with the same `splats`, nearest first; hands
     /// them to `give(index, moments)`, farthest first.
-    pub fn backward(&mut self, splats: &[Splat], mut give: impl FnMut(usize, Moments)) {
+    pub fn backward(
+        &mut self,
+        splats: &[Splat],
+        cancel: &AtomicBool,
+        mut give: impl FnMut(usize, Moments),
+    ) {
         for (k, splat) in splats.iter().enumerate().rev() {
             let mut moments = Moments::default();
-            each_row(splat, true, &mut self.line, |v, span, values| {
+            each_row(splat, true, (&mut self.line, cancel), |v, span, values| {
                 let difference = self.difference.line(v, span).iter();
                 let light = self.transmittance.line(v, span).iter_mut();
                 let behind = self.behind.line(v, span).iter_mut();
@@ -195,9 +222,9 @@ impl Composite {
 
     /// The composite of `splats`, nearest first, on the window that holds them.
     #[must_use]
-    pub fn render(splats: &[Splat]) -> Canvas {
+    pub fn render(splats: &[Splat], cancel: &AtomicBool) -> Canvas {
         let mut out = Self::default();
-        out.forward(splats);
+        out.forward(splats, cancel);
         out.difference
     }
 }

@@ -27,6 +27,15 @@ fn pixels(span: Span) -> u32 {
     u32::try_from(span.len()).unwrap_or(u32::MAX)
 }
 
+impl<P> HeatMap<P> {
+    /// Bytes of the window of `splat`.
+    #[must_use]
+    pub fn bytes(splat: &Splat) -> u128 {
+        let width = splat.columns.len() as u128 + 2 * u128::from(MARGIN.unsigned_abs());
+        (width * size_of::<P>() as u128 + size_of::<Span>() as u128) * splat.rows.len() as u128
+    }
+}
+
 impl<P: Pixel> HeatMap<P> {
     /// The heat map of `splat`, whose mean is the detection.
     #[must_use]

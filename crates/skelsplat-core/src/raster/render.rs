@@ -1,9 +1,14 @@
 //! Whole images, made only when a caller asks for one.
 
-use super::composite::{Canvas, Composite};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::composite::{self, Canvas, Composite};
 use super::encoding::Encoding;
-use super::pseudo_gt::HeatMap;
+use super::pseudo_gt::fill;
+use super::rows::RowTable;
 use super::splat::{ALPHA_MAX, Splat};
+use crate::error::{Error, Result};
+use crate::memory;
 
 /// A stack of images `(C, H, W)`, row-major.
 #[derive(Debug, Clone, PartialEq)]
@@ -17,9 +22,15 @@ pub struct Images {
 }
 
 impl Images {
-    fn new(channels: usize, size: [u32; 2]) -> Self {
-        let pixels = size[0] as usize * size[1] as usize;
-        Self { channels, size, values: vec![0.0; channels * pixels] }
+    /// Black images, if there is memory for them and for `buffers` more bytes.
+    fn new(channels: usize, size: [u32; 2], buffers: u128) -> Result<Self> {
+        let [w, h] = size.map(|s| s as usize);
+        let count = channels as u128 * w as u128 * h as u128;
+        let bytes = count * size_of::<f32>() as u128 + buffers;
+        memory::check(bytes, || format!("images: {channels} x {h} x {w} float32 values"))?;
+        // Fits: the check has had it reserved.
+        let count = usize::try_from(count).unwrap_or(usize::MAX);
+        Ok(Self { channels, size, values: vec![0.0; count] })
     }
 
     fn line(&mut self, channel: usize, v: i32) -> &mut [f32] {
@@ -39,53 +50,88 @@ impl Images {
         }
     }
 
-    fn paste_splat(&mut self, channel: usize, splat: &Splat, limit: f32) {
-        let heat = HeatMap::<f32>::new(splat);
-        for v in splat.rows.start..splat.rows.end {
-            let span = heat.span(v);
-            let start = usize::try_from(span.start).unwrap_or(0);
-            let (_, values) = heat.line(v, span);
-            let target = &mut self.line(channel, v)[start..start + values.len()];
-            target.iter_mut().zip(values).for_each(|(t, a)| *t = a.min(limit));
+    fn paste_splat(&mut self, channel: usize, splat: &Splat, limit: f32, cancel: &AtomicBool) {
+        let table = RowTable::new(splat.conic[(0, 0)]);
+        let rows = splat.covered_rows().take_while(|_| !cancel.load(Ordering::Relaxed));
+        for (v, row) in rows {
+            let start = usize::try_from(row.span.start).unwrap_or(0);
+            let target = &mut self.line(channel, v)[start..start + row.span.len()];
+            fill(&table, splat, &row, target);
+            target.iter_mut().for_each(|t| *t = t.min(limit));
         }
     }
 }
 
 /// Renders `splats` (one per joint with its depth, `None` where the view does not see it).
-#[must_use]
-pub fn render(splats: &[Option<(Splat, f64)>], encoding: Encoding, size: [u32; 2]) -> Images {
-    let mut images = Images::new(encoding.channels(splats.len()), size);
+///
+/// # Errors
+/// [`Error::OutOfMemory`] before anything is drawn, [`Error::Cancelled`] once `cancel` is set.
+pub fn render(
+    splats: &[Option<(Splat, f64)>],
+    encoding: Encoding,
+    size: [u32; 2],
+    cancel: &AtomicBool,
+) -> Result<Images> {
     if encoding == Encoding::OneHot {
         #[allow(clippy::cast_possible_truncation, reason = "images are f32")]
         let limit = ALPHA_MAX as f32;
-        for (j, splat) in splats.iter().enumerate() {
-            if let Some((splat, _)) = splat {
-                images.paste_splat(j, splat, limit);
-            }
-        }
-        return images;
+        let splats = splats.iter().map(|s| s.map(|(splat, _)| splat));
+        return apart(splats, limit, size, cancel);
     }
-    let canvas = Composite::render(&nearest_first(splats));
-    (0..images.channels).for_each(|channel| images.paste(channel, &canvas));
-    images
+    shared(&nearest_first(splats), encoding, size, cancel, Composite::render)
 }
 
 /// Draws the pseudo ground truth of `heats` (one per joint, `None` where there is no detection).
-#[must_use]
-pub fn pseudo_ground_truth(heats: &[Option<Splat>], encoding: Encoding, size: [u32; 2]) -> Images {
-    let mut images = Images::new(encoding.channels(heats.len()), size);
+///
+/// # Errors
+/// As [`render`].
+pub fn pseudo_ground_truth(
+    heats: &[Option<Splat>],
+    encoding: Encoding,
+    size: [u32; 2],
+    cancel: &AtomicBool,
+) -> Result<Images> {
     if encoding == Encoding::OneHot {
-        for (j, heat) in heats.iter().enumerate() {
-            if let Some(heat) = heat {
-                images.paste_splat(j, heat, 1.0);
-            }
-        }
-        return images;
+        return apart(heats.iter().copied(), 1.0, size, cancel);
     }
     let shown: Vec<Splat> = heats.iter().flatten().copied().collect();
-    let composite = Composite::new(&shown);
-    (0..images.channels).for_each(|channel| images.paste(channel, composite.pseudo()));
-    images
+    let draw = |heats: &[Splat], cancel: &AtomicBool| Composite::new(heats, cancel).into_pseudo();
+    shared(&shown, encoding, size, cancel, draw)
+}
+
+/// Every splat, cut at `limit`, on a channel of its own.
+fn apart(
+    splats: impl ExactSizeIterator<Item = Option<Splat>>,
+    limit: f32,
+    size: [u32; 2],
+    cancel: &AtomicBool,
+) -> Result<Images> {
+    let mut images = Images::new(splats.len(), size, 0)?;
+    for (j, splat) in splats.enumerate() {
+        if let Some(splat) = splat {
+            images.paste_splat(j, &splat, limit, cancel);
+        }
+    }
+    unless_cancelled(images, cancel)
+}
+
+/// The canvas that the splats share, on every channel.
+fn shared(
+    splats: &[Splat],
+    encoding: Encoding,
+    size: [u32; 2],
+    cancel: &AtomicBool,
+    draw: impl FnOnce(&[Splat], &AtomicBool) -> Canvas,
+) -> Result<Images> {
+    let channels = encoding.channels(splats.len());
+    let mut images = Images::new(channels, size, composite::bytes(splats.iter()))?;
+    let canvas = draw(splats, cancel);
+    (0..channels).for_each(|channel| images.paste(channel, &canvas));
+    unless_cancelled(images, cancel)
+}
+
+fn unless_cancelled(images: Images, cancel: &AtomicBool) -> Result<Images> {
+    if cancel.load(Ordering::Relaxed) { Err(Error::Cancelled) } else { Ok(images) }
 }
 
 /// The splats that are there, by depth; of two at one depth the lower joint counts as nearer.

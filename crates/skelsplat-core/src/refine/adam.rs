@@ -1,6 +1,6 @@
 //! The paper's method for one frame: Gaussians at the initial pose, moved by Adam.
 
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -14,6 +14,7 @@ use crate::detections::Detections;
 use crate::error::{Error, Result};
 use crate::gaussian::{Gaussian, GaussianGradient};
 use crate::raster::rows::Pixel;
+use crate::threads;
 use crate::triangulate::dlt;
 
 /// Share of the largest camera distance that the released formula takes as learning rate.
@@ -36,12 +37,21 @@ impl Refiner {
         }
     }
 
+    /// With `parallel` in the pool of threads that the caller is in, else in that of the process: never in rayon's
+    /// global one, which does not survive a fork.
     pub(super) fn refine_adam(
         &self,
         frame: &Frame,
         parallel: bool,
         cancel: &AtomicBool,
     ) -> Result<Refinement> {
+        if parallel && rayon::current_thread_index().is_none() {
+            return threads::install(None, |parallel| self.adam(frame, parallel, cancel));
+        }
+        self.adam(frame, parallel, cancel)
+    }
+
+    fn adam(&self, frame: &Frame, parallel: bool, cancel: &AtomicBool) -> Result<Refinement> {
         let used = self.usable(&frame.detections);
         let init = self.initial_pose(frame, &used);
         let mut gaussians: Vec<Gaussian> = init
@@ -50,7 +60,8 @@ impl Refiner {
             .map(|(j, mean)| Gaussian::isotropic(*mean, self.sigma(j)))
             .collect();
         let shapes = gaussians.iter().map(|g| (g.mean, g.covariance())).collect();
-        let mut objective = self.objective::<f32>(&self.at_resolution(&used), &shapes, parallel);
+        let detections = self.at_resolution(&used);
+        let mut objective = self.objective::<f32>(&detections, &shapes, parallel, cancel)?;
         let observed = (0..gaussians.len()).any(|j| objective.usable_views(j) > 0);
         let run = if observed {
             paper::optimise(&mut gaussians, &mut objective, &self.config, self.position_lr, cancel)?
@@ -58,6 +69,9 @@ impl Refiner {
             Run { n_iter: 0, stop_reason: StopReason::NoObservations, history: Vec::new() }
         };
         let loss = objective.evaluate(&gaussians, &vec![true; self.views.len()]);
+        if cancel.load(Ordering::Relaxed) {
+            return Err(Error::Cancelled);
+        }
         let status = (0..gaussians.len()).map(|j| status(&objective, j)).collect();
         Ok(self.adam_result(frame, (&used, &init, &gaussians), (loss, run), status))
     }
@@ -68,12 +82,14 @@ impl Refiner {
     /// truth is shaped by the `targets` (mean and covariance per joint; `None`: the Gaussians themselves).
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] if views or joints do not match.
+    /// [`Error::InvalidInput`] if views or joints do not match, [`Error::OutOfMemory`] if the splats' windows are too
+    /// large, [`Error::Cancelled`] once `cancel` is set.
     pub fn loss_and_gradient(
         &self,
         gaussians: &[Gaussian],
         detections: &Detections,
         targets: Option<Shapes>,
+        cancel: &AtomicBool,
     ) -> Result<(Loss, Vec<GaussianGradient>)> {
         let means = gaussians.iter().map(|g| g.mean).collect();
         self.check(&Frame {
@@ -100,19 +116,23 @@ impl Refiner {
             }
         };
         let at_resolution = self.at_resolution(&self.usable(detections));
-        let mut objective = self.objective::<f64>(&at_resolution, &shapes, false);
+        let mut objective = self.objective::<f64>(&at_resolution, &shapes, false, cancel)?;
         let loss = objective.evaluate(&gaussians, &vec![true; self.views.len()]);
+        if cancel.load(Ordering::Relaxed) {
+            return Err(Error::Cancelled);
+        }
         let mut gradient = objective.gradient().to_vec();
         gradient.iter_mut().for_each(|g| g.mean *= mm);
         Ok((loss, gradient))
     }
 
-    fn objective<P: Pixel>(
-        &self,
+    fn objective<'a, P: Pixel>(
+        &'a self,
         detections: &Detections,
         shapes: &Shapes,
         parallel: bool,
-    ) -> Objective<'_, P> {
+        cancel: &'a AtomicBool,
+    ) -> Result<Objective<'a, P>> {
         let targets = Targets {
             detections,
             gaussians: shapes,
@@ -120,8 +140,8 @@ impl Refiner {
             encoding: self.config.encoding,
             renderer: self.config.renderer,
         };
-        Objective::new(&self.views, &targets, parallel)
-            .with_symmetry(self.pairs.iter().copied(), self.config.symmetry_weight)
+        let objective = Objective::new(&self.views, &targets, parallel, cancel)?;
+        Ok(objective.with_symmetry(self.pairs.iter().copied(), self.config.symmetry_weight))
     }
 
     /// Pixels of the rendering resolution: u' = (u + ½) s − ½.

@@ -220,8 +220,8 @@ impl RefineConfig {
         self.validate_lengths()?;
         positive("dilation", self.dilation)?;
         not_negative("symmetry_weight", self.symmetry_weight)?;
-        not_negative("log_scale_lr", self.log_scale_lr)?;
-        not_negative("rotation_lr", self.rotation_lr)?;
+        rate("log_scale_lr", self.log_scale_lr)?;
+        rate("rotation_lr", self.rotation_lr)?;
         positive("position_lr_factor", self.position_lr_factor)?;
         positive("lr_decay", self.lr_decay)?;
         positive("lr_decay_steps", self.lr_decay_steps)?;
@@ -265,7 +265,7 @@ impl RefineConfig {
             positive("occlusion_sigma", sigma)?;
         }
         if let PositionLearningRate::Millimetres(mm) = self.position_lr {
-            not_negative("position_lr", mm)?;
+            rate("position_lr", mm)?;
         }
         Ok(())
     }
@@ -295,6 +295,9 @@ impl RefineConfig {
         if let Some((name, _)) = counts.iter().find(|(_, count)| *count == Some(0)) {
             return Err(bad(name, "at least 1", 0));
         }
+        if let Some(n) = self.n_threads.filter(|n| *n > MOST_THREADS) {
+            return Err(bad("n_threads", &format!("at most {MOST_THREADS}"), n));
+        }
         if self.symmetry_tier > 3 {
             return Err(bad("symmetry_tier", "0, 1, 2 or 3", self.symmetry_tier));
         }
@@ -321,14 +324,34 @@ fn bad(field: &str, expected: &str, actual: impl std::fmt::Display) -> Error {
     Error::invalid(format!("config.{field}"), expected, actual.to_string())
 }
 
+/// Largest number of a setting, whatever its unit, and smallest of one that is positive: squares and products of a few
+/// of them stay far from the ends of a double.
+const MOST: f64 = 1e9;
+const LEAST: f64 = 1e-15;
+/// More threads than any machine has cores.
+const MOST_THREADS: usize = 4096;
+
 fn positive(field: &str, value: f64) -> Result<()> {
-    if value > 0.0 && value.is_finite() {
-        return Ok(());
+    if !(value > 0.0 && value.is_finite()) {
+        return Err(bad(field, "a positive finite number", value));
     }
-    Err(bad(field, "a positive finite number", value))
+    if !(LEAST..=MOST).contains(&value) {
+        let expected = format!("a number from {LEAST:e} to {MOST:e}");
+        return Err(bad(field, &expected, format!("{value:e}")));
+    }
+    Ok(())
 }
 
 fn not_negative(field: &str, value: f64) -> Result<()> {
+    rate(field, value)?;
+    if value > MOST {
+        return Err(bad(field, &format!("a number of at most {MOST:e}"), format!("{value:e}")));
+    }
+    Ok(())
+}
+
+/// A learning rate. One that is too large diverges, which is an outcome.
+fn rate(field: &str, value: f64) -> Result<()> {
     if value >= 0.0 && value.is_finite() {
         return Ok(());
     }

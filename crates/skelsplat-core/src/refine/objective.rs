@@ -4,15 +4,19 @@
 //! mean over the step's views that have any pixel (DESIGN §2). The closed form takes the integral over the plane
 //! instead, divided by the area of the targets' ellipses a ≥ 1/255, which the mask has where render and target agree.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 use rayon::prelude::*;
 
 use super::config::Renderer;
 use crate::detections::Detections;
+use crate::error::{Error, Result};
 use crate::gaussian::{Gaussian, GaussianGradient};
+use crate::memory;
 use crate::overlap::PlaneGaussian;
 use crate::projection::{Projected, View};
-use crate::raster::composite::Composite;
+use crate::raster::composite::{self, Composite};
 use crate::raster::encoding::Encoding;
 use crate::raster::masked_l2::{self, Moments};
 use crate::raster::pseudo_gt::HeatMap;
@@ -21,7 +25,7 @@ use crate::raster::splat::{CUT, Splat};
 use crate::symmetry::{LimbPair, symmetry};
 
 /// Pixels of pseudo ground truth from which sharing one pose's windows among threads pays.
-const PARALLEL_PIXELS: u32 = 5_000;
+const PARALLEL_PIXELS: u64 = 5_000;
 
 /// Area of the ellipse a ≥ 1/255, 2π ln 255 √|Σ|, in units of the energy π√|Σ|.
 const ELLIPSE_AREA: f64 = CUT;
@@ -102,19 +106,28 @@ pub struct Objective<'a, P> {
     pairs: Vec<LimbPair>,
     symmetry_weight: f64,
     parallel: bool,
+    cancel: &'a AtomicBool,
     covariances: Vec<Matrix3<f64>>,
     gradient: Vec<GaussianGradient>,
 }
 
+/// The splat of the detection of joint `j` in view `i` and the same on the plane; `None` without a pixel in the image.
+fn detection(
+    view: &View,
+    targets: &Targets<'_>,
+    i: usize,
+    j: usize,
+) -> Option<(Splat, PlaneGaussian)> {
+    let (mean, covariance) = &targets.gaussians[j];
+    let (pixel, _) = targets.detections.get(i, j)?;
+    let shape = view.project(mean, covariance, targets.dilation)?.covariance;
+    let splat = Splat::new(pixel, &shape, view.size)?;
+    splat.covered_rows().next()?;
+    Some((splat, PlaneGaussian { mean: pixel, covariance: shape }))
+}
+
 impl<P: Pixel> Channel<P> {
-    fn new(view: &View, targets: &Targets<'_>, i: usize, j: usize) -> Self {
-        let (mean, covariance) = &targets.gaussians[j];
-        let found = targets.detections.get(i, j).and_then(|(pixel, _)| {
-            let shape = view.project(mean, covariance, targets.dilation)?.covariance;
-            let splat = Splat::new(pixel, &shape, view.size)?;
-            splat.covered_rows().next()?;
-            Some((splat, PlaneGaussian { mean: pixel, covariance: shape }))
-        });
+    fn new(found: Option<(Splat, PlaneGaussian)>, targets: &Targets<'_>) -> Self {
         let target = match (&found, targets.encoding, targets.renderer) {
             (None, _, _) => Target::Missing,
             (Some(_), Encoding::Rgb | Encoding::Single, _) => Target::Shared,
@@ -181,39 +194,54 @@ impl ChannelLoss {
 }
 
 impl<'a, P: Pixel> Objective<'a, P> {
-    /// Builds the pseudo ground truth of `targets` in `views`. `parallel` allows threads within the pose.
-    #[must_use]
-    pub fn new(views: &'a [View], targets: &Targets<'_>, parallel: bool) -> Self {
+    /// Builds the pseudo ground truth of `targets` in `views`. `parallel`, in a pool of threads, allows threads within the
+    /// pose.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`] before it is built, [`Error::Cancelled`] once `cancel` is set.
+    pub fn new(
+        views: &'a [View],
+        targets: &Targets<'_>,
+        parallel: bool,
+        cancel: &'a AtomicBool,
+    ) -> Result<Self> {
         let n = targets.gaussians.len();
-        let channels: Vec<Channel<P>> = (0..views.len() * n)
-            .map(|k| Channel::new(&views[k / n], targets, k / n, k % n))
-            .collect();
+        let found: Vec<_> =
+            (0..views.len() * n).map(|k| detection(&views[k / n], targets, k / n, k % n)).collect();
+        check_memory::<P>(&found, n, targets, parallel)?;
+        let channel = |found| {
+            if cancel.load(Ordering::Relaxed) {
+                return Err(Error::Cancelled);
+            }
+            Ok(Channel::new(found, targets))
+        };
+        let channels: Vec<Channel<P>> = found.into_iter().map(channel).collect::<Result<_>>()?;
+        let composite = |view: &[Channel<P>]| {
+            let heats: Vec<Splat> = view.iter().filter_map(|c| c.detection).collect();
+            Composite::new(&heats, cancel)
+        };
         let composites = match targets.encoding {
             Encoding::OneHot => Vec::new(),
-            Encoding::Rgb | Encoding::Single => channels
-                .chunks(n)
-                .map(|view| {
-                    Composite::new(&view.iter().filter_map(|c| c.detection).collect::<Vec<_>>())
-                })
-                .collect(),
+            Encoding::Rgb | Encoding::Single => channels.chunks(n).map(composite).collect(),
         };
-        let pixels: u32 = channels
-            .iter()
-            .map(|c| if let Target::Raster(heat) = &c.target { heat.count } else { 0 })
-            .sum();
-        Self {
+        let pixels = |c: &Channel<P>| match &c.target {
+            Target::Raster(heat) => u64::from(heat.count),
+            _ => 0,
+        };
+        Ok(Self {
             views,
             n_joints: n,
             dilation: targets.dilation,
             encoding: targets.encoding,
+            parallel: parallel && channels.iter().map(pixels).sum::<u64>() >= PARALLEL_PIXELS,
             channels,
             composites,
             pairs: Vec::new(),
             symmetry_weight: 0.0,
-            parallel: parallel && pixels >= PARALLEL_PIXELS,
+            cancel,
             covariances: vec![Matrix3::zeros(); n],
             gradient: vec![GaussianGradient::ZERO; n],
-        }
+        })
     }
 
     /// Adds `weight` · L_sym over the `pairs` whose joints are all detected somewhere.
@@ -257,7 +285,7 @@ impl<'a, P: Pixel> Objective<'a, P> {
         &self.gradient
     }
 
-    /// Loss and gradient of `gaussians` over the `active` views.
+    /// Loss and gradient of `gaussians` over the `active` views; of no meaning once the objective is cancelled.
     pub fn evaluate(&mut self, gaussians: &[Gaussian], active: &[bool]) -> Loss {
         self.gradient.fill(GaussianGradient::ZERO);
         for (covariance, g) in self.covariances.iter_mut().zip(gaussians) {
@@ -275,8 +303,9 @@ impl<'a, P: Pixel> Objective<'a, P> {
     fn forward(&mut self, gaussians: &[Gaussian], active: &[bool]) {
         let (views, n, covariances, dilation) =
             (self.views, self.n_joints, &self.covariances, self.dilation);
+        let cancel = self.cancel;
         let one = |(k, channel): (usize, &mut Channel<P>)| {
-            if active[k / n] {
+            if active[k / n] && !cancel.load(Ordering::Relaxed) {
                 channel.forward(
                     &views[k / n],
                     &gaussians[k % n].mean,
@@ -333,10 +362,10 @@ impl<'a, P: Pixel> Objective<'a, P> {
             self.nearest_first(i, &mut order);
             let splats: Vec<Splat> =
                 order.iter().filter_map(|&j| self.channels[start + j].splat).collect();
-            let sums = self.composites[i].compare(&splats);
+            let sums = self.composites[i].compare(&splats, self.cancel);
             if sums.mask > 0 {
                 let mut moments = vec![Moments::default(); splats.len()];
-                self.composites[i].backward(&splats, |at, m| moments[at] = m);
+                self.composites[i].backward(&splats, self.cancel, |at, m| moments[at] = m);
                 let scale = 1.0 / f64::from(sums.mask);
                 losses.push((scale * sums.squared, scale, start, order.clone(), moments));
             }
@@ -388,6 +417,30 @@ impl<'a, P: Pixel> Objective<'a, P> {
         let (gradient, weight) = (&mut self.gradient, self.symmetry_weight);
         symmetry(|j| gaussians[j].mean, &self.pairs, |j, g| gradient[j].mean += weight * g)
     }
+}
+
+/// Refuses windows that do not fit into memory, those of the frames that other threads work on at the same time included.
+fn check_memory<P>(
+    found: &[Option<(Splat, PlaneGaussian)>],
+    n_joints: usize,
+    targets: &Targets<'_>,
+    parallel: bool,
+) -> Result<()> {
+    let splats = |view: &'_ [Option<(Splat, PlaneGaussian)>]| -> Vec<Splat> {
+        view.iter().flatten().map(|(splat, _)| *splat).collect()
+    };
+    let bytes: u128 = match (targets.encoding, targets.renderer) {
+        (Encoding::OneHot, Renderer::ClosedForm) => return Ok(()),
+        (Encoding::OneHot, Renderer::Raster) => splats(found).iter().map(HeatMap::<P>::bytes).sum(),
+        _ => found.chunks(n_joints).map(|view| composite::bytes(splats(view).iter())).sum(),
+    };
+    let frames = if parallel { None } else { rayon::current_thread_index() };
+    let frames = frames.map_or(1, |_| rayon::current_num_threads());
+    memory::check(frames as u128 * bytes, || {
+        let at_once =
+            if frames > 1 { format!(" ({frames} frames at once)") } else { String::new() };
+        format!("heat maps: the windows of {} detections{at_once}", found.iter().flatten().count())
+    })
 }
 
 /// A small count as a double.

@@ -27,7 +27,7 @@ pub struct Run {
 /// Moves `gaussians` to a minimum of `objective` over `n_views` views; `position_lr` in mm per step.
 ///
 /// # Errors
-/// [`Error::Cancelled`] once `cancel` is set.
+/// [`Error::Cancelled`] once `cancel`, that of the objective, is set.
 pub fn optimise<P: Pixel>(
     gaussians: &mut [Gaussian],
     objective: &mut Objective<'_, P>,
@@ -50,11 +50,11 @@ pub fn optimise<P: Pixel>(
     let mut run = Run { n_iter: 0, stop_reason: StopReason::MaxSteps, history: Vec::new() };
 
     for step in 0..config.max_steps {
+        views_in_turn(step, per_step, &mut active);
+        let loss = objective.evaluate(gaussians, &active);
         if cancel.load(Ordering::Relaxed) {
             return Err(Error::Cancelled);
         }
-        views_in_turn(step, per_step, &mut active);
-        let loss = objective.evaluate(gaussians, &active);
         if !loss.total.is_finite() {
             gaussians.copy_from_slice(&last);
             run.stop_reason = StopReason::Diverged;

@@ -73,6 +73,7 @@ impl Refiner {
             cameras.iter().map(|c| c.clone().with_length_scale(unit.millimetres())).collect();
         let scaled: Result<Vec<Camera>> =
             cameras.iter().map(|c| c.scaled(config.resolution)).collect();
+        let scaled = scaled.map_err(|error| error.of_argument("config.resolution"));
         let pairs = layout
             .filter(|_| config.symmetry_tier > 0)
             .map(|l| l.symmetric_pairs(config.symmetry_tier).collect());

@@ -1,0 +1,76 @@
+//! Whether memory that a caller asks for is there, before any of it is allocated.
+//!
+//! Linux grants more than it has and ends the process when the memory is used, so that a failed allocation is not how one
+//! hears of it: what is available is asked for first.
+
+use std::fs;
+
+use crate::error::{Error, Result};
+
+/// Needs up to this size are granted without a look.
+const SMALL: u128 = 64 << 20;
+/// Limits of a container, Linux control groups 2 and 1.
+const GROUP_LIMITS: [&str; 2] =
+    ["/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"];
+
+/// Refuses `bytes` that are not available; `what` says in the message what needs them.
+///
+/// # Errors
+/// [`Error::OutOfMemory`].
+pub fn check(bytes: u128, what: impl FnOnce() -> String) -> Result<()> {
+    if bytes <= SMALL {
+        return Ok(());
+    }
+    let gigabytes = |bytes: u128| bytes as f64 / 1e9;
+    let refused = |rest: String| {
+        Err(Error::OutOfMemory(format!("{} need {:.1} GB{rest}", what(), gigabytes(bytes))))
+    };
+    match available().map(u128::from) {
+        Some(available) if bytes > available => {
+            refused(format!(", {:.1} GB are available", gigabytes(available)))
+        }
+        _ if !reservable(bytes) => refused(", more than this process may have".to_owned()),
+        _ => Ok(()),
+    }
+}
+
+/// Whether the allocator would grant `bytes`; they are given back at once.
+fn reservable(bytes: u128) -> bool {
+    usize::try_from(bytes).is_ok_and(|n| Vec::<u8>::new().try_reserve_exact(n).is_ok())
+}
+
+/// Bytes that are free or can be freed; `None` where the system does not say.
+fn available() -> Option<u64> {
+    let machine = fs::read_to_string("/proc/meminfo").ok().and_then(|text| of_meminfo(&text));
+    let groups = GROUP_LIMITS.iter().filter_map(|path| fs::read_to_string(path).ok());
+    groups.filter_map(|text| text.trim().parse().ok()).chain(machine).min()
+}
+
+/// `MemAvailable` and `SwapFree` of `/proc/meminfo`, which counts in kB.
+fn of_meminfo(text: &str) -> Option<u64> {
+    let field = |name: &str| {
+        let line = text.lines().find_map(|line| line.strip_prefix(name))?;
+        line.trim().trim_end_matches(" kB").parse::<u64>().ok()
+    };
+    Some(1024 * (field("MemAvailable:")? + field("SwapFree:").unwrap_or(0)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn meminfo_counts_what_is_available_and_swap() {
+        let text = "MemTotal:  9 kB\nMemAvailable:   2000 kB\nSwapFree:  48 kB\n";
+        assert_eq!(of_meminfo(text), Some(2048 * 1024));
+        assert_eq!(of_meminfo("MemAvailable: 3 kB\n"), Some(3 * 1024));
+        assert_eq!(of_meminfo("MemFree: 3 kB\n"), None);
+    }
+
+    #[test]
+    fn what_no_machine_has_is_refused_with_its_size() {
+        check(SMALL, || unreachable!("granted without a look")).unwrap();
+        let text = check(1 << 70, || "all stars".to_owned()).unwrap_err().to_string();
+        assert!(text.starts_with("all stars need 1180591620717.4 GB"), "{text}");
+    }
+}

@@ -1,0 +1,106 @@
+//! Threads for frames and windows: one pool per process.
+//!
+//! Threads do not survive a fork. A child inherits the memory of its parent's pool and none of its threads, so that work
+//! handed to that pool would wait for ever. The pool is kept with the id of the process whose threads it has; another
+//! process makes its own.
+
+use std::sync::{Arc, Mutex, PoisonError, TryLockError};
+use std::time::Duration;
+
+use rayon::{ThreadPool, ThreadPoolBuilder};
+
+/// A pool and the process whose threads it has.
+struct Kept {
+    process: u32,
+    pool: Arc<ThreadPool>,
+}
+
+/// Locked only to read or exchange the value, never while a pool is built or used.
+static POOL: Mutex<Option<Kept>> = Mutex::new(None);
+
+/// How often and for how long the lock is tried. It is held for nanoseconds: one that stays locked was held by another
+/// thread at the moment of a fork, and nobody is left to open it.
+const TRIES: usize = 200;
+const PAUSE: Duration = Duration::from_millis(1);
+
+/// Runs `work(true)` in a pool of `n_threads` (`None`: the process's pool, one thread per core), or `work(false)` on this
+/// thread if no pool can be started.
+pub fn install<R: Send>(n_threads: Option<usize>, work: impl FnOnce(bool) -> R + Send) -> R {
+    let pool = match n_threads {
+        None => pool(),
+        Some(n) => ThreadPoolBuilder::new().num_threads(n).build().ok().map(Arc::new),
+    };
+    match pool {
+        Some(pool) => pool.install(|| work(true)),
+        None => work(false),
+    }
+}
+
+/// The pool of this process, made by the first call in it.
+fn pool() -> Option<Arc<ThreadPool>> {
+    let process = std::process::id();
+    let own = |kept: &Option<Kept>| {
+        kept.as_ref().filter(|k| k.process == process).map(|k| Arc::clone(&k.pool))
+    };
+    let found = with_slot(|slot| own(slot));
+    if let Some(Some(pool)) = found {
+        return Some(pool);
+    }
+    let made = Arc::new(ThreadPoolBuilder::new().build().ok()?);
+    let keep = |slot: &mut Option<Kept>| {
+        own(slot).unwrap_or_else(|| {
+            // Dropping the parent's pool would tell threads to end that do not exist here.
+            std::mem::forget(slot.replace(Kept { process, pool: Arc::clone(&made) }));
+            Arc::clone(&made)
+        })
+    };
+    Some(found.and_then(|_| with_slot(keep)).unwrap_or(made))
+}
+
+/// Hands the slot to `f`; `None` if its lock was left locked by a fork.
+fn with_slot<R>(f: impl FnOnce(&mut Option<Kept>) -> R) -> Option<R> {
+    for _ in 0..TRIES {
+        match POOL.try_lock().map_err(poisoned) {
+            Ok(mut slot) | Err(Some(mut slot)) => return Some(f(&mut slot)),
+            Err(None) => std::thread::sleep(PAUSE),
+        }
+    }
+    None
+}
+
+/// The value behind a lock whose holder panicked, which leaves it whole; `None` if the lock is held.
+fn poisoned<T>(error: TryLockError<T>) -> Option<T> {
+    match error {
+        TryLockError::Poisoned(held) => Some(PoisonError::into_inner(held)),
+        TryLockError::WouldBlock => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// One test, since all of it is about the one slot of the process.
+    #[test]
+    fn the_pool_belongs_to_the_process() {
+        let (one, two) = (pool().unwrap(), pool().unwrap());
+        assert!(Arc::ptr_eq(&one, &two));
+        assert!(install(None, |parallel| parallel && rayon::current_thread_index().is_some()));
+
+        // What a child finds after a fork: a pool of another process, whose threads it does not have. It must not be
+        // dropped: the slot's share stays.
+        let stale = Arc::new(ThreadPoolBuilder::new().num_threads(1).build().unwrap());
+        let process = std::process::id().wrapping_add(1);
+        let parents = Kept { process, pool: Arc::clone(&stale) };
+        std::mem::forget(with_slot(|slot| slot.replace(parents)));
+        let own = pool().unwrap();
+        assert!(!Arc::ptr_eq(&own, &stale));
+        assert_eq!(Arc::strong_count(&stale), 2);
+
+        // A lock that was held at the moment of a fork is given up; the work is done all the same.
+        let held = POOL.lock().unwrap_or_else(PoisonError::into_inner);
+        assert_eq!(install(None, |_| 6 * 7), 42);
+        drop(held);
+        assert!(Arc::ptr_eq(&own, &pool().unwrap()));
+    }
+}
