@@ -192,7 +192,7 @@ class RefineConfig:
         Gauss–Newton takes the closed form, Adam either.
     sigma : float
         Standard deviation of every joint's splat: 30; e³ ≈ 20.09 in ``paper()``. For Gauss–Newton it is the
-        widest that the kernel ends at, for Adam the initial σ₀.
+        widest that the kernel ends at, unless the noise is found to be larger; for Adam the initial σ₀.
     occlusion_sigma : float or None
         The same for occlusion-prone joints; None: ``sigma``.
     occlusion_factor : float
@@ -222,8 +222,8 @@ class RefineConfig:
     sigma_decay : float
         Factor on the kernel's σ from one step to the next, 0.5.
     sigma_per_noise : float or None
-        The kernel ends at this multiple of the detections' noise if that is less than ``sigma``, 2; None: at
-        ``sigma``, as in ``paper()``.
+        The kernel ends at this multiple of the detections' noise, 2, if that is less than ``sigma`` or the frame
+        is more likely so (large noise rather than many wrong detections); None: at ``sigma``, as in ``paper()``.
     detection_sigma : float or None
         Standard deviation of the detections' noise per axis, pixels; None: estimated in every frame.
     view_weights : sequence of M floats, or None

@@ -158,7 +158,7 @@ def evidence(
 def another_place(
     rays: Rays, j: int, off: Mask, x: Array, variance: float, widest: float, wrong: float
 ) -> float:
-    """Sum log p of the wrong rays `off` (M,) of joint `j` if they agree on a place of their own, else −inf."""
+    """Sum log p of the wrong rays `off` (M,) of joint `j` if they agree on another place, else −inf."""
     if np.count_nonzero(off) < 2:
         return -np.inf
     one = one_joint(rays, j)

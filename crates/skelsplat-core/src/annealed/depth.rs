@@ -22,12 +22,12 @@ const LEAST_PX: f64 = 1.0;
 /// Noise of a detection where rays are judged two at a time, px.
 const USUAL_PX: f64 = super::NoiseModel::PRIOR_PX;
 
-/// Δχ² of `rays` at `x`, of which each counts `k` times; `variance` is that of a detection of weight 1, px².
+/// Δχ² of `rays` at `x`, of which ray i counts `k(i)` times; `variance` is that of a detection of weight 1, px².
 /// Σ w |d − u|² = 2 (Σ w − |Σ w d|), since u is a unit vector along Σ w d.
-fn over_infinity(rays: &[Ray], x: &Vector3<f64>, variance: f64, k: impl Fn(&Ray) -> f64) -> f64 {
+fn over_infinity(rays: &[Ray], x: &Vector3<f64>, variance: f64, k: impl Fn(usize) -> f64) -> f64 {
     let (mut weight, mut along, mut at_x) = (0.0, Vector3::zeros(), 0.0);
-    for ray in rays.iter().filter(|ray| ray.is_there()) {
-        let w = ray.weight * k(ray) / (variance * ray.pixel * ray.pixel);
+    for (i, ray) in rays.iter().enumerate().filter(|(_, ray)| ray.is_there()) {
+        let w = ray.weight * k(i) / (variance * ray.pixel * ray.pixel);
         if w > 0.0 {
             let from = x - ray.centre;
             weight += w;
@@ -42,15 +42,14 @@ fn over_infinity(rays: &[Ray], x: &Vector3<f64>, variance: f64, k: impl Fn(&Ray)
 /// a pixel of noise. What they leave open even so is not worth a position.
 #[must_use]
 pub fn may_be_fixed(rays: &[Ray], x: &Vector3<f64>) -> bool {
-    over_infinity(rays, x, LEAST_PX * LEAST_PX, |ray| 1.0 / ray.weight) >= DISTINCT
+    over_infinity(rays, x, LEAST_PX * LEAST_PX, |i| 1.0 / rays[i].weight) >= DISTINCT
 }
 
-/// Whether the believed rays of joint `j` fix its depth at the solution, given the frame's noise.
+/// Whether the believed rays of joint `j` fix its depth at the solution, given the frame's noise; `k` are their weights.
 #[must_use]
-pub fn is_fixed(rays: &[Ray], j: usize, solution: &Solution) -> bool {
-    let (x, sigma) = (&solution.points[j], solution.sigma[j]);
+pub fn is_fixed(rays: &[Ray], j: usize, solution: &Solution, k: &[f64]) -> bool {
     let variance = solution.variance / (solution.pixel * solution.pixel);
-    over_infinity(rays, x, variance, |ray| ray.offset(x).weight(sigma)) >= DISTINCT
+    over_infinity(rays, &solution.points[j], variance, |i| k[i]) >= DISTINCT
 }
 
 /// Whether two rays are far enough from parallel for their meeting point to have a depth.

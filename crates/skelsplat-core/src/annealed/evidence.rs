@@ -24,6 +24,8 @@ use nalgebra::{Matrix3, Vector3};
 /// Rounds of expectation and maximisation for ε; it starts at one detection in ten.
 const ROUNDS: usize = 3;
 const FIRST_SHARE: f64 = 0.1;
+/// Least S in multiples of the noise.
+const LEAST_REACH: f64 = 2.5;
 /// r below which a detection may be part of another place.
 const RIGHT: f64 = 0.5;
 
@@ -100,15 +102,20 @@ pub fn evidence(
     let there = |j: usize| rays.of_joint(j).iter().filter(|ray| ray.is_there());
     let mut mixture =
         Mixture { variance: solution.variance, anywhere: widest * widest, wrong: FIRST_SHARE };
+    let least = LEAST_REACH * LEAST_REACH * solution.variance / rays.mean_weight();
     for _ in 0..ROUNDS {
-        let (mut wrong, mut n) = (0.0, 0.0);
+        let (mut wrong, mut squares, mut n) = (0.0, 0.0, 0.0);
         for (j, x) in placed() {
             for ray in there(j) {
-                wrong += 1.0 - mixture.of(ray, x).1;
+                let w = 1.0 - mixture.of(ray, x).1;
+                wrong += w;
+                squares += w * ray.offset(x).across.norm_squared();
                 n += 1.0;
             }
         }
         mixture.wrong = (wrong + 1.0) / (n + 2.0);
+        let apart = (squares + 2.0 * widest * widest) / (2.0 * (wrong + 1.0));
+        mixture.anywhere = apart.min(widest * widest).max(least);
     }
     let of_joint = |(j, x): (usize, &Vector3<f64>)| {
         let mut information = Matrix3::from_diagonal_element(1.0 / mixture.anywhere);

@@ -129,6 +129,8 @@ pub struct Solution {
 
 /// Limb pairs that differ by this multiple of σ_sym lose their pull like a detection far off.
 const SYMMETRY_REACH: f64 = 3.0;
+/// Kernels above the configured ones are this part of what those below them are to the noise: they reject sooner.
+const UPWARDS: f64 = 0.78;
 /// A step is no longer than this part of the way to the nearest camera.
 const TRUST: f64 = 0.5;
 
@@ -363,8 +365,8 @@ impl<'a> Run<'a> {
             self.estimate_noise();
         }
         let noise = (self.variance / self.weight).sqrt();
-        let share =
-            (annealing.per_noise * noise / annealing.base).min(self.problem.widening.factor);
+        let share = annealing.per_noise * noise / annealing.base;
+        let share = share.min((UPWARDS * share).max(1.0)).min(self.problem.widening.factor);
         let mut done = true;
         for j in 0..self.sigma.len() {
             let end = annealing.end[j] * share;

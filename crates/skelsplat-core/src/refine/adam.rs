@@ -163,10 +163,11 @@ impl Refiner {
         };
         let points: Vec<Vector3<f64>> = gaussians.iter().map(|g| g.mean).collect();
         let bars = self.error_bars(used, &points);
-        let doubted = |(s, fixed): (JointStatus, &bool)| {
-            if s == JointStatus::Ok && !fixed { JointStatus::Weak } else { s }
+        let doubted = |(s, bars): (JointStatus, &JointStatus)| match (s, bars) {
+            (JointStatus::Ok, JointStatus::Weak) => JointStatus::Weak,
+            _ => s,
         };
-        let joint_status = joint_status.into_iter().zip(&bars.fixed).map(doubted).collect();
+        let joint_status = joint_status.into_iter().zip(&bars.status).map(doubted).collect();
         Refinement {
             pose: points.iter().map(|p| p / mm).collect(),
             covariance: gaussians.iter().map(covariance).collect(),

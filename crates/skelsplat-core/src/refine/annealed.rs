@@ -5,14 +5,17 @@ use nalgebra::{Matrix3, Vector3};
 use super::objective::Loss;
 use super::refiner::{Frame, Refiner};
 use super::result::{JointStatus, Refinement, StopReason};
-use crate::annealed::consensus::{NEAR_TIE, REJECTED, TIE, agreement, rivals};
+use super::starts::{Given, Start};
+use crate::annealed::consensus::{REJECTED, TIE, agreement, rivals};
 use crate::annealed::depth::is_fixed;
 use crate::annealed::evidence::evidence;
 use crate::annealed::swaps;
-use crate::annealed::{Annealing, NoiseModel, Prior, Problem, Rays, Solution, Widening, solve};
+use crate::annealed::{
+    Annealing, NoiseModel, Prior, Problem, Ray, Rays, Solution, Widening, solve,
+};
 use crate::detections::Detections;
 use crate::symmetry::{LimbPair, symmetry};
-use crate::triangulate::robust::{Located, anywhere, locate, start};
+use crate::triangulate::robust::{anywhere, locate};
 use crate::uncertainty::posterior;
 
 /// What follows from residuals alone, in the unit of the cameras.
@@ -20,28 +23,8 @@ pub(super) struct ErrorBars {
     pub(super) uncertainty: Vec<Matrix3<f64>>,
     pub(super) view_weights: Vec<f64>,
     pub(super) noise: f64,
-    /// Whether the rays fix the depth of each joint and no other place has as many votes.
-    pub(super) fixed: Vec<bool>,
+    pub(super) status: Vec<JointStatus>,
 }
-
-/// Where a search begins.
-struct Start {
-    init: Vec<Vector3<f64>>,
-    points: Vec<Vector3<f64>>,
-    sigma: Vec<f64>,
-    widening: Widening,
-}
-
-/// What holds for all assignments of left and right of one frame.
-struct Given<'a> {
-    priors: Option<&'a [Prior]>,
-    annealing: Annealing,
-    /// [`Problem::widening`] where there are priors.
-    widening: Widening,
-}
-
-/// Standard deviations of a prior that the first kernel covers.
-const PRIOR_REACH: f64 = 2.0;
 
 /// A solution for one assignment of left and right.
 struct Found {
@@ -201,62 +184,6 @@ impl Refiner {
         partners.next().unwrap_or(joint)
     }
 
-    /// The initial pose, where to begin and with which kernels, mm.
-    ///
-    /// Where two views see a joint the detections place it, whatever the start; a start that is no more than that places
-    /// the others. A prior is where the search begins, under a kernel that covers its spread.
-    fn annealed_start(&self, frame: &Frame, rays: &Rays, given: &Given<'_>) -> Start {
-        let Some(pose) = &frame.init_pose else {
-            let found = locate(rays, &given.annealing);
-            let Solution { points, sigma, .. } = found.solution;
-            return Start { init: points.clone(), points, sigma, widening: found.widening };
-        };
-        let mm = self.unit.millimetres();
-        let known = |p: &Vector3<f64>| p.iter().all(|v| v.is_finite()).then_some(p * mm);
-        let pose: Vec<Option<Vector3<f64>>> = pose.iter().map(known).collect();
-        match &frame.init_covariance {
-            Some(covariances) => self.start_at_prior(&pose, covariances, rays, given),
-            None => start_beside(&pose, frame.past, rays, &given.annealing),
-        }
-    }
-
-    fn start_at_prior(
-        &self,
-        pose: &[Option<Vector3<f64>>],
-        covariances: &[Matrix3<f64>],
-        rays: &Rays,
-        given: &Given<'_>,
-    ) -> Start {
-        let (n, annealing, mm) = (pose.len(), &given.annealing, self.unit.millimetres());
-        let reach = |j: usize| {
-            let widest = covariances[j].diagonal().max();
-            if widest.is_finite() { PRIOR_REACH * mm * widest.sqrt() } else { 0.0 }
-        };
-        let init: Vec<_> = (0..n).map(|j| pose[j].unwrap_or_else(|| start(rays, j))).collect();
-        let mut points = init.clone();
-        if (0..n).any(|j| reach(j) > annealing.start) {
-            // Wider than any kernel: the detections know better where to begin.
-            let found = locate(rays, annealing).solution.points;
-            for j in (0..n).filter(|j| reach(*j) > annealing.start && found[*j].x.is_finite()) {
-                points[j] = found[j];
-            }
-        }
-        Start { init, points, sigma: vec![annealing.start; n], widening: given.widening }
-    }
-
-    /// The precision of the initial pose, mm⁻²; none for a joint that the initial pose does not have.
-    fn priors(&self, frame: &Frame) -> Option<Vec<Prior>> {
-        let (pose, covariance) = (frame.init_pose.as_ref()?, frame.init_covariance.as_ref()?);
-        let mm = self.unit.millimetres();
-        let prior = |(p, c): (&Vector3<f64>, &Matrix3<f64>)| match (c * (mm * mm)).cholesky() {
-            Some(factor) if p.iter().all(|v| v.is_finite()) => {
-                Prior { mean: p * mm, precision: factor.inverse() }
-            }
-            _ => Prior { mean: Vector3::zeros(), precision: Matrix3::zeros() },
-        };
-        Some(pose.iter().zip(covariance).map(prior).collect())
-    }
-
     fn view_weights(&self) -> &[f64] {
         self.config.view_weights.as_deref().unwrap_or_default()
     }
@@ -284,35 +211,52 @@ impl Refiner {
         let problem = self.problem(&rays, &given, Widening::NONE);
         let mut solution = solve(&problem, points.to_vec(), given.annealing.end.clone());
         let swapped = vec![false; used.n_views() * used.n_joints()];
-        self.bars(&problem, &mut solution, &swapped)
+        let bars = self.bars(&problem, &mut solution, &swapped);
+        // Its splats reach further than these kernels: what they reject still has a say on the depth.
+        let all = vec![1.0; used.n_views()];
+        let has_depth = |j: usize| is_fixed(rays.of_joint(j), j, &solution, &all);
+        let status = (0..points.len()).map(|j| match has_depth(j) {
+            true => JointStatus::Ok,
+            false => JointStatus::Weak,
+        });
+        ErrorBars { status: status.collect(), ..bars }
     }
 
     fn bars(&self, problem: &Problem<'_>, solution: &mut Solution, swapped: &[bool]) -> ErrorBars {
         let mm = self.unit.millimetres();
         let rays = problem.rays;
         let (m, n) = (rays.n_views(), rays.n_joints());
-        let deep: Vec<bool> = (0..n).map(|j| is_fixed(rays.of_joint(j), j, solution)).collect();
+        let k = believed(rays, solution);
+        let of_joint = |j: usize| (rays.of_joint(j), &k[j * m..(j + 1) * m]);
+        let is_deep = |j: usize| is_fixed(of_joint(j).0, j, solution, of_joint(j).1);
+        let deep: Vec<bool> = (0..n).map(is_deep).collect();
         let mut covariances = posterior(problem, solution, &deep);
-        let mut fixed = deep;
-        for j in 0..n {
+        let mut status: Vec<JointStatus> = (0..n)
+            .map(|j| match of_joint(j) {
+                (rays, _) if !rays.iter().any(Ray::is_there) => JointStatus::Unobserved,
+                (_, k) if k.iter().filter(|k| **k >= REJECTED).count() < 2 => JointStatus::Weak,
+                _ if !deep[j] => JointStatus::Weak,
+                _ => JointStatus::Ok,
+            })
+            .collect();
+        for j in (0..n).filter(|j| of_joint(*j).1.iter().any(|k| *k < REJECTED)) {
             let x = &solution.points[j];
             for rival in rivals(rays.of_joint(j), x, solution.sigma[j], TIE) {
                 // The second moment about x of places that are right with these probabilities.
                 let off = rival.at - x;
                 covariances[j] += off * off.transpose() * rival.share;
-                fixed[j] = false;
+                status[j] = JointStatus::Weak;
             }
         }
-        let weight = |k: usize| {
-            let (i, j) = (k / n, self.used_for(swapped, k / n, k % n, n));
-            let (ray, x) = (&rays.of_joint(j)[i], &solution.points[j]);
-            if ray.is_there() { ray.offset(x).weight(solution.sigma[j]) } else { f64::NAN }
+        let weight = |at: usize| {
+            let (i, j) = (at / n, self.used_for(swapped, at / n, at % n, n));
+            k[j * m + i]
         };
         ErrorBars {
             uncertainty: covariances.iter().map(|c| c / (mm * mm)).collect(),
             view_weights: (0..m * n).map(weight).collect(),
             noise: solution.noise / mm,
-            fixed,
+            status,
         }
     }
 
@@ -332,7 +276,7 @@ impl Refiner {
             let variance = if x.x.is_nan() { f64::NAN } else { (sigma / mm).powi(2) };
             Matrix3::from_diagonal_element(variance)
         };
-        let joint_status = joint_status(rays, solution, &bars.fixed);
+        let joint_status = bars.status;
         let known = |j: usize| solution.points[j].x.is_finite();
         let mut seen =
             joint_status.iter().enumerate().filter(|(_, s)| **s != JointStatus::Unobserved);
@@ -359,45 +303,17 @@ impl Refiner {
     }
 }
 
-/// Where to begin with an initial pose `(N)` that is no prior: the detections place what they can. Of two places that have
-/// as many votes the `past` decides.
-fn start_beside(
-    pose: &[Option<Vector3<f64>>],
-    past: bool,
-    rays: &Rays,
-    annealing: &Annealing,
-) -> Start {
-    let Located { solution: found, widening, .. } = locate(rays, annealing);
-    let init = pose.iter().zip(&found.points).map(|(p, x)| p.unwrap_or(*x)).collect();
-    let (mut points, mut sigma) = (found.points, found.sigma);
-    for (j, p) in pose.iter().enumerate().filter_map(|(j, p)| Some((j, (*p)?))) {
-        if points[j].x.is_nan() {
-            (points[j], sigma[j]) = (p, f64::INFINITY);
-        }
-        if !past {
-            continue;
-        }
-        for rival in rivals(rays.of_joint(j), &points[j].clone(), sigma[j], NEAR_TIE) {
-            if (rival.at - p).norm() < (points[j] - p).norm() {
-                points[j] = rival.at;
-            }
-        }
+/// k of every ray `(N, M)` at the solution; NaN where there is none.
+fn believed(rays: &Rays, solution: &Solution) -> Vec<f64> {
+    let mut out = Vec::with_capacity(rays.n_joints() * rays.n_views());
+    for (j, x) in solution.points.iter().enumerate() {
+        let k = |ray: &Ray| match ray.is_there() {
+            true => ray.offset(x).weight(solution.sigma[j]),
+            false => f64::NAN,
+        };
+        out.extend(rays.of_joint(j).iter().map(k));
     }
-    Start { init, points, sigma, widening }
-}
-
-fn joint_status(rays: &Rays, solution: &Solution, fixed: &[bool]) -> Vec<JointStatus> {
-    let one = |j: usize| {
-        let (x, sigma) = (&solution.points[j], solution.sigma[j]);
-        let there = || rays.of_joint(j).iter().filter(|ray| ray.is_there());
-        match there().filter(|ray| ray.offset(x).weight(sigma) >= REJECTED).count() {
-            _ if there().next().is_none() => JointStatus::Unobserved,
-            0 | 1 => JointStatus::Weak,
-            _ if !fixed[j] => JointStatus::Weak,
-            _ => JointStatus::Ok,
-        }
-    };
-    (0..rays.n_joints()).map(one).collect()
+    out
 }
 
 /// The terms of F (see [`crate::annealed`]): data and symmetry.

@@ -104,7 +104,8 @@ pub struct RefineConfig {
     pub sigma_start: f64,
     /// Gauss–Newton: factor on σ from one step to the next.
     pub sigma_decay: f64,
-    /// Gauss–Newton: σ goes on narrowing to this multiple of the detections' noise; `None`: it ends at `sigma`.
+    /// Gauss–Newton: σ ends at this multiple of the detections' noise, also above `sigma` where the frame is more likely so;
+    /// `None`: it ends at `sigma`.
     pub sigma_per_noise: Option<f64>,
     /// Gauss–Newton: standard deviation of the detections' noise, pixels; `None`: estimated in every frame.
     pub detection_sigma: Option<f64>,

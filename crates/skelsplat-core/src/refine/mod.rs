@@ -7,6 +7,7 @@ pub mod objective;
 pub mod paper;
 pub mod refiner;
 pub mod result;
+mod starts;
 
 pub use config::{Optimizer, PositionLearningRate, RefineConfig, Renderer};
 pub use objective::{Loss, Objective, Targets};

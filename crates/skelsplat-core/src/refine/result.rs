@@ -34,9 +34,10 @@ impl StopReason {
 /// How far a joint's position can be relied on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum JointStatus {
-    /// Its splat meets its detection in two views or more.
+    /// Its splat meets its detection in two views or more, which fix its place.
     Ok,
-    /// Detected, but its splat meets its detection in fewer than two views: depth is not fixed.
+    /// Detected, but not determined: its splat meets its detection in fewer than two views, or these are too close together
+    /// to fix the depth, or as many views agree on another place.
     Weak,
     /// No usable detection: the joint keeps its initial position, NaN if it has none.
     Unobserved,
