@@ -17,6 +17,7 @@ from reference.symmetry import Pairs
 
 PRIOR_PX, PRIOR_FREEDOM, REFUTED_FREEDOM = 3.0, 6.0, 3.0
 SYMMETRY_REACH = 3.0
+UPWARDS = 0.78
 RESIDUAL_SHARE, SHARED_FREEDOM = 0.87, 5.0
 BODY, LEAST_JOINTS = 2.0, 3
 
@@ -167,8 +168,8 @@ def narrowed(problem: Problem, now: Kernels, x: Array, active: Mask, moments: tu
     else:
         variance = noise_variance(problem, *moments, float(now.sigma.mean()), pixel)
         target = now.sigma * settings.factor
-    widest = problem.widening.factor * settings.end
-    end = min(widest, settings.per_noise * np.sqrt(variance / rays.mean_weight))
+    wanted = settings.per_noise * np.sqrt(variance / rays.mean_weight)
+    end = min(wanted, max(UPWARDS * wanted, settings.end), problem.widening.factor * settings.end)
     return Kernels(np.maximum(target, end), variance, pixel, now.sigma <= 1.05 * end)
 
 

@@ -14,7 +14,7 @@ DISTINCT = 9.0
 LEAST_PX, USUAL_PX = 1.0, 3.0
 REJECTED = 0.25
 APART = 4.0
-ROUNDS, FIRST_SHARE = 3, 0.1
+ROUNDS, FIRST_SHARE, LEAST_REACH = 3, 0.1, 2.5
 ANYWHERE = (1.5, 1.0)
 LEAST_FREEDOM = 6
 
@@ -125,7 +125,7 @@ def evidence(
 ) -> Evidence:
     """Sum log p over right (normal, ŝ²/c) and wrong (normal, `widest`²) detections, joints integrated out.
 
-    ε by three rounds of expectation and maximisation; each joint contributes −½ log det H_j.
+    ε and S by three rounds of expectation and maximisation, S from `widest`; each joint adds −½ log det H_j.
     """
     known = np.isfinite(solution.points).all(axis=1)
     x = np.nan_to_num(solution.points)
@@ -133,20 +133,22 @@ def evidence(
     square, there = np.sum(e**2, axis=-1), (rays.weight > 0) & known
     variance = np.divide(solution.variance, rays.weight, out=np.ones_like(square), where=rays.weight > 0)
     right = np.where(along > 0, np.exp(-0.5 * square / variance) / (2 * np.pi * variance), 0.0)
-    anywhere = np.exp(-0.5 * square / widest**2) / (2 * np.pi * widest**2)
-    wrong = FIRST_SHARE
-    for _ in range(ROUNDS):
+    wrong, apart2, least = FIRST_SHARE, widest**2, LEAST_REACH**2 * solution.variance / rays.mean_weight
+    for n in range(ROUNDS + 1):
+        anywhere = np.exp(-0.5 * square / apart2) / (2 * np.pi * apart2)
         p = np.maximum((1 - wrong) * right + wrong * anywhere, np.finfo(float).tiny)
         r = (1 - wrong) * right / p
-        wrong = ((1 - r)[there].sum() + 1) / (there.sum() + 2)
-    p = np.maximum((1 - wrong) * right + wrong * anywhere, np.finfo(float).tiny)
-    r = (1 - wrong) * right / p
-    H = information(np.where(there, r / variance, 0.0), rays) + np.eye(3) / widest**2
+        if n < ROUNDS:
+            far = (1 - r)[there].sum()
+            squares = ((1 - r) * square)[there].sum()
+            wrong = (far + 1) / (there.sum() + 2)
+            apart2 = max(min((squares + 2 * widest**2) / (2 * (far + 1)), widest**2), least)
+    H = information(np.where(there, r / variance, 0.0), rays) + np.eye(3) / apart2
     logs = np.where(there, np.log(p), 0.0)
     log = 0.0
     for j in np.flatnonzero(known):
         off = there[:, j] & (r[:, j] < 0.5)
-        another = another_place(rays, j, off, x[j], solution.variance, widest, wrong)
+        another = another_place(rays, j, off, x[j], solution.variance, np.sqrt(apart2), wrong)
         log += float(logs[~off, j].sum() + max(logs[off, j].sum(), another))
     if prior is not None:
         apart = (x - prior[0])[known]

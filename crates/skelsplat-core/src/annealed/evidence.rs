@@ -2,7 +2,7 @@
 //!
 //! A kernel that ends narrow explains two or three of four scattered rays and rejects the others; a wide one explains
 //! all by larger noise. Either is a model of the same frame: a detection is right with probability 1 − ε and then lies
-//! within the noise s, or it is wrong and lies anywhere within S, the widest kernel,
+//! within the noise s, or it is wrong and lies anywhere within S, at most the widest kernel,
 //!
 //! ```text
 //! p(e) = (1−ε) N₂(e; s²) + ε N₂(e; S²)           log p = Σ_ij log p(e_ij) − ½ Σ_j log det H_j + const
@@ -10,7 +10,7 @@
 //! ```
 //!
 //! with the joints integrated out by Laplace's method: that two rays nearly meet somewhere is no evidence for small
-//! noise, since the volume in which they do so shrinks with it. ε is the one that makes log p largest. An independent start
+//! noise, since the volume in which they do so shrinks with it. ε and S are those that make log p largest. An independent start
 //! adds −½ (x−x⁰)ᵀ Π (x−x⁰) to log p and Π to H.
 //!
 //! Wrong detections may agree on another place y, as views do that show somebody else. Then they lie within the noise of y,
