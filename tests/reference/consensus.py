@@ -143,12 +143,13 @@ def evidence(
             squares = ((1 - r) * square)[there].sum()
             wrong = (far + 1) / (there.sum() + 2)
             apart2 = max(min((squares + 2 * widest**2) / (2 * (far + 1)), widest**2), least)
-    H = information(np.where(there, r / variance, 0.0), rays) + np.eye(3) / apart2
+    H = information(np.where(there, r / variance, 0.0), rays) + np.eye(3) / widest**2
     logs = np.where(there, np.log(p), 0.0)
     log = 0.0
     for j in np.flatnonzero(known):
         off = there[:, j] & (r[:, j] < 0.5)
-        another = another_place(rays, j, off, x[j], solution.variance, np.sqrt(apart2), wrong)
+        scales = solution.variance, apart2, widest**2
+        another = another_place(rays, j, off, x[j], scales, wrong)
         log += float(logs[~off, j].sum() + max(logs[off, j].sum(), another))
     if prior is not None:
         apart = (x - prior[0])[known]
@@ -158,9 +159,13 @@ def evidence(
 
 
 def another_place(
-    rays: Rays, j: int, off: Mask, x: Array, variance: float, widest: float, wrong: float
+    rays: Rays, j: int, off: Mask, x: Array, scales: tuple[float, float, float], wrong: float
 ) -> float:
-    """Sum log p of the wrong rays `off` (M,) of joint `j` if they agree on another place, else −inf."""
+    """Sum log p of the wrong rays `off` (M,) of joint `j` if they agree on another place, else −inf.
+
+    `scales` are the variances ŝ², S² and W² in mm².
+    """
+    variance, apart2, widest2 = scales
     if np.count_nonzero(off) < 2:
         return -np.inf
     one = one_joint(rays, j)
@@ -172,12 +177,12 @@ def another_place(
     e, along = offsets(y, one)
     square, c = np.sum(e**2, axis=-1)[off, 0], one.weight[off, 0]
     near = np.exp(-0.5 * square * c / variance) * c / (2 * np.pi * variance) * (along[off, 0] > 0)
-    anywhere = np.exp(-0.5 * square / widest**2) / (2 * np.pi * widest**2)
+    anywhere = np.exp(-0.5 * square / apart2) / (2 * np.pi * apart2)
     p = np.maximum(wrong * (near + anywhere), np.finfo(float).tiny)
     w = np.zeros_like(one.weight)
-    w[off, 0] = wrong * near / p * c * widest**2 / variance
+    w[off, 0] = wrong * near / p * c * widest2 / variance
     H = information(w, one)[0] + np.eye(3)
-    apart = float(np.sum((y - x) ** 2)) / widest**2
+    apart = float(np.sum((y - x) ** 2)) / widest2
     return float(np.log(p).sum() - 0.5 * apart - 0.5 * np.linalg.slogdet(H)[1])
 
 

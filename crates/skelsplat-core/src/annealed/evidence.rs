@@ -2,11 +2,11 @@
 //!
 //! A kernel that ends narrow explains two or three of four scattered rays and rejects the others; a wide one explains
 //! all by larger noise. Either is a model of the same frame: a detection is right with probability 1 − ε and then lies
-//! within the noise s, or it is wrong and lies anywhere within S, at most the widest kernel,
+//! within the noise s, or it is wrong and lies anywhere within S, at most W, the widest kernel,
 //!
 //! ```text
 //! p(e) = (1−ε) N₂(e; s²) + ε N₂(e; S²)           log p = Σ_ij log p(e_ij) − ½ Σ_j log det H_j + const
-//! H_j  = Σ_i r_ij (I − d dᵀ)/s² + I/S²             r = (1−ε) N₂(e; s²) / p(e)
+//! H_j  = Σ_i r_ij (I − d dᵀ)/s² + I/W²             r = (1−ε) N₂(e; s²) / p(e)
 //! ```
 //!
 //! with the joints integrated out by Laplace's method: that two rays nearly meet somewhere is no evidence for small
@@ -14,7 +14,7 @@
 //! adds −½ (x−x⁰)ᵀ Π (x−x⁰) to log p and Π to H.
 //!
 //! Wrong detections may agree on another place y, as views do that show somebody else. Then they lie within the noise of y,
-//! which lies within S of x: ε N₂(e(y); s²) for each and −½ log det (S² H_y) − |y−x|²/2S² for y, where that is more.
+//! which lies within W of x: ε N₂(e(y); s²) for each and −½ log det (W² H_y) − |y−x|²/2W² for y, where that is more.
 
 use super::consensus::best_pair;
 use super::rays::{Ray, Rays};
@@ -36,6 +36,8 @@ struct Mixture {
     variance: f64,
     /// S².
     anywhere: f64,
+    /// W².
+    widest: f64,
     /// ε.
     wrong: f64,
 }
@@ -63,13 +65,13 @@ impl Mixture {
         let sigma = super::Annealing::PER_NOISE * self.noise(wrong);
         let Some((y, _)) = best_pair(wrong, x, sigma) else { return f64::NEG_INFINITY };
         let mut information = Matrix3::identity();
-        let mut log_p = -0.5 * (y - x).norm_squared() / self.anywhere;
+        let mut log_p = -0.5 * (y - x).norm_squared() / self.widest;
         for ray in wrong {
             let (near, anywhere) = self.densities(ray, &y);
             let p = (self.wrong * (near + anywhere)).max(f64::MIN_POSITIVE);
             log_p += p.ln();
             let share = self.wrong * near / p;
-            information += ray.information() * (share * ray.weight * self.anywhere / self.variance);
+            information += ray.information() * (share * ray.weight * self.widest / self.variance);
         }
         log_p - 0.5 * information.determinant().ln()
     }
@@ -90,7 +92,7 @@ pub struct Evidence {
     pub wrong: f64,
 }
 
-/// The evidence of the frame, and of its `priors`, for `solution`; `widest` is S, mm.
+/// The evidence of the frame, and of its `priors`, for `solution`; `widest` is W, mm.
 #[must_use]
 pub fn evidence(
     rays: &Rays,
@@ -100,8 +102,9 @@ pub fn evidence(
 ) -> Evidence {
     let placed = || solution.points.iter().enumerate().filter(|(_, x)| x.x.is_finite());
     let there = |j: usize| rays.of_joint(j).iter().filter(|ray| ray.is_there());
+    let widest = widest * widest;
     let mut mixture =
-        Mixture { variance: solution.variance, anywhere: widest * widest, wrong: FIRST_SHARE };
+        Mixture { variance: solution.variance, anywhere: widest, widest, wrong: FIRST_SHARE };
     let least = LEAST_REACH * LEAST_REACH * solution.variance / rays.mean_weight();
     for _ in 0..ROUNDS {
         let (mut wrong, mut squares, mut n) = (0.0, 0.0, 0.0);
@@ -114,11 +117,11 @@ pub fn evidence(
             }
         }
         mixture.wrong = (wrong + 1.0) / (n + 2.0);
-        let apart = (squares + 2.0 * widest * widest) / (2.0 * (wrong + 1.0));
-        mixture.anywhere = apart.min(widest * widest).max(least);
+        let apart = (squares + 2.0 * widest) / (2.0 * (wrong + 1.0));
+        mixture.anywhere = apart.min(widest).max(least);
     }
     let of_joint = |(j, x): (usize, &Vector3<f64>)| {
-        let mut information = Matrix3::from_diagonal_element(1.0 / mixture.anywhere);
+        let mut information = Matrix3::from_diagonal_element(1.0 / widest);
         let (mut log_p, mut of_wrong) = (0.0, 0.0);
         let mut wrong = Vec::new();
         for ray in there(j) {
