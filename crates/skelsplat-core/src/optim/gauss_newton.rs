@@ -77,6 +77,20 @@ impl NormalEquations {
         }
     }
 
+    /// Adds to D what a step needs where r is the difference of two lengths, (joints 0 and 1) less (2 and 3): the Hessian of
+    /// ½ Λ r² is Λ (∇r ∇rᵀ + r ∇²r), and what is positive in r ∇²r is |r| (I − u uᵀ)/l across the longer limb, its ends
+    /// against each other; [A, −A; −A, A] ≤ diag(2A, 2A). Where a joint's only ray is at right angles to its limb the first
+    /// term vanishes along the ray, and a step without the second overshoots for ever. `length(a, b)` is that of a limb.
+    pub fn bend(&mut self, length: impl Fn(usize, usize) -> f64) {
+        for c in &self.couplings {
+            let longer = if c.residual > 0.0 { 0 } else { 2 };
+            let (ends, u) = ([c.joints[longer], c.joints[longer + 1]], c.gradient[longer]);
+            let strength = 2.0 * c.precision * c.residual.abs() / length(ends[0], ends[1]);
+            let block = (Matrix3::identity() - u * u.transpose()) * strength;
+            ends.iter().for_each(|j| self.blocks[*j] += block);
+        }
+    }
+
     /// H as a dense `(3N, 3N)` row-major matrix, without damping, for study and tests.
     #[must_use]
     pub fn dense(&self) -> Vec<f64> {
