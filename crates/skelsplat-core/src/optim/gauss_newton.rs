@@ -183,11 +183,15 @@ impl NormalEquations {
     }
 }
 
+/// Determinant, relative to the cube of the mean eigenvalue, below which cofactors lose too many digits to rounding.
+const ILL_CONDITIONED: f64 = 1e-9;
+
 /// Inverse of a symmetric positive definite matrix, zero where it has none.
 fn inverse_of(m: &Matrix3<f64>) -> Matrix3<f64> {
     let determinant = m.determinant();
-    if determinant.is_nan() || determinant <= 0.0 {
-        return Matrix3::zeros();
+    let well_conditioned = determinant > ILL_CONDITIONED * (m.trace() / 3.0).powi(3);
+    if !well_conditioned {
+        return m.cholesky().map_or_else(Matrix3::zeros, |factor| factor.inverse());
     }
     let (a, b, c) = (m[(0, 0)], m[(0, 1)], m[(0, 2)]);
     let (d, e, f) = (m[(1, 1)], m[(1, 2)], m[(2, 2)]);
