@@ -240,6 +240,7 @@ def test_the_twin_follows_the_gradient_of_f() -> None:
     active = np.ones(17, bool)
     delta = annealed.step(x, problem, sigma, variance, active)
     blocks = annealed.information(weights(x, rays, sigma), rays) / variance + prior[1]
+    blocks += annealed.bends(x, problem, active)
     H = annealed.dense(blocks, annealed.limb_terms(x, problem, active)) + 320.0**-2 * np.eye(51)
     gradient = -H @ delta.ravel()
     numeric = np.zeros(51)

@@ -20,6 +20,7 @@ SYMMETRY_REACH = 3.0
 UPWARDS = 0.78
 RESIDUAL_SHARE, SHARED_FREEDOM = 0.87, 5.0
 BODY, LEAST_JOINTS = 2.0, 3
+LEAST_SPREAD = 2.0
 
 
 class Widening(NamedTuple):
@@ -96,6 +97,18 @@ def limb_terms(x: Array, problem: Problem, usable: Mask) -> list[tuple[float, fl
     return terms
 
 
+def bends(x: Array, problem: Problem, usable: Mask) -> Array:
+    """Curvature of the longer limbs (N,3,3), 2 Λ |r| (I − u uᵀ)/l at both ends: no less than Λ r ∇²r."""
+    out = np.zeros((len(x), 3, 3))
+    pairs = [pair for pair in problem.pairs if all(usable[j] for limb in pair for j in limb)]
+    for (precision, difference, _), (left, right) in zip(limb_terms(x, problem, usable), pairs, strict=True):
+        ends = list(left if difference > 0 else right)
+        length = np.linalg.norm(x[ends[0]] - x[ends[1]])
+        u = (x[ends[0]] - x[ends[1]]) / length
+        out[ends] += 2 * precision * abs(difference) / length * (np.eye(3) - np.outer(u, u))
+    return out
+
+
 def dense(blocks: Array, terms: list[tuple[float, float, Array]]) -> Array:
     """H (3N,3N): the joints' own blocks (N,3,3) and one rank-one matrix per limb pair."""
     n = len(blocks)
@@ -121,6 +134,7 @@ def step(x: Array, problem: Problem, sigma: Array, variance: float, active: Mask
         gradient[active] += np.einsum("nab,nb->na", precision, x - mean)[active]
     terms = limb_terms(x, problem, active & np.isfinite(sigma))
     slope = gradient.ravel() + sum((p * r * g for p, r, g in terms), np.zeros(gradient.size))
+    blocks = blocks + bends(x, problem, active & np.isfinite(sigma))
     mu = problem.settings.widest**-2
     return np.asarray(
         -np.linalg.solve(dense(blocks, terms) + mu * np.eye(len(slope)), slope).reshape(x.shape)
@@ -207,10 +221,11 @@ def solve(problem: Problem, start: Array, sigma: Array) -> Solution:
     return Solution(np.where(active[:, None], x, start), sigma, variance, now.pixel, n_iter, converged)
 
 
-def square_reach(x: Array, body: Mask, nearest: Array) -> Array:
+def square_reach(x: Array, body: Mask, nearest: Array, noise: float) -> Array:
     """ρ² (N,): to the body's extent or the nearest camera, and back to the body from beyond twice its extent.
 
-    The body are the joints `body` (N,) if there are three, else all that are known, else nothing.
+    The body are the joints `body` (N,) if there are three, else all that are known, else nothing; joints
+    within twice the `noise` (mm) are none.
     """
     known = np.isfinite(x).all(axis=1)
     members = body & known if np.count_nonzero(body & known) >= LEAST_JOINTS else known
@@ -218,6 +233,8 @@ def square_reach(x: Array, body: Mask, nearest: Array) -> Array:
         return nearest**2
     middle = x[members].mean(axis=0)
     spread = np.sqrt(np.mean(np.sum((x[members] - middle) ** 2, axis=1)))
+    if spread <= LEAST_SPREAD * noise:
+        return nearest**2
     beyond = np.maximum(np.linalg.norm(x - middle, axis=1) - BODY * spread, 0)
     return np.asarray(np.minimum(nearest, spread) ** 2 + beyond**2)
 
@@ -239,7 +256,7 @@ def posterior(problem: Problem, solution: Solution, body: Mask) -> Array:
     blocks = information(weights(np.nan_to_num(x), rays, solution.sigma), rays) / variance[:, None, None]
     along = np.where(rays.weight > 0, np.abs(offsets(np.nan_to_num(x), rays)[1]), np.inf).min(axis=0)
     seen = np.isfinite(along) & known
-    reach = square_reach(x, body, along)
+    reach = square_reach(x, body, along, np.sqrt(solution.variance / rays.mean_weight))
     blocks[seen] += np.eye(3) / reach[seen, None, None]
     if problem.prior is not None:
         blocks += problem.prior[1]

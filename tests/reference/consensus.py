@@ -32,13 +32,25 @@ def over_infinity(x: Array, rays: Rays, w: Array) -> Array:
 
 
 def starts(rays: Rays) -> Array:
-    """Points nearest to all rays (N,3); NaN where a pixel of noise leaves their depth open."""
+    """Points nearest to all rays (N,3), where a pixel of noise does not leave their depth open.
+
+    Otherwise, of three rays and more, the best meeting point of two, if those that agree on it fix its depth.
+    """
     x = nearest_points(rays, rays.weight)
     there = rays.weight > 0
     w = np.divide(1.0, (LEAST_PX * rays.pixel) ** 2, out=np.zeros_like(rays.pixel), where=there)
     fixed = over_infinity(np.nan_to_num(x), rays, w) >= DISTINCT
     ahead = ((offsets(np.nan_to_num(x), rays)[1] > 0) & there).any(axis=0)
-    return np.where((fixed & ahead)[:, None], x, np.nan)
+    out = np.where((fixed & ahead)[:, None], x, np.nan)
+    for j in np.flatnonzero(np.isfinite(x).all(axis=1) & ~(fixed & ahead) & (there.sum(axis=0) > 2)):
+        best, one = best_pair(rays, j, Settings().end), one_joint(rays, j)
+        if best is not None:
+            w_one = w[:, [j]] * np.exp(
+                -0.25 * np.sum(offsets(best[0][None], one)[0] ** 2, axis=-1) / Settings().end ** 2
+            )
+            w_one *= offsets(best[0][None], one)[1] > 0
+            out[j] = best[0] if over_infinity(best[0][None], one, w_one)[0] >= DISTINCT else np.nan
+    return out
 
 
 def fixed_depth(solution: Solution, rays: Rays) -> Mask:
@@ -99,16 +111,11 @@ def rivals(rays: Rays, j: int, x: Array, sigma: float, slack: float) -> list[tup
     here = float((k * one.weight[:, 0]).sum())
     enough = here - slack * one.weight[one.weight > 0].mean()
     found: list[tuple[Array, float]] = []
-    for views, at, votes in meeting_points(rays, j, sigma):
+    for views, at, votes in sorted(meeting_points(rays, j, sigma), key=lambda m: -m[2]):
         if not (k[list(views)] < REJECTED).any() or votes < enough:
             continue
-        if np.linalg.norm(at - x) <= APART * sigma:
-            continue
-        near = [n for n, (y, _) in enumerate(found) if np.linalg.norm(at - y) <= APART * sigma]
-        if not near:
+        if all(np.linalg.norm(at - y) > APART * sigma for y in (x, *(y for y, _ in found))):
             found.append((at, votes))
-        elif votes > found[near[0]][1]:
-            found[near[0]] = (at, votes)
     total = here + sum(votes for _, votes in found)
     return [(at, votes / total) for at, votes in found]
 

@@ -4,7 +4,7 @@
 //! joint's own residuals as a scaled inverse χ²: a joint whose views disagree has a wider bar. Along a ray that nothing
 //! crosses only ρ speaks: the joint belongs to a body, whose joints lie s (root mean square) from its middle, and in front
 //! of the camera. Where x is more than 2 s from the middle, the distance beyond is added in squares: wherever such a ray
-//! has put the joint, the bar reaches back to the body.
+//! has put the joint, the bar reaches back to the body. Joints closer together than twice the noise make no body.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -17,6 +17,8 @@ const SHARED_DOF: f64 = 5.0;
 const PLACED: f64 = 1.5;
 /// Spreads of a body within which all of its joints lie.
 const BODY: f64 = 2.0;
+/// Spread of a body, in multiples of the noise: joints that lie closer together are one point as far as can be seen.
+const LEAST_SPREAD: f64 = 2.0;
 /// Joints that make a body.
 const LEAST_JOINTS: usize = 3;
 
@@ -29,7 +31,8 @@ pub fn posterior(
     deep: &[bool],
 ) -> Vec<Matrix3<f64>> {
     let shared = solution.variance;
-    let body = Body::of(&solution.points, deep);
+    let least = LEAST_SPREAD * solution.noise;
+    let body = Body::of(&solution.points, deep).filter(|body| body.square_spread > least * least);
     for (j, x) in solution.points.iter().enumerate() {
         let residuals = &solution.residuals[j];
         let variance = problem.widening.noise_share * (SHARED_DOF * shared + residuals.squares)
@@ -106,7 +109,6 @@ impl Body {
 fn square_reach(body: Option<Body>, x: &Vector3<f64>, nearest: f64) -> f64 {
     let (spread, off) = body
         .map_or((f64::INFINITY, 0.0), |body| (body.square_spread.sqrt(), (x - body.middle).norm()));
-    let spread = if spread > 0.0 { spread } else { f64::INFINITY };
     let beyond = (off - BODY * spread).max(0.0);
     (nearest.min(spread).powi(2) + beyond * beyond).max(f64::MIN_POSITIVE)
 }

@@ -195,3 +195,108 @@ fn a_covariance_is_symmetric_and_positive() {
         assert!(covariance.symmetric_eigenvalues().min() > 0.0);
     }
 }
+
+/// A wrist that one view sees, and that its start or a limb has put up to 3 m behind the body: the bar reaches back to it.
+#[test]
+fn a_bar_along_a_ray_reaches_back_to_the_body() {
+    const WRIST: usize = 13;
+    let cameras = room(4);
+    let detections = noisy_detections(&standing(), &cameras, 3.0, &mut Noise::new(1));
+    let seen_once = without(&detections, |i, j| j == WRIST && i != 1);
+    let ray = Rays::new(&seen_once, &cameras, &[]).of_joint(WRIST)[1];
+    let truth = standing()[WRIST];
+    for beyond in [0.0, 1500.0, 3000.0] {
+        let mut init = standing();
+        init[WRIST] += beyond * ray.direction;
+        let frame = Frame {
+            detections: seen_once.clone(),
+            init_pose: Some(init),
+            init_covariance: None,
+            past: false,
+        };
+        let refiner = Refiner::new(&cameras, Unit::Millimetre, None, plain()).unwrap();
+        let found = refiner.refine(&frame, false, &AtomicBool::new(false)).unwrap();
+        assert!(((found.pose[WRIST] - truth).norm() - beyond).abs() < 50.0);
+        let along = ray.direction.dot(&(found.uncertainty[WRIST] * ray.direction)).sqrt();
+        let error = ray.direction.dot(&(found.pose[WRIST] - truth));
+        // With a spread s and b beyond 2 s of the middle, where the truth is: (2 s + b)² ≤ 5 (s² + b²).
+        assert!(error.abs() < 3.0 * along, "{error} mm off, bar {along} mm");
+        assert!(along < 1000.0 + beyond, "{along} mm");
+    }
+}
+
+/// The body is of the joints whose depth is known: one that is 3 m off does not make it larger.
+#[test]
+fn a_joint_without_a_depth_is_no_part_of_the_body() {
+    const WRIST: usize = 13;
+    const ANKLE: usize = 3;
+    let cameras = room(4);
+    let detections = noisy_detections(&standing(), &cameras, 3.0, &mut Noise::new(1));
+    let seen_once = without(&detections, |i, j| (j == WRIST || j == ANKLE) && i != 1);
+    let of_joint = |j: usize| Rays::new(&seen_once, &cameras, &[]).of_joint(j)[1];
+    let along = |away: f64| {
+        let mut init = standing();
+        init[WRIST] += away * of_joint(WRIST).direction;
+        let frame = Frame {
+            detections: seen_once.clone(),
+            init_pose: Some(init),
+            init_covariance: None,
+            past: false,
+        };
+        let refiner = Refiner::new(&cameras, Unit::Millimetre, None, plain()).unwrap();
+        let found = refiner.refine(&frame, false, &AtomicBool::new(false)).unwrap();
+        let d = of_joint(ANKLE).direction;
+        d.dot(&(found.uncertainty[ANKLE] * d)).sqrt()
+    };
+    assert!((along(3000.0) / along(0.0) - 1.0).abs() < 1e-3);
+}
+
+/// A prior that confines a joint to a plane, with conditions of 1e9 to 1e13: no eigenvalue is lost to rounding.
+#[test]
+fn covariances_are_positive_under_priors_of_any_condition() {
+    for (seed, variances) in
+        [(1, [1e-6, 1e3, 1e3]), (2, [1e-8, 10.0, 10.0]), (3, [1e-8, 10.0, 1e5])]
+    {
+        for n in [1, 2, 4] {
+            let cameras = room(n);
+            let mut noise = Noise::new(seed);
+            let detections = noisy_detections(&standing(), &cameras, 2.0, &mut noise);
+            let mut prior = || {
+                let axes = Matrix3::from_fn(|_, _| noise.normal()).qr().q();
+                let c = axes * Matrix3::from_diagonal(&variances.into()) * axes.transpose();
+                0.5 * (c + c.transpose())
+            };
+            let covariances: Vec<Matrix3<f64>> = (0..17).map(|_| prior()).collect();
+            let frame = Frame {
+                detections,
+                init_pose: Some(standing()),
+                init_covariance: Some(covariances),
+                past: false,
+            };
+            let refiner =
+                Refiner::new(&cameras, Unit::Millimetre, None, RefineConfig::default()).unwrap();
+            let found = refiner.refine(&frame, false, &AtomicBool::new(false)).unwrap();
+            for covariance in &found.uncertainty {
+                assert!(covariance.symmetric_eigenvalues().min() > 0.0, "{n} views {variances:?}");
+            }
+        }
+    }
+}
+
+/// Joints in one point have no extent, whether or not rounding leaves one of 1e-13 mm.
+#[test]
+fn a_pose_in_one_point_has_bars_as_long_as_the_noise() {
+    let cameras = room(4);
+    for k in 0..50 {
+        let pose = vec![Vector3::new(f64::from(k), 0.0, 1000.0 - f64::from(k)); 17];
+        let detections = noisy_detections(&pose, &cameras, 0.0, &mut Noise::new(0));
+        let frame = Frame { detections, init_pose: None, init_covariance: None, past: false };
+        let refiner = Refiner::new(&cameras, Unit::Millimetre, None, plain()).unwrap();
+        let found = refiner.refine(&frame, false, &AtomicBool::new(false)).unwrap();
+        for covariance in &found.uncertainty {
+            // Four rays leave less than half of a detection's variance along each axis, and not much less.
+            let bar = (covariance.trace() / 3.0).sqrt() / found.noise;
+            assert!((0.3..1.0).contains(&bar), "{bar}");
+        }
+    }
+}

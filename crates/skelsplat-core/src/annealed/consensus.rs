@@ -70,29 +70,31 @@ pub struct Rival {
 pub fn rivals(rays: &[Ray], x: &Vector3<f64>, sigma: f64, slack: f64) -> Vec<Rival> {
     let against = |ray: &Ray| ray.offset(x).weight(sigma) < REJECTED;
     let there = || rays.iter().filter(|ray| ray.is_there());
-    let mut found: Vec<Rival> = Vec::new();
     if !there().any(against) {
-        return found;
+        return Vec::new();
     }
     let n = there().count() as f64;
     let here = agreement(rays, x, sigma);
     let enough = here - slack * there().map(|ray| ray.weight).sum::<f64>() / n;
+    let mut places: Vec<Rival> = Vec::new();
     for (a, first) in rays.iter().enumerate().filter(|(_, ray)| ray.is_there()) {
         for second in rays[a + 1..].iter().filter(|ray| ray.is_there()) {
             if !against(first) && !against(second) {
                 continue;
             }
             let Some(at) = meeting_point(first, second, sigma) else { continue };
-            let votes = agreement(rays, &at, sigma);
-            let apart = |y: &Vector3<f64>| (y - at).norm() > APART * sigma;
-            if votes < enough || !apart(x) {
-                continue;
+            let share = agreement(rays, &at, sigma);
+            if share >= enough && (x - at).norm() > APART * sigma {
+                places.push(Rival { at, share });
             }
-            match found.iter_mut().find(|other| !apart(&other.at)) {
-                Some(same) if same.share >= votes => {}
-                Some(same) => *same = Rival { at, share: votes },
-                None => found.push(Rival { at, share: votes }),
-            }
+        }
+    }
+    // The strongest first, so that it does not matter in which order the views come.
+    places.sort_by(|a, b| b.share.total_cmp(&a.share));
+    let mut found: Vec<Rival> = Vec::new();
+    for place in places {
+        if found.iter().all(|other| (other.at - place.at).norm() > APART * sigma) {
+            found.push(place);
         }
     }
     let all = here + found.iter().map(|rival| rival.share).sum::<f64>();

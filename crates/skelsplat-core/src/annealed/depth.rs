@@ -38,11 +38,13 @@ fn over_infinity(rays: &[Ray], x: &Vector3<f64>, variance: f64, k: impl Fn(usize
     2.0 * (weight - along.norm()) - at_x
 }
 
-/// Whether all rays together fix the depth of `x` if they are as good as can be hoped for: all of the largest weight, with
-/// a pixel of noise. What they leave open even so is not worth a position.
+/// Whether the rays that agree on `x` under a kernel of standard deviation `sigma` (infinite: all rays) fix its depth if
+/// they are as good as can be hoped for: all of the largest weight, with a pixel of noise. What they leave open even so
+/// is not worth a position.
 #[must_use]
-pub fn may_be_fixed(rays: &[Ray], x: &Vector3<f64>) -> bool {
-    over_infinity(rays, x, LEAST_PX * LEAST_PX, |i| 1.0 / rays[i].weight) >= DISTINCT
+pub fn may_be_fixed(rays: &[Ray], x: &Vector3<f64>, sigma: f64) -> bool {
+    let k = |ray: &Ray| if sigma.is_finite() { ray.offset(x).weight(sigma) } else { 1.0 };
+    over_infinity(rays, x, LEAST_PX * LEAST_PX, |i| k(&rays[i]) / rays[i].weight) >= DISTINCT
 }
 
 /// Whether the believed rays of joint `j` fix its depth at the solution, given the frame's noise; `k` are their weights.

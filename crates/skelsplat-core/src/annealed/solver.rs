@@ -304,7 +304,7 @@ impl<'a> Run<'a> {
         self.couple();
     }
 
-    /// Limb pairs as scalar residuals ‖l‖ − ‖r‖, once the joints are where they were seen.
+    /// Limb pairs as scalar residuals r = ‖l‖ − ‖r‖, once the joints are where they were seen.
     fn couple(&mut self) {
         self.equations.uncouple();
         let sigma = self.problem.annealing.symmetry_sigma;
@@ -338,6 +338,8 @@ impl<'a> Run<'a> {
     fn step(&mut self) -> f64 {
         let damping = self.problem.annealing.start.powi(-2);
         let small = self.small();
+        let points = &self.points;
+        self.equations.bend(|a, b| (points[a] - points[b]).norm());
         let steps = self.equations.solve(|_| damping);
         let mut longest = 0.0_f64;
         for (j, step) in steps.iter().enumerate() {

@@ -77,6 +77,20 @@ impl NormalEquations {
         }
     }
 
+    /// Adds to D what a step needs where r is the difference of two lengths, (joints 0 and 1) less (2 and 3): the Hessian of
+    /// ½ Λ r² is Λ (∇r ∇rᵀ + r ∇²r), and what is positive in r ∇²r is |r| (I − u uᵀ)/l across the longer limb, its ends
+    /// against each other; [A, −A; −A, A] ≤ diag(2A, 2A). Where a joint's only ray is at right angles to its limb the first
+    /// term vanishes along the ray, and a step without the second overshoots for ever. `length(a, b)` is that of a limb.
+    pub fn bend(&mut self, length: impl Fn(usize, usize) -> f64) {
+        for c in &self.couplings {
+            let longer = if c.residual > 0.0 { 0 } else { 2 };
+            let (ends, u) = ([c.joints[longer], c.joints[longer + 1]], c.gradient[longer]);
+            let strength = 2.0 * c.precision * c.residual.abs() / length(ends[0], ends[1]);
+            let block = (Matrix3::identity() - u * u.transpose()) * strength;
+            ends.iter().for_each(|j| self.blocks[*j] += block);
+        }
+    }
+
     /// H as a dense `(3N, 3N)` row-major matrix, without damping, for study and tests.
     #[must_use]
     pub fn dense(&self) -> Vec<f64> {
@@ -169,11 +183,15 @@ impl NormalEquations {
     }
 }
 
+/// Determinant, relative to the cube of the mean eigenvalue, below which cofactors lose too many digits to rounding.
+const ILL_CONDITIONED: f64 = 1e-9;
+
 /// Inverse of a symmetric positive definite matrix, zero where it has none.
 fn inverse_of(m: &Matrix3<f64>) -> Matrix3<f64> {
     let determinant = m.determinant();
-    if determinant.is_nan() || determinant <= 0.0 {
-        return Matrix3::zeros();
+    let well_conditioned = determinant > ILL_CONDITIONED * (m.trace() / 3.0).powi(3);
+    if !well_conditioned {
+        return m.cholesky().map_or_else(Matrix3::zeros, |factor| factor.inverse());
     }
     let (a, b, c) = (m[(0, 0)], m[(0, 1)], m[(0, 2)]);
     let (d, e, f) = (m[(1, 1)], m[(1, 2)], m[(2, 2)]);

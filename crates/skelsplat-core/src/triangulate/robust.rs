@@ -140,14 +140,22 @@ fn under(rays: &Rays, annealing: &Annealing, widening: Widening) -> Solution {
     solution
 }
 
-/// The point nearest to all rays of joint `j`; NaN if they leave it or its depth open, or it lies behind every camera.
+/// The point nearest to all rays of joint `j`. A detection that is far off can leave that behind every camera, or without a
+/// depth: then it is the point between two rays on which most agree. NaN if the rays leave it or its depth open.
 #[must_use]
 pub fn start(rays: &Rays, j: usize) -> Vector3<f64> {
     let of_joint = rays.of_joint(j);
-    nearest_point(of_joint, |_, ray| ray.weight)
-        .filter(|x| of_joint.iter().any(|ray| ray.is_there() && ray.offset(x).range > 0.0))
-        .filter(|x| may_be_fixed(of_joint, x))
-        .unwrap_or_else(|| Vector3::repeat(f64::NAN))
+    let nan = Vector3::repeat(f64::NAN);
+    let Some(x) = nearest_point(of_joint, |_, ray| ray.weight) else { return nan };
+    let in_front = of_joint.iter().any(|ray| ray.is_there() && ray.offset(&x).range > 0.0);
+    if in_front && may_be_fixed(of_joint, &x, f64::INFINITY) {
+        return x;
+    }
+    if of_joint.iter().filter(|ray| ray.is_there()).count() < 3 {
+        return nan;
+    }
+    let pair = best_pair(of_joint, &x, Annealing::END).map(|(x, _)| x);
+    pair.filter(|x| may_be_fixed(of_joint, x, Annealing::END)).unwrap_or(nan)
 }
 
 /// Moves joints without a majority to the point on which more detections agree; whether any has moved.

@@ -1,15 +1,22 @@
 //! The annealed solver: its loss, its weights, and the default method on scenes whose answer is known.
 
+mod depth;
+mod evidence;
 mod knowledge;
 mod loss;
 mod outcomes;
 mod recovery;
+mod rivals;
+mod swaps;
 mod weights;
 
 use std::sync::atomic::AtomicBool;
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector2, Vector3};
-use skelsplat_core::annealed::{Annealing, NoiseModel, Prior, Problem, Ray, Rays, Solution, solve};
+use skelsplat_core::annealed::evidence::evidence;
+use skelsplat_core::annealed::{
+    Annealing, NoiseModel, Prior, Problem, Ray, Rays, Solution, Widening, solve,
+};
 use skelsplat_core::batch::{Progress, refine_batch};
 use skelsplat_core::camera::Camera;
 use skelsplat_core::detections::Detections;

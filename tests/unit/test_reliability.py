@@ -1,0 +1,241 @@
+"""Answers that would be wrong without saying so: what a user could not see in the result."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from skelsplat import synthetic
+from troubled import Array, Scene, bars, lens, normal, poses, room, troubled
+
+WRIST = 16
+NOISE_PX = 2.0
+
+
+def side_by_side(apart_mm: float, frames: int = 60) -> Scene:
+    """Two parallel cameras, 3 m from the middle of the room at the height of the chest."""
+    K = np.array([[1100.0, 0.0, 960.0], [0.0, 1100.0, 540.0], [0.0, 0.0, 1.0]])
+    R = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
+    centres = [np.array([3000.0, k * apart_mm, 1000.0]) for k in range(2)]
+    cameras = sk.CameraRig([sk.Camera(K, R, -R @ c, size=(1920, 1080)) for c in centres])
+    return normal(poses(frames, 0), cameras, NOISE_PX)
+
+
+def deviations(result: sk.Refinement, truth: Array) -> Array:
+    """Distance from the truth in standard deviations (T, N)."""
+    error = result.pose - truth
+    return np.sqrt(np.einsum("tni,tnij,tnj->tn", error, np.linalg.inv(result.uncertainty), error))
+
+
+def beyond_ten_bars(result: sk.Refinement, truth: Array) -> int:
+    error = np.linalg.norm(result.pose - truth, axis=-1)
+    return int(((error > 10 * bars(result)) & (result.joint_status == "ok")).sum())
+
+
+# Cameras in nearly one place
+
+
+def test_two_lenses_in_one_housing_do_not_fix_a_depth() -> None:
+    cameras = room(4)
+    cameras = sk.CameraRig([*cameras, lens(cameras[0], 0.5)])
+    scene = normal(poses(100, 0), cameras, NOISE_PX)
+    scene.detections[:, 1:4, WRIST] = np.nan
+    status = scene.refine().joint_status
+    assert (status[:, WRIST] == "weak").all()
+    assert (np.delete(status, WRIST, axis=1) == "ok").mean() > 0.99
+
+
+@pytest.mark.parametrize("apart_mm", [0.0, 1.0])
+def test_cameras_in_one_place_do_not_fix_a_depth(apart_mm: float) -> None:
+    """1 mm at 3 m is a third of a pixel, a sixth of the noise."""
+    assert (side_by_side(apart_mm).refine().joint_status == "weak").all()
+
+
+def test_a_depth_that_is_ok_is_within_its_error_bar() -> None:
+    """3 mm at 3 m are half the noise: what calls itself ok must know how little it knows."""
+    scene = side_by_side(3.0)
+    assert beyond_ten_bars(scene.refine(), scene.truth) == 0
+
+
+def test_a_small_stereo_rig_is_ok() -> None:
+    scene = side_by_side(200.0)
+    result = scene.refine()
+    assert (result.joint_status == "ok").mean() > 0.99
+    assert beyond_ten_bars(result, scene.truth) == 0
+
+
+def arc(n_views: int, step_rad: float) -> sk.CameraRig:
+    """Cameras that many radians apart round the room."""
+    K = np.array([[1145.0, 0.0, 500.0], [0.0, 1145.0, 500.0], [0.0, 0.0, 1.0]])
+    eyes = [(5300.0 * np.sin(k * step_rad), -5300.0 * np.cos(k * step_rad), 1200.0) for k in range(n_views)]
+    looks = [synthetic.look_at(eye, (0.0, 0.0, 900.0)) for eye in eyes]
+    return sk.CameraRig([sk.Camera(K, R, t, size=(1000, 1000)) for R, t in looks])
+
+
+@pytest.mark.parametrize("off_px", [300.0, 600.0])
+def test_one_gross_error_leaves_no_joint_without_a_position(off_px: float) -> None:
+    """In a narrow rig the point nearest to all rays then lies behind the cameras or has no depth."""
+    scene = normal(poses(60, 0), arc(4, 0.1), 1.0)
+    angle = np.random.default_rng(0).uniform(0.0, 2 * np.pi, size=scene.truth.shape[:2])
+    scene.detections[:, 0] += off_px * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    result = scene.refine(layout=None)
+    assert np.isfinite(result.pose).all()
+    assert (result.joint_status == "ok").mean() > 0.99
+    without = scene.of_views([1, 2, 3]).refine(layout=None)
+    error = [np.linalg.norm(r.pose - scene.truth, axis=-1) for r in (result, without)]
+    assert np.median(error[0]) < 1.1 * np.median(error[1])
+
+
+# Exchanged sides, and cameras without a say
+
+
+def arms_exchanged(n_views: int, frames: int = 100) -> tuple[Scene, Array]:
+    """One arm exchanged in one view of every frame, and where (T, M, N)."""
+    scene = normal(poses(frames, 0), room(n_views), NOISE_PX)
+    exchanged = np.zeros(scene.detections.shape[:3], bool)
+    names = sk.layouts.H36M17.joints
+    arms = [p for p in sk.layouts.H36M17.left_right if names[p[0]].endswith(("shoulder", "elbow", "wrist"))]
+    assert len(arms) == 3
+    view = np.random.default_rng(1).integers(n_views, size=frames)
+    for t, i in enumerate(view):
+        for left, right in arms:
+            scene.detections[t, i, [left, right]] = scene.detections[t, i, [right, left]]
+            exchanged[t, i, [left, right]] = True
+    return scene, exchanged
+
+
+@pytest.mark.parametrize("n_empty", [2, 4])
+def test_exchanged_arms_are_found_beside_cameras_that_detect_nothing(n_empty: int) -> None:
+    """These have no say on whether most views contradict the chain's position."""
+    scene, exchanged = arms_exchanged(3)
+    alone, more = scene.refine(), scene
+    for camera in list(room(3 + n_empty))[3:]:
+        more = more.with_view(camera, np.full_like(scene.detections[:, 0], np.nan))
+    result = more.refine()
+    np.testing.assert_array_equal(result.swapped[:, :3], alone.swapped)
+    np.testing.assert_array_equal(result.pose, alone.pose)
+    # Of three views that see hanging arms from all sides, some do not tell left from right.
+    assert (result.swapped[:, :3] == exchanged).all(axis=(1, 2)).mean() > 0.6
+
+
+@pytest.mark.parametrize("n_views", [6, 8, 10])
+def test_exchanges_do_not_depend_on_the_order_of_cameras(n_views: int) -> None:
+    """Six views propose where a chain is: which ones must not follow from their numbers."""
+    noise = synthetic.DetectionNoise(
+        sigma_px=3.0, outlier_rate=0.15, outlier_px=150.0, limb_swap_rate=0.2, view_swap_rate=0.05
+    )
+    scene = troubled(n_views, frames=100, noise=noise)
+    expected = scene.refine()
+    for seed in range(4):
+        order = np.random.default_rng(seed).permutation(n_views)
+        found = scene.of_views(order).refine()
+        np.testing.assert_array_equal(found.swapped, expected.swapped[:, order])
+        # The tolerance of tests/unit/test_invariance.py.
+        np.testing.assert_allclose(found.pose, expected.pose, rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("method", ["dlt", "ransac"])
+def test_triangulation_has_the_frame_of_the_cameras_that_detect(method: str) -> None:
+    scene = troubled(4, noise=synthetic.DetectionNoise.noisy())
+    more = scene.with_view(room(5)[4], np.full_like(scene.detections[:, 0], np.nan))
+    np.testing.assert_array_equal(more.triangulate(method), scene.triangulate(method))
+
+
+# Noise of any size
+
+IDEAL_COVERAGE = 97.1  # %, of a normal distribution in space within 3 σ
+
+
+@pytest.mark.parametrize("n_views", [2, 4])
+@pytest.mark.parametrize("sigma_px", [10.0, 20.0, 40.0])
+def test_plain_noise_of_any_size_is_averaged(sigma_px: float, n_views: int) -> None:
+    """Where nothing but the noise is wrong, every detection counts, and the error bars grow with it."""
+    scene = normal(poses(200, 0), room(n_views), sigma_px)
+    result = scene.refine()
+    linear = np.nanmean(np.linalg.norm(scene.triangulate("dlt") - scene.truth, axis=-1))
+    assert np.nanmean(np.linalg.norm(result.pose - scene.truth, axis=-1)) <= 1.03 * linear
+    ok = result.joint_status == "ok"
+    assert ok.mean() > 0.95
+    covered = 100 * (deviations(result, scene.truth)[ok] < 3.0).mean()
+    assert abs(covered - IDEAL_COVERAGE) < 5.0
+
+
+# Views that contradict each other
+
+
+def two_people() -> Scene:
+    """Somebody walking; from frame 10 on two of four views show another person instead."""
+    cameras = room(4)
+    truth = synthetic.motion("walk", 30, seed=0)
+    other = synthetic.motion("walk", 30, seed=5) + np.array([600.0, 300.0, 0.0])
+    scene = normal(truth, cameras, NOISE_PX)
+    scene.detections[10:, 2:] = normal(other, cameras, NOISE_PX, 1).detections[10:, 2:]
+    return scene
+
+
+def test_two_views_against_two_are_weak_and_the_error_bar_covers_both_places() -> None:
+    scene = two_people()
+    result = scene.refine()
+    assert (result.joint_status[10:] == "weak").mean() > 0.97
+    off = np.linalg.norm(result.pose - scene.truth, axis=-1)[10:] > 100.0
+    assert 0.2 < off.mean() < 0.8  # which of the two is chance
+    # Two rays of one joint pass each other at more than three standard deviations once in a few hundred.
+    assert (off & (result.joint_status[10:] == "ok")).mean() < 0.01
+    assert 100 * (deviations(result, scene.truth)[10:] < 3.0).mean() > IDEAL_COVERAGE - 5.0
+
+
+def test_the_last_pose_decides_between_two_views_and_two() -> None:
+    scene = two_people()
+    refiner = sk.Refiner(scene.cameras, layout="h36m17")
+    steps = [refiner.step(frame) for frame in scene.detections][10:]
+    error = np.linalg.norm(np.stack([step.pose for step in steps]) - scene.truth[10:], axis=-1)
+    status = np.stack([step.joint_status for step in steps])
+    assert (status == "weak").mean() > 0.97
+    assert np.mean(error) < 30.0
+    assert (error < 100.0).mean() > 0.99
+
+
+# Degenerate poses and priors
+
+
+@pytest.mark.parametrize("sigma_px", [0.0, NOISE_PX])
+def test_poses_in_one_point_have_error_bars(sigma_px: float) -> None:
+    """They have no extent that could say how far a joint lies from the others."""
+    points = np.random.default_rng(0).uniform(-500.0, 500.0, size=(100, 1, 3)).round()
+    scene = normal(np.tile(points, (1, 17, 1)), room(4), sigma_px)
+    with pytest.warns(UserWarning, match="shorter than 10 cm"):
+        result = scene.refine(layout=None)
+    assert (result.joint_status == "ok").all()
+    assert (np.linalg.eigvalsh(result.uncertainty) > 0.0).all()
+    if sigma_px == 0:
+        # Of the prior's 3 px (14 mm), worth 6 residuals of 91, 3.5 mm per axis of a detection are left.
+        assert bars(result).min() > 1.0
+    else:
+        covered = 100 * (deviations(result, scene.truth) < 3.0).mean()
+        assert abs(covered - IDEAL_COVERAGE) < 5.0
+
+
+@pytest.mark.parametrize("n_views", [1, 2, 4])
+@pytest.mark.parametrize("variances", [(1e-6, 1e3, 1e3), (1e-8, 1e1, 1e1), (1e-8, 1e1, 1e5)])
+def test_error_bars_under_priors_of_any_condition_are_positive_definite(
+    variances: tuple[float, float, float], n_views: int
+) -> None:
+    """A joint that is known to lie on a plane: conditions of 1e9 to 1e13, in mm²."""
+    scene = normal(poses(20, 0), room(n_views), NOISE_PX)
+    axes = np.linalg.qr(np.random.default_rng(0).standard_normal((17, 3, 3)))[0]
+    prior = np.einsum("nij,j,nkj->nik", axes, variances, axes)
+    prior = 0.5 * (prior + prior.swapaxes(1, 2))
+    result = sk.refine(scene.truth, scene.detections, scene.cameras, layout="h36m17", init_sigma=prior)
+    assert np.isfinite(result.uncertainty).all()
+    assert (np.linalg.eigvalsh(result.uncertainty) > 0.0).all()
+
+
+# Limbs of equal length
+
+
+def test_poses_come_to_rest() -> None:
+    """Equal limbs move a joint on a single ray, even one at right angles to its limb, less every time."""
+    scene = troubled(4, frames=100, noise=synthetic.DetectionNoise.occluded(3, hard=True))
+    result = scene.refine(config=sk.RefineConfig(max_steps=500))
+    assert (result.stop_reason == "converged").mean() >= 0.99
