@@ -14,7 +14,7 @@ DISTINCT = 9.0
 LEAST_PX, USUAL_PX = 1.0, 3.0
 REJECTED = 0.25
 APART = 4.0
-ROUNDS, FIRST_SHARE, LEAST_REACH = 3, 0.1, 2.5
+ROUNDS, FIRST_SHARE, LEAST_REACH, SHARED = 3, 0.1, 2.5, 2.0
 ANYWHERE = (1.5, 1.0)
 LEAST_FREEDOM = 6
 
@@ -132,7 +132,7 @@ def evidence(
 ) -> Evidence:
     """Sum log p over right (normal, ŝ²/c) and wrong (normal, `widest`²) detections, joints integrated out.
 
-    ε and S by three rounds of expectation and maximisation, S from `widest`; each joint adds −½ log det H_j.
+    ε per view and S by three rounds of expectation and maximisation; each joint adds −½ log det H_j.
     """
     known = np.isfinite(solution.points).all(axis=1)
     x = np.nan_to_num(solution.points)
@@ -140,7 +140,8 @@ def evidence(
     square, there = np.sum(e**2, axis=-1), (rays.weight > 0) & known
     variance = np.divide(solution.variance, rays.weight, out=np.ones_like(square), where=rays.weight > 0)
     right = np.where(along > 0, np.exp(-0.5 * square / variance) / (2 * np.pi * variance), 0.0)
-    wrong, apart2, least = FIRST_SHARE, widest**2, LEAST_REACH**2 * solution.variance / rays.mean_weight
+    wrong = np.full((len(square), 1), FIRST_SHARE)
+    apart2, least = widest**2, LEAST_REACH**2 * solution.variance / rays.mean_weight
     for n in range(ROUNDS + 1):
         anywhere = np.exp(-0.5 * square / apart2) / (2 * np.pi * apart2)
         p = np.maximum((1 - wrong) * right + wrong * anywhere, np.finfo(float).tiny)
@@ -148,7 +149,9 @@ def evidence(
         if n < ROUNDS:
             far = (1 - r)[there].sum()
             squares = ((1 - r) * square)[there].sum()
-            wrong = (far + 1) / (there.sum() + 2)
+            share = (far + 1) / (there.sum() + 2)
+            own = np.where(there, 1 - r, 0.0).sum(axis=1, keepdims=True)
+            wrong = (own + SHARED * share) / (there.sum(axis=1, keepdims=True) + SHARED)
             apart2 = max(min((squares + 2 * widest**2) / (2 * (far + 1)), widest**2), least)
     H = information(np.where(there, r / variance, 0.0), rays) + np.eye(3) / widest**2
     logs = np.where(there, np.log(p), 0.0)
@@ -156,21 +159,21 @@ def evidence(
     for j in np.flatnonzero(known):
         off = there[:, j] & (r[:, j] < 0.5)
         scales = solution.variance, apart2, widest**2
-        another = another_place(rays, j, off, x[j], scales, wrong)
+        another = another_place(rays, j, off, x[j], scales, wrong[off, 0])
         log += float(logs[~off, j].sum() + max(logs[off, j].sum(), another))
     if prior is not None:
         apart = (x - prior[0])[known]
         log -= 0.5 * float(np.einsum("na,nab,nb", apart, prior[1][known], apart))
         H[known] += prior[1][known]
-    return Evidence(log - 0.5 * float(np.linalg.slogdet(H[known])[1].sum()), float(wrong))
+    return Evidence(log - 0.5 * float(np.linalg.slogdet(H[known])[1].sum()), float(share))
 
 
 def another_place(
-    rays: Rays, j: int, off: Mask, x: Array, scales: tuple[float, float, float], wrong: float
+    rays: Rays, j: int, off: Mask, x: Array, scales: tuple[float, float, float], wrong: Array
 ) -> float:
     """Sum log p of the wrong rays `off` (M,) of joint `j` if they agree on another place, else −inf.
 
-    `scales` are the variances ŝ², S² and W² in mm².
+    `scales` are the variances ŝ², S² and W² in mm², `wrong` ε of the views `off`.
     """
     variance, apart2, widest2 = scales
     if np.count_nonzero(off) < 2:

@@ -1,20 +1,21 @@
 //! Large noise or many wrong detections: which of two solutions the detections speak for.
 //!
 //! A kernel that ends narrow explains two or three of four scattered rays and rejects the others; a wide one explains
-//! all by larger noise. Either is a model of the same frame: a detection is right with probability 1 − ε and then lies
-//! within the noise s, or it is wrong and lies anywhere within S, at most W, the widest kernel,
+//! all by larger noise. Either is a model of the same frame: a detection of view i is right with probability 1 − ε_i and then
+//! lies within the noise s, or it is wrong and lies anywhere within S, at most W, the widest kernel,
 //!
 //! ```text
-//! p(e) = (1−ε) N₂(e; s²) + ε N₂(e; S²)           log p = Σ_ij log p(e_ij) − ½ Σ_j log det H_j + const
-//! H_j  = Σ_i r_ij (I − d dᵀ)/s² + I/W²             r = (1−ε) N₂(e; s²) / p(e)
+//! p(e) = (1−ε_i) N₂(e; s²) + ε_i N₂(e; S²)       log p = Σ_ij log p(e_ij) − ½ Σ_j log det H_j + const
+//! H_j  = Σ_i r_ij (I − d dᵀ)/s² + I/W²             r = (1−ε_i) N₂(e; s²) / p(e)
 //! ```
 //!
 //! with the joints integrated out by Laplace's method: that two rays nearly meet somewhere is no evidence for small
-//! noise, since the volume in which they do so shrinks with it. ε and S are those that make log p largest. An independent start
+//! noise, since the volume in which they do so shrinks with it. ε and S are those that make log p largest; that
+//! of a view is drawn to the mean of all by two detections, and a view whose calibration is wrong has its own. An independent start
 //! adds −½ (x−x⁰)ᵀ Π (x−x⁰) to log p and Π to H.
 //!
 //! Wrong detections may agree on another place y, as views do that show somebody else. Then they lie within the noise of y,
-//! which lies within W of x: ε N₂(e(y); s²) for each and −½ log det (W² H_y) − |y−x|²/2W² for y, where that is more.
+//! which lies within W of x: ε_i N₂(e(y); s²) for each and −½ log det (W² H_y) − |y−x|²/2W² for y, where that is more.
 
 use super::consensus::best_pair;
 use super::rays::{Ray, Rays};
@@ -26,11 +27,12 @@ const ROUNDS: usize = 3;
 const FIRST_SHARE: f64 = 0.1;
 /// Least S in multiples of the noise.
 const LEAST_REACH: f64 = 2.5;
+/// Detections that the mean of all views is worth for ε of one.
+const SHARED: f64 = 2.0;
 /// r below which a detection may be part of another place.
 const RIGHT: f64 = 0.5;
 
-/// The share of wrong detections and where they lie.
-#[derive(Clone, Copy)]
+/// The shares of wrong detections and where they lie.
 struct Mixture {
     /// ŝ² for weight 1.
     variance: f64,
@@ -38,8 +40,8 @@ struct Mixture {
     anywhere: f64,
     /// W².
     widest: f64,
-    /// ε.
-    wrong: f64,
+    /// ε_i.
+    wrong: Vec<f64>,
 }
 
 impl Mixture {
@@ -53,24 +55,25 @@ impl Mixture {
     }
 
     /// (p(e), r).
-    fn of(&self, ray: &Ray, x: &Vector3<f64>) -> (f64, f64) {
+    fn of(&self, view: usize, ray: &Ray, x: &Vector3<f64>) -> (f64, f64) {
         let (near, anywhere) = self.densities(ray, x);
-        let right = (1.0 - self.wrong) * near;
-        let p = (right + self.wrong * anywhere).max(f64::MIN_POSITIVE);
+        let right = (1.0 - self.wrong[view]) * near;
+        let p = (right + self.wrong[view] * anywhere).max(f64::MIN_POSITIVE);
         (p, right / p)
     }
 
     /// log p of wrong rays that agree on a place of their own; minus infinity if no two do.
-    fn of_another_place(&self, wrong: &[Ray], x: &Vector3<f64>) -> f64 {
-        let sigma = super::Annealing::PER_NOISE * self.noise(wrong);
-        let Some((y, _)) = best_pair(wrong, x, sigma) else { return f64::NEG_INFINITY };
+    fn of_another_place(&self, wrong: &[(usize, Ray)], x: &Vector3<f64>) -> f64 {
+        let rays: Vec<Ray> = wrong.iter().map(|(_, ray)| *ray).collect();
+        let sigma = super::Annealing::PER_NOISE * self.noise(&rays);
+        let Some((y, _)) = best_pair(&rays, x, sigma) else { return f64::NEG_INFINITY };
         let mut information = Matrix3::identity();
         let mut log_p = -0.5 * (y - x).norm_squared() / self.widest;
-        for ray in wrong {
+        for (view, ray) in wrong {
             let (near, anywhere) = self.densities(ray, &y);
-            let p = (self.wrong * (near + anywhere)).max(f64::MIN_POSITIVE);
+            let p = (self.wrong[*view] * (near + anywhere)).max(f64::MIN_POSITIVE);
             log_p += p.ln();
-            let share = self.wrong * near / p;
+            let share = self.wrong[*view] * near / p;
             information += ray.information() * (share * ray.weight * self.widest / self.variance);
         }
         log_p - 0.5 * information.determinant().ln()
@@ -88,7 +91,7 @@ impl Mixture {
 pub struct Evidence {
     /// log p up to a constant that all solutions share which place the same joints.
     pub log: f64,
-    /// ε, the share of wrong detections.
+    /// The share of wrong detections of all views.
     pub wrong: f64,
 }
 
@@ -101,22 +104,32 @@ pub fn evidence(
     widest: f64,
 ) -> Evidence {
     let placed = || solution.points.iter().enumerate().filter(|(_, x)| x.x.is_finite());
-    let there = |j: usize| rays.of_joint(j).iter().filter(|ray| ray.is_there());
+    let there = |j: usize| rays.of_joint(j).iter().enumerate().filter(|(_, ray)| ray.is_there());
     let widest = widest * widest;
-    let mut mixture =
-        Mixture { variance: solution.variance, anywhere: widest, widest, wrong: FIRST_SHARE };
+    let mut mixture = Mixture {
+        variance: solution.variance,
+        anywhere: widest,
+        widest,
+        wrong: vec![FIRST_SHARE; rays.n_views()],
+    };
     let least = LEAST_REACH * LEAST_REACH * solution.variance / rays.mean_weight();
+    let mut share = FIRST_SHARE;
+    let mut of_view = vec![(0.0, 0.0); rays.n_views()];
     for _ in 0..ROUNDS {
-        let (mut wrong, mut squares, mut n) = (0.0, 0.0, 0.0);
+        of_view.fill((0.0, 0.0));
+        let mut squares = 0.0;
         for (j, x) in placed() {
-            for ray in there(j) {
-                let w = 1.0 - mixture.of(ray, x).1;
-                wrong += w;
+            for (i, ray) in there(j) {
+                let w = 1.0 - mixture.of(i, ray, x).1;
                 squares += w * ray.offset(x).across.norm_squared();
-                n += 1.0;
+                of_view[i] = (of_view[i].0 + w, of_view[i].1 + 1.0);
             }
         }
-        mixture.wrong = (wrong + 1.0) / (n + 2.0);
+        let (wrong, n) = of_view.iter().fold((0.0, 0.0), |(w, n), view| (w + view.0, n + view.1));
+        share = (wrong + 1.0) / (n + 2.0);
+        for (own, (wrong, n)) in mixture.wrong.iter_mut().zip(&of_view) {
+            *own = (wrong + SHARED * share) / (n + SHARED);
+        }
         let apart = (squares + 2.0 * widest) / (2.0 * (wrong + 1.0));
         mixture.anywhere = apart.min(widest).max(least);
     }
@@ -124,10 +137,10 @@ pub fn evidence(
         let mut information = Matrix3::from_diagonal_element(1.0 / widest);
         let (mut log_p, mut of_wrong) = (0.0, 0.0);
         let mut wrong = Vec::new();
-        for ray in there(j) {
-            let (p, right) = mixture.of(ray, x);
+        for (i, ray) in there(j) {
+            let (p, right) = mixture.of(i, ray, x);
             if right < RIGHT {
-                wrong.push(*ray);
+                wrong.push((i, *ray));
                 of_wrong += p.ln();
             } else {
                 log_p += p.ln();
@@ -144,5 +157,5 @@ pub fn evidence(
         }
         log_p + of_wrong - 0.5 * information.determinant().ln()
     };
-    Evidence { log: placed().map(of_joint).sum(), wrong: mixture.wrong }
+    Evidence { log: placed().map(of_joint).sum(), wrong: share }
 }
