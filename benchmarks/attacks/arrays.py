@@ -148,7 +148,7 @@ def masked_integers() -> str:
     return f"NaN at {np.flatnonzero(np.isnan(sk.project(points, _RIG)[0, :, 0])).tolist()}"
 
 
-@attack("10c", "pa_mpjpe of poses of 1e155", "InvalidInputError", limit_s=20.0)
+@attack("10j", "pa_mpjpe of poses of 1e155", "InvalidInputError", limit_s=20.0)
 def aligned_error_of_huge_poses() -> str:
     huge = np.random.default_rng(0).normal(size=(200, 17, 3)) * 1e155
     return _tried(lambda: metrics.pa_mpjpe(huge, huge[::-1]))
