@@ -52,7 +52,7 @@ def with_prior(
     filled = np.where(np.isfinite(start), start, consensus.starts(rays))
     noise = float(np.sqrt(located.solution.variance / rays.mean_weight))
     candidates = [(noise, located.widening)]
-    if located.widening.factor > 1:
+    if located.widening.follows_noise:
         candidates.append((located.narrow_noise, annealed.Widening()))
     found = []
     for noise_mm, widening in candidates:

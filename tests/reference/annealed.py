@@ -24,9 +24,9 @@ LEAST_SPREAD = 2.0
 
 
 class Widening(NamedTuple):
-    """Factor by which final kernels may exceed `Settings.end`, and which share of the residuals is noise."""
+    """Whether final kernels may exceed `Settings.end`, and which share of the residuals is noise."""
 
-    factor: float = 1.0
+    follows_noise: bool = False
     noise_share: float = RESIDUAL_SHARE
 
 
@@ -73,7 +73,7 @@ def noise_variance(problem: Problem, squares: Array, support: Array, sigma: floa
     weight = problem.rays.mean_weight
     if problem.settings.noise_mm is not None:
         return weight * problem.settings.noise_mm**2
-    freedom = REFUTED_FREEDOM if problem.widening.factor > 1 else PRIOR_FREEDOM
+    freedom = REFUTED_FREEDOM if problem.widening.follows_noise else PRIOR_FREEDOM
     prior = freedom * weight * (PRIOR_PX * pixel) ** 2
     shrunk = (prior + squares.sum()) / (freedom + np.maximum(2 * support - 3, 0).sum())
     return float(shrunk / max(1 - shrunk / (2 * weight * sigma**2), 0.25))
@@ -183,7 +183,8 @@ def narrowed(problem: Problem, now: Kernels, x: Array, active: Mask, moments: tu
         variance = noise_variance(problem, *moments, float(now.sigma.mean()), pixel)
         target = now.sigma * settings.factor
     wanted = settings.per_noise * np.sqrt(variance / rays.mean_weight)
-    end = min(wanted, max(UPWARDS * wanted, settings.end), problem.widening.factor * settings.end)
+    most = UPWARDS * wanted if problem.widening.follows_noise else 0.0
+    end = min(wanted, max(most, settings.end))
     return Kernels(np.maximum(target, end), variance, pixel, now.sigma <= 1.05 * end)
 
 

@@ -205,41 +205,24 @@ class Located(NamedTuple):
 
 
 def locate(rays: Rays, settings: Settings, margins: tuple[float, float]) -> Located:
-    """Triangulate each joint; wider kernels, where the noise asks for them, if that is likelier.
-
-    First kernels that follow the noise as far as it goes, then twice, four times, … the configured ones.
-    """
+    """Triangulate each joint, under kernels that follow the noise where it asks for that and that is likelier."""
 
     def noise(solution: Solution) -> float:
         return float(np.sqrt(solution.variance / rays.mean_weight))
 
+    wide = Widening(follows_noise=True)
     if settings.noise_mm is not None:
-        widening = Widening(factor=np.inf)
-        solution = under(rays, settings, margins, widening)
-        return Located(solution, widening, noise(solution))
+        solution = under(rays, settings, margins, wide)
+        return Located(solution, wide, noise(solution))
     narrow = under(rays, settings, margins, Widening())
-    narrow_noise = noise(narrow)
-    best, widening = narrow, Widening()
-
-    def asks() -> bool:
-        return settings.per_noise * noise(best) >= settings.end * widening.factor
-
-    if not asks():
-        return Located(narrow, widening, narrow_noise)
-    likely = evidence(narrow, rays, anywhere(rays, settings)).log
-    factors = [np.inf]
-    while factors:
-        factor = factors.pop()
-        found = under(rays, settings, margins, Widening(factor))
-        now = evidence(found, rays, anywhere(rays, settings))
-        if now.log > likely:
-            best, likely = found, now.log
-            widening = Widening(factor, (1 - now.wrong) * of_few(rays))
-        elif np.isfinite(factor):
-            break
-        if np.isfinite(widening.factor) and asks():
-            factors = [2 * widening.factor]
-    return Located(best, widening, narrow_noise)
+    kept = Located(narrow, Widening(), noise(narrow))
+    if settings.per_noise * kept.narrow_noise < settings.end:
+        return kept
+    found, scale = under(rays, settings, margins, wide), anywhere(rays, settings)
+    now = evidence(found, rays, scale)
+    if now.log <= evidence(narrow, rays, scale).log:
+        return kept
+    return Located(found, Widening(True, (1 - now.wrong) * of_few(rays)), kept.narrow_noise)
 
 
 def can_outvote(rays: Rays) -> bool:

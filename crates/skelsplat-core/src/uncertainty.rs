@@ -23,12 +23,13 @@ const LEAST_SPREAD: f64 = 2.0;
 const LEAST_JOINTS: usize = 3;
 
 /// Posterior covariances `(N)` in mm²; NaN for a joint of which nothing is known. `deep[j]` says whether the rays of joint
-/// j fix its depth (see [`crate::annealed::depth`]): such joints are the body.
+/// j fix its depth (see [`crate::annealed::depth`]): such joints are the body. `k` are the rays' weights `(N, M)`.
 #[must_use]
 pub fn posterior(
     problem: &Problem<'_>,
     solution: &mut Solution,
     deep: &[bool],
+    k: &[f64],
 ) -> Vec<Matrix3<f64>> {
     let shared = solution.variance;
     let least = LEAST_SPREAD * solution.noise;
@@ -39,11 +40,11 @@ pub fn posterior(
             / (SHARED_DOF + residuals.freedom);
         let mut block = Matrix3::zeros();
         let mut nearest = f64::INFINITY;
-        for ray in problem.rays.of_joint(j).iter().filter(|ray| ray.is_there()) {
-            let offset = ray.offset(x);
-            let w = ray.weight * offset.weight(solution.sigma[j]);
-            block += ray.information() * (w / variance);
-            nearest = nearest.min(offset.range.abs());
+        let of_joint = problem.rays.of_joint(j);
+        let weights = &k[j * of_joint.len()..];
+        for (ray, k) in of_joint.iter().zip(weights).filter(|(ray, _)| ray.is_there()) {
+            block += ray.information() * (ray.weight * k / variance);
+            nearest = nearest.min(ray.direction.dot(&(x - ray.centre)).abs());
         }
         if nearest.is_finite() {
             block += Matrix3::from_diagonal_element(1.0 / square_reach(body, x, nearest));

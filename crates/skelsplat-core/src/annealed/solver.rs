@@ -84,24 +84,24 @@ pub struct Problem<'a> {
     pub priors: Option<&'a [Prior]>,
     /// Settings.
     pub annealing: &'a Annealing,
-    /// How far the final kernels may follow the noise upwards.
+    /// Whether the final kernels follow the noise upwards.
     pub widening: Widening,
 }
 
-/// How far the final kernels may follow the noise upwards.
+/// Whether the final kernels follow the noise upwards.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Widening {
-    /// Factor by which they may exceed [`Annealing::end`] where the noise asks for it.
-    pub factor: f64,
+    /// Whether they may exceed [`Annealing::end`] where the noise asks for it.
+    pub follows_noise: bool,
     /// Share of the residuals' variance that is noise; the rest are wrong detections that the kernel lets through.
     pub noise_share: f64,
 }
 
 impl Widening {
-    /// Not at all. The share is measured (docs/decisions.md).
-    pub const NONE: Self = Self { factor: 1.0, noise_share: 0.87 };
-    /// As far as it goes, where it is given.
-    pub const FREE: Self = Self { factor: f64::INFINITY, ..Self::NONE };
+    /// They end where they are configured. The share is measured (docs/decisions.md).
+    pub const NONE: Self = Self { follows_noise: false, noise_share: 0.87 };
+    /// They follow noise that is given.
+    pub const FREE: Self = Self { follows_noise: true, ..Self::NONE };
 }
 
 /// Where the joints are and what is left over.
@@ -368,7 +368,8 @@ impl<'a> Run<'a> {
         }
         let noise = (self.variance / self.weight).sqrt();
         let share = annealing.per_noise * noise / annealing.base;
-        let share = share.min((UPWARDS * share).max(1.0)).min(self.problem.widening.factor);
+        let most = if self.problem.widening.follows_noise { UPWARDS * share } else { 1.0 };
+        let share = share.min(most.max(1.0));
         let mut done = true;
         for j in 0..self.sigma.len() {
             let end = annealing.end[j] * share;
@@ -393,7 +394,7 @@ impl<'a> Run<'a> {
     }
 
     fn scale(&self) -> Scale {
-        let refuted = self.problem.widening.factor > 1.0;
+        let refuted = self.problem.widening.follows_noise;
         Scale { pixel: self.pixel, weight: self.weight, refuted }
     }
 

@@ -187,17 +187,24 @@ impl NormalEquations {
 const ILL_CONDITIONED: f64 = 1e-9;
 
 /// Inverse of a symmetric positive definite matrix, zero where it has none.
+#[inline]
 fn inverse_of(m: &Matrix3<f64>) -> Matrix3<f64> {
-    let determinant = m.determinant();
-    let well_conditioned = determinant > ILL_CONDITIONED * (m.trace() / 3.0).powi(3);
-    if !well_conditioned {
-        return m.cholesky().map_or_else(Matrix3::zeros, |factor| factor.inverse());
-    }
     let (a, b, c) = (m[(0, 0)], m[(0, 1)], m[(0, 2)]);
     let (d, e, f) = (m[(1, 1)], m[(1, 2)], m[(2, 2)]);
     let (p, q, r) = (d * f - e * e, c * e - b * f, b * e - c * d);
     let (s, t, u) = (a * f - c * c, b * c - a * e, a * d - b * b);
-    Matrix3::new(p, q, r, q, s, t, r, t, u) / determinant
+    let (determinant, scale) = (a * p + b * q + c * r, (a + d + f) / 3.0);
+    let well_conditioned = determinant > ILL_CONDITIONED * scale * scale * scale;
+    if !well_conditioned {
+        return carefully_inverted(m);
+    }
+    Matrix3::new(p, q, r, q, s, t, r, t, u) * (1.0 / determinant)
+}
+
+#[cold]
+#[inline(never)]
+fn carefully_inverted(m: &Matrix3<f64>) -> Matrix3<f64> {
+    m.cholesky().map_or_else(Matrix3::zeros, |factor| factor.inverse())
 }
 
 /// Cholesky factor of a `p × p` positive definite matrix, in place, lower triangle, row-major.

@@ -56,7 +56,7 @@ impl Found {
             evidence(&found.rays, &found.solution, given.priors, anywhere).log
         };
         self.explained() > before.explained() + SWAP_GAIN
-            && (before.widening.factor <= 1.0 || likely(self) > likely(before) + SWAP_EVIDENCE)
+            && (!before.widening.follows_noise || likely(self) > likely(before) + SWAP_EVIDENCE)
     }
 
     /// Detections of mean weight that are explained, under the same kernel for all solutions that are compared.
@@ -125,7 +125,7 @@ impl Refiner {
             (given, found)
         };
         let wide = under(alone.solution.noise, alone.widening);
-        if annealing.noise != NoiseModel::Estimated || alone.widening.factor <= 1.0 {
+        if annealing.noise != NoiseModel::Estimated || !alone.widening.follows_noise {
             return wide;
         }
         let narrow = under(alone.narrow_noise, Widening::NONE);
@@ -230,7 +230,7 @@ impl Refiner {
         let of_joint = |j: usize| (rays.of_joint(j), &k[j * m..(j + 1) * m]);
         let is_deep = |j: usize| is_fixed(of_joint(j).0, j, solution, of_joint(j).1);
         let deep: Vec<bool> = (0..n).map(is_deep).collect();
-        let mut covariances = posterior(problem, solution, &deep);
+        let mut covariances = posterior(problem, solution, &deep, &k);
         let mut status: Vec<JointStatus> = (0..n)
             .map(|j| match of_joint(j) {
                 (rays, _) if !rays.iter().any(Ray::is_there) => JointStatus::Unobserved,

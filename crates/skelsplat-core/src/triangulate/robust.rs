@@ -6,7 +6,7 @@ use super::Triangulated;
 use crate::annealed::consensus::{REJECTED, agreement, best_pair};
 use crate::annealed::depth::may_be_fixed;
 use crate::annealed::evidence::evidence;
-use crate::annealed::rays::nearest_point;
+use crate::annealed::rays::nearest_with_spread;
 use crate::annealed::{Annealing, NoiseModel, Problem, Rays, Solution, Widening, solve};
 use crate::camera::Camera;
 use crate::detections::Detections;
@@ -19,6 +19,8 @@ const MARGIN: [f64; 2] = [0.75, 0.5];
 /// How far off a wrong detection may be, in multiples of the widest kernel: where no joint is seen by three views, so that
 /// nothing says which detection is wrong, and otherwise.
 const ANYWHERE: [f64; 2] = [1.5, 1.0];
+/// Rays that are this far from parallel, 15° for two, fix a depth whatever the noise.
+const WIDE: f64 = 0.05;
 /// Residuals that say something of the noise.
 const LEAST_FREEDOM: f64 = 6.0;
 
@@ -45,7 +47,7 @@ pub fn robust(detections: &Detections, cameras: &[Camera]) -> Triangulated {
 pub struct Located {
     /// Where they are.
     pub solution: Solution,
-    /// How far the kernels followed the noise.
+    /// Whether the kernels followed the noise.
     pub widening: Widening,
     /// [`Solution::noise`] under the configured kernels.
     pub narrow_noise: f64,
@@ -54,8 +56,8 @@ pub struct Located {
 /// The joints of one frame without priors and symmetry.
 ///
 /// The noise is estimated under a kernel, so that a kernel that ends narrower than twice the noise sees less of it than
-/// there is. Where the estimate asks for a wider one, kernels that follow the noise as far as it goes are tried, then ends of
-/// twice, four times, … the width, as long as that makes the detections more likely ([`evidence`]).
+/// there is. Where the estimate asks for a wider one, the frame is solved again under kernels that follow the noise, which
+/// count if the detections are then more likely ([`evidence`]).
 #[must_use]
 pub fn locate(rays: &Rays, annealing: &Annealing) -> Located {
     if !annealing.per_noise.is_finite() {
@@ -64,43 +66,18 @@ pub fn locate(rays: &Rays, annealing: &Annealing) -> Located {
     if annealing.noise != NoiseModel::Estimated {
         return located(rays, annealing, Widening::FREE);
     }
-    let best = located(rays, annealing, Widening::NONE);
-    if annealing.asks_for_more(&best) { widened(rays, annealing, best) } else { best }
-}
-
-impl Annealing {
-    /// Whether the noise asks for wider kernels than these were.
-    fn asks_for_more(&self, found: &Located) -> bool {
-        self.per_noise * found.solution.noise >= self.base * found.widening.factor
+    let narrow = located(rays, annealing, Widening::NONE);
+    if annealing.per_noise * narrow.narrow_noise < annealing.base {
+        return narrow;
     }
-}
-
-/// The most likely of `narrow` and of solutions under wider kernels.
-fn widened(rays: &Rays, annealing: &Annealing, narrow: Located) -> Located {
-    let (anywhere, few) = (anywhere(rays, annealing), of_few(rays));
-    let narrow_noise = narrow.narrow_noise;
-    let mut likely = evidence(rays, &narrow.solution, None, anywhere).log;
-    let mut wider = |factor: f64| {
-        let mut found = located(rays, annealing, Widening { factor, ..Widening::NONE });
-        found.narrow_noise = narrow_noise;
-        let now = evidence(rays, &found.solution, None, anywhere);
-        found.widening.noise_share = (1.0 - now.wrong) * few;
-        (now.log > likely).then(|| {
-            likely = now.log;
-            found
-        })
-    };
-    if let Some(follows_noise) = wider(f64::INFINITY) {
-        return follows_noise;
+    let mut wide = located(rays, annealing, Widening::FREE);
+    let anywhere = anywhere(rays, annealing);
+    let now = evidence(rays, &wide.solution, None, anywhere);
+    if now.log <= evidence(rays, &narrow.solution, None, anywhere).log {
+        return narrow;
     }
-    let mut best = narrow;
-    while annealing.asks_for_more(&best) {
-        match wider(2.0 * best.widening.factor) {
-            Some(found) => best = found,
-            None => break,
-        }
-    }
-    best
+    wide.widening.noise_share = (1.0 - now.wrong) * of_few(rays);
+    Located { narrow_noise: narrow.narrow_noise, ..wide }
 }
 
 /// How far off wrong detections of a frame are taken to be, mm.
@@ -146,9 +123,9 @@ fn under(rays: &Rays, annealing: &Annealing, widening: Widening) -> Solution {
 pub fn start(rays: &Rays, j: usize) -> Vector3<f64> {
     let of_joint = rays.of_joint(j);
     let nan = Vector3::repeat(f64::NAN);
-    let Some(x) = nearest_point(of_joint, |_, ray| ray.weight) else { return nan };
+    let Some((x, spread)) = nearest_with_spread(of_joint, |_, ray| ray.weight) else { return nan };
     let in_front = of_joint.iter().any(|ray| ray.is_there() && ray.offset(&x).range > 0.0);
-    if in_front && may_be_fixed(of_joint, &x, f64::INFINITY) {
+    if in_front && (spread > WIDE || may_be_fixed(of_joint, &x, f64::INFINITY)) {
         return x;
     }
     if of_joint.iter().filter(|ray| ray.is_there()).count() < 3 {
