@@ -55,17 +55,16 @@ def displaced_findings(people, rig, person="consistent"):
 def test_a_turned_camera_is_named_with_its_shift():
     rig = synthetic.human36m_like()
     people = scattered(walker(rig), 8.0)
-    (doubt,) = displaced_findings(people, turned(rig, 1, 1.5))
-    assert doubt.startswith("cam2's calibration or timing looks wrong: its detections lie ")
-    assert " px to one side of the pose (" in doubt
-    assert " px left), with a median error of " in doubt
-    assert doubt.endswith(". skelsplat check-cameras looks for the cause; --without cam2 leaves it out.")
+    (doubt,) = displaced_findings(people, turned(rig, 1, 1.5))  # whether or not its detections are rejected
+    assert doubt.startswith("cam2")
+    assert re.search(r"ts detections lie \d+ px to one side of the pose \(\d+ px left", doubt), doubt
+    assert doubt.endswith("check-cameras looks for the cause; --without cam2 leaves it out.")
 
 
 def test_through_distorted_lenses_as_well():
     rig = synthetic.human36m_like(distortion=True)
     (doubt,) = displaced_findings(scattered(walker(rig), 8.0), turned(rig, 1, 1.5))
-    assert doubt.startswith("cam2's calibration or timing looks wrong")
+    assert doubt.startswith("cam2")
     assert displaced_findings(scattered(walker(rig), 8.0), rig) == []
 
 
@@ -86,6 +85,9 @@ def test_a_rejected_camera_has_one_message():
 def test_of_three_cameras_another_may_be_the_wrong_one():
     rig = synthetic.ring(3)
     (doubt,) = displaced_findings(scattered(walker(rig), 4.0), turned(rig, 0, 3.0, (1.0, 0.0, 0.0)))
+    assert doubt.startswith("cam0")
+    shifts = shifts_of((0.0, 22.0), (0.0, 7.0), (0.0, 6.0))
+    (doubt,) = displaced_doubts(rig.names, shifts, [0, 1, 2])
     assert doubt.startswith(
         "cam0's calibration or timing looks wrong, or that of another of the three: cam0's detections lie "
     )
