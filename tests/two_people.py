@@ -9,8 +9,11 @@ import numpy as np
 import skelsplat as sk
 from skelsplat import synthetic
 from skelsplat.association import take_people
+from skelsplat.cli._doubts import find_doubts
 from skelsplat.cli._people_doubts import people_doubts
 from skelsplat.cli._person import look_around, pick_places
+from skelsplat.cli._pipeline import Inputs, Outcome
+from skelsplat.cli._statistics import summarise
 from skelsplat.synthetic import DetectionNoise
 
 LAYOUT = sk.layouts.H36M17
@@ -53,3 +56,16 @@ def doubts_of(people, rig, person="consistent"):
     inputs = SimpleNamespace(person=person, crowd=crowd, layout=LAYOUT, rig=rig)
     result = sk.refine(None, take_people(people, index), rig, layout=LAYOUT)
     return list(people_doubts(inputs, SimpleNamespace(result=result)))
+
+
+def findings_of(people, rig, person="consistent"):
+    """Return all doubts of a run with ``person`` among people (T, M, P, 17, 3)."""
+    index, nobody_fits = pick_places(people, rig, person, LAYOUT)
+    detections = take_people(people, index)
+    crowd = look_around(people, index, rig, person, LAYOUT)
+    inputs = Inputs(
+        rig, LAYOUT, detections, nobody_fits, np.arange(len(detections)), None, person=person, crowd=crowd
+    )
+    result = sk.refine(None, detections, rig, layout=LAYOUT)
+    outcome = Outcome(result, sk.RefineConfig(), sk.triangulate(detections, rig, method="dlt"), 0.0)
+    return find_doubts(inputs, outcome, summarise(inputs, outcome), np.asarray(result.joint_status))

@@ -103,7 +103,7 @@ def two_people_real_consistent() -> str:
     return _trial("consistent")
 
 
-@attack("7c", "two people (simulated, crossing), --person 0", "people mixed, 2 visible, limbs vary, rejected")
+@attack("7c", "two people (simulated, crossing), --person 0", "people mixed, 2 visible, rejected")
 def two_people_simulated() -> str:
     return _simulated("0")
 

@@ -15,7 +15,7 @@ from PIL import Image
 
 COLOURS = 128
 # left, top, right, bottom of the body's two views in parts of the overview
-POSE = (0.0, 0.035, 0.6, 0.565)
+POSE = (0.0, 0.035, 0.67, 0.565)
 
 
 def main(folder: Path) -> None:

@@ -42,9 +42,11 @@ def test_the_first_entries_of_the_files_are_several_people(trial, tmp_path):
     assert visible.startswith(
         "2 people are visible in about the same number of views in 100% of the frames; "
     )
-    assert lengths.startswith("Limb lengths vary by up to 390% over the recording; a body's do not. ")
+    # under kernels as wide as the scatter a mixed frame's pose lies between the two people: limbs are
+    # shortened and fewer detections are rejected than if it kept to one of them
+    assert lengths.startswith("Limb lengths vary by up to 93% over the recording; a body's do not. ")
     assert rejected.startswith(
-        "32% of all detections are rejected: check that all views show the same person "
+        "25% of all detections are rejected: check that all views show the same person "
     )
 
 

@@ -48,6 +48,7 @@ impl PyRefiner {
     }
 
     /// Return the fields of ``skelsplat.Refinement``; ``joint_status`` as codes into ``JOINT_STATUS``.
+    ///
     /// ``past`` says that ``init_pose`` is the pose of the frame before.
     #[pyo3(signature = (init_pose, detections, *, confidence=None, init_sigma=None, past=false, progress=None))]
     #[allow(clippy::too_many_arguments, reason = "one per keyword")]

@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import shlex
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 import skelsplat as sk
+from skelsplat.cli._displaced_doubts import (
+    also_displaced,
+    apart_doubts,
+    displaced_cameras,
+    displaced_doubts,
+    to_one_side,
+)
 from skelsplat.cli._people_doubts import are_mixed, people_doubts
 from skelsplat.cli._statistics import finite_median
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
     from collections.abc import Set as AbstractSet
 
     import numpy.typing as npt
@@ -56,7 +64,7 @@ def find_doubts(
         *people_doubts(inputs, outcome),
         *_whole(statistics, mixed=are_mixed(inputs)),
         *_unfit(inputs, unfit),
-        *_cameras(statistics, {inputs.rig.names[i] for i in unfit}),
+        *_places_in_images(inputs, statistics, unfit),
         *_mirrored(statistics),
         *_limbs(inputs, outcome),
         *_joints(statistics),
@@ -120,8 +128,34 @@ def _unfit(inputs: Inputs, unfit: dict[int, tuple[int, int]]) -> Iterator[str]:
     )
 
 
-def _cameras(statistics: Statistics, unfit: AbstractSet[str] = frozenset()) -> Iterator[str]:
-    """Name cameras without a use and those that disagree; of those that are ``unfit`` more has been said."""
+def _places_in_images(inputs: Inputs, statistics: Statistics, unfit: Mapping[int, object]) -> Iterator[str]:
+    """Name cameras without a use, that disagree or are displaced, and views that lie apart in some frames."""
+    names, shifts = inputs.rig.names, statistics.shifts
+    unfit_names = {names[i] for i in unfit}
+    if are_mixed(inputs):  # which has been said, and explains what lies elsewhere
+        yield from _cameras(statistics, unfit_names)
+        return
+    displaced = displaced_cameras(inputs.rig, shifts)
+    bad = {group.name for group in _bad_cameras(statistics.cameras)}
+    worst = [i for i in displaced if names[i] in bad]
+    rest = [i for i in displaced if names[i] not in bad]
+    sides = {names[i]: to_one_side(shifts, i) for i in worst}
+    if worst:
+        sides[names[worst[0]]] += also_displaced(names, shifts, rest, worst[0])
+    yield from _cameras(statistics, unfit_names, sides)
+    yield from displaced_doubts(names, shifts, [] if worst else rest, unfit_names)
+    yield from apart_doubts(inputs.rig, statistics, {*displaced, *unfit})
+
+
+def _cameras(
+    statistics: Statistics,
+    unfit: AbstractSet[str] = frozenset(),
+    sides: Mapping[str, str] = MappingProxyType({}),
+) -> Iterator[str]:
+    """Name cameras without a use and those that disagree.
+
+    Of those that are ``unfit`` more has been said; ``sides`` says by name where detections lie.
+    """
     bad = _bad_cameras(statistics.cameras)
     good = [group for group in statistics.cameras if group.used and group not in bad]
     good_share = sum(group.rejected for group in good) / max(1, sum(group.used for group in good))
@@ -138,10 +172,15 @@ def _cameras(statistics: Statistics, unfit: AbstractSet[str] = frozenset()) -> I
             yield (
                 f"{group.name} disagrees with the other cameras: {_percent(group.rejected_share)} of its "
                 f"detections are rejected, {_percent(good_share)} of {theirs}, and its mean weight is "
-                f"{group.mean_weight:.2f}. The pose follows the others: check this camera's calibration and "
+                f"{group.mean_weight:.2f}. {_sides(sides.get(group.name))}"
+                "The pose follows the others: check this camera's calibration and "
                 "timing, and what it can see. check-cameras looks for the cause"
                 f"{_without(group) if leave and group.name not in unfit else ''}."
             )
+
+
+def _sides(where: str | None) -> str:
+    return f"Its detections lie {where}. " if where else ""
 
 
 def _without(group: Group) -> str:

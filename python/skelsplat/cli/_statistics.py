@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import skelsplat as sk
+from skelsplat._displaced import Shifts, camera_shifts, residuals
 from skelsplat.cli._pipeline import rig_as_used
 
 if TYPE_CHECKING:
@@ -72,6 +73,10 @@ class Statistics:
     ----------
     error_before, error_after : (T, M, N)
         Reprojection errors in px, NaN for detections that were not used.
+    residual : (T, M, N, 2)
+        Detection − projection in px of the joint that it was used for, NaN for detections that were not used.
+    shifts : Shifts
+        Where every camera's detections lie beside the pose.
     rejected : (T, M, N)
         Detections that are used and rejected.
     views_used : (T, N)
@@ -92,6 +97,8 @@ class Statistics:
 
     error_before: Array
     error_after: Array
+    residual: Array
+    shifts: Shifts
     rejected: Mask
     views_used: npt.NDArray[np.int64]
     moved_mm: Array
@@ -126,11 +133,14 @@ def summarise(inputs: Inputs, outcome: Outcome) -> Statistics:
         swapped=used & np.asarray(result.swapped),
         poor=used & (after > poor_px[:, None]),
     )
+    residual = np.where(used[..., None], _residuals(inputs, outcome), np.nan)
     rejected = every.weight < sk.REJECTED_WEIGHT
     variance = np.trace(result.uncertainty, axis1=-2, axis2=-1) / 3
     return Statistics(
         error_before=before,
         error_after=after,
+        residual=residual,
+        shifts=camera_shifts(residual),
         rejected=rejected,
         views_used=(used & ~rejected).sum(axis=1),
         moved_mm=np.linalg.norm(np.asarray(result.pose) - outcome.start, axis=-1) * mm,
@@ -167,10 +177,22 @@ def finite_max(values: npt.ArrayLike) -> float:
 
 def _reprojection_error(outcome: Outcome, inputs: Inputs) -> Array:
     """Return the distances in px, (T, M, N), of the start from the detections as given."""
-    rig = rig_as_used(inputs.rig, undistort=outcome.config.undistort)
-    projected = np.moveaxis(np.asarray(sk.project(outcome.start, rig)), 0, 1)
+    projected = _projected(outcome.start, inputs, outcome)
     error: Array = np.linalg.norm(projected - inputs.detections[..., :2], axis=-1)
     return error
+
+
+def _residuals(inputs: Inputs, outcome: Outcome) -> Array:
+    """Return detection − refined pose in px, (T, M, N, 2)."""
+    projected = _projected(outcome.result.pose, inputs, outcome)
+    swapped = np.asarray(outcome.result.swapped)
+    return residuals(inputs.detections[..., :2], projected, swapped, inputs.layout.left_right)
+
+
+def _projected(pose: npt.ArrayLike, inputs: Inputs, outcome: Outcome) -> Array:
+    """Return the pixels (T, M, N, 2) of a pose, with the lenses that were used."""
+    rig = rig_as_used(inputs.rig, undistort=outcome.config.undistort)
+    return np.moveaxis(np.asarray(sk.project(pose, rig)), 0, 1)
 
 
 def _pixel_sizes(inputs: Inputs, outcome: Outcome) -> Array:

@@ -1,0 +1,234 @@
+"""Detections that lie to one side of the reprojected pose: a wrong camera, and what is none."""
+
+from __future__ import annotations
+
+import re
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from skelsplat import _displaced, synthetic
+from skelsplat.cli._displaced_doubts import displaced_cameras, displaced_doubts, to_one_side
+from skelsplat.cli._doubts import _cameras
+from skelsplat.synthetic import DetectionNoise
+from two_people import LAYOUT, crossing, findings_of, seen
+
+FRAMES = 30
+DIAGONAL = np.array([1000.0])
+
+
+def turned(rig, which, degrees, axis=(0.0, 1.0, 0.0)):
+    """Return the rig as if its calibration had been made before one camera was turned about itself."""
+    angle, (x, y, z) = np.radians(degrees), axis
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    turn = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
+    cameras = list(rig)
+    camera = cameras[which]
+    cameras[which] = sk.Camera(
+        camera.K,
+        turn @ camera.R,
+        turn @ camera.t,
+        size=camera.size,
+        name=camera.name,
+        distortion=camera.distortion,
+    )
+    return sk.CameraRig(cameras, unit=rig.unit)
+
+
+def scattered(people, px, seed=5):
+    people = people.copy()
+    people[..., :2] += np.random.default_rng(seed).normal(0.0, px, people[..., :2].shape)
+    return people
+
+
+def walker(rig, noise=None, frames=FRAMES):
+    return seen([synthetic.motion("walk", frames, seed=3)], rig, noise)
+
+
+def displaced_findings(people, rig, person="consistent"):
+    words = ("looks wrong", "to one side", "as a whole")
+    return [doubt for doubt in findings_of(people, rig, person) if any(word in doubt for word in words)]
+
+
+def test_a_turned_camera_is_named_with_its_shift():
+    rig = synthetic.human36m_like()
+    people = scattered(walker(rig), 8.0)
+    (doubt,) = displaced_findings(people, turned(rig, 1, 1.5))  # whether or not its detections are rejected
+    assert doubt.startswith("cam2")
+    assert re.search(r"ts detections lie \d+ px to one side of the pose \(\d+ px left", doubt), doubt
+    assert doubt.endswith("check-cameras looks for the cause; --without cam2 leaves it out.")
+
+
+def test_through_distorted_lenses_as_well():
+    rig = synthetic.human36m_like(distortion=True)
+    (doubt,) = displaced_findings(scattered(walker(rig), 8.0), turned(rig, 1, 1.5))
+    assert doubt.startswith("cam2")
+    assert displaced_findings(scattered(walker(rig), 8.0), rig) == []
+
+
+def test_a_rejected_camera_has_one_message():
+    rig = synthetic.human36m_like()
+    wrong = turned(rig, 1, 1.5)
+    (doubt,) = (doubt for doubt in findings_of(walker(rig), wrong) if "cam2" in doubt)
+    assert doubt.startswith("cam2 disagrees with the other cameras: ")
+    lie = re.search(
+        r"\. Its detections lie (\d+) px to one side of the pose \(\1 px left\)\. The pose", doubt
+    )
+    assert lie is not None, doubt
+    truth = synthetic.motion("walk", FRAMES, seed=3)  # where the other cameras keep the pose
+    expected = np.median(sk.project(truth, rig)[1, ..., 0] - sk.project(truth, wrong)[1, ..., 0])
+    assert abs(int(lie[1]) + expected) < 1.0
+
+
+def test_of_three_cameras_another_may_be_the_wrong_one():
+    rig = synthetic.ring(3)
+    (doubt,) = displaced_findings(scattered(walker(rig), 4.0), turned(rig, 0, 3.0, (1.0, 0.0, 0.0)))
+    assert doubt.startswith("cam0")
+    shifts = shifts_of((0.0, 22.0), (0.0, 7.0), (0.0, 6.0))
+    (doubt,) = displaced_doubts(rig.names, shifts, [0, 1, 2])
+    assert doubt.startswith(
+        "cam0's calibration or timing looks wrong, or that of another of the three: cam0's detections lie "
+    )
+
+
+def test_of_two_cameras_none_is_accused():
+    rig = synthetic.stereo()
+    (doubt,) = displaced_findings(walker(rig), turned(rig, 0, 3.0, (1.0, 0.0, 0.0)))
+    assert doubt.startswith("The calibration or timing of one of the two cameras looks wrong: ")
+    assert doubt.endswith(
+        "It is impossible to tell which is wrong; skelsplat check-cameras looks for the cause."
+    )
+
+
+@pytest.mark.parametrize(
+    "noise",
+    [DetectionNoise.good(), DetectionNoise.noisy(), DetectionNoise.occluded(3, hard=True)],
+    ids=["good", "noisy", "occluded"],
+)
+@pytest.mark.parametrize("frames", [3, FRAMES])
+@pytest.mark.parametrize(
+    "rig",
+    [synthetic.human36m_like(), synthetic.ring(3), synthetic.ring(8)],
+    ids=["four", "three", "eight"],
+)
+def test_sound_cameras_are_not_doubted(rig, noise, frames):
+    assert displaced_findings(walker(rig, noise, frames), rig) == []
+    assert displaced_findings(scattered(walker(rig, noise, frames), 10.0), rig) == []
+
+
+def test_objects_on_a_table_are_not_doubted():
+    rig = synthetic.table()
+    for motion in ("reach", "sit"):
+        assert displaced_findings(seen([0.2 * synthetic.motion(motion, FRAMES, seed=1)], rig), rig) == []
+
+
+def test_exchanged_sides_a_bystander_and_two_people_are_not_doubted():
+    rig = synthetic.human36m_like()
+    noise = DetectionNoise(limb_swap_rate=0.2, view_swap_rate=0.1)
+    assert displaced_findings(walker(rig, noise), rig) == []
+    two = seen(crossing(), rig)
+    assert displaced_findings(two, rig) == []
+    two[:, 2:, 1] = np.nan
+    assert displaced_findings(two, rig) == []
+
+
+def test_a_still_person_whose_joints_are_off_in_every_view_is_not_doubted():
+    """A detector's own offset of every joint and view does not change while a person stands still."""
+    rig, rng = synthetic.human36m_like(), np.random.default_rng(0)
+    pose = np.repeat(synthetic.motion("reach", 1, seed=2), FRAMES, axis=0)
+    for _ in range(5):
+        people = seen([pose], rig)
+        people[..., :2] += rng.normal(0.0, 20.0, (1, 4, 1, 17, 2))
+        assert displaced_findings(people, rig) == []
+
+
+def test_residuals_are_of_the_joint_that_a_detection_was_used_for():
+    rig = synthetic.human36m_like(distortion=True)
+    detections = walker(rig, DetectionNoise(limb_swap_rate=0.2))[:, :, 0]
+    result = sk.refine(None, detections, rig, layout=LAYOUT)
+    assert result.swapped.any()
+    projected = np.moveaxis(sk.project(result.pose, rig), 0, 1)
+    found = _displaced.residuals(detections[..., :2], projected, result.swapped, LAYOUT.left_right)
+    used = np.isfinite(result.reprojection_error)
+    np.testing.assert_allclose(
+        np.linalg.norm(found, axis=-1)[used], result.reprojection_error[used], atol=1e-6
+    )
+
+
+def test_the_shift_is_the_median_of_each_coordinate():
+    residual = np.full((5, 2, 11, 2), np.nan)
+    residual[:, 0] = np.random.default_rng(1).normal([8.0, -6.0], 0.5, (5, 11, 2))
+    residual[0, 0, 0] = 1e4
+    shifts = _displaced.camera_shifts(residual)
+    np.testing.assert_allclose(shifts.size[0], 10.0, atol=4 * 0.5 * 1.25 / np.sqrt(55))  # of a median
+    assert shifts.count.tolist() == [55, 0]
+    assert np.isnan(shifts.error[1])
+    assert shifts.one_sided(np.array([1000.0, 1000.0])).tolist() == [True, False]
+    assert to_one_side(shifts, 0) == "10 px to one side of the pose (8 px right, 6 px up)"
+    assert shifts.one_sided(np.array([3000.0, 1000.0])).tolist() == [False, False]  # less than 0.4 %
+
+
+@pytest.mark.parametrize(("frames", "joints", "told"), [(5, 11, True), (4, 11, False), (60, 3, False)])
+def test_few_detections_or_joints_are_no_pattern(frames, joints, told):
+    residual = np.random.default_rng(1).normal([8.0, -6.0], 0.5, (frames, 1, joints, 2))
+    assert _displaced.camera_shifts(residual).one_sided(DIAGONAL).tolist() == [told]
+
+
+def test_joints_whose_offsets_point_any_way_share_a_side_as_often_as_is_said():
+    """Under the null hypothesis p is uniform; 2000 draws have it below 0.05 in 5 % ± 3 · 0.49 %."""
+    rng = np.random.default_rng(0)
+    for joints in (4, 8, 17):
+        offsets = rng.normal(0.0, 1.0, (2000, joints, 2)) @ np.array([[3.0, 1.0], [0.0, 2.0]])
+        share = np.mean([_displaced.same_side(one) < 0.05 for one in offsets])
+        assert abs(share - 0.05) < 3 * np.sqrt(0.05 * 0.95 / 2000)
+    assert _displaced.same_side(np.ones((17, 2))) == 1.0  # one point is no scatter to compare with
+
+
+def test_a_view_is_apart_as_a_whole():
+    residual = np.zeros((4, 1, 9, 2))
+    residual[0] = [40.0, 0.0]
+    residual[1, 0, :4] = [900.0, 900.0]  # hidden joints
+    residual[2] = 60.0 * np.random.default_rng(0).choice([-1.0, 1.0], (1, 9, 1)) * [1.0, 0.0]
+    residual[3] = [40.0, 0.0]
+    residual[3, 0, 3:] = np.nan  # three joints are no whole
+    residual[2, 0, :5] = [[60.0, 0.0], [-60.0, 0.0], [60.0, 0.0], [-60.0, 0.0], [0.0, 0.0]]
+    residual[2, 0, 5:] = [[60.0, 0.0], [-60.0, 0.0], [60.0, 0.0], [-60.0, 0.0]]
+    assert _displaced.views_apart(residual, np.array([30.0]))[:, 0].tolist() == [True, False, False, False]
+
+
+def shifts_of(*shift):
+    count = len(shift)
+    size = np.hypot(*np.transpose(shift))
+    return _displaced.Shifts(np.array(shift, dtype=float), 1.1 * size, np.zeros(count), np.full(count, 1000))
+
+
+def test_the_worst_camera_is_first_and_rivals_are_named():
+    rig = synthetic.human36m_like()
+    shifts = shifts_of((10.0, 0.0), (0.0, 30.0), (-16.0, 1.0), (0.1, 0.0))
+    found = displaced_cameras(rig, shifts)
+    assert found == [1, 2, 0]
+    (doubt,) = displaced_doubts(rig.names, shifts, found)
+    assert doubt == (
+        "cam2's calibration or timing looks wrong: its detections lie 30 px to one side of the pose (30 px "
+        "down), with a median error of 33.0 px; cam3's lie 16 px, cam1's 10 px to one side as well, so it "
+        "may be cam3 instead. skelsplat check-cameras looks for the cause; --without cam2 leaves it out."
+    )
+    (doubt,) = displaced_doubts(rig.names, shifts, found, {"cam2"})
+    assert doubt.endswith("looks for the cause.")
+    assert list(displaced_doubts(rig.names, shifts, [])) == []
+
+
+def test_where_detections_lie_is_said_of_the_camera_that_disagrees():
+    counts = {"used": 100, "mean_weight": 0.5}
+    cameras = [
+        SimpleNamespace(name=name, rejected=n, rejected_share=n / 100, **counts)
+        for name, n in (("a", 40), ("b", 1), ("c", 1))
+    ]
+    statistics = SimpleNamespace(cameras=cameras, total=SimpleNamespace(used=300))
+    (doubt,) = _cameras(statistics, sides={"a": "9 px to one side of the pose (9 px up)"})
+    assert (
+        "mean weight is 0.50. Its detections lie 9 px to one side of the pose (9 px up). The pose follows"
+        in doubt
+    )
