@@ -54,9 +54,9 @@ class Refinement:
     reprojection_error : (…, M, N) float64
         Distance between detection and reprojection, pixels of the original image; NaN without a detection.
     joint_status : (…, N) str
-        ``"ok"``; ``"weak"``: the position is not determined. Fewer than two views agree on it (the splat meets
-        its detection; Gauss–Newton: k ≥ ¼), or these are so close together that a point at infinity fits as
-        well, or as many views agree on another place (``uncertainty`` then covers both);
+        ``"ok"``; ``"weak"``: the position is not determined. Fewer than two views agree on it (the splat
+        meets its detection; Gauss–Newton: k ≥ ¼), or these are so close together that a point at infinity
+        fits as well, or as many views agree on another place (``uncertainty`` then covers both);
         ``"unobserved"``: no usable detection, the joint keeps its initial position.
     loss, loss_render, loss_symmetry : (…) float64
         L_opt, L_render and the unweighted L_sym (mm²) of the returned pose over all views. For Gauss–Newton

@@ -222,8 +222,9 @@ class RefineConfig:
     sigma_decay : float
         Factor on the kernel's σ from one step to the next, 0.5.
     sigma_per_noise : float or None
-        The kernel ends at this multiple of the detections' noise, 2, if that is less than ``sigma`` or the frame
-        is more likely so (large noise rather than many wrong detections); None: at ``sigma``, as in ``paper()``.
+        The kernel ends at this multiple of the detections' noise, 2, if that is less than ``sigma``; where
+        the noise is larger, it follows if the frame is more likely so (large noise rather than many wrong
+        detections). None: at ``sigma``, as in ``paper()``.
     detection_sigma : float or None
         Standard deviation of the detections' noise per axis, pixels; None: estimated in every frame.
     view_weights : sequence of M floats, or None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 
 import numpy as np
@@ -44,10 +45,12 @@ def test_the_first_entries_of_the_files_are_several_people(trial, tmp_path):
     )
     # under kernels as wide as the scatter a mixed frame's pose lies between the two people: limbs are
     # shortened and fewer detections are rejected than if it kept to one of them
-    assert lengths.startswith("Limb lengths vary by up to 78% over the recording; a body's do not. ")
-    assert rejected.startswith(
-        "30% of all detections are rejected: check that all views show the same person "
-    )
+    varies = re.match(r"Limb lengths vary by up to (\d+)% over the recording; a body's do not\. ", lengths)
+    assert varies is not None
+    assert int(varies[1]) > 50
+    share = re.match(r"(\d+)% of all detections are rejected: check that all views show the same ", rejected)
+    assert share is not None
+    assert int(share[1]) >= 20
 
 
 @pytest.mark.parametrize("person", ["consistent", "largest"])

@@ -205,7 +205,7 @@ class Located(NamedTuple):
 
 
 def locate(rays: Rays, settings: Settings, margins: tuple[float, float]) -> Located:
-    """Triangulate each joint, under kernels that follow the noise where it asks for that and that is likelier."""
+    """Triangulate each joint, under kernels that follow the noise where that is likelier."""
 
     def noise(solution: Solution) -> float:
         return float(np.sqrt(solution.variance / rays.mean_weight))
