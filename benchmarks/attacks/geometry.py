@@ -208,6 +208,33 @@ def half_of_the_views_in_sequence() -> str:
     return _far(pose, truth[10:], status, bars)
 
 
+@attack(
+    "8c", "Refiner.step, good simulated detections, pairs of views on another person", "weak, error small"
+)
+def half_of_the_views_with_outliers() -> str:
+    cameras, good = rig("room", 4), synthetic.DetectionNoise.good()
+    errors, statuses = [], []
+    for seed in range(3):
+        truth = synthetic.motion("walk", 40, seed=seed)
+        for views in ([1, 3], [0, 2], [0, 1]):
+            seen = synthetic.simulate_detections(truth, cameras, noise=good, seed=seed)
+            other = synthetic.simulate_detections(
+                truth + np.array([600.0, 0, 0]), cameras, noise=good, seed=50 + seed
+            )
+            seen[10:, views] = other[10:, views]
+            refiner = sk.Refiner(cameras, layout="h36m17")
+            steps = [refiner.step(frame[..., :2]) for frame in seen][10:]
+            errors.append(
+                [np.linalg.norm(s.pose - x, axis=-1) for s, x in zip(steps, truth[10:], strict=True)]
+            )
+            statuses.append([s.joint_status for s in steps])
+    off, ok = np.array(errors) > 150, np.array(statuses) == "ok"
+    return (
+        f"{100 * ok.mean():.0f} % ok; of all joints {100 * np.mean(off & ok):.1f} % are ok and 150 mm off, "
+        f"{100 * np.mean(off & ~ok):.1f} % weak and 150 mm off"
+    )
+
+
 @attack("10h", "all of four joints at one point", "4 with a finite bar")
 def all_joints_at_one_point() -> str:
     cameras = rig("room", 4)

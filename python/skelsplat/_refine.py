@@ -23,6 +23,9 @@ Progress = Callable[[int, int], None]
 # Frames spread over a batch whose median size tells whether the unit is plausible.
 _FRAMES_TO_JUDGE = 16
 
+# What no joint of a person moves from one frame to the next: 7.5 m/s at 25 frames per second.
+_LEAP_MM = 300.0
+
 # Share of joints that a start may outvote before it is doubted.
 _MOST_OUTVOTED = 0.2
 
@@ -376,12 +379,16 @@ class Refiner:
     def _remembered(self, result: Refinement) -> NDArray[np.float64]:
         """Where the next frame starts: for the paper's method only what is reliable, else all that was known.
 
-        The default starts from least squares, so that an old position matters only where it is the only one.
+        The default starts from least squares, so that an old position matters only where it is the only one or
+        views tie. A weak joint that has leapt may have followed the wrong views: the old position is kept.
         """
         if self._by_adam:
             return np.where((result.joint_status == "ok")[:, None], result.pose, np.nan)
         before = np.full_like(result.pose, np.nan) if self._last is None else self._last
-        return np.where(np.isfinite(result.pose), result.pose, before)
+        mm = self._cameras.mm_per_unit if isinstance(self._cameras, CameraRig) else 1.0
+        leapt = np.linalg.norm(result.pose - before, axis=-1) * mm > _LEAP_MM
+        new = np.isfinite(result.pose) & ~(leapt & (result.joint_status == "weak"))[:, None]
+        return np.where(new, result.pose, before)
 
     def _refine(
         self, init: NDArray[np.float64] | None, detections: ArrayLike, confidence: ArrayLike | None

@@ -23,6 +23,9 @@ pub(super) struct Given<'a> {
     pub(super) widening: Widening,
 }
 
+/// Kernel under which places compete where the past decides, in multiples of the final one: two views that agree somewhat
+/// less well than two others are not outvoted by them.
+const PAST_KERNEL: f64 = 2.0;
 /// Standard deviations of a prior that the first kernel covers.
 const PRIOR_REACH: f64 = 2.0;
 
@@ -102,7 +105,8 @@ fn start_beside(
         if !past {
             continue;
         }
-        for rival in rivals(rays.of_joint(j), &points[j].clone(), sigma[j], NEAR_TIE) {
+        let wide = PAST_KERNEL * sigma[j];
+        for rival in rivals(rays.of_joint(j), &points[j].clone(), wide, NEAR_TIE) {
             if (rival.at - p).norm() < (points[j] - p).norm() {
                 points[j] = rival.at;
             }
