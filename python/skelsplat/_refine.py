@@ -379,8 +379,9 @@ class Refiner:
     def _remembered(self, result: Refinement) -> NDArray[np.float64]:
         """Where the next frame starts: for the paper's method only what is reliable, else all that was known.
 
-        The default starts from least squares, so that an old position matters only where it is the only one or
-        views tie. A weak joint that has leapt may have followed the wrong views: the old position is kept.
+        The default starts from least squares, so that an old position matters only where it is the only one,
+        or where views tie. A weak joint that has leapt may have followed the wrong views: its old position is
+        kept.
         """
         if self._by_adam:
             return np.where((result.joint_status == "ok")[:, None], result.pose, np.nan)

@@ -9,13 +9,15 @@ from reference.annealed import Problem, Settings, Solution, Widening, residuals,
 from reference.arrays import Array, Mask
 from reference.rays import Rays, information, nearest_points, offsets, weights
 
-DISTINCT = 9.0
-"""Δχ² from which a depth counts as known: three standard deviations."""
-LEAST_PX, USUAL_PX = 1.0, 3.0
+DISTINCT = 25.0
+"""Δχ² from which a depth counts as known: five standard deviations."""
+USUAL_PX = 3.0
 REJECTED = 0.25
 APART = 4.0
 ROUNDS, FIRST_SHARE, LEAST_REACH, SHARED = 3, 0.1, 2.5, 2.0
 ANYWHERE = (1.5, 1.0)
+AGREES, LEAST_COMMON = 0.2, 6
+NARROW = 0.966
 LEAST_FREEDOM = 6
 
 
@@ -32,13 +34,13 @@ def over_infinity(x: Array, rays: Rays, w: Array) -> Array:
 
 
 def starts(rays: Rays) -> Array:
-    """Points nearest to all rays (N,3), where a pixel of noise does not leave their depth open.
+    """Points nearest to all rays (N,3), where usual noise does not leave their depth open.
 
     Otherwise, of three rays and more, the best meeting point of two, if those that agree on it fix its depth.
     """
     x = nearest_points(rays, rays.weight)
     there = rays.weight > 0
-    w = np.divide(1.0, (LEAST_PX * rays.pixel) ** 2, out=np.zeros_like(rays.pixel), where=there)
+    w = np.divide(1.0, (USUAL_PX * rays.pixel) ** 2, out=np.zeros_like(rays.pixel), where=there)
     fixed = over_infinity(np.nan_to_num(x), rays, w) >= DISTINCT
     ahead = ((offsets(np.nan_to_num(x), rays)[1] > 0) & there).any(axis=0)
     out = np.where((fixed & ahead)[:, None], x, np.nan)
@@ -56,7 +58,7 @@ def starts(rays: Rays) -> Array:
 def fixed_depth(solution: Solution, rays: Rays) -> Mask:
     """Whether the believed rays fix each joint's depth at the solution (N,)."""
     x = np.nan_to_num(solution.points)
-    variance = solution.variance / solution.pixel**2
+    variance = max(solution.variance / solution.pixel**2, USUAL_PX**2 * rays.mean_weight)
     w = np.divide(
         weights(x, rays, solution.sigma),
         variance * rays.pixel**2,
@@ -111,10 +113,19 @@ def rivals(rays: Rays, j: int, x: Array, sigma: float, slack: float) -> list[tup
     here = float((k * one.weight[:, 0]).sum())
     enough = here - slack * one.weight[one.weight > 0].mean()
     found: list[tuple[Array, float]] = []
-    for views, at, votes in sorted(meeting_points(rays, j, sigma), key=lambda m: -m[2]):
-        if not (k[list(views)] < REJECTED).any() or votes < enough:
-            continue
-        if all(np.linalg.norm(at - y) > APART * sigma for y in (x, *(y for y, _ in found))):
+    against = one.weight[(k < REJECTED) & (one.weight[:, 0] > 0), 0].sum()
+    if against + 2 * one.weight.max() < enough:
+        return []
+    places = []
+    for views, at, _ in meeting_points(rays, j, sigma):
+        if (k[list(views)] < REJECTED).any():
+            for _ in range(2):
+                at = nearest_points(one, weights(at[None], one, np.array([sigma])))[0]
+            places.append((at, float(weights(at[None], one, np.array([sigma])).sum())))
+    for at, votes in sorted(places, key=lambda place: -place[1]):
+        if votes >= enough and all(
+            np.linalg.norm(at - y) > APART * sigma for y in (x, *(y for y, _ in found))
+        ):
             found.append((at, votes))
     total = here + sum(votes for _, votes in found)
     return [(at, votes / total) for at, votes in found]
@@ -219,10 +230,27 @@ def locate(rays: Rays, settings: Settings, margins: tuple[float, float]) -> Loca
     if settings.per_noise * kept.narrow_noise < settings.end:
         return kept
     found, scale = under(rays, settings, margins, wide), anywhere(rays, settings)
+    if noise(found) > settings.widest or views_agree(rays, AGREES * noise(found)):
+        return kept
     now = evidence(found, rays, scale)
     if now.log <= evidence(narrow, rays, scale).log:
         return kept
     return Located(found, Widening(True, (1 - now.wrong) * of_few(rays)), kept.narrow_noise)
+
+
+def views_agree(rays: Rays, sigma: float) -> bool:
+    """Whether the rays of any two views pass each other within noise `sigma` (mm) at the median joint."""
+    for a, b in combinations(range(len(rays.weight)), 2):
+        both = (rays.weight[[a, b]] > 0).all(axis=0)
+        apart = np.sum((rays.direction[a] - rays.direction[b]) ** 2, axis=-1)
+        both &= apart >= 2 * DISTINCT * (USUAL_PX * (rays.pixel[a] + rays.pixel[b]) / 2) ** 2
+        if np.count_nonzero(both) < LEAST_COMMON:
+            continue
+        normal = np.cross(rays.direction[a, both], rays.direction[b, both])
+        distance = np.abs(normal @ (rays.centre[b, 0] - rays.centre[a, 0])) / np.linalg.norm(normal, axis=1)
+        if np.sort(distance)[len(distance) // 2] < 0.6745 * np.sqrt(2) * sigma:
+            return True
+    return False
 
 
 def can_outvote(rays: Rays) -> bool:
@@ -259,7 +287,19 @@ def under(rays: Rays, settings: Settings, margins: tuple[float, float], widening
         margin = margins[int(views > 3)]
         if best is not None and best[1] > now + margin * rays.weight[there[:, j], j].mean():
             points[j] = best[0]
-    if np.array_equal(points, found.points, equal_nan=True):
-        return found
-    again = solve(problem, points, found.sigma)
-    return again._replace(n_iter=found.n_iter + again.n_iter)
+    if not np.array_equal(points, found.points, equal_nan=True):
+        again = solve(problem, points, found.sigma)
+        found = again._replace(n_iter=found.n_iter + again.n_iter)
+    open_depth = parallel(rays, found.points, found.sigma)
+    return found._replace(points=np.where(open_depth[:, None], np.nan, found.points))
+
+
+def parallel(rays: Rays, x: Array, sigma: Array) -> Mask:
+    """Whether all rays of a joint lie within 15° of the first, and those that agree on x leave it open."""
+    there = rays.weight > 0
+    first = np.take_along_axis(rays.direction, there.argmax(axis=0)[None, :, None], axis=0)
+    narrow = (~there | (np.sum(rays.direction * first, axis=-1) > NARROW)).all(axis=0)
+    w = np.divide(1.0, (USUAL_PX * rays.pixel) ** 2, out=np.zeros_like(rays.pixel), where=there)
+    e, along = offsets(np.nan_to_num(x), rays)
+    w *= np.exp(-0.25 * np.sum(e**2, axis=-1) / sigma**2) * (along > 0)
+    return np.asarray(narrow & ~(over_infinity(np.nan_to_num(x), rays, w) >= DISTINCT))

@@ -31,7 +31,7 @@ def test_it_is_said_to_have_none(one_view, arguments):
     text = " ".join(result.stdout.split())
     assert "! weak and without a position, as a single view detects it or views from one place: " in text
     assert ": right_wrist (frame 2). refine --fill-gaps N interpolates it." in text
-    assert "weak, that is" not in text
+    assert "weak (fewer" not in text
     assert "left as it is" not in text  # of the filter: there is nothing to leave
     assert "; left out: too little confidence, or the joint has no position" in text
     data = read_npz(one_view / "pose.npz")

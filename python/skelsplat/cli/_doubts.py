@@ -254,7 +254,7 @@ def _statuses(inputs: Inputs, outcome: Outcome, written: npt.NDArray[np.str_]) -
         (
             "weak",
             (status == "weak") & placed,
-            ", that is, meets its detections in fewer than two views, so its depth is not fixed",
+            " (fewer than two views agree, or as many agree on another place: the position is not determined)",
             " Files hold it like any other; refine --fill-gaps N --fill-weak interpolates it.",
         ),
         (

@@ -70,19 +70,25 @@ pub struct Rival {
 pub fn rivals(rays: &[Ray], x: &Vector3<f64>, sigma: f64, slack: f64) -> Vec<Rival> {
     let against = |ray: &Ray| ray.offset(x).weight(sigma) < REJECTED;
     let there = || rays.iter().filter(|ray| ray.is_there());
-    if !there().any(against) {
+    let (mut n, mut sum, mut rejected, mut most) = (0.0, 0.0, 0.0, 0.0_f64);
+    for ray in there() {
+        (n, sum, most) = (n + 1.0, sum + ray.weight, most.max(ray.weight));
+        rejected += if against(ray) { ray.weight } else { 0.0 };
+    }
+    let enough = agreement(rays, x, sigma) - slack * sum / n;
+    // Few rays pass through two places: of those that agree on x two may agree on another as well.
+    if rejected == 0.0 || rejected + 2.0 * most < enough {
         return Vec::new();
     }
-    let n = there().count() as f64;
     let here = agreement(rays, x, sigma);
-    let enough = here - slack * there().map(|ray| ray.weight).sum::<f64>() / n;
     let mut places: Vec<Rival> = Vec::new();
     for (a, first) in rays.iter().enumerate().filter(|(_, ray)| ray.is_there()) {
         for second in rays[a + 1..].iter().filter(|ray| ray.is_there()) {
             if !against(first) && !against(second) {
                 continue;
             }
-            let Some(at) = meeting_point(first, second, sigma) else { continue };
+            let Some(meeting) = meeting_point(first, second, sigma) else { continue };
+            let at = settled(rays, meeting, sigma);
             let share = agreement(rays, &at, sigma);
             if share >= enough && (x - at).norm() > APART * sigma {
                 places.push(Rival { at, share });
@@ -100,6 +106,15 @@ pub fn rivals(rays: &[Ray], x: &Vector3<f64>, sigma: f64, slack: f64) -> Vec<Riv
     let all = here + found.iter().map(|rival| rival.share).sum::<f64>();
     found.iter_mut().for_each(|rival| rival.share /= all);
     found
+}
+
+/// `x` after two weighted steps: x itself has come to rest under the kernel, and its rivals have to as well.
+fn settled(rays: &[Ray], x: Vector3<f64>, sigma: f64) -> Vector3<f64> {
+    let step = |x: Vector3<f64>| {
+        let weight = |_: usize, ray: &Ray| ray.weight * ray.offset(&x).weight(sigma);
+        nearest_point(rays, weight).unwrap_or(x)
+    };
+    step(step(x))
 }
 
 /// The point between two rays where they pass each other in front of both cameras, if that is within 2σ and the rays are

@@ -15,11 +15,9 @@ use nalgebra::Vector3;
 use super::rays::Ray;
 use super::solver::Solution;
 
-/// Three standard deviations: the depth is known to a third of itself.
-const DISTINCT: f64 = 9.0;
-/// Noise that a joint is granted before its frame's is known, px.
-const LEAST_PX: f64 = 1.0;
-/// Noise of a detection where rays are judged two at a time, px.
+/// Five standard deviations: the depth is known to a fifth of itself, and noise of twice the usual size does not pass for it.
+const DISTINCT: f64 = 25.0;
+/// The least noise of a detection, px: residuals of rays that nearly coincide say nothing of theirs.
 const USUAL_PX: f64 = super::NoiseModel::PRIOR_PX;
 
 /// Δχ² of `rays` at `x`, of which ray i counts `k(i)` times; `variance` is that of a detection of weight 1, px².
@@ -39,18 +37,18 @@ fn over_infinity(rays: &[Ray], x: &Vector3<f64>, variance: f64, k: impl Fn(usize
 }
 
 /// Whether the rays that agree on `x` under a kernel of standard deviation `sigma` (infinite: all rays) fix its depth if
-/// they are as good as can be hoped for: all of the largest weight, with a pixel of noise. What they leave open even so
-/// is not worth a position.
+/// they are as good as detections usually are. What they leave open is not worth a position.
 #[must_use]
 pub fn may_be_fixed(rays: &[Ray], x: &Vector3<f64>, sigma: f64) -> bool {
     let k = |ray: &Ray| if sigma.is_finite() { ray.offset(x).weight(sigma) } else { 1.0 };
-    over_infinity(rays, x, LEAST_PX * LEAST_PX, |i| k(&rays[i]) / rays[i].weight) >= DISTINCT
+    over_infinity(rays, x, USUAL_PX * USUAL_PX, |i| k(&rays[i]) / rays[i].weight) >= DISTINCT
 }
 
 /// Whether the believed rays of joint `j` fix its depth at the solution, given the frame's noise; `k` are their weights.
 #[must_use]
 pub fn is_fixed(rays: &[Ray], j: usize, solution: &Solution, k: &[f64]) -> bool {
-    let variance = solution.variance / (solution.pixel * solution.pixel);
+    let least = USUAL_PX * USUAL_PX * solution.variance / (solution.noise * solution.noise);
+    let variance = (solution.variance / (solution.pixel * solution.pixel)).max(least);
     over_infinity(rays, &solution.points[j], variance, |i| k[i]) >= DISTINCT
 }
 

@@ -4,10 +4,10 @@ use nalgebra::Vector3;
 
 use super::Triangulated;
 use crate::annealed::consensus::{REJECTED, agreement, best_pair};
-use crate::annealed::depth::may_be_fixed;
+use crate::annealed::depth::{have_parallax, may_be_fixed};
 use crate::annealed::evidence::evidence;
 use crate::annealed::rays::nearest_with_spread;
-use crate::annealed::{Annealing, NoiseModel, Problem, Rays, Solution, Widening, solve};
+use crate::annealed::{Annealing, NoiseModel, Problem, Ray, Rays, Solution, Widening, solve};
 use crate::camera::Camera;
 use crate::detections::Detections;
 
@@ -19,8 +19,14 @@ const MARGIN: [f64; 2] = [0.75, 0.5];
 /// How far off a wrong detection may be, in multiples of the widest kernel: where no joint is seen by three views, so that
 /// nothing says which detection is wrong, and otherwise.
 const ANYWHERE: [f64; 2] = [1.5, 1.0];
+/// cos 15°.
+const NARROW: f64 = 0.966;
 /// Rays that are this far from parallel, 15° for two, fix a depth whatever the noise.
 const WIDE: f64 = 0.05;
+/// Part of a large noise to which two views may agree: less is no chance, but the person whom both show.
+const AGREES: f64 = 0.2;
+/// Joints that two views have to share for that; five agree by chance in a frame of a hundred.
+const LEAST_COMMON: usize = 6;
 /// Residuals that say something of the noise.
 const LEAST_FREEDOM: f64 = 6.0;
 
@@ -72,12 +78,35 @@ pub fn locate(rays: &Rays, annealing: &Annealing) -> Located {
     }
     let mut wide = located(rays, annealing, Widening::FREE);
     let anywhere = anywhere(rays, annealing);
+    if wide.narrow_noise > annealing.start || views_agree(rays, AGREES * wide.narrow_noise) {
+        return narrow;
+    }
     let now = evidence(rays, &wide.solution, None, anywhere);
     if now.log <= evidence(rays, &narrow.solution, None, anywhere).log {
         return narrow;
     }
     wide.widening.noise_share = (1.0 - now.wrong) * of_few(rays);
     Located { narrow_noise: narrow.narrow_noise, ..wide }
+}
+
+/// Whether any two views agree on the joints to a noise of `sigma`, mm: by the median distance of their rays, which for
+/// normal noise is 0.6745 · √2 σ. Two views of one person do, whatever the others show.
+fn views_agree(rays: &Rays, sigma: f64) -> bool {
+    let mut distances = Vec::with_capacity(rays.n_joints());
+    let m = rays.n_views();
+    (0..m).flat_map(|a| (a + 1..m).map(move |b| (a, b))).any(|(a, b)| {
+        distances.clear();
+        for j in 0..rays.n_joints() {
+            let (a, b) = (&rays.of_joint(j)[a], &rays.of_joint(j)[b]);
+            if a.is_there() && b.is_there() && have_parallax(a, b) {
+                let normal = a.direction.cross(&b.direction);
+                distances.push((b.centre - a.centre).dot(&normal).abs() / normal.norm());
+            }
+        }
+        distances.sort_by(f64::total_cmp);
+        let enough = distances.len() >= LEAST_COMMON;
+        enough && distances[distances.len() / 2] < 0.6745 * 2.0_f64.sqrt() * sigma
+    })
 }
 
 /// How far off wrong detections of a frame are taken to be, mm.
@@ -114,7 +143,21 @@ fn under(rays: &Rays, annealing: &Annealing, widening: Widening) -> Solution {
         solution = solve(&problem, solution.points, solution.sigma);
         solution.n_iter += steps;
     }
+    for j in 0..rays.n_joints() {
+        let of_joint = rays.of_joint(j);
+        let (x, sigma) = (&solution.points[j], solution.sigma[j]);
+        if is_narrow(of_joint) && !may_be_fixed(of_joint, x, sigma) {
+            solution.points[j] = Vector3::repeat(f64::NAN);
+        }
+    }
     solution
+}
+
+/// Whether all rays are within 15° of the first.
+fn is_narrow(rays: &[Ray]) -> bool {
+    let mut there = rays.iter().filter(|ray| ray.is_there());
+    let first = there.next().map_or_else(Vector3::zeros, |ray| ray.direction);
+    there.all(|ray| ray.direction.dot(&first) > NARROW)
 }
 
 /// The point nearest to all rays of joint `j`. A detection that is far off can leave that behind every camera, or without a

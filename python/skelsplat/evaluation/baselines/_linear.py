@@ -14,9 +14,8 @@ def dlt(detections: ArrayLike, cameras: Cameras, *, confidence: bool = False) ->
 
     A view that sees the joint at (u, v) gives the rows u·P₃ − P₁ and v·P₃ − P₂ of A; the point is the
     homogeneous vector of norm 1 with the least ‖A X‖. That norm depends on the world's origin and unit, so X
-    is sought in a frame with its origin at the mean centre of the cameras whose pixels are used and their RMS
-    distance from it as unit: then the answer on noisy pixels depends on neither, nor on other cameras. All
-    T·N joints are solved in one call.
+    is sought in a frame with its origin at the mean camera centre and the cameras' RMS distance from it as
+    unit: then the answer on noisy pixels depends on neither. All T·N joints are solved in one call.
 
     Parameters
     ----------
@@ -43,17 +42,16 @@ def dlt(detections: ArrayLike, cameras: Cameras, *, confidence: bool = False) ->
 
 def solve(joints: Observations, weights: FloatArray) -> FloatArray:
     """Triangulate (B, 3) with the rows of view i of joint b multiplied by ``weights[b, i]``."""
-    patterns, of_joint = np.unique(weights > 0, axis=0, return_inverse=True)
-    frames = np.stack([rig_frame(joints.projections[p if p.any() else ~p]) for p in patterns])
+    frame = rig_frame(joints.projections)
+    projections = joints.projections @ frame
     # Rows in units of the focal length instead of px: the answer is the same, A is well scaled.
-    scale = np.abs(joints.projections[:, :2, :3]).max()
-    projections = (joints.projections / scale @ frames[:, None])[of_joint]
-    A = joints.pixels[..., None] * projections[:, :, 2:] - projections[:, :, :2]
+    projections = projections / np.abs(joints.projections[:, :2, :3]).max()
+    A = joints.pixels[..., None] * projections[:, 2:] - projections[:, :2]
     A = (A * weights[..., None, None]).reshape(len(weights), -1, 4)
     # Eigenvectors of AᵀA cost half of the singular vectors of A; rounding stays near 1e-16 · (σ₁/σ₃)², and
     # σ₁/σ₃ is below 1e3 unless all rays are parallel.
     null = np.linalg.eigh(np.swapaxes(A, 1, 2) @ A)[1][:, :, 0]
-    points = homogeneous_to_world(np.einsum("bij,bj->bi", frames[of_joint], null))
+    points = homogeneous_to_world(null @ frame.T)
     points[np.count_nonzero(weights, axis=1) < 2] = np.nan
     return points
 
