@@ -111,7 +111,7 @@ def rivals(rays: Rays, j: int, x: Array, sigma: float, slack: float) -> list[tup
         where=one.weight > 0,
     )[:, 0]
     here = float((k * one.weight[:, 0]).sum())
-    enough = here - slack * one.weight[one.weight > 0].mean()
+    enough = here - max(slack * one.weight[one.weight > 0].mean(), 0.25 * here)
     found: list[tuple[Array, float]] = []
     against = one.weight[(k < REJECTED) & (one.weight[:, 0] > 0), 0].sum()
     if against + 2 * one.weight.max() < enough:

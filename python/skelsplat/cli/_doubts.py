@@ -254,7 +254,8 @@ def _statuses(inputs: Inputs, outcome: Outcome, written: npt.NDArray[np.str_]) -
         (
             "weak",
             (status == "weak") & placed,
-            " (fewer than two views agree, or as many agree on another place: the position is not determined)",
+            " (fewer than two views agree, or as many agree on another place: the position is not "
+            "determined)",
             " Files hold it like any other; refine --fill-gaps N --fill-weak interpolates it.",
         ),
         (

@@ -75,12 +75,13 @@ pub fn rivals(rays: &[Ray], x: &Vector3<f64>, sigma: f64, slack: f64) -> Vec<Riv
         (n, sum, most) = (n + 1.0, sum + ray.weight, most.max(ray.weight));
         rejected += if against(ray) { ray.weight } else { 0.0 };
     }
-    let enough = agreement(rays, x, sigma) - slack * sum / n;
+    let here = agreement(rays, x, sigma);
+    // Half a detection of two views' votes, a whole one of four's: the more vote, the more may fail by chance.
+    let enough = here - (slack * sum / n).max(0.5 * TIE * here);
     // Few rays pass through two places: of those that agree on x two may agree on another as well.
     if rejected == 0.0 || rejected + 2.0 * most < enough {
         return Vec::new();
     }
-    let here = agreement(rays, x, sigma);
     let mut places: Vec<Rival> = Vec::new();
     for (a, first) in rays.iter().enumerate().filter(|(_, ray)| ray.is_there()) {
         for second in rays[a + 1..].iter().filter(|ray| ray.is_there()) {
