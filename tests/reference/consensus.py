@@ -301,5 +301,6 @@ def parallel(rays: Rays, x: Array, sigma: Array) -> Mask:
     narrow = (~there | (np.sum(rays.direction * first, axis=-1) > NARROW)).all(axis=0)
     w = np.divide(1.0, (USUAL_PX * rays.pixel) ** 2, out=np.zeros_like(rays.pixel), where=there)
     e, along = offsets(np.nan_to_num(x), rays)
-    w *= np.exp(-0.25 * np.sum(e**2, axis=-1) / sigma**2) * (along > 0)
+    k = np.exp(-0.25 * np.sum(e**2, axis=-1) / sigma**2) * (along > 0) * there
+    w *= np.where((k >= REJECTED).sum(axis=0) > 1, k, 1.0)
     return np.asarray(narrow & ~(over_infinity(np.nan_to_num(x), rays, w) >= DISTINCT))

@@ -146,6 +146,10 @@ fn under(rays: &Rays, annealing: &Annealing, widening: Widening) -> Solution {
     for j in 0..rays.n_joints() {
         let of_joint = rays.of_joint(j);
         let (x, sigma) = (&solution.points[j], solution.sigma[j]);
+        // Rays that contradict each other are not parallel for that: then all of them are asked.
+        let agrees = |ray: &Ray| ray.is_there() && ray.offset(x).weight(sigma) >= REJECTED;
+        let two = of_joint.iter().filter(|ray| agrees(ray)).count() > 1;
+        let sigma = if two { sigma } else { f64::INFINITY };
         if is_narrow(of_joint) && !may_be_fixed(of_joint, x, sigma) {
             solution.points[j] = Vector3::repeat(f64::NAN);
         }
