@@ -1,4 +1,4 @@
-"""Attacks with a camera that does not stand as its calibration says: a run must say so."""
+"""Attacks with a camera whose calibration is wrong: a run must say so."""
 
 from __future__ import annotations
 
