@@ -9,12 +9,12 @@ import typer
 
 from skelsplat.cli import _calibration as calibration
 from skelsplat.cli import _options as options
-from skelsplat.cli._config import from_file
 from skelsplat.cli._conversion import Kind, Request
 from skelsplat.cli._convert_calibration import CALIBRATION
 from skelsplat.cli._convert_poses import POSES
 from skelsplat.cli._json import print_json
 from skelsplat.cli._pipeline import collected_warnings
+from skelsplat.cli.config import from_file
 from skelsplat.exceptions import DatasetError
 from skelsplat.io.calibration import find_format
 
