@@ -13,7 +13,7 @@ from rich.progress import TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
 
-from skelsplat.cli._progress import bar_of
+from skelsplat.cli.output import bar_of
 from skelsplat.evaluation import ablations
 
 if TYPE_CHECKING:

@@ -10,9 +10,9 @@ from typing import Annotated, Literal
 import typer
 from rich.console import Console
 
-from skelsplat.cli import _options as common
+from skelsplat.cli import options as common
 from skelsplat.cli._ablation_view import draw, print_record, progress_bar
-from skelsplat.cli._json import print_json
+from skelsplat.cli.output import print_json
 from skelsplat.evaluation import ablations
 from skelsplat.evaluation._method import DEFAULT_INIT_SIGMA_MM
 from skelsplat.evaluation.ablations import Choices, OnDisk, Record, Simulated, Source
