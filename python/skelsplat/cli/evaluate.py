@@ -11,9 +11,9 @@ from rich.console import Console
 
 from skelsplat import datasets
 from skelsplat.cli import _options as options
-from skelsplat.cli._config_file import NAME_OR_PATH
 from skelsplat.cli._evaluation import WIDTH, print_evaluation, progress, write_evaluation
 from skelsplat.cli._json import print_json
+from skelsplat.cli.config import NAME_OR_PATH
 from skelsplat.cli.table import tell
 from skelsplat.datasets import Dataset
 from skelsplat.datasets._registry import options_of
