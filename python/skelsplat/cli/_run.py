@@ -77,7 +77,8 @@ def _run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
             tell(notes[-1])
         if job.fps is None and timed:
             files = " and ".join(timed)
-            notes.append(remark(f"--fps: not given; the times in {files} assume {_ASSUMED_FPS:g} per second"))
+            assumed = f"the times in {files} assume {_ASSUMED_FPS:g} frames per second"
+            notes.append(remark(f"--fps: not given; {assumed}"))
             tell(notes[-1])
         outcome = _refine_with_bar(inputs, job, shown=not verbosity.quiet)
     warnings = [note.text for note in notes]

@@ -180,7 +180,8 @@ def _rate(job: OverlayJob, views: Sequence[View]) -> float:
     known = [job.fps, *(view.source.rate for view in views), views[0].scene.run.poses.frame_rate]
     found = next((rate for rate in known if rate is not None), None)
     if found is None and not job.png:
-        text = f"--fps: not given, and neither the images nor the run state it; assuming {_ASSUMED_FPS:g} frames per second"
+        text = "--fps: not given, and neither the images nor the run state it; assuming "
+        text += f"{_ASSUMED_FPS:g} frames per second"
         warnings.warn(text, UserWarning, stacklevel=2)
     return _ASSUMED_FPS if found is None else found
 
