@@ -13,9 +13,9 @@ import skelsplat as sk
 from skelsplat import synthetic
 from skelsplat.cameras import without_distortion
 from skelsplat.cli import app
-from skelsplat.cli._figures import most_moved_frame, world_up
 from skelsplat.io import read_npz
 from skelsplat.io.run_folder import write_run_inputs
+from skelsplat.run.figures import most_moved_frame, world_up
 
 T = 5  # frames of `recording`
 NOISE_PX = 2.0

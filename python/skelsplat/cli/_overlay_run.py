@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skelsplat.cli._output_folder import output_folder
 from skelsplat.cli._overlay_scene import Scene
 from skelsplat.cli._overlay_view import View, open_views, with_zoom
 from skelsplat.cli._progress import bar_of
 from skelsplat.exceptions import DatasetError
 from skelsplat.io import read_run
 from skelsplat.io.video import Image, Mp4Sink, PngSink, Size
+from skelsplat.run.folder import output_folder
 from skelsplat.viz.overlay import Tiling, blank_tile, draw_label, legend_strip, tiling
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import skelsplat as sk
-from skelsplat.cli._pipeline import rig_as_used
+from skelsplat.run.solve import rig_as_used
 from skelsplat.viz.overlay import OverlayFrame
 
 if TYPE_CHECKING:

@@ -9,13 +9,14 @@ import typer
 
 from skelsplat.cli import _calibration as calibration
 from skelsplat.cli import _options as options
-from skelsplat.cli._config import from_file
 from skelsplat.cli._conversion import Kind, Request
 from skelsplat.cli._convert_calibration import CALIBRATION
 from skelsplat.cli._convert_poses import POSES
 from skelsplat.cli._json import print_json
-from skelsplat.cli._pipeline import collected_warnings
+from skelsplat.cli.config import from_file
+from skelsplat.cli.table import tell
 from skelsplat.exceptions import DatasetError
+from skelsplat.findings import collected_warnings
 from skelsplat.io.calibration import find_format
 
 KINDS: tuple[Kind, ...] = (POSES, CALIBRATION)
@@ -113,7 +114,7 @@ def convert(
     }
     request = Request(source, target, {name: value for name, value in given.items() if value is not None})
     kind = _kind(request)
-    with collected_warnings(_tell):
+    with collected_warnings(tell):
         written = kind.convert(request)
     if as_json:
         files = {"kind": kind.name, "input": str(source), "output": str(target)}
@@ -150,7 +151,3 @@ def _unknown(source: Path) -> DatasetError:
     except DatasetError as error:
         return error
     return DatasetError(source, "content", expected, "something else (convert --help has the formats)")
-
-
-def _tell(warning: str) -> None:
-    typer.echo(f"warning: {warning}", err=True)

@@ -11,15 +11,16 @@ from rich.console import Console
 
 from skelsplat import datasets
 from skelsplat.cli import _options as options
-from skelsplat.cli._config_file import NAME_OR_PATH
 from skelsplat.cli._evaluation import WIDTH, print_evaluation, progress, write_evaluation
 from skelsplat.cli._json import print_json
-from skelsplat.cli._output_folder import output_folder
-from skelsplat.cli._pipeline import collected_warnings
+from skelsplat.cli.config import NAME_OR_PATH
+from skelsplat.cli.table import tell
 from skelsplat.datasets import Dataset
 from skelsplat.datasets._registry import options_of
 from skelsplat.evaluation import export, methods, protocols, report
 from skelsplat.evaluation._protocol import Protocol
+from skelsplat.findings import collected_warnings
+from skelsplat.run.folder import output_folder
 
 EPILOG = (
     "Results: report.md, report.csv, report.json and bars.png in FOLDER; the poses of every take under "
@@ -180,7 +181,7 @@ def evaluate(
     )
     _one_of("DATASET", dataset, datasets.names())
     _one_of("--counting", counting, ("all", "adafuse"))
-    with collected_warnings(lambda text: typer.echo(f"warning: {text}", err=True)):
+    with collected_warnings(tell):
         data = datasets.read(dataset, root, **_reader_options(dataset, detections, views, setting or []))
         for finding in datasets.verify(data):
             typer.echo(f"warning: {finding.file}: {finding}", err=True)

@@ -12,7 +12,8 @@ from skelsplat.cli import _options as options
 from skelsplat.cli._checks import positive
 from skelsplat.cli._frame_range import FrameRange, Range
 from skelsplat.cli._json import print_json
-from skelsplat.cli._pipeline import collected_warnings
+from skelsplat.cli.table import tell
+from skelsplat.findings import collected_warnings
 
 EPILOG = (
     "Videos are MP4 with MPEG-4 part 2 (mp4v), which VLC and most players show but browsers do not; ffmpeg "
@@ -174,14 +175,10 @@ def overlay(
         png=png,
         grid=grid,
     )
-    with collected_warnings(_tell) as remarks:
+    with collected_warnings(tell) as remarks:
         written = draw(job, shown=not quiet)
     if as_json:
-        print_json(summary(job, written, remarks))
+        print_json(summary(job, written, [remark.text for remark in remarks]))
     elif not quiet:
         for one in written:
             typer.echo(f"{one.path}: {one.frames} frames of {one.size[0]}×{one.size[1]}")
-
-
-def _tell(warning: str) -> None:
-    typer.echo(f"warning: {warning}", err=True)

@@ -12,12 +12,12 @@ from skelsplat.cli import _options as options
 from skelsplat.cli._checks import some_of
 from skelsplat.cli._frame_range import FrameRange, Range
 from skelsplat.cli._json import print_json
-from skelsplat.cli._output_folder import output_folder
 from skelsplat.cli._plot_figures import PICTURES, Drawn, Order
 from skelsplat.cli._plot_numbers import chosen_joints
 from skelsplat.cli._plot_source import Source, read_source
 from skelsplat.cli._progress import bar_of
 from skelsplat.exceptions import DatasetError
+from skelsplat.run.folder import output_folder
 
 EPILOG = (
     "trajectories: positions with bands of ±1 and ±2 standard deviations. bones: lengths of the limbs, left "

@@ -10,13 +10,14 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat.cli._json import plain
-from skelsplat.cli._pipeline import default_threads
-from skelsplat.cli._statistics import DOWN_WEIGHTED, POOR_SHARE, Statistics, finite_max, finite_median
+from skelsplat.run.solve import default_threads
+from skelsplat.run.summary import DOWN_WEIGHTED, POOR_SHARE, Statistics, finite_max, finite_median
 
 if TYPE_CHECKING:
-    from skelsplat.cli._job import Job
-    from skelsplat.cli._pipeline import Inputs, Outcome
-    from skelsplat.cli._statistics import Group
+    from skelsplat.run.job import Job
+    from skelsplat.run.read import Inputs
+    from skelsplat.run.solve import Outcome
+    from skelsplat.run.summary import Group
 
 MEANINGS = {
     "missing": "no detection of the person who is followed: not detected, or not_chosen",

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import skelsplat as sk
-from skelsplat.cli._report import MEANINGS
-from skelsplat.cli._statistics import DOWN_WEIGHTED, finite_max, finite_median
+from skelsplat.run.report import MEANINGS
+from skelsplat.run.summary import DOWN_WEIGHTED, finite_max, finite_median
 
 if TYPE_CHECKING:
-    from skelsplat.cli._pipeline import Inputs
-    from skelsplat.cli._statistics import Group, Statistics
+    from skelsplat.run.read import Inputs
+    from skelsplat.run.summary import Group, Statistics
     from skelsplat.viz import report as page
 
 _SHARED = (

@@ -12,7 +12,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from skelsplat._crowd import Crowd, LimbSpread
-    from skelsplat.cli._pipeline import Inputs, Outcome
+    from skelsplat.run.read import Inputs
+    from skelsplat.run.solve import Outcome
 
 # No distribution has more than 1/9 beyond four standard deviations from its median: the median is within one
 # of the mean, and Chebyshev's inequality leaves 1/9 beyond three from the mean.

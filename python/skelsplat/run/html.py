@@ -8,21 +8,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import skelsplat as sk
-from skelsplat.cli._figures import start_name, world_up
-from skelsplat.cli._html_tables import camera_table, joint_table, number, share
-from skelsplat.cli._problems import runs_in_words
-from skelsplat.cli._statistics import DOWN_WEIGHTED, finite_max, finite_median, frame_medians
+from skelsplat.run.figures import start_name, world_up
+from skelsplat.run.frames import runs_in_words
+from skelsplat.run.html_tables import camera_table, joint_table, number, share
+from skelsplat.run.summary import DOWN_WEIGHTED, finite_max, finite_median, frame_medians
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     import numpy.typing as npt
 
-    from skelsplat.cli._job import Job
-    from skelsplat.cli._pipeline import Inputs, Outcome
-    from skelsplat.cli._problems import Problem
-    from skelsplat.cli._statistics import Statistics
     from skelsplat.io import PoseData
+    from skelsplat.run.frames import Problem
+    from skelsplat.run.job import Job
+    from skelsplat.run.read import Inputs
+    from skelsplat.run.solve import Outcome
+    from skelsplat.run.summary import Statistics
     from skelsplat.viz import report as page
 
     Array = npt.NDArray[np.float64]

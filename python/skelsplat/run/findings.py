@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import skelsplat as sk
-from skelsplat.cli._displaced_doubts import (
+from skelsplat.run.displaced import (
     also_displaced,
     apart_doubts,
     displaced_cameras,
     displaced_doubts,
     to_one_side,
 )
-from skelsplat.cli._people_doubts import are_mixed, people_doubts
-from skelsplat.cli._statistics import finite_median
+from skelsplat.run.people import are_mixed, people_doubts
+from skelsplat.run.summary import finite_median
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -25,8 +25,9 @@ if TYPE_CHECKING:
 
     import numpy.typing as npt
 
-    from skelsplat.cli._pipeline import Inputs, Outcome
-    from skelsplat.cli._statistics import Group, Statistics
+    from skelsplat.run.read import Inputs
+    from skelsplat.run.solve import Outcome
+    from skelsplat.run.summary import Group, Statistics
 
 # Most: at least this share.
 _MOSTLY = 0.5

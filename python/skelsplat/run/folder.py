@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+import contextlib
+import tempfile
 from typing import TYPE_CHECKING, Any
 
 import typer
 
-from skelsplat.cli._html_report import NAME as PAGE
 from skelsplat.cli._json import to_text
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._atomic import atomic_write_text
 from skelsplat.io._run_files import CAMERAS, DETECTIONS, REPORT, UNFINISHED, files_of_run
 from skelsplat.io.poses import POSE_FORMATS
+from skelsplat.run.html import NAME as PAGE
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    from skelsplat.cli._job import Job
+    from skelsplat.run.job import Job
 
 _PICTURES, _PAPERS_PICTURE = ("overview.png", "weights.png"), "heatmaps.png"
 _POSSIBLE = (
@@ -105,3 +107,31 @@ def begin_writing(folder: Path, report: dict[str, Any]) -> None:
 def left_of_earlier(folder: Path) -> list[str]:
     """Return the folders there that show the run before, as other commands wrote them."""
     return [f"{name}/" for name in _OF_OTHERS if any((folder / name).glob("*"))]
+
+
+@contextlib.contextmanager
+def output_folder(folder: Path) -> Iterator[None]:
+    """Make a folder and write into it once, so that a bad one is known before the work.
+
+    If the block fails, the folders that were made and are still empty go again.
+
+    Raises
+    ------
+    DatasetError
+        If the folder cannot be made or written.
+    """
+    missing = [path for path in (folder, *folder.parents) if not path.exists()]
+    try:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=folder):
+                pass
+        except OSError as error:
+            reason = (error.strerror or str(error)).lower()
+            raise DatasetError(folder, "--output", "a folder that can be written", reason) from error
+        yield
+    except BaseException:
+        for path in missing:
+            with contextlib.suppress(OSError):  # not empty, or never made
+                path.rmdir()
+        raise

@@ -6,14 +6,15 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
+import typer
 from rich import box
 from rich.table import Table
 from rich.text import Text
 
 import skelsplat as sk
-from skelsplat.cli._figures import start_name
-from skelsplat.cli._pipeline import default_threads
-from skelsplat.cli._statistics import finite_max, finite_median
+from skelsplat.run.figures import start_name
+from skelsplat.run.solve import default_threads
+from skelsplat.run.summary import finite_max, finite_median
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -21,9 +22,11 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
-    from skelsplat.cli._job import Job
-    from skelsplat.cli._pipeline import Inputs, Outcome
-    from skelsplat.cli._statistics import Group, Statistics
+    from skelsplat.findings import Finding
+    from skelsplat.run.job import Job
+    from skelsplat.run.read import Inputs
+    from skelsplat.run.solve import Outcome
+    from skelsplat.run.summary import Group, Statistics
 
 _MOST_JOINTS = 5
 _REASONS = {
@@ -32,6 +35,11 @@ _REASONS = {
     "no_observations": "without detections",
     "diverged": "diverged",
 }
+
+
+def tell(finding: Finding) -> None:
+    """Print a finding on stderr, as it comes."""
+    typer.echo(f"warning: {finding.text}", err=True)
 
 
 def print_summary(

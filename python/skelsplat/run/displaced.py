@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     import skelsplat as sk
     from skelsplat._displaced import Shifts
-    from skelsplat.cli._statistics import Statistics
+    from skelsplat.run.summary import Statistics
 
 # Fewer frames are no habit.
 _LEAST_FRAMES = 3

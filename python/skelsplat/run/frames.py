@@ -8,15 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skelsplat.cli._statistics import finite_median, frame_medians
+from skelsplat.run.summary import finite_median, frame_medians
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     import numpy.typing as npt
 
-    from skelsplat.cli._pipeline import Inputs, Outcome
-    from skelsplat.cli._statistics import Statistics
+    from skelsplat.run.read import Inputs
+    from skelsplat.run.solve import Outcome
+    from skelsplat.run.summary import Statistics
 
     Array = npt.NDArray[np.float64]
     Mask = npt.NDArray[np.bool_]

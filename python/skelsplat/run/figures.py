@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import skelsplat as sk
-from skelsplat.cli._statistics import finite_median, frame_medians
+from skelsplat.run.summary import finite_median, frame_medians
 
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from skelsplat.cli._job import Job
-    from skelsplat.cli._pipeline import Inputs, Outcome
-    from skelsplat.cli._statistics import Statistics
+    from skelsplat.run.job import Job
+    from skelsplat.run.read import Inputs
+    from skelsplat.run.solve import Outcome
+    from skelsplat.run.summary import Statistics
     from skelsplat.viz import Body, CameraPanel, HeatmapRow
 
     Array = npt.NDArray[np.float64]

@@ -2,31 +2,25 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
-import time
-import warnings
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 import skelsplat as sk
 from skelsplat.association import take_people
-from skelsplat.cameras import MM_PER_UNIT, without_distortion
-from skelsplat.cli._person import look_around, pick_places
+from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.cli._reading import leave_out, named_offsets, read_found
 from skelsplat.exceptions import DatasetError
 from skelsplat.io import read_npz
+from skelsplat.run.person import look_around, pick_places
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
     import numpy.typing as npt
 
     from skelsplat._crowd import Crowd
-    from skelsplat.cli._job import Job
+    from skelsplat.run.job import Job
 
     Array = npt.NDArray[np.float64]
 
@@ -77,51 +71,6 @@ class Inputs:
     sources: tuple[Path, ...] = ()
     person: str = "consistent"
     crowd: Crowd | None = None
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """A refined sequence and what it is compared with.
-
-    Parameters
-    ----------
-    result, config
-        What `skelsplat.refine` returned, and its settings.
-    start : (T, N, 3)
-        The initial pose if the user gave one, otherwise the plain triangulation (DLT) of the detections. The
-        default method begins with a robust triangulation, which would hide what robustness changes.
-    seconds
-        Wall time of `skelsplat.refine` alone.
-    """
-
-    result: sk.Refinement
-    config: sk.RefineConfig
-    start: Array
-    seconds: float
-
-
-@contextlib.contextmanager
-def collected_warnings(tell: Callable[[str], None]) -> Iterator[list[str]]:
-    """Collect the messages of warnings, each once, and ``tell`` each as it comes, before long work."""
-    messages: list[str] = []
-
-    def show(
-        message: Warning | str,
-        category: type[Warning],  # noqa: ARG001  the signature is that of warnings.showwarning
-        filename: str,  # noqa: ARG001
-        lineno: int,  # noqa: ARG001
-        file: TextIO | None = None,  # noqa: ARG001
-        line: str | None = None,  # noqa: ARG001
-    ) -> None:
-        text = " ".join(str(message).split())
-        if text not in messages:
-            messages.append(text)
-            tell(text)
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("always")
-        warnings.showwarning = show
-        yield messages
 
 
 def read_inputs(job: Job) -> Inputs:
@@ -182,39 +131,3 @@ def _read_init(path: Path, rig: sk.CameraRig, size: tuple[int, sk.Layout]) -> Ar
         raise DatasetError(path, "joint_names", f"the joints of {layout.name}", ", ".join(data.joint_names))
     scaled: Array = data.pose * (MM_PER_UNIT[data.unit] / rig.mm_per_unit)
     return scaled
-
-
-def refine_inputs(inputs: Inputs, job: Job, progress: Callable[[int, int], None] | None = None) -> Outcome:
-    """Refine all frames; ``progress`` is called with (frames done, frames in all)."""
-    config = sk.RefineConfig.paper(**job.settings) if job.paper else sk.RefineConfig(**job.settings)
-    begin = time.perf_counter()
-    result = sk.refine(
-        inputs.init_pose,
-        inputs.detections,
-        inputs.rig,
-        layout=inputs.layout,
-        init_sigma=None if job.init_sigma_mm is None else job.init_sigma_mm / inputs.rig.mm_per_unit,
-        config=config,
-        progress=progress if progress is not None else False,
-    )
-    seconds = time.perf_counter() - begin
-    start = _plain(inputs, config) if inputs.init_pose is None else np.asarray(result.init_pose)
-    return Outcome(result, config, start, seconds)
-
-
-def _plain(inputs: Inputs, config: sk.RefineConfig) -> Array:
-    """Triangulate the detections that count, by DLT, (T, N, 3)."""
-    counts = inputs.detections[..., 2] >= config.min_confidence
-    detections = np.where(counts[..., None], inputs.detections, np.nan)
-    rig = rig_as_used(inputs.rig, undistort=config.undistort)
-    return sk.triangulate(detections, rig, method="dlt")
-
-
-def rig_as_used(rig: sk.CameraRig, *, undistort: bool) -> sk.CameraRig:
-    """Return the cameras with which detections are compared: with ideal lenses if distortion is ignored."""
-    return rig if undistort else sk.CameraRig([without_distortion(camera) for camera in rig], unit=rig.unit)
-
-
-def default_threads(config: sk.RefineConfig) -> int:
-    """Return the number of threads that a batch uses."""
-    return int(config.n_threads or os.cpu_count() or 1)

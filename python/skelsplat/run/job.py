@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from skelsplat.cli._calibration import CalibrationOptions
-from skelsplat.cli._over_time import OverTime
+from skelsplat.run.over_time import OverTime
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -10,12 +10,13 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._displaced import Shifts, camera_shifts, residuals
-from skelsplat.cli._pipeline import rig_as_used
+from skelsplat.run.solve import rig_as_used
 
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from skelsplat.cli._pipeline import Inputs, Outcome
+    from skelsplat.run.read import Inputs
+    from skelsplat.run.solve import Outcome
 
     Array = npt.NDArray[np.float64]
     Mask = npt.NDArray[np.bool_]
