@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 import skelsplat as sk
 from skelsplat.datasets import Dataset, Take
 from skelsplat.datasets._views import with_views
-from skelsplat.evaluation._views import without_lens
+from skelsplat.evaluation.methods import without_lens
 from skelsplat.evaluation.protocols import Protocol
 from skelsplat.exceptions import InvalidInputError
 

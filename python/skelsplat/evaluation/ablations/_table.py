@@ -43,7 +43,7 @@ ACCUMULATION = Sweep(
         Check("4 views per step beat 2", (4,), (2,)),
         Check("2 views per step beat 1", (2,), (1,)),
     ),
-    notes=(f"{ANNEALED} always uses all views at once.",),
+    notes=(f"The {ANNEALED} method always uses all views at once.",),
 )
 
 
@@ -138,7 +138,7 @@ SYMMETRY = Sweep(
         Check("Symm-2 changes little against Symm-1 (at most 4 %)", (2,), (1,), low=0.96, high=1.04),
         Check("Symm-3 changes little against Symm-1 (at most 4 %)", (3,), (1,), low=0.96, high=1.04),
     ),
-    notes=(f"On occluded data {PAPER} has the covariance factor 1.25, as in the paper.",),
+    notes=(f"On occluded data the {PAPER} method has the covariance factor 1.25, as in the paper.",),
     more=other.time_of_tiers,
 )
 
@@ -155,7 +155,7 @@ RESOLUTION = Sweep(
     ),
     notes=(
         "Cameras and detections are scaled; the detections keep their sub-pixel places. "
-        f"{ANNEALED} has no resolution: it renders no pixels.",
+        f"The {ANNEALED} method has no resolution: it renders no pixels.",
     ),
 )
 
@@ -188,7 +188,7 @@ COVARIANCE = Sweep(
     ),
     notes=(
         "The factor multiplies the logarithm of σ in mm of elbows, wrists and ankles. "
-        f"{ANNEALED} gets the same σ in mm for these joints.",
+        f"The {ANNEALED} method gets the same σ in mm for these joints.",
     ),
     more=other.check_of_integration,
 )
