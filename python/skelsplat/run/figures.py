@@ -115,7 +115,7 @@ def _caption(frame: int, job: Job, inputs: Inputs, outcome: Outcome, statistics:
 
 
 def _heat_caption(number: int) -> str:
-    what = "heat maps summed over the joints (white 0, dark 1 and more), cut to the person"
+    what = "heat maps summed over the joints (white 0, dark 1 and more), cropped to the person"
     return f"Frame {number}: {what}"
 
 
