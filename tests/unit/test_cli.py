@@ -14,9 +14,10 @@ import pytest
 import skelsplat as sk
 from command_line import FAST, READ, RESULTS, assert_fails, invoke
 from skelsplat import synthetic
-from skelsplat.cli import _pipeline, _run
-from skelsplat.cli._person import pick_person
+from skelsplat.cli import _run
 from skelsplat.io import PoseData, read_npz, read_trc, write_npz, write_pose
+from skelsplat.run import solve
+from skelsplat.run.person import pick_person
 
 T = 5
 NOISE_PX = 2.0
@@ -237,7 +238,7 @@ def test_ctrl_c_is_status_130_and_keeps_finished_work(recording, arguments, monk
     def interrupted(*_args, **_kwargs):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(_pipeline.sk, "refine", interrupted)
+    monkeypatch.setattr(solve.sk, "refine", interrupted)
     result = invoke(*arguments, *READ, *FAST)
     assert result.exit_code == 130
     assert result.stderr.splitlines()[-1] == "interrupted; files already written are complete"
@@ -334,7 +335,7 @@ def test_demo_of_the_paper(tmp_path, monkeypatch):
         def paper(**given):
             return preset(max_steps=2, **given)
 
-    monkeypatch.setattr(_pipeline.sk, "RefineConfig", Hurried)
+    monkeypatch.setattr(solve.sk, "RefineConfig", Hurried)
     result = invoke("demo", "--paper", "-o", tmp_path)
     assert result.exit_code == 0, result.output
     assert {path.name for path in tmp_path.iterdir()} == RESULTS | {"heatmaps.png", "input"}

@@ -12,13 +12,13 @@ import typer
 
 import skelsplat as sk
 from skelsplat.cli import _calibration as calibration
-from skelsplat.cli import _options as options
+from skelsplat.cli import options
 from skelsplat.cli._app import FAILED, INTERRUPTED
 from skelsplat.cli._calibration import CalibrationOptions
-from skelsplat.cli._checks import one_of
 from skelsplat.cli._lines import MalformedLineError, answer_text, parse_line
-from skelsplat.cli._pipeline import collected_warnings
+from skelsplat.cli.options import one_of
 from skelsplat.exceptions import DatasetError
+from skelsplat.findings import collected_warnings
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -84,7 +84,7 @@ def live(
         "find_swaps": False if no_swaps else None,
     }
     given = {name: value for name, value in settings.items() if value is not None}
-    with collected_warnings(lambda text: _say(f"warning: {text}")):
+    with collected_warnings(lambda found: _say(f"warning: {found.text}")):
         rig = read.read(source, format_option="--calibration-format")
         if len(rig) < 2:
             raise DatasetError(source, "cameras", "at least two cameras", len(rig))
