@@ -10,7 +10,7 @@ import typer
 
 from skelsplat import temporal
 from skelsplat.cameras import MM_PER_UNIT
-from skelsplat.cli._checks import one_of
+from skelsplat.cli.options import one_of
 from skelsplat.exceptions import InvalidInputError
 
 if TYPE_CHECKING:
