@@ -10,6 +10,7 @@ os.environ["RAYON_NUM_THREADS"] = "2"
 
 import signal
 from collections.abc import Generator, Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -39,7 +40,8 @@ def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object
 
 
 def _unpainted(_figure: Figure, target: Any, **_options: object) -> None:
-    target.write(b"\x89PNG, not painted")
+    write = target.write_bytes if isinstance(target, Path) else target.write
+    write(b"\x89PNG, not painted")
 
 
 SCENES = {"three_joints": scenes.three_joints, "beyond_the_image": scenes.beyond_the_image}

@@ -1,4 +1,4 @@
-"""Cases of parametrised tests that repeat with other numbers what others show: only `make test-all` runs them."""
+"""Cases of parametrised tests that repeat with other numbers what others show: for `make test-all` only."""
 
 from __future__ import annotations
 
