@@ -63,7 +63,7 @@ def write_html_report(
     data = page.ReportData(
         title=f"SkelSplat: {job.detections.name}",
         facts=_facts(job, inputs),
-        distrust=findings.distrust,
+        warnings=findings.distrust,
         notes=_notes(job, findings.poses),
         numbers=_numbers(inputs, statistics, findings.problems),
         sequence=_sequence(job, inputs, outcome, findings.poses),
@@ -82,7 +82,7 @@ def write_html_report(
 
 
 def camera_shapes(rig: sk.CameraRig) -> page.CameraShapes:
-    """Return where the cameras stand and the rays to the corners of their images, in mm."""
+    """Return the positions of the cameras and the rays to the corners of their images, in mm."""
     from skelsplat.viz import report as page  # as in write_html_report
 
     corners = []
@@ -99,14 +99,14 @@ def camera_shapes(rig: sk.CameraRig) -> page.CameraShapes:
 
 def _facts(job: Job, inputs: Inputs) -> list[tuple[str, str]]:
     frames = inputs.frames
-    span = f"{len(frames):,}, {frames[0]} to {frames[-1]}" if len(frames) > 1 else f"1, number {frames[0]}"
+    span = f"{len(frames):,}, {frames[0]} to {frames[-1]}" if len(frames) > 1 else f"1, frame {frames[0]}"
     return [
         ("calibration", str(job.calibration)),
         ("detections", f"{job.detections} ({inputs.format})"),
         ("layout", f"{inputs.layout.name}, {inputs.layout.n_joints} joints"),
         ("cameras", str(len(inputs.rig))),
         ("frames", span),
-        ("rate", "not given" if job.fps is None else f"{job.fps:g} per second"),
+        ("frame rate", "unknown" if job.fps is None else f"{job.fps:g} per second"),
         ("preset", "paper" if job.paper else "default"),
         ("unit of the calibration", inputs.rig.unit),
         ("skelsplat", sk.__version__),
@@ -114,16 +114,17 @@ def _facts(job: Job, inputs: Inputs) -> list[tuple[str, str]]:
 
 
 def _notes(job: Job, poses: PoseData) -> list[str]:
-    speed = "" if job.fps is not None else " The frame rate is not known; 1 × plays 30 frames per second."
+    speed = "" if job.fps is not None else " The frame rate is unknown: speed 1 × plays 30 frames per second."
     return [
         *([job.note] if job.note else []),
         *poses.processing,
-        f"Before is the {start_name(job)}; refined is what the pose files hold. Reprojection errors are "
-        "distances from the detections used, px of the original images: agreement with them, not accuracy.",
-        f"Weight: how far a detection is believed, 0 to 1; down-weighted below {DOWN_WEIGHTED:g}, rejected "
-        f"below {sk.REJECTED_WEIGHT:g}. Error bar: one standard deviation per axis.",
-        f"The 3D view is in metres of the calibration's world; ellipsoids are drawn at two standard "
-        f"deviations, and hollow joints are not ok.{speed}",
+        f"The start is the {start_name(job)}; the refined poses are those in the pose files. Reprojection "
+        "errors are distances from the detections used, in pixels of the original images: they measure "
+        "agreement with the detections, not accuracy.",
+        f"Weight: how much each detection is trusted, from 0 to 1; down-weighted below {DOWN_WEIGHTED:g}, "
+        f"rejected below {sk.REJECTED_WEIGHT:g}. Error bar: one standard deviation per axis.",
+        "The 3D view is in metres, in the axes of the calibration; ellipsoids are drawn at two standard "
+        f"deviations, and joints that are weak, filled or unobserved are hollow.{speed}",
     ]
 
 
@@ -134,7 +135,7 @@ def _numbers(inputs: Inputs, statistics: Statistics, problems: Sequence[Problem]
     error = f"{number(total.before_px)} → {number(total.after_px)} px"
     largest = finite_max(statistics.error_bar_mm)
     return [
-        KeyNumber("median reprojection error", error, "before → refined"),
+        KeyNumber("median reprojection error", error, "start → refined"),
         KeyNumber("detections rejected", share(total.rejected, total.used), f"of {total.used:,} used"),
         KeyNumber(
             "noise of the detections",
@@ -183,7 +184,7 @@ def _lines(job: Job, inputs: Inputs, outcome: Outcome, statistics: Statistics) -
             beside=frame_medians(statistics.error_before),
             beside_name=start_name(job),
         ),
-        TimeLine("Noise of the detections, estimated", "mm", noise),
+        TimeLine("Estimated noise of the detections", "mm", noise),
         TimeLine("Detections rejected", "", statistics.rejected.sum(axis=(1, 2)).astype(float), peaks=True),
         TimeLine("Detections with left and right exchanged", "", swapped.astype(float), peaks=True),
         TimeLine("Largest error bar", "mm", bars, peaks=True),

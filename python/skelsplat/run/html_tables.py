@@ -17,22 +17,22 @@ if TYPE_CHECKING:
     from skelsplat.viz import report as page
 
 _SHARED = (
-    ("median [px]", "median reprojection error, before → refined"),
-    ("90th percentile [px]", "of the reprojection error, before → refined"),
+    ("median [px]", "median reprojection error, start → refined"),
+    ("90th percentile [px]", "of the reprojection error, start → refined"),
     ("used", "detections used"),
-    ("missing", "no detection of the person who is followed"),
-    ("not chosen", "of the missing: somebody is detected in this view and another, but here nobody who fits"),
-    ("left out", "detections below the least confidence, or of a joint without a position"),
-    ("down-weighted", f"detections used whose weight is below {DOWN_WEIGHTED:g}, the rejected among them"),
+    ("missing", "no detection of the followed person"),
+    ("not chosen", "of the missing: no person detected in this view matches the other cameras"),
+    ("left out", "detections below the minimum confidence, or of a joint without a position"),
+    ("down-weighted", f"detections used with a weight below {DOWN_WEIGHTED:g}, including the rejected ones"),
     (
         "rejected",
-        f"detections used whose weight is below {sk.REJECTED_WEIGHT:g}: they hardly pull on the pose",
+        f"detections used with a weight below {sk.REJECTED_WEIGHT:g}, which hardly affect the pose",
     ),
     ("weight", MEANINGS["mean_weight"]),
     ("swapped", MEANINGS["swapped"]),
 )
 _OF_JOINTS = (
-    ("views used", "views whose detection is used and not rejected: median over the frames (least)"),
+    ("views used", "views with a detection that is used and not rejected: median over the frames (lowest)"),
     ("error bar [mm]", "standard deviation of the joint per axis: median over the frames (largest)"),
     ("moved [mm]", "median distance of the refined joint from its start"),
 )
