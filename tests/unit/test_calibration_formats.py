@@ -262,7 +262,7 @@ def test_a_format_that_states_its_unit_is_still_doubted(tmp_path, views):
 
 def test_a_named_format_is_not_looked_for(tmp_path, views):
     path = files.human36m(tmp_path, views)
-    with pytest.raises(sk.DatasetError, match="cameras: expected a list of cameras, got NoneType"):
+    with pytest.raises(sk.DatasetError, match="cameras: expected a list of cameras, got nothing"):
         read_calibration(path, format="panoptic")
 
 
