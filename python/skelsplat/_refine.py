@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from skelsplat import _skelsplat
 from skelsplat._arrays import numbers
 from skelsplat._skelsplat import Camera, Layout, RefineConfig
-from skelsplat.cameras import CameraRig
+from skelsplat.cameras import CameraRig, mm_per_unit
 from skelsplat.exceptions import InvalidInputError
 
 Cameras = CameraRig | Sequence[Camera]
@@ -386,8 +386,7 @@ class Refiner:
         if self._by_adam:
             return np.where((result.joint_status == "ok")[:, None], result.pose, np.nan)
         before = np.full_like(result.pose, np.nan) if self._last is None else self._last
-        mm = self._cameras.mm_per_unit if isinstance(self._cameras, CameraRig) else 1.0
-        leapt = np.linalg.norm(result.pose - before, axis=-1) * mm > _LEAP_MM
+        leapt = np.linalg.norm(result.pose - before, axis=-1) * mm_per_unit(self._cameras) > _LEAP_MM
         new = np.isfinite(result.pose) & ~(leapt & (result.joint_status == "weak"))[:, None]
         return np.where(new, result.pose, before)
 

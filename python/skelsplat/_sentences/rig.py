@@ -53,11 +53,10 @@ def _all_cameras(finding: Finding) -> str:
     """Return a sentence on all cameras, with the error, and with other explanations."""
     numbers = finding.numbers
     text = _explanation({"kind": finding.kind, **numbers})
-    text = f"{text[0].upper()}{text[1:]} (error {_px(numbers['before_px'], 0)}, {_px(numbers['after_px'])} after "
+    error = f"error {_px(numbers['before_px'], 0)}, {_px(numbers['after_px'])} after the correction"
     others = (" and ".join(map(_explanation, rival)) for rival in numbers.get("rivals", ()))
-    return f"{text}the correction)." + "".join(
-        f" Almost as good an explanation: {other}." for other in others
-    )
+    also = "".join(f" Almost as good an explanation: {other}." for other in others)
+    return f"{text[0].upper()}{text[1:]} ({error}).{also}"
 
 
 def _explanation(numbers: Numbers) -> str:
@@ -82,8 +81,8 @@ def _offset(numbers: Numbers, name: str) -> str:
 
 def _resized(numbers: Numbers, name: str) -> str:
     return (
-        f"{name}'s detections are from images of another size; multiplied by {numbers['factor']:.3g} they fit "
-        f"({_change(numbers)})."
+        f"{name}'s detections are from images of another size; multiplied by {numbers['factor']:.3g} they "
+        f"fit ({_change(numbers)})."
     )
 
 
@@ -94,8 +93,8 @@ def _images(numbers: Numbers, name: str) -> str:
 def _pose(numbers: Numbers, name: str) -> str:
     text = (
         f"{name}'s calibration looks wrong: {_motion(numbers, 'the camera')} restores agreement "
-        f"({_change(numbers)}). The camera was moved after calibration, or the calibration belongs to another "
-        "camera or another image."
+        f"({_change(numbers)}). The camera was moved after calibration, or the calibration belongs to "
+        "another camera or another image."
     )
     if "same_as_shift_px" in numbers:
         shift = f"{numbers['same_as_shift_px']:.0f} px"
@@ -147,8 +146,8 @@ def _disagrees(finding: Finding) -> str:
     return (
         f"{name} disagrees with the other cameras, and nothing that was tried explains it: "
         f"{percent(numbers['rejected'])} of its detections are rejected, {percent(numbers['others'])} of "
-        f"theirs, and they lie {numbers['px']:.0f} px from where the others place them{_once(numbers)}. Look at its "
-        "images: what it sees, and whether its lens is the one in the calibration."
+        f"theirs, and they lie {numbers['px']:.0f} px from where the others place them{_once(numbers)}. "
+        "Look at its images: what it sees, and whether its lens is the one in the calibration."
     )
 
 
@@ -200,12 +199,12 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "detections_none": "There are no detections to check the cameras with.",
     "camera_blind": "{cameras} has no detections.",
     "detections_outside": (
-        "{cameras}: {outside:.0%} of the detections lie outside its image of {width} by {height} px. Are they "
-        "from images of this size, not rotated, x before y?"
+        "{cameras}: {outside:.0%} of the detections lie outside its image of {width} by {height} px. Are "
+        "they from images of this size, not rotated, x before y?"
     ),
     "field_of_view": (
-        "{cameras}: a focal length of {focal_px:.4g} px on images of {width} by {height} px is a field of view "
-        "of {degrees:.3g}°. Is this the image size of the calibration?"
+        "{cameras}: a focal length of {focal_px:.4g} px on images of {width} by {height} px is a field of "
+        "view of {degrees:.3g}°. Is this the image size of the calibration?"
     ),
     "principal_point": (
         "{cameras}: the principal point ({x:.0f}, {y:.0f}) is far from the middle of images of {width} by "
@@ -215,8 +214,8 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
         "{cameras}: focal lengths of {fx:.4g} and {fy:.4g} px mean pixels that are not square."
     ),
     "same_place": (
-        "{one} and {other} are in the same place; two views from one place give no depth. Is one a copy of the "
-        "other?"
+        "{one} and {other} are in the same place; two views from one place give no depth. Is one a copy of "
+        "the other?"
     ),
     "all_look_away": (
         "All cameras look away from the point where their axes come closest. Are rotation and translation "

@@ -21,6 +21,8 @@ from skelsplat.rig_check._scene import Array, Index, Scene, in_mm, median, named
 from skelsplat.rig_check._world import check_unit, find_convention
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import numpy.typing as npt
 
 # A camera whose detections are rejected this often, and this many times as often as the others', in so many
@@ -173,8 +175,13 @@ def _left_over(scene: Scene, earlier: list[Finding]) -> list[Finding]:
         usual = float(np.mean(rejected)) if rejected else 1.0
         frames = np.isfinite(scene.seen(i)).any(axis=(1, 2)).sum()
         if frames >= _LEAST_FRAMES and row.rejected >= max(_REJECTED, _RATIO * usual):
-            numbers = {"rejected": row.rejected, "others": usual, "px": float(scene.left_out[i])}
-            numbers |= once_corrected(earlier, row.name)
+            px = float(scene.left_out[i])
+            numbers = {
+                "rejected": row.rejected,
+                "others": usual,
+                "px": px,
+                **once_corrected(earlier, row.name),
+            }
             findings.append(
                 Finding("camera_unexplained", subject=Subject(cameras=(row.name,)), numbers=numbers)
             )
@@ -199,7 +206,7 @@ def _check_recording(causes: Sequence[Finding], corrected: Scene) -> Finding | N
     if corrected.views < 3 or len(corrected.judged) < _LEAST_FRAMES:
         return None
     names = named(corrected.cameras)
-    moved = {name for finding in causes if _is_far(finding) for name in finding.cameras}
+    moved = {name for finding in causes if _is_far(finding) for name in finding.subject.cameras}
     limits = _FAR_OFF * np.array([np.hypot(*camera.size) for camera in corrected.cameras])
     lost = {name for name, far in zip(names, corrected.left_out > limits, strict=True) if far}
     wrong = tuple(name for name in names if name in moved | lost)

@@ -65,7 +65,7 @@ def with_remedies(report: RigReport, read_as: ReadAs) -> RigReport:
 def _order(
     finding: Finding, rows: tuple[CameraRow, ...], read_as: ReadAs, moved: Mapping[str, int]
 ) -> list[Remedy]:
-    """Return --order with the labels that belong to the cameras, and the ``moved`` offsets that follow them."""
+    """Return --order with the labels that belong to the cameras, and the offsets that move with them."""
     if not read_as.labels:
         return []
     label = dict(zip((row.name for row in rows), read_as.labels, strict=True))
