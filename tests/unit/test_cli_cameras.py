@@ -228,7 +228,10 @@ def test_a_finding_says_what_is_put_right_before(room):
 
 
 def test_frames_that_differ_need_more_than_an_offset(room, tmp_path):
-    assert options(json.loads(check(room, "late", "--json").stdout), "frame_offset") == ["--offset", "cam3=-3"]
+    assert options(json.loads(check(room, "late", "--json").stdout), "frame_offset") == [
+        "--offset",
+        "cam3=-3",
+    ]
     given = options(json.loads(check(room, "short", "--json").stdout), "frame_offset")
     assert given == ["--offset", "cam3=-3", "--frames", "intersection"]
     refined_px(room, "short", tmp_path / "out", *given)

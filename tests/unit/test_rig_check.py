@@ -68,7 +68,7 @@ def test_an_animal_need_not_have_a_person_s_size():
     own = sk.Layout("mouse", human.joints, limbs=human.limbs, left_right=human.left_right)
     assert check_rig(mouse, detections("room"), layout=own).ok
     for layout in (None, LAYOUT, human):
-        assert only(check_rig(mouse, detections("room"), layout=layout)).kind == "unit_unknown"
+        assert only(check_rig(mouse, detections("room"), layout=layout)).kind == "unit_wrong"
     finding = only(check_rig(scaled(0.05, "m"), detections("room"), layout=own))
     assert finding.kind == "body_size"
     assert finding.text.startswith("With unit m, the body measures about ")
@@ -171,7 +171,11 @@ def test_geometry_alone():
             "field_of_view",
             "cam4: a focal length of 1145 px on images of 20000 by 20000 px",
         ),
-        (replaced(room, 3, K=np.diag([1, 1, 1]) @ [[1145, 0, 500], [0, 2290, 500], [0, 0, 1]]), "pixels_not_square", "not square"),
+        (
+            replaced(room, 3, K=np.diag([1, 1, 1]) @ [[1145, 0, 500], [0, 2290, 500], [0, 0, 1]]),
+            "pixels_not_square",
+            "not square",
+        ),
     ):
         texts = {finding.kind: finding.text for finding in check_rig(cameras).findings}
         assert set(texts) <= GEOMETRY
@@ -183,8 +187,7 @@ def test_a_principal_point_far_from_the_middle():
     K[0, 2] = 30.0
     finding = only(check_rig(replaced(rig("room"), 0, K=K)))
     assert (
-        "cam1: the principal point (30, 500) is far from the middle of images of 1000 by 1002"
-        in finding.text
+        "cam1: the principal point (30, 500) is far from the middle of images of 1000 by 1002" in finding.text
     )
 
 

@@ -53,7 +53,11 @@ def test_a_turn_and_an_offset_of_the_same_camera_are_told_apart_or_both_said():
     found = whole[5 : 5 + T].copy()
     found[:, 0] = whole[3 : 3 + T, 0]
     finding = only(check_rig(rig("room"), found, layout=LAYOUT))
-    assert (finding.kind, finding.subject.cameras, finding.numbers["frames"]) == ("frame_offset", ("cam1",), 2)
+    assert (finding.kind, finding.subject.cameras, finding.numbers["frames"]) == (
+        "frame_offset",
+        ("cam1",),
+        2,
+    )
     assert " Rotating cam1 by 0." in finding.text
 
 
@@ -64,7 +68,11 @@ def test_frames_that_fit_nearly_as_well_are_a_range(shift, words):
     here, there = slice(max(shift, 0), T + min(shift, 0)), slice(max(-shift, 0), T + min(-shift, 0))
     found[here, 1] = whole[there, 1]
     finding = only(check_rig(rig("room"), found, layout=LAYOUT))
-    assert (finding.kind, finding.subject.cameras, finding.numbers["frames"]) == ("frame_offset", ("cam2",), shift)
+    assert (finding.kind, finding.subject.cameras, finding.numbers["frames"]) == (
+        "frame_offset",
+        ("cam2",),
+        shift,
+    )
     assert finding.numbers["frames_nearly_as_good"] == ([-5, -4] if shift < 0 else [5, 5])
     assert words in finding.text
 
@@ -83,7 +91,11 @@ def test_an_offset_between_two_cameras_is_named():
     found = whole[5 : 5 + T].copy()
     found[:, 1] = whole[:T, 1]
     finding = only(check_rig(rig("pair"), found))
-    assert (finding.kind, finding.subject.cameras, finding.numbers["frames"]) == ("frame_offset", ("right",), 5)
+    assert (finding.kind, finding.subject.cameras, finding.numbers["frames"]) == (
+        "frame_offset",
+        ("right",),
+        5,
+    )
 
 
 @pytest.mark.parametrize("axis", [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 1)])
@@ -100,7 +112,10 @@ def test_a_moved_camera_is_named():
     camera = rig("room")[2]
     moved = replaced(rig("room"), 2, t=np.add(camera.t, [150.0, 0.0, 0.0]))
     finding = only(check_rig(moved, detections("room")))
-    assert finding.kind in ("camera_moved", "camera_rotated")  # a turn does as well for a person in the middle of the room
+    assert finding.kind in (
+        "camera_moved",
+        "camera_rotated",
+    )  # a turn does as well for a person in the middle of the room
     assert finding.subject.cameras == ("cam3",)
     assert finding.numbers["before_px"] > 5 * finding.numbers["after_px"]
 
@@ -117,6 +132,8 @@ def test_two_faults_are_both_named():
     first, second = report.findings
     assert "once" not in first.text
     assert f" px once {first.subject.cameras[0]} is corrected, " in second.text
-    assert second.text.partition(" once ")[2].partition(", ")[2].startswith(
-        f"{second.numbers['after_px']:.1f} px after this correction"
+    assert (
+        second.text.partition(" once ")[2]
+        .partition(", ")[2]
+        .startswith(f"{second.numbers['after_px']:.1f} px after this correction")
     )

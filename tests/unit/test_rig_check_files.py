@@ -45,7 +45,10 @@ def test_in_a_symmetric_ring_the_fewest_exchanges_are_named(pair, seed):
     i, j = pair
     found[:, [i, j]] = found[:, [j, i]]
     finding = check_rig(cameras, found, layout=LAYOUT).findings[0]
-    assert (finding.kind, finding.subject.cameras) == ("cameras_exchanged", (cameras.names[i], cameras.names[j]))
+    assert (finding.kind, finding.subject.cameras) == (
+        "cameras_exchanged",
+        (cameras.names[i], cameras.names[j]),
+    )
 
 
 def folders_of(order, names):
@@ -87,7 +90,9 @@ def test_where_nothing_tells_them_apart_both_are_mentioned():
         finding = only(check_rig(rig("ring of 4"), people, layout=LAYOUT))
         assert finding.kind == "images_changed"
         # two that face each other, whichever; an order of all four leaves the same and is no simpler
-        assert re.search("explanation: the detections of (cam0 and cam2|cam1 and cam3) are exchanged", finding.text)
+        assert re.search(
+            "explanation: the detections of (cam0 and cam2|cam1 and cam3) are exchanged", finding.text
+        )
 
 
 @pytest.mark.parametrize("order", [(3, 2, 1, 0), (1, 2, 0, 3), (3, 0, 2, 1)])

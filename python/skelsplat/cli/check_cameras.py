@@ -50,7 +50,7 @@ _Layout = Annotated[
     ),
 ]
 _LEGEND = (
-    "error vs. others: distance from where the other cameras place the joints; --offset: value for refine "
+    "vs. others: distance from where the other cameras place the joints; --offset: value for refine "
     "that corrects a camera that is out of step, and the error with it; DLT, robust: error vs. all cameras; "
     "weight: how much the robust solver trusts each detection, 0 to 1; rejected: below 0.25"
 )
@@ -174,7 +174,7 @@ def _table(report: RigReport) -> Table:
         padding=(0, 1, 0, 0),
     )
     table.add_column("camera")
-    for name in ("error vs.\nothers", "--offset", "DLT", "robust", "weight", "rejected", "detections"):
+    for name in ("vs.\nothers", "--offset", "DLT", "robust", "weight", "rejected", "detections"):
         table.add_column(name, justify="right")
     for row in report.cameras:
         offset = "" if row.offset_option is None else f"{row.offset_option}: {row.best_offset_px:.1f}"
