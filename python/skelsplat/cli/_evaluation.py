@@ -15,8 +15,8 @@ from rich.text import Text
 
 from skelsplat.cli.output import bar_of
 from skelsplat.evaluation import export, tables
-from skelsplat.evaluation._table import Row, Table
 from skelsplat.evaluation.report import Evaluation
+from skelsplat.evaluation.tables import Row, Table
 from skelsplat.io._atomic import atomic_write_text
 
 if TYPE_CHECKING:
