@@ -356,3 +356,25 @@ def test_help_has_examples_and_fits_80_columns(command):
     result = invoke(command, "--help")
     assert f"skelsplat {command} " in result.stdout.split("Examples")[1]
     assert max(len(line.rstrip()) for line in result.stdout.splitlines()) <= 80
+
+
+def test_the_person_is_chosen_as_in_refine(room, tmp_path):
+    """The largest person of each image, whom the cameras do not agree on, instead of the one they do."""
+    everyone = sk.io.read_detections(room / "pose", ["cam1", "cam2", "cam3", "cam4"], layout="h36m17")
+    mirror = everyone.people.copy()
+    mirror[..., 0] = 999 - mirror[..., 0]
+    mirror[..., :2] = 500 + 1.2 * (mirror[..., :2] - 500)
+    for i in range(4):
+        people = np.concatenate([everyone.people[:, i], mirror[:, i]], axis=1)
+        np.savez(tmp_path / f"cam{i + 1}.npz", detections=people)
+    command = ["check-cameras", room / "Calib.toml", tmp_path, "--layout", "h36m17", "--json"]
+    assert json.loads(invoke(*command).stdout)["ok"] is True
+    assert json.loads(invoke(*command, "--person", "0").stdout)["ok"] is True
+    for other in ("1", "largest"):
+        report = json.loads(invoke(*command, "--person", other).stdout)
+        assert not report["ok"]
+        assert min(row["left_out_px"] for row in report["cameras"]) > 20
+    assert_fails(invoke(*command, "--person", "2"), 2, "--person: expected less than 2", "got 2")
+    assert_fails(
+        invoke(*command, "--person", "tall"), 2, "--person: expected consistent, largest or a number"
+    )

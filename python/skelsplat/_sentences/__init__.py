@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from skelsplat._sentences import datasets, rig, run
+from skelsplat._sentences import arrays, datasets, rig, run
 
 if TYPE_CHECKING:
     from skelsplat.findings import Finding
@@ -20,6 +20,7 @@ Sentence = str | Callable[["Finding"], str]
 
 ORIGINS: tuple[Mapping[str, Sentence], ...] = (
     {"remark": "{text}"},
+    arrays.SENTENCES,
     run.SENTENCES,
     rig.SENTENCES,
     datasets.SENTENCES,

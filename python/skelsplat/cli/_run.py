@@ -8,9 +8,10 @@ import typer
 from rich.console import Console
 
 from skelsplat._json import to_text
+from skelsplat._optional import can_draw
 from skelsplat.cli.output import bar_of, print_json
 from skelsplat.cli.table import print_doubts, print_files, print_left, print_over_time, print_summary, tell
-from skelsplat.findings import collected_warnings, remark
+from skelsplat.findings import Finding, collected_warnings, remark
 from skelsplat.io import PoseData, write_pose
 from skelsplat.io._atomic import atomic_write_text
 from skelsplat.io._run_files import REPORT
@@ -80,6 +81,9 @@ def _run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
             assumed = f"the times in {files} assume {_ASSUMED_FPS:g} frames per second"
             notes.append(remark(f"--fps: not given; {assumed}"))
             tell(notes[-1])
+        if not can_draw():
+            notes.append(Finding("no_pictures"))
+            tell(notes[-1])
         outcome = _refine_with_bar(inputs, job, shown=not verbosity.quiet)
     warnings = [note.text for note in notes]
     statistics = summarise(inputs, outcome)
@@ -98,8 +102,8 @@ def _run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
     begin_writing(job.out, report)
     names = _write_poses(job, poses)
     names += write_run_inputs(job.out, inputs.rig, inputs.layout, inputs.detections, inputs.frames)
-    names += [REPORT, *write_figures(job, inputs, outcome, statistics)]
-    if job.html:
+    names += [REPORT, *(write_figures(job, inputs, outcome, statistics) if can_draw() else [])]
+    if job.html and can_draw():
         findings = Findings(poses, problems, distrust=[*doubts, *warnings])
         names += write_html_report(job, inputs, outcome, statistics, findings)
     atomic_write_text(job.out / REPORT, to_text(report))  # last: the run is whole

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from skelsplat._json import to_text
+from skelsplat._optional import can_draw
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._atomic import atomic_write_text
 from skelsplat.io._run_files import CAMERAS, DETECTIONS, REPORT, UNFINISHED, files_of_run
@@ -35,10 +36,10 @@ _OF_OTHERS = ("plots", "overlay")
 
 
 def planned(job: Job) -> list[str]:
-    """Return the names of the files that a run writes, but for its report."""
-    wanted = {*(f"pose.{kind}" for kind in job.write), CAMERAS, DETECTIONS, *_PICTURES}
-    wanted |= {_PAPERS_PICTURE} if job.paper else set()
-    wanted |= {PAGE} if job.html else set()
+    """Return the names of the files that a run writes, but for its report: pictures need the extra viz."""
+    wanted = {*(f"pose.{kind}" for kind in job.write), CAMERAS, DETECTIONS}
+    if can_draw():
+        wanted |= {*_PICTURES, *([_PAPERS_PICTURE] if job.paper else []), *([PAGE] if job.html else [])}
     return [name for name in _POSSIBLE if name in wanted]
 
 
