@@ -17,8 +17,8 @@ from skelsplat._optional import can_draw
 from skelsplat.cli.output import bar_of
 from skelsplat.cli.table import tell
 from skelsplat.evaluation import export, tables
-from skelsplat.evaluation._table import Row, Table
 from skelsplat.evaluation.report import Evaluation
+from skelsplat.evaluation.tables import Row, Table
 from skelsplat.findings import Finding
 from skelsplat.io._atomic import atomic_write_text
 
