@@ -30,6 +30,7 @@ _OPTIONS = {
     "mapping": "--map",
     "sequence": "--sequence",
     "without": "--without",
+    "person": "--person",
 }
 
 

@@ -113,7 +113,7 @@ def refine(
         cameras=CalibrationOptions(unit, calibration_format, camera_type, subject, size, binning),
         layout=layout and one_of("--layout", layout.lower(), sk.layouts.names),
         out=output,
-        person=_person(person),
+        person=options.person(person),
         frames=one_of("--frames", frames, _FRAMES),
         **reading(format, offset, order, joint_map),
         without=tuple(dict.fromkeys(without or [])),
@@ -132,14 +132,6 @@ def refine(
     positive("--sigma", sigma)
     positive("--occlusion-sigma", occlusion_sigma)
     run(job, Verbosity(quiet=quiet, as_json=as_json))
-
-
-def _person(value: str) -> str:
-    if value in ("consistent", "largest") or value.isdecimal():
-        return value
-    raise typer.BadParameter(
-        f"expected consistent, largest or a number, got {value!r}", param_hint="--person"
-    )
 
 
 def _init_sigma(value: float | None, init: Path | None, *, paper: bool) -> float | None:
