@@ -42,16 +42,33 @@ def tell(finding: Finding) -> None:
     typer.echo(f"warning: {finding.text}", err=True)
 
 
+def print_table(console: Console, table: Table) -> None:
+    """Print a table with all words whole, in its first column all names: wider than the console if need be.
+
+    A first column that folds is broken between words.
+    """
+    own, first = console.width, table.columns[0]
+    console.width = 10_000  # to measure what it would take
+    for column in table.columns:
+        words = [console.measure(cell) for cell in (column.header, *column.cells)]
+        whole = column is first and first.overflow != "fold"
+        column.no_wrap = whole
+        column.min_width = max(size.maximum if whole else size.minimum for size in words)
+    console.width = max(own, console.measure(table).minimum)
+    console.print(table, crop=False)
+    console.width = own
+
+
 def print_summary(
     console: Console, job: Job, inputs: Inputs, outcome: Outcome, statistics: Statistics
 ) -> None:
     """Print the table of cameras, the lines on the run and the joints that are known least."""
-    console.print(_cameras(job, statistics))
+    print_table(console, _cameras(job, statistics))
     console.print(_legend(statistics), style="dim")
     console.print()
     for line in _lines(job, inputs, outcome, statistics):
         console.print(line)
-    console.print(_joints(inputs, statistics))
+    print_table(console, _joints(inputs, statistics))
     console.print()
     if job.note:
         console.print(job.note)
