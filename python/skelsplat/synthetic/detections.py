@@ -10,9 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from skelsplat._arrays import numbers
 from skelsplat.exceptions import InvalidInputError
-from skelsplat.synthetic import _effects
 from skelsplat.synthetic.noise import DetectionNoise
-from skelsplat.synthetic.occluders import Occluders, occluded_views
+from skelsplat.synthetic.occluders import Occluders, covering_disc, draw_discs, occluded_views
 
 if TYPE_CHECKING:
     from skelsplat import Camera, CameraRig
@@ -174,18 +173,18 @@ def _one_view(
     """Turn the true projections (T, N, 2) of one view into detections (T, N, 3)."""
     shape = true.shape[:2]
     factors = np.ones(shape[1]) if layout is None else np.array([_joint_factor(j) for j in layout.joints])
-    pixels = true + noise.sigma_px * factors[:, None] * _effects.jitter(true.shape, noise.correlation, rng)
+    pixels = true + noise.sigma_px * factors[:, None] * _jitter(true.shape, noise.correlation, rng)
     confidence = rng.beta(18.0, 2.0, size=shape)
 
     outlier = rng.random(shape) < noise.outlier_rate
     length = rng.exponential(noise.outlier_px, size=shape)
-    pixels += np.where(outlier, length, 0.0)[..., None] * _effects.directions(shape, rng)
+    pixels += np.where(outlier, length, 0.0)[..., None] * _directions(shape, rng)
     confidence = np.where(outlier, rng.beta(6.0, 4.0, size=shape), confidence)
 
     if layout is not None:
-        for chain in _effects.one_sided_chains(layout.left_right, layout.limbs):
-            _effects.swap(pixels, confidence, chain, _happens(noise.limb_swap_rate, shape[0], rng))
-        _effects.swap(pixels, confidence, layout.left_right, _happens(noise.view_swap_rate, shape[0], rng))
+        for chain in _one_sided_chains(layout.left_right, layout.limbs):
+            _swap(pixels, confidence, chain, _happens(noise.limb_swap_rate, shape[0], rng))
+        _swap(pixels, confidence, layout.left_right, _happens(noise.view_swap_rate, shape[0], rng))
     hidden, guess = _hidden_guess(true, noise, rng, discs)
     hidden &= occluded[:, None]
     pixels = np.where(hidden[..., None], guess, pixels)
@@ -196,6 +195,52 @@ def _one_view(
     pixels[missing] = np.nan
     confidence[missing] = 0.0
     return np.concatenate([pixels, confidence[..., None]], axis=-1)
+
+
+def _jitter(shape: tuple[int, ...], correlation: float, rng: np.random.Generator) -> FloatArray:
+    """Draw unit normal noise (T, …), so correlated from one frame to the next (stationary AR(1))."""
+    noise = rng.standard_normal(shape)
+    if correlation > 0:
+        fresh = np.sqrt(1.0 - correlation**2)
+        for frame in range(1, shape[0]):
+            noise[frame] = correlation * noise[frame - 1] + fresh * noise[frame]
+    return noise
+
+
+def _on_disc(shape: tuple[int, ...], rng: np.random.Generator) -> FloatArray:
+    """Draw points (…, 2) uniformly in the unit disc."""
+    radius = np.sqrt(rng.random(shape))
+    return radius[..., None] * _directions(shape, rng)
+
+
+def _directions(shape: tuple[int, ...], rng: np.random.Generator) -> FloatArray:
+    """Draw unit vectors (…, 2) of uniform direction."""
+    angle = rng.uniform(0.0, 2 * np.pi, size=shape)
+    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+
+
+def _swap(
+    pixels: FloatArray, confidence: FloatArray, pairs: Sequence[tuple[int, int]], frames: NDArray[np.bool_]
+) -> None:
+    """Exchange left and right of `pairs` in the frames (T,) marked, in place."""
+    for left, right in pairs:
+        for array in (pixels, confidence):
+            array[frames, left], array[frames, right] = array[frames, right], array[frames, left]
+
+
+def _one_sided_chains(
+    left_right: Sequence[tuple[int, int]], limbs: Sequence[tuple[int, int]]
+) -> list[list[tuple[int, int]]]:
+    """Left-right pairs grouped into chains: pairs whose left joints the skeleton connects, such as an arm."""
+    group = {left: k for k, (left, _) in enumerate(left_right)}
+    for a, b in limbs:
+        if a in group and b in group:
+            kept, gone = group[a], group[b]
+            group = {joint: kept if k == gone else k for joint, k in group.items()}
+    chains: dict[int, list[tuple[int, int]]] = {}
+    for left, right in left_right:
+        chains.setdefault(group[left], []).append((left, right))
+    return list(chains.values())
 
 
 def _happens(rate: float, n_frames: int, rng: np.random.Generator) -> NDArray[np.bool_]:
@@ -217,10 +262,10 @@ def _hidden_guess(
     """Joints (T, N) that an occluder hides, and the pixels (T, N, 2) where a detector would report them."""
     shape = true.shape[:2]
     if discs is None:
-        discs = _effects.discs(true, noise.n_discs, noise.disc_radius, noise.occluder_frames, rng)
+        discs = draw_discs(true, noise.n_discs, noise.disc_radius, noise.occluder_frames, rng)
     centres, radii = discs
-    hidden, centre, radius = _effects.covering_disc(true, centres, radii)
-    guess = centre + radius[..., None] * _effects.on_disc(shape, rng)
+    hidden, centre, radius = covering_disc(true, centres, radii)
+    guess = centre + radius[..., None] * _on_disc(shape, rng)
     other = true[np.arange(shape[0])[:, None], rng.integers(shape[1], size=shape)]
     near_other = other + noise.sigma_px * rng.standard_normal(true.shape)
     drawn = (rng.random(shape) < noise.hidden_drawn_rate) & ~np.isnan(other).any(axis=-1)
