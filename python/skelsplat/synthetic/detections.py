@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,10 +11,17 @@ from numpy.typing import ArrayLike, NDArray
 from skelsplat._arrays import numbers
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.synthetic.noise import DetectionNoise
-from skelsplat.synthetic.occluders import Occluders, covering_disc, draw_discs, occluded_views
+from skelsplat.synthetic.occluders import (
+    Occluders,
+    covering_disc,
+    draw_discs,
+    occluded_views,
+    projections,
+    streams_of,
+)
 
 if TYPE_CHECKING:
-    from skelsplat import Camera, CameraRig
+    from skelsplat import Camera, CameraRig, Layout
 
 FloatArray = NDArray[np.float64]
 
@@ -35,32 +42,12 @@ _JOINT_FACTORS = (
 )
 
 
-class SkeletonLike(Protocol):
-    """What the noise needs to know of a `skelsplat.Layout`."""
-
-    @property
-    def name(self) -> str:
-        """Name for messages."""
-
-    @property
-    def joints(self) -> Sequence[str]:
-        """Names of the N joints."""
-
-    @property
-    def limbs(self) -> Sequence[tuple[int, int]]:
-        """Connected joints."""
-
-    @property
-    def left_right(self) -> Sequence[tuple[int, int]]:
-        """Pairs of a left joint and its right counterpart."""
-
-
 def simulate_detections(
     points: ArrayLike,
     cameras: CameraRig | Sequence[Camera],
     *,
     noise: DetectionNoise,
-    layout: str | SkeletonLike | None = "h36m17",
+    layout: str | Layout | None = "h36m17",
     seed: int | np.random.Generator = 0,
     occluders: Occluders | None = None,
 ) -> FloatArray:
@@ -117,7 +104,7 @@ def corrupt(
     pixels: ArrayLike,
     *,
     noise: DetectionNoise,
-    layout: SkeletonLike | None = None,
+    layout: Layout | None = None,
     seed: int | np.random.Generator = 0,
     occluders: Occluders | None = None,
 ) -> FloatArray:
@@ -140,23 +127,20 @@ def corrupt(
         If the shape is another, the layout has another number of joints, or more views are to be occluded
         than there are.
     """
-    true = numbers(pixels, "pixels")
-    if true.ndim != 4 or true.shape[-1] != 2:
-        raise InvalidInputError(f"pixels: expected shape (T, M, N, 2), got {true.shape}")
+    true = projections(pixels)
     n_frames, n_views, n_joints = true.shape[:3]
     if layout is not None and len(layout.joints) != n_joints:
         raise InvalidInputError(
             f"layout: expected one of {n_joints} joints, got {layout.name!r} with {len(layout.joints)}"
         )
-    rng = np.random.default_rng(seed)
-    streams = [np.random.default_rng(s) for s in rng.integers(2**63, size=n_views + 1)]
+    first, *streams = streams_of(seed, n_views)
     given = [
         None if occluders is None else (occluders.centres[:, i], occluders.radii[:, i])
         for i in range(n_views)
     ]
-    occluded = occluded_views(n_frames, n_views, noise, streams[0]) if occluders is None else occluders.views
+    occluded = occluded_views(n_frames, n_views, noise, first) if occluders is None else occluders.views
     views = [
-        _one_view(true[:, i], occluded[:, i], noise, layout, streams[i + 1], discs)
+        _one_view(true[:, i], occluded[:, i], noise, layout, streams[i], discs)
         for i, discs in enumerate(given)
     ]
     return np.stack(views, axis=1)
@@ -166,7 +150,7 @@ def _one_view(
     true: FloatArray,
     occluded: NDArray[np.bool_],
     noise: DetectionNoise,
-    layout: SkeletonLike | None,
+    layout: Layout | None,
     rng: np.random.Generator,
     discs: tuple[FloatArray, FloatArray] | None,
 ) -> FloatArray:

@@ -58,18 +58,29 @@ def draw_occluders(
     InvalidInputError
         If the shape is another or more views are to be occluded than there are.
     """
-    true = numbers(pixels, "pixels")
-    if true.ndim != 4 or true.shape[-1] != 2:
-        raise InvalidInputError(f"pixels: expected shape (T, M, N, 2), got {true.shape}")
-    rng = np.random.default_rng(seed)
-    streams = [np.random.default_rng(s) for s in rng.integers(2**63, size=true.shape[1] + 1)]
-    views = occluded_views(true.shape[0], true.shape[1], noise, streams[0])
+    true = projections(pixels)
+    first, *streams = streams_of(seed, true.shape[1])
+    views = occluded_views(true.shape[0], true.shape[1], noise, first)
     discs = [
         draw_discs(true[:, i], noise.n_discs, noise.disc_radius, noise.occluder_frames, stream)
-        for i, stream in enumerate(streams[1:])
+        for i, stream in enumerate(streams)
     ]
     centres, radii = (np.stack(part, axis=1) for part in zip(*discs, strict=True))
     return Occluders(centres, radii, views)
+
+
+def projections(pixels: ArrayLike) -> FloatArray:
+    """Return true projections as an array (T, M, N, 2), or raise `InvalidInputError`."""
+    true = numbers(pixels, "pixels")
+    if true.ndim != 4 or true.shape[-1] != 2:
+        raise InvalidInputError(f"pixels: expected shape (T, M, N, 2), got {true.shape}")
+    return true
+
+
+def streams_of(seed: int | np.random.Generator, n_views: int) -> list[np.random.Generator]:
+    """Return random numbers for all views together, and for each."""
+    seeds = np.random.default_rng(seed).integers(2**63, size=n_views + 1)
+    return [np.random.default_rng(one) for one in seeds]
 
 
 def occluded_views(n_frames: int, n_views: int, noise: DetectionNoise, rng: np.random.Generator) -> BoolArray:

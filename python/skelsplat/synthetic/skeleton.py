@@ -14,31 +14,14 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from skelsplat import layouts
 from skelsplat._arrays import numbers
 from skelsplat._skelsplat import Layout
 from skelsplat.exceptions import InvalidInputError
 
 FloatArray: TypeAlias = NDArray[np.float64]
 
-JOINT_NAMES = (
-    "pelvis",
-    "right_hip",
-    "right_knee",
-    "right_ankle",
-    "left_hip",
-    "left_knee",
-    "left_ankle",
-    "spine",
-    "neck",
-    "nose",
-    "head",
-    "left_shoulder",
-    "left_elbow",
-    "left_wrist",
-    "right_shoulder",
-    "right_elbow",
-    "right_wrist",
-)
+JOINT_NAMES = layouts.H36M17.joints
 N_JOINTS = len(JOINT_NAMES)
 
 PARENTS = (-1, 0, 1, 2, 0, 4, 5, 0, 7, 8, 9, 8, 11, 12, 8, 14, 15)
