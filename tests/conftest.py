@@ -2,6 +2,12 @@
 
 from __future__ import annotations
 
+import os
+
+# Before numpy is imported, and for the processes that tests start: several workers share the cores.
+os.environ["OPENBLAS_NUM_THREADS"] = "1"
+os.environ["RAYON_NUM_THREADS"] = "2"
+
 import signal
 from collections.abc import Iterator
 

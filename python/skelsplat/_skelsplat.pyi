@@ -106,7 +106,6 @@ class Camera:
         """Return the camera of images resized by ``factor``: u' = (u + ½) · factor − ½."""
     def undistort(self, points: ArrayLike) -> NDArray[np.float64]:
         """Map pixels (…, 2) to ideal pixels of the same K; NaN where no ray through the lens arrives."""
-    def __getnewargs_ex__(self) -> tuple[tuple[Any, ...], dict[str, Any]]: ...
     def __eq__(self, other: object, /) -> bool: ...
 
 @final

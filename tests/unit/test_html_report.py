@@ -13,9 +13,7 @@ import pytest
 
 from report_page import report_data, sequence, shapes
 from skelsplat.viz import report
-from skelsplat.viz.report._pack import MISSING
-from skelsplat.viz.report._scene import upright
-from skelsplat.viz.report._thin import MOST_POSITIONS, frames_to_show, thin_line
+from skelsplat.viz.report._scene import MISSING, MOST_POSITIONS, frames_to_show, thin_line, upright
 
 NASTY = "</script><b onclick=x>\"'&\u2028é"
 

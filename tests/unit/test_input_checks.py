@@ -28,7 +28,7 @@ CAMERA = {
     "t shape": ({"t": np.zeros(4)}, r"t: expected shape \(3,\), got shape \(4,\)"),
     "t text": ({"t": ["a", "b", "c"]}, r"t: expected an array of numbers, got .*"),
     "size": ({"size": (0, 800)}, r"size: expected .*at least 1 pixel, got \(0, 800\)"),
-    "size type": ({"size": "large"}, r"size: expected \(width, height\).*, got large"),
+    "size type": ({"size": "large"}, r"size: expected \(width, height\).*, got 'large'"),
     "distortion": ({"distortion": [0.1] * 6}, r"distortion: expected .*4, 5, 8, 12 or 14.*got .*6"),
     "fisheye": ({"distortion": [0.1] * 5, "fisheye": True}, r"distortion: expected .*4.*got .*5"),
 }
@@ -267,8 +267,41 @@ def test_loss_and_gradient(scene):
         sk.loss_and_gradient(scene.pose[0], np.zeros((17, 3)), zeros, scene.detections[0], scene.rig)
     bad = np.tile(np.eye(3), (17, 1, 1))
     bad[2, 0, 1] = 0.5
+    valid = (scene.pose[0], np.zeros((17, 3)), zeros + 1.0, scene.detections[0], scene.rig)
+    with pytest.raises(sk.InvalidInputError, match=r"target_covariances\[2\]: expected a symmetric matrix"):
+        sk.loss_and_gradient(*valid, target_means=scene.pose[0], target_covariances=bad)
     with pytest.raises(sk.InvalidInputError, match=r"covariances\[2\]: expected a symmetric matrix"):
         sk.render(scene.pose[0], bad, scene.rig[0])
+
+
+LAYOUT = {
+    "a triple of two": ({"symmetric": [(1, (0, 1))]}, r"symmetric: expected triples .*, got \(1, \(0, 1\)\)"),
+    "tier type": ({"symmetric": [("a", (0, 1), (1, 0))]}, r"symmetric: expected triples .*, got \('a', "),
+    "limb of one joint": ({"limbs": [(0,)]}, r"limbs: expected pairs of two joints, got 1 joints"),
+    "no sequence": ({"limbs": 3}, r"limbs: expected pairs of two joints, got int"),
+    "limb type": ({"limbs": [3]}, r"limbs: expected pairs of two joints, got int"),
+    "root": ({"root": 0}, r"root: expected a sequence of joints, got int"),
+    "joints": ({"joints": 2}, r"joints: expected a sequence of strings, got 2"),
+    "name": ({"name": 1}, r"name: expected a string, got 1"),
+    "no joint": ({"left_right": [("a", "c")]}, r"left_right: expected a joint of the layout, got 'c'"),
+}
+
+
+@pytest.mark.parametrize("case", LAYOUT)
+def test_layout(case):
+    broken, message = LAYOUT[case]
+    with pytest.raises(sk.InvalidInputError, match=message):
+        sk.Layout(**{"name": "pair", "joints": ["a", "b"]} | broken)
+
+
+def test_plain_values():
+    camera = sk.Camera(K, EYE, ZERO, size=SIZE)
+    with pytest.raises(sk.InvalidInputError, match=r"factor: expected a number, got '2'"):
+        camera.scaled("2")
+    with pytest.raises(sk.InvalidInputError, match=r"name: expected a string, got 7"):
+        sk.Camera(K, EYE, ZERO, size=SIZE, name=7)
+    with pytest.raises(sk.InvalidInputError, match=r"tier: expected a whole number from 0 to 255, got 'all'"):
+        sk.layouts.COCO17.symmetric_pairs("all")
 
 
 class Stopped:

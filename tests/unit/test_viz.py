@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -265,20 +266,20 @@ def test_weights_without_a_detection_and_of_many_joints(tmp_path, figures):
 
 
 def test_body_axes_are_left_and_forward():
-    left, forward = viz.body_axes(np.repeat(BODY[None], T, axis=0), ((0, 1),), UP)
+    left, forward, _ = viz.body_axes(np.repeat(BODY[None], T, axis=0), ((0, 1),), UP)
     np.testing.assert_allclose(left, [0.0, 1.0, 0.0], atol=1e-12)
     np.testing.assert_allclose(forward, [1.0, 0.0, 0.0], atol=1e-12)
 
 
 def test_body_axes_of_a_turning_person_are_those_of_the_frame():
     turned = BODY * [-1.0, -1.0, 1.0]
-    left, _ = viz.body_axes(np.stack([BODY, turned]), ((0, 1),), UP, frame=1)
+    left, _, _ = viz.body_axes(np.stack([BODY, turned]), ((0, 1),), UP, frame=1)
     np.testing.assert_allclose(left, [0.0, -1.0, 0.0], atol=1e-12)
 
 
 @pytest.mark.parametrize("pose", [BODY, np.full((3, 3), np.nan), np.zeros((3, 3))])
 def test_body_axes_without_pairs_are_horizontal_unit_vectors(pose):
-    left, forward = viz.body_axes(pose[None], (), UP)
+    left, forward, _ = viz.body_axes(pose[None], (), UP)
     np.testing.assert_allclose([left @ UP, forward @ UP, left @ forward], 0.0, atol=1e-9)
     np.testing.assert_allclose([left @ left, forward @ forward], 1.0, atol=1e-9)
 
@@ -366,3 +367,42 @@ def test_viz_is_a_leaf_without_pyplot():
                 assert "pyplot" not in name
                 own = name.startswith(("skelsplat.viz", "skelsplat._opencv", "skelsplat._arrays"))
                 assert own or not name.startswith("skelsplat")
+
+
+def test_the_legends_of_an_overview_overlap_nothing(tmp_path, figures):
+    status = np.full((T, N), "ok", dtype="<U10")
+    status[2] = ["weak", "filled", "unobserved"]
+    panels = [camera_panel(swapped=np.array([True, False, False]))] * 8
+    data = overview_data(status=status, panels=panels)
+    viz.write_overview(tmp_path / "o.png", data, skeleton=SKELETON)
+    (figure,) = figures
+    renderer = figure.canvas.get_renderer()
+    placed = [*figure.legends, *figure.texts]
+    boxes = [artist.get_window_extent(renderer) for artist in placed]
+    boxes += [axes.get_tightbbox(renderer) for axes in figure.axes]
+    for k, one in enumerate(boxes[: len(placed)]):
+        assert 0 <= one.x0 < one.x1 <= figure.bbox.x1
+        assert not any(one.overlaps(other) for j, other in enumerate(boxes) if j != k)
+
+
+def test_the_legend_names_the_statuses_of_the_joints_that_are_drawn(tmp_path, figures):
+    status = np.full((T, N), "ok", dtype="<U10")
+    status[2, 1:] = ["weak", "unobserved"]
+    after = np.repeat(BODY[None], T, axis=0)
+    after[2, 2] = np.nan
+    viz.write_overview(tmp_path / "o.png", overview_data(status=status, after=after), skeleton=SKELETON)
+    labels = [text.get_text() for text in figures[0].legends[0].get_texts()]
+    assert labels[-2:] == ["weak", "error ellipsoid, 2 σ"]
+
+
+def test_views_are_front_and_side_only_where_the_vertical_and_the_heading_are_known(tmp_path, figures):
+    known = overview_data()
+    tilted = replace(known, body=replace(known.body, up_known=False))
+    viz.write_overview(tmp_path / "o.png", tilted, skeleton=SKELETON)
+    alike = np.repeat(BODY[None], T, axis=0)
+    alike[:, 1] = alike[:, 0]  # hips in one place: no left and right
+    viz.write_overview(tmp_path / "p.png", overview_data(after=alike), skeleton=SKELETON)
+    for figure, height in zip(figures, ("z [mm]", "height [mm]"), strict=True):
+        first, second = figure.axes[:2]
+        assert texts(first) == ["view 1", "widest direction [mm]", height]
+        assert texts(second)[:2] == ["view 2", "across it [mm]"]

@@ -127,7 +127,7 @@ def test_status_is_marked_and_filled_frames_are_dotted():
     assert np.flatnonzero(np.isfinite(dotted)).tolist() == [3, 4, 5]
     (legend,) = axes.figure.legends
     words = [text.get_text() for text in legend.get_texts()]
-    assert words[-3:] == ["unobserved", "filled (dotted)", "weakly seen"]
+    assert words[-3:] == ["unobserved", "filled (dotted)", "weak"]
 
 
 def test_a_band_of_metres_does_not_flatten_the_motion():

@@ -1,13 +1,14 @@
 //! `skelsplat.RefineConfig`: the core's settings by keyword. Only what the user sets is touched.
 
+use pyo3::Borrowed;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString, PyTuple};
+use skelsplat_core::Error;
 use skelsplat_core::raster::encoding::Encoding;
 use skelsplat_core::refine::{Optimizer, PositionLearningRate, RefineConfig as Core, Renderer};
 
-use crate::args::{Array, type_name};
-use crate::errors::{OrRaise, in_words, invalid, to_python};
-use crate::pickle::{Rebuilt, rebuilt};
+use crate::args::{Array, Rebuilt, rebuilt, repr, type_name};
+use crate::errors::{Failure, Result, in_words};
 
 /// Settings of ``refine``; lengths in mm whatever the unit of the cameras. Immutable.
 ///
@@ -111,7 +112,7 @@ pub(crate) struct RefineConfig(pub(crate) Core);
 /// A setting as Python sees it.
 trait Field: Sized {
     const EXPECTED: &'static str;
-    fn parse(value: &Bound<'_, PyAny>) -> PyResult<Self>;
+    fn parse(value: &Bound<'_, PyAny>) -> Result<Self>;
     fn show<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>>;
 }
 
@@ -119,8 +120,8 @@ macro_rules! plain_field {
     ($type:ty, $expected:literal) => {
         impl Field for $type {
             const EXPECTED: &'static str = $expected;
-            fn parse(value: &Bound<'_, PyAny>) -> PyResult<Self> {
-                value.extract()
+            fn parse(value: &Bound<'_, PyAny>) -> Result<Self> {
+                Ok(value.extract()?)
             }
             fn show<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
                 self.into_bound_py_any(py)
@@ -140,8 +141,9 @@ plain_field!(Option<f64>, "a number or None");
 
 impl Field for Encoding {
     const EXPECTED: &'static str = "'one_hot', 'rgb' or 'single'";
-    fn parse(value: &Bound<'_, PyAny>) -> PyResult<Self> {
-        Self::by_name(&value.cast::<PyString>()?.to_cow()?).or_raise(value.py())
+    fn parse(value: &Bound<'_, PyAny>) -> Result<Self> {
+        let name = value.cast::<PyString>().map_err(PyErr::from)?;
+        Ok(Self::by_name(&name.to_cow()?)?)
     }
     fn show<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.name().into_bound_py_any(py)
@@ -150,8 +152,9 @@ impl Field for Encoding {
 
 impl Field for Renderer {
     const EXPECTED: &'static str = "'raster' or 'closed_form'";
-    fn parse(value: &Bound<'_, PyAny>) -> PyResult<Self> {
-        Self::by_name(&value.cast::<PyString>()?.to_cow()?).or_raise(value.py())
+    fn parse(value: &Bound<'_, PyAny>) -> Result<Self> {
+        let name = value.cast::<PyString>().map_err(PyErr::from)?;
+        Ok(Self::by_name(&name.to_cow()?)?)
     }
     fn show<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.name().into_bound_py_any(py)
@@ -160,8 +163,9 @@ impl Field for Renderer {
 
 impl Field for Optimizer {
     const EXPECTED: &'static str = "'adam' or 'gauss_newton'";
-    fn parse(value: &Bound<'_, PyAny>) -> PyResult<Self> {
-        Self::by_name(&value.cast::<PyString>()?.to_cow()?).or_raise(value.py())
+    fn parse(value: &Bound<'_, PyAny>) -> Result<Self> {
+        let name = value.cast::<PyString>().map_err(PyErr::from)?;
+        Ok(Self::by_name(&name.to_cow()?)?)
     }
     fn show<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.name().into_bound_py_any(py)
@@ -170,12 +174,13 @@ impl Field for Optimizer {
 
 impl Field for Option<Vec<f64>> {
     const EXPECTED: &'static str = "a sequence of numbers, or None";
-    fn parse(value: &Bound<'_, PyAny>) -> PyResult<Self> {
+    fn parse(value: &Bound<'_, PyAny>) -> Result<Self> {
         if value.is_none() {
             return Ok(None);
         }
-        let given = Array::of_shape("", value, &[None], Self::EXPECTED)?;
-        Ok(Some(given.values().to_vec()))
+        let given = Array::read("", value)?;
+        let ok = given.shape.len() == 1;
+        Ok(Some(given.shaped(ok, Self::EXPECTED)?.values))
     }
     fn show<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let Some(values) = self else { return Ok(py.None().into_bound(py)) };
@@ -185,11 +190,11 @@ impl Field for Option<Vec<f64>> {
 
 impl Field for PositionLearningRate {
     const EXPECTED: &'static str = "a number of mm, or 'camera_extent'";
-    fn parse(value: &Bound<'_, PyAny>) -> PyResult<Self> {
+    fn parse(value: &Bound<'_, PyAny>) -> Result<Self> {
         if value.cast::<PyString>().is_ok_and(|name| *name == "camera_extent") {
             return Ok(Self::CameraExtent);
         }
-        value.extract().map(Self::Millimetres)
+        Ok(Self::Millimetres(value.extract()?))
     }
     fn show<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         match self {
@@ -199,13 +204,11 @@ impl Field for PositionLearningRate {
     }
 }
 
-fn parse<T: Field>(name: &str, value: &Bound<'_, PyAny>) -> PyResult<T> {
-    let py = value.py();
-    let words = |_: &PyErr| {
-        let shown = value.repr().map_or_else(|_| type_name(value), |r| r.to_string());
-        invalid(py, &format!("config.{name}"), T::EXPECTED, shown)
-    };
-    T::parse(value).map_err(|e| in_words(py, e, words))
+fn parse<T: Field>(name: &str, value: &Bound<'_, PyAny>) -> Result<T> {
+    T::parse(value).map_err(|failure| {
+        let words = |_: &PyErr| Error::invalid(format!("config.{name}"), T::EXPECTED, repr(value));
+        in_words(value.py(), failure.into(), words)
+    })
 }
 
 /// Getters, setters and the list of fields from one table.
@@ -213,17 +216,13 @@ macro_rules! fields {
     ($($field:ident)*) => {
         const FIELDS: &[&str] = &[$(stringify!($field)),*];
 
-        fn set(config: &mut Core, name: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
+        fn set(config: &mut Core, name: &str, value: &Bound<'_, PyAny>) -> Result<()> {
             match name {
                 $(stringify!($field) => config.$field = parse(name, value)?,)*
                 _ => {
                     let known = FIELDS.iter().map(ToString::to_string).collect();
-                    let unknown = skelsplat_core::Error::UnknownName {
-                        argument: "config",
-                        name: name.to_owned(),
-                        known,
-                    };
-                    return Err(to_python(value.py(), &unknown));
+                    let name = name.to_owned();
+                    return Err(Error::UnknownName { argument: "config", name, known }.into());
                 }
             }
             Ok(())
@@ -233,21 +232,21 @@ macro_rules! fields {
         impl RefineConfig {
             #[new]
             #[pyo3(signature = (**fields))]
-            fn new(py: Python<'_>, fields: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
-                Self::with(py, Core::default(), fields)
+            fn new(fields: Option<&Bound<'_, PyDict>>) -> Result<Self> {
+                Self::with(Core::default(), fields)
             }
 
             /// Return the published method, with any field changed by keyword.
             #[staticmethod]
             #[pyo3(signature = (**fields))]
-            fn paper(py: Python<'_>, fields: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
-                Self::with(py, Core::paper(), fields)
+            fn paper(fields: Option<&Bound<'_, PyDict>>) -> Result<Self> {
+                Self::with(Core::paper(), fields)
             }
 
             /// Return a copy with some fields changed.
             #[pyo3(signature = (**fields))]
-            fn replace(&self, py: Python<'_>, fields: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
-                Self::with(py, self.0.clone(), fields)
+            fn replace(&self, fields: Option<&Bound<'_, PyDict>>) -> Result<Self> {
+                Self::with(self.0.clone(), fields)
             }
 
             /// Return every field with its value.
@@ -290,11 +289,7 @@ fields! {
 const OCCLUSION_FACTOR: &str = "occlusion_factor";
 
 impl RefineConfig {
-    fn with(
-        py: Python<'_>,
-        mut config: Core,
-        fields: Option<&Bound<'_, PyDict>>,
-    ) -> PyResult<Self> {
+    fn with(mut config: Core, fields: Option<&Bound<'_, PyDict>>) -> Result<Self> {
         let Some(fields) = fields else { return Ok(Self(config)) };
         for (name, value) in fields.iter() {
             // not `to_string`: str() runs what Ctrl-C has left to do, and its error would be lost
@@ -306,21 +301,23 @@ impl RefineConfig {
         if let Some(factor) = fields.get_item(OCCLUSION_FACTOR)?.filter(|f| !f.is_none()) {
             if fields.contains("occlusion_sigma")? {
                 let actual = "occlusion_sigma as well";
-                return Err(invalid(py, "config.occlusion_factor", "one of the two", actual));
+                return Err(
+                    Error::invalid("config.occlusion_factor", "one of the two", actual).into()
+                );
             }
             let factor = parse(OCCLUSION_FACTOR, &factor)?;
             config.occlusion_sigma = Some(config.occlusion_sigma_of_factor(factor));
         }
-        config.validate().or_raise(py)?;
+        config.validate()?;
         Ok(Self(config))
     }
 }
 
-/// The given settings, or the defaults.
-pub(crate) fn config(value: Option<&Bound<'_, PyAny>>) -> PyResult<Core> {
-    let Some(value) = value.filter(|v| !v.is_none()) else { return Ok(Core::default()) };
-    match value.cast::<RefineConfig>() {
-        Ok(config) => Ok(config.get().0.clone()),
-        Err(_) => Err(invalid(value.py(), "config", "a RefineConfig or None", type_name(value))),
+impl<'py> FromPyObject<'_, 'py> for RefineConfig {
+    type Error = Failure;
+
+    fn extract(value: Borrowed<'_, 'py, PyAny>) -> Result<Self> {
+        let wrong = || Error::invalid("config", "a RefineConfig or None", type_name(&value));
+        Ok(value.cast::<Self>().map(|config| Self(config.get().0.clone())).map_err(|_| wrong())?)
     }
 }

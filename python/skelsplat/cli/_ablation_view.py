@@ -13,7 +13,7 @@ from rich.progress import TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
 
-from skelsplat.cli._progress import bar_of
+from skelsplat.cli.output import bar_of
 from skelsplat.evaluation import ablations
 
 if TYPE_CHECKING:
@@ -33,12 +33,12 @@ def progress_bar(*, shown: bool) -> Iterator[ablations.Progress]:
 
 
 def print_record(console: Console, record: Record) -> None:
-    """Print tables, each with its source under it, findings and notes."""
+    """Print tables, each with its source under it, claims and notes."""
     for table in record.outcome.tables:
         console.print(_upright(table) if len(table.columns) <= _MOST_COLUMNS else _turned(table))
         console.print(record.line, style="yellow" if record.simulated else "")
         console.print()
-    print_findings(console, record)
+    print_claims(console, record)
     for note in (*record.notes, *record.sources):
         console.print(f"· {note}", style="dim")
 
@@ -71,14 +71,14 @@ def _name(row: Row) -> str:
     return ", ".join(part for part in (row.method, row.data) if part)
 
 
-def print_findings(console: Console, record: Record) -> None:
-    """Print what became of the paper's findings."""
-    shown = Table(title="Findings of the paper", box=box.SIMPLE_HEAD, title_justify="left")
-    for column in ("finding", "paper", "here", ""):
+def print_claims(console: Console, record: Record) -> None:
+    """Print what became of the paper's claims."""
+    shown = Table(title="Claims of the paper", box=box.SIMPLE_HEAD, title_justify="left")
+    for column in ("claim", "reported", "here", ""):
         shown.add_column(column, overflow="fold")
-    for finding in record.outcome.findings:
-        outcome = Text(finding.verdict, "green" if finding.reproduced else "red")
-        shown.add_row(finding.claim, finding.paper, finding.measured, outcome)
+    for claim in record.outcome.claims:
+        outcome = Text(claim.verdict, "green" if claim.reproduced else "red")
+        shown.add_row(claim.claim, claim.paper, claim.measured, outcome)
     console.print(shown)
 
 

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Table as Drawn
 from rich.text import Text
 
-from skelsplat.cli._progress import bar_of
+from skelsplat.cli.output import bar_of
 from skelsplat.evaluation import export, tables
 from skelsplat.evaluation._table import Row, Table
 from skelsplat.evaluation.report import Evaluation

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import typer
 from rich.console import Console
 
-from skelsplat.cli._json import print_json, to_text
-from skelsplat.cli._progress import bar_of
+from skelsplat._json import to_text
+from skelsplat.cli.output import bar_of, print_json
 from skelsplat.cli.table import print_doubts, print_files, print_left, print_over_time, print_summary, tell
 from skelsplat.findings import collected_warnings, remark
 from skelsplat.io import PoseData, write_pose
@@ -77,7 +77,8 @@ def _run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
             tell(notes[-1])
         if job.fps is None and timed:
             files = " and ".join(timed)
-            notes.append(remark(f"--fps: not given; the times in {files} assume {_ASSUMED_FPS:g} per second"))
+            assumed = f"the times in {files} assume {_ASSUMED_FPS:g} frames per second"
+            notes.append(remark(f"--fps: not given; {assumed}"))
             tell(notes[-1])
         outcome = _refine_with_bar(inputs, job, shown=not verbosity.quiet)
     warnings = [note.text for note in notes]

@@ -10,12 +10,12 @@ from typing import Annotated, Literal
 import typer
 from rich.console import Console
 
-from skelsplat.cli import _options as common
+from skelsplat.cli import options as common
 from skelsplat.cli._ablation_view import draw, print_record, progress_bar
-from skelsplat.cli._json import print_json
+from skelsplat.cli.output import print_json
 from skelsplat.evaluation import ablations
-from skelsplat.evaluation._method import DEFAULT_INIT_SIGMA_MM
-from skelsplat.evaluation.ablations import Choices, OnDisk, Record, Simulated, Source
+from skelsplat.evaluation.ablations import Choices, OnDisk, Simulated, Source
+from skelsplat.evaluation.methods import DEFAULT_INIT_SIGMA_MM
 from skelsplat.exceptions import InvalidInputError
 
 _DATA, _METHOD, _OUTPUT = "Data", "Method", "Output"
@@ -106,7 +106,7 @@ def ablate(
 ) -> None:
     """Repeat an ablation of the paper and print its tables with the paper's rows.
 
-    Each of the paper's findings is tried on the measured figures and marked
+    Each of the paper's claims is checked on the measured figures and marked
     as reproduced or not. "Beats" means by more than twice the standard error
     of the difference, over the same poses.
 
@@ -138,8 +138,7 @@ def ablate(
             source = Simulated(choices, progress)
         else:
             source = OnDisk(choices, data[0], data[1], detections or (), _pairs(setting or ()), progress)
-        outcome = ablation.run(source)
-    record = Record(ablation, source.noted(outcome), choices, source.simulated, source.line(), _command())
+        record = ablations.run(name, source, command=shlex.join(["skelsplat", *sys.argv[1:]]))
     files = [] if out is None else [*ablations.write(out, record), draw(out, record)]
     if as_json:
         print_json(ablations.as_dict(record))
@@ -166,7 +165,3 @@ def _pairs(given: list[str] | tuple[()]) -> dict[str, str | int]:
             raise typer.BadParameter(f"expected KEY=VALUE, got {text!r}", param_hint="--set")
         out[key] = int(value) if value.lstrip("-").isdecimal() else value
     return out
-
-
-def _command() -> str:
-    return shlex.join(["skelsplat", *sys.argv[1:]])

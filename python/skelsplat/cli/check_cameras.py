@@ -14,12 +14,12 @@ from rich.table import Table
 
 import skelsplat as sk
 from skelsplat.cli import _calibration as calibration
-from skelsplat.cli import _options as options
+from skelsplat.cli import options
 from skelsplat.cli._calibration import CalibrationOptions
-from skelsplat.cli._checks import one_of
-from skelsplat.cli._json import print_json
 from skelsplat.cli._reading import leave_out, named_offsets, read_found, reading, refuse_reading
 from skelsplat.cli._remedies import Remedies
+from skelsplat.cli.options import one_of
+from skelsplat.cli.output import print_json
 from skelsplat.findings import collected_warnings
 from skelsplat.rig_check import Finding, RigReport, check_rig
 

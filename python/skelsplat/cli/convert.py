@@ -8,12 +8,12 @@ from typing import Annotated
 import typer
 
 from skelsplat.cli import _calibration as calibration
-from skelsplat.cli import _options as options
-from skelsplat.cli._config import from_file
+from skelsplat.cli import options
 from skelsplat.cli._conversion import Kind, Request
 from skelsplat.cli._convert_calibration import CALIBRATION
 from skelsplat.cli._convert_poses import POSES
-from skelsplat.cli._json import print_json
+from skelsplat.cli.config import from_file
+from skelsplat.cli.output import print_json
 from skelsplat.cli.table import tell
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import collected_warnings

@@ -9,10 +9,10 @@ import typer
 from rich.console import Console
 
 from skelsplat import datasets
-from skelsplat.cli import _options as options
-from skelsplat.cli._config import Application
+from skelsplat.cli import options
 from skelsplat.cli._dataset_report import print_list, print_report, report_json
-from skelsplat.cli._json import print_json
+from skelsplat.cli.config import Application
+from skelsplat.cli.output import print_json
 from skelsplat.datasets import _registry as registry
 from skelsplat.exceptions import InvalidInputError
 

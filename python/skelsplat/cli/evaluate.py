@@ -10,10 +10,10 @@ import typer
 from rich.console import Console
 
 from skelsplat import datasets
-from skelsplat.cli import _options as options
-from skelsplat.cli._config_file import NAME_OR_PATH
+from skelsplat.cli import options
 from skelsplat.cli._evaluation import WIDTH, print_evaluation, progress, write_evaluation
-from skelsplat.cli._json import print_json
+from skelsplat.cli.config import NAME_OR_PATH
+from skelsplat.cli.output import print_json
 from skelsplat.cli.table import tell
 from skelsplat.datasets import Dataset
 from skelsplat.datasets._registry import options_of
@@ -95,7 +95,7 @@ MethodNames = Annotated[
         "-m",
         metavar="NAMES",
         help=f"Comma between them, or repeated: {', '.join(methods.names)}; or all.",
-        show_default="all that the data allow but skelsplat-paper",
+        show_default="all that the data allow but paper",
         rich_help_panel=_METHODS,
     ),
 ]
@@ -103,7 +103,7 @@ Start = Annotated[
     str | None,
     typer.Option(
         metavar="dlt|fusion|none",
-        help="Where skelsplat, skelsplat-closed-form and skelsplat-paper start.",
+        help="Where annealed, paper-closed-form and paper start.",
         show_default="none; the paper's for the last two",
         rich_help_panel=_METHODS,
     ),
@@ -112,7 +112,7 @@ InitSigma = Annotated[
     float,
     typer.Option(
         metavar="MM",
-        help="Standard deviation per axis of the fused start of skelsplat-prior.",
+        help="Standard deviation per axis of the fused start of annealed-prior.",
         rich_help_panel=_METHODS,
     ),
 ]
@@ -169,7 +169,7 @@ def evaluate(
 
     skelsplat evaluate human36m data/h36m --detections cpn --protocol as-paper
 
-    skelsplat evaluate panoptic data/panoptic --views 6 -m skelsplat,dlt
+    skelsplat evaluate panoptic data/panoptic --views 6 -m annealed,dlt
     """
     names = _method_names(method)
     chosen = methods.Options(

@@ -12,11 +12,11 @@ import typer
 
 import skelsplat as sk
 from skelsplat.cli import _calibration as calibration
-from skelsplat.cli import _options as options
+from skelsplat.cli import options
 from skelsplat.cli._app import FAILED, INTERRUPTED
 from skelsplat.cli._calibration import CalibrationOptions
-from skelsplat.cli._checks import one_of
 from skelsplat.cli._lines import MalformedLineError, answer_text, parse_line
+from skelsplat.cli.options import one_of
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import collected_warnings
 

@@ -8,11 +8,11 @@ import typer
 
 import skelsplat as sk
 from skelsplat.cli import _calibration as calibration
-from skelsplat.cli import _options as options
+from skelsplat.cli import options
 from skelsplat.cli._calibration import CalibrationOptions
-from skelsplat.cli._checks import formats, one_of, positive
 from skelsplat.cli._reading import reading
 from skelsplat.cli._run import run
+from skelsplat.cli.options import formats, one_of, positive
 from skelsplat.io.poses import MARKER_NAMES
 from skelsplat.run.job import Job, Verbosity
 from skelsplat.run.over_time import over_time

@@ -8,10 +8,10 @@ from typing import Annotated
 import typer
 
 from skelsplat import synthetic
-from skelsplat.cli import _options as options
+from skelsplat.cli import options
 from skelsplat.cli._calibration import usage
-from skelsplat.cli._checks import one_of
-from skelsplat.cli._json import print_json
+from skelsplat.cli.options import one_of
+from skelsplat.cli.output import print_json
 from skelsplat.datasets._synth_writer import write_simulated
 from skelsplat.exceptions import InvalidInputError
 

@@ -3,7 +3,7 @@
 >>> from skelsplat import datasets
 >>> from skelsplat.evaluation import report, tables
 >>> data = datasets.read("synthetic", "data/h36m-like")                                    # doctest: +SKIP
->>> print(tables.overall(report.evaluate(data, ["dlt", "skelsplat"])).markdown())          # doctest: +SKIP
+>>> print(tables.overall(report.evaluate(data, ["dlt", "annealed"])).markdown())          # doctest: +SKIP
 """
 
 from __future__ import annotations

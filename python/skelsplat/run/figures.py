@@ -22,14 +22,15 @@ if TYPE_CHECKING:
 
 # Length of the cameras' mean upward direction below which they do not agree on a vertical: they look down.
 _AGREED_UP = 0.3
+# Cosine of the angle between that direction and the nearest axis, below which no axis is taken for vertical.
+_NEAR_AXIS = 0.75
 
 
 def write_figures(job: Job, inputs: Inputs, outcome: Outcome, statistics: Statistics) -> list[str]:
     """Write ``overview.png`` and ``weights.png``, and heat maps where the method draws any; return names."""
     from skelsplat import viz  # matplotlib takes long to load, and --help does without
 
-    frame = most_moved_frame(statistics.moved_mm, np.asarray(outcome.result.joint_status))
-    caption, views = _caption(frame, job, inputs, statistics), range(len(inputs.rig))
+    frame, views = most_moved_frame(statistics.moved_mm), range(len(inputs.rig))
     layout = inputs.layout
     skeleton = viz.Skeleton(limbs=tuple(layout.limbs), left_right=tuple(layout.left_right))
     data = viz.OverviewData(
@@ -39,7 +40,7 @@ def write_figures(job: Job, inputs: Inputs, outcome: Outcome, statistics: Statis
         error_after=statistics.error_after,
         camera_names=inputs.rig.names,
         panels=[_camera_panel(view, frame, inputs, outcome) for view in views],
-        caption=caption,
+        caption=_caption(frame, job, inputs, outcome, statistics),
     )
     viz.write_overview(job.out / "overview.png", data, skeleton=skeleton)
     weights = viz.WeightData(
@@ -53,7 +54,9 @@ def write_figures(job: Job, inputs: Inputs, outcome: Outcome, statistics: Statis
     if not job.paper:
         return ["overview.png", "weights.png"]
     rows = [_heatmap_row(view, frame, inputs, outcome, statistics) for view in views]
-    viz.write_heatmaps(job.out / "heatmaps.png", rows, skeleton=skeleton, caption=_heat_caption(caption))
+    viz.write_heatmaps(
+        job.out / "heatmaps.png", rows, skeleton=skeleton, caption=_heat_caption(inputs.frames[frame])
+    )
     return ["overview.png", "weights.png", "heatmaps.png"]
 
 
@@ -62,20 +65,18 @@ def start_name(job: Job) -> str:
     return "plain triangulation" if job.init is None else "initial pose"
 
 
-def most_moved_frame(moved_mm: Array, status: npt.NDArray[np.str_]) -> int:
+def most_moved_frame(moved_mm: Array) -> int:
     """Return the index of the frame whose median joint moved most; one stray joint cannot decide that.
 
     Parameters
     ----------
     moved_mm : (T, N)
-        Distance from the start to the refined pose; NaN where there is none.
-    status : (T, N)
-        Frames whose joints are all ``"ok"`` come first, if there are any.
+        Distance from the start to the refined pose; NaN where there is none. Frames in which fewer joints
+        than usual have one are left out: a person who leaves the picture would decide.
     """
-    median = frame_medians(moved_mm)
-    complete = (status == "ok").all(axis=1) & np.isfinite(median)
-    median = np.where(np.isfinite(median) & (complete | ~complete.any()), median, -np.inf)
-    return int(np.argmax(median))
+    median, known = frame_medians(moved_mm), np.isfinite(moved_mm).sum(axis=1)
+    usual = np.median(known[known > 0]) if known.any() else 0
+    return int(np.argmax(np.where(np.isfinite(median) & (known >= usual), median, -np.inf)))
 
 
 def world_up(rig: sk.CameraRig) -> Array:
@@ -90,20 +91,37 @@ def world_up(rig: sk.CameraRig) -> Array:
     return up
 
 
-def _caption(frame: int, job: Job, inputs: Inputs, statistics: Statistics) -> str:
+def vertical_known(rig: sk.CameraRig) -> bool:
+    """Tell whether the cameras agree on a vertical that is close to an axis of the world (`world_up`)."""
+    mean: Array = np.mean([-np.asarray(camera.R)[1] for camera in rig], axis=0)
+    length = float(np.linalg.norm(mean))
+    return length >= _AGREED_UP and float(np.abs(mean).max()) >= _NEAR_AXIS * length
+
+
+def _caption(frame: int, job: Job, inputs: Inputs, outcome: Outcome, statistics: Statistics) -> str:
+    """Return which frame is drawn and why, and how many frames have joints that are not ok."""
     here, typical = finite_median(statistics.moved_mm[frame]), finite_median(statistics.moved_mm)
-    name = f"Frame {inputs.frames[frame]}"
+    count, status = len(inputs.frames), np.asarray(outcome.result.joint_status)
+    words = f"Frame {inputs.frames[frame]}"
     if not np.isfinite(here):
-        return f"{name}, no joint of any frame has a position"
-    return (
-        f"{name}, in which most changes: its median joint is {here:.0f} mm from the {start_name(job)} "
-        f"(all frames: {typical:.0f} mm)"
-    )
+        words += (
+            ": no joint of any frame moved" if np.isfinite(outcome.result.pose).any() else ": no positions"
+        )
+    elif count == 1:
+        words += f": its median joint is {here:.0f} mm from the {start_name(job)}"
+    else:
+        words += (
+            f", with the largest change: its median joint is {here:.0f} mm from the {start_name(job)} "
+            f"(all frames: {typical:.0f} mm)"
+        )
+    frames = {name: int((status == name).any(axis=1).sum()) for name in ("weak", "unobserved")}
+    affected = [f"{name} joints in {number} of {count} frames" for name, number in frames.items() if number]
+    return "; ".join([words, *affected])
 
 
-def _heat_caption(caption: str) -> str:
+def _heat_caption(number: int) -> str:
     what = "heat maps summed over the joints (white 0, dark 1 and more), cut to the person"
-    return f"{caption.partition(',')[0]}: {what}"
+    return f"Frame {number}: {what}"
 
 
 def _body(frame: int, inputs: Inputs, outcome: Outcome) -> Body:
@@ -117,6 +135,7 @@ def _body(frame: int, inputs: Inputs, outcome: Outcome) -> Body:
         status=np.asarray(outcome.result.joint_status),
         up=world_up(inputs.rig),
         frame=frame,
+        up_known=vertical_known(inputs.rig),
     )
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from skelsplat.cli._json import to_text
+from skelsplat._json import to_text
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._atomic import atomic_write_text
 from skelsplat.io._run_files import CAMERAS, DETECTIONS, REPORT, UNFINISHED, files_of_run

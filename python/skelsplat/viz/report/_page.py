@@ -13,9 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from skelsplat.viz import _style
 from skelsplat.viz.report import _html
-from skelsplat.viz.report._pack import as_text
-from skelsplat.viz.report._scene import pack_scene
-from skelsplat.viz.report._thin import frames_to_show, thin_line
+from skelsplat.viz.report._scene import as_text, frames_to_show, pack_scene, thin_line
 
 if TYPE_CHECKING:
     import os
@@ -36,7 +34,7 @@ def write_report(path: str | os.PathLike[str], data: ReportData) -> Path:
     """Write a report as one HTML file that needs no network, whole or not at all.
 
     plotly.js is 4.8 MB of it; a sequence takes 33 bytes per joint and frame. Longer ones than
-    `_thin.MOST_POSITIONS` are thinned out, which the page then says.
+    `_scene.MOST_POSITIONS` are thinned out, which the page then says.
 
     Raises
     ------

@@ -3,31 +3,76 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import typer
 
-from skelsplat.cli._overlay_follow import follow
-from skelsplat.cli._overlay_place import Place, fit_size
-from skelsplat.exceptions import DatasetError
+from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io.video import FrameSource, Image, Size, find_videos, open_source
+from skelsplat.run.frame_range import FrameRange
+from skelsplat.run.overlay.place import Place, fit_size
+from skelsplat.run.overlay.scene import Scene, follow
 from skelsplat.viz import Skeleton
 from skelsplat.viz.overlay import Shown, draw_label, draw_overlay
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
 
     import numpy.typing as npt
 
-    from skelsplat.cli._overlay_job import OverlayJob
-    from skelsplat.cli._overlay_scene import Scene
 
 Span = tuple[int, int]
 
 # More no encoder takes, and a frame would fill the memory.
 _MOST_PX = 16_384
+
+
+@dataclass(frozen=True)
+class OverlayJob:
+    """One overlay.
+
+    Parameters
+    ----------
+    run, videos, out
+        The folder of the run, the videos or images, the folder for the results.
+    shown
+        Which layers are drawn.
+    cameras
+        The cameras to draw; empty for all.
+    order
+        The video of each camera, or ``"sorted"``; None to match by name.
+    first_frame
+        The camera's own number of a video's first frame; None for 0.
+    frames
+        The frames to draw.
+    fps
+        Frames per second of the output; None for those of the video.
+    scale
+        Of the output; None for 1, or with ``grid`` for what fits a screen.
+    legend
+        With the legend below the image, and camera and frame in its corner.
+    crop
+        Cut out the person.
+    png, grid
+        PNG files instead of videos; all cameras in one image.
+    """
+
+    run: Path
+    videos: Path
+    out: Path
+    shown: Shown
+    cameras: tuple[str, ...] = ()
+    order: str | tuple[str, ...] | None = None
+    first_frame: int | None = None
+    frames: FrameRange = field(default_factory=FrameRange)
+    fps: float | None = None
+    scale: float | None = None
+    legend: bool = True
+    crop: bool = False
+    png: bool = False
+    grid: bool = False
 
 
 @dataclass(frozen=True)
@@ -94,15 +139,14 @@ def open_views(job: OverlayJob, scene: Scene, span: Span) -> list[View]:
     DatasetError
         If a video is missing, unreadable, of another size than its camera, or has no frame of the run.
     InvalidInputError
-        If there is no camera of a name, or the order does not fit.
-    typer.BadParameter
-        If there are images whose numbers an option would change, or the output would be too large.
+        If there is no camera of a name, the order does not fit, there are images whose numbers `first_frame`
+        would change, or the output would be too large.
     """
     rig = scene.run.rig
     paths = find_videos(job.videos, list(rig.names), chosen=job.cameras, order=job.order)
     if job.first_frame is not None and any(path.is_dir() for path in paths.values()):
         expected = "expected videos, got images, whose numbers are those in the names of the files"
-        raise typer.BadParameter(expected, param_hint="--first-frame")
+        raise InvalidInputError(f"first_frame: {expected}")
     return [
         _open(job, scene, rig.names.index(name), open_source(path, job.first_frame or 0), span)
         for name, path in paths.items()
@@ -140,7 +184,7 @@ def _open(job: OverlayJob, scene: Scene, index: int, source: FrameSource, span: 
     if max(view.place.output) > _MOST_PX:
         width, height = view.place.output
         expected = f"an output of at most {_MOST_PX} px in width and height"
-        raise typer.BadParameter(f"expected {expected}, got {width}×{height}", param_hint="--scale")
+        raise InvalidInputError(f"scale: expected {expected}, got {width}×{height}")
     if not view.expected(span):
         raise _no_frame(view, span)
     if job.first_frame is None and _counted_from_one(view):

@@ -1,4 +1,7 @@
-"""The options of all commands, with their help; each is the annotated type of a parameter."""
+"""The options that commands share, with their help, and checks of their values.
+
+Each option is the annotated type of a parameter.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ import typer
 
 from skelsplat import RefineConfig, layouts
 from skelsplat.io.detections import FORMATS
+from skelsplat.io.poses import POSE_FORMATS
 
 _INPUT, _METHOD, _TIME, _OUTPUT = "Input", "Method", "Over time", "Output"
 _DEFAULT, _PAPER = RefineConfig(), RefineConfig.paper()
@@ -316,3 +320,43 @@ AsJson = Annotated[
         rich_help_panel=_OUTPUT,
     ),
 ]
+Range = Annotated[
+    str | None,
+    typer.Option(
+        "--range",
+        metavar="A-B",
+        help="Frames to draw, in the run's numbers; A- and -B leave one end open; A is one frame.",
+        show_default="all",
+        rich_help_panel="Drawing",
+    ),
+]
+
+
+def one_of(option: str, value: str | None, choices: tuple[str, ...]) -> str:
+    """Return ``value`` if it is one of ``choices``; None means that a required option is missing."""
+    if value in choices:
+        return value
+    got = "nothing (the files do not say)" if value is None else repr(value)
+    raise typer.BadParameter(f"expected one of {', '.join(choices)}, got {got}", param_hint=option)
+
+
+def positive(option: str, value: float | None) -> float | None:
+    """Return ``value`` if it is positive and finite, or None."""
+    if value is None or 0 < value < float("inf"):
+        return value
+    raise typer.BadParameter(f"expected a positive number, got {value:g}", param_hint=option)
+
+
+def some_of(option: str, value: str, choices: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the names in a list with commas, each once and each one of ``choices``."""
+    names = tuple(dict.fromkeys(name.strip().lower().removeprefix(".") for name in value.split(",")))
+    for name in names:
+        if name not in choices:
+            expected = f"some of {', '.join(choices)}"
+            raise typer.BadParameter(f"expected {expected}, got {name!r}", param_hint=option)
+    return names
+
+
+def formats(value: str) -> tuple[str, ...]:
+    """Return npz, which every run writes, and the pose formats in a list with commas, each once."""
+    return tuple(dict.fromkeys(["npz", *some_of("--write", value, tuple(POSE_FORMATS))]))

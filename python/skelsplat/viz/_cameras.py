@@ -9,9 +9,7 @@ import numpy as np
 
 from skelsplat._arrays import read_fields
 from skelsplat.viz import _style
-from skelsplat.viz._ellipses import draw_ellipses
-from skelsplat.viz._skeleton import Skeleton, draw_limbs
-from skelsplat.viz._window import aspect, person_window
+from skelsplat.viz._skeleton import Skeleton, draw_ellipses, draw_limbs
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,11 +21,16 @@ if TYPE_CHECKING:
     Array = npt.NDArray[np.float64]
     Mask = npt.NDArray[np.bool_]
 
+Window = tuple[tuple[int, int], tuple[int, int]]
+
 ACROSS = 4
 MOST = 2 * ACROSS
 _MARGIN_IN = 0.75  # left of a panel
 _TALLEST_IN = 4.0
 _GAP_IN = 0.95  # title above and label below
+
+_PAD = 0.08  # of the person's longer side, around the crop
+_MIN_CROP_PX = 40.0
 
 
 @dataclass(frozen=True)
@@ -68,7 +71,7 @@ def choose_panels(panels: Sequence[CameraPanel]) -> list[CameraPanel]:
 
 def panel_heights(panels: Sequence[CameraPanel]) -> list[float]:
     """Return the height of every row of panels in inches, without the space around it."""
-    width = _style.WIDTH_IN / ACROSS - _MARGIN_IN
+    width = _style.SCREEN.width_in / ACROSS - _MARGIN_IN
     tall = [min(width * aspect(_window(panel)), _TALLEST_IN) for panel in panels]
     return [max(tall[k : k + ACROSS]) for k in range(0, len(tall), ACROSS)]
 
@@ -86,7 +89,7 @@ def draw_panels(
     bottom_in: float,
 ) -> None:
     """Draw the panels in rows, the last of which begins at ``bottom_in``."""
-    cell = _style.WIDTH_IN / ACROSS
+    cell = _style.SCREEN.width_in / ACROSS
     base = bottom_in + space_of(heights)
     for row, height in enumerate(heights):
         base -= height + _GAP_IN
@@ -96,7 +99,7 @@ def draw_panels(
             _draw_panel(figure.add_axes(box), panel, skeleton)
 
 
-def _window(panel: CameraPanel) -> tuple[tuple[int, int], tuple[int, int]]:
+def _window(panel: CameraPanel) -> Window:
     return person_window(np.concatenate([panel.detections, panel.reprojection]), panel.size)
 
 
@@ -124,3 +127,33 @@ def _draw_panel(axes: Axes, panel: CameraPanel, skeleton: Skeleton) -> None:
     seen = int(np.isfinite(detections).all(axis=1).sum())
     axes.set_title(f"{panel.name}: {int(panel.rejected.sum())} of {seen} rejected")
     _style.tidy(axes)
+
+
+def person_window(points: Array, size: tuple[int, int]) -> Window:
+    """Return the first and last column and the first and last row of the part of the image to show.
+
+    It holds every one of ``points`` (K, 2) that lies in the image of ``size`` (width, height), with a margin;
+    the whole image if none does.
+    """
+    width, height = size
+    inside = (points >= -0.5).all(axis=1) & (points < np.array([width, height]) - 0.5).all(axis=1)
+    if not inside.any():
+        return (0, width - 1), (0, height - 1)
+    low, high = points[inside].min(axis=0), points[inside].max(axis=0)
+    centre = (low + high) / 2
+    margin = _PAD * max(float((high - low).max()), _MIN_CROP_PX)
+    side = np.maximum(high - low, _MIN_CROP_PX) + 2 * margin
+    return _span(centre[0], side[0], width), _span(centre[1], side[1], height)
+
+
+def aspect(window: Window) -> float:
+    """Return height over width of a window."""
+    (left, right), (top, bottom) = window
+    return (bottom - top + 1) / (right - left + 1)
+
+
+def _span(centre: float, length: float, limit: int) -> tuple[int, int]:
+    """Return the first and last pixel of ``length`` px about ``centre``, within an image of ``limit`` px."""
+    first = int(np.floor(centre - length / 2))
+    last = int(np.ceil(centre + length / 2))
+    return max(first, 0), min(last, limit - 1)

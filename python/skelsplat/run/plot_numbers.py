@@ -1,4 +1,4 @@
-"""The numbers of ``skelsplat plot``: chosen joints, lengths of limbs, errors by camera and joint."""
+"""The numbers that plots show: lengths of limbs, errors by camera and joint."""
 
 from __future__ import annotations
 
@@ -6,45 +6,19 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import typer
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     import numpy.typing as npt
 
-    from skelsplat.cli._plot_source import Pairs
     from skelsplat.io import PoseData
+
+    Pairs = tuple[tuple[int, int], ...]
 
     Array = npt.NDArray[np.float64]
     Mask = npt.NDArray[np.bool_]
 
-# Ends of the limbs, where errors show first.
-_DISTAL = ("wrist", "ankle")
-_FEW = 4
 # Statuses of joints whose depth is open, or that were not measured.
 _UNSURE = ("weak", "filled")
-
-
-def chosen_joints(text: str | None, names: Sequence[str]) -> list[int]:
-    """Return the joints of a list with commas, or ``all``; by default wrists and ankles, or the first four.
-
-    Raises
-    ------
-    typer.BadParameter
-        If a name is no joint.
-    """
-    if text is None:
-        distal = [k for part in _DISTAL for k, name in enumerate(names) if part in name.lower()]
-        return distal or list(range(min(_FEW, len(names))))
-    if text.strip() == "all":
-        return list(range(len(names)))
-    wanted = list(dict.fromkeys(part.strip() for part in text.split(",")))
-    for name in wanted:
-        if name not in names:
-            known = ", ".join(names)
-            raise typer.BadParameter(f"expected all or some of {known}, got {name!r}", param_hint="--joints")
-    return [list(names).index(name) for name in wanted]
 
 
 @dataclass(frozen=True)

@@ -5,33 +5,30 @@ from __future__ import annotations
 import re
 import warnings
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skelsplat.cli._overlay_scene import Scene
-from skelsplat.cli._overlay_view import View, open_views, with_zoom
-from skelsplat.cli._progress import bar_of
 from skelsplat.exceptions import DatasetError
 from skelsplat.io import read_run
 from skelsplat.io.video import Image, Mp4Sink, PngSink, Size
 from skelsplat.run.folder import output_folder
+from skelsplat.run.overlay.scene import Scene
+from skelsplat.run.overlay.view import View, open_views, with_zoom
 from skelsplat.viz.overlay import Tiling, blank_tile, draw_label, legend_strip, tiling
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
-    from skelsplat.cli._overlay_job import OverlayJob
-    from skelsplat.cli._overlay_view import Span
+    from skelsplat.run.overlay.view import OverlayJob, Span
 
 _ASSUMED_FPS = 30.0
 _SCREEN: Size = (1920, 1080)
-GRID = "grid"
+_GRID = "grid"
 
 
-@dataclass
+@dataclass(frozen=True)
 class Written:
     """A result.
 
@@ -54,9 +51,26 @@ class Written:
     fps: float | None
     cameras: dict[str, int]
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as values of JSON."""
+        return {
+            "path": str(self.path),
+            "width": self.size[0],
+            "height": self.size[1],
+            "frames": self.frames,
+            "fps": self.fps,
+            "cameras": self.cameras,
+        }
 
-def draw(job: OverlayJob, *, shown: bool) -> list[Written]:
-    """Do one overlay, under a progress bar if ``shown``; what is left out is a warning.
+
+def write_overlay(job: OverlayJob, progress: Callable[[str, int, int], None] | None = None) -> list[Written]:
+    """Draw a run on its videos and write the results; what is left out is a warning.
+
+    Parameters
+    ----------
+    job : OverlayJob
+    progress : callable, optional
+        Called with a result's name, the number of its frames that are done, and of all its frames.
 
     Raises
     ------
@@ -67,15 +81,14 @@ def draw(job: OverlayJob, *, shown: bool) -> list[Written]:
     span = job.frames.within(scene.run.poses.frames)
     views = open_views(job, scene, span)
     groups = [views] if job.grid else [[view] for view in views]
-    names = [GRID] if job.grid else _file_names([view.name for view in views])
+    names = [_GRID] if job.grid else _file_names([view.name for view in views])
     targets = [job.out / (name if job.png else f"{name}.mp4") for name in names]
     for target in targets:
         _check_apart(target, views)
     written = []
-    with output_folder(job.out), bar_of("frames", shown=shown) as bar:
+    with output_folder(job.out):
         for group, target in zip(groups, targets, strict=True):
-            task = bar.add_task(target.stem, total=max(view.expected(span) for view in group))
-            written.append(_write(job, group, span, target, partial(bar.advance, task)))
+            written.append(_write(job, group, span, target, progress))
     for view in views:
         count = sum(one.cameras.get(view.name, 0) for one in written)
         _warn_of_missing(view, span, count)
@@ -97,7 +110,11 @@ def _check_apart(target: Path, views: Sequence[View]) -> None:
 
 
 def _write(
-    job: OverlayJob, views: list[View], span: Span, target: Path, advance: Callable[[], None]
+    job: OverlayJob,
+    views: list[View],
+    span: Span,
+    target: Path,
+    progress: Callable[[str, int, int], None] | None,
 ) -> Written:
     """Draw the cameras of one result and write it."""
     if job.grid and job.scale is None:
@@ -105,7 +122,7 @@ def _write(
     tiles = tiling([view.place.output for view in views])
     counts = dict.fromkeys((view.name for view in views), 0)
     legend = legend_strip(tiles.size[0], tiles.cell, job.shown) if job.legend else None
-    rate = _rate(job, views)
+    rate, total = _rate(job, views), max(view.expected(span) for view in views)
     with PngSink(target) if job.png else Mp4Sink(target, rate) as sink:
         for number, images in _together(views, span):
             whole = _joined(views, tiles, images, number)
@@ -113,7 +130,8 @@ def _write(
             sink.write(number, whole)
             for view, image in zip(views, images, strict=True):
                 counts[view.name] += image is not None
-            advance()
+            if progress is not None:
+                progress(target.stem, sink.count, total)
     if not sink.count:
         raise DatasetError(views[0].source.path, "frames", "one of the run that can be decoded", "none")
     return Written(target, sink.size, sink.count, None if job.png else rate, counts)
@@ -162,7 +180,8 @@ def _rate(job: OverlayJob, views: Sequence[View]) -> float:
     known = [job.fps, *(view.source.rate for view in views), views[0].scene.run.poses.frame_rate]
     found = next((rate for rate in known if rate is not None), None)
     if found is None and not job.png:
-        text = f"--fps: not given, and neither images nor run say it; {_ASSUMED_FPS:g} per second assumed"
+        text = "--fps: not given, and neither the images nor the run state it; assuming "
+        text += f"{_ASSUMED_FPS:g} frames per second"
         warnings.warn(text, UserWarning, stacklevel=2)
     return _ASSUMED_FPS if found is None else found
 
@@ -175,23 +194,3 @@ def _warn_of_missing(view: View, span: Span, count: int) -> None:
             f"read or are not in it; {count} were drawn"
         )
         warnings.warn(text, UserWarning, stacklevel=2)
-
-
-def summary(job: OverlayJob, written: Sequence[Written], remarks: Sequence[str]) -> dict[str, Any]:
-    """Return what was done as JSON values."""
-    return {
-        "run": str(job.run),
-        "videos": str(job.videos),
-        "files": [
-            {
-                "path": str(one.path),
-                "width": one.size[0],
-                "height": one.size[1],
-                "frames": one.frames,
-                "fps": one.fps,
-                "cameras": one.cameras,
-            }
-            for one in written
-        ],
-        "warnings": list(remarks),
-    }

@@ -1,4 +1,4 @@
-"""What ``--json`` prints: one document on stdout, in which a number that does not exist is null."""
+"""Documents of JSON in which a number that does not exist is null."""
 
 from __future__ import annotations
 
@@ -7,17 +7,11 @@ import math
 from typing import Any
 
 import numpy as np
-import typer
 
 
 def to_text(document: Any) -> str:
     """Return a document as JSON text, with a final line break."""
     return json.dumps(plain(document), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-
-
-def print_json(document: Any) -> None:
-    """Print a document on stdout."""
-    typer.echo(to_text(document), nl=False)
 
 
 def plain(value: Any) -> Any:
