@@ -59,6 +59,8 @@ class Inputs:
         Whom to follow, as `Job.person`.
     crowd
         The people whom the cameras see; None where they see one.
+    fps
+        Frames per second; None if unknown.
     """
 
     rig: sk.CameraRig
@@ -75,6 +77,7 @@ class Inputs:
     sources: tuple[Path, ...] = ()
     person: str = "consistent"
     crowd: Crowd | None = None
+    fps: float | None = None
 
 
 def read_inputs(job: Job) -> Inputs:
@@ -117,6 +120,7 @@ def read_inputs(job: Job) -> Inputs:
         sources=tuple(path for path in found.sources if path is not None),
         person=person,
         crowd=look_around(found.people, index, rig, person, layout),
+        fps=job.fps,
     )
 
 
