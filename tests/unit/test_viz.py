@@ -290,7 +290,7 @@ def test_heatmaps_have_a_row_of_two_images_per_camera(tmp_path, figures):
     titles = [axes.get_title() for axes in figures[0].axes]
     assert titles == [
         "door, pseudo\nground truth",
-        "door, rendering\nmedian 2.2 px off",
+        "door, rendering\nmedian error 2.2 px",
         "window, pseudo\nground truth",
         "window, rendering\nno detections",
     ]

@@ -215,7 +215,7 @@ def test_bones_without_a_length_or_with_one_alone_say_so():
     axes = bone_axes(*(viz.BonePanel("a – b", [b]) for b in (none, one, weak)), frames=1)
     assert words(axes[0])[0] == "no length"
     assert words(axes[1])[-1] == "100 mm"
-    assert words(axes[2])[-1] == "never sure"
+    assert words(axes[2])[-1] == "no reliable frame"
 
 
 def test_bones_come_fourteen_on_a_page():

@@ -13,7 +13,7 @@ use crate::errors::{Failure, Result, in_words};
 
 /// The values of a float64 array, row-major, its shape, and the argument that it came as.
 pub(crate) struct Array {
-    name: &'static str,
+    pub(crate) name: &'static str,
     pub(crate) values: Vec<f64>,
     pub(crate) shape: Vec<usize>,
 }
@@ -62,6 +62,12 @@ impl Array {
         Error::invalid(self.name, format!("shape {expected}"), actual).into()
     }
 
+    /// Refuses an array of another shape than this; `why` says in the message what asks for it.
+    pub(crate) fn of(self, shape: &[usize], why: &str) -> Result<Self> {
+        let ok = self.shape == shape;
+        self.shaped(ok, &format!("{}{why}", shown(shape)))
+    }
+
     /// Refuses an array that has not the `expected` shape.
     pub(crate) fn shaped(self, ok: bool, expected: &str) -> Result<Self> {
         if ok { Ok(self) } else { Err(self.misshapen(expected)) }
@@ -79,11 +85,6 @@ impl Array {
         Error::invalid(place(self.name, &self.shape, k, ""), expected, actual).into()
     }
 
-    /// The error of an array whose first axis holds something wrong at `k`.
-    pub(crate) fn refused_row(&self, k: usize, expected: &str, actual: &str) -> Failure {
-        Error::invalid(format!("{}[{k}]", self.name), expected, actual).into()
-    }
-
     /// The values as 3-vectors.
     pub(crate) fn points(&self) -> Vec<Vector3<f64>> {
         self.values.chunks_exact(3).map(Vector3::from_column_slice).collect()
@@ -95,11 +96,10 @@ impl Array {
     }
 }
 
-/// One type per array argument: its name, what it holds, its shape, and whether its values are bounded (with what the
-/// message calls a missing one).
+/// One type per array argument: its name, its shape (`[..]` where that depends on other arguments), and whether its
+/// values are bounded (with what the message calls a missing one).
 macro_rules! arrays {
-    ($($(#[$doc:meta])* $type:ident: $name:literal, $shape:pat => $expected:literal $(, bounded $missing:literal)?;)*) => {$(
-        $(#[$doc])*
+    ($($type:ident: $name:literal, $shape:pat => $expected:literal $(, bounded $missing:literal)?;)*) => {$(
         pub(crate) struct $type(pub(crate) Array);
 
         impl<'py> FromPyObject<'_, 'py> for $type {
@@ -117,48 +117,29 @@ macro_rules! arrays {
 }
 
 arrays! {
-    /// Points of the world.
     Points: "points", [.., 3] => "(..., 3)", bounded "";
-    /// Points of an image.
     Pixels: "points", [.., 2] => "(..., 2)", bounded "";
-    /// Skeletons.
     Poses: "poses", [_, _, 3] => "(T, N, 3)";
-    /// Skeletons of several methods or views, one frame or more.
     Monocular: "poses", [..] => "", bounded "";
-    /// Means of Gaussians.
     Means: "means", [_, 3] => "(N, 3)", bounded "";
-    /// Covariances of Gaussians, one per mean.
     Covariances: "covariances", [..] => "", bounded "";
-    /// Means of the Gaussians that shape the pseudo ground truth.
     TargetMeans: "target_means", [_, 3] => "(N, 3)", bounded "";
-    /// Their covariances.
     TargetCovariances: "target_covariances", [..] => "", bounded "";
-    /// Logarithms of standard deviations, one row per mean.
     LogScales: "log_scales", [..] => "";
-    /// Orientations (w, x, y, z), one per mean.
     Quaternions: "quaternions", [..] => "", bounded "";
-    /// Detections of one view.
     Keypoints: "detections", [..] => "", bounded ", or NaN where missing";
-    /// Confidences beside detections.
     Confidence: "confidence", [..] => "";
-    /// Where a refinement starts.
     InitPose: "init_pose", [..] => "", bounded ", or NaN for none";
-    /// How good that start is.
     InitSigma: "init_sigma", [..] => "", bounded ", or NaN for none";
-    /// Camera matrix.
     Intrinsics: "K", [3, 3] => "(3, 3)";
-    /// Rotation world to camera.
     Rotation: "R", [3, 3] => "(3, 3)";
-    /// Translation world to camera.
     Translation: "t", [3] | [3, 1] | [1, 3] => "(3,)";
-    /// Coefficients of a lens.
     Coefficients: "distortion", [..] => "";
 }
 
 /// One type per plain argument: its name, the type that holds it, and what is expected.
 macro_rules! values {
-    ($($(#[$doc:meta])* $type:ident($inner:ty): $name:literal, $expected:literal;)*) => {$(
-        $(#[$doc])*
+    ($($type:ident($inner:ty): $name:literal, $expected:literal;)*) => {$(
         pub(crate) struct $type(pub(crate) $inner);
 
         impl<'py> FromPyObject<'_, 'py> for $type {
@@ -175,15 +156,10 @@ macro_rules! values {
 }
 
 values! {
-    /// Width and height of an image.
     Size([u32; 2]): "size", "(width, height) as two positive integers";
-    /// Factor on the size of an image.
     Factor(f64): "factor", "a number";
-    /// Tier of symmetric limbs.
     Tier(u8): "tier", "a whole number from 0 to 255";
-    /// Name of a camera or of a layout.
     Name(String): "name", "a string";
-    /// Names of a layout's joints.
     JointNames(Vec<String>): "joints", "a sequence of strings";
 }
 

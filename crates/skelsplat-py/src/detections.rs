@@ -59,8 +59,7 @@ impl Frames {
             );
         }
         let shape = self.shape(&[self.n_views, self.n_joints]);
-        let ok = array.shape == shape;
-        self.scores = array.shaped(ok, &shown(&shape))?.values;
+        self.scores = array.of(&shape, "")?.values;
         self.check_scores("confidence", "")?;
         Ok(self)
     }

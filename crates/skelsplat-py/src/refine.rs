@@ -7,11 +7,12 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use skelsplat_core::Error;
 use skelsplat_core::batch::{Progress, refine_batch};
+use skelsplat_core::gaussian::is_symmetric;
 use skelsplat_core::refine::refiner::Frame;
 use skelsplat_core::refine::{JointStatus, Optimizer, Refinement, Refiner, Renderer};
 use skelsplat_core::unit::{Unit, implausible_extent as core_extent};
 
-use crate::args::{Array, Confidence, InitPose, InitSigma, Out, Poses, place, shown};
+use crate::args::{Array, Confidence, InitPose, InitSigma, Out, Poses, place};
 use crate::camera::Cameras;
 use crate::config::RefineConfig;
 use crate::detections::Frames;
@@ -120,8 +121,7 @@ fn initial_poses(
 ) -> Result<Vec<Option<Vec<Vector3<f64>>>>> {
     let Some(InitPose(array)) = given else { return Ok(vec![None; frames.count]) };
     let shape = frames.shape(&[frames.n_joints, 3]);
-    let ok = array.shape == shape;
-    let points = array.shaped(ok, &format!("{}, as the detections", shown(&shape)))?.points();
+    let points = array.of(&shape, ", as the detections")?.points();
     Ok(points.chunks(frames.n_joints).map(|p| Some(p.to_vec())).collect())
 }
 
@@ -144,9 +144,8 @@ fn initial_covariances(
         }
     };
     let valid = |c: &Matrix3<f64>| {
-        let symmetric = (c - c.transpose()).amax() <= 1e-6 * c.amax();
         let finite = c.iter().all(|v| v.is_finite());
-        c.iter().any(|v| v.is_nan()) || (finite && symmetric && c.cholesky().is_some())
+        c.iter().any(|v| v.is_nan()) || (finite && is_symmetric(c) && c.cholesky().is_some())
     };
     if let Some(k) = covariances.iter().position(|c| !valid(c)) {
         let shape = if covariances.len() == n { vec![n] } else { vec![t, n] };

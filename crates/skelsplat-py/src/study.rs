@@ -4,11 +4,10 @@ use std::sync::atomic::AtomicBool;
 
 use nalgebra::{Matrix3, Vector2, Vector3, Vector4};
 use pyo3::prelude::*;
-use skelsplat_core::gaussian::{Gaussian, GaussianGradient};
+use skelsplat_core::gaussian::{Gaussian, GaussianGradient, check_covariances};
 use skelsplat_core::projection::View;
 use skelsplat_core::raster::encoding::Encoding;
-use skelsplat_core::raster::render::{self as core, Images};
-use skelsplat_core::raster::splat::Splat;
+use skelsplat_core::raster::render::{self as core, Images, Seen};
 use skelsplat_core::refine::RefineConfig as CoreConfig;
 use skelsplat_core::{Error, Result as CoreResult};
 
@@ -28,57 +27,32 @@ use crate::watch;
 /// Pixels that are drawn within a tenth of a second.
 const SHORT_PIXELS: u64 = 50_000_000;
 
-/// Largest logarithm of a standard deviation: e⁵⁰ mm is 500 light years.
-const FARTHEST_LOG_SCALE: f64 = 50.0;
-/// Below this the square of a quaternion's norm can be lost.
-const ZERO_QUATERNION: f64 = 1e-100;
+const ONE_PER_MEAN: &str = ", one per mean";
 
 /// Mean and covariance of each joint.
 type Shapes = Vec<(Vector3<f64>, Matrix3<f64>)>;
 
 /// Gaussians of these means `(N, 3)` and covariances `(N, 3, 3)`.
 fn shapes(means: &Array, covariances: Array) -> Result<Shapes> {
-    let n = means.shape[0];
-    let ok = covariances.shape == [n, 3, 3];
-    let array = covariances.shaped(ok, &format!("({n}, 3, 3), one per mean"))?;
+    let array = covariances.of(&[means.shape[0], 3, 3], ONE_PER_MEAN)?;
     let covariances = array.matrices();
-    let finite = |c: &Matrix3<f64>| c.iter().all(|v| v.is_finite());
-    let asymmetric = |c: &Matrix3<f64>| finite(c) && (c - c.transpose()).amax() > 1e-6 * c.amax();
-    if let Some(j) = covariances.iter().position(asymmetric) {
-        return Err(array.refused_row(j, "a symmetric matrix", "one that is not"));
-    }
-    let least = |c: &Matrix3<f64>| c.symmetric_eigenvalues().min();
-    let negative =
-        |c: &Matrix3<f64>| finite(c) && least(c) < -1e-9 * c.amax().max(f64::MIN_POSITIVE);
-    if let Some(j) = covariances.iter().position(negative) {
-        let actual = format!("a variance of {:.3e}", least(&covariances[j]));
-        return Err(array.refused_row(j, "no negative variance", &actual));
-    }
+    check_covariances(array.name, &covariances)?;
     Ok(means.points().into_iter().zip(covariances).collect())
 }
 
 /// Gaussians of these means `(N, 3)`, logarithms of scales `(N, 3)` and quaternions `(N, 4)`.
 fn gaussians(means: &Array, scales: Array, turns: Array) -> Result<Vec<Gaussian>> {
     let n = means.shape[0];
-    let ok = [scales.shape == [n, 3], turns.shape == [n, 4]];
-    let scales = scales.shaped(ok[0], &format!("({n}, 3), one per mean"))?;
-    let turns = turns.shaped(ok[1], &format!("({n}, 4), one per mean"))?;
-    let is_far = |s: &f64| s.is_finite() && s.abs() > FARTHEST_LOG_SCALE;
-    if let Some(k) = scales.values.iter().position(is_far) {
-        let expected = format!("a value within ±{FARTHEST_LOG_SCALE}");
-        return Err(scales.refused(k, &expected, scales.values[k].to_string()));
-    }
-    let is_zero = |q: &[f64]| q.iter().all(|v| v.abs() < ZERO_QUATERNION);
-    if let Some(j) = turns.values.chunks_exact(4).position(is_zero) {
-        return Err(turns.refused_row(j, "a quaternion (w, x, y, z) that is not zero", "zeros"));
-    }
+    let (scales, turns) = (scales.of(&[n, 3], ONE_PER_MEAN)?, turns.of(&[n, 4], ONE_PER_MEAN)?);
     let rest = scales.points().into_iter().zip(turns.values.chunks_exact(4));
     let join = |(mean, (log_scales, q)): (_, (_, &[f64]))| Gaussian {
         mean,
         log_scales,
         quaternion: Vector4::from_column_slice(q),
     };
-    Ok(means.points().into_iter().zip(rest).map(join).collect())
+    let gaussians: Vec<_> = means.points().into_iter().zip(rest).map(join).collect();
+    Gaussian::check(&gaussians)?;
+    Ok(gaussians)
 }
 
 /// Project Gaussians (N, 3), (N, 3, 3) to means (M, N, 2) and covariances (M, N, 2, 2), ideal pixels.
@@ -113,9 +87,7 @@ fn images(
     shapes: Shapes,
     camera: &Camera,
     encoding: Encoding,
-    draw: impl FnOnce(&[Option<(Splat, f64)>], [u32; 2], &AtomicBool) -> CoreResult<Images>
-    + Send
-    + 'static,
+    draw: impl FnOnce(&[Seen], [u32; 2], &AtomicBool) -> CoreResult<Images> + Send + 'static,
 ) -> Result<Out<f32>> {
     let view = View::new(&camera.0);
     // Even splats that cover the whole image are drawn within a tenth of a second.
@@ -124,12 +96,7 @@ fn images(
     let short = drawn.saturating_mul(pixels) <= SHORT_PIXELS;
     let dilation = CoreConfig::default().dilation;
     let images = watch::run(py, short, move |progress| {
-        let one = |(mean, covariance): &(Vector3<f64>, Matrix3<f64>)| {
-            let p = view.project(mean, covariance, dilation)?;
-            Some((Splat::new(p.mean, &p.covariance, view.size)?, p.in_camera.z))
-        };
-        let splats: Vec<_> = shapes.iter().map(one).collect();
-        draw(&splats, view.size, progress.cancelled())
+        draw(&core::splats(&view, &shapes, dilation), view.size, progress.cancelled())
     })?;
     let [w, h] = images.size.map(|s| s as usize);
     Ok(Out(images.values, vec![images.channels, h, w]))
@@ -173,18 +140,16 @@ pub(crate) fn pseudo_ground_truth(
     let (n, given) = (shapes.len(), detections.0);
     let ok = given.shape == [n, 2] || given.shape == [n, 3];
     let given = given.shaped(ok, &format!("({n}, 2) or ({n}, 3), one per mean"))?;
+    // A confidence of 0 is a missing detection, as is a pixel that is no number.
+    let pixel = |d: &[f64]| {
+        let there = d[0].is_finite() && d[1].is_finite() && d.get(2).is_none_or(|c| *c > 0.0);
+        there.then(|| Vector2::new(d[0], d[1]))
+    };
+    let pixels: Vec<_> = given.values.chunks_exact(given.shape[1]).map(pixel).collect();
     images(py, shapes, &camera, encoding, move |splats, size, cancelled| {
-        let each = given.values.chunks_exact(given.shape[1]).zip(splats);
-        let heats: Vec<_> = each.map(|(d, shape)| heat(d, &shape.as_ref()?.0, size)).collect();
+        let heats = core::heats(splats, &pixels, size);
         core::pseudo_ground_truth(&heats, encoding, size, cancelled)
     })
-}
-
-/// The shape of a projected Gaussian at detection `d` = (u, v[, confidence]), if it is there.
-fn heat(d: &[f64], shape: &Splat, size: [u32; 2]) -> Option<Splat> {
-    let there = d[0].is_finite() && d[1].is_finite() && d.get(2).is_none_or(|c| *c > 0.0);
-    let covariance = shape.conic.try_inverse().filter(|_| there)?;
-    Splat::new(Vector2::new(d[0], d[1]), &covariance, size)
 }
 
 /// The fields of `skelsplat.LossAndGradient`.

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from rich import box
 from rich.console import Console
 from rich.table import Table
@@ -15,7 +13,8 @@ from rich.text import Text
 
 if TYPE_CHECKING:
     from skelsplat import DatasetError
-    from skelsplat.datasets import Dataset, Finding, Report, Take
+    from skelsplat.datasets import Dataset, Report
+    from skelsplat.findings import Finding
 
 _MOST_FILES = 12
 
@@ -68,25 +67,13 @@ def _print_dataset(console: Console, dataset: Dataset) -> None:
             str(sum(map(len, takes))),
             "–".join(map(str, views[:: max(1, len(views) - 1)])),
             str(dataset.layout.n_joints),
-            _percent([detected(take) for take in takes]),
-            _percent([labelled(take) for take in takes]),
+            _percent([take.detected for take in takes]),
+            _percent([take.labelled for take in takes]),
         )
     console.print(table)
     console.print(f"{dataset.source}.")
     for note in dataset.notes:
         console.print(f"Note: {note}.")
-
-
-def detected(take: Take) -> float | None:
-    """Share of joints in all views and frames that are detected; None without detections."""
-    if take.detections is None or not take.detections.size:
-        return None
-    return float(np.isfinite(take.detections[..., 0]).mean())
-
-
-def labelled(take: Take) -> float | None:
-    """Share of joints in all frames that have a truth."""
-    return float(np.isfinite(take.truth[..., 0]).mean()) if take.truth.size else None
 
 
 def _percent(shares: Sequence[float | None]) -> str:
@@ -96,7 +83,7 @@ def _percent(shares: Sequence[float | None]) -> str:
 
 def _print_errors(console: Console, report: Report) -> None:
     """Print the reprojection errors per camera."""
-    rows = [row for row in report.errors if math.isfinite(row.given)]
+    rows = [row for row in report.errors if math.isfinite(row.as_given)]
     if not rows:
         console.print("No detections: units and cameras are judged by the truth alone.")
         return
@@ -110,7 +97,10 @@ def _print_errors(console: Console, report: Report) -> None:
     for name in ("as given", "left/right exchanged", "best other camera"):
         table.add_column(name, justify="right")
     for row in rows:
-        table.add_row(row.camera, *(_pixels(value) for value in (row.given, row.exchanged, row.other)))
+        table.add_row(
+            row.camera,
+            *(_pixels(value) for value in (row.as_given, row.sides_exchanged, row.best_other_camera)),
+        )
     console.print(table)
 
 
@@ -119,9 +109,9 @@ def _pixels(value: float) -> str:
 
 
 def _print_finding(console: Console, finding: Finding) -> None:
-    mark, style = ("✗", "red") if finding.fatal else ("!", "yellow")
-    console.print(f"{mark} {finding}", style=style)
-    console.print(f"  {finding.file}", style="dim", soft_wrap=True)
+    mark, style = ("✗", "red") if finding.severity == "error" else ("!", "yellow")
+    console.print(f"{mark} {finding.text}", style=style)
+    console.print(f"  {', '.join(finding.subject.files)}", style="dim", soft_wrap=True)
 
 
 def _print_error(console: Console, error: DatasetError) -> None:
@@ -132,75 +122,9 @@ def _print_error(console: Console, error: DatasetError) -> None:
 
 def _verdict(report: Report) -> str:
     if report.ok:
-        doubts = f", with {len(report.findings)} doubt(s)" if report.findings else ""
-        return f"All there and usable{doubts}."
-    if report.error is not None or any(finding.fatal for finding in report.findings):
+        count = len(report.findings)
+        warnings = f", with {count} warning{'s' * (count > 1)}" if count else ""
+        return f"All there and usable{warnings}."
+    if report.error is not None or any(finding.severity == "error" for finding in report.findings):
         return "These data cannot be used as they are."
     return "Something is missing; what is there can be used."
-
-
-def report_json(report: Report) -> dict[str, Any]:
-    """Return the report as JSON values."""
-    dataset = report.dataset
-    return {
-        "name": report.name,
-        "root": str(report.root),
-        "format": report.survey.format or None,
-        "ok": report.ok,
-        "files": {
-            "there": [str(path) for path in report.survey.there],
-            "missing": [{"path": str(path), "what": what} for path, what in report.survey.missing],
-        },
-        "error": None if report.error is None else str(report.error),
-        "findings": [_finding_json(finding) for finding in report.findings],
-        "reprojection_px": [
-            {
-                "camera": row.camera,
-                "as_given": _finite(row.given),
-                "sides_exchanged": _finite(row.exchanged),
-                "best_other_camera": _finite(row.other),
-            }
-            for row in report.errors
-        ],
-        "dataset": None if dataset is None else _dataset_json(dataset),
-    }
-
-
-def _finding_json(finding: Finding) -> dict[str, Any]:
-    return {
-        "topic": finding.topic,
-        "fatal": finding.fatal,
-        "file": str(finding.file),
-        "field": finding.field,
-        "expected": finding.expected,
-        "actual": finding.actual,
-        "takes": list(finding.takes),
-    }
-
-
-def _dataset_json(dataset: Dataset) -> dict[str, Any]:
-    return {
-        "layout": dataset.layout.name,
-        "joints": dataset.layout.n_joints,
-        "detector": dataset.detector,
-        "source": dataset.source,
-        "notes": list(dataset.notes),
-        "takes": [
-            {
-                "key": take.key,
-                "subject": take.subject,
-                "action": take.action,
-                "frames": len(take),
-                "views": list(take.rig.names),
-                "unit": take.rig.unit,
-                "detected": detected(take),
-                "labelled": labelled(take),
-                "files": {part: str(Path(path)) for part, path in take.files.items()},
-            }
-            for take in dataset
-        ],
-    }
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

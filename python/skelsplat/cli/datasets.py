@@ -10,7 +10,7 @@ from rich.console import Console
 
 from skelsplat import datasets
 from skelsplat.cli import options
-from skelsplat.cli._dataset_report import print_list, print_report, report_json
+from skelsplat.cli._dataset_report import print_list, print_report
 from skelsplat.cli.config import Application
 from skelsplat.cli.output import print_json
 from skelsplat.datasets import _registry as registry
@@ -122,7 +122,7 @@ def check(
     except InvalidInputError as error:
         raise typer.BadParameter(str(error), param_hint="options") from error
     if as_json:
-        print_json(report_json(report))
+        print_json(report.to_dict())
     elif not (quiet and report.ok and not report.findings):
         print_report(_console(), report)
     if not report.ok:

@@ -184,7 +184,7 @@ def evaluate(
     with collected_warnings(tell):
         data = datasets.read(dataset, root, **_reader_options(dataset, detections, views, setting or []))
         for finding in datasets.verify(data):
-            typer.echo(f"warning: {finding.file}: {finding}", err=True)
+            typer.echo(f"warning: {', '.join(finding.subject.files)}: {finding.text}", err=True)
         rules = protocols.get(data.name).with_options(n_views=views, every=every, counting=counting)
         folder = Path("skelsplat-evaluation") / data.name if out is None else out
         with output_folder(folder):

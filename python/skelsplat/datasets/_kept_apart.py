@@ -17,8 +17,7 @@ from skelsplat.datasets._detections import (
     load_poses,
     with_scores,
 )
-from skelsplat.datasets._files import FloatArray, as_numbers, numbers
-from skelsplat.datasets._places import find
+from skelsplat.datasets._files import FloatArray, as_numbers, find, numbers
 from skelsplat.datasets.human36m._options import choose_detector
 from skelsplat.exceptions import DatasetError
 

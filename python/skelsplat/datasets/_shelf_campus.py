@@ -22,11 +22,9 @@ from skelsplat._skelsplat import Layout
 from skelsplat.cameras import CameraRig
 from skelsplat.datasets._actors_mat import read_actors
 from skelsplat.datasets._detections import Wanted, detector_name
-from skelsplat.datasets._files import FloatArray, load_json
+from skelsplat.datasets._files import FloatArray, Survey, find, load_json
 from skelsplat.datasets._kept_apart import detections_folder, read_apart
 from skelsplat.datasets._model import Dataset, Take
-from skelsplat.datasets._places import Wishes, find
-from skelsplat.datasets._registry import Survey
 from skelsplat.datasets._rig import build_rig, camera_at_centre
 from skelsplat.exceptions import DatasetError
 from skelsplat.layouts import COCO17, SHELF14
@@ -99,15 +97,15 @@ def _read(scene: Scene, root: Path, detector: str | None, detections: Path | str
 
 
 def _survey(scene: Scene, root: Path, detector: str | None, detections: Path | str | None) -> Survey:
-    wishes = Wishes()
-    wishes.look(_calibrations(scene, root), "calibration")
-    wishes.look(_truths(scene, root), "truth")
+    found = Survey()
+    found.look(_calibrations(scene, root), "calibration")
+    found.look(_truths(scene, root), "truth")
     if detections is not None:
-        wishes.look([Path(detections)], "detections")
+        found.look([Path(detections)], "detections")
     else:
         there = [path / "S0" for path in sorted(root.glob(f"2d_{detector or '*'}"))]
-        wishes.look(there or [root / f"2d_{detector or 'hrnet'}" / "S0"], "detections")
-    return wishes.survey()
+        found.look(there or [root / f"2d_{detector or 'hrnet'}" / "S0"], "detections")
+    return found
 
 
 def _calibrations(scene: Scene, root: Path) -> list[Path]:

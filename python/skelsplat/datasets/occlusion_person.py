@@ -20,15 +20,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skelsplat.datasets._detections import Wanted, detector_name
-from skelsplat.datasets._files import FloatArray, as_numbers
+from skelsplat.datasets._files import FloatArray, Survey, as_numbers, find
 from skelsplat.datasets._kept_apart import detections_folder, read_apart
 from skelsplat.datasets._model import Dataset, Take
 from skelsplat.datasets._occlusion_person_files import Table, read_arrays, read_pickle
-from skelsplat.datasets._places import Wishes, find
-from skelsplat.datasets._registry import Survey
 from skelsplat.datasets._reproject import sample
 from skelsplat.datasets._rig import build_rig, camera_at_centre
-from skelsplat.datasets._verify import raise_fatal
+from skelsplat.datasets._verify import raise_errors
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.layouts import OCCLUSION_PERSON15
 
@@ -112,18 +110,18 @@ def survey(
 ) -> Survey:
     """Say which files are there; what `read` takes beyond these options changes nothing."""
     _cameras(views)
-    wishes, chosen = Wishes(), _format(root, format)
-    if chosen == "adafuse":
-        wishes.look(_pickles(root, split), f"annotation of the split {split}")
+    found = Survey(format=_format(root, format))
+    if found.format == "adafuse":
+        found.look(_pickles(root, split), f"annotation of the split {split}")
     else:
-        wishes.look([root / "cameras" / "cameras.json", root / "cameras.json"], "cameras by frame")
-        wishes.look(sorted((root / "3d_gt" / "S0").glob("*/poses.npz")) or [root / "3d_gt" / "S0"], "truth")
+        found.look([root / "cameras" / "cameras.json", root / "cameras.json"], "cameras by frame")
+        found.look(sorted((root / "3d_gt" / "S0").glob("*/poses.npz")) or [root / "3d_gt" / "S0"], "truth")
     if detections is not None:
-        wishes.look([Path(detections)], "detections")
+        found.look([Path(detections)], "detections")
     else:
         there = sorted(root.glob(f"2d_{detector or '*'}"))
-        wishes.look([path / "S0" for path in there] or [root / f"2d_{detector or 'resnet50'}"], "detections")
-    return wishes.survey(chosen)
+        found.look([path / "S0" for path in there] or [root / f"2d_{detector or 'resnet50'}"], "detections")
+    return found
 
 
 def _cameras(views: int | Sequence[int]) -> tuple[int, ...]:
@@ -237,7 +235,7 @@ def _check_annotation(table: Table, rows: NDArray[np.int64], views: Sequence[int
     inside = ((annotated >= 0) & (annotated < np.array(SIZE))).all(axis=-1, keepdims=True)
     pixels = np.concatenate([np.where(inside, annotated, np.nan), inside.astype(np.float64)], axis=-1)
     takes = _takes(table, rows, views, pixels, table.path)
-    raise_fatal(Dataset("occlusion-person", OCCLUSION_PERSON15, tuple(takes)))
+    raise_errors(Dataset("occlusion-person", OCCLUSION_PERSON15, tuple(takes)))
     for take in takes:
         error = sample(take).error()
         if error > _LARGE_PX:

@@ -24,12 +24,10 @@ from numpy.typing import NDArray
 
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.datasets._detections import Wanted, detector_name
-from skelsplat.datasets._files import FloatArray, load_npz, numbers, require
+from skelsplat.datasets._files import FloatArray, Survey, find, load_npz, numbers, require
 from skelsplat.datasets._kept_apart import detections_folder, read_apart, read_world
 from skelsplat.datasets._model import Dataset, Take
 from skelsplat.datasets._panoptic_json import camera_name, read_cameras, read_truth, truth_files
-from skelsplat.datasets._places import Wishes, find
-from skelsplat.datasets._registry import Survey
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.layouts import PANOPTIC19
 
@@ -115,16 +113,16 @@ def survey(
     **_: Any,
 ) -> Survey:
     """Say which files are there; what `read` takes beyond these options changes nothing."""
-    wishes, count = Wishes(), len(_cameras(views))
+    found, count = Survey(format=format or ""), len(_cameras(views))
     for sequence in sequences:
-        wishes.look(_calibrations(root, sequence), f"calibration of {sequence}")
-        wishes.look(_truths(root, sequence, count, format), f"truth of {sequence}")
+        found.look(_calibrations(root, sequence), f"calibration of {sequence}")
+        found.look(_truths(root, sequence, count, format), f"truth of {sequence}")
         if detections is not None or detector is not None:
             folder = Path(detections) if detections is not None else root / f"2d_{detector}" / "S0"
-            wishes.look([folder / sequence], f"detections of {sequence}")
+            found.look([folder / sequence], f"detections of {sequence}")
     if detections is None and detector is None and not sorted(root.glob("2d_*")):
-        wishes.look([root / "2d_metrabs" / "S0"], "detections")
-    return wishes.survey(format or "")
+        found.look([root / "2d_metrabs" / "S0"], "detections")
+    return found
 
 
 def _cameras(views: int | Sequence[int]) -> tuple[int, ...]:

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skelsplat.datasets import Dataset, Take
-from skelsplat.datasets._views import with_views
 from skelsplat.exceptions import DatasetError, InvalidInputError
 
 Endpoint = int | tuple[int, ...]
@@ -208,7 +207,7 @@ def with_cameras(take: Take, numbers: Sequence[int]) -> Take:
         if own.count(number) != 1:
             named = ", ".join(take.rig.names)
             raise DatasetError(take.key, "cameras", f"one camera with number {number}", named)
-    return with_views(take, [own.index(number) for number in numbers])
+    return take.with_views([own.index(number) for number in numbers])
 
 
 def _has_every_view(take: Take) -> NDArray[np.bool_]:

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import json
-import struct
 import sys
-import zipfile
-import zlib
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from skelsplat.exceptions import DatasetError
@@ -17,24 +15,43 @@ else:
     import tomli as tomllib
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
 # frame numbers and offsets are below it, so that their sum fits into 64 bits
 FRAME_LIMIT = 2**62
-# what zipfile and NumPy raise for an npz whose bytes are damaged, besides OSError and ValueError
-DAMAGED_NPZ = (zipfile.BadZipFile, zlib.error, struct.error, EOFError, NotImplementedError, RuntimeError)
 VIDEO_SUFFIXES = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".mts", ".wmv")
+
+
+@contextmanager
+def opening(path: Path, expected: str = "a readable file", field: str = "file") -> Iterator[None]:
+    """Raise `DatasetError` for what the system says against opening or reading `path` in this block."""
+    try:
+        yield
+    except OSError as error:
+        raise DatasetError(path, field, expected, (error.strerror or str(error)).lower()) from error
 
 
 def read_text(path: Path) -> str:
     """Return the text of a UTF-8 file (a byte-order mark is dropped), or raise `DatasetError`."""
     try:
-        return path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise DatasetError(path, "file", "a readable file", reason) from error
+        with opening(path):
+            return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
         raise DatasetError(path, "file", "text in UTF-8", f"byte {error.start} that is not") from error
+
+
+def load_json(path: Path, text: str, document: str) -> Any:
+    """Return what the JSON `text` of a file holds; `document` says what it should be, for messages."""
+    try:
+        return parse_json(text)
+    except json.JSONDecodeError as error:
+        at = f"character {error.pos} of {len(text)}, at line {error.lineno}, column {error.colno}"
+        raise DatasetError(
+            path, "JSON", "a complete JSON document", f"{error.msg.lower()} at {at}"
+        ) from error
+    except RecursionError:
+        raise DatasetError(path, "JSON", document, "lists nested too deeply") from None
 
 
 def parse_json(text: str) -> Any:

@@ -107,25 +107,21 @@ def _caption(frame: int, inputs: Inputs, outcome: Outcome, statistics: Statistic
     """Return which frame is drawn and why, and how many frames have joints that are not ok."""
     here, typical = finite_median(statistics.moved_mm[frame]), finite_median(statistics.moved_mm)
     count, status = len(inputs.frames), np.asarray(outcome.result.joint_status)
-    words = f"Frame {inputs.frames[frame]}"
+    start = outcome.start_name
+    words, change = f"Frame {inputs.frames[frame]}", f"median joint {here:.0f} mm from the {start}"
     if not np.isfinite(here):
-        words += (
-            ": no joint of any frame moved" if np.isfinite(outcome.result.pose).any() else ": no positions"
-        )
-    elif count == 1:
-        words += f": its median joint is {here:.0f} mm from the {outcome.start_name}"
+        words += ", in which no joint can be compared with its start"
+    elif count > 1:
+        words += f", with the largest change: {change} (all frames: {typical:.0f} mm)"
     else:
-        words += (
-            f", with the largest change: its median joint is {here:.0f} mm from the {outcome.start_name} "
-            f"(all frames: {typical:.0f} mm)"
-        )
+        words += f": {change}"
     frames = {name: int((status == name).any(axis=1).sum()) for name in ("weak", "unobserved")}
-    affected = [f"{name} joints in {number} of {count} frames" for name, number in frames.items() if number]
-    return "; ".join([words, *affected])
+    affected = ", ".join(f"{name} in {number}" for name, number in frames.items() if number)
+    return f"{words}; joints {affected} of {count} frames" if affected else words
 
 
 def _heat_caption(number: int) -> str:
-    what = "heat maps summed over the joints (white 0, dark 1 and more), cut to the person"
+    what = "heat maps summed over the joints (white 0, dark 1 and more), cropped to the person"
     return f"Frame {number}: {what}"
 
 

@@ -30,22 +30,22 @@ if TYPE_CHECKING:
     Array = npt.NDArray[np.float64]
 
 _SHARED = (
-    ("median [px]", "median reprojection error, before → refined"),
-    ("90th percentile [px]", "of the reprojection error, before → refined"),
+    ("median [px]", "median reprojection error, start → refined"),
+    ("90th percentile [px]", "of the reprojection error, start → refined"),
     ("used", "detections used"),
-    ("missing", "no detection of the person followed"),
-    ("not chosen", "of the missing: somebody is detected in this view and another, but here nobody who fits"),
-    ("left out", "detections below the least confidence, or of a joint without a position"),
-    ("down-weighted", f"detections used whose weight is below {DOWN_WEIGHTED:g}, the rejected among them"),
+    ("missing", "no detection of the followed person"),
+    ("not chosen", "of the missing: no person detected in this view matches the other cameras"),
+    ("left out", "detections below the minimum confidence, or of a joint without a position"),
+    ("down-weighted", f"detections used with a weight below {DOWN_WEIGHTED:g}, including the rejected ones"),
     (
         "rejected",
-        f"detections used whose weight is below {sk.REJECTED_WEIGHT:g}: they hardly pull on the pose",
+        f"detections used with a weight below {sk.REJECTED_WEIGHT:g}, which hardly affect the pose",
     ),
     ("weight", MEANINGS["mean_weight"]),
     ("swapped", MEANINGS["swapped"]),
 )
 _OF_JOINTS = (
-    ("views used", "views whose detection is used and not rejected: median over the frames (least)"),
+    ("views used", "views with a detection that is used and not rejected: median over the frames (lowest)"),
     ("error bar [mm]", "standard deviation of the joint per axis: median over the frames (largest)"),
     ("moved [mm]", "median distance of the refined joint from its start"),
 )
@@ -60,7 +60,7 @@ def write_html(run: Run, path: Path) -> None:
     data = page.ReportData(
         title="SkelSplat" if source is None else f"SkelSplat: {Path(source).name}",
         facts=facts_of(run.report),
-        distrust=[finding.text for finding in run.findings],
+        warnings=[finding.text for finding in run.findings],
         notes=_notes(run),
         numbers=[page.KeyNumber(*number) for number in key_numbers(run)],
         sequence=_sequence(run),
@@ -107,7 +107,7 @@ def _text(value: str) -> str:
 
 
 def camera_shapes(rig: sk.CameraRig) -> page.CameraShapes:
-    """Return where the cameras stand and the rays to the corners of their images, in mm."""
+    """Return the positions of the cameras and the rays to the corners of their images, in mm."""
     from skelsplat.viz import report as page  # as in write_html
 
     corners = []
@@ -126,14 +126,14 @@ def facts_of(report: dict[str, Any]) -> list[tuple[str, str]]:
     """Return what was read and how, as (name, value)."""
     source, errors = report["input"], report["reprojection_error"]
     first, last, rate = source["first_frame"], source["last_frame"], source["frame_rate_hz"]
-    span = f"{source['frames']:,}, {first} to {last}" if source["frames"] > 1 else f"1, number {first}"
+    span = f"{source['frames']:,}, {first} to {last}" if source["frames"] > 1 else f"1, frame {first}"
     files = [("calibration", f"{source['calibration']}"), ("detections", _detections(source))]
     return [
         *(files if source["calibration"] is not None else []),
         ("layout", f"{source['layout']}, {len(errors['joints'])} joints"),
         ("cameras", str(len(errors["cameras"]))),
         ("frames", span),
-        ("rate", "not given" if rate is None else f"{rate:g} per second"),
+        ("frame rate", "unknown" if rate is None else f"{rate:g} per second"),
         ("preset", report["preset"]),
         ("unit of the calibration", source["unit"]),
         ("skelsplat", report["versions"]["skelsplat"]),
@@ -153,7 +153,7 @@ def key_numbers(run: Run) -> list[tuple[str, str, str]]:
         (
             "median reprojection error",
             f"{_number(total.before_px)} → {_number(total.after_px)} px",
-            "before → refined",
+            "start → refined",
         ),
         ("detections rejected", _share(total.rejected, total.used), f"of {total.used:,} used"),
         (
@@ -172,17 +172,17 @@ def key_numbers(run: Run) -> list[tuple[str, str, str]]:
 
 def _notes(run: Run) -> list[str]:
     note, rate = run.report["note"], run.poses.frame_rate
-    speed = "" if rate is not None else " The frame rate is not known; 1 × plays 30 frames per second."
+    speed = "" if rate is not None else " The frame rate is unknown: speed 1 × plays 30 frames per second."
     return [
         *([note] if note else []),
         *run.poses.processing,
-        f"Before is the {run.outcome.start_name}; refined is what the pose files hold. Reprojection errors "
-        "are distances from the detections used, px of the original images: agreement with them, not "
-        "accuracy.",
-        f"Weight: how much a detection is trusted, 0 to 1; down-weighted below {DOWN_WEIGHTED:g}, rejected "
-        f"below {sk.REJECTED_WEIGHT:g}. Error bar: one standard deviation per axis.",
-        f"The 3D view is in metres of the calibration's world; ellipsoids are drawn at two standard "
-        f"deviations, and hollow joints are not ok.{speed}",
+        f"The start is the {run.outcome.start_name}; the refined poses are those in the pose files. "
+        "Reprojection errors are distances from the detections used, in pixels of the original images: they "
+        "measure agreement with the detections, not accuracy.",
+        f"Weight: how much each detection is trusted, from 0 to 1; down-weighted below {DOWN_WEIGHTED:g}, "
+        f"rejected below {sk.REJECTED_WEIGHT:g}. Error bar: one standard deviation per axis.",
+        "The 3D view is in metres, in the axes of the calibration; ellipsoids are drawn at two standard "
+        f"deviations, and joints that are weak, filled or unobserved are hollow.{speed}",
     ]
 
 
@@ -220,7 +220,7 @@ def _lines(run: Run) -> list[page.TimeLine]:
             beside=frame_medians(statistics.error_before),
             beside_name=run.outcome.start_name,
         ),
-        TimeLine("Noise of the detections, estimated", "mm", noise),
+        TimeLine("Estimated noise of the detections", "mm", noise),
         TimeLine("Detections rejected", "", statistics.rejected.sum(axis=(1, 2)).astype(float), peaks=True),
         TimeLine("Detections with left and right exchanged", "", swapped.astype(float), peaks=True),
         TimeLine("Largest error bar", "mm", bars, peaks=True),

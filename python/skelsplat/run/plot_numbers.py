@@ -32,7 +32,7 @@ class LimbLength:
     lengths : (T,)
         In mm; NaN where an end is unknown.
     sure : (T,)
-        Where both ends are known and neither is weakly seen or filled; the numbers count these frames.
+        Where both ends are known and neither is weak or filled; the numbers count these frames.
     """
 
     name: str

@@ -39,7 +39,7 @@ _PER_FRAME = tuple(
 # Without a choice of joints: the ends of the limbs, where errors show first, or else so many of the first.
 _DISTAL, _FEW = ("wrist", "ankle"), 4
 _SPREAD = "Median ± standard deviation over the frames (in brackets: part of the median). Dashed: median."
-_PALE = "Pale, not counted, and cut off where far away: frames in which an end is weakly seen or filled."
+_PALE = "Pale, not counted, and cut off where far away: frames in which an end is weak or filled."
 _EQUAL = (
     "The refinement kept {which} nearly equal left and right, so that their difference is no finding; "
     "refine with --symmetry-tier 0 to study it."

@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from skelsplat.run.summary import Group
 
 MEANINGS = {
-    "missing": "no detection of the person who is followed: not detected, or not_chosen",
-    "not_chosen": "missing, though somebody is detected in this view and another: here nobody who fits",
-    "mean_weight": "mean weight k of the detections used, 0 to 1: how much they are trusted",
-    "down_weighted": "detections used whose weight is below down_weighted_below, the rejected among them",
-    "rejected": "detections used whose weight is below rejected_below: they hardly pull on the pose",
-    "swapped": "detections taken for the joint on the other side of the body",
-    "views_used": "views per frame whose detection of the joint is used and not rejected, of all cameras",
+    "missing": "no detection of the followed person: not detected, or not_chosen",
+    "not_chosen": "missing although people are detected in this view: none of them matches the other cameras",
+    "mean_weight": "mean weight k of the detections used: how much each is trusted, from 0 to 1",
+    "down_weighted": "detections used with a weight below down_weighted_below, including the rejected ones",
+    "rejected": "detections used with a weight below rejected_below, which hardly affect the pose",
+    "swapped": "detections assigned to the joint on the other side of the body",
+    "views_used": "views per frame with a detection of the joint that is used and not rejected",
     "noise": "standard deviation of the detections' noise, estimated, median over the frames",
     "error_bar": "standard deviation of a joint: root mean square over the axes of the posterior covariance",
     "start": "what before_px and moved are measured from: the initial pose if one was given, else DLT",

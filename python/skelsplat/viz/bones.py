@@ -167,7 +167,7 @@ def _write(
 def in_words(bone: Bone) -> str:
     """Return the median and the standard deviation of a limb in words."""
     if not np.isfinite(bone.median):
-        return "never sure" if np.isfinite(bone.lengths).any() else ""
+        return "no reliable frame" if np.isfinite(bone.lengths).any() else ""
     if not np.isfinite(bone.deviation):
         return f"{_three_figures(bone.median)} mm"
     share = f" ({_three_figures(100 * bone.deviation / bone.median)} %)" if bone.median > 0 else ""

@@ -123,7 +123,7 @@ def _draw_panel(axes: Axes, row: HeatmapRow, window: Window, skeleton: Skeleton,
     axes.set_ylabel("v [px]")
     _style.tidy(axes)
     error = (
-        f"median {row.median_error_px:.1f} px off" if np.isfinite(row.median_error_px) else "no detections"
+        f"median error {row.median_error_px:.1f} px" if np.isfinite(row.median_error_px) else "no detections"
     )
     axes.set_title(f"{row.name}, rendering\n{error}" if rendered else f"{row.name}, pseudo\nground truth")
 

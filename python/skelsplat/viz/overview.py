@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 _BODY_IN = 9.0  # the body and the errors, with their legend
 _HEADER_IN = 0.75  # of the cameras: their heading and legend
 _ERRORS_LEFT_IN, _ERRORS_WIDTH_IN = 10.15, 3.57
+_CAPTION_LETTERS, _LINE_IN = 135, 0.25  # letters of a line, and its height
 _MOST_NUMBERS = 8  # cameras for which the numbers fit between the bars
 
 
@@ -77,20 +79,21 @@ def write_overview(path: str | os.PathLike[str], data: OverviewData, *, skeleton
     panels = choose_panels(data.panels)
     heights = panel_heights(panels)
     below = space_of(heights) + _HEADER_IN if panels else 0.0
-    figure = _style.new_figure(_BODY_IN + below)
+    caption = textwrap.wrap(data.caption, _CAPTION_LETTERS)
+    figure = _style.new_figure(_BODY_IN + _LINE_IN * (len(caption) - 1) + below)
     draw_body(figure, data.body, skeleton, below + 1.26)
     box = _style.box(figure, _ERRORS_LEFT_IN, below + 5.04, _ERRORS_WIDTH_IN, 3.06)
     _draw_cameras(figure.add_axes(box), data.error_before, data.error_after, data.camera_names)
     box = _style.box(figure, _ERRORS_LEFT_IN, below + 1.26, _ERRORS_WIDTH_IN, 2.7)
     _draw_distribution(figure.add_axes(box), data.error_before, data.error_after, data.start)
-    _text(figure, 0.25, below + 8.75, data.caption)
+    _text(figure, 0.25, figure.get_figheight() - 0.25, "\n".join(caption))
     _legend(figure, 0.7, below + 0.48, _body_entries(data.body, data.start, skeleton))
     if panels:
         draw_panels(figure, panels, heights, skeleton, 0.1)
         shown = (
             f"{len(panels)} of {len(data.panels)} cameras" if len(panels) < len(data.panels) else "Cameras"
         )
-        _text(figure, 0.25, below - 0.08, f"{shown}, the same frame, cut to the person")
+        _text(figure, 0.25, below - 0.08, f"{shown}, same frame, cropped to the person")
         _legend(figure, 0.2, below - 0.3, _panel_entries(panels))
     return _style.save_png(figure, path)
 

@@ -1,4 +1,4 @@
-"""``weights.png``: how far the detections are believed, camera by joint and camera by frame."""
+"""``weights.png``: how much the detections are trusted, camera by joint and camera by frame."""
 
 from __future__ import annotations
 
@@ -83,8 +83,8 @@ def write_weights(path: str | os.PathLike[str], data: WeightData) -> Path:
     figure.text(
         0.25 / _style.SCREEN.width_in,
         1 - 0.2 / figure.get_figheight(),
-        f"Mean weight of the detections, all frames: 1 believed, below {data.rejected_below:g} rejected, "
-        "grey without a detection",
+        f"Mean weight of the detections, all frames: 1 trusted, below {data.rejected_below:g} rejected, "
+        "grey: no detection",
         fontsize=_style.SCREEN.title_pt,
         va="top",
     )

@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 from skelsplat._skelsplat import project
 from skelsplat.cameras import CameraRig
 from skelsplat.datasets._detections import Wanted, as_detections
-from skelsplat.datasets._files import as_numbers, load_pickle, numbers, require, shape_of, within
+from skelsplat.datasets._files import Survey, as_numbers, load_pickle, numbers, require, shape_of, within
 from skelsplat.datasets._model import FloatArray, Take
-from skelsplat.datasets._places import Wishes
 from skelsplat.datasets._rig import build_rig
 from skelsplat.datasets._verify import body_size, is_human
 from skelsplat.datasets.human36m._actions import NUMBERED
@@ -67,14 +66,10 @@ def read(root: Path, options: Options, reading: Reading) -> None:
     reading.takes += with_separate(takes, options, reading)
 
 
-def survey(root: Path, options: Options) -> Wishes:
-    """Look for the files that `read` opens."""
-    wishes = Wishes()
+def survey(root: Path, options: Options, found: Survey) -> None:
+    """Look for the files that `read` opens, apart from `options.detections`."""
     for path in _paths(root, options):
-        wishes.look([path], "the annotations")
-    if options.detections is not None:
-        wishes.look([options.detections], "the detections")
-    return wishes
+        found.look([path], "the annotations")
 
 
 def _paths(root: Path, options: Options) -> list[Path]:

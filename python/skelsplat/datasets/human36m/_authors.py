@@ -16,9 +16,8 @@ import numpy as np
 
 from skelsplat.cameras import CameraRig
 from skelsplat.datasets._detections import detector_name, first_key, load_poses, poses_file, read_folder
-from skelsplat.datasets._files import FloatArray, numbers
+from skelsplat.datasets._files import FloatArray, Survey, numbers
 from skelsplat.datasets._model import Take
-from skelsplat.datasets._places import Wishes
 from skelsplat.datasets.human36m._cameras import CAMERAS, find_cameras, read_rig
 from skelsplat.datasets.human36m._options import (
     Options,
@@ -64,32 +63,28 @@ def read(root: Path, options: Options, reading: Reading) -> None:
     reading.takes += [_with_monocular(take, root, options.monocular) for take in takes]
 
 
-def survey(root: Path, options: Options) -> Wishes:
-    """Look for the files that `read` opens."""
-    wishes = Wishes()
-    wishes.look([find_cameras(root, options.cameras)], "the cameras")
+def survey(root: Path, options: Options, found: Survey) -> None:
+    """Look for the files that `read` opens, apart from `options.detections`."""
+    found.look([find_cameras(root, options.cameras)], "the cameras")
     detectors = _detectors(root)
-    if options.detections is not None:
-        wishes.look([options.detections], "the detections")
-    elif options.detector is not None or not detectors:
+    if options.detections is None and (options.detector is not None or not detectors):
         name = options.detector or "<detector>"
-        wishes.look([detectors.get(name, root / f"2d_{name}")], "a folder of detections")
+        found.look([detectors.get(name, root / f"2d_{name}")], "a folder of detections")
     detector = None if options.detections else options.detector or choose_detector(detectors, None, root)
     subjects = options.subjects or [path.name for path in _folders(root / _TRUTH)]
     for subject in subjects:
-        wishes.look([root / _TRUTH / subject], f"the truth of {subject}")
+        found.look([root / _TRUTH / subject], f"the truth of {subject}")
         for folder in _folders(root / _TRUTH / subject):
-            wishes.look([folder / "poses.npz", folder / "poses.json"], "the truth of a take")
+            found.look([folder / "poses.npz", folder / "poses.json"], "the truth of a take")
             if detector in detectors:
-                _survey_detections(wishes, detectors[detector] / subject / folder.name)
-    return wishes
+                _survey_detections(found, detectors[detector] / subject / folder.name)
 
 
-def _survey_detections(wishes: Wishes, folder: Path) -> None:
+def _survey_detections(found: Survey, folder: Path) -> None:
     if poses_file(folder) is not None or not folder.is_dir():
         return  # together in one file, or a take that the detector leaves out
     for name in CAMERAS:
-        wishes.look([folder / name / "poses.npz", folder / name / "poses.json"], f"detections of {name}")
+        found.look([folder / name / "poses.npz", folder / name / "poses.json"], f"detections of {name}")
 
 
 def _folders(path: Path) -> list[Path]:

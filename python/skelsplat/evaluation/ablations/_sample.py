@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 import skelsplat as sk
 from skelsplat.datasets import Dataset, Take
-from skelsplat.datasets._views import with_views
 from skelsplat.evaluation.methods import without_lens
 from skelsplat.evaluation.protocols import Protocol
 from skelsplat.exceptions import InvalidInputError
@@ -109,7 +108,7 @@ class Sample:
 
     def first_views(self, count: int) -> Sample:
         """Return the sample with the first `count` cameras of every rig, the only ones to estimate poses."""
-        some = tuple(replace(g, poses=with_views(g.poses, range(count))) for g in self.groups)
+        some = tuple(replace(g, poses=g.poses.with_views(range(count))) for g in self.groups)
         return replace(self, groups=some)
 
     def head(self, poses: int) -> Sample:

@@ -15,14 +15,13 @@ R and t are world → camera, x_c = R x_w + t, K and size are pixels, distortion
 
 from __future__ import annotations
 
-import io
 import json
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._files import DAMAGED_NPZ
+from skelsplat.io._arrays import load_plain_npz
 from skelsplat.io.calibration._fields import Entry
 from skelsplat.io.calibration._raw import CalibrationFormat, Parsed, RawCamera
 
@@ -36,6 +35,7 @@ if TYPE_CHECKING:
 _MARK = "skelsplat-calibration"
 _VERSION = 1
 _UNITS = ("mm", "cm", "m")
+_NPZ_KIND = "an npz archive of plain arrays"
 _NPZ_REQUIRED = ("K", "R", "t", "size", "names", "unit")
 
 
@@ -95,24 +95,15 @@ def to_json(rig: sk.CameraRig) -> str:
 
 
 def _is_npz(source: Source) -> bool:
-    return source.suffix == ".npz" and not source.is_folder and {"K", "R", "t"} <= set(_load(source))
-
-
-def _load(source: Source) -> dict[str, Any]:
-    """Arrays of an npz by name; nothing in it is unpickled."""
-    try:
-        content = io.BytesIO(source.path.read_bytes())
-        with np.load(content, allow_pickle=False) as archive:
-            return {name: archive[name] for name in archive.files}
-    except OSError as error:
-        reason = (error.strerror or "no npz archive").lower()
-        raise DatasetError(source.path, "file", "a readable npz archive", reason) from error
-    except (ValueError, AttributeError, *DAMAGED_NPZ) as error:
-        raise DatasetError(source.path, "file", "an npz archive of plain arrays", str(error)) from error
+    return (
+        source.suffix == ".npz"
+        and not source.is_folder
+        and {"K", "R", "t"} <= set(load_plain_npz(source.path, _NPZ_KIND))
+    )
 
 
 def _parse_npz(source: Source, options: Options) -> Parsed:  # noqa: ARG001
-    arrays = _load(source)
+    arrays = load_plain_npz(source.path, _NPZ_KIND)
     missing = [name for name in _NPZ_REQUIRED if name not in arrays]
     if missing:
         raise DatasetError(

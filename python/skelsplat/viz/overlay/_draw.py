@@ -39,7 +39,7 @@ class OverlayFrame:
     detections : (N, 2)
         As the detector gave them.
     weights : (N,)
-        How far each detection is believed, in [0, 1]; NaN for one that was not used.
+        How much each detection is trusted, in [0, 1]; NaN for one that was not used.
     swapped : (N,) bool
         Detections that were taken for the joint on the other side of the body.
     before : (N, 2)

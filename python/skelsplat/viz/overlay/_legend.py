@@ -74,9 +74,9 @@ def _entries(sizes: Sizes, shown: Shown) -> list[Entry]:
         entries += [
             (name, _limb(_look.bgr(colour), sizes, solid=True)) for name, colour in _style.SIDES.items()
         ]
-        entries.append(("weak", _hollow(sizes)))
+        entries.append(("weak or filled", _hollow(sizes)))
     if shown.ellipses:
-        entries.append((f"{SIGMAS:g}σ of the error", _ellipse(sizes)))
+        entries.append((f"error ellipse, {SIGMAS:g} σ", _ellipse(sizes)))
     if shown.before:
         entries.append(("start", _limb(_look.BEFORE, sizes, solid=False)))
     if shown.detections:
@@ -84,7 +84,7 @@ def _entries(sizes: Sizes, shown: Shown) -> list[Entry]:
             (f"detection, weight {shown.rejected_below:g} to 1", _weights(shown.rejected_below, sizes)),
             ("rejected", _detection(0.0, sizes, rejected=True)),
             ("not used", _detection(np.nan, sizes)),
-            ("sides exchanged", lambda image, at: draw_swapped(image, at, sizes)),
+            ("left and right exchanged", lambda image, at: draw_swapped(image, at, sizes)),
         ]
     return entries
 

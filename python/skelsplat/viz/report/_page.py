@@ -33,8 +33,8 @@ _PROGRAMS = ("decode.js", "body.js", "view.js", "charts.js", "player.js")
 def write_report(path: str | os.PathLike[str], data: ReportData) -> Path:
     """Write a report as one HTML file that needs no network, whole or not at all.
 
-    plotly.js is 4.8 MB of it; a sequence takes 33 bytes per joint and frame. Longer ones than
-    `_scene.MOST_POSITIONS` are thinned out, which the page then says.
+    plotly.js is 4.8 MB of it; a sequence takes 33 bytes per joint and frame. One of more
+    than `_scene.MOST_POSITIONS` is thinned out, and the page says so.
 
     Raises
     ------
@@ -64,8 +64,8 @@ def build_page(data: ReportData) -> str:
         title=escape(data.title),
         style=_resource("style.css"),
         facts=_html.facts_line(data.facts),
-        distrust=_html.distrust(data.distrust),
-        distrust_kind="doubts" if data.distrust else "quiet",
+        warnings=_html.warnings(data.warnings),
+        warnings_kind="loud" if data.warnings else "quiet",
         notes=_html.notes([*data.notes, *_thinned(len(sequence.frames), len(places), every)]),
         numbers=_html.tiles(data.numbers),
         cameras=_html.table(data.cameras),
@@ -73,6 +73,7 @@ def build_page(data: ReportData) -> str:
         meanings=_html.meanings(data.joints),
         problems=_html.problems(data.problems),
         start=escape(sequence.start_name),
+        hollow=_html.hollow_key(sequence.status),
         plotly=programs[0],
         program=programs[1],
         data=_json(content),
@@ -120,9 +121,9 @@ def _thinned(count: int, shown: int, every: int) -> list[str]:
     if shown == count:
         return []
     return [
-        f"Of {count:,} frames the 3D view and the time lines have {shown:,}: one in {every}, and frames with "
-        "a problem. Time lines of counts and of largest values keep the highest between two of them. Tables "
-        "and heat map are of all frames."
+        f"Of {count:,} frames, the 3D view and the curves show {shown:,}: one in {every}, and frames with a "
+        "problem. Curves of counts and of largest values keep the highest value between two of them. Tables "
+        "and heat map cover all frames."
     ]
 
 

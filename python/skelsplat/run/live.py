@@ -1,12 +1,18 @@
-"""The lines of ``skelsplat live``: detections from JSON, poses to JSON."""
+"""Refinement over lines of JSON, detections in and poses out, in the form that ``live --help`` describes.
+
+>>> session = Session(rig, layout, sk.RefineConfig(n_threads=1))  # doctest: +SKIP
+>>> session.answer(b'{"frame": 7, "detections": [[[812.5, 400.1, 0.9], ...], ...]}')  # doctest: +SKIP
+"""
 
 from __future__ import annotations
 
 import json
+import time
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+import skelsplat as sk
 from skelsplat.io.poses import to_json
 
 if TYPE_CHECKING:
@@ -14,11 +20,9 @@ if TYPE_CHECKING:
 
     import numpy.typing as npt
 
-    import skelsplat as sk
-
     Array = npt.NDArray[np.float64]
 
-
+_PERCENTILES = (50, 90, 99, 99.9)
 # more than any detector's score: a pixel in its place
 _NO_SCORE = 100.0
 # characters of a line that a message shows
@@ -26,7 +30,63 @@ _SHOWN = 40
 
 
 class MalformedLineError(Exception):
-    """What a line should have held and what it holds."""
+    """A line that cannot be answered: what was expected in it, and what it has."""
+
+
+class Session:
+    """A refiner with its latencies: one line in, one line out.
+
+    Parameters
+    ----------
+    rig, layout, config
+        As for `skelsplat.Refiner`.
+    """
+
+    def __init__(self, rig: sk.CameraRig, layout: sk.Layout, config: sk.RefineConfig) -> None:
+        self._refiner = sk.Refiner(rig, layout=layout, config=config)
+        self._size = (len(rig), layout.n_joints)
+        self._latencies_ms: list[float] = []
+        self._skipped = 0
+        self._begun = self._ended = 0.0
+
+    def answer(self, line: bytes) -> bytes | None:
+        """Return the line that answers ``line``, None for a blank one.
+
+        Raises
+        ------
+        MalformedLineError
+            If the line is malformed; it is counted as skipped.
+        """
+        begin = time.perf_counter()
+        try:
+            frame = parse_line(line, *self._size)
+            if frame is None:
+                return None
+            if frame.reset:
+                self._refiner.reset()
+            text = answer_text(frame, self._refiner.step(frame.detections))
+        except sk.SkelSplatError as error:
+            self._skipped += 1
+            raise MalformedLineError(str(error)) from error
+        except MalformedLineError:
+            self._skipped += 1
+            raise
+        self._ended = time.perf_counter()
+        self._begun = self._begun or begin
+        self._latencies_ms.append(1000.0 * (self._ended - begin))
+        return f'{text}, "latency_ms": {self._latencies_ms[-1]:.4f}}}\n'.encode()
+
+    def summary(self) -> str:
+        """Return how many lines were answered and skipped, how fast, and the percentiles of the latency."""
+        count = len(self._latencies_ms)
+        answered = f"lines answered {count}, skipped {self._skipped}"
+        if not count:
+            return answered
+        values = np.percentile(self._latencies_ms, _PERCENTILES)
+        parts = [f"{share:g}% {value:.3f}" for share, value in zip(_PERCENTILES, values, strict=True)]
+        rate = count / max(self._ended - self._begun, 1e-9)
+        longest = f"longest {max(self._latencies_ms):.3f}"
+        return f"{answered}; {rate:.0f} per second; latency in ms: {', '.join(parts)}, {longest}"
 
 
 class Frame(NamedTuple):

@@ -1,4 +1,4 @@
-"""CSV files, with the package's errors."""
+"""JSON and csv files of detections: the whole content, or a look at the beginning that tells the format."""
 
 from __future__ import annotations
 
@@ -6,13 +6,28 @@ import csv
 from typing import TYPE_CHECKING
 
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._files import read_text
-from skelsplat.io.detections._json import json_head
+from skelsplat.io._fields import Field
+from skelsplat.io._files import load_json, read_text
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+_HEAD = 65_536  # bytes
 _FIELDS = "comma-separated fields, every quote closed"
+
+
+def json_document(path: Path, document: str) -> Field:
+    """Return what a JSON file holds; `document` says what it should be, for messages."""
+    return Field(path, "", load_json(path, read_text(path), document))
+
+
+def head(path: Path) -> str:
+    """Return the first characters of a file; none if it cannot be read."""
+    try:
+        with path.open("rb") as stream:
+            return stream.read(_HEAD).decode("utf-8-sig", errors="replace").lstrip()
+    except OSError:
+        return ""
 
 
 def csv_lines(path: Path) -> list[list[str]]:
@@ -35,15 +50,15 @@ def csv_lines(path: Path) -> list[list[str]]:
 
 
 def csv_header(path: Path) -> list[str]:
-    """Return the fields of the first line, to tell a file's format; none if it cannot be read."""
+    """Return the fields of the first line; none if it cannot be read."""
     try:
-        return next(csv.reader(json_head(path).splitlines()[:1]), [])
+        return next(csv.reader(head(path).splitlines()[:1]), [])
     except csv.Error:
         return []
 
 
 def _told(error: csv.Error, further_lines: int) -> tuple[str, str]:
-    """Say what is expected of a line and what is there; only an open quote makes a line go on."""
+    """Return what is expected of a line and what is there; only an open quote makes a line go on."""
     if further_lines or "unexpected end" in str(error):
         return _FIELDS, "a quote that is not closed in this line"
     if "limit" in str(error):
