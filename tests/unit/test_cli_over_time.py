@@ -11,8 +11,8 @@ import pytest
 
 from command_line import READ, assert_fails, invoke
 from skelsplat import temporal
-from skelsplat.cli import _run
 from skelsplat.io import read_c3d, read_json, read_netcdf, read_npz, read_trc
+from skelsplat.run import _run
 
 FPS = ["--fps", "50", "-q"]
 
@@ -232,5 +232,5 @@ def test_bad_usage_is_status_2(recording, arguments, extra, parts):
 def test_a_missing_package_is_status_1_before_the_work(arguments, monkeypatch, extra, modules, package):
     for module in modules:
         monkeypatch.setitem(sys.modules, module, None)
-    monkeypatch.setattr(_run, "_refine_with_bar", lambda *_, **__: pytest.fail("it refined"))
+    monkeypatch.setattr(_run, "refine_inputs", lambda *_, **__: pytest.fail("it refined"))
     assert_fails(invoke(*arguments, *READ, *extra), 1, f"pip install 'skelsplat[{package}]'")

@@ -40,8 +40,8 @@ def _no_match(finding: Finding) -> str:
     one = len(finding.subject.cameras) == 1
     return (
         f"In {listed(finding.subject.cameras)}, no person detected matches the other cameras, in {frames} of "
-        f"the frames in which {'it' if one else 'they'} and others detect a person: exchanged cameras, a wrong "
-        f"calibration, unsynchronised video, or other people? {_LOOK}{_leaves_out(finding)}."
+        f"the frames in which {'it' if one else 'they'} and others detect a person: exchanged cameras, a "
+        f"wrong calibration, unsynchronised video, or other people? {_LOOK}{_leaves_out(finding)}."
     )
 
 
@@ -58,10 +58,11 @@ def _disagrees(finding: Finding) -> str:
     theirs = f"those of {', '.join(compared)}" if compared else "theirs"
     side = f"Its detections lie {to_one_side(numbers)}. " if "shift_px" in numbers else ""
     return (
-        f"{finding.subject.cameras[0]} disagrees with the other cameras: {percent(numbers['rejected_share'])} "
-        f"of its detections are rejected, {percent(numbers['others_rejected_share'])} of {theirs}, and its "
-        f"mean weight is {numbers['mean_weight']:.2f}. {side}The pose follows the others: check this camera's "
-        f"calibration and timing, and what it can see. {_LOOK}{_leaves_out(finding)}."
+        f"{finding.subject.cameras[0]} disagrees with the other cameras: "
+        f"{percent(numbers['rejected_share'])} of its detections are rejected, "
+        f"{percent(numbers['others_rejected_share'])} of {theirs}, and its mean weight is "
+        f"{numbers['mean_weight']:.2f}. {side}The pose follows the others: check this camera's calibration "
+        f"and timing, and what it can see. {_LOOK}{_leaves_out(finding)}."
     )
 
 
@@ -91,8 +92,8 @@ def _displaced(finding: Finding) -> str:
     where = to_one_side(numbers)
     if numbers["cameras"] == 2:
         return (
-            f"The calibration or timing of one of the two cameras looks wrong: {name}'s detections lie {where}. "
-            f"It is impossible to tell which is wrong; skelsplat {_LOOK}."
+            f"The calibration or timing of one of the two cameras looks wrong: {name}'s detections lie "
+            f"{where}. It is impossible to tell which is wrong; skelsplat {_LOOK}."
         )
     other = ", or that of another of the three" if numbers["cameras"] == 3 else ""
     whose = f"{name}'s" if other else "its"
@@ -104,11 +105,12 @@ def _displaced(finding: Finding) -> str:
 
 def _apart(finding: Finding) -> str:
     shares = zip(finding.subject.cameras, finding.numbers["share_of_frames"], strict=True)
+    where = ", ".join(f"{name} in {percent(share)}" for name, share in shares)
     return (
         f"In {percent(finding.numbers['any_share_of_frames'])} of the frames, the detections of a camera lie "
-        f"far from the pose as a whole ({', '.join(f'{name} in {percent(share)}' for name, share in shares)}). "
-        "The cameras show different people or different moments there, or a calibration is wrong: look at "
-        "these frames; skelsplat check-cameras looks for a cause in the cameras."
+        f"far from the pose as a whole ({where}). The cameras show different people or different moments "
+        "there, or a calibration is wrong: look at these frames; skelsplat check-cameras looks for a cause "
+        "in the cameras."
     )
 
 
@@ -169,7 +171,9 @@ def _frames(numbers: list[int]) -> str:
 def _mixed(finding: Finding) -> str:
     numbers, person = finding.numbers, finding.numbers["person"]
     if "different_people_share" in numbers:
-        fault = f"the views show different people in {percent(numbers['different_people_share'])} of the frames"
+        fault = (
+            f"the views show different people in {percent(numbers['different_people_share'])} of the frames"
+        )
     else:
         steps = f"{numbers['changes']:,} of {numbers['steps']:,} steps from frame to frame"
         fault = f"it changes to another person in {steps}"
@@ -210,8 +214,8 @@ def _lengths(finding: Finding) -> str:
         "check-cameras looks for a cause in the cameras"
     )
     return (
-        f"Limb lengths vary by up to {percent(numbers['relative_range'])} over the recording; a body's do not. "
-        f"{a} to {b} is {low:,.0f} to {high:,.0f} mm long (5th to 95th percentile), and "
+        f"Limb lengths vary by up to {percent(numbers['relative_range'])} over the recording; a body's do "
+        f"not. {a} to {b} is {low:,.0f} to {high:,.0f} mm long (5th to 95th percentile), and "
         f"{percent(numbers['off_share'])} of the lengths of arms and legs are off by more than error bars "
         f"explain. {cause}."
     )

@@ -16,12 +16,14 @@ import skelsplat as sk
 from skelsplat.cli import _calibration as calibration
 from skelsplat.cli import options
 from skelsplat.cli._calibration import CalibrationOptions
-from skelsplat.cli._reading import leave_out, named_offsets, read_found, reading, refuse_reading
+from skelsplat.cli._reading import reading, refuse_reading
 from skelsplat.cli._remedies import Remedies
 from skelsplat.cli.options import one_of
 from skelsplat.cli.output import print_json
 from skelsplat.findings import collected_warnings
+from skelsplat.io.detections import read_detections
 from skelsplat.rig_check import Finding, RigReport, check_rig
+from skelsplat.run.read import leave_out, named_offsets
 
 if TYPE_CHECKING:
     from skelsplat.io import DetectionSet
@@ -106,9 +108,11 @@ def check_cameras(
     }
     read = CalibrationOptions(unit, calibration_format, camera_type, subject, size, binning)
     with collected_warnings() as warnings:
-        every = read.read(source, format_option="--calibration-format")
+        every = read.read(source)
         rig = leave_out(every, tuple(without or ()))
-        found = None if detections is None else read_found(detections, every, without=without or (), **given)
+        found = (
+            None if detections is None else read_detections(detections, every, without=without or (), **given)
+        )
         report = (
             check_rig(rig)
             if found is None

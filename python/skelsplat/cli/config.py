@@ -20,6 +20,7 @@ from typer.core import TyperCommand
 
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._files import parse_toml, read_text
+from skelsplat.run.job import IncompleteJobError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -35,6 +36,10 @@ _HELP = (
 _WITH_COMMAS = ("A,B,…", "FORMATS", "FIGURES")
 _WORDS = {bool: "true or false", int: "a whole number", float: "a number", Path: "a path, as text"}
 _MOST_CHARACTERS = 40
+
+
+# Arguments whose parameter of a command has another name.
+_SPELT = {"offsets": "offset", "mapping": "joint_map", "init_sigma_mm": "init_sigma"}
 
 
 class Application(typer.Typer):
@@ -75,11 +80,18 @@ class ConfiguredCommand(TyperCommand):
             return super().invoke(ctx)
         except InvalidInputError as error:
             name, _, message = str(error).partition(": ")
-            spelt = [opt for param in self.params if param.name == name != _NAME for opt in param.opts]
-            options = [option for option in spelt if option.startswith("--")]
-            if not options:
+            option = self._option(name)
+            if option is None:
                 raise
-            raise typer.BadParameter(message, ctx=ctx, param_hint=options[0]) from error
+            if isinstance(error, IncompleteJobError):
+                message = f"requires {self._option(error.requires)}"
+            raise typer.BadParameter(message, ctx=ctx, param_hint=option) from error
+
+    def _option(self, argument: str) -> str | None:
+        """Return the option that stands for an argument of the package."""
+        name = _SPELT.get(argument, argument)
+        spelt = [opt for param in self.params if param.name == name != _NAME for opt in param.opts]
+        return next((option for option in spelt if option.startswith("--")), None)
 
 
 def origin(context: Any, label: str) -> str:

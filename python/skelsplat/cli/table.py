@@ -128,7 +128,8 @@ def _lines(run: Run) -> Iterator[str]:
     cores = f"{threads} thread{'s' * (threads != 1)}"
     yield f"{frames} frames of {joints} joints, {each:.{2 if each < 1 else 1}f} ms each ({cores})."
     yield f"Frames stopped: {reasons}."
-    yield f"The median joint is {_number(finite_median(statistics.moved_mm))} mm from the {outcome.start_name}."
+    moved = _number(finite_median(statistics.moved_mm))
+    yield f"The median joint is {moved} mm from the {outcome.start_name}."
     yield (
         f"Noise of the detections, estimated: {_number(statistics.noise_mm)} mm across the ray, "
         f"{_number(statistics.noise_px)} px."

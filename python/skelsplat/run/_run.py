@@ -110,7 +110,7 @@ class Run:
             If a file is missing or malformed, or the files do not belong to one run.
         """
         found = read_run(folder)
-        report, source = found.report, found.report["input"]
+        report = found.report
         given = report.get("start") == "initial pose"
         inputs = Inputs(
             found.rig,
@@ -122,7 +122,9 @@ class Run:
             fps=found.poses.frame_rate,
         )
         preset = sk.RefineConfig.paper if report["preset"] == "paper" else sk.RefineConfig
-        outcome = Outcome.of(_refinement(found.poses), preset(**report["settings"]), inputs, report["timing"]["refine_s"])
+        outcome = Outcome.of(
+            _refinement(found.poses), preset(**report["settings"]), inputs, report["timing"]["refine_s"]
+        )
         statistics = summarise(inputs, outcome).with_groups_of(report["reprojection_error"])
         findings, frame_findings = (
             tuple(Finding.from_dict(entry) for entry in report[key]) for key in ("findings", "frame_findings")
@@ -183,7 +185,7 @@ class Run:
         write_html(self, Path(path))
 
     def write_figures(self, folder: str | os.PathLike[str]) -> list[str]:
-        """Write ``overview.png`` and ``weights.png``, of the paper's method also ``heatmaps.png``; return names."""
+        """Write ``overview.png``, ``weights.png`` and, for the paper's method, ``heatmaps.png``."""
         with folders.output_folder(Path(folder)):
             return write_figures(self, Path(folder))
 
@@ -196,9 +198,7 @@ class Run:
         one assume 30 frames per second.
         """
         with folders.output_folder(Path(folder)):
-            return folders.write_poses(
-                Path(folder), self.poses, folders.Writing(tuple(formats), **options)
-            )
+            return folders.write_poses(Path(folder), self.poses, folders.Writing(tuple(formats), **options))
 
     def write(
         self,
@@ -289,9 +289,7 @@ def _run(job: Job, progress: Progress | None, tell: Callable[[Finding], None] | 
     return summed_up(inputs, outcome, job, notes)
 
 
-def summed_up(
-    inputs: Inputs, outcome: Outcome, job: Job | None = None, notes: Sequence[Finding] = ()
-) -> Run:
+def summed_up(inputs: Inputs, outcome: Outcome, job: Job | None = None, notes: Sequence[Finding] = ()) -> Run:
     """Count and judge a refined sequence; ``notes`` are findings from before."""
     statistics = summarise(inputs, outcome)
     data = PoseData.from_refinement(
@@ -322,7 +320,8 @@ def _refinement(poses: PoseData) -> sk.Refinement:
     steps = len(poses.pose)
     held = {entry.name: getattr(poses, entry.name, None) for entry in fields(sk.Refinement)}
     unknown = {name: np.full(steps, np.nan) for name in ("loss_render", "loss_symmetry")}
-    return sk.Refinement(**{**held, **unknown, "loss_history": np.empty((steps, 0))})
+    parts: dict[str, Any] = {**held, **unknown, "loss_history": np.empty((steps, 0))}
+    return sk.Refinement(**parts)
 
 
 def _as_batch(result: sk.Refinement) -> sk.Refinement:

@@ -60,9 +60,7 @@ def find_displaced(
     yield Finding("camera_displaced", "warning", Subject(cameras=(names[first],)), numbers, remedy)
 
 
-def shift_of(
-    names: Sequence[str], shifts: Shifts, camera: int, others: Sequence[int] = ()
-) -> dict[str, Any]:
+def shift_of(names: Sequence[str], shifts: Shifts, camera: int, others: Sequence[int] = ()) -> dict[str, Any]:
     """Return how far and where a camera's detections lie beside the pose, and those of ``others``.
 
     A wrong camera pulls the pose to its side, so that others are displaced by it. One that is displaced half

@@ -49,7 +49,7 @@ _BAR_RATIO = 2.0
 def find_findings(
     inputs: Inputs, outcome: Outcome, statistics: Statistics, written: npt.NDArray[np.str_]
 ) -> list[Finding]:
-    """Return findings on people, on cameras that disagree and on joints that fit nowhere or are not well known.
+    """Return findings on people, on cameras that disagree and on joints that fit nowhere or are uncertain.
 
     ``written`` (T, N) is the status of the poses written, where joints may be filled over time.
     """

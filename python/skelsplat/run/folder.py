@@ -1,4 +1,4 @@
-"""The folder of a run: checked before the work, cleared of an earlier run, and written with the report last."""
+"""The folder of a run: checked before the work, cleared of an earlier run, its report written last."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from skelsplat.run.job import is_paper
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    import numpy as np
     import numpy.typing as npt
 
     from skelsplat.run._run import Run

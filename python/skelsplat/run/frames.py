@@ -34,13 +34,16 @@ _BAR_RATIO = 2.0
 _MOSTLY = 0.5
 
 
+_ALL = Subject()
+
+
 @dataclass(frozen=True)
 class _Case:
     """Something found in the frame of an index: a kind, whom it concerns, and a number by its name."""
 
     frame: int
     kind: str
-    subject: Subject = Subject()
+    subject: Subject = _ALL
     number: tuple[str, float] | None = None
     of: int = 0
 
@@ -132,7 +135,7 @@ def _statuses(status: npt.NDArray[np.str_], empty: Mask, joints: Sequence[str]) 
 
 
 def _swaps(statistics: Statistics, swapped: Mask, cameras: Sequence[str]) -> Iterator[_Case]:
-    where = (swapped & np.isfinite(statistics.error_after)).any(axis=2)
+    where: Mask = np.asarray((swapped & np.isfinite(statistics.error_after)).any(axis=2))
     for t in np.flatnonzero(where.any(axis=1)):
         subject = Subject(cameras=tuple(cameras[int(i)] for i in np.flatnonzero(where[t])))
         yield _Case(int(t), "frame_swapped", subject, of=len(cameras))

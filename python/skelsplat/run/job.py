@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import skelsplat as sk
@@ -77,7 +76,7 @@ class Job:
     fill_gaps
         Longest gap to fill, in frames; 0: none.
     fill_method
-        ``"cubic"`` or ``"linear"``.
+        ``"cubic"`` or ``"linear"``; None: cubic.
     fill_weak
         Also treat weak joints as gaps.
     filter
@@ -124,7 +123,7 @@ class Job:
     config: sk.RefineConfig | None = None
     fps: float | None = None
     fill_gaps: int = 0
-    fill_method: str = temporal.METHODS[0]
+    fill_method: str | None = None
     fill_weak: bool = False
     filter: Filter | str | None = None
     output: str | os.PathLike[str] | None = None
@@ -161,9 +160,10 @@ class Job:
             )
 
     def _check_over_time(self) -> None:
-        _one_of("fill_method", self.fill_method, temporal.METHODS)
-        if self.fill_weak and not self.fill_gaps:
-            raise IncompleteJobError("fill_weak", "fill_gaps")
+        _one_of("fill_method", self.fill_method, (None, *temporal.METHODS))
+        for option in ("fill_weak", "fill_method"):
+            if getattr(self, option) and not self.fill_gaps:
+                raise IncompleteJobError(option, "fill_gaps")
         if self.low_pass is not None and self.fps is None:
             raise IncompleteJobError("filter", "fps")
 
@@ -176,6 +176,11 @@ class Job:
     def low_pass(self) -> Filter | None:
         """The filter, read if it was given as text."""
         return parse_filter(self.filter) if isinstance(self.filter, str) else self.filter
+
+    @property
+    def interpolation(self) -> str:
+        """How gaps are filled."""
+        return self.fill_method or temporal.METHODS[0]
 
     @property
     def pose_formats(self) -> tuple[str, ...]:

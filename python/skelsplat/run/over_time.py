@@ -70,9 +70,11 @@ def try_over_time(job: Job) -> None:
         If SciPy is needed and not installed.
     """
     if job.fill_gaps:
-        temporal.fill_gaps([[[0.0] * 3], [[np.nan] * 3], [[0.0] * 3]], 1, method=job.fill_method)
+        temporal.fill_gaps([[[0.0] * 3], [[np.nan] * 3], [[0.0] * 3]], 1, method=job.interpolation)
     try:
-        _filtered(np.zeros((3, 1, 3)), np.arange(3), np.zeros((3, 1), dtype=np.bool_), job.low_pass, job.fps, 1.0)
+        _filtered(
+            np.zeros((3, 1, 3)), np.arange(3), np.zeros((3, 1), dtype=np.bool_), job.low_pass, job.fps, 1.0
+        )
     except InvalidInputError as error:
         raise InvalidInputError(f"filter: {error}") from error
 
@@ -83,12 +85,16 @@ def apply_over_time(data: PoseData, job: Job | None) -> tuple[PoseData, dict[str
     sentences = []
     if job is not None and job.fill_gaps:
         data, count = _filled(data, job)
-        settings = {"max_frames": job.fill_gaps, "method": job.fill_method, "weak_joints_too": job.fill_weak}
+        settings = {
+            "max_frames": job.fill_gaps,
+            "method": job.interpolation,
+            "weak_joints_too": job.fill_weak,
+        }
         entry["gaps"] = {**settings, "filled": count}
         if count:
             what = "Gaps and weak stretches" if job.fill_weak else "Gaps"
             sentences.append(
-                f"{what} of at most {job.fill_gaps} frames filled by {_METHODS[job.fill_method]}: "
+                f"{what} of at most {job.fill_gaps} frames filled by {_METHODS[job.interpolation]}: "
                 f"{count} joint positions, whose status is filled."
             )
     if job is not None and (low_pass := job.low_pass) is not None:
@@ -112,7 +118,7 @@ def _filled(data: PoseData, job: Job) -> tuple[PoseData, int]:
     pose, filled = temporal.fill_gaps(
         data.pose,
         job.fill_gaps,
-        method=job.fill_method,
+        method=job.interpolation,
         frames=data.frames,
         gaps=data.joint_status == "weak" if job.fill_weak else None,
     )

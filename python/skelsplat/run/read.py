@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io import read_npz
 from skelsplat.io.calibration import find_format, read_calibration
 from skelsplat.io.detections import read_detections
-from skelsplat.io.detections._cameras import camera_called, cameras_called
+from skelsplat.io.detections._match import camera_called, cameras_called
 from skelsplat.run.person import look_around, pick_places
 
 if TYPE_CHECKING:
@@ -89,7 +89,13 @@ def read_inputs(job: Job) -> Inputs:
         If a file is missing or malformed, or files and options do not fit each other; the message names it.
     """
     calibration, person = Path(job.calibration), str(job.person)
-    every = _read_rig(calibration, job)
+    every = read_rig(
+        calibration,
+        calibration_format=job.calibration_format,
+        **{name: getattr(job, name) for name in ("unit", "camera_type", "subject", "size", "binning")},
+    )
+    if len(every) < 2:
+        raise DatasetError(calibration, "cameras", "at least two cameras", len(every))
     rig = leave_out(every, job.without)
     found = read_detections(
         job.detections,
@@ -124,24 +130,17 @@ def read_inputs(job: Job) -> Inputs:
     )
 
 
-def _read_rig(path: Path, job: Job) -> sk.CameraRig:
+def read_rig(path: Path, *, calibration_format: str | None = None, **given: Any) -> sk.CameraRig:
+    """Read a calibration; ``given`` are the arguments of `skelsplat.io.read_calibration`.
+
+    An error of the format calls it ``calibration_format``: ``format`` is that of the detections.
+    """
     try:
-        rig = read_calibration(
-            path,
-            unit=job.unit,
-            format=job.calibration_format,
-            camera_type=job.camera_type,
-            subject=job.subject,
-            size=job.size,
-            binning=job.binning,
-        )
+        return read_calibration(path, format=calibration_format, **given)
     except InvalidInputError as error:
-        if str(error).startswith("format: "):  # the job's own format is that of the detections
+        if str(error).startswith("format: "):
             raise InvalidInputError(f"calibration_{error}") from error
         raise
-    if len(rig) < 2:
-        raise DatasetError(path, "cameras", "at least two cameras", len(rig))
-    return rig
 
 
 def leave_out(rig: sk.CameraRig, without: Sequence[str]) -> sk.CameraRig:

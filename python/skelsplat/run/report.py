@@ -84,7 +84,9 @@ def _source(inputs: Inputs, job: Job | None) -> dict[str, Any]:
     """Return the files and how they were read; None without."""
     options = ("order", "mapping", "sequence", "init", "init_sigma_mm")
     given = {name: getattr(job, name, None) for name in ("calibration", "detections", *options)}
-    given |= {name: str(given[name]) for name in ("calibration", "detections", "init") if given[name] is not None}
+    given |= {
+        name: str(given[name]) for name in ("calibration", "detections", "init") if given[name] is not None
+    }
     return {
         "calibration": given.pop("calibration"),
         "calibration_format": inputs.calibration_format,

@@ -60,6 +60,8 @@ class Outcome:
 def refine_inputs(inputs: Inputs, job: Job, progress: Progress | None = None) -> Outcome:
     """Refine all frames; ``progress`` is called with (frames done, frames in all)."""
     sigma_mm, config = job.init_sigma_mm, job.settings
+    if progress is not None:
+        progress(0, len(inputs.frames))
     begin = time.perf_counter()
     result = sk.refine(
         inputs.init_pose,

@@ -71,7 +71,8 @@ class Group:
     def from_dict(cls, entry: Mapping[str, Any]) -> Group:
         """Return the group of an entry of ``report.json``; null is NaN."""
         held = {part.name: entry[part.name] for part in fields(cls)}
-        return cls(**{name: float("nan") if value is None else value for name, value in held.items()})
+        filled: dict[str, Any] = {k: float("nan") if value is None else value for k, value in held.items()}
+        return cls(**filled)
 
 
 @dataclass(frozen=True)
