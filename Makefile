@@ -32,12 +32,12 @@ $(STAMPS)/venv: pyproject.toml
 	$(BIN)/python -m pip install --quiet 'maturin>=1.9,<2'
 	@mkdir -p $(STAMPS) && touch $@
 
-# The wheel that users get, built and installed; not an editable checkout.
+# The wheel that users get, built and installed with the extras that its commands need; not an editable checkout.
 $(STAMPS)/installed: $(STAMPS)/venv $(RUST_SOURCES) $(PYTHON_SOURCES)
 	rm -rf dist && rm -f python/skelsplat/_skelsplat*.so
 	$(BIN)/maturin build --release --quiet --interpreter $(BIN)/python --out dist
 	$(BIN)/python -m pip install --quiet --force-reinstall --no-deps dist/*.whl
-	$(BIN)/python -m pip install --quiet dist/*.whl
+	$(BIN)/python -m pip install --quiet "$$(ls dist/*.whl)[all]"
 	@touch $@
 
 $(STAMPS)/dev: $(STAMPS)/installed

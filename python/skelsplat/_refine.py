@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from skelsplat import _skelsplat
 from skelsplat._arrays import numbers
 from skelsplat._skelsplat import Camera, Layout, RefineConfig
-from skelsplat.cameras import CameraRig
+from skelsplat.cameras import CameraRig, mm_per_unit
 from skelsplat.exceptions import InvalidInputError
 
 Cameras = CameraRig | Sequence[Camera]
@@ -224,11 +224,10 @@ def _warn_before_the_work(
 def _warn_of_unit(
     poses: NDArray[np.float64], cameras: Cameras, layout: str | Layout | None, *, depth: int = 3
 ) -> None:
-    unit = cameras.unit if isinstance(cameras, CameraRig) else "mm"
     some = poses[:: max(1, len(poses) // _FRAMES_TO_JUDGE)] if poses.ndim == 3 else poses[None]
-    doubt = _skelsplat.implausible_extent(some, unit, layout=layout)
-    if doubt is not None:
-        warnings.warn(doubt, UserWarning, stacklevel=depth)
+    numbers = _skelsplat.implausible_extent(some, cameras, layout=layout)
+    if numbers is not None:
+        _warn("implausible_size", numbers, depth + 1)
 
 
 def _warn_of_prior(result: Refinement) -> None:
@@ -237,11 +236,13 @@ def _warn_of_prior(result: Refinement) -> None:
     rejected = np.nanmax(result.view_weights, axis=-2, initial=-1.0) < _skelsplat.REJECTED_WEIGHT
     share = float(np.mean(rejected[seen])) if seen.any() else 0.0
     if share > _MOST_OUTVOTED:
-        text = (
-            f"init_pose with init_sigma contradicts every detection of {100 * share:.0f} % of the joints: "
-            "is it another person or frame, is init_sigma (in the cameras' unit) too small?"
-        )
-        warnings.warn(text, UserWarning, stacklevel=3)
+        _warn("start_contradicts", {"percent": 100 * share}, 4)
+
+
+def _warn(kind: str, numbers: dict[str, Any], depth: int) -> None:
+    from skelsplat.findings import Finding, FindingWarning
+
+    warnings.warn(FindingWarning(Finding(kind, numbers=numbers)), stacklevel=depth)
 
 
 @contextmanager
@@ -386,8 +387,7 @@ class Refiner:
         if self._by_adam:
             return np.where((result.joint_status == "ok")[:, None], result.pose, np.nan)
         before = np.full_like(result.pose, np.nan) if self._last is None else self._last
-        mm = self._cameras.mm_per_unit if isinstance(self._cameras, CameraRig) else 1.0
-        leapt = np.linalg.norm(result.pose - before, axis=-1) * mm > _LEAP_MM
+        leapt = np.linalg.norm(result.pose - before, axis=-1) * mm_per_unit(self._cameras) > _LEAP_MM
         new = np.isfinite(result.pose) & ~(leapt & (result.joint_status == "weak"))[:, None]
         return np.where(new, result.pose, before)
 

@@ -496,8 +496,10 @@ class Refiner:
         ``past`` says that ``init_pose`` is the pose of the frame before.
         """
 
-def implausible_extent(poses: ArrayLike, unit: str, *, layout: str | Layout | None = None) -> str | None:
-    """Return a sentence if the skeletons (T, N, 3) are taller than 10 m or shorter than 10 cm, else None.
+def implausible_extent(
+    poses: ArrayLike, cameras: _Cameras, *, layout: str | Layout | None = None
+) -> dict[str, Any] | None:
+    """Return what a warning quotes if the skeletons (T, N, 3) are taller than 10 m or shorter than 10 cm.
 
     With a layout of one's own the limits are 20 m and 1 mm.
     """

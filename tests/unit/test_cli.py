@@ -51,6 +51,7 @@ def test_the_printed_table_fits_80_columns_and_counts_missing_detections(argumen
     assert "\x1b[" not in result.stdout
 
 
+@pytest.mark.painted
 def test_paper_runs_the_papers_preset_and_draws_heat_maps(recording, arguments):
     folder, _, _ = recording
     assert invoke(*arguments, *READ, *FAST, "-q").exit_code == 0
@@ -295,6 +296,7 @@ def test_version_and_python_m():
     assert run.stderr.count("\n") == 1
 
 
+@pytest.mark.painted
 def test_demo_refines_the_sample(tmp_path):
     result = invoke("demo", "-o", tmp_path / "demo")
     assert result.exit_code == 0, result.output

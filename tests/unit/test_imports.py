@@ -87,9 +87,20 @@ def test_imports_point_one_way(part: str) -> None:
 
 
 def test_optional_packages_are_not_imported_with_the_package() -> None:
-    optional = ("scipy", "ezc3d", "xarray", "h5py", "h5netcdf", "pandas", "cv2", "PIL")
+    optional = (
+        "scipy",
+        "ezc3d",
+        "xarray",
+        "h5py",
+        "h5netcdf",
+        "pandas",
+        "cv2",
+        "PIL",
+        "matplotlib",
+        "plotly",
+    )
     program = (
-        "import sys, skelsplat, skelsplat.io, skelsplat.temporal, skelsplat.cli\n"
+        "import sys, skelsplat, skelsplat.io, skelsplat.temporal, skelsplat.cli, skelsplat.run\n"
         f"print(*(name for name in {optional} if name in sys.modules))"
     )
     run = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True)

@@ -119,6 +119,7 @@ def test_overview_has_two_views_and_the_errors(tmp_path, figures):
     assert figures[0].texts[0].get_text() == "Frame 2"
 
 
+@pytest.mark.painted
 def test_overview_is_1400_px_wide_and_not_blank(tmp_path):
     path = viz.write_overview(tmp_path / "o.png", overview_data(), skeleton=SKELETON)
     image = imread(path)
@@ -159,6 +160,7 @@ def test_joints_that_are_not_ok_are_hollow(tmp_path, figures):
     assert not (faces[[0, 2], :3] == 1.0).all(axis=1).any()
 
 
+@pytest.mark.painted
 def test_overview_of_unknown_joints_and_without_pairs(tmp_path, figures):
     nothing = np.full((T, N, 3), np.nan)
     viz.write_overview(tmp_path / "a.png", overview_data(before=nothing, after=nothing), skeleton=SKELETON)
@@ -222,6 +224,7 @@ def test_cameras_mark_rejected_and_exchanged_detections(tmp_path, figures):
     assert "left and right exchanged" in labels
 
 
+@pytest.mark.painted
 def test_of_many_cameras_those_with_most_rejected_are_shown(tmp_path, figures):
     panels = [camera_panel(f"c{i}", rejected=np.array([i > 1, i > 5, False])) for i in range(10)]
     path = viz.write_overview(tmp_path / "o.png", overview_data(panels=panels), skeleton=SKELETON)
@@ -245,6 +248,7 @@ def weight_data(**changes):
     return viz.WeightData(**{**data, **changes})
 
 
+@pytest.mark.painted
 def test_weights_are_means_over_frames_and_over_joints(tmp_path, figures):
     path = viz.write_weights(tmp_path / "w.png", weight_data())
     by_joint, by_frame = figures[0].axes[:2]
@@ -284,6 +288,7 @@ def test_body_axes_without_pairs_are_horizontal_unit_vectors(pose):
     np.testing.assert_allclose([left @ left, forward @ forward], 1.0, atol=1e-9)
 
 
+@pytest.mark.painted
 def test_heatmaps_have_a_row_of_two_images_per_camera(tmp_path, figures):
     rows = [heatmap_row("door"), heatmap_row("window", median_error_px=float("nan"))]
     path = viz.write_heatmaps(tmp_path / "h.png", rows, skeleton=SKELETON, caption="Frame 2")
@@ -328,6 +333,7 @@ def test_the_crop_without_joints_is_the_image():
     assert crop_window(heatmap_row(detections=nothing, reprojection=nothing)) == ((0, 299), (0, 199))
 
 
+@pytest.mark.painted
 def test_upright_persons_stand_two_cameras_abreast(tmp_path):
     tall = {"height": 600, "reprojection": np.array([[100.0, 10.0], [110.0, 590.0], [120.0, 100.0]])}
     heights = {

@@ -155,6 +155,7 @@ def test_joints_come_six_on_a_page():
     assert all(page.get_figheight() < 9.4 for page in pages)
 
 
+@pytest.mark.painted
 def test_every_format_is_written_and_older_pages_go(tmp_path):
     data = trajectory_data(joints=[0, 1, 2], notes=["Low-pass: a filter."])
     for number in (2, 3, 5):
@@ -166,6 +167,7 @@ def test_every_format_is_written_and_older_pages_go(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["t.pdf", "t.png", "t_5.png"]
 
 
+@pytest.mark.painted
 def test_the_same_data_give_the_same_pdf(tmp_path):
     files = [
         viz.write_trajectories(tmp_path / name, trajectory_data(), skeleton=SKELETON, formats=("pdf",))[0]
@@ -273,6 +275,7 @@ def test_one_bad_camera_does_not_pale_the_others():
     assert image.get_clim() == (0.0, 8.0)
 
 
+@pytest.mark.painted
 def test_maps_without_any_detection_say_so(tmp_path):
     empty = np.full((5, 18), np.nan)
     data = error_data(median_px=empty, rejected=empty)

@@ -10,7 +10,7 @@ use skelsplat_core::batch::{Progress, refine_batch};
 use skelsplat_core::gaussian::is_symmetric;
 use skelsplat_core::refine::refiner::Frame;
 use skelsplat_core::refine::{JointStatus, Optimizer, Refinement, Refiner, Renderer};
-use skelsplat_core::unit::{Unit, implausible_extent as core_extent};
+use skelsplat_core::unit::implausible_extent as core_extent;
 
 use crate::args::{Array, Confidence, InitPose, InitSigma, Out, Poses, place};
 use crate::camera::Cameras;
@@ -237,19 +237,29 @@ fn history(frames: &Frames, done: &[Refinement]) -> Out<f64> {
     frames.out(done.iter().flat_map(padded).collect(), &[steps])
 }
 
-/// Return a sentence if the skeletons (T, N, 3) are taller than 10 m or shorter than 10 cm, else None.
+/// A skeleton of a size that no body has.
+#[derive(IntoPyObject)]
+pub(crate) struct Implausible {
+    extent: f64,
+    taller: bool,
+    limit_mm: f64,
+    unit: &'static str,
+}
+
+/// Return what a warning quotes if the skeletons (T, N, 3) are taller than 10 m or shorter than 10 cm.
 ///
 /// With a layout of one's own the limits are 20 m and 1 mm.
 #[pyfunction]
-#[pyo3(signature = (poses, unit, *, layout=None))]
+#[pyo3(signature = (poses, cameras, *, layout=None))]
 pub(crate) fn implausible_extent(
     poses: Poses,
-    unit: &str,
+    cameras: Cameras,
     layout: Option<Layout>,
-) -> Result<Option<String>> {
-    let unit = Unit::by_name(unit)?;
-    let Poses(array) = poses;
+) -> Option<Implausible> {
+    let (Poses(array), unit) = (poses, cameras.unit);
     let n = array.shape[1].max(1);
     let poses: Vec<Vec<Vector3<f64>>> = array.points().chunks(n).map(<[_]>::to_vec).collect();
-    Ok(core_extent(&poses, unit, layout.map(|layout| layout.0).as_ref()))
+    let found = core_extent(&poses, unit, layout.map(|layout| layout.0).as_ref())?;
+    let (extent, taller, limit_mm) = (found.extent, found.taller, found.limit_mm);
+    Some(Implausible { extent, taller, limit_mm, unit: unit.name() })
 }

@@ -11,14 +11,19 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
-from skelsplat._sentences import datasets, run
+from skelsplat._sentences import arrays, datasets, run
 
 if TYPE_CHECKING:
     from skelsplat.findings import Finding
 
 Sentence = str | Callable[["Finding"], str]
 
-ORIGINS: tuple[Mapping[str, Sentence], ...] = ({"remark": "{text}"}, run.SENTENCES, datasets.SENTENCES)
+ORIGINS: tuple[Mapping[str, Sentence], ...] = (
+    {"remark": "{text}"},
+    arrays.SENTENCES,
+    run.SENTENCES,
+    datasets.SENTENCES,
+)
 SENTENCES: dict[str, Sentence] = {kind: form for origin in ORIGINS for kind, form in origin.items()}
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
+from skelsplat._optional import pip_line
 from skelsplat._sentences.words import listed, options, percent
 
 if TYPE_CHECKING:
@@ -230,8 +231,10 @@ def named(finding: Finding) -> str:
 SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "option_unused": "{option}: not used; it is for pose.trc and pose.c3d, and --write names neither",
     "times_assumed": lambda f: (
-        f"--fps: not given; the times in {listed(f.subject.files)} assume {f.numbers['fps']:g} per second"
+        f"--fps: not given; the times in {listed(f.subject.files)} assume {f.numbers['fps']:g} frames per "
+        "second"
     ),
+    "no_pictures": f"report.html and figures need skelsplat[viz]: {pip_line('viz')}",
     "nothing_used": "No detection could be used: are they pixels of these cameras' images (not 0 to 1), "
     "x before y?",
     "many_rejected": _many_rejected,

@@ -13,8 +13,11 @@ from rich.progress import TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
 
+from skelsplat._optional import can_draw
 from skelsplat.cli.output import bar_of
+from skelsplat.cli.table import tell
 from skelsplat.evaluation import ablations
+from skelsplat.findings import Finding
 
 if TYPE_CHECKING:
     from skelsplat.evaluation.ablations import Record, Row
@@ -82,8 +85,11 @@ def print_claims(console: Console, record: Record) -> None:
     console.print(shown)
 
 
-def draw(folder: Path, record: Record) -> Path:
-    """Write the chart ``NAME.png``."""
+def draw(folder: Path, record: Record) -> list[Path]:
+    """Write the chart ``NAME.png``; without the extra ``viz`` say what it needs."""
+    if not can_draw():
+        tell(Finding("no_pictures"))
+        return []
     from skelsplat import viz  # matplotlib takes long to load, and --help does without
 
     panels = [
@@ -104,4 +110,4 @@ def draw(folder: Path, record: Record) -> Path:
         for table in record.outcome.tables
         if table.chart
     ]
-    return viz.write_panels(folder / f"{record.ablation.name}.png", panels, caption=record.line)
+    return [viz.write_panels(folder / f"{record.ablation.name}.png", panels, caption=record.line)]

@@ -13,10 +13,13 @@ from rich.console import Console
 from rich.table import Table as Drawn
 from rich.text import Text
 
+from skelsplat._optional import can_draw
 from skelsplat.cli.output import bar_of
+from skelsplat.cli.table import tell
 from skelsplat.evaluation import export, tables
 from skelsplat.evaluation._table import Row, Table
 from skelsplat.evaluation.report import Evaluation
+from skelsplat.findings import Finding
 from skelsplat.io._atomic import atomic_write_text
 
 if TYPE_CHECKING:
@@ -103,16 +106,20 @@ def _cells(table: Table, row: Row) -> list[Text]:
 
 def write_evaluation(folder: Path, evaluation: Evaluation) -> list[str]:
     """Write ``report.md``, ``.csv``, ``.json`` and ``bars.png``; return their names."""
-    from skelsplat import viz  # matplotlib takes long to load, and --help does without
-
+    names = ["report.md", "report.csv", "report.json"]
     for name, text in (
         ("report.md", export.markdown(evaluation)),
         ("report.csv", export.to_csv(evaluation)),
         ("report.json", export.to_json(evaluation)),
     ):
         atomic_write_text(folder / name, text)
+    if not can_draw():
+        tell(Finding("no_pictures"))
+        return names
+    from skelsplat import viz  # matplotlib takes long to load, and --help does without
+
     viz.write_bars(folder / "bars.png", _bars(evaluation))
-    return ["report.md", "report.csv", "report.json", "bars.png"]
+    return [*names, "bars.png"]
 
 
 def _bars(evaluation: Evaluation) -> BarData:

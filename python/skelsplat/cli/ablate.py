@@ -139,7 +139,7 @@ def ablate(
         else:
             source = OnDisk(choices, data[0], data[1], detections or (), _pairs(setting or ()), progress)
         record = ablations.run(name, source, command=shlex.join(["skelsplat", *sys.argv[1:]]))
-    files = [] if out is None else [*ablations.write(out, record), draw(out, record)]
+    files = [] if out is None else [*ablations.write(out, record), *draw(out, record)]
     if as_json:
         print_json(ablations.as_dict(record))
     elif not quiet:

@@ -119,8 +119,8 @@ def check_cameras(
             else check_rig(rig, found.people, frames=found.frames, layout=found.layout)
         )
     doubts = [
-        Finding("unit" if " apart in " in text else "geometry", (), text)
-        for text in (warning.text for warning in warnings)
+        Finding("unit" if warning.kind == "rig_size" else "geometry", (), warning.text)
+        for warning in warnings
     ]
     if any(finding.kind == "unit" for finding in report.findings):
         doubts = [doubt for doubt in doubts if doubt.kind != "unit"]

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 import skelsplat as sk
+from skelsplat._opencv import opencv
 from skelsplat.cli import options
 from skelsplat.cli.options import positive
 from skelsplat.cli.output import counting, print_json
@@ -148,6 +149,7 @@ def overlay(
 
     skelsplat overlay out frames/ --fps 60 --scale 0.5 --no-detections
     """
+    opencv()  # first: its extra has all that the command needs
     from skelsplat.run.frame_range import FrameRange
     from skelsplat.run.overlay import OverlayJob, write_overlay  # OpenCV takes long to load
     from skelsplat.viz.overlay import Shown

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skelsplat._optional import require
 from skelsplat.datasets._files import FloatArray, opened
 from skelsplat.exceptions import DatasetError
 
@@ -39,12 +40,7 @@ def read_actors(path: Path, n_joints: int) -> list[tuple[NDArray[np.int64], Floa
 
 
 def _load(path: Path) -> dict[str, Any]:
-    try:
-        from scipy.io import loadmat  # type: ignore[import-untyped,unused-ignore]
-    except ImportError as error:
-        raise DatasetError(
-            path, "file", "SciPy to read it (pip install 'skelsplat[evaluation]')", "no module scipy"
-        ) from error
+    loadmat = require("scipy.io", str(path), "evaluation").loadmat
     with opened(path) as stream:
         try:
             return dict(loadmat(stream))

@@ -38,6 +38,17 @@ class Field:
         """Return the error for this value."""
         return DatasetError(self.path, self.place or "document", expected, actual)
 
+    @property
+    def is_missing(self) -> bool:
+        """Whether nothing is under this key."""
+        return self.value is _ABSENT
+
+    @property
+    def shown(self) -> str:
+        """The value for a message, cut if long."""
+        text = _MISSING if self.is_missing else repr(self.value)
+        return text if len(text) <= 60 else f"{text[:57]}..."
+
     def __contains__(self, key: str) -> bool:
         return isinstance(self.value, dict) and key in self.value
 
@@ -63,25 +74,25 @@ class Field:
     def table(self) -> Field:
         """Return this field if it holds a table (an object)."""
         if not isinstance(self.value, dict):
-            raise self.error("a table of fields", self._short())
+            raise self.error("a table of fields", self.shown)
         return self
 
     def text(self) -> str:
         """Return a text, or a whole number as text."""
         if isinstance(self.value, bool) or not isinstance(self.value, str | int) or self.value == "":
-            raise self.error("a text", self._short())
+            raise self.error("a text", self.shown)
         return str(self.value)
 
     def flag(self) -> bool:
         """Return true or false; false if the key is missing."""
-        if self.value is not _ABSENT and not isinstance(self.value, bool):
-            raise self.error("true or false", self._short())
+        if not self.is_missing and not isinstance(self.value, bool):
+            raise self.error("true or false", self.shown)
         return self.value is True
 
     def number(self) -> float:
         """Return a finite number."""
         if not _is_number(self.value) or not _is_finite(self.value):
-            raise self.error("a finite number", self._short())
+            raise self.error("a finite number", self.shown)
         return float(self.value)
 
     def index(self) -> int:
@@ -97,19 +108,19 @@ class Field:
         """
         expected = "a list of numbers" if shape is None else f"{'×'.join(map(str, shape))} numbers"
         if not _is_numeric(self.value):
-            raise self.error(expected, self._short())
+            raise self.error(expected, self.shown)
         try:
             array = np.asarray(self.value, dtype=np.float64)
         except ValueError:
             raise self.error(expected, "lists of different lengths") from None
         except OverflowError:  # TOML's whole numbers have no limit
-            raise self.error("finite numbers", self._short()) from None
+            raise self.error("finite numbers", self.shown) from None
         if (shape is None or len(shape) == 1) and array.ndim == 2 and 1 in array.shape:
             array = array.ravel()
         if array.ndim != 1 if shape is None else array.shape != shape:
             raise self.error(expected, f"shape {'×'.join(map(str, array.shape)) or 'scalar'}")
         if not np.isfinite(array).all():
-            raise self.error("finite numbers", self._short())
+            raise self.error("finite numbers", self.shown)
         return array
 
     def row(self) -> Array:
@@ -131,14 +142,8 @@ class Field:
 
     def _list(self, expected: str) -> list[Any]:
         if not isinstance(self.value, list):
-            raise self.error(expected, type(self.value).__name__)
+            raise self.error(expected, _MISSING if self.is_missing else type(self.value).__name__)
         return self.value
-
-    def _short(self) -> str:
-        if self.value is _ABSENT:
-            return _MISSING
-        text = repr(self.value)
-        return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 def _is_number(value: object) -> bool:

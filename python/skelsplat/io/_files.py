@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import sys
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -91,3 +92,8 @@ def parse_toml(path: Path, text: str) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:  # a number of thousands of digits is no TOMLDecodeError
         reason = str(error).partition(";")[0]
         raise DatasetError(path, "TOML", "valid TOML", reason) from error
+
+
+def natural(name: str) -> tuple[tuple[int, str], ...]:
+    """Sort key that puts 2 before 10."""
+    return tuple((int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name))

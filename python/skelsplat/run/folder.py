@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from skelsplat._json import to_text
+from skelsplat._optional import can_draw
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding, Subject
 from skelsplat.io import PoseData, write_pose
@@ -60,10 +61,10 @@ class Writing:
         return cls(job.pose_formats, job.y_up, job.marker_names, job.html)
 
     def names(self, *, paper: bool) -> list[str]:
-        """Return the names of the files, but for the report."""
-        wanted = {*(f"pose.{kind}" for kind in self.formats), CAMERAS, DETECTIONS, *_PICTURES}
-        wanted |= {_PAPERS_PICTURE} if paper else set()
-        wanted |= {PAGE} if self.html else set()
+        """Return the names of the files, but for the report; pictures need the extra viz."""
+        wanted = {*(f"pose.{kind}" for kind in self.formats), CAMERAS, DETECTIONS}
+        if can_draw():
+            wanted |= {*_PICTURES, *([_PAPERS_PICTURE] if paper else []), *([PAGE] if self.html else [])}
         return [name for name in _POSSIBLE if name in wanted]
 
     def check(self, frames: npt.NDArray[np.int64]) -> None:
@@ -72,15 +73,16 @@ class Writing:
             check_pose_format(kind, frames)
 
     def notes(self, fps: float | None) -> list[Finding]:
-        """Say which options have no effect on the files, and which frame rate these assume."""
-        timed = [kind for kind in self.formats if kind in _WITH_MARKERS]
-        if timed:
-            subject = Subject(files=tuple(f"pose.{kind}" for kind in timed))
-            assumed = Finding("times_assumed", "note", subject, {"fps": _ASSUMED_FPS})
-            return [assumed] if fps is None else []
+        """Say which options have no effect, which frame rate files assume, and what cannot be drawn."""
+        timed = tuple(f"pose.{kind}" for kind in self.formats if kind in _WITH_MARKERS)
         given = {"--y-up": self.y_up, "--marker-names": self.marker_names != MARKER_NAMES[0]}
-        unused = [option for option, value in given.items() if value]
-        return [Finding("option_unused", "note", numbers={"option": option}) for option in unused]
+        unused = [option for option, value in given.items() if value and not timed]
+        found = [Finding("option_unused", "note", numbers={"option": option}) for option in unused]
+        if timed and fps is None:
+            found.append(Finding("times_assumed", "note", Subject(files=timed), {"fps": _ASSUMED_FPS}))
+        if not can_draw():
+            found.append(Finding("no_pictures", "note"))
+        return found
 
 
 def write_poses(folder: Path, data: PoseData, writing: Writing) -> list[str]:
@@ -101,8 +103,9 @@ def write_folder(run: Run, folder: Path, writing: Writing) -> Run:
     begin_writing(folder, run.report)
     write_poses(folder, run.poses, writing)
     write_run_inputs(folder, run.cameras, run.layout, run.detections, run.frames)
-    write_figures(run, folder)
-    if writing.html:
+    if can_draw():
+        write_figures(run, folder)
+    if PAGE in run.report["files"]:
         write_html(run, folder / PAGE)
     atomic_write_text(folder / REPORT, to_text(run.report))  # last: the run is whole
     return run

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import skelsplat as sk
+from skelsplat._optional import can_draw
 from skelsplat.run.figures import skeleton_of, world_up, write_figures
 from skelsplat.run.frames import rows_of
 from skelsplat.run.report import MEANINGS
@@ -95,11 +96,15 @@ def notebook_view(run: Run) -> str:
     rows = [*facts_of(run.report), *((name, f"{value} {remark}") for name, value, remark in key_numbers(run))]
     cells = "".join(f"<tr><th>{_text(name)}</th><td>{_text(value)}</td></tr>" for name, value in rows)
     found = "".join(f"<li>{_text(finding.severity)}: {_text(finding.text)}</li>" for finding in run.findings)
+    return f"<table>{cells}</table><ul>{found}</ul>{_picture(run) if can_draw() else ''}"
+
+
+def _picture(run: Run) -> str:
+    """Return the overview as an element of HTML."""
     with tempfile.TemporaryDirectory() as folder:
         write_figures(run, Path(folder))
         picture = base64.b64encode((Path(folder) / "overview.png").read_bytes()).decode()
-    image = f'<img alt="overview" style="max-width: 100%" src="data:image/png;base64,{picture}">'
-    return f"<table>{cells}</table><ul>{found}</ul>{image}"
+    return f'<img alt="overview" style="max-width: 100%" src="data:image/png;base64,{picture}">'
 
 
 def _text(value: str) -> str:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import skelsplat as sk
+from skelsplat._optional import require
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io import PoseData, read_pose, read_run
 from skelsplat.run.folder import output_folder
@@ -229,7 +230,10 @@ def write_plots(
     ------
     DatasetError
         If there is nothing to draw for any, or a file cannot be written.
+    MissingPackageError
+        If matplotlib is not installed.
     """
+    require("matplotlib", "figures", "viz")
     with output_folder(Path(folder)):
         drawn: list[Drawn] = []
         for name in only:

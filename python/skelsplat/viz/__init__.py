@@ -2,7 +2,12 @@
 
 A leaf of the package: it computes no pose and no rendering, and only the command line imports it. Figures are
 drawn on matplotlib's Agg canvas through its object interface, so no display and no global state is involved.
+matplotlib and plotly come with the extra ``viz``.
 """
+
+from skelsplat._optional import require
+
+require("matplotlib", "figures", "viz")  # before the modules below import it
 
 from skelsplat.viz import report
 from skelsplat.viz._body import Body

@@ -37,6 +37,7 @@ def run(*arguments: object, status: int = 0):
     return result
 
 
+@pytest.mark.painted
 def test_it_prints_the_table_in_100_columns_and_writes_four_files(dome: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     result = run("synthetic", dome, "-o", out, "-m", "dlt,annealed", "-m", "fusion")

@@ -8,6 +8,7 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.io._files import natural
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -217,11 +218,6 @@ def _stated(candidates: Candidates, label: str) -> str:
         expected = f"the {candidates.kind} {label!r} that order names"
         raise candidates.error(expected, ", ".join(candidates.texts) or "none")
     return fitting[0]
-
-
-def natural(label: str) -> tuple[tuple[int, str], ...]:
-    """Sort key that puts 2 before 10."""
-    return tuple((int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", label))
 
 
 def _is_within(words: tuple[str, ...], among: tuple[str, ...]) -> bool:

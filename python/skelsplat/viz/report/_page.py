@@ -11,6 +11,7 @@ from importlib.resources import files
 from string import Template
 from typing import TYPE_CHECKING, Any
 
+from skelsplat._optional import require
 from skelsplat.viz import _style
 from skelsplat.viz.report import _html
 from skelsplat.viz.report._scene import as_text, frames_to_show, pack_scene, thin_line
@@ -46,8 +47,7 @@ def write_report(path: str | os.PathLike[str], data: ReportData) -> Path:
 
 def build_page(data: ReportData) -> str:
     """Return the page's text."""
-    from plotly.offline import get_plotlyjs  # type: ignore[import-untyped]  # slow, and only needed here
-
+    plotly_js = require("plotly.offline", "report.html", "viz").get_plotlyjs()  # slow, and only needed here
     sequence = data.sequence
     wanted = [number for row in data.problems for number in (row.first, row.last)]
     places, every = frames_to_show(sequence.frames, len(sequence.joint_names), wanted)
@@ -58,7 +58,7 @@ def build_page(data: ReportData) -> str:
         "problems": [[row.first, row.last, row.words] for row in data.problems],
         "colours": {"left": _style.LEFT, "right": _style.RIGHT},
     }
-    programs = [get_plotlyjs(), "\n".join(_resource(name) for name in _PROGRAMS)]
+    programs = [plotly_js, "\n".join(_resource(name) for name in _PROGRAMS)]
     return Template(_resource("page.html")).substitute(
         policy=_policy(programs),
         title=escape(data.title),

@@ -1,7 +1,8 @@
-"""The YAML that OpenCV's ``FileStorage`` writes, without OpenCV.
+"""What OpenCV's ``FileStorage`` writes as YAML or XML, read without OpenCV.
 
-It is not YAML for other parsers: the header is ``%YAML:1.0`` and matrices carry the tag ``!!opencv-matrix``.
-Read here: numbers, texts, lists of texts (``- a`` lines or ``[a, b]``) and matrices, at the top level.
+Its YAML is not what other parsers read: the header is ``%YAML:1.0`` and matrices carry the tag
+``!!opencv-matrix``. Read here: numbers, texts, lists of texts (``- a`` lines or ``[a, b]``) and matrices, at
+the top level; of XML the matrices.
 """
 
 from __future__ import annotations
@@ -15,11 +16,18 @@ from skelsplat.exceptions import DatasetError
 from skelsplat.io._files import whole_number
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    import xml.etree.ElementTree as ET
+    from collections.abc import Iterator, Mapping
     from pathlib import Path
 
 _KEY = re.compile(r"^([^\s:#%-][^:]*?)\s*:(?:\s+(.*))?$")
 _MATRIX = "!!opencv-matrix"
+
+
+def matrices_of_xml(path: Path, root: ET.Element) -> dict[str, list[list[float]]]:
+    """Return the matrices beneath the root of an XML document, rows × columns."""
+    parts = {node.tag: {child.tag: child.text or "" for child in node} for node in root if len(node)}
+    return {key: _matrix(path, key, matrix) for key, matrix in parts.items()}
 
 
 def is_opencv_yaml(text: str) -> bool:
@@ -40,9 +48,11 @@ def parse_opencv_yaml(path: Path, text: str) -> dict[str, Any]:
         if key in entries:
             raise DatasetError(path, f"{key} (line {line})", "a key once", "the same key again")
         if value.startswith(_MATRIX):
-            entries[key] = _matrix(path, key, block)
+            parts = dict(re.findall(r"(\w+)\s*:\s*(\[[^\]]*\]?|\S+)", " ".join(block)))
+            entries[key] = _matrix(path, key, parts, closed=True)
         elif value.startswith("["):
-            entries[key] = _flow(" ".join([value, *block]))
+            inside = " ".join([value, *block]).strip("[] ")
+            entries[key] = [_scalar(part.strip()) for part in inside.split(",") if part.strip()]
         elif value:
             entries[key] = _scalar(value)
         else:
@@ -71,26 +81,22 @@ def _blocks(path: Path, text: str) -> Iterator[tuple[str, int, str, list[str]]]:
         yield current
 
 
-def _matrix(path: Path, key: str, block: list[str]) -> list[list[float]]:
-    """Rows × columns of a matrix; ``data`` may run over several lines."""
-    found = dict(re.findall(r"(\w+)\s*:\s*(\[[^\]]*\]?|\S+)", " ".join(block)))
-    missing = [name for name in ("rows", "cols", "data") if name not in found]
+def _matrix(path: Path, key: str, parts: Mapping[str, str], *, closed: bool = False) -> list[list[float]]:
+    """Return rows × columns of a matrix, whose data, if `closed`, must end in a bracket."""
+    missing = [name for name in ("rows", "cols", "data") if not parts.get(name)]
     if missing:
         raise DatasetError(path, key, "a matrix with rows, cols and data", f"no {', '.join(missing)}")
+    data = parts["data"]
     try:
-        shape = int(found["rows"]), int(found["cols"])
-        values = [float(part) for part in found["data"].strip("[]").replace(",", " ").split()]
+        shape = int(parts["rows"]), int(parts["cols"])
+        values = [float(part) for part in data.strip("[]").replace(",", " ").split()]
     except ValueError as error:
-        raise DatasetError(path, key, "a matrix of numbers", str(error)) from error
-    if not found["data"].endswith("]") or len(values) != shape[0] * shape[1]:
-        expected = f"{shape[0]}×{shape[1]} numbers in a closed list"
+        raise DatasetError(path, key, "a matrix of numbers", error) from error
+    if (closed and not data.endswith("]")) or min(shape) < 0 or len(values) != shape[0] * shape[1]:
+        expected = f"{shape[0]}×{shape[1]} numbers{' in a closed list' if closed else ''}"
         raise DatasetError(path, key, expected, f"{len(values)} numbers")
     rows: list[list[float]] = np.reshape(values, shape).tolist()
     return rows
-
-
-def _flow(text: str) -> list[Any]:
-    return [_scalar(part.strip()) for part in text.strip("[] ").split(",") if part.strip()]
 
 
 def _scalar(text: str) -> Any:
