@@ -36,7 +36,7 @@ def test_a_stop_while_writing_leaves_no_file_of_an_earlier_run(recording, argume
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patched:
-        patched.setattr(_run, "write_run_inputs", interrupted)
+        patched.setattr(run_folder, "write_run_inputs", interrupted)
         assert invoke(*arguments, *READ, *FAST).exit_code == 130
     assert {path.name for path in out.iterdir()} == {"pose.npz", "pose.csv", "pose.trc", "report.json"}
     assert_fails(

@@ -153,4 +153,4 @@ def run_and_print(job: Job, *, quiet: bool, as_json: bool) -> None:
     elif not quiet:
         console = Console(highlight=False, markup=False)
         print_run(console, found)
-        print_files(console, Path(str(job.output)), found.report["files"])
+        print_files(console, Path(str(job.output)), [*found.report["files"], "report.json"])
