@@ -3,13 +3,14 @@
 
 use nalgebra::{Matrix3, Vector3};
 use numpy::{Element, PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
-use pyo3::Borrowed;
 use pyo3::prelude::*;
+use pyo3::pyclass::boolean_struct::True;
 use pyo3::types::{PyDict, PyTuple, PyType};
+use pyo3::{Borrowed, PyClass};
 use skelsplat_core::Error;
 use skelsplat_core::detections::{FARTHEST, too_far};
 
-use crate::errors::{Failure, Result, in_words};
+use crate::errors::{Failure, Result, in_words, refuse};
 
 /// The values of a float64 array, row-major, its shape, and the argument that it came as.
 pub(crate) struct Array {
@@ -166,6 +167,21 @@ values! {
 /// A value as Python writes it, else its type, for messages.
 pub(crate) fn repr(value: &Bound<'_, PyAny>) -> String {
     value.repr().map_or_else(|_| type_name(value), |r| r.to_string())
+}
+
+/// The object of a class of ours that `value`, given as `name`, is.
+pub(crate) fn object<'a, T>(
+    name: &str,
+    value: &'a Bound<'_, PyAny>,
+    expected: &str,
+) -> Result<&'a T>
+where
+    T: PyClass<Frozen = True> + Sync,
+{
+    match value.cast::<T>() {
+        Ok(object) => Ok(object.get()),
+        Err(_) => refuse(name, expected, type_name(value)),
+    }
 }
 
 /// The name of a value's type, for messages.

@@ -10,9 +10,9 @@ use skelsplat_core::unit::Unit;
 
 use crate::args::{
     Coefficients, Factor, Intrinsics, Name, Out, Pixels, Rebuilt, Rotation, Size, Translation,
-    rebuilt, type_name,
+    object, rebuilt, type_name,
 };
-use crate::errors::{Failure, Result, in_words};
+use crate::errors::{Failure, Result, in_words, refuse};
 use crate::geometry::in_every_view;
 
 /// A calibrated camera: pinhole, lens and image size. Immutable.
@@ -45,17 +45,11 @@ use crate::geometry::in_every_view;
 #[derive(PartialEq)]
 pub(crate) struct Camera(pub(crate) Core);
 
-/// The camera that an item of the argument `name` is.
-fn camera(name: &str, value: &Bound<'_, PyAny>) -> Result<Core> {
-    let wrong = || Error::invalid(name, "a Camera", type_name(value));
-    Ok(value.cast::<Camera>().map(|camera| camera.get().0.clone()).map_err(|_| wrong())?)
-}
-
 impl<'py> FromPyObject<'_, 'py> for Camera {
     type Error = Failure;
 
     fn extract(value: Borrowed<'_, 'py, PyAny>) -> Result<Self> {
-        camera("camera", &value).map(Self)
+        object("camera", &value, "a Camera").map(|camera: &Self| Self(camera.0.clone()))
     }
 }
 
@@ -76,10 +70,14 @@ impl<'py> FromPyObject<'_, 'py> for Cameras {
         };
         let words = |_: &PyErr| Error::invalid("cameras", expected, type_name(&value));
         let items = value.try_iter().map_err(|e| in_words(value.py(), e, words))?;
-        let one = |(i, item): (usize, PyResult<_>)| camera(&format!("cameras[{i}]"), &item?);
+        let one = |(i, item): (usize, PyResult<_>)| {
+            let item = item?;
+            object(&format!("cameras[{i}]"), &item, "a Camera")
+                .map(|camera: &Camera| camera.0.clone())
+        };
         let cameras: Vec<Core> = items.enumerate().map(one).collect::<Result<_>>()?;
         if cameras.is_empty() {
-            return Err(Error::invalid("cameras", expected, "none").into());
+            return refuse("cameras", expected, "none");
         }
         Ok(Self { cameras, unit })
     }

@@ -2,11 +2,10 @@
 
 use pyo3::Borrowed;
 use pyo3::prelude::*;
-use skelsplat_core::Error;
 use skelsplat_core::detections::Detections;
 
 use crate::args::{Array, Confidence, Out, place, shown};
-use crate::errors::{Failure, Result};
+use crate::errors::{Failure, Result, refuse};
 
 /// Peaks of a detector's maps run a little over 1 and under 0.
 const HIGHEST_PEAK: f64 = 2.0;
@@ -37,9 +36,7 @@ impl<'py> FromPyObject<'_, 'py> for Frames {
         let array = array.bounded(", or NaN where missing")?;
         if n_views == 0 || n_joints == 0 {
             let actual = format!("shape {}", shown(&array.shape));
-            return Err(
-                Error::invalid("detections", "at least one view and one joint", actual).into()
-            );
+            return refuse("detections", "at least one view and one joint", actual);
         }
         let (pixels, scores) = split(&array);
         let frames = Self { pixels, scores, batch, count, n_views, n_joints };
@@ -54,9 +51,7 @@ impl Frames {
         let Some(Confidence(array)) = confidence else { return Ok(self) };
         if !self.scores.is_empty() {
             let actual = "detections with a third channel too";
-            return Err(
-                Error::invalid("confidence", "only one source of confidences", actual).into()
-            );
+            return refuse("confidence", "only one source of confidences", actual);
         }
         let shape = self.shape(&[self.n_views, self.n_joints]);
         self.scores = array.of(&shape, "")?.values;
@@ -97,7 +92,7 @@ impl Frames {
             return Ok(());
         }
         let expected = format!("one view per camera ({n_cameras})");
-        Err(Error::invalid("detections", expected, format!("{} views", self.n_views)).into())
+        refuse("detections", expected, format!("{} views", self.n_views))
     }
 }
 
@@ -118,7 +113,7 @@ fn check_scores(scores: &[f64], pixels: &[f64], place: impl Fn(usize) -> String)
     };
     let Some(k) = scores.iter().zip(pixels.chunks_exact(2)).position(wrong) else { return Ok(()) };
     let expected = format!("a value in [0, 1]{}", advice(scores[k]));
-    Err(Error::invalid(place(k), expected, scores[k].to_string()).into())
+    refuse(place(k), expected, scores[k].to_string())
 }
 
 /// What to do about such a score; nothing about what is none, but a pixel.

@@ -34,6 +34,15 @@ impl From<Failure> for PyErr {
     }
 }
 
+/// Refuses an argument.
+pub(crate) fn refuse<T>(
+    argument: impl Into<String>,
+    expected: impl Into<String>,
+    actual: impl Into<String>,
+) -> Result<T> {
+    Err(Error::invalid(argument, expected, actual).into())
+}
+
 fn to_python(py: Python<'_>, error: &Error) -> PyErr {
     let class = match error {
         Error::Cancelled => return PyKeyboardInterrupt::new_err(()),

@@ -6,7 +6,7 @@ use pyo3::types::{PyDict, PyString, PyTuple};
 use skelsplat_core::Error;
 use skelsplat_core::layout::{Layout as Core, LayoutSpec, SymmetricPair};
 
-use crate::args::{JointNames, Name, Rebuilt, Tier, rebuilt, repr, type_name};
+use crate::args::{JointNames, Name, Rebuilt, Tier, object, rebuilt, repr, type_name};
 use crate::errors::{Failure, Result, in_words};
 
 /// Joint names, limbs and symmetries of a skeleton. Immutable. Joints are given by index or by name.
@@ -42,8 +42,7 @@ impl<'py> FromPyObject<'_, 'py> for Layout {
         if let Ok(name) = value.cast::<PyString>() {
             return Ok(Self(Core::by_name(&name.to_cow()?)?));
         }
-        let wrong = || Error::invalid("layout", "a Layout, its name or None", type_name(&value));
-        Ok(value.cast::<Self>().map(|layout| Self(layout.get().0.clone())).map_err(|_| wrong())?)
+        object("layout", &value, "a Layout, its name or None").map(|it: &Self| Self(it.0.clone()))
     }
 }
 

@@ -1,11 +1,11 @@
 //! `refine`, for one frame or many.
 
+use std::iter::repeat;
 use std::sync::Arc;
 
 use nalgebra::{Matrix3, Vector3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use skelsplat_core::Error;
 use skelsplat_core::batch::{Progress, refine_batch};
 use skelsplat_core::gaussian::is_symmetric;
 use skelsplat_core::refine::refiner::Frame;
@@ -16,7 +16,7 @@ use crate::args::{Array, Confidence, InitPose, InitSigma, Out, Poses, place};
 use crate::camera::Cameras;
 use crate::config::RefineConfig;
 use crate::detections::Frames;
-use crate::errors::Result;
+use crate::errors::{Result, refuse};
 use crate::layout::Layout;
 use crate::watch;
 
@@ -151,7 +151,7 @@ fn initial_covariances(
         let shape = if covariances.len() == n { vec![n] } else { vec![t, n] };
         let name = place("init_sigma", &shape, k, "");
         let expected = "a symmetric positive definite covariance, or NaN for none";
-        return Err(Error::invalid(name, expected, "one that is not").into());
+        return refuse(name, expected, "one that is not");
     }
     Ok(covariances.chunks(n).cycle().take(t).map(|of_frame| Some(of_frame.to_vec())).collect())
 }
@@ -177,64 +177,49 @@ fn results<'py>(
     done: &[Refinement],
 ) -> Result<Bound<'py, PyDict>> {
     let (m, n) = (frames.n_views, frames.n_joints);
-    let points = |of: fn(&Refinement) -> &[Vector3<f64>]| {
-        let values =
-            gathered(done, 3 * n, |r, out: &mut Vec<f64>| out.extend(of(r).iter().flatten()));
-        frames.out(values, &[n, 3])
+    let steps = done.iter().map(|r| r.loss_history.len()).max().unwrap_or(0);
+    // NaN after the last step of a frame
+    let history = |r: &Refinement| {
+        let told: Vec<f64> = r.loss_history.iter().map(|l| l.total).collect();
+        told.into_iter().chain(repeat(f64::NAN)).take(steps)
     };
-    // Symmetric: columns are rows.
-    let matrices = |of: fn(&Refinement) -> &[Matrix3<f64>]| {
-        let values =
-            gathered(done, 9 * n, |r, out: &mut Vec<f64>| out.extend(of(r).iter().flatten()));
-        frames.out(values, &[n, 3, 3])
-    };
-    let by_view = |of: fn(&Refinement) -> &[f64]| {
-        let values = gathered(done, m * n, |r, out| out.extend_from_slice(of(r)));
-        frames.out(values, &[m, n])
-    };
-    let each = |of: fn(&Refinement) -> f64| frames.out(done.iter().map(of).collect(), &[]);
-    let swapped = gathered(done, m * n, |r, out| out.extend_from_slice(&r.swapped));
-    let codes = done.iter().flat_map(|r| r.joint_status.iter().map(|s| *s as u8)).collect();
-    let steps: Vec<i64> = done.iter().map(|r| r.n_iter as i64).collect();
-    let reasons: Vec<&str> = done.iter().map(|r| r.stop_reason.name()).collect();
+    let all = Gathered { frames, done };
     let out = PyDict::new(py);
-    out.set_item("pose", points(|r| &r.pose))?;
-    out.set_item("init_pose", points(|r| &r.init_pose))?;
-    out.set_item("covariance", matrices(|r| &r.covariance))?;
-    out.set_item("uncertainty", matrices(|r| &r.uncertainty))?;
-    out.set_item("view_weights", by_view(|r| &r.view_weights))?;
-    out.set_item("reprojection_error", by_view(|r| &r.reprojection_error))?;
-    out.set_item("swapped", frames.out(swapped, &[m, n]))?;
-    out.set_item("noise", each(|r| r.noise))?;
-    out.set_item("joint_status", frames.out(codes, &[n]))?;
-    out.set_item("loss", each(|r| r.loss.total))?;
-    out.set_item("loss_render", each(|r| r.loss.render))?;
-    out.set_item("loss_symmetry", each(|r| r.loss.symmetry))?;
-    out.set_item("n_iter", frames.out(steps, &[]))?;
+    out.set_item("pose", all.of(&[n, 3], |r| r.pose.iter().flatten().copied()))?;
+    out.set_item("init_pose", all.of(&[n, 3], |r| r.init_pose.iter().flatten().copied()))?;
+    // Symmetric: columns are rows.
+    out.set_item("covariance", all.of(&[n, 3, 3], |r| r.covariance.iter().flatten().copied()))?;
+    out.set_item("uncertainty", all.of(&[n, 3, 3], |r| r.uncertainty.iter().flatten().copied()))?;
+    out.set_item("view_weights", all.of(&[m, n], |r| r.view_weights.iter().copied()))?;
+    out.set_item("reprojection_error", all.of(&[m, n], |r| r.reprojection_error.iter().copied()))?;
+    out.set_item("swapped", all.of(&[m, n], |r| r.swapped.iter().copied()))?;
+    out.set_item("noise", all.of(&[], |r| [r.noise]))?;
+    out.set_item("joint_status", all.of(&[n], |r| r.joint_status.iter().map(|s| *s as u8)))?;
+    out.set_item("loss", all.of(&[], |r| [r.loss.total]))?;
+    out.set_item("loss_render", all.of(&[], |r| [r.loss.render]))?;
+    out.set_item("loss_symmetry", all.of(&[], |r| [r.loss.symmetry]))?;
+    out.set_item("n_iter", all.of(&[], |r| [r.n_iter as i64]))?;
+    let reasons: Vec<&str> = done.iter().map(|r| r.stop_reason.name()).collect();
     out.set_item("stop_reason", reasons)?;
-    out.set_item("loss_history", history(frames, done))?;
+    out.set_item("loss_history", all.of(&[steps], history))?;
     Ok(out)
 }
 
-/// `size` values of every frame, side by side.
-fn gathered<T>(
-    done: &[Refinement],
-    size: usize,
-    take: impl Fn(&Refinement, &mut Vec<T>),
-) -> Vec<T> {
-    let mut values = Vec::with_capacity(done.len() * size);
-    done.iter().for_each(|r| take(r, &mut values));
-    values
+/// The results of all frames.
+struct Gathered<'a> {
+    frames: &'a Frames,
+    done: &'a [Refinement],
 }
 
-/// Total loss per step, `(..., steps)`, NaN after the last step of a frame; no steps unless asked for.
-fn history(frames: &Frames, done: &[Refinement]) -> Out<f64> {
-    let steps = done.iter().map(|r| r.loss_history.len()).max().unwrap_or(0);
-    let padded = |r: &Refinement| -> Vec<f64> {
-        let told = r.loss_history.iter().map(|l| l.total);
-        told.chain(std::iter::repeat(f64::NAN)).take(steps).collect()
-    };
-    frames.out(done.iter().flat_map(padded).collect(), &[steps])
+impl<'a> Gathered<'a> {
+    /// `values` of every frame, of `shape`, as one array.
+    fn of<T, I: IntoIterator<Item = T>>(
+        &self,
+        shape: &[usize],
+        values: impl Fn(&'a Refinement) -> I,
+    ) -> Out<T> {
+        self.frames.out(self.done.iter().flat_map(values).collect(), shape)
+    }
 }
 
 /// A skeleton of a size that no body has.

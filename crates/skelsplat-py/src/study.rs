@@ -4,12 +4,12 @@ use std::sync::atomic::AtomicBool;
 
 use nalgebra::{Matrix3, Vector2, Vector3, Vector4};
 use pyo3::prelude::*;
+use skelsplat_core::Result as CoreResult;
 use skelsplat_core::gaussian::{Gaussian, GaussianGradient, check_covariances};
 use skelsplat_core::projection::View;
 use skelsplat_core::raster::encoding::Encoding;
 use skelsplat_core::raster::render::{self as core, Images, Seen};
 use skelsplat_core::refine::RefineConfig as CoreConfig;
-use skelsplat_core::{Error, Result as CoreResult};
 
 use crate::args::{
     Array, Covariances, Keypoints, LogScales, Means, Out, Quaternions, TargetCovariances,
@@ -18,7 +18,7 @@ use crate::args::{
 use crate::camera::{Camera, Cameras};
 use crate::config::RefineConfig;
 use crate::detections::Frames;
-use crate::errors::Result;
+use crate::errors::{Result, refuse};
 use crate::geometry::in_every_view;
 use crate::layout::Layout;
 use crate::refine::refiner;
@@ -185,12 +185,12 @@ pub(crate) fn loss_and_gradient(
         (None, None) => None,
         _ => {
             let expected = "both target_means and target_covariances, or neither";
-            return Err(Error::invalid("target_means", expected, "only one of them").into());
+            return refuse("target_means", expected, "only one of them");
         }
     };
     if detections.batch {
         let expected = "one frame (M, N, 2|3)";
-        return Err(Error::invalid("detections", expected, "several frames").into());
+        return refuse("detections", expected, "several frames");
     }
     let refiner = refiner(&cameras, layout, config)?;
     let (n, frames) = (gaussians.len(), detections.detections()?);

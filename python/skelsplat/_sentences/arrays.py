@@ -25,10 +25,6 @@ def _length(mm: float) -> str:
 
 
 SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
-    "rig_size": (
-        "{files}: unit: the cameras would be {apart_m:.3g} m apart in {unit}; the largest distance between "
-        'cameras is {apart_in_file:.4g} in the file, so "{likely_unit}" is likely'
-    ),
     "implausible_size": _implausible_size,
     "start_contradicts": (
         "init_pose with init_sigma contradicts every detection of {percent:.0f} % of the joints: is it "

@@ -360,3 +360,12 @@ def some_of(option: str, value: str, choices: tuple[str, ...]) -> tuple[str, ...
 def formats(value: str) -> tuple[str, ...]:
     """Return npz, which every run writes, and the pose formats in a list with commas, each once."""
     return tuple(dict.fromkeys(["npz", *some_of("--write", value, tuple(POSE_FORMATS))]))
+
+
+def person(value: str) -> str:
+    """Return a value of ``--person`` if it has one of its forms."""
+    if value in ("consistent", "largest") or value.isdecimal():
+        return value
+    raise typer.BadParameter(
+        f"expected consistent, largest or a number, got {value!r}", param_hint="--person"
+    )

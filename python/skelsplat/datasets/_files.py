@@ -146,6 +146,15 @@ def require(path: Path, field: str, container: Any, key: Any) -> Any:
     raise DatasetError(path, field or "file", f"a table with the key {key!r}", type(container).__name__)
 
 
+def whole_number(path: Path, field: str, container: Any, key: Any) -> int:
+    """Return ``container[key]`` as an integer."""
+    value = require(path, field, container, key)
+    try:
+        return int(value)
+    except (TypeError, ValueError, OverflowError):
+        raise DatasetError(path, within(field, key), "a whole number", repr(value)[:40]) from None
+
+
 def a_table(path: Path, field: str, value: Any) -> dict[Any, Any]:
     """Return `value` if it is a dict."""
     if not isinstance(value, dict):

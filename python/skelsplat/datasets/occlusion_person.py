@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skelsplat.datasets._detections import Wanted, detector_name
+from skelsplat.datasets._detections import Wanted
 from skelsplat.datasets._files import FloatArray, Survey, as_numbers, find
-from skelsplat.datasets._kept_apart import detections_folder, read_apart
+from skelsplat.datasets._kept_apart import detections_of, read_apart
 from skelsplat.datasets._model import Dataset, Take
 from skelsplat.datasets._occlusion_person_files import Table, read_arrays, read_pickle
 from skelsplat.datasets._reproject import sample
@@ -78,7 +78,7 @@ def read(
     chosen = _cameras(views)
     if step < 1:
         raise InvalidInputError(f"step: expected an integer >= 1, got {step}")
-    folder = detections_folder(root, detector, detections)
+    folder, name = detections_of(root, detector, detections)
     takes: list[Take] = []
     notes: list[str] = []
     for activity, table in _tables(root, format, split, chosen):
@@ -93,7 +93,6 @@ def read(
             _check_annotation(table, rows, chosen)
         takes += _takes(table, rows, chosen, values, path)
         notes += table.notes
-    name = detector_name(detector or (folder.parent.name if folder and detections is None else "")) or None
     words = f"Occlusion-Person, cameras {', '.join(map(str, chosen))}, detections: {name or 'none'}"
     return Dataset("occlusion-person", OCCLUSION_PERSON15, tuple(takes), name, words, tuple(notes))
 
@@ -175,10 +174,8 @@ def _detections(
     together = (place / "poses.npz").is_file() or (place / "poses.json").is_file()
     cameras = names if together else tuple(str(view) for view in views)
     wanted = Wanted(activity, rows, cameras, OCCLUSION_PERSON15)
-    found = read_apart(place, ["poses"], wanted, [[name, f"cam{name}"] for name in cameras])
-    if found is None:
-        raise DatasetError(place / "poses.npz", "file", f"detections of {activity}", "nothing in this place")
-    values, places, path = found
+    spellings = [[name, f"cam{name}"] for name in cameras]
+    values, places, path = read_apart([(place, ["poses"])], wanted, spellings)
     return (values[:, list(views)] if together else values), places, path
 
 

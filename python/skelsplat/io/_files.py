@@ -8,7 +8,7 @@ import sys
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from skelsplat.exceptions import DatasetError
+from skelsplat.exceptions import DatasetError, InvalidInputError
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -33,6 +33,13 @@ def opening(path: Path, expected: str = "a readable file", field: str = "file") 
         raise DatasetError(path, field, expected, (error.strerror or str(error)).lower()) from error
 
 
+def of_file(path: Path, error: InvalidInputError) -> DatasetError:
+    """Return the error for a file whose content was refused as an argument."""
+    field, _, rest = str(error).partition(": expected ")
+    expected, _, actual = rest.partition(", got ")
+    return DatasetError(path, field, expected, actual)
+
+
 def read_text(path: Path) -> str:
     """Return the text of a UTF-8 file (a byte-order mark is dropped), or raise `DatasetError`."""
     try:
@@ -53,6 +60,15 @@ def load_json(path: Path, text: str, document: str) -> Any:
         ) from error
     except RecursionError:
         raise DatasetError(path, "JSON", document, "lists nested too deeply") from None
+
+
+def read_json_file(path: Path) -> Any:
+    """Return what a JSON file that this package wrote holds, or raise `DatasetError`."""
+    text = read_text(path)
+    try:
+        return parse_json(text)
+    except (ValueError, RecursionError) as error:
+        raise DatasetError(path, "file", "JSON", error) from error
 
 
 def parse_json(text: str) -> Any:

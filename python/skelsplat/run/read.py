@@ -14,8 +14,7 @@ from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io import read_npz
 from skelsplat.io.calibration import find_format, read_calibration
-from skelsplat.io.detections import read_detections
-from skelsplat.io.detections._match import camera_called, cameras_called
+from skelsplat.io.detections import camera_called, cameras_called, read_detections
 from skelsplat.run.person import look_around, pick_places
 
 if TYPE_CHECKING:

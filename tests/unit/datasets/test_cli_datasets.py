@@ -144,8 +144,8 @@ def test_options_reach_the_reader(tmp_path):
     ("args", "words"),
     [
         (("human37m", "ROOT"), "NAME: expected one of human36m"),
-        (("human36m", "ROOT", "--option", "x"), "--option: expected NAME=VALUE"),
-        (("human36m", "ROOT", "--option", "x=1"), "expected an option of human36m"),
+        (("human36m", "ROOT", "--option", "x"), "--option: expected KEY=VALUE with a KEY among format"),
+        (("human36m", "ROOT", "--option", "x=1"), "--option: expected KEY=VALUE with a KEY among format"),
         (("human36m", "ROOT", "--format", "coco"), "format: expected one of"),
         (("human36m",), "ROOT"),
     ],

@@ -134,7 +134,7 @@ def test_without_monocular_poses_the_start_is_dlt_and_says_so(monkeypatch: pytes
         ),
         (
             ["noise", "--data", "synthetic", ".", "--set", "views"],
-            "--set: expected KEY=VALUE, got 'views'",
+            "--set: expected KEY=VALUE with a KEY among detector, views, got 'views'",
         ),
     ],
 )

@@ -13,7 +13,7 @@ import skelsplat as sk
 import takes
 from skelsplat.datasets import Dataset
 from skelsplat.evaluation import export, methods, protocols, report, tables
-from skelsplat.evaluation._table import Column, Row, Table
+from skelsplat.evaluation.tables import Column, Row, Table
 
 NAMES = ["dlt", "fusion", "annealed"]
 DATA = takes.simulated(4, keys=("S9/Walking", "S9/Greeting", "S11/Directions 1"))

@@ -15,14 +15,21 @@ from pathlib import Path
 import numpy as np
 
 from skelsplat.cameras import CameraRig
-from skelsplat.datasets._detections import detector_name, first_key, load_poses, poses_file, read_folder
+from skelsplat.datasets._detections import (
+    KEYS_3D,
+    choose_detector,
+    detector_name,
+    first_key,
+    load_poses,
+    poses_file,
+)
 from skelsplat.datasets._files import FloatArray, Survey, numbers
+from skelsplat.datasets._kept_apart import read_apart, read_world
 from skelsplat.datasets._model import Take
 from skelsplat.datasets.human36m._cameras import CAMERAS, find_cameras, read_rig
 from skelsplat.datasets.human36m._options import (
     Options,
     Reading,
-    choose_detector,
     take_of,
     wanted,
     with_separate,
@@ -33,7 +40,6 @@ from skelsplat.layouts import H36M17
 NAME = "skelsplat"
 HAS = "3d_gt/ and 2d_<detector>/"
 _TRUTH = "3d_gt"
-_KEYS_3D = ("poses", "poses3d")
 _KEYS_WORLD = ("coords3d_pred_world",)
 """World poses of a monocular estimator, beside its pixels."""
 
@@ -97,7 +103,7 @@ def _detectors(root: Path) -> dict[str, Path]:
 
 def _take(folder: Path, subject: str, rig: CameraRig, cameras: Path) -> Take:
     path = poses_file(folder) or folder / "poses.npz"
-    field, value = first_key(path, load_poses(path), _KEYS_3D)
+    field, value = first_key(path, load_poses(path), KEYS_3D)
     truth = numbers(path, field, value, ("frames", "joints", 3))
     if truth.shape[1] != H36M17.n_joints:
         raise DatasetError(path, field, f"{H36M17.n_joints} joints of {H36M17.name}", truth.shape[1])
@@ -117,7 +123,7 @@ def _with_own(takes: Iterator[Take], root: Path, options: Options, reading: Read
             continue
         yield replace(
             take,
-            detections=read_folder(folder, wanted(take)),
+            detections=read_apart([(folder, ["poses"])], wanted(take), by_frame=False)[0],
             monocular=_per_view(folder, take),
             files={**take.files, "detections": folder},
         )
@@ -141,12 +147,6 @@ def _with_monocular(take: Take, root: Path, name: str | None) -> Take:
     if name is None:
         return take
     folder = root / "initial_guess" / name / take.key
-    together = poses_file(folder)
-    paths = [together] if together else [poses_file(folder / view) for view in take.rig.names]
-    views = []
-    for path in paths:
-        if path is None:
-            raise DatasetError(folder / "poses.npz", "file", f"poses {name!r} of {take.key}", "none")
-        field, value = first_key(path, load_poses(path), _KEYS_3D)
-        views.append(numbers(path, field, value, (len(take), H36M17.n_joints, 3)))
-    return replace(take, monocular=np.stack(views, axis=1), files={**take.files, "monocular": folder})
+    shape, views = (len(take), H36M17.n_joints), [[view] for view in take.rig.names]
+    poses = read_world(folder, ["poses"], shape, views, f"poses {name!r} of {take.key}")
+    return replace(take, monocular=poses, files={**take.files, "monocular": folder})

@@ -18,6 +18,7 @@ import numpy as np
 import skelsplat as sk
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._atomic import atomic_write, atomic_write_text
+from skelsplat.io._files import of_file
 from skelsplat.io.calibration import (
     _easymocap,
     _human36m,
@@ -217,9 +218,7 @@ def _build(path: Path, raw: RawCamera, size: tuple[int, int]) -> sk.Camera:
             name=raw.name,
         )
     except InvalidInputError as error:
-        field, _, rest = str(error).partition(": expected ")
-        expected, _, actual = rest.partition(", got ")
-        raise DatasetError(path, field, expected, actual) from error
+        raise of_file(path, error) from error
 
 
 def write_calibration(path: str | os.PathLike[str], rig: sk.CameraRig, *, format: str | None = None) -> None:

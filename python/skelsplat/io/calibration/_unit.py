@@ -54,9 +54,9 @@ def check_unit(path: Path, centres: Sequence[Array], unit: str | None, *, stated
         raise InvalidInputError(f'unit: expected "mm", "cm" or "m", got {unit!r}')
     metres = spread * MM_PER_UNIT[unit] / 1000.0
     if spread > 0.0 and not _PLAUSIBLE_M[0] <= metres <= _PLAUSIBLE_M[1]:
-        numbers = {"unit": unit, "apart_m": metres, "apart_in_file": spread, "likely_unit": _likely(spread)}
-        finding = Finding("rig_size", "warning", Subject(files=(str(path),)), numbers)
-        warnings.warn(FindingWarning(finding), stacklevel=3)
+        numbers = {"metres": metres, "unit": unit, "spread": spread, "likely": _likely(spread)}
+        subject = Subject(files=(str(path),))
+        warnings.warn(FindingWarning(Finding("unit_implausible", "warning", subject, numbers)), stacklevel=3)
     return unit
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io._arrays import load_plain_npz
+from skelsplat.io._arrays import Arrays, load_plain_npz
 from skelsplat.io._atomic import atomic_write
 from skelsplat.io.poses._pose_data import PoseData
 
@@ -66,10 +66,10 @@ def read_npz(path: str | os.PathLike[str]) -> PoseData:
         If the file cannot be read, lacks a key, or its arrays do not fit each other.
     """
     source = Path(path)
-    arrays: dict[str, Any] = load_plain_npz(source, "an npz file")
-    missing = [key for key in _REQUIRED if key not in arrays]
-    if missing:
-        raise DatasetError(source, missing[0], "an array under this key", f"keys {', '.join(arrays)}")
+    read = Arrays(source, load_plain_npz(source, "an npz file"))
+    for key in _REQUIRED:
+        read.take(key)
+    arrays = {key: read.found[key] for key in _KEYS if key in read.found}
     arrays["unit"] = str(arrays["unit"])
     for key in _NAMES:
         if key in arrays:
@@ -80,6 +80,6 @@ def read_npz(path: str | os.PathLike[str]) -> PoseData:
     if not np.isnan(rate):
         arrays["frame_rate"] = float(rate)
     try:
-        return PoseData(**{key: arrays[key] for key in _KEYS if key in arrays})
+        return PoseData(**arrays)
     except InvalidInputError as error:
         raise DatasetError(source, "arrays", "arrays that fit each other", str(error)) from error
