@@ -52,7 +52,7 @@ def _run(*arguments: object) -> str:
             except SystemExit as end:
                 status = int(end.code or 0)
         path = Path(out) / "report.json"
-        findings = json.loads(path.read_text())["doubts"] if path.is_file() else []
+        findings = [one["text"] for one in json.loads(path.read_text())["findings"]] if path.is_file() else []
     given = [name for name, words in _KINDS.items() if any(words in finding for finding in findings)]
     return f"exit {status}; {', '.join(given) or 'none of this kind'}"
 

@@ -10,7 +10,7 @@ import typer
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-_OPTIONS = ("--layout", "--format", "--frames", "--offset", "--order", "--map", "--sequence")
+_OPTIONS = ("--layout", "--format", "--frames", "--offset", "--order", "--map", "--sequence", "--person")
 
 
 def reading(
