@@ -6,14 +6,18 @@ import json
 import os
 import subprocess
 import sys
+from io import StringIO
 
 import pytest
 import typer
+from rich.console import Console
+from rich.table import Column, Table
 
 from command_line import assert_fails, invoke
 from skelsplat import datasets, synthetic
 from skelsplat._json import plain
 from skelsplat.cli import app
+from skelsplat.cli.table import print_table
 from skelsplat.datasets._synth_writer import write_simulated
 
 
@@ -173,3 +177,19 @@ def _read(descriptor):
         return os.read(descriptor, 65536)
     except OSError:  # Linux: the other side is closed
         return b""
+
+
+@pytest.mark.parametrize("width", [40, 80])
+def test_a_table_keeps_names_and_words_whole_on_a_narrow_console(width):
+    names = ["camera_of_the_laboratory_north_wall_0123456789", "cam 2"]
+    table = Table("camera", Column("90th percentile", justify="right"), *["rejected"] * 6, box=None)
+    for name in names:
+        table.add_row(name, "14.8 → 14.4", *["12345"] * 6)
+    console = Console(file=StringIO(), width=width)
+    print_table(console, table)
+    said = console.file.getvalue()
+    for words in (*names, "14.8 →", "percentile", *["rejected"] * 6):
+        assert words in said
+        said = said.replace(words, "", 1)
+    assert "…" not in said
+    assert console.width == width

@@ -19,6 +19,7 @@ from skelsplat.cli._calibration import CalibrationOptions
 from skelsplat.cli._reading import reading, refuse_reading
 from skelsplat.cli.options import one_of
 from skelsplat.cli.output import print_json
+from skelsplat.cli.table import print_table
 from skelsplat.findings import collected_warnings
 from skelsplat.io.detections import read_detections
 from skelsplat.rig_check import ReadAs, RigReport, check_rig
@@ -147,7 +148,7 @@ def _with_warnings(report: RigReport, warnings: list[Finding]) -> RigReport:
 def _print(rig: sk.CameraRig, found: DetectionSet | None, report: RigReport, *, quiet: bool) -> None:
     console = Console(highlight=False, markup=False)
     if report.cameras and not quiet:
-        console.print(_table(report))
+        print_table(console, _table(report))
         console.print(_LEGEND, style="dim")
         console.print()
     for finding in report.findings:

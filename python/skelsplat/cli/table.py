@@ -40,14 +40,31 @@ def tell(finding: Finding) -> None:
     typer.echo(f"warning: {finding.text}", err=True)
 
 
+def print_table(console: Console, table: Table) -> None:
+    """Print a table with all words whole, in its first column all names: wider than the console if need be.
+
+    A first column that folds is broken between words.
+    """
+    own, first = console.width, table.columns[0]
+    console.width = 10_000  # to measure what it would take
+    for column in table.columns:
+        words = [console.measure(cell) for cell in (column.header, *column.cells)]
+        whole = column is first and first.overflow != "fold"
+        column.no_wrap = whole
+        column.min_width = max(size.maximum if whole else size.minimum for size in words)
+    console.width = max(own, console.measure(table).minimum)
+    console.print(table, crop=False)
+    console.width = own
+
+
 def print_run(console: Console, run: Run) -> None:
-    """Print the table of cameras, the lines on the run, the joints that are known least, and the findings."""
-    console.print(_cameras(run))
+    """Print the table of cameras, the lines on the run, the least certain joints, and the findings."""
+    print_table(console, _cameras(run))
     console.print(_legend(run.statistics), style="dim")
     console.print()
     for line in _lines(run):
         console.print(line)
-    console.print(_joints(run))
+    print_table(console, _joints(run))
     console.print()
     note = run.report["note"]
     _print_paragraphs(console, [note] if note else [])

@@ -74,10 +74,7 @@ def read_json_file(path: Path) -> Any:
 def parse_json(text: str) -> Any:
     """Return what JSON text holds; a whole number beyond any float is infinite, as it is with an exponent.
 
-    Raises
-    ------
-    json.JSONDecodeError, RecursionError
-        If it is no JSON, or nested too deeply.
+    Raises `json.JSONDecodeError` if it is no JSON, `RecursionError` if it is nested too deeply.
     """
     return json.loads(text, parse_int=whole_number)
 
@@ -88,13 +85,7 @@ def whole_number(text: str) -> int | float:
 
 
 def frame_number(path: Path, field: str, value: int | str) -> int:
-    """Return a frame number, given as such or in digits, that can be counted on from in 64 bits.
-
-    Raises
-    ------
-    DatasetError
-        If it is too large.
-    """
+    """Return a frame number, given as such or in digits, that can be counted on from in 64 bits."""
     number = whole_number(value) if isinstance(value, str) else value
     if not isinstance(number, int) or abs(number) >= FRAME_LIMIT:
         raise DatasetError(path, field, "a frame number below 2^62", str(value)[:40])

@@ -74,13 +74,7 @@ class RunFolder:
 def write_run_inputs(
     folder: Path, rig: sk.CameraRig, layout: sk.Layout, detections: Array, frames: npt.NDArray[np.int64]
 ) -> list[str]:
-    """Write the cameras and the detections (T, M, N, 3) of one person; return the names of the files.
-
-    Raises
-    ------
-    DatasetError
-        If a file cannot be written.
-    """
+    """Write the cameras and the detections (T, M, N, 3) of one person; return the names of the files."""
     write_calibration(folder / CAMERAS, rig)
     names = {
         "camera_names": np.array(rig.names, dtype=np.str_),

@@ -116,8 +116,8 @@ def _caption(frame: int, inputs: Inputs, outcome: Outcome, statistics: Statistic
     else:
         words += f": {change}"
     frames = {name: int((status == name).any(axis=1).sum()) for name in ("weak", "unobserved")}
-    affected = ", ".join(f"{name} in {number}" for name, number in frames.items() if number)
-    return f"{words}; joints {affected} of {count} frames" if affected else words
+    affected = ", ".join(f"{name} joints in {number}" for name, number in frames.items() if number)
+    return f"{words}; {affected} of {count} frames" if affected else words
 
 
 def _heat_caption(number: int) -> str:

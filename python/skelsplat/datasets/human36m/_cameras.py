@@ -41,10 +41,7 @@ def find_cameras(root: Path, given: Path | None) -> Path:
 def read_rig(path: Path, subject: str) -> CameraRig:
     """Return the four cameras of ``camera-parameters.json`` as they stood for a subject, mm.
 
-    Raises
-    ------
-    DatasetError
-        If the file is missing or malformed, or lacks the subject or a camera.
+    Raises `DatasetError` if the file is missing or malformed, or lacks the subject or a camera.
     """
     try:
         rig = read_quietly(path, "human36m", subject=subject)

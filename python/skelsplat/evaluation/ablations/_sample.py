@@ -21,18 +21,10 @@ Start = Literal["dlt", "fusion"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Group:
-    """P poses that the same cameras see.
+    """P poses that the same cameras see."""
 
-    Attributes
-    ----------
-    poses : Take
-        Frames of several takes, one after the other.
-    take : (P,) int
-        Which take each pose is from.
-    """
-
-    poses: Take
-    take: NDArray[np.int64]
+    poses: Take  # frames of several takes, one after the other
+    take: NDArray[np.int64]  # (P,) int: Which take each pose is from
 
     def __len__(self) -> int:
         return len(self.take)
@@ -64,27 +56,14 @@ class Group:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sample:
-    """Poses of one data set with the detections of one detector.
+    """Poses of one data set with the detections of one detector."""
 
-    Attributes
-    ----------
-    name : str
-        Short, for rows of a table: ``"H36M, metrabs"``.
-    dataset : str
-        ``"human36m"``, ``"human36m-occ-2"``, …; tells which rows of the paper it belongs to.
-    layout : Layout
-    groups : tuple of Group
-    n_available : int
-        Poses that the data set has.
-    paper_fields : mapping
-        What the paper changes in its settings on this data set.
-    """
-
-    name: str
-    dataset: str
+    name: str  # short, for rows of a table: ``"H36M, metrabs"``
+    dataset: str  # ``"human36m"``, ``"human36m-occ-2"``, …; tells which rows of the paper it belongs to
     layout: sk.Layout
     groups: tuple[Group, ...]
-    n_available: int
+    n_available: int  # poses that the data set has
+    # What the paper changes in its settings on this data set.
     paper_fields: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -129,10 +108,7 @@ def sample(
     `name` and `key` are `Sample.name` and `Sample.dataset`. Without `undistort` cameras lose their lens, so
     that detections are used with K alone.
 
-    Raises
-    ------
-    InvalidInputError
-        If a take has no detections, or no pose is left.
+    Raises `InvalidInputError` if a take has no detections, or no pose is left.
     """
     takes = [case.take for case in protocol.cases(dataset) if case.absolute]
     total = sum(len(take) for take in takes)
@@ -186,21 +162,11 @@ def _joined(part: Sequence[tuple[int, Take]]) -> Group:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Errors:
-    """Joint errors of one setting.
+    """Joint errors of one setting."""
 
-    Attributes
-    ----------
-    joints : (P, N) mm
-        NaN where there is no truth or no prediction.
-    take : (P,) int
-        Which take each pose is from.
-    steps : float
-        Mean number of optimisation steps; NaN if nothing was optimised.
-    """
-
-    joints: FloatArray
-    take: NDArray[np.int64]
-    steps: float = float("nan")
+    joints: FloatArray  # (P, N) mm: NaN where there is no truth or no prediction
+    take: NDArray[np.int64]  # (P,) int: Which take each pose is from
+    steps: float = float("nan")  # mean number of optimisation steps; NaN if nothing was optimised
 
     @property
     def mpjpe(self) -> float:

@@ -42,27 +42,16 @@ Progress = Callable[[str, int, int], None]
 
 @dataclass(frozen=True, slots=True)
 class Choices:
-    """What a user chooses for any ablation.
+    """What a user chooses for any ablation."""
 
-    Attributes
-    ----------
-    poses : int or None
-        How many poses of each data set; None: all.
-    seed : int
-        Of simulated data and of noise on the start.
-    start : {"paper", "dlt", "fusion"}
-        Initial poses; "paper": as in the paper's experiment, if the data have what it needs.
-    init_sigma_mm : float
-        Standard deviation per axis of the fused start where it enters as a prior.
-    undistort : bool
-        Whether to take lens distortion out; the paper does not.
-    """
-
-    poses: int | None
-    seed: int = 0
+    poses: int | None  # how many poses of each data set; None: all
+    seed: int = 0  # of simulated data and of noise on the start
+    # {"paper", "dlt", "fusion"}: Initial poses; "paper": as in the paper's experiment, if the data have what
+    # it needs.
     start: Literal["paper", "dlt", "fusion"] = "paper"
+    # Standard deviation per axis of the fused start where it enters as a prior.
     init_sigma_mm: float = DEFAULT_INIT_SIGMA_MM
-    undistort: bool = True
+    undistort: bool = True  # whether to take lens distortion out; the paper does not
 
 
 class Source(ABC):

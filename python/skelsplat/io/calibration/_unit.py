@@ -37,11 +37,6 @@ def check_unit(path: Path, centres: Sequence[Array], unit: str | None, *, stated
         What the caller says.
     stated : str or None
         What the format or the file says.
-
-    Raises
-    ------
-    InvalidInputError
-        If neither is there, `unit` is not one of mm, cm, m, or the two contradict each other.
     """
     spread = _spread(centres)
     if stated is not None:

@@ -32,13 +32,7 @@ _CUSTOM = (
 
 
 def choose_layout(layout: str | sk.Layout | None, views: Iterable[View]) -> sk.Layout:
-    """Return the layout that is asked for, or the one whose joints the files name exactly.
-
-    Raises
-    ------
-    InvalidInputError
-        If there is none of that name, or nothing is asked for and no names decide; lists what would fit.
-    """
+    """Return the layout that is asked for, or the one whose joints the files name exactly."""
     if isinstance(layout, str):
         return sk.layouts.get(layout)
     if layout is not None:
@@ -113,11 +107,6 @@ def places_of(view: View, layout: sk.Layout, mapping: Mapping[str, Joint]) -> Pl
     With names in the file every joint needs its name there, however it is written (``LHip``, ``hip_l``,
     ``left hip``), or an entry of `mapping`. Where the detector's order is fixed, an equal count is enough as
     long as no name contradicts the layout. Without names only `mapping` can differ from the layout's order.
-
-    Raises
-    ------
-    DatasetError
-        If a joint is not found, or a name fits more than one; lists the names of the file.
     """
     if view.joints is None:
         return _without_names(layout, mapping, view)
@@ -194,13 +183,7 @@ def _key(name: str) -> tuple[str, ...]:
 
 
 def arranged(person: Person, layout: sk.Layout, places: Places | None, *, flat: bool) -> Array:
-    """Return a person's joints in the order of the layout (N, 3), NaN for those that the file lacks.
-
-    Raises
-    ------
-    DatasetError
-        If the person has another number of joints than the layout, or not the places of the mapping.
-    """
+    """Return a person's joints in the order of the layout (N, 3), NaN for those that the file lacks."""
     count, n = len(person.joints), layout.n_joints
     if places is None:
         if count != n:

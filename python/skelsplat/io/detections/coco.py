@@ -86,6 +86,6 @@ def is_alphapose(path: Path) -> bool:
     return start.startswith("[") and re.search(r'"image_id"\s*:\s*"', start) is not None
 
 
-def camera_of_alphapose(stem: str) -> str:
+def cut_alphapose(stem: str) -> str:
     """Cut AlphaPose's own words off the name of a file."""
     return re.sub(r"[-_ ]*alphapose[-_ ]results", "", stem) or stem
