@@ -68,10 +68,8 @@ def write_html(run: Run, path: Path) -> None:
         shapes=camera_shapes(inputs.rig),
         cameras=_camera_table(statistics),
         joints=_joint_table(inputs, statistics),
-        heat=page.HeatMaps(
-            errors_px=_by_view_and_joint(statistics.error_after, finite_median),
-            rejected=_shares(statistics),
-        ),
+        errors_px=_by_view_and_joint(statistics.error_after, finite_median),
+        rejected=_shares(statistics),
         lines=_lines(run),
         problems=[page.ProblemRow(*row) for row in rows_of(run.frame_findings, inputs.frames.tolist())],
     )
