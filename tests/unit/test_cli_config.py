@@ -14,7 +14,8 @@ from typer.testing import CliRunner
 from command_line import assert_fails, invoke
 from skelsplat.cli import _run, ablate, app, evaluate, refine
 from skelsplat.cli._app import OneLineErrors
-from skelsplat.cli.config import Application, entries_of
+from skelsplat.cli.command import Application
+from skelsplat.cli.config import entries_of
 from skelsplat.io import sample
 
 CONVENTIONS = Path(__file__).parents[2] / "docs" / "conventions.md"
@@ -332,8 +333,8 @@ ROOT = typer.main.get_command(app)
 @pytest.mark.parametrize("path", [path for path, _ in commands(ROOT)], ids=" ".join)
 def test_every_command_has_it_and_no_option_is_called_like_a_command(path):
     text = " ".join(invoke(*path, "--help").stdout.replace("│", " ").split())
-    assert "--config FILE.toml Options and arguments of this command, from a file" in text
+    assert "--config FILE.toml Options and arguments from a file" in text
     command = dict(commands(ROOT))[path]
     assert not entries_of(command).keys() & {name for parts, _ in commands(ROOT) for name in parts}
-    parameters = {param.name for param in command.params} - {"config"}
+    parameters = {param.name for param in command.params} - {"config", "help_all"}
     assert {entry.parameter for entry in entries_of(command).values()} == parameters

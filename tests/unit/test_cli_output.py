@@ -16,7 +16,7 @@ from rich.table import Column, Table
 from command_line import assert_fails, invoke
 from skelsplat import datasets, synthetic
 from skelsplat._json import plain
-from skelsplat.cli import app
+from skelsplat.cli import app, refine
 from skelsplat.cli.table import print_table
 from skelsplat.datasets._synth_writer import write_simulated
 
@@ -43,6 +43,18 @@ def test_every_command_has_examples_json_and_quiet(path):
         assert "there is no --json" in " ".join(text.split())
     else:
         assert "--json" in COMMANDS[path]
+
+
+def test_help_of_refine_is_one_screen_and_help_all_the_rest():
+    short, every = (invoke("refine", option).stdout for option in ("--help", "--help-all"))
+    assert len(short.split(refine.EPILOG[:20])[0].rstrip().splitlines()) <= 40
+    assert {"CALIBRATION", "DETECTIONS", "--output", "--help-all", "--config"} <= set(short.split())
+    assert "--symmetry-tier" not in short
+    shown = {word for word in every.split() if word.startswith("--")}
+    assert {opt for opt in COMMANDS["refine",] if opt.startswith("--")} <= shown
+    assert max(len(line.rstrip()) for line in every.splitlines()) <= 80
+    assert "[default: consistent]" in every
+    assert invoke("refine", "--help").stdout == short
 
 
 @pytest.fixture(scope="module")

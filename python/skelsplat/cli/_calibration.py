@@ -22,7 +22,7 @@ Calibration = Annotated[
     typer.Argument(
         readable=False,
         metavar="CALIBRATION",
-        help="Calibration file, or folder where a format is one; convert --help has the formats.",
+        help="Calibration file or folder. convert --help lists the formats.",
     ),
 ]
 
@@ -30,7 +30,8 @@ Unit = Annotated[
     str | None,
     typer.Option(
         metavar="mm|cm|m",
-        help="Length unit, where the format does not say it: Anipose TOML, OpenCV YAML.",
+        help="Length unit of the calibration. Needed if the format does not state it: Anipose TOML, OpenCV "
+        "YAML.",
         rich_help_panel=_PANEL,
     ),
 ]
@@ -38,7 +39,7 @@ Format = Annotated[
     str | None,
     typer.Option(
         metavar="NAME",
-        help=f"{', '.join(sorted(FORMATS))}.",
+        help=f"Format of the calibration: {', '.join(sorted(FORMATS))}.",
         show_default="found from the content",
         rich_help_panel=_PANEL,
     ),
@@ -47,19 +48,19 @@ CameraType = Annotated[
     str | None,
     typer.Option(
         metavar="TYPE",
-        help="Which of a file's cameras. Panoptic: hd, vga, …; Qualisys, Vicon: video cameras; or all.",
+        help="Which cameras of the file: hd, vga, … (Panoptic), video cameras (Qualisys, Vicon), or all.",
         rich_help_panel=_PANEL,
     ),
 ]
 Subject = Annotated[
     str | None,
-    typer.Option(metavar="S1", help="Human3.6M: whose cameras.", rich_help_panel=_PANEL),
+    typer.Option(metavar="S1", help="Human3.6M: the subject with these cameras.", rich_help_panel=_PANEL),
 ]
 Size = Annotated[
     str | None,
     typer.Option(
         metavar="WxH",
-        help="Image size, where the files do not say it: OpenPose, some OpenCV YAML.",
+        help="Image size, if the files do not state it: OpenPose, some OpenCV YAML.",
         rich_help_panel=_PANEL,
     ),
 ]

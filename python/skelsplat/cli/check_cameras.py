@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from skelsplat.io import DetectionSet
 
 EPILOG = "Exit status: 0 nothing found, 1 something found or a file is unreadable, 2 bad usage."
+COMMON = ("unit", "layout", "person", "frames", "without", "offset", "order", "joint_map", "quiet", "as_json")
 
 _Detections = Annotated[
     Path | None,

@@ -15,7 +15,7 @@ from rich.text import Text
 
 from skelsplat import datasets
 from skelsplat.cli import options
-from skelsplat.cli.config import Application
+from skelsplat.cli.command import Application
 from skelsplat.cli.output import print_json
 from skelsplat.cli.table import print_table
 from skelsplat.datasets import Dataset, Report

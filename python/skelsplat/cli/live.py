@@ -65,6 +65,8 @@ def live(
     Malformed lines are skipped and reported on stderr with their numbers. At the
     end stderr has the count of the lines and percentiles of the latency.
 
+    Input and output are JSON already: there is no --json.
+
     [bold]Examples[/bold]
 
     detector | skelsplat live Calib.toml --unit m --layout coco17 | viewer

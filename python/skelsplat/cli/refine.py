@@ -26,6 +26,10 @@ EPILOG = (
     "cameras.json and detections.npz. What an earlier run wrote there is removed first; plots/ and overlay/ "
     "stay."
 )
+COMMON = (
+    *("output", "unit", "layout", "person", "without", "offset", "fps", "filter", "fill_gaps"),
+    *("write", "y_up", "paper", "quiet", "as_json"),
+)
 _UNITS = ("mm", "cm", "m")
 _FRAMES = ("strict", "intersection", "union")
 
@@ -75,23 +79,12 @@ def refine(
 ) -> None:
     """Refine the 3D pose of one person from calibrated cameras and 2D detections.
 
-    --unit is needed where the calibration does not say it.
-
     [bold]Examples[/bold]
 
     skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b
 
-    skelsplat refine Calib.qca.txt pose/ -o out --layout body25 --y-up
-
-    skelsplat refine Calib.toml dlc/ -o out --unit mm --layout coco17 --map nose=snout --offset camB=3
-
-    skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b --fps 60 --filter butterworth:6
-
-    skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b --fill-gaps 10
-
-    skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b --paper
-
-    skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b --init mono.npz --init-sigma 40
+    skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b --fps 60
+    --filter butterworth:6 --fill-gaps 10 --write trc,c3d
 
     skelsplat refine --config run.toml
     """

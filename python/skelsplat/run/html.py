@@ -70,10 +70,8 @@ def write_html_report(
         shapes=camera_shapes(inputs.rig),
         cameras=camera_table(statistics),
         joints=joint_table(inputs, statistics),
-        heat=page.HeatMaps(
-            errors_px=_by_view_and_joint(statistics.error_after, finite_median),
-            rejected=_shares(statistics),
-        ),
+        errors_px=_by_view_and_joint(statistics.error_after, finite_median),
+        rejected=_shares(statistics),
         lines=_lines(job, inputs, outcome, statistics),
         problems=[page.ProblemRow(*run) for run in runs_in_words(findings.problems)],
     )
