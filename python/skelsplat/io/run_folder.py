@@ -110,9 +110,8 @@ def read_run(path: str | os.PathLike[str]) -> RunFolder:
         ("frames", found.frames.tolist(), poses.frames.tolist()),
     ):
         if expected != actual:
-            raise DatasetError(
-                folder / POSES, name, f"those of the same run ({_short(expected)})", _short(actual)
-            )
+            same = f"those of the same run ({_short(expected)})"
+            raise DatasetError(folder / POSES, name, same, _short(actual))
     return RunFolder(folder, rig, layout, found.people[:, :, 0], poses, report)
 
 

@@ -51,8 +51,10 @@ class Check:
     paper: str = ""  # what the paper says; "" quotes its figures
     ours: bool = False  # the claim is not the paper's
 
-    def claim(self, label: str, sample: Sample, found: Mapping[Any, Errors]) -> Claim | None:
-        """Check it on errors by value; `label` names the paper's table."""
+    def claim(
+        self, label: str, headers: Mapping[Any, str], sample: Sample, found: Mapping[Any, Errors]
+    ) -> Claim | None:
+        """Check it on errors by value; `label` names the paper's table, `headers` the values."""
         most = max(found, default=None) if MOST in self.values else None
         values = tuple(most if value == MOST else value for value in self.values)
         if not {*values, *self.others} <= set(found):
@@ -66,7 +68,9 @@ class Check:
             apart = [difference(found[a], found[b]) for a, b in pairs]
             limit = self.within_mm
             holds = all(d.is_less if limit is None else abs(d.mean) <= limit for d in apart)
-            changes = ", ".join(f"{key(a)} − {key(b)} {d}" for (a, b), d in zip(pairs, apart, strict=True))
+            changes = ", ".join(
+                f"{headers[a]} − {headers[b]} {d}" for (a, b), d in zip(pairs, apart, strict=True)
+            )
         shown = [value for value in found if value in (*values, *self.others)]
         figures = ", ".join(f"{found[value].mpjpe:.1f}" for value in shown)
         by_dataset = any("dataset" in row.setting for row in reported(label))
@@ -121,7 +125,7 @@ class Sweep:
             taken = tuple(row for each in found for row in self._rows(*each, lambda errors: errors.steps))
             tables.append(Table(self.steps, self.corner, columns, taken, "steps", 0, chart=False))
         claims = [
-            check.claim(self.label, sample, errors[check.row])
+            check.claim(self.label, self.values, sample, errors[check.row])
             for sample, errors in found
             for check in self.checks
         ]
