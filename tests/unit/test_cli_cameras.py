@@ -303,7 +303,7 @@ def test_a_calibration_alone(room):
     ],
 )
 def test_options_of_detections_need_some(room, tmp_path, given):
-    said = f"{given[0]}: expected DETECTIONS beside it, got none"
+    said = f"{given[0]}: requires DETECTIONS"
     assert_fails(invoke("check-cameras", room / "Calib.toml", *given), 2, said)
     shared = tmp_path / "run.toml"  # may hold what other commands need
     shared.write_text('layout = "h36m17"\nframes = "union"\n[check-cameras.offset]\ncam1 = 2\n')

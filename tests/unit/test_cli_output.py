@@ -70,10 +70,10 @@ def cases(recording, dome):
     folder, _, _ = recording
     calibration, out = folder / "Calib.toml", folder / "out"
     return {
-        "demo": (["-o", out], {"input", "doubts"}),
+        "demo": (["-o", out], {"input", "findings"}),
         "refine": (
             [calibration, folder / "openpose", "--layout", "h36m17", "-o", out, "--fps", 50],
-            {"input", "doubts"},
+            {"input", "findings"},
         ),
         "convert": (
             [calibration, folder / "rig.json"],

@@ -16,13 +16,15 @@ import skelsplat as sk
 from skelsplat.cli import _calibration as calibration
 from skelsplat.cli import options
 from skelsplat.cli._calibration import CalibrationOptions
-from skelsplat.cli._reading import leave_out, named_offsets, read_found, reading, refuse_reading
+from skelsplat.cli._reading import reading, refuse_reading
 from skelsplat.cli.options import one_of
 from skelsplat.cli.output import print_json
 from skelsplat.cli.table import print_table
 from skelsplat.findings import collected_warnings
+from skelsplat.io.detections import read_detections
 from skelsplat.rig_check import ReadAs, RigReport, check_rig
 from skelsplat.run.person import pick_person
+from skelsplat.run.read import leave_out, named_offsets
 
 if TYPE_CHECKING:
     from skelsplat.findings import Finding
@@ -113,9 +115,11 @@ def check_cameras(
     who = options.person(person)
     read = CalibrationOptions(unit, calibration_format, camera_type, subject, size, binning)
     with collected_warnings() as warnings:
-        every = read.read(source, format_option="--calibration-format")
+        every = read.read(source)
         rig = leave_out(every, tuple(without or ()))
-        found = None if detections is None else read_found(detections, every, without=without or (), **given)
+        found = None
+        if detections is not None:
+            found = read_detections(detections, every, without=without or (), **given)
         offsets = named_offsets(every, given["offsets"])
         report = check_rig(rig) if found is None else _check(rig, found, who, offsets)
     report = _with_warnings(report, warnings)

@@ -12,11 +12,14 @@ from typer.core import TyperCommand
 
 from skelsplat.cli.config import Config
 from skelsplat.exceptions import InvalidInputError
+from skelsplat.run.job import IncompleteJobError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
 _ALL = "skelsplat.help.all"
+# Arguments of the package whose parameter of a command has another name.
+_SPELT = {"offsets": "offset", "mapping": "joint_map", "init_sigma_mm": "init_sigma"}
 
 
 class Application(typer.Typer):
@@ -114,8 +117,15 @@ class Command(TyperCommand):
             return super().invoke(ctx)
         except InvalidInputError as error:
             name, _, message = str(error).partition(": ")
-            spelt = [opt for param in self.params if param.name == name != "config" for opt in param.opts]
-            options = [option for option in spelt if option.startswith("--")]
-            if not options:
+            option = self._option(name)
+            if option is None:
                 raise
-            raise typer.BadParameter(message, ctx=ctx, param_hint=options[0]) from error
+            if isinstance(error, IncompleteJobError):
+                message = f"requires {self._option(error.requires)}"
+            raise typer.BadParameter(message, ctx=ctx, param_hint=option) from error
+
+    def _option(self, argument: str) -> str | None:
+        """Return the option that stands for an argument of the package."""
+        name = _SPELT.get(argument, argument)
+        spelt = [opt for param in self.params if param.name == name != "config" for opt in param.opts]
+        return next((option for option in spelt if option.startswith("--")), None)

@@ -83,7 +83,7 @@ def live(
     }
     given = {name: value for name, value in settings.items() if value is not None}
     with collected_warnings(tell):
-        rig = read.read(source, format_option="--calibration-format")
+        rig = read.read(source)
         if len(rig) < 2:
             raise DatasetError(source, "cameras", "at least two cameras", len(rig))
         session = Session(rig, known, sk.RefineConfig(n_threads=1, **given))
