@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 # frame numbers and offsets are below it, so that their sum fits into 64 bits
 FRAME_LIMIT = 2**62
+_HEAD = 65_536  # bytes
 VIDEO_SUFFIXES = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".mts", ".wmv")
 
 
@@ -47,6 +48,15 @@ def read_text(path: Path) -> str:
             return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
         raise DatasetError(path, "file", "text in UTF-8", f"byte {error.start} that is not") from error
+
+
+def head(path: Path) -> str:
+    """Return the first characters of a file; none if it cannot be read."""
+    try:
+        with path.open("rb") as stream:
+            return stream.read(_HEAD).decode("utf-8-sig", errors="replace").lstrip()
+    except OSError:
+        return ""
 
 
 def load_json(path: Path, text: str, document: str) -> Any:

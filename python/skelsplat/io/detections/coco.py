@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._files import frame_number
+from skelsplat.io._files import frame_number, head
 from skelsplat.io.detections._format import Person, View, list_view
-from skelsplat.io.detections._text import head, json_document
+from skelsplat.io.detections._text import json_document
 from skelsplat.io.detections.openpose import triples
 
 if TYPE_CHECKING:
