@@ -52,7 +52,7 @@ def found():
     ("part", "index", "value", "words"),
     [
         ("status", (3, 1), "unobserved", "unobserved: knee"),
-        ("status", (3, [1, 2]), "weak", "depth not fixed (weak): knee, wrist"),
+        ("status", (3, [1, 2]), "weak", "weak: knee, wrist"),
         ("status", (3, 2), "filled", "filled over time: wrist"),
         ("swapped", (3, [1, 3], 0), True, "left and right exchanged in b, d"),
         ("rejected", (3, [0, 1], 0), True, "17% of the detections rejected"),
@@ -84,7 +84,7 @@ def test_what_holds_throughout_and_single_rejections_are_no_problem_of_a_frame(f
 
 def test_many_names_are_counted():
     many = Finding("frame_weak", "note", Subject(joints=tuple("abcdefghi"), frames=(3,)), {"of": 9})
-    assert many.text == "depth not fixed (weak): 9 of 9"
+    assert many.text == "weak: 9 of 9"
 
 
 def test_a_third_rejected_is_a_problem_even_if_it_is_usual(found):
@@ -120,8 +120,8 @@ def test_frames_that_follow_each_other_with_the_same_reasons_are_one_row():
         Finding("frame_rejected", "note", Subject(frames=frames), {"percent": [35.0, 50.0, 40.0]}),
     ]
     assert rows_of(findings, range(50, 70)) == [
-        (51, 52, "depth not fixed (weak): knee; 50% of the detections rejected"),
-        (54, 54, "depth not fixed (weak): knee; 40% of the detections rejected"),
+        (51, 52, "weak: knee; 50% of the detections rejected"),
+        (54, 54, "weak: knee; 40% of the detections rejected"),
         (59, 59, "diverged"),
     ]
 

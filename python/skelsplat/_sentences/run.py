@@ -257,7 +257,7 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "frame_diverged": "diverged",
     "frame_max_steps": "stopped at the step limit",
     "frame_unobserved": lambda f: f"unobserved: {named(f)}",
-    "frame_weak": lambda f: f"depth not fixed (weak): {named(f)}",
+    "frame_weak": lambda f: f"weak: {named(f)}",
     "frame_filled": lambda f: f"filled over time: {named(f)}",
     "frame_swapped": lambda f: f"left and right exchanged in {named(f)}",
     "frame_rejected": lambda f: f"{max(f.numbers['percent']):.0f}% of the detections rejected",
