@@ -37,6 +37,16 @@ class Survey:
         else:
             self.there.append(found)
 
+    def look_for_detections(
+        self, root: Path, detector: str | None, given: Path | str | None, usual: str
+    ) -> None:
+        """Note whether there are detections of the only subject, S0, or those `given`."""
+        if given is not None:
+            self.look([Path(given)], "detections")
+        else:
+            there = [path / "S0" for path in sorted(root.glob(f"2d_{detector or '*'}"))]
+            self.look(there or [root / f"2d_{detector or usual}" / "S0"], "detections")
+
 
 def find(candidates: Sequence[Path], what: str) -> Path:
     """Return the first of `candidates` that exists.

@@ -187,21 +187,18 @@ def _start(take: Take, start: str) -> FloatArray | None:
     return _fusion(take) if start == "fusion" else None
 
 
-def _plain(options: Options) -> dict[str, Any]:
-    return {"undistort": options.undistort}
-
-
-def _weighted(options: Options) -> dict[str, Any]:
-    return {**_plain(options), "confidence": True}
+def _settings(**more: Any) -> Callable[[Options], dict[str, Any]]:
+    """Return settings of a method without a configuration."""
+    return lambda options: {"undistort": options.undistort, **more}
 
 
 def _drawn(options: Options) -> dict[str, Any]:
-    return {**_plain(options), "seed": options.seed}
+    return {"undistort": options.undistort, "seed": options.seed}
 
 
 def _solver(options: Options, config: RefineConfig, start: str) -> dict[str, Any]:
     fields = config.replace(n_threads=options.n_threads).to_dict()
-    return {**_plain(options), "start": start, "config": fields}
+    return {"undistort": options.undistort, "start": start, "config": fields}
 
 
 def _annealed(options: Options) -> dict[str, Any]:
@@ -222,14 +219,23 @@ def _closed_form(options: Options) -> dict[str, Any]:
 
 
 _ALL = (
-    Method("dlt", "algebraic triangulation, unweighted", _plain, _by(_dlt)),
-    Method("dlt-confidence", "algebraic triangulation, rows weighted by confidence", _weighted, _by(_dlt)),
+    Method("dlt", "algebraic triangulation, unweighted", _settings(), _by(_dlt)),
+    Method(
+        "dlt-confidence",
+        "algebraic triangulation, rows weighted by confidence",
+        _settings(confidence=True),
+        _by(_dlt),
+    ),
     Method("ransac-iskakov", "RANSAC of Iskakov et al., with its Huber refinement", _drawn, _by(_iskakov)),
     Method("ransac-adafuse", "RANSAC that AdaFuse is compared with", _drawn, _by(_adafuse)),
-    Method("ransac", "RANSAC of this package", _plain, _by(_ransac)),
-    Method("cauchy", "DLT, then the Cauchy loss of the reprojection residuals", _plain, _by(_cauchy)),
+    Method("ransac", "RANSAC of this package", _settings(), _by(_ransac)),
+    Method("cauchy", "DLT, then the Cauchy loss of the reprojection residuals", _settings(), _by(_cauchy)),
     Method(
-        "fusion", "multi-view fusion of monocular 3D poses", _plain, _by(_fusion), ("detections", "monocular")
+        "fusion",
+        "multi-view fusion of monocular 3D poses",
+        _settings(),
+        _by(_fusion),
+        ("detections", "monocular"),
     ),
     Method("annealed", "default: closed form, annealed Gauss–Newton", _annealed, _refine),
     Method("annealed-prior", "annealed with the fused monocular poses as a Gaussian prior", _prior, _refine),

@@ -29,29 +29,15 @@ class Group:
     def __len__(self) -> int:
         return len(self.take)
 
-    @property
-    def rig(self) -> sk.CameraRig:
-        """The cameras."""
-        return self.poses.rig
-
-    @property
-    def truth(self) -> FloatArray:
-        """World joints (P, N, 3)."""
-        return self.poses.truth
-
-    @property
-    def detections(self) -> FloatArray:
-        """Pixels and confidence (P, M, N, 3)."""
-        assert self.poses.detections is not None  # `sample` has checked it
-        return self.poses.detections
-
     def start(self, kind: Start) -> FloatArray:
         """Return the initial poses (P, N, 3): unweighted triangulation, or fusion of the monocular poses."""
+        take = self.poses
+        assert take.detections is not None  # `sample` has checked it
         if kind == "dlt":
-            return sk.triangulate(self.detections[..., :2], self.rig, method="dlt")
-        if self.poses.monocular is None:
+            return sk.triangulate(take.detections[..., :2], take.rig, method="dlt")
+        if take.monocular is None:
             raise InvalidInputError("start: expected monocular poses to fuse, got a data set without")
-        return sk.fuse_monocular(self.poses.monocular, self.detections, self.rig)
+        return sk.fuse_monocular(take.monocular, take.detections, take.rig)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,7 +60,7 @@ class Sample:
     @property
     def n_views(self) -> int:
         """The least number of cameras of any rig."""
-        return min(len(group.rig) for group in self.groups)
+        return min(len(group.poses.rig) for group in self.groups)
 
     @property
     def has_monocular(self) -> bool:
@@ -117,7 +103,7 @@ def sample(
     chosen = np.arange(total) if poses is None or poses >= total else _evenly(total, poses)
     groups = _grouped(takes, chosen)
     if not undistort:
-        groups = [replace(g, poses=replace(g.poses, rig=without_lens(g.rig))) for g in groups]
+        groups = [replace(g, poses=replace(g.poses, rig=without_lens(g.poses.rig))) for g in groups]
     return Sample(name, key, dataset.layout, tuple(groups), total, protocol.paper_fields)
 
 
@@ -186,7 +172,7 @@ class Errors:
 def errors_of(sample: Sample, poses: Sequence[FloatArray], steps: float = float("nan")) -> Errors:
     """Return the errors of predicted `poses`, one array (P, N, 3) per group of the sample."""
     joints = [
-        group.rig.mm_per_unit * np.linalg.norm(pose - group.truth, axis=-1)
+        group.poses.rig.mm_per_unit * np.linalg.norm(pose - group.poses.truth, axis=-1)
         for group, pose in zip(sample.groups, poses, strict=True)
     ]
     return Errors(np.concatenate(joints), np.concatenate([group.take for group in sample.groups]), steps)
