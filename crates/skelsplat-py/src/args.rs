@@ -4,8 +4,8 @@ use nalgebra::{Matrix3, Vector3};
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyString;
-use skelsplat_core::detections::{Detections, FARTHEST, too_far};
-use skelsplat_core::unit::Unit;
+use skelsplat_core::Unit;
+use skelsplat_core::study::detections::{Detections, FARTHEST, too_far};
 
 use crate::camera::Camera;
 use crate::errors::{OrRaise, in_words, invalid};
@@ -105,7 +105,7 @@ pub(crate) fn type_name(value: &Bound<'_, PyAny>) -> String {
 
 /// A `CameraRig`, or a sequence of `Camera` in mm.
 pub(crate) struct Cameras {
-    pub(crate) cameras: Vec<skelsplat_core::camera::Camera>,
+    pub(crate) cameras: Vec<skelsplat_core::study::camera::Camera>,
     pub(crate) unit: Unit,
 }
 
@@ -138,11 +138,11 @@ impl Cameras {
 /// A layout, its name, or none.
 pub(crate) fn layout(
     value: Option<&Bound<'_, PyAny>>,
-) -> PyResult<Option<skelsplat_core::layout::Layout>> {
+) -> PyResult<Option<skelsplat_core::study::layout::Layout>> {
     let Some(value) = value.filter(|v| !v.is_none()) else { return Ok(None) };
     let py = value.py();
     if let Ok(name) = value.cast::<PyString>() {
-        let found = skelsplat_core::layout::Layout::by_name(&name.to_cow()?);
+        let found = skelsplat_core::study::layout::Layout::by_name(&name.to_cow()?);
         return found.map(Some).or_raise(py);
     }
     match value.cast::<Layout>() {

@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 use numpy::{PyArray1, PyArrayDyn};
 use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict, PyDict};
-use skelsplat_core::camera::{Camera as Core, Distortion, Undistorted, for_camera};
+use skelsplat_core::study::camera::{Camera as Core, Distortion, Undistorted, for_camera};
 
 use crate::args::{Array, array_out};
 use crate::errors::{OrRaise, in_words, invalid};

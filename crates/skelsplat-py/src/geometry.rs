@@ -3,12 +3,11 @@
 use nalgebra::{Matrix3, Vector3};
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
-use skelsplat_core::camera::Camera;
-use skelsplat_core::detections::Detections;
-use skelsplat_core::memory;
-use skelsplat_core::projection::View;
-use skelsplat_core::refine::RefineConfig;
-use skelsplat_core::triangulate::{self as core, Method, Triangulated};
+use skelsplat_core::study::memory;
+use skelsplat_core::study::paper::PaperSettings;
+use skelsplat_core::study::projection::View;
+use skelsplat_core::study::triangulate::{Triangulated, fuse_monocular as fuse};
+use skelsplat_core::{Camera, Detections, TriangulationMethod, triangulate as by_method};
 
 use crate::args::{Array, Cameras, Frames, array_out, points_out};
 use crate::errors::{OrRaise, invalid};
@@ -109,14 +108,14 @@ pub(crate) fn triangulate<'py>(
     confidence: Option<&Bound<'py, PyAny>>,
     return_rejected: bool,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let method = Method::by_name(method).or_raise(py)?;
+    let method = TriangulationMethod::by_name(method).or_raise(py)?;
     let mut frames = Frames::new(detections, confidence)?;
     let Cameras { cameras, unit } = Cameras::new(cameras)?;
     frames.expect_views(py, cameras.len())?;
     let given = std::mem::take(&mut frames.frames);
     let short = watch::is_short(given.len(), frames.n_views, frames.n_joints);
     let found: Vec<Triangulated> = watch::run(py, short, move |progress| {
-        let one = |d| progress.check().and_then(|()| core::triangulate(d, &cameras, unit, method));
+        let one = |d| progress.check().and_then(|()| by_method(d, &cameras, unit, method));
         given.iter().map(one).collect()
     })?;
     let (points, rejected): (Vec<_>, Vec<_>) =
@@ -163,7 +162,7 @@ pub(crate) fn fuse_monocular<'py>(
             progress.check()?;
             let poses: Vec<Vec<Vector3<f64>>> =
                 points[t * per_frame..(t + 1) * per_frame].chunks(n).map(<[_]>::to_vec).collect();
-            Ok(core::fuse_monocular(&poses, &d.undistorted(&cameras), &cameras))
+            Ok(fuse(&poses, &d.undistorted(&cameras), &cameras))
         };
         given.iter().enumerate().map(one).collect()
     })?;
@@ -184,7 +183,7 @@ pub(crate) fn project_gaussians<'py>(
     let (means, covariances) = gaussians(means, covariances)?;
     let cameras = Cameras::new(cameras)?.cameras;
     let (m, n) = (cameras.len(), means.len());
-    let dilation = RefineConfig::default().dilation;
+    let dilation = PaperSettings::default().dilation;
     let one = move |view: &View, (mean, covariance): &(Vector3<f64>, Matrix3<f64>)| {
         let p = view.project(mean, covariance, dilation);
         p.map_or([f64::NAN; 6], |p| {

@@ -2,7 +2,7 @@
 
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString, PyTuple};
-use skelsplat_core::layout::{Layout as Core, LayoutSpec, SymmetricPair};
+use skelsplat_core::{Layout as Core, LayoutSpec, SymmetricPair};
 
 use crate::args::type_name;
 use crate::errors::{OrRaise, in_words, invalid};

@@ -5,10 +5,9 @@ use std::sync::Arc;
 use nalgebra::{Matrix3, Vector3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use skelsplat_core::batch::{Progress, refine_batch};
-use skelsplat_core::refine::refiner::Frame;
-use skelsplat_core::refine::{JointStatus, Optimizer, Refinement, Refiner, Renderer};
-use skelsplat_core::unit::{Unit, implausible_extent as core_extent};
+use skelsplat_core::study::outcome::JointStatus;
+use skelsplat_core::study::unit::{Unit, implausible_extent as core_extent};
+use skelsplat_core::{Frame, Method, Progress, Refinement, Refiner, refine_batch};
 
 use crate::args::{Array, Cameras, Frames, array_out, layout};
 use crate::config::config;
@@ -87,10 +86,10 @@ impl PyRefiner {
 impl PyRefiner {
     fn one(&self, py: Python<'_>, frames: &Frames, jobs: Vec<Frame>) -> PyResult<Vec<Refinement>> {
         let config = self.0.config();
-        let steps = match (config.optimizer, config.renderer) {
-            (Optimizer::GaussNewton, _) => Some(1),
-            (_, Renderer::ClosedForm) => Some(config.max_steps),
-            _ => None,
+        let steps = match &config.method {
+            Method::Annealed(_) => Some(1),
+            Method::Paper(_) if config.draws_pixels() => None,
+            Method::Paper(settings) => Some(settings.max_steps),
         };
         let short = steps.is_some_and(|n| watch::is_short(n, frames.n_views, frames.n_joints));
         let refiner = Arc::clone(&self.0);

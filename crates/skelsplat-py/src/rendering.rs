@@ -4,12 +4,11 @@ use nalgebra::{Matrix3, Vector2, Vector3, Vector4};
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use skelsplat_core::gaussian::Gaussian;
-use skelsplat_core::projection::View;
-use skelsplat_core::raster::encoding::Encoding;
-use skelsplat_core::raster::render::{self as core, Images};
-use skelsplat_core::raster::splat::Splat;
-use skelsplat_core::refine::{RefineConfig, Refiner};
+use skelsplat_core::study::paper::render::{self as core, Images};
+use skelsplat_core::study::paper::splat::Splat;
+use skelsplat_core::study::paper::{Encoding, PaperSettings};
+use skelsplat_core::study::projection::View;
+use skelsplat_core::{Control, Gaussian, Refiner};
 
 use crate::args::{Array, Cameras, Frames, array_out, points_out, type_name};
 use crate::camera::Camera;
@@ -51,7 +50,7 @@ fn splats(
     means: &[Vector3<f64>],
     covariances: &[Matrix3<f64>],
 ) -> Vec<Option<(Splat, f64)>> {
-    let dilation = RefineConfig::default().dilation;
+    let dilation = PaperSettings::default().dilation;
     let one = |(mean, covariance): (&Vector3<f64>, &Matrix3<f64>)| {
         let p = view.project(mean, covariance, dilation)?;
         Some((Splat::new(p.mean, &p.covariance, view.size)?, p.in_camera.z))
@@ -163,9 +162,11 @@ pub(crate) fn loss_and_gradient<'py>(
     )
     .or_raise(py)?;
     let n = gaussians.len();
-    let (loss, gradient) = watch::run(py, false, move |progress| {
-        refiner.loss_and_gradient(&gaussians, &frames.frames[0], targets, progress.cancelled())
+    let found = watch::run(py, false, move |progress| {
+        let control = Control { cancel: progress.cancelled(), ..Control::default() };
+        refiner.loss_and_gradient(&gaussians, &frames.frames[0], targets, control)
     })?;
+    let (loss, gradient) = (found.loss, found.gradient);
     let out = PyDict::new(py);
     out.set_item("loss", loss.total)?;
     out.set_item("render", loss.render)?;

@@ -8,8 +8,7 @@ use std::time::Duration;
 
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
-use skelsplat_core::Result;
-use skelsplat_core::batch::Progress;
+use skelsplat_core::{Progress, Result};
 
 use crate::errors::OrRaise;
 
