@@ -1,6 +1,6 @@
 # Three commands on a new machine with Rust and Python >= 3.10:
 #   make demo   set up, build, refine the embedded real sample into ./skelsplat-demo
-#   make test   set up, every check
+#   make test   set up, every check; `make test-all` tries more cases of each
 #   make docs   set up, build the documentation into ./site
 PYTHON ?= python3
 VENV   := .venv
@@ -10,12 +10,18 @@ STAMPS := .stamps
 RUST_SOURCES   := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name 'Cargo.toml' 2>/dev/null)
 PYTHON_SOURCES := pyproject.toml README.md $(shell find python -name '*.py' -o -name '*.pyi' -o -name '*.zip' -o -name '*.html' -o -name '*.css' -o -name '*.js' 2>/dev/null)
 
-.PHONY: demo test docs fmt lint rust-test python-test bench clean
+# As many as there are cores; more than a few gain nothing.
+PYTEST := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 8 --dist worksteal
+
+.PHONY: demo test test-all docs fmt lint rust-test python-test bench clean
 
 demo: $(STAMPS)/installed
 	$(BIN)/skelsplat demo -o skelsplat-demo
 
 test: lint rust-test python-test
+
+test-all: PYTEST += -m ''
+test-all: lint rust-test python-test
 
 # Its own interpreter: nothing is installed outside this folder.
 $(STAMPS)/venv: pyproject.toml
@@ -26,12 +32,12 @@ $(STAMPS)/venv: pyproject.toml
 	$(BIN)/python -m pip install --quiet 'maturin>=1.9,<2'
 	@mkdir -p $(STAMPS) && touch $@
 
-# The wheel that users get, built and installed; not an editable checkout.
+# The wheel that users get, built and installed with the extras that its commands need; not an editable checkout.
 $(STAMPS)/installed: $(STAMPS)/venv $(RUST_SOURCES) $(PYTHON_SOURCES)
 	rm -rf dist && rm -f python/skelsplat/_skelsplat*.so
 	$(BIN)/maturin build --release --quiet --interpreter $(BIN)/python --out dist
 	$(BIN)/python -m pip install --quiet --force-reinstall --no-deps dist/*.whl
-	$(BIN)/python -m pip install --quiet dist/*.whl
+	$(BIN)/python -m pip install --quiet "$$(ls dist/*.whl)[all]"
 	@touch $@
 
 $(STAMPS)/dev: $(STAMPS)/installed
@@ -55,7 +61,7 @@ rust-test:
 	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --quiet
 
 python-test: $(STAMPS)/dev
-	$(BIN)/python -m pytest
+	$(PYTEST)
 
 # The site needs no network: open site/index.html.
 docs: $(STAMPS)/dev

@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+import os
+
+# Before numpy is imported, and for the processes that tests start: several workers share the cores.
+os.environ["OPENBLAS_NUM_THREADS"] = "1"
+os.environ["RAYON_NUM_THREADS"] = "2"
+
 import signal
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import scenes
 from reference import total
@@ -18,6 +27,21 @@ def _heeded_signal() -> Iterator[None]:
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
+    """Compose figures without painting them, which takes longest; tests marked ``painted`` need it."""
+    if item.get_closest_marker("painted"):
+        return (yield)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Figure, "savefig", _unpainted)
+        return (yield)
+
+
+def _unpainted(_figure: Figure, target: Any, **_options: object) -> None:
+    write = target.write_bytes if isinstance(target, Path) else target.write
+    write(b"\x89PNG, not painted")
 
 
 SCENES = {"three_joints": scenes.three_joints, "beyond_the_image": scenes.beyond_the_image}

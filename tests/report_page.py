@@ -54,7 +54,7 @@ def report_data(walk=None, names=("door", "window"), **changes):
     content = {
         "title": "SkelSplat: walk",
         "facts": [("calibration", "rig.toml")],
-        "distrust": ["door disagrees with the other cameras."],
+        "warnings": ["door disagrees with the other cameras."],
         "notes": ["Simulated."],
         "numbers": [report.KeyNumber("error", "2.0 px", "before → refined")],
         "sequence": walk,

@@ -9,11 +9,12 @@ import numpy as np
 import skelsplat as sk
 from skelsplat import synthetic
 from skelsplat.association import take_people
-from skelsplat.cli._doubts import find_doubts
-from skelsplat.cli._people_doubts import people_doubts
-from skelsplat.cli._person import look_around, pick_places
-from skelsplat.cli._pipeline import Inputs, Outcome
-from skelsplat.cli._statistics import summarise
+from skelsplat.run.findings import find_doubts
+from skelsplat.run.people import people_doubts
+from skelsplat.run.person import look_around, pick_places
+from skelsplat.run.read import Inputs
+from skelsplat.run.solve import Outcome
+from skelsplat.run.summary import summarise
 from skelsplat.synthetic import DetectionNoise
 
 LAYOUT = sk.layouts.H36M17

@@ -71,7 +71,7 @@ def kernel() -> Figure:
         title="what is minimised",
         ylim=(-0.05, 1.75),
     )
-    right.set(xlabel="distance from the ray [mm]", ylabel="weight k", title="how far a detection is believed")
+    right.set(xlabel="distance from the ray [mm]", ylabel="weight k", title="how much a detection is trusted")
     right.axhline(sk.REJECTED_WEIGHT, color=GREY, lw=1, ls="--")
     right.text(250, sk.REJECTED_WEIGHT + 0.02, "below: rejected", ha="right", color=GREY, fontsize=8)
     left.legend(fontsize=8, frameon=False, ncols=2, loc="upper right")

@@ -70,6 +70,15 @@ def flags(value: object, name: str) -> NDArray[np.bool_]:
     return np.asarray(given == 1.0)
 
 
+def medians(values: NDArray[np.float64], least: int = 1) -> NDArray[np.float64]:
+    """Return the medians of what is finite along the last axis; NaN for fewer than `least` numbers."""
+    ordered = np.sort(values, axis=-1)  # NaN last
+    count = np.isfinite(values).sum(axis=-1)
+    last = np.maximum(count - 1, 0)[..., None]
+    low, high = (np.take_along_axis(ordered, at, axis=-1)[..., 0] for at in (last // 2, (last + 1) // 2))
+    return np.where(count >= max(least, 1), (low + high) / 2, np.nan)
+
+
 def read_fields(instance: object, *names: str) -> None:
     """Replace fields of a frozen dataclass that hold arrays by what `numbers` makes of them."""
     for name in names:

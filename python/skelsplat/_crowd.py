@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skelsplat._arrays import medians
 from skelsplat.association import body_sizes, take_people
 
 if TYPE_CHECKING:
@@ -132,7 +133,7 @@ def mixed_frames(people: Array, chosen: Index, found: Index, apart_px: Array) ->
     own = np.where((person >= 0)[:, None], found[np.maximum(person, 0), np.arange(len(chosen))], -1)
     enough = (own >= 0).sum(axis=1) >= min(_SURE_VIEWS, chosen.shape[1])
     offset = (take_people(people, chosen) - take_people(people, own))[..., :2]
-    elsewhere = _medians(np.hypot(offset[..., 0], offset[..., 1])) > apart_px
+    elsewhere = medians(np.hypot(offset[..., 0], offset[..., 1])) > apart_px
     mixed: Mask = enough & ((own >= 0) & (chosen != own) & elsewhere).any(axis=1)
     return mixed
 
@@ -150,7 +151,7 @@ def person_changes(person: Index, poses: Array, clear: Mask, steps: Index) -> tu
     steps : (S,)
         Numbers of the frames.
     """
-    centres = _medians(np.moveaxis(poses, -1, -2))  # (Q, S, 3)
+    centres = medians(np.moveaxis(poses, -1, -2))  # (Q, S, 3)
     sizes = np.array([body_sizes(pose) for pose in poses])
     here = np.flatnonzero((np.diff(steps) == 1) & (person[:-1] >= 0) & (person[1:] >= 0))
     here = here[clear[here] & clear[here + 1]]
@@ -167,15 +168,6 @@ def _followed(chosen: Index, found: Index) -> Index:
     """Return who of Q has the most of the chosen detections, (S,); -1 for nobody."""
     hits = ((found == chosen) & (found >= 0)).sum(axis=2)
     return np.where(hits.max(axis=0) >= 1, hits.argmax(axis=0), -1)
-
-
-def _medians(values: Array) -> Array:
-    """Return the medians of what is finite along the last axis; NaN where nothing is."""
-    ordered = np.sort(values, axis=-1)  # NaN last
-    last = np.maximum(np.isfinite(values).sum(axis=-1, keepdims=True) - 1, 0)
-    middle = [np.take_along_axis(ordered, at, axis=-1)[..., 0] for at in (last // 2, (last + 1) // 2)]
-    medians: Array = (middle[0] + middle[1]) / 2
-    return medians
 
 
 @dataclass(frozen=True)

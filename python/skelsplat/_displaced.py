@@ -11,6 +11,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skelsplat._arrays import medians
+from skelsplat.layouts import mirror_images
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -84,9 +87,7 @@ def residuals(detections: Array, projected: Array, swapped: Mask, pairs: Sequenc
     pairs
         These joints, (left, right).
     """
-    mirror = np.arange(detections.shape[2])
-    for left, right in pairs:
-        mirror[left], mirror[right] = right, left
+    mirror = mirror_images(detections.shape[2], pairs)
     found: Array = detections - np.where(swapped[..., None], projected[:, :, mirror], projected)
     return found
 
@@ -130,12 +131,9 @@ def views_apart(residual: Array, apart_px: Array) -> Mask:
     directions, another body is elsewhere.
     """
     there = _there(residual)
-    ordered = np.sort(np.where(there[..., None], residual, np.nan), axis=2)  # NaN last
-    count = there.sum(axis=2)
-    last = np.maximum(count - 1, 0)[..., None, None]
-    low, high = (np.take_along_axis(ordered, at, axis=2)[:, :, 0] for at in (last // 2, (last + 1) // 2))
-    middle = (low + high) / 2
-    apart: Mask = (count >= _LEAST_JOINTS) & (np.hypot(middle[..., 0], middle[..., 1]) > apart_px)
+    whole = np.where(there[..., None], residual, np.nan)
+    middle = medians(np.moveaxis(whole, -1, -2), _LEAST_JOINTS)
+    apart: Mask = np.hypot(middle[..., 0], middle[..., 1]) > apart_px
     return apart
 
 

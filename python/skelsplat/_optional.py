@@ -1,14 +1,27 @@
-"""Packages that only some tasks need."""
+"""Packages that only some tasks need, and the extras of this package that install them."""
 
 from __future__ import annotations
 
 import importlib
+import importlib.util
 from typing import TYPE_CHECKING
 
 from skelsplat.exceptions import MissingPackageError
 
 if TYPE_CHECKING:
     from types import ModuleType
+
+DRAWING = ("matplotlib", "plotly")  # what figures and report.html need: the extra viz
+
+
+def pip_line(extra: str) -> str:
+    """Return the command that installs an extra."""
+    return f"pip install 'skelsplat[{extra}]'"
+
+
+def can_draw() -> bool:
+    """Tell whether the packages of the extra ``viz`` are installed, without importing them."""
+    return all(importlib.util.find_spec(name) is not None for name in DRAWING)
 
 
 def require(module: str, purpose: str, extra: str = "formats") -> ModuleType:
@@ -23,6 +36,5 @@ def require(module: str, purpose: str, extra: str = "formats") -> ModuleType:
         return importlib.import_module(module)
     except ImportError as error:
         raise MissingPackageError(
-            f"{purpose}: expected the package {module} to be installed, got {error}; "
-            f"run: pip install 'skelsplat[{extra}]'"
+            f"{purpose}: expected the package {module} to be installed, got {error}; run: {pip_line(extra)}"
         ) from error

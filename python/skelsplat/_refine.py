@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from skelsplat import _skelsplat
 from skelsplat._arrays import numbers
 from skelsplat._skelsplat import Camera, Layout, RefineConfig
-from skelsplat.cameras import CameraRig
+from skelsplat.cameras import CameraRig, mm_per_unit
 from skelsplat.exceptions import InvalidInputError
 
 Cameras = CameraRig | Sequence[Camera]
@@ -53,7 +53,7 @@ class Refinement:
         Detections that were used with left and right exchanged.
     noise : (…) float64
         Standard deviation of the believed detections' noise across the ray, per axis, in the cameras' unit:
-        estimated, or ``config.detection_sigma``.
+        estimated, or ``config.detection_sigma_px``.
     reprojection_error : (…, M, N) float64
         Distance between detection and reprojection, pixels of the original image; NaN without a detection.
     joint_status : (…, N) str
@@ -177,7 +177,7 @@ def refine(
         own, which may be an animal's or a hand's, taller than 20 m or shorter than 1 mm.
     """
     prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
-    by_pixels = config is not None and config.renderer == "raster"
+    by_pixels = config is not None and config.method == "paper" and config.renderer == "raster"
     if by_pixels:
         _warn_before_the_work(init_pose, detections, cameras, layout)
     with _reporter(progress) as report:
@@ -224,11 +224,10 @@ def _warn_before_the_work(
 def _warn_of_unit(
     poses: NDArray[np.float64], cameras: Cameras, layout: str | Layout | None, *, depth: int = 3
 ) -> None:
-    unit = cameras.unit if isinstance(cameras, CameraRig) else "mm"
     some = poses[:: max(1, len(poses) // _FRAMES_TO_JUDGE)] if poses.ndim == 3 else poses[None]
-    doubt = _skelsplat.implausible_extent(some, unit, layout=layout)
-    if doubt is not None:
-        warnings.warn(doubt, UserWarning, stacklevel=depth)
+    numbers = _skelsplat.implausible_extent(some, cameras, layout=layout)
+    if numbers is not None:
+        _warn("implausible_size", numbers, depth + 1)
 
 
 def _warn_of_prior(result: Refinement) -> None:
@@ -237,11 +236,13 @@ def _warn_of_prior(result: Refinement) -> None:
     rejected = np.nanmax(result.view_weights, axis=-2, initial=-1.0) < _skelsplat.REJECTED_WEIGHT
     share = float(np.mean(rejected[seen])) if seen.any() else 0.0
     if share > _MOST_OUTVOTED:
-        text = (
-            f"init_pose with init_sigma contradicts every detection of {100 * share:.0f} % of the joints: "
-            "is it another person or frame, is init_sigma (in the cameras' unit) too small?"
-        )
-        warnings.warn(text, UserWarning, stacklevel=3)
+        _warn("start_contradicts", {"percent": 100 * share}, 4)
+
+
+def _warn(kind: str, numbers: dict[str, Any], depth: int) -> None:
+    from skelsplat.findings import Finding, FindingWarning
+
+    warnings.warn(FindingWarning(Finding(kind, numbers=numbers)), stacklevel=depth)
 
 
 @contextmanager
@@ -334,7 +335,7 @@ class Refiner:
         self._prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
         self._cameras, self._layout = cameras, layout
         self._config = config
-        self._by_adam = config is not None and config.optimizer == "adam"
+        self._by_paper = config is not None and config.method == "paper"
         self._last: NDArray[np.float64] | None = None
 
     def __getstate__(self) -> dict[str, Any]:
@@ -371,7 +372,7 @@ class Refiner:
         result = self._refine(self._last, detections, confidence)
         if self._last is None:
             _warn_of_unit(result.pose, self._cameras, self._layout)
-        elif self._by_adam and _is_lost(result):
+        elif self._by_paper and _is_lost(result):
             result = self._refine(None, detections, confidence)
         self._last = self._remembered(result)
         return result
@@ -383,11 +384,10 @@ class Refiner:
         or where views tie. A weak joint that has leapt may have followed the wrong views: its old position is
         kept.
         """
-        if self._by_adam:
+        if self._by_paper:
             return np.where((result.joint_status == "ok")[:, None], result.pose, np.nan)
         before = np.full_like(result.pose, np.nan) if self._last is None else self._last
-        mm = self._cameras.mm_per_unit if isinstance(self._cameras, CameraRig) else 1.0
-        leapt = np.linalg.norm(result.pose - before, axis=-1) * mm > _LEAP_MM
+        leapt = np.linalg.norm(result.pose - before, axis=-1) * mm_per_unit(self._cameras) > _LEAP_MM
         new = np.isfinite(result.pose) & ~(leapt & (result.joint_status == "weak"))[:, None]
         return np.where(new, result.pose, before)
 

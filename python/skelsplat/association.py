@@ -16,9 +16,11 @@ import numpy as np
 import numpy.typing as npt
 
 import skelsplat as sk
-from skelsplat._arrays import numbers
+from skelsplat._arrays import medians, numbers
 from skelsplat._skelsplat import check_people
+from skelsplat.cameras import mm_per_unit
 from skelsplat.exceptions import InvalidInputError
+from skelsplat.layouts import mirror_images
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -94,7 +96,7 @@ def choose_person(
         usable, shares, cameras, gate * diagonals, min(min_joints, joints), _mirrored(layout, joints)
     )
     candidates = evidence.candidates()
-    path = _link(candidates, _mm_per_unit(cameras))
+    path = _link(candidates, mm_per_unit(cameras))
     index = np.full((steps, views), -1, dtype=np.int64)
     index[candidates.step[path]] = candidates.index[path]
     return take_people(everyone, index), index
@@ -167,19 +169,36 @@ def _triangulated(people: Array, index: Index, cameras: sk.CameraRig | Sequence[
 
 def _same_body(pose: Array, other: Array) -> Mask:
     """Whether two people (T, K, 3) are one body, (T,); not where one of them is unknown."""
-    apart = _masked_median(np.linalg.norm(pose - other, axis=-1), 1)
+    apart = medians(np.linalg.norm(pose - other, axis=-1))
     same: Mask = apart < _SAME_BODY * body_sizes(other)
     return same
 
 
 def body_sizes(pose: npt.ArrayLike) -> Array:
     """Return the diagonals (T,) of the boxes around poses (T, K, 3), in their unit; 0 for nobody."""
-    points = np.asarray(pose, dtype=np.float64)
-    there: Mask = np.isfinite(points)
-    high = np.where(there, points, -np.inf).max(axis=1)
-    low = np.where(there, points, np.inf).min(axis=1)
-    sizes: Array = np.linalg.norm(np.where(there.any(axis=1), high - low, 0.0), axis=-1)
+    sizes: Array = np.linalg.norm(_box(np.asarray(pose, dtype=np.float64)), axis=-1)
     return sizes
+
+
+def extents(people: npt.ArrayLike) -> Array:
+    """Return the diagonal in px of everybody's bounding box; 0 for nobody.
+
+    Parameters
+    ----------
+    people : (..., K, 2|3)
+        Pixels; NaN where missing.
+    """
+    box = _box(numbers(people, "people")[..., :2])
+    diagonals: Array = np.hypot(box[..., 0], box[..., 1])
+    return diagonals
+
+
+def _box(points: Array) -> Array:
+    """Sides of the boxes around points (..., K, D), (..., D); 0 where there are none."""
+    there: Mask = np.isfinite(points)
+    high = np.where(there, points, -np.inf).max(axis=-2)
+    low = np.where(there, points, np.inf).min(axis=-2)
+    return np.where(there.any(axis=-2), high - low, 0.0)
 
 
 def _check(people: npt.ArrayLike, cameras: Sequence[sk.Camera]) -> Array:
@@ -195,17 +214,11 @@ def _check(people: npt.ArrayLike, cameras: Sequence[sk.Camera]) -> Array:
 
 def _mirrored(layout: sk.Layout | None, joints: int) -> Index:
     """Place of every joint's mirror image, (K,)."""
-    order = np.arange(joints)
-    if layout is not None:
-        if layout.n_joints != joints:
-            raise InvalidInputError(f"layout: expected one of {joints} joints, got {layout.n_joints}")
-        for left, right in layout.left_right:
-            order[left], order[right] = right, left
-    return order
-
-
-def _mm_per_unit(cameras: sk.CameraRig | Sequence[sk.Camera]) -> float:
-    return float(cameras.mm_per_unit) if isinstance(cameras, sk.CameraRig) else 1.0
+    if layout is None:
+        return np.arange(joints)
+    if layout.n_joints != joints:
+        raise InvalidInputError(f"layout: expected one of {joints} joints, got {layout.n_joints}")
+    return mirror_images(joints, layout.left_right)
 
 
 @dataclass(frozen=True)
@@ -284,7 +297,7 @@ class _Evidence:
         cost = (
             explained.shape[1]
             - count
-            + _masked_median(np.where(explained, error, np.nan), 1)
+            + medians(np.where(explained, error, np.nan))
             + _SIZE_COST * (1.0 - self._size(step, index))
         )
         holds = np.flatnonzero(count >= 2)
@@ -308,7 +321,7 @@ class _Evidence:
         def median(seen: Array) -> Array:
             offset = seen - pixels[:, :, None]
             distance = np.hypot(offset[..., 0], offset[..., 1])
-            error = _masked_median(distance, self.min_joints) / self.gates[:, None]
+            error = medians(distance, self.min_joints) / self.gates[:, None]
             return np.where(np.isnan(error), np.inf, error)
 
         if (self.mirrored == np.arange(len(self.mirrored))).all():
@@ -321,33 +334,6 @@ class _Evidence:
         shown = np.where(index >= 0, own, 0.0)
         mean: Array = shown.sum(axis=1) / np.maximum((index >= 0).sum(axis=1), 1)
         return mean
-
-
-def extents(people: npt.ArrayLike) -> Array:
-    """Return the diagonal in px of everybody's bounding box; 0 for nobody.
-
-    Parameters
-    ----------
-    people : (..., K, 2|3)
-        Pixels; NaN where missing.
-    """
-    points = numbers(people, "people")[..., :2]
-    there = np.isfinite(points)
-    high = np.where(there, points, -np.inf).max(axis=-2)
-    low = np.where(there, points, np.inf).min(axis=-2)
-    spans = np.where(there.any(axis=-2), high - low, 0.0)
-    diagonals: Array = np.hypot(spans[..., 0], spans[..., 1])
-    return diagonals
-
-
-def _masked_median(values: Array, least: int) -> Array:
-    """Median of the numbers along the last axis; NaN where there are fewer than `least`."""
-    ordered = np.sort(values, axis=-1)  # NaN last
-    count = np.isfinite(values).sum(axis=-1)
-    upper = np.take_along_axis(ordered, (count // 2)[..., None].clip(max=values.shape[-1] - 1), axis=-1)
-    lower = np.take_along_axis(ordered, ((count - 1) // 2)[..., None].clip(min=0), axis=-1)
-    middle = np.where(count % 2 == 1, lower[..., 0], 0.5 * (lower[..., 0] + upper[..., 0]))
-    return np.where(count >= max(least, 1), middle, np.nan)
 
 
 def _best_few(candidates: _Candidates) -> _Candidates:
@@ -394,6 +380,6 @@ def _groups(steps: Index) -> list[Index]:
 def _switch_costs(pose: Array, before: Index, now: Index, mm_per_unit: float) -> Array:
     """Cost of going from each candidate of a frame to each of the next, (B, A)."""
     step = np.linalg.norm(pose[before][:, None] - pose[now][None], axis=-1) * mm_per_unit
-    moved = np.nan_to_num(_masked_median(step, 1), nan=_SWITCH_MM)
+    moved = np.nan_to_num(medians(step), nan=_SWITCH_MM)
     costs: Array = _SWITCH_COST * np.minimum(moved / _SWITCH_MM, 1.0) ** 2
     return costs

@@ -97,6 +97,11 @@ class CameraRig(Sequence[Camera]):
         return f"CameraRig({len(self)} cameras, unit='{self._unit}': {', '.join(self.names)})"
 
 
+def mm_per_unit(cameras: CameraRig | Sequence[Camera]) -> float:
+    """Return how many millimetres one unit of these cameras is; a plain sequence is in mm."""
+    return cameras.mm_per_unit if isinstance(cameras, CameraRig) else 1.0
+
+
 def without_distortion(camera: Camera) -> Camera:
     """Return the camera with an ideal lens."""
     return Camera(camera.K, camera.R, camera.t, size=camera.size, name=camera.name)

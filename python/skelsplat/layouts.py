@@ -6,6 +6,11 @@ those of the data sets' own tools.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
+import numpy as np
+import numpy.typing as npt
+
 from skelsplat._skelsplat import LAYOUT_NAMES, Layout
 
 H36M17 = Layout.by_name("h36m17")
@@ -32,6 +37,14 @@ __all__ = [
     "get",
     "names",
 ]
+
+
+def mirror_images(n_joints: int, left_right: Iterable[tuple[int, int]]) -> npt.NDArray[np.int64]:
+    """Return the place of every joint's mirror image, (N,); its own where it has none."""
+    places = np.arange(n_joints)
+    for left, right in left_right:
+        places[left], places[right] = right, left
+    return places
 
 
 def get(name: str) -> Layout:

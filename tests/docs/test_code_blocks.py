@@ -18,8 +18,12 @@ PAGES = {
     if blocks(path.read_text(encoding="utf-8"))
 }
 
+PAINTED = {"README.md", "docs/howto/pictures.md"}
 
-@pytest.mark.parametrize("name", PAGES)
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.painted) if name in PAINTED else name for name in PAGES]
+)
 def test_the_blocks_of_a_page_run(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     docs_folders.prepare(name, tmp_path)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import importlib
 import re
+import runpy
 import subprocess
 import sys
 from html.parser import HTMLParser
@@ -16,6 +17,7 @@ import typer.main
 
 import skelsplat as sk
 from skelsplat.cli import app
+from sweeps import swept
 
 DOCS = Path(__file__).parents[2] / "docs"
 MODULES = (
@@ -156,12 +158,12 @@ def test_figures_are_small() -> None:
     assert max(sizes.values()) < 300_000
 
 
-@pytest.mark.parametrize("script", ["method", "sample"])
-def test_figures_are_what_the_scripts_draw(script: str, tmp_path: Path) -> None:
-    package = str(Path(sk.__file__).parents[1])
-    env = {"PATH": "", "PYTHONPATH": package, "MPLBACKEND": "Agg", "MPLCONFIGDIR": str(tmp_path / "mpl")}
-    command = [sys.executable, str(DOCS / "figures" / f"{script}.py"), str(tmp_path)]
-    subprocess.run(command, env=env, check=True, capture_output=True)
+@pytest.mark.parametrize("script", ["method", swept("sample")])
+def test_figures_are_what_the_scripts_draw(
+    script: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(Path(sk.__file__).parents[1]))
+    runpy.run_path(str(DOCS / "figures" / f"{script}.py"))["main"](tmp_path)
     drawn = {path.name for path in tmp_path.glob("*.png")}
     assert drawn
     assert drawn <= {path.name for path in (DOCS / "figures").glob("*.png")}

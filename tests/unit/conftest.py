@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import shutil
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import skelsplat as sk
+from command_line import READ, invoke
 from skelsplat import synthetic
 from skelsplat.io import write_calibration
 
@@ -35,17 +38,37 @@ def write_detections(root, rig, detections):
             (root / name / f"{t:06d}_keypoints.json").write_text(json.dumps({"people": people}))
 
 
-@pytest.fixture
-def recording(tmp_path):
+def write_recording(folder):
     """Write a walk of five frames in four cameras, in mm; the last camera never sees joint 3."""
     rig = synthetic.human36m_like()
     pose = synthetic.motion("walk", 5, seed=3)
     detections = sk.project(pose, rig).swapaxes(0, 1)
     detections += np.random.default_rng(1).normal(0.0, 2.0, detections.shape)
     detections[:, -1, 3] = np.nan
-    write_calibration(tmp_path / "Calib.toml", rig)
-    write_detections(tmp_path / "openpose", rig, detections)
-    return tmp_path, rig, pose
+    write_calibration(folder / "Calib.toml", rig)
+    write_detections(folder / "openpose", rig, detections)
+    return folder, rig, pose
+
+
+@pytest.fixture
+def recording(tmp_path):
+    return write_recording(tmp_path)
+
+
+@pytest.fixture(scope="session")
+def finished_run(tmp_path_factory) -> Path:
+    """Return the folder of a run over the recording; not to be written to, see `run_folder`."""
+    folder, _, _ = write_recording(tmp_path_factory.mktemp("finished"))
+    given = ["refine", folder / "Calib.toml", folder / "openpose", *READ, "--fps", 50, "--write", "csv"]
+    result = invoke(*given, "-o", folder / "out")
+    assert result.exit_code == 0, result.output
+    return folder / "out"
+
+
+@pytest.fixture
+def run_folder(finished_run, tmp_path) -> Path:
+    """Return a copy of the run's folder, where `arguments` writes to."""
+    return shutil.copytree(finished_run, tmp_path / "out")
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ import calibration_files as files
 import skelsplat as sk
 from calibration_files import FORMATS_WRITTEN, FULL, NAMES
 from skelsplat.io import convert_unit, read_calibration, sample, write_calibration
-from skelsplat.io.calibration import _vicon_lens, find_format
+from skelsplat.io.calibration import _vicon, find_format
 
 MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 
@@ -76,7 +76,7 @@ def test_vicons_older_lens_has_two_coefficients_about_the_principal_point(tmp_pa
     v = views[0]
     aspect = v.K[0, 0] / v.K[1, 1]
     measured = np.array([[100.0, 100.0], [900.0, 300.0]])
-    ideal = _vicon_lens.ideal_pixels(measured, v.K[:2, 2], np.array([4e-8, 1e-15]), aspect)
+    ideal = _vicon.ideal_pixels(measured, v.K[:2, 2], np.array([4e-8, 1e-15]), aspect)
     np.testing.assert_allclose(camera.undistort(measured), ideal, atol=0.1)
 
 
@@ -262,7 +262,7 @@ def test_a_format_that_states_its_unit_is_still_doubted(tmp_path, views):
 
 def test_a_named_format_is_not_looked_for(tmp_path, views):
     path = files.human36m(tmp_path, views)
-    with pytest.raises(sk.DatasetError, match="cameras: expected a list of cameras, got NoneType"):
+    with pytest.raises(sk.DatasetError, match="cameras: expected a list of cameras, got nothing"):
         read_calibration(path, format="panoptic")
 
 

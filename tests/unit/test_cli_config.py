@@ -14,8 +14,7 @@ from typer.testing import CliRunner
 from command_line import assert_fails, invoke
 from skelsplat.cli import _run, ablate, app, evaluate, refine
 from skelsplat.cli._app import OneLineErrors
-from skelsplat.cli._config import Application
-from skelsplat.cli._config_file import _known
+from skelsplat.cli.config import Application, entries_of
 from skelsplat.io import sample
 
 CONVENTIONS = Path(__file__).parents[2] / "docs" / "conventions.md"
@@ -231,12 +230,12 @@ def test_a_list_of_texts_stands_for_a_list_with_commas(folder):
 @pytest.mark.parametrize(
     ("text", "parts"),
     [
-        ("colour = 3", ["colour: expected an option or argument of any command", "unknown key"]),
-        ("min-confidance = 3", ["min-confidance: ", "such as min-confidence"]),
+        ("colour = 3", ["colour: expected an option or argument of a command", "unknown key"]),
+        ("min-confidance = 3", ["min-confidance: ", "did you mean min-confidence?"]),
         ("[refine]\nposes = 3", ["refine.poses: expected an option or argument of refine"]),
-        ("[refin]\nfps = 3", ["refin: ", "such as refine"]),
+        ("[refin]\nfps = 3", ["refin: ", "did you mean refine?"]),
         ("refine = 3", ["refine: expected a table [refine] of options, got 3"]),
-        ('config = "b.toml"', ["config: expected an option or argument of any command, got"]),
+        ('config = "b.toml"', ["config: expected an option or argument of a command, got"]),
         ("max-steps = 3\nmax_steps = 3", ["max_steps: expected each option once"]),
         ('max-steps = "3"', ["max-steps: expected a whole number, got '3'"]),
         ("max-steps = 3.0", ["max-steps: expected a whole number, got 3.0"]),
@@ -335,6 +334,6 @@ def test_every_command_has_it_and_no_option_is_called_like_a_command(path):
     text = " ".join(invoke(*path, "--help").stdout.replace("│", " ").split())
     assert "--config FILE.toml Options and arguments of this command, from a file" in text
     command = dict(commands(ROOT))[path]
-    assert not _known(command).keys() & {name for parts, _ in commands(ROOT) for name in parts}
+    assert not entries_of(command).keys() & {name for parts, _ in commands(ROOT) for name in parts}
     parameters = {param.name for param in command.params} - {"config"}
-    assert {entry.parameter for entry in _known(command).values()} == parameters
+    assert {entry.parameter for entry in entries_of(command).values()} == parameters

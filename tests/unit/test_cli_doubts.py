@@ -9,9 +9,9 @@ import pytest
 
 import skelsplat as sk
 from skelsplat import synthetic
-from skelsplat.cli._doubts import _cameras, _unfit, _unfit_cameras, _whole
-from skelsplat.cli._person import pick_person
-from skelsplat.cli._statistics import Group
+from skelsplat.run.findings import _cameras, _unfit, _unfit_cameras, _whole
+from skelsplat.run.person import pick_person
+from skelsplat.run.summary import Group
 
 
 def group(name, rejected, used=1000):

@@ -12,8 +12,8 @@ import typer
 
 from command_line import assert_fails, invoke
 from skelsplat import datasets, synthetic
+from skelsplat._json import plain
 from skelsplat.cli import app
-from skelsplat.cli._json import plain
 from skelsplat.datasets._synth_writer import write_simulated
 
 

@@ -9,19 +9,11 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from command_line import READ, assert_fails, invoke
+from command_line import assert_fails, invoke
 from pose_sample import sample
 from skelsplat.io import read_npz, write_pose
 
 LAYOUT = sk.layouts.H36M17
-
-
-@pytest.fixture
-def run_folder(arguments, recording):
-    """Return the folder of a refined walk of five frames at 60 Hz."""
-    result = invoke(*arguments, *READ, "--fps", "60", "-q")
-    assert result.exit_code == 0, result.output
-    return recording[0] / "out"
 
 
 def h36m(steps=6, **changes):
@@ -54,6 +46,7 @@ def numbers(*arguments):
     return json.loads(result.stdout)
 
 
+@pytest.mark.painted
 def test_a_run_gives_three_figures_in_its_folder(run_folder):
     result = invoke("plot", run_folder)
     assert result.exit_code == 0, result.output
@@ -63,6 +56,7 @@ def test_a_run_gives_three_figures_in_its_folder(run_folder):
         assert f"{name}.png" in result.stdout
 
 
+@pytest.mark.painted
 def test_pdf_goes_where_it_is_asked_for(run_folder, tmp_path):
     result = invoke("plot", run_folder, "-o", tmp_path / "f", "--only", "bones", "--format", "png,pdf", "-q")
     assert result.exit_code == 0, result.output

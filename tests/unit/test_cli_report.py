@@ -13,9 +13,9 @@ import skelsplat as sk
 from skelsplat import synthetic
 from skelsplat.cameras import without_distortion
 from skelsplat.cli import app
-from skelsplat.cli._figures import most_moved_frame, world_up
 from skelsplat.io import read_npz
 from skelsplat.io.run_folder import write_run_inputs
+from skelsplat.run.figures import most_moved_frame, vertical_known, world_up
 
 T = 5  # frames of `recording`
 NOISE_PX = 2.0
@@ -29,11 +29,11 @@ def invoke(*args):
 
 def test_the_report_holds_statistics_settings_and_timing(recording, arguments):
     folder, rig, _ = recording
-    assert invoke(*arguments, *READ, *FAST, "--sigma", 25, "--min-confidence", 0.1).exit_code == 0
+    assert invoke(*arguments, *READ, *FAST, "--sigma-mm", 25, "--min-confidence", 0.1).exit_code == 0
     report = json.loads((folder / "out" / "report.json").read_text())
     errors = report["reprojection_error"]
     assert report["versions"]["skelsplat"] == sk.__version__
-    assert report["settings"]["sigma"] == 25.0
+    assert report["settings"]["sigma_mm"] == 25.0
     assert report["settings"]["max_steps"] == 30
     assert report["settings"]["min_confidence"] == 0.1
     assert report["ground_truth"] is None
@@ -216,15 +216,14 @@ def test_detections_that_are_no_pixels_are_doubted(recording, arguments):
     assert "! No detection could be used" in " ".join(result.stdout.split())
 
 
-def test_the_frame_shown_is_complete_and_not_chosen_by_one_stray_joint():
-    moved = np.array([[1.0, 1.0, 900.0], [5.0, 5.0, 5.0], [9.0, 9.0, 9.0], [np.nan] * 3])
-    status = np.full((4, 3), "ok", dtype="<U10")
-    status[2, 0] = "weak"
-    status[3] = "unobserved"
-    assert most_moved_frame(moved, status) == 1
-    status[:, 1] = "weak"
-    assert most_moved_frame(moved, status) == 2
-    assert most_moved_frame(np.full((2, 3), np.nan), status[:2]) == 0
+def test_the_frame_shown_has_the_joints_of_most_frames_and_is_not_chosen_by_one_stray_joint():
+    moved = np.array(
+        [[1.0, 1.0, 900.0], [5.0, 5.0, 5.0], [9.0, 9.0, 9.0], [np.nan] * 3, [99.0, np.nan, np.nan]]
+    )
+    assert most_moved_frame(moved) == 2
+    assert most_moved_frame(moved[[0, 1, 3, 4]]) == 1
+    assert most_moved_frame(moved[3:]) == 1
+    assert most_moved_frame(np.full((2, 3), np.nan)) == 0
 
 
 def test_world_up_is_the_axis_that_the_cameras_agree_on():
@@ -233,3 +232,12 @@ def test_world_up_is_the_axis_that_the_cameras_agree_on():
     turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])  # z up to y down
     turned = [sk.Camera(c.K, c.R @ turn, c.t, size=c.size) for c in rig]
     np.testing.assert_array_equal(world_up(sk.CameraRig(turned)), turn.T @ [0.0, 0.0, 1.0])
+    assert vertical_known(rig)
+    assert vertical_known(sk.CameraRig(turned))
+
+
+def test_cameras_that_do_not_agree_on_an_axis_leave_the_vertical_unknown():
+    portrait = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    first = synthetic.human36m_like()[0]
+    rolled = sk.Camera(first.K, portrait @ first.R, first.t, size=first.size)
+    assert not vertical_known(sk.CameraRig([first, rolled]))

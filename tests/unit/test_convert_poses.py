@@ -12,7 +12,6 @@ import skelsplat as sk
 from command_line import assert_fails, invoke
 from pose_sample import JOINTS, assert_equal, sample
 from skelsplat import synthetic
-from skelsplat.cli._convert_poses import PoseOptions, convert_poses, is_pose_file
 from skelsplat.io import (
     read_json,
     read_npz,
@@ -23,30 +22,32 @@ from skelsplat.io import (
     write_npz,
     write_trc,
 )
+from skelsplat.io.convert import convert_poses, is_pose_file
 
 
 def test_between_formats_that_hold_everything(tmp_path):
     write_npz(tmp_path / "a.npz", sample())
-    said = convert_poses(tmp_path / "a.npz", tmp_path / "b.json", PoseOptions())
-    assert said.sentence == f"Wrote 4 frames of 3 joints to {tmp_path / 'b.json'}."
-    convert_poses(tmp_path / "b.json", tmp_path / "c.npz", PoseOptions())
+    assert_equal(convert_poses(tmp_path / "a.npz", tmp_path / "b.json"), sample())
+    result = invoke("convert", tmp_path / "a.npz", tmp_path / "b.json")
+    assert result.stdout == f"Wrote 4 frames of 3 joints to {tmp_path / 'b.json'}.\n"
+    convert_poses(tmp_path / "b.json", tmp_path / "c.npz")
     assert_equal(read_npz(tmp_path / "c.npz"), sample())
 
 
 def test_options_reach_the_target(tmp_path):
     write_json(tmp_path / "a.json", sample())
-    convert_poses(tmp_path / "a.json", tmp_path / "a.trc", PoseOptions(fps=25.0, to_unit="mm", y_up=True))
+    convert_poses(tmp_path / "a.json", tmp_path / "a.trc", fps=25.0, unit="mm", y_up=True)
     back = read_trc(tmp_path / "a.trc")
     assert (back.frame_rate, back.unit) == (25.0, "mm")
     # half a unit of the third decimal
     np.testing.assert_allclose(back.pose[0], sample().pose[0][:, [1, 2, 0]], atol=5.0001e-4)
-    convert_poses(tmp_path / "a.trc", tmp_path / "b.json", PoseOptions(fps=20.0))
+    convert_poses(tmp_path / "a.trc", tmp_path / "b.json", fps=20.0)
     assert read_json(tmp_path / "b.json").frame_rate == 20.0
 
 
 def test_every_length_is_in_the_new_unit(tmp_path):
     write_npz(tmp_path / "a.npz", sample())
-    convert_poses(tmp_path / "a.npz", tmp_path / "b.json", PoseOptions(to_unit="cm"))
+    convert_poses(tmp_path / "a.npz", tmp_path / "b.json", unit="cm")
     back, data = read_json(tmp_path / "b.json"), sample()
     assert back.unit == "cm"
     for name, factor in {"pose": 0.1, "init_pose": 0.1, "noise": 0.1, "uncertainty": 0.01}.items():
@@ -54,7 +55,7 @@ def test_every_length_is_in_the_new_unit(tmp_path):
     np.testing.assert_array_equal(back.reprojection_error, data.reprojection_error)
     for kind, unit in (("trc", "cm"), ("c3d", "m"), ("npz", "in")):
         with pytest.raises(sk.InvalidInputError, match="unit: expected"):
-            convert_poses(tmp_path / "b.json", tmp_path / f"c.{kind}", PoseOptions(to_unit=unit))
+            convert_poses(tmp_path / "b.json", tmp_path / f"c.{kind}", unit=unit)
 
 
 def test_a_frame_rate_that_the_source_does_not_state_is_asked_for(tmp_path):
@@ -62,23 +63,23 @@ def test_a_frame_rate_that_the_source_does_not_state_is_asked_for(tmp_path):
     with pytest.raises(
         sk.DatasetError, match=r"a\.csv: frame rate: expected one for a \.trc file \(--fps\), got"
     ):
-        convert_poses(tmp_path / "a.csv", tmp_path / "b.trc", PoseOptions())
-    convert_poses(tmp_path / "a.csv", tmp_path / "b.trc", PoseOptions(fps=50.0))
+        convert_poses(tmp_path / "a.csv", tmp_path / "b.trc")
+    convert_poses(tmp_path / "a.csv", tmp_path / "b.trc", fps=50.0)
     assert read_trc(tmp_path / "b.trc").joint_names == JOINTS
 
 
 def test_what_cannot_be_converted(tmp_path):
     write_npz(tmp_path / "a.npz", sample())
     with pytest.raises(sk.DatasetError, match="target: expected another file than the source"):
-        convert_poses(tmp_path / "a.npz", tmp_path / "." / "a.npz", PoseOptions())
+        convert_poses(tmp_path / "a.npz", tmp_path / "." / "a.npz")
     with pytest.raises(sk.InvalidInputError, match="path: expected a name that ends in"):
-        convert_poses(tmp_path / "a.npz", tmp_path / "a.bvh", PoseOptions())
+        convert_poses(tmp_path / "a.npz", tmp_path / "a.bvh")
     with pytest.raises(sk.InvalidInputError, match=r"y_up: expected a \.trc or \.c3d file for it"):
-        convert_poses(tmp_path / "a.npz", tmp_path / "a.csv", PoseOptions(y_up=True))
+        convert_poses(tmp_path / "a.npz", tmp_path / "a.csv", y_up=True)
     with pytest.raises(sk.InvalidInputError, match=r"fps: expected a file with a place for it, got \.csv"):
-        convert_poses(tmp_path / "a.npz", tmp_path / "a.csv", PoseOptions(fps=50.0))
+        convert_poses(tmp_path / "a.npz", tmp_path / "a.csv", fps=50.0)
     with pytest.raises(sk.DatasetError, match=r"b\.npz: file: expected a readable npz file"):
-        convert_poses(tmp_path / "b.npz", tmp_path / "b.json", PoseOptions())
+        convert_poses(tmp_path / "b.npz", tmp_path / "b.json")
     assert [path.name for path in tmp_path.iterdir()] == ["a.npz"]
 
 
@@ -164,7 +165,7 @@ def test_a_frame_rate_for_all_commands_is_passed_over_where_it_has_no_place(tmp_
 
 def test_axes_that_are_turned_once_more_are_a_warning(tmp_path):
     write_npz(tmp_path / "a.npz", replace(sample(), frame_rate=50.0))
-    for kind, words in (("trc", "does not say which axis is up"), ("c3d", "y is up in it already")):
+    for kind, words in (("trc", "does not state which axis is up"), ("c3d", "y is up in it already")):
         turned, again = tmp_path / f"a.{kind}", tmp_path / f"b.{kind}"
         result = invoke("convert", tmp_path / "a.npz", turned, "--y-up")
         assert (result.exit_code, result.stderr) == (0, "")

@@ -12,8 +12,8 @@ import pytest
 import skelsplat as sk
 from broken_detections import NAMES, anybody, write_case
 from skelsplat.io import read_detections
-from skelsplat.io.detections import _beneath
-from skelsplat.io.detections._beneath import folders_beneath
+from skelsplat.io.detections import _registry
+from skelsplat.io.detections._registry import folders_beneath
 
 H36M = sk.layouts.H36M17
 
@@ -73,11 +73,11 @@ def test_the_look_beneath_is_bounded(tmp_path, monkeypatch):
     assert folders_beneath(tmp_path, wanted) == []
     assert looked_at == ["a", "x", "y", "a/b", "a/b/c"]
     looked_at.clear()
-    monkeypatch.setattr(_beneath, "_FOLDERS", 4)
+    monkeypatch.setattr(_registry, "_FOLDERS", 4)
     folders_beneath(tmp_path, wanted)
     assert looked_at == ["a", "x", "y", "a/b"]
     looked_at.clear()
-    monkeypatch.setattr(_beneath, "_ENTRIES", 1)
+    monkeypatch.setattr(_registry, "_ENTRIES", 1)
     folders_beneath(tmp_path, wanted)
     assert sum("/" not in name for name in looked_at) <= 1
 

@@ -10,8 +10,8 @@ import pytest
 
 import skelsplat as sk
 from skelsplat import _displaced, synthetic
-from skelsplat.cli._displaced_doubts import displaced_cameras, displaced_doubts, to_one_side
-from skelsplat.cli._doubts import _cameras
+from skelsplat.run.displaced import displaced_cameras, displaced_doubts, to_one_side
+from skelsplat.run.findings import _cameras
 from skelsplat.synthetic import DetectionNoise
 from two_people import LAYOUT, crossing, findings_of, seen
 

@@ -13,9 +13,7 @@ import pytest
 
 from report_page import report_data, sequence, shapes
 from skelsplat.viz import report
-from skelsplat.viz.report._pack import MISSING
-from skelsplat.viz.report._scene import upright
-from skelsplat.viz.report._thin import MOST_POSITIONS, frames_to_show, thin_line
+from skelsplat.viz.report._scene import MISSING, MOST_POSITIONS, frames_to_show, thin_line, upright
 
 NASTY = "</script><b onclick=x>\"'&\u2028é"
 
@@ -67,7 +65,7 @@ def test_names_from_files_are_escaped_in_markup_and_in_data(written):
         names=(NASTY, "window"),
         title=NASTY,
         facts=[(NASTY, NASTY)],
-        distrust=[NASTY],
+        warnings=[NASTY],
         notes=[NASTY],
         numbers=[report.KeyNumber(NASTY, NASTY, NASTY)],
         cameras=table,
@@ -119,7 +117,7 @@ def test_a_long_sequence_is_thinned_out_and_says_so(written):
     assert len(shown) == packed["scene"]["count"] <= MOST_POSITIONS // 25
     assert {100, 1101, 15_003, 15_009} <= set(shown.tolist())
     assert numbers(packed["lines"][0]["values"], "<f4").max() == 7.0
-    assert f"Of 20,000 frames the 3D view and the time lines have {len(shown):,}: " in text
+    assert f"Of 20,000 frames, the 3D view and the curves show {len(shown):,}: " in text
     assert len(text.encode()) < 8e6
 
 
@@ -145,7 +143,7 @@ def test_a_sequence_without_a_single_joint_has_a_page(written, frames):
     )
     heat = report.HeatMaps(np.full((2, 3), np.nan), np.full((2, 3), np.nan))
     lines = [report.TimeLine("Error", "px", np.full(frames, np.nan), peaks=True)]
-    text = written(report_data(walk, heat=heat, lines=lines, problems=[], distrust=[]))
+    text = written(report_data(walk, heat=heat, lines=lines, problems=[], warnings=[]))
     packed = data_of(text)["scene"]
     assert set(numbers(packed["refined"])) == set(numbers(packed["spread"]["numbers"])) == {MISSING}
     assert "<p>None.</p>" in text

@@ -28,7 +28,7 @@ CAMERA = {
     "t shape": ({"t": np.zeros(4)}, r"t: expected shape \(3,\), got shape \(4,\)"),
     "t text": ({"t": ["a", "b", "c"]}, r"t: expected an array of numbers, got .*"),
     "size": ({"size": (0, 800)}, r"size: expected .*at least 1 pixel, got \(0, 800\)"),
-    "size type": ({"size": "large"}, r"size: expected \(width, height\).*, got large"),
+    "size type": ({"size": "large"}, r"size: expected \(width, height\).*, got 'large'"),
     "distortion": ({"distortion": [0.1] * 6}, r"distortion: expected .*4, 5, 8, 12 or 14.*got .*6"),
     "fisheye": ({"distortion": [0.1] * 5, "fisheye": True}, r"distortion: expected .*4.*got .*5"),
 }
@@ -156,18 +156,18 @@ REFINE = {
     ),
     "init_sigma for Adam": (
         lambda _: {"init_sigma": 30.0, "config": sk.RefineConfig.paper()},
-        r"init_sigma: expected optimizer 'gauss_newton' with it, got adam",
+        r"init_sigma: expected the method 'annealed' with it, got 'paper'",
     ),
     "view_weights": (
         lambda _: {"config": sk.RefineConfig(view_weights=[1.0, 1.0])},
         r"config.view_weights: expected one weight per camera \(4\), got 2",
     ),
-    "joint_sigmas": (
-        lambda _: {"config": sk.RefineConfig(joint_sigmas=[30.0] * 16)},
-        r"config.joint_sigmas: expected 17 joints, as the detections have, got 16 joints",
+    "joint_sigmas_mm": (
+        lambda _: {"config": sk.RefineConfig(joint_sigmas_mm=[30.0] * 16)},
+        r"config.joint_sigmas_mm: expected 17 joints, as the detections have, got 16 joints",
     ),
     "config type": (
-        lambda _: {"config": {"sigma": 3}},
+        lambda _: {"config": {"sigma_mm": 3}},
         r"config: expected a RefineConfig or None, got dict",
     ),
 }
@@ -188,42 +188,34 @@ def test_refine(case, scene):
 
 
 CONFIG = {
-    "negative sigma": ({"sigma": -1.0}, r"config.sigma: expected a positive finite number, got -1"),
-    "unknown field": ({"sigmas": 1.0}, r"config: unknown name 'sigmas', expected one of renderer"),
+    "negative sigma": ({"sigma_mm": -1.0}, r"config.sigma_mm: expected a positive finite number, got -1"),
+    "unknown field": ({"sigmas": 1.0}, r"config: unknown name 'sigmas', expected one of sigma_mm"),
     "type": ({"max_steps": "many"}, r"config.max_steps: expected a whole number of at least 0, got 'many'"),
-    "tier": ({"symmetry_tier": 4}, r"config.symmetry_tier: expected 0, 1, 2 or 3, got 4"),
+    "tier": ({"symmetry_tier": 4}, r"config.symmetry_tier: expected a whole number from 0 to 3, got 4"),
     "encoding": ({"encoding": "hsv"}, r"config.encoding: expected 'one_hot', 'rgb' or 'single', got 'hsv'"),
     "learning rate": (
-        {"position_lr": "extent"},
-        r"config.position_lr: expected a number of mm, or 'camera_extent', got 'extent'",
+        {"position_lr_mm": "extent"},
+        r"config.position_lr_mm: expected a number, or 'camera_extent', got 'extent'",
     ),
     "two sigmas": (
-        {"occlusion_sigma": 30.0, "occlusion_factor": 1.25},
-        r"config.occlusion_factor: expected one of the two, got occlusion_sigma as well",
+        {"occlusion_sigma_mm": 30.0, "occlusion_factor": 1.25},
+        r"config.occlusion_factor: expected one of the two, got occlusion_sigma_mm as well",
     ),
 }
 
 
 ROBUST_CONFIG = {
-    "sigma_start": ({"sigma_start": 0.0}, r"config.sigma_start: expected a positive finite number, got 0"),
+    "sigma_start_mm": ({"sigma_start_mm": 0.0}, r"config.sigma_start_mm: expected a positive finite number, got 0"),
     "sigma_decay": ({"sigma_decay": 1.0}, r"config.sigma_decay: expected a number between 0 and 1, got 1"),
     "per noise": ({"sigma_per_noise": -2.0}, r"config.sigma_per_noise: expected a positive .*, got -2"),
-    "noise": ({"detection_sigma": 0.0}, r"config.detection_sigma: expected a positive finite number, got 0"),
-    "symmetry": ({"symmetry_sigma": -1.0}, r"config.symmetry_sigma: expected a positive finite number"),
+    "noise": ({"detection_sigma_px": 0.0}, r"config.detection_sigma_px: expected a positive finite number, got 0"),
+    "symmetry": ({"symmetry_sigma_mm": -1.0}, r"config.symmetry_sigma_mm: expected a positive finite number"),
     "step": ({"step_tolerance": 0.0}, r"config.step_tolerance: expected a positive finite number, got 0"),
-    "joint": ({"joint_sigmas": [30.0, 0.0]}, r"config.joint_sigmas\[1\]: expected a positive finite number"),
+    "joint": ({"joint_sigmas_mm": [30.0, 0.0]}, r"config.joint_sigmas_mm\[1\]: expected a positive finite number"),
     "view": ({"view_weights": [1.0, -1.0]}, r"config.view_weights\[1\]: expected .* not negative, got -1"),
     "weights": ({"view_weights": 2.0}, r"config.view_weights: expected a sequence of numbers, or None, got"),
     "swaps": ({"find_swaps": 2}, r"config.find_swaps: expected True or False, got 2"),
-    "optimizer": ({"optimizer": "sgd"}, r"config.optimizer: expected 'adam' or 'gauss_newton', got 'sgd'"),
-    "pixels": (
-        {"renderer": "raster"},
-        r"config.renderer: expected 'closed_form' with optimizer 'gauss_newton', got raster",
-    ),
-    "weights for Adam": (
-        {"optimizer": "adam", "view_weights": [1.0]},
-        r"config.view_weights: expected None with optimizer 'adam'",
-    ),
+    "pixels": ({"renderer": "raster"}, r"config.renderer: expected a setting of the method 'annealed', got"),
 }
 
 
@@ -267,8 +259,41 @@ def test_loss_and_gradient(scene):
         sk.loss_and_gradient(scene.pose[0], np.zeros((17, 3)), zeros, scene.detections[0], scene.rig)
     bad = np.tile(np.eye(3), (17, 1, 1))
     bad[2, 0, 1] = 0.5
+    valid = (scene.pose[0], np.zeros((17, 3)), zeros + 1.0, scene.detections[0], scene.rig)
+    with pytest.raises(sk.InvalidInputError, match=r"target_covariances\[2\]: expected a symmetric matrix"):
+        sk.loss_and_gradient(*valid, target_means=scene.pose[0], target_covariances=bad)
     with pytest.raises(sk.InvalidInputError, match=r"covariances\[2\]: expected a symmetric matrix"):
         sk.render(scene.pose[0], bad, scene.rig[0])
+
+
+LAYOUT = {
+    "a triple of two": ({"symmetric": [(1, (0, 1))]}, r"symmetric: expected triples .*, got \(1, \(0, 1\)\)"),
+    "tier type": ({"symmetric": [("a", (0, 1), (1, 0))]}, r"symmetric: expected triples .*, got \('a', "),
+    "limb of one joint": ({"limbs": [(0,)]}, r"limbs: expected pairs of two joints, got 1 joints"),
+    "no sequence": ({"limbs": 3}, r"limbs: expected pairs of two joints, got int"),
+    "limb type": ({"limbs": [3]}, r"limbs: expected pairs of two joints, got int"),
+    "root": ({"root": 0}, r"root: expected a sequence of joints, got int"),
+    "joints": ({"joints": 2}, r"joints: expected a sequence of strings, got 2"),
+    "name": ({"name": 1}, r"name: expected a string, got 1"),
+    "no joint": ({"left_right": [("a", "c")]}, r"left_right: expected a joint of the layout, got 'c'"),
+}
+
+
+@pytest.mark.parametrize("case", LAYOUT)
+def test_layout(case):
+    broken, message = LAYOUT[case]
+    with pytest.raises(sk.InvalidInputError, match=message):
+        sk.Layout(**{"name": "pair", "joints": ["a", "b"]} | broken)
+
+
+def test_plain_values():
+    camera = sk.Camera(K, EYE, ZERO, size=SIZE)
+    with pytest.raises(sk.InvalidInputError, match=r"factor: expected a number, got '2'"):
+        camera.scaled("2")
+    with pytest.raises(sk.InvalidInputError, match=r"name: expected a string, got 7"):
+        sk.Camera(K, EYE, ZERO, size=SIZE, name=7)
+    with pytest.raises(sk.InvalidInputError, match=r"tier: expected a whole number from 0 to 255, got 'all'"):
+        sk.layouts.COCO17.symmetric_pairs("all")
 
 
 class Stopped:

@@ -168,7 +168,10 @@ def test_images_without_a_frame_rate(case, tmp_path):
     for name in ("cam01", "cam02"):
         write_images(tmp_path / "images" / name)
     result = overlay(case, tmp_path / "images")
-    assert "--fps: not given, and neither images nor run say it; 30 per second assumed" in result.stderr
+    assert (
+        "--fps: not given, and neither the images nor the run state it; assuming 30 frames per second"
+        in result.stderr
+    )
     assert read_video(case.folder.parent / "out" / "cam_01.mp4")[1] == pytest.approx(30.0)
     assert_fails(overlay(case, tmp_path / "images", "--first-frame", 3), 2, "--first-frame: expected videos")
 
@@ -202,7 +205,7 @@ def test_the_current_folder_has_its_name(case, tmp_path, monkeypatch):
 
 
 def test_cameras_with_odd_names_have_files_of_their_own():
-    from skelsplat.cli._overlay_run import _file_names
+    from skelsplat.run.overlay.write import _file_names
 
     assert _file_names(["a/b", "a:b", "A?b", "..", "c.1"]) == ["a_b_0", "a_b_1", "A_b_2", "_", "c.1"]
 
@@ -245,7 +248,7 @@ def test_bad_usage(case, videos, args):
 
 
 def test_a_stop_leaves_finished_videos_and_no_half_one(case, videos, tmp_path, monkeypatch):
-    from skelsplat.cli._overlay_scene import Scene
+    from skelsplat.run.overlay.scene import Scene
 
     frame = Scene.frame
 

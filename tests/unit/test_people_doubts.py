@@ -12,8 +12,8 @@ from command_line import READ, invoke
 from detection_files import CASES, Take
 from skelsplat import synthetic
 from skelsplat._crowd import LimbSpread
-from skelsplat.cli._people_doubts import _lengths
 from skelsplat.io import write_calibration
+from skelsplat.run.people import _lengths
 from skelsplat.synthetic import DetectionNoise
 from two_people import LAYOUT, crossing, crowd_of, doubts_of, findings_of, seen, shuffled
 

@@ -83,14 +83,14 @@ MALFORMED_JSON = {
     ),
     "another format": (lambda d: {**d, "format": "coco"}, "format: expected .*, got format 'coco'"),
     "a newer version": (lambda d: {**d, "version": 2}, "version: expected 1, got 2"),
-    "no names": (without("joint_names"), "joint_names: expected a list of strings, got None"),
-    "no unit": (without("unit"), "unit: expected mm, cm or m, got None"),
+    "no names": (without("joint_names"), "joint_names: expected a list of strings, got nothing"),
+    "no unit": (without("unit"), "unit: expected mm, cm or m, got nothing"),
     "inches": (lambda d: {**d, "unit": "in"}, 'unit: expected "mm", "cm" or "m", got \'in\''),
     "a rate in words": (
         lambda d: {**d, "frame_rate": "50"},
         "frame_rate: expected a number or null, got '50'",
     ),
-    "no frames": (without("frames"), "frames: expected a list of objects, got NoneType"),
+    "no frames": (without("frames"), "frames: expected a list of objects, got nothing"),
     "a joint too few": (with_frame(1, pose=[None]), r"frames\[1\].pose: expected a list of 3, got 1 entries"),
     "text": (
         with_frame(2, pose=[None, [1, 2, "x"], None]),

@@ -10,8 +10,8 @@ import pytest
 
 import skelsplat as sk
 from command_line import READ, invoke
-from skelsplat.cli._problems import Problem, Reason, _named, find_problems, runs_in_words
-from skelsplat.cli._statistics import frame_medians
+from skelsplat.run.frames import Problem, Reason, _named, find_problems, runs_in_words
+from skelsplat.run.summary import frame_medians
 
 T, M, N = 20, 4, 3
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from report_page import report_data, sequence
+from report_page import report_data, sequence, shapes
 from skelsplat.viz import report
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
@@ -178,6 +178,36 @@ def test_the_view_turns_follows_and_shows_all_cameras(visit):
     assert len(set(seen)) == 4
 
 
+# Where points in metres, as Plotly's camera counts them, are in the view: −1 to 1 across and up.
+PLACES = """
+(points) => {
+  const { eye, center } = liveCamera(), vector = ({ x, y, z }) => [x, y, z];
+  const towards = unit(vector(eye).map((value, k) => value - vector(center)[k]));
+  const right = unit(cross([0, 0, 1], towards)), above = cross(towards, right);
+  const aspect = view.div.clientWidth / view.div.clientHeight;
+  return points.map(inView).map((p) => p.map((value, k) => value - vector(eye)[k])).map((p) => {
+    const depth = -dot(p, towards) * Math.tan(Math.PI / 8);
+    return [dot(p, right) / depth / aspect, dot(p, above) / depth];
+  });
+}
+"""
+
+
+@pytest.mark.parametrize("reach", [1.0, 3.0])
+def test_the_view_of_all_cameras_holds_them_and_is_filled(visit, reach):
+    near = shapes(("door", "window", "wall"))
+    page = visit(report_data(names=near.names, shapes=replace(near, centres=reach * near.centres)))
+    page.click("#fit-all")
+    picture(page)
+    points = (
+        "scene.cameras.flatMap((one) => [one.centre, ...one.corners]).map((p) => p.map((mm) => mm / 1000))"
+    )
+    person = "[0, scene.count - 1].map((t) => middle(scene.refined, t))"
+    places = np.array(page.evaluate(f"({PLACES})([...{points}, ...{person}])"))
+    assert np.abs(places).max() < 1.0
+    assert np.ptp(places, axis=0).max() > 1.3  # of 2 from edge to edge, less the room for the names
+
+
 def test_no_button_uploads_the_recording(visit):
     page = visit()
     titles = page.eval_on_selector_all(".modebar-btn", "all => all.map(one => one.dataset.title || '')")
@@ -213,7 +243,7 @@ def test_a_sequence_without_a_single_joint_opens(visit, frames):
 def test_names_from_files_are_shown_as_they_are(visit):
     name = "<img src=x onerror=alert(1)></script>'é"
     walk = sequence(joint_names=(name, "left_knee", "right_knee"), start_name=name)
-    page = visit(report_data(walk, names=(name, "window"), title=name, distrust=[name]))
+    page = visit(report_data(walk, names=(name, "window"), title=name, warnings=[name]))
     assert page.inner_text("h1") == name
     assert page.locator("img").count() == 0
     picture(page)

@@ -61,7 +61,7 @@ def test_simulated_evaluations_run_as_they_stand(tmp_path: Path, monkeypatch: py
     lines = dict.fromkeys(line for marker in MARKERS for line in marker.commands if "ablate" not in line)
     assert len(lines) >= 10
     for line in lines:
-        arguments = [a if a != "all" else "dlt,skelsplat" for a in shlex.split(line)[1:]]
+        arguments = [a if a != "all" else "dlt,annealed" for a in shlex.split(line)[1:]]
         few = ["--poses", "60"] if arguments[0] == "synth" else []
         result = CliRunner().invoke(app, [*arguments, *few, "-q"], catch_exceptions=False)
         assert result.exit_code == 0, (line, result.output)

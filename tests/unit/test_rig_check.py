@@ -10,11 +10,15 @@ from rig_case import LAYOUT, T, detections, only, replaced, rig, turned
 from skelsplat import synthetic
 from skelsplat.rig_check import check_rig
 from skelsplat.rig_check._resection import rotation
+from sweeps import diagonal, swept
 
 
-@pytest.mark.parametrize("noise", ["good", "noisy", "occluded"])
-@pytest.mark.parametrize("motion", ["walk", "sit", "reach"])
-@pytest.mark.parametrize("name", ["room", "dome of 3", "dome of 6", "pair"])
+@pytest.mark.parametrize(
+    ("name", "motion", "noise"),
+    diagonal(
+        ("room", "dome of 3", "dome of 6", "pair"), ("walk", "sit", "reach"), ("good", "noisy", "occluded")
+    ),
+)
 def test_a_sound_rig_is_not_accused(name, motion, noise):
     report = check_rig(rig(name), detections(name, motion, noise), layout=LAYOUT)
     assert report.ok, [finding.text for finding in report.findings]
@@ -92,11 +96,11 @@ def test_the_main_person_is_judged_not_a_bystander():
 @pytest.mark.parametrize(
     ("name", "degrees", "mm"),
     [
-        ("room", 5, 100),
         ("room", 10, 500),
         ("dome of 3", 10, 500),
-        ("dome of 6", 5, 100),
-        ("dome of 6", 10, 500),
+        swept("room", 5, 100),
+        swept("dome of 6", 5, 100),
+        swept("dome of 6", 10, 500),
     ],
 )
 def test_a_calibration_of_another_recording_is_named_once(name, degrees, mm):
@@ -195,9 +199,8 @@ CONVENTIONS = {
 }
 
 
-@pytest.mark.parametrize("name", ["room", "dome of 3", "dome of 6", "pair"])
-@pytest.mark.parametrize("words", CONVENTIONS)
-def test_poses_in_another_convention_are_named_alone(name, words):
+@pytest.mark.parametrize(("words", "name"), diagonal(CONVENTIONS, ("room", "dome of 3", "dome of 6", "pair")))
+def test_poses_in_another_convention_are_named_alone(words, name):
     cameras = rig(name)
     for view in range(len(cameras)):
         R, t = CONVENTIONS[words](np.asarray(cameras[view].R), np.asarray(cameras[view].t))

@@ -8,11 +8,12 @@ import pytest
 from rig_case import LAYOUT, T, detections, only, recording, replaced, rig, turned
 from skelsplat.io import sample
 from skelsplat.rig_check import check_rig
+from sweeps import diagonal
 
 
-@pytest.mark.parametrize("shift", [3, -4])
-@pytest.mark.parametrize("motion", ["walk", "sit"])
-@pytest.mark.parametrize("name", ["room", "dome of 3", "dome of 6"])
+@pytest.mark.parametrize(
+    ("name", "motion", "shift"), diagonal(("room", "dome of 3", "dome of 6"), ("walk", "sit"), (3, -4))
+)
 def test_a_frame_offset_is_named(name, motion, shift):
     whole = detections(name, motion, steps=T + 10)
     found = whole[5 : 5 + T].copy()
@@ -85,8 +86,10 @@ def test_an_offset_between_two_cameras_is_named():
     assert (finding.kind, finding.cameras, finding.numbers["frames"]) == ("offset", ("right",), 5)
 
 
-@pytest.mark.parametrize("axis", [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 1)])
-@pytest.mark.parametrize("name", ["room", "dome of 3", "dome of 6"])
+@pytest.mark.parametrize(
+    ("name", "axis"),
+    diagonal(("room", "dome of 3", "dome of 6"), ((1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 1))),
+)
 def test_a_camera_turned_by_two_degrees_is_named(name, axis):
     finding = only(check_rig(turned(rig(name), 1, 2.0, axis), detections(name), layout=LAYOUT))
     assert (finding.kind, finding.cameras) == ("turned", (rig(name).names[1],))

@@ -11,11 +11,13 @@ from rig_case import LAYOUT, T, detections, mirrored, only, recording, rig
 from skelsplat import synthetic
 from skelsplat.io import sample
 from skelsplat.rig_check import check_rig
+from sweeps import diagonal, swept
 
 
-@pytest.mark.parametrize("motion", ["walk", "sit"])
-@pytest.mark.parametrize("pair", [(0, 1), (0, 2), (1, 3)])
-@pytest.mark.parametrize("name", ["room", "dome of 6"])
+@pytest.mark.parametrize(
+    ("name", "pair", "motion"),
+    diagonal(("room", "dome of 6"), ((0, 1), (0, 2), (1, 3)), ("walk", "sit")),
+)
 def test_exchanged_names_are_named(name, pair, motion):
     found = detections(name, motion).copy()
     found[:, list(pair)] = found[:, list(pair[::-1])]
@@ -34,8 +36,7 @@ def test_three_cameras_in_a_circle_are_named():
     assert finding.numbers["folders"] == {"cam1": "cam2", "cam2": "cam3", "cam3": "cam1", "cam4": "cam4"}
 
 
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("pair", [(0, 1), (1, 2), (0, 3)])
+@pytest.mark.parametrize(("pair", "seed"), diagonal(((0, 1), (1, 2), (0, 3)), range(3)))
 def test_in_a_symmetric_ring_the_fewest_exchanges_are_named(pair, seed):
     """A cycle of three leaves the same but for noise: it is the exchange, seen with the world turned."""
     cameras = synthetic.ring(4)
@@ -53,13 +54,16 @@ def folders_of(order, names):
     return {names[camera]: names[place] for place, camera in enumerate(order)}
 
 
-@pytest.mark.parametrize("motion", ["walk", "sit", "reach"])
 @pytest.mark.parametrize(
-    ("name", "order"),
-    [("room", (1, 0, 3, 2)), ("room", (2, 3, 0, 1)), ("dome of 3", (2, 1, 0))],
+    ("motion", "exchange"),
+    diagonal(
+        ("walk", "sit", "reach"),
+        (("room", (1, 0, 3, 2)), ("room", (2, 3, 0, 1)), ("dome of 3", (2, 1, 0))),
+    ),
 )
-def test_exchanged_cameras_are_no_mirrored_images(name, order, motion):
+def test_exchanged_cameras_are_no_mirrored_images(motion, exchange):
     """In a room that is nearly symmetric mirrored images set them right, too, but not as well."""
+    name, order = exchange
     finding = only(check_rig(rig(name), detections(name, motion)[:, list(order)], layout=LAYOUT))
     assert finding.kind == "exchanged"
     assert finding.numbers["folders"] == folders_of(order, rig(name).names)
@@ -68,7 +72,7 @@ def test_exchanged_cameras_are_no_mirrored_images(name, order, motion):
     assert finding.text.endswith(rival) == near
 
 
-@pytest.mark.parametrize("motion", ["walk", "sit", "reach"])
+@pytest.mark.parametrize("motion", ["walk", "sit", swept("reach")])
 def test_mirrored_images_are_no_exchanged_cameras(motion):
     finding = only(check_rig(rig("room"), mirrored(detections("room", motion), "room"), layout=LAYOUT))
     assert finding.kind == "images"
@@ -90,7 +94,7 @@ def test_where_nothing_tells_them_apart_both_are_mentioned():
         assert re.search("That the detections of (cam0 and cam2|cam1 and cam3) are exchanged", finding.text)
 
 
-@pytest.mark.parametrize("order", [(3, 2, 1, 0), (1, 2, 0, 3), (3, 0, 2, 1)])
+@pytest.mark.parametrize("order", [(1, 2, 0, 3), swept((3, 2, 1, 0)), swept((3, 0, 2, 1))])
 def test_exchanged_cameras_of_a_recording_are_no_images_of_another_size(order):
     """Another size or images upside down would take the half, or the third, of the disagreement away."""
     cameras, people = recording()
@@ -100,7 +104,7 @@ def test_exchanged_cameras_of_a_recording_are_no_images_of_another_size(order):
     assert (turned.kind, turned.cameras) == ("turned", ("cam_03",))
 
 
-@pytest.mark.parametrize(("factor", "words"), [(3 / 4, "0.75"), (4 / 3, "1.33")])
+@pytest.mark.parametrize(("factor", "words"), [(4 / 3, "1.33"), swept(3 / 4, "0.75")])
 def test_a_recording_of_another_size_has_no_exchanged_cameras(factor, words):
     cameras, people = recording()
     resized = people.copy()

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 import skelsplat as sk
 from skelsplat.evaluation.baselines import _linear, _minimise, _observations
+from sweeps import diagonal
 
 Array = NDArray[np.float64]
 F_SCALE_PX = 5.0
@@ -48,8 +49,7 @@ def by_scipy(one: _minimise.Reprojections, start: Array, loss: str) -> Array:
     return scipy.optimize.least_squares(lengths, start, jac=slopes, loss=loss, f_scale=scale, **tight).x
 
 
-@pytest.mark.parametrize("loss", LOSSES)
-@pytest.mark.parametrize("level", ["good", "occluded"])
+@pytest.mark.parametrize(("loss", "level"), diagonal(LOSSES, ("good", "occluded")))
 def test_minima_are_those_of_scipy(loss: str, level: str) -> None:
     noise = {
         "good": sk.synthetic.DetectionNoise.good(),

@@ -14,29 +14,23 @@ from skelsplat.cli import _run
 from skelsplat.io import read_npz, read_run, write_npz
 
 
-@pytest.fixture
-def run(recording, arguments):
-    assert invoke(*arguments, *READ, "--fps", 50, "--write", "csv").exit_code == 0
-    return recording[0] / "out"
-
-
-def test_what_went_in_and_what_came_out_is_read(run, recording):
+def test_what_went_in_and_what_came_out_is_read(run_folder, recording):
     _, rig, _ = recording
-    read = read_run(run)
+    read = read_run(run_folder)
     assert read.rig.names == rig.names
     assert read.rig.unit == "mm"
     assert read.layout.name == "h36m17"
     assert read.undistorted
-    np.testing.assert_array_equal(read.poses.pose, read_npz(run / "pose.npz").pose)
+    np.testing.assert_array_equal(read.poses.pose, read_npz(run_folder / "pose.npz").pose)
     assert np.isnan(read.detections[:, -1, 3]).all()  # never seen
     again = sk.refine(None, read.detections, read.rig, layout=read.layout)
     np.testing.assert_array_equal(again.pose, read.poses.pose)
 
 
-def test_the_stored_input_can_be_refined_again(run, tmp_path):
-    stored = [run / "cameras.json", run / "detections.npz"]
+def test_the_stored_input_can_be_refined_again(run_folder, tmp_path):
+    stored = [run_folder / "cameras.json", run_folder / "detections.npz"]
     assert invoke("refine", *stored, *READ, "--fps", 50, "-o", tmp_path / "again").exit_code == 0
-    np.testing.assert_array_equal(read_run(tmp_path / "again").poses.pose, read_run(run).poses.pose)
+    np.testing.assert_array_equal(read_run(tmp_path / "again").poses.pose, read_run(run_folder).poses.pose)
 
 
 def test_the_numbers_of_the_frames_are_kept(recording, arguments):
@@ -48,10 +42,10 @@ def test_the_numbers_of_the_frames_are_kept(recording, arguments):
 
 
 @pytest.mark.parametrize("name", ["pose.npz", "cameras.json", "detections.npz", "report.json"])
-def test_a_missing_file_is_named(run, name):
-    (run / name).unlink()
+def test_a_missing_file_is_named(run_folder, name):
+    (run_folder / name).unlink()
     with pytest.raises(sk.DatasetError, match=name.replace(".", r"\.")):
-        read_run(run)
+        read_run(run_folder)
 
 
 def test_a_folder_that_is_no_run_is_said_to_be_none(tmp_path):
@@ -73,33 +67,33 @@ def test_a_folder_that_is_no_run_is_said_to_be_none(tmp_path):
         (lambda r: r["input"].update(offsets={"cam1": True}), r"input\.offsets\.cam1"),
     ],
 )
-def test_a_report_of_another_kind_is_refused(run, change, field):
-    report = json.loads((run / "report.json").read_text())
+def test_a_report_of_another_kind_is_refused(run_folder, change, field):
+    report = json.loads((run_folder / "report.json").read_text())
     change(report)
-    (run / "report.json").write_text(json.dumps(report))
+    (run_folder / "report.json").write_text(json.dumps(report))
     with pytest.raises(sk.DatasetError, match=rf"report\.json: {field}: expected"):
-        read_run(run)
+        read_run(run_folder)
 
 
-def test_a_report_that_is_no_json_is_refused(run):
-    (run / "report.json").write_text("{")
+def test_a_report_that_is_no_json_is_refused(run_folder):
+    (run_folder / "report.json").write_text("{")
     with pytest.raises(sk.DatasetError, match=r"report\.json: file: expected JSON"):
-        read_run(run)
+        read_run(run_folder)
 
 
-def test_files_of_two_runs_are_told_apart(run, tmp_path):
-    poses = read_npz(run / "pose.npz")
-    other = shutil.copytree(run, tmp_path / "other")
+def test_files_of_two_runs_are_told_apart(run_folder, tmp_path):
+    poses = read_npz(run_folder / "pose.npz")
+    other = shutil.copytree(run_folder, tmp_path / "other")
     write_npz(other / "pose.npz", poses.in_unit("m"))
     with pytest.raises(sk.DatasetError, match=r"pose\.npz: unit: expected .* \(mm\), got m"):
         read_run(other)
 
 
-def test_a_run_that_stops_half_way_leaves_no_mixture_of_two(run, arguments, monkeypatch):
+def test_a_run_that_stops_half_way_leaves_no_mixture_of_two(run_folder, arguments, monkeypatch):
     def stop(*_):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(_run, "write_run_inputs", stop)
-    assert invoke(*arguments, *READ, "--fps", 50, "--sigma", 20).exit_code == 1
+    assert invoke(*arguments, *READ, "--fps", 50, "--sigma-mm", 20).exit_code == 1
     with pytest.raises(sk.DatasetError, match=r"report\.json: unfinished: expected .* run it again"):
-        read_run(run)
+        read_run(run_folder)

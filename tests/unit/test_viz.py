@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -118,6 +119,7 @@ def test_overview_has_two_views_and_the_errors(tmp_path, figures):
     assert figures[0].texts[0].get_text() == "Frame 2"
 
 
+@pytest.mark.painted
 def test_overview_is_1400_px_wide_and_not_blank(tmp_path):
     path = viz.write_overview(tmp_path / "o.png", overview_data(), skeleton=SKELETON)
     image = imread(path)
@@ -158,6 +160,7 @@ def test_joints_that_are_not_ok_are_hollow(tmp_path, figures):
     assert not (faces[[0, 2], :3] == 1.0).all(axis=1).any()
 
 
+@pytest.mark.painted
 def test_overview_of_unknown_joints_and_without_pairs(tmp_path, figures):
     nothing = np.full((T, N, 3), np.nan)
     viz.write_overview(tmp_path / "a.png", overview_data(before=nothing, after=nothing), skeleton=SKELETON)
@@ -221,6 +224,7 @@ def test_cameras_mark_rejected_and_exchanged_detections(tmp_path, figures):
     assert "left and right exchanged" in labels
 
 
+@pytest.mark.painted
 def test_of_many_cameras_those_with_most_rejected_are_shown(tmp_path, figures):
     panels = [camera_panel(f"c{i}", rejected=np.array([i > 1, i > 5, False])) for i in range(10)]
     path = viz.write_overview(tmp_path / "o.png", overview_data(panels=panels), skeleton=SKELETON)
@@ -244,6 +248,7 @@ def weight_data(**changes):
     return viz.WeightData(**{**data, **changes})
 
 
+@pytest.mark.painted
 def test_weights_are_means_over_frames_and_over_joints(tmp_path, figures):
     path = viz.write_weights(tmp_path / "w.png", weight_data())
     by_joint, by_frame = figures[0].axes[:2]
@@ -265,31 +270,32 @@ def test_weights_without_a_detection_and_of_many_joints(tmp_path, figures):
 
 
 def test_body_axes_are_left_and_forward():
-    left, forward = viz.body_axes(np.repeat(BODY[None], T, axis=0), ((0, 1),), UP)
+    left, forward, _ = viz.body_axes(np.repeat(BODY[None], T, axis=0), ((0, 1),), UP)
     np.testing.assert_allclose(left, [0.0, 1.0, 0.0], atol=1e-12)
     np.testing.assert_allclose(forward, [1.0, 0.0, 0.0], atol=1e-12)
 
 
 def test_body_axes_of_a_turning_person_are_those_of_the_frame():
     turned = BODY * [-1.0, -1.0, 1.0]
-    left, _ = viz.body_axes(np.stack([BODY, turned]), ((0, 1),), UP, frame=1)
+    left, _, _ = viz.body_axes(np.stack([BODY, turned]), ((0, 1),), UP, frame=1)
     np.testing.assert_allclose(left, [0.0, -1.0, 0.0], atol=1e-12)
 
 
 @pytest.mark.parametrize("pose", [BODY, np.full((3, 3), np.nan), np.zeros((3, 3))])
 def test_body_axes_without_pairs_are_horizontal_unit_vectors(pose):
-    left, forward = viz.body_axes(pose[None], (), UP)
+    left, forward, _ = viz.body_axes(pose[None], (), UP)
     np.testing.assert_allclose([left @ UP, forward @ UP, left @ forward], 0.0, atol=1e-9)
     np.testing.assert_allclose([left @ left, forward @ forward], 1.0, atol=1e-9)
 
 
+@pytest.mark.painted
 def test_heatmaps_have_a_row_of_two_images_per_camera(tmp_path, figures):
     rows = [heatmap_row("door"), heatmap_row("window", median_error_px=float("nan"))]
     path = viz.write_heatmaps(tmp_path / "h.png", rows, skeleton=SKELETON, caption="Frame 2")
     titles = [axes.get_title() for axes in figures[0].axes]
     assert titles == [
         "door, pseudo\nground truth",
-        "door, rendering\nmedian 2.2 px off",
+        "door, rendering\nmedian error 2.2 px",
         "window, pseudo\nground truth",
         "window, rendering\nno detections",
     ]
@@ -327,6 +333,7 @@ def test_the_crop_without_joints_is_the_image():
     assert crop_window(heatmap_row(detections=nothing, reprojection=nothing)) == ((0, 299), (0, 199))
 
 
+@pytest.mark.painted
 def test_upright_persons_stand_two_cameras_abreast(tmp_path):
     tall = {"height": 600, "reprojection": np.array([[100.0, 10.0], [110.0, 590.0], [120.0, 100.0]])}
     heights = {
@@ -366,3 +373,42 @@ def test_viz_is_a_leaf_without_pyplot():
                 assert "pyplot" not in name
                 own = name.startswith(("skelsplat.viz", "skelsplat._opencv", "skelsplat._arrays"))
                 assert own or not name.startswith("skelsplat")
+
+
+def test_the_legends_of_an_overview_overlap_nothing(tmp_path, figures):
+    status = np.full((T, N), "ok", dtype="<U10")
+    status[2] = ["weak", "filled", "unobserved"]
+    panels = [camera_panel(swapped=np.array([True, False, False]))] * 8
+    data = overview_data(status=status, panels=panels)
+    viz.write_overview(tmp_path / "o.png", data, skeleton=SKELETON)
+    (figure,) = figures
+    renderer = figure.canvas.get_renderer()
+    placed = [*figure.legends, *figure.texts]
+    boxes = [artist.get_window_extent(renderer) for artist in placed]
+    boxes += [axes.get_tightbbox(renderer) for axes in figure.axes]
+    for k, one in enumerate(boxes[: len(placed)]):
+        assert 0 <= one.x0 < one.x1 <= figure.bbox.x1
+        assert not any(one.overlaps(other) for j, other in enumerate(boxes) if j != k)
+
+
+def test_the_legend_names_the_statuses_of_the_joints_that_are_drawn(tmp_path, figures):
+    status = np.full((T, N), "ok", dtype="<U10")
+    status[2, 1:] = ["weak", "unobserved"]
+    after = np.repeat(BODY[None], T, axis=0)
+    after[2, 2] = np.nan
+    viz.write_overview(tmp_path / "o.png", overview_data(status=status, after=after), skeleton=SKELETON)
+    labels = [text.get_text() for text in figures[0].legends[0].get_texts()]
+    assert labels[-2:] == ["weak", "error ellipsoid, 2 σ"]
+
+
+def test_views_are_front_and_side_only_where_the_vertical_and_the_heading_are_known(tmp_path, figures):
+    known = overview_data()
+    tilted = replace(known, body=replace(known.body, up_known=False))
+    viz.write_overview(tmp_path / "o.png", tilted, skeleton=SKELETON)
+    alike = np.repeat(BODY[None], T, axis=0)
+    alike[:, 1] = alike[:, 0]  # hips in one place: no left and right
+    viz.write_overview(tmp_path / "p.png", overview_data(after=alike), skeleton=SKELETON)
+    for figure, height in zip(figures, ("z [mm]", "height [mm]"), strict=True):
+        first, second = figure.axes[:2]
+        assert texts(first) == ["view 1", "widest direction [mm]", height]
+        assert texts(second)[:2] == ["view 2", "across it [mm]"]

@@ -380,7 +380,7 @@ WRONG = {
     "pose": (np.zeros((T, N, 2)), r"pose: expected shape \(T, N, 3\), got \(3, 2, 2\)"),
     "joint_names": (("nose",), r"joint_names: expected shape \(2,\), got \(1,\)"),
     "frames": (np.arange(T + 1), r"frames: expected shape \(3,\), got \(4,\)"),
-    "camera_names": (("cam_01",), r"reprojection_error: expected shape \(3, 1, 2\), got \(3, 2, 2\)"),
+    "camera_names": (("cam_01",), r"view_weights: expected shape \(3, 1, 2\), got \(3, 2, 2\)"),
     "covariance": (np.zeros((T, N, 3)), r"covariance: expected shape \(3, 2, 3, 3\), got \(3, 2, 3\)"),
     "uncertainty": (np.zeros((T, N)), r"uncertainty: expected shape \(3, 2, 3, 3\), got \(3, 2\)"),
     "view_weights": (np.zeros((T, N)), r"view_weights: expected shape \(3, 2, 2\), got \(3, 2\)"),

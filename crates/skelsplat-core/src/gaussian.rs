@@ -5,6 +5,17 @@
 
 use nalgebra::{Matrix3, Vector3, Vector4};
 
+use crate::error::{Error, Result};
+
+/// Largest logarithm of a standard deviation: e⁵⁰ mm is 500 light years.
+const FARTHEST_LOG_SCALE: f64 = 50.0;
+/// Below this the square of a quaternion's norm can be lost.
+const ZERO_QUATERNION: f64 = 1e-100;
+/// Asymmetry that rounding makes, as a part of the largest entry.
+const ASYMMETRY: f64 = 1e-6;
+/// Negative variance that rounding makes, as a part of the largest entry.
+const NEGATIVE_VARIANCE: f64 = 1e-9;
+
 /// A joint: mean μ (mm), log-scales s (σ = exp s, mm) and quaternion q (w, x, y, z).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gaussian {
@@ -45,6 +56,29 @@ impl Gaussian {
             log_scales: Vector3::repeat(sigma.ln()),
             quaternion: Vector4::new(1.0, 0.0, 0.0, 0.0),
         }
+    }
+
+    /// Refuses scales and orientations that cannot be computed with; not numbers that are missing.
+    ///
+    /// # Errors
+    /// [`Error::InvalidInput`] that names the first wrong entry.
+    pub fn check(gaussians: &[Self]) -> Result<()> {
+        let is_far = |s: &f64| s.is_finite() && s.abs() > FARTHEST_LOG_SCALE;
+        for (j, gaussian) in gaussians.iter().enumerate() {
+            if let Some((k, s)) = gaussian.log_scales.iter().enumerate().find(|(_, s)| is_far(s)) {
+                let expected = format!("a value within ±{FARTHEST_LOG_SCALE}");
+                return Err(Error::invalid(
+                    format!("log_scales[{j}, {k}]"),
+                    expected,
+                    s.to_string(),
+                ));
+            }
+            if gaussian.quaternion.iter().all(|v| v.abs() < ZERO_QUATERNION) {
+                let expected = "a quaternion (w, x, y, z) that is not zero";
+                return Err(Error::invalid(format!("quaternions[{j}]"), expected, "zeros"));
+            }
+        }
+        Ok(())
     }
 
     /// Whether the mean, the variances and the orientation are numbers that can be computed with.
@@ -90,6 +124,34 @@ impl Gaussian {
     }
 }
 
+/// Whether a matrix is symmetric but for rounding.
+#[must_use]
+pub fn is_symmetric(matrix: &Matrix3<f64>) -> bool {
+    (matrix - matrix.transpose()).amax() <= ASYMMETRY * matrix.amax()
+}
+
+/// Refuses covariances that are none, as `name[j]`; not those that hold missing numbers.
+///
+/// # Errors
+/// [`Error::InvalidInput`] for the first that is not symmetric or has a negative variance.
+pub fn check_covariances(name: &str, covariances: &[Matrix3<f64>]) -> Result<()> {
+    for (j, c) in covariances.iter().enumerate() {
+        if c.iter().any(|v| !v.is_finite()) {
+            continue;
+        }
+        let wrong =
+            |expected, actual| Err(Error::invalid(format!("{name}[{j}]"), expected, actual));
+        if !is_symmetric(c) {
+            return wrong("a symmetric matrix", "one that is not".to_owned());
+        }
+        let least = c.symmetric_eigenvalues().min();
+        if least < -NEGATIVE_VARIANCE * c.amax().max(f64::MIN_POSITIVE) {
+            return wrong("no negative variance", format!("a variance of {least:.3e}"));
+        }
+    }
+    Ok(())
+}
+
 /// Rotation matrix of a unit quaternion (w, x, y, z).
 fn rotation(q: &Vector4<f64>) -> Matrix3<f64> {
     let (w, x, y, z) = (q[0], q[1], q[2], q[3]);
@@ -117,4 +179,37 @@ fn rotation_backward(q: &Vector4<f64>, d: &Matrix3<f64>) -> Vector4<f64> {
         w * skew.y + x * xy + z * yz - 2.0 * y * (d[(0, 0)] + d[(2, 2)]),
         w * skew.z + x * xz + y * yz - 2.0 * z * (d[(0, 0)] + d[(1, 1)]),
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_no_gaussian_is_named() {
+        let mut gaussians = [Gaussian::isotropic(Vector3::zeros(), 20.0); 2];
+        assert_eq!(Gaussian::check(&gaussians), Ok(()));
+        gaussians[1].log_scales.z = 60.0;
+        let refused = Gaussian::check(&gaussians).unwrap_err().to_string();
+        assert_eq!(refused, "log_scales[1, 2]: expected a value within ±50, got 60");
+        gaussians[0].quaternion = Vector4::zeros();
+        let refused = Gaussian::check(&gaussians).unwrap_err().to_string();
+        assert!(refused.starts_with("quaternions[0]: expected a quaternion"), "{refused}");
+    }
+
+    #[test]
+    fn what_is_no_covariance_is_named() {
+        let missing = Matrix3::repeat(f64::NAN);
+        let mut covariances = [Matrix3::identity(), missing, Matrix3::identity()];
+        assert_eq!(check_covariances("covariances", &covariances), Ok(()));
+        covariances[2][(0, 1)] = 0.5;
+        let refused = check_covariances("covariances", &covariances).unwrap_err().to_string();
+        assert_eq!(refused, "covariances[2]: expected a symmetric matrix, got one that is not");
+        covariances[0][(1, 1)] = -2.0;
+        let refused = check_covariances("covariances", &covariances).unwrap_err().to_string();
+        assert_eq!(
+            refused,
+            "covariances[0]: expected no negative variance, got a variance of -2.000e0"
+        );
+    }
 }

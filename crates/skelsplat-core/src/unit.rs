@@ -56,47 +56,43 @@ impl Unit {
     }
 }
 
-/// Extents between which a skeleton is plausible, mm, and what it is below and above.
-struct Range {
-    low: f64,
-    high: f64,
-    shorter: &'static str,
-    taller: &'static str,
+/// Extents between which a person is plausible, mm.
+const PERSON: [f64; 2] = [100.0, 10_000.0];
+/// The same of a body of any kind: from less than an ant to more than a giraffe three times over.
+const ANYTHING: [f64; 2] = [1.0, 20_000.0];
+
+/// A skeleton that is larger or smaller than any that is plausible.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Implausible {
+    /// How large it is, in the unit in question.
+    pub extent: f64,
+    /// Whether it is too large.
+    pub taller: bool,
+    /// The limit that it exceeds or falls short of, mm.
+    pub limit_mm: f64,
 }
 
-const PERSON: Range =
-    Range { low: 100.0, high: 10_000.0, shorter: "shorter than 10 cm", taller: "taller than 10 m" };
-/// A body of any kind: from less than an ant to more than a giraffe three times over.
-const ANYTHING: Range =
-    Range { low: 1.0, high: 20_000.0, shorter: "shorter than 1 mm", taller: "taller than 20 m" };
-
-/// A sentence that names the unit if most of these skeletons, `(T, N)` in `unit`, are taller
-/// than 10 m or shorter than 10 cm; `None` if they are plausible or too incomplete to tell.
+/// The median size of these skeletons, `(T, N)` in `unit`, if it is below 10 cm or above 10 m; `None` if it is plausible or
+/// they are too incomplete to tell.
 ///
-/// A layout of one's own need not be a person: with it the limits are 20 m and 1 mm.
+/// A layout of one's own need not be a person: with it the limits are 1 mm and 20 m.
 #[must_use]
 pub fn implausible_extent(
     poses: &[Vec<Vector3<f64>>],
     unit: Unit,
     layout: Option<&Layout>,
-) -> Option<String> {
+) -> Option<Implausible> {
     let mut extents: Vec<f64> = poses.iter().filter_map(|pose| extent(pose)).collect();
     if extents.is_empty() {
         return None;
     }
     extents.sort_by(f64::total_cmp);
-    let median = extents[extents.len() / 2];
-    let mm = median * unit.millimetres();
-    let plausible = if layout.is_none_or(Layout::is_built_in) { PERSON } else { ANYTHING };
-    if (plausible.low..=plausible.high).contains(&mm) {
-        return None;
-    }
-    let size = if mm > plausible.high { plausible.taller } else { plausible.shorter };
-    Some(format!(
-        "the skeleton measures {median:.digits$} {name} and is {size}: is the unit really '{name}'?",
-        digits = if median < 0.01 { 6 } else { 2 },
-        name = unit.name()
-    ))
+    let extent = extents[extents.len() / 2];
+    let mm = extent * unit.millimetres();
+    let [low, high] = if layout.is_none_or(Layout::is_built_in) { PERSON } else { ANYTHING };
+    let taller = mm > high;
+    let limit_mm = if taller { high } else { low };
+    (!(low..=high).contains(&mm)).then_some(Implausible { extent, taller, limit_mm })
 }
 
 /// Diagonal of the box around the finite joints, if at least half of them (and two) are finite.
@@ -127,11 +123,13 @@ mod tests {
     }
 
     #[test]
-    fn a_unit_mistaken_by_1000_is_named() {
-        let tall = implausible_extent(&person(1700.0), Unit::Metre, None).unwrap();
-        assert!(tall.contains("taller than 10 m") && tall.contains("'m'"), "{tall}");
-        let short = implausible_extent(&person(1.7), Unit::Millimetre, None).unwrap();
-        assert!(short.contains("shorter than 10 cm") && short.contains("'mm'"), "{short}");
+    fn a_unit_mistaken_by_1000_is_noticed() {
+        let tall = implausible_extent(&person(1700.0), Unit::Metre, None);
+        let expected = Implausible { extent: 1700.0, taller: true, limit_mm: 10_000.0 };
+        assert_eq!(tall, Some(expected));
+        let short = implausible_extent(&person(1.7), Unit::Millimetre, None);
+        let expected = Implausible { extent: 1.7, taller: false, limit_mm: 100.0 };
+        assert_eq!(short, Some(expected));
     }
 
     #[test]
@@ -146,15 +144,15 @@ mod tests {
         assert_eq!(told(95.6, Unit::Millimetre), None);
         assert_eq!(told(18.0, Unit::Metre), None);
         let tall = told(95.6, Unit::Metre).unwrap();
-        assert!(tall.contains("taller than 20 m") && tall.contains("'m'"), "{tall}");
+        assert!(tall.taller && tall.limit_mm == 20_000.0, "{tall:?}");
         let short = told(0.0956, Unit::Millimetre).unwrap();
-        assert!(short.contains("measures 0.10 mm and is shorter than 1 mm"), "{short}");
+        assert!(!short.taller && short.limit_mm == 1.0, "{short:?}");
         let human = Layout::by_name("coco17").unwrap();
         assert!(implausible_extent(&person(95.6), Unit::Millimetre, Some(&human)).is_some());
     }
 
     #[test]
-    fn an_incomplete_skeleton_says_nothing() {
+    fn an_incomplete_skeleton_is_not_judged() {
         let pose =
             vec![vec![Vector3::zeros(), Vector3::repeat(f64::NAN), Vector3::repeat(f64::NAN)]];
         assert_eq!(implausible_extent(&pose, Unit::Millimetre, None), None);

@@ -1,25 +1,26 @@
-//! Arguments as the core wants them: arrays, cameras, detections, layouts.
+//! Arrays and plain values between Python and the core: a newtype for each argument, which knows its name and refuses
+//! what does not fit.
 
 use nalgebra::{Matrix3, Vector3};
-use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
+use numpy::{Element, PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::PyString;
-use skelsplat_core::Unit;
-use skelsplat_core::study::detections::{Detections, FARTHEST, too_far};
+use pyo3::pyclass::boolean_struct::True;
+use pyo3::types::{PyDict, PyTuple, PyType};
+use pyo3::{Borrowed, PyClass};
+use skelsplat_core::Error;
+use skelsplat_core::study::detections::{FARTHEST, too_far};
 
-use crate::camera::Camera;
-use crate::errors::{OrRaise, in_words, invalid};
-use crate::layout::Layout;
-use crate::scores::{self, Place};
+use crate::errors::{Failure, Result, in_words, refuse};
 
-/// The values of a float64 array, row-major, and its shape.
+/// The values of a float64 array, row-major, its shape, and the argument that it came as.
 pub(crate) struct Array {
-    values: Vec<f64>,
+    pub(crate) name: &'static str,
+    pub(crate) values: Vec<f64>,
     pub(crate) shape: Vec<usize>,
 }
 
 /// `(4, 17, 3)` as Python writes it.
-fn shown(shape: &[usize]) -> String {
+pub(crate) fn shown(shape: &[usize]) -> String {
     let items: Vec<String> = shape.iter().map(ToString::to_string).collect();
     match items.as_slice() {
         [one] => format!("({one},)"),
@@ -27,74 +28,159 @@ fn shown(shape: &[usize]) -> String {
     }
 }
 
+/// `name[…]` of entry `k` of an array of `shape`, counted row-major; `channel` ends the index.
+pub(crate) fn place(name: &str, shape: &[usize], mut k: usize, channel: &str) -> String {
+    if shape.is_empty() {
+        return name.to_owned();
+    }
+    let mut places = Vec::with_capacity(shape.len());
+    for n in shape.iter().rev() {
+        places.push((k % n).to_string());
+        k /= n;
+    }
+    places.reverse();
+    format!("{name}[{}{channel}]", places.join(", "))
+}
+
 impl Array {
     /// Anything that holds numbers, in any layout in memory; NaN where it is masked or missing.
     ///
     /// `skelsplat._arrays.numbers` reads it, as for the functions that are written in Python.
-    pub(crate) fn new(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let py = value.py();
-        let read = py.import("skelsplat._arrays")?.call_method1("numbers", (value, name))?;
-        let array = read.cast_into::<PyArrayDyn<f64>>()?;
+    pub(crate) fn read(name: &'static str, value: &Bound<'_, PyAny>) -> Result<Self> {
+        let read =
+            value.py().import("skelsplat._arrays")?.call_method1("numbers", (value, name))?;
+        let array = read.cast_into::<PyArrayDyn<f64>>().map_err(PyErr::from)?;
         let shape = array.shape().to_vec();
-        let plain = |actual: String| invalid(py, name, "an array that can be read", actual);
+        let plain = |actual: String| Error::invalid(name, "an array that can be read", actual);
         let array = array.try_readonly().map_err(|e| plain(e.to_string()))?;
         let values = array.as_slice().map_err(|e| plain(e.to_string()))?.to_vec();
-        Ok(Self { values, shape })
+        Ok(Self { name, values, shape })
     }
 
-    /// The values, row-major.
-    pub(crate) fn values(&self) -> &[f64] {
-        &self.values
+    /// The error of an array that has not the `expected` shape.
+    pub(crate) fn misshapen(&self, expected: &str) -> Failure {
+        let actual = format!("shape {}", shown(&self.shape));
+        Error::invalid(self.name, format!("shape {expected}"), actual).into()
     }
 
-    /// Refuses the array if `ok` does not hold.
-    pub(crate) fn expect(
-        self,
-        py: Python<'_>,
-        name: &str,
-        expected: &str,
-        ok: bool,
-    ) -> PyResult<Self> {
-        if ok {
-            return Ok(self);
-        }
-        Err(invalid(
-            py,
-            name,
-            &format!("shape {expected}"),
-            format!("shape {}", shown(&self.shape)),
-        ))
+    /// Refuses an array of another shape than this; `why` says in the message what asks for it.
+    pub(crate) fn of(self, shape: &[usize], why: &str) -> Result<Self> {
+        let ok = self.shape == shape;
+        self.shaped(ok, &format!("{}{why}", shown(shape)))
+    }
+
+    /// Refuses an array that has not the `expected` shape.
+    pub(crate) fn shaped(self, ok: bool, expected: &str) -> Result<Self> {
+        if ok { Ok(self) } else { Err(self.misshapen(expected)) }
     }
 
     /// Refuses finite values that are too large to compute with; `missing` says in the message what is none.
-    pub(crate) fn bounded(self, py: Python<'_>, name: &str, missing: &str) -> PyResult<Self> {
-        let Some(k) = too_far(self.values()) else { return Ok(self) };
-        let place = scores::Place { name, shape: &self.shape, channel: "" };
+    pub(crate) fn bounded(self, missing: &str) -> Result<Self> {
+        let Some(k) = too_far(&self.values) else { return Ok(self) };
         let expected = format!("values within ±{FARTHEST:e}{missing}");
-        Err(invalid(py, &place.of(k), &expected, format!("{:e}", self.values()[k])))
+        Err(self.refused(k, &expected, format!("{:e}", self.values[k])))
     }
 
-    /// An array whose shape is `shape` (`None`: any size).
-    pub(crate) fn of_shape(
-        name: &str,
-        value: &Bound<'_, PyAny>,
-        shape: &[Option<usize>],
-        expected: &str,
-    ) -> PyResult<Self> {
-        let array = Self::new(name, value)?;
-        let ok = array.shape.len() == shape.len()
-            && array.shape.iter().zip(shape).all(|(n, want)| want.is_none_or(|want| want == *n));
-        array.expect(value.py(), name, expected, ok)
+    /// The error of an array whose entry `k` is wrong.
+    pub(crate) fn refused(&self, k: usize, expected: &str, actual: String) -> Failure {
+        Error::invalid(place(self.name, &self.shape, k, ""), expected, actual).into()
     }
 
     /// The values as 3-vectors.
     pub(crate) fn points(&self) -> Vec<Vector3<f64>> {
-        self.values().chunks_exact(3).map(Vector3::from_column_slice).collect()
+        self.values.chunks_exact(3).map(Vector3::from_column_slice).collect()
     }
 
     /// The values as 3×3 matrices.
     pub(crate) fn matrices(&self) -> Vec<Matrix3<f64>> {
-        self.values().chunks_exact(9).map(Matrix3::from_row_slice).collect()
+        self.values.chunks_exact(9).map(Matrix3::from_row_slice).collect()
+    }
+}
+
+/// One type per array argument: its name, its shape (`[..]` where that depends on other arguments), and whether its
+/// values are bounded (with what the message calls a missing one).
+macro_rules! arrays {
+    ($($type:ident: $name:literal, $shape:pat => $expected:literal $(, bounded $missing:literal)?;)*) => {$(
+        pub(crate) struct $type(pub(crate) Array);
+
+        impl<'py> FromPyObject<'_, 'py> for $type {
+            type Error = Failure;
+
+            fn extract(value: Borrowed<'_, 'py, PyAny>) -> Result<Self> {
+                let array = Array::read($name, &value)?;
+                let ok = matches!(array.shape.as_slice(), $shape);
+                let array = array.shaped(ok, $expected)?;
+                $(let array = array.bounded($missing)?;)?
+                Ok(Self(array))
+            }
+        }
+    )*};
+}
+
+arrays! {
+    Points: "points", [.., 3] => "(..., 3)", bounded "";
+    Pixels: "points", [.., 2] => "(..., 2)", bounded "";
+    Poses: "poses", [_, _, 3] => "(T, N, 3)";
+    Monocular: "poses", [..] => "", bounded "";
+    Means: "means", [_, 3] => "(N, 3)", bounded "";
+    Covariances: "covariances", [..] => "", bounded "";
+    TargetMeans: "target_means", [_, 3] => "(N, 3)", bounded "";
+    TargetCovariances: "target_covariances", [..] => "", bounded "";
+    LogScales: "log_scales", [..] => "";
+    Quaternions: "quaternions", [..] => "", bounded "";
+    Keypoints: "detections", [..] => "", bounded ", or NaN where missing";
+    Confidence: "confidence", [..] => "";
+    InitPose: "init_pose", [..] => "", bounded ", or NaN for none";
+    InitSigma: "init_sigma", [..] => "", bounded ", or NaN for none";
+    Intrinsics: "K", [3, 3] => "(3, 3)";
+    Rotation: "R", [3, 3] => "(3, 3)";
+    Translation: "t", [3] | [3, 1] | [1, 3] => "(3,)";
+    Coefficients: "distortion", [..] => "";
+}
+
+/// One type per plain argument: its name, the type that holds it, and what is expected.
+macro_rules! values {
+    ($($type:ident($inner:ty): $name:literal, $expected:literal;)*) => {$(
+        pub(crate) struct $type(pub(crate) $inner);
+
+        impl<'py> FromPyObject<'_, 'py> for $type {
+            type Error = Failure;
+
+            fn extract(value: Borrowed<'_, 'py, PyAny>) -> Result<Self> {
+                value.extract().map(Self).map_err(|e| {
+                    let words = |_: &PyErr| Error::invalid($name, $expected, repr(&value));
+                    in_words(value.py(), PyErr::from(e), words)
+                })
+            }
+        }
+    )*};
+}
+
+values! {
+    Size([u32; 2]): "size", "(width, height) as two positive integers";
+    Factor(f64): "factor", "a number";
+    Tier(u8): "tier", "a whole number from 0 to 255";
+    Name(String): "name", "a string";
+    JointNames(Vec<String>): "joints", "a sequence of strings";
+}
+
+/// A value as Python writes it, else its type, for messages.
+pub(crate) fn repr(value: &Bound<'_, PyAny>) -> String {
+    value.repr().map_or_else(|_| type_name(value), |r| r.to_string())
+}
+
+/// The object of a class of ours that `value`, given as `name`, is.
+pub(crate) fn object<'a, T>(
+    name: &str,
+    value: &'a Bound<'_, PyAny>,
+    expected: &str,
+) -> Result<&'a T>
+where
+    T: PyClass<Frozen = True> + Sync,
+{
+    match value.cast::<T>() {
+        Ok(object) => Ok(object.get()),
+        Err(_) => refuse(name, expected, type_name(value)),
     }
 }
 
@@ -103,151 +189,41 @@ pub(crate) fn type_name(value: &Bound<'_, PyAny>) -> String {
     value.get_type().name().map_or_else(|_| "?".to_owned(), |n| n.to_string())
 }
 
-/// A `CameraRig`, or a sequence of `Camera` in mm.
-pub(crate) struct Cameras {
-    pub(crate) cameras: Vec<skelsplat_core::study::camera::Camera>,
-    pub(crate) unit: Unit,
-}
+/// Values on their way to Python, and the shape of their array.
+pub(crate) struct Out<T>(pub(crate) Vec<T>, pub(crate) Vec<usize>);
 
-impl Cameras {
-    pub(crate) fn new(value: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let py = value.py();
-        let wrong =
-            |actual: String| invalid(py, "cameras", "a CameraRig or a sequence of Camera", actual);
-        let unit = match value.getattr_opt("unit")? {
-            Some(name) => Unit::by_name(&name.extract::<String>()?).or_raise(py)?,
-            None => Unit::default(),
-        };
-        let items = value.try_iter().map_err(|e| in_words(py, e, |_| wrong(type_name(value))))?;
-        let one = |(i, item): (usize, PyResult<Bound<'_, PyAny>>)| {
-            let item = item?;
-            match item.cast::<Camera>() {
-                Ok(camera) => Ok(camera.get().0.clone()),
-                Err(_) => Err(invalid(py, &format!("cameras[{i}]"), "a Camera", type_name(&item))),
-            }
-        };
-        let cameras: PyResult<Vec<_>> = items.enumerate().map(one).collect();
-        let cameras = cameras?;
-        if cameras.is_empty() {
-            return Err(wrong("none".to_owned()));
-        }
-        Ok(Self { cameras, unit })
+impl Out<f64> {
+    /// Vectors as rows of an array of `shape`.
+    pub(crate) fn points(points: &[Vector3<f64>], shape: Vec<usize>) -> Self {
+        Self(points.iter().flat_map(|p| [p.x, p.y, p.z]).collect(), shape)
+    }
+
+    /// A 3×3 matrix.
+    pub(crate) fn matrix(matrix: &Matrix3<f64>) -> Self {
+        Self(matrix.transpose().as_slice().to_vec(), vec![3, 3])
     }
 }
 
-/// A layout, its name, or none.
-pub(crate) fn layout(
-    value: Option<&Bound<'_, PyAny>>,
-) -> PyResult<Option<skelsplat_core::study::layout::Layout>> {
-    let Some(value) = value.filter(|v| !v.is_none()) else { return Ok(None) };
-    let py = value.py();
-    if let Ok(name) = value.cast::<PyString>() {
-        let found = skelsplat_core::study::layout::Layout::by_name(&name.to_cow()?);
-        return found.map(Some).or_raise(py);
-    }
-    match value.cast::<Layout>() {
-        Ok(layout) => Ok(Some(layout.get().0.clone())),
-        Err(_) => Err(invalid(py, "layout", "a Layout, its name or None", type_name(value))),
+impl<'py, T: Element> IntoPyObject<'py> for Out<T> {
+    type Target = PyArrayDyn<T>;
+    type Output = Bound<'py, Self::Target>;
+    type Error = PyErr;
+
+    fn into_pyobject(self, py: Python<'py>) -> PyResult<Self::Output> {
+        PyArray1::from_vec(py, self.0).reshape(self.1)
     }
 }
 
-/// Detections of one frame or of several.
-pub(crate) struct Frames {
-    pub(crate) frames: Vec<Detections>,
-    /// T, or 1.
-    pub(crate) count: usize,
-    /// Whether a leading axis T was given.
-    pub(crate) batch: bool,
-    pub(crate) n_views: usize,
-    pub(crate) n_joints: usize,
-}
+/// `copyreg.__newobj_ex__`, and what it is called with: the class, its arguments and its keywords.
+pub(crate) type Rebuilt<'py> =
+    (Bound<'py, PyAny>, (Bound<'py, PyType>, Bound<'py, PyTuple>, Bound<'py, PyDict>));
 
-impl Frames {
-    /// From `detections` `([T,] M, N, 2|3)` and `confidence` `([T,] M, N)`.
-    pub(crate) fn new(
-        detections: &Bound<'_, PyAny>,
-        confidence: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<Self> {
-        let py = detections.py();
-        let array = Array::new("detections", detections)?;
-        let expected = "(M, N, 2), (M, N, 3) or either with a leading T";
-        let ok =
-            matches!(array.shape.as_slice(), [.., 2 | 3] if (3..=4).contains(&array.shape.len()));
-        let array = array.expect(py, "detections", expected, ok)?;
-        let array = array.bounded(py, "detections", ", or NaN where missing")?;
-        let (lead, last) = array.shape.split_at(array.shape.len() - 1);
-        if lead[lead.len() - 2..].contains(&0) {
-            let actual = format!("shape {}", shown(&array.shape));
-            return Err(invalid(py, "detections", "at least one view and one joint", actual));
-        }
-        let (pixels, mut scores) = split(array.values(), last[0]);
-        let place = Place { name: "detections", shape: lead, channel: ", 2" };
-        scores::check(py, &scores, &pixels, &place)?;
-        if let Some(confidence) = confidence.filter(|c| !c.is_none()) {
-            if !scores.is_empty() {
-                let actual = "detections with a third channel too";
-                return Err(invalid(py, "confidence", "only one source of confidences", actual));
-            }
-            let want: Vec<Option<usize>> = lead.iter().copied().map(Some).collect();
-            let array = Array::of_shape("confidence", confidence, &want, &shown(lead))?;
-            scores = array.values().to_vec();
-            let place = Place { name: "confidence", shape: lead, channel: "" };
-            scores::check(py, &scores, &pixels, &place)?;
-        }
-        let (m, n) = (lead[lead.len() - 2], lead[lead.len() - 1]);
-        let count = if lead.len() == 3 { lead[0] } else { 1 };
-        let frames: skelsplat_core::Result<Vec<Detections>> = (0..count)
-            .map(|t| {
-                let at = t * m * n..(t + 1) * m * n;
-                let scores = (!scores.is_empty()).then(|| &scores[at.clone()]);
-                Detections::new(m, n, &pixels[2 * at.start..2 * at.end], scores)
-            })
-            .collect();
-        let frames = frames.or_raise(py)?;
-        Ok(Self { frames, count, batch: lead.len() == 3, n_views: m, n_joints: n })
-    }
-
-    /// `shape` with the leading T if there was one.
-    pub(crate) fn shape(&self, shape: &[usize]) -> Vec<usize> {
-        let lead = self.batch.then_some(self.count);
-        lead.into_iter().chain(shape.iter().copied()).collect()
-    }
-
-    /// Refuses detections whose number of views is not the number of cameras.
-    pub(crate) fn expect_views(&self, py: Python<'_>, n_cameras: usize) -> PyResult<()> {
-        if self.n_views == n_cameras {
-            return Ok(());
-        }
-        let expected = format!("one view per camera ({n_cameras})");
-        Err(invalid(py, "detections", &expected, format!("{} views", self.n_views)))
-    }
-}
-
-/// Pixels, and the third channel if there is one.
-pub(crate) fn split(values: &[f64], channels: usize) -> (Vec<f64>, Vec<f64>) {
-    if channels == 2 {
-        return (values.to_vec(), Vec::new());
-    }
-    let pixels = values.chunks_exact(3).flat_map(|d| [d[0], d[1]]).collect();
-    (pixels, values.chunks_exact(3).map(|d| d[2]).collect())
-}
-
-/// `values` as an array of `shape`.
-pub(crate) fn array_out<'py, T: numpy::Element>(
-    py: Python<'py>,
-    values: Vec<T>,
-    shape: &[usize],
-) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
-    PyArray1::from_vec(py, values).reshape(shape)
-}
-
-/// Vectors as rows of an array of `shape`.
-pub(crate) fn points_out<'py>(
-    py: Python<'py>,
-    points: &[Vector3<f64>],
-    shape: &[usize],
-) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-    let mut values = Vec::with_capacity(3 * points.len());
-    points.iter().for_each(|p| values.extend_from_slice(p.as_slice()));
-    array_out(py, values, shape)
+/// What `__reduce__` returns for an immutable object of these arguments, by every protocol.
+pub(crate) fn rebuilt<'py>(
+    object: &Bound<'py, PyAny>,
+    arguments: Bound<'py, PyTuple>,
+    keywords: Bound<'py, PyDict>,
+) -> PyResult<Rebuilt<'py>> {
+    let make = object.py().import("copyreg")?.getattr("__newobj_ex__")?;
+    Ok((make, (object.get_type(), arguments, keywords)))
 }

@@ -1,15 +1,20 @@
-//! `skelsplat.Camera`.
+//! `skelsplat.Camera`, and cameras as an argument.
 
 use nalgebra::{Matrix3, Vector2, Vector3};
-use numpy::{PyArray1, PyArrayDyn};
+use pyo3::Borrowed;
 use pyo3::prelude::*;
-use pyo3::types::{IntoPyDict, PyDict};
-use skelsplat_core::study::camera::{Camera as Core, Distortion, Undistorted, for_camera};
+use pyo3::types::PyDict;
+use skelsplat_core::Error;
+use skelsplat_core::Unit;
+use skelsplat_core::study::camera::for_camera;
+use skelsplat_core::{Camera as Core, Distortion, Undistorted};
 
-use crate::args::{Array, array_out};
-use crate::errors::{OrRaise, in_words, invalid};
+use crate::args::{
+    Coefficients, Factor, Intrinsics, Name, Out, Pixels, Rebuilt, Rotation, Size, Translation,
+    object, rebuilt, type_name,
+};
+use crate::errors::{Failure, Result, in_words, refuse};
 use crate::geometry::in_every_view;
-use crate::pickle::{Rebuilt, rebuilt};
 
 /// A calibrated camera: pinhole, lens and image size. Immutable.
 ///
@@ -37,32 +42,46 @@ use crate::pickle::{Rebuilt, rebuilt};
 /// InvalidInputError
 ///     A wrong shape, a value that is not finite or outside its range (page Conventions), an R that is not a
 ///     rotation, a wrong number of coefficients.
-#[pyclass(frozen, module = "skelsplat", name = "Camera")]
+#[pyclass(frozen, eq, module = "skelsplat", name = "Camera")]
+#[derive(PartialEq)]
 pub(crate) struct Camera(pub(crate) Core);
 
-type CameraArguments<'py> =
-    ((Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>), Bound<'py, PyDict>);
+impl<'py> FromPyObject<'_, 'py> for Camera {
+    type Error = Failure;
 
-fn matrix<'py>(py: Python<'py>, m: &Matrix3<f64>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-    array_out(py, m.transpose().as_slice().to_vec(), &[3, 3])
+    fn extract(value: Borrowed<'_, 'py, PyAny>) -> Result<Self> {
+        object("camera", &value, "a Camera").map(|camera: &Self| Self(camera.0.clone()))
+    }
 }
 
-fn translation(value: &Bound<'_, PyAny>) -> PyResult<Vector3<f64>> {
-    let array = Array::new("t", value)?;
-    let ok = matches!(array.shape.as_slice(), [3] | [3, 1] | [1, 3]);
-    let array = array.expect(value.py(), "t", "(3,)", ok)?;
-    Ok(Vector3::from_column_slice(array.values()))
+/// A `CameraRig`, or a sequence of `Camera` in mm; at least one.
+pub(crate) struct Cameras {
+    pub(crate) cameras: Vec<Core>,
+    pub(crate) unit: Unit,
 }
 
-fn lens(
-    value: Option<&Bound<'_, PyAny>>,
-    fisheye: bool,
-) -> PyResult<skelsplat_core::Result<Distortion>> {
-    let Some(value) = value.filter(|v| !v.is_none()) else {
-        return Ok(Ok(Distortion::None));
-    };
-    let array = Array::new("distortion", value)?;
-    Ok(Distortion::from_coefficients(array.values(), fisheye))
+impl<'py> FromPyObject<'_, 'py> for Cameras {
+    type Error = Failure;
+
+    fn extract(value: Borrowed<'_, 'py, PyAny>) -> Result<Self> {
+        let expected = "a CameraRig or a sequence of Camera";
+        let unit = match value.getattr_opt("unit")? {
+            Some(name) => Unit::by_name(&name.extract::<String>()?)?,
+            None => Unit::default(),
+        };
+        let words = |_: &PyErr| Error::invalid("cameras", expected, type_name(&value));
+        let items = value.try_iter().map_err(|e| in_words(value.py(), e, words))?;
+        let one = |(i, item): (usize, PyResult<_>)| {
+            let item = item?;
+            object(&format!("cameras[{i}]"), &item, "a Camera")
+                .map(|camera: &Camera| camera.0.clone())
+        };
+        let cameras: Vec<Core> = items.enumerate().map(one).collect::<Result<_>>()?;
+        if cameras.is_empty() {
+            return refuse("cameras", expected, "none");
+        }
+        Ok(Self { cameras, unit })
+    }
 }
 
 #[pymethods]
@@ -72,57 +91,48 @@ impl Camera {
     #[allow(non_snake_case, reason = "K and R are the field's names")]
     #[allow(clippy::too_many_arguments, reason = "a camera's parameters, all but three by keyword")]
     fn new(
-        K: &Bound<'_, PyAny>,
-        R: &Bound<'_, PyAny>,
-        t: &Bound<'_, PyAny>,
-        distortion: Option<&Bound<'_, PyAny>>,
+        K: Intrinsics,
+        R: Rotation,
+        t: Translation,
+        distortion: Option<Coefficients>,
         fisheye: bool,
-        size: &Bound<'_, PyAny>,
-        name: Option<String>,
-    ) -> PyResult<Self> {
-        let py = K.py();
-        let square = [Some(3), Some(3)];
-        let k = Matrix3::from_row_slice(Array::of_shape("K", K, &square, "(3, 3)")?.values());
-        let r = Matrix3::from_row_slice(Array::of_shape("R", R, &square, "(3, 3)")?.values());
-        let (t, lens) = (translation(t)?, lens(distortion, fisheye)?);
-        let size = size.extract::<[u32; 2]>().map_err(|e| {
-            let expected = "(width, height) as two positive integers";
-            in_words(py, e, |_| invalid(py, "size", expected, size.to_string()))
-        })?;
-        let camera = Core::new(&k, &r, &t, size).and_then(|c| Ok(c.with_distortion(lens?)));
-        match name {
-            None => camera.or_raise(py).map(Self),
-            Some(name) => {
-                let camera = camera.map_err(for_camera(&name)).or_raise(py)?;
-                Ok(Self(camera.with_name(name)))
-            }
-        }
+        size: Size,
+        name: Option<Name>,
+    ) -> Result<Self> {
+        let lens = distortion.map(|c| Distortion::from_coefficients(&c.0.values, fisheye));
+        let [k, r] = [K.0, R.0].map(|m| Matrix3::from_row_slice(&m.values));
+        let camera = Core::new(&k, &r, &Vector3::from_column_slice(&t.0.values), size.0)
+            .and_then(|camera| Ok(camera.with_distortion(lens.unwrap_or(Ok(Distortion::None))?)));
+        Ok(Self(match name {
+            None => camera?,
+            Some(Name(name)) => camera.map_err(for_camera(&name))?.with_name(name),
+        }))
     }
 
     /// Camera matrix (3, 3).
     #[getter]
     #[pyo3(name = "K")]
-    fn k<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-        matrix(py, &self.0.k())
+    fn k(&self) -> Out<f64> {
+        Out::matrix(&self.0.k())
     }
 
     /// Rotation world to camera (3, 3).
     #[getter]
     #[pyo3(name = "R")]
-    fn r<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-        matrix(py, self.0.rotation())
+    fn r(&self) -> Out<f64> {
+        Out::matrix(self.0.rotation())
     }
 
     /// Translation world to camera (3,).
     #[getter]
-    fn t<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, self.0.translation().as_slice())
+    fn t(&self) -> Out<f64> {
+        Out::points(&[*self.0.translation()], vec![3])
     }
 
     /// Camera centre −Rᵀt in the world (3,).
     #[getter]
-    fn centre<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_slice(py, self.0.centre().as_slice())
+    fn centre(&self) -> Out<f64> {
+        Out::points(&[self.0.centre()], vec![3])
     }
 
     /// Width and height, pixels.
@@ -145,51 +155,38 @@ impl Camera {
 
     /// Distortion coefficients as given.
     #[getter]
-    fn distortion<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+    fn distortion(&self) -> Option<Out<f64>> {
         let coefficients = self.0.distortion().coefficients();
-        (!coefficients.is_empty()).then(|| PyArray1::from_vec(py, coefficients))
+        let shape = vec![coefficients.len()];
+        (!coefficients.is_empty()).then_some(Out(coefficients, shape))
     }
 
     /// Return the camera of images resized by ``factor``: u' = (u + ½) · factor − ½.
-    fn scaled(&self, py: Python<'_>, factor: f64) -> PyResult<Self> {
-        self.0.scaled(factor).or_raise(py).map(Self)
+    fn scaled(&self, factor: Factor) -> Result<Self> {
+        Ok(Self(self.0.scaled(factor.0)?))
     }
 
     /// Map pixels (…, 2) to ideal pixels of the same K; NaN where no ray through the lens arrives.
-    fn undistort<'py>(
-        &self,
-        py: Python<'py>,
-        points: &Bound<'py, PyAny>,
-    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
-        let array = Array::new("points", points)?;
-        let ok = array.shape.last() == Some(&2);
-        let array = array.expect(py, "points", "(..., 2)", ok)?.bounded(py, "points", "")?;
-        let pixels = array.values().chunks_exact(2).map(Vector2::from_column_slice).collect();
+    fn undistort(&self, py: Python<'_>, points: Pixels) -> Result<Out<f64>> {
+        let Pixels(array) = points;
+        let pixels = array.values.chunks_exact(2).map(Vector2::from_column_slice).collect();
         let undistort = |camera: &Core, p: &Vector2<f64>| match camera.undistort(*p) {
             Undistorted::Converged(q) => [q.x, q.y],
             Undistorted::OutOfRange => [f64::NAN; 2],
         };
         let ideal = in_every_view(py, vec![self.0.clone()], pixels, undistort)?;
-        array_out(py, ideal.into_flattened(), &array.shape)
-    }
-
-    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<CameraArguments<'py>> {
-        let keywords = PyDict::new(py);
-        keywords.set_item("distortion", self.distortion(py))?;
-        keywords.set_item("fisheye", self.fisheye())?;
-        keywords.set_item("size", self.size())?;
-        keywords.set_item("name", self.name())?;
-        let keywords = keywords.into_py_dict(py)?;
-        Ok(((self.k(py)?.into_any(), self.r(py)?.into_any(), self.t(py).into_any()), keywords))
+        Ok(Out(ideal.into_flattened(), array.shape))
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Rebuilt<'py>> {
-        let (arguments, keywords) = slf.get().__getnewargs_ex__(slf.py())?;
-        rebuilt(slf.as_any(), arguments.into_pyobject(slf.py())?, keywords)
-    }
-
-    fn __eq__(&self, other: &Bound<'_, PyAny>) -> bool {
-        other.cast::<Self>().is_ok_and(|other| self.0 == other.get().0)
+        let (py, camera) = (slf.py(), slf.get());
+        let keywords = PyDict::new(py);
+        keywords.set_item("distortion", camera.distortion())?;
+        keywords.set_item("fisheye", camera.fisheye())?;
+        keywords.set_item("size", camera.size())?;
+        keywords.set_item("name", camera.name())?;
+        let arguments = (camera.k(), camera.r(), camera.t()).into_pyobject(py)?;
+        rebuilt(slf.as_any(), arguments, keywords)
     }
 
     fn __repr__(&self) -> String {

@@ -1,15 +1,14 @@
 //! `skelsplat.RefineConfig`: the core's table of settings by keyword. Only what the user sets is touched.
 
-use pyo3::IntoPyObjectExt;
 use pyo3::exceptions::PyAttributeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyCFunction, PyDict, PyString, PyTuple};
+use pyo3::{Borrowed, IntoPyObjectExt};
 use skelsplat_core::study::refine::config::OCCLUSION_FACTOR;
-use skelsplat_core::{Kind, Method, RefineConfig as Core, Setting as Line, Value};
+use skelsplat_core::{Error, Kind, Method, RefineConfig as Core, Setting as Line, Value};
 
-use crate::args::{Array, type_name};
-use crate::errors::{OrRaise, in_words, invalid};
-use crate::pickle::{Rebuilt, rebuilt};
+use crate::args::{Array, Rebuilt, rebuilt, repr, type_name};
+use crate::errors::{Failure, Result, in_words, refuse};
 
 #[pyclass(frozen, eq, module = "skelsplat", name = "RefineConfig")]
 #[derive(PartialEq)]
@@ -31,7 +30,7 @@ pub(crate) struct RefineConfig(pub(crate) Core);
 ///     What it does.
 /// method : str
 ///     ``"annealed"`` or ``"paper"``, to which it belongs, or ``"both"``.
-#[pyclass(frozen, get_all, module = "skelsplat", name = "Setting")]
+#[pyclass(frozen, get_all, module = "skelsplat._skelsplat", name = "Setting")]
 pub(crate) struct Setting {
     name: &'static str,
     r#type: String,
@@ -55,34 +54,34 @@ const METHOD: &str = "method";
 impl RefineConfig {
     #[new]
     #[pyo3(signature = (**fields))]
-    fn new(py: Python<'_>, fields: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+    fn new(fields: Option<&Bound<'_, PyDict>>) -> Result<Self> {
         let named = fields.map(|fields| fields.get_item(METHOD)).transpose()?.flatten();
         let method = match named {
-            Some(name) => Method::by_name(&word(METHOD, &name)?).or_raise(py)?,
+            Some(name) => Method::by_name(&method_name(&name)?)?,
             None => Core::default().method,
         };
-        Self::with(py, Core { method, ..Core::default() }, fields)
+        Self::with(Core { method, ..Core::default() }, fields)
     }
 
     /// Return the published method, with any setting changed by keyword.
     #[staticmethod]
     #[pyo3(signature = (**fields))]
-    fn paper(py: Python<'_>, fields: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
-        Self::with(py, Core::paper(), fields)
+    fn paper(fields: Option<&Bound<'_, PyDict>>) -> Result<Self> {
+        Self::with(Core::paper(), fields)
     }
 
     /// Return a copy with some settings changed.
     #[pyo3(signature = (**fields))]
-    fn replace(&self, py: Python<'_>, fields: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
-        Self::with(py, self.0.clone(), fields)
+    fn replace(&self, fields: Option<&Bound<'_, PyDict>>) -> Result<Self> {
+        Self::with(self.0.clone(), fields)
     }
 
     /// Return the method and every setting with its value; ``RefineConfig(**fields)`` makes the same again.
-    fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+    fn to_dict<'py>(&self, py: Python<'py>) -> Result<Bound<'py, PyDict>> {
         let out = PyDict::new(py);
         out.set_item(METHOD, self.0.method.name())?;
         for line in self.0.settings() {
-            out.set_item(line.name, shown(py, self.0.get(line.name).or_raise(py)?)?)?;
+            out.set_item(line.name, shown(py, line.kind, self.0.get(line.name)?)?)?;
         }
         Ok(out)
     }
@@ -90,15 +89,15 @@ impl RefineConfig {
     /// Return the table of the settings of a method, its own first.
     #[staticmethod]
     #[pyo3(signature = (method="annealed"))]
-    fn settings(py: Python<'_>, method: &str) -> PyResult<Vec<Setting>> {
-        let config = Core { method: Method::by_name(method).or_raise(py)?, ..Core::default() };
+    fn settings(py: Python<'_>, method: &str) -> Result<Vec<Setting>> {
+        let config = Core { method: Method::by_name(method)?, ..Core::default() };
         let own = config.method.settings().len();
         let one = |(k, line): (usize, &'static Line)| {
-            let value = config.get(line.name).or_raise(py)?;
+            let value = config.get(line.name)?;
             Ok(Setting {
                 name: line.name,
                 r#type: type_text(line.kind),
-                default: shown(py, value)?.unbind(),
+                default: shown(py, line.kind, value)?.unbind(),
                 unit: line.unit,
                 sentence: line.sentence,
                 method: if k < own { config.method.name() } else { "both" },
@@ -113,9 +112,9 @@ impl RefineConfig {
         self.0.method.name()
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Rebuilt<'py>> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Result<Rebuilt<'py>> {
         let py = slf.py();
-        rebuilt(slf.as_any(), PyTuple::empty(py), slf.get().to_dict(py)?)
+        Ok(rebuilt(slf.as_any(), PyTuple::empty(py), slf.get().to_dict(py)?)?)
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
@@ -128,62 +127,65 @@ impl RefineConfig {
 }
 
 impl RefineConfig {
-    fn with(
-        py: Python<'_>,
-        mut config: Core,
-        fields: Option<&Bound<'_, PyDict>>,
-    ) -> PyResult<Self> {
+    fn with(mut config: Core, fields: Option<&Bound<'_, PyDict>>) -> Result<Self> {
         let Some(fields) = fields else { return Ok(Self(config)) };
         for (name, value) in fields.iter() {
             // not `to_string`: str() runs what Ctrl-C has left to do, and its error would be lost
             let name: String = name.extract()?;
-            match name.as_str() {
-                METHOD if word(METHOD, &value)? == config.method.name() => {}
-                METHOD => {
-                    let expected = format!("'{}'", config.method.name());
-                    return Err(invalid(py, "config.method", &expected, value.repr()?.to_string()));
-                }
-                name if name == OCCLUSION_FACTOR.name => {}
-                name => {
-                    let line = config.setting(name).or_raise(py)?;
-                    config.set(name, &read(line, &value)?).or_raise(py)?;
-                }
+            if name == METHOD {
+                expect_method(&config, &value)?;
+            } else if name != OCCLUSION_FACTOR.name {
+                let value = read(config.setting(&name)?, &value)?;
+                config.set(&name, &value)?;
             }
         }
         if let Some(factor) = fields.get_item(OCCLUSION_FACTOR.name)?.filter(|f| !f.is_none()) {
             if fields.contains("occlusion_sigma_mm")? {
                 let actual = "occlusion_sigma_mm as well";
-                return Err(invalid(py, "config.occlusion_factor", "one of the two", actual));
+                return refuse("config.occlusion_factor", "one of the two", actual);
             }
             if let Value::Number(factor) = read(&OCCLUSION_FACTOR, &factor)? {
                 config.set_occlusion_factor(factor);
             }
         }
-        config.validate().or_raise(py)?;
+        config.validate()?;
         Ok(Self(config))
     }
 }
 
-/// The given settings, or the defaults.
-pub(crate) fn config(value: Option<&Bound<'_, PyAny>>) -> PyResult<Core> {
-    let Some(value) = value.filter(|v| !v.is_none()) else { return Ok(Core::default()) };
-    match value.cast::<RefineConfig>() {
-        Ok(config) => Ok(config.get().0.clone()),
-        Err(_) => Err(invalid(value.py(), "config", "a RefineConfig or None", type_name(value))),
+impl<'py> FromPyObject<'_, 'py> for RefineConfig {
+    type Error = Failure;
+
+    fn extract(value: Borrowed<'_, 'py, PyAny>) -> Result<Self> {
+        let wrong = || Error::invalid("config", "a RefineConfig or None", type_name(&value));
+        Ok(value.cast::<Self>().map(|config| Self(config.get().0.clone())).map_err(|_| wrong())?)
+    }
+}
+
+fn method_name(value: &Bound<'_, PyAny>) -> Result<String> {
+    let wrong = || Error::invalid("config.method", "a name", type_name(value));
+    Ok(value.cast::<PyString>().map_err(|_| wrong())?.to_cow()?.into_owned())
+}
+
+/// The method of a configuration does not change.
+fn expect_method(config: &Core, value: &Bound<'_, PyAny>) -> Result<()> {
+    let name = config.method.name();
+    match method_name(value)? == name {
+        true => Ok(()),
+        false => refuse("config.method", format!("'{name}'"), repr(value)),
     }
 }
 
 /// A Python value as one of the setting's kind.
-fn read(line: &Line, value: &Bound<'_, PyAny>) -> PyResult<Value> {
-    let py = value.py();
-    let words = |_: &PyErr| {
-        let shown = value.repr().map_or_else(|_| type_name(value), |r| r.to_string());
-        invalid(py, &format!("config.{}", line.name), &line.kind.expected(), shown)
-    };
-    read_kind(line.kind, value).map_err(|e| in_words(py, e, words))
+fn read(line: &Line, value: &Bound<'_, PyAny>) -> Result<Value> {
+    read_kind(line.kind, value).map_err(|failure| {
+        let field = format!("config.{}", line.name);
+        let words = |_: &PyErr| Error::invalid(field, line.kind.expected(), repr(value));
+        in_words(value.py(), failure.into(), words)
+    })
 }
 
-fn read_kind(kind: Kind, value: &Bound<'_, PyAny>) -> PyResult<Value> {
+fn read_kind(kind: Kind, value: &Bound<'_, PyAny>) -> Result<Value> {
     Ok(match kind {
         Kind::NumberOrNothing | Kind::CountOrNothing | Kind::NumbersOrNothing
             if value.is_none() =>
@@ -195,13 +197,14 @@ fn read_kind(kind: Kind, value: &Bound<'_, PyAny>) -> PyResult<Value> {
         Kind::Switch => Value::Switch(value.extract()?),
         Kind::Pair => Value::Numbers(value.extract::<[f64; 2]>()?.to_vec()),
         Kind::NumbersOrNothing => {
-            let given = Array::of_shape("", value, &[None], &kind.expected())?;
-            Value::Numbers(given.values().to_vec())
+            let given = Array::read("", value)?;
+            let ok = given.shape.len() == 1;
+            Value::Numbers(given.shaped(ok, "one axis")?.values)
         }
         Kind::Name(names) => {
-            let given = value.cast::<PyString>()?.to_cow()?.into_owned();
+            let given = value.cast::<PyString>().map_err(PyErr::from)?.to_cow()?;
             let known = names.iter().find(|name| **name == given);
-            Value::Name(known.ok_or_else(|| PyAttributeError::new_err(given))?)
+            Value::Name(known.ok_or_else(|| Error::invalid("", kind.expected(), given.clone()))?)
         }
         Kind::NumberOrName(name) => {
             let is_name = value.cast::<PyString>().is_ok_and(|given| *given == name);
@@ -210,19 +213,14 @@ fn read_kind(kind: Kind, value: &Bound<'_, PyAny>) -> PyResult<Value> {
     })
 }
 
-/// A string.
-fn word(name: &str, value: &Bound<'_, PyAny>) -> PyResult<String> {
-    let wrong = || invalid(value.py(), &format!("config.{name}"), "a name", type_name(value));
-    value.cast::<PyString>().map_err(|_| wrong())?.to_cow().map(std::borrow::Cow::into_owned)
-}
-
 /// A value as Python sees it.
-fn shown(py: Python<'_>, value: Value) -> PyResult<Bound<'_, PyAny>> {
+fn shown<'py>(py: Python<'py>, kind: Kind, value: Value) -> PyResult<Bound<'py, PyAny>> {
     match value {
         Value::Number(x) => x.into_bound_py_any(py),
         Value::Count(n) => n.into_bound_py_any(py),
         Value::Switch(on) => on.into_bound_py_any(py),
         Value::Name(name) => name.into_bound_py_any(py),
+        Value::Numbers(pair) if kind == Kind::Pair => pair.into_bound_py_any(py),
         Value::Numbers(all) => Ok(PyTuple::new(py, all)?.into_any()),
         Value::Nothing => Ok(py.None().into_bound(py)),
     }
@@ -252,7 +250,7 @@ pub(crate) fn describe(py: Python<'_>) -> PyResult<()> {
     let property = py.import("builtins")?.getattr("property")?;
     let (annealed, paper) = (Core::default(), Core::paper());
     for line in annealed.settings().chain(paper.method.settings()) {
-        let name = line.name;
+        let (name, kind) = (line.name, line.kind);
         let get = PyCFunction::new_closure(
             py,
             None,
@@ -261,7 +259,7 @@ pub(crate) fn describe(py: Python<'_>) -> PyResult<()> {
                 let py = arguments.py();
                 let config = arguments.get_item(0)?.cast_into::<RefineConfig>()?;
                 match config.get().0.get(name) {
-                    Ok(value) => shown(py, value).map(Bound::unbind),
+                    Ok(value) => shown(py, kind, value).map(Bound::unbind),
                     Err(error) => Err(PyAttributeError::new_err(error.to_string())),
                 }
             },
@@ -296,8 +294,8 @@ InvalidInputError
 ";
 
 /// The class's documentation, in the style of numpydoc.
-fn documentation(py: Python<'_>) -> PyResult<String> {
-    let entry = |line: &Line, default: Option<String>| -> PyResult<String> {
+fn documentation(py: Python<'_>) -> Result<String> {
+    let entry = |line: &Line, default: Option<String>| -> Result<String> {
         let options = PyDict::new(py);
         options.set_item("width", 106)?;
         options.set_item("initial_indent", "    ")?;
@@ -309,8 +307,8 @@ fn documentation(py: Python<'_>) -> PyResult<String> {
         Ok(format!("{} : {}{unit}{default}\n{body}\n", line.name, type_text(line.kind)))
     };
     let (annealed, paper) = (Core::default(), Core::paper());
-    let table = |config: &Core, lines: &[Line]| -> PyResult<String> {
-        let one = |line: &Line| entry(line, Some(config.get(line.name).or_raise(py)?.to_string()));
+    let table = |config: &Core, lines: &[Line]| -> Result<String> {
+        let one = |line: &Line| entry(line, Some(config.get(line.name)?.to_string()));
         lines.iter().map(one).collect()
     };
     Ok([

@@ -1,12 +1,13 @@
 //! `skelsplat.Layout`.
 
+use pyo3::Borrowed;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString, PyTuple};
+use skelsplat_core::Error;
 use skelsplat_core::{Layout as Core, LayoutSpec, SymmetricPair};
 
-use crate::args::type_name;
-use crate::errors::{OrRaise, in_words, invalid};
-use crate::pickle::{Rebuilt, rebuilt};
+use crate::args::{JointNames, Name, Rebuilt, Tier, object, rebuilt, repr, type_name};
+use crate::errors::{Failure, Result, in_words};
 
 /// Joint names, limbs and symmetries of a skeleton. Immutable. Joints are given by index or by name.
 ///
@@ -29,56 +30,81 @@ use crate::pickle::{Rebuilt, rebuilt};
 /// ------
 /// InvalidInputError
 ///     A name or index that is no joint, a joint paired with itself, a tier other than 1, 2, 3.
-#[pyclass(frozen, module = "skelsplat", name = "Layout")]
+#[pyclass(frozen, eq, module = "skelsplat", name = "Layout")]
+#[derive(PartialEq)]
 pub(crate) struct Layout(pub(crate) Core);
+
+impl<'py> FromPyObject<'_, 'py> for Layout {
+    type Error = Failure;
+
+    /// A layout or the name of a built-in one.
+    fn extract(value: Borrowed<'_, 'py, PyAny>) -> Result<Self> {
+        if let Ok(name) = value.cast::<PyString>() {
+            return Ok(Self(Core::by_name(&name.to_cow()?)?));
+        }
+        object("layout", &value, "a Layout, its name or None").map(|it: &Self| Self(it.0.clone()))
+    }
+}
 
 /// An optional argument.
 type Given<'a> = Option<&'a Bound<'a, PyAny>>;
 
-/// What `parse` makes of an argument; nothing if it is not given.
-fn or_none<T>(
-    value: Given<'_>,
-    parse: impl Fn(&Bound<'_, PyAny>) -> PyResult<Vec<T>>,
-) -> PyResult<Vec<T>> {
-    value.filter(|v| !v.is_none()).map_or(Ok(Vec::new()), parse)
+/// Reads an argument that names joints by index or by name.
+#[derive(Clone, Copy)]
+struct Reader<'a> {
+    argument: &'static str,
+    joints: &'a [String],
 }
 
-/// A joint by index or by name.
-fn joint(argument: &str, value: &Bound<'_, PyAny>, joints: &[String]) -> PyResult<usize> {
-    let py = value.py();
-    if let Ok(name) = value.cast::<PyString>() {
-        let name = name.to_cow()?;
-        return joints
-            .iter()
-            .position(|j| **j == *name)
-            .ok_or_else(|| invalid(py, argument, "a joint of the layout", format!("'{name}'")));
+impl Reader<'_> {
+    /// What `one` makes of each item; nothing if the argument is not given.
+    fn each<T>(
+        &self,
+        value: Given<'_>,
+        expected: &str,
+        one: impl Fn(&Bound<'_, PyAny>) -> Result<T>,
+    ) -> Result<Vec<T>> {
+        let Some(value) = value.filter(|v| !v.is_none()) else { return Ok(Vec::new()) };
+        let wrong = |_: &PyErr| Error::invalid(self.argument, expected, type_name(value));
+        let items = value.try_iter().map_err(|e| in_words(value.py(), e, wrong))?;
+        items.map(|item| one(&item?)).collect()
     }
-    value.extract().map_err(|e| {
-        in_words(py, e, |_| invalid(py, argument, "a joint's index or name", type_name(value)))
-    })
-}
 
-fn joint_list(argument: &str, value: &Bound<'_, PyAny>, joints: &[String]) -> PyResult<Vec<usize>> {
-    value.try_iter()?.map(|j| joint(argument, &j?, joints)).collect()
-}
+    fn joint(&self, value: &Bound<'_, PyAny>) -> Result<usize> {
+        let wrong = |expected, actual| Error::invalid(self.argument, expected, actual);
+        if let Ok(name) = value.cast::<PyString>() {
+            let name = name.to_cow()?;
+            let found = self.joints.iter().position(|j| **j == *name);
+            return Ok(found.ok_or_else(|| wrong("a joint of the layout", format!("'{name}'")))?);
+        }
+        let words = |_: &PyErr| wrong("a joint's index or name", type_name(value));
+        value.extract().map_err(|e| in_words(value.py(), e, words))
+    }
 
-fn pair(argument: &str, value: &Bound<'_, PyAny>, joints: &[String]) -> PyResult<[usize; 2]> {
-    let list = joint_list(argument, value, joints)?;
-    let got = format!("{} joints", list.len());
-    list.try_into().map_err(|_| invalid(value.py(), argument, "pairs of two joints", got))
-}
+    fn list(&self, value: Given<'_>) -> Result<Vec<usize>> {
+        self.each(value, "a sequence of joints", |item| self.joint(item))
+    }
 
-fn pairs(argument: &str, value: &Bound<'_, PyAny>, joints: &[String]) -> PyResult<Vec<[usize; 2]>> {
-    value.try_iter()?.map(|p| pair(argument, &p?, joints)).collect()
-}
+    fn pair(&self, value: &Bound<'_, PyAny>) -> Result<[usize; 2]> {
+        let expected = "pairs of two joints";
+        let pair = self.each(Some(value), expected, |joint| self.joint(joint))?;
+        let got = format!("{} joints", pair.len());
+        Ok(pair.try_into().map_err(|_| Error::invalid(self.argument, expected, got))?)
+    }
 
-fn symmetric_pairs(value: &Bound<'_, PyAny>, joints: &[String]) -> PyResult<Vec<SymmetricPair>> {
-    let one = |item: PyResult<Bound<'_, PyAny>>| {
-        let (tier, left, right): (u8, Bound<'_, PyAny>, Bound<'_, PyAny>) = item?.extract()?;
-        let limb = |v: &Bound<'_, PyAny>| pair("symmetric", v, joints);
-        Ok(SymmetricPair { tier, left: limb(&left)?, right: limb(&right)? })
-    };
-    value.try_iter()?.map(one).collect()
+    fn pairs(&self, value: Given<'_>) -> Result<Vec<[usize; 2]>> {
+        self.each(value, "pairs of two joints", |item| self.pair(item))
+    }
+
+    fn symmetric(&self, value: Given<'_>) -> Result<Vec<SymmetricPair>> {
+        let expected = "triples (tier, (l1, l2), (r1, r2))";
+        self.each(value, expected, |item| {
+            let words = |_: &PyErr| Error::invalid(self.argument, expected, repr(item));
+            let (tier, left, right): (u8, Bound<'_, PyAny>, Bound<'_, PyAny>) =
+                item.extract().map_err(|e| in_words(item.py(), e, words))?;
+            Ok(SymmetricPair { tier, left: self.pair(&left)?, right: self.pair(&right)? })
+        })
+    }
 }
 
 #[pymethods]
@@ -86,35 +112,32 @@ impl Layout {
     #[new]
     #[pyo3(signature = (name, joints, *, limbs=None, symmetric=None, left_right=None, occlusion_prone=None, root=None))]
     #[allow(clippy::too_many_arguments, reason = "a layout's parts, all but two by keyword")]
-    #[allow(clippy::needless_pass_by_value, reason = "PyO3 hands over owned values")]
     fn new(
-        py: Python<'_>,
-        name: String,
-        joints: Vec<String>,
+        name: Name,
+        joints: JointNames,
         limbs: Given<'_>,
         symmetric: Given<'_>,
         left_right: Given<'_>,
         occlusion_prone: Given<'_>,
         root: Given<'_>,
-    ) -> PyResult<Self> {
+    ) -> Result<Self> {
+        let of = |argument| Reader { argument, joints: &joints.0 };
         let spec = LayoutSpec {
-            limbs: or_none(limbs, |v| pairs("limbs", v, &joints))?,
-            symmetric: or_none(symmetric, |v| symmetric_pairs(v, &joints))?,
-            left_right: or_none(left_right, |v| pairs("left_right", v, &joints))?,
-            occlusion_prone: or_none(occlusion_prone, |v| {
-                joint_list("occlusion_prone", v, &joints)
-            })?,
-            root: or_none(root, |v| joint_list("root", v, &joints))?,
-            name,
-            joints,
+            limbs: of("limbs").pairs(limbs)?,
+            symmetric: of("symmetric").symmetric(symmetric)?,
+            left_right: of("left_right").pairs(left_right)?,
+            occlusion_prone: of("occlusion_prone").list(occlusion_prone)?,
+            root: of("root").list(root)?,
+            name: name.0,
+            joints: joints.0.clone(),
         };
-        Core::new(spec).or_raise(py).map(Self)
+        Ok(Self(Core::new(spec)?))
     }
 
     /// Return the built-in layout of that name.
     #[staticmethod]
-    fn by_name(py: Python<'_>, name: &str) -> PyResult<Self> {
-        Core::by_name(name).or_raise(py).map(Self)
+    fn by_name(name: Name) -> Result<Self> {
+        Ok(Self(Core::by_name(&name.0)?))
     }
 
     /// Name of the layout.
@@ -160,9 +183,9 @@ impl Layout {
     }
 
     /// Return the pairs ((l1, l2), (r1, r2)) of symmetric limbs up to ``tier``.
-    fn symmetric_pairs<'py>(&self, py: Python<'py>, tier: u8) -> PyResult<Bound<'py, PyTuple>> {
+    fn symmetric_pairs<'py>(&self, py: Python<'py>, tier: Tier) -> PyResult<Bound<'py, PyTuple>> {
         let pairs: Vec<_> =
-            self.0.symmetric_pairs(tier).map(|([a, b], [c, d])| ((a, b), (c, d))).collect();
+            self.0.symmetric_pairs(tier.0).map(|([a, b], [c, d])| ((a, b), (c, d))).collect();
         PyTuple::new(py, pairs)
     }
 
@@ -178,10 +201,6 @@ impl Layout {
         keywords.set_item("root", &layout.root)?;
         let arguments = (&layout.name, &layout.joints).into_pyobject(py)?;
         rebuilt(slf.as_any(), arguments, keywords)
-    }
-
-    fn __eq__(&self, other: &Bound<'_, PyAny>) -> bool {
-        other.cast::<Self>().is_ok_and(|other| self.0 == other.get().0)
     }
 
     fn __repr__(&self) -> String {

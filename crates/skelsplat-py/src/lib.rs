@@ -1,16 +1,17 @@
 //! Python module `skelsplat._skelsplat`: parses arguments, releases the interpreter, calls the core, wraps
 //! what comes back. It holds no mathematics, no defaults and no files.
 
+#![allow(clippy::needless_pass_by_value, reason = "PyO3 hands over parsed arguments as values")]
+
 mod args;
 mod camera;
 mod config;
+mod detections;
 mod errors;
 mod geometry;
 mod layout;
-mod pickle;
 mod refine;
-mod rendering;
-mod scores;
+mod study;
 mod watch;
 
 use pyo3::prelude::*;
@@ -25,27 +26,25 @@ mod _skelsplat {
     #[pymodule_export]
     use crate::config::{RefineConfig, Setting};
     #[pymodule_export]
-    use crate::geometry::{fuse_monocular, project, project_gaussians, triangulate};
+    use crate::detections::check_people;
+    #[pymodule_export]
+    use crate::geometry::{fuse_monocular, project, triangulate};
     #[pymodule_export]
     use crate::layout::Layout;
     #[pymodule_export]
     use crate::refine::{PyRefiner, implausible_extent};
     #[pymodule_export]
-    use crate::rendering::{loss_and_gradient, pseudo_ground_truth, render};
-    #[pymodule_export]
-    use crate::scores::check_people;
+    use crate::study::{loss_and_gradient, project_gaussians, pseudo_ground_truth, render};
 
     #[pymodule_init]
     fn init(m: &Bound<'_, PyModule>) -> PyResult<()> {
         crate::config::describe(m.py())?;
         m.add("__version__", env!("CARGO_PKG_VERSION"))?;
-        m.add("LAYOUT_NAMES", skelsplat_core::study::layout::Layout::NAMES.to_vec())?;
+        m.add("LAYOUT_NAMES", skelsplat_core::Layout::NAMES.to_vec())?;
         m.add("REJECTED_WEIGHT", skelsplat_core::study::annealed::consensus::REJECTED)?;
         m.add(
             "JOINT_STATUS",
-            crate::refine::JOINT_STATUS
-                .map(skelsplat_core::study::outcome::JointStatus::name)
-                .to_vec(),
+            crate::refine::JOINT_STATUS.map(skelsplat_core::JointStatus::name).to_vec(),
         )
     }
 }

@@ -1,18 +1,23 @@
 //! `refine`, for one frame or many.
 
+use std::iter::repeat;
 use std::sync::Arc;
 
 use nalgebra::{Matrix3, Vector3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use skelsplat_core::study::outcome::JointStatus;
-use skelsplat_core::study::unit::{Unit, implausible_extent as core_extent};
-use skelsplat_core::{Frame, Method, Progress, Refinement, Refiner, refine_batch};
+use skelsplat_core::study::gaussian::is_symmetric;
+use skelsplat_core::study::unit::implausible_extent as core_extent;
+use skelsplat_core::{Frame, JointStatus, Method, Refinement, Refiner};
+use skelsplat_core::{Progress, refine_batch};
 
-use crate::args::{Array, Cameras, Frames, array_out, layout};
-use crate::config::config;
-use crate::errors::{OrRaise, invalid};
-use crate::watch::{self, watched};
+use crate::args::{Array, Confidence, InitPose, InitSigma, Out, Poses, place};
+use crate::camera::Cameras;
+use crate::config::RefineConfig;
+use crate::detections::Frames;
+use crate::errors::{Result, refuse};
+use crate::layout::Layout;
+use crate::watch;
 
 /// Statuses in the order of the codes that `refine` returns.
 pub(crate) const JOINT_STATUS: [JointStatus; 3] =
@@ -20,6 +25,17 @@ pub(crate) const JOINT_STATUS: [JointStatus; 3] =
 
 /// Least standard deviation of a start: the inverse of its square is still far from the end of a double.
 const FINEST: f64 = 1e-15;
+
+/// The core's refiner of these arguments.
+pub(crate) fn refiner(
+    cameras: &Cameras,
+    layout: Option<Layout>,
+    config: Option<RefineConfig>,
+) -> Result<Refiner> {
+    let config = config.map_or_else(Default::default, |config| config.0);
+    let layout = layout.map(|layout| layout.0);
+    Ok(Refiner::new(&cameras.cameras, cameras.unit, layout.as_ref(), config)?)
+}
 
 /// Cameras, layout and settings, prepared once for any number of frames.
 ///
@@ -34,16 +50,8 @@ pub(crate) struct PyRefiner(Arc<Refiner>);
 impl PyRefiner {
     #[new]
     #[pyo3(signature = (cameras, *, layout=None, config=None))]
-    fn new(
-        py: Python<'_>,
-        cameras: &Bound<'_, PyAny>,
-        layout: Option<&Bound<'_, PyAny>>,
-        config: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<Self> {
-        let (layout, config) = (self::layout(layout)?, self::config(config)?);
-        let cameras = Cameras::new(cameras)?;
-        let refiner = Refiner::new(&cameras.cameras, cameras.unit, layout.as_ref(), config);
-        refiner.map(|refiner| Self(Arc::new(refiner))).or_raise(py)
+    fn new(cameras: Cameras, layout: Option<Layout>, config: Option<RefineConfig>) -> Result<Self> {
+        Ok(Self(Arc::new(refiner(&cameras, layout, config)?)))
     }
 
     /// Return the fields of ``skelsplat.Refinement``; ``joint_status`` as codes into ``JOINT_STATUS``.
@@ -54,139 +62,111 @@ impl PyRefiner {
     fn refine<'py>(
         &self,
         py: Python<'py>,
-        init_pose: Option<&Bound<'py, PyAny>>,
-        detections: &Bound<'py, PyAny>,
-        confidence: Option<&Bound<'py, PyAny>>,
-        init_sigma: Option<&Bound<'py, PyAny>>,
+        init_pose: Option<InitPose>,
+        detections: Frames,
+        confidence: Option<Confidence>,
+        init_sigma: Option<InitSigma>,
         past: bool,
-        progress: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyDict>> {
-        let mut frames = Frames::new(detections, confidence)?;
+        progress: Option<Bound<'py, PyAny>>,
+    ) -> Result<Bound<'py, PyDict>> {
+        let frames = detections.with(confidence)?;
         let poses = initial_poses(init_pose, &frames)?;
         let covariances = initial_covariances(init_sigma, &frames)?;
-        let jobs: Vec<Frame> = std::mem::take(&mut frames.frames)
-            .into_iter()
-            .zip(poses)
-            .zip(covariances)
-            .map(|((detections, init_pose), init_covariance)| Frame {
-                detections,
-                init_pose,
-                init_covariance,
-                past,
-            })
-            .collect();
-        let done = match jobs.as_slice() {
-            [_] => self.one(py, &frames, jobs)?,
-            _ => self.many(py, jobs, progress)?,
-        };
+        let starts = poses.into_iter().zip(covariances);
+        let jobs = frames.detections()?.into_iter().zip(starts).map(|(detections, start)| Frame {
+            detections,
+            init_pose: start.0,
+            init_covariance: start.1,
+            past,
+        });
+        let done = self.run(py, &frames, jobs.collect(), progress)?;
         results(py, &frames, &done)
     }
 }
 
 impl PyRefiner {
-    fn one(&self, py: Python<'_>, frames: &Frames, jobs: Vec<Frame>) -> PyResult<Vec<Refinement>> {
-        let config = self.0.config();
+    /// Refines all frames; one alone that takes long, or several, on a thread of their own.
+    fn run(
+        &self,
+        py: Python<'_>,
+        frames: &Frames,
+        jobs: Vec<Frame>,
+        report: Option<Bound<'_, PyAny>>,
+    ) -> Result<Vec<Refinement>> {
+        let (refiner, config, total) = (Arc::clone(&self.0), self.0.config(), jobs.len());
         let steps = match &config.method {
             Method::Annealed(_) => Some(1),
             Method::Paper(_) if config.draws_pixels() => None,
             Method::Paper(settings) => Some(settings.max_steps),
         };
         let short = steps.is_some_and(|n| watch::is_short(n, frames.n_views, frames.n_joints));
-        let refiner = Arc::clone(&self.0);
-        watch::run(py, short, move |progress| refine_batch(&refiner, &jobs, progress))
-    }
-
-    fn many(
-        &self,
-        py: Python<'_>,
-        jobs: Vec<Frame>,
-        report: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<Vec<Refinement>> {
-        let (progress, total) = (Arc::new(Progress::default()), jobs.len());
-        let tell = || match report.filter(|r| !r.is_none()) {
+        let work = move |progress: &Progress| refine_batch(&refiner, &jobs, progress);
+        if total == 1 {
+            return watch::run(py, short, work);
+        }
+        let progress = Arc::new(Progress::default());
+        let tell = || match &report {
             Some(report) => report.call1((progress.done(), total)).map(|_| ()),
             None => Ok(()),
         };
-        let refiner = Arc::clone(&self.0);
-        watched(py, &progress, tell, move |progress| refine_batch(&refiner, &jobs, progress))
+        watch::watched(py, &progress, tell, work)
     }
 }
 
 /// The initial pose of every frame, `None` where it is to be triangulated.
 fn initial_poses(
-    init_pose: Option<&Bound<'_, PyAny>>,
+    given: Option<InitPose>,
     frames: &Frames,
-) -> PyResult<Vec<Option<Vec<Vector3<f64>>>>> {
-    let Some(given) = init_pose.filter(|p| !p.is_none()) else {
-        return Ok(vec![None; frames.count]);
-    };
-    let n = frames.n_joints;
-    let shape: Vec<Option<usize>> = frames.shape(&[n, 3]).into_iter().map(Some).collect();
-    let expected = match frames.batch {
-        true => format!("({}, {n}, 3), as the detections", frames.count),
-        false => format!("({n}, 3), as the detections"),
-    };
-    let poses = Array::of_shape("init_pose", given, &shape, &expected)?;
-    let points = poses.bounded(given.py(), "init_pose", ", or NaN for none")?.points();
-    Ok(points.chunks(n.max(1)).map(|p| Some(p.to_vec())).collect())
+) -> Result<Vec<Option<Vec<Vector3<f64>>>>> {
+    let Some(InitPose(array)) = given else { return Ok(vec![None; frames.count]) };
+    let shape = frames.shape(&[frames.n_joints, 3]);
+    let points = array.of(&shape, ", as the detections")?.points();
+    Ok(points.chunks(frames.n_joints).map(|p| Some(p.to_vec())).collect())
 }
 
 /// Covariances of the initial pose of every frame, from standard deviations or covariances.
 fn initial_covariances(
-    init_sigma: Option<&Bound<'_, PyAny>>,
+    given: Option<InitSigma>,
     frames: &Frames,
-) -> PyResult<Vec<Option<Vec<Matrix3<f64>>>>> {
+) -> Result<Vec<Option<Vec<Matrix3<f64>>>>> {
     let (t, n) = (frames.count, frames.n_joints);
-    let Some(given) = init_sigma.filter(|s| !s.is_none()) else { return Ok(vec![None; t]) };
-    let py = given.py();
-    let array = Array::new("init_sigma", given)?.bounded(py, "init_sigma", ", or NaN for none")?;
-    let is_sigma = |s: &f64| s.is_nan() || (*s > 0.0 && s.is_finite());
-    if array.shape.len() < 2
-        && let Some((j, sigma)) = array.values().iter().enumerate().find(|(_, s)| !is_sigma(s))
-    {
-        let name = if array.shape.is_empty() { String::new() } else { format!("[{j}]") };
-        let expected = "a positive finite standard deviation, or NaN for none";
-        return Err(invalid(py, &format!("init_sigma{name}"), expected, sigma.to_string()));
-    }
-    let fine = |s: &f64| *s > 0.0 && *s < FINEST;
-    if array.shape.len() < 2
-        && let Some(sigma) = array.values().iter().find(|s| fine(s))
-    {
-        let expected = format!("standard deviations of at least {FINEST:e}");
-        return Err(invalid(py, "init_sigma", &expected, format!("{sigma:e}")));
-    }
-    let isotropic = |sigma: &f64| Matrix3::from_diagonal_element(sigma * sigma);
-    let covariances: Vec<Matrix3<f64>> = match array.shape.as_slice() {
-        [] => vec![isotropic(&array.values()[0]); n],
-        [k] if *k == n => array.values().iter().map(isotropic).collect(),
-        [k, 3, 3] if *k == n => array.matrices(),
-        [f, k, 3, 3] if frames.batch && *f == t && *k == n => array.matrices(),
+    let Some(InitSigma(array)) = given else { return Ok(vec![None; t]) };
+    let covariances = match *array.shape.as_slice() {
+        [] => vec![isotropic(&array)?[0]; n],
+        [k] if k == n => isotropic(&array)?,
+        [k, 3, 3] if k == n => array.matrices(),
+        [f, k, 3, 3] if frames.batch && f == t && k == n => array.matrices(),
         _ => {
             let frames = if frames.batch { format!(" or ({t}, {n}, 3, 3)") } else { String::new() };
             let expected = format!("() for a number, ({n},), ({n}, 3, 3){frames}");
-            return Err(array
-                .expect(py, "init_sigma", &expected, false)
-                .err()
-                .unwrap_or_else(|| invalid(py, "init_sigma", &expected, "another shape")));
+            return Err(array.misshapen(&expected));
         }
     };
     let valid = |c: &Matrix3<f64>| {
-        let symmetric = (c - c.transpose()).amax() <= 1e-6 * c.amax();
         let finite = c.iter().all(|v| v.is_finite());
-        c.iter().any(|v| v.is_nan()) || (finite && symmetric && c.cholesky().is_some())
+        c.iter().any(|v| v.is_nan()) || (finite && is_symmetric(c) && c.cholesky().is_some())
     };
     if let Some(k) = covariances.iter().position(|c| !valid(c)) {
-        let at =
-            if covariances.len() == n { format!("{k}") } else { format!("{}, {}", k / n, k % n) };
+        let shape = if covariances.len() == n { vec![n] } else { vec![t, n] };
+        let name = place("init_sigma", &shape, k, "");
         let expected = "a symmetric positive definite covariance, or NaN for none";
-        return Err(invalid(py, &format!("init_sigma[{at}]"), expected, "one that is not"));
+        return refuse(name, expected, "one that is not");
     }
-    Ok((0..t)
-        .map(|f| {
-            let of_frame = if covariances.len() == n { 0..n } else { f * n..(f + 1) * n };
-            Some(covariances[of_frame].to_vec())
-        })
-        .collect())
+    Ok(covariances.chunks(n).cycle().take(t).map(|of_frame| Some(of_frame.to_vec())).collect())
+}
+
+/// Covariances of standard deviations that are the same in every direction.
+fn isotropic(sigmas: &Array) -> Result<Vec<Matrix3<f64>>> {
+    let is_sigma = |s: &f64| s.is_nan() || (*s > 0.0 && s.is_finite());
+    if let Some(j) = sigmas.values.iter().position(|s| !is_sigma(s)) {
+        let expected = "a positive finite standard deviation, or NaN for none";
+        return Err(sigmas.refused(j, expected, sigmas.values[j].to_string()));
+    }
+    if let Some(j) = sigmas.values.iter().position(|s| *s < FINEST) {
+        let expected = format!("standard deviations of at least {FINEST:e}");
+        return Err(sigmas.refused(j, &expected, format!("{:e}", sigmas.values[j])));
+    }
+    Ok(sigmas.values.iter().map(|sigma| Matrix3::from_diagonal_element(sigma * sigma)).collect())
 }
 
 /// The arrays of `Refinement`, with the leading T if there was one.
@@ -194,91 +174,76 @@ fn results<'py>(
     py: Python<'py>,
     frames: &Frames,
     done: &[Refinement],
-) -> PyResult<Bound<'py, PyDict>> {
+) -> Result<Bound<'py, PyDict>> {
     let (m, n) = (frames.n_views, frames.n_joints);
-    let scalars = frames.shape(&[]);
-    let points = |f: fn(&Refinement) -> &[Vector3<f64>]| {
-        let values = gathered(done, 3 * n, |r, out| {
-            f(r).iter().for_each(|p| out.extend_from_slice(p.as_slice()));
-        });
-        array_out(py, values, &frames.shape(&[n, 3]))
+    let steps = done.iter().map(|r| r.loss_history.len()).max().unwrap_or(0);
+    // NaN after the last step of a frame
+    let history = |r: &Refinement| {
+        let told: Vec<f64> = r.loss_history.iter().map(|l| l.total).collect();
+        told.into_iter().chain(repeat(f64::NAN)).take(steps)
     };
-    // Symmetric: columns are rows.
-    let matrices = |f: fn(&Refinement) -> &[Matrix3<f64>]| {
-        let values = gathered(done, 9 * n, |r, out| {
-            f(r).iter().for_each(|c| out.extend_from_slice(c.as_slice()));
-        });
-        array_out(py, values, &frames.shape(&[n, 3, 3]))
-    };
-    let by_view = |f: fn(&Refinement) -> &[f64]| {
-        let values = gathered(done, m * n, |r, out| out.extend_from_slice(f(r)));
-        array_out(py, values, &frames.shape(&[m, n]))
-    };
-    let each = |f: fn(&Refinement) -> f64| array_out(py, done.iter().map(f).collect(), &scalars);
+    let all = Gathered { frames, done };
     let out = PyDict::new(py);
-    out.set_item("pose", points(|r| &r.pose)?)?;
-    out.set_item("init_pose", points(|r| &r.init_pose)?)?;
-    out.set_item("covariance", matrices(|r| &r.covariance)?)?;
-    out.set_item("uncertainty", matrices(|r| &r.uncertainty)?)?;
-    out.set_item("view_weights", by_view(|r| &r.view_weights)?)?;
-    out.set_item("reprojection_error", by_view(|r| &r.reprojection_error)?)?;
-    let swapped = gathered(done, m * n, |r, out| out.extend_from_slice(&r.swapped));
-    out.set_item("swapped", array_out(py, swapped, &frames.shape(&[m, n]))?)?;
-    out.set_item("noise", each(|r| r.noise)?)?;
-    let codes = done.iter().flat_map(|r| r.joint_status.iter().map(|s| *s as u8)).collect();
-    out.set_item("joint_status", array_out(py, codes, &frames.shape(&[n]))?)?;
-    out.set_item("loss", each(|r| r.loss.total)?)?;
-    out.set_item("loss_render", each(|r| r.loss.render)?)?;
-    out.set_item("loss_symmetry", each(|r| r.loss.symmetry)?)?;
-    let steps = done.iter().map(|r| r.n_iter as i64).collect();
-    out.set_item("n_iter", array_out(py, steps, &scalars)?)?;
+    out.set_item("pose", all.of(&[n, 3], |r| r.pose.iter().flatten().copied()))?;
+    out.set_item("init_pose", all.of(&[n, 3], |r| r.init_pose.iter().flatten().copied()))?;
+    // Symmetric: columns are rows.
+    out.set_item("covariance", all.of(&[n, 3, 3], |r| r.covariance.iter().flatten().copied()))?;
+    out.set_item("uncertainty", all.of(&[n, 3, 3], |r| r.uncertainty.iter().flatten().copied()))?;
+    out.set_item("view_weights", all.of(&[m, n], |r| r.view_weights.iter().copied()))?;
+    out.set_item("reprojection_error", all.of(&[m, n], |r| r.reprojection_error.iter().copied()))?;
+    out.set_item("swapped", all.of(&[m, n], |r| r.swapped.iter().copied()))?;
+    out.set_item("noise", all.of(&[], |r| [r.noise]))?;
+    out.set_item("joint_status", all.of(&[n], |r| r.joint_status.iter().map(|s| *s as u8)))?;
+    out.set_item("loss", all.of(&[], |r| [r.loss.total]))?;
+    out.set_item("loss_render", all.of(&[], |r| [r.loss.render]))?;
+    out.set_item("loss_symmetry", all.of(&[], |r| [r.loss.symmetry]))?;
+    out.set_item("n_iter", all.of(&[], |r| [r.n_iter as i64]))?;
     let reasons: Vec<&str> = done.iter().map(|r| r.stop_reason.name()).collect();
     out.set_item("stop_reason", reasons)?;
-    out.set_item("loss_history", history(py, frames, done)?)?;
+    out.set_item("loss_history", all.of(&[steps], history))?;
     Ok(out)
 }
 
-/// `size` values of every frame, side by side.
-fn gathered<T>(
-    done: &[Refinement],
-    size: usize,
-    take: impl Fn(&Refinement, &mut Vec<T>),
-) -> Vec<T> {
-    let mut values = Vec::with_capacity(done.len() * size);
-    done.iter().for_each(|r| take(r, &mut values));
-    values
+/// The results of all frames.
+struct Gathered<'a> {
+    frames: &'a Frames,
+    done: &'a [Refinement],
 }
 
-/// Total loss per step, `(..., steps)`, NaN after the last step of a frame; no steps unless asked for.
-fn history<'py>(
-    py: Python<'py>,
-    frames: &Frames,
-    done: &[Refinement],
-) -> PyResult<crate::geometry::Doubles<'py>> {
-    let steps = done.iter().map(|r| r.loss_history.len()).max().unwrap_or(0);
-    let padded = |r: &Refinement| -> Vec<f64> {
-        let told = r.loss_history.iter().map(|l| l.total);
-        told.chain(std::iter::repeat(f64::NAN)).take(steps).collect()
-    };
-    array_out(py, done.iter().flat_map(padded).collect(), &frames.shape(&[steps]))
+impl<'a> Gathered<'a> {
+    /// `values` of every frame, of `shape`, as one array.
+    fn of<T, I: IntoIterator<Item = T>>(
+        &self,
+        shape: &[usize],
+        values: impl Fn(&'a Refinement) -> I,
+    ) -> Out<T> {
+        self.frames.out(self.done.iter().flat_map(values).collect(), shape)
+    }
 }
 
-/// Return a sentence if the skeletons (T, N, 3) are taller than 10 m or shorter than 10 cm, else None.
+/// A skeleton of a size that no body has.
+#[derive(IntoPyObject)]
+pub(crate) struct Implausible {
+    extent: f64,
+    taller: bool,
+    limit_mm: f64,
+    unit: &'static str,
+}
+
+/// Return what a warning quotes if the skeletons (T, N, 3) are taller than 10 m or shorter than 10 cm.
 ///
 /// With a layout of one's own the limits are 20 m and 1 mm.
 #[pyfunction]
-#[pyo3(signature = (poses, unit, *, layout=None))]
+#[pyo3(signature = (poses, cameras, *, layout=None))]
 pub(crate) fn implausible_extent(
-    py: Python<'_>,
-    poses: &Bound<'_, PyAny>,
-    unit: &str,
-    layout: Option<&Bound<'_, PyAny>>,
-) -> PyResult<Option<String>> {
-    let unit = Unit::by_name(unit).or_raise(py)?;
-    let layout = self::layout(layout)?;
-    let array = Array::of_shape("poses", poses, &[None, None, Some(3)], "(T, N, 3)")?;
-    let n = array.shape[1];
-    let poses: Vec<Vec<Vector3<f64>>> =
-        array.points().chunks(n.max(1)).map(<[_]>::to_vec).collect();
-    Ok(core_extent(&poses, unit, layout.as_ref()))
+    poses: Poses,
+    cameras: Cameras,
+    layout: Option<Layout>,
+) -> Option<Implausible> {
+    let (Poses(array), unit) = (poses, cameras.unit);
+    let n = array.shape[1].max(1);
+    let poses: Vec<Vec<Vector3<f64>>> = array.points().chunks(n).map(<[_]>::to_vec).collect();
+    let found = core_extent(&poses, unit, layout.map(|layout| layout.0).as_ref())?;
+    let (extent, taller, limit_mm) = (found.extent, found.taller, found.limit_mm);
+    Some(Implausible { extent, taller, limit_mm, unit: unit.name() })
 }

@@ -8,9 +8,10 @@ use std::time::Duration;
 
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
-use skelsplat_core::{Progress, Result};
+use skelsplat_core::Progress;
+use skelsplat_core::Result as CoreResult;
 
-use crate::errors::OrRaise;
+use crate::errors::Result;
 
 /// How often a call looks for signals and reports progress.
 const POLL: Duration = Duration::from_millis(50);
@@ -29,10 +30,10 @@ pub(crate) fn is_short(frames: usize, n_views: usize, n_joints: usize) -> bool {
 pub(crate) fn run<T: Send + 'static>(
     py: Python<'_>,
     short: bool,
-    work: impl FnOnce(&Progress) -> Result<T> + Send + 'static,
-) -> PyResult<T> {
+    work: impl FnOnce(&Progress) -> CoreResult<T> + Send + 'static,
+) -> Result<T> {
     if short {
-        return py.detach(|| work(&Progress::default())).or_raise(py);
+        return Ok(py.detach(|| work(&Progress::default()))?);
     }
     watched(py, &Arc::new(Progress::default()), || Ok(()), work)
 }
@@ -45,8 +46,8 @@ pub(crate) fn watched<T: Send + 'static>(
     py: Python<'_>,
     progress: &Arc<Progress>,
     mut tell: impl FnMut() -> PyResult<()>,
-    work: impl FnOnce(&Progress) -> Result<T> + Send + 'static,
-) -> PyResult<T> {
+    work: impl FnOnce(&Progress) -> CoreResult<T> + Send + 'static,
+) -> Result<T> {
     let (send, mut receive) = channel();
     let shared = Arc::clone(progress);
     // Nobody receives what is done after Ctrl-C.
@@ -63,14 +64,16 @@ pub(crate) fn watched<T: Send + 'static>(
         });
         if let Err(stop) = py.check_signals().and_then(|()| tell()) {
             progress.cancel();
-            return Err(stop);
+            return Err(stop.into());
         }
         match received {
-            Ok(done) => return done.or_raise(py),
+            Ok(done) => return Ok(done?),
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => match thread.join() {
                 Err(panicked) => resume_unwind(panicked),
-                Ok(()) => return Err(PyRuntimeError::new_err("the work ended without a result")),
+                Ok(()) => {
+                    return Err(PyRuntimeError::new_err("the work ended without a result").into());
+                }
             },
         }
     }

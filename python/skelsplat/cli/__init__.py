@@ -1,9 +1,7 @@
-"""The command line: one file per command.
+"""The command line: one file per command. Commands speak; what they do stands in the rest of the package.
 
-`demo` and `refine` share `_pipeline` (read, choose the person, refine), `_statistics` and `_report` (what is
-said about the result), `_figures` (what `skelsplat.viz` draws) and `_run` (the order of it all, and the
-files). `convert` dispatches on the kind of its input (`_conversion`). `plot` reads with `_plot_source`,
-counts with `_plot_numbers` and draws with `_plot_figures`.
+`demo` and `refine` are runs of `skelsplat.run`, printed by `table`; `overlay` and `plot` use `skelsplat.run`
+as well. What commands share is in `_app` (errors, exit status), `config`, `options` and `output`.
 """
 
 from __future__ import annotations

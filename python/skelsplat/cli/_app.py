@@ -10,7 +10,7 @@ import typer
 from typer.core import TyperGroup
 
 import skelsplat as sk
-from skelsplat.cli._config import Application, origin
+from skelsplat.cli.config import Application, origin
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -9,8 +9,13 @@ import typer
 
 import skelsplat as sk
 from skelsplat.cli._calibration import usage
-from skelsplat.io.detections import FORMATS, DetectionSet, read_detections
-from skelsplat.io.detections._cameras import camera_called, cameras_called
+from skelsplat.io.detections import (
+    FORMATS,
+    DetectionSet,
+    camera_called,
+    cameras_called,
+    read_detections,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

@@ -7,32 +7,42 @@ from typing import TYPE_CHECKING, Any
 import typer
 from rich.console import Console
 
-from skelsplat.cli._doubts import find_doubts, is_of_size
-from skelsplat.cli._earlier_run import begin_writing, check_places, keep_input, left_of_earlier, planned
-from skelsplat.cli._figures import write_figures
-from skelsplat.cli._html_report import Findings, write_html_report
-from skelsplat.cli._json import print_json, to_text
-from skelsplat.cli._output_folder import output_folder
-from skelsplat.cli._over_time import apply_over_time, nothing_filled
-from skelsplat.cli._pipeline import collected_warnings, read_inputs, refine_inputs
-from skelsplat.cli._problems import find_problems
-from skelsplat.cli._progress import bar_of
-from skelsplat.cli._report import build_report
-from skelsplat.cli._statistics import summarise
-from skelsplat.cli._table import print_doubts, print_files, print_left, print_over_time, print_summary
+from skelsplat._json import to_text
+from skelsplat._optional import can_draw
+from skelsplat.cli.output import bar_of, print_json
+from skelsplat.cli.table import print_doubts, print_files, print_left, print_over_time, print_summary, tell
+from skelsplat.findings import Finding, collected_warnings, remark
 from skelsplat.io import PoseData, write_pose
 from skelsplat.io._atomic import atomic_write_text
 from skelsplat.io._run_files import REPORT
 from skelsplat.io.poses import MARKER_NAMES, POSE_FORMATS, check_pose_format
 from skelsplat.io.run_folder import write_run_inputs
+from skelsplat.run.figures import write_figures
+from skelsplat.run.findings import find_doubts, is_of_size
+from skelsplat.run.folder import (
+    begin_writing,
+    check_places,
+    keep_input,
+    left_of_earlier,
+    output_folder,
+    planned,
+)
+from skelsplat.run.frames import find_problems
+from skelsplat.run.html import Findings, write_html_report
+from skelsplat.run.over_time import apply_over_time, nothing_filled
+from skelsplat.run.read import read_inputs
+from skelsplat.run.report import build_report
+from skelsplat.run.solve import refine_inputs
+from skelsplat.run.summary import summarise
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from rich.progress import Progress
 
-    from skelsplat.cli._job import Job, Verbosity
-    from skelsplat.cli._pipeline import Inputs, Outcome
+    from skelsplat.run.job import Job, Verbosity
+    from skelsplat.run.read import Inputs
+    from skelsplat.run.solve import Outcome
 
 _ASSUMED_FPS = 30.0
 _NEED_FPS = [kind for kind, entry in POSE_FORMATS.items() if "y_up" in entry.options]
@@ -55,20 +65,27 @@ def run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
 
 
 def _run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
-    with collected_warnings(_tell) as warnings:
+    with collected_warnings(tell) as notes:
         inputs = read_inputs(job)
         keep_input(job, inputs.sources)
         for kind in job.write:
             check_pose_format(kind, inputs.frames)
         timed = [f"pose.{kind}" for kind in job.write if kind in _NEED_FPS]
         for option in _unused(job) if not timed else ():
-            warnings.append(f"{option}: not used; it is for pose.trc and pose.c3d, and --write names neither")
-            _tell(warnings[-1])
+            notes.append(
+                remark(f"{option}: not used; it is for pose.trc and pose.c3d, and --write names neither")
+            )
+            tell(notes[-1])
         if job.fps is None and timed:
             files = " and ".join(timed)
-            warnings.append(f"--fps: not given; the times in {files} assume {_ASSUMED_FPS:g} per second")
-            _tell(warnings[-1])
+            assumed = f"the times in {files} assume {_ASSUMED_FPS:g} frames per second"
+            notes.append(remark(f"--fps: not given; {assumed}"))
+            tell(notes[-1])
+        if not can_draw():
+            notes.append(Finding("no_pictures"))
+            tell(notes[-1])
         outcome = _refine_with_bar(inputs, job, shown=not verbosity.quiet)
+    warnings = [note.text for note in notes]
     statistics = summarise(inputs, outcome)
     poses, over_time = apply_over_time(_poses(job, inputs, outcome), job.over_time)
     statistics = statistics.without_bars(poses.joint_status == "filled")
@@ -85,8 +102,8 @@ def _run(job: Job, verbosity: Verbosity) -> dict[str, Any]:
     begin_writing(job.out, report)
     names = _write_poses(job, poses)
     names += write_run_inputs(job.out, inputs.rig, inputs.layout, inputs.detections, inputs.frames)
-    names += [REPORT, *write_figures(job, inputs, outcome, statistics)]
-    if job.html:
+    names += [REPORT, *(write_figures(job, inputs, outcome, statistics) if can_draw() else [])]
+    if job.html and can_draw():
         findings = Findings(poses, problems, distrust=[*doubts, *warnings])
         names += write_html_report(job, inputs, outcome, statistics, findings)
     atomic_write_text(job.out / REPORT, to_text(report))  # last: the run is whole

@@ -1,26 +1,38 @@
-"""``skelsplat ablate``: one ablation of the paper, with the paper's figures beside ours."""
+"""``skelsplat ablate``: one ablation of the paper, with the paper's figures next to ours."""
 
 from __future__ import annotations
 
 import shlex
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
+from rich import box
 from rich.console import Console
+from rich.progress import TimeElapsedColumn
+from rich.table import Table
+from rich.text import Text
 
-from skelsplat.cli import _options as common
-from skelsplat.cli._ablation_view import draw, print_record, progress_bar
-from skelsplat.cli._json import print_json
+from skelsplat import datasets
+from skelsplat._optional import can_draw
+from skelsplat.cli import options
+from skelsplat.cli.datasets import reader_options
+from skelsplat.cli.output import bar_of, print_json
+from skelsplat.cli.table import tell
 from skelsplat.evaluation import ablations
-from skelsplat.evaluation._method import DEFAULT_INIT_SIGMA_MM
-from skelsplat.evaluation.ablations import Choices, OnDisk, Record, Simulated, Source
-from skelsplat.exceptions import InvalidInputError
+from skelsplat.evaluation.ablations import Choices, OnDisk, Simulated, Source
+from skelsplat.evaluation.methods import DEFAULT_INIT_SIGMA_MM
+from skelsplat.findings import Finding
 
 _DATA, _METHOD, _OUTPUT = "Data", "Method", "Output"
 # Of tables that go into a file or a pipe.
 _WIDTH = 100
+# Beyond so many settings they become rows, for 80 columns; names of methods keep at least so much room.
+_MOST_COLUMNS, _LEAST_NAME = 6, 26
+_STYLES = {"measured": "bold", "paper": "dim", "theory": "dim"}
 
 EPILOG = (
     "Without --data the data are simulated, which every table says; they are made in memory from the seed."
@@ -98,15 +110,15 @@ def ablate(
     full: Full = False,
     seed: Seed = 0,
     start: Start = "paper",
-    init_sigma: InitSigma = DEFAULT_INIT_SIGMA_MM,
+    init_sigma_mm: InitSigma = DEFAULT_INIT_SIGMA_MM,
     protocol: Lens = "undistorted",
     out: Out = None,
-    quiet: common.Quiet = False,
-    as_json: common.AsJson = False,
+    quiet: options.Quiet = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Repeat an ablation of the paper and print its tables with the paper's rows.
 
-    Each of the paper's findings is tried on the measured figures and marked
+    Each of the paper's claims is checked on the measured figures and marked
     as reproduced or not. "Beats" means by more than twice the standard error
     of the difference, over the same poses.
 
@@ -120,15 +132,15 @@ def ablate(
     """
     if full and poses is not None:
         raise typer.BadParameter("expected either a number of poses or --full", param_hint="--poses")
-    ablation = _known(name)
+    ablation = ablations.get(options.one_of("NAME", name, ablations.names))
     choices = Choices(
         poses=None if full else poses or ablation.poses,
         seed=seed,
         start=start,
-        init_sigma_mm=init_sigma,
+        init_sigma_mm=init_sigma_mm,
         undistort=protocol == "undistorted",
     )
-    with progress_bar(shown=not quiet) as progress:
+    with _progress_bar(shown=not quiet) as progress:
         source: Source
         if data is None:
             if detections or setting:
@@ -137,36 +149,101 @@ def ablate(
                 )
             source = Simulated(choices, progress)
         else:
-            source = OnDisk(choices, data[0], data[1], detections or (), _pairs(setting or ()), progress)
-        outcome = ablation.run(source)
-    record = Record(ablation, source.noted(outcome), choices, source.simulated, source.line(), _command())
-    files = [] if out is None else [*ablations.write(out, record), draw(out, record)]
+            dataset = options.one_of("--data", data[0], datasets.names())
+            settings = reader_options(setting or (), dataset, "--set")
+            source = OnDisk(choices, dataset, data[1], detections or (), settings, progress)
+        record = ablations.run(name, source, command=shlex.join(["skelsplat", *sys.argv[1:]]))
+    files = [] if out is None else [*ablations.write(out, record), *_draw(out, record)]
     if as_json:
         print_json(ablations.as_dict(record))
     elif not quiet:
         console = Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else _WIDTH)
-        print_record(console, record)
+        _print_record(console, record)
         if files:
             console.print(f"{out}: {', '.join(file.name for file in files)}")
 
 
-def _known(name: str) -> ablations.Ablation:
-    try:
-        return ablations.get(name)
-    except InvalidInputError as error:
-        raise typer.BadParameter(str(error).removeprefix("name: "), param_hint="NAME") from error
+@contextmanager
+def _progress_bar(*, shown: bool) -> Iterator[ablations.Progress]:
+    """Yield what an ablation reports to: a bar on stderr, if that is a terminal."""
+    with bar_of("poses", shown=shown, time=TimeElapsedColumn()) as bar:
+        task = bar.add_task("reading", total=None)
+        yield lambda text, done, total: bar.update(task, description=text, completed=done, total=total)
 
 
-def _pairs(given: list[str] | tuple[()]) -> dict[str, str | int]:
-    """Split KEY=VALUE; whole numbers become such."""
-    out: dict[str, str | int] = {}
-    for text in given:
-        key, equals, value = text.partition("=")
-        if not equals:
-            raise typer.BadParameter(f"expected KEY=VALUE, got {text!r}", param_hint="--set")
-        out[key] = int(value) if value.lstrip("-").isdecimal() else value
-    return out
+def _print_record(console: Console, record: ablations.Record) -> None:
+    """Print tables, each with its source under it, claims and notes."""
+    for table in record.outcome.tables:
+        console.print(_upright(table) if len(table.columns) <= _MOST_COLUMNS else _turned(table))
+        console.print(record.line, style="yellow" if record.simulated else "")
+        console.print()
+    _print_claims(console, record)
+    for note in (*record.notes, *record.sources):
+        console.print(f"· {note}", style="dim")
 
 
-def _command() -> str:
-    return shlex.join(["skelsplat", *sys.argv[1:]])
+def _upright(table: ablations.Table) -> Table:
+    """Return a table whose rows are methods."""
+    shown = Table(title=f"{table.title} ({table.unit})", box=box.SIMPLE_HEAD, title_justify="left")
+    longest = max(len(_name(row)) for row in table.rows)
+    shown.add_column(table.corner, overflow="fold", min_width=min(longest, _LEAST_NAME))
+    for column in table.columns:
+        shown.add_column(column, justify="right", overflow="fold")
+    for row in table.rows:
+        figures = (ablations.cell(value, table.digits) for value in row.values)
+        shown.add_row(_name(row), *figures, style=_STYLES[row.origin])
+    return shown
+
+
+def _turned(table: ablations.Table) -> Table:
+    """Return a table whose columns are methods: there are too many settings for the width."""
+    shown = Table(title=f"{table.title} ({table.unit})", box=box.SIMPLE_HEAD, title_justify="left")
+    shown.add_column(table.corner)
+    for row in table.rows:
+        shown.add_column(_name(row), justify="right", overflow="fold", style=_STYLES[row.origin])
+    for k, column in enumerate(table.columns):
+        shown.add_row(column, *(ablations.cell(row.values[k], table.digits) for row in table.rows))
+    return shown
+
+
+def _name(row: ablations.Row) -> str:
+    return ", ".join(part for part in (row.method, row.data) if part)
+
+
+def _print_claims(console: Console, record: ablations.Record) -> None:
+    """Print what became of the paper's claims."""
+    shown = Table(title="Claims of the paper", box=box.SIMPLE_HEAD, title_justify="left")
+    for column in ("claim", "reported", "here", ""):
+        shown.add_column(column, overflow="fold")
+    for claim in record.outcome.claims:
+        outcome = Text(claim.verdict, "green" if claim.reproduced else "red")
+        shown.add_row(claim.claim, claim.paper, claim.measured, outcome)
+    console.print(shown)
+
+
+def _draw(folder: Path, record: ablations.Record) -> list[Path]:
+    """Write the chart ``NAME.png``; without the extra ``viz`` say what it needs."""
+    if not can_draw():
+        tell(Finding("no_pictures"))
+        return []
+    from skelsplat import viz  # matplotlib takes long to load, and --help does without
+
+    panels = [
+        viz.Panel(
+            table.title,
+            table.corner,
+            table.unit,
+            table.columns,
+            [
+                viz.Line(
+                    _name(row),
+                    [float("nan") if value is None else value for value in row.values],
+                    row.origin != "measured",
+                )
+                for row in table.rows
+            ],
+        )
+        for table in record.outcome.tables
+        if table.chart
+    ]
+    return [viz.write_panels(folder / f"{record.ablation.name}.png", panels, caption=record.line)]

@@ -14,13 +14,13 @@ from rich.table import Table
 
 import skelsplat as sk
 from skelsplat.cli import _calibration as calibration
-from skelsplat.cli import _options as options
+from skelsplat.cli import options
 from skelsplat.cli._calibration import CalibrationOptions
-from skelsplat.cli._checks import one_of
-from skelsplat.cli._json import print_json
-from skelsplat.cli._pipeline import collected_warnings
 from skelsplat.cli._reading import leave_out, named_offsets, read_found, reading, refuse_reading
 from skelsplat.cli._remedies import Remedies
+from skelsplat.cli.options import one_of
+from skelsplat.cli.output import print_json
+from skelsplat.findings import collected_warnings
 from skelsplat.rig_check import Finding, RigReport, check_rig
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ def check_cameras(
         **reading(format, offset, order, joint_map),
     }
     read = CalibrationOptions(unit, calibration_format, camera_type, subject, size, binning)
-    with collected_warnings(lambda _: None) as warnings:
+    with collected_warnings() as warnings:
         every = read.read(source, format_option="--calibration-format")
         rig = leave_out(every, tuple(without or ()))
         found = None if detections is None else read_found(detections, every, without=without or (), **given)
@@ -114,7 +114,10 @@ def check_cameras(
             if found is None
             else check_rig(rig, found.people, frames=found.frames, layout=found.layout)
         )
-    doubts = [Finding("unit" if " apart in " in text else "geometry", (), text) for text in warnings]
+    doubts = [
+        Finding("unit" if " apart in " in text else "geometry", (), text)
+        for text in (warning.text for warning in warnings)
+    ]
     if any(finding.kind == "unit" for finding in report.findings):
         doubts = [doubt for doubt in doubts if doubt.kind != "unit"]
     report = RigReport((*doubts, *report.findings), report.cameras)

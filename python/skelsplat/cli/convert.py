@@ -3,22 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from skelsplat.cli import _calibration as calibration
-from skelsplat.cli import _options as options
-from skelsplat.cli._config import from_file
-from skelsplat.cli._conversion import Kind, Request
-from skelsplat.cli._convert_calibration import CALIBRATION
-from skelsplat.cli._convert_poses import POSES
-from skelsplat.cli._json import print_json
-from skelsplat.cli._pipeline import collected_warnings
-from skelsplat.exceptions import DatasetError
+from skelsplat.cli import options
+from skelsplat.cli._calibration import CalibrationOptions, listed, usage
+from skelsplat.cli.config import from_file
+from skelsplat.cli.output import print_json
+from skelsplat.cli.table import tell
+from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.findings import collected_warnings
+from skelsplat.io import convert_unit, write_calibration
+from skelsplat.io._run_files import POSES
 from skelsplat.io.calibration import find_format
-
-KINDS: tuple[Kind, ...] = (POSES, CALIBRATION)
+from skelsplat.io.convert import convert_poses, is_pose_file
+from skelsplat.io.poses import POSE_FORMATS, pose_format
 
 EPILOG = (
     "Calibrations are read from TOML (Anipose, Pose2Sim, FreeMoCap, Caliscope), OpenCV and EasyMocap YAML "
@@ -26,6 +27,15 @@ EPILOG = (
     "JSON, and written as .toml (Anipose), .json or .npz. Poses are read and written as .npz, .csv, .trc, "
     ".c3d, .json and .nc."
 )
+_READ = frozenset({"unit", "format", "camera_type", "subject", "size", "binning"})
+# By kind of file: what OUTPUT may end in, and the options of the command that it takes.
+_KINDS = {
+    "pose file": (
+        tuple(f".{kind}" for kind in POSE_FORMATS),
+        frozenset({"fps", "to_unit", "y_up", "marker_names", "singular"}),
+    ),
+    "calibration": ((".toml", ".json", ".npz"), _READ | {"to_unit"}),
+}
 
 _Input = Annotated[
     Path, typer.Argument(readable=False, metavar="INPUT", help="File, or folder where a format is one.")
@@ -98,7 +108,7 @@ def convert(
     """
     if target.suffix.lower() == ".csv" and from_file(context, "fps"):
         fps = None  # which may be meant for another command
-    given = {
+    every = {
         "unit": unit,
         "format": format,
         "camera_type": camera_type,
@@ -111,46 +121,70 @@ def convert(
         "marker_names": marker_names,
         "singular": singular or None,
     }
-    request = Request(source, target, {name: value for name, value in given.items() if value is not None})
-    kind = _kind(request)
-    with collected_warnings(_tell):
-        written = kind.convert(request)
+    given = {name: value for name, value in every.items() if value is not None}
+    kind = _kind(source, named=format is not None)
+    _check(kind, target, given)
+    with collected_warnings(tell):
+        sentence, about = (_poses if kind == "pose file" else _calibration)(source, target, given)
     if as_json:
-        files = {"kind": kind.name, "input": str(source), "output": str(target)}
-        print_json({**files, **written.document})
+        print_json({"kind": kind, "input": str(source), "output": str(target), **about})
     elif not quiet:
-        typer.echo(written.sentence)
+        typer.echo(sentence)
 
 
-def _kind(request: Request) -> Kind:
-    """Return the kind of the input, which must be able to become the output with these options."""
-    if not request.source.exists():
-        raise DatasetError(request.source, "file", "a readable file or folder", "no such file")
-    named = CALIBRATION if "format" in request.options else None
-    kind = named or next((kind for kind in KINDS if kind.recognises(request.source)), None)
-    if kind is None:
-        raise _unknown(request.source)
-    if request.target.suffix.lower() not in kind.suffixes:
-        expected = f"a {kind.name} to be written as {', '.join(kind.suffixes)}"
-        raise typer.BadParameter(
-            f"expected {expected}, got {request.target.suffix or 'no suffix'!r}", param_hint="OUTPUT"
-        )
-    stray = [name for name in request.options if name not in kind.options]
-    if stray:
-        hint = "--" + stray[0].replace("_", "-")
-        raise typer.BadParameter(f"expected none for a {kind.name}, got one", param_hint=hint)
-    return kind
-
-
-def _unknown(source: Path) -> DatasetError:
-    """Return what is wrong with an input of no kind."""
+def _kind(source: Path, *, named: bool) -> str:
+    """Return the kind of a file; only calibrations have formats that can be ``named``."""
+    if not source.exists():
+        raise DatasetError(source, "file", "a readable file or folder", "no such file")
+    if named:
+        return "calibration"
+    if is_pose_file(source) or is_pose_file(source / POSES):
+        return "pose file"
+    if find_format(source) is not None:  # an error of its own for a damaged file
+        return "calibration"
     expected = "a calibration in a known format, a file of poses, or the folder of a run"
+    raise DatasetError(source, "content", expected, "something else (convert --help has the formats)")
+
+
+def _check(kind: str, target: Path, given: dict[str, Any]) -> None:
+    """Refuse an output that a kind of file cannot become, and options that it does not take."""
+    suffixes, known = _KINDS[kind]
+    if target.suffix.lower() not in suffixes:
+        expected, got = f"a {kind} to be written as {', '.join(suffixes)}", target.suffix or "no suffix"
+        raise typer.BadParameter(f"expected {expected}, got {got!r}", param_hint="OUTPUT")
+    for name in given:
+        if name not in known:
+            hint = "--" + name.replace("_", "-")
+            raise typer.BadParameter(f"expected none for a {kind}, got one", param_hint=hint)
+
+
+def _poses(source: Path, target: Path, given: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+    """Convert poses; return a sentence about it, and values of JSON."""
+    path = source / POSES if source.is_dir() else source
+    given = dict(given)
     try:
-        find_format(source)
-    except DatasetError as error:
-        return error
-    return DatasetError(source, "content", expected, "something else (convert --help has the formats)")
+        data = convert_poses(path, target, unit=given.pop("to_unit", None), **given)
+    except InvalidInputError as error:
+        raise usage(error, {"unit": "--to-unit"}) from error
+    frames, joints = data.pose.shape[:2]
+    about = {"format": pose_format(path), "frames": frames, "joints": list(data.joint_names)}
+    sentence = f"Wrote {frames} frames of {joints} joints to {target}."
+    return sentence, {**about, "frame_rate_hz": data.frame_rate}
 
 
-def _tell(warning: str) -> None:
-    typer.echo(f"warning: {warning}", err=True)
+def _calibration(source: Path, target: Path, given: dict[str, Any]) -> tuple[str, dict[str, Any]]:
+    """Convert a calibration; return a sentence about it, and values of JSON."""
+    given = dict(given)
+    unit = given.pop("to_unit", None)
+    if unit is not None:
+        options.one_of("--to-unit", unit, ("mm", "cm", "m"))
+    read = CalibrationOptions(**given)
+    rig = read.read(source)
+    if target.resolve() == source.resolve():
+        raise DatasetError(target, "target", "another file than the source", "the same")
+    written = rig if unit is None else convert_unit(rig, unit)
+    write_calibration(target, written)
+    cameras = f"{len(rig)} camera{'s' * (len(rig) != 1)} ({listed(rig.names)})"
+    about = {"format": read.format_of(source), "cameras": list(rig.names)}
+    sentence = f"Wrote {cameras} to {target}, lengths in {written.unit}."
+    return sentence, {**about, "unit": {"input": rig.unit, "output": written.unit}}

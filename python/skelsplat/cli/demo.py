@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from skelsplat.cli import _options as options
+from skelsplat.cli import options
 from skelsplat.cli._calibration import CalibrationOptions
-from skelsplat.cli._job import Job, Verbosity
-from skelsplat.cli._output_folder import output_folder
 from skelsplat.cli._run import run
 from skelsplat.io import sample
+from skelsplat.run.folder import output_folder
+from skelsplat.run.job import Job, Verbosity
 
 _NOTE = (
     "The sample has no ground truth: these errors say how well the pose agrees with the "

@@ -2,30 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 import typer
+from rich import box
 from rich.console import Console
+from rich.table import Table as Drawn
+from rich.text import Text
 
 from skelsplat import datasets
-from skelsplat.cli import _options as options
-from skelsplat.cli._config_file import NAME_OR_PATH
-from skelsplat.cli._evaluation import WIDTH, print_evaluation, progress, write_evaluation
-from skelsplat.cli._json import print_json
-from skelsplat.cli._output_folder import output_folder
-from skelsplat.cli._pipeline import collected_warnings
-from skelsplat.datasets import Dataset
+from skelsplat._optional import can_draw
+from skelsplat.cli import options
+from skelsplat.cli.config import NAME_OR_PATH
+from skelsplat.cli.datasets import reader_options
+from skelsplat.cli.output import bar_of, print_json
+from skelsplat.cli.table import tell
 from skelsplat.datasets._registry import options_of
-from skelsplat.evaluation import export, methods, protocols, report
-from skelsplat.evaluation._protocol import Protocol
+from skelsplat.evaluation import export, methods, protocols, report, tables
+from skelsplat.evaluation.report import Evaluation
+from skelsplat.evaluation.tables import Row, Table
+from skelsplat.findings import Finding, collected_warnings
+from skelsplat.io._atomic import atomic_write_text
+from skelsplat.run.folder import output_folder
+
+if TYPE_CHECKING:
+    from skelsplat.viz import BarData
 
 EPILOG = (
     "Results: report.md, report.csv, report.json and bars.png in FOLDER; the poses of every take under "
     "FOLDER/runs, from where a stopped evaluation goes on. Exit status: 0 ok, 1 failed, 2 bad usage, 130 "
     "interrupted."
 )
+_WIDTH, _NAME_WIDTH = 100, 32
 _LENSES = {"undistorted": True, "as-paper": False}
 _DATA, _METHODS, _OUTPUT = "Data and protocol", "Method", "Output"
 
@@ -94,7 +106,7 @@ MethodNames = Annotated[
         "-m",
         metavar="NAMES",
         help=f"Comma between them, or repeated: {', '.join(methods.names)}; or all.",
-        show_default="all that the data allow but skelsplat-paper",
+        show_default="all that the data allow but paper",
         rich_help_panel=_METHODS,
     ),
 ]
@@ -102,7 +114,7 @@ Start = Annotated[
     str | None,
     typer.Option(
         metavar="dlt|fusion|none",
-        help="Where skelsplat, skelsplat-closed-form and skelsplat-paper start.",
+        help="Where annealed, paper-closed-form and paper start.",
         show_default="none; the paper's for the last two",
         rich_help_panel=_METHODS,
     ),
@@ -111,7 +123,7 @@ InitSigma = Annotated[
     float,
     typer.Option(
         metavar="MM",
-        help="Standard deviation per axis of the fused start of skelsplat-prior.",
+        help="Standard deviation per axis of the fused start of annealed-prior.",
         rich_help_panel=_METHODS,
     ),
 ]
@@ -147,7 +159,7 @@ def evaluate(
     counting: Counting = "all",
     setting: Setting = None,
     start: Start = None,
-    init_sigma: InitSigma = methods.DEFAULT_INIT_SIGMA_MM,
+    init_sigma_mm: InitSigma = methods.DEFAULT_INIT_SIGMA_MM,
     seed: Seed = 0,
     threads: options.Threads = None,
     out: Out = None,
@@ -168,47 +180,37 @@ def evaluate(
 
     skelsplat evaluate human36m data/h36m --detections cpn --protocol as-paper
 
-    skelsplat evaluate panoptic data/panoptic --views 6 -m skelsplat,dlt
+    skelsplat evaluate panoptic data/panoptic --views 6 -m annealed,dlt
     """
     names = _method_names(method)
+    options.positive("--init-sigma-mm", init_sigma_mm)
     chosen = methods.Options(
-        undistort=_LENSES[_one_of("--protocol", lens, tuple(_LENSES))],
-        start=None if start is None else _one_of("--start", start, methods.STARTS),
-        init_sigma_mm=_positive("--init-sigma", init_sigma),
+        undistort=_LENSES[options.one_of("--protocol", lens, tuple(_LENSES))],
+        start=None if start is None else options.one_of("--start", start, methods.STARTS),
+        init_sigma_mm=init_sigma_mm,
         seed=seed,
         n_threads=threads,
     )
-    _one_of("DATASET", dataset, datasets.names())
-    _one_of("--counting", counting, ("all", "adafuse"))
-    with collected_warnings(lambda text: typer.echo(f"warning: {text}", err=True)):
+    options.one_of("DATASET", dataset, datasets.names())
+    options.one_of("--counting", counting, ("all", "adafuse"))
+    with collected_warnings(tell):
         data = datasets.read(dataset, root, **_reader_options(dataset, detections, views, setting or []))
         for finding in datasets.verify(data):
-            typer.echo(f"warning: {finding.file}: {finding}", err=True)
+            typer.echo(f"warning: {', '.join(finding.subject.files)}: {finding.text}", err=True)
         rules = protocols.get(data.name).with_options(n_views=views, every=every, counting=counting)
         folder = Path("skelsplat-evaluation") / data.name if out is None else out
         with output_folder(folder):
-            found = _run(data, names, chosen, rules, folder, shown=not quiet)
-            files = write_evaluation(folder, found)
+            with _progress(shown=not quiet) as hear:
+                runs = folder / "runs"
+                found = report.evaluate(data, names, chosen, protocol=rules, folder=runs, report=hear)
+            files = _write_evaluation(folder, found)
     if as_json:
         print_json(export.as_dict(found))
     elif not quiet:
         console = Console(highlight=False, markup=False)
-        console.width = min(console.width, WIDTH) if console.is_terminal else WIDTH
-        print_evaluation(console, found, per_joint=per_joint)
+        console.width = min(console.width, _WIDTH) if console.is_terminal else _WIDTH
+        _print_evaluation(console, found, per_joint=per_joint)
         console.print(f"Wrote to {folder}/: {', '.join(files)}")
-
-
-def _run(
-    data: Dataset,
-    names: Sequence[str],
-    chosen: methods.Options,
-    rules: Protocol,
-    folder: Path,
-    *,
-    shown: bool,
-) -> report.Evaluation:
-    with progress(shown=shown) as hear:
-        return report.evaluate(data, names, chosen, protocol=rules, folder=folder / "runs", report=hear)
 
 
 def _method_names(given: Sequence[str] | None) -> list[str]:
@@ -216,7 +218,7 @@ def _method_names(given: Sequence[str] | None) -> list[str]:
     if names == ["all"]:
         return list(methods.names)
     for name in names:
-        _one_of("--methods", name, methods.names)
+        options.one_of("--methods", name, methods.names)
     return names
 
 
@@ -224,16 +226,7 @@ def _reader_options(
     dataset: str, detections: str | None, views: int | None, settings: Sequence[str]
 ) -> dict[str, Any]:
     """Return the options of the reader: those given as KEY=VALUE, the detections, the views."""
-    known = options_of(dataset)
-    found: dict[str, Any] = {}
-    for text in settings:
-        key, equals, value = text.partition("=")
-        if not equals or key not in known:
-            raise typer.BadParameter(
-                f"expected KEY=VALUE with a KEY among {', '.join(known)}, got {text!r}", param_hint="--set"
-            )
-        parts = [_value(part) for part in value.split(",") if part]
-        found[key] = parts if "," in value else _value(value)
+    known, found = options_of(dataset), reader_options(settings, dataset, "--set")
     if detections is not None:
         is_path = Path(detections).exists() and "detections" in known
         found["detections" if is_path else "detector"] = Path(detections) if is_path else detections
@@ -242,17 +235,128 @@ def _reader_options(
     return found
 
 
-def _value(text: str) -> int | str:
-    return int(text) if text.lstrip("-").isdecimal() else text
+def _print_evaluation(console: Console, evaluation: Evaluation, *, per_joint: bool) -> None:
+    """Print the table of methods, that of actions if there are several, and what they mean."""
+    overall = tables.overall(evaluation)
+    shown = [overall]
+    if len(evaluation.headers) > 1:
+        shown.append(tables.actions(evaluation))
+        if evaluation.protocol.parts:
+            shown.append(tables.actions(evaluation, "pcp"))
+    if per_joint:
+        shown.append(tables.joints(evaluation))
+    for table in shown:
+        for part, gap in _fitting(table):
+            console.print(_drawn(part, gap))
+    for note in overall.notes:
+        console.print(note, style="dim")
 
 
-def _one_of(option: str, value: str, choices: Sequence[str]) -> str:
-    if value not in choices:
-        raise typer.BadParameter(f"expected one of {', '.join(choices)}, got {value!r}", param_hint=option)
-    return value
+def _fitting(table: Table) -> list[tuple[Table, int]]:
+    """Cut a table that is too wide into parts of about equally many columns; with the gap between columns."""
+    name = min(_NAME_WIDTH, max(len(row.name) for row in table.rows))
+    widths = [
+        max(_longest_word(column.header), *(len(table.text(row, k)) for row in table.rows))
+        for k, column in enumerate(table.columns)
+    ]
+    for parts in range(1, len(widths) + 1):
+        count = -(-len(widths) // parts)
+        groups = [widths[k : k + count] for k in range(0, len(widths), count)]
+        for gap in (2, 1):
+            if count == 1 or all(name + sum(g) + (gap + 1) * len(g) <= _WIDTH - 2 for g in groups):
+                return [(part, gap) for part in table.split(count)]
+    return [(table, 1)]
 
 
-def _positive(option: str, value: float) -> float:
-    if not 0 < value < float("inf"):
-        raise typer.BadParameter(f"expected a positive number, got {value:g}", param_hint=option)
-    return value
+def _longest_word(header: str) -> int:
+    return max(len(word) for word in header.replace("-", "- ").replace("/", "/ ").split())
+
+
+def _drawn(table: Table, gap: int) -> Drawn:
+    drawn = Drawn(
+        title=Text(table.title) if table.title else None,
+        title_justify="left",
+        box=box.SIMPLE_HEAD,
+        padding=(0, gap, 0, 0),
+        pad_edge=False,
+    )
+    longest = min(_NAME_WIDTH, max(len(row.name) for row in table.rows))
+    drawn.add_column(table.first, min_width=longest, max_width=longest)
+    for column in table.columns:
+        drawn.add_column(_breakable(column.header), justify="right")
+    measured = [row for row in table.rows if not row.reported]
+    reported = [row for row in table.rows if row.reported]
+    for row in measured:
+        drawn.add_row(*_cells(table, row), end_section=bool(reported) and row is measured[-1])
+    if reported:
+        drawn.add_row(Text("reported:", style="dim"))
+    for row in reported:
+        drawn.add_row(*_cells(table, row), style="italic")
+    return drawn
+
+
+def _breakable(header: str) -> str:
+    return (
+        header.replace("-", "-\n").replace("/", "/\n").replace("PCK ", "PCK\n").replace("95 % CI", "95 %\nCI")
+    )
+
+
+def _cells(table: Table, row: Row) -> list[Text]:
+    return [
+        Text(row.name),
+        *(
+            Text(table.text(row, k), style="bold" if table.is_best(row, k) else "")
+            for k in range(len(table.columns))
+        ),
+    ]
+
+
+def _write_evaluation(folder: Path, evaluation: Evaluation) -> list[str]:
+    """Write ``report.md``, ``.csv``, ``.json`` and ``bars.png``; return their names."""
+    names = ["report.md", "report.csv", "report.json"]
+    for name, text in (
+        ("report.md", export.markdown(evaluation)),
+        ("report.csv", export.to_csv(evaluation)),
+        ("report.json", export.to_json(evaluation)),
+    ):
+        atomic_write_text(folder / name, text)
+    if not can_draw():
+        tell(Finding("no_pictures"))
+        return names
+    from skelsplat import viz  # matplotlib takes long to load, and --help does without
+
+    viz.write_bars(folder / "bars.png", _bars(evaluation))
+    return [*names, "bars.png"]
+
+
+def _bars(evaluation: Evaluation) -> BarData:
+    from skelsplat import viz  # as in _write_evaluation
+
+    overall = tables.overall(evaluation)
+    rows = [row for row in overall.rows if row.cells[0] is not None]
+    intervals = {s.method: (s.absolute.low, s.absolute.high) for s in evaluation.scores}
+    ends = [(np.nan, np.nan) if row.reported else intervals[row.name] for row in rows]
+    real = " on the real data set" if evaluation.simulated else ""
+    others = f" Grey: reported{real}, not measured here." if evaluation.published else ""
+    return viz.BarData(
+        names=tuple(row.name for row in rows),
+        values=np.array([row.cells[0] for row in rows], dtype=np.float64),
+        low=np.array([low for low, _ in ends]),
+        high=np.array([high for _, high in ends]),
+        measured=np.array([not row.reported for row in rows]),
+        title=overall.title.partition(":")[0],
+        axis="absolute MPJPE, mm, with 95 % interval over takes",
+        caption=f"{evaluation.dataset.source or evaluation.dataset.name}.{others}",
+    )
+
+
+@contextmanager
+def _progress(*, shown: bool) -> Iterator[Callable[[str, str, int, int], None]]:
+    """Yield what `evaluate` reports to: a bar of poses on stderr, if that is a terminal."""
+    with bar_of("poses", shown=shown) as bar:
+        task = bar.add_task("evaluating", total=None)
+
+        def report(method: str, take: str, done: int, total: int) -> None:
+            bar.update(task, completed=done, total=total, description=f"{method}, {take}")
+
+        yield report

@@ -4,27 +4,25 @@ from __future__ import annotations
 
 import os
 import sys
-import time
 from typing import TYPE_CHECKING, BinaryIO
 
-import numpy as np
 import typer
 
 import skelsplat as sk
 from skelsplat.cli import _calibration as calibration
-from skelsplat.cli import _options as options
+from skelsplat.cli import options
 from skelsplat.cli._app import FAILED, INTERRUPTED
 from skelsplat.cli._calibration import CalibrationOptions
-from skelsplat.cli._checks import one_of
-from skelsplat.cli._lines import MalformedLineError, answer_text, parse_line
-from skelsplat.cli._pipeline import collected_warnings
+from skelsplat.cli.options import one_of
+from skelsplat.cli.table import tell
 from skelsplat.exceptions import DatasetError
+from skelsplat.findings import collected_warnings
+from skelsplat.run.live import MalformedLineError, Session
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
 EPILOG = "Exit status: 0 at the end of the input, 1 failed, 2 bad usage, 130 interrupted."
-_PERCENTILES = (50, 90, 99, 99.9)
 
 
 def live(
@@ -40,7 +38,7 @@ def live(
     size: calibration.Size = None,
     binning: calibration.Binning = None,
     no_swaps: options.NoSwaps = False,
-    sigma: options.Sigma = None,
+    sigma_mm: options.Sigma = None,
     quiet: options.Quiet = False,
 ) -> None:
     """Refine frame after frame: JSON lines of detections on stdin, of poses on stdout.
@@ -64,10 +62,8 @@ def live(
     the line before. "latency_ms" is the time from having read the line to the
     answer.
 
-    The language of stdin and stdout is JSON already: there is no --json.
-
-    A malformed line is named on stderr with its number and skipped. At the end
-    stderr has the count of the lines and percentiles of the latency.
+    Malformed lines are skipped and reported on stderr with their numbers. At the
+    end stderr has the count of the lines and percentiles of the latency.
 
     [bold]Examples[/bold]
 
@@ -79,12 +75,12 @@ def live(
     read = CalibrationOptions(unit, calibration_format, camera_type, subject, size, binning)
     settings = {
         "min_confidence": min_confidence,
-        "sigma": sigma,
+        "sigma_mm": sigma_mm,
         "undistort": False if no_undistort else None,
         "find_swaps": False if no_swaps else None,
     }
     given = {name: value for name, value in settings.items() if value is not None}
-    with collected_warnings(lambda text: _say(f"warning: {text}")):
+    with collected_warnings(tell):
         rig = read.read(source, format_option="--calibration-format")
         if len(rig) < 2:
             raise DatasetError(source, "cameras", "at least two cameras", len(rig))
@@ -133,59 +129,3 @@ def _serve(session: Session, source: BinaryIO, target: BinaryIO) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nothing is left to flush at exit
         return FAILED
     return 0
-
-
-class Session:
-    """A refiner with its latencies: one line in, one line out.
-
-    Parameters
-    ----------
-    rig, layout, config
-        As for `skelsplat.Refiner`.
-    """
-
-    def __init__(self, rig: sk.CameraRig, layout: sk.Layout, config: sk.RefineConfig) -> None:
-        self._refiner = sk.Refiner(rig, layout=layout, config=config)
-        self._size = (len(rig), layout.n_joints)
-        self._latencies_ms: list[float] = []
-        self._skipped = 0
-        self._begun = self._ended = 0.0
-
-    def answer(self, line: bytes) -> bytes | None:
-        """Return the line that answers ``line``, None for a blank one.
-
-        Raises
-        ------
-        MalformedLineError
-            If the line is malformed; it is counted as skipped.
-        """
-        begin = time.perf_counter()
-        try:
-            frame = parse_line(line, *self._size)
-            if frame is None:
-                return None
-            if frame.reset:
-                self._refiner.reset()
-            text = answer_text(frame, self._refiner.step(frame.detections))
-        except sk.SkelSplatError as error:
-            self._skipped += 1
-            raise MalformedLineError(str(error)) from error
-        except MalformedLineError:
-            self._skipped += 1
-            raise
-        self._ended = time.perf_counter()
-        self._begun = self._begun or begin
-        self._latencies_ms.append(1000.0 * (self._ended - begin))
-        return f'{text}, "latency_ms": {self._latencies_ms[-1]:.4f}}}\n'.encode()
-
-    def summary(self) -> str:
-        """Return how many lines were answered and skipped, how fast, and the percentiles of the latency."""
-        count = len(self._latencies_ms)
-        answered = f"lines answered {count}, skipped {self._skipped}"
-        if not count:
-            return answered
-        values = np.percentile(self._latencies_ms, _PERCENTILES)
-        parts = [f"{share:g}% {value:.3f}" for share, value in zip(_PERCENTILES, values, strict=True)]
-        rate = count / max(self._ended - self._begun, 1e-9)
-        longest = f"longest {max(self._latencies_ms):.3f}"
-        return f"{answered}; {rate:.0f} per second; latency in ms: {', '.join(parts)}, {longest}"

@@ -8,11 +8,12 @@ from typing import Annotated
 import typer
 
 import skelsplat as sk
-from skelsplat.cli import _options as options
-from skelsplat.cli._checks import positive
-from skelsplat.cli._frame_range import FrameRange, Range
-from skelsplat.cli._json import print_json
-from skelsplat.cli._pipeline import collected_warnings
+from skelsplat._opencv import opencv
+from skelsplat.cli import options
+from skelsplat.cli.options import positive
+from skelsplat.cli.output import counting, print_json
+from skelsplat.cli.table import tell
+from skelsplat.findings import collected_warnings
 
 EPILOG = (
     "Videos are MP4 with MPEG-4 part 2 (mp4v), which VLC and most players show but browsers do not; ffmpeg "
@@ -117,7 +118,7 @@ def overlay(
     camera: _Camera = None,
     order: _Order = None,
     first_frame: _FirstFrame = None,
-    range: Range = None,
+    range: options.Range = None,
     no_detections: _NoDetections = False,
     no_ellipses: _NoEllipses = False,
     no_pose: _NoPose = False,
@@ -148,8 +149,9 @@ def overlay(
 
     skelsplat overlay out frames/ --fps 60 --scale 0.5 --no-detections
     """
-    from skelsplat.cli._overlay_job import OverlayJob  # OpenCV and matplotlib take long to load
-    from skelsplat.cli._overlay_run import draw, summary
+    opencv()  # first: its extra has all that the command needs
+    from skelsplat.run.frame_range import FrameRange
+    from skelsplat.run.overlay import OverlayJob, write_overlay  # OpenCV takes long to load
     from skelsplat.viz.overlay import Shown
 
     job = OverlayJob(
@@ -174,14 +176,11 @@ def overlay(
         png=png,
         grid=grid,
     )
-    with collected_warnings(_tell) as remarks:
-        written = draw(job, shown=not quiet)
+    with collected_warnings(tell) as remarks, counting("frames", shown=not quiet) as progress:
+        written = write_overlay(job, progress)
     if as_json:
-        print_json(summary(job, written, remarks))
+        files, texts = [one.to_dict() for one in written], [remark.text for remark in remarks]
+        print_json({"run": str(run), "videos": str(videos), "files": files, "warnings": texts})
     elif not quiet:
         for one in written:
             typer.echo(f"{one.path}: {one.frames} frames of {one.size[0]}×{one.size[1]}")
-
-
-def _tell(warning: str) -> None:
-    typer.echo(f"warning: {warning}", err=True)

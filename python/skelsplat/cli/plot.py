@@ -8,16 +8,10 @@ from typing import Annotated, Any
 import typer
 from rich.console import Console
 
-from skelsplat.cli import _options as options
-from skelsplat.cli._checks import some_of
-from skelsplat.cli._frame_range import FrameRange, Range
-from skelsplat.cli._json import print_json
-from skelsplat.cli._output_folder import output_folder
-from skelsplat.cli._plot_figures import PICTURES, Drawn, Order
-from skelsplat.cli._plot_numbers import chosen_joints
-from skelsplat.cli._plot_source import Source, read_source
-from skelsplat.cli._progress import bar_of
-from skelsplat.exceptions import DatasetError
+from skelsplat.cli import options
+from skelsplat.cli.output import counting, print_json
+from skelsplat.run.frame_range import FrameRange
+from skelsplat.run.plots import PICTURES, Drawn, Source, read_source, write_plots
 
 EPILOG = (
     "trajectories: positions with bands of ±1 and ±2 standard deviations. bones: lengths of the limbs, left "
@@ -80,7 +74,7 @@ def plot(
     *,
     only: _Only = _ALL,
     joints: _Joints = None,
-    range: Range = None,
+    range: options.Range = None,
     layout: _Layout = None,
     output: _Output = None,
     format: _Format = "png",
@@ -103,16 +97,14 @@ def plot(
 
     skelsplat plot out --json | jq .bones
     """
-    pictures = some_of("--only", only, tuple(PICTURES))
-    formats = some_of("--format", format, _FORMATS)
-    source = read_source(run, layout, FrameRange.parse(range))
+    pictures, formats = (
+        options.some_of("--only", only, PICTURES),
+        options.some_of("--format", format, _FORMATS),
+    )
+    source = read_source(run, layout=layout, range=FrameRange.parse(range), joints=joints)
     folder = output or (run.parent if run.is_file() else run) / "plots"
-    order = Order(folder, formats, chosen_joints(joints, source.poses.joint_names))
-    with output_folder(folder):
-        drawn = _draw(source, order, pictures, shown=not quiet)
-        if not any(picture.files for picture in drawn):
-            reasons = "; ".join(f"{picture.name}: {picture.sentence}" for picture in drawn)
-            raise DatasetError(run, "figures", "something to draw", f"none ({reasons})")
+    with counting("figures", shown=not quiet) as progress:
+        drawn = write_plots(source, folder, only=pictures, formats=formats, progress=progress)
     for picture in drawn:
         if not picture.files and (quiet or as_json):
             typer.echo(f"warning: {picture.name} left out: {picture.sentence}", err=True)
@@ -120,16 +112,6 @@ def plot(
         print_json(_report(source, drawn))
     elif not quiet:
         _tell(folder, drawn)
-
-
-def _draw(source: Source, order: Order, pictures: tuple[str, ...], *, shown: bool) -> list[Drawn]:
-    drawn = []
-    with bar_of("figures", shown=shown) as bar:
-        task = bar.add_task("drawing", total=len(pictures))
-        for name in pictures:
-            drawn.append(PICTURES[name](source, order))
-            bar.advance(task)
-    return drawn
 
 
 def _tell(folder: Path, drawn: list[Drawn]) -> None:

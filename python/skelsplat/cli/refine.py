@@ -8,14 +8,14 @@ import typer
 
 import skelsplat as sk
 from skelsplat.cli import _calibration as calibration
-from skelsplat.cli import _options as options
+from skelsplat.cli import options
 from skelsplat.cli._calibration import CalibrationOptions
-from skelsplat.cli._checks import formats, one_of, positive
-from skelsplat.cli._job import Job, Verbosity
-from skelsplat.cli._over_time import over_time
 from skelsplat.cli._reading import reading
 from skelsplat.cli._run import run
+from skelsplat.cli.options import formats, one_of, positive
 from skelsplat.io.poses import MARKER_NAMES
+from skelsplat.run.job import Job, Verbosity
+from skelsplat.run.over_time import over_time
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -44,7 +44,7 @@ def refine(
     joint_map: options.JointMap = None,
     sequence: options.Sequence = None,
     init: options.Init = None,
-    init_sigma: options.InitSigma = None,
+    init_sigma_mm: options.InitSigma = None,
     min_confidence: options.MinConfidence = None,
     no_undistort: options.NoUndistort = False,
     unit: calibration.Unit = None,
@@ -55,8 +55,8 @@ def refine(
     binning: calibration.Binning = None,
     paper: options.Paper = False,
     no_swaps: options.NoSwaps = False,
-    sigma: options.Sigma = None,
-    occlusion_sigma: options.OcclusionSigma = None,
+    sigma_mm: options.Sigma = None,
+    occlusion_sigma_mm: options.OcclusionSigma = None,
     symmetry_tier: options.SymmetryTier = None,
     max_steps: options.MaxSteps = None,
     threads: options.Threads = None,
@@ -91,13 +91,13 @@ def refine(
 
     skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b --paper
 
-    skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b --init mono.npz --init-sigma 40
+    skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b --init mono.npz --init-sigma-mm 40
 
     skelsplat refine --config run.toml
     """
     settings = {
-        "sigma": sigma,
-        "occlusion_sigma": occlusion_sigma,
+        "sigma_mm": sigma_mm,
+        "occlusion_sigma_mm": occlusion_sigma_mm,
         "symmetry_tier": symmetry_tier,
         "max_steps": max_steps,
         "min_confidence": min_confidence,
@@ -119,7 +119,7 @@ def refine(
         without=tuple(dict.fromkeys(without or [])),
         sequence=sequence,
         init=init,
-        init_sigma_mm=_init_sigma(init_sigma, init, paper=paper),
+        init_sigma_mm=_init_sigma(init_sigma_mm, init, paper=paper),
         paper=paper,
         fps=positive("--fps", fps),
         y_up=y_up,
@@ -129,8 +129,8 @@ def refine(
         over_time=over_time(filter, fps, fill_gaps, fill_method, weak=fill_weak),
         settings={name: value for name, value in settings.items() if value is not None},
     )
-    positive("--sigma", sigma)
-    positive("--occlusion-sigma", occlusion_sigma)
+    positive("--sigma-mm", sigma_mm)
+    positive("--occlusion-sigma-mm", occlusion_sigma_mm)
     run(job, Verbosity(quiet=quiet, as_json=as_json))
 
 
@@ -145,10 +145,10 @@ def _person(value: str) -> str:
 def _init_sigma(value: float | None, init: Path | None, *, paper: bool) -> float | None:
     """Return the standard deviation of ``--init`` in mm, which needs a pose and the default method."""
     if value is not None and init is None:
-        raise typer.BadParameter("expected --init beside it, got none", param_hint="--init-sigma")
+        raise typer.BadParameter("expected --init beside it, got none", param_hint="--init-sigma-mm")
     if value is not None and paper:
         raise typer.BadParameter(
             "expected a run without --paper (the paper's start is no observation), got both",
-            param_hint="--init-sigma",
+            param_hint="--init-sigma-mm",
         )
-    return positive("--init-sigma", value)
+    return positive("--init-sigma-mm", value)

@@ -8,12 +8,9 @@ from typing import Annotated
 import typer
 
 from skelsplat import synthetic
-from skelsplat.cli import _options as options
-from skelsplat.cli._calibration import usage
-from skelsplat.cli._checks import one_of
-from skelsplat.cli._json import print_json
+from skelsplat.cli import options
+from skelsplat.cli.output import print_json
 from skelsplat.datasets._synth_writer import write_simulated
-from skelsplat.exceptions import InvalidInputError
 
 Name = Annotated[str, typer.Argument(metavar="NAME", help=", ".join(synthetic.set_names) + ".")]
 Root = Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder to make; must not exist or be empty.")]
@@ -52,11 +49,8 @@ def synth(
 
     skelsplat synth dome data/dome --poses 100 --openpose
     """
-    one_of("NAME", name, synthetic.set_names)
-    try:
-        data = synthetic.simulate_set(name, poses=poses, seed=seed)
-    except InvalidInputError as error:
-        raise usage(error, {"poses": "--poses"}) from error
+    options.one_of("NAME", name, synthetic.set_names)
+    data = synthetic.simulate_set(name, poses=poses, seed=seed)
     write_simulated(root, data, openpose=openpose, force=force)
     if as_json:
         takes = len(data.recordings)

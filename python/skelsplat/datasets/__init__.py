@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from skelsplat.datasets._check import Report, check
-from skelsplat.datasets._finding import Finding
+from skelsplat.datasets._files import Survey
 from skelsplat.datasets._model import Dataset, Take
-from skelsplat.datasets._registry import names, read
+from skelsplat.datasets._registry import Report, check, names, read
 from skelsplat.datasets._verify import verify
 
-__all__ = ["Dataset", "Finding", "Report", "Take", "check", "names", "read", "verify"]
+__all__ = ["Dataset", "Report", "Survey", "Take", "check", "names", "read", "verify"]

@@ -1,15 +1,10 @@
-"""Detections of any source as (T, M, N, 3), and those that are kept apart from the truth.
-
-Kept apart, they are a folder ``<subject>/<activity>[/<camera>]/poses.npz|json`` (the authors' layout), one
-npz (``positions_2d`` as in VideoPose3D, or an array per key ``"S9/Directions 1"``) or one JSON
-(``{"S9": {"Directions 1": [...]}}``).
-"""
+"""Detections of any source as (T, M, N, 3), the files that hold arrays of poses, and names of detectors."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skelsplat._skelsplat import Layout
-from skelsplat.datasets._files import FloatArray, as_numbers, load_json, load_npz
+from skelsplat.datasets._files import FloatArray, as_numbers, load_json, load_npz, numbers, require
 from skelsplat.exceptions import DatasetError
 
 KEYS_2D = ("poses", "poses2d")
 """Keys of 2D poses in the authors' files; the first that is there counts."""
+KEYS_3D = ("poses", "poses3d")
 
 _DETECTORS = {"cpn_ft_h36m_dbb": "cpn", "resnet_152": "resnet152", "resnet_50": "resnet50"}
 
@@ -79,120 +75,31 @@ def _with_missing(array: FloatArray) -> FloatArray:
     return out
 
 
-def same_name(text: str) -> str:
-    """Return what two spellings of a folder's name have in common."""
-    return re.sub(r"[\s_]+", " ", text.strip().lower())
+PREFERRED = ("metrabs", "resnet152", "cpn", "resnet50")
+"""Which detector is read if the caller does not say: the first of these that is there, else by name."""
 
 
-class Separate:
-    """Detections that are kept apart from the truth.
-
-    Parameters
-    ----------
-    path : Path
-        A folder or a file, as the module's docstring says.
-    spelling : callable
-        Gives two names of the same activity the same text.
-    """
-
-    def __init__(self, path: Path, spelling: Callable[[str], str] = same_name) -> None:
-        self.path = path
-        self._spelling = spelling
-        self._content: Any = None
-        if path.is_file():
-            self._content = _whole(path)
-        elif not path.is_dir():
-            raise DatasetError(path, "detections", "a folder, an npz or a JSON file", "nothing in this place")
-
-    def read(self, subject: str, activity: str, wanted: Wanted) -> tuple[FloatArray, Path] | None:
-        """Return the detections of a take and the file they are in, or None if it has none.
-
-        Raises
-        ------
-        DatasetError
-            If a view is missing, or frames or joints are not those wanted.
-        """
-        if self._content is None:
-            folder = self._named(self.path / subject, activity)
-            return None if folder is None else (read_folder(folder, wanted), folder)
-        takes = self._content.get(subject, {})
-        if not isinstance(takes, dict):
-            raise DatasetError(self.path, subject, "a table of activities", type(takes).__name__)
-        for name, value in takes.items():
-            if self._spelling(str(name)) == self._spelling(activity):
-                field = f"{subject}.{name}"
-                return as_detections(self.path, field, _stacked(self.path, field, value), wanted), self.path
-        return None
-
-    def _named(self, folder: Path, activity: str) -> Path | None:
-        if (folder / activity).is_dir():
-            return folder / activity
-        same = self._spelling(activity)
-        there = sorted(folder.iterdir()) if folder.is_dir() else []
-        return next((path for path in there if path.is_dir() and self._spelling(path.name) == same), None)
-
-
-def _whole(path: Path) -> dict[Any, Any]:
-    """Return {subject: {activity: value}} of a file with all detections."""
-    if path.suffix == ".json":
-        content = load_json(path)
-        if not isinstance(content, dict):
-            raise DatasetError(path, "JSON", "a table of subjects", type(content).__name__)
-        return content
-    arrays = load_npz(path)
-    if "positions_2d" in arrays:
-        nested = arrays["positions_2d"]
-        if not isinstance(nested, dict):
-            raise DatasetError(path, "positions_2d", "a table of subjects", type(nested).__name__)
-        return nested
-    content = {}
-    for key, value in arrays.items():
-        subject, slash, activity = key.partition("/")
-        if slash:
-            content.setdefault(subject, {})[activity] = value
-    if not content:
-        raise DatasetError(path, "keys", "positions_2d, or subject/activity", ", ".join(arrays) or "none")
-    return content
-
-
-def _stacked(path: Path, field: str, value: Any) -> Any:
-    """Return (T, M, N, 2 or 3) from that, or from a list of one array (T, N, 2 or 3) per view."""
-    if isinstance(value, np.ndarray) and value.dtype == object:
-        value = list(value)
-    if not (isinstance(value, list) and value and isinstance(value[0], np.ndarray)):
-        return value
-    lengths = [len(view) for view in value]
-    if len({view.shape for view in value}) > 1:
-        raise DatasetError(path, field, "as many frames in every view", f"frames {lengths}")
-    return np.stack(value, axis=1)
-
-
-def read_folder(folder: Path, wanted: Wanted, keys: Sequence[str] = KEYS_2D) -> FloatArray:
-    """Return the detections in ``folder[/<camera>]/poses.npz|json``.
+def choose_detector(there: dict[str, Path], wanted: str | None, folder: Path) -> str | None:
+    """Return the detector to read, None if there is none.
 
     Raises
     ------
     DatasetError
-        If the folder of a view is missing, or its frames or joints are not those wanted.
+        If the wanted one is not there.
     """
-    together = poses_file(folder)
-    if together is not None:
-        field, value = first_key(together, load_poses(together), keys)
-        return as_detections(together, field, value, wanted)
-    views = []
-    for name in wanted.views:
-        path = poses_file(folder / name)
-        if path is None:
-            expected = f"detections of camera {name}"
-            raise DatasetError(folder / name / "poses.npz", "file", expected, "no file (nor poses.json)")
-        one_view = Wanted(wanted.key, wanted.frames, (name,), wanted.layout)
-        views.append(_one_view(path, keys, one_view))
-    return np.concatenate(views, axis=1)
+    if wanted is not None:
+        if wanted not in there:
+            raise DatasetError(
+                folder, "detector", f"detections of {wanted}", f"only {', '.join(there) or 'none'}"
+            )
+        return wanted
+    known = [name for name in PREFERRED if name in there]
+    return next(iter([*known, *sorted(there, key=lambda name: name == "gt")]), None)
 
 
-def poses_file(folder: Path) -> Path | None:
-    """Return the file of poses in a folder, if there is one."""
-    paths = [folder / "poses.npz", folder / "poses.json"]
+def poses_file(folder: Path, stems: Sequence[str] = ("poses",)) -> Path | None:
+    """Return the file of poses in a folder, npz or JSON, if there is one; the first stem counts."""
+    paths = [folder / f"{stem}{ending}" for stem in stems for ending in (".npz", ".json")]
     return next((path for path in paths if path.is_file()), None)
 
 
@@ -213,16 +120,6 @@ def first_key(path: Path, content: dict[str, Any], keys: Sequence[str]) -> tuple
     raise DatasetError(path, keys[0], f"one of the keys {', '.join(keys)}", f"only {there}")
 
 
-def _one_view(path: Path, keys: Sequence[str], wanted: Wanted) -> FloatArray:
-    """Return (T, 1, N, 3) of one camera's file; scores beside the poses are their confidence."""
-    content = load_poses(path)
-    field, value = first_key(path, content, keys)
-    array = as_numbers(path, field, value)
-    if array.ndim == 3:
-        array = array[:, None]
-    return as_detections(path, field, with_scores(path, array, content), wanted)
-
-
 def with_scores(path: Path, array: FloatArray, content: dict[str, Any]) -> FloatArray:
     """Return pixels (…, 2) with the ``scores`` of their file as confidence, if it has them."""
     if "scores" not in content or array.shape[-1:] != (2,):
@@ -231,3 +128,21 @@ def with_scores(path: Path, array: FloatArray, content: dict[str, Any]) -> Float
     if scores.size != math.prod(array.shape[:-1]):
         raise DatasetError(path, "scores", f"shape {array.shape[:-1]}", scores.shape)
     return np.concatenate([array, scores.reshape(*array.shape[:-1], 1)], axis=-1)
+
+
+def read_truth(path: Path, n_joints: int) -> tuple[str, FloatArray, NDArray[np.int64] | None]:
+    """Return key and values of the joints (T, N, 3) of a file, and its ``frames`` (T,), if it has them."""
+    content = load_npz(path)
+    key = next((key for key in KEYS_3D if key in content), KEYS_3D[-1])
+    truth = numbers(path, key, require(path, "", content, key), ("T", n_joints, 3))
+    return key, truth, frame_numbers(path, content["frames"]) if "frames" in content else None
+
+
+def frame_numbers(path: Path, value: Any, count: int | None = None) -> NDArray[np.int64]:
+    """Return frame numbers, which ascend; as many as `count`, if that is known."""
+    frames = np.asarray(value)
+    fits = frames.ndim == 1 and frames.dtype.kind in "iu" and count in (None, len(frames))
+    if not fits or (np.diff(frames) <= 0).any():
+        expected = f"{'' if count is None else f'{count} '}whole numbers that ascend"
+        raise DatasetError(path, "frames", expected, f"{frames.dtype} {frames.shape}")
+    return frames.astype(np.int64)

@@ -1,12 +1,13 @@
-"""Opening the files of data sets, with errors that name the file and the field."""
+"""Finding and opening the files of data sets, with errors that name the file and the field."""
 
 from __future__ import annotations
 
 import json
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
 
@@ -18,6 +19,47 @@ from skelsplat.io._files import parse_json
 from skelsplat.io._unpickle import read_array, unpickle
 
 FloatArray = NDArray[np.float64]
+
+
+@dataclass
+class Survey:
+    """Files of a data set.
+
+    Attributes
+    ----------
+    there : list of Path
+    missing : list of (Path, str)
+        Where a file or folder was expected, and what it would hold.
+    format : str
+        The layout on disk that was chosen or found; "" if the data set has one only.
+    """
+
+    there: list[Path] = field(default_factory=list)
+    missing: list[tuple[Path, str]] = field(default_factory=list)
+    format: str = ""
+
+    def look(self, candidates: Sequence[Path], what: str) -> None:
+        """Note whether one of `candidates` exists."""
+        found = next((path for path in candidates if path.exists()), None)
+        if found is None:
+            self.missing.append((candidates[0], what))
+        else:
+            self.there.append(found)
+
+
+def find(candidates: Sequence[Path], what: str) -> Path:
+    """Return the first of `candidates` that exists.
+
+    Raises
+    ------
+    DatasetError
+        If none does; names all of them.
+    """
+    for path in candidates:
+        if path.exists():
+            return path
+    others = ", ".join(str(path) for path in candidates[1:])
+    raise DatasetError(candidates[0], "file", what, f"nothing there{', nor at ' if others else ''}{others}")
 
 
 @contextmanager
@@ -102,6 +144,15 @@ def require(path: Path, field: str, container: Any, key: Any) -> Any:
         there = ", ".join(map(str, list(names or container)[:8])) or "nothing"
         raise DatasetError(path, within(field, key), "a value under this key", f"none (there are {there})")
     raise DatasetError(path, field or "file", f"a table with the key {key!r}", type(container).__name__)
+
+
+def whole_number(path: Path, field: str, container: Any, key: Any) -> int:
+    """Return ``container[key]`` as an integer."""
+    value = require(path, field, container, key)
+    try:
+        return int(value)
+    except (TypeError, ValueError, OverflowError):
+        raise DatasetError(path, within(field, key), "a whole number", repr(value)[:40]) from None
 
 
 def a_table(path: Path, field: str, value: Any) -> dict[Any, Any]:

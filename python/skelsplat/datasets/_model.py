@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,22 +77,45 @@ class Take:
     def select(self, keep: NDArray[np.bool_] | NDArray[np.int64] | slice) -> Take:
         """Return the take with only the frames `keep`."""
 
-        def some(value: NDArray[np.generic] | None) -> NDArray[np.generic] | None:
+        def some(value: NDArray[Any] | None) -> Any:
             return None if value is None else value[keep]
 
-        return Take(
-            self.key,
-            self.subject,
-            self.action,
-            self.rig,
-            self.frames[keep],
-            self.truth[keep],
-            some(self.detections),  # type: ignore[arg-type]
-            some(self.monocular),  # type: ignore[arg-type]
-            some(self.boxes),  # type: ignore[arg-type]
-            some(self.visible),  # type: ignore[arg-type]
-            self.files,
+        arrays = ("frames", "truth", "detections", "monocular", "boxes", "visible")
+        return replace(self, **{name: some(getattr(self, name)) for name in arrays})
+
+    def with_views(self, places: Sequence[int]) -> Take:
+        """Return the take with only the cameras at these places, in this order.
+
+        Monocular poses are cut with the views if there is one per camera.
+        """
+        chosen = list(places)
+        if chosen == list(range(len(self.rig))):
+            return self
+
+        def some(value: NDArray[Any] | None) -> Any:
+            return None if value is None else value[:, chosen]
+
+        per_view = self.monocular is not None and self.monocular.shape[1] == len(self.rig)
+        return replace(
+            self,
+            rig=CameraRig([self.rig[i] for i in chosen], self.rig.unit),
+            detections=some(self.detections),
+            boxes=some(self.boxes),
+            visible=some(self.visible),
+            monocular=some(self.monocular) if per_view else self.monocular,
         )
+
+    @property
+    def detected(self) -> float | None:
+        """Share of joints in all views and frames that are detected; None without detections."""
+        if self.detections is None or not self.detections.size:
+            return None
+        return float(np.isfinite(self.detections[..., 0]).mean())
+
+    @property
+    def labelled(self) -> float | None:
+        """Share of joints in all frames that have a truth; None without frames."""
+        return float(np.isfinite(self.truth[..., 0]).mean()) if self.truth.size else None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skelsplat.datasets._detections import read_truth
 from skelsplat.datasets._files import (
     FloatArray,
     load_json,
-    load_npz,
     load_pickle,
     numbers,
     require,
+    whole_number,
     within,
 )
 from skelsplat.exceptions import DatasetError
@@ -76,10 +77,8 @@ def read_pickle(path: Path, views: Sequence[int]) -> Table:
     groups: dict[tuple[int, ...], dict[int, int]] = {}
     for k, record in enumerate(records):
         field = f"[{k}]"
-        who = [
-            int(require(path, field, record, key)) for key in ("subject", "action", "subaction", "image_id")
-        ]
-        groups.setdefault(tuple(who), {})[int(require(path, field, record, "camera_id"))] = k
+        *who, view = (whole_number(path, field, record, key) for key in (*_FRAME_KEYS, "camera_id"))
+        groups.setdefault(tuple(who), {})[view] = k
     there = set().union(*groups.values())
     for view in views:
         if view not in there:
@@ -123,13 +122,6 @@ def _table(
     )
 
 
-def _integer(path: Path, field: str, record: Any, key: str) -> int:
-    value = require(path, field, record, key)
-    if isinstance(value, bool) or not isinstance(value, int | np.integer):
-        raise DatasetError(path, within(field, key), "a whole number", repr(value))
-    return int(value)
-
-
 def _component(path: Path, k: int, record: Any, key: str, shape: tuple[int, ...]) -> FloatArray:
     """Return the numbers of a record's key; flags may be repeated along a last axis, a scale be one."""
     value = np.asarray(require(path, f"[{k}]", record, key))
@@ -149,15 +141,17 @@ def read_arrays(folder: Path, cameras: Path, views: Sequence[int]) -> Table:
         If a chosen camera is missing or the frames of both do not match.
     """
     path = folder / "poses.npz"
-    content = load_npz(path)
-    key = next((key for key in ("poses", "poses3d") if key in content), "poses3d")
-    truth = numbers(path, key, require(path, "", content, key), ("T", N_JOINTS, 3))
+    key, truth, own = read_truth(path, N_JOINTS)
     by_frame = load_json(cameras)
     if not isinstance(by_frame, dict) or not all(name.isdigit() for name in by_frame):
         raise DatasetError(cameras, "JSON", "a table of frame numbers", type(by_frame).__name__)
     frames = np.array(sorted(int(name) for name in by_frame), dtype=np.int64)
-    if "frames" in content:
-        frames = _own_frames(path, np.asarray(content["frames"]), frames, cameras)
+    if own is not None:
+        unknown = np.setdiff1d(own, frames)
+        if len(unknown):
+            got = f"frame {unknown[0]}, which is not there"
+            raise DatasetError(path, "frames", f"frames of {cameras}", got)
+        frames = own
     if len(frames) != len(truth):
         raise DatasetError(path, key, f"{len(frames)} frames as in {cameras}", f"{len(truth)}")
     names = {int(name): name for name in by_frame}
@@ -167,15 +161,6 @@ def read_arrays(folder: Path, cameras: Path, views: Sequence[int]) -> Table:
     ]
     activities = [f"S0/{folder.name}"] * len(frames)
     return Table(path, cameras, activities, frames, truth, tables, None, None, None, [])
-
-
-def _own_frames(path: Path, own: NDArray[Any], known: NDArray[np.int64], cameras: Path) -> NDArray[np.int64]:
-    if own.ndim != 1 or own.dtype.kind not in "iu":
-        raise DatasetError(path, "frames", "a list of whole numbers", f"{own.dtype} {own.shape}")
-    unknown = np.setdiff1d(own, known)
-    if len(unknown):
-        raise DatasetError(path, "frames", f"frames of {cameras}", f"frame {unknown[0]}, which is not there")
-    return own.astype(np.int64)
 
 
 def _entry(path: Path, frame: str, there: Any, view: int) -> tuple[str, Any]:

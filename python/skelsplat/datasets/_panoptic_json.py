@@ -55,7 +55,7 @@ def truth_files(folder: Path) -> dict[int, Path]:
     return dict(sorted(files.items()))
 
 
-def read_truth(files: Mapping[int, Path], person: int | None) -> tuple[NDArray[np.int64], FloatArray]:
+def read_bodies(files: Mapping[int, Path], person: int | None) -> tuple[NDArray[np.int64], FloatArray]:
     """Return the frames (T,) with the person in them and the joints (T, 19, 3), mm; NaN where not measured.
 
     `person` None is the only body that there is.

@@ -1,4 +1,4 @@
-"""Data sets by name.
+"""Data sets by name: reading and checking them.
 
 A reader is a module, or an object in one (``"module:NAME"``), with
 
@@ -14,15 +14,17 @@ from __future__ import annotations
 
 import inspect
 import os
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Protocol, cast
 
+from skelsplat.datasets._files import Survey
 from skelsplat.datasets._model import Dataset
-from skelsplat.datasets._verify import raise_fatal
+from skelsplat.datasets._reproject import ViewError, view_errors
+from skelsplat.datasets._verify import raise_errors, samples_of, verify
 from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.findings import Finding
 
 _MODULES = {
     "human36m": "skelsplat.datasets.human36m",
@@ -33,24 +35,6 @@ _MODULES = {
     "campus": "skelsplat.datasets._shelf_campus:CAMPUS",
     "synthetic": "skelsplat.datasets.synthetic",
 }
-
-
-@dataclass(frozen=True)
-class Survey:
-    """Files of a data set.
-
-    Attributes
-    ----------
-    there : sequence of Path
-    missing : sequence of (Path, str)
-        Where a file or folder was expected, and what it would hold.
-    format : str
-        The layout on disk that was chosen or found; "" if the data set has one only.
-    """
-
-    there: Sequence[Path] = field(default=())
-    missing: Sequence[tuple[Path, str]] = field(default=())
-    format: str = ""
 
 
 class Reader(Protocol):
@@ -134,5 +118,112 @@ def read(name: str, root: str | os.PathLike[str], **options: Any) -> Dataset:
     """
     module, path = prepared(name, root, options)
     dataset = module.read(path, **options)
-    raise_fatal(dataset)
+    raise_errors(dataset)
     return dataset
+
+
+@dataclass(frozen=True)
+class Report:
+    """What is in the folder of a data set.
+
+    Attributes
+    ----------
+    name : str
+    root : Path
+    survey : Survey
+        Files that are there, and those missing.
+    dataset : Dataset or None
+        What was read; None if it cannot be.
+    error : DatasetError or None
+        Why it cannot be read.
+    findings : tuple of Finding
+        What `verify` found; with an error among them `read` refuses the data.
+    errors : tuple of ViewError
+        Distance of the projected truth from the detections, per camera.
+    """
+
+    name: str
+    root: Path
+    survey: Survey
+    dataset: Dataset | None = field(default=None, repr=False)
+    error: DatasetError | None = None
+    findings: tuple[Finding, ...] = ()
+    errors: tuple[ViewError, ...] = ()
+
+    @property
+    def ok(self) -> bool:
+        """Whether nothing is missing and the data can be used."""
+        wrong = any(finding.severity == "error" for finding in self.findings)
+        return self.error is None and not self.survey.missing and not wrong
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the report as values of JSON."""
+        return {
+            "name": self.name,
+            "root": str(self.root),
+            "format": self.survey.format or None,
+            "ok": self.ok,
+            "files": {
+                "there": [str(path) for path in self.survey.there],
+                "missing": [{"path": str(path), "what": what} for path, what in self.survey.missing],
+            },
+            "error": None if self.error is None else str(self.error),
+            "findings": [finding.to_dict() for finding in self.findings],
+            "reprojection_px": [asdict(row) for row in self.errors],
+            "dataset": None if self.dataset is None else _as_dict(self.dataset),
+        }
+
+
+def _as_dict(dataset: Dataset) -> dict[str, Any]:
+    return {
+        "layout": dataset.layout.name,
+        "joints": dataset.layout.n_joints,
+        "detector": dataset.detector,
+        "source": dataset.source,
+        "notes": list(dataset.notes),
+        "takes": [
+            {
+                "key": take.key,
+                "subject": take.subject,
+                "action": take.action,
+                "frames": len(take),
+                "views": list(take.rig.names),
+                "unit": take.rig.unit,
+                "detected": take.detected,
+                "labelled": take.labelled,
+                "files": {part: str(path) for part, path in take.files.items()},
+            }
+            for take in dataset
+        ],
+    }
+
+
+def check(name: str, root: str | os.PathLike[str], **options: Any) -> Report:
+    """Say what is in the folder of a data set, what is missing, and whether the data mean what they should.
+
+    Parameters
+    ----------
+    name, root, **options
+        As for `read`.
+
+    Returns
+    -------
+    Report
+        Also if the data cannot be read: it says why.
+
+    Raises
+    ------
+    InvalidInputError
+        If the name or an option is unknown, or an option's value is.
+    DatasetError
+        If there is nothing at `root`.
+    """
+    module, path = prepared(name, root, options)
+    survey = module.survey(path, **options)
+    try:
+        dataset = module.read(path, **options)
+    except DatasetError as error:
+        return Report(name, path, survey, error=error)
+    samples = samples_of(dataset)
+    errors = view_errors(samples, dataset.layout)
+    return Report(name, path, survey, dataset, findings=verify(dataset, samples), errors=errors)

@@ -109,18 +109,18 @@ class ViewError:
     Attributes
     ----------
     camera : str
-    given : float
+    as_given : float
         Distance of the projected truth from the detections.
-    exchanged : float
+    sides_exchanged : float
         The same with left and right exchanged, of the joints that have a side.
-    other : float
+    best_other_camera : float
         The same if the detections were those of the other camera that fits best.
     """
 
     camera: str
-    given: float
-    exchanged: float
-    other: float
+    as_given: float
+    sides_exchanged: float
+    best_other_camera: float
 
 
 def view_errors(samples: list[Sample], layout: Layout) -> tuple[ViewError, ...]:

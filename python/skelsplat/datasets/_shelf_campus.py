@@ -17,16 +17,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from skelsplat._optional import require
 from skelsplat._skelsplat import Layout
 from skelsplat.cameras import CameraRig
-from skelsplat.datasets._actors_mat import read_actors
-from skelsplat.datasets._detections import Wanted, detector_name
-from skelsplat.datasets._files import FloatArray, load_json
-from skelsplat.datasets._kept_apart import detections_folder, read_apart
+from skelsplat.datasets._detections import Wanted
+from skelsplat.datasets._files import FloatArray, Survey, find, load_json, opened
+from skelsplat.datasets._kept_apart import detections_of, read_apart
 from skelsplat.datasets._model import Dataset, Take
-from skelsplat.datasets._places import Wishes, find
-from skelsplat.datasets._registry import Survey
 from skelsplat.datasets._rig import build_rig, camera_at_centre
 from skelsplat.exceptions import DatasetError
 from skelsplat.layouts import COCO17, SHELF14
@@ -64,50 +63,42 @@ class Scene:
         DatasetError
             If a file is missing or malformed; names the file and the field.
         """
-        return _read(self, root, detector, detections)
+        calibration = find(_calibrations(self, root), f"calibration of {self.name}")
+        rig = _rig(self, calibration)
+        truth = find(_truths(self, root), f"truth of {self.name}")
+        folder, name = detections_of(root, detector, detections)
+        takes = []
+        for k, (frames, joints) in enumerate(read_actors(truth, SHELF14.n_joints)[: self.n_actors]):
+            if not len(frames):
+                continue
+            key = f"S0/actor{k}"
+            files = {"truth": truth, "cameras": calibration}
+            take = Take(key, "S0", f"actor{k}", rig, frames, joints, files=files)
+            takes.append(take if folder is None else _with_detections(take, folder))
+        words = f"{self.name.capitalize()}, one take per actor, detections: {name or 'none'}"
+        return Dataset(self.name, SHELF14, tuple(takes), name, words)
 
     def survey(
         self, root: Path, *, detector: str | None = None, detections: Path | str | None = None
     ) -> Survey:
         """Say which files are there."""
-        return _survey(self, root, detector, detections)
+        found = Survey()
+        found.look(_calibrations(self, root), "calibration")
+        found.look(_truths(self, root), "truth")
+        if detections is not None:
+            found.look([Path(detections)], "detections")
+        else:
+            there = [path / "S0" for path in sorted(root.glob(f"2d_{detector or '*'}"))]
+            found.look(there or [root / f"2d_{detector or 'hrnet'}" / "S0"], "detections")
+        return found
 
 
 SHELF = Scene("shelf", (1032, 776), 5)
 CAMPUS = Scene("campus", (360, 288), 3)
 
+_MM_PER_M = 1000.0
 # The 12 limb joints of SHELF14 in COCO-17.
 _FROM_COCO = (16, 14, 12, 11, 13, 15, 10, 8, 6, 5, 7, 9)
-
-
-def _read(scene: Scene, root: Path, detector: str | None, detections: Path | str | None) -> Dataset:
-    calibration = find(_calibrations(scene, root), f"calibration of {scene.name}")
-    rig = _rig(scene, calibration)
-    truth = find(_truths(scene, root), f"truth of {scene.name}")
-    folder = detections_folder(root, detector, detections)
-    takes = []
-    for k, (frames, joints) in enumerate(read_actors(truth, SHELF14.n_joints)[: scene.n_actors]):
-        if not len(frames):
-            continue
-        key = f"S0/actor{k}"
-        files = {"truth": truth, "cameras": calibration}
-        take = Take(key, "S0", f"actor{k}", rig, frames, joints, files=files)
-        takes.append(take if folder is None else _with_detections(take, folder))
-    name = detector_name(detector or (folder.parent.name if folder and detections is None else "")) or None
-    words = f"{scene.name.capitalize()}, one take per actor, detections: {name or 'none'}"
-    return Dataset(scene.name, SHELF14, tuple(takes), name, words)
-
-
-def _survey(scene: Scene, root: Path, detector: str | None, detections: Path | str | None) -> Survey:
-    wishes = Wishes()
-    wishes.look(_calibrations(scene, root), "calibration")
-    wishes.look(_truths(scene, root), "truth")
-    if detections is not None:
-        wishes.look([Path(detections)], "detections")
-    else:
-        there = [path / "S0" for path in sorted(root.glob(f"2d_{detector or '*'}"))]
-        wishes.look(there or [root / f"2d_{detector or 'hrnet'}" / "S0"], "detections")
-    return wishes.survey()
 
 
 def _calibrations(scene: Scene, root: Path) -> list[Path]:
@@ -136,10 +127,10 @@ def _rig(scene: Scene, path: Path) -> CameraRig:
 def _with_detections(take: Take, folder: Path) -> Take:
     spellings = [[name, f"cam{name}", f"Camera{name}"] for name in take.rig.names]
 
-    def found_as(layout: Layout) -> Any:
+    def found_as(layout: Layout) -> tuple[FloatArray, NDArray[np.int64], Path]:
         wanted = Wanted(take.key, take.frames, take.rig.names, layout)
-        inside = read_apart(folder / take.action, ["poses"], wanted, spellings)
-        return read_apart(folder, [take.action], wanted, spellings) if inside is None else inside
+        places = [(folder / take.action, ["poses"]), (folder, [take.action])]
+        return read_apart(places, wanted, spellings)
 
     try:
         found = found_as(SHELF14)
@@ -151,9 +142,6 @@ def _with_detections(take: Take, folder: Path) -> Take:
         except DatasetError:
             raise error from None
         found = (from_coco(found[0]), *found[1:])
-    if found is None:
-        path = folder / f"{take.action}.npz"
-        raise DatasetError(path, "file", f"detections of {take.action}", "nothing in this place")
     values, places, path = found
     return replace(take.select(places), detections=values, files={**take.files, "detections": path})
 
@@ -172,3 +160,65 @@ def from_coco(detections: FloatArray) -> FloatArray:
     head[..., 2] = confidence[..., None]
     head[np.isnan(head[..., 0])] = (np.nan, np.nan, 0.0)
     return np.concatenate([limbs, head], axis=-2)
+
+
+def read_actors(path: Path, n_joints: int) -> list[tuple[NDArray[np.int64], FloatArray]]:
+    """Return frames (T,), from 0, and joints (T, N, 3) mm of each actor, where it is labelled.
+
+    Raises
+    ------
+    DatasetError
+        If SciPy, which reads the file, is not installed, or the file is not as described.
+    """
+    content = _load(path)
+    if "actor3D" not in content:
+        there = ", ".join(key for key in content if not key.startswith("__")) or "nothing"
+        raise DatasetError(path, "actor3D", "cells of actors", f"only {there}")
+    actors = _cells(content["actor3D"])
+    while len(actors) == 1 and _is_cell(actors[0]) and _is_cell(actors[0].ravel()[0]):
+        actors = _cells(actors[0])  # the cell of actors may lie in cells of its own
+    if not actors:
+        raise DatasetError(path, "actor3D", "cells of actors", "none")
+    found = [_actor(path, f"actor3D{{{k + 1}}}", actor, n_joints) for k, actor in enumerate(actors)]
+    lengths = {length for length, _, _ in found}
+    if len(lengths) > 1:
+        raise DatasetError(path, "actor3D", "as many frames for every actor", sorted(lengths))
+    return [(frames, joints) for _, frames, joints in found]
+
+
+def _load(path: Path) -> dict[str, Any]:
+    loadmat = require("scipy.io", str(path), "evaluation").loadmat
+    with opened(path) as stream:
+        try:
+            return dict(loadmat(stream))
+        except NotImplementedError as error:
+            raise DatasetError(path, "file", "a MATLAB file before version 7.3", error) from error
+        except Exception as error:  # a damaged file can make the reader raise nearly anything
+            raise DatasetError(path, "file", "a complete MATLAB file", error) from error
+
+
+def _is_cell(value: Any) -> bool:
+    return isinstance(value, np.ndarray) and value.dtype == object and value.size > 0
+
+
+def _cells(value: Any) -> list[Any]:
+    return list(value.ravel()) if _is_cell(value) else []
+
+
+def _actor(path: Path, field: str, cells: Any, n_joints: int) -> tuple[int, NDArray[np.int64], FloatArray]:
+    frames, poses = [], []
+    values = _cells(cells)
+    for k, value in enumerate(values):
+        pose = np.asarray(value)
+        while pose.dtype == object and pose.size == 1:
+            pose = np.asarray(pose.ravel()[0])
+        if pose.size < 3:  # not labelled: an empty matrix, or a single zero
+            continue
+        if pose.shape != (n_joints, 3) or pose.dtype.kind not in "fiu":
+            raise DatasetError(
+                path, f"{field}{{{k + 1}}}", f"joints ({n_joints}, 3), metres", f"shape {pose.shape}"
+            )
+        frames.append(k)
+        poses.append(_MM_PER_M * pose.astype(np.float64))
+    joints = np.stack(poses) if poses else np.empty((0, n_joints, 3))
+    return len(values), np.array(frames, dtype=np.int64), joints

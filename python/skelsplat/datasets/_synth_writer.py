@@ -5,90 +5,25 @@ from __future__ import annotations
 import json
 import secrets
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skelsplat import io
-from skelsplat._skelsplat import Camera, Layout
+from skelsplat._skelsplat import Camera
 from skelsplat.cameras import CameraRig
 from skelsplat.exceptions import DatasetError
+
+if TYPE_CHECKING:
+    from skelsplat.synthetic.recordings import Recording, RecordingSet
 
 FORMAT, FORMAT_VERSION = "skelsplat-simulated", 1
 INDEX = "dataset.json"
 
 Array = NDArray[Any]
-
-
-class Recording(Protocol):
-    """One take to be written; shapes and units as in `skelsplat.synthetic.recordings.Recording`."""
-
-    @property
-    def key(self) -> str:
-        """Folder of the take."""
-
-    @property
-    def subject(self) -> str:
-        """Who."""
-
-    @property
-    def action(self) -> str:
-        """What."""
-
-    @property
-    def rig_name(self) -> str:
-        """Cameras."""
-
-    @property
-    def frames(self) -> NDArray[np.int64]:
-        """Frame numbers (T,)."""
-
-    @property
-    def truth(self) -> NDArray[np.float64]:
-        """World joints (T, N, 3)."""
-
-    @property
-    def boxes(self) -> NDArray[np.float64]:
-        """Boxes (T, M, 4)."""
-
-    @property
-    def detections(self) -> Mapping[str, NDArray[np.float64]]:
-        """Detections (T, M, N, 3) of each detector."""
-
-    @property
-    def monocular(self) -> NDArray[np.float64]:
-        """World poses (T, M, N, 3)."""
-
-    @property
-    def visible(self) -> NDArray[np.bool_] | None:
-        """Visible joints (T, M, N)."""
-
-
-class RecordingSet(Protocol):
-    """What `write_simulated` takes: `skelsplat.synthetic.simulate_set` makes it."""
-
-    @property
-    def name(self) -> str:
-        """Name of the data set."""
-
-    @property
-    def layout(self) -> Layout:
-        """Joints."""
-
-    @property
-    def rigs(self) -> Mapping[str, CameraRig]:
-        """Cameras by name of the rig."""
-
-    @property
-    def recordings(self) -> Sequence[Recording]:
-        """Takes."""
-
-    @property
-    def parameters(self) -> Mapping[str, Any]:
-        """What the data follow from."""
 
 
 def write_simulated(root: Path, data: RecordingSet, *, openpose: bool = False, force: bool = False) -> None:
@@ -99,6 +34,7 @@ def write_simulated(root: Path, data: RecordingSet, *, openpose: bool = False, f
     root : Path
         Must not exist, or be empty.
     data : RecordingSet
+        As `skelsplat.synthetic.simulate_set` makes it.
     openpose : bool
         Write the detections as OpenPose JSON too, one file per frame and camera.
     force : bool

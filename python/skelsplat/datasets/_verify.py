@@ -6,15 +6,20 @@ a wrong unit or an exchanged joint, and both show there.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from skelsplat._sentences.datasets import parts
 from skelsplat._skelsplat import Camera, Layout
-from skelsplat.cameras import CameraRig, without_distortion
+from skelsplat.cameras import MM_PER_UNIT, CameraRig, without_distortion
 from skelsplat.datasets import _reproject as rp
-from skelsplat.datasets._finding import Finding, file_of, merged
-from skelsplat.datasets._model import Dataset, FloatArray
+from skelsplat.datasets._model import Dataset, FloatArray, Take
+from skelsplat.exceptions import DatasetError
+from skelsplat.findings import Finding, Severity, Subject
 
 _BODY_MM = (400.0, 3500.0)
 """Diagonal of the box round a person: from a child that crouches to a tall one with arms spread."""
@@ -29,13 +34,14 @@ def samples_of(dataset: Dataset) -> list[rp.Sample]:
 
 
 def verify(dataset: Dataset, samples: list[rp.Sample] | None = None) -> tuple[Finding, ...]:
-    """Return what is wrong with a data set; what makes it useless first."""
+    """Return what is wrong with a data set; errors, with which it cannot be used, come first."""
     samples = samples_of(dataset) if samples is None else samples
     found = merged(finding for item in samples for finding in _unit(item, dataset.layout))
     if found:  # a wrong unit makes everything else look wrong as well
         return found
     exchanged = merged(finding for item in samples for finding in _sides(item, dataset.layout))
-    clean = [item for item in samples if item.take.key not in {key for f in exchanged for key in f.takes}]
+    wrong = {key for finding in exchanged for key in finding.subject.takes}
+    clean = [item for item in samples if item.take.key not in wrong]
     rest = [
         *_joint_order(clean, dataset.layout),
         *merged(finding for item in clean for finding in _views(item, dataset.layout)),
@@ -44,16 +50,48 @@ def verify(dataset: Dataset, samples: list[rp.Sample] | None = None) -> tuple[Fi
     return (*exchanged, *rest)
 
 
-def raise_fatal(dataset: Dataset) -> None:
-    """Raise the worst finding of `verify` if the data cannot be used.
+def raise_errors(dataset: Dataset) -> None:
+    """Raise the first error that `verify` finds.
 
     Raises
     ------
     DatasetError
     """
     for finding in verify(dataset):
-        if finding.fatal:
-            raise finding.error()
+        if finding.severity == "error":
+            raise DatasetError(Path(finding.subject.files[0]), *parts(finding))
+
+
+def merged(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Join findings of the same kind and cameras: the numbers of the first, the takes of all."""
+    found: dict[tuple[str, tuple[str, ...]], Finding] = {}
+    for finding in findings:
+        key = finding.kind, finding.subject.cameras
+        first = found.setdefault(key, finding)
+        if first is not finding:
+            takes = first.subject.takes + finding.subject.takes
+            found[key] = replace(first, subject=replace(first.subject, takes=takes))
+    return tuple(found.values())
+
+
+_DETECTIONS = ("detections", "truth")
+
+
+def _found(
+    kind: str,
+    take: Take,
+    files: Sequence[str],
+    numbers: Mapping[str, Any],
+    *,
+    severity: Severity = "warning",
+    cameras: Iterable[str] = (),
+    takes: Iterable[str] | None = None,
+) -> Finding:
+    """Return a finding in a take, in the first of its `files` that is known."""
+    file = next((take.files[part] for part in files if part in take.files), take.key)
+    where = (take.key,) if takes is None else tuple(takes)
+    subject = Subject(cameras=tuple(cameras), files=(str(file),), takes=where)
+    return Finding(f"dataset_{kind}", severity, subject, numbers)
 
 
 def body_size(poses: FloatArray) -> float:
@@ -72,38 +110,18 @@ def _unit(item: rp.Sample, layout: Layout) -> Iterator[Finding]:
     """Find bodies of no human size, and cameras inside the body or in the wrong scale."""
     take, unit = item.take, item.take.rig.unit
     scale = take.rig.mm_per_unit
-    size = scale * body_size(item.truth)
-    if layout.n_joints > 10 and not (np.isnan(size) or is_human(size)):
-        likely = _likely_unit(size / scale)
-        yield Finding(
-            "unit",
-            file_of(take, "truth"),
-            "truth",
-            f"joints in {unit}",
-            f"a body of {size / scale:.3g} {unit}{likely}",
-            fatal=True,
-            takes=(take.key,),
-        )
+    size = body_size(item.truth)
+    if layout.n_joints > 10 and not (np.isnan(size) or is_human(scale * size)):
+        kind, numbers = "truth_size", {"size": size, "unit": unit}
+        for name, mm in MM_PER_UNIT.items():
+            if is_human(mm * size):
+                kind, numbers = "truth_unit", {**numbers, "likely_unit": name}
+        yield _found(kind, take, ["truth"], numbers, severity="error")
         return
     factor = _camera_factor(item)
     if factor is not None:
-        yield Finding(
-            "unit",
-            file_of(take, "cameras"),
-            "cameras",
-            f"translations in {unit}",
-            f"cameras that fit if their translations are multiplied by {factor:g}",
-            fatal=True,
-            takes=(take.key,),
-        )
-
-
-def _likely_unit(size: float) -> str:
-    """Name the unit in which a body of that size would be a person's."""
-    for name, factor in (("m", 1000.0), ("cm", 10.0), ("mm", 1.0)):
-        if is_human(factor * size):
-            return f", which it would be in {name}"
-    return ""
+        numbers = {"unit": unit, "factor": factor}
+        yield _found("camera_unit", take, ["cameras"], numbers, severity="error")
 
 
 def _camera_factor(item: rp.Sample) -> float | None:
@@ -143,15 +161,8 @@ def _sides(item: rp.Sample, layout: Layout) -> Iterator[Finding]:
     """Find takes whose detections fit the truth with left and right exchanged."""
     given, exchanged = rp.sides(item, layout)
     if _clearly_less(exchanged, given):
-        yield Finding(
-            "sides",
-            file_of(item.take, "detections", "truth"),
-            "left and right",
-            "the same sides in the truth and the detections",
-            f"sides that are exchanged: {given:.1f} px from the truth as given, {exchanged:.1f} px exchanged",
-            fatal=True,
-            takes=(item.take.key,),
-        )
+        px = {"given_px": given, "exchanged_px": exchanged}
+        yield _found("sides", item.take, _DETECTIONS, px, severity="error")
 
 
 def _joint_order(samples: list[rp.Sample], layout: Layout) -> Iterator[Finding]:
@@ -162,17 +173,11 @@ def _joint_order(samples: list[rp.Sample], layout: Layout) -> Iterator[Finding]:
     names, pairs = layout.joints, []
     for joint, row in enumerate(table):
         if np.isfinite(row).all() and _clearly_less(row.min(), row[joint]):
-            pairs.append(f"{names[joint]} lies on {names[int(row.argmin())]}")
+            pairs.append([names[joint], names[int(row.argmin())]])
     if pairs:
-        more = f" and {len(pairs) - 3} more" if len(pairs) > 3 else ""
-        yield Finding(
-            "joint order",
-            file_of(samples[0].take, "detections", "truth"),
-            "joints",
-            f"the order of {layout.name} in the truth and the detections",
-            f"another: {', '.join(pairs[:3])}{more}",
-            takes=tuple(item.take.key for item in samples),
-        )
+        keys = [item.take.key for item in samples]
+        about = {"layout": layout.name, "pairs": pairs}
+        yield _found("joint_order", samples[0].take, _DETECTIONS, about, takes=keys)
 
 
 def _views(item: rp.Sample, layout: Layout) -> Iterator[Finding]:
@@ -186,30 +191,21 @@ def _views(item: rp.Sample, layout: Layout) -> Iterator[Finding]:
         others = rp.median(np.delete(quarters, view))
         given, exchanged = rp.sides(item, layout, view)
         best = int(np.nanargmin(row))
+        px = {"given_px": float(row[view])}
         if _clearly_less(row[best], row[view]):
-            what, expected = "cameras", "detections of this camera"
-            actual = f"{row[view]:.1f} px from the truth, and {row[best]:.1f} px in camera {names[best]}"
+            kind, about = "view_of_another_camera", {**px, "other_px": float(row[best]), "other": names[best]}
         elif _clearly_less(exchanged, given):
-            what, expected = "views", "left and right as in the other views"
-            actual = f"{given:.1f} px as given, {exchanged:.1f} px with sides exchanged"
+            kind, about = "view_sides", {"given_px": given, "exchanged_px": exchanged}
         elif quarters[view] > max(_LARGE_PX, 3.0 * np.nan_to_num(others)):
-            what, expected = "views", "detections near the truth"
-            actual = f"the best quarter of them up to {quarters[view]:.1f} px off"
+            kind, about = "view_far", {**px, "quarter_px": float(quarters[view])}
         else:
             continue
-        yield Finding(
-            what,
-            file_of(item.take, "detections", "truth"),
-            f"camera {names[view]}",
-            expected,
-            actual,
-            takes=(item.take.key,),
-        )
+        yield _found(kind, item.take, _DETECTIONS, about, cameras=[names[view]])
 
 
 _LENSES: dict[str, Callable[[Camera], Camera]] = {
-    "p1 and p2 that are exchanged": rp.with_exchanged_tangential,
-    "detections without distortion (undistorted, or made with K alone)": without_distortion,
+    "lens_tangential": rp.with_exchanged_tangential,
+    "lens_none": without_distortion,
 }
 
 
@@ -219,13 +215,11 @@ def _lenses(samples: list[rp.Sample]) -> Iterator[Finding]:
     for item in samples:
         for view, (name, camera) in enumerate(zip(item.take.rig.names, item.take.rig, strict=True)):
             if camera.distortion is not None and not camera.fisheye:
-                own = fits.setdefault(name, {actual: rp.LensFit() for actual in _LENSES})
-                for actual, other in _LENSES.items():
-                    own[actual].add(item, view, other)
-    best = {name: min(own, key=lambda actual: own[actual].misfit) for name, own in fits.items()}
-    for actual in _LENSES:
-        wrong = [name for name, own in fits.items() if best[name] == actual and own[actual].other_is_right()]
+                own = fits.setdefault(name, {kind: rp.LensFit() for kind in _LENSES})
+                for kind, other in _LENSES.items():
+                    own[kind].add(item, view, other)
+    best = {name: min(own, key=lambda kind: own[kind].misfit) for name, own in fits.items()}
+    for kind in _LENSES:
+        wrong = [name for name, own in fits.items() if best[name] == kind and own[kind].other_is_right()]
         if wrong:
-            file = file_of(samples[0].take, "cameras")
-            field = f"distortion of {', '.join(wrong)}"
-            yield Finding("lens", file, field, "the lens of the detections", actual)
+            yield _found(kind, samples[0].take, ["cameras"], {}, cameras=wrong, takes=())

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from skelsplat.datasets._files import Survey
 from skelsplat.datasets._model import Dataset
-from skelsplat.datasets._registry import Survey
 from skelsplat.datasets.human36m import find_format, read_layout
 from skelsplat.datasets.human36m import survey as survey_human36m
 from skelsplat.datasets.human36m._options import Options, PathLike

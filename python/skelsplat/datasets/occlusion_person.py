@@ -19,16 +19,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skelsplat.datasets._detections import Wanted, detector_name
-from skelsplat.datasets._files import FloatArray, as_numbers
-from skelsplat.datasets._kept_apart import detections_folder, read_apart
+from skelsplat.datasets._detections import Wanted
+from skelsplat.datasets._files import FloatArray, Survey, as_numbers, find
+from skelsplat.datasets._kept_apart import detections_of, read_apart
 from skelsplat.datasets._model import Dataset, Take
 from skelsplat.datasets._occlusion_person_files import Table, read_arrays, read_pickle
-from skelsplat.datasets._places import Wishes, find
-from skelsplat.datasets._registry import Survey
 from skelsplat.datasets._reproject import sample
 from skelsplat.datasets._rig import build_rig, camera_at_centre
-from skelsplat.datasets._verify import raise_fatal
+from skelsplat.datasets._verify import raise_errors
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.layouts import OCCLUSION_PERSON15
 
@@ -80,7 +78,7 @@ def read(
     chosen = _cameras(views)
     if step < 1:
         raise InvalidInputError(f"step: expected an integer >= 1, got {step}")
-    folder = detections_folder(root, detector, detections)
+    folder, name = detections_of(root, detector, detections)
     takes: list[Take] = []
     notes: list[str] = []
     for activity, table in _tables(root, format, split, chosen):
@@ -95,7 +93,6 @@ def read(
             _check_annotation(table, rows, chosen)
         takes += _takes(table, rows, chosen, values, path)
         notes += table.notes
-    name = detector_name(detector or (folder.parent.name if folder and detections is None else "")) or None
     words = f"Occlusion-Person, cameras {', '.join(map(str, chosen))}, detections: {name or 'none'}"
     return Dataset("occlusion-person", OCCLUSION_PERSON15, tuple(takes), name, words, tuple(notes))
 
@@ -112,18 +109,18 @@ def survey(
 ) -> Survey:
     """Say which files are there; what `read` takes beyond these options changes nothing."""
     _cameras(views)
-    wishes, chosen = Wishes(), _format(root, format)
-    if chosen == "adafuse":
-        wishes.look(_pickles(root, split), f"annotation of the split {split}")
+    found = Survey(format=_format(root, format))
+    if found.format == "adafuse":
+        found.look(_pickles(root, split), f"annotation of the split {split}")
     else:
-        wishes.look([root / "cameras" / "cameras.json", root / "cameras.json"], "cameras by frame")
-        wishes.look(sorted((root / "3d_gt" / "S0").glob("*/poses.npz")) or [root / "3d_gt" / "S0"], "truth")
+        found.look([root / "cameras" / "cameras.json", root / "cameras.json"], "cameras by frame")
+        found.look(sorted((root / "3d_gt" / "S0").glob("*/poses.npz")) or [root / "3d_gt" / "S0"], "truth")
     if detections is not None:
-        wishes.look([Path(detections)], "detections")
+        found.look([Path(detections)], "detections")
     else:
         there = sorted(root.glob(f"2d_{detector or '*'}"))
-        wishes.look([path / "S0" for path in there] or [root / f"2d_{detector or 'resnet50'}"], "detections")
-    return wishes.survey(chosen)
+        found.look([path / "S0" for path in there] or [root / f"2d_{detector or 'resnet50'}"], "detections")
+    return found
 
 
 def _cameras(views: int | Sequence[int]) -> tuple[int, ...]:
@@ -177,10 +174,8 @@ def _detections(
     together = (place / "poses.npz").is_file() or (place / "poses.json").is_file()
     cameras = names if together else tuple(str(view) for view in views)
     wanted = Wanted(activity, rows, cameras, OCCLUSION_PERSON15)
-    found = read_apart(place, ["poses"], wanted, [[name, f"cam{name}"] for name in cameras])
-    if found is None:
-        raise DatasetError(place / "poses.npz", "file", f"detections of {activity}", "nothing in this place")
-    values, places, path = found
+    spellings = [[name, f"cam{name}"] for name in cameras]
+    values, places, path = read_apart([(place, ["poses"])], wanted, spellings)
     return (values[:, list(views)] if together else values), places, path
 
 
@@ -237,7 +232,7 @@ def _check_annotation(table: Table, rows: NDArray[np.int64], views: Sequence[int
     inside = ((annotated >= 0) & (annotated < np.array(SIZE))).all(axis=-1, keepdims=True)
     pixels = np.concatenate([np.where(inside, annotated, np.nan), inside.astype(np.float64)], axis=-1)
     takes = _takes(table, rows, views, pixels, table.path)
-    raise_fatal(Dataset("occlusion-person", OCCLUSION_PERSON15, tuple(takes)))
+    raise_errors(Dataset("occlusion-person", OCCLUSION_PERSON15, tuple(takes)))
     for take in takes:
         error = sample(take).error()
         if error > _LARGE_PX:

@@ -23,14 +23,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skelsplat.cameras import MM_PER_UNIT
-from skelsplat.datasets._detections import Wanted, detector_name
-from skelsplat.datasets._files import FloatArray, load_npz, numbers, require
-from skelsplat.datasets._kept_apart import detections_folder, read_apart, read_world
+from skelsplat.datasets._detections import Wanted, frame_numbers, read_truth
+from skelsplat.datasets._files import FloatArray, Survey, find
+from skelsplat.datasets._kept_apart import detections_of, read_apart, read_world
 from skelsplat.datasets._model import Dataset, Take
-from skelsplat.datasets._panoptic_json import camera_name, read_cameras, read_truth, truth_files
-from skelsplat.datasets._places import Wishes, find
-from skelsplat.datasets._registry import Survey
-from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.datasets._panoptic_json import camera_name, read_bodies, read_cameras, truth_files
+from skelsplat.exceptions import InvalidInputError
 from skelsplat.layouts import PANOPTIC19
 
 DESCRIPTION = "CMU Panoptic Studio: single-person sequences in HD cameras."
@@ -84,7 +82,7 @@ def read(
         If `views`, `format` or `truth_unit` is unknown.
     """
     numbers_ = _cameras(views)
-    source = detections_folder(root, detector, detections)
+    source, name = detections_of(root, detector, detections)
     takes, notes = [], []
     for sequence in sequences:
         path = find(_calibrations(root, sequence), f"calibration of {sequence}")
@@ -99,7 +97,6 @@ def read(
             take, note = _with_detections(take, source, guess, filtered=detections is None)
             notes += [note] if note else []
         takes.append(take)
-    name = detector_name(detector or (source.parent.name if source and detections is None else "")) or None
     words = f"CMU Panoptic, HD cameras {', '.join(map(str, numbers_))}, detections: {name or 'none'}"
     return Dataset("panoptic", PANOPTIC19, tuple(takes), detector=name, source=words, notes=tuple(notes))
 
@@ -115,16 +112,16 @@ def survey(
     **_: Any,
 ) -> Survey:
     """Say which files are there; what `read` takes beyond these options changes nothing."""
-    wishes, count = Wishes(), len(_cameras(views))
+    found, count = Survey(format=format or ""), len(_cameras(views))
     for sequence in sequences:
-        wishes.look(_calibrations(root, sequence), f"calibration of {sequence}")
-        wishes.look(_truths(root, sequence, count, format), f"truth of {sequence}")
+        found.look(_calibrations(root, sequence), f"calibration of {sequence}")
+        found.look(_truths(root, sequence, count, format), f"truth of {sequence}")
         if detections is not None or detector is not None:
             folder = Path(detections) if detections is not None else root / f"2d_{detector}" / "S0"
-            wishes.look([folder / sequence], f"detections of {sequence}")
+            found.look([folder / sequence], f"detections of {sequence}")
     if detections is None and detector is None and not sorted(root.glob("2d_*")):
-        wishes.look([root / "2d_metrabs" / "S0"], "detections")
-    return wishes.survey(format or "")
+        found.look([root / "2d_metrabs" / "S0"], "detections")
+    return found
 
 
 def _cameras(views: int | Sequence[int]) -> tuple[int, ...]:
@@ -160,15 +157,10 @@ def _truth(path: Path, unit: str, person: int | None) -> tuple[NDArray[np.int64]
     if unit not in MM_PER_UNIT:
         raise InvalidInputError(f"truth_unit: expected one of {', '.join(MM_PER_UNIT)}, got {unit!r}")
     if path.is_dir():
-        return (*read_truth(truth_files(path), person), path)
-    content = load_npz(path)
-    key = next((key for key in ("poses", "poses3d") if key in content), "poses3d")
-    truth = numbers(path, key, require(path, "", content, key), ("T", PANOPTIC19.n_joints, 3))
-    frames = np.asarray(content.get("frames", np.arange(len(truth))))
-    if frames.shape != (len(truth),) or frames.dtype.kind not in "iu" or (np.diff(frames) <= 0).any():
-        expected = f"{len(truth)} whole numbers that ascend"
-        raise DatasetError(path, "frames", expected, f"{frames.dtype} {frames.shape}")
-    return frames.astype(np.int64), MM_PER_UNIT[unit] * truth, path
+        return (*read_bodies(truth_files(path), person), path)
+    _, truth, frames = read_truth(path, PANOPTIC19.n_joints)
+    own = frame_numbers(path, np.arange(len(truth)) if frames is None else frames, len(truth))
+    return own, MM_PER_UNIT[unit] * truth, path
 
 
 def _with_detections(take: Take, source: Path, guess: Path | None, *, filtered: bool) -> tuple[Take, str]:
@@ -176,21 +168,14 @@ def _with_detections(take: Take, source: Path, guess: Path | None, *, filtered: 
     stems = [f"poses_filtered_{len(take.rig)}", "poses"] if filtered else ["poses"]
     wanted = Wanted(take.key, take.frames, take.rig.names, PANOPTIC19)
     spellings = [_spellings(name) for name in take.rig.names]
-    found = read_apart(source / take.action, stems, wanted, spellings)
-    if found is None and not filtered:
-        found = read_apart(source, [take.action], wanted, spellings)
-    if found is None:
-        expected = f"detections of {take.action}"
-        raise DatasetError(
-            source / take.action / f"{stems[0]}.npz", "file", expected, "nothing in this place"
-        )
-    values, places, path = found
+    places = [(source / take.action, stems), *([] if filtered else [(source, [take.action])])]
+    values, own, path = read_apart(places, wanted, spellings)
     everywhere: NDArray[np.bool_] = np.all(np.any(values[..., 2] > 0, axis=2), axis=1)
     world = None
     if guess is not None:
         world = read_world(guess, stems, (len(values), PANOPTIC19.n_joints), spellings)
     with_2d = replace(
-        take.select(places), detections=values, monocular=world, files={**take.files, "detections": path}
+        take.select(own), detections=values, monocular=world, files={**take.files, "detections": path}
     ).select(everywhere)
     lost = len(take) - len(with_2d)
     note = f"{take.key}: {lost} of {len(take)} frames left out, not detected in every view"

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from skelsplat import layouts
 from skelsplat._skelsplat import Layout
 from skelsplat.cameras import CameraRig
-from skelsplat.datasets._files import load_json, load_npz, numbers, require, within
+from skelsplat.datasets._files import Survey, load_json, load_npz, numbers, require, within
 from skelsplat.datasets._model import Dataset, FloatArray, Take
-from skelsplat.datasets._registry import Survey
 from skelsplat.datasets._rig import build_camera, build_rig, component_reader
 from skelsplat.datasets._synth_writer import FORMAT, FORMAT_VERSION, INDEX
-from skelsplat.datasets._views import Views, places, with_views
 from skelsplat.exceptions import DatasetError, InvalidInputError
+
+Views: TypeAlias = int | Sequence[int | str] | None
+"""The first so many cameras, or some of them by place or name, or (None) all."""
 
 DESCRIPTION = "Simulated data sets that `skelsplat synth` writes."
 
@@ -56,7 +57,7 @@ def read(root: Path, *, detector: str = "good", views: Views = None) -> Dataset:
     return Dataset(
         name,
         layout,
-        tuple(with_views(take, places(take.files["cameras"], take.rig.names, views)) for take in takes),
+        tuple(take.with_views(_places(take.files["cameras"], take.rig.names, views)) for take in takes),
         detector=f"simulated-{detector}",
         source=source,
     )
@@ -196,3 +197,36 @@ def _frames(files: Mapping[str, Path], loaded: Mapping[str, Mapping[str, Any]]) 
             actual = f"{other.size} from {other.ravel()[:1]} to {other.ravel()[-1:]}"
             raise DatasetError(path, "frames", expected, actual)
     return frames.astype(np.int64)
+
+
+def _places(path: Path, names: Sequence[str], views: Views) -> list[int]:
+    """Places of the chosen cameras among `names`, in the order chosen.
+
+    `path` is the file that lists the cameras, for messages.
+
+    Raises
+    ------
+    InvalidInputError
+        If a camera is chosen twice, or none is.
+    DatasetError
+        If there are fewer cameras than chosen, or one is not there.
+    """
+    if views is None:
+        return list(range(len(names)))
+    if isinstance(views, int):
+        views = list(range(views))
+    chosen = [_place(path, names, view) for view in views]
+    if not chosen or len(set(chosen)) < len(chosen):
+        raise InvalidInputError(f"views: expected at least one camera and none twice, got {list(views)}")
+    return chosen
+
+
+def _place(path: Path, names: Sequence[str], view: int | str) -> int:
+    there = f"{len(names)} ({', '.join(names)})"
+    if isinstance(view, str):
+        if view not in names:
+            raise DatasetError(path, "cameras", f"camera {view!r}", there)
+        return names.index(view)
+    if not 0 <= view < len(names):
+        raise DatasetError(path, "cameras", f"at least {view + 1} cameras", there)
+    return view

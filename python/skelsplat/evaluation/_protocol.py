@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -10,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skelsplat.datasets import Dataset, Take
-from skelsplat.evaluation._views import has_every_view, with_views
-from skelsplat.exceptions import InvalidInputError
+from skelsplat.exceptions import DatasetError, InvalidInputError
 
 Endpoint = int | tuple[int, ...]
 
@@ -171,13 +171,13 @@ class Protocol:
     def _cut(self, take: Take) -> Take:
         views = self.view_sets.get(self.n_views, ()) if self.n_views is not None else ()
         if views:
-            take = with_views(take, views)
+            take = with_cameras(take, views)
         keep = np.zeros(len(take), dtype=np.bool_)
         keep[_first_of_each(take.frames, self.every)] = True
         if self.ranges:
             keep &= np.any([(take.frames >= a) & (take.frames <= b) for a, b in self.ranges], axis=0)
         if self.all_views_detected:
-            keep &= has_every_view(take)
+            keep &= _has_every_view(take)
         return take.select(keep)
 
 
@@ -189,3 +189,30 @@ def _first_of_each(frames: NDArray[np.int64], every: int) -> NDArray[np.intp]:
     if len(frames) == 0 or every == 1:
         return np.arange(len(frames))
     return np.unique((frames - frames[0]) // every, return_index=True)[1]
+
+
+def with_cameras(take: Take, numbers: Sequence[int]) -> Take:
+    """Return the take as cameras with these numbers see it, in this order.
+
+    A camera's number is the one at the end of its name ("00_13" is 13).
+
+    Raises
+    ------
+    DatasetError
+        If a number is missing or two cameras have it.
+    """
+    ends = [re.search(r"(\d+)$", name) for name in take.rig.names]
+    own = [int(end[1]) if end else None for end in ends]
+    for number in numbers:
+        if own.count(number) != 1:
+            named = ", ".join(take.rig.names)
+            raise DatasetError(take.key, "cameras", f"one camera with number {number}", named)
+    return take.with_views([own.index(number) for number in numbers])
+
+
+def _has_every_view(take: Take) -> NDArray[np.bool_]:
+    """Whether every view detects some joint, (T,); True where the take has no detections."""
+    if take.detections is None:
+        return np.ones(len(take), dtype=np.bool_)
+    seen = np.isfinite(take.detections[..., :2]).all(axis=-1) & (take.detections[..., 2] > 0)
+    return np.asarray(seen.any(axis=-1).all(axis=-1))

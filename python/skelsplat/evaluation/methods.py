@@ -10,34 +10,138 @@ Those that need a trained network are not here: their published figures are in
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from skelsplat._refine import Progress, refine
 from skelsplat._skelsplat import Layout, RefineConfig, fuse_monocular, triangulate
+from skelsplat.cameras import CameraRig, without_distortion
 from skelsplat.datasets import Take
 from skelsplat.evaluation import baselines
-from skelsplat.evaluation._method import (
-    DEFAULT_INIT_SIGMA_MM,
-    STARTS,
-    FloatArray,
-    Method,
-    Options,
-    Settings,
-    Solution,
-)
-from skelsplat.exceptions import InvalidInputError
+from skelsplat.exceptions import DatasetError, InvalidInputError
 
-__all__ = [
-    "DEFAULT_INIT_SIGMA_MM",
-    "STARTS",
-    "Method",
-    "Options",
-    "Solution",
-    "get",
-    "names",
-]
+FloatArray = NDArray[np.float64]
+Settings = Mapping[str, Any]
+Run = Callable[[Take, Layout, Settings, Progress | None], FloatArray]
+
+STARTS = ("dlt", "fusion", "none")
+
+DEFAULT_INIT_SIGMA_MM = 25.0
+"""Standard deviation per axis of a fused start: 40.2 mm, the mean error that the paper reports of it on
+Human3.6M (tab:abl-initial-guess), over 1.596, the mean length of a standard normal vector in space."""
+
+_FIELDS = {"detections": "2D detections", "monocular": "monocular 3D poses"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """What applies to all methods of a run.
+
+    Attributes
+    ----------
+    undistort : bool
+        Remove lens distortion from the detections; False: detections are used with K alone.
+    start : {"dlt", "fusion", "none"} or None
+        Where `annealed`, `paper` and `paper-closed-form` start; ``"none"``: with the solver's own
+        triangulation. None: ``"none"`` for `annealed`, `paper_start` for the other two.
+    paper_start : {"dlt", "fusion", "none"}
+        Where the paper starts on this data set.
+    paper_fields : mapping
+        What the paper changes in its settings on this data set: fields of `RefineConfig.paper`.
+    init_sigma_mm : float
+        Standard deviation per axis of the fused start, for `annealed-prior`.
+    seed : int
+        Of the pairs that RANSAC draws.
+    n_threads : int or None
+        Of the compiled solver; None: all cores.
+    """
+
+    undistort: bool = True
+    start: str | None = None
+    paper_start: str = "dlt"
+    paper_fields: Settings = field(default_factory=dict)
+    init_sigma_mm: float = DEFAULT_INIT_SIGMA_MM
+    seed: int = 0
+    n_threads: int | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("start", "paper_start"):
+            value = getattr(self, name)
+            if value not in STARTS and not (value is None and name == "start"):
+                raise InvalidInputError(f"{name}: expected one of {', '.join(STARTS)}, got {value!r}")
+        if not (np.isfinite(self.init_sigma_mm) and self.init_sigma_mm > 0):
+            raise InvalidInputError(f"init_sigma_mm: expected a positive number, got {self.init_sigma_mm!r}")
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """Poses (T, N, 3) in the rig's unit, and the wall time of the method alone, s."""
+
+    pose: FloatArray
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Method:
+    """A method of the registry.
+
+    Attributes
+    ----------
+    name, about : str
+    settings : callable
+        `Options` to everything that the poses depend on, as JSON values; ``"undistort"`` is among them.
+    run : callable
+        Take, layout, settings and progress to poses (T, N, 3).
+    needs : tuple of str
+        Fields of `Take`; a start by fusion needs ``"monocular"`` as well.
+    by_pixels : bool
+        Renders pixels and takes far longer than all others.
+    """
+
+    name: str
+    about: str
+    settings: Callable[[Options], dict[str, Any]]
+    run: Run
+    needs: tuple[str, ...] = ("detections",)
+    by_pixels: bool = False
+
+    def solve(
+        self, take: Take, layout: Layout, settings: Settings, progress: Progress | None = None
+    ) -> Solution:
+        """Run the method on a take and time it.
+
+        Raises
+        ------
+        DatasetError
+            If the take lacks what the method needs.
+        """
+        self.check(take, settings)
+        seen = take if settings["undistort"] else replace(take, rig=without_lens(take.rig))
+        begun = time.perf_counter()
+        pose = self.run(seen, layout, settings, progress)
+        return Solution(pose, time.perf_counter() - begun)
+
+    def lacks(self, take: Take, settings: Settings) -> str | None:
+        """Return the field that the method needs and the take does not have; None if there is none."""
+        fused = ("monocular",) if settings.get("start") == "fusion" else ()
+        return next((name for name in (*self.needs, *fused) if getattr(take, name) is None), None)
+
+    def check(self, take: Take, settings: Settings) -> None:
+        """Raise `DatasetError` if the take lacks what the method needs."""
+        missing = self.lacks(take, settings)
+        if missing is not None:
+            raise DatasetError(take.key, missing, f"{_FIELDS[missing]}, for the method {self.name}", "none")
+
+
+def without_lens(rig: CameraRig) -> CameraRig:
+    """Return the cameras with K alone: what `RefineConfig(undistort=False)` and published code take."""
+    return CameraRig([without_distortion(camera) for camera in rig], rig.unit)
+
 
 # Side of the crops in whose pixels the thresholds of Iskakov et al. are.
 _CROP_PX = 384.0
@@ -52,36 +156,40 @@ def crop_scale(take: Take) -> FloatArray:
     return np.where(known, sides / _CROP_PX, 1.0)
 
 
-def _dlt(take: Take, _: Layout, settings: Settings, progress: Progress | None) -> FloatArray:
-    del progress
-    return baselines.dlt(_detections(take), take.rig, confidence=settings.get("confidence", False))
+def _by(run: Callable[[Take, Settings], FloatArray]) -> Run:
+    """Return `run` as a method that needs no layout and reports no progress."""
+    return lambda take, _layout, settings, _progress: run(take, settings)
 
 
-def _iskakov(take: Take, _: Layout, settings: Settings, progress: Progress | None) -> FloatArray:
-    del progress
-    return baselines.ransac_iskakov(
-        _detections(take), take.rig, crop_scale=crop_scale(take), seed=settings["seed"]
-    )
+def _iskakov(take: Take, settings: Settings) -> FloatArray:
+    scale = crop_scale(take)
+    return baselines.ransac_iskakov(_detections(take), take.rig, crop_scale=scale, seed=settings["seed"])
 
 
-def _adafuse(take: Take, _: Layout, settings: Settings, progress: Progress | None) -> FloatArray:
-    del progress
+def _adafuse(take: Take, settings: Settings) -> FloatArray:
     return baselines.ransac_adafuse(_detections(take), take.rig, seed=settings["seed"])
 
 
-def _ransac(take: Take, _: Layout, settings: Settings, progress: Progress | None) -> FloatArray:
-    del settings, progress
+def _dlt(take: Take, settings: Settings) -> FloatArray:
+    return baselines.dlt(_detections(take), take.rig, confidence=settings.get("confidence", False))
+
+
+def _ransac(take: Take, _: Settings) -> FloatArray:
     return triangulate(_detections(take), take.rig, method="ransac")
 
 
-def _cauchy(take: Take, _: Layout, settings: Settings, progress: Progress | None) -> FloatArray:
-    del settings, progress
+def _cauchy(take: Take, _: Settings) -> FloatArray:
     return baselines.cauchy(_detections(take), take.rig)
 
 
-def _fusion(take: Take, _: Layout, settings: Settings, progress: Progress | None) -> FloatArray:
-    del settings, progress
-    return _fused(take)
+def _fusion(take: Take, _: Settings | None = None) -> FloatArray:
+    assert take.monocular is not None  # Method.check has seen to it
+    return fuse_monocular(take.monocular, _detections(take), take.rig)
+
+
+def _detections(take: Take) -> FloatArray:
+    assert take.detections is not None  # likewise
+    return take.detections
 
 
 def _refine(take: Take, layout: Layout, settings: Settings, progress: Progress | None) -> FloatArray:
@@ -101,17 +209,7 @@ def _refine(take: Take, layout: Layout, settings: Settings, progress: Progress |
 def _start(take: Take, start: str) -> FloatArray | None:
     if start == "dlt":  # the paper's: without confidences
         return triangulate(_detections(take)[..., :2], take.rig, method="dlt")
-    return _fused(take) if start == "fusion" else None
-
-
-def _fused(take: Take) -> FloatArray:
-    assert take.monocular is not None  # Method.check has seen to it
-    return fuse_monocular(take.monocular, _detections(take), take.rig)
-
-
-def _detections(take: Take) -> FloatArray:
-    assert take.detections is not None  # likewise
-    return take.detections
+    return _fusion(take) if start == "fusion" else None
 
 
 def _plain(options: Options) -> dict[str, Any]:
@@ -131,7 +229,7 @@ def _solver(options: Options, config: RefineConfig, start: str) -> dict[str, Any
     return {**_plain(options), "start": start, "config": fields}
 
 
-def _default(options: Options) -> dict[str, Any]:
+def _annealed(options: Options) -> dict[str, Any]:
     return _solver(options, RefineConfig(), options.start or "none")
 
 
@@ -145,22 +243,23 @@ def _paper(options: Options) -> dict[str, Any]:
 
 
 def _closed_form(options: Options) -> dict[str, Any]:
-    config = RefineConfig.paper(renderer="closed_form", **options.paper_fields)
-    return _solver(options, config, options.start or options.paper_start)
+    return _paper(replace(options, paper_fields={**options.paper_fields, "renderer": "closed_form"}))
 
 
 _ALL = (
-    Method("dlt", "algebraic triangulation, unweighted", _plain, _dlt),
-    Method("dlt-confidence", "algebraic triangulation, rows weighted by confidence", _weighted, _dlt),
-    Method("ransac-iskakov", "RANSAC of Iskakov et al., with its Huber refinement", _drawn, _iskakov),
-    Method("ransac-adafuse", "RANSAC that AdaFuse is compared with", _drawn, _adafuse),
-    Method("ransac", "RANSAC of this package", _plain, _ransac),
-    Method("cauchy", "DLT, then the Cauchy loss of the reprojection residuals", _plain, _cauchy),
-    Method("fusion", "multi-view fusion of monocular 3D poses", _plain, _fusion, ("detections", "monocular")),
-    Method("skelsplat", "default: closed form, annealed Gauss–Newton", _default, _refine),
-    Method("skelsplat-prior", "default with the fused monocular poses as a Gaussian prior", _prior, _refine),
-    Method("skelsplat-closed-form", "the paper's settings with the closed-form loss", _closed_form, _refine),
-    Method("skelsplat-paper", "the paper's settings: raster, Adam", _paper, _refine, by_pixels=True),
+    Method("dlt", "algebraic triangulation, unweighted", _plain, _by(_dlt)),
+    Method("dlt-confidence", "algebraic triangulation, rows weighted by confidence", _weighted, _by(_dlt)),
+    Method("ransac-iskakov", "RANSAC of Iskakov et al., with its Huber refinement", _drawn, _by(_iskakov)),
+    Method("ransac-adafuse", "RANSAC that AdaFuse is compared with", _drawn, _by(_adafuse)),
+    Method("ransac", "RANSAC of this package", _plain, _by(_ransac)),
+    Method("cauchy", "DLT, then the Cauchy loss of the reprojection residuals", _plain, _by(_cauchy)),
+    Method(
+        "fusion", "multi-view fusion of monocular 3D poses", _plain, _by(_fusion), ("detections", "monocular")
+    ),
+    Method("annealed", "default: closed form, annealed Gauss–Newton", _annealed, _refine),
+    Method("annealed-prior", "annealed with the fused monocular poses as a Gaussian prior", _prior, _refine),
+    Method("paper-closed-form", "the paper's settings with the closed-form loss", _closed_form, _refine),
+    Method("paper", "the paper's settings: raster, Adam", _paper, _refine, by_pixels=True),
 )
 _BY_NAME = {method.name: method for method in _ALL}
 

@@ -153,53 +153,23 @@ def run(
         for case in cases:
             method.check(case.take, settings[method.name])
     prints = ["" if store is None else fingerprint(case.take) for case in cases]
-    tally = _Tally(report, len(methods) * sum(len(case.take) for case in cases))
+    total, done = len(methods) * sum(len(case.take) for case in cases), 0
     solutions: dict[str, list[Solution]] = {method.name: [] for method in methods}
     for method in methods:
-        for case, data in zip(cases, prints, strict=True):
-            todo = _Task(method, settings[method.name], case.take, data)
-            solutions[method.name].append(_solved(todo, layout, store, tally))
+        own = settings[method.name]
+        for take, data in zip((case.take for case in cases), prints, strict=True):
+
+            def heard(now: int, _: int, where: tuple[str, str, int] = (method.name, take.key, done)) -> None:
+                if report is not None:
+                    report(*where[:2], where[2] + now, total)
+
+            heard(0, total)
+            solution = None if store is None else store.load(method, own, take, data)
+            if solution is None:
+                solution = method.solve(take, layout, own, heard if method.by_pixels else None)
+                if store is not None:
+                    store.save(method, own, take, data, solution)
+            heard(len(take), total)
+            solutions[method.name].append(solution)
+            done += len(take)
     return solutions
-
-
-@dataclass(frozen=True)
-class _Task:
-    method: Method
-    settings: Mapping[str, Any]
-    take: Take
-    data: str
-
-
-@dataclass
-class _Tally:
-    """How many poses are done."""
-
-    report: Report | None
-    total: int
-    done: int = 0
-
-    def within(self, task: _Task, done: int) -> None:
-        """Report `done` poses of a take."""
-        if self.report is not None:
-            self.report(task.method.name, task.take.key, self.done + done, self.total)
-
-    def finish(self, task: _Task) -> None:
-        """Report the whole take."""
-        self.done += len(task.take)
-        self.within(task, 0)
-
-
-def _solved(task: _Task, layout: Layout, store: Store | None, tally: _Tally) -> Solution:
-    method, settings, take = task.method, task.settings, task.take
-    tally.within(task, 0)
-    solution = None if store is None else store.load(method, settings, take, task.data)
-    if solution is None:
-
-        def heard(done: int, _: int) -> None:
-            tally.within(task, done)
-
-        solution = method.solve(take, layout, settings, heard if method.by_pixels else None)
-        if store is not None:
-            store.save(method, settings, take, task.data, solution)
-    tally.finish(task)
-    return solution

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import struct
+import re
 import sys
-import zipfile
-import zlib
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from skelsplat.exceptions import DatasetError
+from skelsplat.exceptions import DatasetError, InvalidInputError
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -17,24 +16,59 @@ else:
     import tomli as tomllib
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
 # frame numbers and offsets are below it, so that their sum fits into 64 bits
 FRAME_LIMIT = 2**62
-# what zipfile and NumPy raise for an npz whose bytes are damaged, besides OSError and ValueError
-DAMAGED_NPZ = (zipfile.BadZipFile, zlib.error, struct.error, EOFError, NotImplementedError, RuntimeError)
 VIDEO_SUFFIXES = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".mts", ".wmv")
+
+
+@contextmanager
+def opening(path: Path, expected: str = "a readable file", field: str = "file") -> Iterator[None]:
+    """Raise `DatasetError` for what the system says against opening or reading `path` in this block."""
+    try:
+        yield
+    except OSError as error:
+        raise DatasetError(path, field, expected, (error.strerror or str(error)).lower()) from error
+
+
+def of_file(path: Path, error: InvalidInputError) -> DatasetError:
+    """Return the error for a file whose content was refused as an argument."""
+    field, _, rest = str(error).partition(": expected ")
+    expected, _, actual = rest.partition(", got ")
+    return DatasetError(path, field, expected, actual)
 
 
 def read_text(path: Path) -> str:
     """Return the text of a UTF-8 file (a byte-order mark is dropped), or raise `DatasetError`."""
     try:
-        return path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise DatasetError(path, "file", "a readable file", reason) from error
+        with opening(path):
+            return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
         raise DatasetError(path, "file", "text in UTF-8", f"byte {error.start} that is not") from error
+
+
+def load_json(path: Path, text: str, document: str) -> Any:
+    """Return what the JSON `text` of a file holds; `document` says what it should be, for messages."""
+    try:
+        return parse_json(text)
+    except json.JSONDecodeError as error:
+        at = f"character {error.pos} of {len(text)}, at line {error.lineno}, column {error.colno}"
+        raise DatasetError(
+            path, "JSON", "a complete JSON document", f"{error.msg.lower()} at {at}"
+        ) from error
+    except RecursionError:
+        raise DatasetError(path, "JSON", document, "lists nested too deeply") from None
+
+
+def read_json_file(path: Path) -> Any:
+    """Return what a JSON file that this package wrote holds, or raise `DatasetError`."""
+    text = read_text(path)
+    try:
+        return parse_json(text)
+    except (ValueError, RecursionError) as error:
+        raise DatasetError(path, "file", "JSON", error) from error
 
 
 def parse_json(text: str) -> Any:
@@ -74,3 +108,8 @@ def parse_toml(path: Path, text: str) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:  # a number of thousands of digits is no TOMLDecodeError
         reason = str(error).partition(";")[0]
         raise DatasetError(path, "TOML", "valid TOML", reason) from error
+
+
+def natural(name: str) -> tuple[tuple[int, str], ...]:
+    """Sort key that puts 2 before 10."""
+    return tuple((int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name))

@@ -12,6 +12,7 @@ from __future__ import annotations
 import io
 import math
 import pickle
+import tokenize
 from collections import OrderedDict
 from collections.abc import Callable
 from pathlib import Path
@@ -246,7 +247,7 @@ def read_array(stream: IO[bytes], path: Path, field: str = "array") -> Any:
         if version not in readers:
             raise ValueError(f"version {version} of the npy format")  # noqa: TRY301 - one message for all
         shape, fortran, dtype = readers[version](stream)
-    except (ValueError, EOFError, SyntaxError, RecursionError) as error:
+    except (ValueError, EOFError, SyntaxError, RecursionError, tokenize.TokenError) as error:
         raise DatasetError(path, field, "an array in npy format", error) from error
     if not dtype.hasobject:
         return _plain(stream, path, field, shape, fortran, dtype)

@@ -10,7 +10,6 @@ report.json         settings, inputs and statistics
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,7 +20,7 @@ import numpy.typing as npt
 from skelsplat import layouts
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._atomic import atomic_write
-from skelsplat.io._files import read_text
+from skelsplat.io._files import read_json_file
 from skelsplat.io._run_files import CAMERAS, DETECTIONS, POSES, REPORT, UNFINISHED
 from skelsplat.io.calibration import read_calibration, write_calibration
 from skelsplat.io.detections import read_detections
@@ -124,10 +123,7 @@ def read_run(path: str | os.PathLike[str]) -> RunFolder:
 
 
 def _read_report(path: Path) -> dict[str, Any]:
-    try:
-        report = json.loads(read_text(path))
-    except (ValueError, RecursionError) as error:
-        raise DatasetError(path, "file", "JSON", error) from error
+    report = read_json_file(path)
     if isinstance(report, dict) and report.get(UNFINISHED):
         expected = "the report of a run that has written all its files"
         raise DatasetError(path, UNFINISHED, expected, "one that was stopped while it wrote: run it again")

@@ -2,20 +2,24 @@
 
 A leaf of the package: it computes no pose and no rendering, and only the command line imports it. Figures are
 drawn on matplotlib's Agg canvas through its object interface, so no display and no global state is involved.
+matplotlib and plotly come with the extra ``viz``.
 """
+
+from skelsplat._optional import require
+
+require("matplotlib", "figures", "viz")  # before the modules below import it
 
 from skelsplat.viz import report
 from skelsplat.viz._body import Body
-from skelsplat.viz._panels import CameraPanel
-from skelsplat.viz._paper import FORMATS
+from skelsplat.viz._cameras import CameraPanel
 from skelsplat.viz._skeleton import Skeleton, body_axes
+from skelsplat.viz._style import FORMATS
 from skelsplat.viz._time import TimeAxis
-from skelsplat.viz.bars import BarData, write_bars
 from skelsplat.viz.bones import Bone, BoneData, BonePanel, write_bones
+from skelsplat.viz.charts import BarData, Line, Panel, write_bars, write_panels
 from skelsplat.viz.error_map import ErrorMapData, write_error_map
 from skelsplat.viz.heatmaps import HeatmapRow, write_heatmaps
 from skelsplat.viz.overview import OverviewData, write_overview
-from skelsplat.viz.panels import Line, Panel, write_panels
 from skelsplat.viz.trajectories import TrajectoryData, write_trajectories
 from skelsplat.viz.weights import WeightData, write_weights
 

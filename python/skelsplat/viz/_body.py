@@ -10,8 +10,7 @@ from matplotlib.ticker import MultipleLocator
 
 from skelsplat._arrays import read_fields
 from skelsplat.viz import _style
-from skelsplat.viz._ellipses import draw_ellipses
-from skelsplat.viz._skeleton import Skeleton, body_axes, draw_limbs
+from skelsplat.viz._skeleton import Skeleton, body_axes, draw_ellipses, draw_limbs
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -44,6 +43,9 @@ class Body:
         The vertical of the world, of unit length.
     frame
         Index of the frame that is drawn.
+    up_known
+        False if the world's vertical is not known: then ``up`` is an axis of the world, and the two views are
+        not called front and side.
     """
 
     before: Array
@@ -52,6 +54,7 @@ class Body:
     status: npt.NDArray[np.str_]
     up: Array
     frame: int
+    up_known: bool = True
 
     def __post_init__(self) -> None:
         read_fields(self, "before", "after", "uncertainty", "up")
@@ -84,7 +87,7 @@ def draw_body(figure: Figure, body: Body, skeleton: Skeleton, bottom_in: float) 
         axes.xaxis.set_major_locator(MultipleLocator(_GRID_MM))
         axes.yaxis.set_major_locator(MultipleLocator(_GRID_MM))
         if view is views[0]:
-            axes.set_ylabel("height [mm]")
+            axes.set_ylabel("height [mm]" if body.up_known else f"{_axis_name(body.up)} [mm]")
         else:
             axes.tick_params(labelleft=False)
         _style.tidy(axes)
@@ -92,14 +95,21 @@ def draw_body(figure: Figure, body: Body, skeleton: Skeleton, bottom_in: float) 
 
 
 def _views(body: Body, skeleton: Skeleton) -> tuple[_View, _View]:
-    left, forward = body_axes(body.after, skeleton.left_right, body.up, frame=body.frame)
-    if skeleton.left_right:
+    pairs = skeleton.left_right if body.up_known else ()
+    left, forward, known = body_axes(body.after, pairs, body.up, frame=body.frame)
+    if known:
         side = "side view (from the right)"
         return (
             _View(left, "front view", "to the body's left [mm]"),
             _View(forward, side, "to the body's front [mm]"),
         )
     return _View(left, "view 1", "widest direction [mm]"), _View(forward, "view 2", "across it [mm]")
+
+
+def _axis_name(direction: Array) -> str:
+    """Return the name of the world's axis nearest to a direction, with a minus for its opposite."""
+    axis = int(np.argmax(np.abs(direction)))
+    return ("−" if direction[axis] < 0 else "") + "xyz"[axis]
 
 
 def _draw_view(

@@ -1,4 +1,4 @@
-"""What is drawn of a body: its limbs, their sides, and the two directions it is looked at from."""
+"""What is drawn of a body: limbs, sides, error ellipses, and the two directions it is looked at from."""
 
 from __future__ import annotations
 
@@ -6,16 +6,22 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.collections import PatchCollection
+from matplotlib.patches import Ellipse
 
 from skelsplat.viz import _style
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import numpy.typing as npt
     from matplotlib.axes import Axes
 
     Array = npt.NDArray[np.float64]
 
-# Mean resultant length below which the left-to-right directions of a sequence do not agree on one heading:
+SIGMAS = 2.0  # of an error ellipse
+
+# Mean resultant length below which left-to-right directions do not agree on one heading:
 # the mean of directions spread evenly over 270 degrees has length 0.3.
 _STEADY_HEADING = 0.3
 
@@ -49,14 +55,19 @@ class Skeleton:
         return sides.pop() if len(sides) == 1 else _style.MIDDLE
 
 
+def not_ok_in_words(status: npt.NDArray[np.str_]) -> str:
+    """Return which statuses other than ``"ok"`` occur, for a legend, such as ``"weak"``."""
+    return ", ".join(name for name in ("weak", "filled", "unobserved") if (status == name).any())
+
+
 def body_axes(
     poses: Array, left_right: tuple[tuple[int, int], ...], up: Array, *, frame: int = 0
-) -> tuple[Array, Array]:
-    """Return the body's horizontal axes over a sequence, as unit vectors.
+) -> tuple[Array, Array, bool]:
+    """Return the body's horizontal axes in one frame of a sequence, as unit vectors.
 
-    The axis to the left is the mean of the horizontal left-minus-right vectors of all pairs and frames, each
-    of length one. Where these cancel (the person turns round) those of ``frame`` alone are used; without
-    pairs, the direction in which the joints spread most.
+    The axis to the left is the mean of the horizontal left-minus-right vectors of all pairs in ``frame``,
+    each of length one. Where these cancel or are unknown, those of all frames are used; without pairs, the
+    direction in which the joints spread most.
 
     Parameters
     ----------
@@ -67,20 +78,23 @@ def body_axes(
     up : (3,)
         The vertical, of unit length.
     frame
-        The frame that decides if the sequence does not.
+        Index of the frame.
 
     Returns
     -------
     left, forward : (3,), (3,)
         To the body's left and to its front; ``left``, ``up`` and ``forward`` are orthonormal.
+    known
+        False if no pair says where the body's left is.
     """
-    left = _mean_heading(poses, left_right, up)
+    left = _mean_heading(poses[frame : frame + 1], left_right, up)
     if np.linalg.norm(left) < _STEADY_HEADING:
-        left = _mean_heading(poses[frame : frame + 1], left_right, up)
-    if np.linalg.norm(left) < _STEADY_HEADING:
+        left = _mean_heading(poses, left_right, up)
+    known = bool(np.linalg.norm(left) >= _STEADY_HEADING)
+    if not known:
         left = _widest_direction(poses[frame], up)
     left = left / np.linalg.norm(left)
-    return left, np.cross(left, up)
+    return left, np.cross(left, up), known
 
 
 def _horizontal(vectors: Array, up: Array) -> Array:
@@ -119,3 +133,32 @@ def draw_limbs(axes: Axes, points: Array, skeleton: Skeleton, **line: object) ->
         ends = points[[a, b]]
         if np.isfinite(ends).all():
             axes.plot(ends[:, 0], ends[:, 1], color=colour or skeleton.limb_colour((a, b)), **line)  # type: ignore[arg-type]
+
+
+def draw_ellipses(axes: Axes, centres: Array, covariances: Array, colours: Sequence[str]) -> None:
+    """Draw the ellipse of `SIGMAS` standard deviations about every point; none where anything is NaN.
+
+    That of a projected ellipsoid: the outline of the points within `SIGMAS` of the joint, seen along the
+    direction of projection.
+
+    Parameters
+    ----------
+    axes
+        Where to draw.
+    centres : (N, 2)
+        In the axes' own coordinates.
+    covariances : (N, 2, 2)
+        In these, squared.
+    colours
+        One per point.
+    """
+    known = np.isfinite(centres).all(axis=1) & np.isfinite(covariances).all(axis=(1, 2))
+    patches, shown = [], []
+    for j in np.flatnonzero(known):
+        values, vectors = np.linalg.eigh(covariances[j])
+        height, width = 2 * SIGMAS * np.sqrt(np.maximum(values, 0.0))
+        angle = float(np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1])))
+        patches.append(Ellipse((centres[j, 0], centres[j, 1]), width, height, angle=angle))
+        shown.append(colours[int(j)])
+    collection = PatchCollection(patches, facecolors=shown, edgecolors=shown, alpha=0.28, zorder=2.5)
+    axes.add_collection(collection, autolim=False)

@@ -1,21 +1,26 @@
-"""Colours, sizes and the file writer shared by the figures."""
+"""What all figures share: colours, sizes, legends, notes, and files written whole or not at all."""
 
 from __future__ import annotations
 
 import io
 import os
 import tempfile
+import textwrap
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from matplotlib import rc_context
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    from collections.abc import Sequence
 
-DPI = 100
-WIDTH_IN = 14.0  # 1400 px
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
 
 # Okabe and Ito's palette: told apart under the common colour-vision deficiencies.
 BEFORE = "#8c8c8c"
@@ -23,19 +28,40 @@ AFTER = "#0072b2"
 LEFT = "#0072b2"
 RIGHT = "#d55e00"
 MIDDLE = "#222222"
+SIDES = {"left": LEFT, "right": RIGHT, "middle": MIDDLE}
 DETECTION = "#009e73"
 REPROJECTION = "#d55e00"
 REJECTED = "#b3006b"
 SWAPPED = "#e69f00"
 
-TITLE_PT = 13
-LABEL_PT = 11
-SMALL_PT = 10
+
+@dataclass(frozen=True)
+class Sheet:
+    """Width of a figure, pixels per inch, and sizes of its texts in points."""
+
+    width_in: float
+    dpi: int
+    title_pt: float
+    label_pt: float
+    small_pt: float
 
 
-def new_figure(height_in: float) -> Figure:
-    """Return an empty figure 1400 px wide and ``height_in`` inches (100 px each) tall, on an Agg canvas."""
-    figure = Figure(figsize=(WIDTH_IN, height_in), dpi=DPI, facecolor="white")
+SCREEN = Sheet(width_in=14.0, dpi=100, title_pt=13, label_pt=11, small_pt=10)
+# A figure as a paper prints it: 180 mm, two columns of a journal.
+PRINT = Sheet(width_in=7.1, dpi=300, title_pt=9.0, label_pt=8.0, small_pt=7.0)
+PRINT_HEIGHT_IN = 9.4  # what a page of A4 or letter leaves beside a caption
+
+FORMATS = ("png", "pdf")
+_ABOUT: dict[str, str | None] = {"Creator": "skelsplat", "CreationDate": None}
+
+_NOTE_LETTERS = 138  # of `PRINT.small_pt` across a page
+_NOTE_IN = 0.135  # height of a line of them
+_EDGE_IN = 0.08
+
+
+def new_figure(height_in: float, sheet: Sheet = SCREEN) -> Figure:
+    """Return an empty figure as wide as ``sheet`` and ``height_in`` inches tall, on an Agg canvas."""
+    figure = Figure(figsize=(sheet.width_in, height_in), dpi=sheet.dpi, facecolor="white")
     FigureCanvasAgg(figure)
     return figure
 
@@ -48,14 +74,70 @@ def box(
     return left / across, bottom / up, width / across, height / up
 
 
-def tidy(axes: Axes) -> None:
-    """Take the box off an axes and set its text sizes."""
-    axes.spines["top"].set_visible(False)
-    axes.spines["right"].set_visible(False)
-    axes.tick_params(labelsize=SMALL_PT)
-    axes.xaxis.label.set_fontsize(LABEL_PT)
-    axes.yaxis.label.set_fontsize(LABEL_PT)
-    axes.title.set_fontsize(TITLE_PT)
+def tidy(axes: Axes, sheet: Sheet = SCREEN) -> None:
+    """Remove the upper and right edge of an axes and set its lines and texts to the sizes of ``sheet``."""
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    axes.xaxis.label.set_fontsize(sheet.label_pt)
+    axes.yaxis.label.set_fontsize(sheet.label_pt)
+    if sheet is PRINT:
+        for spine in axes.spines.values():
+            spine.set_linewidth(0.6)
+        axes.tick_params(which="major", labelsize=sheet.small_pt, width=0.6, length=2.5, pad=2)
+    else:
+        axes.tick_params(labelsize=sheet.small_pt)
+        axes.title.set_fontsize(sheet.title_pt)
+
+
+def legend(
+    figure: Figure, left_in: float, top_in: float, entries: Sequence[Artist], size: float, **style: object
+) -> None:
+    """Draw a legend in one line whose upper left corner is at a place in inches from the lower left one."""
+    figure.legend(
+        handles=list(entries),
+        loc="upper left",
+        bbox_to_anchor=(left_in / figure.get_figwidth(), top_in / figure.get_figheight()),
+        ncols=max(len(entries), 1),
+        frameon=False,
+        fontsize=size,
+        **style,
+    )
+
+
+def entry(colour: str, label: str, **style: object) -> Line2D:
+    """Return a line, or with ``marker`` and no ``linestyle`` a mark, for a legend."""
+    line = {"linestyle": "" if "marker" in style else "-", "color": colour, "label": label, **style}
+    return Line2D([], [], **line)  # type: ignore[arg-type]
+
+
+def text(
+    figure: Figure, left_in: float, bottom_in: float, words: str, *, size: float, **style: object
+) -> None:
+    """Write words at a place in inches from the lower left corner."""
+    place = (left_in / figure.get_figwidth(), bottom_in / figure.get_figheight())
+    figure.text(*place, words, fontsize=size, **style)  # type: ignore[arg-type]
+
+
+def heading(figure: Figure, title: str) -> None:
+    """Write a title into the upper left corner of a printed page."""
+    text(figure, _EDGE_IN, figure.get_figheight() - _EDGE_IN, title, size=PRINT.title_pt, va="top")
+
+
+def note_lines(notes: Sequence[str]) -> list[str]:
+    """Return notes as lines that fit across a printed page; every note begins a line."""
+    return [line for note in notes for line in textwrap.wrap(note, _NOTE_LETTERS)]
+
+
+def notes_height(lines: Sequence[str]) -> float:
+    """Return the height in inches of what `draw_notes` draws."""
+    return _EDGE_IN + _NOTE_IN * len(lines)
+
+
+def draw_notes(figure: Figure, lines: Sequence[str]) -> None:
+    """Write lines at the lower edge of a printed page."""
+    for k, line in enumerate(reversed(lines)):
+        at = _EDGE_IN + k * _NOTE_IN
+        text(figure, _EDGE_IN, at, line, size=PRINT.small_pt, va="bottom", color="0.25")
 
 
 def save_png(figure: Figure, path: str | os.PathLike[str]) -> Path:
@@ -67,8 +149,44 @@ def save_png(figure: Figure, path: str | os.PathLike[str]) -> Path:
         If the folder cannot be written.
     """
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": "skelsplat"})
+    figure.savefig(buffer, format="png", dpi=figure.dpi, metadata={"Software": "skelsplat"})
     return write_whole(path, buffer.getvalue())
+
+
+def write_pages(pages: Sequence[Figure], stem: Path, formats: Sequence[str]) -> list[Path]:
+    """Write pages as ``stem.png``, ``stem_2.png`` … and as one ``stem.pdf``; each file whole or not at all.
+
+    Pages of an earlier, longer series of PNG files are removed.
+
+    Raises
+    ------
+    OSError
+        If the folder cannot be written.
+    """
+    written = []
+    for kind in formats:
+        if kind == "pdf":
+            written.append(write_whole(stem.with_name(f"{stem.name}.pdf"), _pdf(pages)))
+            continue
+        written += [save_png(page, _numbered(stem, number)) for number, page in enumerate(pages, 1)]
+        number = len(pages) + 1
+        while _numbered(stem, number).is_file():
+            _numbered(stem, number).unlink()
+            number += 1
+    return written
+
+
+def _numbered(stem: Path, number: int) -> Path:
+    return stem.with_name(f"{stem.name}.png" if number == 1 else f"{stem.name}_{number}.png")
+
+
+def _pdf(pages: Sequence[Figure]) -> bytes:
+    buffer = io.BytesIO()
+    # Type 42 fonts: text can be selected and edited, and publishers take it. No date: same data, same file.
+    with rc_context({"pdf.fonttype": 42}), PdfPages(buffer, metadata=_ABOUT) as document:
+        for page in pages:
+            document.savefig(page, dpi=page.dpi)
+    return buffer.getvalue()
 
 
 def write_whole(path: str | os.PathLike[str], content: bytes) -> Path:

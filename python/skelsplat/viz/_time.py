@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
-from skelsplat.viz import _paper
+from skelsplat.viz import _style
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -106,7 +106,7 @@ class TimeAxis:
         axes.ticklabel_format(
             axis="x", style="plain" if plain else "sci", scilimits=(0, 0), useOffset=False, useMathText=True
         )
-        axes.xaxis.offsetText.set_fontsize(_paper.SMALL_PT)
+        axes.xaxis.offsetText.set_fontsize(_style.PRINT.small_pt)
 
 
 def alone(values: Array) -> Mask:

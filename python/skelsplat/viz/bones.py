@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.ticker import MaxNLocator
 
 from skelsplat._arrays import read_fields
-from skelsplat.viz import _paper, _style
+from skelsplat.viz import _style
 from skelsplat.viz._time import TimeAxis, draw_series
 
 if TYPE_CHECKING:
@@ -22,10 +22,11 @@ if TYPE_CHECKING:
 
     Array = npt.NDArray[np.float64]
 
-COLOURS = {"left": _style.LEFT, "right": _style.RIGHT, "": _style.MIDDLE}
+COLOURS = {**_style.SIDES, "": _style.MIDDLE}
 # A panel shows at least this part of the length above and below it: what is rigid looks flat.
 _LEAST_SHARE = 0.1
 _PALE = 0.35
+_SMALL_PT = _style.PRINT.small_pt
 
 _UPPER_PT, _LOWER_PT = 13.0, 4.0  # of the two lines above a panel
 _COLUMNS, _ROWS = 2, 7  # on a page
@@ -86,7 +87,7 @@ def write_bones(stem: Path, data: BoneData, *, formats: Sequence[str] = ("png",)
     OSError
         If the folder cannot be written.
     """
-    return _paper.write_pages(draw_bones(data), stem, formats)
+    return _style.write_pages(draw_bones(data), stem, formats)
 
 
 def draw_bones(data: BoneData) -> list[Figure]:
@@ -96,11 +97,11 @@ def draw_bones(data: BoneData) -> list[Figure]:
 
 
 def _draw_page(data: BoneData, panels: Sequence[BonePanel]) -> Figure:
-    lines = _paper.note_lines(data.notes)
-    foot = _FOOT_IN + _paper.notes_height(lines)
+    lines = _style.note_lines(data.notes)
+    foot = _FOOT_IN + _style.notes_height(lines)
     rows = -(-len(panels) // _COLUMNS)
-    figure = _paper.new_page(foot + rows * (_AXES_IN + _TEXT_IN) + _HEAD_IN)
-    width = (_paper.WIDTH_IN - _LEFT_IN - _RIGHT_IN - (_COLUMNS - 1) * _ACROSS_IN) / _COLUMNS
+    figure = _style.new_figure(foot + rows * (_AXES_IN + _TEXT_IN) + _HEAD_IN, _style.PRINT)
+    width = (_style.PRINT.width_in - _LEFT_IN - _RIGHT_IN - (_COLUMNS - 1) * _ACROSS_IN) / _COLUMNS
     for k, panel in enumerate(panels):
         row, column = divmod(k, _COLUMNS)
         left = _LEFT_IN + column * (width + _ACROSS_IN)
@@ -111,8 +112,8 @@ def _draw_page(data: BoneData, panels: Sequence[BonePanel]) -> Figure:
             axes.set_xlabel(data.time.label, labelpad=2)
         else:
             axes.tick_params(labelbottom=False)
-    _paper.heading(figure, data.title)
-    _paper.draw_notes(figure, lines)
+    _style.heading(figure, data.title)
+    _style.draw_notes(figure, lines)
     return figure
 
 
@@ -124,7 +125,7 @@ def _draw_panel(axes: Axes, panel: BonePanel, time: TimeAxis) -> None:
         draw_series(axes, time, counted, color=colour, linewidth=0.8, label=bone.side)
         if np.isfinite(bone.median):
             axes.axhline(bone.median, color=colour, linewidth=0.6, linestyle=(0, (5, 3)), zorder=1.5)
-    _paper.tidy(axes)
+    _style.tidy(axes, _style.PRINT)
     time.apply(axes)
     axes.set_ylim(*_limits(panel.bones))
     axes.yaxis.set_major_locator(MaxNLocator(3, steps=[1, 2, 5, 10]))
@@ -140,7 +141,7 @@ def _draw_panel(axes: Axes, panel: BonePanel, time: TimeAxis) -> None:
 
 def _write_numbers(axes: Axes, panel: BonePanel) -> None:
     """Write two lines above a panel: the limb and the difference of its sides, then each side's numbers."""
-    _write(axes, (0.0, _UPPER_PT), panel.title, size=_paper.LABEL_PT, weight="bold")
+    _write(axes, (0.0, _UPPER_PT), panel.title, size=_style.PRINT.label_pt, weight="bold")
     _write(axes, (1.0, _UPPER_PT), difference_in_words(panel), ha="right")
     for place, end, bone in zip((0.0, 1.0), ("left", "right"), panel.bones, strict=False):
         numbers = in_words(bone)
@@ -149,7 +150,7 @@ def _write_numbers(axes: Axes, panel: BonePanel) -> None:
 
 
 def _write(
-    axes: Axes, place: tuple[float, float], words: str, *, size: float = _paper.SMALL_PT, **style: object
+    axes: Axes, place: tuple[float, float], words: str, size: float = _SMALL_PT, **style: object
 ) -> None:
     """Write words above an axes at a part of its width and some points above it."""
     axes.annotate(
@@ -166,7 +167,7 @@ def _write(
 def in_words(bone: Bone) -> str:
     """Return the median and the standard deviation of a limb in words."""
     if not np.isfinite(bone.median):
-        return "never sure" if np.isfinite(bone.lengths).any() else ""
+        return "no reliable frame" if np.isfinite(bone.lengths).any() else ""
     if not np.isfinite(bone.deviation):
         return f"{_three_figures(bone.median)} mm"
     share = f" ({_three_figures(100 * bone.deviation / bone.median)} %)" if bone.median > 0 else ""

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.colors import Colormap, LinearSegmentedColormap
 
 from skelsplat._arrays import read_fields
-from skelsplat.viz import _paper, _style
+from skelsplat.viz import _style
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -37,7 +37,7 @@ _BAR_IN, _BAR_GAP_IN = 0.09, 0.08
 _BAR_TEXT_IN = 0.32
 _BESIDE_MAP_IN = _BAR_GAP_IN + _BAR_IN + _BAR_TEXT_IN
 _HEAD_IN, _TITLE_IN, _GAP_IN = 0.3, 0.24, 0.15
-_LETTER_IN = 0.058  # mean width of a letter of SMALL_PT
+_LETTER_IN = 0.058  # mean width of a letter of `PRINT.small_pt`
 _MOST_LETTERS = 22
 # Everything above either is drawn in the darkest colour, so that one bad camera does not pale all others.
 _TOP_PERCENTILE, _TOP_MEDIANS = 97.0, 4.0
@@ -92,7 +92,7 @@ def write_error_map(stem: Path, data: ErrorMapData, *, formats: Sequence[str] = 
     OSError
         If the folder cannot be written.
     """
-    return _paper.write_pages([draw_error_map(data)], stem, formats)
+    return _style.write_pages([draw_error_map(data)], stem, formats)
 
 
 def draw_error_map(data: ErrorMapData) -> Figure:
@@ -103,9 +103,9 @@ def draw_error_map(data: ErrorMapData) -> Figure:
     """
     joints = [_short(name).replace("_", " ") for name in (*data.joint_names, "all joints")]
     cameras = [_short(name) for name in (*data.camera_names, "all")]
-    lines = _paper.note_lines(data.notes)
-    plan = _plan(joints, cameras, _paper.notes_height(lines) + 0.06)
-    figure = _paper.new_page(plan.height)
+    lines = _style.note_lines(data.notes)
+    plan = _plan(joints, cameras, _style.notes_height(lines) + 0.06)
+    figure = _style.new_figure(plan.height, _style.PRINT)
     for k, chart in enumerate(_maps(data)):
         x, y = plan.corner(k)
         axes = figure.add_axes(_style.box(figure, x, y, plan.width, plan.map_in))
@@ -113,8 +113,8 @@ def draw_error_map(data: ErrorMapData) -> Figure:
         _name_cells(axes, joints if plan.stacked or k == 0 else [], cameras, upright=plan.upright)
         bar = figure.add_axes(_style.box(figure, x + plan.width + _BAR_GAP_IN, y, _BAR_IN, plan.map_in))
         _draw_bar(figure, bar, axes, chart)
-    _paper.heading(figure, data.title)
-    _paper.draw_notes(figure, lines)
+    _style.heading(figure, data.title)
+    _style.draw_notes(figure, lines)
     return figure
 
 
@@ -161,12 +161,12 @@ def _plan(joints: Sequence[str], cameras: Sequence[str], foot: float) -> _Plan:
     rows, columns = len(joints), len(cameras)
     count, stacked = (1, True) if columns > _BESIDE else (2, False)
     left = _letters(joints) + 0.16
-    space = _paper.WIDTH_IN - left - count * _BESIDE_MAP_IN
+    space = _style.PRINT.width_in - left - count * _BESIDE_MAP_IN
     width = min(space / count / columns, max(_COLUMN_IN, _LEAST_MAP_IN / columns))
     upright = _letters(cameras) > width
     below = (_letters(cameras) if upright else 0.1) + 0.14
     blocks = 2 if stacked else 1
-    free = _paper.HEIGHT_IN - foot - _HEAD_IN - (blocks - 1) * _GAP_IN
+    free = _style.PRINT_HEIGHT_IN - foot - _HEAD_IN - (blocks - 1) * _GAP_IN
     height = float(np.clip((free / blocks - below - _TITLE_IN) / rows, _LEAST_ROW_IN, _ROW_IN))
     return _Plan(rows, columns, (height, width), stacked, upright, left, below, foot)
 
@@ -206,7 +206,7 @@ def _draw_map(axes: Axes, chart: _Map, cell_in: tuple[float, float]) -> None:
     axes.set_yticks(np.arange(rows - 1) + 0.5, minor=True)
     axes.grid(which="minor", color="0.85", linewidth=0.3)
     axes.tick_params(which="minor", length=0)
-    axes.set_title(chart.title, fontsize=_paper.LABEL_PT, loc="left", pad=4)
+    axes.set_title(chart.title, fontsize=_style.PRINT.label_pt, loc="left", pad=4)
     size = _number_size(chart, cell_in)
     if size:
         for (row, column), value in np.ndenumerate(chart.values):
@@ -236,7 +236,7 @@ def _number_size(chart: _Map, cell_in: tuple[float, float]) -> float:
 def _name_cells(axes: Axes, joints: Sequence[str], cameras: Sequence[str], *, upright: bool) -> None:
     axes.set_xticks(range(len(cameras)), cameras, rotation=90 if upright else 0)
     axes.set_yticks(range(len(joints)), joints)
-    _paper.tidy(axes)
+    _style.tidy(axes, _style.PRINT)
     axes.tick_params(which="both", length=0)
     for spine in axes.spines.values():
         spine.set_visible(False)
@@ -247,4 +247,4 @@ def _draw_bar(figure: Figure, bar: Axes, axes: Axes, chart: _Map) -> None:
     beyond = len(known) and known.max() > chart.top
     scale = figure.colorbar(axes.images[0], cax=bar, extend="max" if beyond else "neither", extendfrac=0.03)
     scale.outline.set_linewidth(0.4)
-    bar.tick_params(labelsize=_paper.SMALL_PT, width=0.5, length=2, pad=1.5)
+    bar.tick_params(labelsize=_style.PRINT.small_pt, width=0.5, length=2, pad=1.5)

@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.colors import LinearSegmentedColormap
-from matplotlib.lines import Line2D
 
 from skelsplat._arrays import read_fields
 from skelsplat.viz import _style
+from skelsplat.viz._cameras import Window, aspect, person_window
 from skelsplat.viz._skeleton import Skeleton, draw_limbs
-from skelsplat.viz._window import Window, aspect, person_window
 
 if TYPE_CHECKING:
     import os
@@ -21,6 +20,7 @@ if TYPE_CHECKING:
 
     import numpy.typing as npt
     from matplotlib.axes import Axes
+    from matplotlib.lines import Line2D
 
     Array = npt.NDArray[np.float64]
 
@@ -79,7 +79,8 @@ def write_heatmaps(
     windows = [crop_window(row) for row in rows]
     # An upright person leaves room for two cameras side by side.
     across = 2 if len(rows) > 1 and np.median([aspect(window) for window in windows]) > 1 else 1
-    cell = _style.WIDTH_IN / (2 * across)
+    sheet = _style.SCREEN
+    cell = sheet.width_in / (2 * across)
     width = cell - _MARGIN_IN
     lines = [range(k, min(k + across, len(rows))) for k in range(0, len(rows), across)]
     heights = [max(min(width * aspect(windows[k]), _TALLEST_IN) for k in line) for line in lines]
@@ -91,19 +92,11 @@ def write_heatmaps(
         for place, k in enumerate(line):
             for column in (0, 1):
                 left = (2 * place + column) * cell + _MARGIN_IN - 0.1
-                box = (left / _style.WIDTH_IN, base / total, width / _style.WIDTH_IN, height / total)
+                box = _style.box(figure, left, base, width, height)
                 _draw_panel(figure.add_axes(box), rows[k], windows[k], skeleton, rendered=bool(column))
         top -= height + _ROW_GAP_IN
-    figure.text(0.02, 1 - 0.18 / total, caption, fontsize=_style.TITLE_PT, va="top")
-    corner = (0.012, 1 - 0.42 / total)
-    figure.legend(
-        handles=_legend_entries(),
-        loc="upper left",
-        bbox_to_anchor=corner,
-        ncols=4,
-        frameon=False,
-        fontsize=11,
-    )
+    figure.text(0.02, 1 - 0.18 / total, caption, fontsize=sheet.title_pt, va="top")
+    _style.legend(figure, 0.012 * sheet.width_in, total - 0.42, _legend_entries(), sheet.label_pt)
     return _style.save_png(figure, path)
 
 
@@ -130,7 +123,7 @@ def _draw_panel(axes: Axes, row: HeatmapRow, window: Window, skeleton: Skeleton,
     axes.set_ylabel("v [px]")
     _style.tidy(axes)
     error = (
-        f"median {row.median_error_px:.1f} px off" if np.isfinite(row.median_error_px) else "no detections"
+        f"median error {row.median_error_px:.1f} px" if np.isfinite(row.median_error_px) else "no detections"
     )
     axes.set_title(f"{row.name}, rendering\n{error}" if rendered else f"{row.name}, pseudo\nground truth")
 
@@ -142,18 +135,10 @@ def crop_window(row: HeatmapRow) -> Window:
 
 
 def _legend_entries() -> list[Line2D]:
+    cross = {"marker": "x", "markersize": 8, "markeredgewidth": 1.8}
     return [
-        Line2D(
-            [],
-            [],
-            color=_style.DETECTION,
-            marker="x",
-            linestyle="",
-            markersize=8,
-            markeredgewidth=1.8,
-            label="detection",
-        ),
-        Line2D([], [], color=_style.DETECTION, linewidth=1.6, label="limbs of the detections"),
-        Line2D([], [], color=_style.REPROJECTION, marker="o", linestyle="", label="refined pose, projected"),
-        Line2D([], [], color=_style.REPROJECTION, linewidth=1.6, label="limbs of the refined pose"),
+        _style.entry(_style.DETECTION, "detection", **cross),
+        _style.entry(_style.DETECTION, "limbs of the detections", linewidth=1.6),
+        _style.entry(_style.REPROJECTION, "refined pose, projected", marker="o"),
+        _style.entry(_style.REPROJECTION, "limbs of the refined pose", linewidth=1.6),
     ]

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from skelsplat._arrays import read_fields
-from skelsplat.viz import _paper, _style
+from skelsplat.viz import _style
 from skelsplat.viz._time import MANY_FRAMES, TimeAxis, alone, draw_series
 
 if TYPE_CHECKING:
@@ -33,7 +32,7 @@ if TYPE_CHECKING:
 BANDS = {2: 0.18, 1: 0.32}
 # Status → colour of its mark at the foot of a panel: dark, middle and light also in greyscale.
 MARKS = {"unobserved": "#222222", "filled": "#009e73", "weak": "#e69f00"}
-_WORDS = {"unobserved": "unobserved", "filled": "filled (dotted)", "weak": "weakly seen"}
+_WORDS = {"filled": "filled (dotted)"}  # where the name of a status needs more
 _MARK_HEIGHT = 0.055  # of a panel
 
 _ROW_IN, _GAP_IN = 1.02, 0.22
@@ -42,6 +41,13 @@ _ACROSS_IN, _RIGHT_IN = 0.5, 0.1
 _EDGE_IN, _TICKS_IN, _LETTER_IN = 0.08, 0.47, 0.066  # left of a row: edge, numbers, a letter of its name
 _NAME_LETTERS = 11  # in a line
 _ROWS = 6  # on a page
+_LEGEND = {
+    "borderaxespad": 0.0,
+    "borderpad": 0.0,
+    "handlelength": 1.5,
+    "handletextpad": 0.5,
+    "columnspacing": 1.3,
+}
 
 
 @dataclass(frozen=True)
@@ -93,7 +99,7 @@ def write_trajectories(
     OSError
         If the folder cannot be written.
     """
-    return _paper.write_pages(draw_trajectories(data, skeleton=skeleton), stem, formats)
+    return _style.write_pages(draw_trajectories(data, skeleton=skeleton), stem, formats)
 
 
 def draw_trajectories(data: TrajectoryData, *, skeleton: Skeleton) -> list[Figure]:
@@ -104,14 +110,14 @@ def draw_trajectories(data: TrajectoryData, *, skeleton: Skeleton) -> list[Figur
 
 
 def _draw_page(data: TrajectoryData, joints: Sequence[int], skeleton: Skeleton) -> Figure:
-    lines = _paper.note_lines(data.notes)
-    foot = _FOOT_IN + _paper.notes_height(lines)
+    lines = _style.note_lines(data.notes)
+    foot = _FOOT_IN + _style.notes_height(lines)
     height = foot + len(joints) * (_ROW_IN + _GAP_IN) - _GAP_IN + _HEAD_IN
-    figure = _paper.new_page(height)
+    figure = _style.new_figure(height, _style.PRINT)
     names = [textwrap.wrap(data.joint_names[joint].replace("_", " "), _NAME_LETTERS) for joint in joints]
     letters = max(len(line) for name in names for line in name)
     start = _EDGE_IN + letters * _LETTER_IN + _TICKS_IN
-    width = (_paper.WIDTH_IN - start - _RIGHT_IN - 2 * _ACROSS_IN) / 3
+    width = (_style.PRINT.width_in - start - _RIGHT_IN - 2 * _ACROSS_IN) / 3
     for row, joint in enumerate(joints):
         bottom = foot + (len(joints) - 1 - row) * (_ROW_IN + _GAP_IN)
         for axis in range(3):
@@ -119,16 +125,17 @@ def _draw_page(data: TrajectoryData, joints: Sequence[int], skeleton: Skeleton) 
             axes = figure.add_axes(_style.box(figure, left, bottom, width, _ROW_IN))
             _draw_panel(axes, data, (joint, axis), skeleton.colour(joint))
             if row == 0:
-                axes.set_title(f"{'xyz'[axis]} [mm]", fontsize=_paper.LABEL_PT, pad=4)
+                axes.set_title(f"{'xyz'[axis]} [mm]", fontsize=_style.PRINT.label_pt, pad=4)
             if row == len(joints) - 1:
                 axes.set_xlabel(data.time.label, labelpad=2)
             else:
                 axes.tick_params(labelbottom=False)
         middle, label = bottom + _ROW_IN / 2, "\n".join(names[row])
-        _paper.text(figure, _EDGE_IN, middle, label, size=_paper.LABEL_PT, va="center", linespacing=1.1)
-    _paper.heading(figure, data.title)
-    _paper.legend(figure, height - 0.3, _legend_entries(data, joints, skeleton))
-    _paper.draw_notes(figure, lines)
+        _style.text(figure, _EDGE_IN, middle, label, size=_style.PRINT.label_pt, va="center", linespacing=1.1)
+    _style.heading(figure, data.title)
+    entries = _legend_entries(data, joints, skeleton)
+    _style.legend(figure, _EDGE_IN, height - 0.3, entries, _style.PRINT.small_pt, **_LEGEND)
+    _style.draw_notes(figure, lines)
     return figure
 
 
@@ -157,7 +164,7 @@ def _draw_panel(axes: Axes, data: TrajectoryData, place: tuple[int, int], colour
             zorder=3,
             label=name,
         )
-    _paper.tidy(axes)
+    _style.tidy(axes, _style.PRINT)
     time.apply(axes)
     low, high = _limits(values, data.sigma[:, joint, axis], data.start[:, joint, axis])
     room = 2 * _MARK_HEIGHT * (high - low) if np.isin(data.status[:, data.joints], list(MARKS)).any() else 0.0
@@ -228,19 +235,18 @@ def _limits(values: Array, sigma: Array, start: Array) -> tuple[float, float]:
 
 def _legend_entries(data: TrajectoryData, joints: Sequence[int], skeleton: Skeleton) -> list[Artist]:
     """Return what occurs on this page."""
-    sides = {_style.LEFT: "left", _style.RIGHT: "right", _style.MIDDLE: "middle"}
     colours = {skeleton.colour(joint) for joint in joints}
     entries: list[Artist] = [
-        Line2D([], [], color=colour, linewidth=1.2, label=side)
-        for colour, side in sides.items()
+        _style.entry(colour, side, linewidth=1.2)
+        for side, colour in _style.SIDES.items()
         if colour in colours and skeleton.left_right
     ]
     if np.isfinite(data.sigma[:, joints]).any():
         dark = {2: BANDS[2], 1: BANDS[1] + BANDS[2]}
         entries += [Patch(color="0.2", alpha=dark[n], linewidth=0, label=f"±{n} σ") for n in (1, 2)]
     if np.isfinite(data.start[:, joints]).any():
-        entries.append(Line2D([], [], color=_style.BEFORE, linewidth=0.8, label="start of the refinement"))
+        entries.append(_style.entry(_style.BEFORE, "start of the refinement", linewidth=0.8))
     for name, colour in MARKS.items():
         if (data.status[:, joints] == name).any():
-            entries.append(Patch(color=colour, linewidth=0, label=_WORDS[name]))
+            entries.append(Patch(color=colour, linewidth=0, label=_WORDS.get(name, name)))
     return entries

@@ -1,4 +1,4 @@
-"""``weights.png``: how far the detections are believed, camera by joint and camera by frame."""
+"""``weights.png``: how much the detections are trusted, camera by joint and camera by frame."""
 
 from __future__ import annotations
 
@@ -29,6 +29,7 @@ _ROW_IN = 0.42
 _LEAST_IN = 1.0
 _MOST_NUMBERS = 32  # joints for which the numbers fit into the cells
 _MOST_NAMES = 60
+_SMALL_PT = _style.SCREEN.small_pt
 _DARK = 0.45  # below, a number is written in white
 
 _WEIGHT = LinearSegmentedColormap.from_list(
@@ -72,19 +73,19 @@ def write_weights(path: str | os.PathLike[str], data: WeightData) -> Path:
     """
     height = max(_ROW_IN * len(data.camera_names), _LEAST_IN)
     figure = _style.new_figure(2 * height + 3.05)
-    width = _style.WIDTH_IN - _LEFT_IN - _RIGHT_IN
+    width = _style.SCREEN.width_in - _LEFT_IN - _RIGHT_IN
     by_joint = figure.add_axes(_style.box(figure, _LEFT_IN, height + 2.3, width, height))
     by_frame = figure.add_axes(_style.box(figure, _LEFT_IN, 0.7, width, height))
     image = _draw_joints(by_joint, data)
     _draw_frames(by_frame, data)
-    bar = figure.add_axes(_style.box(figure, _style.WIDTH_IN - 0.75, 0.7, 0.18, height))
+    bar = figure.add_axes(_style.box(figure, _style.SCREEN.width_in - 0.75, 0.7, 0.18, height))
     figure.colorbar(image, cax=bar, ticks=[0, data.rejected_below, 1])
     figure.text(
-        0.25 / _style.WIDTH_IN,
+        0.25 / _style.SCREEN.width_in,
         1 - 0.2 / figure.get_figheight(),
-        f"Mean weight of the detections, all frames: 1 believed, below {data.rejected_below:g} rejected, "
-        "grey without a detection",
-        fontsize=_style.TITLE_PT,
+        f"Mean weight of the detections, all frames: 1 trusted, below {data.rejected_below:g} rejected, "
+        "grey: no detection",
+        fontsize=_style.SCREEN.title_pt,
         va="top",
     )
     return _style.save_png(figure, path)
@@ -102,7 +103,11 @@ def _draw_joints(axes: Axes, data: WeightData) -> AxesImage:
     for row, share in enumerate(rejected):
         text = "none" if np.isnan(share) else f"{100 * share:.0f}% rejected"
         axes.annotate(
-            text, (1.01, row), xycoords=("axes fraction", "data"), va="center", fontsize=_style.SMALL_PT
+            text,
+            (1.01, row),
+            xycoords=("axes fraction", "data"),
+            va="center",
+            fontsize=_SMALL_PT,
         )
     if len(data.joint_names) <= _MOST_NUMBERS:
         for (row, column), value in np.ndenumerate(mean):

@@ -100,10 +100,10 @@ def test_exchanged_sides_are_status_1(tmp_path):
     assert "✗ left and right: expected the same sides" in plain(result)
     assert "These data cannot be used as they are." in plain(result)
     report = json.loads(invoke("check", "human36m", tmp_path, "--json").stdout)
-    assert [finding["topic"] for finding in report["findings"]] == ["sides"]
+    assert [finding["kind"] for finding in report["findings"]] == ["dataset_sides"]
 
 
-def test_doubts_are_told_and_are_status_0(tmp_path):
+def test_warnings_are_printed_and_are_status_0(tmp_path):
     recording = write.record()
     for take in recording.takes:
         take.pixels[:, 1] += 80.0
@@ -111,7 +111,7 @@ def test_doubts_are_told_and_are_status_0(tmp_path):
     result = invoke("check", "human36m", tmp_path)
     assert result.exit_code == 0
     assert "! camera 55011271" in plain(result)
-    assert "with 1 doubt(s)" in plain(result)
+    assert "with 1 warning." in plain(result)
 
 
 def test_options_reach_the_reader(tmp_path):
@@ -144,8 +144,8 @@ def test_options_reach_the_reader(tmp_path):
     ("args", "words"),
     [
         (("human37m", "ROOT"), "NAME: expected one of human36m"),
-        (("human36m", "ROOT", "--option", "x"), "--option: expected NAME=VALUE"),
-        (("human36m", "ROOT", "--option", "x=1"), "expected an option of human36m"),
+        (("human36m", "ROOT", "--option", "x"), "--option: expected KEY=VALUE with a KEY among format"),
+        (("human36m", "ROOT", "--option", "x=1"), "--option: expected KEY=VALUE with a KEY among format"),
         (("human36m", "ROOT", "--format", "coco"), "format: expected one of"),
         (("human36m",), "ROOT"),
     ],

@@ -34,7 +34,7 @@ def test_metres_for_millimetres(tmp_path, spoiled, name):
         for each in records:
             each["joints_3d"] = each["joints_3d"] / 1000
         (tmp_path / "annot" / "h36m_validation.pkl").write_bytes(pickle.dumps(records))
-    words = "a body of [0-9.e+]+ mm" + ("" if name == "videopose3d" else ", which it would be in m")
+    words = "a body of [0-9.e+]+ mm" + ("" if name == "videopose3d" else " \\(plausible in m\\)")
     refused(tmp_path, options, "", "truth", "joints in mm", words)
 
 
@@ -59,7 +59,7 @@ def test_exchanged_sides(tmp_path, spoiled, name):
     )
     assert error.path.exists()
     (finding,) = datasets.check("human36m", tmp_path, **options).findings
-    assert (finding.topic, finding.fatal, len(finding.takes)) == ("sides", True, 8)
+    assert (finding.kind, finding.severity, len(finding.subject.takes)) == ("dataset_sides", "error", 8)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import pytest
 from scipy.io import savemat
 
 import skelsplat as sk
-from skelsplat import DatasetError, datasets
+from skelsplat import DatasetError, MissingPackageError, datasets
 from skelsplat.datasets._shelf_campus import from_coco
 from writers import shelf_campus as writer
 
@@ -154,7 +154,7 @@ def test_frames_that_do_not_match_are_refused(shelf):
 
 def test_without_scipy_the_error_says_what_to_install(shelf, monkeypatch):
     monkeypatch.setitem(sys.modules, "scipy.io", None)
-    with pytest.raises(DatasetError, match=r"actorsGT.mat: .*pip install 'skelsplat\[evaluation\]'"):
+    with pytest.raises(MissingPackageError, match=r"actorsGT.mat: .*pip install 'skelsplat\[evaluation\]'"):
         datasets.read("shelf", shelf[0])
 
 

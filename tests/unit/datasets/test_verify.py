@@ -82,20 +82,22 @@ def test_the_unit_of_the_truth_is_named(factor, unit, detections):
     if not detections:
         data = changed(data, detections=lambda _: None)
     (finding,) = verify(data)
-    assert finding.fatal
-    assert finding.topic == "unit"
-    assert finding.field == "truth"
-    assert f"which it would be in {unit}" in str(finding)
-    assert finding.takes == ("S9/0", "S9/1", "S9/2")
-    assert str(finding).endswith("in S9/0 and 2 more")
+    assert finding.severity == "error"
+    assert finding.kind == "dataset_truth_unit"
+    assert finding.numbers["likely_unit"] == unit
+    assert finding.text.startswith("truth: expected joints in mm, got a body of ")
+    assert f"(plausible in {unit}" in finding.text
+    assert finding.subject.takes == ("S9/0", "S9/1", "S9/2")
+    assert finding.text.endswith("in S9/0 and 2 more")
 
 
 @pytest.mark.parametrize("factor", [0.001, 0.1, 10.0, 1000.0])
 def test_the_unit_of_the_cameras_is_named(factor):
     data = with_cameras(dataset(DetectionNoise.good()), lambda c: camera(c, t=factor * c.t))
     (finding,) = verify(data)
-    assert (finding.topic, finding.field, finding.fatal) == ("unit", "cameras", True)
-    assert f"multiplied by {1 / factor:g}" in str(finding)
+    assert (finding.kind, finding.severity) == ("dataset_camera_unit", "error")
+    assert finding.text.startswith("cameras: expected translations in mm")
+    assert f"multiplied by {1 / factor:g}" in finding.text
 
 
 def test_exchanged_sides_of_one_take():
@@ -106,7 +108,8 @@ def test_exchanged_sides_of_one_take():
     takes = list(data.takes)
     takes[1] = replace(takes[1], detections=takes[1].detections[:, :, order])
     (finding,) = verify(replace(data, takes=tuple(takes)))
-    assert (finding.topic, finding.takes, finding.fatal) == ("sides", ("S9/1",), True)
+    assert (finding.kind, finding.severity) == ("dataset_sides", "error")
+    assert finding.subject.takes == ("S9/1",)
 
 
 def test_exchanged_sides_of_one_view():
@@ -121,28 +124,31 @@ def test_exchanged_sides_of_one_view():
         return detections
 
     (finding,) = verify(changed(data, detections=one_view))
-    assert (finding.topic, finding.field, finding.fatal) == ("views", "camera 58860488", False)
-    assert "sides exchanged" in finding.actual
+    assert (finding.kind, finding.severity) == ("dataset_view_sides", "warning")
+    assert finding.subject.cameras == ("58860488",)
+    assert finding.text.startswith("camera 58860488: expected left and right as in the other views")
+    assert "sides exchanged" in finding.text
 
 
 def test_another_joint_order():
     order = [0, 4, 5, 6, 1, 2, 3, *range(7, N)]  # the legs alone, as in no layout
     data = changed(dataset(DetectionNoise.good()), detections=lambda take: take.detections[:, :, order])
     findings = verify(data)
-    (finding,) = [f for f in findings if f.topic == "joint order"]
-    assert "right_knee lies on left_knee" in finding.actual
+    (finding,) = [f for f in findings if f.kind == "dataset_joint_order"]
+    assert "right_knee lies on left_knee" in finding.text
     mixed = list(np.random.default_rng(1).permutation(N))
     data = changed(dataset(DetectionNoise.good()), detections=lambda take: take.detections[:, :, mixed])
-    assert "joint order" in {finding.topic for finding in verify(data)}
+    assert "dataset_joint_order" in {finding.kind for finding in verify(data)}
 
 
 def test_cameras_in_another_order():
     data = changed(dataset(DetectionNoise.good()), detections=lambda take: take.detections[:, [1, 0, 2, 3]])
-    first, second = [f for f in verify(data) if f.topic == "cameras"]
-    assert first.field == "camera 54138969"
-    assert "px in camera 55011271" in first.actual
-    assert "px in camera 54138969" in second.actual
-    assert not first.fatal
+    first, second = [f for f in verify(data) if f.kind == "dataset_view_of_another_camera"]
+    assert first.subject.cameras == ("54138969",)
+    assert first.text.startswith("camera 54138969: expected detections of this camera")
+    assert "px in camera 55011271" in first.text
+    assert "px in camera 54138969" in second.text
+    assert first.severity == "warning"
 
 
 def test_a_view_that_is_far_off():
@@ -152,8 +158,8 @@ def test_a_view_that_is_far_off():
         return detections
 
     (finding,) = verify(changed(dataset(DetectionNoise.good()), detections=one_view))
-    assert (finding.topic, finding.field) == ("views", "camera 55011271")
-    assert re.search(r"up to 8\d\.\d px off", finding.actual)  # 60·√2 = 85
+    assert (finding.kind, finding.subject.cameras) == ("dataset_view_far", ("55011271",))
+    assert re.search(r"up to 8\d\.\d px", finding.text)  # 60·√2 = 85
 
 
 @pytest.mark.parametrize(("noise", "frames", "takes"), [(None, 5, 1), (DetectionNoise(sigma_px=0.5), 40, 3)])
@@ -163,8 +169,8 @@ def test_exchanged_tangential_coefficients(noise, frames, takes):
 
     data = with_cameras(dataset(noise, frames=frames, takes=takes), exchange)
     (finding,) = verify(data)
-    assert finding.topic == "lens"
-    assert "p1 and p2 that are exchanged" in str(finding)
+    assert finding.kind == "dataset_lens_tangential"
+    assert "p1 and p2 exchanged" in finding.text
 
 
 def test_detections_without_distortion():
@@ -172,8 +178,8 @@ def test_detections_without_distortion():
     ideal = dataset(DetectionNoise.good(), distortion=False)
     takes = [replace(ideal_take, rig=take.rig) for take, ideal_take in zip(data, ideal, strict=True)]
     (finding,) = verify(replace(data, takes=tuple(takes)))
-    assert finding.topic == "lens"
-    assert "without distortion" in str(finding)
+    assert finding.kind == "dataset_lens_none"
+    assert "without distortion" in finding.text
 
 
 def test_rigs_in_other_units():
@@ -185,5 +191,5 @@ def test_rigs_in_other_units():
 
     assert verify(changed(data, rig=in_metres, truth=lambda take: take.truth / 1000)) == ()
     (finding,) = verify(changed(data, rig=in_metres))
-    assert finding.topic == "unit"
-    assert "which it would be in mm" in str(finding)
+    assert finding.kind == "dataset_truth_unit"
+    assert "(plausible in mm" in finding.text

@@ -37,9 +37,10 @@ def run(*arguments: object, status: int = 0):
     return result
 
 
+@pytest.mark.painted
 def test_it_prints_the_table_in_100_columns_and_writes_four_files(dome: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    result = run("synthetic", dome, "-o", out, "-m", "dlt,skelsplat", "-m", "fusion")
+    result = run("synthetic", dome, "-o", out, "-m", "dlt,annealed", "-m", "fusion")
     assert {path.name for path in out.iterdir()} == FILES
     assert max(map(len, result.stdout.splitlines())) <= 100
     assert "dome (simulated-good), 4 views" in result.stdout
@@ -86,13 +87,13 @@ def test_quiet_says_nothing(dome: Path, tmp_path: Path) -> None:
 
 
 def test_options_of_a_method(room: Path, tmp_path: Path) -> None:
-    options = ["--init-sigma", 40, "--start", "dlt", "--every", 128, "--threads", 1, "--seed", 5]
-    names = "skelsplat-prior,skelsplat,ransac-adafuse"
+    options = ["--init-sigma-mm", 40, "--start", "dlt", "--every", 128, "--threads", 1, "--seed", 5]
+    names = "annealed-prior,annealed,ransac-adafuse"
     result = run("synthetic", room, "-o", tmp_path, "-m", names, *options, "--json")
     settings = json.loads(result.stdout)["settings"]
-    assert settings["skelsplat-prior"]["init_sigma_mm"] == 40
-    assert settings["skelsplat"]["start"] == "dlt"
-    assert settings["skelsplat"]["config"]["n_threads"] == 1
+    assert settings["annealed-prior"]["init_sigma_mm"] == 40
+    assert settings["annealed"]["start"] == "dlt"
+    assert settings["annealed"]["config"]["n_threads"] == 1
     assert settings["ransac-adafuse"]["seed"] == 5
 
 
@@ -105,7 +106,7 @@ BAD_USAGE = [
     ),
     (["synthetic", ".", "--start", "here"], "--start: expected one of dlt, fusion, none, got 'here'"),
     (["synthetic", ".", "--counting", "few"], "--counting: expected one of all, adafuse, got 'few'"),
-    (["synthetic", ".", "--init-sigma", "0"], "--init-sigma: expected a positive number, got 0"),
+    (["synthetic", ".", "--init-sigma-mm", "0"], "--init-sigma-mm: expected a positive number, got 0"),
     (["synthetic", ".", "--set", "colour=red"], "--set: expected KEY=VALUE with a KEY among detector"),
     (["synthetic", ".", "--views", "1"], "--views: "),
     (["synthetic"], "ROOT"),
@@ -138,4 +139,4 @@ def test_a_folder_that_cannot_be_written_is_known_first(dome: Path, tmp_path: Pa
 
 def test_help_has_examples() -> None:
     text = run("--help").stdout
-    assert "skelsplat evaluate panoptic data/panoptic --views 6 -m skelsplat,dlt" in " ".join(text.split())
+    assert "skelsplat evaluate panoptic data/panoptic --views 6 -m annealed,dlt" in " ".join(text.split())

@@ -57,7 +57,7 @@ def test_it_is_evaluated(case: str, tmp_path: Path) -> None:
     root.mkdir()
     write(root)
     arguments = [option.replace("ROOT", str(root)) for option in options]
-    command = ["evaluate", name, str(root), "-o", str(tmp_path / "out"), "-m", "dlt,ransac,skelsplat"]
+    command = ["evaluate", name, str(root), "-o", str(tmp_path / "out"), "-m", "dlt,ransac,annealed"]
     result = CliRunner().invoke(app, [*command, *arguments, "--json"])
     assert result.exit_code == 0, result.output
     content = json.loads(result.stdout)

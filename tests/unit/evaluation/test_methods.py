@@ -11,7 +11,7 @@ import pytest
 import skelsplat as sk
 import takes
 from skelsplat.evaluation import baselines, methods
-from skelsplat.evaluation._views import without_lens
+from skelsplat.evaluation.methods import without_lens
 
 TAKE = takes.simulated(3).takes[0]
 LAYOUT = sk.layouts.H36M17
@@ -44,10 +44,10 @@ EXPECTED = {
     "ransac": lambda: sk.triangulate(TAKE.detections, TAKE.rig, method="ransac"),
     "cauchy": lambda: baselines.cauchy(TAKE.detections, TAKE.rig),
     "fusion": fused,
-    "skelsplat": lambda: refined(None, None),
-    "skelsplat-prior": lambda: refined(fused(), None, init_sigma=25.0),
-    "skelsplat-closed-form": lambda: refined(by_dlt(), CLOSED_FORM),
-    "skelsplat-paper": lambda: refined(by_dlt(), sk.RefineConfig.paper()),
+    "annealed": lambda: refined(None, None),
+    "annealed-prior": lambda: refined(fused(), None, init_sigma=25.0),
+    "paper-closed-form": lambda: refined(by_dlt(), CLOSED_FORM),
+    "paper": lambda: refined(by_dlt(), sk.RefineConfig.paper()),
 }
 
 
@@ -65,12 +65,12 @@ def test_settings_are_json_and_say_everything(name: str) -> None:
 
 
 def test_only_the_raster_preset_renders_pixels() -> None:
-    assert [name for name in methods.names if methods.get(name).by_pixels] == ["skelsplat-paper"]
-    settings = methods.get("skelsplat-paper").settings(methods.Options())
+    assert [name for name in methods.names if methods.get(name).by_pixels] == ["paper"]
+    settings = methods.get("paper").settings(methods.Options())
     assert settings["config"]["renderer"] == "raster"
 
 
-@pytest.mark.parametrize("name", [name for name in methods.names if name != "skelsplat-paper"])
+@pytest.mark.parametrize("name", [name for name in methods.names if name != "paper"])
 def test_as_paper_ignores_the_lens(name: str) -> None:
     bare = replace(TAKE, rig=without_lens(TAKE.rig))
     found = solved(name, methods.Options(undistort=False))
@@ -80,13 +80,13 @@ def test_as_paper_ignores_the_lens(name: str) -> None:
 
 def test_as_paper_is_refining_without_undistortion() -> None:
     config = sk.RefineConfig(undistort=False)
-    found = solved("skelsplat", methods.Options(undistort=False))
+    found = solved("annealed", methods.Options(undistort=False))
     np.testing.assert_allclose(found, refined(None, config), atol=1e-9)
 
 
-@pytest.mark.parametrize("name", ["skelsplat", "skelsplat-closed-form"])
+@pytest.mark.parametrize("name", ["annealed", "paper-closed-form"])
 def test_starts(name: str) -> None:
-    configs = {"skelsplat": sk.RefineConfig(), "skelsplat-closed-form": CLOSED_FORM}
+    configs = {"annealed": sk.RefineConfig(), "paper-closed-form": CLOSED_FORM}
     for start, pose in (("dlt", by_dlt()), ("fusion", fused()), ("none", None)):
         found = solved(name, methods.Options(start=start))
         np.testing.assert_array_equal(found, refined(pose, configs[name]))
@@ -94,11 +94,11 @@ def test_starts(name: str) -> None:
 
 def test_the_paper_s_settings_are_those_of_the_data_set() -> None:
     options = methods.Options(paper_start="fusion", paper_fields={"occlusion_factor": 1.25})
-    settings = methods.get("skelsplat-paper").settings(options)
+    settings = methods.get("paper").settings(options)
     assert settings["start"] == "fusion"
-    assert settings["config"]["occlusion_sigma"] == pytest.approx(42.5, abs=0.05)
+    assert settings["config"]["occlusion_sigma_mm"] == pytest.approx(42.5, abs=0.05)
     config = sk.RefineConfig.paper(renderer="closed_form", occlusion_factor=1.25)
-    np.testing.assert_array_equal(solved("skelsplat-closed-form", options), refined(fused(), config))
+    np.testing.assert_array_equal(solved("paper-closed-form", options), refined(fused(), config))
 
 
 def test_the_prior_is_in_the_rig_s_unit() -> None:
@@ -107,9 +107,9 @@ def test_the_prior_is_in_the_rig_s_unit() -> None:
     )
     metres = replace(TAKE, rig=rig, truth=TAKE.truth / 1000, monocular=TAKE.monocular / 1000)
     options = methods.Options(init_sigma_mm=30.0)
-    millimetres = solved("skelsplat-prior", options)
-    np.testing.assert_allclose(1000 * solved("skelsplat-prior", options, metres), millimetres, atol=1e-4)
-    assert not np.allclose(millimetres, solved("skelsplat-prior"), atol=0.1)
+    millimetres = solved("annealed-prior", options)
+    np.testing.assert_allclose(1000 * solved("annealed-prior", options, metres), millimetres, atol=1e-4)
+    assert not np.allclose(millimetres, solved("annealed-prior"), atol=0.1)
 
 
 def test_without_boxes_the_threshold_is_in_pixels_of_the_image() -> None:
@@ -130,8 +130,8 @@ def test_without_boxes_the_threshold_is_in_pixels_of_the_image() -> None:
             "monocular",
             "monocular: expected monocular 3D poses, for the method fusion, got none",
         ),
-        ("skelsplat-prior", {}, "monocular", "for the method skelsplat-prior"),
-        ("skelsplat", {"start": "fusion"}, "monocular", "for the method skelsplat, got none"),
+        ("annealed-prior", {}, "monocular", "for the method annealed-prior"),
+        ("annealed", {"start": "fusion"}, "monocular", "for the method annealed, got none"),
     ],
 )
 def test_what_a_take_lacks_is_named(name: str, options, lost: str, message: str) -> None:

@@ -11,7 +11,8 @@ import skelsplat as sk
 import takes
 from skelsplat.datasets import Dataset
 from skelsplat.evaluation import protocols
-from skelsplat.evaluation._views import with_views, without_lens
+from skelsplat.evaluation._protocol import with_cameras
+from skelsplat.evaluation.methods import without_lens
 
 
 def human36m(*keys: str, frames: int = 200) -> Dataset:
@@ -174,7 +175,7 @@ def test_an_unknown_name_lists_all() -> None:
 
 def test_a_missing_camera_is_named() -> None:
     with pytest.raises(sk.DatasetError, match="S0/pose1: cameras: expected one camera with number 13, got"):
-        with_views(seen_by(named_rig("00_01", "00_02", "00_10")), (1, 2, 13))
+        with_cameras(seen_by(named_rig("00_01", "00_02", "00_10")), (1, 2, 13))
 
 
 def test_without_its_lens_a_camera_is_its_pinhole() -> None:

@@ -182,7 +182,7 @@ def small_set(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return root
 
 
-METHODS = "dlt,ransac,cauchy,skelsplat"
+METHODS = "dlt,ransac,cauchy,annealed"
 
 
 def arguments(root: Path, out: Path) -> list[str]:
@@ -224,5 +224,5 @@ def test_a_stopped_evaluation_goes_on(
 
 
 def test_the_times_of_a_resumed_evaluation_are_those_of_the_first(tmp_path: Path) -> None:
-    first, again = (report.evaluate(DATA, ["dlt", "skelsplat"], folder=tmp_path) for _ in range(2))
+    first, again = (report.evaluate(DATA, ["dlt", "annealed"], folder=tmp_path) for _ in range(2))
     assert export.to_csv(first) == export.to_csv(again)

@@ -13,9 +13,9 @@ import skelsplat as sk
 import takes
 from skelsplat.datasets import Dataset
 from skelsplat.evaluation import export, methods, protocols, report, tables
-from skelsplat.evaluation._table import Column, Row, Table
+from skelsplat.evaluation.tables import Column, Row, Table
 
-NAMES = ["dlt", "fusion", "skelsplat"]
+NAMES = ["dlt", "fusion", "annealed"]
 DATA = takes.simulated(4, keys=("S9/Walking", "S9/Greeting", "S11/Directions 1"))
 
 
@@ -76,7 +76,7 @@ def test_the_notes_say_that_the_data_are_simulated(evaluation: report.Evaluation
     assert "not measured here, on the real data set" in text
     assert "Poses: 8 absolute, 12 relative (the published evaluation has 2107 and 2181)." in text
     assert "Lens distortion: removed" in text
-    assert "skelsplat from the solver's own triangulation" in text
+    assert "annealed from the solver's own triangulation" in text
 
 
 def test_the_lens_that_is_ignored_is_said_to_be() -> None:
@@ -187,7 +187,7 @@ def test_json_has_settings_and_no_nan(evaluation: report.Evaluation) -> None:
     content = json.loads(export.to_json(evaluation), parse_constant=refuse)
     assert content["dataset"]["simulated"] is True
     assert content["protocol"]["undistort"] is True
-    assert content["settings"]["skelsplat"]["config"]["renderer"] == "closed_form"
+    assert content["settings"]["annealed"]["config"]["method"] == "annealed"
     assert [s["method"] for s in content["scores"]] == NAMES
     assert content["scores"][0]["columns"]["Greeting"]["absolute"] is None
     assert content["reported"]["label"] == "tab:h36m"
@@ -203,16 +203,14 @@ def test_markdown_has_every_table(evaluation: report.Evaluation) -> None:
 def test_without_names_everything_runs_that_the_data_allow() -> None:
     blind = replace(DATA, takes=tuple(replace(take, monocular=None) for take in DATA))
     found = [s.method for s in report.evaluate(blind).scores]
-    assert found == [
-        name for name in methods.names if name not in ("fusion", "skelsplat-prior", "skelsplat-paper")
-    ]
+    assert found == [name for name in methods.names if name not in ("fusion", "annealed-prior", "paper")]
     with pytest.raises(sk.InvalidInputError, match="methods: expected takes with detections"):
         report.evaluate(replace(blind, takes=tuple(replace(t, detections=None) for t in blind)))
 
 
 def test_the_paper_s_presets_start_by_fusion_where_the_paper_does_and_the_data_can() -> None:
-    found = report.evaluate(DATA, ["skelsplat-closed-form"])
-    assert found.settings["skelsplat-closed-form"]["start"] == "fusion"
+    found = report.evaluate(DATA, ["paper-closed-form"])
+    assert found.settings["paper-closed-form"]["start"] == "fusion"
     blind = replace(DATA, takes=tuple(replace(take, monocular=None) for take in DATA))
-    found = report.evaluate(blind, ["skelsplat-closed-form"])
-    assert found.settings["skelsplat-closed-form"]["start"] == "dlt"
+    found = report.evaluate(blind, ["paper-closed-form"])
+    assert found.settings["paper-closed-form"]["start"] == "dlt"

@@ -2,6 +2,8 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use nalgebra::{Matrix3, Vector2, Vector3};
+
 use super::composite::{self, Canvas, Composite};
 use super::encoding::Encoding;
 use super::pseudo_gt::fill;
@@ -9,6 +11,7 @@ use super::rows::RowTable;
 use super::splat::{ALPHA_MAX, Splat};
 use crate::error::{Error, Result};
 use crate::memory;
+use crate::projection::View;
 
 /// A stack of images `(C, H, W)`, row-major.
 #[derive(Debug, Clone, PartialEq)]
@@ -62,12 +65,38 @@ impl Images {
     }
 }
 
+/// A splat with its depth, `None` where the view does not see the Gaussian.
+pub type Seen = Option<(Splat, f64)>;
+
+/// Splats in `view` of Gaussians `(mean, covariance)`, the projected variances enlarged by `dilation`.
+#[must_use]
+pub fn splats(view: &View, shapes: &[(Vector3<f64>, Matrix3<f64>)], dilation: f64) -> Vec<Seen> {
+    let one = |(mean, covariance): &(Vector3<f64>, Matrix3<f64>)| {
+        let p = view.project(mean, covariance, dilation)?;
+        Some((Splat::new(p.mean, &p.covariance, view.size)?, p.in_camera.z))
+    };
+    shapes.iter().map(one).collect()
+}
+
+/// The shapes of `splats` at `detections`, `None` where one is missing.
+#[must_use]
+pub fn heats(
+    splats: &[Seen],
+    detections: &[Option<Vector2<f64>>],
+    size: [u32; 2],
+) -> Vec<Option<Splat>> {
+    let one = |(seen, detection): (&Seen, &Option<Vector2<f64>>)| {
+        Splat::new((*detection)?, &seen.as_ref()?.0.conic.try_inverse()?, size)
+    };
+    splats.iter().zip(detections).map(one).collect()
+}
+
 /// Renders `splats` (one per joint with its depth, `None` where the view does not see it).
 ///
 /// # Errors
 /// [`Error::OutOfMemory`] before anything is drawn, [`Error::Cancelled`] once `cancel` is set.
 pub fn render(
-    splats: &[Option<(Splat, f64)>],
+    splats: &[Seen],
     encoding: Encoding,
     size: [u32; 2],
     cancel: &AtomicBool,
@@ -135,7 +164,7 @@ fn unless_cancelled(images: Images, cancel: &AtomicBool) -> Result<Images> {
 }
 
 /// The splats that are there, by depth; of two at one depth the lower joint counts as nearer.
-fn nearest_first(splats: &[Option<(Splat, f64)>]) -> Vec<Splat> {
+fn nearest_first(splats: &[Seen]) -> Vec<Splat> {
     let mut order: Vec<(Splat, f64)> = splats.iter().flatten().copied().collect();
     order.sort_by(|a, b| a.1.total_cmp(&b.1));
     order.into_iter().map(|(splat, _)| splat).collect()

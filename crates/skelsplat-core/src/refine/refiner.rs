@@ -158,7 +158,7 @@ impl Refiner {
             }
         };
         let errors = self.reprojection_error(&frame.detections, &outcome);
-        Ok(Refinement::new(outcome, bars, errors, self.unit))
+        Ok(Refinement::new(outcome, &bars, errors, self.unit))
     }
 
     /// Loss over all views and its gradient for any Gaussians `(N)`, in doubles, for study and tests: the paper's with

@@ -41,7 +41,7 @@ impl Refinement {
     /// `outcome` and `bars`, in mm, in `unit`.
     pub(super) fn new(
         outcome: Outcome,
-        bars: ErrorBars,
+        bars: &ErrorBars,
         reprojection_error: Vec<f64>,
         unit: Unit,
     ) -> Self {

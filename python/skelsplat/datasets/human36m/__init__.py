@@ -20,8 +20,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from skelsplat.datasets._files import Survey
 from skelsplat.datasets._model import Dataset
-from skelsplat.datasets._registry import Survey
 from skelsplat.datasets.human36m import _adafuse, _authors, _karfly, _videopose3d
 from skelsplat.datasets.human36m._actions import ACTIONS
 from skelsplat.datasets.human36m._cameras import CAMERAS
@@ -93,7 +93,10 @@ def survey(
         name, place = find_format(root, format)
     except DatasetError as error:
         return Survey(missing=[(root, error.expected)])
-    found: Survey = _LAYOUTS[name].survey(place, chosen).survey(name)
+    found = Survey(format=name)
+    _LAYOUTS[name].survey(place, chosen, found)
+    if chosen.detections is not None:
+        found.look([chosen.detections], "the detections")
     return found
 
 

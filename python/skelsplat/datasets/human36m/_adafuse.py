@@ -18,9 +18,17 @@ from numpy.typing import NDArray
 from skelsplat._skelsplat import project
 from skelsplat.cameras import CameraRig
 from skelsplat.datasets._detections import Wanted, as_detections
-from skelsplat.datasets._files import as_numbers, load_pickle, numbers, require, shape_of, within
+from skelsplat.datasets._files import (
+    Survey,
+    as_numbers,
+    load_pickle,
+    numbers,
+    require,
+    shape_of,
+    whole_number,
+    within,
+)
 from skelsplat.datasets._model import FloatArray, Take
-from skelsplat.datasets._places import Wishes
 from skelsplat.datasets._rig import build_rig
 from skelsplat.datasets._verify import body_size, is_human
 from skelsplat.datasets.human36m._actions import NUMBERED
@@ -67,14 +75,10 @@ def read(root: Path, options: Options, reading: Reading) -> None:
     reading.takes += with_separate(takes, options, reading)
 
 
-def survey(root: Path, options: Options) -> Wishes:
-    """Look for the files that `read` opens."""
-    wishes = Wishes()
+def survey(root: Path, options: Options, found: Survey) -> None:
+    """Look for the files that `read` opens, apart from `options.detections`."""
     for path in _paths(root, options):
-        wishes.look([path], "the annotations")
-    if options.detections is not None:
-        wishes.look([options.detections], "the detections")
-    return wishes
+        found.look([path], "the annotations")
 
 
 def _paths(root: Path, options: Options) -> list[Path]:
@@ -95,13 +99,8 @@ def _records(path: Path) -> list[Any]:
 
 def _place(path: Path, field: str, record: Any) -> tuple[tuple[str, str], int, int]:
     """Return subject and activity, frame, and view of a record."""
-    values = {}
-    for key in ("subject", "action", "subaction", "image_id", "camera_id"):
-        value = require(path, field, record, key)
-        try:
-            values[key] = int(value)
-        except (TypeError, ValueError, OverflowError):
-            raise DatasetError(path, within(field, key), "a whole number", repr(value)[:40]) from None
+    keys = ("subject", "action", "subaction", "image_id", "camera_id")
+    values = {key: whole_number(path, field, record, key) for key in keys}
     if values["action"] not in NUMBERED:
         raise DatasetError(path, within(field, "action"), "2 to 16", values["action"])
     if not 0 <= values["camera_id"] < len(CAMERAS):

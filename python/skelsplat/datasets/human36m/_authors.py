@@ -15,15 +15,21 @@ from pathlib import Path
 import numpy as np
 
 from skelsplat.cameras import CameraRig
-from skelsplat.datasets._detections import detector_name, first_key, load_poses, poses_file, read_folder
-from skelsplat.datasets._files import FloatArray, numbers
+from skelsplat.datasets._detections import (
+    KEYS_3D,
+    choose_detector,
+    detector_name,
+    first_key,
+    load_poses,
+    poses_file,
+)
+from skelsplat.datasets._files import FloatArray, Survey, numbers
+from skelsplat.datasets._kept_apart import read_apart, read_world
 from skelsplat.datasets._model import Take
-from skelsplat.datasets._places import Wishes
 from skelsplat.datasets.human36m._cameras import CAMERAS, find_cameras, read_rig
 from skelsplat.datasets.human36m._options import (
     Options,
     Reading,
-    choose_detector,
     take_of,
     wanted,
     with_separate,
@@ -34,7 +40,6 @@ from skelsplat.layouts import H36M17
 NAME = "skelsplat"
 HAS = "3d_gt/ and 2d_<detector>/"
 _TRUTH = "3d_gt"
-_KEYS_3D = ("poses", "poses3d")
 _KEYS_WORLD = ("coords3d_pred_world",)
 """World poses of a monocular estimator, beside its pixels."""
 
@@ -64,32 +69,28 @@ def read(root: Path, options: Options, reading: Reading) -> None:
     reading.takes += [_with_monocular(take, root, options.monocular) for take in takes]
 
 
-def survey(root: Path, options: Options) -> Wishes:
-    """Look for the files that `read` opens."""
-    wishes = Wishes()
-    wishes.look([find_cameras(root, options.cameras)], "the cameras")
+def survey(root: Path, options: Options, found: Survey) -> None:
+    """Look for the files that `read` opens, apart from `options.detections`."""
+    found.look([find_cameras(root, options.cameras)], "the cameras")
     detectors = _detectors(root)
-    if options.detections is not None:
-        wishes.look([options.detections], "the detections")
-    elif options.detector is not None or not detectors:
+    if options.detections is None and (options.detector is not None or not detectors):
         name = options.detector or "<detector>"
-        wishes.look([detectors.get(name, root / f"2d_{name}")], "a folder of detections")
+        found.look([detectors.get(name, root / f"2d_{name}")], "a folder of detections")
     detector = None if options.detections else options.detector or choose_detector(detectors, None, root)
     subjects = options.subjects or [path.name for path in _folders(root / _TRUTH)]
     for subject in subjects:
-        wishes.look([root / _TRUTH / subject], f"the truth of {subject}")
+        found.look([root / _TRUTH / subject], f"the truth of {subject}")
         for folder in _folders(root / _TRUTH / subject):
-            wishes.look([folder / "poses.npz", folder / "poses.json"], "the truth of a take")
+            found.look([folder / "poses.npz", folder / "poses.json"], "the truth of a take")
             if detector in detectors:
-                _survey_detections(wishes, detectors[detector] / subject / folder.name)
-    return wishes
+                _survey_detections(found, detectors[detector] / subject / folder.name)
 
 
-def _survey_detections(wishes: Wishes, folder: Path) -> None:
+def _survey_detections(found: Survey, folder: Path) -> None:
     if poses_file(folder) is not None or not folder.is_dir():
         return  # together in one file, or a take that the detector leaves out
     for name in CAMERAS:
-        wishes.look([folder / name / "poses.npz", folder / name / "poses.json"], f"detections of {name}")
+        found.look([folder / name / "poses.npz", folder / name / "poses.json"], f"detections of {name}")
 
 
 def _folders(path: Path) -> list[Path]:
@@ -102,7 +103,7 @@ def _detectors(root: Path) -> dict[str, Path]:
 
 def _take(folder: Path, subject: str, rig: CameraRig, cameras: Path) -> Take:
     path = poses_file(folder) or folder / "poses.npz"
-    field, value = first_key(path, load_poses(path), _KEYS_3D)
+    field, value = first_key(path, load_poses(path), KEYS_3D)
     truth = numbers(path, field, value, ("frames", "joints", 3))
     if truth.shape[1] != H36M17.n_joints:
         raise DatasetError(path, field, f"{H36M17.n_joints} joints of {H36M17.name}", truth.shape[1])
@@ -122,7 +123,7 @@ def _with_own(takes: Iterator[Take], root: Path, options: Options, reading: Read
             continue
         yield replace(
             take,
-            detections=read_folder(folder, wanted(take)),
+            detections=read_apart([(folder, ["poses"])], wanted(take), by_frame=False)[0],
             monocular=_per_view(folder, take),
             files={**take.files, "detections": folder},
         )
@@ -146,12 +147,6 @@ def _with_monocular(take: Take, root: Path, name: str | None) -> Take:
     if name is None:
         return take
     folder = root / "initial_guess" / name / take.key
-    together = poses_file(folder)
-    paths = [together] if together else [poses_file(folder / view) for view in take.rig.names]
-    views = []
-    for path in paths:
-        if path is None:
-            raise DatasetError(folder / "poses.npz", "file", f"poses {name!r} of {take.key}", "none")
-        field, value = first_key(path, load_poses(path), _KEYS_3D)
-        views.append(numbers(path, field, value, (len(take), H36M17.n_joints, 3)))
-    return replace(take, monocular=np.stack(views, axis=1), files={**take.files, "monocular": folder})
+    shape, views = (len(take), H36M17.n_joints), [[view] for view in take.rig.names]
+    poses = read_world(folder, ["poses"], shape, views, f"poses {name!r} of {take.key}")
+    return replace(take, monocular=poses, files={**take.files, "monocular": folder})

@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skelsplat.cameras import CameraRig
-from skelsplat.datasets._files import a_list, as_numbers, load_npy, numbers, require, shape_of, within
+from skelsplat.datasets._files import Survey, a_list, as_numbers, load_npy, numbers, require, shape_of, within
 from skelsplat.datasets._model import FloatArray, Take
-from skelsplat.datasets._places import Wishes
 from skelsplat.datasets._rig import build_rig
 from skelsplat.datasets.human36m._actions import action_of
 from skelsplat.datasets.human36m._cameras import CAMERAS, camera
@@ -55,13 +54,9 @@ def read(path: Path, options: Options, reading: Reading) -> None:
     reading.takes += with_separate(takes, options, reading)
 
 
-def survey(path: Path, options: Options) -> Wishes:
-    """Look for the files that `read` opens."""
-    wishes = Wishes()
-    wishes.look([path], "the labels")
-    if options.detections is not None:
-        wishes.look([options.detections], "the detections")
-    return wishes
+def survey(path: Path, _: Options, found: Survey) -> None:
+    """Look for the files that `read` opens, apart from `options.detections`."""
+    found.look([path], "the labels")
 
 
 def _list(path: Path, labels: Any, key: str) -> list[Any]:

@@ -10,16 +10,14 @@ from pathlib import Path
 import numpy as np
 
 from skelsplat.cameras import CameraRig
-from skelsplat.datasets._detections import Separate, Wanted, detector_name
+from skelsplat.datasets._detections import Wanted, choose_detector, detector_name
+from skelsplat.datasets._kept_apart import Separate
 from skelsplat.datasets._model import Dataset, FloatArray, Take
 from skelsplat.datasets.human36m._actions import action_of, order, spelling, subject_order
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.layouts import H36M17
 
 PathLike = str | os.PathLike[str]
-
-PREFERRED = ("metrabs", "resnet152", "cpn", "resnet50")
-"""Which detector is read if the caller does not say: the first of these that is there, else by name."""
 
 
 @dataclass(frozen=True)
@@ -70,24 +68,6 @@ class Options:
             if subject not in available:
                 raise DatasetError(path, "subjects", subject, f"only {', '.join(available) or 'none'}")
         return available if self.subjects is None else list(self.subjects)
-
-
-def choose_detector(there: dict[str, Path], wanted: str | None, folder: Path) -> str | None:
-    """Return the detector to read, None if there is none.
-
-    Raises
-    ------
-    DatasetError
-        If the wanted one is not there.
-    """
-    if wanted is not None:
-        if wanted not in there:
-            raise DatasetError(
-                folder, "detector", f"detections of {wanted}", f"only {', '.join(there) or 'none'}"
-            )
-        return wanted
-    known = [name for name in PREFERRED if name in there]
-    return next(iter([*known, *sorted(there, key=lambda name: name == "gt")]), None)
 
 
 @dataclass

@@ -17,9 +17,8 @@ import numpy as np
 
 from skelsplat.cameras import CameraRig
 from skelsplat.datasets._detections import Wanted, as_detections, detector_name
-from skelsplat.datasets._files import FloatArray, a_list, a_table, load_npz, numbers, require
+from skelsplat.datasets._files import FloatArray, Survey, a_list, a_table, load_npz, numbers, require
 from skelsplat.datasets._model import Take
-from skelsplat.datasets._places import Wishes
 from skelsplat.datasets.human36m._cameras import check_views, find_cameras, read_rig
 from skelsplat.datasets.human36m._options import (
     Options,
@@ -64,20 +63,16 @@ def read(root: Path, options: Options, reading: Reading) -> None:
     reading.takes += takes
 
 
-def survey(root: Path, options: Options) -> Wishes:
-    """Look for the files that `read` opens."""
-    wishes = Wishes()
-    wishes.look([root / HAS], "the truth")
-    wishes.look([find_cameras(root, options.cameras)], "the cameras")
-    there = _detectors(root)
-    if options.detections is not None:
-        wishes.look([options.detections], "the detections")
-    elif options.detector is not None or not there:
+def survey(root: Path, options: Options, found: Survey) -> None:
+    """Look for the files that `read` opens, apart from `options.detections`."""
+    found.look([root / HAS], "the truth")
+    found.look([find_cameras(root, options.cameras)], "the cameras")
+    there = {} if options.detections else _detectors(root)
+    if options.detections is None and (options.detector is not None or not there):
         name = options.detector or "<detector>"
-        wishes.look([there.get(name, root / f"data_2d_h36m_{name}.npz")], "the detections")
+        found.look([there.get(name, root / f"data_2d_h36m_{name}.npz")], "the detections")
     else:
-        wishes.there += there.values()
-    return wishes
+        found.there += there.values()
 
 
 def _detectors(root: Path) -> dict[str, Path]:

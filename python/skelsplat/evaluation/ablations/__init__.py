@@ -1,20 +1,22 @@
-"""The paper's ablations: one file each, on real or simulated data, with the paper's figures beside ours.
+"""The paper's ablations on real or simulated data, with the paper's figures next to ours.
 
 Every setting of an ablation is measured on the same poses with the same detections and starts, so that
 differences between settings are paired.
+
+>>> from skelsplat.evaluation import ablations
+>>> record = ablations.run("noise", ablations.Simulated(ablations.Choices(poses=50)))      # doctest: +SKIP
+>>> [(claim.claim, claim.verdict) for claim in record.outcome.claims]                      # doctest: +SKIP
 """
 
-from skelsplat.evaluation.ablations._model import Ablation, Finding, Outcome, Progress, Row, Table
-from skelsplat.evaluation.ablations._real import OnDisk
-from skelsplat.evaluation.ablations._registry import get, names
-from skelsplat.evaluation.ablations._simulated import Simulated
-from skelsplat.evaluation.ablations._source import Choices, Source
-from skelsplat.evaluation.ablations._write import Record, as_dict, cell, write
+from skelsplat.evaluation.ablations._model import Ablation, Claim, Outcome, Row, Table
+from skelsplat.evaluation.ablations._source import Choices, OnDisk, Progress, Simulated, Source
+from skelsplat.evaluation.ablations._table import get, names
+from skelsplat.evaluation.ablations._write import Record, as_dict, cell, run, write
 
 __all__ = [
     "Ablation",
     "Choices",
-    "Finding",
+    "Claim",
     "OnDisk",
     "Outcome",
     "Progress",
@@ -27,5 +29,6 @@ __all__ = [
     "cell",
     "get",
     "names",
+    "run",
     "write",
 ]

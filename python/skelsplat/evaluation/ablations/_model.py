@@ -1,16 +1,17 @@
-"""What an ablation gives: tables with the paper's rows beside ours, and what became of its findings."""
+"""What an ablation is and gives: tables with the published rows next to the measured ones, and claims."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
+
+from skelsplat.evaluation.reported import ReportedRow, reported
 
 if TYPE_CHECKING:
     from skelsplat.evaluation.ablations._source import Source
 
-Progress = Callable[[str, int, int], None]
-"""Called with what is being measured, poses done and poses in all."""
+REPORTED = "SkelSplat (reported)"
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,8 +62,8 @@ class Table:
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
-    """A statement of the paper, tried on the measured figures.
+class Claim:
+    """A statement of the paper, checked on the measured figures.
 
     Attributes
     ----------
@@ -92,10 +93,10 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """Tables and findings of one ablation, and what to know about them."""
+    """Tables and claims of one ablation, and what to know about them."""
 
     tables: tuple[Table, ...]
-    findings: tuple[Finding, ...]
+    claims: tuple[Claim, ...]
     notes: tuple[str, ...] = ()
 
 
@@ -121,3 +122,31 @@ class Ablation:
     labels: tuple[str, ...]
     poses: int
     run: Callable[[Source], Outcome]
+
+
+def reported_rows(label: str, keys: Sequence[str]) -> tuple[Row, ...]:
+    """Return the paper's rows with the columns `keys`; None in columns that the paper does not have."""
+    return tuple(
+        Row(
+            REPORTED,
+            ", ".join(_marks(row)),
+            tuple(row.value(k) if k in row.keys else None for k in keys),
+            "paper",
+        )
+        for row in reported(label).select("SkelSplat")
+    )
+
+
+def quote(label: str, keys: Sequence[str], **setting: str) -> str:
+    """Return the figures of the paper's rows in one line: ``metrabs 29.4, 26.7; resnet152 21.9, 20.3 mm``."""
+    table = reported(label)
+    parts = []
+    for row in table.select("SkelSplat", **setting):
+        figures = ", ".join(f"{row.value(key):{'g' if table.unit == 's' else '.1f'}}" for key in keys)
+        parts.append(f"{' '.join(_marks(row, setting))} {figures}".strip())
+    return f"{'; '.join(parts)} {table.unit}" if parts else "no figures for these data"
+
+
+def _marks(row: ReportedRow, known: dict[str, str] | None = None) -> list[str]:
+    marks = [value for name, value in row.setting.items() if name not in (known or {})]
+    return [*marks, row.detector] if row.detector else marks

@@ -1,4 +1,4 @@
-"""Poses on which settings are compared: for every setting the same, with the same detections and starts."""
+"""Poses on which settings are compared, always with the same detections and starts, and their errors."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import skelsplat as sk
 from skelsplat.datasets import Dataset, Take
-from skelsplat.evaluation._views import without_lens
+from skelsplat.evaluation.methods import without_lens
 from skelsplat.evaluation.protocols import Protocol
 from skelsplat.exceptions import InvalidInputError
 
@@ -21,36 +21,45 @@ Start = Literal["dlt", "fusion"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Group:
-    """Poses that the same cameras see; arrays as in `skelsplat.datasets.Take`, with P poses of several takes.
+    """P poses that the same cameras see.
 
     Attributes
     ----------
-    rig : CameraRig of M cameras
-    truth : (P, N, 3)
-    detections : (P, M, N, 3)
-    monocular : (P, V, N, 3) or None
+    poses : Take
+        Frames of several takes, one after the other.
     take : (P,) int
         Which take each pose is from.
     """
 
-    rig: sk.CameraRig
-    truth: FloatArray
-    detections: FloatArray
-    monocular: FloatArray | None
+    poses: Take
     take: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.take)
+
+    @property
+    def rig(self) -> sk.CameraRig:
+        """The cameras."""
+        return self.poses.rig
+
+    @property
+    def truth(self) -> FloatArray:
+        """World joints (P, N, 3)."""
+        return self.poses.truth
+
+    @property
+    def detections(self) -> FloatArray:
+        """Pixels and confidence (P, M, N, 3)."""
+        assert self.poses.detections is not None  # `sample` has checked it
+        return self.poses.detections
 
     def start(self, kind: Start) -> FloatArray:
         """Return the initial poses (P, N, 3): unweighted triangulation, or fusion of the monocular poses."""
         if kind == "dlt":
             return sk.triangulate(self.detections[..., :2], self.rig, method="dlt")
-        if self.monocular is None:
+        if self.poses.monocular is None:
             raise InvalidInputError("start: expected monocular poses to fuse, got a data set without")
-        return sk.fuse_monocular(self.monocular, self.detections, self.rig)
-
-    def first_views(self, count: int) -> Group:
-        """Return the group with its first `count` cameras, which are also the only ones to estimate poses."""
-        monocular = None if self.monocular is None else self.monocular[:, :count]
-        return replace(self, rig=self.rig[:count], detections=self.detections[:, :count], monocular=monocular)
+        return sk.fuse_monocular(self.poses.monocular, self.detections, self.rig)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,8 +74,6 @@ class Sample:
         ``"human36m"``, ``"human36m-occ-2"``, …; tells which rows of the paper it belongs to.
     layout : Layout
     groups : tuple of Group
-    source : str
-        A line that goes under every table.
     n_available : int
         Poses that the data set has.
     paper_fields : mapping
@@ -77,14 +84,13 @@ class Sample:
     dataset: str
     layout: sk.Layout
     groups: tuple[Group, ...]
-    source: str
     n_available: int
     paper_fields: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def n_poses(self) -> int:
         """Number of poses."""
-        return sum(len(group.truth) for group in self.groups)
+        return sum(map(len, self.groups))
 
     @property
     def n_views(self) -> int:
@@ -94,22 +100,25 @@ class Sample:
     @property
     def has_monocular(self) -> bool:
         """Whether all poses come with monocular estimates."""
-        return all(group.monocular is not None for group in self.groups)
+        return all(group.poses.monocular is not None for group in self.groups)
 
     def starts(self, kind: Start) -> list[FloatArray]:
         """Return the initial poses of every group."""
         return [group.start(kind) for group in self.groups]
 
     def first_views(self, count: int) -> Sample:
-        """Return the sample with the first `count` cameras of every rig."""
-        return replace(self, groups=tuple(group.first_views(count) for group in self.groups))
+        """Return the sample with the first `count` cameras of every rig, the only ones to estimate poses."""
+        some = tuple(replace(g, poses=g.poses.with_views(range(count))) for g in self.groups)
+        return replace(self, groups=some)
 
     def head(self, poses: int) -> Sample:
         """Return about `poses` poses, evenly from all takes."""
         share = poses / max(self.n_poses, 1)
-        return replace(
-            self, groups=tuple(_thinned(g, max(1, round(share * len(g.truth)))) for g in self.groups)
-        )
+        thinned = []
+        for group in self.groups:
+            keep = _evenly(len(group), min(max(1, round(share * len(group))), len(group)))
+            thinned.append(Group(group.poses.select(keep), group.take[keep]))
+        return replace(self, groups=tuple(thinned))
 
 
 def sample(
@@ -117,16 +126,8 @@ def sample(
 ) -> Sample:
     """Take `poses` poses of a data set (None: all), evenly over the takes that its protocol counts.
 
-    Parameters
-    ----------
-    dataset : Dataset
-    protocol : Protocol
-        Its frames, views and exclusions.
-    poses : int or None
-    name, key : str
-        `Sample.name` and `Sample.dataset`.
-    undistort : bool
-        False: cameras lose their lens, so that detections are used with K alone.
+    `name` and `key` are `Sample.name` and `Sample.dataset`. Without `undistort` cameras lose their lens, so
+    that detections are used with K alone.
 
     Raises
     ------
@@ -140,50 +141,117 @@ def sample(
     chosen = np.arange(total) if poses is None or poses >= total else _evenly(total, poses)
     groups = _grouped(takes, chosen)
     if not undistort:
-        groups = [replace(group, rig=without_lens(group.rig)) for group in groups]
-    return Sample(name, key, dataset.layout, tuple(groups), dataset.source, total, protocol.paper_fields)
-
-
-def _grouped(takes: Sequence[Take], chosen: NDArray[np.int64]) -> list[Group]:
-    """Join the chosen poses, numbered over all takes, of takes with the same cameras."""
-    parts: list[tuple[sk.CameraRig, list[Group]]] = []
-    first = 0
-    for number, take in enumerate(takes):
-        here = chosen[(chosen >= first) & (chosen < first + len(take))] - first
-        first += len(take)
-        if len(here) == 0:
-            continue
-        group = _group(take.select(here), number)
-        known = next((members for rig, members in parts if rig is take.rig or rig == take.rig), None)
-        if known is None:
-            parts.append((take.rig, [group]))
-        else:
-            known.append(group)
-    return [_joined(members) for _, members in parts]
+        groups = [replace(g, poses=replace(g.poses, rig=without_lens(g.rig))) for g in groups]
+    return Sample(name, key, dataset.layout, tuple(groups), total, protocol.paper_fields)
 
 
 def _evenly(total: int, count: int) -> NDArray[np.int64]:
     return ((np.arange(count) + 0.5) * total / count).astype(np.int64)
 
 
-def _thinned(group: Group, count: int) -> Group:
-    keep = _evenly(len(group.truth), min(count, len(group.truth)))
-    monocular = None if group.monocular is None else group.monocular[keep]
-    return Group(group.rig, group.truth[keep], group.detections[keep], monocular, group.take[keep])
+def _grouped(takes: Sequence[Take], chosen: NDArray[np.int64]) -> list[Group]:
+    """Join the chosen poses, numbered over all takes, of takes with the same cameras."""
+    parts: list[list[tuple[int, Take]]] = []
+    first = 0
+    for number, take in enumerate(takes):
+        here = chosen[(chosen >= first) & (chosen < first + len(take))] - first
+        first += len(take)
+        if len(here) == 0:
+            continue
+        if take.detections is None:
+            raise InvalidInputError(f"{take.key}: expected detections, got a data set read without")
+        same = next((part for part in parts if part[0][1].rig == take.rig), None)
+        if same is None:
+            parts.append(same := [])
+        same.append((number, take.select(here)))
+    return [_joined(part) for part in parts]
 
 
-def _group(take: Take, number: int) -> Group:
-    if take.detections is None:
-        raise InvalidInputError(f"{take.key}: expected detections, got a data set read without")
-    return Group(take.rig, take.truth, take.detections, take.monocular, np.full(len(take), number))
+def _joined(part: Sequence[tuple[int, Take]]) -> Group:
+    takes = [take for _, take in part]
 
+    def joined(name: str) -> Any:
+        values = [getattr(take, name) for take in takes]
+        return None if any(value is None for value in values) else np.concatenate(values)
 
-def _joined(groups: list[Group]) -> Group:
-    monocular = [group.monocular for group in groups if group.monocular is not None]
-    return Group(
-        groups[0].rig,
-        np.concatenate([group.truth for group in groups]),
-        np.concatenate([group.detections for group in groups]),
-        np.concatenate(monocular) if len(monocular) == len(groups) else None,
-        np.concatenate([group.take for group in groups]),
+    poses = Take(
+        takes[0].key,
+        takes[0].subject,
+        takes[0].action,
+        takes[0].rig,
+        *(joined(name) for name in ("frames", "truth", "detections", "monocular")),
     )
+    return Group(poses, np.concatenate([np.full(len(take), number) for number, take in part]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Errors:
+    """Joint errors of one setting.
+
+    Attributes
+    ----------
+    joints : (P, N) mm
+        NaN where there is no truth or no prediction.
+    take : (P,) int
+        Which take each pose is from.
+    steps : float
+        Mean number of optimisation steps; NaN if nothing was optimised.
+    """
+
+    joints: FloatArray
+    take: NDArray[np.int64]
+    steps: float = float("nan")
+
+    @property
+    def mpjpe(self) -> float:
+        """Mean over joints and poses, mm."""
+        return float(np.nanmean(self.joints))
+
+    @property
+    def poses(self) -> FloatArray:
+        """Mean error (P,) of each pose, mm."""
+        known = np.isfinite(self.joints)
+        count = known.sum(axis=1)
+        total = np.where(known, self.joints, 0.0).sum(axis=1)
+        mean: FloatArray = np.divide(total, count, out=np.full(len(total), np.nan), where=count > 0)
+        return mean
+
+
+def errors_of(sample: Sample, poses: Sequence[FloatArray], steps: float = float("nan")) -> Errors:
+    """Return the errors of predicted `poses`, one array (P, N, 3) per group of the sample."""
+    joints = [
+        group.rig.mm_per_unit * np.linalg.norm(pose - group.truth, axis=-1)
+        for group, pose in zip(sample.groups, poses, strict=True)
+    ]
+    return Errors(np.concatenate(joints), np.concatenate([group.take for group in sample.groups]), steps)
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """Mean of a paired difference and its standard error, mm."""
+
+    mean: float
+    error: float
+
+    @property
+    def is_less(self) -> bool:
+        """Below zero by more than twice the standard error."""
+        return self.mean < -2.0 * self.error
+
+    def __str__(self) -> str:
+        return f"{self.mean:+.2f} ± {self.error:.2f} mm"
+
+
+def difference(a: Errors, b: Errors) -> Difference:
+    """Return `a` − `b` over the same poses; the poses of a take count as dependent of one another."""
+    each = a.poses - b.poses
+    known = np.isfinite(each)
+    each, take = each[known], a.take[known]
+    mean = float(each.mean())
+    _, index = np.unique(take, return_inverse=True)
+    sums = np.bincount(index, weights=each - mean)
+    clusters = len(sums)
+    if clusters < 2:
+        return Difference(mean, float("inf"))
+    variance = clusters / (clusters - 1) * float((sums**2).sum()) / len(each) ** 2
+    return Difference(mean, float(np.sqrt(variance)))

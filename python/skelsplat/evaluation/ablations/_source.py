@@ -1,22 +1,43 @@
-"""Where the poses of an ablation come from, and the two presets that are run on them."""
+"""Where the poses of an ablation come from, and the two methods that are run on them."""
 
 from __future__ import annotations
 
+import re
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
+
 import skelsplat as sk
-from skelsplat.datasets import Dataset
-from skelsplat.evaluation._method import DEFAULT_INIT_SIGMA_MM
-from skelsplat.evaluation.ablations._measure import Errors, errors, refined
-from skelsplat.evaluation.ablations._model import Outcome, Progress
-from skelsplat.evaluation.ablations._sample import FloatArray, Sample, Start, sample
+from skelsplat import datasets
+from skelsplat.datasets import Dataset, Take
+from skelsplat.datasets._registry import options_of
+from skelsplat.evaluation import protocols
+from skelsplat.evaluation.ablations._sample import Errors, FloatArray, Sample, Start, errors_of, sample
+from skelsplat.evaluation.methods import DEFAULT_INIT_SIGMA_MM
 from skelsplat.evaluation.protocols import Protocol
 from skelsplat.exceptions import InvalidInputError
+from skelsplat.synthetic import simulate_set
 
-PAPER, DEFAULT = "skelsplat-paper", "skelsplat"
+PAPER, ANNEALED = "paper", "annealed"
+_START_WORDS = {"dlt": "by DLT without weights", "fusion": "by fusion of monocular poses"}
+
+Kind = Literal["plain", "noisy", "occ-2", "occ-3", "dome"]
+
+# Simulated sets: name, name in the paper's rows, detector.
+_SETS: dict[Kind, tuple[str, str, str]] = {
+    "plain": ("human36m-like", "human36m", "good"),
+    "noisy": ("human36m-like", "human36m", "noisy"),
+    "occ-2": ("human36m-like-occ-2", "human36m-occ-2", "good"),
+    "occ-3": ("human36m-like-occ-3", "human36m-occ-3", "good"),
+    "dome": ("dome", "panoptic", "good"),
+}
+
+Progress = Callable[[str, int, int], None]
+"""Called with what is being measured, poses done and poses in all."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +66,7 @@ class Choices:
 
 
 class Source(ABC):
-    """Samples for the experiments.
+    """Samples for the experiments, and the two methods.
 
     Parameters
     ----------
@@ -58,44 +79,38 @@ class Source(ABC):
 
     def __init__(self, choices: Choices, progress: Progress | None = None) -> None:
         self.choices = choices
-        self._progress = progress
         self.notes: list[str] = []
-        self._counts: dict[str, tuple[int, int]] = {}
+        self._progress = progress
+        self._counts: dict[str, str] = {}
 
     @abstractmethod
     def line(self) -> str:
         """Return what goes under every table: what the data are, simulated or not, and how many poses."""
 
-    def counts(self) -> str:
-        """Say how many poses of how many were taken, of each data set."""
-        return "; ".join(
-            f"{name}: {f'all {total}' if taken == total else f'{taken} of {total}'} poses"
-            for name, (taken, total) in self._counts.items()
-        )
+    @abstractmethod
+    def samples(self, *kinds: Kind) -> list[Sample]:
+        """Return poses of each kind: like Human3.6M's, or in a dome of cameras.
+
+        ``"noisy"`` has the detections of another detector, ``"occ-2"`` and ``"occ-3"`` so many of four views
+        occluded. A data set on disk is what it is, whatever kind is asked for.
+        """
 
     def _sample(self, dataset: Dataset, protocol: Protocol, *, name: str, key: str) -> Sample:
         """Take the poses that were chosen, and remember how many."""
-        made = sample(
-            dataset, protocol, self.choices.poses, name=name, key=key, undistort=self.choices.undistort
-        )
-        self._counts[name] = (made.n_poses, made.n_available)
+        chosen = self.choices
+        made = sample(dataset, protocol, chosen.poses, name=name, key=key, undistort=chosen.undistort)
+        some = made.n_poses < made.n_available
+        count = f"{made.n_poses} of {made.n_available}" if some else f"all {made.n_available}"
+        self._counts[name] = f"{name}: {count} poses"
         return made
 
-    @abstractmethod
-    def plain(self) -> list[Sample]:
-        """Poses like Human3.6M's, one sample per detector of the main comparison."""
+    def _counted(self) -> str:
+        return "; ".join(self._counts.values())
 
-    @abstractmethod
-    def detectors(self) -> list[Sample]:
-        """Poses like Human3.6M's, one sample per detector there is."""
-
-    @abstractmethod
-    def occluded(self, *kinds: str) -> list[Sample]:
-        """Poses like Human3.6M-Occ's, one sample per kind: ``"2"`` or ``"3"`` of four views occluded."""
-
-    @abstractmethod
-    def many_views(self) -> list[Sample]:
-        """Poses in a dome of cameras."""
+    def note(self, text: str) -> None:
+        """Keep a sentence for under the tables."""
+        if text not in self.notes:
+            self.notes.append(text)
 
     def start_kind(self, sample: Sample, paper: Start) -> Start:
         """Return how poses are initialised where the paper's experiment has `paper`."""
@@ -107,69 +122,170 @@ class Source(ABC):
             return "dlt"
         return wanted
 
-    def starts(self, sample: Sample, paper: Start) -> list[FloatArray]:
+    def starts(self, sample: Sample, paper: Start = "fusion") -> list[FloatArray]:
         """Return the initial poses where the paper's experiment has `paper`."""
         kind = self.start_kind(sample, paper)
         self.note(f"{sample.name}: start {_START_WORDS[kind]}")
         return sample.starts(kind)
 
-    def note(self, text: str) -> None:
-        """Keep a sentence for under the tables."""
-        if text not in self.notes:
-            self.notes.append(text)
-
-    def noted(self, outcome: Outcome) -> Outcome:
-        """Return the outcome with the sentences that were kept."""
-        return replace(outcome, notes=(*outcome.notes, *(f"{note}." for note in self.notes)))
-
-    def paper(
-        self, sample: Sample, starts: Sequence[FloatArray], doing: str, **fields: Any
-    ) -> list[sk.Refinement]:
-        """Run the paper's preset, as on this data set, with some fields changed."""
-        config = sk.RefineConfig.paper(**{**sample.paper_fields, **fields})
-        return self._run(sample, starts, config, f"{PAPER}, {doing}")
-
-    def default(
+    def refined(
         self,
+        method: str,
         sample: Sample,
-        starts: Sequence[FloatArray] | None,
+        starts: Sequence[FloatArray],
         doing: str,
         init_sigma_mm: float | None = None,
         **fields: Any,
     ) -> list[sk.Refinement]:
-        """Run the default solver with some fields changed."""
-        config = sk.RefineConfig(**fields)
-        return self._run(sample, starts, config, f"{DEFAULT}, {doing}", init_sigma_mm)
+        """Refine every group with `PAPER`, as on this data set, or `ANNEALED`, with some settings changed."""
+        text = f"{sample.name}: {method}, {doing}"
 
-    def paper_errors(self, sample: Sample, starts: Sequence[FloatArray], doing: str, **fields: Any) -> Errors:
-        """Return the errors of `paper`."""
-        return errors(sample, self.paper(sample, starts, doing, **fields))
-
-    def default_errors(
-        self, sample: Sample, starts: Sequence[FloatArray] | None, doing: str, **fields: Any
-    ) -> Errors:
-        """Return the errors of `default`."""
-        return errors(sample, self.default(sample, starts, doing, **fields))
-
-    def _run(
-        self,
-        sample: Sample,
-        starts: Sequence[FloatArray] | None,
-        config: sk.RefineConfig,
-        doing: str,
-        init_sigma_mm: float | None = None,
-    ) -> list[sk.Refinement]:
-        text = f"{sample.name}: {doing}"
-
-        def heard(done: int, total: int) -> None:
+        def heard(done: int) -> None:
             if self._progress is not None:
-                self._progress(text, done, total)
+                self._progress(text, done, sample.n_poses)
 
-        heard(0, sample.n_poses)
-        return refined(sample, starts, config, init_sigma_mm=init_sigma_mm, progress=heard)
+        heard(0)
+        own = sample.paper_fields if method == PAPER else {}
+        return refined(sample, starts, config(method, **{**own, **fields}), init_sigma_mm, heard)
+
+    def errors(
+        self, method: str, sample: Sample, starts: Sequence[FloatArray], doing: str, **fields: Any
+    ) -> Errors:
+        """Return the errors of `refined`."""
+        results = self.refined(method, sample, starts, doing, **fields)
+        steps = float(np.mean(np.concatenate([result.n_iter for result in results])))
+        return errors_of(sample, [result.pose for result in results], steps)
 
 
-_START_WORDS = {
-    "dlt": "by DLT without weights",
-    "fusion": "by fusion of monocular poses",
-}
+def config(method: str, **fields: Any) -> sk.RefineConfig:
+    """Return the configuration of a method with some settings changed."""
+    return sk.RefineConfig.paper(**fields) if method == PAPER else sk.RefineConfig(**fields)
+
+
+def refined(
+    sample: Sample,
+    starts: Sequence[FloatArray],
+    config: sk.RefineConfig,
+    init_sigma_mm: float | None = None,
+    heard: Callable[[int], None] | None = None,
+) -> list[sk.Refinement]:
+    """Refine every group from its start; `heard` counts poses."""
+    out, before = [], 0
+    for group, start in zip(sample.groups, starts, strict=True):
+
+        def count(now: int, _: int, before: int = before) -> None:
+            if heard is not None:
+                heard(before + now)
+
+        result = sk.refine(
+            start,
+            group.detections,
+            group.rig,
+            layout=sample.layout,
+            init_sigma=None if init_sigma_mm is None else init_sigma_mm / group.rig.mm_per_unit,
+            config=config,
+            progress=count,
+        )
+        out.append(result)
+        before += len(group)
+    return out
+
+
+class Simulated(Source):
+    """Simulated data sets, made in memory from the seed; nothing in them was seen by a camera."""
+
+    simulated = True
+
+    def samples(self, *kinds: Kind) -> list[Sample]:
+        return [self._made(*_SETS[kind]) for kind in kinds]
+
+    def line(self) -> str:
+        return (
+            "SIMULATED data, not the paper's: poses, cameras, 2D detections and monocular poses are "
+            f"synthetic (seed {self.choices.seed}). {self._counted()}."
+        )
+
+    def _made(self, name: str, key: str, detector: str) -> Sample:
+        dataset = simulated(name, detector, self.choices.seed)
+        protocol = protocols.get(name)
+        if protocol.view_sets:
+            protocol = protocol.with_options(n_views=max(protocol.view_sets))
+        return self._sample(dataset, protocol, name=f"{name}, {detector}", key=key)
+
+
+def simulated(name: str, detector: str, seed: int) -> Dataset:
+    """Return a set of `skelsplat.synthetic.simulate_set` with the detections of one of its detectors."""
+    made = simulate_set(name, seed=seed)
+    same = ("key", "subject", "action", "frames", "truth", "monocular", "boxes", "visible")
+    takes = tuple(
+        Take(
+            rig=made.rigs[recording.rig_name],
+            detections=recording.detections[detector],
+            **{part: getattr(recording, part) for part in same},
+        )
+        for recording in made.recordings
+    )
+    return Dataset(
+        name, made.layout, takes, detector, f"simulated {name}, seed {seed}, {detector} detections"
+    )
+
+
+class OnDisk(Source):
+    """A data set of the registry, whatever the ablation asks for.
+
+    Parameters
+    ----------
+    choices : Choices
+    name, root : str and Path
+        As in `skelsplat.datasets.read`.
+    detectors : sequence of str
+        One sample for each; a folder's path is taken for detections outside the root. Empty: the reader's
+        own choice.
+    options : mapping
+        Further options of the reader.
+    progress : callable, optional
+    """
+
+    def __init__(
+        self,
+        choices: Choices,
+        name: str,
+        root: Path,
+        detectors: Sequence[str] = (),
+        options: Mapping[str, Any] | None = None,
+        progress: Progress | None = None,
+    ) -> None:
+        super().__init__(choices, progress)
+        self.simulated = name == "synthetic"
+        self._name, self._root = name, root
+        self._detectors, self._options = tuple(detectors) or (None,), dict(options or {})
+        self._sources: list[str] = []
+
+    def samples(self, *kinds: Kind) -> list[Sample]:
+        return [self._read(detector, all_views="dome" in kinds) for detector in self._detectors]
+
+    def line(self) -> str:
+        warning = "SIMULATED data, not the paper's: " if self.simulated else ""
+        return f"{warning}{'; '.join(self._sources)}. {self._counted()}."
+
+    def _read(self, detector: str | None, *, all_views: bool) -> Sample:
+        options, known = dict(self._options), options_of(self._name)
+        if detector is not None:
+            apart = Path(detector).exists() and "detections" in known
+            options["detections" if apart else "detector"] = detector
+        if all_views and self._name in protocols.names and "views" in known:
+            options.setdefault("views", max(protocols.get(self._name).view_sets, default=None))
+        dataset = datasets.read(self._name, self._root, **options)
+        protocol = protocols.get(dataset.name)
+        if all_views and protocol.view_sets:
+            protocol = protocol.with_options(n_views=max(protocol.view_sets))
+        if dataset.source not in self._sources:
+            self._sources.append(dataset.source)
+        label = f"{dataset.name}, {dataset.detector}" if dataset.detector else dataset.name
+        return self._sample(dataset, protocol, name=label, key=_key(dataset, protocol))
+
+
+def _key(dataset: Dataset, protocol: Protocol) -> str:
+    """Name of the data as in the paper's rows: the protocol's, with the occlusion behind it."""
+    variant = re.search(r"-occ-(2|3-hard|3)", f"{dataset.name} {dataset.source}", re.IGNORECASE)
+    return f"{protocol.name}-{variant[1]}" if variant and protocol.name == "human36m-occ" else protocol.name

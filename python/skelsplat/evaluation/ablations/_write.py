@@ -1,4 +1,4 @@
-"""An ablation as Markdown, CSV and JSON."""
+"""Running an ablation, and its Markdown, CSV and JSON."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ import csv
 import io
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from skelsplat._skelsplat import __version__
 from skelsplat.evaluation.ablations._model import Ablation, Outcome, Table
-from skelsplat.evaluation.ablations._source import Choices
+from skelsplat.evaluation.ablations._source import Choices, Source
+from skelsplat.evaluation.ablations._table import get
 from skelsplat.evaluation.reported import reported
 from skelsplat.io._atomic import atomic_write_text
 
@@ -54,18 +55,32 @@ class Record:
         return (*self.outcome.notes, *(f"Paper: {note}" for note in published))
 
 
+def run(name: str, source: Source, *, command: str = "") -> Record:
+    """Run the ablation of that name; `command` is what the files say it is repeated with.
+
+    Raises
+    ------
+    InvalidInputError
+        If there is no such ablation, or the source lacks the poses that it needs.
+    """
+    ablation = get(name)
+    outcome = ablation.run(source)
+    outcome = replace(outcome, notes=(*outcome.notes, *(f"{note}." for note in source.notes)))
+    return Record(ablation, outcome, source.choices, source.simulated, source.line(), command)
+
+
 def cell(value: float | None, digits: int) -> str:
     """Return a figure as it is shown."""
     return "–" if value is None else f"{value:.{digits}f}"
 
 
 def to_markdown(record: Record) -> str:
-    """Return the tables, each with its source, and the findings."""
+    """Return the tables, each with its source, and the claims."""
     parts = [f"# {record.ablation.title}", f"`{record.command}` (skelsplat {__version__})"]
     for table in record.outcome.tables:
         parts += [f"## {table.title} ({table.unit})", _grid(table), record.line]
-    findings = [(f.claim, f.paper, f.measured, f"**{f.verdict}**") for f in record.outcome.findings]
-    parts += ["## Findings", _lines(("finding", "paper", "here", ""), findings, numeric=0)]
+    claims = [(c.claim, c.paper, c.measured, f"**{c.verdict}**") for c in record.outcome.claims]
+    parts += ["## Claims", _lines(("claim", "reported", "here", ""), claims, numeric=0)]
     parts += ["\n".join(f"- {text}" for text in (*record.notes, *record.sources))]
     return "\n\n".join(parts) + "\n"
 
@@ -109,7 +124,7 @@ def as_dict(record: Record) -> dict[str, Any]:
         "data": record.line,
         "choices": asdict(record.choices),
         "tables": [asdict(table) for table in record.outcome.tables],
-        "findings": [asdict(finding) for finding in record.outcome.findings],
+        "claims": [asdict(claim) for claim in record.outcome.claims],
         "notes": record.notes,
         "sources": record.sources,
     }

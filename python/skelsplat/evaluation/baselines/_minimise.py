@@ -13,9 +13,20 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from skelsplat.evaluation.baselines._linear import rig_frame
-from skelsplat.evaluation.baselines._observations import BoolArray, FloatArray, IntArray, Observations
+from skelsplat.evaluation.baselines._linear import rig_frame, solve
+from skelsplat.evaluation.baselines._observations import (
+    BoolArray,
+    Cameras,
+    FloatArray,
+    IntArray,
+    Observations,
+    homogeneous,
+    observe,
+    positive,
+    reproject,
+)
 
 _MAX_STEPS = 200
 # A step that moves no reprojection by more than this many px is the last.
@@ -48,6 +59,36 @@ def cauchy_loss(f_scale: float) -> Loss:
     return loss
 
 
+def cauchy(detections: ArrayLike, cameras: Cameras, *, f_scale: float = 5.0) -> FloatArray:
+    """Triangulate by DLT, then minimise the Cauchy loss of the reprojection residuals.
+
+    The minimum of ½ Σ f² ln(1 + r²/f²) over the 2·M residuals û − u, v̂ − v of a joint, as
+    ``scipy.optimize.least_squares(loss="cauchy")`` finds it, but for all joints at once.
+
+    Parameters
+    ----------
+    detections : (T, M, N, 2|3) or (M, N, 2|3) px
+    cameras : CameraRig or sequence of Camera
+    f_scale : float
+        f in px, beyond which a residual counts as an outlier; about twice the detector's jitter.
+
+    Returns
+    -------
+    (T, N, 3) or (N, 3)
+        NaN with fewer than two views.
+
+    Raises
+    ------
+    InvalidInputError
+        Shapes that do not fit, a confidence outside [0, 1], an ``f_scale`` that is not positive.
+    """
+    positive("f_scale", f_scale)
+    joints = observe(detections, cameras)
+    weights = joints.seen.astype(np.float64)
+    problem = Reprojections.of(joints, weights, by_view=False)
+    return joints.points(minimise(solve(joints, weights), problem, cauchy_loss(f_scale)))
+
+
 @dataclass(frozen=True, slots=True)
 class Reprojections:
     """Residuals scale · (π(X) − u) of B joints in M views, and their derivatives.
@@ -78,25 +119,18 @@ class Reprojections:
 
     def residuals(self, X: FloatArray) -> FloatArray:
         """Return the residuals (B, G, D) of points X (B, 3); not finite on a camera's focal plane."""
-        image = self._image(X)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            offsets = image[..., :2] / image[..., 2:] - self.pixels
+        offsets = reproject(X, self.projections) - self.pixels
         used = self.scale[..., None] > 0
         return self._grouped(np.where(used, self.scale[..., None] * offsets, 0.0))
 
     def slopes(self, X: FloatArray) -> FloatArray:
         """Differentiate `residuals`, (B, G, D, 3): ∂(p₁/p₃) = (∂p₁ − û ∂p₃) / p₃."""
-        image = self._image(X)
+        image = homogeneous(X, self.projections)
         depth = image[..., 2:, None]
         reprojected = image[..., :2, None] / depth
         rows = self.projections[:, :, :3]
         slopes = (rows[:, :2] - reprojected * rows[:, 2:]) / depth
         return self._grouped(slopes * self.scale[..., None, None])
-
-    def _image(self, X: FloatArray) -> FloatArray:
-        rows = self.projections.reshape(-1, 4)
-        image: FloatArray = (X @ rows[:, :3].T + rows[:, 3]).reshape(len(X), -1, 3)
-        return image
 
     def _grouped(self, values: FloatArray) -> FloatArray:
         """(B, M, 2, …) → (B, M, 2, …) or (B, 2M, 1, …)."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -122,8 +123,20 @@ def _checked(detections: ArrayLike, n_views: int) -> FloatArray:
 
 def reproject(points: FloatArray, projections: FloatArray) -> FloatArray:
     """Project points (B, 3) into every view: (B, M, 2) px; not finite on a camera's focal plane."""
-    rows = projections.reshape(-1, 4)
-    image = (points @ rows[:, :3].T + rows[:, 3]).reshape(len(points), -1, 3)
+    image = homogeneous(points, projections)
     with np.errstate(divide="ignore", invalid="ignore"):
         pixels: FloatArray = image[..., :2] / image[..., 2:]
     return pixels
+
+
+def homogeneous(points: FloatArray, projections: FloatArray) -> FloatArray:
+    """Return P X of points (B, 3) in every view, (B, M, 3)."""
+    rows = projections.reshape(-1, 4)
+    image: FloatArray = (points @ rows[:, :3].T + rows[:, 3]).reshape(len(points), -1, 3)
+    return image
+
+
+def positive(name: str, value: float, *, kind: Literal["number", "integer"] = "number") -> None:
+    """Raise `InvalidInputError` unless the argument ``name`` is finite and above zero."""
+    if not (np.isfinite(value) and value > 0) or (kind == "integer" and value != int(value)):
+        raise InvalidInputError(f"{name}: expected a positive {kind}, got {value!r}")

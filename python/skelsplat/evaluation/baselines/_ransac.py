@@ -20,14 +20,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from skelsplat._arrays import numbers
-from skelsplat.evaluation.baselines._least_squares import huber_on_half_distances, positive
 from skelsplat.evaluation.baselines._linear import solve
+from skelsplat.evaluation.baselines._minimise import Reprojections, huber, minimise
 from skelsplat.evaluation.baselines._observations import (
     BoolArray,
     Cameras,
     FloatArray,
     Observations,
     observe,
+    positive,
     reproject,
 )
 from skelsplat.exceptions import InvalidInputError
@@ -80,7 +81,8 @@ def ransac_iskakov(
     inliers = _largest_set(joints, 2.0 * epsilon * scale, n_iters, np.random.default_rng(seed), forced=True)
     points = solve(joints, inliers.astype(np.float64))
     if direct_optimization:
-        points = huber_on_half_distances(points, joints, inliers, scale)
+        problem = Reprojections.of(joints, inliers * 0.5 / scale, by_view=True)
+        points = minimise(points, problem, huber)
     return joints.points(points)
 
 

@@ -6,36 +6,38 @@ Names, units, image sizes and the building of cameras are the same for all and l
 
 from __future__ import annotations
 
+import warnings
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import fields
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 import skelsplat as sk
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io.calibration._anipose import ANIPOSE
-from skelsplat.io.calibration._caliscope import CALISCOPE
-from skelsplat.io.calibration._easymocap import EASYMOCAP
-from skelsplat.io.calibration._human36m import HUMAN36M
-from skelsplat.io.calibration._openpose import OPENPOSE
-from skelsplat.io.calibration._own import JSON, NPZ
-from skelsplat.io.calibration._panoptic import PANOPTIC
-from skelsplat.io.calibration._qualisys import QUALISYS
-from skelsplat.io.calibration._raw import Options
+from skelsplat.io._atomic import atomic_write, atomic_write_text
+from skelsplat.io._files import of_file
+from skelsplat.io.calibration import (
+    _easymocap,
+    _human36m,
+    _openpose,
+    _own,
+    _panoptic,
+    _qualisys,
+    _toml,
+    _vicon,
+)
+from skelsplat.io.calibration._format import CalibrationFormat, Options, Source
 from skelsplat.io.calibration._rotation import nearest_rotation
-from skelsplat.io.calibration._source import Source
-from skelsplat.io.calibration._unit import check_unit
-from skelsplat.io.calibration._vicon import VICON
-from skelsplat.io.calibration._write import convert_unit, write_calibration
+from skelsplat.io.calibration._unit import check_unit, convert_unit
 
 if TYPE_CHECKING:
     import os
     from collections.abc import Sequence
-    from pathlib import Path
 
-    from skelsplat.io.calibration._raw import CalibrationFormat, RawCamera
+    from skelsplat.io.calibration._format import RawCamera
 
 __all__ = ["FORMATS", "convert_unit", "find_format", "read_calibration", "write_calibration"]
 
@@ -43,18 +45,19 @@ __all__ = ["FORMATS", "convert_unit", "find_format", "read_calibration", "write_
 FORMATS: dict[str, CalibrationFormat] = {
     known.name: known
     for known in (
-        NPZ,
-        JSON,
-        HUMAN36M,
-        PANOPTIC,
-        QUALISYS,
-        VICON,
-        OPENPOSE,
-        EASYMOCAP,
-        CALISCOPE,
-        ANIPOSE,
+        CalibrationFormat("npz", _own.is_npz, _own.parse_npz),
+        CalibrationFormat("json", _own.is_json, _own.parse_json),
+        CalibrationFormat("human36m", _human36m.matches, _human36m.parse, ("subject", "size")),
+        CalibrationFormat("panoptic", _panoptic.matches, _panoptic.parse, ("camera_type",)),
+        CalibrationFormat("qualisys", _qualisys.matches, _qualisys.parse, ("camera_type", "binning")),
+        CalibrationFormat("vicon", _vicon.matches, _vicon.parse, ("camera_type",)),
+        CalibrationFormat("openpose", _openpose.matches, _openpose.parse, ("size",)),
+        CalibrationFormat("easymocap", _easymocap.matches, _easymocap.parse, ("size",)),
+        CalibrationFormat("caliscope", _toml.is_caliscope, _toml.parse_caliscope),
+        CalibrationFormat("anipose", _toml.is_anipose, _toml.parse_anipose),
     )
 }
+_WRITTEN = {".toml": "anipose", ".json": "json", ".npz": "npz"}
 # Qualisys writes six digits, EasyMocap six, Vicon's are exact: more is no rounding
 _ROTATION_DIGITS = 1e-3
 
@@ -130,6 +133,8 @@ def read_calibration(
     options = Options(camera_type=camera_type, subject=subject, size=size, binning=binning)
     _check_options(chosen, options)
     parsed = chosen.parse(source, options)
+    for text in parsed.warnings:
+        warnings.warn(text, UserWarning, stacklevel=2)
     if not parsed.cameras:
         raise DatasetError(source.path, "cameras", "at least one camera", "none")
     _check_names(source.path, parsed.cameras)
@@ -147,21 +152,22 @@ def find_format(path: str | os.PathLike[str]) -> str | None:
     DatasetError
         If the file cannot be read, or begins like JSON, XML or TOML and is broken.
     """
-    source = Source(path)
+    return _recognised(Source(path))
+
+
+def _recognised(source: Source) -> str | None:
     return next((known.name for known in FORMATS.values() if known.matches(source)), None)
 
 
 def _find(source: Source, name: str | None) -> CalibrationFormat:
     known = ", ".join(sorted(FORMATS))
-    if name is not None:
-        if name not in FORMATS:
-            raise InvalidInputError(f"format: expected one of {known}, got {name!r}")
-        return FORMATS[name]
-    for candidate in FORMATS.values():
-        if candidate.matches(source):
-            return candidate
-    actual = "a folder without one" if source.is_folder else "something else"
-    raise DatasetError(source.path, "content", f"a calibration in a known format ({known})", actual)
+    if name is not None and name not in FORMATS:
+        raise InvalidInputError(f"format: expected one of {known}, got {name!r}")
+    found = name or _recognised(source)
+    if found is None:
+        actual = "a folder without one" if source.is_folder else "something else"
+        raise DatasetError(source.path, "content", f"a calibration in a known format ({known})", actual)
+    return FORMATS[found]
 
 
 def _check_options(chosen: CalibrationFormat, options: Options) -> None:
@@ -176,9 +182,8 @@ def _check_options(chosen: CalibrationFormat, options: Options) -> None:
 def _check_names(path: Path, cameras: Sequence[RawCamera]) -> None:
     name, count = Counter(camera.name for camera in cameras).most_common(1)[0]
     if count > 1:
-        raise DatasetError(
-            path, "name", "a different name for every camera", f"{count} cameras named {name!r}"
-        )
+        actual = f"{count} cameras named {name!r}"
+        raise DatasetError(path, "name", "a different name for every camera", actual)
 
 
 def _size(
@@ -213,6 +218,40 @@ def _build(path: Path, raw: RawCamera, size: tuple[int, int]) -> sk.Camera:
             name=raw.name,
         )
     except InvalidInputError as error:
-        field, _, rest = str(error).partition(": expected ")
-        expected, _, actual = rest.partition(", got ")
-        raise DatasetError(path, field, expected, actual) from error
+        raise of_file(path, error) from error
+
+
+def write_calibration(path: str | os.PathLike[str], rig: sk.CameraRig, *, format: str | None = None) -> None:
+    """Write `rig` as Anipose TOML, which Pose2Sim, FreeMoCap and Caliscope also read, or as JSON or npz.
+
+    Numbers are written with all their digits. JSON and npz give the same rig back. So does TOML but for two
+    things: rotations, stored as three numbers in this format, may differ in the last digit, and a camera
+    without distortion comes back with zeros. TOML has no place for the unit: it is noted under ``metadata``,
+    where this package looks and other programs do not. Pose2Sim takes metres, FreeMoCap millimetres
+    (`convert_unit`).
+
+    Parameters
+    ----------
+    path : path
+        File to write; replaced whole or, on an error, left as it was.
+    rig : CameraRig
+    format : {"anipose", "json", "npz"}, optional
+        Found from the suffix (``.toml``, ``.json``, ``.npz``) when left out.
+
+    Raises
+    ------
+    InvalidInputError
+        If the format is unknown, or left out with another suffix.
+    DatasetError
+        If the path cannot be written.
+    """
+    suffix = Path(path).suffix.lower()
+    chosen = _WRITTEN.get(suffix) if format is None else format
+    if chosen not in _WRITTEN.values():
+        expected = f"one of {', '.join(_WRITTEN.values())}, or a path in {', '.join(_WRITTEN)}"
+        raise InvalidInputError(f"format: expected {expected}, got {format or suffix or 'no suffix'!r}")
+    if chosen == "npz":
+        with atomic_write(path) as stream:
+            np.savez(stream, **_own.to_arrays(rig))
+    else:
+        atomic_write_text(path, _own.to_json(rig) if chosen == "json" else _toml.to_toml(rig))

@@ -8,21 +8,22 @@ holds everything will do as well. The length unit is that of the board that was 
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from skelsplat.exceptions import DatasetError
+from skelsplat.io._fields import Field
 from skelsplat.io._files import read_text
-from skelsplat.io.calibration._fields import PINHOLE_COUNTS, Entry
-from skelsplat.io.calibration._opencv_yaml import is_opencv_yaml, parse_opencv_yaml
-from skelsplat.io.calibration._raw import CalibrationFormat, Parsed, RawCamera
+from skelsplat.io.calibration._entries import PINHOLE_COUNTS, lens_of, whole_size
+from skelsplat.io.calibration._format import Parsed, RawCamera
+from skelsplat.io.calibration._opencv import is_opencv_yaml, parse_opencv_yaml
 from skelsplat.io.calibration._rotation import matrix_from_vector
 
 if TYPE_CHECKING:
-    from skelsplat.io.calibration._raw import Array, Options
-    from skelsplat.io.calibration._source import Source
+    from pathlib import Path
+
+    from skelsplat.io.calibration._format import Array, Options, Source
 
 _PAIR = ("intri", "extri")
 _SUFFIXES = (".yml", ".yaml")
@@ -31,9 +32,10 @@ _SAME_ROTATION = 1e-4
 _SAME_LENS = 1e-6
 
 
-def _matches(source: Source) -> bool:
+def matches(source: Source) -> bool:
+    """Whether a folder has either file, or a file is OpenCV's YAML."""
     if source.is_folder:
-        return _in_folder(source, "intri") is not None or _in_folder(source, "extri") is not None
+        return any(_in_folder(source, part) is not None for part in _PAIR)
     return is_opencv_yaml(source.text)
 
 
@@ -41,102 +43,79 @@ def _in_folder(source: Source, part: str) -> Path | None:
     return next((f for f in source.files if f.stem == part and f.suffix.lower() in _SUFFIXES), None)
 
 
-def _parse(source: Source, options: Options) -> Parsed:  # noqa: ARG001
+def parse(source: Source, _: Options) -> Parsed:
+    """Return the cameras that both files have."""
     intri, extri = _files(source)
-    names = [_text(name) for name in intri.values.get("names", [])]
-    names = names or [key.removeprefix("K_") for key in intri.values if key.startswith("K_")]
+    listed = intri.value.get("names", [])
+    names = [str(name) for name in (listed if isinstance(listed, list) else [listed])]
+    names = names or [key.removeprefix("K_") for key in intri.value if key.startswith("K_")]
     if not names:
-        raise intri.error("names", "the names of the cameras", "none")
+        raise intri["names"].error("the names of the cameras", "none")
     return Parsed([_camera(intri, extri, name) for name in names])
 
 
-def _files(source: Source) -> tuple[Entry, Entry]:
-    """Intrinsics and extrinsics; the same file twice if it holds both."""
+def _files(source: Source) -> tuple[Field, Field]:
+    """Return intrinsics and extrinsics; the same file twice if it holds both."""
     if source.is_folder:
-        paths = [_in_folder(source, part) for part in _PAIR]
-        for part, path in zip(_PAIR, paths, strict=True):
-            if path is None:
-                raise DatasetError(source.path / f"{part}.yml", "file", "a readable file", "no such file")
-        found = [_entry(path) for path in paths if path is not None]
-        return found[0], found[1]
-    given = _entry(source.path)
-    has = [any(key.startswith(prefix) for key in given.values) for prefix in ("K_", "T_")]
+        intri, extri = (_in_folder(source, part) or source.path / f"{part}.yml" for part in _PAIR)
+        return _entries(intri), _entries(extri)
+    given = _entries(source.path)
+    has = [any(key.startswith(prefix) for key in given.value) for prefix in ("K_", "T_")]
     if all(has):
         return given, given
     here, there = _PAIR if has[0] else _PAIR[::-1]
     if not any(has) or here not in source.path.name:
         expected = "K_NAME (intri.yml) or R_NAME and T_NAME (extri.yml) for each camera"
-        raise given.error("keys", expected, ", ".join(given.values) or "none")
-    other = _entry(source.path.with_name(source.path.name.replace(here, there)))
+        raise DatasetError(source.path, "keys", expected, ", ".join(given.value) or "none")
+    other = _entries(source.path.with_name(source.path.name.replace(here, there)))
     return (given, other) if has[0] else (other, given)
 
 
-def _entry(path: Path) -> Entry:
-    return Entry(path, "", parse_opencv_yaml(path, read_text(path)))
+def _entries(path: Path) -> Field:
+    return Field(path, "", parse_opencv_yaml(path, read_text(path)))
 
 
-def _text(value: object) -> str:
-    return str(value)
-
-
-def _camera(intri: Entry, extri: Entry, name: str) -> RawCamera:
+def _camera(intri: Field, extri: Field, name: str) -> RawCamera:
     return RawCamera(
-        table=name,
         name=name,
-        K=intri.numbers(f"K_{name}", (3, 3)),
+        K=intri[f"K_{name}"].numbers((3, 3)),
         R=_rotation(extri, name),
-        t=extri.numbers(f"T_{name}", (3,)),
+        t=extri[f"T_{name}"].numbers((3,)),
         distortion=_lens(intri, name),
-        fisheye=False,
         size=_size(intri, name),
     )
 
 
-def _lens(intri: Entry, name: str) -> Array | None:
-    """Lens coefficients from ``dist_``, else ``D_``; both must say the same."""
-    keys = [f"dist_{name}", f"D_{name}"]
-    there = [key for key in keys if key in intri.values] or keys[:1]
-    found = [intri.distortion(key) for key in there]
-    if len(found) == 2 and not _same_lens(*found):
-        raise intri.error(there[1], f"the coefficients of {there[0]}", "others")
+def _lens(intri: Field, name: str) -> Array | None:
+    """Return lens coefficients from ``dist_``, else ``D_``; both must say the same."""
+    fields = [intri[f"dist_{name}"], intri[f"D_{name}"]]
+    there = [field for field in fields if not field.is_missing] or fields[:1]
+    found = [lens_of(field) for field in there]
+    longest = max(PINHOLE_COUNTS)  # coefficients that are left out are 0
+    padded = [np.zeros(longest) if k is None else np.pad(k, (0, longest - k.size)) for k in found]
+    if np.abs(padded[-1] - padded[0]).max() > _SAME_LENS:
+        raise there[1].error(f"the coefficients of {there[0].place}", "others")
     return found[0]
 
 
-def _same_lens(one: Array | None, other: Array | None) -> bool:
-    """Compare coefficients; those that are left out are 0."""
-    longest = max(PINHOLE_COUNTS)
-    padded = [np.zeros(longest) if k is None else np.pad(k, (0, longest - k.size)) for k in (one, other)]
-    return bool(np.abs(padded[0] - padded[1]).max() <= _SAME_LENS)
-
-
-def _rotation(extri: Entry, name: str) -> Array:
-    """Rotation from ``Rot_``, else ``R_`` (vector or matrix); both must say the same."""
-    key = f"R_{name}"
-    found = [extri.numbers(f"Rot_{name}", (3, 3))] if f"Rot_{name}" in extri.values else []
-    if key in extri.values or not found:
-        is_matrix = len(np.ravel(np.array(extri.values.get(key, 0), dtype=object))) == 9
-        found.append(
-            extri.numbers(key, (3, 3)) if is_matrix else matrix_from_vector(extri.numbers(key, (3,)))
-        )
-    if len(found) == 2 and np.abs(found[0] - found[1]).max() > _SAME_ROTATION:
-        raise extri.error(f"Rot_{name}", f"the rotation of {key}", "another rotation")
+def _rotation(extri: Field, name: str) -> Array:
+    """Return the rotation from ``Rot_``, else ``R_`` (vector or matrix); both must say the same."""
+    vector, matrix = extri[f"R_{name}"], extri[f"Rot_{name}"]
+    found = [] if matrix.is_missing else [matrix.numbers((3, 3))]
+    if not vector.is_missing or not found:
+        is_matrix = len(np.ravel(np.array(vector.value, dtype=object))) == 9
+        found.append(vector.numbers((3, 3)) if is_matrix else matrix_from_vector(vector.numbers((3,))))
+    if np.abs(found[-1] - found[0]).max() > _SAME_ROTATION:
+        raise matrix.error(f"the rotation of {vector.place}", "another rotation")
     return found[0]
 
 
-def _size(intri: Entry, name: str) -> tuple[int, int] | None:
-    keys = [f"W_{name}", f"H_{name}"]
-    if not any(key in intri.values for key in keys):
+def _size(intri: Field, name: str) -> tuple[int, int] | None:
+    fields = intri[f"W_{name}"], intri[f"H_{name}"]
+    if all(field.is_missing for field in fields):
         return None
-    width, height = (intri.number(key) for key in keys)
-    if min(width, height) < 1 or not (width.is_integer() and height.is_integer()):
-        raise intri.error(keys[0], "a positive whole width and height", f"{width:g} and {height:g}")
-    return int(width), int(height)
-
-
-EASYMOCAP = CalibrationFormat(
-    "easymocap",
-    "OpenCV YAML pair intri.yml and extri.yml (EasyMocap)",
-    _matches,
-    _parse,
-    frozenset({"size"}),
-)
+    width, height = (field.number() for field in fields)
+    size = whole_size(width, height)
+    if size is None:
+        raise fields[0].error("a positive whole width and height", f"{width:g} and {height:g}")
+    return size

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io.calibration._fields import Entry
-from skelsplat.io.calibration._raw import CalibrationFormat, Parsed, RawCamera
+from skelsplat.exceptions import InvalidInputError
+from skelsplat.io.calibration._entries import lens_of
+from skelsplat.io.calibration._format import Parsed, RawCamera
 
 if TYPE_CHECKING:
-    from skelsplat.io.calibration._raw import Options
-    from skelsplat.io.calibration._source import Source
+    from skelsplat.io._fields import Field
+    from skelsplat.io.calibration._format import Options, Source
 
 # (width, height) of the videos
 _SIZES = {
@@ -26,29 +26,28 @@ _SIZES = {
 }
 
 
-def _matches(source: Source) -> bool:
+def matches(source: Source) -> bool:
+    """Whether a document has the two tables."""
+    return "intrinsics" in source.json and "extrinsics" in source.json
+
+
+def parse(source: Source, options: Options) -> Parsed:
+    """Return the cameras of a subject."""
     document = source.json
-    return isinstance(document, dict) and {"intrinsics", "extrinsics"} <= document.keys()
+    if not isinstance(document.value, dict):
+        raise document.error("intrinsics and extrinsics per camera", type(document.value).__name__)
+    intrinsics, extrinsics = document["intrinsics"].table(), document["extrinsics"].table()
+    poses = extrinsics[_subject(extrinsics, options.subject)].table()
+    if not poses.value:
+        raise poses.error("a camera", "none")
+    return Parsed(
+        [_camera(intrinsics[name].table(), poses[name].table(), name) for name in poses.value], "mm"
+    )
 
 
-def _parse(source: Source, options: Options) -> Parsed:
-    document = source.json
-    if not isinstance(document, dict):
-        raise DatasetError(
-            source.path, "document", "intrinsics and extrinsics per camera", type(document).__name__
-        )
-    top = Entry(source.path, "", document)
-    intrinsics, extrinsics = top.entry("intrinsics"), top.entry("extrinsics")
-    subject = _subject(extrinsics, options.subject)
-    poses = extrinsics.entry(subject)
-    if not poses.values:
-        raise poses.error("", "a camera", "none")
-    return Parsed([_camera(intrinsics.entry(name), poses.entry(name), name) for name in poses.values], "mm")
-
-
-def _subject(extrinsics: Entry, subject: str | None) -> str:
-    """Whose extrinsics: cameras were moved between subjects, so one must be named if there are several."""
-    known = list(extrinsics.values)
+def _subject(extrinsics: Field, subject: str | None) -> str:
+    """Return whose extrinsics: cameras were moved between subjects, so of several one must be named."""
+    known = list(extrinsics.value)
     if subject is None and len(known) == 1:
         return str(known[0])
     if subject not in known:
@@ -59,23 +58,12 @@ def _subject(extrinsics: Entry, subject: str | None) -> str:
     return str(subject)
 
 
-def _camera(intrinsics: Entry, pose: Entry, name: str) -> RawCamera:
+def _camera(intrinsics: Field, pose: Field, name: str) -> RawCamera:
     return RawCamera(
-        table=pose.key,
         name=name,
-        K=intrinsics.numbers("calibration_matrix", (3, 3)),
-        R=pose.numbers("R", (3, 3)),
-        t=pose.numbers("t", (3,)),
-        distortion=intrinsics.distortion("distortion"),
-        fisheye=False,
+        K=intrinsics["calibration_matrix"].numbers((3, 3)),
+        R=pose["R"].numbers((3, 3)),
+        t=pose["t"].numbers((3,)),
+        distortion=lens_of(intrinsics["distortion"]),
         size=_SIZES.get(name),
     )
-
-
-HUMAN36M = CalibrationFormat(
-    "human36m",
-    "Human3.6M camera-parameters.json",
-    _matches,
-    _parse,
-    frozenset({"subject", "size"}),
-)

@@ -15,65 +15,69 @@ R and t are world → camera, x_c = R x_w + t, K and size are pixels, distortion
 
 from __future__ import annotations
 
-import io
 import json
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._files import DAMAGED_NPZ
-from skelsplat.io.calibration._fields import Entry
-from skelsplat.io.calibration._raw import CalibrationFormat, Parsed, RawCamera
+from skelsplat.io._arrays import load_plain_npz
+from skelsplat.io._fields import Field
+from skelsplat.io.calibration._entries import lens_of, size_of
+from skelsplat.io.calibration._format import Parsed, RawCamera
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     import skelsplat as sk
-    from skelsplat.io.calibration._raw import Array, Options
-    from skelsplat.io.calibration._source import Source
+    from skelsplat.io.calibration._format import Array, Options, Source
 
 _MARK = "skelsplat-calibration"
 _VERSION = 1
-_UNITS = ("mm", "cm", "m")
-_NPZ_REQUIRED = ("K", "R", "t", "size", "names", "unit")
+_NPZ_KIND = "an npz archive of plain arrays"
+_NPZ_SHAPES = {"K": (3, 3), "R": (3, 3), "t": (3,), "size": (2,)}
+_NPZ_REQUIRED = (*_NPZ_SHAPES, "names", "unit")
 
 
-def _is_json(source: Source) -> bool:
-    return isinstance(source.json, dict) and source.json.get("format") == _MARK
+def is_json(source: Source) -> bool:
+    """Whether a document carries the mark of this package's."""
+    return bool(source.json["format"].value == _MARK)
 
 
-def _parse_json(source: Source, options: Options) -> Parsed:  # noqa: ARG001
-    document = source.json if isinstance(source.json, dict) else {}
-    top = Entry(source.path, "", document)
-    if document.get("format") != _MARK:
-        raise top.error("format", f'"{_MARK}"', repr(document.get("format")))
-    if document.get("version") != _VERSION:
-        raise top.error("version", str(_VERSION), repr(document.get("version")))
-    unit = _checked_unit(source.path, document.get("unit"))
-    return Parsed([_camera(entry) for entry in _entries(top)], unit)
+def parse_json(source: Source, _: Options) -> Parsed:
+    """Return the cameras of this package's JSON."""
+    document = source.json
+    for key, known, shown in (("format", _MARK, f'"{_MARK}"'), ("version", _VERSION, str(_VERSION))):
+        if document[key].value != known:
+            raise document[key].error(shown, document[key].shown)
+    unit = _checked_unit(document["unit"])
+    expected = "a list of at least one camera"
+    cameras = document["cameras"].entries(expected)
+    if not cameras:
+        raise document["cameras"].error(expected, "an empty list")
+    for camera in cameras:
+        if not isinstance(camera.value, dict):
+            raise camera.error("an object with the fields of a camera", type(camera.value).__name__)
+    return Parsed([_camera(camera) for camera in cameras], unit)
 
 
-def _entries(top: Entry) -> list[Entry]:
-    cameras = top.values.get("cameras")
-    if not isinstance(cameras, list) or not cameras:
-        actual = "an empty list" if cameras == [] else type(cameras).__name__
-        raise top.error("cameras", "a list of at least one camera", actual)
-    for i, values in enumerate(cameras):
-        if not isinstance(values, dict):
-            raise top.error(f"cameras[{i}]", "an object with the fields of a camera", type(values).__name__)
-    return [Entry(top.path, f"cameras[{i}]", values) for i, values in enumerate(cameras)]
+def _camera(entry: Field) -> RawCamera:
+    fisheye = entry["fisheye"].flag()
+    return RawCamera(
+        name=entry["name"].text(),
+        K=entry["K"].numbers((3, 3)),
+        R=entry["R"].numbers((3, 3)),
+        t=entry["t"].numbers((3,)),
+        distortion=lens_of(entry["distortion"], fisheye=fisheye),
+        size=size_of(entry["size"]),
+        fisheye=fisheye,
+    )
 
 
-def _camera(entry: Entry) -> RawCamera:
-    fisheye = entry.flag("fisheye")
-    return entry.camera(distortion="distortion", size="size", fisheye=fisheye)
-
-
-def _checked_unit(path: Path, unit: object) -> str:
-    if unit not in _UNITS:
-        raise DatasetError(path, "unit", '"mm", "cm" or "m"', repr(unit))
-    return str(unit)
+def _checked_unit(unit: Field) -> str:
+    if unit.value not in ("mm", "cm", "m"):
+        raise unit.error('"mm", "cm" or "m"', unit.shown)
+    return str(unit.value)
 
 
 def to_json(rig: sk.CameraRig) -> str:
@@ -94,50 +98,39 @@ def to_json(rig: sk.CameraRig) -> str:
     return json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def _is_npz(source: Source) -> bool:
-    return source.suffix == ".npz" and not source.is_folder and {"K", "R", "t"} <= set(_load(source))
+def is_npz(source: Source) -> bool:
+    """Whether a file is an npz with the matrices of cameras."""
+    if source.suffix != ".npz" or source.is_folder:
+        return False
+    return {"K", "R", "t"} <= load_plain_npz(source.path, _NPZ_KIND).keys()
 
 
-def _load(source: Source) -> dict[str, Any]:
-    """Arrays of an npz by name; nothing in it is unpickled."""
-    try:
-        content = io.BytesIO(source.path.read_bytes())
-        with np.load(content, allow_pickle=False) as archive:
-            return {name: archive[name] for name in archive.files}
-    except OSError as error:
-        reason = (error.strerror or "no npz archive").lower()
-        raise DatasetError(source.path, "file", "a readable npz archive", reason) from error
-    except (ValueError, AttributeError, *DAMAGED_NPZ) as error:
-        raise DatasetError(source.path, "file", "an npz archive of plain arrays", str(error)) from error
-
-
-def _parse_npz(source: Source, options: Options) -> Parsed:  # noqa: ARG001
-    arrays = _load(source)
+def parse_npz(source: Source, _: Options) -> Parsed:
+    """Return the cameras of this package's npz."""
+    path, arrays = source.path, load_plain_npz(source.path, _NPZ_KIND)
     missing = [name for name in _NPZ_REQUIRED if name not in arrays]
     if missing:
-        raise DatasetError(
-            source.path, missing[0], f"the arrays {', '.join(_NPZ_REQUIRED)}", f"no {', '.join(missing)}"
-        )
-    unit = _checked_unit(source.path, str(arrays["unit"]))
+        expected = f"the arrays {', '.join(_NPZ_REQUIRED)}"
+        raise DatasetError(path, missing[0], expected, f"no {', '.join(missing)}")
+    unit = _checked_unit(Field(path, "unit", str(arrays["unit"])))
     names = np.atleast_1d(arrays["names"])
-    shapes = {"K": (3, 3), "R": (3, 3), "t": (3,), "size": (2,), "fisheye": ()}
-    for name, shape in shapes.items():
+    for name, shape in {**_NPZ_SHAPES, "fisheye": ()}.items():
         if name in arrays and arrays[name].shape != (len(names), *shape):
-            raise DatasetError(source.path, name, f"shape {(len(names), *shape)}", arrays[name].shape)
+            raise DatasetError(path, name, f"shape {(len(names), *shape)}", arrays[name].shape)
     lenses = arrays.get("distortion", np.full((len(names), 4), np.nan))
     if lenses.ndim != 2 or len(lenses) != len(names):
-        raise DatasetError(source.path, "distortion", f"shape ({len(names)}, n)", lenses.shape)
+        raise DatasetError(path, "distortion", f"shape ({len(names)}, n)", lenses.shape)
     fisheye = arrays.get("fisheye", np.zeros(len(names), dtype=bool))
     rows = [
         {
-            "name": _name(source.path, i, names[i]),
+            "name": _name(path, i, names[i]),
             "fisheye": bool(fisheye[i]),
-            "distortion": _unpadded(source.path, i, lenses[i]),
-            **{name: arrays[name][i].tolist() for name in ("K", "R", "t", "size")},
+            "distortion": _unpadded(path, i, lenses[i]),
+            **{name: arrays[name][i].tolist() for name in _NPZ_SHAPES},
         }
         for i in range(len(names))
     ]
-    return Parsed([_camera(Entry(source.path, f"[{i}]", row)) for i, row in enumerate(rows)], unit)
+    return Parsed([_camera(Field(path, f"[{i}]", row)) for i, row in enumerate(rows)], unit)
 
 
 def _name(path: Path, index: int, value: object) -> str:
@@ -176,7 +169,3 @@ def to_arrays(rig: sk.CameraRig) -> dict[str, Any]:
         "distortion": padded,
         "fisheye": np.array([camera.fisheye for camera in rig]),
     }
-
-
-JSON = CalibrationFormat("json", "this package's JSON", _is_json, _parse_json)
-NPZ = CalibrationFormat("npz", "NumPy npz with K, R, t, size, names, unit", _is_npz, _parse_npz)

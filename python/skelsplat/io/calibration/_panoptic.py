@@ -9,45 +9,47 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from skelsplat.exceptions import DatasetError
-from skelsplat.io.calibration._fields import Entry
-from skelsplat.io.calibration._raw import CalibrationFormat, Parsed
+from skelsplat.io.calibration._entries import lens_of, size_of
+from skelsplat.io.calibration._format import Parsed, RawCamera
 
 if TYPE_CHECKING:
-    from skelsplat.io.calibration._raw import Options
-    from skelsplat.io.calibration._source import Source
+    from skelsplat.io._fields import Field
+    from skelsplat.io.calibration._format import Options, Source
 
 _DEFAULT_TYPE = "hd"
 
 
-def _matches(source: Source) -> bool:
-    document = source.json
-    cameras = document.get("cameras") if isinstance(document, dict) else None
+def matches(source: Source) -> bool:
+    """Whether a document has a list of cameras with Panoptic's name for the lens."""
+    cameras = source.json["cameras"].value
     return (
         isinstance(cameras, list)
-        and "format" not in document
+        and "format" not in source.json
         and any(isinstance(camera, dict) and "distCoef" in camera for camera in cameras)
     )
 
 
-def _parse(source: Source, options: Options) -> Parsed:
-    document = source.json
-    cameras = document.get("cameras") if isinstance(document, dict) else None
-    if not isinstance(cameras, list) or not cameras:
-        raise DatasetError(source.path, "cameras", "a list of cameras", type(cameras).__name__)
+def parse(source: Source, options: Options) -> Parsed:
+    """Return the cameras of the type that is asked for."""
     wanted = options.camera_type or _DEFAULT_TYPE
-    entries = []
-    for index, values in enumerate(cameras):
-        if not isinstance(values, dict):
-            raise DatasetError(source.path, f"cameras[{index}]", "a camera's fields", type(values).__name__)
-        entry = Entry(source.path, f"cameras[{index}]", values)
-        if wanted == "all" or entry.text("type") == wanted:
-            entries.append(entry)
-    if not entries:
-        types = sorted({str(values.get("type")) for values in cameras})
-        raise DatasetError(source.path, "type", f"cameras of type {wanted}", f"types {', '.join(types)}")
-    return Parsed([entry.camera(distortion="distCoef", size="resolution") for entry in entries], "cm")
+    cameras = source.json["cameras"].entries("a list of cameras")
+    for camera in cameras:
+        if not isinstance(camera.value, dict):
+            raise camera.error("a camera's fields", type(camera.value).__name__)
+    chosen = [camera for camera in cameras if wanted == "all" or camera["type"].text() == wanted]
+    if not chosen:
+        types = sorted({str(camera.value.get("type")) for camera in cameras})
+        actual = f"types {', '.join(types) or 'none'}"
+        raise DatasetError(source.path, "type", f"cameras of type {wanted}", actual)
+    return Parsed([_camera(camera) for camera in chosen], "cm")
 
 
-PANOPTIC = CalibrationFormat(
-    "panoptic", "CMU Panoptic calibration JSON", _matches, _parse, frozenset({"camera_type"})
-)
+def _camera(entry: Field) -> RawCamera:
+    return RawCamera(
+        name=entry["name"].text(),
+        K=entry["K"].numbers((3, 3)),
+        R=entry["R"].numbers((3, 3)),
+        t=entry["t"].numbers((3,)),
+        distortion=lens_of(entry["distCoef"]),
+        size=size_of(entry["resolution"]),
+    )

@@ -1,4 +1,4 @@
-"""The length unit of a calibration, checked against how far apart the cameras stand."""
+"""The length unit of a calibration, checked against how far apart the cameras stand, and converted."""
 
 from __future__ import annotations
 
@@ -7,17 +7,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+import skelsplat as sk
+from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import InvalidInputError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    import numpy.typing as npt
+    from skelsplat.io.calibration._format import Array
 
-    Array = npt.NDArray[np.float64]
-
-_METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 # from a macro rig on a table to a stadium; outside it the unit is wrong rather than the rig unusual
 _PLAUSIBLE_M = (0.05, 100.0)
 # cameras of a room stand about this far apart; the likely unit is the one that comes closest
@@ -50,9 +49,9 @@ def check_unit(path: Path, centres: Sequence[Array], unit: str | None, *, stated
         unit = stated
     if unit is None:
         raise InvalidInputError(f'unit: expected "mm", "cm" or "m" for {path}, got none; {_hint(spread)}')
-    if unit not in _METRES:
+    if unit not in MM_PER_UNIT:
         raise InvalidInputError(f'unit: expected "mm", "cm" or "m", got {unit!r}')
-    metres = spread * _METRES[unit]
+    metres = spread * MM_PER_UNIT[unit] / 1000.0
     if spread > 0.0 and not _PLAUSIBLE_M[0] <= metres <= _PLAUSIBLE_M[1]:
         message = f"{path}: unit: the cameras would stand {metres:.3g} m apart in {unit}; {_hint(spread)}"
         warnings.warn(message, UserWarning, stacklevel=3)
@@ -68,5 +67,31 @@ def _spread(centres: Sequence[Array]) -> float:
 def _hint(spread: float) -> str:
     if spread == 0.0:
         return "one camera gives no hint of it"
-    likely = min(_METRES, key=lambda name: abs(np.log(spread * _METRES[name] / _TYPICAL_M)))
+    likely = min(MM_PER_UNIT, key=lambda name: abs(np.log(spread * MM_PER_UNIT[name] / 1000.0 / _TYPICAL_M)))
     return f'the largest distance between cameras is {spread:.4g} in the file, so "{likely}" is likely'
+
+
+def convert_unit(rig: sk.CameraRig, unit: str) -> sk.CameraRig:
+    """Return the same cameras with lengths in another unit.
+
+    Raises
+    ------
+    InvalidInputError
+        If the unit is not mm, cm or m.
+    """
+    if unit not in MM_PER_UNIT:
+        raise InvalidInputError(f'unit: expected "mm", "cm" or "m", got {unit!r}')
+    factor = rig.mm_per_unit / MM_PER_UNIT[unit]
+    cameras = [
+        sk.Camera(
+            c.K,
+            c.R,
+            np.asarray(c.t) * factor,
+            distortion=c.distortion,
+            fisheye=c.fisheye,
+            size=c.size,
+            name=c.name,
+        )
+        for c in rig
+    ]
+    return sk.CameraRig(cameras, unit=unit)

@@ -4,42 +4,47 @@
 its first ``KeyFrame`` has ``FOCAL_LENGTH`` in px, ``PRINCIPAL_POINT``, ``ORIENTATION``, a quaternion (x, y,
 z, w: scalar last) that turns world into camera, ``POSITION`` of the camera in the world, and the lens as
 ``VICON_RADIAL2`` (model's name, centre x y, k1 k2 k3) or, in older files, ``VICON_RADIAL`` (k1 k2 about the
-principal point); a camera with neither is refused. `_vicon_lens` makes OpenCV's coefficients of it.
+principal point); a camera with neither is refused.
+
+Vicon maps a measured pixel to an ideal one, in pixels about a centre c of its own:
+
+    ideal = c + (1 + k1 r² + k2 r⁴ + k3 r⁶)·(measured − c),      r = |measured − c|
+
+OpenCV maps ideal to measured, in multiples of the focal length about the principal point, so that the
+coefficients cannot be copied: k1, k2, p1, p2, k3 and the thin-prism terms s1..s4 are fitted over the image.
 
 Marker cameras have no images: only cameras whose ``TYPE`` has "video" in it are read.
 """
 
 from __future__ import annotations
 
-import warnings
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from skelsplat.exceptions import DatasetError
-from skelsplat.io.calibration import _vicon_lens, _xml
-from skelsplat.io.calibration._raw import CalibrationFormat, Parsed, RawCamera
+from skelsplat.io.calibration._entries import Element, whole_size
+from skelsplat.io.calibration._format import Parsed, RawCamera
 from skelsplat.io.calibration._rotation import matrix_from_quaternion
 
 if TYPE_CHECKING:
-    import xml.etree.ElementTree as ET
-    from pathlib import Path
-
-    from skelsplat.io.calibration._raw import Array, Options
-    from skelsplat.io.calibration._source import Source
+    from skelsplat.io.calibration._format import Array, Options, Source
 
 # a fit this good is lost in any detector's noise
 _GOOD_FIT_PX = 0.1
 _UNIT_NORM = 1e-3
+_GRID = 40
 
 
-def _matches(source: Source) -> bool:
+def matches(source: Source) -> bool:
+    """Whether a document has Vicon's root."""
     return source.xml is not None and source.xml.tag == "Cameras"
 
 
-def _parse(source: Source, options: Options) -> Parsed:
-    root = source.xml
-    nodes = [] if root is None else root.findall("Camera")
+def parse(source: Source, options: Options) -> Parsed:
+    """Return the video cameras, or all."""
+    nodes = [] if source.xml is None else source.xml.findall("Camera")
     if not nodes:
         raise DatasetError(source.path, "Cameras", "at least one <Camera> in <Cameras>", "none")
     chosen = [n for n in nodes if options.camera_type == "all" or "video" in n.get("TYPE", "").lower()]
@@ -47,82 +52,120 @@ def _parse(source: Source, options: Options) -> Parsed:
         types = sorted({node.get("TYPE", "none") for node in nodes})
         expected = 'a camera whose TYPE has "video" in it (camera_type="all" takes every camera)'
         raise DatasetError(source.path, "TYPE", expected, f"types {', '.join(types)}")
-    return Parsed([_camera(source.path, node, i) for i, node in enumerate(chosen)], "mm")
+    warnings: list[str] = []
+    cameras = [Element(source.path, f"Camera {n.get('DEVICEID', i)}", n) for i, n in enumerate(chosen)]
+    return Parsed([_camera(camera, warnings) for camera in cameras], "mm", warnings)
 
 
-def _camera(path: Path, node: ET.Element, index: int) -> RawCamera:
-    key = f"Camera {node.get('DEVICEID', index)}"
-    width, height = _xml.numbers(path, key, node, "SENSOR_SIZE", 2)
-    if min(width, height) < 1 or not (width.is_integer() and height.is_integer()):
-        raise DatasetError(
-            path, f"{key}.SENSOR_SIZE", "a positive whole width and height", f"{width:g} {height:g}"
-        )
-    size = int(width), int(height)
-    aspect = float(_xml.numbers(path, key, node, "PIXEL_ASPECT_RATIO", 1)[0])
-    if not aspect > 0.0:
-        raise DatasetError(path, f"{key}.PIXEL_ASPECT_RATIO", "a positive number", f"{aspect:g}")
-    if node.get("SKEW") is not None and _xml.numbers(path, key, node, "SKEW", 1)[0] != 0.0:
-        raise DatasetError(path, f"{key}.SKEW", "0 (skew is not supported)", node.get("SKEW"))
-    frame = _xml.child(path, key, node, "KeyFrames/KeyFrame")
-    focal = float(_xml.numbers(path, key, frame, "FOCAL_LENGTH", 1)[0])
-    principal = _xml.numbers(path, key, frame, "PRINCIPAL_POINT", 2)
+def _camera(camera: Element, warnings: list[str]) -> RawCamera:
+    width, height = camera.numbers("SENSOR_SIZE", 2)
+    size = whole_size(width, height)
+    if size is None:
+        raise camera.error("SENSOR_SIZE", "a positive whole width and height", f"{width:g} {height:g}")
+    aspect = _positive(camera, "PIXEL_ASPECT_RATIO")
+    if camera.node.get("SKEW") is not None and camera.number("SKEW") != 0.0:
+        raise camera.error("SKEW", "0 (skew is not supported)", camera.text("SKEW"))
+    frame = replace(camera.child("KeyFrames/KeyFrame"), place=camera.place)
+    focal, principal = _positive(frame, "FOCAL_LENGTH"), frame.numbers("PRINCIPAL_POINT", 2)
     K = np.array([[focal, 0.0, principal[0]], [0.0, focal / aspect, principal[1]], [0.0, 0.0, 1.0]])
-    if not focal > 0.0:
-        raise DatasetError(path, f"{key}.FOCAL_LENGTH", "a positive number", f"{focal:g}")
-    quaternion = _xml.numbers(path, key, frame, "ORIENTATION", 4)
+    quaternion = frame.numbers("ORIENTATION", 4)
     if abs(np.linalg.norm(quaternion) - 1.0) > _UNIT_NORM:
-        raise DatasetError(path, f"{key}.ORIENTATION", "a quaternion of norm 1", quaternion)
-    x, y, z, w = quaternion
-    R = matrix_from_quaternion(np.array([w, x, y, z]))
+        raise frame.error("ORIENTATION", "a quaternion of norm 1", quaternion)
+    R = matrix_from_quaternion(np.roll(quaternion, 1))
     return RawCamera(
-        table=key,
-        name=_xml.attribute(path, key, node, "DEVICEID"),
+        name=camera.text("DEVICEID"),
         K=K,
         R=R,
-        t=-R @ _xml.numbers(path, key, frame, "POSITION", 3),
-        distortion=_lens(path, key, frame, K, size, aspect),
-        fisheye=False,
+        t=-R @ frame.numbers("POSITION", 3),
+        distortion=_lens(frame, K, size, aspect, warnings),
         size=size,
     )
 
 
+def _positive(element: Element, name: str) -> float:
+    value = element.number(name)
+    if not value > 0.0:
+        raise element.error(name, "a positive number", f"{value:g}")
+    return value
+
+
 def _lens(
-    path: Path, key: str, frame: ET.Element, K: Array, size: tuple[int, int], aspect: float
+    frame: Element, K: Array, size: tuple[int, int], aspect: float, warnings: list[str]
 ) -> Array | None:
-    """OpenCV's coefficients of the camera's radial model; None without one or with zeros."""
-    centre, radial, field = _radial(path, key, frame, K[:2, 2])
+    """Return OpenCV's coefficients of the camera's radial model; None if they are zeros."""
+    centre, radial, field = _radial(frame, K[:2, 2])
     if not radial.any():
         return None
-    if not _vicon_lens.is_plausible(size, centre, radial, aspect):
+    if not _is_plausible(size, centre, radial, aspect):
         expected = "coefficients in 1/px², 1/px⁴ and 1/px⁶, as of a lens"
-        raise DatasetError(path, f"{key}.{field}", expected, " ".join(f"{k:g}" for k in radial))
-    coefficients, error = _vicon_lens.fit(K, size, centre, radial, aspect)
+        raise frame.error(field, expected, " ".join(f"{k:g}" for k in radial))
+    coefficients, error = _fit(K, size, centre, radial, aspect)
     if error > _GOOD_FIT_PX:
-        message = (
-            f"{path}: {key}.{field}: OpenCV's lens model follows Vicon's to {error:.2g} px at worst "
-            "(towards the corners of the image)"
+        warnings.append(
+            f"{frame.path}: {frame.place}.{field}: OpenCV's lens model follows Vicon's to {error:.2g} px at "
+            "worst (towards the corners of the image)"
         )
-        warnings.warn(message, UserWarning, stacklevel=6)
     return coefficients
 
 
-def _radial(path: Path, key: str, frame: ET.Element, principal: Array) -> tuple[Array, Array, str]:
-    """Centre (2,), coefficients and the name of the attribute that they come from."""
-    text = frame.get("VICON_RADIAL2")
+def _radial(frame: Element, principal: Array) -> tuple[Array, Array, str]:
+    """Return the centre (2,), the coefficients and the name of the attribute that they come from."""
+    text = frame.node.get("VICON_RADIAL2")
     if text is None:
-        if frame.get("VICON_RADIAL") is None:  # a misspelt name must not pass for a camera without a lens
+        if frame.node.get("VICON_RADIAL") is None:  # a misspelt name must not pass for one without a lens
             expected = "lens coefficients, here or in VICON_RADIAL, zeros for no lens"
-            raise DatasetError(path, f"{key}.VICON_RADIAL2", expected, "none")
-        return principal, _xml.numbers(path, key, frame, "VICON_RADIAL", 2), "VICON_RADIAL"
-    field = f"{key}.VICON_RADIAL2"
-    parts = text.split()
+            raise frame.error("VICON_RADIAL2", expected, "none")
+        return principal, frame.numbers("VICON_RADIAL", 2), "VICON_RADIAL"
     try:
-        values = np.array([float(part) for part in parts[1:]])
+        values = np.array([float(part) for part in text.split()[1:]])
     except ValueError:
         values = np.empty(0)
     if values.size != 5 or not np.isfinite(values).all():
-        raise DatasetError(path, field, "a name, then cx cy k1 k2 k3", repr(text))
+        raise frame.error("VICON_RADIAL2", "a name, then cx cy k1 k2 k3", repr(text))
     return values[:2], values[2:], "VICON_RADIAL2"
 
 
-VICON = CalibrationFormat("vicon", "Vicon .xcp", _matches, _parse, frozenset({"camera_type"}))
+def ideal_pixels(pixels: Array, centre: Array, radial: Array, aspect: float) -> Array:
+    """Ideal pixels of measured ones (n, 2); `aspect` is that of a pixel."""
+    offset = (pixels - centre) * [1.0, aspect]
+    squared = (offset**2).sum(axis=1, keepdims=True)
+    scale = 1.0 + sum(k * squared ** (i + 1) for i, k in enumerate(radial))
+    ideal: Array = offset * scale / [1.0, aspect] + centre
+    return ideal
+
+
+def _is_plausible(size: tuple[int, int], centre: Array, radial: Array, aspect: float) -> bool:
+    """Whether the ideal radius grows with the measured one all over the image, and not beyond twice it."""
+    corners = np.array([[0.0, 0.0], [size[0], 0.0], [0.0, size[1]], [size[0], size[1]]])
+    most = np.linalg.norm((corners - centre) * [1.0, aspect], axis=1).max()
+    r = np.linspace(0.0, most, 200)
+    scale = 1.0 + sum(k * r ** (2 * i + 2) for i, k in enumerate(radial))
+    growth = 1.0 + sum((2 * i + 3) * k * r ** (2 * i + 2) for i, k in enumerate(radial))
+    return bool((np.asarray(growth) > 0.1).all() and (np.asarray(scale) < 2.0).all())
+
+
+def _fit(K: Array, size: tuple[int, int], centre: Array, radial: Array, aspect: float) -> tuple[Array, float]:
+    """Return OpenCV's 12 coefficients (k4 to k6 are 0) and the largest error of the fit in px.
+
+    A polynomial: the rational terms would fit a strong lens better, but with large coefficients that cancel.
+    """
+    axes = [np.linspace(0.0, length - 1.0, _GRID) for length in size]
+    pixels = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
+    focal, principal = np.array([K[0, 0], K[1, 1]]), K[:2, 2]
+    ideal = (ideal_pixels(pixels, centre, radial, aspect) - principal) / focal
+    terms = np.concatenate(list(_terms(ideal) * focal[:, None, None]))
+    right = (pixels - principal - ideal * focal).T.ravel()
+    solution = np.linalg.lstsq(terms, right, rcond=None)[0]
+    error = float(np.abs(terms @ solution - right).max())
+    k1, k2, p1, p2, k3, *s = solution
+    return np.array([k1, k2, p1, p2, k3, 0.0, 0.0, 0.0, *s]), error
+
+
+def _terms(ideal: Array) -> Array:
+    """Return what k1, k2, p1, p2, k3, s1, s2, s3, s4 multiply in x and in y, (2, n, 9)."""
+    x, y = ideal.T
+    r2 = x * x + y * y
+    r4, r6, zero = r2**2, r2**3, np.zeros_like(x)
+    along_x = [x * r2, x * r4, 2 * x * y, r2 + 2 * x * x, x * r6, r2, r4, zero, zero]
+    along_y = [y * r2, y * r4, r2 + 2 * y * y, 2 * x * y, y * r6, zero, zero, r2, r4]
+    return np.stack([np.stack(along_x, axis=1), np.stack(along_y, axis=1)])

@@ -6,27 +6,20 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._files import frame_number
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
-Array = npt.NDArray[np.float64]
+    from skelsplat.io._arrays import Array
 
 
 class Person(NamedTuple):
-    """One person in one image.
+    """One person in one image, and where it stands, for messages.
 
-    Attributes
-    ----------
-    path, field
-        Where it stands, for messages.
-    joints : (K, 3)
-        x, y in px and confidence in (0, 1]; NaN where a joint was not detected.
+    `joints` (K, 3) are x, y in px and confidence in (0, 1]; NaN where a joint was not detected.
     """
 
     path: Path
@@ -153,24 +146,3 @@ def array_view(
 def list_view(path: Path, people: Mapping[int, Sequence[Person]]) -> View:
     """Return the view of people listed by frame."""
     return View(path, sorted(people), lambda number: people[number])
-
-
-def as_numbers(path: Path, where: str, value: object) -> Array:
-    """Return an array of numbers as float64, or raise `DatasetError`."""
-    array = np.asarray(value)
-    if array.dtype.kind not in "fiu":
-        raise DatasetError(path, where, "an array of numbers", f"one of {array.dtype}")
-    return array.astype(np.float64)
-
-
-def frame_numbers(path: Path, where: str, value: object, count: int) -> list[int]:
-    """Return `count` different whole numbers in ascending order, or raise `DatasetError`."""
-    array = np.asarray(value)
-    if (
-        array.shape != (count,)
-        or array.dtype.kind not in "iu"
-        or (np.diff(array.astype(np.int64)) <= 0).any()
-    ):
-        expected = f"{count} whole numbers that ascend"
-        raise DatasetError(path, where, expected, f"{array.dtype} of shape {array.shape}")
-    return [frame_number(path, where, int(number)) for number in array]

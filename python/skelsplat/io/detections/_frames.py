@@ -11,7 +11,7 @@ import numpy as np
 
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._files import FRAME_LIMIT, frame_number
-from skelsplat.io.detections._cameras import camera_called
+from skelsplat.io.detections._match import camera_called
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -48,9 +48,8 @@ def check_offsets(offsets: Mapping[str, int] | None, names: Sequence[str]) -> di
         try:
             checked[name] = operator.index(value)
         except TypeError:
-            raise InvalidInputError(
-                f"offsets[{name}]: expected a whole number of frames, got {value!r}"
-            ) from None
+            text = f"offsets[{name}]: expected a whole number of frames, got {value!r}"
+            raise InvalidInputError(text) from None
         if abs(checked[name]) >= FRAME_LIMIT:
             raise InvalidInputError(f"offsets[{name}]: expected frames, fewer than 2^62, got {value!r:.40}")
     return checked
@@ -60,18 +59,9 @@ def check_offsets(offsets: Mapping[str, int] | None, names: Sequence[str]) -> di
 class Clock:
     """The frames of the sources of one recording, and how they go together.
 
-    Attributes
-    ----------
-    root : Path
-        For messages.
-    kind : str
-        What the sources are, for messages: "folder", "file" or "view".
-    frames : dict
-        A source's own frame numbers, by its label.
-    offsets : dict
-        What is to be added to them to get the common time.
-    sparse : bool
-        The format does not list frames in which nobody was found.
+    `kind` is what the sources are ("folder", "file" or "view"), `frames` and `offsets` are by a source's
+    label: its own frame numbers, and what is to be added to them to get the common time. In a `sparse`
+    format, frames in which nobody was found are not listed.
     """
 
     root: Path
@@ -131,9 +121,8 @@ def _difference(sets: dict[str, set[int]]) -> str:
 
 def _counts(sets: dict[str, set[int]], *, ranges: bool = False) -> str:
     def one(name: str, frames: set[int]) -> str:
-        return f"{len(frames)} in {name}" + (
-            f" ({min(frames)} to {max(frames)})" if ranges and frames else ""
-        )
+        span = f" ({min(frames)} to {max(frames)})" if ranges and frames else ""
+        return f"{len(frames)} in {name}{span}"
 
     return ", ".join(one(name, frames) for name, frames in sets.items())
 

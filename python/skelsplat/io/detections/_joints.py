@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
     from pathlib import Path
 
-    from skelsplat.io.detections._format import Array, Person, View
+    from skelsplat.io._arrays import Array
+    from skelsplat.io.detections._format import Person, View
 
     Joint = str | int | None
     # place in the file of each joint of the layout, None for one that the file lacks

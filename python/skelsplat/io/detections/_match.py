@@ -1,4 +1,4 @@
-"""Which folder, file or part of a file belongs to which camera."""
+"""Which folder, file or part of a file belongs to which camera: by loosely written name or by order."""
 
 from __future__ import annotations
 
@@ -8,17 +8,48 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING
 
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io.detections._cameras import words_of
+from skelsplat.io._files import natural
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Mapping, Sequence
+    from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
     from pathlib import Path
 
+SORTED = "sorted"
+_WORDS = re.compile(r"\d+|[^\W\d_]+")
 _ADVICE = (
     "name each {kind} like its camera, for example cam_01{tail} or cam01{tail} for the camera cam_01, "
     "or state their order with --order (in Python order=)"
 )
-SORTED = "sorted"
+
+
+def camera_called(text: str, names: Sequence[str], argument: str = "camera") -> str:
+    """Return the camera that is meant by `text`: exactly its name, or the one that reads the same.
+
+    Raises
+    ------
+    InvalidInputError
+        If there is none, or more than one; names the `argument`.
+    """
+    known = ", ".join(names)
+    fitting = [text] if text in names else [name for name in names if _words(name) == _words(text)]
+    if len(fitting) > 1:
+        raise InvalidInputError(f"{argument}: expected the exact name of one of {known}, got {text!r}")
+    if not fitting:
+        raise InvalidInputError(f"{argument}: expected a camera, one of {known}, got {text!r}")
+    return fitting[0]
+
+
+def cameras_called(texts: Iterable[str], names: Sequence[str], argument: str) -> tuple[str, ...]:
+    """Return the cameras that are meant, each once, in the order of `texts`, as `camera_called` does."""
+    return tuple(dict.fromkeys(camera_called(text, names, argument) for text in texts))
+
+
+def _words(name: str) -> tuple[str, ...]:
+    """Split a name into lower-case words and numbers, without separators, leading zeros and a last "json"."""
+    words = [word.lstrip("0") or "0" if word.isdigit() else word for word in _WORDS.findall(name.lower())]
+    if len(words) > 1 and words[-1] == "json":
+        words.pop()
+    return tuple(words)
 
 
 @dataclass(frozen=True)
@@ -45,6 +76,10 @@ class Candidates:
     idle: Collection[str] = ()
     within: bool = False
 
+    def error(self, expected: str, actual: str) -> DatasetError:
+        """Return the error that they do not fit the cameras."""
+        return DatasetError(self.root, f"{self.kind}s", expected, actual)
+
 
 def match_by_name(
     candidates: Candidates,
@@ -68,55 +103,54 @@ def match_by_name(
         If a camera has no label (unless `allow_missing` or it is `optional`, then it gets None), a label
         that is not idle no camera, or a name fits more than one.
     """
-    kind, texts, root = candidates.kind, candidates.texts, candidates.root
+    kind, texts = candidates.kind, candidates.texts
     advice = _ADVICE.format(kind=kind, tail=PurePath(next(iter(texts), "")).suffix if kind == "file" else "")
     if not texts:
-        raise DatasetError(root, f"{kind}s", f"one {kind} per camera ({', '.join(names)})", f"no {kind}s")
+        raise candidates.error(f"one {kind} per camera ({', '.join(names)})", f"no {kind}s")
     found = {name: _label_of(candidates, name, names, advice) for name in names}
-    twice = [name for name in names if found[name] and list(found.values()).count(found[name]) > 1]
+    taken = list(found.values())
+    twice = [name for name in names if found[name] and taken.count(found[name]) > 1]
     if twice:
-        raise DatasetError(
-            root, f"{kind}s", f"one {kind} per camera", f"{found[twice[0]]} for {', '.join(twice)}; {advice}"
-        )
-    stray = [label for label in texts if label not in found.values() and label not in candidates.idle]
-    missing = [name for name in names if found[name] is None]
+        actual = f"{found[twice[0]]} for {', '.join(twice)}; {advice}"
+        raise candidates.error(f"one {kind} per camera", actual)
+    stray = [label for label in texts if label not in taken and label not in candidates.idle]
     if stray:
         expected = f"a camera in the calibration for every {kind} (it has {', '.join(names)})"
-        raise DatasetError(root, f"{kind}s", expected, f"no camera for {', '.join(stray)}; {advice}")
+        raise candidates.error(expected, f"no camera for {', '.join(stray)}; {advice}")
+    missing = [name for name in names if found[name] is None]
     needed = [name for name in missing if not (allow_missing or name in optional)]
     if needed or len(missing) == len(names):
         expected = f"a {kind} for every camera ({kind}s: {', '.join(texts)})"
         remedy = otherwise(needed) if otherwise is not None and len(missing) < len(names) else ""
         advice += f"; {remedy}" if remedy else ""
-        raise DatasetError(root, f"{kind}s", expected, f"none for {', '.join(needed or missing)}; {advice}")
+        raise candidates.error(expected, f"none for {', '.join(needed or missing)}; {advice}")
     return found
 
 
 def _label_of(candidates: Candidates, name: str, names: Sequence[str], advice: str) -> str | None:
     """Return the one label that fits `name`, an idle one only if no other does; None if there is none."""
-    texts = candidates.texts
+    texts, kind = candidates.texts, candidates.kind
     busy = {label: text for label, text in texts.items() if label not in candidates.idle}
     idle = {label: text for label, text in texts.items() if label in candidates.idle}
-    fitting = _fitting(busy, name, names, candidates) or _fitting(idle, name, names, candidates)
-    rivals = [other for other in names if words_of(other) == words_of(name) and other not in texts.values()]
+    within = candidates.within
+    fitting = _fitting(busy, name, names, within=within) or _fitting(idle, name, names, within=within)
+    rivals = [other for other in names if _words(other) == _words(name) and other not in texts.values()]
     if len(fitting) > 1 or (fitting and name in rivals and len(rivals) > 1):
         who = f"cameras {', '.join(rivals)}" if len(rivals) > 1 else f"camera {name}"
-        actual = f"{who} and {candidates.kind}s {', '.join(fitting)} that read the same; {advice}"
-        raise DatasetError(
-            candidates.root, f"{candidates.kind}s", f"one {candidates.kind} per camera", actual
-        )
+        actual = f"{who} and {kind}s {', '.join(fitting)} that read the same; {advice}"
+        raise candidates.error(f"one {kind} per camera", actual)
     return fitting[0] if fitting else None
 
 
-def _fitting(texts: Mapping[str, str], name: str, names: Sequence[str], candidates: Candidates) -> list[str]:
+def _fitting(texts: Mapping[str, str], name: str, names: Sequence[str], *, within: bool) -> list[str]:
     """Return the labels that fit a camera's name best."""
     exact = [label for label, text in texts.items() if text == name]
     if exact:
         return exact
-    words = words_of(name)
-    free = {label: words_of(text) for label, text in texts.items() if text not in names}
+    words = _words(name)
+    free = {label: _words(text) for label, text in texts.items() if text not in names}
     alike = [label for label, key in free.items() if key == words]
-    if alike or not candidates.within:
+    if alike or not within:
         return alike
     return [label for label, key in free.items() if _is_within(words, key)]
 
@@ -145,8 +179,8 @@ def match_by_order(
     DatasetError
         If a label is not there, or ``"sorted"`` finds another number than there are cameras.
     """
-    kind, root = candidates.kind, candidates.root
-    usable = sorted((label for label in candidates.texts if label not in candidates.idle), key=_natural)
+    kind = candidates.kind
+    usable = sorted((label for label in candidates.texts if label not in candidates.idle), key=natural)
     if isinstance(order, str):
         if order != SORTED:
             raise InvalidInputError(f'order: expected "{SORTED}" or a list of {kind}s, got {order!r}')
@@ -156,7 +190,7 @@ def match_by_order(
             got = f"{len(usable)} ({', '.join(usable) or 'none'})"
             if otherwise and 2 <= len(usable) < len(names):
                 got += f"; {otherwise}"
-            raise DatasetError(root, f"{kind}s", expected, got)
+            raise candidates.error(expected, got)
         return {name: label for name, label in zip(names, usable, strict=True) if name not in left_out}
     wanted = [str(label) for label in order]
     names = _meant(names, left_out, len(wanted))
@@ -182,14 +216,8 @@ def _stated(candidates: Candidates, label: str) -> str:
     fitting = fitting or [known for known, part in files.items() if label == part]
     if len(fitting) != 1:
         expected = f"the {candidates.kind} {label!r} that order names"
-        raise DatasetError(
-            candidates.root, f"{candidates.kind}s", expected, ", ".join(candidates.texts) or "none"
-        )
+        raise candidates.error(expected, ", ".join(candidates.texts) or "none")
     return fitting[0]
-
-
-def _natural(label: str) -> tuple[tuple[int, str], ...]:
-    return tuple((int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", label))
 
 
 def _is_within(words: tuple[str, ...], among: tuple[str, ...]) -> bool:

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from itertools import chain
+import os
+from itertools import chain, islice
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._files import VIDEO_SUFFIXES
 from skelsplat.io._run_files import is_run
 from skelsplat.io.detections import (
-    alphapose,
     coco,
     deeplabcut,
-    deeplabcut_csv,
     easymocap,
     freemocap,
     metrabs,
@@ -24,24 +24,81 @@ from skelsplat.io.detections import (
     sleap,
     videopose3d,
 )
-from skelsplat.io.detections._beneath import folders_beneath
+from skelsplat.io.detections._format import DetectionFormat
 from skelsplat.io.detections._sources import subfolders
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
+    from collections.abc import Callable, Iterator
 
-    from skelsplat.io.detections._format import DetectionFormat
-
-_MODULES = (
-    *(openpose, mmpose, alphapose, coco, rtmlib, metrabs, deeplabcut, deeplabcut_csv, sleap),
-    *(freemocap, easymocap, videopose3d, plain_npz, plain_csv),
-)
-FORMATS: dict[str, DetectionFormat] = {module.FORMAT.name: module.FORMAT for module in _MODULES}
+FORMATS: dict[str, DetectionFormat] = {
+    form.name: form
+    for form in (
+        DetectionFormat("openpose", (".json",), openpose.matches, folder=openpose.read_folder),
+        DetectionFormat("mmpose", (".json",), mmpose.matches, file=mmpose.read_file),
+        DetectionFormat(
+            "alphapose",
+            (".json",),
+            coco.is_alphapose,
+            file=coco.read_alphapose,
+            camera_part=coco.camera_of_alphapose,
+        ),
+        DetectionFormat("coco", (".json",), coco.is_coco, file=coco.read_coco),
+        DetectionFormat(
+            "rtmlib",
+            (".npz", ".npy"),
+            rtmlib.matches,
+            folder=rtmlib.read_folder,
+            file=rtmlib.read_file,
+        ),
+        DetectionFormat("metrabs", (".npz",), metrabs.matches, file=metrabs.read_file),
+        DetectionFormat(
+            "deeplabcut",
+            (".h5",),
+            deeplabcut.is_h5,
+            file=deeplabcut.read_h5,
+            camera_part=deeplabcut.camera_part,
+        ),
+        DetectionFormat(
+            "deeplabcut_csv",
+            (".csv",),
+            deeplabcut.is_csv,
+            file=deeplabcut.read_csv,
+            camera_part=deeplabcut.camera_part,
+        ),
+        DetectionFormat(
+            "sleap",
+            (".h5", ".hdf5"),
+            sleap.matches,
+            file=sleap.read_file,
+            camera_part=sleap.camera_part,
+        ),
+        DetectionFormat("freemocap", (".npy",), freemocap.matches, recording=freemocap.read_recording),
+        DetectionFormat("easymocap", (".json",), easymocap.matches, folder=easymocap.read_folder),
+        DetectionFormat("videopose3d", (".npz",), videopose3d.matches, recording=videopose3d.read_recording),
+        DetectionFormat(
+            "npz",
+            (".npz",),
+            plain_npz.matches,
+            file=plain_npz.read_file,
+            recording=plain_npz.read_recording,
+        ),
+        DetectionFormat(
+            "csv",
+            (".csv",),
+            plain_csv.matches,
+            file=plain_csv.read_file,
+            recording=plain_csv.read_recording,
+        ),
+    )
+}
 # files looked at per folder: enough for every camera of a dome, and never a folder of a million images
 _MOST = 64
 # folders named in a message
 _NAMED = 10
+# looked for beneath a folder: a session, a participant, a trial is Pose2Sim's deepest; never a whole disk
+_LEVELS = 3
+_FOLDERS = 200
+_ENTRIES = 10_000
 
 
 def find_format(path: Path, name: str | None) -> DetectionFormat:
@@ -57,19 +114,17 @@ def find_format(path: Path, name: str | None) -> DetectionFormat:
         If there is nothing, nothing known, or more than one format.
     """
     known = ", ".join(FORMATS)
+    if name is not None and name not in FORMATS:
+        raise InvalidInputError(f"format: expected one of {known}, got {name!r}")
     if name is not None:
-        if name not in FORMATS:
-            raise InvalidInputError(f"format: expected one of {known}, got {name!r}")
         return FORMATS[name]
     found = _recognised(path)
-    if len(found) == 1:
-        return FORMATS[next(iter(found))]
-    if found:
-        actual = ", ".join(f"{known} ({found[known].name})" for known in FORMATS if known in found)
-        expected = "one format, or its name (format=, --format)"
-        raise DatasetError(path, "content", expected, actual)
-    expected = f"detections in a known format ({known})"
-    raise DatasetError(path, "content", expected, _told(path))
+    if not found:
+        raise DatasetError(path, "content", f"detections in a known format ({known})", _told(path))
+    if len(found) > 1:
+        actual = ", ".join(f"{form} ({found[form].name})" for form in FORMATS if form in found)
+        raise DatasetError(path, "content", "one format, or its name (format=, --format)", actual)
+    return FORMATS[next(iter(found))]
 
 
 def _recognised(path: Path) -> dict[str, Path]:
@@ -116,3 +171,29 @@ def _samples(path: Path) -> Iterator[Path]:
         yield from sorted(path.glob(f"*{suffix}"))[:_MOST]
         for folder in folders[:_MOST]:
             yield from sorted(folder.glob(f"*{suffix}"))[:1]
+
+
+def folders_beneath(top: Path, wanted: Callable[[Path], bool]) -> list[Path]:
+    """Return the folders that are `wanted`, of the highest level beneath `top` that has any.
+
+    Looks at a limited number of levels, of folders in all and of entries in each; what cannot be read is
+    passed over.
+    """
+    level, left = [top], _FOLDERS
+    for _ in range(_LEVELS):
+        level = list(islice(chain.from_iterable(map(_inside, level)), left))
+        left -= len(level)
+        found = [folder for folder in level if wanted(folder)]
+        if found:
+            return found
+    return []
+
+
+def _inside(folder: Path) -> list[Path]:
+    """Return the folders in a folder, by name, without hidden ones."""
+    try:
+        with os.scandir(folder) as entries:
+            shown = [one for one in islice(entries, _ENTRIES) if not one.name.startswith(".")]
+            return sorted(Path(one.path) for one in shown if one.is_dir())
+    except OSError:
+        return []

@@ -7,16 +7,19 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from skelsplat.exceptions import DatasetError
+from skelsplat.io._files import opening
 from skelsplat.io._run_files import is_run
 from skelsplat.io.detections._match import Candidates, match_by_name, match_by_order
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping, Sequence
+    from collections.abc import Callable, Collection, Mapping, Sequence
     from pathlib import Path
 
     from skelsplat.io.detections._format import DetectionFormat, View
 
     Order = str | Sequence[str]
+    # what may belong to the cameras, and how one of them is opened by its label
+    Offer = tuple[Candidates, Callable[[str], View]]
 
 _MOST_SHOWN = 8  # files named in a message
 _SOME_LEFT_OUT = "--without leaves out cameras (in Python without=)"
@@ -26,14 +29,8 @@ _SOME_LEFT_OUT = "--without leaves out cameras (in Python without=)"
 class Sources:
     """The opened views.
 
-    Attributes
-    ----------
-    kind : str
-        What belongs to a camera: "folder", "file" or "view" of a file.
-    labels : dict
-        What each camera was matched with, None for nothing.
-    views : dict
-        By camera; those without detections are not in it.
+    `kind` is what belongs to a camera ("folder", "file" or "view" of a file), `labels` what each camera was
+    matched with, None for nothing; in `views` are the cameras that have detections.
     """
 
     kind: str
@@ -84,28 +81,69 @@ def open_sources(path: Path, form: DetectionFormat, matching: Matching, sequence
         If cameras and files do not fit, or a file is malformed.
     """
     if path.is_file():
-        return _of_recording(path, form, matching, sequence)
-    folders = subfolders(path)
-    if form.file is not None and _has_files(path, folders, form):
-        return _of_files(path, form, matching)
-    if form.folder is not None:
-        return _of_folders(path, folders, form, matching)
-    if form.file is not None and folders:
-        return _of_single_files(path, folders, form, matching)
-    if form.file is not None:
+        candidates, open_one = _of_recording(path, form, sequence, ordered=matching.order is not None)
+    else:
+        candidates, open_one = _of_folder(path, form)
+    labels = matching.match(candidates)
+    views = {name: open_one(label) for name, label in labels.items() if label is not None}
+    return Sources(candidates.kind, labels, views)
+
+
+def _of_recording(path: Path, form: DetectionFormat, sequence: str | None, *, ordered: bool) -> Offer:
+    if form.recording is None:
+        raise DatasetError(path, "path", f"a folder ({form.name} has files per camera)", "a file")
+    recording = form.recording(path, sequence)
+    if not recording.named and not ordered:
+        places = ", ".join(recording.views)
+        expected = 'the order of its views (order= or --order: "sorted", or the place of each camera)'
+        raise DatasetError(path, "cameras", expected, f"none; it has no names, only views {places}")
+    return Candidates(path, "view", {label: label for label in recording.views}), recording.views.__getitem__
+
+
+def _of_folder(path: Path, form: DetectionFormat) -> Offer:
+    """Return the cameras' files, or their folders, with files of one frame each or with a single one."""
+    folders, read_file, read_folder = subfolders(path), form.file, form.folder
+    if read_file is not None and _has_files(path, folders, form):
+        return _file_candidates(path, form), lambda label: read_file(path / label)
+    if read_folder is not None:
+        return _folder_candidates(path, folders, form), lambda label: read_folder(path / label)
+    if read_file is not None and folders:
+        candidates = _folder_candidates(path, folders, form)
+        return candidates, lambda label: read_file(_the_file(path / label, form))
+    if read_file is not None:
         expected = f"files of {form.name} ({', '.join(form.suffixes)})"
         raise DatasetError(path, "files", expected, _shown(path))
     there = ", ".join(file.name for file in _files(path, form)) or "a folder"
     raise DatasetError(path, "path", f"the {form.name} file of all cameras itself", there)
 
 
+def _file_candidates(path: Path, form: DetectionFormat) -> Candidates:
+    """Return the files of a folder; one that is not recognised is still taken for a camera of its name."""
+    files = _files(path, form, recognised=False)
+    known = {file.name for file in _files(path, form)}
+    texts = {file.name: form.camera_part(file.stem) for file in files}
+    idle = texts.keys() - known if known else set()
+    return Candidates(path, "file", texts, idle, within=True)
+
+
+def _folder_candidates(path: Path, folders: list[Path], form: DetectionFormat) -> Candidates:
+    idle = [p.name for p in folders if not any(next(p.glob(f"*{suffix}"), None) for suffix in form.suffixes)]
+    return Candidates(path, "folder", {folder.name: folder.name for folder in folders}, idle)
+
+
+def _the_file(folder: Path, form: DetectionFormat) -> Path:
+    """Return the one file in a camera's folder."""
+    found = _files(folder, form) or _files(folder, form, recognised=False)
+    if len(found) != 1:
+        there = ", ".join(file.name for file in found) or "none"
+        raise DatasetError(folder, "files", f"one {form.name} file of the camera", there)
+    return found[0]
+
+
 def subfolders(path: Path) -> list[Path]:
     """Folders beneath a folder, by name, without hidden ones and those that a run wrote."""
-    try:
+    with opening(path, "a readable folder", "folder"):
         shown = sorted(p for p in path.iterdir() if p.is_dir() and not p.name.startswith("."))
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise DatasetError(path, "folder", "a readable folder", reason) from error
     return [folder for folder in shown if not is_run(folder)]
 
 
@@ -127,55 +165,3 @@ def _has_files(path: Path, folders: list[Path], form: DetectionFormat) -> bool:
     """Say whether the cameras' files lie in the folder itself, not in one of its own each."""
     beneath = any(_files(folder, form, recognised=False) for folder in folders)
     return bool(_files(path, form)) or (bool(_files(path, form, recognised=False)) and not beneath)
-
-
-def _of_recording(path: Path, form: DetectionFormat, matching: Matching, sequence: str | None) -> Sources:
-    if form.recording is None:
-        raise DatasetError(path, "path", f"a folder ({form.name} has files per camera)", "a file")
-    recording = form.recording(path, sequence)
-    if not recording.named and matching.order is None:
-        places = ", ".join(recording.views)
-        expected = 'the order of its views (order= or --order: "sorted", or the place of each camera)'
-        raise DatasetError(path, "cameras", expected, f"none; it has no names, only views {places}")
-    labels = matching.match(Candidates(path, "view", {label: label for label in recording.views}))
-    views = {name: recording.views[label] for name, label in labels.items() if label is not None}
-    return Sources("view", labels, views)
-
-
-def _of_files(path: Path, form: DetectionFormat, matching: Matching) -> Sources:
-    """Open the files of a folder; one that is not recognised is still taken for a camera of its name."""
-    assert form.file is not None
-    files = _files(path, form, recognised=False)
-    known = {file.name for file in _files(path, form)}
-    texts = {file.name: form.camera_part(file.stem) for file in files}
-    idle = texts.keys() - known if known else set()
-    labels = matching.match(Candidates(path, "file", texts, idle, within=True))
-    views = {name: form.file(path / label) for name, label in labels.items() if label is not None}
-    return Sources("file", labels, views)
-
-
-def _of_folders(path: Path, folders: list[Path], form: DetectionFormat, matching: Matching) -> Sources:
-    assert form.folder is not None
-    labels = matching.match(_folder_candidates(path, folders, form))
-    views = {name: form.folder(path / label) for name, label in labels.items() if label is not None}
-    return Sources("folder", labels, views)
-
-
-def _of_single_files(path: Path, folders: list[Path], form: DetectionFormat, matching: Matching) -> Sources:
-    """Open the one file in each camera's folder."""
-    assert form.file is not None
-    labels = matching.match(_folder_candidates(path, folders, form))
-    views = {}
-    for name, label in labels.items():
-        if label is not None:
-            found = _files(path / label, form) or _files(path / label, form, recognised=False)
-            if len(found) != 1:
-                there = ", ".join(file.name for file in found) or "none"
-                raise DatasetError(path / label, "files", f"one {form.name} file of the camera", there)
-            views[name] = form.file(found[0])
-    return Sources("folder", labels, views)
-
-
-def _folder_candidates(path: Path, folders: list[Path], form: DetectionFormat) -> Candidates:
-    idle = [p.name for p in folders if not any(next(p.glob(f"*{suffix}"), None) for suffix in form.suffixes)]
-    return Candidates(path, "folder", {folder.name: folder.name for folder in folders}, idle)

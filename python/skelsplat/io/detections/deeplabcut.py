@@ -1,32 +1,44 @@
-"""DeepLabCut results in h5, single- and multi-animal: one file per camera.
+"""DeepLabCut results in h5 and csv, single- and multi-animal: one file per camera.
 
-A pandas table under the key ``df_with_missing`` with columns (scorer, [individuals,] bodyparts, coords),
-coords x, y in pixels and likelihood; the index is the frame number. Parts are matched to joints by name.
-Needs pandas and PyTables, which can run what a malicious file holds: open files of people you trust (the csv
-has the same numbers and no such risk).
+A table with columns (scorer, [individuals,] bodyparts, coords), coords x, y in pixels and likelihood; the
+index is the frame number. Parts are matched to joints by name. In the csv the columns are three or four
+header lines, and an empty field is a missing value. The h5 holds the table under the key ``df_with_missing``
+and needs pandas and PyTables, which can run what a malicious file holds: open files of people you trust (the
+csv has the same numbers and no such risk).
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from skelsplat._optional import require
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._files import frame_number
-from skelsplat.io.detections._dlc_table import Table, camera_part
-from skelsplat.io.detections._format import DetectionFormat, View
-from skelsplat.io.detections._hdf5 import hdf5_mentions
+from skelsplat.io._arrays import hdf5_mentions
+from skelsplat.io._files import frame_number, opening
+from skelsplat.io.detections._format import View, array_view, joints_of
+from skelsplat.io.detections._text import csv_header, csv_lines
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
+    from skelsplat.io._arrays import Array
+
+    Columns = dict[str, dict[str, dict[str, int]]]  # by individual, part and coordinate
+
 _KEY = "df_with_missing"
+_LEVELS = (("scorer", "bodyparts", "coords"), ("scorer", "individuals", "bodyparts", "coords"))
+# DeepLabCut's own name for parts that belong to no individual
+_UNIQUE = "single"
+_COORDS = ("x", "y", "likelihood")
 
 
-def read_file(path: Path) -> View:
-    """Return the view of one camera."""
+def read_h5(path: Path) -> View:
+    """Return the view of one camera from an h5 file."""
     frame = _load(path)
     if not hasattr(frame, "columns") or not hasattr(frame.columns, "levels"):
         raise DatasetError(path, "header", "a table with several levels of columns", type(frame).__name__)
@@ -35,40 +47,135 @@ def read_file(path: Path) -> View:
     columns = [tuple(str(part) for part in column) for column in frame.columns]
     if not all(dtype.kind in "fiu" for dtype in frame.dtypes):
         raise DatasetError(path, "values", "numbers", "columns of another kind")
-    levels = tuple(str(name) for name in frame.columns.names)
-    values = np.asarray(frame.to_numpy(dtype=np.float64))
-    return Table(
-        path, levels, columns, [frame_number(path, "index", int(number)) for number in frame.index], values
-    ).view()
+    _check_levels(path, tuple(str(name) for name in frame.columns.names))
+    frames = [frame_number(path, "index", int(number)) for number in frame.index]
+    return _Table(path, columns, frames, np.asarray(frame.to_numpy(dtype=np.float64))).view()
 
 
 def _load(path: Path) -> Any:
     """Return the table; its file is closed again."""
     pandas = require("pandas", f"{path}: DeepLabCut's h5")
     require("tables", f"{path}: DeepLabCut's h5")
-    try:
+    with opening(path):
         path.open("rb").close()
-    except OSError as error:
-        raise DatasetError(path, "file", "a readable file", (error.strerror or str(error)).lower()) from error
     try:
         with pandas.HDFStore(path, mode="r") as store:
             keys = [key.strip("/") for key in store.keys()]  # noqa: SIM118 - a store, not a dict
-            return store[_KEY] if _KEY in keys else _no_table(path, keys)
-    except DatasetError:
-        raise
+            table = store[_KEY] if _KEY in keys else None
     except Exception as error:  # PyTables raises nearly anything for a damaged file
         reason = str(error).strip().splitlines() or [type(error).__name__]
         raise DatasetError(path, "file", "a complete HDF5 file of pandas", reason[-1]) from error
+    if table is None:
+        raise DatasetError(path, _KEY, "a table under this key", f"keys {', '.join(keys) or 'none'}")
+    return table
 
 
-def _no_table(path: Path, keys: list[str]) -> Any:
-    raise DatasetError(path, _KEY, "a table under this key", f"keys {', '.join(keys) or 'none'}")
+def read_csv(path: Path) -> View:
+    """Return the view of one camera from a csv file."""
+    lines = [line for line in csv_lines(path) if line]
+    names = [line[0] for line in lines[:4]]
+    depth = 4 if len(names) > 1 and names[1] == "individuals" else 3
+    _check_levels(path, tuple(names[:depth]))
+    width = len(lines[0])
+    for place, line in enumerate(lines):
+        if len(line) != width:
+            raise DatasetError(path, f"line {place + 1}", f"{width} fields", f"{len(line)} fields")
+    columns = list(zip(*(line[1:] for line in lines[:depth]), strict=True))
+    body = list(enumerate(lines[depth:], start=depth + 1))
+    frames = [_frame(path, number, line[0]) for number, line in body]
+    values = [[_value(path, number, text) for text in line[1:]] for number, line in body]
+    array = np.array(values, dtype=np.float64).reshape(len(body), width - 1)
+    return _Table(path, columns, frames, array).view()
 
 
-FORMAT = DetectionFormat(
-    name="deeplabcut",
-    suffixes=(".h5",),
-    matches=lambda path: hdf5_mentions(path, b"df_with_missing"),
-    file=read_file,
-    camera_part=camera_part,
-)
+def _frame(path: Path, line: int, text: str) -> int:
+    if not text.isdecimal():
+        raise DatasetError(path, f"line {line}", "a frame number (results of a video)", repr(text))
+    return frame_number(path, f"line {line}", text)
+
+
+def _value(path: Path, line: int, text: str) -> float:
+    try:
+        return float(text) if text.strip() else float("nan")
+    except ValueError:
+        raise DatasetError(path, f"line {line}", "a number or an empty field", repr(text)) from None
+
+
+def _check_levels(path: Path, levels: tuple[str, ...]) -> None:
+    if levels not in _LEVELS:
+        expected = " or ".join("/".join(known) for known in _LEVELS)
+        raise DatasetError(path, "header", expected, "/".join(levels) or "an empty file")
+
+
+@dataclass(frozen=True)
+class _Table:
+    """A table as it is read: C `columns` of a name per level, T `frames`, `values` (T, C)."""
+
+    path: Path
+    columns: Sequence[tuple[str, ...]]
+    frames: list[int]
+    values: Array
+
+    def view(self) -> View:
+        """Return the view of the camera, one place per individual."""
+        columns = self._places()
+        animals = [who for who in columns if who != _UNIQUE] or list(columns)
+        parts = self._parts({who: columns[who] for who in animals})
+        people = np.stack([self._joints(columns[who], parts) for who in animals], axis=1)
+        if not self.frames or any(b <= a for a, b in pairwise(self.frames)):
+            actual = "others" if self.frames else "none"
+            raise DatasetError(self.path, "index", "frame numbers that ascend", actual)
+        return array_view(self.path, "likelihood", people, frames=self.frames, names=parts)
+
+    def _places(self) -> Columns:
+        """Return the column of each individual, part and coordinate."""
+        places: Columns = {}
+        scorers = {column[0] for column in self.columns}
+        if len(scorers) != 1:
+            raise DatasetError(self.path, "scorer", "one scorer", ", ".join(sorted(scorers)) or "none")
+        for place, column in enumerate(self.columns):
+            who, part, coord = column[1] if len(column) == 4 else "", column[-2], column[-1]
+            if coord not in _COORDS:
+                raise DatasetError(self.path, "coords", f"{', '.join(_COORDS)} (pixels)", repr(coord))
+            there = places.setdefault(who, {}).setdefault(part, {})
+            if coord in there:
+                raise DatasetError(self.path, f"{part}.{coord}", "one column", "two")
+            there[coord] = place
+        return places
+
+    def _parts(self, animals: Columns) -> tuple[str, ...]:
+        """Return the names of the parts that every individual has, in the order of the first."""
+        first, parts = next(iter(animals.items()))
+        for who, own in animals.items():
+            if set(own) != set(parts):
+                odd = ", ".join(sorted(set(own) ^ set(parts)))
+                expected = f"the same parts for every individual ({first}, {who})"
+                raise DatasetError(self.path, "bodyparts", expected, f"{odd} for one of them")
+            for part, there in own.items():
+                lacking = [coord for coord in ("x", "y") if coord not in there]
+                if lacking:
+                    raise DatasetError(self.path, f"{part}.{lacking[0]}", "a column", "none")
+        return tuple(parts)
+
+    def _joints(self, columns: dict[str, dict[str, int]], parts: tuple[str, ...]) -> Array:
+        """Return the joints (T, K, 3) of one individual."""
+        xy = np.stack([self.values[:, [columns[p]["x"], columns[p]["y"]]] for p in parts], axis=1)
+        sure = [columns[part].get("likelihood") for part in parts]
+        likelihood = [np.ones(len(xy)) if place is None else self.values[:, place] for place in sure]
+        return joints_of(self.path, "likelihood", xy, np.stack(likelihood, axis=1), clip=False)
+
+
+def is_h5(path: Path) -> bool:
+    """Whether a file is HDF5 with DeepLabCut's key in it."""
+    return hdf5_mentions(path, _KEY.encode())
+
+
+def is_csv(path: Path) -> bool:
+    """Whether the first line of a file is DeepLabCut's."""
+    first = csv_header(path)
+    return len(first) > 1 and first[0] == "scorer"
+
+
+def camera_part(stem: str) -> str:
+    """Cut the name of the network off the name of a result: ``cam1DLC_resnet50_…`` → ``cam1``."""
+    return stem.partition("DLC_")[0] or stem

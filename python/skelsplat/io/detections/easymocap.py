@@ -11,13 +11,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skelsplat.exceptions import DatasetError
-from skelsplat.io.detections._format import DetectionFormat, Person, View, joints_of
+from skelsplat.io.detections._format import Person, View, joints_of
 from skelsplat.io.detections._frames import frame_files
-from skelsplat.io.detections._json import as_list, json_head, load_json, member, rows
+from skelsplat.io.detections._text import head, json_document
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from skelsplat.io._fields import Field
+
+_LIST = "a list of people"
 
 
 def read_folder(folder: Path) -> View:
@@ -27,30 +30,23 @@ def read_folder(folder: Path) -> View:
 
 
 def _read_frame(path: Path) -> list[Person]:
-    document = load_json(path, "an EasyMocap annotation")
-    found = (
-        document if isinstance(document, list) else member(path, "", document, "annots", "a list of people")
-    )
-    people = as_list(path, "annots", found, "a list of people")
-    return [_read_person(path, f"annots[{index}]", person) for index, person in enumerate(people)]
+    document = json_document(path, "an EasyMocap annotation")
+    people = document if isinstance(document.value, list) else document.member("annots", _LIST)
+    return [_read_person(person) for person in people.entries(_LIST)]
 
 
-def _read_person(path: Path, field: str, person: object) -> Person:
-    key = "keypoints2d" if isinstance(person, dict) and "keypoints2d" in person else "keypoints"
-    value = member(path, field, person, key, "a list of [x, y, confidence]")
-    joints = rows(path, f"{field}.{key}", value, 3)
+def _read_person(person: Field) -> Person:
+    key = "keypoints2d" if "keypoints2d" in person else "keypoints"
+    keypoints = person.member(key, "a list of [x, y, confidence]")
+    joints = keypoints.rows(3)
     if not len(joints):
-        raise DatasetError(path, f"{field}.{key}", "one [x, y, confidence] per joint", "an empty list")
-    confidence = np.maximum(joints[:, 2], 0.0)
-    return Person(
-        path, f"{field}.{key}", joints_of(path, f"{field}.{key}", joints[:, :2], confidence, clip=False)
-    )
+        raise keypoints.error("one [x, y, confidence] per joint", "an empty list")
+    where = person.path, keypoints.place
+    return Person(*where, joints_of(*where, joints[:, :2], np.maximum(joints[:, 2], 0.0), clip=False))
 
 
-def _matches(path: Path) -> bool:
-    head = json_head(path)
-    bare = head.startswith("[") and ('"personID"' in head or '"keypoints2d"' in head)
-    return '"annots"' in head or bare
-
-
-FORMAT = DetectionFormat(name="easymocap", suffixes=(".json",), matches=_matches, folder=read_folder)
+def matches(path: Path) -> bool:
+    """Whether a file begins like an annotation."""
+    start = head(path)
+    bare = start.startswith("[") and ('"personID"' in start or '"keypoints2d"' in start)
+    return '"annots"' in start or bare

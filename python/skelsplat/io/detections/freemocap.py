@@ -12,8 +12,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from skelsplat.exceptions import DatasetError
-from skelsplat.io.detections._arrays import load_npy, npy_shape
-from skelsplat.io.detections._format import DetectionFormat, Recording, array_view, as_numbers, joints_of
+from skelsplat.io._arrays import as_numbers, load_npy, npy_shape
+from skelsplat.io.detections._format import Recording, array_view, joints_of
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -34,8 +34,7 @@ def read_recording(path: Path, _: str | None) -> Recording:
     """Return the views, by their place in the file."""
     array = as_numbers(path, "array", load_npy(path))
     if array.ndim != 4 or array.shape[3] not in (2, 3) or 0 in array.shape:
-        expected = "shape (cameras, frames, points, 2)"
-        raise DatasetError(path, "array", expected, array.shape)
+        raise DatasetError(path, "array", "shape (cameras, frames, points, 2)", array.shape)
     names = _names(path, array.shape[2])
     people = joints_of(path, "array", array[..., :2], None, clip=False)
     views = {
@@ -53,9 +52,7 @@ def _names(path: Path, count: int) -> tuple[str, ...] | None:
     return (*_BODY, *(f"point_{place}" for place in range(len(_BODY), count)))
 
 
-def _matches(path: Path) -> bool:
+def matches(path: Path) -> bool:
+    """Whether a file has an array of FreeMoCap's shape."""
     shape = npy_shape(path)
     return len(shape) == 4 and shape[3] in (2, 3)
-
-
-FORMAT = DetectionFormat(name="freemocap", suffixes=(".npy",), matches=_matches, recording=read_recording)

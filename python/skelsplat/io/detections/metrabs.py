@@ -12,21 +12,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from skelsplat.exceptions import DatasetError
-from skelsplat.io.detections._arrays import load_npz, npz_keys
-from skelsplat.io.detections._format import (
-    DetectionFormat,
-    View,
-    array_view,
-    as_numbers,
-    frame_numbers,
-    joints_of,
-)
-from skelsplat.io.detections._names import array_names
+from skelsplat.io._arrays import as_numbers, load_npz, npz_keys
+from skelsplat.io.detections._format import View, array_view, joints_of
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from skelsplat.io.detections._format import Array
+    from skelsplat.io._arrays import Array
 
 _KEYS = ("poses2d", "poses")
 
@@ -34,19 +26,10 @@ _KEYS = ("poses2d", "poses")
 def read_file(path: Path) -> View:
     """Return the view of one camera."""
     arrays = load_npz(path, (*_KEYS, "frames", "joint_names"))
-    key = next((key for key in _KEYS if key in arrays), None)
-    if key is None:
-        there = ", ".join(sorted(npz_keys(path))) or "none"
-        raise DatasetError(path, "poses2d", "an array under this key", f"keys {there}")
-    people = _people(path, key, arrays[key])
-    frames, names = arrays.get("frames"), arrays.get("joint_names")
-    return array_view(
-        path,
-        key,
-        joints_of(path, key, people, None, clip=False),
-        frames=None if frames is None else frame_numbers(path, "frames", frames, len(people)),
-        names=None if names is None else array_names(path, "joint_names", names, people.shape[2]),
-    )
+    key = "poses" if "poses2d" not in arrays.found and "poses" in arrays.found else "poses2d"
+    people = joints_of(path, key, _people(path, key, arrays.take(key)), None, clip=False)
+    frames, names = arrays.frames(len(people)), arrays.names("joint_names", people.shape[2])
+    return array_view(path, key, people, frames=frames, names=names)
 
 
 def _people(path: Path, key: str, value: Any) -> Array:
@@ -76,8 +59,6 @@ def _stacked(path: Path, key: str, parts: list[Array]) -> Array:
     return out
 
 
-def _matches(path: Path) -> bool:
+def matches(path: Path) -> bool:
+    """Whether a file has one of MeTRAbs' arrays."""
     return not npz_keys(path).isdisjoint(_KEYS)
-
-
-FORMAT = DetectionFormat(name="metrabs", suffixes=(".npz",), matches=_matches, file=read_file)

@@ -7,17 +7,18 @@ number is the last integer in the file's name.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skelsplat.exceptions import DatasetError
-from skelsplat.io.detections._format import DetectionFormat, Person, View, joints_of
+from skelsplat.io.detections._format import Person, View, joints_of
 from skelsplat.io.detections._frames import frame_files
-from skelsplat.io.detections._json import flat_numbers, json_head, load_json
+from skelsplat.io.detections._text import head, json_document
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from skelsplat.io._fields import Field
 
 _FIELD = "pose_keypoints_2d"
 # more than any map's peak: a pixel in the place of a score
@@ -31,46 +32,40 @@ def read_folder(folder: Path) -> View:
 
 
 def _read_frame(path: Path) -> list[Person]:
-    return [_read_person(path, index, person) for index, person in enumerate(_people(path))]
-
-
-def _people(path: Path) -> list[Any]:
-    document = load_json(path, "an OpenPose document")
-    if not isinstance(document, dict) or "people" not in document:
-        raise DatasetError(path, "people", "an object with a list under this key", type(document).__name__)
+    document = json_document(path, "an OpenPose document")
     people = document["people"]
-    if not isinstance(people, list):
-        raise DatasetError(path, "people", "a list", type(people).__name__)
-    return people
+    if "people" not in document:
+        raise people.error("an object with a list under this key", type(document.value).__name__)
+    return [_read_person(person) for person in people.entries("a list")]
 
 
-def _read_person(path: Path, index: int, person: object) -> Person:
-    field = f"people[{index}].{_FIELD}"
-    if not isinstance(person, dict) or _FIELD not in person:
-        raise DatasetError(path, field, "a list of numbers x, y, confidence", "nothing (the key is missing)")
-    return triples(path, field, person[_FIELD], clip=False)
+def _read_person(person: Field) -> Person:
+    if _FIELD not in person:
+        actual = "nothing (the key is missing)"
+        raise person[_FIELD].error("a list of numbers x, y, confidence", actual)
+    return triples(person[_FIELD], clip=False)
 
 
-def triples(path: Path, field: str, value: object, *, clip: bool) -> Person:
+def triples(keypoints: Field, *, clip: bool) -> Person:
     """Return a person from a flat list x, y, confidence, …; other formats write it as well.
 
     Scores above 1 count as 1. With `clip` anything outside [0, 1] does as well, or as missing; otherwise what
     cannot be a score is an error.
     """
-    flat = flat_numbers(path, field, value)
+    flat = keypoints.row()
     if flat.size % 3 or not flat.size:
-        raise DatasetError(path, field, "three numbers per joint", f"{flat.size} numbers")
+        raise keypoints.error("three numbers per joint", f"{flat.size} numbers")
     joints = flat.reshape(-1, 3)
     wrong = ((joints[:, 2] < 0.0) | (joints[:, 2] >= _NO_SCORE)) & np.isfinite(joints[:, :2]).all(axis=1)
     if wrong.any() and not clip:
         place = 3 * int(wrong.argmax()) + 2
-        raise DatasetError(path, f"{field}[{place}]", "a confidence, 0 to 1", f"{flat[place]:g}")
-    return Person(path, field, joints_of(path, field, joints[:, :2], joints[:, 2], clip=True))
+        score = keypoints.entries("a list")[place]
+        raise score.error("a confidence, 0 to 1", f"{flat[place]:g}")
+    where = keypoints.path, keypoints.place
+    return Person(*where, joints_of(*where, joints[:, :2], joints[:, 2], clip=True))
 
 
-FORMAT = DetectionFormat(
-    name="openpose",
-    suffixes=(".json",),
-    matches=lambda path: json_head(path).startswith("{") and '"people"' in json_head(path),
-    folder=read_folder,
-)
+def matches(path: Path) -> bool:
+    """Whether a file begins like a frame of OpenPose."""
+    start = head(path)
+    return start.startswith("{") and '"people"' in start

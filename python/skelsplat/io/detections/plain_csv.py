@@ -8,39 +8,34 @@ like it). ``joint`` is a name, or in every line the place in the layout, from 0.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._files import frame_number, whole_number
-from skelsplat.io.detections._csv import csv_header, csv_lines
-from skelsplat.io.detections._format import DetectionFormat, Person, Recording, View, joints_of, list_view
+from skelsplat.io.detections._format import Person, Recording, View, joints_of, list_view
+from skelsplat.io.detections._text import csv_header, csv_lines
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
+
+    # x, y, confidence by frame, person and joint of one camera
+    Lines = dict[int, dict[str, dict[str, tuple[float, ...]]]]
 
 _NEEDED = ("frame", "joint", "x", "y")
 _HIGHEST = 9999
 _KNOWN = (*_NEEDED, "confidence", "person", "camera")
 
 
-@dataclass
-class _Camera:
-    """Lines of one camera: frame → person → joint → (x, y, confidence)."""
-
-    frames: dict[int, dict[str, dict[str, tuple[float, ...]]]] = field(default_factory=dict)
-
-
 def read_recording(path: Path, _: str | None) -> Recording:
     """Return the views of a file of all cameras."""
     cameras, joints = _read(path)
     if "" in cameras:
-        raise DatasetError(
-            path, "camera", "a camera in every line", "none; or a folder of one file per camera"
-        )
+        actual = "none; or a folder of one file per camera"
+        raise DatasetError(path, "camera", "a camera in every line", actual)
     return Recording({name: _view(path, camera, joints) for name, camera in cameras.items()}, named=True)
 
 
@@ -52,11 +47,11 @@ def read_file(path: Path) -> View:
     return _view(path, next(iter(cameras.values())), joints)
 
 
-def _read(path: Path) -> tuple[dict[str, _Camera], tuple[str, ...]]:
+def _read(path: Path) -> tuple[dict[str, Lines], tuple[str, ...]]:
     """Return the lines of each camera, and all joints in the order in which they come."""
     lines = csv_lines(path)
     columns = _columns(path, lines[0] if lines else [])
-    cameras: dict[str, _Camera] = {}
+    cameras: dict[str, Lines] = {}
     joints: dict[str, None] = {}
     for number, line in enumerate(lines[1:], start=2):
         if not line:
@@ -64,8 +59,8 @@ def _read(path: Path) -> tuple[dict[str, _Camera], tuple[str, ...]]:
         if len(line) != len(lines[0]):
             raise DatasetError(path, f"line {number}", f"{len(lines[0])} fields", f"{len(line)} fields")
         cell = {name: line[place].strip() for name, place in columns.items()}
-        camera = cameras.setdefault(cell.get("camera", ""), _Camera())
-        frame = camera.frames.setdefault(_frame(path, number, cell["frame"]), {})
+        camera = cameras.setdefault(cell.get("camera", ""), {})
+        frame = camera.setdefault(_frame(path, number, cell["frame"]), {})
         person = frame.setdefault(cell.get("person", ""), {})
         if not cell["joint"] or cell["joint"] in person:
             expected = "a joint, once per person"
@@ -123,10 +118,10 @@ def _ordered(path: Path, joints: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(str(place) for place in range(int(highest) + 1)) if places else joints
 
 
-def _view(path: Path, camera: _Camera, joints: tuple[str, ...]) -> View:
+def _view(path: Path, camera: Lines, joints: tuple[str, ...]) -> View:
     people = {
         number: [_person(path, f"frame {number}", person, joints) for person in frame.values()]
-        for number, frame in camera.frames.items()
+        for number, frame in camera.items()
     }
     names = None if joints[0].isdecimal() else joints
     return replace(list_view(path, people), joints=names, sparse=True)
@@ -137,10 +132,6 @@ def _person(path: Path, where: str, person: dict[str, tuple[float, ...]], joints
     return Person(path, where, joints_of(path, where, rows[:, :2], rows[:, 2], clip=False))
 
 
-def _matches(path: Path) -> bool:
+def matches(path: Path) -> bool:
+    """Whether the first line of a file names the columns that are needed."""
     return set(_NEEDED) <= {name.strip().lower() for name in csv_header(path)}
-
-
-FORMAT = DetectionFormat(
-    name="csv", suffixes=(".csv",), matches=_matches, file=read_file, recording=read_recording
-)

@@ -14,25 +14,16 @@ joint_names       (K,)                    else the layout that is asked for has 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from skelsplat.exceptions import DatasetError
-from skelsplat.io.detections._arrays import load_npz, npz_keys
-from skelsplat.io.detections._format import (
-    DetectionFormat,
-    Recording,
-    View,
-    array_view,
-    as_numbers,
-    frame_numbers,
-    joints_of,
-)
-from skelsplat.io.detections._names import array_names
+from skelsplat.io._arrays import as_numbers, load_npz, npz_keys
+from skelsplat.io.detections._format import Recording, View, array_view, joints_of
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from skelsplat.io.detections._format import Array
+    from skelsplat.io._arrays import Array, Arrays
 
 _KEY = "detections"
 _KEYS = (_KEY, "confidence", "camera_names", "frames", "joint_names")
@@ -41,58 +32,42 @@ _KEYS = (_KEY, "confidence", "camera_names", "frames", "joint_names")
 def read_recording(path: Path, _: str | None) -> Recording:
     """Return the views of a file of all cameras."""
     arrays = load_npz(path, _KEYS)
-    people = _joints(path, arrays, "(T, M, P, K, 2 or 3)", 4)
+    people = _joints(arrays, "(T, M, P, K, 2 or 3)", 4)
     people = people if people.ndim == 5 else people[:, :, None]
-    count = people.shape[1]
-    names = arrays.get("camera_names")
-    labels = (
-        [str(m) for m in range(count)] if names is None else array_names(path, "camera_names", names, count)
-    )
-    views = {label: _view(path, people[:, m], arrays) for m, label in enumerate(labels)}
+    names = arrays.names("camera_names", people.shape[1])
+    labels = names or [str(m) for m in range(people.shape[1])]
+    views = {label: _view(arrays, people[:, m]) for m, label in enumerate(labels)}
     return Recording(views, named=names is not None)
 
 
 def read_file(path: Path) -> View:
     """Return the view of the one camera of a file."""
     arrays = load_npz(path, _KEYS)
-    people = _joints(path, arrays, "(T, P, K, 2 or 3)", 3)
-    return _view(path, people if people.ndim == 4 else people[:, None], arrays)
+    people = _joints(arrays, "(T, P, K, 2 or 3)", 3)
+    return _view(arrays, people if people.ndim == 4 else people[:, None])
 
 
-def _joints(path: Path, arrays: dict[str, Any], shape: str, least: int) -> Array:
+def _joints(arrays: Arrays, shape: str, least: int) -> Array:
     """Return joints (…, 3) from an array of `least` or one more axes."""
-    if _KEY not in arrays:
-        raise DatasetError(
-            path, _KEY, "an array under this key", f"keys {', '.join(npz_keys(path)) or 'none'}"
-        )
-    array = as_numbers(path, _KEY, arrays[_KEY])
+    path, array = arrays.path, as_numbers(arrays.path, _KEY, arrays.take(_KEY))
     if array.ndim not in (least, least + 1) or array.shape[-1] not in (2, 3) or 0 in array.shape[1:]:
         raise DatasetError(path, _KEY, f"shape {shape}, P may be left out", array.shape)
-    apart = arrays.get("confidence")
+    confidence = array[..., 2] if array.shape[-1] == 3 else None
+    apart = arrays.found.get("confidence")
     if apart is not None:
         apart = as_numbers(path, "confidence", apart)
-        if array.shape[-1] == 3 or apart.shape != array.shape[:-1]:
+        if confidence is not None or apart.shape != array.shape[:-1]:
             expected = f"shape {array.shape[:-1]}, and pixels alone in {_KEY}"
             raise DatasetError(path, "confidence", expected, f"{apart.shape} beside {array.shape}")
-    confidence = array[..., 2] if array.shape[-1] == 3 else apart
+        confidence = apart
     return joints_of(path, _KEY, array[..., :2], confidence, clip=False)
 
 
-def _view(path: Path, people: Array, arrays: dict[str, Any]) -> View:
-    frames, names = arrays.get("frames"), arrays.get("joint_names")
-    return array_view(
-        path,
-        _KEY,
-        people,
-        frames=None if frames is None else frame_numbers(path, "frames", frames, len(people)),
-        names=None if names is None else array_names(path, "joint_names", names, people.shape[2]),
-    )
+def _view(arrays: Arrays, people: Array) -> View:
+    frames, names = arrays.frames(len(people)), arrays.names("joint_names", people.shape[2])
+    return array_view(arrays.path, _KEY, people, frames=frames, names=names)
 
 
-FORMAT = DetectionFormat(
-    name="npz",
-    suffixes=(".npz",),
-    matches=lambda path: _KEY in npz_keys(path),
-    file=read_file,
-    recording=read_recording,
-)
+def matches(path: Path) -> bool:
+    """Whether a file has an array called ``detections``."""
+    return _KEY in npz_keys(path)

@@ -8,25 +8,17 @@ exceed 1; they are clipped to [0, 1], and a joint whose score is not positive is
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from skelsplat.exceptions import DatasetError
-from skelsplat.io.detections._arrays import load_npy, load_npz, npz_keys
-from skelsplat.io.detections._format import (
-    DetectionFormat,
-    Person,
-    View,
-    array_view,
-    as_numbers,
-    frame_numbers,
-    joints_of,
-)
+from skelsplat.io._arrays import Arrays, as_numbers, load_npy, load_npz, npz_keys
+from skelsplat.io.detections._format import Person, View, array_view, joints_of
 from skelsplat.io.detections._frames import frame_files
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from skelsplat.io.detections._format import Array
+    from skelsplat.io._arrays import Array
 
 _KEYPOINTS, _SCORES = "keypoints", "scores"
 _TAIL = f"_{_KEYPOINTS}.npy"
@@ -39,7 +31,7 @@ def read_folder(folder: Path) -> View:
 
     def in_frame(number: int) -> list[Person]:
         path = files[number]
-        joints = _joints(path, _pair(path), ("P", "K"))
+        joints = _joints(_pair(path), ("P", "K"))
         return [Person(path, f"{_KEYPOINTS}[{p}]", person) for p, person in enumerate(joints)]
 
     return View(folder, list(files), in_frame)
@@ -48,39 +40,30 @@ def read_folder(folder: Path) -> View:
 def read_file(path: Path) -> View:
     """Return the view of one camera from one npz file."""
     arrays = load_npz(path, (_KEYPOINTS, _SCORES, "frames"))
-    people = _joints(path, arrays, ("T", "P", "K"))
-    frames = arrays.get("frames")
-    numbers = None if frames is None else frame_numbers(path, "frames", frames, len(people))
-    return array_view(path, _KEYPOINTS, people, frames=numbers)
+    people = _joints(arrays, ("T", "P", "K"))
+    return array_view(path, _KEYPOINTS, people, frames=arrays.frames(len(people)))
 
 
-def _pair(path: Path) -> dict[str, Any]:
+def _pair(path: Path) -> Arrays:
     if path.suffix == ".npz":
         return load_npz(path, (_KEYPOINTS, _SCORES))
     scores = path.with_name(f"{path.name.removesuffix(_TAIL)}_{_SCORES}.npy")
-    return {_KEYPOINTS: load_npy(path), _SCORES: load_npy(scores)}
+    return Arrays(path, {_KEYPOINTS: load_npy(path), _SCORES: load_npy(scores)})
 
 
-def _joints(path: Path, arrays: dict[str, Any], axes: tuple[str, ...]) -> Array:
+def _joints(arrays: Arrays, axes: tuple[str, ...]) -> Array:
     """Return joints (…, K, 3); both arrays have to be there and fit."""
-    shape = f"shape ({', '.join((*axes, '2'))})"
-    for key in (_KEYPOINTS, _SCORES):
-        if key not in arrays:
-            raise DatasetError(path, key, "an array under this key", f"keys {', '.join(arrays) or 'none'}")
-    xy, scores = (as_numbers(path, key, arrays[key]) for key in (_KEYPOINTS, _SCORES))
+    path = arrays.path
+    xy, scores = (as_numbers(path, key, arrays.take(key)) for key in (_KEYPOINTS, _SCORES))
     if xy.ndim != len(axes) + 1 or xy.shape[-1] != 2:
-        raise DatasetError(path, _KEYPOINTS, shape, xy.shape)
+        raise DatasetError(path, _KEYPOINTS, f"shape ({', '.join((*axes, '2'))})", xy.shape)
     if scores.shape != xy.shape[:-1]:
         raise DatasetError(path, _SCORES, f"shape {xy.shape[:-1]} like the keypoints", scores.shape)
     return joints_of(path, _KEYPOINTS, xy, scores, clip=True)
 
 
-def _matches(path: Path) -> bool:
+def matches(path: Path) -> bool:
+    """Whether a file is the keypoints' part of a pair, or holds both arrays."""
     if path.suffix == ".npy":
         return path.name.endswith(_TAIL)
     return {_KEYPOINTS, _SCORES} <= npz_keys(path)
-
-
-FORMAT = DetectionFormat(
-    name="rtmlib", suffixes=(".npz", ".npy"), matches=_matches, folder=read_folder, file=read_file
-)

@@ -16,14 +16,13 @@ import numpy as np
 
 from skelsplat._optional import require
 from skelsplat.exceptions import DatasetError
-from skelsplat.io.detections._format import DetectionFormat, View, array_view, as_numbers, joints_of
-from skelsplat.io.detections._hdf5 import hdf5_mentions
-from skelsplat.io.detections._names import array_names
+from skelsplat.io._arrays import array_names, as_numbers, hdf5_mentions
+from skelsplat.io.detections._format import View, array_view, joints_of
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from skelsplat.io.detections._format import Array
+    from skelsplat.io._arrays import Array
 
 _AXES = ("track", "xy", "node", "frame")
 _TRACKS, _SCORES, _NAMES = "tracks", "point_scores", "node_names"
@@ -74,9 +73,8 @@ def _arranged(path: Path, pixels: Array, order: tuple[str, ...], nodes: int) -> 
     """Return pixels (T, P, K, 2)."""
     sizes = dict(zip(order, pixels.shape, strict=False))
     if pixels.ndim != len(order) or sizes["xy"] != 2 or sizes["node"] != nodes:
-        expected = (
-            f"shape ({', '.join({'xy': '2', 'node': str(nodes)}.get(axis, axis + 's') for axis in order)})"
-        )
+        fixed = {"xy": "2", "node": str(nodes)}
+        expected = f"shape ({', '.join(fixed.get(axis, f'{axis}s') for axis in order)})"
         raise DatasetError(path, _TRACKS, expected, pixels.shape)
     return np.transpose(pixels, [order.index(axis) for axis in ("frame", "track", "node", "xy")])
 
@@ -91,10 +89,11 @@ def _scores(path: Path, scores: Array, order: tuple[str, ...], shape: tuple[int,
     return np.where(np.isnan(arranged), 1.0, arranged)
 
 
-FORMAT = DetectionFormat(
-    name="sleap",
-    suffixes=(".h5", ".hdf5"),
-    matches=lambda path: hdf5_mentions(path, b"node_names", b"track"),
-    file=read_file,
-    camera_part=lambda stem: re.sub(r"\.(analysis|predictions|slp)\b", "", stem),
-)
+def matches(path: Path) -> bool:
+    """Whether a file is HDF5 with SLEAP's names in it."""
+    return hdf5_mentions(path, b"node_names", b"track")
+
+
+def camera_part(stem: str) -> str:
+    """Cut SLEAP's own words off the name of a file."""
+    return re.sub(r"\.(analysis|predictions|slp)\b", "", stem)

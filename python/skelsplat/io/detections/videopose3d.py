@@ -13,21 +13,15 @@ from typing import TYPE_CHECKING, Any
 
 from skelsplat import layouts
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io.detections._arrays import load_npz, npz_keys
-from skelsplat.io.detections._format import (
-    DetectionFormat,
-    Recording,
-    View,
-    array_view,
-    as_numbers,
-    joints_of,
-)
+from skelsplat.io._arrays import as_numbers, load_npz, npz_keys
+from skelsplat.io.detections._format import Recording, View, array_view, joints_of
 
 if TYPE_CHECKING:
     from pathlib import Path
 
 _KEY, _CUSTOM = "positions_2d", "custom"
 _CAMERAS = ("54138969", "55011271", "58860488", "60457274")
+_NAMED = 8  # sequences in a message
 _LAYOUTS = {"h36m": layouts.H36M17, "coco": layouts.COCO17}
 
 
@@ -42,32 +36,21 @@ def read_recording(path: Path, sequence: str | None) -> Recording:
         If the file is not as VideoPose3D writes it.
     """
     arrays = load_npz(path, (_KEY, "metadata"))
-    if _KEY not in arrays:
-        raise DatasetError(
-            path, _KEY, "an array under this key", f"keys {', '.join(npz_keys(path)) or 'none'}"
-        )
-    table = {
-        str(subject): _mapping(path, f"{_KEY}.{subject}", actions)
-        for subject, actions in _mapping(path, _KEY, _content(arrays[_KEY])).items()
-    }
-    layout = _layout(arrays.get("metadata"))
+    subjects = _table(path, _KEY, _content(arrays.take(_KEY)))
+    table = {str(name): _table(path, f"{_KEY}.{name}", actions) for name, actions in subjects.items()}
+    layout = _layout(arrays.found.get("metadata"))
     names = None if layout is None else tuple(_LAYOUTS[layout].joints)
-    if table and all(list(actions) == [_CUSTOM] for actions in table.values()):
-        videos = {
-            video: _videos(path, f"{_KEY}.{video}.custom", actions[_CUSTOM])
-            for video, actions in table.items()
-        }
-        return Recording(
-            {v: _view(path, f"{_KEY}.{v}", parts[0], names) for v, parts in videos.items()}, named=True
-        )
+    if all(list(actions) == [_CUSTOM] for actions in table.values()):
+        views = {}
+        for video, actions in table.items():
+            part = _videos(path, f"{_KEY}.{video}.custom", actions[_CUSTOM])[0]
+            views[video] = _view(path, f"{_KEY}.{video}", part, names)
+        return Recording(views, named=True)
     key, value = _choose(path, table, sequence)
     parts = _videos(path, key, value)
     human36m = layout == "h36m" and len(parts) == len(_CAMERAS)
-    labels = _CAMERAS if human36m else tuple(str(place) for place in range(len(parts)))
-    views = {
-        m: _view(path, f"{key}[{i}]", part, names)
-        for i, (m, part) in enumerate(zip(labels, parts, strict=True))
-    }
+    labels = _CAMERAS if human36m else [str(place) for place in range(len(parts))]
+    views = {label: _view(path, f"{key}[{i}]", parts[i], names) for i, label in enumerate(labels)}
     return Recording(views, named=human36m)
 
 
@@ -75,7 +58,7 @@ def _content(value: Any) -> Any:
     return value.item() if getattr(value, "shape", None) == () else value
 
 
-def _mapping(path: Path, field: str, value: Any) -> dict[Any, Any]:
+def _table(path: Path, field: str, value: Any) -> dict[Any, Any]:
     if not isinstance(value, dict) or not value:
         raise DatasetError(path, field, "a table of sequences", type(value).__name__)
     return value
@@ -89,23 +72,14 @@ def _layout(metadata: Any) -> str | None:
 
 def _choose(path: Path, table: dict[str, dict[Any, Any]], sequence: str | None) -> tuple[str, Any]:
     """Return the field and the content of the sequence asked for, or of the only one."""
-    all_of_them = {
-        f"{subject}/{action}": value
-        for subject, actions in table.items()
-        for action, value in actions.items()
-    }
-    if sequence is None and len(all_of_them) > 1:
-        some = ", ".join(list(all_of_them)[:8])
-        raise InvalidInputError(
-            f"sequence: expected one of {len(all_of_them)} in {path} ({some}, …), got none"
-        )
-    name = next(iter(all_of_them)) if sequence is None else sequence
-    if name not in all_of_them:
-        some = ", ".join(list(all_of_them)[:8])
-        raise DatasetError(
-            path, _KEY, f"the sequence {name!r}", f"{some}{', …' if len(all_of_them) > 8 else ''}"
-        )
-    return f"{_KEY}.{name}", all_of_them[name]
+    found = {f"{who}/{action}": value for who, actions in table.items() for action, value in actions.items()}
+    some = ", ".join([*list(found)[:_NAMED], *(["…"] if len(found) > _NAMED else [])])
+    if sequence is None and len(found) > 1:
+        raise InvalidInputError(f"sequence: expected one of {len(found)} in {path} ({some}), got none")
+    name = next(iter(found)) if sequence is None else sequence
+    if name not in found:
+        raise DatasetError(path, _KEY, f"the sequence {name!r}", some)
+    return f"{_KEY}.{name}", found[name]
 
 
 def _videos(path: Path, field: str, value: Any) -> list[Any]:
@@ -124,9 +98,6 @@ def _view(path: Path, field: str, value: Any, names: tuple[str, ...] | None) -> 
     return array_view(path, field, joints_of(path, field, array, None, clip=False)[:, None], names=names)
 
 
-FORMAT = DetectionFormat(
-    name="videopose3d",
-    suffixes=(".npz",),
-    matches=lambda path: _KEY in npz_keys(path),
-    recording=read_recording,
-)
+def matches(path: Path) -> bool:
+    """Whether a file has VideoPose3D's array."""
+    return _KEY in npz_keys(path)

@@ -12,9 +12,11 @@ from skelsplat._optional import require
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._atomic import atomic_path
+from skelsplat.io._files import opening
 from skelsplat.io.poses._c3d_structure import check_structure
-from skelsplat.io.poses._marker_names import marker_names as named
-from skelsplat.io.poses._pose_data import Array, PoseData, known_frame_rate
+from skelsplat.io.poses._markers import Y_UP, known_frame_rate
+from skelsplat.io.poses._markers import marker_names as named
+from skelsplat.io.poses._pose_data import Array, PoseData
 
 if TYPE_CHECKING:
     import os
@@ -25,7 +27,6 @@ if TYPE_CHECKING:
 MAX_FRAMES = 65535
 _MAX_RESIDUAL = 127
 _MISSING, _INTERPOLATED = -1.0, 0.0
-_Y_UP = [1, 2, 0]  # as in TRC files
 _GROUP = "SKELSPLAT"
 
 
@@ -66,7 +67,7 @@ def write_c3d(
     DatasetError
         If the path cannot be written.
     """
-    ezc3d = _library()
+    ezc3d = require("ezc3d", "C3D files")
     labels = named(data.joint_names, marker_names)
     rate = known_frame_rate(data, frame_rate, "C3D")
     check_c3d_frames(data.frames)
@@ -75,7 +76,7 @@ def write_c3d(
     points = np.full((4, len(data.joint_names), int(rows[-1]) + 1), np.nan)
     points[3] = 1.0
     position = data.pose * MM_PER_UNIT[data.unit]
-    points[:3, :, rows] = np.moveaxis(position[..., _Y_UP] if y_up else position, (0, 1, 2), (2, 1, 0))
+    points[:3, :, rows] = np.moveaxis(position[..., Y_UP] if y_up else position, (0, 1, 2), (2, 1, 0))
     residuals = np.full((1, *points.shape[1:]), _MISSING)
     residuals[0][:, rows] = _residuals(data).T
 
@@ -108,10 +109,6 @@ def check_c3d_frames(frames: npt.NDArray[np.int64]) -> None:
         )
     if (np.diff(frames) < 1).any():
         raise InvalidInputError("frame numbers: expected ascending numbers, got some that are not")
-
-
-def _library() -> Any:
-    return require("ezc3d", "C3D files")
 
 
 def _shift(frames: npt.NDArray[np.int64]) -> int:
@@ -181,17 +178,15 @@ def c3d_is_y_up(path: str | os.PathLike[str]) -> bool:
 
 
 def _opened(source: Path) -> Any:
-    ezc3d = _library()
-    try:
+    ezc3d = require("ezc3d", "C3D files")
+    with opening(source, "a readable C3D file"):
         check_structure(source, source.read_bytes())
-        return ezc3d.c3d(str(source))
-    except DatasetError:
-        raise
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise DatasetError(source, "file", "a readable C3D file", reason.lower()) from error
-    except Exception as error:  # whatever the library meets in a file that is none
-        raise DatasetError(source, "file", "a C3D file", str(error)) from error
+        try:
+            return ezc3d.c3d(str(source))
+        except OSError:
+            raise
+        except Exception as error:  # whatever the library meets in a file that is none
+            raise DatasetError(source, "file", "a C3D file", str(error)) from error
 
 
 def _labels(path: Path, point: Any, count: int) -> tuple[str, ...]:

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import csv
 import io
-import math
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -26,11 +24,12 @@ if TYPE_CHECKING:
 
     from skelsplat.io.poses._pose_data import Array
 
+_AXES, _DEVIATIONS = ("x", "y", "z"), ("sx", "sy", "sz")
 COLUMNS = (
-    *("frame", "joint", "x", "y", "z", "sx", "sy", "sz", "unit"),
+    *("frame", "joint", *_AXES, *_DEVIATIONS, "unit"),
     *("status", "n_views", "n_rejected", "reprojection_error_px"),
 )
-_REQUIRED = ("frame", "joint", "x", "y", "z", "unit")
+_REQUIRED = ("frame", "joint", *_AXES, "unit")
 
 
 def write_csv(path: str | os.PathLike[str], data: PoseData) -> None:
@@ -82,16 +81,14 @@ def read_csv(path: str | os.PathLike[str]) -> PoseData:
         missing = [name for name in _REQUIRED if name not in columns]
         if missing:
             raise DatasetError(source, "line 1", f"a column {missing[0]}", ", ".join(columns) or "nothing")
-        rows = [_Row.parse(source, reader.line_num, row) for row in reader]
+        rows = [_parsed(source, reader.line_num, row) for row in reader]
     except csv.Error as error:
-        raise DatasetError(
-            source, f"line {reader.reader.line_num}", "comma-separated fields", str(error)
-        ) from error
+        line = f"line {reader.reader.line_num}"
+        raise DatasetError(source, line, "comma-separated fields", error) from error
     return _assemble(source, rows, has_status="status" in columns)
 
 
-@dataclass(frozen=True)
-class _Row:
+class _Row(NamedTuple):
     line: int
     frame: int
     joint: str
@@ -100,29 +97,20 @@ class _Row:
     unit: str
     status: str
 
-    @classmethod
-    def parse(cls, path: Path, line: int, row: dict[str, str | None]) -> _Row:
-        if None in row or None in row.values():
-            raise DatasetError(path, f"line {line}", "as many fields as line 1", "another number")
-        fields = {name: str(value).strip() for name, value in row.items()}
-        try:
-            parsed = cls(
-                line=line,
-                frame=int(fields["frame"]),
-                joint=fields["joint"],
-                position=tuple(_number(fields[axis]) for axis in ("x", "y", "z")),
-                deviation=tuple(_number(fields.get(axis, "")) for axis in ("sx", "sy", "sz")),
-                unit=fields["unit"],
-                status=fields.get("status", ""),
-            )
-        except ValueError as error:
-            raise DatasetError(path, f"line {line}", "numbers", str(error)) from error
-        frame_number(path, f"line {line}, frame", parsed.frame)
-        return parsed
 
-
-def _number(text: str) -> float:
-    return float(text) if text else math.nan
+def _parsed(path: Path, line: int, row: dict[str, str | None]) -> _Row:
+    if None in row or None in row.values():
+        raise DatasetError(path, f"line {line}", "as many fields as line 1", "another number")
+    fields = {name: str(value).strip() for name, value in row.items()}
+    try:
+        frame = int(fields["frame"])
+        position, deviation = (
+            tuple(float(fields.get(axis) or "nan") for axis in axes) for axes in (_AXES, _DEVIATIONS)
+        )
+    except ValueError as error:
+        raise DatasetError(path, f"line {line}", "numbers", error) from error
+    frame_number(path, f"line {line}, frame", frame)
+    return _Row(line, frame, fields["joint"], position, deviation, fields["unit"], fields.get("status", ""))
 
 
 def _assemble(path: Path, rows: Sequence[_Row], *, has_status: bool) -> PoseData:

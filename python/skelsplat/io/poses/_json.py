@@ -13,32 +13,26 @@ import numpy as np
 import skelsplat as sk
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._atomic import atomic_write_text
-from skelsplat.io._files import FRAME_LIMIT, parse_json, read_text
-from skelsplat.io.poses._pose_data import PoseData
+from skelsplat.io._fields import Field
+from skelsplat.io._files import FRAME_LIMIT, of_file, read_json_file
+from skelsplat.io.poses._pose_data import ARRAYS, PoseData, shape_of
 
 if TYPE_CHECKING:
     import os
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     import numpy.typing as npt
 
 FORMAT, VERSION = "skelsplat-poses", 1
-_TYPES = {
-    "pose": np.float64,
-    "init_pose": np.float64,
-    "uncertainty": np.float64,
-    "covariance": np.float64,
-    "joint_status": np.str_,
-    "view_weights": np.float64,
-    "swapped": np.bool_,
-    "reprojection_error": np.float64,
-    "noise": np.float64,
-    "loss": np.float64,
-    "n_iter": np.int64,
-    "stop_reason": np.str_,
-}
 _BY_JOINT = ("pose", "init_pose", "uncertainty", "covariance")
-_KINDS = {np.float64: (int, float), np.int64: (int,), np.str_: (str,), np.bool_: (bool,)}
+# what an entry of an array may be in JSON, and how messages call it
+_KINDS: dict[Any, tuple[tuple[type, ...], str]] = {
+    np.float64: ((int, float), "number or null"),
+    np.int64: ((int,), "whole number"),
+    np.str_: ((str,), "string"),
+    np.bool_: ((bool,), "true or false"),
+}
+_LIMITS: dict[Any, float] = {np.float64: sys.float_info.max, np.int64: FRAME_LIMIT}
 
 
 def write_json(path: str | os.PathLike[str], data: PoseData) -> None:
@@ -79,7 +73,7 @@ def _dumps(value: Any) -> str:
 
 
 def _frames(data: PoseData) -> Iterator[dict[str, Any]]:
-    arrays = {name: getattr(data, name) for name in _TYPES}
+    arrays = {name: getattr(data, name) for name in ARRAYS}
     present = {name: array for name, array in arrays.items() if array.shape[0] == len(data.frames)}
     for t, frame in enumerate(data.frames.tolist()):
         yield {
@@ -122,106 +116,67 @@ def read_json(path: str | os.PathLike[str]) -> PoseData:
         than it should; names the place, such as ``frames[3].pose[7]``.
     """
     source = Path(path)
-    try:
-        document = parse_json(read_text(source))
-    except (json.JSONDecodeError, RecursionError) as error:
-        raise DatasetError(source, "file", "JSON", str(error)) from error
-    if not isinstance(document, dict) or document.get("format") != FORMAT:
-        got = f"format {document.get('format')!r}" if isinstance(document, dict) else type(document).__name__
+    document = Field(source, "", read_json_file(source))
+    whole = isinstance(document.value, dict)
+    if document["format"].value != FORMAT:
+        got = f"format {document.value.get('format')!r}" if whole else type(document.value).__name__
         raise DatasetError(source, "format", f'an object with "format": "{FORMAT}"', got)
-    if document.get("version") != VERSION:
-        raise DatasetError(source, "version", VERSION, repr(document.get("version")))
-    return _Reader(source, document).read()
+    if document["version"].value != VERSION:
+        raise document["version"].error(VERSION, document["version"].shown)
+    joints = _names(document["joint_names"])
+    cameras, processing = (
+        () if document[key].is_missing else _names(document[key]) for key in ("camera_names", "processing")
+    )
+    frames = document["frames"].entries("a list of objects")
+    if not all(isinstance(frame.value, dict) for frame in frames):
+        raise document["frames"].error("a list of objects", "list")
+    arrays: dict[str, Any] = {"frames": _array(frames, "frame", (), np.int64)}
+    for name, (_, kind) in ARRAYS.items():
+        if name == "pose" or (frames and name in frames[0]):
+            arrays[name] = _array(frames, name, shape_of(name, 1, len(cameras), len(joints))[1:], kind)
+    unit, rate = document["unit"], document["frame_rate"]
+    if not isinstance(unit.value, str):
+        raise unit.error("mm, cm or m", unit.shown)
+    known = None if rate.is_missing else rate.value
+    if known is not None and (isinstance(known, bool) or not isinstance(known, int | float)):
+        raise rate.error("a number or null", rate.shown)
+    arrays |= {"joint_names": joints, "camera_names": cameras, "processing": processing}
+    try:
+        return PoseData(unit=unit.value, frame_rate=known, **arrays)
+    except InvalidInputError as error:
+        raise of_file(source, error) from error
 
 
-class _Reader:
-    """One document; every method names the place of what it does not like."""
-
-    def __init__(self, path: Path, document: dict[str, Any]) -> None:
-        self._path = path
-        self._document = document
-
-    def read(self) -> PoseData:
-        joints, cameras = self._names("joint_names"), self._names("camera_names")
-        frames = self._document.get("frames")
-        if not isinstance(frames, list) or not all(isinstance(frame, dict) for frame in frames):
-            raise self._error("frames", "a list of objects", type(frames).__name__)
-        shapes = self._shapes(len(joints), len(cameras))
-        names = ["pose", *(name for name in shapes if name != "pose" and frames and name in frames[0])]
-        arrays = {name: self._array(name, frames, shapes[name]) for name in names}
-        numbers = self._array("frame", frames, (), np.int64)
-        unit, rate = self._document.get("unit"), self._document.get("frame_rate")
-        if rate is not None and (isinstance(rate, bool) or not isinstance(rate, int | float)):
-            raise self._error("frame_rate", "a number or null", repr(rate))
-        if not isinstance(unit, str):
-            raise self._error("unit", "mm, cm or m", repr(unit))
-        try:
-            return PoseData(
-                joint_names=joints,
-                camera_names=cameras,
-                frames=numbers,
-                unit=unit,
-                frame_rate=rate,
-                processing=self._names("processing"),
-                **arrays,
-            )
-        except InvalidInputError as error:
-            field, _, rest = str(error).partition(": expected ")
-            expected, _, actual = rest.partition(", got ")
-            raise self._error(field, expected, actual) from error
-
-    def _error(self, field: str, expected: object, actual: object) -> DatasetError:
-        return DatasetError(self._path, field, expected, actual)
-
-    def _names(self, key: str) -> tuple[str, ...]:
-        names = self._document.get(key, [] if key != "joint_names" else None)
-        if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-            raise self._error(key, "a list of strings", repr(names))
-        return tuple(names)
-
-    @staticmethod
-    def _shapes(joints: int, views: int) -> dict[str, tuple[int, ...]]:
-        return {
-            **dict.fromkeys(("pose", "init_pose"), (joints, 3)),
-            **dict.fromkeys(("uncertainty", "covariance"), (joints, 3, 3)),
-            **dict.fromkeys(("view_weights", "swapped", "reprojection_error"), (views, joints)),
-            "joint_status": (joints,),
-            **dict.fromkeys(("noise", "loss", "n_iter", "stop_reason"), ()),
-        }
-
-    def _array(
-        self, name: str, frames: list[dict[str, Any]], shape: tuple[int, ...], kind: Any = None
-    ) -> npt.NDArray[Any]:
-        kind = kind or _TYPES[name]
-        flat: list[Any] = []
-        for t, frame in enumerate(frames):
-            if name not in frame:
-                raise self._error(f"frames[{t}]", f'the key "{name}"', ", ".join(frame) or "no keys")
-            self._flatten(frame[name], shape, kind, f"frames[{t}].{name}", flat)
-        return np.array(flat, dtype=kind).reshape(len(frames), *shape)
-
-    def _flatten(self, value: Any, shape: tuple[int, ...], kind: Any, place: str, flat: list[Any]) -> None:
-        """Append the entries of ``value`` to ``flat``; null stands for NaN in all of ``shape``."""
-        if value is None and kind is np.float64:
-            flat.extend([math.nan] * math.prod(shape))
-        elif shape:
-            if not isinstance(value, list) or len(value) != shape[0]:
-                got = f"{len(value)} entries" if isinstance(value, list) else type(value).__name__
-                raise self._error(place, f"a list of {shape[0]}", got)
-            for i, entry in enumerate(value):
-                self._flatten(entry, shape[1:], kind, f"{place}[{i}]", flat)
-        elif isinstance(value, _KINDS[kind]) and (kind is np.bool_ or not isinstance(value, bool)):
-            if kind in _LIMITS and isinstance(value, int | float) and abs(value) > _LIMITS[kind]:
-                raise self._error(place, f"a {_NAMES[kind]} of at most 64 bits", repr(value)[:40])
-            flat.append(value)
-        else:
-            raise self._error(place, f"a {_NAMES[kind]}", repr(value))
+def _names(field: Field) -> tuple[str, ...]:
+    names = field.value
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise field.error("a list of strings", field.shown)
+    return tuple(names)
 
 
-_LIMITS: dict[Any, float] = {np.float64: sys.float_info.max, np.int64: FRAME_LIMIT}
-_NAMES = {
-    np.float64: "number or null",
-    np.int64: "whole number",
-    np.str_: "string",
-    np.bool_: "true or false",
-}
+def _array(frames: Sequence[Field], name: str, shape: tuple[int, ...], kind: Any) -> npt.NDArray[Any]:
+    flat: list[Any] = []
+    for frame in frames:
+        if name not in frame:
+            raise frame.error(f'the key "{name}"', ", ".join(frame.value) or "no keys")
+        _flatten(frame.path, f"{frame.place}.{name}", frame.value[name], shape, kind, flat)
+    return np.array(flat, dtype=kind).reshape(len(frames), *shape)
+
+
+def _flatten(path: Path, place: str, value: Any, shape: tuple[int, ...], kind: Any, flat: list[Any]) -> None:
+    """Append the entries of ``value`` to ``flat``; null stands for NaN in all of ``shape``."""
+    types, called = _KINDS[kind]
+    if value is None and kind is np.float64:
+        flat.extend([math.nan] * math.prod(shape))
+    elif shape:
+        if not isinstance(value, list) or len(value) != shape[0]:
+            got = f"{len(value)} entries" if isinstance(value, list) else type(value).__name__
+            raise DatasetError(path, place, f"a list of {shape[0]}", got)
+        for i, entry in enumerate(value):
+            _flatten(path, f"{place}[{i}]", entry, shape[1:], kind, flat)
+    elif not isinstance(value, types) or (isinstance(value, bool) and kind is not np.bool_):
+        raise DatasetError(path, place, f"a {called}", repr(value))
+    elif isinstance(value, int | float) and abs(value) > _LIMITS.get(kind, math.inf):
+        raise DatasetError(path, place, f"a {called} of at most 64 bits", repr(value)[:40])
+    else:
+        flat.append(value)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,8 +10,8 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.io._arrays import Arrays, load_plain_npz
 from skelsplat.io._atomic import atomic_write
-from skelsplat.io._files import DAMAGED_NPZ
 from skelsplat.io.poses._pose_data import PoseData
 
 if TYPE_CHECKING:
@@ -67,10 +66,10 @@ def read_npz(path: str | os.PathLike[str]) -> PoseData:
         If the file cannot be read, lacks a key, or its arrays do not fit each other.
     """
     source = Path(path)
-    arrays = _load(source)
-    missing = [key for key in _REQUIRED if key not in arrays]
-    if missing:
-        raise DatasetError(source, missing[0], "an array under this key", f"keys {', '.join(arrays)}")
+    read = Arrays(source, load_plain_npz(source, "an npz file"))
+    for key in _REQUIRED:
+        read.take(key)
+    arrays = {key: read.found[key] for key in _KEYS if key in read.found}
     arrays["unit"] = str(arrays["unit"])
     for key in _NAMES:
         if key in arrays:
@@ -81,22 +80,6 @@ def read_npz(path: str | os.PathLike[str]) -> PoseData:
     if not np.isnan(rate):
         arrays["frame_rate"] = float(rate)
     try:
-        return PoseData(**{key: arrays[key] for key in _KEYS if key in arrays})
+        return PoseData(**arrays)
     except InvalidInputError as error:
         raise DatasetError(source, "arrays", "arrays that fit each other", str(error)) from error
-
-
-def _load(path: Path) -> dict[str, Any]:
-    try:
-        with path.open("rb") as stream:
-            if not zipfile.is_zipfile(stream):
-                raise DatasetError(path, "file", "an npz file", "another kind of file, or a damaged one")
-            stream.seek(0)
-            with np.load(stream, allow_pickle=False) as archive:
-                return dict(archive)
-    except OSError as error:
-        raise DatasetError(
-            path, "file", "a readable npz file", (error.strerror or str(error)).lower()
-        ) from error
-    except (ValueError, TypeError, *DAMAGED_NPZ) as error:
-        raise DatasetError(path, "file", "an npz file", str(error)) from error

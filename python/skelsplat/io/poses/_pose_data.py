@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from skelsplat._arrays import flags, read_fields, whole_numbers
+from skelsplat._arrays import flags, numbers, whole_numbers
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import InvalidInputError
 
@@ -19,7 +19,21 @@ if TYPE_CHECKING:
     import skelsplat as sk
 
 Array = npt.NDArray[np.float64]
-STATUSES = ("ok", "weak", "unobserved", "filled")
+# the axes of every array (T frames, M cameras, N joints) and the type of its entries
+ARRAYS: dict[str, tuple[str, type[np.generic]]] = {
+    "pose": ("T N 3", np.float64),
+    "init_pose": ("T N 3", np.float64),
+    "uncertainty": ("T N 3 3", np.float64),
+    "covariance": ("T N 3 3", np.float64),
+    "joint_status": ("T N", np.str_),
+    "view_weights": ("T M N", np.float64),
+    "swapped": ("T M N", np.bool_),
+    "reprojection_error": ("T M N", np.float64),
+    "noise": ("T", np.float64),
+    "loss": ("T", np.float64),
+    "n_iter": ("T", np.int64),
+    "stop_reason": ("T", np.str_),
+}
 
 
 @dataclass(frozen=True)
@@ -96,38 +110,23 @@ class PoseData:
             raise InvalidInputError(f"pose: expected shape (T, N, 3), got {self.pose.shape}")
         if self.frame_rate is not None:
             check_frame_rate(self.frame_rate)
-        for name, shape in self._shapes().items():
-            actual = np.shape(getattr(self, name))
-            optional = name not in ("joint_names", "frames")
-            if actual != shape and not (optional and actual[:1] == (0,)):
-                raise InvalidInputError(f"{name}: expected shape {shape}, got {actual}")
+        steps, joints, _ = self.pose.shape
+        shapes: dict[str, tuple[int, ...]] = {"joint_names": (joints,), "frames": (steps,)}
+        for name in ARRAYS:
+            if np.shape(getattr(self, name))[:1] != (0,):
+                shapes[name] = shape_of(name, steps, len(self.camera_names), joints)
+        for name, shape in shapes.items():
+            if np.shape(getattr(self, name)) != shape:
+                raise InvalidInputError(
+                    f"{name}: expected shape {shape}, got {np.shape(getattr(self, name))}"
+                )
 
     def _read_arrays(self) -> None:
         """Take arrays of any kind: NaN for what is masked."""
-        read_fields(self, "pose", "init_pose", "covariance", "uncertainty", "view_weights", "noise")
-        read_fields(self, "reprojection_error", "loss")
-        object.__setattr__(self, "frames", whole_numbers(self.frames, "frames"))
-        object.__setattr__(self, "n_iter", whole_numbers(self.n_iter, "n_iter"))
-        object.__setattr__(self, "swapped", flags(self.swapped, "swapped"))
-
-    def _shapes(self) -> dict[str, tuple[int, ...]]:
-        steps, joints, _ = self.pose.shape
-        views = len(self.camera_names)
-        return {
-            "joint_names": (joints,),
-            "frames": (steps,),
-            "init_pose": (steps, joints, 3),
-            "covariance": (steps, joints, 3, 3),
-            "reprojection_error": (steps, views, joints),
-            "uncertainty": (steps, joints, 3, 3),
-            "view_weights": (steps, views, joints),
-            "swapped": (steps, views, joints),
-            "noise": (steps,),
-            "joint_status": (steps, joints),
-            "loss": (steps,),
-            "n_iter": (steps,),
-            "stop_reason": (steps,),
-        }
+        read = {np.float64: numbers, np.int64: whole_numbers, np.bool_: flags}
+        for name, (_, kind) in {**ARRAYS, "frames": ("T", np.int64)}.items():
+            if kind in read:
+                object.__setattr__(self, name, read[kind](getattr(self, name), name))
 
     @classmethod
     def from_refinement(
@@ -141,24 +140,16 @@ class PoseData:
         frame_rate: float | None = None,
     ) -> PoseData:
         """Collect the result of `skelsplat.refine` over T frames with its names; arrays are not copied."""
+        arrays: dict[str, Any] = {name: getattr(refinement, name) for name in ARRAYS}
+        for name in ("joint_status", "stop_reason"):
+            arrays[name] = np.asarray(arrays[name], dtype=np.str_)
         return cls(
-            pose=refinement.pose,
             joint_names=tuple(joint_names),
             frames=whole_numbers(frames, "frames"),
             unit=unit,
             camera_names=tuple(camera_names),
-            init_pose=refinement.init_pose,
-            covariance=refinement.covariance,
-            uncertainty=refinement.uncertainty,
-            view_weights=refinement.view_weights,
-            swapped=refinement.swapped,
-            noise=refinement.noise,
-            reprojection_error=refinement.reprojection_error,
-            joint_status=np.asarray(refinement.joint_status, dtype=np.str_),
-            loss=refinement.loss,
-            n_iter=refinement.n_iter,
-            stop_reason=np.asarray(refinement.stop_reason, dtype=np.str_),
             frame_rate=frame_rate,
+            **arrays,
         )
 
     def in_unit(self, unit: str) -> PoseData:
@@ -178,17 +169,7 @@ def check_frame_rate(rate: float) -> float:
     return rate
 
 
-def known_frame_rate(data: PoseData, given: float | None, kind: str) -> float:
-    """Return the frame rate that is given, or else that of the data; a file of this ``kind`` states one.
-
-    Raises
-    ------
-    InvalidInputError
-        If neither is known or it is not positive.
-    """
-    rate = given if given is not None else data.frame_rate
-    if rate is None:
-        raise InvalidInputError(
-            f"frame_rate: expected one for a {kind} file (the poses state none), got none"
-        )
-    return check_frame_rate(rate)
+def shape_of(name: str, steps: int, views: int, joints: int) -> tuple[int, ...]:
+    """Return the shape of an array of `ARRAYS`."""
+    sizes = {"T": steps, "M": views, "N": joints}
+    return tuple(sizes[axis] if axis in sizes else int(axis) for axis in ARRAYS[name][0].split())

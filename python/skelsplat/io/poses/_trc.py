@@ -18,8 +18,9 @@ from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._atomic import atomic_write_text
 from skelsplat.io._files import frame_number, read_text
-from skelsplat.io.poses._marker_names import marker_names as named
-from skelsplat.io.poses._pose_data import PoseData, check_frame_rate, known_frame_rate
+from skelsplat.io.poses._markers import Y_UP, known_frame_rate
+from skelsplat.io.poses._markers import marker_names as named
+from skelsplat.io.poses._pose_data import PoseData, check_frame_rate
 
 if TYPE_CHECKING:
     import os
@@ -31,8 +32,6 @@ _HEADER = (
 )
 # a micrometre, far below what keypoints resolve
 _DECIMALS = {"m": 6, "mm": 3}
-# the world's z axis up becomes the file's y axis up by this order of columns (Pose2Sim does the same)
-_Y_UP = [1, 2, 0]
 
 
 def write_trc(
@@ -79,7 +78,7 @@ def write_trc(
             raise InvalidInputError(f"joint_names: expected names without tabs and line breaks, got {name!r}")
     points = data.pose * (MM_PER_UNIT[data.unit] / MM_PER_UNIT[unit])
     if y_up:
-        points = points[..., _Y_UP]
+        points = points[..., Y_UP]
     start = int(data.frames[0]) if data.frames.size else 0
     lines = _header(Path(path).name, data, rate, unit)
     for frame, pose in zip(data.frames.tolist(), points, strict=True):
@@ -146,9 +145,8 @@ def _read_rate(path: Path, line: str) -> float:
     try:
         return check_frame_rate(float(value))
     except ValueError as error:
-        raise DatasetError(
-            path, "line 3 DataRate", "frames per second, a positive number", repr(value)
-        ) from error
+        expected = "frames per second, a positive number"
+        raise DatasetError(path, "line 3 DataRate", expected, repr(value)) from error
 
 
 def _marker_names(path: Path, lines: Sequence[str]) -> tuple[str, ...]:

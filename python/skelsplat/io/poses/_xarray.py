@@ -12,6 +12,7 @@ from skelsplat._optional import require
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._atomic import atomic_path
+from skelsplat.io._files import opening
 from skelsplat.io.poses._pose_data import Array, PoseData
 
 if TYPE_CHECKING:
@@ -148,15 +149,14 @@ def read_netcdf(path: str | os.PathLike[str]) -> PoseData:
         If the file cannot be read, is no such dataset or does not state its unit.
     """
     source, xarray = Path(path), _check_packages()
-    try:
-        with source.open("rb"), xarray.open_dataset(source, engine="h5netcdf") as opened:
-            dataset = opened.load()
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise DatasetError(source, "file", "a readable NetCDF file", reason.lower()) from error
-    except Exception as error:  # whatever the libraries meet in a file that is none
-        raise DatasetError(source, "file", "a NetCDF file", str(error)) from error
-    return _from_dataset(source, dataset)
+    with opening(source, "a readable NetCDF file"):
+        try:
+            with source.open("rb"), xarray.open_dataset(source, engine="h5netcdf") as opened:
+                return _from_dataset(source, opened.load())
+        except (OSError, DatasetError):
+            raise
+        except Exception as error:  # whatever the libraries meet in a file that is none
+            raise DatasetError(source, "file", "a NetCDF file", str(error)) from error
 
 
 def _from_dataset(path: Path, dataset: xr.Dataset) -> PoseData:
@@ -165,9 +165,8 @@ def _from_dataset(path: Path, dataset: xr.Dataset) -> PoseData:
     position = dataset["position"]
     dims = next((names for names in (_PLURAL, _SINGULAR) if set(names) == set(position.dims)), None)
     if dims is None:
-        raise DatasetError(
-            path, "position", f"dimensions {', '.join(_PLURAL)}", ", ".join(map(str, position.dims))
-        )
+        expected = f"dimensions {', '.join(_PLURAL)}"
+        raise DatasetError(path, "position", expected, ", ".join(map(str, position.dims)))
     time, space, keypoints, individuals = dims
     if [str(axis) for axis in position[space].values] != ["x", "y", "z"]:
         raise DatasetError(path, space, "x, y, z", ", ".join(map(str, position[space].values)))

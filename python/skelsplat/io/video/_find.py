@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._files import VIDEO_SUFFIXES
-from skelsplat.io.detections._cameras import cameras_called
-from skelsplat.io.detections._match import Candidates, match_by_name, match_by_order
+from skelsplat.io.detections._match import Candidates, cameras_called, match_by_name, match_by_order
 
 if TYPE_CHECKING:
     import os

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skelsplat.viz import _style
-from skelsplat.viz.overlay import _colours, _marks
+from skelsplat.viz.overlay import _look, _marks
 from skelsplat.viz.overlay._draw import SIGMAS, draw_detection, draw_joint, draw_limb, draw_swapped
-from skelsplat.viz.overlay._sizes import Sizes
+from skelsplat.viz.overlay._look import Sizes
 from skelsplat.viz.overlay._text import draw_text, text_mask
 
 if TYPE_CHECKING:
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
     import numpy.typing as npt
 
-    from skelsplat.viz.overlay._colours import Colour
     from skelsplat.viz.overlay._draw import Shown
+    from skelsplat.viz.overlay._look import Colour
 
     Array = npt.NDArray[np.float64]
     Image = npt.NDArray[np.uint8]
@@ -34,14 +34,14 @@ def legend_strip(width: int, size: tuple[int, int], shown: Shown) -> Image:
     sizes = Sizes.of(*size)
     row_height = 2 * sizes.text
     rows = _rows(_entries(sizes, shown), width, sizes)
-    strip = np.full((row_height * len(rows), width, 3), _colours.LIGHT, dtype=np.uint8)
+    strip = np.full((row_height * len(rows), width, 3), _look.LIGHT, dtype=np.uint8)
     for number, row in enumerate(rows):
         left, middle = sizes.text, (number + 0.5) * row_height
         for text, symbol in row:
             mask = text_mask(text, sizes.text)
             symbol(strip, np.array([left + sizes.text, middle]))
             top = round(middle - mask.shape[0] / 2)
-            draw_text(strip, left + _symbol_width(sizes), top, mask, _colours.DARK)
+            draw_text(strip, left + _symbol_width(sizes), top, mask, _look.DARK)
             left += _entry_width(text, sizes)
     return strip
 
@@ -69,21 +69,22 @@ def _rows(entries: Sequence[Entry], width: int, sizes: Sizes) -> list[list[Entry
 
 
 def _entries(sizes: Sizes, shown: Shown) -> list[Entry]:
-    sides = (("left", _style.LEFT), ("right", _style.RIGHT), ("middle", _style.MIDDLE))
     entries: list[Entry] = []
     if shown.pose:
-        entries += [(name, _limb(_colours.bgr(colour), sizes, solid=True)) for name, colour in sides]
-        entries.append(("joint not reliable", _hollow(sizes)))
+        entries += [
+            (name, _limb(_look.bgr(colour), sizes, solid=True)) for name, colour in _style.SIDES.items()
+        ]
+        entries.append(("weak or filled", _hollow(sizes)))
     if shown.ellipses:
-        entries.append((f"{SIGMAS:g}σ of the error", _ellipse(sizes)))
+        entries.append((f"error ellipse, {SIGMAS:g} σ", _ellipse(sizes)))
     if shown.before:
-        entries.append(("start", _limb(_colours.BEFORE, sizes, solid=False)))
+        entries.append(("start", _limb(_look.BEFORE, sizes, solid=False)))
     if shown.detections:
         entries += [
             (f"detection, weight {shown.rejected_below:g} to 1", _weights(shown.rejected_below, sizes)),
             ("rejected", _detection(0.0, sizes, rejected=True)),
             ("not used", _detection(np.nan, sizes)),
-            ("sides exchanged", lambda image, at: draw_swapped(image, at, sizes)),
+            ("left and right exchanged", lambda image, at: draw_swapped(image, at, sizes)),
         ]
     return entries
 
@@ -94,12 +95,12 @@ def _limb(colour: Colour, sizes: Sizes, *, solid: bool) -> Symbol:
 
 
 def _hollow(sizes: Sizes) -> Symbol:
-    return lambda image, at: draw_joint(image, at, _colours.bgr(_style.MIDDLE), sizes, solid=False)
+    return lambda image, at: draw_joint(image, at, _look.bgr(_style.MIDDLE), sizes, solid=False)
 
 
 def _ellipse(sizes: Sizes) -> Symbol:
     shape = np.diag([sizes.text / 2, sizes.text / 4]) ** 2 * (2 / SIGMAS) ** 2
-    colour = _colours.bgr(_style.MIDDLE)
+    colour = _look.bgr(_style.MIDDLE)
     return lambda image, at: _marks.ellipse(image, at, shape, colour, sigmas=SIGMAS, width=sizes.thin)
 
 
@@ -109,11 +110,11 @@ def _weights(lowest: float, sizes: Sizes) -> Symbol:
 
     def draw(image: Image, at: Array) -> None:
         left, middle = round(float(at[0])) - reach, round(float(at[1]))
-        colours = [_colours.weight_colour(weight) for weight in np.linspace(lowest, 1.0, 2 * reach)]
+        colours = [_look.weight_colour(weight) for weight in np.linspace(lowest, 1.0, 2 * reach)]
         framed = image[
             middle - high - edge : middle + high + edge, max(0, left - edge) : left + 2 * reach + edge
         ]
-        framed[:] = _colours.DARK
+        framed[:] = _look.DARK
         inner = image[middle - high : middle + high, left : left + 2 * reach]
         inner[:] = np.array(colours, dtype=np.uint8)[: inner.shape[1]]
 

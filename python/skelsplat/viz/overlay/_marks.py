@@ -11,7 +11,7 @@ from skelsplat._opencv import opencv
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from skelsplat.viz.overlay._colours import Colour
+    from skelsplat.viz.overlay._look import Colour
 
     Array = npt.NDArray[np.float64]
     Image = npt.NDArray[np.uint8]

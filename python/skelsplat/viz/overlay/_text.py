@@ -1,4 +1,4 @@
-"""Text as a mask, in the typeface of the other figures."""
+"""Text on images, in the typeface of the other figures, and the label in an image's corner."""
 
 from __future__ import annotations
 
@@ -11,13 +11,17 @@ import numpy as np
 from PIL import Image as Pillow
 from PIL import ImageDraw, ImageFont
 
+from skelsplat.viz.overlay._look import DARK, LIGHT, Sizes
+
 if TYPE_CHECKING:
     import numpy.typing as npt
 
-    from skelsplat.viz.overlay._colours import Colour
+    from skelsplat.viz.overlay._look import Colour
 
     Image = npt.NDArray[np.uint8]
     Mask = npt.NDArray[np.uint8]
+
+_OPAQUE = 0.6  # ground of a label
 
 
 @lru_cache(maxsize=8)
@@ -40,3 +44,12 @@ def draw_text(image: Image, left: int, top: int, mask: Mask, colour: Colour) -> 
     place = image[max(top, 0) : top + mask.shape[0], max(left, 0) : left + mask.shape[1]]
     cover = mask[: place.shape[0], : place.shape[1], None] / 255.0
     place[:] = np.rint(place * (1 - cover) + np.array(colour) * cover).astype(np.uint8)
+
+
+def draw_label(image: Image, text: str) -> None:
+    """Write ``text`` into the upper left corner of ``image`` on a darkened ground, in place."""
+    size = Sizes.of(image.shape[1], image.shape[0]).text
+    mask, pad = text_mask(text, size), size // 3
+    place = image[: mask.shape[0] + 2 * pad, : mask.shape[1] + 4 * pad]
+    place[:] = np.rint((1 - _OPAQUE) * place + _OPAQUE * np.array(DARK)).astype(np.uint8)
+    draw_text(image, 2 * pad, pad, mask, LIGHT)

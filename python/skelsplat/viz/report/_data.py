@@ -23,7 +23,7 @@ class CameraShapes:
     names
         M names.
     centres : (M, 3)
-        Where they stand, in mm.
+        Their positions, in mm.
     corners : (M, 4, 3)
         From the centre to the image's corners (top left, top right, bottom right, bottom left), at depth 1.
     """
@@ -163,8 +163,8 @@ class ReportData:
         What was refined.
     facts
         (name, value) pairs for the line below it.
-    distrust
-        Sentences on what to distrust; empty if there is nothing.
+    warnings
+        Sentences; empty without any.
     notes
         Sentences on how to read the numbers and on what was done to the poses.
     numbers, cameras, joints, heat, lines, problems, sequence, shapes
@@ -173,7 +173,7 @@ class ReportData:
 
     title: str
     facts: Sequence[tuple[str, str]]
-    distrust: Sequence[str]
+    warnings: Sequence[str]
     notes: Sequence[str]
     numbers: Sequence[KeyNumber]
     sequence: Sequence3D

@@ -5,8 +5,13 @@ from __future__ import annotations
 from html import escape
 from typing import TYPE_CHECKING
 
+from skelsplat.viz._skeleton import not_ok_in_words
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
+
+    import numpy as np
+    import numpy.typing as npt
 
     from skelsplat.viz.report._data import KeyNumber, ProblemRow, Table
 
@@ -18,10 +23,10 @@ def facts_line(facts: Iterable[tuple[str, str]]) -> str:
     return "\n".join(f"<div><dt>{escape(name)}</dt><dd>{escape(value)}</dd></div>" for name, value in facts)
 
 
-def distrust(sentences: Sequence[str]) -> str:
-    """Return what to distrust as a list, or that nothing is known."""
+def warnings(sentences: Sequence[str]) -> str:
+    """Return warnings as a list, or that there are none."""
     if not sentences:
-        return "<p>Nothing that the run itself can see. Frames with a problem are listed below.</p>"
+        return "<p>None. Frames with a problem are listed below.</p>"
     return f"<ul>\n{_items(sentences)}\n</ul>"
 
 
@@ -69,9 +74,15 @@ def problems(rows: Sequence[ProblemRow]) -> str:
         for row in rows[:MOST_PROBLEMS]
     )
     more = len(rows) - MOST_PROBLEMS
-    rest = f"<p>{more:,} more rows are left out here; report.json has all frames.</p>" if more > 0 else ""
+    rest = f"<p>{more:,} more rows are omitted here; report.json lists all frames.</p>" if more > 0 else ""
     head = '<thead><tr><th scope="col">frames</th><th scope="col">problem</th></tr></thead>'
     return f"<table>\n{head}\n<tbody>\n{shown}\n</tbody>\n</table>\n{rest}"
+
+
+def hollow_key(status: npt.NDArray[np.str_]) -> str:
+    """Return what hollow joints are, for the key of the 3D view; nothing without any."""
+    words = not_ok_in_words(status)
+    return f'<span class="hollow">{escape(words)}</span>' if words else ""
 
 
 def _items(sentences: Iterable[str]) -> str:

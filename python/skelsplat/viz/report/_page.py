@@ -11,11 +11,10 @@ from importlib.resources import files
 from string import Template
 from typing import TYPE_CHECKING, Any
 
+from skelsplat._optional import require
 from skelsplat.viz import _style
 from skelsplat.viz.report import _html
-from skelsplat.viz.report._pack import as_text
-from skelsplat.viz.report._scene import pack_scene
-from skelsplat.viz.report._thin import frames_to_show, thin_line
+from skelsplat.viz.report._scene import as_text, frames_to_show, pack_scene, thin_line
 
 if TYPE_CHECKING:
     import os
@@ -35,8 +34,8 @@ _PROGRAMS = ("decode.js", "body.js", "view.js", "charts.js", "player.js")
 def write_report(path: str | os.PathLike[str], data: ReportData) -> Path:
     """Write a report as one HTML file that needs no network, whole or not at all.
 
-    plotly.js is 4.8 MB of it; a sequence takes 33 bytes per joint and frame. Longer ones than
-    `_thin.MOST_POSITIONS` are thinned out, which the page then says.
+    plotly.js is 4.8 MB of it; a sequence takes 33 bytes per joint and frame. One of more
+    than `_scene.MOST_POSITIONS` is thinned out, and the page says so.
 
     Raises
     ------
@@ -48,8 +47,7 @@ def write_report(path: str | os.PathLike[str], data: ReportData) -> Path:
 
 def build_page(data: ReportData) -> str:
     """Return the page's text."""
-    from plotly.offline import get_plotlyjs  # type: ignore[import-untyped]  # slow, and only needed here
-
+    plotly_js = require("plotly.offline", "report.html", "viz").get_plotlyjs()  # slow, and only needed here
     sequence = data.sequence
     wanted = [number for row in data.problems for number in (row.first, row.last)]
     places, every = frames_to_show(sequence.frames, len(sequence.joint_names), wanted)
@@ -60,14 +58,14 @@ def build_page(data: ReportData) -> str:
         "problems": [[row.first, row.last, row.words] for row in data.problems],
         "colours": {"left": _style.LEFT, "right": _style.RIGHT},
     }
-    programs = [get_plotlyjs(), "\n".join(_resource(name) for name in _PROGRAMS)]
+    programs = [plotly_js, "\n".join(_resource(name) for name in _PROGRAMS)]
     return Template(_resource("page.html")).substitute(
         policy=_policy(programs),
         title=escape(data.title),
         style=_resource("style.css"),
         facts=_html.facts_line(data.facts),
-        distrust=_html.distrust(data.distrust),
-        distrust_kind="doubts" if data.distrust else "quiet",
+        warnings=_html.warnings(data.warnings),
+        warnings_kind="loud" if data.warnings else "quiet",
         notes=_html.notes([*data.notes, *_thinned(len(sequence.frames), len(places), every)]),
         numbers=_html.tiles(data.numbers),
         cameras=_html.table(data.cameras),
@@ -75,6 +73,7 @@ def build_page(data: ReportData) -> str:
         meanings=_html.meanings(data.joints),
         problems=_html.problems(data.problems),
         start=escape(sequence.start_name),
+        hollow=_html.hollow_key(sequence.status),
         plotly=programs[0],
         program=programs[1],
         data=_json(content),
@@ -122,9 +121,9 @@ def _thinned(count: int, shown: int, every: int) -> list[str]:
     if shown == count:
         return []
     return [
-        f"Of {count:,} frames the 3D view and the time lines have {shown:,}: one in {every}, and frames with "
-        "a problem. Time lines of counts and of largest values keep the highest between two of them. Tables "
-        "and heat map are of all frames."
+        f"Of {count:,} frames, the 3D view and the curves show {shown:,}: one in {every}, and frames with a "
+        "problem. Curves of counts and of largest values keep the highest value between two of them. Tables "
+        "and heat map cover all frames."
     ]
 
 

@@ -1,20 +1,24 @@
-"""The sequence, the cameras and the floor as the page's 3D view reads them."""
+"""Sequence, cameras and floor as the page's 3D view reads them: short text, thinned out if long."""
 
 from __future__ import annotations
 
+import base64
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from skelsplat.viz import _style
-from skelsplat.viz.report._pack import Grid, as_text, pack_labels, pack_spreads
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import numpy.typing as npt
 
     from skelsplat.viz.report._data import CameraShapes, Sequence3D
 
     Array = npt.NDArray[np.float64]
+    Places = npt.NDArray[np.int64]
 
 # Around the joints, in mm; the start may lie outside them.
 _MARGIN_MM = 1500.0
@@ -23,6 +27,14 @@ _MOST = (1.0, 99.0)
 # Depth of a camera's pyramid as a part of its distance from the person, and its limits in mm.
 _DEPTH, _DEPTH_MM = 0.09, (40.0, 600.0)
 _SIDES = {_style.LEFT: 0, _style.RIGHT: 1, _style.MIDDLE: 2}
+# Joint positions that a page holds, 33 bytes each with their ellipsoids: 2.5 MB.
+MOST_POSITIONS = 75_000
+# Part of them that frames with a problem may take.
+_FOR_PROBLEMS = 0.25
+MISSING = -32768
+_LARGEST = 32767
+# Ellipsoids are drawn up to this standard deviation, in mm: a body's height.
+_WIDEST_MM = 2000.0
 
 
 def pack_scene(sequence: Sequence3D, shapes: CameraShapes, places: npt.NDArray[np.int64]) -> dict[str, Any]:
@@ -93,3 +105,72 @@ def _cameras(shapes: CameraShapes, turn: Array, middle: Array) -> list[dict[str,
         {"name": name, "centre": centre.tolist(), "corners": (centre + depth * rays).tolist()}
         for name, centre, rays in zip(shapes.names, centres, corners, strict=True)
     ]
+
+
+def frames_to_show(frames: npt.NDArray[np.int64], joints: int, wanted: Sequence[int]) -> tuple[Places, int]:
+    """Return the places of the frames to show and k, where every k-th is shown and ``wanted`` numbers beside.
+
+    All frames while they hold at most `MOST_POSITIONS` joint positions.
+    """
+    count, most = len(frames), max(MOST_POSITIONS // max(joints, 1), 8)
+    if count <= most:
+        return np.arange(count), 1
+    some = np.unique(np.asarray(wanted, dtype=np.int64))
+    beside = int(_FOR_PROBLEMS * most)
+    some = some[np.linspace(0, len(some) - 1, beside).astype(int)] if len(some) > beside else some
+    every = -(-count // (most - beside))
+    kept = np.arange(count) % every == 0
+    return np.flatnonzero(kept | np.isin(frames, some)), every
+
+
+def thin_line(values: Array, places: Places, *, peaks: bool) -> Array:
+    """Return the values at ``places``, or with ``peaks`` the largest from each place to the next."""
+    if not peaks or not len(places):
+        return values[places]
+    largest: Array = np.fmax.reduceat(values, places)
+    return largest
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Whole numbers for positions: position = origin + step · number, in mm."""
+
+    origin: Array
+    step: float
+
+    @classmethod
+    def over(cls, low: Array, high: Array) -> Grid:
+        """Return the finest grid of 16-bit numbers that covers a box."""
+        return cls((low + high) / 2, max(float((high - low).max()), 1.0) / (2 * _LARGEST))
+
+    def pack(self, positions: Array) -> str:
+        """Return positions (…, 3) as text; what is NaN or outside the box becomes `MISSING`."""
+        numbers = np.rint((positions - self.origin) / self.step)
+        inside = (np.abs(numbers) <= _LARGEST).all(axis=-1, keepdims=True)  # False for NaN
+        return as_text(np.where(inside, numbers, MISSING), "<i2")
+
+
+def pack_spreads(covariances: Array) -> dict[str, Any]:
+    """Return the symmetric roots of covariances (…, 3, 3) in mm²: xx, xy, xz, yy, yz, zz of each joint.
+
+    A root turns the unit sphere into the ellipsoid of one standard deviation. None is wider than 2 m.
+    """
+    known = np.asarray(np.isfinite(covariances).all(axis=(-2, -1)))
+    values, vectors = np.linalg.eigh(np.where(known[..., None, None], covariances, 0.0))
+    widths = np.sqrt(np.clip(values, 0.0, _WIDEST_MM**2))
+    roots = (vectors * widths[..., None, :]) @ np.swapaxes(vectors, -2, -1)
+    six = roots[..., [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
+    step = max(float(np.abs(six).max(initial=0.0)), 1.0) / _LARGEST
+    numbers = np.where(known[..., None], np.rint(six / step), MISSING)
+    return {"step_mm": step, "numbers": as_text(numbers, "<i2")}
+
+
+def pack_labels(labels: npt.NDArray[np.str_]) -> dict[str, Any]:
+    """Return labels as one byte each, with the list that the bytes count from."""
+    names, places = np.unique(labels, return_inverse=True)
+    return {"names": names.tolist(), "numbers": as_text(places, "<u1")}
+
+
+def as_text(values: npt.NDArray[Any], kind: str) -> str:
+    """Return the bytes of an array, as numbers of a kind such as ``"<f4"``, in base64."""
+    return base64.b64encode(np.ascontiguousarray(values).astype(kind).tobytes()).decode("ascii")

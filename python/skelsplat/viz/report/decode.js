@@ -1,4 +1,4 @@
-// The data of the page: whole numbers in base64, as viz/report/_pack.py writes them.
+// The data of the page: whole numbers in base64, as viz/report/_scene.py writes them.
 "use strict";
 
 const MISSING = -32768;

@@ -107,14 +107,21 @@ function space() {
   return { low: low.map((value) => value - 1.6), high: high.map((value) => value + 1.6), reach };
 }
 
-// A square grid at the height of the feet, half a metre or more beyond the person's way, and the world's axes at its corner.
-function floor() {
+// The squares of the floor, at the height of the feet: half a metre or more beyond the person's way.
+const FLOOR = squares();
+
+function squares() {
   const [low, high] = SPACE.reach;
   const extent = Math.max(high[0] - low[0], high[1] - low[1]) + 2;
   const cell = [0.1, 0.25, 0.5, 1, 2, 5, 10, 50, 100].find((size) => extent / size <= 12) ?? extent / 12;
   const from = [0, 1].map((axis) => Math.floor((low[axis] - 0.6) / cell));
   const to = [0, 1].map((axis) => Math.ceil((high[axis] + 0.6) / cell));
-  const height = scene.floor_mm / 1000;
+  return { cell, from, to, height: scene.floor_mm / 1000 };
+}
+
+// The floor as lines, and the world's axes at its corner.
+function floor() {
+  const { cell, from, to, height } = FLOOR;
   const lines = coordinates();
   const add = (a, b) => [[...a, height], [...b, height], null].forEach((point) => push(lines, point));
   for (let k = from[0]; k <= to[0]; k += 1) add([k * cell, from[1] * cell], [k * cell, to[1] * cell]);
@@ -161,24 +168,46 @@ function inView(point) {
   return point.map((value, k) => value - (low[k] + high[k]) / 2);
 }
 
-// A camera that sees the person's way, or all cameras, from a little above.
+const HALF_ANGLE = Math.tan(Math.PI / 8); // Plotly sees 45° from top to bottom
+const EDGE = { across: 60, up: 40 }; // px that stay free on each side, for the cameras' names
+const LEAST_DISTANCE = 1.6; // m
+
+// A camera that sees the person's way, or all cameras too, from a little above and as large as the view allows.
 function lookAt(what) {
-  const { low, high, reach } = SPACE;
-  const [from, to] = what === "person" ? reach : [low, high];
-  const centre = inView([0, 1, 2].map((k) => (from[k] + to[k]) / 2));
-  const across = Math.hypot(to[0] - from[0], to[1] - from[1], to[2] - from[2]);
-  const narrow = view.div.clientWidth < 0.9 * view.div.clientHeight ? 1.35 : 1;
-  const distance = narrow * (what === "person" ? Math.max(1.15 * across, 1.6) : 0.95 * across);
-  return cameraFrom(centre, [-0.62, -0.72, 0.32], distance);
+  const [low, high] = SPACE.reach;
+  const box = [0, 1, 2, 3, 4, 5, 6, 7].map((k) => [0, 1, 2].map((axis) => ((k >> axis) & 1 ? high : low)[axis]));
+  const cameras = scene.cameras.flatMap((camera) => [camera.centre, ...camera.corners]);
+  const others = cameras.map((point) => point.map((mm) => mm / 1000));
+  others.push([...FLOOR.from.map((k) => k * FLOOR.cell), FLOOR.height]); // the axes
+  return fit((what === "person" ? box : [...box, ...others]).map(inView), unit([-0.62, -0.72, 0.32]));
 }
 
-function cameraFrom(centre, direction, distance) {
-  const towards = unit(direction);
-  const [x, y, z] = centre;
-  return {
-    up: { x: 0, y: 0, z: 1 }, center: { x, y, z },
-    eye: { x: x + distance * towards[0], y: y + distance * towards[1], z: z + distance * towards[2] },
-  };
+// The nearest camera in direction `towards` whose view holds all `points`.
+function fit(points, towards) {
+  const right = unit(cross([0, 0, 1], towards));
+  const above = cross(towards, right);
+  const [width, height] = [view.div.clientWidth, view.div.clientHeight];
+  const sides = [
+    [right, (HALF_ANGLE * Math.max(width - 2 * EDGE.across, width / 2)) / height],
+    [above, (HALF_ANGLE * Math.max(height - 2 * EDGE.up, height / 2)) / height],
+  ].map(([axis, slope]) => {
+    // A point is seen while its distance from the view's axis is at most `slope` times its depth.
+    const ends = [1, -1].map((sign) => Math.max(...points.map((p) => dot(p, towards) + (sign * dot(p, axis)) / slope)));
+    return { axis, middle: (slope * (ends[0] - ends[1])) / 2, depth: (ends[0] + ends[1]) / 2 };
+  });
+  const aim = points.reduce((sum, p) => sum + dot(p, towards), 0) / points.length; // what the pointer turns about
+  const depth = Math.max(...sides.map((side) => side.depth), aim + LEAST_DISTANCE);
+  const at = (along) => towards.map((value, k) => along * value + sides[0].middle * right[k] + sides[1].middle * above[k]);
+  const named = ([x, y, z]) => ({ x, y, z });
+  return { up: { x: 0, y: 0, z: 1 }, center: named(at(aim)), eye: named(at(depth)) };
+}
+
+function dot(a, b) {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+function cross([a, b, c], [x, y, z]) {
+  return [b * z - c * y, c * x - a * z, a * y - b * x];
 }
 
 // The camera as the pointer has left it: Plotly tells its layout only when the pointer lets go.

@@ -1,0 +1,150 @@
+//! Detections with their confidences, of one frame or of several.
+
+use pyo3::Borrowed;
+use pyo3::prelude::*;
+use skelsplat_core::Detections;
+
+use crate::args::{Array, Confidence, Out, place, shown};
+use crate::errors::{Failure, Result, refuse};
+
+/// Peaks of a detector's maps run a little over 1 and under 0.
+const HIGHEST_PEAK: f64 = 2.0;
+const HIGHEST_PERCENTAGE: f64 = 100.0;
+
+/// Detections ([T,] M, N, 2|3).
+pub(crate) struct Frames {
+    pixels: Vec<f64>,
+    scores: Vec<f64>,
+    /// Whether a leading axis T was given.
+    pub(crate) batch: bool,
+    /// T, or 1.
+    pub(crate) count: usize,
+    pub(crate) n_views: usize,
+    pub(crate) n_joints: usize,
+}
+
+impl<'py> FromPyObject<'_, 'py> for Frames {
+    type Error = Failure;
+
+    fn extract(value: Borrowed<'_, 'py, PyAny>) -> Result<Self> {
+        let array = Array::read("detections", &value)?;
+        let (batch, count, n_views, n_joints) = match *array.shape.as_slice() {
+            [m, n, 2 | 3] => (false, 1, m, n),
+            [t, m, n, 2 | 3] => (true, t, m, n),
+            _ => return Err(array.misshapen("(M, N, 2), (M, N, 3) or either with a leading T")),
+        };
+        let array = array.bounded(", or NaN where missing")?;
+        if n_views == 0 || n_joints == 0 {
+            let actual = format!("shape {}", shown(&array.shape));
+            return refuse("detections", "at least one view and one joint", actual);
+        }
+        let (pixels, scores) = split(&array);
+        let frames = Self { pixels, scores, batch, count, n_views, n_joints };
+        frames.check_scores("detections", ", 2")?;
+        Ok(frames)
+    }
+}
+
+impl Frames {
+    /// The same with confidences ([T,] M, N) beside them.
+    pub(crate) fn with(mut self, confidence: Option<Confidence>) -> Result<Self> {
+        let Some(Confidence(array)) = confidence else { return Ok(self) };
+        if !self.scores.is_empty() {
+            let actual = "detections with a third channel too";
+            return refuse("confidence", "only one source of confidences", actual);
+        }
+        let shape = self.shape(&[self.n_views, self.n_joints]);
+        self.scores = array.of(&shape, "")?.values;
+        self.check_scores("confidence", "")?;
+        Ok(self)
+    }
+
+    fn check_scores(&self, name: &str, channel: &str) -> Result<()> {
+        let shape = self.shape(&[self.n_views, self.n_joints]);
+        check_scores(&self.scores, &self.pixels, |k| place(name, &shape, k, channel))
+    }
+
+    /// The frames as the core has them.
+    pub(crate) fn detections(&self) -> Result<Vec<Detections>> {
+        let (m, n) = (self.n_views, self.n_joints);
+        let one = |t| {
+            let at = t * m * n..(t + 1) * m * n;
+            let scores = (!self.scores.is_empty()).then(|| &self.scores[at.clone()]);
+            Ok(Detections::new(m, n, &self.pixels[2 * at.start..2 * at.end], scores)?)
+        };
+        (0..self.count).map(one).collect()
+    }
+
+    /// `shape` with the leading T if there was one.
+    pub(crate) fn shape(&self, shape: &[usize]) -> Vec<usize> {
+        let lead = self.batch.then_some(self.count);
+        lead.into_iter().chain(shape.iter().copied()).collect()
+    }
+
+    /// `values` of all frames as one array, `shape` being that of a frame.
+    pub(crate) fn out<T>(&self, values: Vec<T>, shape: &[usize]) -> Out<T> {
+        Out(values, self.shape(shape))
+    }
+
+    /// Refuses detections whose number of views is not the number of cameras.
+    pub(crate) fn expect_views(&self, n_cameras: usize) -> Result<()> {
+        if self.n_views == n_cameras {
+            return Ok(());
+        }
+        let expected = format!("one view per camera ({n_cameras})");
+        refuse("detections", expected, format!("{} views", self.n_views))
+    }
+}
+
+/// Pixels, and the third channel if there is one.
+fn split(array: &Array) -> (Vec<f64>, Vec<f64>) {
+    if array.shape.ends_with(&[2]) {
+        return (array.values.clone(), Vec::new());
+    }
+    let rows = || array.values.chunks_exact(3);
+    (rows().flat_map(|d| [d[0], d[1]]).collect(), rows().map(|d| d[2]).collect())
+}
+
+/// Refuses a confidence outside [0, 1], by its `place`; that of a missing detection, whose pixel is not finite, does not
+/// count.
+fn check_scores(scores: &[f64], pixels: &[f64], place: impl Fn(usize) -> String) -> Result<()> {
+    let wrong = |(score, pixel): (&f64, &[f64])| {
+        (*score < 0.0 || *score > 1.0) && pixel.iter().all(|p| p.is_finite())
+    };
+    let Some(k) = scores.iter().zip(pixels.chunks_exact(2)).position(wrong) else { return Ok(()) };
+    let expected = format!("a value in [0, 1]{}", advice(scores[k]));
+    refuse(place(k), expected, scores[k].to_string())
+}
+
+/// What to do about such a score; nothing about what is none, but a pixel.
+fn advice(score: f64) -> &'static str {
+    if score.abs() <= HIGHEST_PEAK {
+        " (clip scores: np.clip(scores, 0, 1))"
+    } else if (0.0..=HIGHEST_PERCENTAGE).contains(&score) {
+        " (divide percentages by 100)"
+    } else {
+        ""
+    }
+}
+
+/// People (T, M, P, K, 3) whose confidences lie in [0, 1].
+pub(crate) struct People;
+
+impl<'py> FromPyObject<'_, 'py> for People {
+    type Error = Failure;
+
+    fn extract(value: Borrowed<'_, 'py, PyAny>) -> Result<Self> {
+        let array = Array::read("people", &value)?;
+        let ok = matches!(array.shape.as_slice(), [_, _, _, _, 3]);
+        let array = array.shaped(ok, "(T, M, P, K, 3)")?;
+        let (pixels, scores) = split(&array);
+        check_scores(&scores, &pixels, |k| place("people", &array.shape[..4], k, ", 2"))?;
+        Ok(Self)
+    }
+}
+
+/// Refuse a confidence outside [0, 1] in people (T, M, P, K, 3), which the message calls ``people``.
+#[pyfunction]
+pub(crate) fn check_people(people: People) {
+    let People = people;
+}

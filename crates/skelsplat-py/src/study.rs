@@ -1,0 +1,213 @@
+//! Gaussians, their images, and the loss with its gradient, for study and tests.
+
+use std::sync::atomic::AtomicBool;
+
+use nalgebra::{Matrix3, Vector2, Vector3, Vector4};
+use pyo3::prelude::*;
+use skelsplat_core::Result as CoreResult;
+use skelsplat_core::study::gaussian::check_covariances;
+use skelsplat_core::study::paper::render::{self as core, Images, Seen};
+use skelsplat_core::study::projection::View;
+use skelsplat_core::{Control, Encoding, Gaussian, GaussianGradient, PaperSettings};
+
+use crate::args::{
+    Array, Covariances, Keypoints, LogScales, Means, Out, Quaternions, TargetCovariances,
+    TargetMeans,
+};
+use crate::camera::{Camera, Cameras};
+use crate::config::RefineConfig;
+use crate::detections::Frames;
+use crate::errors::{Result, refuse};
+use crate::geometry::in_every_view;
+use crate::layout::Layout;
+use crate::refine::refiner;
+use crate::watch;
+
+/// Pixels that are drawn within a tenth of a second.
+const SHORT_PIXELS: u64 = 50_000_000;
+
+const ONE_PER_MEAN: &str = ", one per mean";
+
+/// Mean and covariance of each joint.
+type Shapes = Vec<(Vector3<f64>, Matrix3<f64>)>;
+
+/// Gaussians of these means `(N, 3)` and covariances `(N, 3, 3)`.
+fn shapes(means: &Array, covariances: Array) -> Result<Shapes> {
+    let array = covariances.of(&[means.shape[0], 3, 3], ONE_PER_MEAN)?;
+    let covariances = array.matrices();
+    check_covariances(array.name, &covariances)?;
+    Ok(means.points().into_iter().zip(covariances).collect())
+}
+
+/// Gaussians of these means `(N, 3)`, logarithms of scales `(N, 3)` and quaternions `(N, 4)`.
+fn gaussians(means: &Array, scales: Array, turns: Array) -> Result<Vec<Gaussian>> {
+    let n = means.shape[0];
+    let (scales, turns) = (scales.of(&[n, 3], ONE_PER_MEAN)?, turns.of(&[n, 4], ONE_PER_MEAN)?);
+    let rest = scales.points().into_iter().zip(turns.values.chunks_exact(4));
+    let join = |(mean, (log_scales, q)): (_, (_, &[f64]))| Gaussian {
+        mean,
+        log_scales,
+        quaternion: Vector4::from_column_slice(q),
+    };
+    let gaussians: Vec<_> = means.points().into_iter().zip(rest).map(join).collect();
+    Gaussian::check(&gaussians)?;
+    Ok(gaussians)
+}
+
+/// Project Gaussians (N, 3), (N, 3, 3) to means (M, N, 2) and covariances (M, N, 2, 2), ideal pixels.
+///
+/// Σ² = J W Σ Wᵀ Jᵀ + h·I (paper §3, supplement A); NaN behind a camera.
+#[pyfunction]
+pub(crate) fn project_gaussians(
+    py: Python<'_>,
+    means: Means,
+    covariances: Covariances,
+    cameras: Cameras,
+) -> Result<(Out<f64>, Out<f64>)> {
+    let shapes = shapes(&means.0, covariances.0)?;
+    let (m, n, dilation) = (cameras.cameras.len(), shapes.len(), PaperSettings::default().dilation);
+    let one = move |view: &View, (mean, covariance): &(Vector3<f64>, Matrix3<f64>)| {
+        let p = view.project(mean, covariance, dilation);
+        p.map_or([f64::NAN; 6], |p| {
+            let (u, s) = (p.mean, p.covariance);
+            [u.x, u.y, s[(0, 0)], s[(0, 1)], s[(1, 0)], s[(1, 1)]]
+        })
+    };
+    let views = cameras.cameras.iter().map(View::new).collect();
+    let found = in_every_view(py, views, shapes, one)?;
+    let pixels = found.iter().flat_map(|p| [p[0], p[1]]).collect();
+    let spreads = found.iter().flat_map(|p| [p[2], p[3], p[4], p[5]]).collect();
+    Ok((Out(pixels, vec![m, n, 2]), Out(spreads, vec![m, n, 2, 2])))
+}
+
+/// What `draw` makes of the splat of each Gaussian in the camera, with its depth.
+fn images(
+    py: Python<'_>,
+    shapes: Shapes,
+    camera: &Camera,
+    encoding: Encoding,
+    draw: impl FnOnce(&[Seen], [u32; 2], &AtomicBool) -> CoreResult<Images> + Send + 'static,
+) -> Result<Out<f32>> {
+    let view = View::new(&camera.0);
+    // Even splats that cover the whole image are drawn within a tenth of a second.
+    let drawn = shapes.len().max(encoding.channels(shapes.len())) as u64;
+    let pixels = u64::from(view.size[0]) * u64::from(view.size[1]);
+    let short = drawn.saturating_mul(pixels) <= SHORT_PIXELS;
+    let dilation = PaperSettings::default().dilation;
+    let images = watch::run(py, short, move |progress| {
+        draw(&core::splats(&view, &shapes, dilation), view.size, progress.cancelled())
+    })?;
+    let [w, h] = images.size.map(|s| s as usize);
+    Ok(Out(images.values, vec![images.channels, h, w]))
+}
+
+/// Render Gaussians (N, 3), (N, 3, 3) as float32 images.
+///
+/// (N, H, W) for ``"one_hot"``, (3, H, W) for ``"rgb"``, (1, H, W) for ``"single"``; ideal pixels.
+/// Images that do not fit into memory raise ``MemoryError``.
+#[pyfunction]
+#[pyo3(signature = (means, covariances, camera, *, encoding="one_hot"))]
+pub(crate) fn render(
+    py: Python<'_>,
+    means: Means,
+    covariances: Covariances,
+    camera: Camera,
+    encoding: &str,
+) -> Result<Out<f32>> {
+    let encoding = Encoding::by_name(encoding)?;
+    let shapes = shapes(&means.0, covariances.0)?;
+    images(py, shapes, &camera, encoding, move |splats, size, cancelled| {
+        core::render(splats, encoding, size, cancelled)
+    })
+}
+
+/// Draw the heat maps of detections (N, 2|3), ideal pixels, with the shapes of the given Gaussians.
+///
+/// Same shape of result as ``render``; the channel of a missing detection is zero.
+#[pyfunction]
+#[pyo3(signature = (detections, means, covariances, camera, *, encoding="one_hot"))]
+pub(crate) fn pseudo_ground_truth(
+    py: Python<'_>,
+    detections: Keypoints,
+    means: Means,
+    covariances: Covariances,
+    camera: Camera,
+    encoding: &str,
+) -> Result<Out<f32>> {
+    let encoding = Encoding::by_name(encoding)?;
+    let shapes = shapes(&means.0, covariances.0)?;
+    let (n, given) = (shapes.len(), detections.0);
+    let ok = given.shape == [n, 2] || given.shape == [n, 3];
+    let given = given.shaped(ok, &format!("({n}, 2) or ({n}, 3), one per mean"))?;
+    // A confidence of 0 is a missing detection, as is a pixel that is no number.
+    let pixel = |d: &[f64]| {
+        let there = d[0].is_finite() && d[1].is_finite() && d.get(2).is_none_or(|c| *c > 0.0);
+        there.then(|| Vector2::new(d[0], d[1]))
+    };
+    let pixels: Vec<_> = given.values.chunks_exact(given.shape[1]).map(pixel).collect();
+    images(py, shapes, &camera, encoding, move |splats, size, cancelled| {
+        let heats = core::heats(splats, &pixels, size);
+        core::pseudo_ground_truth(&heats, encoding, size, cancelled)
+    })
+}
+
+/// The fields of `skelsplat.LossAndGradient`.
+#[derive(IntoPyObject)]
+pub(crate) struct LossAndGradient {
+    loss: f64,
+    render: f64,
+    symmetry: f64,
+    d_means: Out<f64>,
+    d_log_scales: Out<f64>,
+    d_quaternions: Out<f64>,
+}
+
+/// Fields of ``skelsplat.LossAndGradient``.
+#[pyfunction]
+#[pyo3(signature = (means, log_scales, quaternions, detections, cameras, *, layout=None, config=None, target_means=None, target_covariances=None))]
+#[allow(clippy::too_many_arguments, reason = "the settled interface, all but five by keyword")]
+pub(crate) fn loss_and_gradient(
+    py: Python<'_>,
+    means: Means,
+    log_scales: LogScales,
+    quaternions: Quaternions,
+    detections: Frames,
+    cameras: Cameras,
+    layout: Option<Layout>,
+    config: Option<RefineConfig>,
+    target_means: Option<TargetMeans>,
+    target_covariances: Option<TargetCovariances>,
+) -> Result<LossAndGradient> {
+    let gaussians = gaussians(&means.0, log_scales.0, quaternions.0)?;
+    let targets = match (target_means, target_covariances) {
+        (Some(means), Some(covariances)) => Some(shapes(&means.0, covariances.0)?),
+        (None, None) => None,
+        _ => {
+            let expected = "both target_means and target_covariances, or neither";
+            return refuse("target_means", expected, "only one of them");
+        }
+    };
+    if detections.batch {
+        let expected = "one frame (M, N, 2|3)";
+        return refuse("detections", expected, "several frames");
+    }
+    let refiner = refiner(&cameras, layout, config)?;
+    let (n, frames) = (gaussians.len(), detections.detections()?);
+    let found = watch::run(py, false, move |progress| {
+        let control = Control { cancel: progress.cancelled(), ..Control::default() };
+        refiner.loss_and_gradient(&gaussians, &frames[0], targets, control)
+    })?;
+    let (loss, gradient) = (found.loss, found.gradient);
+    let rows = |of: fn(&GaussianGradient) -> Vector3<f64>| {
+        Out::points(&gradient.iter().map(of).collect::<Vec<_>>(), vec![n, 3])
+    };
+    let turns = gradient.iter().flat_map(|g| <[f64; 4]>::from(g.quaternion)).collect();
+    Ok(LossAndGradient {
+        loss: loss.total,
+        render: loss.render,
+        symmetry: loss.symmetry,
+        d_means: rows(|g| g.mean),
+        d_log_scales: rows(|g| g.log_scales),
+        d_quaternions: Out(turns, vec![n, 4]),
+    })
+}

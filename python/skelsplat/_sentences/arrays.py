@@ -1,0 +1,33 @@
+"""What ``refine`` warns of, whoever calls it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from skelsplat.findings import Finding
+
+
+def _implausible_size(finding: Finding) -> str:
+    n = finding.numbers
+    size = f"{n['extent']:.6f}" if n["extent"] < 0.01 else f"{n['extent']:.2f}"
+    beyond = f"{'taller' if n['taller'] else 'shorter'} than {_length(n['limit_mm'])}"
+    return f"the skeleton measures {size} {n['unit']} and is {beyond}: is the unit really '{n['unit']}'?"
+
+
+def _length(mm: float) -> str:
+    """Return a round length in the unit in which it is a small number."""
+    for unit, size in (("m", 1000.0), ("cm", 10.0)):
+        if mm >= size:
+            return f"{mm / size:g} {unit}"
+    return f"{mm:g} mm"
+
+
+SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
+    "implausible_size": _implausible_size,
+    "start_contradicts": (
+        "init_pose with init_sigma contradicts every detection of {percent:.0f} % of the joints: is it "
+        "another person or frame, is init_sigma (in the cameras' unit) too small?"
+    ),
+}

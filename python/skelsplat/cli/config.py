@@ -1,0 +1,282 @@
+"""``--config FILE.toml`` for every command: defaults of options and arguments, from a file.
+
+The values become click's ``default_map``, so the command line wins and click checks them. Keys at the top are
+for every command that has the option; those in a table with a command's name, such as ``[refine]`` or
+``[datasets.check]``, are for that command and win over them. Relative paths begin at the file's folder.
+"""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+from types import UnionType
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Union, get_args, get_origin
+
+import typer
+from typer.core import TyperCommand
+
+from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.io._files import parse_toml, read_text
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping
+
+NAME_OR_PATH = "name or path"
+"""Marks a text option in its `Annotated`: a name, or a path where a file of that name exists."""
+_NAME, _KEYS = "config", "skelsplat.config.keys"
+_HELP = (
+    "Options and arguments of this command, from a file of KEY = VALUE: min-confidence = 0.3, paper = true; "
+    "paths begin at the file's folder. Command-line options win; --no-paper cancels paper = true."
+)
+# Metavars of options that take several names with commas between them.
+_WITH_COMMAS = ("A,B,…", "FORMATS", "FIGURES")
+_WORDS = {bool: "true or false", int: "a whole number", float: "a number", Path: "a path, as text"}
+_MOST_CHARACTERS = 40
+
+
+class Application(typer.Typer):
+    """A typer application whose commands all take ``--config``; use it as `typer.Typer`."""
+
+    def command(self, name: str | None = None, **given: Any) -> Callable[[Any], Any]:
+        """Register a command, as `typer.Typer.command` does."""
+        register = super().command(name, **{"cls": ConfiguredCommand, **given})
+
+        def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
+            register(_with_config(function))
+            return function
+
+        return decorate
+
+
+class ConfiguredCommand(TyperCommand):
+    """A command in which ``--no-NAME`` cancels ``--NAME``, and ``--NAME`` cancels ``--no-NAME``."""
+
+    def make_parser(self, ctx: Any) -> Any:
+        """Return the parser, which knows the opposites of flags; help does not show them."""
+        parser, params = super().make_parser(ctx), list[Any](self.params)
+        known = {option for param in params for option in param.opts}
+        for param in params:
+            if getattr(param, "is_flag", False) and not param.secondary_opts:
+                names = [option[2:] for option in param.opts if option.startswith("--")]
+                turned = [f"--{name[3:]}" if name.startswith("no-") else f"--no-{name}" for name in names]
+                opposites = [option for option in turned if option not in known]
+                if opposites:
+                    parser.add_option(
+                        obj=param, opts=opposites, dest=param.name, action="store_const", const=False
+                    )
+        return parser
+
+    def invoke(self, ctx: typer.Context) -> Any:  # type: ignore[override, unused-ignore]
+        """Run the command; what is wrong with an argument that is an option is an error of usage."""
+        try:
+            return super().invoke(ctx)
+        except InvalidInputError as error:
+            name, _, message = str(error).partition(": ")
+            spelt = [opt for param in self.params if param.name == name != _NAME for opt in param.opts]
+            options = [option for option in spelt if option.startswith("--")]
+            if not options:
+                raise
+            raise typer.BadParameter(message, ctx=ctx, param_hint=options[0]) from error
+
+
+def origin(context: Any, label: str) -> str:
+    """Return the file and key from which an option or argument comes; "" if from the command line.
+
+    Parameters
+    ----------
+    context : typer.Context or None
+        That of the command.
+    label : str
+        What messages call the parameter: an option such as ``--unit``, or the metavar of an argument.
+    """
+    path, keys = context.meta.get(_KEYS, (None, {})) if context is not None else (None, {})
+    for param in context.command.params if path is not None else ():
+        if label in (*param.opts, param.metavar) and from_file(context, param.name):
+            return f"{path}: {keys[param.name]}"
+    return ""
+
+
+def from_file(context: typer.Context, name: str) -> bool:
+    """Say whether a parameter's value comes from a file of options."""
+    return getattr(context.get_parameter_source(name), "name", "") == "DEFAULT_MAP"
+
+
+def _with_config(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return ``function`` with the option ``--config``, which is not passed on to it."""
+
+    @functools.wraps(function)
+    def command(**given: Any) -> Any:
+        del given[_NAME]
+        return function(**given)
+
+    signature = inspect.signature(function, eval_str=True)
+    option = inspect.Parameter(_NAME, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=_Config)
+    command.__signature__ = signature.replace(parameters=[*signature.parameters.values(), option])  # type: ignore[attr-defined]
+    return command
+
+
+def _load(context: typer.Context, path: Path | None) -> None:
+    """Make the values of a file the defaults of the command that is about to run."""
+    if path is None or context.resilient_parsing:
+        return
+    entries, found = entries_of(context.command), {}
+    document = parse_toml(path, read_text(path))
+    try:
+        for key, value in _chosen(document, context):
+            entry = entries.get(_normal(key.rpartition(".")[2]))
+            if entry is not None:
+                found[entry.parameter] = (key, _value(key, entry, value, path.parent))
+    except _MisfitError as misfit:
+        raise typer.BadParameter(str(DatasetError(path, *misfit.args)), param_hint=f"--{_NAME}") from misfit
+    context.default_map = {name: value for name, (_, value) in found.items()}
+    context.meta[_KEYS] = (path, {name: key for name, (key, _) in found.items()})
+
+
+_Config = Annotated[
+    Path | None,
+    typer.Option(
+        f"--{_NAME}",
+        metavar="FILE.toml",
+        is_eager=True,
+        callback=_load,
+        help=_HELP,
+        rich_help_panel="Options from a file",
+    ),
+]
+
+
+class _MisfitError(Exception):
+    """A key of the file, what is expected there, and what the file has."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """An option or argument: the parameter, its type, metavar, and what else its `Annotated` holds."""
+
+    parameter: str
+    kind: Any
+    metavar: str
+    marks: tuple[Any, ...]
+
+    @property
+    def pairs(self) -> bool:
+        """Whether it is repeatable and of the form A=B."""
+        return get_origin(self.kind) is list and "=" in self.metavar
+
+
+def entries_of(command: Any) -> dict[str, Entry]:
+    """Return the options by long name and the arguments by metavar; of a group, those of all commands."""
+    commands: Mapping[str, Any] = getattr(command, "commands", {})
+    if commands:
+        return {key: entry for part in commands.values() for key, entry in entries_of(part).items()}
+    signature = inspect.signature(inspect.unwrap(command.callback), eval_str=True).parameters
+    entries = {}
+    for param in command.params:
+        if param.name in signature:
+            annotation = signature[param.name].annotation
+            kind, *marks = get_args(annotation) if get_origin(annotation) is Annotated else (annotation,)
+            if get_origin(kind) in (Union, UnionType):
+                kind = next(part for part in get_args(kind) if part is not type(None))
+            entry = Entry(param.name, kind, param.metavar or "", tuple(marks))
+            keys = [option[2:] for option in param.opts if option.startswith("--")]
+            keys = [entry.metavar or param.name] if param.param_type_name == "argument" else keys
+            entries.update({key.lower(): entry for key in keys})
+    return entries
+
+
+def _normal(key: str) -> str:
+    return key.replace("_", "-")
+
+
+def _chosen(document: dict[str, Any], context: typer.Context) -> Iterator[tuple[str, Any]]:
+    """Yield keys, with the names of their tables, and values for a command; what wins comes later."""
+    lineage: list[Any] = [context]
+    while lineage[0].parent is not None:
+        lineage.insert(0, lineage[0].parent)
+    table, prefix = document, ""
+    for level, step in enumerate(lineage):
+        commands, known = getattr(step.command, "commands", {}), entries_of(step.command)
+        tables, seen = {}, set()
+        for key, value in table.items():
+            if _normal(key) in commands:
+                if not isinstance(value, dict):
+                    raise _MisfitError(prefix + key, f"a table [{prefix}{key}] of options", _shown(value))
+                tables[_normal(key)] = value
+                continue
+            if _normal(key) not in known:
+                close = get_close_matches(_normal(key), [*known, *commands], n=1, cutoff=0.75)
+                hint = f"; did you mean {close[0]}?" if close else ""
+                of = " ".join(str(each.info_name) for each in lineage[1 : level + 1]) or "a command"
+                raise _MisfitError(prefix + key, f"an option or argument of {of}", f"an unknown key{hint}")
+            if _normal(key) in seen:
+                raise _MisfitError(prefix + key, "each option once", "it twice, with - and with _")
+            seen.add(_normal(key))
+            yield prefix + key, value
+        if step is not context:
+            name = str(lineage[level + 1].info_name)
+            table, prefix = tables.get(name, {}), f"{prefix}{name}."
+
+
+def _value(key: str, entry: Entry, value: Any, folder: Path) -> Any:
+    """Return a value as the command line would give it."""
+    form, kinds = get_origin(entry.kind), get_args(entry.kind)
+    if entry.pairs and isinstance(value, dict):
+        return [f"{left}={_right(f'{key}.{left}', right)}" for left, right in value.items()]
+    if form is list:
+        values = value if isinstance(value, list) else [value]
+        kinds = kinds * len(values)
+        expected = f"a list of {'A=B texts, or a table' if entry.pairs else _word(kinds[0])}"
+    elif form is tuple:
+        values = value if isinstance(value, list) else []
+        expected = f"a list of {' and '.join(map(_word, kinds))}"
+    else:
+        texts = isinstance(value, list) and bool(value) and all(isinstance(part, str) for part in value)
+        values = [",".join(value) if texts and entry.metavar in _WITH_COMMAS else value]
+        kinds, expected = (entry.kind,), _word(entry.kind)
+    converted = [_scalar(kind, part, entry, folder) for kind, part in zip(kinds, values, strict=False)]
+    if None in converted or len(kinds) != len(values):
+        raise _MisfitError(key, expected, _shown(value))
+    return converted if form in (list, tuple) else converted[0]
+
+
+def _word(kind: Any) -> str:
+    return _WORDS.get(kind, "text")
+
+
+def _scalar(kind: Any, value: Any, entry: Entry, folder: Path) -> Any:
+    """Return one value in the type of its parameter; None if it has another."""
+    fits = {bool: bool, int: int, float: int | float, Path: str}.get(kind, str | int)
+    if kind not in _WORDS and kind is not str and get_origin(kind) is not Literal:
+        raise TypeError(f"no TOML value is known for a parameter of type {kind}")
+    if not isinstance(value, fits) or isinstance(value, bool) != (kind is bool):
+        return None
+    if kind is float:
+        try:
+            return float(value)
+        except OverflowError:  # TOML's whole numbers have no limit
+            return None
+    if kind is Path or (NAME_OR_PATH in entry.marks and (folder / str(value)).exists()):
+        return str(folder / str(value))
+    return value if kind in (bool, int) else str(value)
+
+
+def _right(key: str, value: Any) -> str:
+    """Return the B of an A=B; of a list the values with commas, after a single one too."""
+    if isinstance(value, list) and value:
+        texts = [_right(key, part) for part in value]
+        return f"{texts[0]}," if len(texts) == 1 else ",".join(texts)
+    if isinstance(value, str | int | float) and not isinstance(value, bool):
+        return str(value)
+    raise _MisfitError(key, "text or a number", _shown(value))
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, dict | list):
+        return "a table" if isinstance(value, dict) else "a list"
+    text = repr(value)
+    return text if len(text) <= _MOST_CHARACTERS else f"{text[:_MOST_CHARACTERS]}…"

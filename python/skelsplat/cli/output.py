@@ -1,0 +1,57 @@
+"""What commands print besides tables: JSON on stdout, and the progress of long work on stderr."""
+
+from __future__ import annotations
+
+import contextlib
+from typing import TYPE_CHECKING, Any
+
+import typer
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    TaskID,
+    TextColumn,
+    TimeRemainingColumn,
+)
+
+from skelsplat._json import to_text
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+
+def print_json(document: Any) -> None:
+    """Print a document on stdout; a number that does not exist is null."""
+    typer.echo(to_text(document), nl=False)
+
+
+def bar_of(unit: str, *, shown: bool, time: ProgressColumn | None = None) -> Progress:
+    """Return a bar that counts `unit`, with a description; nothing is drawn where stderr is no terminal."""
+    console = Console(stderr=True)
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn(unit),
+        TimeRemainingColumn() if time is None else time,
+        console=console,
+        transient=True,
+        disable=not (shown and console.is_terminal),
+    )
+
+
+@contextlib.contextmanager
+def counting(unit: str, *, shown: bool) -> Iterator[Callable[[str, int, int], None]]:
+    """Yield a function of (name, done, total) that draws a bar for each name."""
+    with bar_of(unit, shown=shown) as bar:
+        tasks: dict[str, TaskID] = {}
+
+        def update(name: str, done: int, total: int) -> None:
+            if name not in tasks:
+                tasks[name] = bar.add_task(name, total=total)
+            bar.update(tasks[name], completed=done, total=total)
+
+        yield update

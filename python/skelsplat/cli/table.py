@@ -1,0 +1,166 @@
+"""What a run prints: a table for people, at most 80 columns wide."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+import typer
+from rich import box
+from rich.table import Table
+from rich.text import Text
+
+import skelsplat as sk
+from skelsplat.run.figures import start_name
+from skelsplat.run.solve import default_threads
+from skelsplat.run.summary import finite_max, finite_median
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+    from pathlib import Path
+
+    from rich.console import Console
+
+    from skelsplat.findings import Finding
+    from skelsplat.run.job import Job
+    from skelsplat.run.read import Inputs
+    from skelsplat.run.solve import Outcome
+    from skelsplat.run.summary import Group, Statistics
+
+_MOST_JOINTS = 5
+_REASONS = {
+    "converged": "converged",
+    "max_steps": "at the step limit",
+    "no_observations": "without detections",
+    "diverged": "diverged",
+}
+
+
+def tell(finding: Finding) -> None:
+    """Print a finding on stderr, as it comes."""
+    typer.echo(f"warning: {finding.text}", err=True)
+
+
+def print_summary(
+    console: Console, job: Job, inputs: Inputs, outcome: Outcome, statistics: Statistics
+) -> None:
+    """Print the table of cameras, the lines on the run and the joints that are known least."""
+    console.print(_cameras(job, statistics))
+    console.print(_legend(statistics), style="dim")
+    console.print()
+    for line in _lines(job, inputs, outcome, statistics):
+        console.print(line)
+    console.print(_joints(inputs, statistics))
+    console.print()
+    if job.note:
+        console.print(job.note)
+        console.print()
+
+
+def print_doubts(console: Console, doubts: Sequence[str]) -> None:
+    """Print what a person should look at, a paragraph each."""
+    for doubt in doubts:
+        console.print(f"! {doubt}")
+    if doubts:
+        console.print()
+
+
+def print_over_time(console: Console, processing: Sequence[str]) -> None:
+    """Print what was done to the poses over time, a paragraph each."""
+    for sentence in processing:
+        console.print(sentence)
+    if processing:
+        console.print()
+
+
+def print_files(console: Console, folder: Path, names: Sequence[str]) -> None:
+    """Print where the results are."""
+    console.print(Text.assemble("Wrote to ", (f"{folder}/", "bold"), f": {', '.join(names)}"))
+
+
+def print_left(console: Console, folders: Sequence[str]) -> None:
+    """Say which folders beside the results belong to an earlier run."""
+    if folders:
+        console.print(f"! {' and '.join(folders)} {'is' if len(folders) == 1 else 'are'} of an earlier run")
+
+
+def _cameras(job: Job, statistics: Statistics) -> Table:
+    table = Table(
+        title=f"Reprojection error [px], {start_name(job)} → refined, and detections",
+        title_justify="left",
+        box=box.SIMPLE_HEAD,
+        padding=(0, 1, 0, 0),
+    )
+    table.add_column("camera")
+    for name in ("median", "90th percentile", "used", "missing", "rejected", "weight"):
+        table.add_column(name, justify="right")
+    left_out = statistics.total.left_out > 0
+    if left_out:
+        table.add_column("left\nout", justify="right")
+    for group in statistics.cameras:
+        table.add_row(*_cells(group, left_out), end_section=group is statistics.cameras[-1])
+    table.add_row(*_cells(statistics.total, left_out), style="bold")
+    return table
+
+
+def _cells(group: Group, left_out: bool) -> list[str]:
+    median = f"{_number(group.before_px)} → {_number(group.after_px)}"
+    p90 = f"{_number(group.p90_before_px)} → {_number(group.p90_after_px)}"
+    cells = [group.name, median, p90]
+    cells += [str(group.used), str(group.missing), str(group.rejected), _number(group.mean_weight, 2)]
+    return [*cells, str(group.left_out)] if left_out else cells
+
+
+def _number(value: float, digits: int = 1) -> str:
+    return f"{value:.{digits}f}" if math.isfinite(value) else "–"
+
+
+def _legend(statistics: Statistics) -> str:
+    left_out = "; left out: too little confidence, or the joint has no position"
+    return (
+        "missing: no detection of the person followed; weight: how far the detections are believed, "
+        f"0 to 1; rejected: below {sk.REJECTED_WEIGHT:g}{left_out if statistics.total.left_out else ''}"
+    )
+
+
+def _lines(job: Job, inputs: Inputs, outcome: Outcome, statistics: Statistics) -> Iterator[str]:
+    """Yield what the run did and what came out, a sentence or two per line."""
+    frames, joints = len(inputs.frames), inputs.layout.n_joints
+    threads = default_threads(outcome.config)
+    each = 1000 * outcome.seconds / frames
+    reasons = _listed(f"{n} {_REASONS.get(reason, reason)}" for reason, n in statistics.stop_reasons.items())
+    cores = f"{threads} thread{'s' * (threads != 1)}"
+    yield f"{frames} frames of {joints} joints, {each:.{2 if each < 1 else 1}f} ms each ({cores})."
+    yield f"Frames stopped: {reasons}."
+    yield f"The median joint is {_number(finite_median(statistics.moved_mm))} mm from the {start_name(job)}."
+    yield (
+        f"Noise of the detections, estimated: {_number(statistics.noise_mm)} mm across the ray, "
+        f"{_number(statistics.noise_px)} px."
+    )
+    swapped = statistics.total.swapped
+    if swapped:
+        found = _listed(f"{group.name} {group.swapped}" for group in statistics.cameras if group.swapped)
+        yield f"Left and right were exchanged, and set right, in {swapped} detections: {found}."
+    yield ""
+    typical = _number(finite_median(statistics.error_bar_mm))
+    yield f"Error bars, one standard deviation per axis: median {typical} mm. The largest [mm]:"
+
+
+def _joints(inputs: Inputs, statistics: Statistics) -> Table:
+    """Return the joints with the largest median error bars, without those that the files lack."""
+    bars = np.array([finite_median(bar) for bar in statistics.error_bar_mm.T])
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
+    table.add_column(" joint")
+    for name in ("median", "largest", "missing", "rejected", "of"):
+        table.add_column(name, justify="right")
+    order = np.argsort(np.where(np.isfinite(bars), -bars, -np.inf), kind="stable")
+    for j in [j for j in order if statistics.joints[j].name not in inputs.lacking][:_MOST_JOINTS]:
+        group, largest = statistics.joints[j], finite_max(statistics.error_bar_mm[:, j])
+        counts = (group.missing, group.rejected, group.used + group.missing + group.left_out)
+        table.add_row(f" {group.name}", _number(bars[j]), _number(largest), *map(str, counts))
+    return table
+
+
+def _listed(parts: Iterable[str]) -> str:
+    return ", ".join(parts)

@@ -1,0 +1,201 @@
+"""One setting that is varied on the same poses, and the claims that are checked on what it does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from skelsplat.evaluation.ablations._model import Claim, Outcome, Row, Table, quote, reported_rows
+from skelsplat.evaluation.ablations._sample import Errors, FloatArray, Sample, difference, errors_of
+from skelsplat.evaluation.ablations._source import PAPER, Kind, Source
+from skelsplat.evaluation.reported import reported
+from skelsplat.exceptions import InvalidInputError
+
+IN_THE_TEXT = "stated in the text, without figures"
+MOST = "most"
+"""In a `Check`: the largest value that was measured."""
+
+Varied = Callable[[Any], tuple[Sample, list[FloatArray]]]
+"""A value of the setting → the poses and starts that it is measured on."""
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A row of the table.
+
+    Attributes
+    ----------
+    name : str
+    fields : callable or None
+        Value → what it changes in the settings of the method; None for a value that is not measured. Without
+        it the starts themselves are measured.
+    method : {"paper", "annealed"}
+    """
+
+    name: str
+    fields: Callable[[Any], Mapping[str, Any] | None] | None = None
+    method: str = PAPER
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """A claim about the errors of some values relative to those of others, in one row of the table.
+
+    Without limits each of `values` has to err less than each of `others`, by more than twice the standard
+    error of the paired difference.
+
+    Attributes
+    ----------
+    text : str
+    values, others : tuple
+        Values of the sweep; the claim is left out if one was not measured.
+    low, high : float
+        Limits of the ratio of the errors.
+    within_mm : float, optional
+        Limit of the mean difference.
+    row : str
+    paper : str
+        What the paper says; "" quotes its figures.
+    ours : bool
+        The claim is not the paper's.
+    """
+
+    text: str
+    values: tuple[Any, ...]
+    others: tuple[Any, ...]
+    low: float = 0.0
+    high: float = float("inf")
+    within_mm: float | None = None
+    row: str = PAPER
+    paper: str = ""
+    ours: bool = False
+
+    def claim(self, label: str, sample: Sample, found: Mapping[Any, Errors]) -> Claim | None:
+        """Check it on errors by value; `label` names the paper's table."""
+        most = max(found, default=None) if MOST in self.values else None
+        values = tuple(most if value == MOST else value for value in self.values)
+        if not {*values, *self.others} <= set(found):
+            return None
+        pairs = [(a, b) for a in values for b in self.others]
+        if self.low > 0.0 or self.high < float("inf"):
+            ratios = [found[a].mpjpe / found[b].mpjpe for a, b in pairs]
+            holds = all(self.low <= ratio <= self.high for ratio in ratios)
+            changes = ", ".join(f"{100 * (ratio - 1):+.1f}" for ratio in ratios) + " %"
+        else:
+            apart = [difference(found[a], found[b]) for a, b in pairs]
+            limit = self.within_mm
+            holds = all(d.is_less if limit is None else abs(d.mean) <= limit for d in apart)
+            changes = ", ".join(f"{key(a)} − {key(b)} {d}" for (a, b), d in zip(pairs, apart, strict=True))
+        shown = [value for value in found if value in (*values, *self.others)]
+        figures = ", ".join(f"{found[value].mpjpe:.1f}" for value in shown)
+        by_dataset = any("dataset" in row.setting for row in reported(label))
+        setting = {"dataset": sample.dataset} if by_dataset else {}
+        return Claim(
+            ", ".join([self.text.format(most), *setting.values()]),
+            self.paper or quote(label, [key(value) for value in shown], **setting),
+            f"{self.row}, {sample.name}: {figures} mm; {changes}",
+            holds,
+            self.ours,
+        )
+
+
+def key(value: Any) -> str:
+    """Return a value as the columns of published tables are named."""
+    return value if isinstance(value, str) else f"{value:g}"
+
+
+def as_in_the_paper(source: Source, sample: Sample) -> Varied:
+    """Start where the paper does, at every value."""
+    starts = source.starts(sample)
+    return lambda _: (sample, starts)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sweep:
+    """A setting that is varied.
+
+    Attributes
+    ----------
+    label : str
+        The paper's table.
+    title, corner : str
+        Of our table, and what its columns are.
+    values : mapping
+        Values, which are also the columns of the paper's table (`key`), to headers.
+    kinds : tuple of str
+        What of the source is measured.
+    lines : tuple of Line
+    checks : tuple of Check
+    notes : tuple of str
+    begin : callable
+        Source and sample → `Varied`.
+    up_to_views : bool
+        Values are numbers of views: those above the sample's are left out.
+    steps : str
+        Title of a second table, with the steps taken; "" is none.
+    more : callable, optional
+        What else is measured, on all samples.
+    """
+
+    label: str
+    title: str
+    corner: str
+    values: Mapping[Any, str]
+    lines: tuple[Line, ...]
+    checks: tuple[Check, ...]
+    kinds: tuple[Kind, ...] = ("plain",)
+    notes: tuple[str, ...] = ()
+    begin: Callable[[Source, Sample], Varied] = as_in_the_paper
+    up_to_views: bool = False
+    steps: str = ""
+    more: Callable[[Source, Sequence[Sample]], Outcome] | None = None
+
+    def __call__(self, source: Source) -> Outcome:
+        """Measure every value on every sample, and check the claims."""
+        samples = source.samples(*self.kinds)
+        found = [(sample, self._measured(source, sample)) for sample in samples]
+        columns = tuple(self.values.values())
+        theirs = reported_rows(self.label, [key(value) for value in self.values])
+        rows = [row for each in found for row in self._rows(*each, lambda errors: errors.mpjpe)]
+        tables = [Table(self.title, self.corner, columns, (*rows, *theirs))]
+        if self.steps:
+            taken = tuple(row for each in found for row in self._rows(*each, lambda errors: errors.steps))
+            tables.append(Table(self.steps, self.corner, columns, taken, "steps", 0, chart=False))
+        claims = [
+            check.claim(self.label, sample, errors[check.row])
+            for sample, errors in found
+            for check in self.checks
+        ]
+        more = Outcome((), ()) if self.more is None else self.more(source, samples)
+        return Outcome(
+            (*tables, *more.tables),
+            (*(claim for claim in claims if claim is not None), *more.claims),
+            (*self.notes, *more.notes),
+        )
+
+    def _measured(self, source: Source, sample: Sample) -> dict[str, dict[Any, Errors]]:
+        """Return errors by row and value."""
+        values = [v for v in self.values if not (self.up_to_views and v > sample.n_views)]
+        if len(values) < 2:
+            expected = f"at least {sorted(self.values)[1]} cameras in {sample.name}"
+            raise InvalidInputError(f"views: expected {expected}, got {sample.n_views}")
+        varied = self.begin(source, sample)
+        found: dict[str, dict[Any, Errors]] = {line.name: {} for line in self.lines}
+        for value in values:
+            poses, starts = varied(value)
+            for line in self.lines:
+                if line.fields is None:
+                    found[line.name][value] = errors_of(poses, starts)
+                elif (fields := line.fields(value)) is not None:
+                    doing = f"{self.corner} {self.values[value]}"
+                    found[line.name][value] = source.errors(line.method, poses, starts, doing, **fields)
+        return found
+
+    def _rows(
+        self, sample: Sample, found: Mapping[str, Mapping[Any, Errors]], figure: Callable[[Errors], float]
+    ) -> list[Row]:
+        return [
+            Row(name, sample.name, tuple(figure(by[v]) if v in by else None for v in self.values))
+            for name, by in found.items()
+        ]

@@ -1,0 +1,149 @@
+"""What was found wrong, or worth a look: one type for runs, rigs and data sets.
+
+A `Finding` holds facts: its kind, what it concerns, the numbers and what helps against it. Its sentence,
+`Finding.text`, comes from `skelsplat._sentences`, so that programs need not read prose and every sentence
+stands in one place. Sentences name options as the command line writes them (``--without cam_03``); `Remedy`
+is the form for programs.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import shlex
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal, TextIO
+
+from skelsplat import _sentences
+
+Severity = Literal["error", "warning", "note"]
+
+
+@dataclass(frozen=True)
+class Subject:
+    """What a finding concerns; an empty tuple stands for all of them.
+
+    Attributes
+    ----------
+    cameras, joints : tuple of str
+    frames : tuple of int
+        Frame numbers of the files.
+    files, takes : tuple of str
+    """
+
+    cameras: tuple[str, ...] = ()
+    joints: tuple[str, ...] = ()
+    frames: tuple[int, ...] = ()
+    files: tuple[str, ...] = ()
+    takes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Remedy:
+    """An option of ``skelsplat refine`` that helps, and its value.
+
+    Attributes
+    ----------
+    option : str
+        Its name without dashes: ``"without"``.
+    value : Any
+        Its value: ``"cam_03"``; True for an option without one.
+    """
+
+    option: str
+    value: Any = True
+
+    @property
+    def text(self) -> str:
+        """The option as it is pasted into a shell: ``--without cam_03``."""
+        flag = "--" + self.option.replace("_", "-")
+        return flag if self.value is True else f"{flag} {shlex.quote(str(self.value))}"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something that is wrong, probably wrong, or worth knowing.
+
+    Attributes
+    ----------
+    kind : str
+        A key of `skelsplat._sentences.SENTENCES`, such as ``"camera_disagrees"``.
+    severity : str
+        ``"error"``: results are wrong until this is corrected; ``"warning"``: results may be wrong;
+        ``"note"``: for information.
+    subject : Subject
+        The cameras, joints, frames, files and takes that it concerns.
+    numbers : dict
+        What the sentence quotes, as values of JSON; lengths carry their unit in the key.
+    remedy : tuple of Remedy
+        Options of ``skelsplat refine`` that help.
+    """
+
+    kind: str
+    severity: Severity = "warning"
+    subject: Subject = field(default_factory=Subject)
+    numbers: Mapping[str, Any] = field(default_factory=dict)
+    remedy: tuple[Remedy, ...] = ()
+
+    @property
+    def text(self) -> str:
+        """One or a few sentences for people."""
+        return _sentences.sentence(self)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the finding as values of JSON, with its text; of the subject, what is not empty."""
+        subject = {name: list(values) for name, values in asdict(self.subject).items() if values}
+        return {
+            "kind": self.kind,
+            "severity": self.severity,
+            "text": self.text,
+            "subject": subject,
+            "numbers": dict(self.numbers),
+            "remedy": [asdict(remedy) for remedy in self.remedy],
+        }
+
+    @classmethod
+    def from_dict(cls, entry: Mapping[str, Any]) -> Finding:
+        """Return the finding of which `to_dict` made ``entry``."""
+        subject = Subject(**{name: tuple(values) for name, values in entry["subject"].items()})
+        remedy = tuple(Remedy(**one) for one in entry["remedy"])
+        return cls(entry["kind"], entry["severity"], subject, entry["numbers"], remedy)
+
+
+class FindingWarning(UserWarning):
+    """A warning that carries a `Finding`: ``warnings.warn(FindingWarning(finding), stacklevel=2)``."""
+
+    def __init__(self, finding: Finding) -> None:
+        super().__init__(finding.text)
+        self.finding = finding
+
+
+def remark(text: str) -> Finding:
+    """Return a note whose sentence is given, such as the message of a warning."""
+    return Finding("remark", "note", numbers={"text": " ".join(text.split())})
+
+
+@contextlib.contextmanager
+def collected_warnings(tell: Callable[[Finding], None] | None = None) -> Iterator[list[Finding]]:
+    """Collect Python warnings as findings, each once, and ``tell`` each as it comes."""
+    found: list[Finding] = []
+
+    def show(
+        message: Warning | str,
+        category: type[Warning],  # noqa: ARG001  the signature is that of warnings.showwarning
+        filename: str,  # noqa: ARG001
+        lineno: int,  # noqa: ARG001
+        file: TextIO | None = None,  # noqa: ARG001
+        line: str | None = None,  # noqa: ARG001
+    ) -> None:
+        finding = message.finding if isinstance(message, FindingWarning) else remark(str(message))
+        if finding not in found:
+            found.append(finding)
+            if tell is not None:
+                tell(finding)
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("always")
+        warnings.showwarning = show
+        yield found

@@ -1,0 +1,161 @@
+"""Arrays from npy, npz and HDF5 files, checked with the package's errors.
+
+What is pickled goes through the restricted unpickler, or is refused.
+"""
+
+from __future__ import annotations
+
+import io
+import mmap
+import struct
+import tokenize
+import zipfile
+import zlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skelsplat.exceptions import DatasetError
+from skelsplat.io._files import frame_number, opening
+from skelsplat.io._unpickle import read_array
+
+if TYPE_CHECKING:
+    from collections.abc import Collection
+    from pathlib import Path
+
+Array = npt.NDArray[np.float64]
+
+# what zipfile and NumPy raise for an npz whose bytes are damaged, besides OSError and ValueError
+_DAMAGED_NPZ = (zipfile.BadZipFile, zlib.error, struct.error, EOFError, NotImplementedError, RuntimeError)
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+
+
+@dataclass(frozen=True)
+class Arrays:
+    """The arrays of an npz file by name, checked as they are taken."""
+
+    path: Path
+    found: dict[str, Any]
+
+    def take(self, key: str) -> Any:
+        """Return an array that must be there."""
+        if key not in self.found:
+            there = ", ".join(sorted(npz_keys(self.path))) or "none"
+            raise DatasetError(self.path, key, "an array under this key", f"keys {there}")
+        return self.found[key]
+
+    def frames(self, count: int) -> list[int] | None:
+        """Return the `count` ascending whole numbers under ``frames``; None if they are not there."""
+        if "frames" not in self.found:
+            return None
+        array = np.asarray(self.found["frames"])
+        whole = array.shape == (count,) and array.dtype.kind in "iu"
+        if not whole or (np.diff(array.astype(np.int64)) <= 0).any():
+            expected = f"{count} whole numbers that ascend"
+            raise DatasetError(self.path, "frames", expected, f"{array.dtype} of shape {array.shape}")
+        return [frame_number(self.path, "frames", int(number)) for number in array]
+
+    def names(self, key: str, count: int) -> tuple[str, ...] | None:
+        """Return the `count` different names under a key; None if they are not there."""
+        return array_names(self.path, key, self.found[key], count) if key in self.found else None
+
+
+def array_names(path: Path, field: str, value: object, count: int) -> tuple[str, ...]:
+    """Return `count` different names, text or bytes, or raise `DatasetError`."""
+    array = np.asarray(value)
+    if array.shape != (count,) or array.dtype.kind not in "USO":
+        raise DatasetError(path, field, f"{count} names", f"{array.dtype} of shape {array.shape}")
+    names = tuple(
+        entry.decode("utf-8", "replace") if isinstance(entry, bytes) else str(entry)
+        for entry in array.tolist()
+    )
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise DatasetError(path, field, "different names", f"{twice[0]!r} twice")
+    return names
+
+
+def as_numbers(path: Path, field: str, value: object) -> Array:
+    """Return an array of numbers as float64, or raise `DatasetError`."""
+    array = np.asarray(value)
+    if array.dtype.kind not in "fiu":
+        raise DatasetError(path, field, "an array of numbers", f"one of {array.dtype}")
+    return array.astype(np.float64)
+
+
+def load_npz(path: Path, keys: Collection[str]) -> Arrays:
+    """Return those arrays of an npz file that are among `keys`.
+
+    Raises
+    ------
+    DatasetError
+        If the file cannot be read, is damaged, or holds what the restricted unpickler refuses.
+    """
+    try:
+        with opening(path, "a readable npz file"), zipfile.ZipFile(path) as archive:
+            names = [name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")]
+            return Arrays(path, {name: _member(archive, path, name) for name in names if name in keys})
+    except _DAMAGED_NPZ as error:
+        raise DatasetError(path, "file", "a complete npz file", str(error) or type(error).__name__) from error
+
+
+def _member(archive: zipfile.ZipFile, path: Path, name: str) -> Any:
+    with archive.open(f"{name}.npy") as stream:
+        return read_array(stream, path, name)
+
+
+def load_plain_npz(path: Path, kind: str) -> dict[str, Any]:
+    """Return all arrays of an npz file by name; nothing in it is unpickled. `kind` names it in messages."""
+    with opening(path, "a readable npz file"):
+        content = io.BytesIO(path.read_bytes())
+    if not zipfile.is_zipfile(content):
+        raise DatasetError(path, "file", kind, "another kind of file, or a damaged one")
+    content.seek(0)
+    try:
+        with np.load(content, allow_pickle=False) as archive:
+            return {name: array for name, array in archive.items() if isinstance(array, np.ndarray)}
+    except (OSError, ValueError, TypeError, tokenize.TokenError, *_DAMAGED_NPZ) as error:
+        raise DatasetError(path, "file", kind, error) from error
+
+
+def load_npy(path: Path) -> Any:
+    """Return the array of an npy file, with the errors of `load_npz`."""
+    try:
+        with opening(path, "a readable npy file"), path.open("rb") as stream:
+            return read_array(stream, path)
+    except (MemoryError, OverflowError) as error:
+        raise DatasetError(path, "array", "an array that fits into memory", "a larger one") from error
+
+
+def npz_keys(path: Path) -> frozenset[str]:
+    """Return the names of the arrays in an npz file; none if it is no such file."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return frozenset(name.removesuffix(".npy") for name in archive.namelist())
+    except (OSError, *_DAMAGED_NPZ):
+        return frozenset()
+
+
+def npy_shape(path: Path) -> tuple[int, ...]:
+    """Return the shape that an npy file announces; () if it is no such file."""
+    readers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+    try:
+        with path.open("rb") as stream:
+            shape, _, _ = readers[np.lib.format.read_magic(stream)](stream)
+    except (OSError, ValueError, EOFError, KeyError, SyntaxError, RecursionError, tokenize.TokenError):
+        return ()
+    return tuple(shape)
+
+
+def hdf5_mentions(path: Path, *names: bytes) -> bool:
+    """Whether a file is HDF5 and holds all of `names` as plain text; needs no package that reads HDF5."""
+    try:
+        with path.open("rb") as stream:
+            if stream.read(len(_HDF5)) != _HDF5:
+                return False
+            with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as content:
+                return all(content.find(name) >= 0 for name in names)
+    except (OSError, ValueError):
+        return False

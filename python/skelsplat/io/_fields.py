@@ -1,0 +1,162 @@
+"""A value in a JSON, TOML or YAML document and its place there, checked as it is taken."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from skelsplat.exceptions import DatasetError
+from skelsplat.io._files import frame_number
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import numpy.typing as npt
+
+    Array = npt.NDArray[np.float64]
+
+_ABSENT = object()
+_MISSING = "nothing (the key is missing)"
+
+
+@dataclass(frozen=True)
+class Field:
+    """A value and where it stands: messages name the file and `place`, such as ``cameras[0].K``.
+
+    `path` is the file; at the top of a document `place` is empty. Every method that takes the value as
+    something raises `DatasetError` if it is something else, or if its key is missing.
+    """
+
+    path: Path
+    place: str
+    value: Any
+
+    def error(self, expected: object, actual: object) -> DatasetError:
+        """Return the error for this value."""
+        return DatasetError(self.path, self.place or "document", expected, actual)
+
+    @property
+    def is_missing(self) -> bool:
+        """Whether nothing is under this key."""
+        return self.value is _ABSENT
+
+    @property
+    def shown(self) -> str:
+        """The value for a message, cut if long."""
+        text = _MISSING if self.is_missing else repr(self.value)
+        return text if len(text) <= 60 else f"{text[:57]}..."
+
+    def __contains__(self, key: str) -> bool:
+        return isinstance(self.value, dict) and key in self.value
+
+    def __getitem__(self, key: str) -> Field:
+        """Return what is under a key; if nothing is, the field says so when its value is taken."""
+        value = self.value.get(key, _ABSENT) if isinstance(self.value, dict) else _ABSENT
+        return Field(self.path, f"{self.place}.{key}" if self.place else key, value)
+
+    def member(self, key: str, expected: str) -> Field:
+        """Return what is under a key that must be there."""
+        if not isinstance(self.value, dict):
+            there = type(self.value).__name__
+            raise DatasetError(self.path, self.place or key, f"an object with {key}", there)
+        if key not in self.value:
+            raise self[key].error(expected, _MISSING)
+        return self[key]
+
+    def entries(self, expected: str) -> list[Field]:
+        """Return the entries of a list."""
+        values = self._list(expected)
+        return [Field(self.path, f"{self.place}[{i}]", value) for i, value in enumerate(values)]
+
+    def table(self) -> Field:
+        """Return this field if it holds a table (an object)."""
+        if not isinstance(self.value, dict):
+            raise self.error("a table of fields", self.shown)
+        return self
+
+    def text(self) -> str:
+        """Return a text, or a whole number as text."""
+        if isinstance(self.value, bool) or not isinstance(self.value, str | int) or self.value == "":
+            raise self.error("a text", self.shown)
+        return str(self.value)
+
+    def flag(self) -> bool:
+        """Return true or false; false if the key is missing."""
+        if not self.is_missing and not isinstance(self.value, bool):
+            raise self.error("true or false", self.shown)
+        return self.value is True
+
+    def number(self) -> float:
+        """Return a finite number."""
+        if not _is_number(self.value) or not _is_finite(self.value):
+            raise self.error("a finite number", self.shown)
+        return float(self.value)
+
+    def index(self) -> int:
+        """Return a frame number that is not negative."""
+        if isinstance(self.value, bool) or not isinstance(self.value, int) or self.value < 0:
+            raise self.error("a whole number from 0", repr(self.value)[:40])
+        return frame_number(self.path, self.place, self.value)
+
+    def numbers(self, shape: tuple[int, ...] | None) -> Array:
+        """Return finite numbers of this shape, or a list of any length for None.
+
+        A column (n×1) or a row (1×n) will do for n numbers: several formats write vectors so.
+        """
+        expected = "a list of numbers" if shape is None else f"{'×'.join(map(str, shape))} numbers"
+        if not _is_numeric(self.value):
+            raise self.error(expected, self.shown)
+        try:
+            array = np.asarray(self.value, dtype=np.float64)
+        except ValueError:
+            raise self.error(expected, "lists of different lengths") from None
+        except OverflowError:  # TOML's whole numbers have no limit
+            raise self.error("finite numbers", self.shown) from None
+        if (shape is None or len(shape) == 1) and array.ndim == 2 and 1 in array.shape:
+            array = array.ravel()
+        if array.ndim != 1 if shape is None else array.shape != shape:
+            raise self.error(expected, f"shape {'×'.join(map(str, array.shape)) or 'scalar'}")
+        if not np.isfinite(array).all():
+            raise self.error("finite numbers", self.shown)
+        return array
+
+    def row(self) -> Array:
+        """Return a list of numbers (n,); NaN is a number here, infinity and text are not."""
+        values = self._list("a list of numbers")
+        for place, value in enumerate(values):
+            if not _is_number(value) or math.isinf(value):
+                raise DatasetError(self.path, f"{self.place}[{place}]", "a number", repr(value)[:40])
+        return np.array(values, dtype=np.float64)
+
+    def rows(self, width: int) -> Array:
+        """Return a list of lists of `width` numbers each, (n, width), as `row` reads them."""
+        lines = self.entries(f"a list of lists of {width} numbers")
+        parts = [line.row() for line in lines]
+        for line, part in zip(lines, parts, strict=True):
+            if len(part) != width:
+                raise line.error(f"{width} numbers", f"{len(part)} numbers")
+        return np.array(parts, dtype=np.float64).reshape(-1, width)
+
+    def _list(self, expected: str) -> list[Any]:
+        if not isinstance(self.value, list):
+            raise self.error(expected, _MISSING if self.is_missing else type(self.value).__name__)
+        return self.value
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _is_finite(value: float) -> bool:
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # a whole number beyond any float
+        return False
+
+
+def _is_numeric(value: object) -> bool:
+    """Whether `value` is a list whose leaves are all numbers (true and false are not)."""
+    return all(map(_is_numeric, value)) if isinstance(value, list) else _is_number(value)

@@ -1,0 +1,147 @@
+"""What a calibration format is: how its files are opened, and what they are parsed into."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skelsplat.exceptions import DatasetError
+from skelsplat.io._fields import Field
+from skelsplat.io._files import load_json, opening, parse_toml, read_text
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Callable, Mapping, Sequence
+
+Array = npt.NDArray[np.float64]
+
+_BINARY = (".npz", ".npy", ".pickle", ".pkl", ".h5", ".mat")
+
+
+@dataclass(frozen=True)
+class RawCamera:
+    """One camera as its file gives it, lengths in the file's unit.
+
+    Attributes
+    ----------
+    name : str
+    K : (3, 3) pixels
+    R : (3, 3) world → camera, to the digits of the file
+    t : (3,) world → camera
+    distortion : (n,) in OpenCV's order, or None
+    size : (width, height) pixels, or None if the format has no place for it
+    fisheye : bool
+    """
+
+    name: str
+    K: Array
+    R: Array
+    t: Array
+    distortion: Array | None
+    size: tuple[int, int] | None
+    fisheye: bool = False
+
+
+@dataclass(frozen=True)
+class Parsed:
+    """The cameras of a file, their unit (mm, cm or m) if format or file says it, and what to warn of."""
+
+    cameras: Sequence[RawCamera]
+    unit: str | None = None
+    warnings: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
+class Options:
+    """What only some formats need to be told, as in `read_calibration`; None is a format's default."""
+
+    camera_type: str | None = None
+    subject: str | None = None
+    size: tuple[int, int] | Mapping[str, tuple[int, int]] | None = None
+    binning: float | None = None
+
+
+@dataclass(frozen=True)
+class CalibrationFormat:
+    """A registered format: `matches` looks at a source, `parse` turns it into at least one camera.
+
+    `options` names the fields of `Options` that the format takes; any other that is given is refused.
+    """
+
+    name: str
+    matches: Callable[[Source], bool]
+    parse: Callable[[Source, Options], Parsed]
+    options: tuple[str, ...] = ()
+
+
+class Source:
+    """One path; its text and what the text parses to are read once, when they are first asked for.
+
+    Attributes
+    ----------
+    path : Path
+    is_folder : bool
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self.path = Path(path)
+        self.is_folder = self.path.is_dir()
+
+    @property
+    def suffix(self) -> str:
+        """The last suffix in lower case, such as ``".json"``."""
+        return self.path.suffix.lower()
+
+    @cached_property
+    def files(self) -> list[Path]:
+        """The files of a folder by name, hidden ones left out; empty for a file."""
+        if not self.is_folder:
+            return []
+        with opening(self.path, "a readable folder", "folder"):
+            return sorted(p for p in self.path.iterdir() if p.is_file() and not p.name.startswith("."))
+
+    @cached_property
+    def text(self) -> str:
+        """The file as text; empty for a folder and for files that are binary by their suffix."""
+        return "" if self.is_folder or self.suffix in _BINARY else read_text(self.path)
+
+    @cached_property
+    def start(self) -> str:
+        """The first 4096 characters without leading blanks."""
+        return self.text.lstrip()[:4096]
+
+    @cached_property
+    def json(self) -> Field:
+        """The JSON document; None as its value if the text does not begin like one."""
+        begins = self.start.startswith(("{", "[")) and self.suffix != ".toml"
+        if not begins or _is_toml_header(self.start):
+            return Field(self.path, "", None)
+        return Field(self.path, "", load_json(self.path, self.text, "a calibration"))
+
+    @cached_property
+    def xml(self) -> ET.Element | None:
+        """The root of the XML document; None if the text does not begin like one."""
+        if not self.start.startswith("<"):
+            return None
+        try:
+            return ET.fromstring(self.text)
+        except ET.ParseError as error:
+            raise DatasetError(self.path, "XML", "a well-formed XML document", str(error)) from error
+
+    @cached_property
+    def toml(self) -> dict[str, Any]:
+        """The TOML document, or `DatasetError`."""
+        return parse_toml(self.path, self.text)
+
+
+def _is_toml_header(start: str) -> bool:
+    """Whether a text that begins with ``[`` begins with a table's name, not with a list's first value."""
+    line = start.partition("\n")[0].partition("#")[0].strip()
+    inside = line.removeprefix("[").removesuffix("]").strip()
+    return line.startswith("[") and line.endswith("]") and inside[:1].isalpha()

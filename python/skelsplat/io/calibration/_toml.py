@@ -1,0 +1,145 @@
+"""TOML calibrations of the Anipose family (Anipose, Pose2Sim, FreeMoCap, Caliscope's export) and Caliscope.
+
+Anipose: one table per camera with ``matrix`` 3×3, ``rotation`` (Rodrigues, radians) and ``translation``, both
+world → camera, ``size`` (width, height), ``distortions`` (a camera without them has no lens, which is warned
+of), and optionally ``fisheye``, ``name``. Other tables are passed over. The format has no place for the
+length unit; files that this package wrote state it as ``unit`` under ``metadata``.
+
+Caliscope's ``camera_array.toml``: the tables are ``[cameras.N]``, in metres, the name is ``cam_id`` (older
+files: ``port``), ``rotation`` is a Rodrigues vector or, in older files, a matrix 3×3, and both it and
+``translation`` are null before the cameras were calibrated together. Cameras with ``ignore = true`` are
+passed over. ``rotation_count`` turns Caliscope's display, not the pixels that were calibrated.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from skelsplat.exceptions import DatasetError
+from skelsplat.io._fields import Field
+from skelsplat.io.calibration._entries import lens_of, size_of
+from skelsplat.io.calibration._format import Parsed, RawCamera
+from skelsplat.io.calibration._rotation import matrix_from_vector, vector_from_matrix
+
+if TYPE_CHECKING:
+    import skelsplat as sk
+    from skelsplat.io.calibration._format import Options, Source
+
+_REQUIRED = ("matrix", "rotation", "translation")
+_LENS = ("distortion", "distortions")
+_NOT_CAMERAS = frozenset({"metadata", "capture_volume", "charuco", "checkerboard"})
+
+
+def _looks_like_toml(text: str) -> bool:
+    """Whether the text has a TOML table header or an assignment at the start of a line."""
+    return re.search(r"^\s*(\[[^\[\]\n]+\]\s*(#.*)?$|[\w.\"-]+\s*=)", text, re.MULTILINE) is not None
+
+
+def is_anipose(source: Source) -> bool:
+    """Whether a source may be of the Anipose family: TOML that no other format claims."""
+    return not source.start.startswith(("<", "{", "%YAML")) and _looks_like_toml(source.text)
+
+
+def parse_anipose(source: Source, _: Options) -> Parsed:
+    """Return the cameras of a file of the Anipose family, in its order."""
+    document = Field(source.path, "", source.toml)
+    cameras = [document[key] for key in source.toml if _is_camera(document[key])]
+    if not cameras:
+        expected = "at least one camera table with matrix, rotation and translation"
+        raise DatasetError(source.path, "cameras", expected, f"tables {', '.join(source.toml) or 'none'}")
+    bare = [str(one.value.get("name", one.place)) for one in cameras if one.value.keys().isdisjoint(_LENS)]
+    text = f"{source.path}: no distortions for {', '.join(bare)}: read as without a lens"
+    unit = document["metadata"]["unit"].value
+    known = unit if unit in ("mm", "cm", "m") else None
+    return Parsed([_anipose_camera(one) for one in cameras], known, [text] if bare else [])
+
+
+def _is_camera(entry: Field) -> bool:
+    """Whether a top-level entry is a camera.
+
+    One of the three required keys is enough: a camera that lacks another is an error, not a table to skip.
+    """
+    return entry.place not in _NOT_CAMERAS and any(name in entry for name in _REQUIRED)
+
+
+def _anipose_camera(entry: Field) -> RawCamera:
+    fisheye = entry["fisheye"].flag()
+    lens = next((name for name in _LENS if name in entry), None)
+    size = "size" if "size" in entry or "image_size" not in entry else "image_size"
+    return RawCamera(
+        name=str(entry.value.get("name", entry.place)),
+        K=entry["matrix"].numbers((3, 3)),
+        R=matrix_from_vector(entry["rotation"].numbers((3,))),
+        t=entry["translation"].numbers((3,)),
+        distortion=None if lens is None else lens_of(entry[lens], fisheye=fisheye),
+        size=size_of(entry[size]),
+        fisheye=fisheye,
+    )
+
+
+def is_caliscope(source: Source) -> bool:
+    """Whether a source is TOML with Caliscope's tables."""
+    return "cameras." in source.text and _looks_like_toml(source.text) and bool(_caliscope(source))
+
+
+def _caliscope(source: Source) -> list[Field]:
+    cameras = Field(source.path, "", source.toml)["cameras"]
+    return [cameras[name] for name in cameras.value] if isinstance(cameras.value, dict) else []
+
+
+def parse_caliscope(source: Source, _: Options) -> Parsed:
+    """Return the cameras of Caliscope's own file that are not ignored."""
+    entries = _caliscope(source)
+    if not entries:
+        actual = f"tables {', '.join(source.toml) or 'none'}"
+        raise DatasetError(source.path, "cameras", "tables [cameras.N]", actual)
+    wanted = [entry for entry in entries if not entry.table()["ignore"].flag()]
+    if not wanted:
+        raise DatasetError(source.path, "cameras", "a camera without ignore = true", "none")
+    return Parsed([_caliscope_camera(entry) for entry in wanted], "m")
+
+
+def _caliscope_camera(entry: Field) -> RawCamera:
+    rotation, translation = entry["rotation"], entry["translation"]
+    if any(field.is_missing or field.value in (None, "null") for field in (rotation, translation)):
+        expected = "a camera that is calibrated with the others, or ignore = true"
+        raise rotation.error(expected, "no rotation and translation")
+    is_matrix = np.shape(rotation.value)[:1] == (3,) and np.ndim(rotation.value) == 2
+    fisheye = entry["fisheye"].flag()
+    number = "port" if "port" in entry and "cam_id" not in entry else "cam_id"
+    return RawCamera(
+        name=f"{'port' if number == 'port' else 'cam'}_{entry[number].text()}",  # as its videos are called
+        K=entry["matrix"].numbers((3, 3)),
+        R=rotation.numbers((3, 3)) if is_matrix else matrix_from_vector(rotation.numbers((3,))),
+        t=translation.numbers((3,)),
+        distortion=lens_of(entry["distortions"], fisheye=fisheye),
+        size=size_of(entry["size"]),
+        fisheye=fisheye,
+    )
+
+
+def to_toml(rig: sk.CameraRig) -> str:
+    """Return a rig as Anipose's TOML."""
+    digits = len(str(len(rig) - 1))  # equal lengths, because Anipose sorts tables by name
+    tables = [_table(f"cam_{index:0{digits}d}", camera) for index, camera in enumerate(rig)]
+    metadata = f'[metadata]\nadjusted = false\nerror = 0.0\nunit = "{rig.unit}"\n'
+    return "\n".join([*tables, metadata])
+
+
+def _table(key: str, camera: sk.Camera) -> str:
+    distortion = [] if camera.distortion is None else np.asarray(camera.distortion).tolist()
+    width, height = camera.size
+    entries = {
+        "name": json.dumps(camera.name or key, ensure_ascii=False),
+        "size": f"[{width}, {height}]",
+        "matrix": repr(np.asarray(camera.K).tolist()),
+        "distortions": repr(distortion or [0.0] * 4),
+        "rotation": repr(vector_from_matrix(np.asarray(camera.R)).tolist()),
+        "translation": repr(np.asarray(camera.t).tolist()),
+        "fisheye": str(bool(camera.fisheye)).lower(),
+    }
+    return "".join([f"[{key}]\n", *(f"{name} = {value}\n" for name, value in entries.items())])

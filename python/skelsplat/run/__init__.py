@@ -1,0 +1,1 @@
+"""One whole run as a library: files in; poses, findings, a report, figures and files out."""

@@ -1,0 +1,197 @@
+"""What the figures show: one frame's poses, heat maps and joints, as arrays for `skelsplat.viz`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+import skelsplat as sk
+from skelsplat.run.summary import finite_median, frame_medians
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    from skelsplat.run.job import Job
+    from skelsplat.run.read import Inputs
+    from skelsplat.run.solve import Outcome
+    from skelsplat.run.summary import Statistics
+    from skelsplat.viz import Body, CameraPanel, HeatmapRow
+
+    Array = npt.NDArray[np.float64]
+
+# Length of the cameras' mean upward direction below which they do not agree on a vertical: they look down.
+_AGREED_UP = 0.3
+# Cosine of the angle between that direction and the nearest axis, below which no axis is taken for vertical.
+_NEAR_AXIS = 0.75
+
+
+def write_figures(job: Job, inputs: Inputs, outcome: Outcome, statistics: Statistics) -> list[str]:
+    """Write ``overview.png`` and ``weights.png``, and heat maps where the method draws any; return names."""
+    from skelsplat import viz  # matplotlib takes long to load, and --help does without
+
+    frame, views = most_moved_frame(statistics.moved_mm), range(len(inputs.rig))
+    layout = inputs.layout
+    skeleton = viz.Skeleton(limbs=tuple(layout.limbs), left_right=tuple(layout.left_right))
+    data = viz.OverviewData(
+        body=_body(frame, inputs, outcome),
+        start=start_name(job),
+        error_before=statistics.error_before,
+        error_after=statistics.error_after,
+        camera_names=inputs.rig.names,
+        panels=[_camera_panel(view, frame, inputs, outcome) for view in views],
+        caption=_caption(frame, job, inputs, outcome, statistics),
+    )
+    viz.write_overview(job.out / "overview.png", data, skeleton=skeleton)
+    weights = viz.WeightData(
+        weights=np.asarray(outcome.result.view_weights),
+        frames=inputs.frames,
+        camera_names=inputs.rig.names,
+        joint_names=layout.joints,
+        rejected_below=sk.REJECTED_WEIGHT,
+    )
+    viz.write_weights(job.out / "weights.png", weights)
+    if not job.paper:
+        return ["overview.png", "weights.png"]
+    rows = [_heatmap_row(view, frame, inputs, outcome, statistics) for view in views]
+    viz.write_heatmaps(
+        job.out / "heatmaps.png", rows, skeleton=skeleton, caption=_heat_caption(inputs.frames[frame])
+    )
+    return ["overview.png", "weights.png", "heatmaps.png"]
+
+
+def start_name(job: Job) -> str:
+    """Return what the refined pose is compared with, in words."""
+    return "plain triangulation" if job.init is None else "initial pose"
+
+
+def most_moved_frame(moved_mm: Array) -> int:
+    """Return the index of the frame whose median joint moved most; one stray joint cannot decide that.
+
+    Parameters
+    ----------
+    moved_mm : (T, N)
+        Distance from the start to the refined pose; NaN where there is none. Frames in which fewer joints
+        than usual have one are left out: a person who leaves the picture would decide.
+    """
+    median, known = frame_medians(moved_mm), np.isfinite(moved_mm).sum(axis=1)
+    usual = np.median(known[known > 0]) if known.any() else 0
+    return int(np.argmax(np.where(np.isfinite(median) & (known >= usual), median, -np.inf)))
+
+
+def world_up(rig: sk.CameraRig) -> Array:
+    """Return the axis of the world nearest to the cameras' mean upward direction; z if they do not agree."""
+    mean: Array = np.mean([-np.asarray(camera.R)[1] for camera in rig], axis=0)
+    up = np.zeros(3)
+    if np.linalg.norm(mean) < _AGREED_UP:
+        up[2] = 1.0
+        return up
+    axis = int(np.argmax(np.abs(mean)))
+    up[axis] = np.sign(mean[axis])
+    return up
+
+
+def vertical_known(rig: sk.CameraRig) -> bool:
+    """Tell whether the cameras agree on a vertical that is close to an axis of the world (`world_up`)."""
+    mean: Array = np.mean([-np.asarray(camera.R)[1] for camera in rig], axis=0)
+    length = float(np.linalg.norm(mean))
+    return length >= _AGREED_UP and float(np.abs(mean).max()) >= _NEAR_AXIS * length
+
+
+def _caption(frame: int, job: Job, inputs: Inputs, outcome: Outcome, statistics: Statistics) -> str:
+    """Return which frame is drawn and why, and how many frames have joints that are not ok."""
+    here, typical = finite_median(statistics.moved_mm[frame]), finite_median(statistics.moved_mm)
+    count, status = len(inputs.frames), np.asarray(outcome.result.joint_status)
+    words, change = f"Frame {inputs.frames[frame]}", f"median joint {here:.0f} mm from the {start_name(job)}"
+    if not np.isfinite(here):
+        words += ", in which no joint can be compared with its start"
+    elif count > 1:
+        words += f", with the largest change: {change} (all frames: {typical:.0f} mm)"
+    else:
+        words += f": {change}"
+    frames = {name: int((status == name).any(axis=1).sum()) for name in ("weak", "unobserved")}
+    affected = ", ".join(f"{name} in {number}" for name, number in frames.items() if number)
+    return f"{words}; joints {affected} of {count} frames" if affected else words
+
+
+def _heat_caption(number: int) -> str:
+    what = "heat maps summed over the joints (white 0, dark 1 and more), cropped to the person"
+    return f"Frame {number}: {what}"
+
+
+def _body(frame: int, inputs: Inputs, outcome: Outcome) -> Body:
+    from skelsplat import viz  # as in write_figures
+
+    mm = inputs.rig.mm_per_unit
+    return viz.Body(
+        before=outcome.start * mm,
+        after=np.asarray(outcome.result.pose) * mm,
+        uncertainty=np.asarray(outcome.result.uncertainty) * mm**2,
+        status=np.asarray(outcome.result.joint_status),
+        up=world_up(inputs.rig),
+        frame=frame,
+        up_known=vertical_known(inputs.rig),
+    )
+
+
+def _seen(view: int, frame: int, inputs: Inputs, outcome: Outcome) -> Array:
+    """Return the detections that one camera contributes, (N, 3), in ideal pixels; NaN where it has none."""
+    used = np.isfinite(outcome.result.reprojection_error[frame, view])
+    seen = np.where(used[:, None], inputs.detections[frame, view], np.nan)
+    if outcome.config.undistort:
+        seen[:, :2] = inputs.rig[view].undistort(seen[:, :2])
+    return seen
+
+
+def _camera_panel(view: int, frame: int, inputs: Inputs, outcome: Outcome) -> CameraPanel:
+    from skelsplat import viz  # as in write_figures
+
+    camera, result = inputs.rig[view], outcome.result
+    projected, covariances = sk.project_gaussians(result.pose[frame], result.uncertainty[frame], [camera])
+    return viz.CameraPanel(
+        name=inputs.rig.names[view],
+        size=camera.size,
+        detections=_seen(view, frame, inputs, outcome)[:, :2],
+        reprojection=np.asarray(projected)[0],
+        covariances=np.asarray(covariances)[0],
+        rejected=np.asarray(result.view_weights[frame, view] < sk.REJECTED_WEIGHT),
+        swapped=np.asarray(result.swapped[frame, view]),
+    )
+
+
+def _heatmap_row(
+    view: int, frame: int, inputs: Inputs, outcome: Outcome, statistics: Statistics
+) -> HeatmapRow:
+    """Compute one camera's heat maps of one frame, in the pixels in which the renderer works (ideal ones)."""
+    from skelsplat import viz  # as in write_figures
+
+    camera, result = inputs.rig[view], outcome.result
+    pose, covariance = np.asarray(result.pose[frame]), np.asarray(result.covariance[frame])
+    start = np.asarray(result.init_pose[frame])
+    seen = _seen(view, frame, inputs, outcome)
+    pseudo = np.zeros((camera.size[1], camera.size[0]), dtype=np.float32)
+    rendering = np.zeros_like(pseudo)
+    widths = initial_covariances(inputs, outcome.config)
+    for j in np.flatnonzero(np.isfinite(seen[:, :2]).all(axis=1)):
+        one = slice(j, j + 1)  # joint by joint: all images at once would take hundreds of megabytes
+        pseudo += sk.pseudo_ground_truth(seen[one], start[one], widths[one], camera)[0]
+        rendering += sk.render(pose[one], covariance[one], camera)[0]
+    projected, _ = sk.project_gaussians(pose, covariance, [camera])
+    return viz.HeatmapRow(
+        name=inputs.rig.names[view],
+        pseudo=pseudo,
+        rendering=rendering,
+        detections=seen[:, :2],
+        reprojection=np.asarray(projected)[0],
+        median_error_px=finite_median(statistics.error_after[frame, view]),
+    )
+
+
+def initial_covariances(inputs: Inputs, config: sk.RefineConfig) -> Array:
+    """Return the covariances (N, 3, 3) that the splats start with, in the rig's unit squared."""
+    sigma_mm = np.full(inputs.layout.n_joints, config.sigma_mm)
+    if config.occlusion_sigma_mm is not None:
+        sigma_mm[list(inputs.layout.occlusion_prone)] = config.occlusion_sigma_mm
+    sigma = sigma_mm / inputs.rig.mm_per_unit
+    covariances: Array = sigma[:, None, None] ** 2 * np.eye(3)
+    return covariances

@@ -1,0 +1,55 @@
+"""Which frames of a run to draw, in its own numbers."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from skelsplat.exceptions import InvalidInputError
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
+
+@dataclass(frozen=True)
+class FrameRange:
+    """First and last frame number, None for an open end."""
+
+    first: int | None = None
+    last: int | None = None
+
+    @classmethod
+    def parse(cls, value: str | None) -> FrameRange:
+        """Return what ``A-B``, ``A-``, ``-B`` or ``A`` alone means; None is every frame.
+
+        Raises
+        ------
+        InvalidInputError
+            If it has another form.
+        """
+        match = re.fullmatch(r"\s*(\d*)\s*(-?)\s*(\d*)\s*", value or "-")
+        if match is None or (value is not None and not (match[1] or match[3])):
+            raise InvalidInputError(f"range: expected A-B, A-, -B or A, frame numbers, got {value!r}")
+        first, dash, last = match.groups()
+        ends = (first, last) if dash else (first, first)
+        return cls(*(int(end) if end else None for end in ends))
+
+    def within(self, frames: npt.NDArray[np.int64]) -> tuple[int, int]:
+        """Return the first and the last number to draw of a run's ascending ``frames``.
+
+        Raises
+        ------
+        InvalidInputError
+            If the range holds none of them.
+        """
+        known = int(frames[0]), int(frames[-1])
+        first = known[0] if self.first is None else self.first
+        last = known[1] if self.last is None else self.last
+        if not ((frames >= first) & (frames <= last)).any():
+            ends = ["" if end is None else str(end) for end in (self.first, self.last)]
+            given = ends[0] if ends[0] == ends[1] else "-".join(ends)
+            expected = f"some of the frames {known[0]} to {known[1]}"
+            raise InvalidInputError(f"range: expected {expected}, got {given}")
+        return max(first, known[0]), min(last, known[1])

@@ -1,0 +1,204 @@
+"""Refinement over lines of JSON, detections in and poses out, in the form that ``live --help`` describes.
+
+>>> session = Session(rig, layout, sk.RefineConfig(n_threads=1))  # doctest: +SKIP
+>>> session.answer(b'{"frame": 7, "detections": [[[812.5, 400.1, 0.9], ...], ...]}')  # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+import skelsplat as sk
+from skelsplat.io.poses import to_json
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import numpy.typing as npt
+
+    Array = npt.NDArray[np.float64]
+
+_PERCENTILES = (50, 90, 99, 99.9)
+# more than any detector's score: a pixel in its place
+_NO_SCORE = 100.0
+# characters of a line that a message shows
+_SHOWN = 40
+
+
+class MalformedLineError(Exception):
+    """A line that cannot be answered: what was expected in it, and what it has."""
+
+
+class Session:
+    """A refiner with its latencies: one line in, one line out.
+
+    Parameters
+    ----------
+    rig, layout, config
+        As for `skelsplat.Refiner`.
+    """
+
+    def __init__(self, rig: sk.CameraRig, layout: sk.Layout, config: sk.RefineConfig) -> None:
+        self._refiner = sk.Refiner(rig, layout=layout, config=config)
+        self._size = (len(rig), layout.n_joints)
+        self._latencies_ms: list[float] = []
+        self._skipped = 0
+        self._begun = self._ended = 0.0
+
+    def answer(self, line: bytes) -> bytes | None:
+        """Return the line that answers ``line``, None for a blank one.
+
+        Raises
+        ------
+        MalformedLineError
+            If the line is malformed; it is counted as skipped.
+        """
+        begin = time.perf_counter()
+        try:
+            frame = parse_line(line, *self._size)
+            if frame is None:
+                return None
+            if frame.reset:
+                self._refiner.reset()
+            text = answer_text(frame, self._refiner.step(frame.detections))
+        except sk.SkelSplatError as error:
+            self._skipped += 1
+            raise MalformedLineError(str(error)) from error
+        except MalformedLineError:
+            self._skipped += 1
+            raise
+        self._ended = time.perf_counter()
+        self._begun = self._begun or begin
+        self._latencies_ms.append(1000.0 * (self._ended - begin))
+        return f'{text}, "latency_ms": {self._latencies_ms[-1]:.4f}}}\n'.encode()
+
+    def summary(self) -> str:
+        """Return how many lines were answered and skipped, how fast, and the percentiles of the latency."""
+        count = len(self._latencies_ms)
+        answered = f"lines answered {count}, skipped {self._skipped}"
+        if not count:
+            return answered
+        values = np.percentile(self._latencies_ms, _PERCENTILES)
+        parts = [f"{share:g}% {value:.3f}" for share, value in zip(_PERCENTILES, values, strict=True)]
+        rate = count / max(self._ended - self._begun, 1e-9)
+        longest = f"longest {max(self._latencies_ms):.3f}"
+        return f"{answered}; {rate:.0f} per second; latency in ms: {', '.join(parts)}, {longest}"
+
+
+class Frame(NamedTuple):
+    """One line of the input: its name, the detections (M, N, 2|3), and whether to start anew."""
+
+    name: Any
+    detections: Array
+    reset: bool
+
+
+def parse_line(line: bytes, cameras: int, joints: int) -> Frame | None:
+    """Return what a line holds, None for a blank one.
+
+    Raises
+    ------
+    MalformedLineError
+        If it is no JSON, has no detections, or not those of ``cameras`` cameras and ``joints`` joints.
+    """
+    if not line.strip():
+        return None
+    try:
+        record = json.loads(line.decode("utf-8-sig"))  # Windows begins a stream with its mark
+    except json.JSONDecodeError as error:
+        raise MalformedLineError(f"expected JSON, got at column {error.colno}: {error.msg}") from error
+    except (ValueError, RecursionError) as error:
+        raise MalformedLineError(f"expected JSON, got {error}") from error
+    if not isinstance(record, dict) or "detections" not in record:
+        got = f"the keys {', '.join(record)}" if isinstance(record, dict) else json.dumps(record)[:_SHOWN]
+        raise MalformedLineError(f'expected an object with "detections", got {got}')
+    reset = record.get("reset", False)
+    if not isinstance(reset, bool):
+        raise MalformedLineError(f"reset: expected true or false, got {json.dumps(reset)}")
+    return Frame(record.get("frame"), _detections(record["detections"], cameras, joints), reset)
+
+
+def _detections(value: Any, cameras: int, joints: int) -> Array:
+    try:
+        array = np.array(value)
+    except ValueError:  # entries of different lengths, among them null for a joint or a camera
+        array = np.array(None)
+    if array.dtype.kind not in "fi" or array.shape not in ((cameras, joints, 2), (cameras, joints, 3)):
+        array = np.array(_without_nulls(value, cameras, joints))
+    array = array.astype(np.float64, copy=False)
+    if np.isinf(array).any():
+        raise MalformedLineError("detections: expected numbers, got infinity")
+    array[np.isnan(array).any(axis=-1), :2] = np.nan
+    if array.shape[-1] == 3:
+        scores = array[..., 2]
+        scores[np.isnan(scores)] = 0.0
+        scores[(scores > 1.0) & (scores < _NO_SCORE)] = 1.0  # the peak of a detector's map
+    return array
+
+
+def _without_nulls(value: Any, cameras: int, joints: int) -> list[list[list[float]]]:
+    """Return the nested lists with NaN in the place of null, or say what is wrong with them."""
+    missing = [float("nan")] * 3
+    views = []
+    for i, view in enumerate(_listed(value, cameras, "detections", "cameras")):
+        if view is None:
+            views.append([missing] * joints)
+            continue
+        points = _listed(view, joints, f"detections[{i}]", "joints")
+        views.append(
+            [missing if p is None else _point(p, f"detections[{i}][{j}]") for j, p in enumerate(points)]
+        )
+    return views
+
+
+def _listed(value: Any, count: int, place: str, what: str) -> Sequence[Any]:
+    if not isinstance(value, list) or len(value) != count:
+        got = len(value) if isinstance(value, list) else _shown(value)
+        raise MalformedLineError(f"{place}: expected a list of {count} {what}, got {got}")
+    return value
+
+
+def _point(value: Any, place: str) -> list[float]:
+    """Return [x, y, confidence] with NaN for null; a point without a confidence has 1."""
+    numbers = isinstance(value, list) and len(value) in (2, 3) and all(map(_is_number, value))
+    if not numbers:
+        raise MalformedLineError(f"{place}: expected [x, y, confidence] or null, got {_shown(value)}")
+    try:
+        point = [float("nan") if number is None else float(number) for number in value]
+    except OverflowError:  # a whole number beyond any float
+        raise MalformedLineError(f"{place}: expected finite numbers, got {_shown(value)}") from None
+    return point if len(point) == 3 else [*point, 1.0]
+
+
+def _is_number(value: Any) -> bool:
+    return value is None or (isinstance(value, int | float) and not isinstance(value, bool))
+
+
+def _shown(value: Any) -> str:
+    text = json.dumps(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def answer_text(frame: Frame, result: sk.Refinement) -> str:
+    """Return the answer to a frame as a JSON object without its closing brace.
+
+    Raises
+    ------
+    MalformedLineError
+        If the frame's name is NaN or infinite, which JSON cannot say.
+    """
+    sigma = np.sqrt(np.diagonal(result.uncertainty, axis1=-2, axis2=-1))
+    record = {
+        "frame": frame.name,
+        "pose": to_json(result.pose, by_joint=True),
+        "sigma": to_json(sigma, by_joint=True),
+        "joint_status": result.joint_status.tolist(),
+    }
+    try:
+        return json.dumps(record, allow_nan=False)[:-1]
+    except ValueError as error:
+        raise MalformedLineError(f"frame: expected a value of JSON, got {frame.name}") from error

@@ -1,0 +1,136 @@
+"""``report.json``: everything a run says, for programs to read."""
+
+from __future__ import annotations
+
+import platform
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import skelsplat as sk
+from skelsplat._json import plain
+from skelsplat.run.solve import default_threads
+from skelsplat.run.summary import DOWN_WEIGHTED, POOR_SHARE, Statistics, finite_max, finite_median
+
+if TYPE_CHECKING:
+    from skelsplat.run.job import Job
+    from skelsplat.run.read import Inputs
+    from skelsplat.run.solve import Outcome
+    from skelsplat.run.summary import Group
+
+MEANINGS = {
+    "missing": "no detection of the followed person: not detected, or not_chosen",
+    "not_chosen": "missing although people are detected in this view: none of them matches the other cameras",
+    "mean_weight": "mean weight k of the detections used: how much each is trusted, from 0 to 1",
+    "down_weighted": "detections used with a weight below down_weighted_below, including the rejected ones",
+    "rejected": "detections used with a weight below rejected_below, which hardly affect the pose",
+    "swapped": "detections assigned to the joint on the other side of the body",
+    "views_used": "views per frame with a detection of the joint that is used and not rejected",
+    "noise": "standard deviation of the detections' noise, estimated, median over the frames",
+    "error_bar": "standard deviation of a joint: root mean square over the axes of the posterior covariance",
+    "start": "what before_px and moved are measured from: the initial pose if one was given, else DLT",
+    "frames_with_a_problem": "frames to look at, by number, each with its reasons in words; what holds for "
+    "the whole recording is among the doubts instead",
+}
+_MEANING = (
+    "distance of the pose's projection from the detection in px of the original image, over the detections "
+    "used: agreement with the detections, not accuracy"
+)
+
+
+def build_report(
+    job: Job, inputs: Inputs, outcome: Outcome, statistics: Statistics, remarks: dict[str, Any]
+) -> dict[str, Any]:
+    """Return the report as JSON values; a number that does not exist is None.
+
+    ``remarks`` are further entries, such as the warnings, which are a list of sentences. Lengths carry their
+    unit in the key (``_mm``, ``_px``, ``_s``, ``_ms``); settings are those of `skelsplat.RefineConfig`.
+    """
+    report = {
+        "versions": {
+            "skelsplat": sk.__version__,
+            "python": platform.python_version(),
+            "numpy": np.__version__,
+            "platform": platform.platform(),
+        },
+        "input": _input(job, inputs),
+        "preset": "paper" if job.paper else "default",
+        "settings": outcome.config.to_dict(),
+        "ground_truth": None,
+        "meanings": MEANINGS,
+        "reprojection_error": {
+            "meaning": _MEANING,
+            "down_weighted_below": DOWN_WEIGHTED,
+            "rejected_below": sk.REJECTED_WEIGHT,
+            "poor_share_of_diagonal": POOR_SHARE,
+            "all": _group(statistics.total),
+            "cameras": [
+                {**_group(group), "poor_above_px": float(limit)}
+                for group, limit in zip(statistics.cameras, statistics.poor_px, strict=True)
+            ],
+            "joints": _joints(statistics),
+        },
+        "noise": {"median_mm": statistics.noise_mm, "median_px": statistics.noise_px},
+        "joint_statuses": statistics.statuses,
+        "stop_reasons": statistics.stop_reasons,
+        "iterations": _iterations(outcome),
+        "timing": {
+            "refine_s": outcome.seconds,
+            "ms_per_frame": 1000 * outcome.seconds / len(inputs.frames),
+            "threads": default_threads(outcome.config),
+        },
+        "note": job.note or None,
+        **remarks,
+    }
+    cleaned: dict[str, Any] = plain(report)
+    return cleaned
+
+
+def _input(job: Job, inputs: Inputs) -> dict[str, Any]:
+    return {
+        "calibration": str(job.calibration),
+        "calibration_format": inputs.calibration_format,
+        "detections": str(job.detections),
+        "format": inputs.format,
+        "offsets": inputs.offsets,
+        "order": job.order,
+        "without": list(inputs.without),
+        "mapping": job.mapping,
+        "sequence": job.sequence,
+        "init": None if job.init is None else str(job.init),
+        "init_sigma_mm": job.init_sigma_mm,
+        "unit": inputs.rig.unit,
+        "layout": inputs.layout.name,
+        "person": job.person,
+        "frame_mode": job.frames,
+        "frames": len(inputs.frames),
+        "first_frame": inputs.frames[0],
+        "last_frame": inputs.frames[-1],
+        "frame_rate_hz": job.fps,
+    }
+
+
+def _joints(statistics: Statistics) -> list[dict[str, Any]]:
+    return [
+        {
+            **_group(group),
+            "views_used_median": float(np.median(statistics.views_used[:, j])),
+            "views_used_min": int(statistics.views_used[:, j].min()),
+            "moved_median_mm": finite_median(statistics.moved_mm[:, j]),
+            "error_bar_median_mm": finite_median(statistics.error_bar_mm[:, j]),
+            "error_bar_max_mm": finite_max(statistics.error_bar_mm[:, j]),
+        }
+        for j, group in enumerate(statistics.joints)
+    ]
+
+
+def _iterations(outcome: Outcome) -> dict[str, float]:
+    steps = np.asarray(outcome.result.n_iter)
+    return {"median": float(np.median(steps)), "max": int(steps.max())}
+
+
+def _group(group: Group) -> dict[str, Any]:
+    """Return the counts of a group, and as shares of the detections used; None without any."""
+    shares = {"down_weighted_share": group.down_weighted_share, "rejected_share": group.rejected_share}
+    return {**asdict(group), **(shares if group.used else dict.fromkeys(shares))}

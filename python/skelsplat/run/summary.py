@@ -1,0 +1,257 @@
+"""What can be counted about a refined sequence without ground truth."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import skelsplat as sk
+from skelsplat._displaced import Shifts, camera_shifts, residuals
+from skelsplat.run.solve import rig_as_used
+
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+    from skelsplat.run.read import Inputs
+    from skelsplat.run.solve import Outcome
+
+    Array = npt.NDArray[np.float64]
+    Mask = npt.NDArray[np.bool_]
+
+# A detection is called poor beyond this share of the image's diagonal: 22 px at 1920 × 1080, some 40 mm on a
+# person who fills the longer side.
+POOR_SHARE = 0.01
+# A detection is called down-weighted if it is believed by less than half. With the kernel twice as wide as
+# the noise that is 3.3 standard deviations from the joint, which one in 250 sound detections exceeds.
+DOWN_WEIGHTED = 0.5
+
+
+@dataclass(frozen=True)
+class Group:
+    """The detections of one camera or of one joint over all frames.
+
+    ``before_px`` and ``after_px`` are medians over the same detections (NaN without any); ``used`` +
+    ``left_out`` + ``missing`` is their number. Left out are those below the least confidence and those of
+    joints that have no position. ``not_chosen`` ones are among the missing: somebody is detected in the
+    view and another, but here nobody who fits. ``down_weighted`` (the ``rejected`` among them), ``swapped``
+    and ``poor`` ones are among the used, and ``mean_weight`` is their mean weight k.
+    """
+
+    name: str
+    before_px: float
+    after_px: float
+    p90_before_px: float
+    p90_after_px: float
+    used: int
+    left_out: int
+    missing: int
+    not_chosen: int
+    down_weighted: int
+    rejected: int
+    swapped: int
+    mean_weight: float
+    poor: int
+
+    @property
+    def rejected_share(self) -> float:
+        """Part of the used detections that is rejected; 0 without any."""
+        return self.rejected / self.used if self.used else 0.0
+
+    @property
+    def down_weighted_share(self) -> float:
+        """Part of the used detections that is down-weighted; 0 without any."""
+        return self.down_weighted / self.used if self.used else 0.0
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """All that the table, the report and the figures say in numbers.
+
+    Attributes
+    ----------
+    error_before, error_after : (T, M, N)
+        Reprojection errors in px, NaN for detections that were not used.
+    residual : (T, M, N, 2)
+        Detection − projection in px of the joint that it was used for, NaN for detections that were not used.
+    shifts : Shifts
+        Where every camera's detections lie beside the pose.
+    rejected : (T, M, N)
+        Detections that are used and rejected.
+    views_used : (T, N)
+        Number of views whose detection of the joint is used and not rejected.
+    moved_mm : (T, N)
+        Distance of each refined joint from its start, in mm.
+    error_bar_mm : (T, N)
+        Standard deviation of each joint, the root mean square over the axes, in mm.
+    noise_mm, noise_px : float
+        Standard deviation of the detections' noise, median over the frames: across the ray, and in the image.
+    poor_px : (M,)
+        The error beyond which a detection of this camera is called poor.
+    cameras, joints : list of Group
+    total : Group
+    stop_reasons, statuses : dict
+        Number of frames per stop reason; number of joints (over all frames) per status.
+    """
+
+    error_before: Array
+    error_after: Array
+    residual: Array
+    shifts: Shifts
+    rejected: Mask
+    views_used: npt.NDArray[np.int64]
+    moved_mm: Array
+    error_bar_mm: Array
+    noise_mm: float
+    noise_px: float
+    poor_px: Array
+    cameras: list[Group]
+    joints: list[Group]
+    total: Group
+    stop_reasons: dict[str, int]
+    statuses: dict[str, int]
+
+    def without_bars(self, where: Mask) -> Statistics:
+        """Return the same without the error bars where (T, N) holds, as of positions that were replaced."""
+        return replace(self, error_bar_mm=np.where(where, np.nan, self.error_bar_mm))
+
+
+def summarise(inputs: Inputs, outcome: Outcome) -> Statistics:
+    """Count and measure a refined sequence against its own detections."""
+    result, mm = outcome.result, inputs.rig.mm_per_unit
+    after = np.asarray(result.reprojection_error)
+    used = np.isfinite(after)
+    before = np.where(used, _reprojection_error(outcome, inputs), np.nan)
+    poor_px = np.array([POOR_SHARE * np.hypot(*camera.size) for camera in inputs.rig])
+    every = _Detections(
+        before=before,
+        after=after,
+        there=np.isfinite(inputs.detections[..., :2]).all(axis=-1) & (inputs.detections[..., 2] > 0),
+        nobody_fits=np.broadcast_to(inputs.nobody_fits[..., None], used.shape),
+        weight=np.where(used, result.view_weights, np.nan),
+        swapped=used & np.asarray(result.swapped),
+        poor=used & (after > poor_px[:, None]),
+    )
+    residual = np.where(used[..., None], _residuals(inputs, outcome), np.nan)
+    rejected = every.weight < sk.REJECTED_WEIGHT
+    variance = np.trace(result.uncertainty, axis1=-2, axis2=-1) / 3
+    return Statistics(
+        error_before=before,
+        error_after=after,
+        residual=residual,
+        shifts=camera_shifts(residual),
+        rejected=rejected,
+        views_used=(used & ~rejected).sum(axis=1),
+        moved_mm=np.linalg.norm(np.asarray(result.pose) - outcome.start, axis=-1) * mm,
+        error_bar_mm=np.sqrt(variance) * mm,
+        noise_mm=finite_median(result.noise) * mm,
+        noise_px=finite_median(np.asarray(result.noise) / _pixel_sizes(inputs, outcome)),
+        poor_px=poor_px,
+        cameras=[_group(name, every.part(np.s_[:, i])) for i, name in enumerate(inputs.rig.names)],
+        joints=[_group(name, every.part(np.s_[..., j])) for j, name in enumerate(inputs.layout.joints)],
+        total=_group("all", every),
+        stop_reasons=_count(result.stop_reason),
+        statuses=_count(result.joint_status),
+    )
+
+
+def finite_median(values: npt.ArrayLike) -> float:
+    """Return the median of the finite values, NaN if there is none."""
+    return _percentile(np.asarray(values, dtype=np.float64), 50)
+
+
+def frame_medians(values: Array) -> Array:
+    """Return the median of what is finite in every frame of (T, …), NaN where there is nothing."""
+    frames = np.where(np.isfinite(values), values, np.nan).reshape(len(values), -1)
+    ordered = np.sort(frames, axis=1)  # NaN comes last
+    every, last = np.arange(len(frames)), np.maximum(np.isfinite(frames).sum(axis=1) - 1, 0)
+    medians: Array = (ordered[every, last // 2] + ordered[every, (last + 1) // 2]) / 2
+    return medians
+
+
+def finite_max(values: npt.ArrayLike) -> float:
+    """Return the largest finite value, NaN if there is none."""
+    return _percentile(np.asarray(values, dtype=np.float64), 100)
+
+
+def _reprojection_error(outcome: Outcome, inputs: Inputs) -> Array:
+    """Return the distances in px, (T, M, N), of the start from the detections as given."""
+    projected = _projected(outcome.start, inputs, outcome)
+    error: Array = np.linalg.norm(projected - inputs.detections[..., :2], axis=-1)
+    return error
+
+
+def _residuals(inputs: Inputs, outcome: Outcome) -> Array:
+    """Return detection − refined pose in px, (T, M, N, 2)."""
+    projected = _projected(outcome.result.pose, inputs, outcome)
+    swapped = np.asarray(outcome.result.swapped)
+    return residuals(inputs.detections[..., :2], projected, swapped, inputs.layout.left_right)
+
+
+def _projected(pose: npt.ArrayLike, inputs: Inputs, outcome: Outcome) -> Array:
+    """Return the pixels (T, M, N, 2) of a pose, with the lenses that were used."""
+    rig = rig_as_used(inputs.rig, undistort=outcome.config.undistort)
+    return np.moveaxis(np.asarray(sk.project(pose, rig)), 0, 1)
+
+
+def _pixel_sizes(inputs: Inputs, outcome: Outcome) -> Array:
+    """Return the mean size of a pixel at the joints of every frame, (T,), in the unit of the cameras."""
+    pose = np.asarray(outcome.result.pose)
+    ranges = np.stack([np.linalg.norm(pose - camera.centre, axis=-1) for camera in inputs.rig], axis=1)
+    focal = np.array([(camera.K[0, 0] + camera.K[1, 1]) / 2 for camera in inputs.rig])
+    seen = np.isfinite(outcome.result.reprojection_error)
+    total = np.where(seen, ranges / focal[:, None], 0.0).sum(axis=(1, 2))
+    count = seen.sum(axis=(1, 2))
+    mean: Array = np.divide(total, count, out=np.full(len(pose), np.nan), where=count > 0)
+    return mean
+
+
+@dataclass(frozen=True)
+class _Detections:
+    """Errors, whether a detection is there, its weight and what was found of it; (T, M, N) or a part."""
+
+    before: Array
+    after: Array
+    there: Mask
+    nobody_fits: Mask
+    weight: Array
+    swapped: Mask
+    poor: Mask
+
+    def part(self, index: Any) -> _Detections:
+        return _Detections(**{entry.name: getattr(self, entry.name)[index] for entry in fields(self)})
+
+
+def _group(name: str, detections: _Detections) -> Group:
+    used = np.isfinite(detections.after)
+    missing = ~detections.there & ~used
+    both = used & np.isfinite(detections.before)
+    before, after = detections.before[both], detections.after[both]
+    weights = detections.weight[np.isfinite(detections.weight)]
+    return Group(
+        name=name,
+        before_px=finite_median(before),
+        after_px=finite_median(after),
+        p90_before_px=_percentile(before, 90),
+        p90_after_px=_percentile(after, 90),
+        used=int(used.sum()),
+        left_out=int((detections.there & ~used).sum()),
+        missing=int(missing.sum()),
+        not_chosen=int((missing & detections.nobody_fits).sum()),
+        down_weighted=int((weights < DOWN_WEIGHTED).sum()),
+        rejected=int((weights < sk.REJECTED_WEIGHT).sum()),
+        swapped=int(detections.swapped.sum()),
+        mean_weight=float(weights.mean()) if weights.size else float("nan"),
+        poor=int(detections.poor.sum()),
+    )
+
+
+def _percentile(values: Array, share: float) -> float:
+    finite = values[np.isfinite(values)]
+    return float(np.percentile(finite, share)) if finite.size else float("nan")
+
+
+def _count(labels: npt.ArrayLike) -> dict[str, int]:
+    return dict(Counter(str(label) for label in np.asarray(labels).ravel()).most_common())

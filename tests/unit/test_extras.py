@@ -1,0 +1,90 @@
+"""Extras: what works without one, and the pip line where nothing does."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from command_line import assert_fails, invoke
+from skelsplat import _optional
+
+PICTURES = {"overview.png", "weights.png", "report.html"}
+NEEDS = "report.html and figures need skelsplat[viz]: pip install 'skelsplat[viz]'"
+EXTRAS = {"all", "evaluation", "formats", "temporal", "video", "viz"}
+
+
+@pytest.fixture
+def without_viz(monkeypatch):
+    for module in _optional.DRAWING:
+        monkeypatch.setitem(sys.modules, module, None)
+
+
+@pytest.mark.parametrize("missing", _optional.DRAWING)
+def test_demo_without_a_package_for_pictures_writes_all_else_and_warns(tmp_path, monkeypatch, missing):
+    monkeypatch.setitem(sys.modules, missing, None)
+    result = invoke("demo", "-o", tmp_path / "run")
+    assert result.exit_code == 0
+    assert f"warning: {NEEDS}\n" in result.stderr
+    names = {path.name for path in (tmp_path / "run").iterdir()}
+    assert {"pose.npz", "pose.csv", "pose.trc", "report.json", "cameras.json", "detections.npz"} <= names
+    assert not names & PICTURES
+    assert "overview.png" not in result.stdout
+    report = json.loads((tmp_path / "run" / "report.json").read_text())
+    assert NEEDS in json.dumps(report["warnings"])
+    assert not {*report["files"]} & PICTURES
+
+
+def test_a_run_without_viz_removes_the_pictures_of_the_run_before(tmp_path, monkeypatch):
+    out = tmp_path / "run"
+    assert invoke("demo", "-o", out, "--quiet").exit_code == 0
+    assert {path.name for path in out.iterdir()} >= PICTURES
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    assert invoke("demo", "-o", out, "--quiet").exit_code == 0
+    assert not {path.name for path in out.iterdir()} & PICTURES
+
+
+@pytest.mark.usefixtures("without_viz")
+def test_plot_without_viz_fails_with_the_pip_line(tmp_path):
+    assert invoke("demo", "-o", tmp_path / "run", "--quiet").exit_code == 0
+    assert_fails(invoke("plot", tmp_path / "run"), 1, "pip install 'skelsplat[viz]'")
+    assert not (tmp_path / "run" / "plots").exists()
+
+
+@pytest.mark.usefixtures("without_viz")
+def test_the_chart_of_an_ablation_is_left_out_without_viz(tmp_path):
+    result = invoke("ablate", "symmetry", "--poses", 2, "-o", tmp_path)
+    assert result.exit_code == 0
+    assert f"warning: {NEEDS}\n" in result.stderr
+    assert sorted(path.suffix for path in tmp_path.iterdir()) == [".csv", ".json", ".md"]
+
+
+@pytest.mark.parametrize(
+    "missing", ["matplotlib", "plotly", "cv2", "scipy", "pandas", "xarray", "ezc3d", "PIL"]
+)
+def test_the_package_and_its_commands_load_without(missing):
+    program = f"import sys; sys.modules[{missing!r}] = None; import skelsplat, skelsplat.cli, skelsplat.run"
+    subprocess.run([sys.executable, "-c", program], check=True, timeout=60)
+
+
+def test_drawing_without_matplotlib_says_what_to_install():
+    program = (
+        "import sys; sys.modules['matplotlib'] = None\n"
+        "try: import skelsplat.viz\n"
+        "except ImportError as error: print(error)"
+    )
+    run = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True)
+    assert run.stdout.startswith("figures: expected the package matplotlib to be installed, got ")
+    assert run.stdout.endswith("run: pip install 'skelsplat[viz]'\n")
+
+
+def test_every_extra_that_a_message_names_exists_and_is_part_of_all():
+    root = Path(__file__).parents[2]
+    project = (root / "pyproject.toml").read_text(encoding="utf-8")
+    assert 'all = ["skelsplat[evaluation,formats,temporal,video,viz]"]' in project
+    for extra in EXTRAS:
+        assert f"\n{extra} = [" in project
+    assert '[all]"' in (root / "Makefile").read_text(encoding="utf-8")

@@ -1,0 +1,50 @@
+"""Findings: facts, one sentence each, and the way through JSON and through Python warnings."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from itertools import combinations
+
+import pytest
+
+from skelsplat import _sentences
+from skelsplat.findings import Finding, FindingWarning, Remedy, Subject, collected_warnings, remark
+
+
+def test_kinds_of_different_origins_differ():
+    for one, other in combinations(_sentences.ORIGINS, 2):
+        assert not set(one) & set(other)
+
+
+def test_a_finding_survives_json(monkeypatch):
+    monkeypatch.setitem(_sentences.SENTENCES, "off", "{cameras} is {error_px:.1f} px off in frames {frames}.")
+    finding = Finding(
+        "off",
+        "error",
+        Subject(cameras=("a", "b c"), frames=(3, 4)),
+        {"error_px": 2.25},
+        (Remedy("without", "b c"), Remedy("y_up")),
+    )
+    entry = json.loads(json.dumps(finding.to_dict()))
+    assert entry["text"] == finding.text == "a, b c is 2.2 px off in frames 3, 4."
+    assert entry["subject"] == {"cameras": ["a", "b c"], "frames": [3, 4]}
+    assert Finding.from_dict(entry) == finding
+    assert [remedy.text for remedy in finding.remedy] == ["--without 'b c'", "--y-up"]
+
+
+def test_warnings_are_collected_as_findings_each_once():
+    finding = remark("of a file")
+    told = []
+    with collected_warnings(told.append) as found:
+        for _ in range(2):
+            warnings.warn("one\n  line", stacklevel=1)
+            warnings.warn(FindingWarning(finding), stacklevel=1)
+    assert found == told == [remark("one line"), finding]
+    assert [one.text for one in found] == ["one line", "of a file"]
+    assert {one.severity for one in found} == {"note"}
+
+
+def test_a_finding_warns_with_its_text():
+    with pytest.warns(UserWarning, match="^of a file$"):
+        warnings.warn(FindingWarning(remark("of a file")), stacklevel=1)
