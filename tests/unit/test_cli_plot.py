@@ -238,4 +238,4 @@ def test_wrong_input_is_named(tmp_path):
 def test_a_folder_that_cannot_be_written_is_named(tmp_path):
     path = written(tmp_path / "walk.npz", h36m())
     (tmp_path / "file").write_text("x")
-    assert_fails(invoke("plot", path, "-o", tmp_path / "file"), 1, "--output", "folder")
+    assert_fails(invoke("plot", path, "-o", tmp_path / "file"), 1, "output: expected a folder")

@@ -9,7 +9,7 @@ import typer
 
 from skelsplat.cli import _calibration as calibration
 from skelsplat.cli import options
-from skelsplat.cli._calibration import CalibrationOptions, listed, usage
+from skelsplat.cli._calibration import listed, usage, width_and_height
 from skelsplat.cli.config import from_file
 from skelsplat.cli.output import print_json
 from skelsplat.cli.table import tell
@@ -17,7 +17,7 @@ from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import collected_warnings
 from skelsplat.io import convert_unit, write_calibration
 from skelsplat.io._run_files import POSES
-from skelsplat.io.calibration import find_format
+from skelsplat.io.calibration import find_format, read_calibration
 from skelsplat.io.convert import convert_poses, is_pose_file
 from skelsplat.io.poses import POSE_FORMATS, pose_format
 
@@ -178,13 +178,13 @@ def _calibration(source: Path, target: Path, given: dict[str, Any]) -> tuple[str
     unit = given.pop("to_unit", None)
     if unit is not None:
         options.one_of("--to-unit", unit, ("mm", "cm", "m"))
-    read = CalibrationOptions(**given)
-    rig = read.read(source)
+    size = given.pop("size", None)
+    rig = read_calibration(source, size=None if size is None else width_and_height(size), **given)
     if target.resolve() == source.resolve():
         raise DatasetError(target, "target", "another file than the source", "the same")
     written = rig if unit is None else convert_unit(rig, unit)
     write_calibration(target, written)
     cameras = f"{len(rig)} camera{'s' * (len(rig) != 1)} ({listed(rig.names)})"
-    about = {"format": read.format_of(source), "cameras": list(rig.names)}
+    about = {"format": given.get("format") or find_format(source), "cameras": list(rig.names)}
     sentence = f"Wrote {cameras} to {target}, lengths in {written.unit}."
     return sentence, {**about, "unit": {"input": rig.unit, "output": written.unit}}

@@ -111,6 +111,7 @@ _Png = Annotated[bool, _flag("--png", "Write a folder of PNG files instead of a 
 _Grid = Annotated[bool, _flag("--grid", "Write all cameras side by side into grid.mp4.", _OUTPUT)]
 
 
+# long: a parameter per option
 def overlay(
     run: _Run,
     videos: _Videos,

@@ -74,13 +74,7 @@ class RunFolder:
 def write_run_inputs(
     folder: Path, rig: sk.CameraRig, layout: sk.Layout, detections: Array, frames: npt.NDArray[np.int64]
 ) -> list[str]:
-    """Write the cameras and the detections (T, M, N, 3) of one person; return the names of the files.
-
-    Raises
-    ------
-    DatasetError
-        If a file cannot be written.
-    """
+    """Write the cameras and the detections (T, M, N, 3) of one person; return the names of the files."""
     write_calibration(folder / CAMERAS, rig)
     names = {
         "camera_names": np.array(rig.names, dtype=np.str_),
@@ -116,9 +110,8 @@ def read_run(path: str | os.PathLike[str]) -> RunFolder:
         ("frames", found.frames.tolist(), poses.frames.tolist()),
     ):
         if expected != actual:
-            raise DatasetError(
-                folder / POSES, name, f"those of the same run ({_short(expected)})", _short(actual)
-            )
+            same = f"those of the same run ({_short(expected)})"
+            raise DatasetError(folder / POSES, name, same, _short(actual))
     return RunFolder(folder, rig, layout, found.people[:, :, 0], poses, report)
 
 

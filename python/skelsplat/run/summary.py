@@ -13,6 +13,8 @@ from skelsplat._displaced import Shifts, camera_shifts, residuals
 from skelsplat.run.solve import rig_as_used
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     import numpy.typing as npt
 
     from skelsplat.run.read import Inputs
@@ -65,6 +67,13 @@ class Group:
         """Part of the used detections that is down-weighted; 0 without any."""
         return self.down_weighted / self.used if self.used else 0.0
 
+    @classmethod
+    def from_dict(cls, entry: Mapping[str, Any]) -> Group:
+        """Return the group of an entry of ``report.json``; null is NaN."""
+        held = {part.name: entry[part.name] for part in fields(cls)}
+        filled: dict[str, Any] = {k: float("nan") if value is None else value for k, value in held.items()}
+        return cls(**filled)
+
 
 @dataclass(frozen=True)
 class Statistics:
@@ -116,6 +125,11 @@ class Statistics:
     def without_bars(self, where: Mask) -> Statistics:
         """Return the same without the error bars where (T, N) holds, as of positions that were replaced."""
         return replace(self, error_bar_mm=np.where(where, np.nan, self.error_bar_mm))
+
+    def with_groups_of(self, errors: Mapping[str, Any]) -> Statistics:
+        """Return the same with the groups of a report's ``reprojection_error``."""
+        cameras, joints = ([Group.from_dict(one) for one in errors[key]] for key in ("cameras", "joints"))
+        return replace(self, cameras=cameras, joints=joints, total=Group.from_dict(errors["all"]))
 
 
 def summarise(inputs: Inputs, outcome: Outcome) -> Statistics:

@@ -40,9 +40,8 @@ def parse(source: Source, options: Options) -> Parsed:
     poses = extrinsics[_subject(extrinsics, options.subject)].table()
     if not poses.value:
         raise poses.error("a camera", "none")
-    return Parsed(
-        [_camera(intrinsics[name].table(), poses[name].table(), name) for name in poses.value], "mm"
-    )
+    cameras = [_camera(intrinsics[name].table(), poses[name].table(), name) for name in poses.value]
+    return Parsed(cameras, "mm")
 
 
 def _subject(extrinsics: Field, subject: str | None) -> str:
@@ -52,9 +51,8 @@ def _subject(extrinsics: Field, subject: str | None) -> str:
         return str(known[0])
     if subject not in known:
         got = "none" if subject is None else repr(subject)
-        raise InvalidInputError(
-            f"subject: expected one of {', '.join(known)} for {extrinsics.path}, got {got}"
-        )
+        expected = f"one of {', '.join(known)} for {extrinsics.path}"
+        raise InvalidInputError(f"subject: expected {expected}, got {got}")
     return str(subject)
 
 

@@ -23,7 +23,7 @@ import numpy as np
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._arrays import load_plain_npz
 from skelsplat.io._fields import Field
-from skelsplat.io.calibration._entries import lens_of, size_of
+from skelsplat.io.calibration._entries import camera_of
 from skelsplat.io.calibration._format import Parsed, RawCamera
 
 if TYPE_CHECKING:
@@ -62,16 +62,7 @@ def parse_json(source: Source, _: Options) -> Parsed:
 
 
 def _camera(entry: Field) -> RawCamera:
-    fisheye = entry["fisheye"].flag()
-    return RawCamera(
-        name=entry["name"].text(),
-        K=entry["K"].numbers((3, 3)),
-        R=entry["R"].numbers((3, 3)),
-        t=entry["t"].numbers((3,)),
-        distortion=lens_of(entry["distortion"], fisheye=fisheye),
-        size=size_of(entry["size"]),
-        fisheye=fisheye,
-    )
+    return camera_of(entry, distortion="distortion", size="size", fisheye=entry["fisheye"].flag())
 
 
 def _checked_unit(unit: Field) -> str:
