@@ -190,7 +190,7 @@ class Job:
 
 def is_paper(config: sk.RefineConfig) -> bool:
     """Whether these are settings of the paper's method."""
-    return config.optimizer == "adam"
+    return config.method == "paper"
 
 
 def _one_of(option: str, value: str | None, choices: Iterable[str | None]) -> None:
