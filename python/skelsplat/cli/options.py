@@ -174,7 +174,7 @@ Sigma = Annotated[
         metavar="MM",
         help="Width σ of a joint's Gaussian, in mm: the largest at the end, with --paper the one at the "
         "start.",
-        show_default=f"{_DEFAULT.sigma:.1f}, with --paper {_PAPER.sigma:.1f}",
+        show_default=f"{_DEFAULT.sigma_mm:.1f}, with --paper {_PAPER.sigma_mm:.1f}",
         rich_help_panel=_METHOD,
     ),
 ]
@@ -183,7 +183,7 @@ OcclusionSigma = Annotated[
     typer.Option(
         metavar="MM",
         help="Width σ of elbows, wrists and ankles, in mm.",
-        show_default="as --sigma",
+        show_default="as --sigma-mm",
         rich_help_panel=_METHOD,
     ),
 ]
