@@ -11,7 +11,7 @@ import skelsplat as sk
 from skelsplat import metrics, synthetic, temporal
 from skelsplat.association import choose_person
 from skelsplat.evaluation import baselines
-from skelsplat.evaluation.bootstrap import mean_interval
+from skelsplat.evaluation.scores import mean_interval
 from skelsplat.io import PoseData
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 from typer.testing import CliRunner
 
 from skelsplat.cli import app
@@ -16,6 +18,16 @@ RESULTS = {
 
 def invoke(*args):
     return CliRunner().invoke(app, [str(arg) for arg in args], env={"COLUMNS": "80"})
+
+
+def read_report(out):
+    return json.loads((out / "report.json").read_text())
+
+
+def texts(report, *severities):
+    """Return the sentences of a report's findings: of warnings and errors, if nothing else is asked for."""
+    wanted = severities or ("error", "warning")
+    return [finding["text"] for finding in report["findings"] if finding["severity"] in wanted]
 
 
 def assert_fails(result, status, *parts):

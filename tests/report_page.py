@@ -61,9 +61,8 @@ def report_data(walk=None, names=("door", "window"), **changes):
         "shapes": shapes(names),
         "cameras": table,
         "joints": table,
-        "heat": report.HeatMaps(
-            errors_px=np.full((len(names), joints), 2.0), rejected=np.full((len(names), joints), 0.1)
-        ),
+        "errors_px": np.full((len(names), joints), 2.0),
+        "rejected": np.full((len(names), joints), 0.1),
         "lines": [
             report.TimeLine("Error", "px", curve, beside=curve + 1.0, beside_name="before"),
             report.TimeLine("Rejected", "", curve, peaks=True),

@@ -9,8 +9,8 @@ import numpy as np
 import skelsplat as sk
 from skelsplat import synthetic
 from skelsplat.association import take_people
-from skelsplat.run.findings import find_doubts
-from skelsplat.run.people import people_doubts
+from skelsplat.run.findings import find_findings
+from skelsplat.run.people import find_people
 from skelsplat.run.person import look_around, pick_places
 from skelsplat.run.read import Inputs
 from skelsplat.run.solve import Outcome
@@ -51,22 +51,23 @@ def crowd_of(people, rig, person):
 
 
 def doubts_of(people, rig, person="consistent"):
-    """Return the doubts that a run with ``person`` follows one person."""
+    """Return the sentences of a run with ``person`` on whether it follows one person."""
     index, _ = pick_places(people, rig, person, LAYOUT)
     crowd = look_around(people, index, rig, person, LAYOUT)
     inputs = SimpleNamespace(person=person, crowd=crowd, layout=LAYOUT, rig=rig)
     result = sk.refine(None, take_people(people, index), rig, layout=LAYOUT)
-    return list(people_doubts(inputs, SimpleNamespace(result=result)))
+    return [finding.text for finding in find_people(inputs, SimpleNamespace(result=result))]
 
 
 def findings_of(people, rig, person="consistent"):
-    """Return all doubts of a run with ``person`` among people (T, M, P, 17, 3)."""
-    index, nobody_fits = pick_places(people, rig, person, LAYOUT)
+    """Return the sentences of all findings of a run with ``person`` among people (T, M, P, 17, 3)."""
+    index, unmatched = pick_places(people, rig, person, LAYOUT)
     detections = take_people(people, index)
     crowd = look_around(people, index, rig, person, LAYOUT)
     inputs = Inputs(
-        rig, LAYOUT, detections, nobody_fits, np.arange(len(detections)), None, person=person, crowd=crowd
+        rig, LAYOUT, detections, unmatched, np.arange(len(detections)), person=person, crowd=crowd
     )
     result = sk.refine(None, detections, rig, layout=LAYOUT)
-    outcome = Outcome(result, sk.RefineConfig(), sk.triangulate(detections, rig, method="dlt"), 0.0)
-    return find_doubts(inputs, outcome, summarise(inputs, outcome), np.asarray(result.joint_status))
+    outcome = Outcome.of(result, sk.RefineConfig(), inputs)
+    found = find_findings(inputs, outcome, summarise(inputs, outcome), np.asarray(result.joint_status))
+    return [finding.text for finding in found]

@@ -63,9 +63,9 @@ def _findings(rig: sk.CameraRig, calibrated: sk.CameraRig) -> str:
         path = out / "report.json"
         if not path.is_file():
             return f"exit {status}; {text.getvalue()[-120:]}"
-        doubts = json.loads(path.read_text())["doubts"]
-    about = [doubt for doubt in doubts if "calibration" in doubt]
-    first = [doubt.split("'s ")[0].split(" ")[0] for doubt in about]
+        findings = json.loads(path.read_text())["findings"]
+    about = [one for one in findings if one["kind"] in ("camera_disagrees", "camera_displaced")]
+    first = [one["subject"]["cameras"][0] for one in about]
     return f"exit {status}; {', '.join(first) or 'no finding'}"
 
 

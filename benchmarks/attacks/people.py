@@ -24,10 +24,10 @@ _TRIAL = DATA / "pose2sim_demo"
 _FRAMES = 60
 # What findings of this kind have in common with their words, and what each is called in the table.
 _KINDS = {
-    "people mixed": "mixes people",
-    "2 visible": "people are visible",
-    "limbs vary": "Limb lengths vary",
-    "rejected": "of all detections are rejected",
+    "people mixed": "people_mixed",
+    "2 visible": "people_visible",
+    "limbs vary": "limb_lengths_vary",
+    "rejected": "many_rejected",
 }
 
 
@@ -52,8 +52,8 @@ def _run(*arguments: object) -> str:
             except SystemExit as end:
                 status = int(end.code or 0)
         path = Path(out) / "report.json"
-        findings = json.loads(path.read_text())["doubts"] if path.is_file() else []
-    given = [name for name, words in _KINDS.items() if any(words in finding for finding in findings)]
+        findings = [one["kind"] for one in json.loads(path.read_text())["findings"]] if path.is_file() else []
+    given = [name for name, kind in _KINDS.items() if kind in findings]
     return f"exit {status}; {', '.join(given) or 'none of this kind'}"
 
 

@@ -13,18 +13,20 @@ from pathlib import Path
 
 from PIL import Image
 
-COLOURS = 128
+NAME = "skelsplat-demo"  # the folder of the run, which a picture names
+COLOURS = 256
 # left, top, right, bottom of the body's two views in parts of the overview
 POSE = (0.0, 0.035, 0.67, 0.565)
 
 
 def main(folder: Path) -> None:
     with tempfile.TemporaryDirectory() as made:
-        subprocess.run([sys.executable, "-m", "skelsplat", "demo", "-o", made, "--quiet"], check=False)
-        overview = Image.open(Path(made) / "overview.png").convert("RGB")
-        weights = Image.open(Path(made) / "weights.png").convert("RGB")
-        subprocess.run([sys.executable, "-m", "skelsplat", "plot", made, "--quiet"], check=True)
-        paths = Image.open(Path(made) / "plots" / "trajectories.png").convert("RGB")
+        for command in (["demo", "-o", NAME], ["plot", NAME]):
+            subprocess.run([sys.executable, "-m", "skelsplat", *command, "--quiet"], check=True, cwd=made)
+        overview, weights, paths = (
+            Image.open(Path(made) / NAME / picture).convert("RGB")
+            for picture in ("overview.png", "weights.png", "plots/trajectories.png")
+        )
     width, height = overview.size
     box = (POSE[0] * width, POSE[1] * height, POSE[2] * width, POSE[3] * height)
     for name, picture in (

@@ -210,10 +210,10 @@ class Setting:
 class RefineConfig:
     """Settings of ``refine``. Immutable.
 
-    ``RefineConfig(...)`` is the default method, ``annealed``: splats that narrow to the noise of the detections,
-    from any start. ``RefineConfig.paper(...)`` is the published one, ``paper``: pixels and Adam. Every setting is
-    a keyword, a setting of the other method is refused, and one that is left out keeps its default. Lengths are
-    in mm whatever the unit of the cameras, and their names say so.
+    ``RefineConfig(...)`` is the default method, ``annealed``: splats that narrow to the noise of the
+    detections, from any start. ``RefineConfig.paper(...)`` is the published one, ``paper``: pixels and Adam.
+    Every setting is a keyword, a setting of the other method is refused, and one that is left out keeps its
+    default. Lengths are in mm whatever the unit of the cameras, and their names say so.
 
     Parameters
     ----------
@@ -318,7 +318,7 @@ class RefineConfig:
     def replace(self, **fields: Any) -> RefineConfig:
         """Return a copy with some settings changed."""
     def to_dict(self) -> dict[str, Any]:
-        """Return the method and every setting with its value; ``RefineConfig(**fields)`` makes the same again."""
+        """Return the method and every setting; ``RefineConfig(**fields)`` makes the same again."""
     @staticmethod
     def settings(method: str = "annealed") -> list[Setting]:
         """Return the table of the settings of a method, its own first."""

@@ -48,7 +48,7 @@ class Remedy:
     option : str
         Its name without dashes: ``"without"``.
     value : Any
-        Its value: ``"cam_03"``; True for an option without one.
+        Its value: ``"cam_03"``; True for an option without one, None where it is for the user to choose.
     """
 
     option: str
@@ -58,7 +58,7 @@ class Remedy:
     def text(self) -> str:
         """The option as it is pasted into a shell: ``--without cam_03``."""
         flag = "--" + self.option.replace("_", "-")
-        return flag if self.value is True else f"{flag} {shlex.quote(str(self.value))}"
+        return flag if self.value is None or self.value is True else f"{flag} {shlex.quote(str(self.value))}"
 
 
 @dataclass(frozen=True)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import re
 import shutil
 
 import numpy as np
 import pytest
 
-from command_line import invoke
+from command_line import invoke, read_report, texts
 from detection_files import CASES, Take
 
 OPTIONS = ["--unit", "m", "--layout", "body25b", "--fps", 60, "--no-html"]
@@ -34,7 +33,7 @@ def doubts(trial, out, person):
     result = invoke("refine", *arguments)
     assert result.exit_code == 0, result.output
     assert max(len(line) for line in result.stdout.splitlines() if line.startswith("!")) <= 80
-    return json.loads((out / "report.json").read_text())["doubts"]
+    return texts(read_report(out))
 
 
 def test_the_first_entries_of_the_files_are_several_people(trial, tmp_path):

@@ -5,13 +5,12 @@ import pytest
 
 import skelsplat as sk
 from skelsplat import synthetic
-from skelsplat.synthetic import rigs
 
 VIEWS = {
-    "human36m": rigs.human36m_views(),
-    "dome": rigs.dome_views(),
-    "stereo": rigs.stereo_views(),
-    "table": rigs.table_views(),
+    "human36m": synthetic.human36m_like(),
+    "dome": synthetic.dome(),
+    "stereo": synthetic.stereo(),
+    "table": synthetic.table(),
 }
 
 
@@ -83,11 +82,11 @@ def test_dome_cameras_sit_on_the_dome_and_look_different_ways():
     assert (offsets[:, 2] + 900 > 0).all()
     cosines = offsets @ offsets.T / 2800**2 - 2 * np.eye(31)
     assert np.rad2deg(np.arccos(cosines.max())) > 8.0
-    np.testing.assert_array_equal([v.t for v in rigs.dome_views(5)], [v.t for v in views[:5]])
+    np.testing.assert_array_equal([v.t for v in synthetic.dome(5)], [v.t for v in views[:5]])
 
 
 def test_stereo_baseline_and_distance():
-    left, right = rigs.stereo_views(baseline_mm=400, distance_mm=3000)
+    left, right = synthetic.stereo(baseline_mm=400, distance_mm=3000)
     np.testing.assert_allclose(centre(right) - centre(left), (400, 0, 0), atol=1e-9)
     assert centre(left)[1] == pytest.approx(-3000)
     # A point to the right in the left image: the left camera is on the left side of the pair.
@@ -125,10 +124,10 @@ def test_distortion_bends_the_images_and_is_undone():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: rigs.dome_views(32), "n_views: expected 1 to 31, got 32"),
-        (lambda: rigs.table_views(0), "n_views: expected 1 to 16, got 0"),
-        (lambda: rigs.stereo_views(baseline_mm=0), "baseline_mm: expected a finite number > 0, got 0"),
-        (lambda: rigs.dome_views(radius_mm=float("nan")), "radius_mm: expected a finite number > 0, got nan"),
+        (lambda: synthetic.dome(32), "n_views: expected 1 to 31, got 32"),
+        (lambda: synthetic.table(0), "n_views: expected 1 to 16, got 0"),
+        (lambda: synthetic.stereo(baseline_mm=0), "baseline_mm: expected a finite number > 0, got 0"),
+        (lambda: synthetic.dome(radius_mm=float("nan")), "radius_mm: expected a finite number > 0, got nan"),
     ],
 )
 def test_bad_input_is_named(call, message):

@@ -185,9 +185,7 @@ def test_an_unknown_unit(write):
 
 
 def test_metres_read_as_millimetres_are_warned_about(write):
-    with pytest.warns(
-        UserWarning, match=r'unit: the cameras would stand 0\.\d+ m apart in mm; .*"m" is likely'
-    ):
+    with pytest.warns(UserWarning, match=r'unit: the cameras would be 0\.\d+ m apart in mm; .*"m" is likely'):
         rig = read_calibration(write(VALID), unit="mm")
     assert rig.unit == "mm"
 

@@ -156,6 +156,10 @@ MALFORMED = {
             ),
             rf"{N}\.xml: root: expected <opencv_storage>.*got <a>",
         ),
+        "fewer than no rows": (
+            lambda p: _pair(p, f"{N}.xml", "<rows>8</rows>\n  <cols>1", "<rows>-8</rows>\n  <cols>-1"),
+            rf"{N}\.xml: Distortion: expected -8×-1 numbers, got 8 numbers",
+        ),
         "no pose": (
             lambda p: (
                 (p / f"{N}.xml").write_text((p / f"{N}.xml").read_text().replace("CameraMatrix", "Other")),

@@ -12,8 +12,8 @@ import skelsplat as sk
 from command_line import assert_fails, invoke
 from detection_files import CASES, Take
 from skelsplat import synthetic
-from skelsplat.cli import _run
 from skelsplat.io import read_npz, write_calibration
+from skelsplat.run import folder as run_folder
 
 NAMES = ["54138969", "55011271", "58860488", "60457274"]
 T = 3
@@ -35,7 +35,7 @@ CALIBRATIONS = [
 
 @pytest.fixture(autouse=True)
 def no_pictures(monkeypatch):
-    monkeypatch.setattr(_run, "write_figures", lambda *_: [])
+    monkeypatch.setattr(run_folder, "write_figures", lambda *_: [])
 
 
 @pytest.fixture

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
 import shlex
+from functools import cache
 
 import numpy as np
 import pytest
@@ -126,14 +128,16 @@ def room(tmp_path_factory):
     return folder
 
 
+@cache
 def check(room, detections, *options):
+    """Return what the check of a recording prints, which changes nothing."""
     return invoke("check-cameras", room / "Calib.toml", room / detections, "--layout", "h36m17", *options)
 
 
 def test_a_sound_rig_is_status_0(room):
     result = check(room, "pose")
     assert result.exit_code == 0, result.output
-    assert "Nothing wrong was found: 4 cameras, mm, 30 frames of detections." in result.stdout
+    assert "No fault found: 4 cameras, mm, 30 frames of detections." in result.stdout
     assert max(len(line) for line in result.stdout.splitlines()) <= 80
     assert [line.split()[0] for line in result.stdout.splitlines() if line.startswith(" cam")][1:] == [
         "cam1",
@@ -153,15 +157,15 @@ def test_faults_are_status_1_and_said_in_words(room):
     result = check(room, "late", "-q")
     assert result.exit_code == 1
     words = " ".join(result.stdout.split())
-    assert "! cam3: its frame numbers are 3 too high, its frame f+3 belongs to frame f of the others" in words
-    assert words.endswith("refine puts it right with --offset cam3=-3")
+    assert "! cam3's frame numbers are 3 too high: its frame f+3 is frame f of the others" in words
+    assert words.endswith(" Correct it in refine with: --offset cam3=-3")
     assert result.stdout.splitlines()[-1] == "  --offset cam3=-3"
     assert words.startswith("! cam3")  # no table, no legend
 
 
 def options(document, kind):
     (finding,) = (finding for finding in document["findings"] if finding["kind"] == kind)
-    return finding["refine_options"]
+    return [part for option in finding["remedy"] for part in (f"--{option['option']}", option["value"])]
 
 
 def refined_px(room, detections, out, *given):
@@ -175,7 +179,7 @@ def refined_px(room, detections, out, *given):
 
 def test_the_order_that_is_printed_puts_exchanged_cameras_right(room, tmp_path):
     assert "  --order cam2,cam1,cam3,cam4" in check(room, "exchanged").stdout.splitlines()
-    order = options(json.loads(check(room, "exchanged", "--json").stdout), "exchanged")
+    order = options(json.loads(check(room, "exchanged", "--json").stdout), "cameras_exchanged")
     assert check(room, "exchanged", *order).exit_code == 0
     right = refined_px(room, "pose", tmp_path / "pose")
     assert refined_px(room, "exchanged", tmp_path / "exchanged", *order) == pytest.approx(right, rel=1e-6)
@@ -197,38 +201,41 @@ def test_options_stand_on_a_line_that_can_be_pasted_however_long_it_is(room, tmp
     assert len(line) > 80
     order = shlex.split(line)
     assert order == ["--order", ",".join(f"{names[i]}.npz" for i in (1, 0, 2, 3))]
-    assert options(json.loads(invoke(*command, "--json").stdout), "exchanged") == order
+    assert options(json.loads(invoke(*command, "--json").stdout), "cameras_exchanged") == order
     assert invoke(*command, *order).exit_code == 0
     assert max(len(other) for other in said if other is not line) <= 80
 
 
 def test_an_order_with_a_comma_in_a_name_cannot_be_said(room, tmp_path):
     command = exchanged_as_files(room, tmp_path, [f"walk, cam{i}" for i in (1, 2, 3, 4)])
-    assert options(json.loads(invoke(*command, "--json").stdout), "exchanged") == []
+    assert options(json.loads(invoke(*command, "--json").stdout), "cameras_exchanged") == []
     said = invoke(*command).stdout
-    assert said.rstrip().endswith(" px.")
+    assert said.rstrip().endswith(" after the correction).")
     assert "--order" not in said
 
 
 def test_offsets_that_were_given_follow_an_exchange(room):
     given = ["--offset", "cam_01=-2"]  # of the folder cam1, which is camera 2's
-    order = options(json.loads(check(room, "moved", *given, "--json").stdout), "exchanged")
+    order = options(json.loads(check(room, "moved", *given, "--json").stdout), "cameras_exchanged")
     assert order == ["--order", "cam2,cam1,cam3,cam4", "--offset", "cam1=0", "--offset", "cam2=-2"]
     assert check(room, "moved", *order).exit_code == 0
     document = json.loads(check(room, "both", "--offset", "cam3=2", "--json").stdout)
-    assert options(document, "exchanged") == ["--order", "cam2,cam1,cam3,cam4"]
-    assert options(document, "offset") == ["--offset", "cam3=-3"]
+    assert options(document, "cameras_exchanged") == ["--order", "cam2,cam1,cam3,cam4"]
+    assert options(document, "frame_offset") == ["--offset", "cam3=-3"]
 
 
 def test_a_finding_says_what_is_put_right_before(room):
     result = check(room, "both", "-q")
     said = " ".join(result.stdout.split())
-    assert "px off what the others say once cam1 and cam2 are put right, with that put right" in said
+    assert re.search(r" px once cam1 and cam2 are corrected, \d+\.\d px after this correction", said)
 
 
 def test_frames_that_differ_need_more_than_an_offset(room, tmp_path):
-    assert options(json.loads(check(room, "late", "--json").stdout), "offset") == ["--offset", "cam3=-3"]
-    given = options(json.loads(check(room, "short", "--json").stdout), "offset")
+    assert options(json.loads(check(room, "late", "--json").stdout), "frame_offset") == [
+        "--offset",
+        "cam3=-3",
+    ]
+    given = options(json.loads(check(room, "short", "--json").stdout), "frame_offset")
     assert given == ["--offset", "cam3=-3", "--frames", "intersection"]
     refined_px(room, "short", tmp_path / "out", *given)
     refused = ("refine", room / "Calib.toml", room / "short", "-o", tmp_path / "x", "--layout", "h36m17")
@@ -266,7 +273,7 @@ def test_a_wrong_unit_is_said(room, tmp_path):
     )
     assert result.exit_code == 1
     assert result.stdout.count("! ") == 1
-    assert 'the unit of the calibration is most likely "mm".' in " ".join(result.stdout.split())
+    assert 'The unit of the calibration is most likely "mm".' in " ".join(result.stdout.split())
     alone = invoke("check-cameras", tmp_path / "Calib.toml", "--unit", "m")
     assert alone.exit_code == 1
     assert '"mm" is likely' in " ".join(alone.stdout.split())
@@ -287,7 +294,7 @@ def test_a_calibration_alone(room):
     result = invoke("check-cameras", room / "Calib.toml")
     assert result.exit_code == 0
     words = " ".join(result.stdout.split())
-    assert words.startswith("Nothing wrong was found in the file itself: 4 cameras, mm. Only detections tell")
+    assert words.startswith("No fault found in the file itself: 4 cameras, mm. Only detections tell")
     assert invoke("check-cameras", room / "Calib.toml", "-q").output == ""
 
 
@@ -295,11 +302,11 @@ def test_a_calibration_alone(room):
     "given",
     [
         *(["--offset", "cam1=2"], ["--order", "sorted"], ["--layout", "h36m17"], ["--map", "nose=0"]),
-        *(["--frames", "union"], ["--format", "npz"], ["--sequence", "one"]),
+        *(["--frames", "union"], ["--format", "npz"], ["--sequence", "one"], ["--person", "1"]),
     ],
 )
 def test_options_of_detections_need_some(room, tmp_path, given):
-    said = f"{given[0]}: expected DETECTIONS beside it, got none"
+    said = f"{given[0]}: requires DETECTIONS"
     assert_fails(invoke("check-cameras", room / "Calib.toml", *given), 2, said)
     shared = tmp_path / "run.toml"  # may hold what other commands need
     shared.write_text('layout = "h36m17"\nframes = "union"\n[check-cameras.offset]\ncam1 = 2\n')
@@ -343,7 +350,7 @@ def test_the_third_camera_of_the_sample_is_turned(tmp_path):
     )
     assert result.exit_code == 1
     (finding,) = json.loads(result.stdout)["findings"]
-    assert (finding["kind"], finding["cameras"]) == ("turned", ["cam_03"])
+    assert (finding["kind"], finding["subject"]) == ("camera_rotated", {"cameras": ["cam_03"]})
     assert finding["numbers"]["degrees"] == pytest.approx(1.43, abs=0.1)
 
 
@@ -352,3 +359,25 @@ def test_help_has_examples_and_fits_80_columns(command):
     result = invoke(command, "--help")
     assert f"skelsplat {command} " in result.stdout.split("Examples")[1]
     assert max(len(line.rstrip()) for line in result.stdout.splitlines()) <= 80
+
+
+def test_the_person_is_chosen_as_in_refine(room, tmp_path):
+    """The largest person of each image, whom the cameras do not agree on, instead of the one they do."""
+    everyone = sk.io.read_detections(room / "pose", ["cam1", "cam2", "cam3", "cam4"], layout="h36m17")
+    mirror = everyone.people.copy()
+    mirror[..., 0] = 999 - mirror[..., 0]
+    mirror[..., :2] = 500 + 1.2 * (mirror[..., :2] - 500)
+    for i in range(4):
+        people = np.concatenate([everyone.people[:, i], mirror[:, i]], axis=1)
+        np.savez(tmp_path / f"cam{i + 1}.npz", detections=people)
+    command = ["check-cameras", room / "Calib.toml", tmp_path, "--layout", "h36m17", "--json"]
+    assert json.loads(invoke(*command).stdout)["ok"] is True
+    assert json.loads(invoke(*command, "--person", "0").stdout)["ok"] is True
+    for other in ("1", "largest"):
+        report = json.loads(invoke(*command, "--person", other).stdout)
+        assert not report["ok"]
+        assert min(row["left_out_px"] for row in report["cameras"]) > 20
+    assert_fails(invoke(*command, "--person", "2"), 2, "--person: expected less than 2", "got 2")
+    assert_fails(
+        invoke(*command, "--person", "tall"), 2, "--person: expected consistent, largest or a number"
+    )

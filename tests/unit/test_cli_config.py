@@ -12,10 +12,12 @@ import typer
 from typer.testing import CliRunner
 
 from command_line import assert_fails, invoke
-from skelsplat.cli import _run, ablate, app, evaluate, refine
+from skelsplat.cli import ablate, app, evaluate, refine
 from skelsplat.cli._app import OneLineErrors
-from skelsplat.cli.config import Application, entries_of
+from skelsplat.cli.command import Application
+from skelsplat.cli.config import entries_of
 from skelsplat.io import sample
+from skelsplat.run import folder as run_folder
 
 CONVENTIONS = Path(__file__).parents[2] / "docs" / "conventions.md"
 BASE = """
@@ -27,7 +29,7 @@ layout = "h36m17"
 
 @pytest.fixture(autouse=True)
 def no_pictures(monkeypatch):
-    monkeypatch.setattr(_run, "write_figures", lambda *_: [])
+    monkeypatch.setattr(run_folder, "write_figures", lambda *_: [])
 
 
 @pytest.fixture
@@ -154,7 +156,7 @@ def test_one_file_for_several_commands(folder):
 )
 def test_repeatable_options_are_lists_or_tables(folder, text, monkeypatch):
     jobs = []
-    monkeypatch.setattr(refine, "run", lambda job, _: jobs.append(job))
+    monkeypatch.setattr(refine, "run_and_print", lambda job, **_: jobs.append(job))
     result = configured(folder, REFINE + text)
     assert result.exit_code == 0, result.output
     assert (jobs[0].offsets, jobs[0].mapping) == ({"cam1": 2, "cam3": -1}, {"pelvis": None})
@@ -164,16 +166,16 @@ def test_repeatable_options_are_lists_or_tables(folder, text, monkeypatch):
 
 def test_the_example_of_the_documents(tmp_path, monkeypatch):
     jobs = []
-    monkeypatch.setattr(refine, "run", lambda job, _: jobs.append(job))
+    monkeypatch.setattr(refine, "run_and_print", lambda job, **_: jobs.append(job))
     paths = sample.extract(tmp_path)
     paths.calibration.rename(tmp_path / "Calib.toml")
     paths.detections.rename(tmp_path / "pose")
     (text,) = re.findall(r"```toml\n(.*?)```", CONVENTIONS.read_text(encoding="utf-8"), flags=re.DOTALL)
     (tmp_path / "run.toml").write_text(text)
     assert invoke("refine", "--config", tmp_path / "run.toml").exit_code == 0
-    assert (jobs[0].out, jobs[0].fps, jobs[0].offsets) == (tmp_path / "out", 60, {"cam_02": 3})
+    assert (jobs[0].output, jobs[0].fps, jobs[0].offsets) == (tmp_path / "out", 60, {"cam_02": 3})
     found = invoke("check-cameras", "--config", tmp_path / "run.toml", "--json")
-    assert [finding["kind"] for finding in json.loads(found.stdout)["findings"]] == ["turned"]
+    assert [finding["kind"] for finding in json.loads(found.stdout)["findings"]] == ["camera_rotated"]
 
 
 SEEN = {}
@@ -332,8 +334,8 @@ ROOT = typer.main.get_command(app)
 @pytest.mark.parametrize("path", [path for path, _ in commands(ROOT)], ids=" ".join)
 def test_every_command_has_it_and_no_option_is_called_like_a_command(path):
     text = " ".join(invoke(*path, "--help").stdout.replace("│", " ").split())
-    assert "--config FILE.toml Options and arguments of this command, from a file" in text
+    assert "--config FILE.toml Options and arguments from a file" in text
     command = dict(commands(ROOT))[path]
     assert not entries_of(command).keys() & {name for parts, _ in commands(ROOT) for name in parts}
-    parameters = {param.name for param in command.params} - {"config"}
+    parameters = {param.name for param in command.params} - {"config", "help_all"}
     assert {entry.parameter for entry in entries_of(command).values()} == parameters

@@ -9,10 +9,11 @@ import pytest
 from typer.testing import CliRunner
 
 import skelsplat as sk
-from command_line import invoke
+from command_line import invoke, read_report, texts
 from detection_files import CASES, Take
-from skelsplat.cli import _run, app
+from skelsplat.cli import app
 from skelsplat.io import read_npz, read_openpose
+from skelsplat.run import folder as run_folder
 
 OPTIONS = ["--unit", "mm", "--layout", "h36m17", "--fps", "50", "-q"]
 JOINTS = sk.layouts.H36M17.joints
@@ -20,7 +21,7 @@ JOINTS = sk.layouts.H36M17.joints
 
 @pytest.fixture(autouse=True)
 def no_pictures(monkeypatch):
-    monkeypatch.setattr(_run, "write_figures", lambda *_: [])
+    monkeypatch.setattr(run_folder, "write_figures", lambda *_: [])
 
 
 def refine(folder, detections, *options):
@@ -84,7 +85,7 @@ def test_a_joint_that_the_files_lack(recording, take):
     printed = invoke(*arguments, "--map", "pelvis=none").stdout
     assert "right_" in printed.split("Error bars")[1]
     assert "pelvis" not in printed
-    assert json.loads((folder / "out" / "report.json").read_text())["doubts"] == []
+    assert texts(read_report(folder / "out")) == []
 
 
 def test_names_in_the_files_decide_the_layout(recording, take):

@@ -9,7 +9,7 @@ import pytest
 
 import skelsplat as sk
 from skelsplat import synthetic
-from skelsplat.run.findings import _cameras, _unfit, _unfit_cameras, _whole
+from skelsplat.run.findings import find_cameras, find_unfit, find_whole, unfit_cameras
 from skelsplat.run.person import pick_person
 from skelsplat.run.summary import Group
 
@@ -22,7 +22,8 @@ def group(name, rejected, used=1000):
 
 def doubts(*rejected):
     cameras = [group(f"cam_{i:02d}", count) for i, count in enumerate(rejected, 1)]
-    return list(_cameras(SimpleNamespace(cameras=cameras, total=group("all", sum(rejected)))))
+    statistics = SimpleNamespace(cameras=cameras, total=group("all", sum(rejected)))
+    return [finding.text for finding in find_cameras(statistics)]
 
 
 @pytest.mark.parametrize(
@@ -72,7 +73,7 @@ def whole(rejected, *, mixed=False):
         rejected=rejected,
         error_after=np.ones((count, *rejected.shape[1:])),
     )
-    return [doubt.split(": check ")[0] for doubt in _whole(statistics, mixed=mixed)]
+    return [finding.text.split(": check ")[0] for finding in find_whole(statistics, mixed=mixed)]
 
 
 def shares(cameras, joints):
@@ -103,12 +104,12 @@ FRAMES = 20
 def views(**frames):
     """Return inputs of cameras of (frames with somebody, frames of them in which nobody fits)."""
     detections = np.full((FRAMES, len(frames), 5, 3), np.nan)
-    nobody_fits = np.zeros((FRAMES, len(frames)), dtype=bool)
+    unmatched = np.zeros((FRAMES, len(frames)), dtype=bool)
     for i, (somebody, unfit) in enumerate(frames.values()):
-        nobody_fits[:unfit, i] = True
+        unmatched[:unfit, i] = True
         detections[unfit:somebody, i] = 0.5
     rig = SimpleNamespace(names=tuple(frames))
-    return SimpleNamespace(detections=detections, nobody_fits=nobody_fits, rig=rig)
+    return SimpleNamespace(detections=detections, unmatched=unmatched, rig=rig)
 
 
 @pytest.mark.parametrize(
@@ -125,27 +126,32 @@ def views(**frames):
         ({"a": (0, 0), "b": (20, 0)}, {}),  # sees nobody
     ],
 )
-def test_cameras_in_which_nobody_fits_are_found(frames, named):
+def test_cameras_in_which_unmatched_are_found(frames, named):
     inputs = views(**frames)
-    found = _unfit_cameras(inputs)
+    found = unfit_cameras(inputs)
     assert {inputs.rig.names[i]: frames for i, frames in found.items()} == named
 
 
-def test_cameras_in_which_nobody_fits_are_named_together():
-    rig = synthetic.human36m_like()
-    (doubt,) = _unfit(SimpleNamespace(rig=rig), {0: (71, 100), 1: (81, 90)})
+def unfit_text(names, unfit):
+    (finding,) = find_unfit(names, unfit)
+    return finding.text
+
+
+def test_cameras_in_which_unmatched_are_named_together():
+    names = synthetic.human36m_like().names
+    doubt = unfit_text(names, {0: (71, 100), 1: (81, 90)})
     assert doubt.startswith(
-        "In cam1 and cam2 somebody is detected, but nobody who fits the other cameras, in 71 of 100 and 81 "
-        "of 90 of the frames in which they and others detect somebody: exchanged cameras, "
+        "In cam1 and cam2, no person detected matches the other cameras, in 71 of 100 and 81 of 90 of the "
+        "frames in which they and others detect a person: exchanged cameras, "
     )
     assert doubt.endswith("check-cameras looks for the cause; --without cam1 --without cam2 leaves them out.")
-    (three,) = _unfit(SimpleNamespace(rig=rig), {0: (7, 10), 1: (8, 10), 3: (9, 10)})
-    assert three.startswith("In cam1, cam2 and cam4 somebody")
+    three = unfit_text(names, {0: (7, 10), 1: (8, 10), 3: (9, 10)})
+    assert three.startswith("In cam1, cam2 and cam4, no person detected")
     assert three.endswith("looks for the cause.")  # one camera would remain
-    (one,) = _unfit(SimpleNamespace(rig=rig), {2: (6, 1200)})
-    assert "in 6 of 1,200 of the frames in which it and others detect somebody: " in one
+    one = unfit_text(names, {2: (6, 1200)})
+    assert "in 6 of 1,200 of the frames in which it and others detect a person: " in one
     assert one.endswith("; --without cam3 leaves it out.")
-    assert not list(_unfit(SimpleNamespace(rig=rig), {}))
+    assert not list(find_unfit(names, {}))
 
 
 def test_a_camera_that_alone_sees_somebody_contradicts_nobody():
@@ -154,30 +160,27 @@ def test_a_camera_that_alone_sees_somebody_contradicts_nobody():
     noise = synthetic.DetectionNoise.good()
     seen = np.asarray(synthetic.simulate_detections(pose, rig, noise=noise, seed=2))
     seen[5:, 1:] = np.nan  # the others see the person in the first five frames alone
-    _, nobody_fits = pick_person(seen[:, :, None], rig, "consistent")
-    assert not nobody_fits.any()
+    _, unmatched = pick_person(seen[:, :, None], rig, "consistent")
+    assert not unmatched.any()
     seen[5:10, 1] = [0.0, 1000.0, 0.0] + [1.0, -1.0, 1.0] * seen[5:10, 0]  # upside down: of no such body
-    _, nobody_fits = pick_person(seen[:, :, None], rig, "consistent")
-    assert nobody_fits.sum(axis=0).tolist() == [5, 5, 0, 0]
+    _, unmatched = pick_person(seen[:, :, None], rig, "consistent")
+    assert unmatched.sum(axis=0).tolist() == [5, 5, 0, 0]
 
 
 def test_names_are_quoted_for_the_shell():
-    c = synthetic.human36m_like()[0]
-    names = ("a", "b", "left door")
-    rig = sk.CameraRig([sk.Camera(c.K, c.R, c.t, size=c.size, name=name) for name in names])
-    (doubt,) = _unfit(SimpleNamespace(rig=rig), {2: (6, 1200)})
+    doubt = unfit_text(("a", "b", "left door"), {2: (6, 1200)})
     assert doubt.endswith("; --without 'left door' leaves it out.")
     cameras = [group("a", 20), group("b", 20), group("left door", 240)]
-    (other,) = _cameras(SimpleNamespace(cameras=cameras, total=group("all", 280)))
-    assert other.endswith("; --without 'left door' leaves it out.")
+    (other,) = find_cameras(SimpleNamespace(cameras=cameras, total=group("all", 280)))
+    assert other.text.endswith("; --without 'left door' leaves it out.")
 
 
 def test_what_has_been_said_of_a_camera_is_not_said_again():
     cameras = [group("a", 0, used=0), group("b", 600), group("c", 0), group("d", 0)]
     statistics = SimpleNamespace(cameras=cameras, total=group("all", 600))
-    (doubt,) = _cameras(statistics, {"a", "b"})
-    assert doubt.startswith("b disagrees")
-    assert doubt.endswith("check-cameras looks for the cause.")
+    (finding,) = find_cameras(statistics, {"a", "b"})
+    assert finding.text.startswith("b disagrees")
+    assert finding.text.endswith("check-cameras looks for the cause.")
 
 
 def simulated(noise):
@@ -187,8 +190,8 @@ def simulated(noise):
 
 
 def unfit_of(rig, people):
-    chosen, nobody_fits = pick_person(people, rig, "consistent", sk.layouts.H36M17)
-    return _unfit_cameras(SimpleNamespace(detections=chosen, nobody_fits=nobody_fits, rig=rig))
+    chosen, unmatched = pick_person(people, rig, "consistent", sk.layouts.H36M17)
+    return unfit_cameras(SimpleNamespace(detections=chosen, unmatched=unmatched, rig=rig))
 
 
 @pytest.mark.parametrize("hidden", [1, 2, 3])
@@ -196,7 +199,7 @@ def test_occluded_views_fit(hidden):
     assert unfit_of(*simulated(synthetic.DetectionNoise.occluded(hidden))) == {}
 
 
-def test_in_exchanged_cameras_nobody_fits():
+def test_in_exchanged_cameras_unmatched():
     rig, people = simulated(synthetic.DetectionNoise.good())
     assert set(unfit_of(rig, people[:, [1, 0, 2, 3]])) == {0, 1}
     nobody = people.copy()

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from command_line import FAST, READ, RESULTS, assert_fails, invoke
-from skelsplat.cli import _run
 from skelsplat.io import read_openpose
 from skelsplat.io._run_files import files_of_run, is_run
+from skelsplat.run import _run
+from skelsplat.run import folder as run_folder
 
 
 def test_poses_of_another_run_are_removed_and_other_files_left(recording, arguments):
@@ -35,7 +36,7 @@ def test_a_stop_while_writing_leaves_no_file_of_an_earlier_run(recording, argume
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patched:
-        patched.setattr(_run, "write_run_inputs", interrupted)
+        patched.setattr(run_folder, "write_run_inputs", interrupted)
         assert invoke(*arguments, *READ, *FAST).exit_code == 130
     assert {path.name for path in out.iterdir()} == {"pose.npz", "pose.csv", "pose.trc", "report.json"}
     assert_fails(
@@ -138,7 +139,7 @@ def test_a_file_that_a_stopped_run_meant_to_write_over_is_not_taken_for_its_own(
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patched:
-        patched.setattr(_run, "_write_poses", interrupted)
+        patched.setattr(run_folder, "write_poses", interrupted)
         assert invoke(*arguments, *READ, *FAST, "--write", "trc").exit_code == 130
     assert invoke(*arguments, *READ, *FAST, "--write", "csv").exit_code == 0
     assert (out / "pose.trc").read_text() == "mine"
@@ -147,8 +148,8 @@ def test_a_file_that_a_stopped_run_meant_to_write_over_is_not_taken_for_its_own(
 def test_a_folder_in_the_place_of_a_result_is_known_before_the_work(recording, arguments, monkeypatch):
     out = recording[0] / "out"
     (out / "pose.csv").mkdir(parents=True)
-    monkeypatch.setattr(_run, "_refine_with_bar", lambda *_, **__: pytest.fail("it refined"))
-    expected = "pose.csv: --output: expected a file or nothing in the place of a result, got a folder"
+    monkeypatch.setattr(_run, "refine_inputs", lambda *_, **__: pytest.fail("it refined"))
+    expected = "pose.csv: output: expected a file or nothing in the place of a result, got a folder"
     assert_fails(invoke(*arguments, *READ, *FAST), 1, expected)
     assert [path.name for path in out.iterdir()] == ["pose.csv"]
 

@@ -6,14 +6,18 @@ import json
 import os
 import subprocess
 import sys
+from io import StringIO
 
 import pytest
 import typer
+from rich.console import Console
+from rich.table import Column, Table
 
 from command_line import assert_fails, invoke
 from skelsplat import datasets, synthetic
 from skelsplat._json import plain
-from skelsplat.cli import app
+from skelsplat.cli import app, refine
+from skelsplat.cli.table import print_table
 from skelsplat.datasets._synth_writer import write_simulated
 
 
@@ -41,6 +45,18 @@ def test_every_command_has_examples_json_and_quiet(path):
         assert "--json" in COMMANDS[path]
 
 
+def test_help_of_refine_is_one_screen_and_help_all_the_rest():
+    short, every = (invoke("refine", option).stdout for option in ("--help", "--help-all"))
+    assert len(short.split(refine.EPILOG[:20])[0].rstrip().splitlines()) <= 40
+    assert {"CALIBRATION", "DETECTIONS", "--output", "--help-all", "--config"} <= set(short.split())
+    assert "--symmetry-tier" not in short
+    shown = {word for word in every.split() if word.startswith("--")}
+    assert {opt for opt in COMMANDS["refine",] if opt.startswith("--")} <= shown
+    assert max(len(line.rstrip()) for line in every.splitlines()) <= 80
+    assert "[default: consistent]" in every
+    assert invoke("refine", "--help").stdout == short
+
+
 @pytest.fixture(scope="module")
 def dome(tmp_path_factory):
     root = tmp_path_factory.mktemp("data") / "dome"
@@ -54,10 +70,10 @@ def cases(recording, dome):
     folder, _, _ = recording
     calibration, out = folder / "Calib.toml", folder / "out"
     return {
-        "demo": (["-o", out], {"input", "doubts"}),
+        "demo": (["-o", out], {"input", "findings"}),
         "refine": (
             [calibration, folder / "openpose", "--layout", "h36m17", "-o", out, "--fps", 50],
-            {"input", "doubts"},
+            {"input", "findings"},
         ),
         "convert": (
             [calibration, folder / "rig.json"],
@@ -173,3 +189,19 @@ def _read(descriptor):
         return os.read(descriptor, 65536)
     except OSError:  # Linux: the other side is closed
         return b""
+
+
+@pytest.mark.parametrize("width", [40, 80])
+def test_a_table_keeps_names_and_words_whole_on_a_narrow_console(width):
+    names = ["camera_of_the_laboratory_north_wall_0123456789", "cam 2"]
+    table = Table("camera", Column("90th percentile", justify="right"), *["rejected"] * 6, box=None)
+    for name in names:
+        table.add_row(name, "14.8 → 14.4", *["12345"] * 6)
+    console = Console(file=StringIO(), width=width)
+    print_table(console, table)
+    said = console.file.getvalue()
+    for words in (*names, "14.8 →", "percentile", *["rejected"] * 6):
+        assert words in said
+        said = said.replace(words, "", 1)
+    assert "…" not in said
+    assert console.width == width

@@ -11,8 +11,8 @@ import pytest
 
 from command_line import READ, assert_fails, invoke
 from skelsplat import temporal
-from skelsplat.cli import _run
 from skelsplat.io import read_c3d, read_json, read_netcdf, read_npz, read_trc
+from skelsplat.run import _run
 
 FPS = ["--fps", "50", "-q"]
 
@@ -145,7 +145,7 @@ def test_weak_joints_are_filled_when_asked(recording, arguments):
     assert read_npz(folder / "out" / "pose.npz").joint_status[2, 16] == "weak"
     filled = invoke(*run, "--fill-weak")
     assert filled.exit_code == 0
-    assert "warning: weak, now filled from the frames around: right_wrist (frame 2)." in filled.stderr
+    assert "warning: weak, now filled from neighbouring frames: right_wrist (frame 2)." in filled.stderr
     assert "weak (fewer" not in filled.stderr
     written = read_npz(folder / "out" / "pose.npz")
     assert written.joint_status[2, 16] == "filled"
@@ -161,7 +161,7 @@ def test_write_names_the_formats(recording, arguments):
         "pose.json",
         "pose.csv",
     }
-    assert "pose.json, pose.csv" in " ".join(result.stdout.split())
+    assert "pose.csv, pose.json" in " ".join(result.stdout.split())
 
 
 def test_options_of_marker_files_are_warned_of_where_there_is_none(arguments):
@@ -200,7 +200,7 @@ def test_y_up_turns_c3d_as_well(recording, arguments):
     [
         (["--write", "bvh"], ["--write", "npz, csv, trc, c3d, json, nc", "'bvh'"]),
         (["--write", ""], ["--write", "''"]),
-        (["--filter", "butterworth"], ["--filter", "--fps beside it"]),
+        (["--filter", "butterworth"], ["--filter", "requires --fps"]),
         (["--fps", "50", "--filter", "kalman"], ["--filter", "butterworth[:HZ[:ORDER]]", "'kalman'"]),
         (["--fps", "50", "--filter", "butterworth:fast"], ["--filter", "numbers", "'butterworth:fast'"]),
         (["--fps", "50", "--filter", "butterworth:6:4.5"], ["--filter", "numbers"]),
@@ -210,8 +210,8 @@ def test_y_up_turns_c3d_as_well(recording, arguments):
         (["--fps", "50", "--filter", "one-euro:-1"], ["--filter", "min_cutoff", "positive", "-1"]),
         (["--fill-gaps", "0"], ["--fill-gaps"]),
         (["--fill-gaps", "2", "--fill-method", "spline"], ["--fill-method", "cubic, linear", "'spline'"]),
-        (["--fill-weak"], ["--fill-weak", "--fill-gaps beside it"]),
-        (["--fill-method", "linear"], ["--fill-method", "--fill-gaps beside it"]),
+        (["--fill-weak"], ["--fill-weak", "requires --fill-gaps"]),
+        (["--fill-method", "linear"], ["--fill-method", "requires --fill-gaps"]),
     ],
 )
 def test_bad_usage_is_status_2(recording, arguments, extra, parts):
@@ -232,5 +232,5 @@ def test_bad_usage_is_status_2(recording, arguments, extra, parts):
 def test_a_missing_package_is_status_1_before_the_work(arguments, monkeypatch, extra, modules, package):
     for module in modules:
         monkeypatch.setitem(sys.modules, module, None)
-    monkeypatch.setattr(_run, "_refine_with_bar", lambda *_, **__: pytest.fail("it refined"))
+    monkeypatch.setattr(_run, "refine_inputs", lambda *_, **__: pytest.fail("it refined"))
     assert_fails(invoke(*arguments, *READ, *extra), 1, f"pip install 'skelsplat[{package}]'")

@@ -10,6 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 import skelsplat as sk
+from command_line import read_report, texts
 from skelsplat import synthetic
 from skelsplat.cameras import without_distortion
 from skelsplat.cli import app
@@ -70,7 +71,7 @@ def test_without_undistortion_the_start_is_measured_with_ideal_lenses_too(tmp_pa
 def test_noise_free_detections_raise_no_doubt(tmp_path):
     """Start and result then differ by rounding alone, whose ratio says nothing."""
     rig, pose = synthetic.human36m_like(), synthetic.motion("walk", T, seed=3)
-    assert noise_free(tmp_path, rig, sk.project(pose, rig))["doubts"] == []
+    assert texts(noise_free(tmp_path, rig, sk.project(pose, rig))) == []
 
 
 def spoil(folder, camera, frame, joint, by=200.0):
@@ -158,8 +159,10 @@ def test_what_to_distrust_is_said_in_words(recording, arguments):
     assert result.exit_code == 0, result.output
     text = " ".join(result.stdout.split())
     assert "! cam3 disagrees with the other cameras: 100% of its detections are rejected, " in text
-    doubts = json.loads((folder / "out" / "report.json").read_text())["doubts"]
-    assert [doubt.split()[0] for doubt in doubts] == ["cam3"]
+    (found,) = (one for one in read_report(folder / "out")["findings"] if one["severity"] == "warning")
+    assert (found["kind"], found["subject"]) == ("camera_disagrees", {"cameras": ["cam3"]})
+    assert found["numbers"]["rejected_share"] == 1.0
+    assert found["remedy"] == [{"option": "without", "value": "cam3"}]
 
 
 @pytest.mark.parametrize("preset", [[], ["--paper"]])
@@ -182,7 +185,7 @@ def test_detections_of_other_cameras_are_doubted(recording, arguments):
     text = " ".join(invoke(*arguments, *READ, *FAST).stdout.split())
     where = " and ".join(rig.names[:2])
     frames = f"in {T} of {T} and {T} of {T} of the frames"
-    assert f"! In {where} somebody is detected, but nobody who fits the other cameras, {frames}" in text
+    assert f"! In {where}, no person detected matches the other cameras, {frames}" in text
     assert "has no detection that could be used" not in text  # that they fit nowhere says more
     cameras = json.loads((folder / "out" / "report.json").read_text())["reprojection_error"]["cameras"]
     assert [camera["not_chosen"] for camera in cameras] == [T * 17, T * 17, 0, 0]

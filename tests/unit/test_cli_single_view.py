@@ -29,8 +29,8 @@ def one_view(recording):
 def test_it_is_said_to_have_none(one_view, arguments):
     result = invoke(*arguments, *READ, *FPS, "--filter", "one-euro")
     text = " ".join(result.stdout.split())
-    assert "! weak and without a position, as a single view detects it or views from one place: " in text
-    assert ": right_wrist (frame 2). refine --fill-gaps N interpolates it." in text
+    assert "! weak and without a position, as a single view detects them or views from one place: " in text
+    assert ": right_wrist (frame 2). --fill-gaps N interpolates them." in text
     assert "weak (fewer" not in text
     assert "left as it is" not in text  # of the filter: there is nothing to leave
     assert "; left out: too little confidence, or the joint has no position" in text
@@ -46,7 +46,7 @@ def test_it_is_said_to_have_none(one_view, arguments):
 def test_gaps_are_filled_at_it_and_have_no_error_bar(one_view, arguments):
     result = invoke(*arguments, *READ, *FPS, "--fill-gaps", 1)
     text = " ".join(result.stdout.split())
-    assert "! weak, now filled from the frames around: right_wrist (frame 2)." in text
+    assert "! weak, now filled from neighbouring frames: right_wrist (frame 2)." in text
     assert "without a position" not in text
     assert read_npz(one_view / "pose.npz").joint_status[2, 16] == "filled"
 

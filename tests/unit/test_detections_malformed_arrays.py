@@ -62,6 +62,10 @@ MALFORMED = {
         "cut": (Broken.cut, r"array: expected an array in npy format, got |cut short"),
         "no scores": (lambda b: b.file.unlink(), r"file: expected a readable npy file, got no such file"),
         "no npy": (lambda b: b.file.write_text("1 2 3"), r"array: expected an array in npy format"),
+        "open bracket": (
+            lambda b: b.file.write_bytes(b.file.read_bytes().replace(b"), }", b", } ", 1)),
+            r"array: expected an array in npy format",
+        ),
     },
     "rtmlib_cameras": {
         "frames": (

@@ -10,8 +10,9 @@ import pytest
 
 import skelsplat as sk
 from skelsplat import _displaced, synthetic
-from skelsplat.run.displaced import displaced_cameras, displaced_doubts, to_one_side
-from skelsplat.run.findings import _cameras
+from skelsplat._sentences.run import to_one_side
+from skelsplat.run.displaced import displaced_cameras, find_displaced, shift_of
+from skelsplat.run.findings import find_cameras
 from skelsplat.synthetic import DetectionNoise
 from two_people import LAYOUT, crossing, findings_of, seen
 
@@ -87,7 +88,8 @@ def test_of_three_cameras_another_may_be_the_wrong_one():
     (doubt,) = displaced_findings(scattered(walker(rig), 4.0), turned(rig, 0, 3.0, (1.0, 0.0, 0.0)))
     assert doubt.startswith("cam0")
     shifts = shifts_of((0.0, 22.0), (0.0, 7.0), (0.0, 6.0))
-    (doubt,) = displaced_doubts(rig.names, shifts, [0, 1, 2])
+    (finding,) = find_displaced(rig.names, shifts, [0, 1, 2])
+    doubt = finding.text
     assert doubt.startswith(
         "cam0's calibration or timing looks wrong, or that of another of the three: cam0's detections lie "
     )
@@ -166,7 +168,7 @@ def test_the_shift_is_the_median_of_each_coordinate():
     assert shifts.count.tolist() == [55, 0]
     assert np.isnan(shifts.error[1])
     assert shifts.one_sided(np.array([1000.0, 1000.0])).tolist() == [True, False]
-    assert to_one_side(shifts, 0) == "10 px to one side of the pose (8 px right, 6 px up)"
+    assert to_one_side(shift_of("ab", shifts, 0)) == "10 px to one side of the pose (8 px right, 6 px up)"
     assert shifts.one_sided(np.array([3000.0, 1000.0])).tolist() == [False, False]  # less than 0.4 %
 
 
@@ -209,15 +211,15 @@ def test_the_worst_camera_is_first_and_rivals_are_named():
     shifts = shifts_of((10.0, 0.0), (0.0, 30.0), (-16.0, 1.0), (0.1, 0.0))
     found = displaced_cameras(rig, shifts)
     assert found == [1, 2, 0]
-    (doubt,) = displaced_doubts(rig.names, shifts, found)
-    assert doubt == (
+    (finding,) = find_displaced(rig.names, shifts, found)
+    assert finding.text == (
         "cam2's calibration or timing looks wrong: its detections lie 30 px to one side of the pose (30 px "
         "down), with a median error of 33.0 px; cam3's lie 16 px, cam1's 10 px to one side as well, so it "
         "may be cam3 instead. skelsplat check-cameras looks for the cause; --without cam2 leaves it out."
     )
-    (doubt,) = displaced_doubts(rig.names, shifts, found, {"cam2"})
-    assert doubt.endswith("looks for the cause.")
-    assert list(displaced_doubts(rig.names, shifts, [])) == []
+    (finding,) = find_displaced(rig.names, shifts, found, {"cam2"})
+    assert finding.text.endswith("looks for the cause.")
+    assert list(find_displaced(rig.names, shifts, [])) == []
 
 
 def test_where_detections_lie_is_said_of_the_camera_that_disagrees():
@@ -227,7 +229,9 @@ def test_where_detections_lie_is_said_of_the_camera_that_disagrees():
         for name, n in (("a", 40), ("b", 1), ("c", 1))
     ]
     statistics = SimpleNamespace(cameras=cameras, total=SimpleNamespace(used=300))
-    (doubt,) = _cameras(statistics, sides={"a": "9 px to one side of the pose (9 px up)"})
+    side = shift_of("abc", shifts_of((0.0, -9.0)), 0)
+    (finding,) = find_cameras(statistics, sides={"a": side})
+    doubt = finding.text
     assert (
         "mean weight is 0.50. Its detections lie 9 px to one side of the pose (9 px up). The pose follows"
         in doubt

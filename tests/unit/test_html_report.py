@@ -141,9 +141,9 @@ def test_a_sequence_without_a_single_joint_has_a_page(written, frames):
         status=np.full((frames, 3), "unobserved"),
         frame_rate=None,
     )
-    heat = report.HeatMaps(np.full((2, 3), np.nan), np.full((2, 3), np.nan))
+    unknown = {"errors_px": np.full((2, 3), np.nan), "rejected": np.full((2, 3), np.nan)}
     lines = [report.TimeLine("Error", "px", np.full(frames, np.nan), peaks=True)]
-    text = written(report_data(walk, heat=heat, lines=lines, problems=[], warnings=[]))
+    text = written(report_data(walk, **unknown, lines=lines, problems=[], warnings=[]))
     packed = data_of(text)["scene"]
     assert set(numbers(packed["refined"])) == set(numbers(packed["spread"]["numbers"])) == {MISSING}
     assert "<p>None.</p>" in text

@@ -205,13 +205,22 @@ CONFIG = {
 
 
 ROBUST_CONFIG = {
-    "sigma_start_mm": ({"sigma_start_mm": 0.0}, r"config.sigma_start_mm: expected a positive finite number, got 0"),
+    "sigma_start_mm": (
+        {"sigma_start_mm": 0.0},
+        r"config.sigma_start_mm: expected a positive finite number, got 0",
+    ),
     "sigma_decay": ({"sigma_decay": 1.0}, r"config.sigma_decay: expected a number between 0 and 1, got 1"),
     "per noise": ({"sigma_per_noise": -2.0}, r"config.sigma_per_noise: expected a positive .*, got -2"),
-    "noise": ({"detection_sigma_px": 0.0}, r"config.detection_sigma_px: expected a positive finite number, got 0"),
+    "noise": (
+        {"detection_sigma_px": 0.0},
+        r"config.detection_sigma_px: expected a positive finite number, got 0",
+    ),
     "symmetry": ({"symmetry_sigma_mm": -1.0}, r"config.symmetry_sigma_mm: expected a positive finite number"),
     "step": ({"step_tolerance": 0.0}, r"config.step_tolerance: expected a positive finite number, got 0"),
-    "joint": ({"joint_sigmas_mm": [30.0, 0.0]}, r"config.joint_sigmas_mm\[1\]: expected a positive finite number"),
+    "joint": (
+        {"joint_sigmas_mm": [30.0, 0.0]},
+        r"config.joint_sigmas_mm\[1\]: expected a positive finite number",
+    ),
     "view": ({"view_weights": [1.0, -1.0]}, r"config.view_weights\[1\]: expected .* not negative, got -1"),
     "weights": ({"view_weights": 2.0}, r"config.view_weights: expected a sequence of numbers, or None, got"),
     "swaps": ({"find_swaps": 2}, r"config.find_swaps: expected True or False, got 2"),

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import json
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from command_line import READ, invoke
+from command_line import READ, invoke, read_report, texts
 from detection_files import CASES, Take
 from skelsplat import synthetic
 from skelsplat._crowd import LimbSpread
 from skelsplat.io import write_calibration
-from skelsplat.run.people import _lengths
+from skelsplat.run.people import find_lengths
 from skelsplat.synthetic import DetectionNoise
 from two_people import LAYOUT, crossing, crowd_of, doubts_of, findings_of, seen, shuffled
 
@@ -90,8 +89,8 @@ def spread(off):
 
 def test_lengths_that_vary_are_named_by_the_limb_that_varies_most():
     alone = SimpleNamespace(person="0", crowd=None, layout=LAYOUT, rig=RIG)
-    assert list(_lengths(alone, spread(0.11))) == []
-    (doubt,) = _lengths(alone, spread(0.12))
+    assert list(find_lengths(alone, spread(0.11))) == []
+    (doubt,) = (finding.text for finding in find_lengths(alone, spread(0.12)))
     assert doubt.startswith(
         "Limb lengths vary by up to 80% over the recording; a body's do not. left_elbow to "
     )
@@ -100,7 +99,8 @@ def test_lengths_that_vary_are_named_by_the_limb_that_varies_most():
     )
     assert "Either the views show different people, or most views are wrong about these joints: " in doubt
     crowd = crowd_of(shuffled(seen(crossing(), RIG)), RIG, "0")
-    (doubt,) = _lengths(SimpleNamespace(person="0", crowd=crowd, layout=LAYOUT, rig=RIG), spread(0.12))
+    mixed = SimpleNamespace(person="0", crowd=crowd, layout=LAYOUT, rig=RIG)
+    (doubt,) = (finding.text for finding in find_lengths(mixed, spread(0.12)))
     assert "The detections probably mix people: --person consistent follows" in doubt
 
 
@@ -132,7 +132,7 @@ def test_a_run_that_mixes_people_ends_well_and_says_so(tmp_path):
     result = invoke(*arguments, "--person", 0)
     assert result.exit_code == 0, result.output
     text = " ".join(result.stdout.split())
-    doubts = json.loads((tmp_path / "out" / "report.json").read_text())["doubts"]
+    doubts = texts(read_report(tmp_path / "out"))
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     for start in ("--person 0 mixes people: ", "2 people are visible"):
         assert sum(doubt.startswith(start) for doubt in doubts) == 1
@@ -146,4 +146,4 @@ def test_a_run_that_mixes_people_ends_well_and_says_so(tmp_path):
 
 
 def report_doubts(folder):
-    return json.loads((folder / "out" / "report.json").read_text())["doubts"]
+    return texts(read_report(folder / "out"))

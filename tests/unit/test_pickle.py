@@ -57,7 +57,9 @@ CONFIGS = {
     "default": sk.RefineConfig(),
     "paper": sk.RefineConfig.paper(),
     "by extent": sk.RefineConfig.paper(position_lr_mm="camera_extent", stop_window=3, n_threads=1),
-    "per joint and view": sk.RefineConfig(joint_sigmas_mm=np.linspace(10, 60, 17), view_weights=[1, 0, 0.3, 1]),
+    "per joint and view": sk.RefineConfig(
+        joint_sigmas_mm=np.linspace(10, 60, 17), view_weights=[1, 0, 0.3, 1]
+    ),
     "factor": sk.RefineConfig.paper(occlusion_factor=1.25, adam_betas=(0.8, 0.99)),
     "no limits": sk.RefineConfig(sigma_per_noise=None, detection_sigma_px=2.5, find_swaps=False),
 }

@@ -1,4 +1,4 @@
-"""Frames with a problem: what is one, in which words, and what belongs to the whole recording instead."""
+"""Findings on single frames: what is one, in which words, and what belongs to the recording instead."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from command_line import READ, invoke
-from skelsplat.run.frames import Problem, Reason, _named, find_problems, runs_in_words
+from command_line import READ, invoke, read_report
+from skelsplat.findings import Finding, Subject
+from skelsplat.run.frames import find_in_frames, rows_of
 from skelsplat.run.summary import frame_medians
 
 T, M, N = 20, 4, 3
@@ -37,8 +38,12 @@ def found():
         )
         result = SimpleNamespace(stop_reason=parts["stop_reason"], swapped=parts["swapped"])
         outcome = SimpleNamespace(result=result)
-        problems = find_problems(inputs, outcome, SimpleNamespace(**parts), parts["status"])
-        return {p.frame: p.to_dict()["reasons"] for p in problems}
+        findings = find_in_frames(inputs, outcome, SimpleNamespace(**parts), parts["status"])
+        words = {}
+        for finding in findings:
+            for frame in finding.subject.frames:
+                words.setdefault(frame, []).append(finding.text)
+        return words
 
     return find
 
@@ -47,7 +52,7 @@ def found():
     ("part", "index", "value", "words"),
     [
         ("status", (3, 1), "unobserved", "unobserved: knee"),
-        ("status", (3, [1, 2]), "weak", "depth not fixed (weak): knee, wrist"),
+        ("status", (3, [1, 2]), "weak", "weak: knee, wrist"),
         ("status", (3, 2), "filled", "filled over time: wrist"),
         ("swapped", (3, [1, 3], 0), True, "left and right exchanged in b, d"),
         ("rejected", (3, [0, 1], 0), True, "17% of the detections rejected"),
@@ -78,10 +83,8 @@ def test_what_holds_throughout_and_single_rejections_are_no_problem_of_a_frame(f
 
 
 def test_many_names_are_counted():
-    where = np.ones((1, 9), dtype=bool)
-    assert [reason.words for _, reason in _named("weak", where, "abcdefghi")] == [
-        "depth not fixed (weak): 9 of 9"
-    ]
+    many = Finding("frame_weak", "note", Subject(joints=tuple("abcdefghi"), frames=(3,)), {"of": 9})
+    assert many.text == "weak: 9 of 9"
 
 
 def test_a_third_rejected_is_a_problem_even_if_it_is_usual(found):
@@ -110,13 +113,15 @@ def test_a_recording_without_detections_names_every_frame(found):
 
 
 def test_frames_that_follow_each_other_with_the_same_reasons_are_one_row():
-    def problem(index, share):
-        return Problem(index, 50 + index, (Reason("weak", ("knee",)), Reason("rejected", value=share)))
-
-    others = Problem(9, 59, (Reason("diverged"),))
-    assert runs_in_words([problem(1, 35.0), problem(2, 50.0), problem(4, 40.0), others]) == [
-        (51, 52, "depth not fixed (weak): knee; 50% of the detections rejected"),
-        (54, 54, "depth not fixed (weak): knee; 40% of the detections rejected"),
+    frames = (51, 52, 54)
+    findings = [
+        Finding("frame_diverged", "note", Subject(frames=(59,))),
+        Finding("frame_weak", "note", Subject(joints=("knee",), frames=frames), {"of": 3}),
+        Finding("frame_rejected", "note", Subject(frames=frames), {"percent": [35.0, 50.0, 40.0]}),
+    ]
+    assert rows_of(findings, range(50, 70)) == [
+        (51, 52, "weak: knee; 50% of the detections rejected"),
+        (54, 54, "weak: knee; 40% of the detections rejected"),
         (59, 59, "diverged"),
     ]
 
@@ -128,8 +133,10 @@ def test_report_json_has_the_facts_of_the_page(recording, arguments):
         path.write_text(json.dumps({"people": []}))
     result = invoke(*arguments, *READ, "--fps", 50, "-q")
     assert result.exit_code == 0, result.output
-    report = json.loads((folder / "out" / "report.json").read_text())
-    assert report["frames_with_a_problem"] == [{"frame": 2, "reasons": ["no detection could be used"]}]
+    report = read_report(folder / "out")
+    (finding,) = report["frame_findings"]
+    assert (finding["kind"], finding["subject"]) == ("frame_empty", {"frames": [2]})
+    assert finding["text"] == "no detection could be used"
     joints = report["reprojection_error"]["joints"]
     assert [joint["views_used_median"] for joint in joints] == [4.0] * 3 + [3.0] + [4.0] * 13
     assert {joint["views_used_min"] for joint in joints} == {0}
@@ -137,7 +144,7 @@ def test_report_json_has_the_facts_of_the_page(recording, arguments):
     for group in joints:
         assert group["down_weighted_share"] == group["down_weighted"] / group["used"]
         assert group["down_weighted"] >= group["rejected"]
-    assert {"down_weighted", "views_used", "frames_with_a_problem"} <= set(report["meanings"])
+    assert {"down_weighted", "views_used", "frame_findings"} <= set(report["meanings"])
     page = (folder / "out" / "report.html").read_text(encoding="utf-8")
     assert '<a href="#frame=2">2</a></th><td>no detection could be used</td>' in page
 

@@ -47,10 +47,10 @@ def test_detections_without_noise_are_no_reason_to_accuse():
 def test_a_wrong_unit_is_named(name, unit):
     report = check_rig(sk.CameraRig(list(rig(name)), unit=unit), detections(name))
     finding = only(report)
-    assert finding.kind == "unit"
+    assert finding.kind == "unit_wrong"
     assert finding.numbers["likely"] == "mm"
-    assert f"In {unit} the person measures about " in finding.text
-    assert finding.text.endswith('the unit of the calibration is most likely "mm".')
+    assert f"With unit {unit}, the person measures about " in finding.text
+    assert finding.text.endswith('The unit of the calibration is most likely "mm".')
 
 
 def scaled(by, unit):
@@ -63,8 +63,8 @@ def scaled(by, unit):
 
 def test_a_scale_that_is_no_unit_is_named():
     finding = only(check_rig(scaled(30.0, "m"), detections("room")))
-    assert finding.kind == "unit"
-    assert "was the calibration scaled?" in finding.text
+    assert finding.kind == "unit_unknown"
+    assert finding.text.endswith(" m, which none of mm, cm and m explains. Was the calibration scaled?")
 
 
 def test_an_animal_need_not_have_a_person_s_size():
@@ -72,11 +72,11 @@ def test_an_animal_need_not_have_a_person_s_size():
     own = sk.Layout("mouse", human.joints, limbs=human.limbs, left_right=human.left_right)
     assert check_rig(mouse, detections("room"), layout=own).ok
     for layout in (None, LAYOUT, human):
-        assert only(check_rig(mouse, detections("room"), layout=layout)).kind == "unit"
+        assert only(check_rig(mouse, detections("room"), layout=layout)).kind == "unit_wrong"
     finding = only(check_rig(scaled(0.05, "m"), detections("room"), layout=own))
-    assert finding.kind == "unit"
-    assert finding.text.startswith("In m the body measures about ")
-    assert finding.text.endswith(" m: is that the calibration's unit?")
+    assert finding.kind == "body_size"
+    assert finding.text.startswith("With unit m, the body measures about ")
+    assert finding.text.endswith(" m. Is that the unit of the calibration?")
 
 
 def test_the_main_person_is_judged_not_a_bystander():
@@ -90,7 +90,7 @@ def test_the_main_person_is_judged_not_a_bystander():
     swapped = people.copy()
     swapped[:, [0, 3]] = people[:, [3, 0]]
     finding = only(check_rig(rig("room"), swapped, layout=LAYOUT))
-    assert (finding.kind, finding.cameras) == ("exchanged", ("cam1", "cam4"))
+    assert (finding.kind, finding.subject.cameras) == ("cameras_exchanged", ("cam1", "cam4"))
 
 
 @pytest.mark.parametrize(
@@ -113,36 +113,42 @@ def test_a_calibration_of_another_recording_is_named_once(name, degrees, mm):
         centre = np.asarray(camera.centre) + mm / np.sqrt(3.0) * random.normal(size=3)
         cameras = replaced(cameras, view, R=R, t=-R @ centre)
     finding = only(check_rig(cameras, detections(name), layout=LAYOUT))
-    assert finding.kind == "recording"
+    assert finding.kind == "recording_other"
     assert finding.text.startswith("Calibration and detections probably do not belong together")
-    assert 2 * len(finding.cameras) >= len(cameras)
+    assert 2 * len(finding.subject.cameras) >= len(cameras)
 
 
 def test_a_camera_that_sees_something_else_disagrees():
     found = detections("dome of 6").copy()
     found[:, 5, :, :2] = np.random.default_rng(0).uniform(0, 1000, found[:, 5, :, :2].shape)
     finding = only(check_rig(rig("dome of 6"), found))
-    assert (finding.kind, finding.cameras) == ("disagrees", ("hd05",))
+    assert (finding.kind, finding.subject.cameras) == ("camera_unexplained", ("hd05",))
     assert "nothing that was tried explains it" in finding.text
 
 
 def test_two_cameras_can_disagree_but_nobody_knows_which():
     finding = only(check_rig(turned(rig("pair"), 1, 2.0, (1, 0, 0)), detections("pair")))
-    assert (finding.kind, finding.cameras) == ("disagrees", ("left", "right"))
-    assert "nothing says which is wrong" in finding.text
+    assert (finding.kind, finding.subject.cameras) == ("cameras_apart", ("left", "right"))
+    assert "it is impossible to tell which is wrong" in finding.text
 
 
 def test_cameras_without_detections_are_named():
     found = detections("room").copy()
     found[:, 1] = np.nan
     finding = only(check_rig(rig("room"), found))
-    assert (finding.kind, finding.cameras, finding.text) == (
-        "detections",
+    assert (finding.kind, finding.subject.cameras, finding.text) == (
+        "camera_blind",
         ("cam2",),
         "cam2 has no detections.",
     )
     report = check_rig(rig("room"), np.full((T, 4, 17, 3), np.nan))
-    assert report.findings[-1].text == "There is no detection to judge the cameras by."
+    assert report.findings[-1].text == "There are no detections to check the cameras with."
+
+
+GEOMETRY = {
+    *("field_of_view", "principal_point", "pixels_not_square"),
+    *("same_place", "looks_away", "all_look_away"),
+}
 
 
 def test_geometry_alone():
@@ -152,19 +158,32 @@ def test_geometry_alone():
     flipped = [
         sk.Camera(c.K, np.diag([1, -1, -1]) @ c.R, np.diag([1, -1, -1]) @ c.t, size=c.size) for c in room
     ]
-    for cameras, text in (
-        (replaced(room, 0, R=room[1].R, t=room[1].t), "cam1 and cam2 stand in the same place"),
-        (sk.CameraRig(flipped), "All cameras look away from the point"),
-        (turned(room, 2, 180.0, (0, 1, 0)), "cam3 looks away from where the other cameras look."),
+    for cameras, kind, text in (
+        (
+            replaced(room, 0, R=room[1].R, t=room[1].t),
+            "same_place",
+            "cam1 and cam2 are in the same place",
+        ),
+        (sk.CameraRig(flipped), "all_look_away", "All cameras look away from the point"),
+        (
+            turned(room, 2, 180.0, (0, 1, 0)),
+            "looks_away",
+            "cam3 looks away from where the other cameras look.",
+        ),
         (
             replaced(room, 3, size=(20000, 20000)),
+            "field_of_view",
             "cam4: a focal length of 1145 px on images of 20000 by 20000 px",
         ),
-        (replaced(room, 3, K=np.diag([1, 1, 1]) @ [[1145, 0, 500], [0, 2290, 500], [0, 0, 1]]), "not square"),
+        (
+            replaced(room, 3, K=np.diag([1, 1, 1]) @ [[1145, 0, 500], [0, 2290, 500], [0, 0, 1]]),
+            "pixels_not_square",
+            "not square",
+        ),
     ):
-        texts = [finding.text for finding in check_rig(cameras).findings]
-        assert all(finding.kind == "geometry" for finding in check_rig(cameras).findings)
-        assert any(text in found for found in texts), texts
+        texts = {finding.kind: finding.text for finding in check_rig(cameras).findings}
+        assert set(texts) <= GEOMETRY
+        assert text in texts[kind], texts
 
 
 def test_a_principal_point_far_from_the_middle():
@@ -172,8 +191,7 @@ def test_a_principal_point_far_from_the_middle():
     K[0, 2] = 30.0
     finding = only(check_rig(replaced(rig("room"), 0, K=K)))
     assert (
-        "cam1: the principal point (30, 500) lies far from the middle of images of 1000 by 1002"
-        in finding.text
+        "cam1: the principal point (30, 500) is far from the middle of images of 1000 by 1002" in finding.text
     )
 
 
@@ -206,6 +224,6 @@ def test_poses_in_another_convention_are_named_alone(words, name):
         R, t = CONVENTIONS[words](np.asarray(cameras[view].R), np.asarray(cameras[view].t))
         cameras = replaced(cameras, view, R=R, t=t)
     report = check_rig(cameras, detections(name), layout=LAYOUT)
-    found = [finding for finding in report.findings if finding.kind not in ("geometry",)]
-    assert [finding.kind for finding in found] == ["convention"], report.findings
+    found = [finding for finding in report.findings if finding.kind not in GEOMETRY]
+    assert [finding.kind for finding in found] == ["pose_convention"], report.findings
     assert words in found[0].text

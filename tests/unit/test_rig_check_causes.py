@@ -20,9 +20,9 @@ def test_a_frame_offset_is_named(name, motion, shift):
     found[:, 1] = whole[5 - shift : 5 - shift + T, 1]  # what the others see `shift` frames earlier
     report = check_rig(rig(name), found, layout=LAYOUT)
     finding = only(report)
-    assert (finding.kind, finding.cameras) == ("offset", (rig(name).names[1],))
+    assert (finding.kind, finding.subject.cameras) == ("frame_offset", (rig(name).names[1],))
     assert finding.numbers["frames"] == shift
-    assert f"frame f{shift:+d} belongs to frame f of the others" in finding.text
+    assert f"its frame f{shift:+d} is frame f of the others" in finding.text
     assert report.cameras[1].best_offset == shift
     assert report.cameras[1].best_offset_px < report.cameras[1].left_out_px
 
@@ -31,19 +31,20 @@ def test_what_explains_nearly_as_much_is_said():
     """In the recording two of the four cameras could be the turned one."""
     cameras, people = recording()
     finding = only(check_rig(cameras, people, layout=sample.LAYOUT))
-    assert (finding.kind, finding.cameras) == ("turned", ("cam_03",))
-    assert " Nearly as well the cameras agree with cam_01 turned by 1." in finding.text
+    assert (finding.kind, finding.subject.cameras) == ("camera_rotated", ("cam_03",))
+    assert " Rotating cam_01 by 1." in finding.text
+    assert "° explains it almost as well (mean error " in finding.text
     (rival,) = finding.numbers["rivals"]
-    assert (rival["camera"], rival["kind"]) == ("cam_01", "turned")
-    assert "Only" not in finding.text
+    assert (rival["camera"], rival["kind"]) == ("cam_01", "camera_rotated")
+    assert "Based on only" not in finding.text
     few = check_rig(cameras, people[:3], layout=sample.LAYOUT).findings[0]
-    assert few.text.endswith(" Only 3 frames say so: give more.")
+    assert few.text.endswith(" Based on only 3 frames; provide more.")
 
 
 @pytest.mark.parametrize("name", ["room", "dome of 6"])
 def test_what_explains_much_less_is_not(name):
     found = check_rig(turned(rig(name), 1, 4.0, (0, 1, 0)), detections(name), layout=LAYOUT)
-    assert "Nearly as well" not in only(found).text
+    assert "almost as well" not in only(found).text
     assert "rivals" not in only(found).numbers
 
 
@@ -53,18 +54,26 @@ def test_a_turn_and_an_offset_of_the_same_camera_are_told_apart_or_both_said():
     found = whole[5 : 5 + T].copy()
     found[:, 0] = whole[3 : 3 + T, 0]
     finding = only(check_rig(rig("room"), found, layout=LAYOUT))
-    assert (finding.kind, finding.cameras, finding.numbers["frames"]) == ("offset", ("cam1",), 2)
-    assert " Nearly as well the cameras agree with cam1 turned by 0." in finding.text
+    assert (finding.kind, finding.subject.cameras, finding.numbers["frames"]) == (
+        "frame_offset",
+        ("cam1",),
+        2,
+    )
+    assert " Rotating cam1 by 0." in finding.text
 
 
-@pytest.mark.parametrize(("shift", "words"), [(-5, " (4 to 5 fit nearly as well), "), (5, " too high, its")])
+@pytest.mark.parametrize(("shift", "words"), [(-5, " (4 to 5 fit almost as well): "), (5, " too high: its")])
 def test_frames_that_fit_nearly_as_well_are_a_range(shift, words):
     found, whole = detections("room").copy(), detections("room")
     found[:, 1] = np.nan
     here, there = slice(max(shift, 0), T + min(shift, 0)), slice(max(-shift, 0), T + min(-shift, 0))
     found[here, 1] = whole[there, 1]
     finding = only(check_rig(rig("room"), found, layout=LAYOUT))
-    assert (finding.kind, finding.cameras, finding.numbers["frames"]) == ("offset", ("cam2",), shift)
+    assert (finding.kind, finding.subject.cameras, finding.numbers["frames"]) == (
+        "frame_offset",
+        ("cam2",),
+        shift,
+    )
     assert finding.numbers["frames_nearly_as_good"] == ([-5, -4] if shift < 0 else [5, 5])
     assert words in finding.text
 
@@ -75,7 +84,7 @@ def test_a_frame_offset_counts_frame_numbers_not_places():
     found = whole[5 : 5 + T].copy()
     found[:, 2] = whole[2 : 2 + T, 2]
     finding = only(check_rig(rig("room"), found[keep], frames=100 + keep))
-    assert (finding.kind, finding.numbers["frames"]) == ("offset", 3)
+    assert (finding.kind, finding.numbers["frames"]) == ("frame_offset", 3)
 
 
 def test_an_offset_between_two_cameras_is_named():
@@ -83,7 +92,11 @@ def test_an_offset_between_two_cameras_is_named():
     found = whole[5 : 5 + T].copy()
     found[:, 1] = whole[:T, 1]
     finding = only(check_rig(rig("pair"), found))
-    assert (finding.kind, finding.cameras, finding.numbers["frames"]) == ("offset", ("right",), 5)
+    assert (finding.kind, finding.subject.cameras, finding.numbers["frames"]) == (
+        "frame_offset",
+        ("right",),
+        5,
+    )
 
 
 @pytest.mark.parametrize(
@@ -92,18 +105,21 @@ def test_an_offset_between_two_cameras_is_named():
 )
 def test_a_camera_turned_by_two_degrees_is_named(name, axis):
     finding = only(check_rig(turned(rig(name), 1, 2.0, axis), detections(name), layout=LAYOUT))
-    assert (finding.kind, finding.cameras) == ("turned", (rig(name).names[1],))
+    assert (finding.kind, finding.subject.cameras) == ("camera_rotated", (rig(name).names[1],))
     # 3 px of noise at 1100 px and more are 0.15° a detection; hundreds of them are averaged
     assert finding.numbers["degrees"] == pytest.approx(2.0, abs=0.1)
-    assert ("A picture shifted by" in finding.text) == (axis in [(1, 0, 0), (0, 1, 0)])
+    assert ("An image shifted by" in finding.text) == (axis in [(1, 0, 0), (0, 1, 0)])
 
 
 def test_a_moved_camera_is_named():
     camera = rig("room")[2]
     moved = replaced(rig("room"), 2, t=np.add(camera.t, [150.0, 0.0, 0.0]))
     finding = only(check_rig(moved, detections("room")))
-    assert finding.kind in ("moved", "turned")  # a turn does as well for a person in the middle of the room
-    assert finding.cameras == ("cam3",)
+    assert finding.kind in (
+        "camera_moved",
+        "camera_rotated",
+    )  # a turn does as well for a person in the middle of the room
+    assert finding.subject.cameras == ("cam3",)
     assert finding.numbers["before_px"] > 5 * finding.numbers["after_px"]
 
 
@@ -112,11 +128,15 @@ def test_two_faults_are_both_named():
     found = whole[5 : 5 + T].copy()
     found[:, 4] = whole[2 : 2 + T, 4]
     report = check_rig(turned(rig("dome of 6"), 1, 2.0, (1, 0, 0)), found)
-    assert {finding.kind: finding.cameras for finding in report.findings} == {
-        "turned": ("hd01",),
-        "offset": ("hd04",),
+    assert {finding.kind: finding.subject.cameras for finding in report.findings} == {
+        "camera_rotated": ("hd01",),
+        "frame_offset": ("hd04",),
     }
     first, second = report.findings
-    assert "are put right" not in first.text
-    assert "is put right" not in first.text
-    assert f"px off what the others say once {first.cameras[0]} is put right, with that" in second.text
+    assert "once" not in first.text
+    assert f" px once {first.subject.cameras[0]} is corrected, " in second.text
+    assert (
+        second.text.partition(" once ")[2]
+        .partition(", ")[2]
+        .startswith(f"{second.numbers['after_px']:.1f} px after this correction")
+    )

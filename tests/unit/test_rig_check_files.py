@@ -23,15 +23,15 @@ def test_exchanged_names_are_named(name, pair, motion):
     found[:, list(pair)] = found[:, list(pair[::-1])]
     finding = only(check_rig(rig(name), found, layout=LAYOUT))
     names = [rig(name).names[i] for i in pair]
-    assert finding.kind == "exchanged"
-    assert finding.cameras == tuple(names)
+    assert finding.kind == "cameras_exchanged"
+    assert finding.subject.cameras == tuple(names)
     assert finding.numbers["folders"][names[0]] == names[1]
     assert f"The detections of {names[0]} and {names[1]} are exchanged" in finding.text
 
 
 def test_three_cameras_in_a_circle_are_named():
     finding = only(check_rig(rig("room"), detections("room")[:, [2, 0, 1, 3]]))
-    assert finding.kind == "exchanged"
+    assert finding.kind == "cameras_exchanged"
     assert "those of cam3 belong to cam2" in finding.text
     assert finding.numbers["folders"] == {"cam1": "cam2", "cam2": "cam3", "cam3": "cam1", "cam4": "cam4"}
 
@@ -46,7 +46,10 @@ def test_in_a_symmetric_ring_the_fewest_exchanges_are_named(pair, seed):
     i, j = pair
     found[:, [i, j]] = found[:, [j, i]]
     finding = check_rig(cameras, found, layout=LAYOUT).findings[0]
-    assert (finding.kind, finding.cameras) == ("exchanged", (cameras.names[i], cameras.names[j]))
+    assert (finding.kind, finding.subject.cameras) == (
+        "cameras_exchanged",
+        (cameras.names[i], cameras.names[j]),
+    )
 
 
 def folders_of(order, names):
@@ -65,22 +68,22 @@ def test_exchanged_cameras_are_no_mirrored_images(motion, exchange):
     """In a room that is nearly symmetric mirrored images set them right, too, but not as well."""
     name, order = exchange
     finding = only(check_rig(rig(name), detections(name, motion)[:, list(order)], layout=LAYOUT))
-    assert finding.kind == "exchanged"
+    assert finding.kind == "cameras_exchanged"
     assert finding.numbers["folders"] == folders_of(order, rig(name).names)
     near = (name, motion) in {("room", "sit"), ("room", "reach")}
-    rival = "That the detections of all cameras are mirrored would fit almost as well."
+    rival = " Almost as good an explanation: the detections of all cameras are mirrored."
     assert finding.text.endswith(rival) == near
 
 
 @pytest.mark.parametrize("motion", ["walk", "sit", swept("reach")])
 def test_mirrored_images_are_no_exchanged_cameras(motion):
     finding = only(check_rig(rig("room"), mirrored(detections("room", motion), "room"), layout=LAYOUT))
-    assert finding.kind == "images"
+    assert finding.kind == "images_changed"
     assert "The detections of all cameras are mirrored" in finding.text
     rival = (
-        "That the detections of 4 cameras are exchanged (or their calibrations): those of cam3 belong to "
-        "cam1, those of cam4 belong to cam2, those of cam1 belong to cam3, those of cam2 belong to cam4 "
-        "would fit almost as well."
+        " Almost as good an explanation: the detections of 4 cameras are exchanged (or their calibrations "
+        "are): those of cam3 belong to cam1, those of cam4 belong to cam2, those of cam1 belong to cam3, "
+        "those of cam2 belong to cam4."
     )
     assert finding.text.endswith(rival) == (motion != "walk")
 
@@ -89,9 +92,11 @@ def test_where_nothing_tells_them_apart_both_are_mentioned():
     found = detections("ring of 4", "sit")
     for people in (mirrored(found, "ring of 4"), found[:, [0, 3, 2, 1]]):
         finding = only(check_rig(rig("ring of 4"), people, layout=LAYOUT))
-        assert finding.kind == "images"
+        assert finding.kind == "images_changed"
         # two that face each other, whichever; an order of all four leaves the same and is no simpler
-        assert re.search("That the detections of (cam0 and cam2|cam1 and cam3) are exchanged", finding.text)
+        assert re.search(
+            "explanation: the detections of (cam0 and cam2|cam1 and cam3) are exchanged", finding.text
+        )
 
 
 @pytest.mark.parametrize("order", [(1, 2, 0, 3), swept((3, 2, 1, 0)), swept((3, 0, 2, 1))])
@@ -99,9 +104,9 @@ def test_exchanged_cameras_of_a_recording_are_no_images_of_another_size(order):
     """Another size or images upside down would take the half, or the third, of the disagreement away."""
     cameras, people = recording()
     exchange, turned = check_rig(cameras, people[:, list(order)], layout=sample.LAYOUT).findings
-    assert exchange.kind == "exchanged"
+    assert exchange.kind == "cameras_exchanged"
     assert exchange.numbers["folders"] == folders_of(order, cameras.names)
-    assert (turned.kind, turned.cameras) == ("turned", ("cam_03",))
+    assert (turned.kind, turned.subject.cameras) == ("camera_rotated", ("cam_03",))
 
 
 @pytest.mark.parametrize(("factor", "words"), [(4 / 3, "1.33"), swept(3 / 4, "0.75")])
@@ -110,9 +115,9 @@ def test_a_recording_of_another_size_has_no_exchanged_cameras(factor, words):
     resized = people.copy()
     resized[..., :2] = (people[..., :2] + 0.5) * factor - 0.5
     images, turned = check_rig(cameras, resized, layout=sample.LAYOUT).findings
-    assert images.text.startswith(f"The detections of all cameras are of images {words} times as large: ")
-    assert "almost as well" not in images.text
-    assert (turned.kind, turned.cameras) == ("turned", ("cam_03",))
+    assert images.text.startswith(f"The detections of all cameras are of images {words} times as large (")
+    assert "Almost as good" not in images.text
+    assert (turned.kind, turned.subject.cameras) == ("camera_rotated", ("cam_03",))
 
 
 def test_detections_of_other_images_are_named():
@@ -125,12 +130,12 @@ def test_detections_of_other_images_are_named():
     half = good.copy()
     half[:, 1, :, :2] = (half[:, 1, :, :2] + 0.5) / 2 - 0.5
     for found, camera, text in (
-        (upside, "hd02", "its images are upside down"),
-        (flipped, "hd03", "its images are mirrored"),
-        (half, "hd01", "of images of another size; multiplied by 2"),
+        (upside, "hd02", "hd02's images are upside down"),
+        (flipped, "hd03", "hd03's images are mirrored"),
+        (half, "hd01", "from images of another size; multiplied by 2"),
     ):
         finding = only(check_rig(rig("dome of 6"), found))
-        assert finding.cameras == (camera,)
+        assert finding.subject.cameras == (camera,)
         assert text in finding.text
 
 
@@ -146,5 +151,5 @@ def test_all_detections_of_other_images_are_named():
         (small, "of images 0.667 times as large"),
     ):
         finding = only(check_rig(rig("dome of 6"), found))
-        assert (finding.kind, finding.cameras) == ("images", ())
+        assert (finding.kind, finding.subject.cameras) == ("images_changed", ())
         assert text in finding.text

@@ -10,7 +10,6 @@ import pytest
 
 import skelsplat as sk
 from command_line import READ, invoke
-from skelsplat.cli import _run
 from skelsplat.io import read_npz, read_run, write_npz
 
 
@@ -93,7 +92,7 @@ def test_a_run_that_stops_half_way_leaves_no_mixture_of_two(run_folder, argument
     def stop(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(_run, "write_run_inputs", stop)
+    monkeypatch.setattr("skelsplat.run.folder.write_run_inputs", stop)
     assert invoke(*arguments, *READ, "--fps", 50, "--sigma-mm", 20).exit_code == 1
     with pytest.raises(sk.DatasetError, match=r"report\.json: unfinished: expected .* run it again"):
         read_run(run_folder)

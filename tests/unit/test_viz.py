@@ -371,7 +371,9 @@ def test_viz_is_a_leaf_without_pyplot():
             names += [node.module] if isinstance(node, ast.ImportFrom) and node.module else []
             for name in names:
                 assert "pyplot" not in name
-                own = name.startswith(("skelsplat.viz", "skelsplat._opencv", "skelsplat._arrays"))
+                own = name.startswith(
+                    ("skelsplat.viz", "skelsplat._opencv", "skelsplat._optional", "skelsplat._arrays")
+                )
                 assert own or not name.startswith("skelsplat")
 
 

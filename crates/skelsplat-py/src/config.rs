@@ -76,7 +76,7 @@ impl RefineConfig {
         Self::with(self.0.clone(), fields)
     }
 
-    /// Return the method and every setting with its value; ``RefineConfig(**fields)`` makes the same again.
+    /// Return the method and every setting; ``RefineConfig(**fields)`` makes the same again.
     fn to_dict<'py>(&self, py: Python<'py>) -> Result<Bound<'py, PyDict>> {
         let out = PyDict::new(py);
         out.set_item(METHOD, self.0.method.name())?;
@@ -277,10 +277,10 @@ fn in_rst(text: &str) -> String {
 const SUMMARY: &str = "\
 Settings of ``refine``. Immutable.
 
-``RefineConfig(...)`` is the default method, ``annealed``: splats that narrow to the noise of the detections,
-from any start. ``RefineConfig.paper(...)`` is the published one, ``paper``: pixels and Adam. Every setting is
-a keyword, a setting of the other method is refused, and one that is left out keeps its default. Lengths are
-in mm whatever the unit of the cameras, and their names say so.
+``RefineConfig(...)`` is the default method, ``annealed``: splats that narrow to the noise of the
+detections, from any start. ``RefineConfig.paper(...)`` is the published one, ``paper``: pixels and Adam.
+Every setting is a keyword, a setting of the other method is refused, and one that is left out keeps its
+default. Lengths are in mm whatever the unit of the cameras, and their names say so.
 
 Parameters
 ----------

@@ -3,13 +3,266 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from skelsplat._optional import pip_line
+from skelsplat._sentences.words import listed, options, percent
 
 if TYPE_CHECKING:
     from skelsplat.findings import Finding
 
+# Names and frame numbers that a sentence lists one by one; more are counted.
+_MOST_NAMES = _MOST_FRAMES = 6
+# A direction is named from this part of the shift on.
+_DIRECTION = 0.1
+_LOOK = "check-cameras looks for the cause"
+
+
+def _leaves_out(finding: Finding) -> str:
+    """Return "; --without a leaves it out", empty if that is no remedy."""
+    without = [remedy for remedy in finding.remedy if remedy.option == "without"]
+    if not without:
+        return ""
+    return f"; {options(without)} leaves {'it' if len(without) == 1 else 'them'} out"
+
+
+def _many_rejected(finding: Finding) -> str:
+    mixed = any(remedy.option == "person" for remedy in finding.remedy)
+    first = "that all views show the same person (--person), then " if mixed else ""
+    return (
+        f"{percent(finding.numbers['rejected_share'])} of all detections are rejected: check {first}"
+        "that calibration, cameras and detections belong together, their timing, the unit and the layout."
+    )
+
+
+def _no_match(finding: Finding) -> str:
+    counts = zip(finding.numbers["frames_without_match"], finding.numbers["frames_detected"], strict=True)
+    frames = listed([f"{count:,} of {seen:,}" for count, seen in counts])
+    one = len(finding.subject.cameras) == 1
+    return (
+        f"In {listed(finding.subject.cameras)}, no person detected matches the other cameras, in {frames} of "
+        f"the frames in which {'it' if one else 'they'} and others detect a person: exchanged cameras, a "
+        f"wrong calibration, unsynchronised video, or other people? {_LOOK}{_leaves_out(finding)}."
+    )
+
+
+def _unused(finding: Finding) -> str:
+    return (
+        f"{finding.subject.cameras[0]} has no detection that could be used. Either it does not see the "
+        "person, or what it sees does not agree with the other views: --person chooses who is followed"
+        f"{_leaves_out(finding)}."
+    )
+
+
+def _disagrees(finding: Finding) -> str:
+    numbers, compared = finding.numbers, finding.numbers["compared_with"]
+    theirs = f"those of {', '.join(compared)}" if compared else "theirs"
+    side = f"Its detections lie {to_one_side(numbers)}. " if "shift_px" in numbers else ""
+    return (
+        f"{finding.subject.cameras[0]} disagrees with the other cameras: "
+        f"{percent(numbers['rejected_share'])} of its detections are rejected, "
+        f"{percent(numbers['others_rejected_share'])} of {theirs}, and its mean weight is "
+        f"{numbers['mean_weight']:.2f}. {side}The pose follows the others: check this camera's calibration "
+        f"and timing, and what it can see. {_LOOK}{_leaves_out(finding)}."
+    )
+
+
+def to_one_side(numbers: Mapping[str, Any]) -> str:
+    """Return where a camera's detections lie: "18 px to one side of the pose (…); cam_01's lie 13 px …"."""
+    x, y = numbers["shift_px"]
+    size = numbers["size_px"]
+    words = ((x, "right" if x > 0 else "left"), (y, "down" if y > 0 else "up"))
+    parts = [f"{abs(part):.0f} px {word}" for part, word in words if abs(part) >= _DIRECTION * size]
+    error = numbers.get("median_error_px")
+    with_error = "" if error is None else f", with a median error of {error:.1f} px"
+    text = f"{size:.0f} px to one side of the pose ({', '.join(parts)}){with_error}"
+    return text + _also_displaced(numbers["also_displaced"])
+
+
+def _also_displaced(others: list[dict[str, Any]]) -> str:
+    if not others:
+        return ""
+    lie = [f"{o['camera']}'s {'lie ' * (k == 0)}{o['size_px']:.0f} px" for k, o in enumerate(others)]
+    rivals = [other["camera"] for other in others if other["may_be_the_cause"]]
+    may = f", so it may be {' or '.join(rivals)} instead" if rivals else ""
+    return f"; {', '.join(lie)} to one side as well{may}"
+
+
+def _displaced(finding: Finding) -> str:
+    name, numbers = finding.subject.cameras[0], finding.numbers
+    where = to_one_side(numbers)
+    if numbers["cameras"] == 2:
+        return (
+            f"The calibration or timing of one of the two cameras looks wrong: {name}'s detections lie "
+            f"{where}. It is impossible to tell which is wrong; skelsplat {_LOOK}."
+        )
+    other = ", or that of another of the three" if numbers["cameras"] == 3 else ""
+    whose = f"{name}'s" if other else "its"
+    return (
+        f"{name}'s calibration or timing looks wrong{other}: {whose} detections lie {where}. "
+        f"skelsplat {_LOOK}{_leaves_out(finding)}."
+    )
+
+
+def _apart(finding: Finding) -> str:
+    shares = zip(finding.subject.cameras, finding.numbers["share_of_frames"], strict=True)
+    where = ", ".join(f"{name} in {percent(share)}" for name, share in shares)
+    return (
+        f"In {percent(finding.numbers['any_share_of_frames'])} of the frames, the detections of a camera lie "
+        f"far from the pose as a whole ({where}). The cameras show different people or different moments "
+        "there, or a calibration is wrong: look at these frames; skelsplat check-cameras looks for a cause "
+        "in the cameras."
+    )
+
+
+def _mirrored(finding: Finding) -> str:
+    share = percent(finding.numbers["swapped_share"])
+    name = finding.subject.cameras[0]
+    return f"{name}: left and right are exchanged in {share} of its detections: is the image mirrored?"
+
+
+def _limbs_differ(finding: Finding) -> str:
+    limbs = zip(finding.numbers["limbs"], finding.numbers["lengths_mm"], strict=True)
+    sizes = " and ".join(f"{a} to {b} {size:.0f} mm" for (a, b), size in limbs)
+    others = " and ".join(finding.numbers["layouts_of_as_many_joints"])
+    hint = f" ({others} has as many joints)" if others else ""
+    return f"Left and right differ, {sizes}: is the layout right{hint}?"
+
+
+def _uncertain(finding: Finding) -> str:
+    bars = zip(finding.subject.joints, finding.numbers["error_bar_mm"], strict=True)
+    named = ", ".join(f"{name} ({bar:.0f} mm)" for name, bar in bars)
+    return f"Error bars far above the median of {finding.numbers['median_error_bar_mm']:.0f} mm: {named}."
+
+
+_STATUS = {
+    "weak_joints": (
+        "weak",
+        " (fewer than two views agree, or as many agree on another place, so the position is not determined)",
+        " Weak joints are written as usual; --fill-gaps N --fill-weak interpolates them.",
+    ),
+    "joints_without_position": (
+        "weak",
+        " and without a position, as a single view detects them or views from one place",
+        " --fill-gaps N interpolates them.",
+    ),
+    "unobserved_joints": (
+        "unobserved",
+        " (no usable detection; a joint keeps its initial position, if it has one)",
+        "",
+    ),
+}
+
+
+def _status(finding: Finding) -> str:
+    label, meaning, remedy = _STATUS[finding.kind]
+    frames = zip(finding.subject.joints, finding.numbers["frames"], strict=True)
+    places = ", ".join(f"{joint} ({_frames(numbers)})" for joint, numbers in frames)
+    if finding.numbers["filled"]:
+        return f"{label}, now filled from neighbouring frames: {places}."
+    return f"{label}{meaning}: {places}.{remedy}"
+
+
+def _frames(numbers: list[int]) -> str:
+    if len(numbers) > _MOST_FRAMES:
+        return f"{len(numbers)} frames"
+    return f"frame{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers))}"
+
+
+def _mixed(finding: Finding) -> str:
+    numbers, person = finding.numbers, finding.numbers["person"]
+    if "different_people_share" in numbers:
+        fault = (
+            f"the views show different people in {percent(numbers['different_people_share'])} of the frames"
+        )
+    else:
+        steps = f"{numbers['changes']:,} of {numbers['steps']:,} steps from frame to frame"
+        fault = f"it changes to another person in {steps}"
+    entry = f"The order of people in a file is arbitrary: entry {person} is"
+    why = "The largest in each image is" if person == "largest" else entry
+    return (
+        f"--person {person} mixes people: {fault}. {why} not always the same person; --person "
+        "consistent follows the person the views agree on."
+    )
+
+
+_ANOTHER = {
+    "consistent": "--person largest follows the largest in each image",
+    "largest": "--person consistent follows the person the views agree on",
+}
+
+
+def _visible(finding: Finding) -> str:
+    numbers, person = finding.numbers, finding.numbers["person"]
+    seen = (
+        f"{numbers['people']} people are visible in about the same number of views in "
+        f"{percent(numbers['share_of_frames'])} of the frames"
+    )
+    if numbers["mixed"]:
+        return f"{seen}; only --person consistent tells them apart."
+    other = _ANOTHER.get(person, "--person consistent or --person largest may follow another")
+    order = "; the order of people in a file is arbitrary, so --person 0 may mix them"
+    return f"{seen}. Check that the right one is followed: {other}{'' if person.isdecimal() else order}."
+
+
+def _lengths(finding: Finding) -> str:
+    numbers, (a, b) = finding.numbers, finding.subject.joints
+    low, high = numbers["range_mm"]
+    cause = (
+        "The detections probably mix people: --person consistent follows the person the views agree on"
+        if finding.remedy
+        else "Either the views show different people, or most views are wrong about these joints: "
+        "check-cameras looks for a cause in the cameras"
+    )
+    return (
+        f"Limb lengths vary by up to {percent(numbers['relative_range'])} over the recording; a body's do "
+        f"not. {a} to {b} is {low:,.0f} to {high:,.0f} mm long (5th to 95th percentile), and "
+        f"{percent(numbers['off_share'])} of the lengths of arms and legs are off by more than error bars "
+        f"explain. {cause}."
+    )
+
+
+def named(finding: Finding) -> str:
+    """Return the joints or cameras of a frame's finding; of many, their number."""
+    names = finding.subject.joints or finding.subject.cameras
+    return ", ".join(names) if len(names) <= _MOST_NAMES else f"{len(names)} of {finding.numbers['of']}"
+
+
 SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
+    "option_unused": "{option}: not used; it is for pose.trc and pose.c3d, and --write names neither",
+    "times_assumed": lambda f: (
+        f"--fps: not given; the times in {listed(f.subject.files)} assume {f.numbers['fps']:g} frames per "
+        "second"
+    ),
     "no_pictures": f"report.html and figures need skelsplat[viz]: {pip_line('viz')}",
+    "nothing_used": "No detection could be used: are they pixels of these cameras' images (not 0 to 1), "
+    "x before y?",
+    "many_rejected": _many_rejected,
+    "further_than_start": "The refined pose lies further from the detections than its start (median "
+    "{before_px:.1f} to {after_px:.1f} px): check the layout, the unit and the calibration.",
+    "no_match": _no_match,
+    "camera_unused": _unused,
+    "camera_disagrees": _disagrees,
+    "camera_displaced": _displaced,
+    "views_apart": _apart,
+    "camera_mirrored": _mirrored,
+    "limbs_differ": _limbs_differ,
+    "joints_rejected": "Most detections are rejected for {joints}.",
+    "joints_uncertain": _uncertain,
+    **dict.fromkeys(_STATUS, _status),
+    "people_mixed": _mixed,
+    "people_visible": _visible,
+    "limb_lengths_vary": _lengths,
+    "frame_empty": "no detection could be used",
+    "frame_diverged": "diverged",
+    "frame_max_steps": "stopped at the step limit",
+    "frame_unobserved": lambda f: f"unobserved: {named(f)}",
+    "frame_weak": lambda f: f"weak: {named(f)}",
+    "frame_filled": lambda f: f"filled over time: {named(f)}",
+    "frame_swapped": lambda f: f"left and right exchanged in {named(f)}",
+    "frame_rejected": lambda f: f"{max(f.numbers['percent']):.0f}% of the detections rejected",
+    "frame_error": lambda f: f"median reprojection error {max(f.numbers['median_px']):.1f} px",
+    "frame_error_bar": lambda f: (
+        f"error bar far above the usual: {named(f)}, {max(f.numbers['error_bar_mm']):.0f} mm"
+    ),
 }

@@ -26,12 +26,14 @@ from skelsplat.cli._app import app
 __all__ = ["app", "main"]
 
 app.command("demo")(demo.demo)
-app.command("refine", epilog=refine.EPILOG)(refine.refine)
+app.command("refine", epilog=refine.EPILOG, common=refine.COMMON)(refine.refine)
 app.command("overlay", epilog=overlay.EPILOG)(overlay.overlay)
 app.command("live", epilog=live.EPILOG)(live.live)
 app.command("plot", epilog=plot.EPILOG)(plot.plot)
 app.command("convert", epilog=convert.EPILOG)(convert.convert)
-app.command("check-cameras", epilog=check_cameras.EPILOG)(check_cameras.check_cameras)
+app.command("check-cameras", epilog=check_cameras.EPILOG, common=check_cameras.COMMON)(
+    check_cameras.check_cameras
+)
 app.command("synth")(synth.synth)
 app.add_typer(datasets.app, name="datasets")
 app.command("evaluate", epilog=evaluate.EPILOG)(evaluate.evaluate)

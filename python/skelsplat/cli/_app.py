@@ -10,7 +10,8 @@ import typer
 from typer.core import TyperGroup
 
 import skelsplat as sk
-from skelsplat.cli.config import Application, origin
+from skelsplat.cli.command import Application
+from skelsplat.cli.config import origin
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""How detections are read: the checks of ``--format``, ``--offset``, ``--order`` and ``--map``."""
+"""Options that say how detections are read, as arguments of `skelsplat.io.read_detections`."""
 
 from __future__ import annotations
 
@@ -7,84 +7,22 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-import skelsplat as sk
-from skelsplat.cli._calibration import usage
-from skelsplat.io.detections import (
-    FORMATS,
-    DetectionSet,
-    camera_called,
-    cameras_called,
-    read_detections,
-)
-
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-    from pathlib import Path
+    from collections.abc import Iterator
 
-_OPTIONS = {
-    "layout": "--layout",
-    "format": "--format",
-    "frames": "--frames",
-    "offsets": "--offset",
-    "order": "--order",
-    "mapping": "--map",
-    "sequence": "--sequence",
-    "without": "--without",
-}
-
-
-def read_found(path: Path, rig: sk.CameraRig, **given: Any) -> DetectionSet:
-    """Read detections; ``given`` are the arguments of `skelsplat.io.read_detections`.
-
-    Raises
-    ------
-    typer.BadParameter
-        If an option is missing or does not fit the files.
-    DatasetError
-        If a file is missing or malformed.
-    """
-    try:
-        return read_detections(path, rig, **given)
-    except sk.InvalidInputError as error:
-        raise usage(error, _OPTIONS) from error
-
-
-def leave_out(rig: sk.CameraRig, without: tuple[str, ...]) -> sk.CameraRig:
-    """Return the rig without the cameras that are meant, whose names may be written loosely.
-
-    Raises
-    ------
-    typer.BadParameter
-        If there is no camera of such a name, or fewer than two are left.
-    """
-    try:
-        left_out = cameras_called(without, rig.names, "without")
-    except sk.InvalidInputError as error:
-        raise usage(error, _OPTIONS) from error
-    kept = [camera for name, camera in zip(rig.names, rig, strict=True) if name not in left_out]
-    if len(kept) < 2:
-        expected = f"two cameras or more to be left of {', '.join(rig.names)}"
-        raise typer.BadParameter(f"expected {expected}, got {len(kept)}", param_hint="--without")
-    return sk.CameraRig(kept, unit=rig.unit) if without else rig
-
-
-def named_offsets(rig: sk.CameraRig, offsets: Mapping[str, int]) -> dict[str, int]:
-    """Return offsets that were read with, by the calibration's own names."""
-    return {camera_called(text, rig.names): frames for text, frames in offsets.items()}
+_OPTIONS = ("--layout", "--format", "--frames", "--offset", "--order", "--map", "--sequence", "--person")
 
 
 def reading(
     name: str | None, offset: list[str] | None, order: str | None, joint_map: list[str] | None
 ) -> dict[str, Any]:
-    """Return the arguments ``format``, ``offsets``, ``order`` and ``mapping`` of `read_found`.
+    """Return the arguments ``format``, ``offsets``, ``order`` and ``mapping`` of the reader.
 
     Raises
     ------
     typer.BadParameter
-        If the format is unknown or a value does not have the form of its option.
+        If a value does not have the form of its option.
     """
-    if name is not None and name.lower() not in FORMATS:
-        raise typer.BadParameter(f"expected one of {', '.join(FORMATS)}, got {name!r}", param_hint="--format")
     return {
         "format": None if name is None else name.lower(),
         "offsets": {camera: _frames(text) for camera, text in _pairs("--offset", offset)},
@@ -105,8 +43,8 @@ def refuse_reading(context: typer.Context) -> None:
     """
     for param in context.command.params:
         said = getattr(context.get_parameter_source(str(param.name)), "name", "") == "COMMANDLINE"
-        if said and param.opts[0] in _OPTIONS.values() and param.opts[0] != "--without":
-            raise typer.BadParameter("expected DETECTIONS beside it, got none", param_hint=param.opts[0])
+        if said and param.opts[0] in _OPTIONS:
+            raise typer.BadParameter("requires DETECTIONS", param_hint=param.opts[0])
 
 
 def _pairs(option: str, values: list[str] | None) -> Iterator[tuple[str, str]]:

@@ -21,7 +21,7 @@ from skelsplat._optional import can_draw
 from skelsplat.cli import options
 from skelsplat.cli.datasets import reader_options
 from skelsplat.cli.output import bar_of, print_json
-from skelsplat.cli.table import tell
+from skelsplat.cli.table import print_table, tell
 from skelsplat.evaluation import ablations
 from skelsplat.evaluation.ablations import Choices, OnDisk, Simulated, Source
 from skelsplat.evaluation.methods import DEFAULT_INIT_SIGMA_MM
@@ -30,8 +30,8 @@ from skelsplat.findings import Finding
 _DATA, _METHOD, _OUTPUT = "Data", "Method", "Output"
 # Of tables that go into a file or a pipe.
 _WIDTH = 100
-# Beyond so many settings they become rows, for 80 columns; names of methods keep at least so much room.
-_MOST_COLUMNS, _LEAST_NAME = 6, 26
+# Beyond so many settings they become rows, for 80 columns.
+_MOST_COLUMNS = 6
 _STYLES = {"measured": "bold", "paper": "dim", "theory": "dim"}
 
 EPILOG = (
@@ -174,7 +174,7 @@ def _progress_bar(*, shown: bool) -> Iterator[ablations.Progress]:
 def _print_record(console: Console, record: ablations.Record) -> None:
     """Print tables, each with its source under it, claims and notes."""
     for table in record.outcome.tables:
-        console.print(_upright(table) if len(table.columns) <= _MOST_COLUMNS else _turned(table))
+        print_table(console, _upright(table) if len(table.columns) <= _MOST_COLUMNS else _turned(table))
         console.print(record.line, style="yellow" if record.simulated else "")
         console.print()
     _print_claims(console, record)
@@ -185,10 +185,9 @@ def _print_record(console: Console, record: ablations.Record) -> None:
 def _upright(table: ablations.Table) -> Table:
     """Return a table whose rows are methods."""
     shown = Table(title=f"{table.title} ({table.unit})", box=box.SIMPLE_HEAD, title_justify="left")
-    longest = max(len(_name(row)) for row in table.rows)
-    shown.add_column(table.corner, overflow="fold", min_width=min(longest, _LEAST_NAME))
+    shown.add_column(table.corner, overflow="fold")
     for column in table.columns:
-        shown.add_column(column, justify="right", overflow="fold")
+        shown.add_column(column, justify="right")
     for row in table.rows:
         figures = (ablations.cell(value, table.digits) for value in row.values)
         shown.add_row(_name(row), *figures, style=_STYLES[row.origin])
@@ -200,7 +199,7 @@ def _turned(table: ablations.Table) -> Table:
     shown = Table(title=f"{table.title} ({table.unit})", box=box.SIMPLE_HEAD, title_justify="left")
     shown.add_column(table.corner)
     for row in table.rows:
-        shown.add_column(_name(row), justify="right", overflow="fold", style=_STYLES[row.origin])
+        shown.add_column(_name(row).replace(", ", ",\n"), justify="right", style=_STYLES[row.origin])
     for k, column in enumerate(table.columns):
         shown.add_row(column, *(ablations.cell(row.values[k], table.digits) for row in table.rows))
     return shown

@@ -7,7 +7,6 @@ for every command that has the option; those in a table with a command's name, s
 
 from __future__ import annotations
 
-import functools
 import inspect
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -16,70 +15,24 @@ from types import UnionType
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union, get_args, get_origin
 
 import typer
-from typer.core import TyperCommand
 
-from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.exceptions import DatasetError
 from skelsplat.io._files import parse_toml, read_text
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Iterator, Mapping
 
 NAME_OR_PATH = "name or path"
 """Marks a text option in its `Annotated`: a name, or a path where a file of that name exists."""
-_NAME, _KEYS = "config", "skelsplat.config.keys"
+_KEYS = "skelsplat.config.keys"
 _HELP = (
-    "Options and arguments of this command, from a file of KEY = VALUE: min-confidence = 0.3, paper = true; "
-    "paths begin at the file's folder. Command-line options win; --no-paper cancels paper = true."
+    "Options and arguments from a file. Its lines are KEY = VALUE, such as min-confidence = 0.3 or paper = "
+    "true; paths begin at its folder. Command-line options win; --no-paper cancels paper = true."
 )
 # Metavars of options that take several names with commas between them.
 _WITH_COMMAS = ("A,B,…", "FORMATS", "FIGURES")
 _WORDS = {bool: "true or false", int: "a whole number", float: "a number", Path: "a path, as text"}
 _MOST_CHARACTERS = 40
-
-
-class Application(typer.Typer):
-    """A typer application whose commands all take ``--config``; use it as `typer.Typer`."""
-
-    def command(self, name: str | None = None, **given: Any) -> Callable[[Any], Any]:
-        """Register a command, as `typer.Typer.command` does."""
-        register = super().command(name, **{"cls": ConfiguredCommand, **given})
-
-        def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
-            register(_with_config(function))
-            return function
-
-        return decorate
-
-
-class ConfiguredCommand(TyperCommand):
-    """A command in which ``--no-NAME`` cancels ``--NAME``, and ``--NAME`` cancels ``--no-NAME``."""
-
-    def make_parser(self, ctx: Any) -> Any:
-        """Return the parser, which knows the opposites of flags; help does not show them."""
-        parser, params = super().make_parser(ctx), list[Any](self.params)
-        known = {option for param in params for option in param.opts}
-        for param in params:
-            if getattr(param, "is_flag", False) and not param.secondary_opts:
-                names = [option[2:] for option in param.opts if option.startswith("--")]
-                turned = [f"--{name[3:]}" if name.startswith("no-") else f"--no-{name}" for name in names]
-                opposites = [option for option in turned if option not in known]
-                if opposites:
-                    parser.add_option(
-                        obj=param, opts=opposites, dest=param.name, action="store_const", const=False
-                    )
-        return parser
-
-    def invoke(self, ctx: typer.Context) -> Any:  # type: ignore[override, unused-ignore]
-        """Run the command; what is wrong with an argument that is an option is an error of usage."""
-        try:
-            return super().invoke(ctx)
-        except InvalidInputError as error:
-            name, _, message = str(error).partition(": ")
-            spelt = [opt for param in self.params if param.name == name != _NAME for opt in param.opts]
-            options = [option for option in spelt if option.startswith("--")]
-            if not options:
-                raise
-            raise typer.BadParameter(message, ctx=ctx, param_hint=options[0]) from error
 
 
 def origin(context: Any, label: str) -> str:
@@ -104,20 +57,6 @@ def from_file(context: typer.Context, name: str) -> bool:
     return getattr(context.get_parameter_source(name), "name", "") == "DEFAULT_MAP"
 
 
-def _with_config(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return ``function`` with the option ``--config``, which is not passed on to it."""
-
-    @functools.wraps(function)
-    def command(**given: Any) -> Any:
-        del given[_NAME]
-        return function(**given)
-
-    signature = inspect.signature(function, eval_str=True)
-    option = inspect.Parameter(_NAME, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=_Config)
-    command.__signature__ = signature.replace(parameters=[*signature.parameters.values(), option])  # type: ignore[attr-defined]
-    return command
-
-
 def _load(context: typer.Context, path: Path | None) -> None:
     """Make the values of a file the defaults of the command that is about to run."""
     if path is None or context.resilient_parsing:
@@ -130,15 +69,15 @@ def _load(context: typer.Context, path: Path | None) -> None:
             if entry is not None:
                 found[entry.parameter] = (key, _value(key, entry, value, path.parent))
     except _MisfitError as misfit:
-        raise typer.BadParameter(str(DatasetError(path, *misfit.args)), param_hint=f"--{_NAME}") from misfit
+        raise typer.BadParameter(str(DatasetError(path, *misfit.args)), param_hint="--config") from misfit
     context.default_map = {name: value for name, (_, value) in found.items()}
     context.meta[_KEYS] = (path, {name: key for name, (key, _) in found.items()})
 
 
-_Config = Annotated[
+Config = Annotated[
     Path | None,
     typer.Option(
-        f"--{_NAME}",
+        "--config",
         metavar="FILE.toml",
         is_eager=True,
         callback=_load,

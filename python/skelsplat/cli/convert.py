@@ -9,7 +9,7 @@ import typer
 
 from skelsplat.cli import _calibration as calibration
 from skelsplat.cli import options
-from skelsplat.cli._calibration import CalibrationOptions, listed, usage
+from skelsplat.cli._calibration import listed, width_and_height
 from skelsplat.cli.config import from_file
 from skelsplat.cli.output import print_json
 from skelsplat.cli.table import tell
@@ -17,7 +17,7 @@ from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import collected_warnings
 from skelsplat.io import convert_unit, write_calibration
 from skelsplat.io._run_files import POSES
-from skelsplat.io.calibration import find_format
+from skelsplat.io.calibration import find_format, read_calibration
 from skelsplat.io.convert import convert_poses, is_pose_file
 from skelsplat.io.poses import POSE_FORMATS, pose_format
 
@@ -37,10 +37,8 @@ _KINDS = {
     "calibration": ((".toml", ".json", ".npz"), _READ | {"to_unit"}),
 }
 
-_Input = Annotated[
-    Path, typer.Argument(readable=False, metavar="INPUT", help="File, or folder where a format is one.")
-]
-_Output = Annotated[Path, typer.Argument(metavar="OUTPUT", help="File; its suffix says the format.")]
+_Input = Annotated[Path, typer.Argument(readable=False, metavar="INPUT", help="File or folder.")]
+_Output = Annotated[Path, typer.Argument(metavar="OUTPUT", help="File; its suffix is the format.")]
 _ToUnit = Annotated[
     str | None,
     typer.Option(
@@ -67,7 +65,11 @@ _MarkerNames = Annotated[
 ]
 _Singular = Annotated[
     bool,
-    typer.Option("--singular", help="Poses in .nc: as movement 0.17.", rich_help_panel="Output"),
+    typer.Option(
+        "--singular",
+        help="Poses in .nc: name the dimensions as movement 0.17 does.",
+        rich_help_panel="Output",
+    ),
 ]
 
 
@@ -165,7 +167,9 @@ def _poses(source: Path, target: Path, given: dict[str, Any]) -> tuple[str, dict
     try:
         data = convert_poses(path, target, unit=given.pop("to_unit", None), **given)
     except InvalidInputError as error:
-        raise usage(error, {"unit": "--to-unit"}) from error
+        if str(error).startswith("unit: "):
+            raise InvalidInputError(f"to_{error}") from error
+        raise
     frames, joints = data.pose.shape[:2]
     about = {"format": pose_format(path), "frames": frames, "joints": list(data.joint_names)}
     sentence = f"Wrote {frames} frames of {joints} joints to {target}."
@@ -178,13 +182,13 @@ def _calibration(source: Path, target: Path, given: dict[str, Any]) -> tuple[str
     unit = given.pop("to_unit", None)
     if unit is not None:
         options.one_of("--to-unit", unit, ("mm", "cm", "m"))
-    read = CalibrationOptions(**given)
-    rig = read.read(source)
+    size = given.pop("size", None)
+    rig = read_calibration(source, size=None if size is None else width_and_height(size), **given)
     if target.resolve() == source.resolve():
         raise DatasetError(target, "target", "another file than the source", "the same")
     written = rig if unit is None else convert_unit(rig, unit)
     write_calibration(target, written)
     cameras = f"{len(rig)} camera{'s' * (len(rig) != 1)} ({listed(rig.names)})"
-    about = {"format": read.format_of(source), "cameras": list(rig.names)}
+    about = {"format": given.get("format") or find_format(source), "cameras": list(rig.names)}
     sentence = f"Wrote {cameras} to {target}, lengths in {written.unit}."
     return sentence, {**about, "unit": {"input": rig.unit, "output": written.unit}}

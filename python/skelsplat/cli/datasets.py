@@ -15,8 +15,9 @@ from rich.text import Text
 
 from skelsplat import datasets
 from skelsplat.cli import options
-from skelsplat.cli.config import Application
+from skelsplat.cli.command import Application
 from skelsplat.cli.output import print_json
+from skelsplat.cli.table import print_table
 from skelsplat.datasets import Dataset, Report
 from skelsplat.datasets import _registry as registry
 from skelsplat.exceptions import DatasetError, InvalidInputError
@@ -158,7 +159,7 @@ def _print_list(console: Console, entries: Sequence[dict[str, Any]]) -> None:
     table.add_column("what it is, and the options of its reader")
     for entry in entries:
         table.add_row(entry["name"], f"{entry['description']}\n{', '.join(entry['options'])}")
-    console.print(table)
+    print_table(console, table)
 
 
 def _print_report(console: Console, report: Report) -> None:
@@ -202,7 +203,7 @@ def _print_dataset(console: Console, dataset: Dataset) -> None:
             _percent([take.detected for take in takes]),
             _percent([take.labelled for take in takes]),
         )
-    console.print(table)
+    print_table(console, table)
     console.print(f"{dataset.source}.")
     for note in dataset.notes:
         console.print(f"Note: {note}.")
@@ -233,7 +234,7 @@ def _print_errors(console: Console, report: Report) -> None:
             row.camera,
             *(_pixels(value) for value in (row.as_given, row.sides_exchanged, row.best_other_camera)),
         )
-    console.print(table)
+    print_table(console, table)
 
 
 def _pixels(value: float) -> str:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import skelsplat as sk
 from skelsplat.cli import options
-from skelsplat.cli._calibration import CalibrationOptions
-from skelsplat.cli._run import run
+from skelsplat.cli.refine import run_and_print
 from skelsplat.io import sample
+from skelsplat.run import Job
 from skelsplat.run.folder import output_folder
-from skelsplat.run.job import Job, Verbosity
 
 _NOTE = (
     "The sample has no ground truth: these errors say how well the pose agrees with the "
@@ -41,15 +41,15 @@ def demo(
     """
     with output_folder(output):
         paths = sample.extract(output / "input")
+    settings = {} if threads is None else {"n_threads": threads}
     job = Job(
-        calibration=paths.calibration,
-        detections=paths.detections,
-        cameras=CalibrationOptions(unit=sample.UNIT),
+        paths.calibration,
+        paths.detections,
+        unit=sample.UNIT,
         layout=sample.LAYOUT,
-        out=output,
         fps=sample.FRAME_RATE_HZ,
-        paper=paper,
-        settings={} if threads is None else {"n_threads": threads},
+        config=sk.RefineConfig.paper(**settings) if paper else sk.RefineConfig(**settings),
+        output=output,
         note=_NOTE,
     )
-    run(job, Verbosity(quiet=quiet, as_json=as_json))
+    run_and_print(job, quiet=quiet, as_json=as_json)

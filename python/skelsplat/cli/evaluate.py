@@ -246,13 +246,13 @@ def _print_evaluation(console: Console, evaluation: Evaluation, *, per_joint: bo
     if per_joint:
         shown.append(tables.joints(evaluation))
     for table in shown:
-        for part, gap in _fitting(table):
+        for part, gap in _fitting(table, console.width):
             console.print(_drawn(part, gap))
     for note in overall.notes:
         console.print(note, style="dim")
 
 
-def _fitting(table: Table) -> list[tuple[Table, int]]:
+def _fitting(table: Table, width: int) -> list[tuple[Table, int]]:
     """Cut a table that is too wide into parts of about equally many columns; with the gap between columns."""
     name = min(_NAME_WIDTH, max(len(row.name) for row in table.rows))
     widths = [
@@ -263,7 +263,7 @@ def _fitting(table: Table) -> list[tuple[Table, int]]:
         count = -(-len(widths) // parts)
         groups = [widths[k : k + count] for k in range(0, len(widths), count)]
         for gap in (2, 1):
-            if count == 1 or all(name + sum(g) + (gap + 1) * len(g) <= _WIDTH - 2 for g in groups):
+            if count == 1 or all(name + sum(g) + (gap + 1) * len(g) <= width - 2 for g in groups):
                 return [(part, gap) for part in table.split(count)]
     return [(table, 1)]
 

@@ -65,6 +65,8 @@ def live(
     Malformed lines are skipped and reported on stderr with their numbers. At the
     end stderr has the count of the lines and percentiles of the latency.
 
+    Input and output are JSON already: there is no --json.
+
     [bold]Examples[/bold]
 
     detector | skelsplat live Calib.toml --unit m --layout coco17 | viewer
@@ -81,7 +83,7 @@ def live(
     }
     given = {name: value for name, value in settings.items() if value is not None}
     with collected_warnings(tell):
-        rig = read.read(source, format_option="--calibration-format")
+        rig = read.read(source)
         if len(rig) < 2:
             raise DatasetError(source, "cameras", "at least two cameras", len(rig))
         session = Session(rig, known, sk.RefineConfig(n_threads=1, **given))

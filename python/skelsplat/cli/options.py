@@ -22,8 +22,8 @@ Detections = Annotated[
     typer.Argument(
         readable=False,
         metavar="DETECTIONS",
-        help="Folder with one folder or file of 2D detections per camera, named like the camera; "
-        "or one file of all cameras.",
+        help="Folder or file of 2D detections. A folder has one folder or file per camera, named like the "
+        "camera.",
     ),
 ]
 
@@ -31,7 +31,7 @@ LayoutName = Annotated[
     str | None,
     typer.Option(
         metavar="NAME",
-        help=f"Joint layout of the detections: {', '.join(layouts.names)}.",
+        help=f"Joint layout, such as body25b. One of {', '.join(layouts.names)}.",
         show_default="the one whose joints the files name",
         rich_help_panel=_INPUT,
     ),
@@ -41,7 +41,7 @@ RequiredLayout = Annotated[
     typer.Option(
         "--layout",
         metavar="NAME",
-        help=f"Joint layout of the detections: {', '.join(layouts.names)}. Required.",
+        help=f"Joint layout of the detections, one of {', '.join(layouts.names)}. Required.",
         rich_help_panel=_INPUT,
     ),
 ]
@@ -58,7 +58,7 @@ Offset = Annotated[
     list[str] | None,
     typer.Option(
         metavar="CAMERA=FRAMES",
-        help="Frames to add to a camera's frame numbers, 3 if it started 3 frames late. Repeatable.",
+        help="Add to a camera's frame numbers. 3 if it started 3 frames late. Repeatable.",
         rich_help_panel=_INPUT,
     ),
 ]
@@ -75,7 +75,7 @@ Without = Annotated[
     list[str] | None,
     typer.Option(
         metavar="CAMERA",
-        help="Leave a camera out, whether it has detections or not. Repeatable.",
+        help="Leave a camera out. Repeatable; the camera need not have detections.",
         rich_help_panel=_INPUT,
     ),
 ]
@@ -100,7 +100,8 @@ Person = Annotated[
     str,
     typer.Option(
         metavar="WHO",
-        help="consistent: on whom the views agree; largest: in each image; N: place N of each file, from 0.",
+        help="Whom to follow. consistent: the person the views agree on; largest: the largest in each image; "
+        "N: the one at place N of each file, from 0.",
         rich_help_panel=_INPUT,
     ),
 ]
@@ -108,8 +109,8 @@ Frames = Annotated[
     str,
     typer.Option(
         metavar="MODE",
-        help="If cameras have different frames, strict refuses (but for formats that list only people: "
-        "alphapose, coco, csv), intersection keeps common ones, union all.",
+        help="What to do if cameras have different frames. strict refuses (except for formats that list only "
+        "people: alphapose, coco, csv), intersection keeps common frames, union all.",
         rich_help_panel=_INPUT,
     ),
 ]
@@ -118,7 +119,7 @@ Init = Annotated[
     typer.Option(
         readable=False,
         metavar="POSE.npz",
-        help="Pose to start from, as refine writes it.",
+        help="Pose file to start from.",
         show_default="triangulation",
         rich_help_panel=_INPUT,
     ),
@@ -127,8 +128,8 @@ InitSigma = Annotated[
     float | None,
     typer.Option(
         metavar="MM",
-        help="Standard deviation per axis of an --init that is independent of the detections (monocular, "
-        "body model): it then counts as an observation. Not with --paper.",
+        help="Standard deviation of --init per axis, in mm. With it, an --init that is independent of the "
+        "detections (monocular, body model) counts as an observation. Not with --paper.",
         rich_help_panel=_INPUT,
     ),
 ]
@@ -138,7 +139,7 @@ MinConfidence = Annotated[
         min=0,
         max=1,
         metavar="C",
-        help="Leave out detections of less confidence.",
+        help="Ignore detections of lower confidence.",
         show_default=f"{_DEFAULT.min_confidence:g}",
         rich_help_panel=_INPUT,
     ),
@@ -153,7 +154,8 @@ Paper = Annotated[
     typer.Option(
         "--paper",
         metavar="",
-        help="The paper's method, pixels and Adam, instead of the robust default.",
+        help="Use the method of the paper. It renders pixels and optimises with Adam; the default is more "
+        "robust.",
         rich_help_panel=_METHOD,
     ),
 ]
@@ -162,7 +164,7 @@ NoSwaps = Annotated[
     typer.Option(
         "--no-swaps",
         metavar="",
-        help="Do not look for detections with left and right exchanged; --paper never does.",
+        help="Do not look for exchanged left and right sides; --paper never does.",
         rich_help_panel=_METHOD,
     ),
 ]
@@ -170,7 +172,8 @@ Sigma = Annotated[
     float | None,
     typer.Option(
         metavar="MM",
-        help="Width σ of a joint's Gaussian: at most that in the end, with --paper that at the start.",
+        help="Width σ of a joint's Gaussian, in mm: the largest at the end, with --paper the one at the "
+        "start.",
         show_default=f"{_DEFAULT.sigma_mm:.1f}, with --paper {_PAPER.sigma_mm:.1f}",
         rich_help_panel=_METHOD,
     ),
@@ -179,7 +182,7 @@ OcclusionSigma = Annotated[
     float | None,
     typer.Option(
         metavar="MM",
-        help="Width σ of elbows, wrists and ankles.",
+        help="Width σ of elbows, wrists and ankles, in mm.",
         show_default="as --sigma-mm",
         rich_help_panel=_METHOD,
     ),
@@ -190,7 +193,7 @@ SymmetryTier = Annotated[
         min=0,
         max=3,
         metavar="0..3",
-        help="Limbs kept equal left and right: 0 none, 1 lower, 2 and upper, 3 and trunk.",
+        help="Limbs kept equal left and right: 0 off, 1 lower limbs, 2 also upper limbs, 3 also trunk.",
         show_default=str(_DEFAULT.symmetry_tier),
         rich_help_panel=_METHOD,
     ),
@@ -200,7 +203,7 @@ MaxSteps = Annotated[
     typer.Option(
         min=0,
         metavar="N",
-        help="Most steps per frame.",
+        help="Largest number of steps per frame.",
         show_default=f"{_DEFAULT.max_steps}, with --paper {_PAPER.max_steps}",
         rich_help_panel=_METHOD,
     ),
@@ -223,7 +226,7 @@ FillGaps = Annotated[
         "--fill-gaps",
         min=1,
         metavar="N",
-        help="Fill gaps of a joint of at most N frames, marked filled in the results.",
+        help="Fill gaps of at most N frames. The results mark these joints as filled.",
         show_default="none",
         rich_help_panel=_TIME,
     ),
@@ -233,7 +236,7 @@ FillMethod = Annotated[
     typer.Option(
         "--fill-method",
         metavar="cubic|linear",
-        help="Cubic splines, or straight lines.",
+        help="Fill with cubic splines, or straight lines.",
         show_default="cubic",
         rich_help_panel=_TIME,
     ),
@@ -243,7 +246,7 @@ FillWeak = Annotated[
     typer.Option(
         "--fill-weak",
         metavar="",
-        help="Take joints whose status is weak for gaps as well.",
+        help="Also treat weak joints as gaps.",
         rich_help_panel=_TIME,
     ),
 ]
@@ -252,8 +255,9 @@ Filter = Annotated[
     typer.Option(
         "--filter",
         metavar="FILTER",
-        help="butterworth[:HZ[:ORDER]], both ways and without lag, or one-euro[:HZ[:BETA]], causal, BETA in "
-        "Hz per mm/s. Weak joints stay as they are and pull on no others. Needs --fps.",
+        help="Smooth over time. butterworth[:HZ[:ORDER]] runs both ways and has no lag; "
+        "one-euro[:HZ[:BETA]] is causal, BETA in Hz per mm/s. Weak joints stay as they are and do not affect "
+        "others. Requires --fps.",
         show_default="none",
         rich_help_panel=_TIME,
     ),
@@ -268,22 +272,21 @@ Write = Annotated[
     typer.Option(
         "--write",
         metavar="FORMATS",
-        help="Pose files to write beside pose.npz, of csv, trc, c3d, json and nc (xarray, for movement).",
+        help="Pose files: csv, trc, c3d, json, nc. pose.npz is always written; nc is for xarray and "
+        "movement.",
         rich_help_panel=_OUTPUT,
     ),
 ]
 Fps = Annotated[
     float | None,
-    typer.Option(
-        metavar="HZ", help="Frame rate of the recording, for files and filters.", rich_help_panel=_OUTPUT
-    ),
+    typer.Option(metavar="HZ", help="Frame rate, for files and filters.", rich_help_panel=_OUTPUT),
 ]
 YUp = Annotated[
     bool,
     typer.Option(
         "--y-up",
         metavar="",
-        help="Write pose.trc and pose.c3d y up (OpenSim), from z up.",
+        help="Write TRC and C3D y up, for OpenSim. The world of the calibration is z up.",
         rich_help_panel=_OUTPUT,
     ),
 ]
@@ -292,7 +295,7 @@ NoHtml = Annotated[
     typer.Option(
         "--no-html",
         metavar="",
-        help="Leave out report.html, which takes 5 MB and more.",
+        help="Do not write report.html. It takes 5 MB and more.",
         rich_help_panel=_OUTPUT,
     ),
 ]
@@ -301,14 +304,15 @@ MarkerNames = Annotated[
     typer.Option(
         "--marker-names",
         metavar="STYLE",
-        help="Names in .trc and .c3d: skelsplat (right_hip), or pose2sim (RHip), for its OpenSim models.",
+        help="Joint names in TRC and C3D files: skelsplat (right_hip), or pose2sim (RHip), for its OpenSim "
+        "models.",
         rich_help_panel=_OUTPUT,
     ),
 ]
 Quiet = Annotated[
     bool,
     typer.Option(
-        "--quiet", "-q", metavar="", help="Say nothing but warnings and errors.", rich_help_panel=_OUTPUT
+        "--quiet", "-q", metavar="", help="Print only warnings and errors.", rich_help_panel=_OUTPUT
     ),
 ]
 AsJson = Annotated[
@@ -316,7 +320,7 @@ AsJson = Annotated[
     typer.Option(
         "--json",
         metavar="",
-        help="Print the result as JSON on stdout, and nothing else there.",
+        help="Print the result as JSON. Nothing else is printed on stdout.",
         rich_help_panel=_OUTPUT,
     ),
 ]
@@ -360,3 +364,12 @@ def some_of(option: str, value: str, choices: tuple[str, ...]) -> tuple[str, ...
 def formats(value: str) -> tuple[str, ...]:
     """Return npz, which every run writes, and the pose formats in a list with commas, each once."""
     return tuple(dict.fromkeys(["npz", *some_of("--write", value, tuple(POSE_FORMATS))]))
+
+
+def person(value: str) -> str:
+    """Return a value of ``--person`` if it has one of its forms."""
+    if value in ("consistent", "largest") or value.isdecimal():
+        return value
+    raise typer.BadParameter(
+        f"expected consistent, largest or a number, got {value!r}", param_hint="--person"
+    )

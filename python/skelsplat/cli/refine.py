@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-import typer
+from rich.console import Console
 
 import skelsplat as sk
 from skelsplat.cli import _calibration as calibration
 from skelsplat.cli import options
 from skelsplat.cli._calibration import CalibrationOptions
 from skelsplat.cli._reading import reading
-from skelsplat.cli._run import run
-from skelsplat.cli.options import formats, one_of, positive
-from skelsplat.io.poses import MARKER_NAMES
-from skelsplat.run.job import Job, Verbosity
-from skelsplat.run.over_time import over_time
+from skelsplat.cli.options import formats, positive
+from skelsplat.cli.output import counting, print_json
+from skelsplat.cli.table import print_files, print_run, tell
+from skelsplat.run import Job, run
 
 if TYPE_CHECKING:
-    from pathlib import Path
+    from skelsplat.findings import Finding
 
 EPILOG = (
     "Results in FOLDER: pose.npz, pose.csv and pose.trc (or what --write says), report.json, report.html, "
@@ -26,10 +26,13 @@ EPILOG = (
     "cameras.json and detections.npz. What an earlier run wrote there is removed first; plots/ and overlay/ "
     "stay."
 )
-_UNITS = ("mm", "cm", "m")
-_FRAMES = ("strict", "intersection", "union")
+COMMON = (
+    *("output", "unit", "layout", "person", "without", "offset", "fps", "filter", "fill_gaps"),
+    *("write", "y_up", "paper", "quiet", "as_json"),
+)
 
 
+# long: a parameter per option
 def refine(
     source: calibration.Calibration,
     detections: options.Detections,
@@ -75,27 +78,18 @@ def refine(
 ) -> None:
     """Refine the 3D pose of one person from calibrated cameras and 2D detections.
 
-    --unit is needed where the calibration does not say it.
-
     [bold]Examples[/bold]
 
     skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b
 
-    skelsplat refine Calib.qca.txt pose/ -o out --layout body25 --y-up
-
-    skelsplat refine Calib.toml dlc/ -o out --unit mm --layout coco17 --map nose=snout --offset camB=3
-
-    skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b --fps 60 --filter butterworth:6
-
-    skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b --fill-gaps 10
-
-    skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b --paper
-
-    skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b --init mono.npz --init-sigma-mm 40
+    skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b --fps 60
+    --filter butterworth:6 --fill-gaps 10 --write trc,c3d
 
     skelsplat refine --config run.toml
     """
-    settings = {
+    positive("--sigma-mm", sigma_mm)
+    positive("--occlusion-sigma-mm", occlusion_sigma_mm)
+    given = {
         "sigma_mm": sigma_mm,
         "occlusion_sigma_mm": occlusion_sigma_mm,
         "symmetry_tier": symmetry_tier,
@@ -105,50 +99,52 @@ def refine(
         "undistort": False if no_undistort else None,
         "find_swaps": False if no_swaps and not paper else None,
     }
-    if unit is not None:
-        one_of("--unit", unit, _UNITS)  # the rest is known when the file is read
+    settings = {name: value for name, value in given.items() if value is not None}
+    cameras = CalibrationOptions(unit, calibration_format, camera_type, subject, size, binning)
     job = Job(
-        calibration=source,
-        detections=detections,
-        cameras=CalibrationOptions(unit, calibration_format, camera_type, subject, size, binning),
-        layout=layout and one_of("--layout", layout.lower(), sk.layouts.names),
-        out=output,
-        person=_person(person),
-        frames=one_of("--frames", frames, _FRAMES),
+        source,
+        detections,
+        **cameras.given(),
+        layout=layout and layout.lower(),
+        person=person,
+        frames=frames,
         **reading(format, offset, order, joint_map),
         without=tuple(dict.fromkeys(without or [])),
         sequence=sequence,
         init=init,
-        init_sigma_mm=_init_sigma(init_sigma_mm, init, paper=paper),
-        paper=paper,
-        fps=positive("--fps", fps),
-        y_up=y_up,
-        marker_names=one_of("--marker-names", marker_names, MARKER_NAMES),
+        init_sigma_mm=init_sigma_mm,
+        config=sk.RefineConfig.paper(**settings) if paper else sk.RefineConfig(**settings),
+        fps=fps,
+        fill_gaps=fill_gaps or 0,
+        fill_method=fill_method,
+        fill_weak=fill_weak,
+        filter=filter,
+        output=output,
         write=formats(write),
+        y_up=y_up,
+        marker_names=marker_names,
         html=not no_html,
-        over_time=over_time(filter, fps, fill_gaps, fill_method, weak=fill_weak),
-        settings={name: value for name, value in settings.items() if value is not None},
     )
-    positive("--sigma-mm", sigma_mm)
-    positive("--occlusion-sigma-mm", occlusion_sigma_mm)
-    run(job, Verbosity(quiet=quiet, as_json=as_json))
+    run_and_print(job, quiet=quiet, as_json=as_json)
 
 
-def _person(value: str) -> str:
-    if value in ("consistent", "largest") or value.isdecimal():
-        return value
-    raise typer.BadParameter(
-        f"expected consistent, largest or a number, got {value!r}", param_hint="--person"
-    )
+def run_and_print(job: Job, *, quiet: bool, as_json: bool) -> None:
+    """Do a job that names a folder, under a progress bar, and print what came out."""
+    told: list[Finding] = []
 
+    def tell_now(finding: Finding) -> None:
+        told.append(finding)
+        tell(finding)
 
-def _init_sigma(value: float | None, init: Path | None, *, paper: bool) -> float | None:
-    """Return the standard deviation of ``--init`` in mm, which needs a pose and the default method."""
-    if value is not None and init is None:
-        raise typer.BadParameter("expected --init beside it, got none", param_hint="--init-sigma-mm")
-    if value is not None and paper:
-        raise typer.BadParameter(
-            "expected a run without --paper (the paper's start is no observation), got both",
-            param_hint="--init-sigma-mm",
-        )
-    return positive("--init-sigma-mm", value)
+    with counting("frames", shown=not quiet) as count:
+        found = run(job, progress=lambda done, total: count("refining", done, total), tell=tell_now)
+    if as_json or quiet:
+        for finding in found.findings:
+            if finding not in told:
+                tell(finding)
+    if as_json:
+        print_json(found.report)
+    elif not quiet:
+        console = Console(highlight=False, markup=False)
+        print_run(console, found)
+        print_files(console, Path(str(job.output)), [*found.report["files"], "report.json"])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import typer
@@ -12,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 import skelsplat as sk
-from skelsplat.run.figures import start_name
+from skelsplat.run.folder import left_of_earlier
 from skelsplat.run.solve import default_threads
 from skelsplat.run.summary import finite_max, finite_median
 
@@ -23,9 +23,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from skelsplat.findings import Finding
-    from skelsplat.run.job import Job
-    from skelsplat.run.read import Inputs
-    from skelsplat.run.solve import Outcome
+    from skelsplat.run import Run
     from skelsplat.run.summary import Group, Statistics
 
 _MOST_JOINTS = 5
@@ -42,52 +40,65 @@ def tell(finding: Finding) -> None:
     typer.echo(f"warning: {finding.text}", err=True)
 
 
-def print_summary(
-    console: Console, job: Job, inputs: Inputs, outcome: Outcome, statistics: Statistics
-) -> None:
-    """Print the table of cameras, the lines on the run and the joints that are known least."""
-    console.print(_cameras(job, statistics))
-    console.print(_legend(statistics), style="dim")
+def print_table(console: Console, table: Table) -> None:
+    """Print a table with all words whole, in its first column all names: wider than the console if need be.
+
+    A first column that folds is broken between words.
+    """
+    own, first = console.width, table.columns[0]
+    console.width = 10_000  # to measure what it would take
+    for column in table.columns:
+        words = [console.measure(cell) for cell in (column.header, *column.cells)]
+        whole = column is first and first.overflow != "fold"
+        column.no_wrap = whole
+        column.min_width = max(size.maximum if whole else size.minimum for size in words)
+    console.width = max(own, console.measure(table).minimum)
+    console.print(table, crop=False)
+    console.width = own
+
+
+def print_run(console: Console, run: Run) -> None:
+    """Print the table of cameras, the lines on the run, the least certain joints, and the findings."""
+    print_table(console, _cameras(run))
+    console.print(_legend(run.statistics), style="dim")
     console.print()
-    for line in _lines(job, inputs, outcome, statistics):
+    for line in _lines(run):
         console.print(line)
-    console.print(_joints(inputs, statistics))
+    print_table(console, _joints(run))
     console.print()
-    if job.note:
-        console.print(job.note)
+    note = run.report["note"]
+    _print_paragraphs(console, [note] if note else [])
+    found = [finding.text for finding in run.findings if finding.severity != "note"]
+    _print_paragraphs(console, [f"! {text}" for text in found])
+    _print_paragraphs(console, [*_nothing_filled(run.report["over_time"]["gaps"]), *run.poses.processing])
+
+
+def _print_paragraphs(console: Console, texts: Sequence[str]) -> None:
+    for text in texts:
+        console.print(text)
+    if texts:
         console.print()
 
 
-def print_doubts(console: Console, doubts: Sequence[str]) -> None:
-    """Print what a person should look at, a paragraph each."""
-    for doubt in doubts:
-        console.print(f"! {doubt}")
-    if doubts:
-        console.print()
-
-
-def print_over_time(console: Console, processing: Sequence[str]) -> None:
-    """Print what was done to the poses over time, a paragraph each."""
-    for sentence in processing:
-        console.print(sentence)
-    if processing:
-        console.print()
+def _nothing_filled(gaps: dict[str, Any] | None) -> list[str]:
+    """Return a sentence if gaps were to be filled and none was."""
+    if gaps is None or gaps["filled"]:
+        return []
+    return [f"No gap of at most {gaps['max_frames']} frames between others, so that none was filled."]
 
 
 def print_files(console: Console, folder: Path, names: Sequence[str]) -> None:
-    """Print where the results are."""
+    """Print where the results are, and which folders next to them belong to an earlier run."""
     console.print(Text.assemble("Wrote to ", (f"{folder}/", "bold"), f": {', '.join(names)}"))
-
-
-def print_left(console: Console, folders: Sequence[str]) -> None:
-    """Say which folders beside the results belong to an earlier run."""
+    folders = left_of_earlier(folder)
     if folders:
         console.print(f"! {' and '.join(folders)} {'is' if len(folders) == 1 else 'are'} of an earlier run")
 
 
-def _cameras(job: Job, statistics: Statistics) -> Table:
+def _cameras(run: Run) -> Table:
+    statistics = run.statistics
     table = Table(
-        title=f"Reprojection error [px], {start_name(job)} → refined, and detections",
+        title=f"Reprojection error [px], {run.outcome.start_name} → refined, and detections",
         title_justify="left",
         box=box.SIMPLE_HEAD,
         padding=(0, 1, 0, 0),
@@ -119,21 +130,23 @@ def _number(value: float, digits: int = 1) -> str:
 def _legend(statistics: Statistics) -> str:
     left_out = "; left out: too little confidence, or the joint has no position"
     return (
-        "missing: no detection of the person followed; weight: how far the detections are believed, "
+        "missing: no detection of the person followed; weight: how much the detections are trusted, "
         f"0 to 1; rejected: below {sk.REJECTED_WEIGHT:g}{left_out if statistics.total.left_out else ''}"
     )
 
 
-def _lines(job: Job, inputs: Inputs, outcome: Outcome, statistics: Statistics) -> Iterator[str]:
+def _lines(run: Run) -> Iterator[str]:
     """Yield what the run did and what came out, a sentence or two per line."""
-    frames, joints = len(inputs.frames), inputs.layout.n_joints
+    outcome, statistics = run.outcome, run.statistics
+    frames, joints = len(run.frames), run.layout.n_joints
     threads = default_threads(outcome.config)
     each = 1000 * outcome.seconds / frames
     reasons = _listed(f"{n} {_REASONS.get(reason, reason)}" for reason, n in statistics.stop_reasons.items())
     cores = f"{threads} thread{'s' * (threads != 1)}"
     yield f"{frames} frames of {joints} joints, {each:.{2 if each < 1 else 1}f} ms each ({cores})."
     yield f"Frames stopped: {reasons}."
-    yield f"The median joint is {_number(finite_median(statistics.moved_mm))} mm from the {start_name(job)}."
+    moved = _number(finite_median(statistics.moved_mm))
+    yield f"The median joint is {moved} mm from the {outcome.start_name}."
     yield (
         f"Noise of the detections, estimated: {_number(statistics.noise_mm)} mm across the ray, "
         f"{_number(statistics.noise_px)} px."
@@ -147,15 +160,16 @@ def _lines(job: Job, inputs: Inputs, outcome: Outcome, statistics: Statistics) -
     yield f"Error bars, one standard deviation per axis: median {typical} mm. The largest [mm]:"
 
 
-def _joints(inputs: Inputs, statistics: Statistics) -> Table:
+def _joints(run: Run) -> Table:
     """Return the joints with the largest median error bars, without those that the files lack."""
+    statistics, lacking = run.statistics, run.inputs.lacking
     bars = np.array([finite_median(bar) for bar in statistics.error_bar_mm.T])
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
     table.add_column(" joint")
     for name in ("median", "largest", "missing", "rejected", "of"):
         table.add_column(name, justify="right")
     order = np.argsort(np.where(np.isfinite(bars), -bars, -np.inf), kind="stable")
-    for j in [j for j in order if statistics.joints[j].name not in inputs.lacking][:_MOST_JOINTS]:
+    for j in [j for j in order if statistics.joints[j].name not in lacking][:_MOST_JOINTS]:
         group, largest = statistics.joints[j], finite_max(statistics.error_bar_mm[:, j])
         counts = (group.missing, group.rejected, group.used + group.missing + group.left_out)
         table.add_row(f" {group.name}", _number(bars[j]), _number(largest), *map(str, counts))

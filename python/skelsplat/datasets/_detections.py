@@ -46,10 +46,7 @@ def as_detections(path: Path, field: str, value: Any, wanted: Wanted) -> FloatAr
     Takes pixels that are not finite, the pixel (0, 0) and a confidence of 0 as missing; a confidence above 1
     counts as 1.
 
-    Raises
-    ------
-    DatasetError
-        If frames, views or joints are not those `wanted`.
+    Raises `DatasetError` if frames, views or joints are not those `wanted`.
     """
     array = as_numbers(path, field, value)
     if array.ndim != 4 or array.shape[-1] not in (2, 3):
@@ -82,10 +79,7 @@ PREFERRED = ("metrabs", "resnet152", "cpn", "resnet50")
 def choose_detector(there: dict[str, Path], wanted: str | None, folder: Path) -> str | None:
     """Return the detector to read, None if there is none.
 
-    Raises
-    ------
-    DatasetError
-        If the wanted one is not there.
+    Raises `DatasetError` if the wanted one is not there.
     """
     if wanted is not None:
         if wanted not in there:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import zipfile
-import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -15,28 +12,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._files import parse_json
-from skelsplat.io._unpickle import read_array, unpickle
+from skelsplat.io import _arrays
+from skelsplat.io._files import load_json as parse_json_file
+from skelsplat.io._files import opening, read_text
+from skelsplat.io._unpickle import unpickle
 
 FloatArray = NDArray[np.float64]
 
 
 @dataclass
 class Survey:
-    """Files of a data set.
-
-    Attributes
-    ----------
-    there : list of Path
-    missing : list of (Path, str)
-        Where a file or folder was expected, and what it would hold.
-    format : str
-        The layout on disk that was chosen or found; "" if the data set has one only.
-    """
+    """Files of a data set."""
 
     there: list[Path] = field(default_factory=list)
+    # list of (Path, str): Where a file or folder was expected, and what it would hold.
     missing: list[tuple[Path, str]] = field(default_factory=list)
-    format: str = ""
+    format: str = ""  # the layout on disk that was chosen or found; "" if the data set has one only
 
     def look(self, candidates: Sequence[Path], what: str) -> None:
         """Note whether one of `candidates` exists."""
@@ -46,14 +37,21 @@ class Survey:
         else:
             self.there.append(found)
 
+    def look_for_detections(
+        self, root: Path, detector: str | None, given: Path | str | None, usual: str
+    ) -> None:
+        """Note whether there are detections of the only subject, S0, or those `given`."""
+        if given is not None:
+            self.look([Path(given)], "detections")
+        else:
+            there = [path / "S0" for path in sorted(root.glob(f"2d_{detector or '*'}"))]
+            self.look(there or [root / f"2d_{detector or usual}" / "S0"], "detections")
+
 
 def find(candidates: Sequence[Path], what: str) -> Path:
     """Return the first of `candidates` that exists.
 
-    Raises
-    ------
-    DatasetError
-        If none does; names all of them.
+    Raises `DatasetError` if none does; names all of them.
     """
     for path in candidates:
         if path.exists():
@@ -64,36 +62,14 @@ def find(candidates: Sequence[Path], what: str) -> Path:
 
 @contextmanager
 def opened(path: Path) -> Iterator[IO[bytes]]:
-    """Open a file for reading.
-
-    Raises
-    ------
-    DatasetError
-        If it cannot be opened or read.
-    """
-    try:
-        with path.open("rb") as stream:
-            yield stream
-    except FileNotFoundError as error:
-        raise DatasetError(path, "file", "a file in this place", "none") from error
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise DatasetError(path, "file", "a readable file", reason) from error
+    """Open a file for reading; raises `DatasetError` if it cannot be opened or read."""
+    with opening(path), path.open("rb") as stream:
+        yield stream
 
 
 def load_json(path: Path) -> Any:
     """Return the value in a JSON file."""
-    with opened(path) as stream:
-        data = stream.read()
-    try:
-        return parse_json(data.decode("utf-8-sig"))
-    except UnicodeDecodeError as error:
-        raise DatasetError(path, "file", "text in UTF-8", f"byte {error.start} that is not") from error
-    except json.JSONDecodeError as error:
-        at = f"{error.msg.lower()} at character {error.pos}"
-        raise DatasetError(path, "JSON", "a complete JSON document", at) from error
-    except RecursionError:
-        raise DatasetError(path, "JSON", "values of moderate depth", "lists nested too deeply") from None
+    return parse_json_file(path, read_text(path), "values of moderate depth")
 
 
 def load_pickle(path: Path) -> Any:
@@ -104,8 +80,7 @@ def load_pickle(path: Path) -> Any:
 
 def load_npy(path: Path) -> Any:
     """Return the array of an npy file, or the object that is pickled in it alone."""
-    with opened(path) as stream:
-        return _content(read_array(stream, path))
+    return _content(_arrays.load_npy(path))
 
 
 def load_npz(path: Path, keys: tuple[str, ...] | None = None) -> dict[str, Any]:
@@ -113,18 +88,8 @@ def load_npz(path: Path, keys: tuple[str, ...] | None = None) -> dict[str, Any]:
 
     With `keys`, those alone are read, as far as they are there.
     """
-    try:
-        with opened(path) as stream, zipfile.ZipFile(stream) as archive:
-            found = {name.removesuffix(".npy"): name for name in archive.namelist()}
-            wanted = found if keys is None else [key for key in keys if key in found]
-            return {key: _member(archive, path, found[key], key) for key in wanted}
-    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as error:
-        raise DatasetError(path, "file", "a complete npz file", error) from error
-
-
-def _member(archive: zipfile.ZipFile, path: Path, name: str, key: str) -> Any:
-    with archive.open(name) as stream:
-        return _content(read_array(stream, path, key))
+    found = _arrays.load_npz(path, _arrays.npz_keys(path) if keys is None else keys).found
+    return {key: _content(value) for key, value in found.items()}
 
 
 def _content(array: Any) -> Any:
@@ -185,10 +150,7 @@ def within(field: str, key: Any) -> str:
 def as_numbers(path: Path, field: str, value: Any) -> FloatArray:
     """Return `value` as a new array of float64, C order; None is NaN.
 
-    Raises
-    ------
-    DatasetError
-        If there is something else than numbers, or rows have different lengths.
+    Raises `DatasetError` if there is something else than numbers, or rows have different lengths.
     """
     try:
         return np.array(value, dtype=np.float64, order="C")
@@ -202,10 +164,7 @@ def numbers(path: Path, field: str, value: Any, shape: tuple[int | str, ...]) ->
     `shape` has an integer where the length is fixed and a letter where any is good; the same letter is the
     same length.
 
-    Raises
-    ------
-    DatasetError
-        If the values are no numbers or the shape is another.
+    Raises `DatasetError` if the values are no numbers or the shape is another.
     """
     array = as_numbers(path, field, value)
     lengths: dict[str, int] = {}

@@ -59,10 +59,7 @@ def read_apart(
     -------
     detections (S, M, N, 3), places in `wanted.frames` (S,), file or folder
 
-    Raises
-    ------
-    DatasetError
-        If there is nothing, a view is missing, or frames or joints do not fit.
+    Raises `DatasetError` if there is nothing, a view is missing, or frames or joints do not fit.
     """
     for folder, stems in places:
         together = poses_file(folder, stems)
@@ -147,10 +144,7 @@ def detections_of(
 
     If no detector is named it is chosen as for Human3.6M; None if there is none.
 
-    Raises
-    ------
-    DatasetError
-        If the folder is not there.
+    Raises `DatasetError` if the folder is not there.
     """
     wanted = None if detector is None else detector_name(detector)
     if given is not None:
@@ -183,10 +177,7 @@ class Separate:
     def read(self, subject: str, activity: str, wanted: Wanted) -> tuple[FloatArray, Path] | None:
         """Return the detections of a take and the file they are in, or None if it has none.
 
-        Raises
-        ------
-        DatasetError
-            If a view is missing, or frames or joints are not those wanted.
+        Raises `DatasetError` if a view is missing, or frames or joints are not those wanted.
         """
         if self._content is None:
             folder = self._named(self.path / subject, activity)

@@ -31,45 +31,27 @@ _FRAME_KEYS = ("subject", "action", "subaction", "image_id")
 
 @dataclass(frozen=True)
 class Table:
-    """G frames in the order of the source, M chosen cameras.
+    """G frames in the order of the source, M chosen cameras."""
 
-    Attributes
-    ----------
-    path, cameras_path : Path
-        Where truth and cameras are from.
-    activities : list of str
-        Of each frame; names a take.
-    frames : (G,) int64
-        Numbers within the activity.
-    truth : (G, N, 3) mm
-    cameras : list of G lists of M (field, table)
-        What the source says of each camera, and where.
-    visible : (G, M, N) bool or None
-    boxes : (G, M, 4) px or None
-    annotated : (G, M, N, 2) px or None
-        The truth in the images, as the source has it.
-    notes : list of str
-    """
-
+    # path, cameras_path: Where truth and cameras are from.
     path: Path
     cameras_path: Path
-    activities: list[str]
-    frames: NDArray[np.int64]
-    truth: FloatArray
+    activities: list[str]  # of each frame; names a take
+    frames: NDArray[np.int64]  # (G,) int64: Numbers within the activity
+    truth: FloatArray  # (G, N, 3) mm
+    # list of G lists of M (field, table): What the source says of each camera, and where.
     cameras: list[list[tuple[str, Any]]]
-    visible: NDArray[np.bool_] | None
-    boxes: FloatArray | None
-    annotated: FloatArray | None
+    visible: NDArray[np.bool_] | None  # (G, M, N) bool or None
+    boxes: FloatArray | None  # (G, M, 4) px or None
+    annotated: FloatArray | None  # (G, M, N, 2) px or None: The truth in the images, as the source has it
     notes: list[str]
 
 
 def read_pickle(path: Path, views: Sequence[int]) -> Table:
     """Read AdaFuse's pickle: one record per image, grouped here by subject, action, subaction and frame.
 
-    Raises
-    ------
-    DatasetError
-        If a chosen camera is nowhere, the views of a frame have different truths, or a record is malformed.
+    Raises `DatasetError` if a chosen camera is nowhere, the views of a frame have different truths, or a
+    record is malformed.
     """
     records = load_pickle(path)
     if not isinstance(records, list) or not records:
@@ -135,10 +117,7 @@ def _component(path: Path, k: int, record: Any, key: str, shape: tuple[int, ...]
 def read_arrays(folder: Path, cameras: Path, views: Sequence[int]) -> Table:
     """Read one activity of the SkelSplat authors' layout: ``poses.npz`` and ``cameras.json`` by frame.
 
-    Raises
-    ------
-    DatasetError
-        If a chosen camera is missing or the frames of both do not match.
+    Raises `DatasetError` if a chosen camera is missing or the frames of both do not match.
     """
     path = folder / "poses.npz"
     key, truth, own = read_truth(path, N_JOINTS)

@@ -124,31 +124,16 @@ def read(name: str, root: str | os.PathLike[str], **options: Any) -> Dataset:
 
 @dataclass(frozen=True)
 class Report:
-    """What is in the folder of a data set.
-
-    Attributes
-    ----------
-    name : str
-    root : Path
-    survey : Survey
-        Files that are there, and those missing.
-    dataset : Dataset or None
-        What was read; None if it cannot be.
-    error : DatasetError or None
-        Why it cannot be read.
-    findings : tuple of Finding
-        What `verify` found; with an error among them `read` refuses the data.
-    errors : tuple of ViewError
-        Distance of the projected truth from the detections, per camera.
-    """
+    """What is in the folder of a data set."""
 
     name: str
     root: Path
-    survey: Survey
-    dataset: Dataset | None = field(default=None, repr=False)
-    error: DatasetError | None = None
+    survey: Survey  #: files that are there, and those missing
+    dataset: Dataset | None = field(default=None, repr=False)  #: what was read; None if it cannot be
+    error: DatasetError | None = None  #: why it cannot be read
+    #: What `verify` found; with an error among them `read` refuses the data.
     findings: tuple[Finding, ...] = ()
-    errors: tuple[ViewError, ...] = ()
+    errors: tuple[ViewError, ...] = ()  #: distance of the projected truth from the detections, per camera
 
     @property
     def ok(self) -> bool:

@@ -20,22 +20,12 @@ _LENS_PX = 15.0
 
 @dataclass(frozen=True)
 class Sample:
-    """A few frames of a take, evenly spread.
-
-    Attributes
-    ----------
-    take : Take
-    truth : (t, N, 3)
-    pixels : (t, M, N, 2)
-        Detections; NaN where missing.
-    projected : (t, M, N, 2)
-        The truth in all views.
-    """
+    """A few frames of a take, evenly spread."""
 
     take: Take
-    truth: FloatArray
-    pixels: FloatArray
-    projected: FloatArray
+    truth: FloatArray  # (t, N, 3)
+    pixels: FloatArray  # (t, M, N, 2): Detections; NaN where missing
+    projected: FloatArray  # (t, M, N, 2): The truth in all views
 
     def error(self) -> float:
         """Median distance of truth and detections, px."""
@@ -104,23 +94,12 @@ def joint_distances(item: Sample) -> FloatArray:
 
 @dataclass(frozen=True)
 class ViewError:
-    """Medians of a camera over all takes, px; NaN without detections.
-
-    Attributes
-    ----------
-    camera : str
-    as_given : float
-        Distance of the projected truth from the detections.
-    sides_exchanged : float
-        The same with left and right exchanged, of the joints that have a side.
-    best_other_camera : float
-        The same if the detections were those of the other camera that fits best.
-    """
+    """Medians of a camera over all takes, px; NaN without detections."""
 
     camera: str
-    as_given: float
-    sides_exchanged: float
-    best_other_camera: float
+    as_given: float  # distance of the projected truth from the detections
+    sides_exchanged: float  # the same with left and right exchanged, of the joints that have a side
+    best_other_camera: float  # the same if the detections were those of the other camera that fits best
 
 
 def view_errors(samples: list[Sample], layout: Layout) -> tuple[ViewError, ...]:

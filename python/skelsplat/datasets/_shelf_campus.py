@@ -85,11 +85,7 @@ class Scene:
         found = Survey()
         found.look(_calibrations(self, root), "calibration")
         found.look(_truths(self, root), "truth")
-        if detections is not None:
-            found.look([Path(detections)], "detections")
-        else:
-            there = [path / "S0" for path in sorted(root.glob(f"2d_{detector or '*'}"))]
-            found.look(there or [root / f"2d_{detector or 'hrnet'}" / "S0"], "detections")
+        found.look_for_detections(root, detector, detections, "hrnet")
         return found
 
 

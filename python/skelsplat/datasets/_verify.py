@@ -53,9 +53,7 @@ def verify(dataset: Dataset, samples: list[rp.Sample] | None = None) -> tuple[Fi
 def raise_errors(dataset: Dataset) -> None:
     """Raise the first error that `verify` finds.
 
-    Raises
-    ------
-    DatasetError
+    Raises `DatasetError`.
     """
     for finding in verify(dataset):
         if finding.severity == "error":

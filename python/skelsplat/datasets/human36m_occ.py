@@ -6,6 +6,7 @@ The layout of the method's authors (`skelsplat.datasets.human36m`), one folder p
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,7 +16,7 @@ from skelsplat.datasets._files import Survey
 from skelsplat.datasets._model import Dataset
 from skelsplat.datasets.human36m import find_format, read_layout
 from skelsplat.datasets.human36m import survey as survey_human36m
-from skelsplat.datasets.human36m._options import Options, PathLike
+from skelsplat.datasets.human36m._options import Options
 from skelsplat.exceptions import DatasetError, InvalidInputError
 
 __all__ = ["DESCRIPTION", "VARIANTS", "read", "survey"]
@@ -31,8 +32,8 @@ def read(
     variant: str | int | None = None,
     subjects: Sequence[str] | None = ("S9", "S11"),
     detector: str | None = None,
-    detections: PathLike | None = None,
-    cameras: PathLike | None = None,
+    detections: str | os.PathLike[str] | None = None,
+    cameras: str | os.PathLike[str] | None = None,
     monocular: str | None = None,
 ) -> Dataset:
     """Read a variant of Human3.6M-Occ.
@@ -53,7 +54,13 @@ def read(
     DatasetError
         If files are missing or malformed, or `root` holds several variants and none is chosen.
     """
-    options = Options.parse(subjects, detector, detections, cameras, monocular)
+    options = Options.parse(
+        subjects=subjects,
+        detector=detector,
+        detections=detections,
+        cameras=cameras,
+        monocular=monocular,
+    )
     folder, found = _locate(root, variant)
     name, place = find_format(folder, "skelsplat")
     origin = f"Human3.6M-Occ-{found}" if found else "Human3.6M-Occ, variant not said"

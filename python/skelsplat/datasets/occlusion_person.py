@@ -115,11 +115,7 @@ def survey(
     else:
         found.look([root / "cameras" / "cameras.json", root / "cameras.json"], "cameras by frame")
         found.look(sorted((root / "3d_gt" / "S0").glob("*/poses.npz")) or [root / "3d_gt" / "S0"], "truth")
-    if detections is not None:
-        found.look([Path(detections)], "detections")
-    else:
-        there = sorted(root.glob(f"2d_{detector or '*'}"))
-        found.look([path / "S0" for path in there] or [root / f"2d_{detector or 'resnet50'}"], "detections")
+    found.look_for_detections(root, detector, detections, "resnet50")
     return found
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from skelsplat import layouts
 from skelsplat._skelsplat import Layout
 from skelsplat.cameras import CameraRig
+from skelsplat.datasets._detections import frame_numbers
 from skelsplat.datasets._files import Survey, load_json, load_npz, numbers, require, within
 from skelsplat.datasets._model import Dataset, FloatArray, Take
 from skelsplat.datasets._rig import build_camera, build_rig, component_reader
@@ -48,7 +49,7 @@ def read(root: Path, *, detector: str = "good", views: Views = None) -> Dataset:
         name: _rig(root / "cameras" / f"{name}.json") for name in require(index_path, "", index, "cameras")
     }
     takes = tuple(
-        _take(root, _Entry(index_path, f"takes[{k}]", entry), rigs, layout, detector)
+        _take(root, index_path, f"takes[{k}]", entry, rigs, layout, detector)
         for k, entry in enumerate(require(index_path, "", index, "takes"))
     )
     name = str(require(index_path, "", index, "name"))
@@ -66,19 +67,18 @@ def read(root: Path, *, detector: str = "good", views: Views = None) -> Dataset:
 def survey(root: Path, *, detector: str = "good", views: Views = None) -> Survey:
     """Say which files are there."""
     del views
-    if not (root / INDEX).is_file():
-        return Survey(missing=[(root / INDEX, "index of a simulated data set")])
+    found = Survey()
+    found.look([root / INDEX], "index of a simulated data set")
+    if found.missing:
+        return found
     path, index = _index(root)
-    wanted = [(path, "index")]
-    wanted += [(root / "cameras" / f"{name}.json", "cameras") for name in require(path, "", index, "cameras")]
+    for name in require(path, "", index, "cameras"):
+        found.look([root / "cameras" / f"{name}.json"], "cameras")
     for k, entry in enumerate(require(path, "", index, "takes")):
         folder = _folder(root, path, f"takes[{k}]", entry)
         for stem in ("truth", f"detections_simulated_{detector}", "monocular_simulated"):
-            wanted.append((folder / f"{stem}.npz", stem.replace("_", " ")))
-    return Survey(
-        there=[file for file, _ in wanted if file.is_file()],
-        missing=[(file, what) for file, what in wanted if not file.is_file()],
-    )
+            found.look([folder / f"{stem}.npz"], stem.replace("_", " "))
+    return found
 
 
 def _index(root: Path) -> tuple[Path, Mapping[str, Any]]:
@@ -123,16 +123,6 @@ def _rig(path: Path) -> CameraRig:
     return build_rig(path, cameras, require(path, "", document, "unit"))
 
 
-class _Entry:
-    """A take in the index."""
-
-    def __init__(self, path: Path, field: str, values: Any) -> None:
-        self.path, self.field, self._values = path, field, values
-
-    def __getitem__(self, key: str) -> Any:
-        return require(self.path, self.field, self._values, key)
-
-
 def _folder(root: Path, path: Path, field: str, entry: Any) -> Path:
     key = PurePosixPath(str(require(path, field, entry, "key")))
     if key.is_absolute() or ".." in key.parts:
@@ -140,31 +130,42 @@ def _folder(root: Path, path: Path, field: str, entry: Any) -> Path:
     return root / "takes" / key
 
 
-def _take(root: Path, entry: _Entry, rigs: Mapping[str, CameraRig], layout: Layout, detector: str) -> Take:
-    rig = require(entry.path, "cameras", dict(rigs), entry["cameras"])
-    folder = _folder(root, entry.path, entry.field, {"key": entry["key"]})
+def _take(
+    root: Path,
+    index: Path,
+    field: str,
+    entry: Any,
+    rigs: Mapping[str, CameraRig],
+    layout: Layout,
+    detector: str,
+) -> Take:
+    key, subject, action, cameras = (
+        require(index, field, entry, name) for name in ("key", "subject", "action", "cameras")
+    )
+    rig = require(index, "cameras", dict(rigs), cameras)
+    folder = _folder(root, index, field, entry)
     files = {
         "truth": folder / "truth.npz",
         "detections": folder / f"detections_simulated_{detector}.npz",
         "monocular": folder / "monocular_simulated.npz",
+        "cameras": root / "cameras" / f"{cameras}.json",
     }
-    loaded = {part: load_npz(path) for part, path in files.items()}
+    loaded = {part: load_npz(path) for part, path in files.items() if part != "cameras"}
     frames = _frames(files, loaded)
     t, m, n = len(frames), len(rig), layout.n_joints
 
     def part(name: str, key: str, shape: tuple[int, ...]) -> FloatArray:
         return numbers(files[name], key, require(files[name], "", loaded[name], key), shape)
 
-    cameras = root / "cameras" / f"{entry['cameras']}.json"
     per_view = (loaded["truth"].get("boxes"), loaded["detections"].get("detections"))
-    _check_views(cameras, m, [np.asarray(array).shape for array in per_view])
+    _check_views(files["cameras"], m, [np.asarray(array).shape for array in per_view])
     visible = loaded["truth"].get("visible")
     if visible is not None:
         visible = numbers(files["truth"], "visible", visible, (t, m, n)).astype(bool)
     return Take(
-        key=str(entry["key"]),
-        subject=str(entry["subject"]),
-        action=str(entry["action"]),
+        key=str(key),
+        subject=str(subject),
+        action=str(action),
         rig=rig,
         frames=frames,
         truth=part("truth", "poses", (t, n, 3)),
@@ -172,7 +173,7 @@ def _take(root: Path, entry: _Entry, rigs: Mapping[str, CameraRig], layout: Layo
         monocular=part("monocular", "poses", (t, m, n, 3)),
         boxes=part("truth", "boxes", (t, m, 4)),
         visible=visible,
-        files={**files, "cameras": cameras},
+        files=files,
     )
 
 
@@ -185,18 +186,15 @@ def _check_views(cameras: Path, count: int, shapes: Sequence[tuple[int, ...]]) -
 
 def _frames(files: Mapping[str, Path], loaded: Mapping[str, Mapping[str, Any]]) -> Any:
     """Frame numbers of the truth; those of the other files have to be the same."""
-    frames = np.asarray(require(files["truth"], "", dict(loaded["truth"]), "frames"))
-    if frames.ndim != 1 or frames.dtype.kind not in "iu":
-        raise DatasetError(
-            files["truth"], "frames", "a list of whole numbers", f"{frames.dtype} {frames.shape}"
-        )
-    for name, path in files.items():
-        other = np.asarray(require(path, "", dict(loaded[name]), "frames"))
+    frames = frame_numbers(files["truth"], require(files["truth"], "", dict(loaded["truth"]), "frames"))
+    for name, arrays in loaded.items():
+        path = files[name]
+        other = np.asarray(require(path, "", dict(arrays), "frames"))
         if not np.array_equal(other, frames):
             expected = f"those of {files['truth'].name} ({len(frames)} from {frames[:1]} to {frames[-1:]})"
             actual = f"{other.size} from {other.ravel()[:1]} to {other.ravel()[-1:]}"
             raise DatasetError(path, "frames", expected, actual)
-    return frames.astype(np.int64)
+    return frames
 
 
 def _places(path: Path, names: Sequence[str], views: Views) -> list[int]:

@@ -18,83 +18,44 @@ Endpoint = int | tuple[int, ...]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Case:
-    """A take as the protocol wants it.
+    """A take as the protocol wants it."""
 
-    Attributes
-    ----------
-    take : Take
-        Cut to the views and frames that count.
-    column : str
-        Key of the column of per-action tables.
-    absolute : bool
-        Whether the absolute error counts; the root-relative and Procrustes errors always do.
-    """
-
-    take: Take
-    column: str
+    take: Take  # cut to the views and frames that count
+    column: str  # key of the column of per-action tables
+    # Whether the absolute error counts; the root-relative and Procrustes errors always do.
     absolute: bool = True
 
 
 @dataclass(frozen=True, kw_only=True)
 class Protocol:
-    """Rules of one benchmark.
+    """Rules of one benchmark."""
 
-    Attributes
-    ----------
-    name, text : str
-        The text goes under every table.
-    columns : mapping of str to str
-        Keys of the columns in order, and their headers; empty: the takes' own, in their order.
-    aliases : mapping of str to str
-        Other names of actions, to keys of columns.
-    subjects : tuple of str
-        Those evaluated; empty: all.
-    every : int
-        One frame in so many, counted in frame numbers from the take's first.
-    ranges : tuple of (first, last)
-        Frame numbers evaluated, both ends included; empty: all.
-    excluded : frozenset of str
-        Keys of takes whose absolute error does not count.
-    view_sets : mapping of int to tuple of int
-        Number of views to the numbers of the cameras; an empty tuple: all that there are.
-    n_views : int or None
-        Which of `view_sets`; None: all cameras.
-    all_views_detected : bool
-        Drop frames in which a view has no detection at all.
-    mean_of_columns : bool
-        Rates (PCP) are averaged over the columns, not over all limbs.
-    min_visible_views : int
-        Count only joints that so many views see unoccluded; 0: all.
-    parts : tuple of (endpoint, endpoint)
-        Limbs of the PCP; empty: the protocol has none.
-    root : tuple of int or None
-        Joints whose mean is the root; None: the layout's.
-    expected_poses : (int, int) or None
-        Poses of the published evaluation: absolute, root-relative.
-    paper_fields : mapping
-        What the paper changes in its own settings on this benchmark.
-    paper_start : {"fusion", "dlt"}
-        Where the paper starts on this benchmark.
-    """
-
+    # name, text: The text goes under every table.
     name: str
     text: str
+    # Keys of the columns in order, and their headers; empty: the takes' own, in their order.
     columns: Mapping[str, str] = field(default_factory=dict)
-    aliases: Mapping[str, str] = field(default_factory=dict)
-    subjects: tuple[str, ...] = ()
-    every: int = 1
+    aliases: Mapping[str, str] = field(default_factory=dict)  # other names of actions, to keys of columns
+    subjects: tuple[str, ...] = ()  # those evaluated; empty: all
+    every: int = 1  # one frame in so many, counted in frame numbers from the take's first
+    # First and last frame numbers evaluated, both ends included; empty: all.
     ranges: tuple[tuple[int, int], ...] = ()
+    # Keys of takes whose absolute error does not count.
     excluded: frozenset[str] = frozenset()
+    # Number of views to the numbers of the cameras; an empty tuple: all that there are.
     view_sets: Mapping[int, tuple[int, ...]] = field(default_factory=dict)
-    n_views: int | None = None
-    all_views_detected: bool = False
-    mean_of_columns: bool = False
-    min_visible_views: int = 0
+    n_views: int | None = None  # which of `view_sets`; None: all cameras
+    all_views_detected: bool = False  # drop frames in which a view has no detection at all
+    mean_of_columns: bool = False  # rates (PCP) are averaged over the columns, not over all limbs
+    min_visible_views: int = 0  # count only joints that so many views see unoccluded; 0: all
+    # Limbs of the PCP; empty: the protocol has none.
     parts: tuple[tuple[Endpoint, Endpoint], ...] = ()
-    root: tuple[int, ...] | None = None
+    root: tuple[int, ...] | None = None  # joints whose mean is the root; None: the layout's
+    # Poses of the published evaluation: absolute, root-relative.
     expected_poses: tuple[int, int] | None = None
+    # What the paper changes in its own settings on this benchmark.
     paper_fields: Mapping[str, Any] = field(default_factory=dict)
-    paper_start: str = "dlt"
+    paper_start: str = "dlt"  # "fusion" or "dlt": where the paper starts on this benchmark
 
     def with_options(
         self, *, n_views: int | None = None, every: int | None = None, counting: str = "all"
@@ -110,10 +71,7 @@ class Protocol:
         counting : {"all", "adafuse"}
             ``"adafuse"`` counts joints that at least two views see unoccluded.
 
-        Raises
-        ------
-        InvalidInputError
-            If the protocol has no such choice.
+        Raises `InvalidInputError` if the protocol has no such choice.
         """
         if counting not in ("all", "adafuse"):
             raise InvalidInputError(f"counting: expected all or adafuse, got {counting!r}")
@@ -132,12 +90,8 @@ class Protocol:
     def cases(self, dataset: Dataset) -> tuple[Case, ...]:
         """Cut the data set to what counts, in the order of its takes.
 
-        Raises
-        ------
-        InvalidInputError
-            If nothing is left, or an action is none of the protocol's columns.
-        DatasetError
-            If a camera is missing, or the occlusion that the counting needs.
+        Raises `InvalidInputError` if nothing is left, or an action is none of the protocol's columns;
+        `DatasetError` if a camera is missing, or the occlusion that the counting needs.
         """
         cases = []
         for take in dataset:
@@ -196,10 +150,7 @@ def with_cameras(take: Take, numbers: Sequence[int]) -> Take:
 
     A camera's number is the one at the end of its name ("00_13" is 13).
 
-    Raises
-    ------
-    DatasetError
-        If a number is missing or two cameras have it.
+    Raises `DatasetError` if a number is missing or two cameras have it.
     """
     ends = [re.search(r"(\d+)$", name) for name in take.rig.names]
     own = [int(end[1]) if end else None for end in ends]

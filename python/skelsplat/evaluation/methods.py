@@ -40,34 +40,20 @@ _FIELDS = {"detections": "2D detections", "monocular": "monocular 3D poses"}
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """What applies to all methods of a run.
+    """What applies to all methods of a run."""
 
-    Attributes
-    ----------
-    undistort : bool
-        Remove lens distortion from the detections; False: detections are used with K alone.
-    start : {"dlt", "fusion", "none"} or None
-        Where `annealed`, `paper` and `paper-closed-form` start; ``"none"``: with the solver's own
-        triangulation. None: ``"none"`` for `annealed`, `paper_start` for the other two.
-    paper_start : {"dlt", "fusion", "none"}
-        Where the paper starts on this data set.
-    paper_fields : mapping
-        What the paper changes in its settings on this data set: fields of `RefineConfig.paper`.
-    init_sigma_mm : float
-        Standard deviation per axis of the fused start, for `annealed-prior`.
-    seed : int
-        Of the pairs that RANSAC draws.
-    n_threads : int or None
-        Of the compiled solver; None: all cores.
-    """
-
+    #: Remove lens distortion from the detections; False: detections are used with K alone.
     undistort: bool = True
+    #: {"dlt", "fusion", "none"} or None: Where `annealed`, `paper` and `paper-closed-form` start; ``"none"``:
+    #: with the solver's own triangulation. None: ``"none"`` for `annealed`, `paper_start` for the other two.
     start: str | None = None
-    paper_start: str = "dlt"
+    paper_start: str = "dlt"  #: {"dlt", "fusion", "none"}: Where the paper starts on this data set
+    #: What the paper changes in its settings on this data set: fields of `RefineConfig.paper`.
     paper_fields: Settings = field(default_factory=dict)
+    #: Standard deviation per axis of the fused start, for `annealed-prior`.
     init_sigma_mm: float = DEFAULT_INIT_SIGMA_MM
-    seed: int = 0
-    n_threads: int | None = None
+    seed: int = 0  #: of the pairs that RANSAC draws
+    n_threads: int | None = None  #: of the compiled solver; None: all cores
 
     def __post_init__(self) -> None:
         for name in ("start", "paper_start"):
@@ -88,27 +74,16 @@ class Solution:
 
 @dataclass(frozen=True)
 class Method:
-    """A method of the registry.
-
-    Attributes
-    ----------
-    name, about : str
-    settings : callable
-        `Options` to everything that the poses depend on, as JSON values; ``"undistort"`` is among them.
-    run : callable
-        Take, layout, settings and progress to poses (T, N, 3).
-    needs : tuple of str
-        Fields of `Take`; a start by fusion needs ``"monocular"`` as well.
-    by_pixels : bool
-        Renders pixels and takes far longer than all others.
-    """
+    """A method of the registry."""
 
     name: str
     about: str
+    #: `Options` to everything that the poses depend on, as JSON values; ``"undistort"`` is among them.
     settings: Callable[[Options], dict[str, Any]]
-    run: Run
+    run: Run  #: take, layout, settings and progress to poses (T, N, 3)
+    #: Fields of `Take`; a start by fusion needs ``"monocular"`` as well.
     needs: tuple[str, ...] = ("detections",)
-    by_pixels: bool = False
+    by_pixels: bool = False  #: renders pixels and takes far longer than all others
 
     def solve(
         self, take: Take, layout: Layout, settings: Settings, progress: Progress | None = None
@@ -212,21 +187,18 @@ def _start(take: Take, start: str) -> FloatArray | None:
     return _fusion(take) if start == "fusion" else None
 
 
-def _plain(options: Options) -> dict[str, Any]:
-    return {"undistort": options.undistort}
-
-
-def _weighted(options: Options) -> dict[str, Any]:
-    return {**_plain(options), "confidence": True}
+def _settings(**more: Any) -> Callable[[Options], dict[str, Any]]:
+    """Return settings of a method without a configuration."""
+    return lambda options: {"undistort": options.undistort, **more}
 
 
 def _drawn(options: Options) -> dict[str, Any]:
-    return {**_plain(options), "seed": options.seed}
+    return {"undistort": options.undistort, "seed": options.seed}
 
 
 def _solver(options: Options, config: RefineConfig, start: str) -> dict[str, Any]:
     fields = config.replace(n_threads=options.n_threads).to_dict()
-    return {**_plain(options), "start": start, "config": fields}
+    return {"undistort": options.undistort, "start": start, "config": fields}
 
 
 def _annealed(options: Options) -> dict[str, Any]:
@@ -247,14 +219,23 @@ def _closed_form(options: Options) -> dict[str, Any]:
 
 
 _ALL = (
-    Method("dlt", "algebraic triangulation, unweighted", _plain, _by(_dlt)),
-    Method("dlt-confidence", "algebraic triangulation, rows weighted by confidence", _weighted, _by(_dlt)),
+    Method("dlt", "algebraic triangulation, unweighted", _settings(), _by(_dlt)),
+    Method(
+        "dlt-confidence",
+        "algebraic triangulation, rows weighted by confidence",
+        _settings(confidence=True),
+        _by(_dlt),
+    ),
     Method("ransac-iskakov", "RANSAC of Iskakov et al., with its Huber refinement", _drawn, _by(_iskakov)),
     Method("ransac-adafuse", "RANSAC that AdaFuse is compared with", _drawn, _by(_adafuse)),
-    Method("ransac", "RANSAC of this package", _plain, _by(_ransac)),
-    Method("cauchy", "DLT, then the Cauchy loss of the reprojection residuals", _plain, _by(_cauchy)),
+    Method("ransac", "RANSAC of this package", _settings(), _by(_ransac)),
+    Method("cauchy", "DLT, then the Cauchy loss of the reprojection residuals", _settings(), _by(_cauchy)),
     Method(
-        "fusion", "multi-view fusion of monocular 3D poses", _plain, _by(_fusion), ("detections", "monocular")
+        "fusion",
+        "multi-view fusion of monocular 3D poses",
+        _settings(),
+        _by(_fusion),
+        ("detections", "monocular"),
     ),
     Method("annealed", "default: closed form, annealed Gauss–Newton", _annealed, _refine),
     Method("annealed-prior", "annealed with the fused monocular poses as a Gaussian prior", _prior, _refine),

@@ -25,16 +25,10 @@ from skelsplat.exceptions import InvalidInputError
 
 @dataclass(frozen=True, slots=True)
 class Published:
-    """A published table and its columns that can be compared.
-
-    Attributes
-    ----------
-    table : ReportedTable
-    absolute, pcp : str or None
-        Keys of the columns with the average absolute error, mm, and the PCP, %.
-    """
+    """A published table and its columns that can be compared."""
 
     table: ReportedTable
+    #: absolute, pcp: Keys of the columns with the average absolute error, mm, and the PCP, %.
     absolute: str | None
     pcp: str | None = None
 
@@ -49,32 +43,16 @@ class Published:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Evaluation:
-    """What `evaluate` found.
-
-    Attributes
-    ----------
-    dataset : Dataset
-    protocol : Protocol
-    cases : tuple of Case
-    headers : mapping of str to str
-        Columns that occur, key to header.
-    options : Options
-    settings : mapping of method to mapping
-        What the poses of each method depend on.
-    scores : tuple of Scores
-        One per method, in the order asked for.
-    published : Published or None
-        What others reported of this data set.
-    """
+    """What `evaluate` found."""
 
     dataset: Dataset
     protocol: Protocol
     cases: tuple[Case, ...]
-    headers: Mapping[str, str]
+    headers: Mapping[str, str]  #: columns that occur, key to header
     options: Options
-    settings: Mapping[str, Mapping[str, Any]]
-    scores: tuple[Scores, ...]
-    published: Published | None
+    settings: Mapping[str, Mapping[str, Any]]  #: what the poses of each method depend on
+    scores: tuple[Scores, ...]  #: one per method, in the order asked for
+    published: Published | None  #: what others reported of this data set
 
     @property
     def simulated(self) -> bool:

@@ -68,10 +68,7 @@ class Store:
     ) -> None:
         """Write the result of a take, whole or not at all.
 
-        Raises
-        ------
-        DatasetError
-            If the folder cannot be written.
+        Raises `DatasetError` if the folder cannot be written.
         """
         path = self.path(method, settings, take)
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -143,10 +140,8 @@ def run(
     -------
     dict of method name to one Solution per case
 
-    Raises
-    ------
-    DatasetError
-        If a take lacks what a method needs (before any work), or a result cannot be written.
+    Raises `DatasetError` if a take lacks what a method needs (before any work), or a result cannot be
+    written.
     """
     settings = {method.name: method.settings(options) for method in methods}
     for method in methods:

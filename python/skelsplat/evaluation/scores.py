@@ -6,18 +6,19 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from skelsplat import metrics
+from skelsplat._arrays import numbers
 from skelsplat._skelsplat import Layout
 from skelsplat.evaluation._protocol import Case, Protocol
-from skelsplat.evaluation.bootstrap import mean_interval
 from skelsplat.evaluation.methods import Solution
-from skelsplat.exceptions import DatasetError
+from skelsplat.exceptions import DatasetError, InvalidInputError
 
 FloatArray = NDArray[np.float64]
 
 PCK_MM = (50, 100, 150)
+RESAMPLES = 2000
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,40 +43,25 @@ class Group:
 
 @dataclass(frozen=True, slots=True)
 class Scores:
-    """What is said about one method.
-
-    Attributes
-    ----------
-    method : str
-    absolute_poses, poses : int
-        Poses whose absolute error counts, and all.
-    absolute, relative, procrustes : Estimate
-        MPJPE, mm, over all joints of all poses. Joints without a position are left out: see `missing`.
-    median : float
-        Of the absolute joint errors, mm.
-    pck : mapping of threshold in mm to share
-        Joints of the absolute error's poses that are at most so far off; a missing one is wrong.
-    pcp : float
-        Share of correct parts; NaN if the protocol has none.
-    missing : float
-        Share of the joints that the method leaves without a position.
-    ms_per_pose : float
-        Wall time of the method alone.
-    columns, joints : mapping of str to Group
-        By column of the protocol and by joint of the layout.
-    """
+    """What is said about one method."""
 
     method: str
+    #: absolute_poses, poses: Poses whose absolute error counts, and all.
     absolute_poses: int
     poses: int
+    #: absolute, relative, procrustes: MPJPE, mm, over all joints of all poses. Joints without a position are
+    #: left out: see `missing`.
     absolute: Estimate
     relative: Estimate
     procrustes: Estimate
-    median: float
+    median: float  #: of the absolute joint errors, mm
+    #: mapping of threshold in mm to share: Joints of the absolute error's poses that are at most so far off;
+    #: a missing one is wrong.
     pck: Mapping[int, float]
-    pcp: float
-    missing: float
-    ms_per_pose: float
+    pcp: float  #: share of correct parts; NaN if the protocol has none
+    missing: float  #: share of the joints that the method leaves without a position
+    ms_per_pose: float  #: wall time of the method alone
+    #: columns, joints: By column of the protocol and by joint of the layout.
     columns: Mapping[str, Group]
     joints: Mapping[str, Group]
 
@@ -209,3 +195,58 @@ def _median(values: Sequence[FloatArray]) -> float:
 def _finite(values: Sequence[FloatArray]) -> FloatArray:
     flat: FloatArray = np.concatenate([np.zeros(0), *(np.ravel(v) for v in values)])
     return flat[~np.isnan(flat)]
+
+
+def mean_interval(
+    sums: ArrayLike,
+    counts: ArrayLike,
+    *,
+    level: float = 0.95,
+    resamples: int = RESAMPLES,
+    seed: int = 0,
+) -> tuple[float, float]:
+    """Return the percentile interval of Σ sums / Σ counts when whole takes are drawn with replacement.
+
+    This is the bootstrap over takes: frames of one take are alike, takes are not.
+
+    Parameters
+    ----------
+    sums, counts : (S,)
+        Of each take: the sum of what is averaged, and of how many numbers. Takes that count nothing are left
+        out.
+    level : float
+        Share of the resampled means inside the interval.
+    resamples : int
+    seed : int
+
+    Returns
+    -------
+    (low, high), both NaN with fewer than two takes.
+
+    Raises
+    ------
+    InvalidInputError
+        Shapes that differ, a level not between 0 and 1, no resamples.
+    """
+    total, number = numbers(sums, "sums"), numbers(counts, "counts")
+    if total.ndim != 1 or total.shape != number.shape:
+        raise InvalidInputError(f"counts: expected shape {total.shape} (S,) as sums, got {number.shape}")
+    if not 0.0 < level < 1.0:
+        raise InvalidInputError(f"level: expected a number between 0 and 1, got {level!r}")
+    if resamples < 1:
+        raise InvalidInputError(f"resamples: expected an integer >= 1, got {resamples!r}")
+    used = number > 0
+    if np.count_nonzero(used) < 2:
+        return float("nan"), float("nan")
+    means = _resampled_means(total[used], number[used], resamples, np.random.default_rng(seed))
+    low, high = np.quantile(means, [(1.0 - level) / 2.0, (1.0 + level) / 2.0])
+    return float(low), float(high)
+
+
+def _resampled_means(
+    sums: FloatArray, counts: FloatArray, resamples: int, rng: np.random.Generator
+) -> FloatArray:
+    n = len(sums)
+    times = rng.multinomial(n, np.full(n, 1.0 / n), size=resamples)
+    means: FloatArray = (times @ sums) / (times @ counts)
+    return means

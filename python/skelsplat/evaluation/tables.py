@@ -42,23 +42,14 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """What is printed and written.
+    """What is printed and written."""
 
-    Attributes
-    ----------
-    title, first : str
-        `first` heads the column of names.
-    columns : tuple of Column
-    rows : tuple of Row
-    notes : tuple of str
-        Sentences under the table.
-    """
-
+    #: title, first: `first` heads the column of names.
     title: str
     first: str
     columns: tuple[Column, ...]
     rows: tuple[Row, ...]
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[str, ...] = field(default=())  #: sentences under the table
 
     def text(self, row: Row, k: int) -> str:
         """Return the cell of a row in column `k` as it is printed."""

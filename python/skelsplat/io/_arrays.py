@@ -86,13 +86,7 @@ def as_numbers(path: Path, field: str, value: object) -> Array:
 
 
 def load_npz(path: Path, keys: Collection[str]) -> Arrays:
-    """Return those arrays of an npz file that are among `keys`.
-
-    Raises
-    ------
-    DatasetError
-        If the file cannot be read, is damaged, or holds what the restricted unpickler refuses.
-    """
+    """Return those arrays of an npz file that are among `keys`."""
     try:
         with opening(path, "a readable npz file"), zipfile.ZipFile(path) as archive:
             names = [name.removesuffix(".npy") for name in archive.namelist() if name.endswith(".npy")]

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 # frame numbers and offsets are below it, so that their sum fits into 64 bits
 FRAME_LIMIT = 2**62
+_HEAD = 65_536  # bytes
 VIDEO_SUFFIXES = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".mts", ".wmv")
 
 
@@ -49,6 +50,15 @@ def read_text(path: Path) -> str:
         raise DatasetError(path, "file", "text in UTF-8", f"byte {error.start} that is not") from error
 
 
+def head(path: Path) -> str:
+    """Return the first characters of a file; none if it cannot be read."""
+    try:
+        with path.open("rb") as stream:
+            return stream.read(_HEAD).decode("utf-8-sig", errors="replace").lstrip()
+    except OSError:
+        return ""
+
+
 def load_json(path: Path, text: str, document: str) -> Any:
     """Return what the JSON `text` of a file holds; `document` says what it should be, for messages."""
     try:
@@ -74,10 +84,7 @@ def read_json_file(path: Path) -> Any:
 def parse_json(text: str) -> Any:
     """Return what JSON text holds; a whole number beyond any float is infinite, as it is with an exponent.
 
-    Raises
-    ------
-    json.JSONDecodeError, RecursionError
-        If it is no JSON, or nested too deeply.
+    Raises `json.JSONDecodeError` if it is no JSON, `RecursionError` if it is nested too deeply.
     """
     return json.loads(text, parse_int=whole_number)
 
@@ -88,13 +95,7 @@ def whole_number(text: str) -> int | float:
 
 
 def frame_number(path: Path, field: str, value: int | str) -> int:
-    """Return a frame number, given as such or in digits, that can be counted on from in 64 bits.
-
-    Raises
-    ------
-    DatasetError
-        If it is too large.
-    """
+    """Return a frame number, given as such or in digits, that can be counted on from in 64 bits."""
     number = whole_number(value) if isinstance(value, str) else value
     if not isinstance(number, int) or abs(number) >= FRAME_LIMIT:
         raise DatasetError(path, field, "a frame number below 2^62", str(value)[:40])

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import warnings
-import zipfile
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.io._arrays import npz_keys
+from skelsplat.io._files import head
 from skelsplat.io.poses import POSE_FORMATS, c3d_is_y_up, is_json_poses, pose_format, read_pose, write_pose
 
 if TYPE_CHECKING:
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
     from skelsplat.io.poses import PoseData
 
 _CSV_START = "frame,joint,"
-_HEAD_BYTES = 4096
 _OWN_UNIT = ("trc", "c3d")  # these formats do not take any unit
 
 
@@ -95,16 +95,10 @@ def is_pose_file(path: Path) -> bool:
     if kind not in POSE_FORMATS or not path.is_file():
         return False
     if kind == "npz":
-        try:
-            with zipfile.ZipFile(path) as archive:
-                return {"pose.npy", "joint_names.npy", "unit.npy"} <= set(archive.namelist())
-        except (OSError, zipfile.BadZipFile):
-            return False
-    if kind in ("json", "csv"):
-        with path.open("rb") as stream:
-            head = stream.read(_HEAD_BYTES).decode("utf-8-sig", errors="replace")
-        return is_json_poses(head) if kind == "json" else head.startswith(_CSV_START)
-    return True
+        return {"pose", "joint_names", "unit"} <= npz_keys(path)
+    if kind == "json":
+        return is_json_poses(head(path))
+    return kind != "csv" or head(path).startswith(_CSV_START)
 
 
 def _warn_if_turned(source: Path) -> None:

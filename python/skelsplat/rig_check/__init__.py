@@ -1,6 +1,7 @@
-"""What is wrong with a calibration, in words: unit, exchanged or turned cameras, frame offsets."""
+"""What is wrong with a calibration: unit, exchanged or rotated cameras, frame offsets."""
 
 from skelsplat.rig_check._check import check_rig
-from skelsplat.rig_check._findings import CameraRow, Finding, RigReport
+from skelsplat.rig_check._remedies import ReadAs
+from skelsplat.rig_check._report import CameraRow, RigReport
 
-__all__ = ["CameraRow", "Finding", "RigReport", "check_rig"]
+__all__ = ["CameraRow", "ReadAs", "RigReport", "check_rig"]

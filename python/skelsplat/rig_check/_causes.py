@@ -7,19 +7,21 @@ what the others are compared with, too.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skelsplat.rig_check._cause import Cause
-from skelsplat.rig_check._images import CHANGES, changed_view, resizer
-from skelsplat.rig_check._resection import resect
-from skelsplat.rig_check._words import finding_of
+import skelsplat as sk
+from skelsplat.findings import Finding, Subject
+from skelsplat.rig_check._files import CHANGES, resizer
+from skelsplat.rig_check._resection import angle_between, resect, turn_between
+from skelsplat.rig_check._scene import named
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from skelsplat.rig_check._findings import Finding
+    from skelsplat.rig_check._files import Change
     from skelsplat.rig_check._scene import Array, Scene
 
 # A cause must make the cameras agree better by this much, over all and for the camera itself, and by more
@@ -37,12 +39,39 @@ _AS_GOOD = 1.1
 _MOST_SHIFT, _PART, _LEAST_SPAN = 30, 3, 12
 # What explains nearly as much is named beside it.
 _NEARLY_AS_GOOD = 1.2
+# Frames that fit a camera this much worse than the best do so nearly as well.
+_FITS = 1.05
+# What fewer frames show may be chance.
+_FEW = 12
+# a turn about the optical axis is no shift of the picture
+_ROLL = 0.25
+# From the simplest kind of cause on.
+_ORDER = ("frame_offset", "image_changed", "image_resized", "camera_rotated", "camera_moved")
+
+
+@dataclass(frozen=True)
+class Cause:
+    """A hypothesis about one camera, and the scene in which it is corrected.
+
+    `images` says what the camera's images are, `factor` by what its detections are multiplied.
+    """
+
+    kind: str
+    view: int
+    scene: Scene
+    images: str = ""
+    factor: float = 1.0
+
+    @property
+    def rank(self) -> int:
+        """Simpler causes first."""
+        return _ORDER.index(self.kind)
 
 
 def explain(scene: Scene, earlier: Sequence[Finding] = ()) -> tuple[list[Finding], Scene]:
-    """Name the causes of disagreement one by one, and return the scene with all of them set right.
+    """Name the causes of disagreement one by one, and return the scene with all of them corrected.
 
-    In the given scene what was found `earlier` is set right.
+    In the given scene what was found `earlier` is corrected.
     """
     findings: list[Finding] = []
     for _ in range(scene.views):
@@ -51,9 +80,83 @@ def explain(scene: Scene, earlier: Sequence[Finding] = ()) -> tuple[list[Finding
         if not causes:
             break
         cause = _simplest_of_the_best(causes)
-        findings.append(finding_of(scene, cause, [*earlier, *findings], _rivals(cause, causes)))
+        findings.append(_finding(scene, cause, [*earlier, *findings], _rivals(cause, causes)))
         scene = cause.scene
     return findings, scene
+
+
+def once_corrected(findings: Sequence[Finding], camera: str) -> dict[str, list[str]]:
+    """Return what has to be corrected for a number of the camera to hold, as an entry of its finding.
+
+    None without findings; an empty list for all of them, where they are not of other cameras alone.
+    """
+    if not findings:
+        return {}
+    names = list(dict.fromkeys(name for finding in findings for name in finding.subject.cameras))
+    if camera in names or not all(finding.subject.cameras for finding in findings):
+        return {"once_corrected": []}
+    return {"once_corrected": names}
+
+
+def _finding(scene: Scene, cause: Cause, earlier: Sequence[Finding], rivals: Sequence[Cause]) -> Finding:
+    """Return the finding of a cause in a scene in which `earlier` ones are corrected."""
+    name, after = named(scene.cameras)[cause.view], cause.scene
+    numbers: dict[str, Any] = {
+        **_change(scene, cause),
+        "before_px": float(scene.left_out[cause.view]),
+        "after_px": float(after.left_out[cause.view]),
+        "mean_px": after.disagreement,
+        **once_corrected(earlier, name),
+    }
+    if cause.kind == "frame_offset":
+        numbers["frames_nearly_as_good"] = _fitting_shifts(scene, cause)
+    if cause.kind == "camera_rotated":
+        old = scene.cameras[cause.view]
+        axis = turn_between(old, after.cameras[cause.view])
+        if abs(axis[2]) < _ROLL * np.linalg.norm(axis):
+            numbers["same_as_shift_px"] = float(np.hypot(axis[1], axis[0]) * np.asarray(old.K)[0, 0])
+    if rivals:
+        numbers["rivals"] = [
+            {
+                "camera": named(scene.cameras)[rival.view],
+                "kind": rival.kind,
+                "mean_px": rival.scene.disagreement,
+                **_change(scene, rival),
+            }
+            for rival in rivals
+        ]
+    if len(scene.judged) < _FEW:
+        numbers["few_frames"] = len(scene.judged)
+    return Finding(cause.kind, "error", Subject(cameras=(name,)), numbers)
+
+
+def _change(scene: Scene, cause: Cause) -> dict[str, Any]:
+    """Return what a cause changes: frames, degrees and mm, a factor, or what the images are."""
+    view = cause.view
+    if cause.kind == "frame_offset":
+        return {"frames": cause.scene.shifts[view] - scene.shifts[view]}
+    if cause.kind == "image_changed":
+        return {"images": cause.images}
+    if cause.kind == "image_resized":
+        return {"factor": cause.factor}
+    old, new = scene.cameras[view], cause.scene.cameras[view]
+    distance = float(np.linalg.norm(np.asarray(old.centre) - np.asarray(new.centre)))
+    return {"degrees": angle_between(old, new), "mm": distance if cause.kind == "camera_moved" else 0.0}
+
+
+def _fitting_shifts(scene: Scene, cause: Cause) -> list[int]:
+    """Return the first and last frame offset about that of a cause which fit nearly as well."""
+    corrected, view = cause.scene, cause.view
+    points, best, before = corrected.points_without(view), corrected.shifts[view], scene.shifts[view]
+    limit = _FITS * corrected.error(view, points)
+
+    def end(step: int) -> int:
+        shift = best
+        while shift + step != before and corrected.error(view, points, shift + step) <= limit:
+            shift += step
+        return shift - before
+
+    return [end(-1), end(1)]
 
 
 def _simplest_of_the_best(causes: Sequence[Cause]) -> Cause:
@@ -67,7 +170,7 @@ def _rivals(chosen: Cause, causes: Sequence[Cause]) -> list[Cause]:
     limit = _NEARLY_AS_GOOD * chosen.scene.disagreement
     by_view: dict[int, list[Cause]] = {}
     for cause in causes:
-        other = cause.view != chosen.view or (cause.kind == "offset") != (chosen.kind == "offset")
+        other = cause.view != chosen.view or (cause.kind == "frame_offset") != (chosen.kind == "frame_offset")
         if other and cause.scene.disagreement <= limit:
             by_view.setdefault(cause.view, []).append(cause)
     rivals = [_simplest_of_the_best(some) for some in by_view.values()]
@@ -101,16 +204,20 @@ def _causes(scene: Scene) -> Iterator[Cause]:
         points = scene.points_without(view)
         shift = best_shift(scene, view, points)
         if shift != scene.shifts[view]:
-            yield Cause("offset", view, scene.with_shift(view, shift))
+            yield Cause("frame_offset", view, scene.with_shift(view, shift))
         factor = _size_factor(scene, view, points)
         if factor is not None:
-            yield Cause("resized", view, changed_view(scene, view, resizer(factor)), factor=factor)
+            yield Cause("image_resized", view, _with_change(scene, view, resizer(factor)), factor=factor)
         for words, change in CHANGES.items():
-            yield Cause("images", view, changed_view(scene, view, change), words)
-        for kind, move in (("turned", False), ("moved", True)):
+            yield Cause("image_changed", view, _with_change(scene, view, change), words)
+        for kind, move in (("camera_rotated", False), ("camera_moved", True)):
             camera = resect(scene, view, points, move=move)
             if camera is not None:
                 yield Cause(kind, view, scene.with_camera(view, camera))
+
+
+def _with_change(scene: Scene, view: int, change: Change) -> Scene:
+    return scene.with_detections(view, change(scene.detections[:, view], scene.cameras[view].size))
 
 
 def _between_two(scene: Scene) -> Iterator[Cause]:
@@ -118,7 +225,7 @@ def _between_two(scene: Scene) -> Iterator[Cause]:
     tried = (scene.with_shift(1, shift) for shift in _shifts(scene, 1))
     best = min(tried, key=lambda other: other.disagreement, default=scene)
     if best.shifts != scene.shifts:
-        yield Cause("offset", 1, best)
+        yield Cause("frame_offset", 1, best)
 
 
 def _shifts(scene: Scene, view: int) -> list[int]:
@@ -142,8 +249,6 @@ def best_shift(scene: Scene, view: int, points: Array) -> int:
 
 def _size_factor(scene: Scene, view: int, points: Array) -> float | None:
     """Factor on a camera's detections that would put them on the points' projections; None if near 1."""
-    import skelsplat as sk
-
     pixels = np.asarray(sk.project(points, [scene.cameras[view]]))[0] + 0.5
     seen = scene.seen(view) + 0.5
     known = np.isfinite(pixels).all(axis=-1) & np.isfinite(seen).all(axis=-1)

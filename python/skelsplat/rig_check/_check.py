@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,22 +10,28 @@ import skelsplat as sk
 from skelsplat._arrays import numbers, whole_numbers
 from skelsplat._skelsplat import check_people
 from skelsplat.exceptions import InvalidInputError
-from skelsplat.rig_check._causes import explain
-from skelsplat.rig_check._convention import find_convention
-from skelsplat.rig_check._files import mend_files
-from skelsplat.rig_check._findings import CameraRow, Finding, RigReport, once_right
+from skelsplat.findings import Finding, Subject
+from skelsplat.rig_check._causes import explain, once_corrected
+from skelsplat.rig_check._files import correct_files
 from skelsplat.rig_check._geometry import check_geometry
 from skelsplat.rig_check._people import follow
-from skelsplat.rig_check._recording import check_recording
-from skelsplat.rig_check._scene import Array, Index, Scene, in_mm, median, scene_of
-from skelsplat.rig_check._unit import check_unit
+from skelsplat.rig_check._remedies import ReadAs, with_remedies
+from skelsplat.rig_check._report import CameraRow, RigReport, rows_of
+from skelsplat.rig_check._scene import Array, Index, Scene, in_mm, median, named, scene_of
+from skelsplat.rig_check._world import check_unit, find_convention
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import numpy.typing as npt
 
 # A camera whose detections are rejected this often, and this many times as often as the others', in so many
 # frames or more (less is somebody in the way); two cameras that miss each other by this share of a diagonal.
 _REJECTED, _RATIO, _LEAST_FRAMES, _APART = 1 / 3, 3.0, 5, 0.012
+# A camera that was knocked turns by less than this; one set up anew is further off.
+_FAR_DEG, _FAR_MM = 2.5, 150.0
+# Part of the diagonal, 42 px of 1000 by 1000: two and a half times what poor detections are off.
+_FAR_OFF = 0.03
 _OUTSIDE = 0.05
 _MIN_CONFIDENCE = 0.3
 
@@ -38,6 +43,7 @@ def check_rig(
     frames: npt.ArrayLike | None = None,
     layout: str | sk.Layout | None = None,
     min_confidence: float = _MIN_CONFIDENCE,
+    read_as: ReadAs | None = None,
 ) -> RigReport:
     """Look for what is wrong with a calibration, alone or with a recording.
 
@@ -46,9 +52,9 @@ def check_rig(
     person; with a layout of one's own, between 1 mm and 20 m?), detections of other images than the
     calibration's (resized, turned, mirrored), exchanged cameras (every pair is tried), frame offsets between
     cameras, and cameras that were turned or moved; half of the cameras or more mean another recording. A
-    cause is named when with it set right all cameras agree clearly better by leave-one-out reprojection; what
-    is left over is named as a camera that disagrees. It takes three cameras to say which one is wrong, and
-    where half of them are wrong nothing says which half.
+    cause is named when with it corrected all cameras agree clearly better by leave-one-out reprojection; what
+    is left over is named as a camera that disagrees. It takes three cameras to tell which one is wrong, and
+    where half of them are wrong it is impossible to tell which half.
 
     Parameters
     ----------
@@ -63,11 +69,15 @@ def check_rig(
         of its own: without a layout, or with a built-in one, it has to be of a person's size.
     min_confidence : float
         Detections below it are not used.
+    read_as : ReadAs, optional
+        How the detections were read from files, for the remedies; by default from files of the cameras' names
+        without offsets.
 
     Returns
     -------
     RigReport
-        `findings` in words and a row of numbers for every camera.
+        `findings` (`skelsplat.findings.Finding`, with remedies for exchanged cameras and frame offsets) and a
+        row of numbers for every camera.
 
     Raises
     ------
@@ -84,7 +94,8 @@ def check_rig(
     if everyone.shape[-1] == 3:
         everyone = np.where(everyone[..., 2:] >= min_confidence, everyone, np.nan)
     findings += _images(rig, everyone)
-    return _with_detections(rig, everyone, numbers, shape, findings)
+    report = _with_detections(rig, everyone, numbers, shape, findings)
+    return with_remedies(report, ReadAs() if read_as is None else read_as)
 
 
 def _with_detections(
@@ -95,26 +106,25 @@ def _with_detections(
     cameras = in_mm(sk.CameraRig(list(rig), unit=likely))
     given = follow(cameras, people, layout)
     if not np.isfinite(given).any():
-        text = "There is no detection to judge the cameras by."
-        return RigReport((*findings, Finding("detections", (), text)))
+        return RigReport((*findings, Finding("detections_none", "error")))
     as_given = scene_of(cameras, given, frames)
-    files = mend_files(cameras, people, layout)
+    files = correct_files(cameras, people, layout)
     earlier = list(files.findings)
     if earlier:
         given = follow(cameras, files.people, layout)
         unit, likely = check_unit(rig, given, layout)
         cameras = in_mm(sk.CameraRig(list(rig), unit=likely))
-    if any(finding.kind == "images" for finding in earlier):
-        findings = [finding for finding in findings if "outside" not in finding.numbers]
-    causes, mended = explain(scene_of(cameras, given, frames), earlier)
-    recording = check_recording(causes, mended)
+    if any(finding.kind == "images_changed" for finding in earlier):
+        findings = [finding for finding in findings if finding.kind != "detections_outside"]
+    causes, corrected = explain(scene_of(cameras, given, frames), earlier)
+    recording = _check_recording(causes, corrected)
     if recording is not None:  # what single cameras or their order would explain is chance then
-        return RigReport((recording, *findings), tuple(_rows(as_given, as_given)))
-    causes += _left_over(mended, [*earlier, *causes])
+        return RigReport((recording, *findings), tuple(rows_of(as_given, as_given)))
+    causes += _left_over(corrected, [*earlier, *causes])
     if causes and likely == rig.unit:
         unit = None  # a body of no person's size, but the cameras do not agree on it
     found = [finding for finding in (convention, unit, *earlier) if finding is not None]
-    return RigReport((*found, *findings, *causes), tuple(_rows(as_given, mended)))
+    return RigReport((*found, *findings, *causes), tuple(rows_of(as_given, corrected)))
 
 
 def _checked(people: npt.ArrayLike, rig: sk.CameraRig) -> Array:
@@ -141,53 +151,22 @@ def _images(rig: sk.CameraRig, people: Array) -> list[Finding]:
     """Cameras with detections outside their images, or with none at all."""
     findings = []
     for i, (name, camera) in enumerate(zip(rig.names, rig, strict=True)):
+        subject, (width, height) = Subject(cameras=(name,)), camera.size
         seen = people[:, i, ..., :2]
         seen = seen[np.isfinite(seen).all(axis=-1)]
-        width, height = camera.size
         if not len(seen):
-            findings.append(Finding("detections", (name,), f"{name} has no detections."))
+            findings.append(Finding("camera_blind", subject=subject))
             continue
         outside = float(((seen < -0.5) | (seen > [width - 0.5, height - 0.5])).any(axis=-1).mean())
         if outside > _OUTSIDE:
-            text = (
-                f"{name}: {100 * outside:.0f}% of the detections lie outside its image of {width} by "
-                f"{height} px: are they of images of this size, not turned, x before y?"
-            )
-            findings.append(Finding("detections", (name,), text, {"outside": outside}))
+            numbers = {"outside": outside, "width": width, "height": height}
+            findings.append(Finding("detections_outside", subject=subject, numbers=numbers))
     return findings
-
-
-def _rows(scene: Scene, mended: Scene) -> list[CameraRow]:
-    """Numbers of every camera, all together and each against the others; offsets are the mended scene's."""
-    detections, rig = scene.judged_detections, list(scene.cameras)
-    plain = np.asarray(sk.triangulate(detections, rig, method="dlt"))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of a unit doubt, which has been looked at
-        result = sk.refine(None, detections, rig)
-    rows = []
-    for i, camera in enumerate(rig):
-        there = np.isfinite(detections[:, i, :, 0])
-        weight = result.view_weights[:, i][there]
-        weight = weight[np.isfinite(weight)]
-        rows.append(
-            CameraRow(
-                name=str(camera.name),
-                used=int(there.sum()),
-                dlt_px=median(scene.distances(i, plain)),
-                robust_px=median(np.asarray(result.reprojection_error)[:, i]),
-                weight=float(weight.mean()) if weight.size else float("nan"),
-                rejected=float((weight < sk.REJECTED_WEIGHT).mean()) if weight.size else float("nan"),
-                left_out_px=float(scene.left_out[i]) if scene.views > 2 else float("nan"),
-                best_offset=mended.shifts[i],
-                best_offset_px=float(mended.left_out[i]),
-            )
-        )
-    return rows
 
 
 def _left_over(scene: Scene, earlier: list[Finding]) -> list[Finding]:
     """Cameras that still disagree when everything that was found is set right."""
-    rows = _rows(scene, scene)
+    rows = rows_of(scene, scene)
     if scene.views == 2:
         return _two(scene, rows)
     findings = []
@@ -196,15 +175,15 @@ def _left_over(scene: Scene, earlier: list[Finding]) -> list[Finding]:
         usual = float(np.mean(rejected)) if rejected else 1.0
         frames = np.isfinite(scene.seen(i)).any(axis=(1, 2)).sum()
         if frames >= _LEAST_FRAMES and row.rejected >= max(_REJECTED, _RATIO * usual):
-            text = (
-                f"{row.name} disagrees with the other cameras and nothing that was tried explains it: "
-                f"{100 * row.rejected:.0f}% of its detections are rejected, {100 * usual:.0f}% of theirs, "
-                f"and they lie {scene.left_out[i]:.0f} px from where the others say"
-                f"{once_right(earlier, row.name)}. Look at its image: what it sees, and whether its lens is "
-                "the calibration's."
-            )
+            px = float(scene.left_out[i])
+            numbers = {
+                "rejected": row.rejected,
+                "others": usual,
+                "px": px,
+                **once_corrected(earlier, row.name),
+            }
             findings.append(
-                Finding("disagrees", (row.name,), text, {"rejected": row.rejected, "others": usual})
+                Finding("camera_unexplained", subject=Subject(cameras=(row.name,)), numbers=numbers)
             )
     return findings
 
@@ -215,8 +194,28 @@ def _two(scene: Scene, rows: list[CameraRow]) -> list[Finding]:
     if not error > limit or len(scene.judged) < _LEAST_FRAMES:
         return []
     names = tuple(row.name for row in rows)
-    text = (
-        f"{names[0]} and {names[1]} disagree: no point is nearer than {error:.1f} px to what they see. With "
-        "two cameras nothing says which is wrong, nor whether it is their calibration or their timing."
-    )
-    return [Finding("disagrees", names, text, {"px": error})]
+    return [Finding("cameras_apart", subject=Subject(cameras=names), numbers={"px": error})]
+
+
+def _check_recording(causes: Sequence[Finding], corrected: Scene) -> Finding | None:
+    """Doubt the whole recording if half of the cameras or more would have to be elsewhere.
+
+    Counted are cameras that only agree when far turned or moved, and those that agree with nothing even in
+    the scene in which all that was found is corrected.
+    """
+    if corrected.views < 3 or len(corrected.judged) < _LEAST_FRAMES:
+        return None
+    names = named(corrected.cameras)
+    moved = {name for finding in causes if _is_far(finding) for name in finding.subject.cameras}
+    limits = _FAR_OFF * np.array([np.hypot(*camera.size) for camera in corrected.cameras])
+    lost = {name for name, far in zip(names, corrected.left_out > limits, strict=True) if far}
+    wrong = tuple(name for name in names if name in moved | lost)
+    if 2 * len(wrong) < len(names):
+        return None
+    return Finding("recording_other", "error", Subject(cameras=wrong), {"of": len(names)})
+
+
+def _is_far(finding: Finding) -> bool:
+    if finding.kind not in ("camera_rotated", "camera_moved"):
+        return False
+    return bool(finding.numbers["degrees"] >= _FAR_DEG or finding.numbers["mm"] >= _FAR_MM)

@@ -1,27 +1,84 @@
-"""Whether the detections of all cameras are of other images, or of one another's, or both."""
+"""Whether the detections of all cameras are of other images, or of one another's cameras, or both.
+
+Other images than the calibration's are resized, turned, mirrored, or have x and y exchanged.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import combinations, permutations
 from typing import TYPE_CHECKING
 
-from skelsplat.rig_check._images import find_images
-from skelsplat.rig_check._people import ALL_ORDERS, CLEAR, find_exchange, judge, some_frames
+import numpy as np
+
+from skelsplat.findings import Finding, Subject
+from skelsplat.rig_check._people import gross_px, is_gross, judge, some_frames
+from skelsplat.rig_check._scene import Array, Scene, named
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     import skelsplat as sk
-    from skelsplat.rig_check._findings import Finding
-    from skelsplat.rig_check._scene import Array
 
+    Change = Callable[[Array, tuple[int, int]], Array]
+
+# What is right leaves less than _BETTER of the disagreement; or less than _RATHER of it, if the exchanged
+# cameras themselves lose half. A rival leaves little more.
+_BETTER, _RATHER, _HALF, _CLEAR = 0.35, 0.7, 0.5, 1.5
+# In a symmetric rig orders leave the same, but for noise.
+_SAME = 1.05
+# of so many cameras all orders are tried (24), of more those that exchange two
+_ALL_ORDERS = 4
 # In a ring of cameras mirrored images and cameras exchanged across leave the same; noise decides nothing.
 _ALIKE = 1.05
+_FACTORS = (1 / 4, 1 / 3, 3 / 8, 1 / 2, 2 / 3, 3 / 4, 4 / 3, 3 / 2, 2.0, 8 / 3, 3.0, 4.0)
+
+
+def _upside_down(points: Array, size: tuple[int, int]) -> Array:
+    turned: Array = np.array([size[0] - 1.0, size[1] - 1.0]) - points
+    return turned
+
+
+def _mirrored(points: Array, size: tuple[int, int]) -> Array:
+    return np.stack([size[0] - 1.0 - points[..., 0], points[..., 1]], axis=-1)
+
+
+def _turned_right(points: Array, size: tuple[int, int]) -> Array:
+    """Undo a quarter turn clockwise, (x, y) → (h − 1 − y, x)."""
+    return np.stack([points[..., 1], size[1] - 1.0 - points[..., 0]], axis=-1)
+
+
+def _turned_left(points: Array, size: tuple[int, int]) -> Array:
+    return np.stack([size[0] - 1.0 - points[..., 1], points[..., 0]], axis=-1)
+
+
+def _exchanged(points: Array, size: tuple[int, int]) -> Array:  # noqa: ARG001  the signature of a change
+    swapped: Array = points[..., ::-1]
+    return swapped
+
+
+def _fractions(points: Array, size: tuple[int, int]) -> Array:
+    pixels: Array = points * np.array(size) - 0.5
+    return pixels
+
+
+# what the images are → how the detections become those of the calibration's images
+CHANGES: dict[str, Change] = {
+    "upside down": _upside_down,
+    "mirrored": _mirrored,
+    "turned clockwise by a quarter": _turned_right,
+    "turned anticlockwise by a quarter": _turned_left,
+}
+_FOR_ALL: dict[str, Change] = {
+    **CHANGES,
+    "given with y before x": _exchanged,
+    "given as parts of the image's width and height": _fractions,
+}
 
 
 @dataclass(frozen=True)
-class Mended:
-    """What was found, the people (T, M, P, N, 2) with it set right, and how far the cameras are off then.
+class Files:
+    """What was found, the people (T, M, P, N, 2) with it corrected, and how far the cameras are off then.
 
     The error is in pixels of the detections as they were given: small images make small errors. It is
     infinite where nothing is compared with it.
@@ -32,8 +89,8 @@ class Mended:
     error_px: float = float("inf")
 
 
-def mend_files(cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout | None) -> Mended:
-    """Find other images and exchanged cameras, and set right what leaves less disagreement.
+def correct_files(cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout | None) -> Files:
+    """Find other images and exchanged cameras, and correct what leaves less disagreement.
 
     Exchanged cameras may agree better by chance if the images are taken to be of another size, and in a
     symmetric rig they look nearly like turned or mirrored images. So an exchange alone is tried beside the
@@ -43,29 +100,146 @@ def mend_files(cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout | 
     images, upright, factor = find_images(cameras, people, layout)
     exchange, order = find_exchange(cameras, upright, layout)
     findings = tuple(finding for finding in (images, exchange) if finding is not None)
-    mended = upright[:, list(order)]
-    if images is None or len(cameras) > ALL_ORDERS:
-        return Mended(findings, mended)
+    corrected = upright[:, list(order)]
+    if images is None or len(cameras) > _ALL_ORDERS:
+        return Files(findings, corrected)
     exchange, order = find_exchange(cameras, people, layout)
     if exchange is None:
-        return Mended(findings, mended)
-    error = judge(cameras, mended[some_frames(len(people))], layout).disagreement / factor
-    alone = Mended((exchange,), people[:, list(order)], exchange.numbers["after_px"])
-    return _better(Mended(findings, mended, error), alone)
+        return Files(findings, corrected)
+    error = judge(cameras, corrected[some_frames(len(people))], layout).disagreement / factor
+    alone = Files((exchange,), people[:, list(order)], exchange.numbers["after_px"])
+    return _better(Files(findings, corrected, error), alone)
 
 
-def _better(images: Mended, exchange: Mended) -> Mended:
+def _better(images: Files, exchange: Files) -> Files:
     """Return what leaves less, images where both leave as much; the other is mentioned if it is near."""
     pair = (images, exchange) if images.error_px <= _ALIKE * exchange.error_px else (exchange, images)
     best, rival = pair
-    if rival.error_px >= CLEAR * best.error_px:
+    if rival.error_px >= _CLEAR * best.error_px:
         return best
     first, *rest = best.findings
-    text = f"{first.text} That {' and that '.join(map(_cause, rival.findings))} would fit almost as well."
-    return replace(best, findings=(replace(first, text=text), *rest))
+    other = [
+        {
+            "kind": finding.kind,
+            **{key: finding.numbers[key] for key in ("images", "folders") if key in finding.numbers},
+        }
+        for finding in rival.findings
+    ]
+    numbers = {**first.numbers, "rivals": [*first.numbers.get("rivals", []), other]}
+    return replace(best, findings=(replace(first, numbers=numbers), *rest))
 
 
-def _cause(finding: Finding) -> str:
-    """Return a finding without its pixels, to stand in a sentence."""
-    cause = finding.text.partition(" px off what the others say")[0].rpartition(": ")[0]
-    return cause[0].lower() + cause[1:]
+def find_images(
+    cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout | None
+) -> tuple[Finding | None, Array, float]:
+    """Say whether the detections of all cameras are of other images.
+
+    Returns the finding (None: they are not), the people set right, and the factor on lengths in that.
+    """
+    some = people[some_frames(len(people))]
+    before = judge(cameras, some, layout)
+    if not is_gross(before):
+        return None, people, 1.0
+
+    def disagreement(tried: tuple[str, Change, float]) -> float:
+        """Return it in pixels of the detections as they are: small images make small errors."""
+        return judge(cameras, _applied(some, cameras, tried[1]), layout).disagreement / tried[2]
+
+    best = min(_tries(), key=disagreement)
+    after = disagreement(best)
+    if not after < _BETTER * before.disagreement:
+        return None, people, 1.0
+    numbers = {"images": best[0], "before_px": before.disagreement, "after_px": after}
+    return Finding("images_changed", "error", numbers=numbers), _applied(people, cameras, best[1]), best[2]
+
+
+def _tries() -> Iterator[tuple[str, Change, float]]:
+    """Yield what the images may be, the change that undoes it, and the factor on lengths in it."""
+    for words, change in _FOR_ALL.items():
+        yield words, change, 1.0
+    for factor in _FACTORS:
+        yield f"of images {1 / factor:.3g} times as large", resizer(factor), factor
+
+
+def resizer(factor: float) -> Change:
+    """Return the change that undoes resizing by 1 / factor."""
+    # integers are pixel centres
+    return lambda points, size: (points + 0.5) * factor - 0.5  # noqa: ARG005
+
+
+def _applied(people: Array, cameras: Sequence[sk.Camera], change: Change) -> Array:
+    changed = people.copy()
+    for i, camera in enumerate(cameras):
+        changed[:, i, ..., :2] = change(people[:, i, ..., :2], camera.size)
+    return changed
+
+
+def find_exchange(
+    cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout | None
+) -> tuple[Finding | None, tuple[int, ...]]:
+    """Say which folder of detections belongs to which camera, if not its own.
+
+    Returns the finding (None: they are in order) and the order: camera i has the detections order[i].
+    """
+    some = people[some_frames(len(people))]
+    given = tuple(range(len(cameras)))
+    before = judge(cameras, some, layout)
+    if not is_gross(before):
+        return None, given
+
+    suspects = np.flatnonzero(~(before.left_out <= gross_px(before))).tolist()
+    orders = list(_orders(suspects, len(cameras)))
+    tried = [judge(cameras, some[:, list(order)], layout) for order in orders]
+    least = min((scene.disagreement for scene in tried), default=float("inf"))
+
+    def rank(k: int) -> tuple[bool, int, float]:
+        """Orders that leave the same are told apart by how many cameras they exchange."""
+        moved = sum(i != folder for i, folder in enumerate(orders[k]))
+        same = tried[k].disagreement <= _SAME * least
+        return (not same, moved if same else 0, tried[k].disagreement)
+
+    ranked = sorted(range(len(tried)), key=rank)
+    if not ranked or not _is_right(before, tried[ranked[0]], orders[ranked[0]]):
+        return None, given
+    best, after = orders[ranked[0]], tried[ranked[0]].disagreement
+    rivals = [orders[k] for k in ranked[1:] if tried[k].disagreement < _CLEAR * after]
+    names = named(cameras)
+    numbers = {
+        "folders": _folders(names, best),
+        "before_px": before.disagreement,
+        "after_px": after,
+        **(
+            {"rivals": [[{"kind": "cameras_exchanged", "folders": _folders(names, rivals[0])}]]}
+            if rivals
+            else {}
+        ),
+    }
+    moved = tuple(names[i] for i, folder in enumerate(best) if folder != i)
+    return Finding("cameras_exchanged", "error", Subject(cameras=moved), numbers), best
+
+
+def _is_right(before: Scene, after: Scene, order: tuple[int, ...]) -> bool:
+    """Whether an order sets everything right, or at least all the cameras that it exchanges."""
+    if after.disagreement < _BETTER * before.disagreement:
+        return True
+    moved = [i for i, folder in enumerate(order) if folder != i]
+    return bool(
+        after.disagreement < min(_RATHER * before.disagreement, 2 * gross_px(before))
+        and (after.left_out[moved] < _HALF * before.left_out[moved]).all()
+    )
+
+
+def _orders(suspects: list[int], count: int) -> Iterator[tuple[int, ...]]:
+    """Orders other than the given one: all of few cameras, of more the exchanges of two that disagree."""
+    if count <= _ALL_ORDERS:
+        yield from list(permutations(range(count)))[1:]
+        return
+    for i, j in combinations(suspects, 2):
+        order = list(range(count))
+        order[i], order[j] = j, i
+        yield tuple(order)
+
+
+def _folders(names: list[str], order: tuple[int, ...]) -> dict[str, str]:
+    """By camera, the one whose folder has its detections."""
+    return {names[i]: names[folder] for i, folder in enumerate(order)}

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skelsplat.rig_check._findings import Finding
+from skelsplat.findings import Finding, Subject
 from skelsplat.rig_check._scene import Array, named
 
 if TYPE_CHECKING:
@@ -30,32 +30,27 @@ def check_geometry(cameras: Sequence[sk.Camera]) -> list[Finding]:
     """Return findings on lenses, on cameras in one place, and on cameras that look away from the others."""
     names = named(cameras)
     findings = [
-        Finding("geometry", (name,), f"{name}: {text}.")
+        Finding(kind, subject=Subject(cameras=(name,)), numbers=numbers)
         for name, camera in zip(names, cameras, strict=True)
-        for text in _lens(camera)
+        for kind, numbers in _lens(camera)
     ]
     if len(cameras) < 2:
         return findings
     return [*findings, *_same_place(cameras, names), *_directions(cameras, names)]
 
 
-def _lens(camera: sk.Camera) -> Iterator[str]:
+def _lens(camera: sk.Camera) -> Iterator[tuple[str, dict[str, float]]]:
+    """Yield kinds and numbers of findings on one camera's lens."""
     K, (width, height) = np.asarray(camera.K), camera.size
-    view = np.degrees(2 * np.arctan(max(width / K[0, 0], height / K[1, 1]) / 2))
+    size = {"width": width, "height": height}
+    view = float(np.degrees(2 * np.arctan(max(width / K[0, 0], height / K[1, 1]) / 2)))
     if not camera.fisheye and not _VIEW_DEG[0] <= view <= _VIEW_DEG[1]:
-        yield (
-            f"a focal length of {K[0, 0]:.4g} px on images of {width} by {height} px is a field of view of "
-            f"{view:.3g}°: is the image size that of the calibration"
-        )
+        yield "field_of_view", {"focal_px": float(K[0, 0]), **size, "degrees": view}
     off = np.abs((K[:2, 2] - [(width - 1) / 2, (height - 1) / 2]) / [width, height])
     if (off > _OFF_CENTRE).any():
-        yield (
-            f"the principal point ({K[0, 2]:.0f}, {K[1, 2]:.0f}) lies far from the middle of images of "
-            f"{width} by {height} px: is the size that of the calibration, width before height"
-        )
-    ratio = K[0, 0] / K[1, 1]
-    if not 1 / _ASPECT < ratio < _ASPECT:
-        yield f"focal lengths of {K[0, 0]:.4g} and {K[1, 1]:.4g} px mean pixels that are not square"
+        yield "principal_point", {"x": float(K[0, 2]), "y": float(K[1, 2]), **size}
+    if not 1 / _ASPECT < K[0, 0] / K[1, 1] < _ASPECT:
+        yield "pixels_not_square", {"fx": float(K[0, 0]), "fy": float(K[1, 1])}
 
 
 def _same_place(cameras: Sequence[sk.Camera], names: list[str]) -> Iterator[Finding]:
@@ -63,11 +58,12 @@ def _same_place(cameras: Sequence[sk.Camera], names: list[str]) -> Iterator[Find
     width = np.linalg.norm(centres[:, None] - centres, axis=-1).max()
     for i, j in combinations(range(len(cameras)), 2):
         if np.linalg.norm(centres[i] - centres[j]) <= _SAME_PLACE * width:
-            text = (
-                f"{names[i]} and {names[j]} stand in the same place: two views from one place give no "
-                "depth. Is one the other's copy?"
+            pair = (names[i], names[j])
+            yield Finding(
+                "same_place",
+                subject=Subject(cameras=pair),
+                numbers=dict(zip(("one", "other"), pair, strict=True)),
             )
-            yield Finding("geometry", (names[i], names[j]), text)
 
 
 def _directions(cameras: Sequence[sk.Camera], names: list[str]) -> Iterator[Finding]:
@@ -82,15 +78,9 @@ def _directions(cameras: Sequence[sk.Camera], names: list[str]) -> Iterator[Find
         name for name, depth in zip(names, ((point - centres) * axes).sum(axis=1), strict=True) if depth < 0
     ]
     if len(away) == len(cameras):
-        text = (
-            "All cameras look away from the point that their axes come nearest to: are rotation and "
-            "translation camera → world instead of world → camera, or does z point backward?"
-        )
-        yield Finding("geometry", (), text)
+        yield Finding("all_look_away")
     elif away and len(away) <= len(cameras) // 2:
-        some = " and ".join([", ".join(away[:-1]), away[-1]] if len(away) > 1 else away)
-        text = f"{some} look{'s' * (len(away) == 1)} away from where the other cameras look."
-        yield Finding("geometry", tuple(away), text)
+        yield Finding("looks_away", subject=Subject(cameras=tuple(away)))
 
 
 def meeting_point(centres: Array, axes: Array) -> Array:

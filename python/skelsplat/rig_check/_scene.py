@@ -140,23 +140,15 @@ def median(values: Array) -> float:
 
 
 def in_mm(rig: sk.CameraRig) -> tuple[sk.Camera, ...]:
-    """Cameras of a rig with lengths in mm."""
+    """Cameras of a rig with lengths in mm, and with names."""
     return tuple(
-        sk.Camera(
-            c.K,
-            c.R,
-            np.asarray(c.t) * rig.mm_per_unit,
-            distortion=c.distortion,
-            fisheye=c.fisheye,
-            size=c.size,
-            name=name,
-        )
-        for c, name in zip(rig, rig.names, strict=True)
+        posed(camera, np.asarray(camera.R), np.asarray(camera.t) * rig.mm_per_unit, name)
+        for camera, name in zip(rig, rig.names, strict=True)
     )
 
 
-def posed(camera: sk.Camera, R: Array, t: Array) -> sk.Camera:
-    """Return the camera at another pose."""
+def posed(camera: sk.Camera, R: Array, t: Array, name: str | None = None) -> sk.Camera:
+    """Return the camera at another pose, and under another name if one is given."""
     return sk.Camera(
         camera.K,
         R,
@@ -164,7 +156,7 @@ def posed(camera: sk.Camera, R: Array, t: Array) -> sk.Camera:
         distortion=camera.distortion,
         fisheye=camera.fisheye,
         size=camera.size,
-        name=camera.name,
+        name=camera.name if name is None else name,
     )
 
 

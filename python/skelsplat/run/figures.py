@@ -7,16 +7,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import skelsplat as sk
+from skelsplat.run.job import is_paper
 from skelsplat.run.summary import finite_median, frame_medians
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     import numpy.typing as npt
 
-    from skelsplat.run.job import Job
+    from skelsplat.run._run import Run
     from skelsplat.run.read import Inputs
     from skelsplat.run.solve import Outcome
     from skelsplat.run.summary import Statistics
-    from skelsplat.viz import Body, CameraPanel, HeatmapRow
+    from skelsplat.viz import Body, CameraPanel, HeatmapRow, Skeleton
 
     Array = npt.NDArray[np.float64]
 
@@ -26,43 +29,45 @@ _AGREED_UP = 0.3
 _NEAR_AXIS = 0.75
 
 
-def write_figures(job: Job, inputs: Inputs, outcome: Outcome, statistics: Statistics) -> list[str]:
+def write_figures(run: Run, folder: Path) -> list[str]:
     """Write ``overview.png`` and ``weights.png``, and heat maps where the method draws any; return names."""
     from skelsplat import viz  # matplotlib takes long to load, and --help does without
 
+    inputs, outcome, statistics = run.inputs, run.outcome, run.statistics
     frame, views = most_moved_frame(statistics.moved_mm), range(len(inputs.rig))
-    layout = inputs.layout
-    skeleton = viz.Skeleton(limbs=tuple(layout.limbs), left_right=tuple(layout.left_right))
     data = viz.OverviewData(
         body=_body(frame, inputs, outcome),
-        start=start_name(job),
+        start=outcome.start_name,
         error_before=statistics.error_before,
         error_after=statistics.error_after,
         camera_names=inputs.rig.names,
         panels=[_camera_panel(view, frame, inputs, outcome) for view in views],
-        caption=_caption(frame, job, inputs, outcome, statistics),
+        caption=_caption(frame, inputs, outcome, statistics),
     )
-    viz.write_overview(job.out / "overview.png", data, skeleton=skeleton)
+    skeleton = skeleton_of(inputs.layout)
+    viz.write_overview(folder / "overview.png", data, skeleton=skeleton)
     weights = viz.WeightData(
         weights=np.asarray(outcome.result.view_weights),
         frames=inputs.frames,
         camera_names=inputs.rig.names,
-        joint_names=layout.joints,
+        joint_names=inputs.layout.joints,
         rejected_below=sk.REJECTED_WEIGHT,
     )
-    viz.write_weights(job.out / "weights.png", weights)
-    if not job.paper:
-        return ["overview.png", "weights.png"]
-    rows = [_heatmap_row(view, frame, inputs, outcome, statistics) for view in views]
-    viz.write_heatmaps(
-        job.out / "heatmaps.png", rows, skeleton=skeleton, caption=_heat_caption(inputs.frames[frame])
-    )
-    return ["overview.png", "weights.png", "heatmaps.png"]
+    viz.write_weights(folder / "weights.png", weights)
+    names = ["overview.png", "weights.png"]
+    if is_paper(outcome.config):
+        rows = [_heatmap_row(view, frame, inputs, outcome, statistics) for view in views]
+        caption = _heat_caption(inputs.frames[frame])
+        viz.write_heatmaps(folder / "heatmaps.png", rows, skeleton=skeleton, caption=caption)
+        names.append("heatmaps.png")
+    return names
 
 
-def start_name(job: Job) -> str:
-    """Return what the refined pose is compared with, in words."""
-    return "plain triangulation" if job.init is None else "initial pose"
+def skeleton_of(layout: sk.Layout) -> Skeleton:
+    """Return what `skelsplat.viz` draws of a layout."""
+    from skelsplat import viz  # as in write_figures
+
+    return viz.Skeleton(limbs=tuple(layout.limbs), left_right=tuple(layout.left_right))
 
 
 def most_moved_frame(moved_mm: Array) -> int:
@@ -98,11 +103,12 @@ def vertical_known(rig: sk.CameraRig) -> bool:
     return length >= _AGREED_UP and float(np.abs(mean).max()) >= _NEAR_AXIS * length
 
 
-def _caption(frame: int, job: Job, inputs: Inputs, outcome: Outcome, statistics: Statistics) -> str:
+def _caption(frame: int, inputs: Inputs, outcome: Outcome, statistics: Statistics) -> str:
     """Return which frame is drawn and why, and how many frames have joints that are not ok."""
     here, typical = finite_median(statistics.moved_mm[frame]), finite_median(statistics.moved_mm)
     count, status = len(inputs.frames), np.asarray(outcome.result.joint_status)
-    words, change = f"Frame {inputs.frames[frame]}", f"median joint {here:.0f} mm from the {start_name(job)}"
+    start = outcome.start_name
+    words, change = f"Frame {inputs.frames[frame]}", f"median joint {here:.0f} mm from the {start}"
     if not np.isfinite(here):
         words += ", in which no joint can be compared with its start"
     elif count > 1:
@@ -110,8 +116,8 @@ def _caption(frame: int, job: Job, inputs: Inputs, outcome: Outcome, statistics:
     else:
         words += f": {change}"
     frames = {name: int((status == name).any(axis=1).sum()) for name in ("weak", "unobserved")}
-    affected = ", ".join(f"{name} in {number}" for name, number in frames.items() if number)
-    return f"{words}; joints {affected} of {count} frames" if affected else words
+    affected = ", ".join(f"{name} joints in {number}" for name, number in frames.items() if number)
+    return f"{words}; {affected} of {count} frames" if affected else words
 
 
 def _heat_caption(number: int) -> str:

@@ -1,27 +1,36 @@
-"""The files that a run writes, and those in its folder from before: removed if a run wrote them, or named."""
+"""The folder of a run: checked before the work, cleared of an earlier run, its report written last."""
 
 from __future__ import annotations
 
 import contextlib
 import tempfile
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import typer
 
 from skelsplat._json import to_text
 from skelsplat._optional import can_draw
-from skelsplat.exceptions import DatasetError
+from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.findings import Finding, Subject
+from skelsplat.io import PoseData, write_pose
 from skelsplat.io._atomic import atomic_write_text
 from skelsplat.io._run_files import CAMERAS, DETECTIONS, REPORT, UNFINISHED, files_of_run
-from skelsplat.io.poses import POSE_FORMATS
-from skelsplat.run.html import NAME as PAGE
+from skelsplat.io.poses import MARKER_NAMES, POSE_FORMATS, check_pose_format
+from skelsplat.io.run_folder import write_run_inputs
+from skelsplat.run.figures import write_figures
+from skelsplat.run.html import write_html
+from skelsplat.run.job import is_paper
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
-    from pathlib import Path
 
+    import numpy as np
+    import numpy.typing as npt
+
+    from skelsplat.run._run import Run
     from skelsplat.run.job import Job
 
+PAGE = "report.html"
 _PICTURES, _PAPERS_PICTURE = ("overview.png", "weights.png"), "heatmaps.png"
 _POSSIBLE = (
     *(f"pose.{kind}" for kind in POSE_FORMATS),
@@ -33,18 +42,77 @@ _POSSIBLE = (
 )
 # of other commands, perhaps the work of hours
 _OF_OTHERS = ("plots", "overlay")
+_ASSUMED_FPS = 30.0
+_WITH_MARKERS = [kind for kind, entry in POSE_FORMATS.items() if "y_up" in entry.options]
 
 
-def planned(job: Job) -> list[str]:
-    """Return the names of the files that a run writes, but for its report: pictures need the extra viz."""
-    wanted = {*(f"pose.{kind}" for kind in job.write), CAMERAS, DETECTIONS}
+@dataclass(frozen=True)
+class Writing:
+    """What is written into a run's folder besides its report, inputs and figures; fields as of `Job`."""
+
+    formats: tuple[str, ...] = ("npz", "csv", "trc")
+    y_up: bool = False
+    marker_names: str = MARKER_NAMES[0]
+    html: bool = True
+
+    @classmethod
+    def of(cls, job: Job) -> Writing:
+        """Return what a job asks for."""
+        return cls(job.pose_formats, job.y_up, job.marker_names, job.html)
+
+    def names(self, *, paper: bool) -> list[str]:
+        """Return the names of the files, but for the report; pictures need the extra viz."""
+        wanted = {*(f"pose.{kind}" for kind in self.formats), CAMERAS, DETECTIONS}
+        if can_draw():
+            wanted |= {*_PICTURES, *([_PAPERS_PICTURE] if paper else []), *([PAGE] if self.html else [])}
+        return [name for name in _POSSIBLE if name in wanted]
+
+    def check(self, frames: npt.NDArray[np.int64]) -> None:
+        """Raise what `skelsplat.io.poses.check_pose_format` does of each format."""
+        for kind in self.formats:
+            check_pose_format(kind, frames)
+
+    def notes(self, fps: float | None) -> list[Finding]:
+        """Say which options have no effect, which frame rate files assume, and what cannot be drawn."""
+        timed = tuple(f"pose.{kind}" for kind in self.formats if kind in _WITH_MARKERS)
+        given = {"--y-up": self.y_up, "--marker-names": self.marker_names != MARKER_NAMES[0]}
+        unused = [option for option, value in given.items() if value and not timed]
+        found = [Finding("option_unused", "note", numbers={"option": option}) for option in unused]
+        if timed and fps is None:
+            found.append(Finding("times_assumed", "note", Subject(files=timed), {"fps": _ASSUMED_FPS}))
+        if not can_draw():
+            found.append(Finding("no_pictures", "note"))
+        return found
+
+
+def write_poses(folder: Path, data: PoseData, writing: Writing) -> list[str]:
+    """Write the pose files; return their names."""
+    given = {
+        "frame_rate": data.frame_rate or _ASSUMED_FPS,
+        "y_up": writing.y_up,
+        "marker_names": writing.marker_names,
+    }
+    for kind in writing.formats:
+        write_pose(folder / f"pose.{kind}", data, **(given if kind in _WITH_MARKERS else {}))
+    return [f"pose.{kind}" for kind in writing.formats]
+
+
+def write_folder(run: Run, folder: Path, writing: Writing) -> Run:
+    """Write the whole folder of a run, its report last; return the run with the files in its report."""
+    run = replace(run, report={**run.report, "files": writing.names(paper=is_paper(run.outcome.config))})
+    begin_writing(folder, run.report)
+    write_poses(folder, run.poses, writing)
+    write_run_inputs(folder, run.cameras, run.layout, run.detections, run.frames)
     if can_draw():
-        wanted |= {*_PICTURES, *([_PAPERS_PICTURE] if job.paper else []), *([PAGE] if job.html else [])}
-    return [name for name in _POSSIBLE if name in wanted]
+        write_figures(run, folder)
+    if PAGE in run.report["files"]:
+        write_html(run, folder / PAGE)
+    atomic_write_text(folder / REPORT, to_text(run.report))  # last: the run is whole
+    return run
 
 
 def keep_input(job: Job, sources: Sequence[Path] = ()) -> None:
-    """Refuse a folder for the results in which they would stand in the place, or in the midst, of the input.
+    """Refuse a folder for the results in which they would overwrite the input, or be mixed with it.
 
     Parameters
     ----------
@@ -54,14 +122,16 @@ def keep_input(job: Job, sources: Sequence[Path] = ()) -> None:
 
     Raises
     ------
-    typer.BadParameter
+    InvalidInputError
         If a file that the run reads has the name of one that it writes, or the folder is that of the
         detections, or of one camera's, or lies within the latter.
     """
-    out, top = job.out.resolve(), job.detections.resolve()
+    if job.output is None:
+        return
+    out, top = Path(job.output).resolve(), Path(job.detections).resolve()
     written = {(out / name).resolve() for name in (*_POSSIBLE, REPORT)}
-    for path in (job.calibration, job.detections, job.init):
-        if path is not None and path.resolve() in {out, *written}:
+    for path in (Path(file) for file in (job.calibration, job.detections, job.init) if file is not None):
+        if path.resolve() in {out, *written}:
             raise _in_the_way(path)
     for path in sources:
         place = path.resolve()
@@ -70,16 +140,16 @@ def keep_input(job: Job, sources: Sequence[Path] = ()) -> None:
             raise _in_the_way(path)
 
 
-def check_places(job: Job) -> None:
-    """Raise `DatasetError` if a folder stands where a result goes, before the work."""
-    for path in (job.out / name for name in (*planned(job), REPORT)):
-        if path.is_dir():
-            raise DatasetError(path, "--output", "a file or nothing in the place of a result", "a folder")
-
-
-def _in_the_way(path: Path) -> typer.BadParameter:
+def _in_the_way(path: Path) -> InvalidInputError:
     expected = "a folder in which nothing that the run reads is written over or mixed with results"
-    return typer.BadParameter(f"expected {expected}, got that of {path}", param_hint="--output")
+    return InvalidInputError(f"output: expected {expected}, got that of {path}")
+
+
+def check_places(folder: Path, names: Sequence[str]) -> None:
+    """Raise `DatasetError` if a folder stands where a result goes, before the work."""
+    for path in (folder / name for name in (*names, REPORT)):
+        if path.is_dir():
+            raise DatasetError(path, "output", "a file or nothing in the place of a result", "a folder")
 
 
 def begin_writing(folder: Path, report: dict[str, Any]) -> None:
@@ -129,7 +199,7 @@ def output_folder(folder: Path) -> Iterator[None]:
                 pass
         except OSError as error:
             reason = (error.strerror or str(error)).lower()
-            raise DatasetError(folder, "--output", "a folder that can be written", reason) from error
+            raise DatasetError(folder, "output", "a folder that can be written", reason) from error
         yield
     except BaseException:
         for path in missing:

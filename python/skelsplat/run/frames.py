@@ -1,13 +1,15 @@
-"""Frames that a person should look at, and why, in words."""
+"""Findings on single frames: what is missing, contradicted or far from the usual there."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from skelsplat._sentences.run import named
+from skelsplat.findings import Finding, Subject
 from skelsplat.run.summary import finite_median, frame_medians
 
 if TYPE_CHECKING:
@@ -30,142 +32,145 @@ _SHARE, _HIGH_SHARE = 0.1, 1 / 3
 _BAR_RATIO = 2.0
 # A way to stop that most frames share says nothing about one of them.
 _MOSTLY = 0.5
-_MOST_NAMES = 6
 
-_WORDS = {
-    "no_observations": "no detection could be used",
-    "diverged": "diverged",
-    "max_steps": "stopped at the step limit",
-    "unobserved": "unobserved: {names}",
-    "weak": "depth not fixed (weak): {names}",
-    "filled": "filled over time: {names}",
-    "swapped": "left and right exchanged in {names}",
-    "rejected": "{value:.0f}% of the detections rejected",
-    "error": "median reprojection error {value:.1f} px",
-    "error_bar": "error bar far above the usual: {names}, {value:.0f} mm",
-}
+
+_ALL = Subject()
 
 
 @dataclass(frozen=True)
-class Reason:
-    """Why a frame has a problem: a key of the table of words, the joints or cameras concerned, a number."""
+class _Case:
+    """Something found in the frame of an index: a kind, what it concerns, and a number by its name."""
 
-    kind: str
-    names: tuple[str, ...] = ()
-    value: float = float("nan")
-
-    @property
-    def words(self) -> str:
-        """The reason as a part of a sentence."""
-        return _WORDS[self.kind].format(names=", ".join(self.names), value=self.value)
-
-
-@dataclass(frozen=True)
-class Problem:
-    """A frame with a problem: its place in the sequence, its number and the reasons."""
-
-    index: int
     frame: int
-    reasons: tuple[Reason, ...]
+    kind: str
+    subject: Subject = _ALL
+    number: tuple[str, float] | None = None
+    of: int = 0
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the entry of ``report.json``."""
-        return {"frame": self.frame, "reasons": [reason.words for reason in self.reasons]}
 
-
-def find_problems(
+def find_in_frames(
     inputs: Inputs, outcome: Outcome, statistics: Statistics, status: npt.NDArray[np.str_]
-) -> list[Problem]:
-    """Return the frames in which something is missing, contradicted or far from the usual, in order.
+) -> list[Finding]:
+    """Return what stands out in single frames: a finding per kind and names, with its frames in order.
 
-    ``status`` (T, N) is that of the poses written, where joints may be filled over time. A joint that is
-    unobserved in every frame, and a step limit that most frames reach, belong to the recording and not to a
-    frame: `find_doubts` and the stop reasons tell them.
+    Numbers are lists, one per frame. ``status`` (T, N) is that of the poses written, where joints may be
+    filled over time. A joint that is unobserved in every frame, and a step limit that most frames reach,
+    belong to the recording and not to a frame: `find_findings` and the stop reasons tell them.
     """
     empty = np.asarray(outcome.result.stop_reason) == "no_observations"
-    reasons: list[list[Reason]] = [[] for _ in inputs.frames]
-    for t, reason in [
+    found: dict[tuple[str, Subject], list[_Case]] = {}
+    for case in (
         *_stops(outcome),
         *_statuses(status, empty, inputs.layout.joints),
         *_swaps(statistics, np.asarray(outcome.result.swapped), inputs.rig.names),
         *_rejected(statistics),
         *_errors(statistics),
         *_error_bars(statistics, status, inputs.layout.joints),
-    ]:
-        reasons[t].append(reason)
-    return [Problem(t, int(inputs.frames[t]), tuple(found)) for t, found in enumerate(reasons) if found]
+    ):
+        found.setdefault((case.kind, case.subject), []).append(case)
+    return [_finding(cases, inputs.frames) for cases in found.values()]
 
 
-def runs_in_words(problems: Sequence[Problem]) -> list[tuple[int, int, str]]:
-    """Join frames that follow each other with the same reasons: (first frame, last frame, reasons).
+def _finding(cases: Sequence[_Case], frames: npt.NDArray[np.int64]) -> Finding:
+    first = cases[0]
+    numbers: dict[str, Any] = {"of": first.of} if first.of else {}
+    values = [case.number for case in cases if case.number is not None]
+    if values:
+        numbers[values[0][0]] = [value for _, value in values]
+    subject = replace(first.subject, frames=tuple(int(frames[case.frame]) for case in cases))
+    return Finding(first.kind, "note", subject, numbers)
 
-    Numbers are then those of the frame in which they are largest.
+
+def rows_of(findings: Sequence[Finding], frames: Sequence[int]) -> list[tuple[int, int, str]]:
+    """Join frames that follow each other with the same findings: (first frame, last frame, their words).
+
+    ``frames`` are the numbers of all frames of the recording. Of numbers, the largest of the frames counts.
     """
+    by_frame: dict[int, list[tuple[Finding, int]]] = {}
+    for finding in findings:
+        for place, frame in enumerate(finding.subject.frames):
+            by_frame.setdefault(frame, []).append((finding, place))
+    there = [(k, int(frame)) for k, frame in enumerate(frames) if int(frame) in by_frame]
 
-    def key(place: tuple[int, Problem]) -> Any:
-        k, problem = place
-        return problem.index - k, [(reason.kind, reason.names) for reason in problem.reasons]
+    def key(place: tuple[int, tuple[int, int]]) -> Any:
+        count, (k, frame) = place
+        return k - count, [(finding.kind, named(finding)) for finding, _ in by_frame[frame]]
 
     rows = []
-    for _, places in groupby(enumerate(problems), key):
-        run = [problem for _, problem in places]
-        words = [
-            max(same, key=lambda reason: reason.value).words
-            for same in zip(*(problem.reasons for problem in run), strict=True)
-        ]
-        rows.append((run[0].frame, run[-1].frame, "; ".join(words)))
+    for _, places in groupby(enumerate(there), key):
+        run = [frame for _, (_, frame) in places]
+        words = [_in_frames(same) for same in zip(*(by_frame[frame] for frame in run), strict=True)]
+        rows.append((run[0], run[-1], "; ".join(words)))
     return rows
 
 
-def _stops(outcome: Outcome) -> Iterator[tuple[int, Reason]]:
+def _in_frames(places: Sequence[tuple[Finding, int]]) -> str:
+    """Return the words of findings of one kind, each at one of its frames, with the largest number."""
+    first, _ = places[0]
+    numbers = {
+        name: [finding.numbers[name][k] for finding, k in places] if isinstance(values, list) else values
+        for name, values in first.numbers.items()
+    }
+    return replace(first, numbers=numbers).text
+
+
+def _stops(outcome: Outcome) -> Iterator[_Case]:
     stops = np.asarray(outcome.result.stop_reason)
-    for kind in ("no_observations", "diverged", "max_steps"):
-        where = stops == kind
-        if kind != "max_steps" or where.mean() <= _MOSTLY:
-            yield from ((int(t), Reason(kind)) for t in np.flatnonzero(where))
+    for reason, kind in (
+        ("no_observations", "frame_empty"),
+        ("diverged", "frame_diverged"),
+        ("max_steps", "frame_max_steps"),
+    ):
+        where = stops == reason
+        if reason != "max_steps" or where.mean() <= _MOSTLY:
+            yield from (_Case(int(t), kind) for t in np.flatnonzero(where))
 
 
-def _statuses(
-    status: npt.NDArray[np.str_], empty: Mask, joints: Sequence[str]
-) -> Iterator[tuple[int, Reason]]:
+def _statuses(status: npt.NDArray[np.str_], empty: Mask, joints: Sequence[str]) -> Iterator[_Case]:
     everywhere = (status == "unobserved").all(axis=0)
-    yield from _named("unobserved", (status == "unobserved") & ~empty[:, None] & ~everywhere, joints)
+    unobserved = (status == "unobserved") & ~empty[:, None] & ~everywhere
+    yield from _of_joints("frame_unobserved", unobserved, joints)
     for kind in ("weak", "filled"):
-        yield from _named(kind, status == kind, joints)
+        yield from _of_joints(f"frame_{kind}", status == kind, joints)
 
 
-def _swaps(statistics: Statistics, swapped: Mask, cameras: Sequence[str]) -> Iterator[tuple[int, Reason]]:
-    used = np.isfinite(statistics.error_after)
-    yield from _named("swapped", np.asarray((swapped & used).any(axis=2)), cameras)
+def _swaps(statistics: Statistics, swapped: Mask, cameras: Sequence[str]) -> Iterator[_Case]:
+    where: Mask = np.asarray((swapped & np.isfinite(statistics.error_after)).any(axis=2))
+    for t in np.flatnonzero(where.any(axis=1)):
+        subject = Subject(cameras=tuple(cameras[int(i)] for i in np.flatnonzero(where[t])))
+        yield _Case(int(t), "frame_swapped", subject, of=len(cameras))
 
 
-def _rejected(statistics: Statistics) -> Iterator[tuple[int, Reason]]:
+def _rejected(statistics: Statistics) -> Iterator[_Case]:
     used = np.isfinite(statistics.error_after).sum(axis=(1, 2))
     share = statistics.rejected.sum(axis=(1, 2)) / np.maximum(used, 1)
     usual = float(np.median(share[used > 0])) if used.any() else 0.0
     where = (share >= _HIGH_SHARE) | (share >= max(_SHARE, _RATIO * usual))
-    yield from ((int(t), Reason("rejected", value=100 * share[t])) for t in np.flatnonzero(where))
+    for t in np.flatnonzero(where):
+        yield _Case(int(t), "frame_rejected", number=("percent", float(100 * share[t])))
 
 
-def _errors(statistics: Statistics) -> Iterator[tuple[int, Reason]]:
+def _errors(statistics: Statistics) -> Iterator[_Case]:
     median = frame_medians(statistics.error_after)
     where = median > _RATIO * finite_median(median)  # False for NaN
-    yield from ((int(t), Reason("error", value=float(median[t]))) for t in np.flatnonzero(where))
+    for t in np.flatnonzero(where):
+        yield _Case(int(t), "frame_error", number=("median_px", float(median[t])))
 
 
 def _error_bars(
     statistics: Statistics, status: npt.NDArray[np.str_], joints: Sequence[str]
-) -> Iterator[tuple[int, Reason]]:
+) -> Iterator[_Case]:
     """Name joints whose error bar is far above their own median; weak ones are named as such already."""
     bars = np.where(status == "ok", statistics.error_bar_mm, np.nan)
     usual = np.array([finite_median(bar) for bar in bars.T])
     where = bars > np.maximum(_RATIO * usual, _BAR_RATIO * finite_median(bars))
-    for t, reason in _named("error_bar", where, joints):
-        yield t, Reason("error_bar", reason.names, float(bars[t][where[t]].max()))
+    for case in _of_joints("frame_error_bar", where, joints):
+        largest = float(bars[case.frame][where[case.frame]].max())
+        yield replace(case, number=("error_bar_mm", largest))
 
 
-def _named(kind: str, where: Mask, names: Sequence[str]) -> Iterator[tuple[int, Reason]]:
-    """Yield a reason with the names of every frame's True; of many, with their number."""
+def _of_joints(kind: str, where: Mask, joints: Sequence[str]) -> Iterator[_Case]:
+    """Yield a case with the joints of every frame's True."""
     for t in np.flatnonzero(where.any(axis=1)):
-        named = tuple(names[int(k)] for k in np.flatnonzero(where[t]))
-        yield int(t), Reason(kind, named if len(named) <= _MOST_NAMES else (f"{len(named)} of {len(names)}",))
+        subject = Subject(joints=tuple(joints[int(j)] for j in np.flatnonzero(where[t])))
+        yield _Case(int(t), kind, subject, of=len(joints))

@@ -1,89 +1,117 @@
-"""``report.html``: what a run says, as arrays and plain values for the page of `skelsplat.viz`."""
+"""``report.html``: a run as arrays and plain values for the page of `skelsplat.viz`."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import base64
+import html
+import math
+import sys
+import tempfile
+import webbrowser
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 import skelsplat as sk
-from skelsplat.run.figures import start_name, world_up
-from skelsplat.run.frames import runs_in_words
-from skelsplat.run.html_tables import camera_table, joint_table, number, share
+from skelsplat._optional import can_draw
+from skelsplat.run.figures import skeleton_of, world_up, write_figures
+from skelsplat.run.frames import rows_of
+from skelsplat.run.report import MEANINGS
 from skelsplat.run.summary import DOWN_WEIGHTED, finite_max, finite_median, frame_medians
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     import numpy.typing as npt
 
-    from skelsplat.io import PoseData
-    from skelsplat.run.frames import Problem
-    from skelsplat.run.job import Job
+    from skelsplat.run._run import Run
     from skelsplat.run.read import Inputs
-    from skelsplat.run.solve import Outcome
-    from skelsplat.run.summary import Statistics
+    from skelsplat.run.summary import Group, Statistics
     from skelsplat.viz import report as page
 
     Array = npt.NDArray[np.float64]
 
-NAME = "report.html"
+_SHARED = (
+    ("median [px]", "median reprojection error, start → refined"),
+    ("90th percentile [px]", "of the reprojection error, start → refined"),
+    ("used", "detections used"),
+    ("missing", "no detection of the followed person"),
+    ("not chosen", "of the missing: no person detected in this view matches the other cameras"),
+    ("left out", "detections below the minimum confidence, or of a joint without a position"),
+    ("down-weighted", f"detections used with a weight below {DOWN_WEIGHTED:g}, including the rejected ones"),
+    (
+        "rejected",
+        f"detections used with a weight below {sk.REJECTED_WEIGHT:g}, which hardly affect the pose",
+    ),
+    ("weight", MEANINGS["mean_weight"]),
+    ("swapped", MEANINGS["swapped"]),
+)
+_OF_JOINTS = (
+    ("views used", "views with a detection that is used and not rejected: median over the frames (lowest)"),
+    ("error bar [mm]", "standard deviation of the joint per axis: median over the frames (largest)"),
+    ("moved [mm]", "median distance of the refined joint from its start"),
+)
 
 
-@dataclass(frozen=True)
-class Findings:
-    """What the page shows beside the statistics.
-
-    Parameters
-    ----------
-    poses
-        Those that are written: filled and filtered, if that was asked for.
-    problems
-        Frames to look at.
-    distrust
-        Sentences: doubts and warnings.
-    """
-
-    poses: PoseData
-    problems: Sequence[Problem]
-    distrust: Sequence[str]
-
-
-def write_html_report(
-    job: Job,
-    inputs: Inputs,
-    outcome: Outcome,
-    statistics: Statistics,
-    findings: Findings,
-) -> list[str]:
-    """Write ``report.html`` and return its name."""
+def write_html(run: Run, path: Path) -> None:
+    """Write a page that holds everything it shows."""
     from skelsplat.viz import report as page  # matplotlib takes long to load, and --help does without
 
+    inputs, statistics = run.inputs, run.statistics
+    source = run.report["input"]["detections"]
     data = page.ReportData(
-        title=f"SkelSplat: {job.detections.name}",
-        facts=_facts(job, inputs),
-        warnings=findings.distrust,
-        notes=_notes(job, findings.poses),
-        numbers=_numbers(inputs, statistics, findings.problems),
-        sequence=_sequence(job, inputs, outcome, findings.poses),
+        title="SkelSplat" if source is None else f"SkelSplat: {Path(source).name}",
+        facts=facts_of(run.report),
+        warnings=[finding.text for finding in run.findings],
+        notes=_notes(run),
+        numbers=[page.KeyNumber(*number) for number in key_numbers(run)],
+        sequence=_sequence(run),
         shapes=camera_shapes(inputs.rig),
-        cameras=camera_table(statistics),
-        joints=joint_table(inputs, statistics),
-        heat=page.HeatMaps(
-            errors_px=_by_view_and_joint(statistics.error_after, finite_median),
-            rejected=_shares(statistics),
-        ),
-        lines=_lines(job, inputs, outcome, statistics),
-        problems=[page.ProblemRow(*run) for run in runs_in_words(findings.problems)],
+        cameras=_camera_table(statistics),
+        joints=_joint_table(inputs, statistics),
+        errors_px=_by_view_and_joint(statistics.error_after, finite_median),
+        rejected=_shares(statistics),
+        lines=_lines(run),
+        problems=[page.ProblemRow(*row) for row in rows_of(run.frame_findings, inputs.frames.tolist())],
     )
-    page.write_report(job.out / NAME, data)
-    return [NAME]
+    page.write_report(path, data)
+
+
+def show_page(run: Run) -> None:
+    """Show the page below a notebook's cell, or in the browser."""
+    path = Path(tempfile.mkdtemp(prefix="skelsplat-")) / "report.html"
+    write_html(run, path)
+    shell = sys.modules.get("IPython")
+    if shell is None or getattr(shell.get_ipython(), "kernel", None) is None:
+        webbrowser.open(path.as_uri())
+        return
+    page = html.escape(path.read_text(encoding="utf-8"))
+    frame = f'<iframe srcdoc="{page}" width="100%" height="800" frameborder="0"></iframe>'
+    sys.modules["IPython.display"].display(shell.display.HTML(frame))
+
+
+def notebook_view(run: Run) -> str:
+    """Return facts, numbers, findings and the overview as HTML, for the output of a notebook's cell."""
+    rows = [*facts_of(run.report), *((name, f"{value} {remark}") for name, value, remark in key_numbers(run))]
+    cells = "".join(f"<tr><th>{_text(name)}</th><td>{_text(value)}</td></tr>" for name, value in rows)
+    found = "".join(f"<li>{_text(finding.severity)}: {_text(finding.text)}</li>" for finding in run.findings)
+    return f"<table>{cells}</table><ul>{found}</ul>{_picture(run) if can_draw() else ''}"
+
+
+def _picture(run: Run) -> str:
+    """Return the overview as an element of HTML."""
+    with tempfile.TemporaryDirectory() as folder:
+        write_figures(run, Path(folder))
+        picture = base64.b64encode((Path(folder) / "overview.png").read_bytes()).decode()
+    return f'<img alt="overview" style="max-width: 100%" src="data:image/png;base64,{picture}">'
+
+
+def _text(value: str) -> str:
+    return html.escape(value)
 
 
 def camera_shapes(rig: sk.CameraRig) -> page.CameraShapes:
     """Return the positions of the cameras and the rays to the corners of their images, in mm."""
-    from skelsplat.viz import report as page  # as in write_html_report
+    from skelsplat.viz import report as page  # as in write_html
 
     corners = []
     for camera in rig:
@@ -97,30 +125,63 @@ def camera_shapes(rig: sk.CameraRig) -> page.CameraShapes:
     return page.CameraShapes(rig.names, centres, np.array(corners))
 
 
-def _facts(job: Job, inputs: Inputs) -> list[tuple[str, str]]:
-    frames = inputs.frames
-    span = f"{len(frames):,}, {frames[0]} to {frames[-1]}" if len(frames) > 1 else f"1, frame {frames[0]}"
+def facts_of(report: dict[str, Any]) -> list[tuple[str, str]]:
+    """Return what was read and how, as (name, value)."""
+    source, errors = report["input"], report["reprojection_error"]
+    first, last, rate = source["first_frame"], source["last_frame"], source["frame_rate_hz"]
+    span = f"{source['frames']:,}, {first} to {last}" if source["frames"] > 1 else f"1, frame {first}"
+    files = [("calibration", f"{source['calibration']}"), ("detections", _detections(source))]
     return [
-        ("calibration", str(job.calibration)),
-        ("detections", f"{job.detections} ({inputs.format})"),
-        ("layout", f"{inputs.layout.name}, {inputs.layout.n_joints} joints"),
-        ("cameras", str(len(inputs.rig))),
+        *(files if source["calibration"] is not None else []),
+        ("layout", f"{source['layout']}, {len(errors['joints'])} joints"),
+        ("cameras", str(len(errors["cameras"]))),
         ("frames", span),
-        ("frame rate", "unknown" if job.fps is None else f"{job.fps:g} per second"),
-        ("preset", "paper" if job.paper else "default"),
-        ("unit of the calibration", inputs.rig.unit),
-        ("skelsplat", sk.__version__),
+        ("frame rate", "unknown" if rate is None else f"{rate:g} per second"),
+        ("preset", report["preset"]),
+        ("unit of the calibration", source["unit"]),
+        ("skelsplat", report["versions"]["skelsplat"]),
     ]
 
 
-def _notes(job: Job, poses: PoseData) -> list[str]:
-    speed = "" if job.fps is not None else " The frame rate is unknown: speed 1 × plays 30 frames per second."
+def _detections(source: dict[str, Any]) -> str:
+    return f"{source['detections']} ({source['format']})"
+
+
+def key_numbers(run: Run) -> list[tuple[str, str, str]]:
+    """Return the numbers worth a glance: name, value and remark."""
+    statistics = run.statistics
+    total = statistics.total
+    frames = {frame for finding in run.frame_findings for frame in finding.subject.frames}
     return [
-        *([job.note] if job.note else []),
-        *poses.processing,
-        f"The start is the {start_name(job)}; the refined poses are those in the pose files. Reprojection "
-        "errors are distances from the detections used, in pixels of the original images: they measure "
-        "agreement with the detections, not accuracy.",
+        (
+            "median reprojection error",
+            f"{_number(total.before_px)} → {_number(total.after_px)} px",
+            "start → refined",
+        ),
+        ("detections rejected", _share(total.rejected, total.used), f"of {total.used:,} used"),
+        (
+            "noise of the detections",
+            f"{_number(statistics.noise_px)} px",
+            f"{_number(statistics.noise_mm)} mm across the ray, estimated",
+        ),
+        (
+            "median error bar",
+            f"{_number(finite_median(statistics.error_bar_mm))} mm",
+            f"largest {_number(finite_max(statistics.error_bar_mm), 0)} mm",
+        ),
+        ("frames with a problem", f"{len(frames):,} of {len(run.frames):,}", "listed below"),
+    ]
+
+
+def _notes(run: Run) -> list[str]:
+    note, rate = run.report["note"], run.poses.frame_rate
+    speed = "" if rate is not None else " The frame rate is unknown: speed 1 × plays 30 frames per second."
+    return [
+        *([note] if note else []),
+        *run.poses.processing,
+        f"The start is the {run.outcome.start_name}; the refined poses are those in the pose files. "
+        "Reprojection errors are distances from the detections used, in pixels of the original images: they "
+        "measure agreement with the detections, not accuracy.",
         f"Weight: how much each detection is trusted, from 0 to 1; down-weighted below {DOWN_WEIGHTED:g}, "
         f"rejected below {sk.REJECTED_WEIGHT:g}. Error bar: one standard deviation per axis.",
         "The 3D view is in metres, in the axes of the calibration; ellipsoids are drawn at two standard "
@@ -128,61 +189,39 @@ def _notes(job: Job, poses: PoseData) -> list[str]:
     ]
 
 
-def _numbers(inputs: Inputs, statistics: Statistics, problems: Sequence[Problem]) -> list[page.KeyNumber]:
-    from skelsplat.viz.report import KeyNumber  # as in write_html_report
+def _sequence(run: Run) -> page.Sequence3D:
+    from skelsplat.viz.report import Sequence3D  # as in write_html
 
-    total, frames = statistics.total, len(inputs.frames)
-    error = f"{number(total.before_px)} → {number(total.after_px)} px"
-    largest = finite_max(statistics.error_bar_mm)
-    return [
-        KeyNumber("median reprojection error", error, "start → refined"),
-        KeyNumber("detections rejected", share(total.rejected, total.used), f"of {total.used:,} used"),
-        KeyNumber(
-            "noise of the detections",
-            f"{number(statistics.noise_px)} px",
-            f"{number(statistics.noise_mm)} mm across the ray, estimated",
-        ),
-        KeyNumber(
-            "median error bar",
-            f"{number(finite_median(statistics.error_bar_mm))} mm",
-            f"largest {number(largest, 0)} mm",
-        ),
-        KeyNumber("frames with a problem", f"{len(problems):,} of {frames:,}", "listed below"),
-    ]
-
-
-def _sequence(job: Job, inputs: Inputs, outcome: Outcome, poses: PoseData) -> page.Sequence3D:
-    from skelsplat import viz  # as in write_html_report
-
-    mm, layout = inputs.rig.mm_per_unit, inputs.layout
-    return viz.report.Sequence3D(
-        start=outcome.start * mm,
+    mm, poses = run.cameras.mm_per_unit, run.poses
+    return Sequence3D(
+        start=run.outcome.start * mm,
         refined=poses.pose * mm,
         uncertainty=poses.uncertainty * mm**2,
         status=poses.joint_status,
-        frames=inputs.frames,
-        frame_rate=job.fps,
-        joint_names=layout.joints,
-        skeleton=viz.Skeleton(limbs=tuple(layout.limbs), left_right=tuple(layout.left_right)),
-        up=world_up(inputs.rig),
-        start_name=start_name(job),
+        frames=run.frames,
+        frame_rate=poses.frame_rate,
+        joint_names=run.layout.joints,
+        skeleton=skeleton_of(run.layout),
+        up=world_up(run.cameras),
+        start_name=run.outcome.start_name,
     )
 
 
-def _lines(job: Job, inputs: Inputs, outcome: Outcome, statistics: Statistics) -> list[page.TimeLine]:
-    from skelsplat.viz.report import TimeLine  # as in write_html_report
+def _lines(run: Run) -> list[page.TimeLine]:
+    from skelsplat.viz.report import TimeLine  # as in write_html
 
+    result, statistics = run.result, run.statistics
     used = np.isfinite(statistics.error_after)
-    swapped = (used & np.asarray(outcome.result.swapped)).sum(axis=(1, 2))
+    swapped = (used & np.asarray(result.swapped)).sum(axis=(1, 2))
     bars = np.fmax.reduce(statistics.error_bar_mm, axis=1)
-    noise = np.asarray(outcome.result.noise) * inputs.rig.mm_per_unit
+    noise = np.asarray(result.noise) * run.cameras.mm_per_unit
     return [
         TimeLine(
             "Median reprojection error",
             "px",
             frame_medians(statistics.error_after),
             beside=frame_medians(statistics.error_before),
-            beside_name=start_name(job),
+            beside_name=run.outcome.start_name,
         ),
         TimeLine("Estimated noise of the detections", "mm", noise),
         TimeLine("Detections rejected", "", statistics.rejected.sum(axis=(1, 2)).astype(float), peaks=True),
@@ -201,3 +240,58 @@ def _shares(statistics: Statistics) -> Array:
     used = np.isfinite(statistics.error_after).sum(axis=0)
     shares: Array = np.where(used > 0, statistics.rejected.sum(axis=0) / np.maximum(used, 1), np.nan)
     return shares
+
+
+def _camera_table(statistics: Statistics) -> page.Table:
+    """Return a row per camera, and one for all."""
+    from skelsplat.viz.report import Column, Table  # as in write_html
+
+    return Table(
+        columns=[Column("camera"), *(Column(*column) for column in _SHARED)],
+        rows=[_cells(group) for group in statistics.cameras],
+        total=_cells(statistics.total),
+    )
+
+
+def _joint_table(inputs: Inputs, statistics: Statistics) -> page.Table:
+    """Return a row per joint."""
+    from skelsplat.viz.report import Column, Table  # as in write_html
+
+    rows = []
+    for j, group in enumerate(statistics.joints):
+        views, bars = statistics.views_used[:, j], statistics.error_bar_mm[:, j]
+        own = [
+            f"{np.median(views):g} ({views.min()})",
+            f"{_number(finite_median(bars))} ({_number(finite_max(bars), 0)})",
+            _number(finite_median(statistics.moved_mm[:, j])),
+        ]
+        rows.append([*_cells(group), *own])
+    columns = [Column("joint"), *(Column(*column) for column in (*_SHARED, *_OF_JOINTS))]
+    columns[-3] = Column(f"views used, of {len(inputs.rig)}", columns[-3].meaning)
+    return Table(columns, rows)
+
+
+def _cells(group: Group) -> list[str]:
+    return [
+        group.name,
+        f"{_number(group.before_px)} → {_number(group.after_px)}",
+        f"{_number(group.p90_before_px)} → {_number(group.p90_after_px)}",
+        f"{group.used:,}",
+        f"{group.missing:,}",
+        f"{group.not_chosen:,}",
+        f"{group.left_out:,}",
+        _share(group.down_weighted, group.used),
+        _share(group.rejected, group.used),
+        _number(group.mean_weight, 2),
+        f"{group.swapped:,}",
+    ]
+
+
+def _share(count: int, of: int) -> str:
+    """Return a part as a percentage, a dash if it is a part of nothing."""
+    return f"{100 * count / of:.1f}%" if of else "–"
+
+
+def _number(value: float, digits: int = 1) -> str:
+    """Return a number as text, a dash if there is none."""
+    return f"{value:,.{digits}f}" if math.isfinite(value) else "–"

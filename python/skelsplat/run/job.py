@@ -2,100 +2,203 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from dataclasses import KW_ONLY, dataclass, field
+from typing import TYPE_CHECKING
 
-from skelsplat.cli._calibration import CalibrationOptions
-from skelsplat.run.over_time import OverTime
+import skelsplat as sk
+from skelsplat import temporal
+from skelsplat.cameras import MM_PER_UNIT
+from skelsplat.exceptions import InvalidInputError
+from skelsplat.io.detections import FORMATS
+from skelsplat.io.poses import MARKER_NAMES, POSE_FORMATS
+from skelsplat.run.over_time import Filter, parse_filter
 
 if TYPE_CHECKING:
-    from pathlib import Path
+    import os
+    from collections.abc import Iterable
+
+FRAME_MODES = ("strict", "intersection", "union")
+
+
+class IncompleteJobError(InvalidInputError):
+    """An option of a `Job` has no effect without another one.
+
+    Attributes
+    ----------
+    option, requires : str
+        Names of fields of `Job`.
+    """
+
+    def __init__(self, option: str, requires: str) -> None:
+        super().__init__(f"{option}: requires {requires}")
+        self.option, self.requires = option, requires
 
 
 @dataclass(frozen=True)
 class Job:
-    """One run: where the input is, how to read it, how to refine it.
+    """One run: where the input is, how to read it, how to refine it, and what to write.
 
     Parameters
     ----------
-    calibration, detections
+    calibration, detections : path
         The calibration file, and the folder or file of detections.
+    unit, calibration_format, camera_type, subject, size, binning
+        How to read the calibration, as for `skelsplat.io.read_calibration`; None: as the file states it.
     layout
         Name of the joint layout of the detections; None: the one whose joints the files name.
-    out
-        Folder for the results.
-    cameras
-        What the user says about the calibration.
     person
-        ``"consistent"``, ``"largest"`` or the index of a person.
+        ``"consistent"``: the person the views agree on; ``"largest"``: the largest in each image; a
+        number: the one at that place of each file, counted from 0.
     frames
         What to do with cameras of different frame counts: ``"strict"``, ``"intersection"`` or ``"union"``.
     format
-        Format of the detections; None to find it from the files.
+        Format of the detections, of `skelsplat.io.detections.FORMATS`; None to find it from the files.
     offsets
-        By camera, frames to add to its frame numbers; names as the user wrote them.
+        By camera, frames to add to its frame numbers.
     order
         The source of each camera's detections, or ``"sorted"``; None to match by name.
     without
-        Names of cameras that are left out, as the user wrote them.
+        Names of cameras that are left out; they may be written loosely.
     mapping
-        By joint of the layout, its name or place in the files, where these differ.
+        By joint of the layout, its name or place in the files, where these differ; None: it is not there.
     sequence
         Which sequence of a file that has several.
     init
         A pose file to start from; None for triangulation.
     init_sigma_mm
-        Standard deviation per axis of that pose, if it is independent of the detections; None: it only says
-        where to begin.
-    paper
-        Use the paper's preset, `skelsplat.RefineConfig.paper`, instead of the default.
+        Standard deviation per axis of that pose in mm, if it is independent of the detections; None: it
+        is only where to begin.
+    config
+        Settings of the method; None: the defaults of `skelsplat.RefineConfig`.
     fps
         Frames per second of the recording; None if unknown.
+    fill_gaps
+        Longest gap to fill, in frames; 0: none.
+    fill_method
+        ``"cubic"`` or ``"linear"``; None: cubic.
+    fill_weak
+        Also treat weak joints as gaps.
+    filter
+        A `Butterworth` or `OneEuro`, or its text (``"butterworth:6"``); it needs ``fps``. None: no filter.
+    output
+        Folder for the results; None: nothing is written.
+    write
+        The pose files to write, of `skelsplat.io.poses.POSE_FORMATS`; ``pose.npz`` is always written.
     y_up
         Write ``pose.trc`` and ``pose.c3d`` with y pointing up, for OpenSim, instead of z.
     marker_names
         What joints are called in these two, of `skelsplat.io.poses.MARKER_NAMES`.
-    write
-        The pose files to write, keys of `skelsplat.io.poses.POSE_FORMATS`.
     html
         Write ``report.html``.
-    over_time
-        What to do with gaps and noise over time; nothing by default.
-    settings
-        The fields of `skelsplat.RefineConfig` that the user set; the others keep the preset's values.
     note
-        A sentence about the input that belongs beside its numbers.
+        A sentence about the input, to be shown with its numbers.
+
+    Raises
+    ------
+    InvalidInputError
+        If an option has no such value, or lacks another that it requires; the message begins with its name.
     """
 
-    calibration: Path
-    detections: Path
-    layout: str | None
-    out: Path
-    cameras: CalibrationOptions = field(default_factory=CalibrationOptions)
-    person: str = "consistent"
+    calibration: str | os.PathLike[str]
+    detections: str | os.PathLike[str]
+    _: KW_ONLY
+    unit: str | None = None
+    calibration_format: str | None = None
+    camera_type: str | None = None
+    subject: str | None = None
+    size: tuple[int, int] | None = None
+    binning: float | None = None
+    layout: str | None = None
+    person: str | int = "consistent"
     frames: str = "strict"
     format: str | None = None
-    offsets: dict[str, int] = field(default_factory=dict)
+    offsets: Mapping[str, int] = field(default_factory=dict)
     order: str | tuple[str, ...] | None = None
     without: tuple[str, ...] = ()
-    mapping: dict[str, str | int | None] = field(default_factory=dict)
+    mapping: Mapping[str, str | int | None] = field(default_factory=dict)
     sequence: str | None = None
-    init: Path | None = None
+    init: str | os.PathLike[str] | None = None
     init_sigma_mm: float | None = None
-    paper: bool = False
+    config: sk.RefineConfig | None = None
     fps: float | None = None
-    y_up: bool = False
-    marker_names: str = "skelsplat"
+    fill_gaps: int = 0
+    fill_method: str | None = None
+    fill_weak: bool = False
+    filter: Filter | str | None = None
+    output: str | os.PathLike[str] | None = None
     write: tuple[str, ...] = ("npz", "csv", "trc")
+    y_up: bool = False
+    marker_names: str = MARKER_NAMES[0]
     html: bool = True
-    over_time: OverTime = field(default_factory=OverTime)
-    settings: dict[str, Any] = field(default_factory=dict)
     note: str = ""
 
+    def __post_init__(self) -> None:
+        _one_of("unit", self.unit, (None, *MM_PER_UNIT))
+        _one_of("layout", self.layout, (None, *sk.layouts.names))
+        _one_of("format", self.format, (None, *FORMATS))
+        _one_of("frames", self.frames, FRAME_MODES)
+        if self.person not in ("consistent", "largest") and not str(self.person).isdecimal():
+            raise InvalidInputError(f"person: expected consistent, largest or a number, got {self.person!r}")
+        self._check_start()
+        _positive("fps", self.fps)
+        _one_of("marker_names", self.marker_names, MARKER_NAMES)
+        for kind in self.write:
+            _one_of("write", kind, tuple(POSE_FORMATS))
+        self._check_over_time()
 
-@dataclass(frozen=True)
-class Verbosity:
-    """What a run says while it works: ``quiet`` nothing but warnings, ``as_json`` the report on stdout."""
+    def _check_start(self) -> None:
+        _positive("init_sigma_mm", self.init_sigma_mm)
+        if self.init_sigma_mm is None:
+            return
+        if self.init is None:
+            raise IncompleteJobError("init_sigma_mm", "init")
+        if is_paper(self.settings):
+            raise InvalidInputError(
+                "init_sigma_mm: expected none with the paper's method, whose start is no observation, "
+                f"got {self.init_sigma_mm:g}"
+            )
 
-    quiet: bool = False
-    as_json: bool = False
+    def _check_over_time(self) -> None:
+        _one_of("fill_method", self.fill_method, (None, *temporal.METHODS))
+        for option in ("fill_weak", "fill_method"):
+            if getattr(self, option) and not self.fill_gaps:
+                raise IncompleteJobError(option, "fill_gaps")
+        if self.low_pass is not None and self.fps is None:
+            raise IncompleteJobError("filter", "fps")
+
+    @property
+    def settings(self) -> sk.RefineConfig:
+        """The settings of the method."""
+        return sk.RefineConfig() if self.config is None else self.config
+
+    @property
+    def low_pass(self) -> Filter | None:
+        """The filter, read if it was given as text."""
+        return parse_filter(self.filter) if isinstance(self.filter, str) else self.filter
+
+    @property
+    def interpolation(self) -> str:
+        """How gaps are filled."""
+        return self.fill_method or temporal.METHODS[0]
+
+    @property
+    def pose_formats(self) -> tuple[str, ...]:
+        """The pose files to write: npz, and those of ``write``, each once."""
+        return tuple(dict.fromkeys(["npz", *self.write]))
+
+
+def is_paper(config: sk.RefineConfig) -> bool:
+    """Whether these are settings of the paper's method."""
+    return config.method == "paper"
+
+
+def _one_of(option: str, value: str | None, choices: Iterable[str | None]) -> None:
+    if value not in choices:
+        expected = ", ".join(choice for choice in choices if choice is not None)
+        raise InvalidInputError(f"{option}: expected one of {expected}, got {value!r}")
+
+
+def _positive(option: str, value: float | None) -> None:
+    if value is not None and not 0 < value < float("inf"):
+        raise InvalidInputError(f"{option}: expected a positive number, got {value:g}")

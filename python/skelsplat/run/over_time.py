@@ -1,4 +1,4 @@
-"""Gaps and noise over time, as the options ask for it: parsed, applied, and said in words."""
+"""Gaps and noise over time, as a job asks for it: applied, and described in words."""
 
 from __future__ import annotations
 
@@ -6,15 +6,14 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-import typer
 
 from skelsplat import temporal
 from skelsplat.cameras import MM_PER_UNIT
-from skelsplat.cli.options import one_of
 from skelsplat.exceptions import InvalidInputError
 
 if TYPE_CHECKING:
     from skelsplat.io import PoseData
+    from skelsplat.run.job import Job
 
 
 @dataclass(frozen=True)
@@ -38,58 +37,14 @@ class OneEuro:
 Filter = Butterworth | OneEuro
 
 
-@dataclass(frozen=True)
-class OverTime:
-    """What to do with gaps and noise over time.
-
-    Parameters
-    ----------
-    max_gap
-        Longest gap to fill, in frames; 0: none.
-    method
-        ``"cubic"`` or ``"linear"``.
-    weak
-        Joints with the status ``weak`` are gaps as well.
-    filter
-        The filter, which then needs a frame rate; None: none.
-    """
-
-    max_gap: int = 0
-    method: str = "cubic"
-    weak: bool = False
-    filter: Filter | None = None
-
-
-def over_time(
-    filter_text: str | None, fps: float | None, max_gap: int | None, method: str | None, *, weak: bool
-) -> OverTime:
-    """Return what the options ask for, tried on three frames so that a fault shows before the work.
+def parse_filter(text: str) -> Filter:
+    """Return the filter of a text such as ``butterworth:6:4`` or ``one-euro``.
 
     Raises
     ------
-    typer.BadParameter
-        If an option is not valid or lacks the one it needs.
-    MissingPackageError
-        If SciPy is needed and not installed.
+    InvalidInputError
+        If the text names no filter, or something else than numbers follows the name.
     """
-    for option, given in (("--fill-weak", weak), ("--fill-method", method)):
-        if given and not max_gap:
-            raise typer.BadParameter("expected --fill-gaps beside it, got none", param_hint=option)
-    method = one_of("--fill-method", method or temporal.METHODS[0], temporal.METHODS)
-    chosen = None if filter_text is None else _parse(filter_text)
-    if chosen is not None and fps is None:
-        raise typer.BadParameter("expected --fps beside it, got none", param_hint="--filter")
-    if max_gap:
-        temporal.fill_gaps([[[0.0] * 3], [[np.nan] * 3], [[0.0] * 3]], 1, method=method)
-    try:
-        _filtered(np.zeros((3, 1, 3)), np.arange(3), np.zeros((3, 1), dtype=np.bool_), chosen, fps, 1.0)
-    except InvalidInputError as error:
-        raise typer.BadParameter(str(error), param_hint="--filter") from error
-    return OverTime(max_gap or 0, method, weak, chosen)
-
-
-def _parse(text: str) -> Filter:
-    """Return the filter of a text such as ``butterworth:6:4`` or ``one-euro``."""
     name, *values = text.strip().lower().split(":")
     try:
         if name == "butterworth" and len(values) == 2:
@@ -99,59 +54,73 @@ def _parse(text: str) -> Filter:
         if name == "one-euro" and len(values) <= 2:
             return OneEuro(*map(float, values))
     except ValueError as error:
-        raise typer.BadParameter(
-            f"expected numbers after {name}, got {text!r}", param_hint="--filter"
-        ) from error
+        raise InvalidInputError(f"filter: expected numbers after {name}, got {text!r}") from error
     expected = "butterworth[:HZ[:ORDER]] or one-euro[:HZ[:BETA]]"
-    raise typer.BadParameter(f"expected {expected}, got {text!r}", param_hint="--filter")
+    raise InvalidInputError(f"filter: expected {expected}, got {text!r}")
 
 
-def apply_over_time(data: PoseData, wanted: OverTime) -> tuple[PoseData, dict[str, Any]]:
+def try_over_time(job: Job) -> None:
+    """Fill and filter three frames, so that a fault shows before the work.
+
+    Raises
+    ------
+    InvalidInputError
+        If the filter's numbers are not valid at the frame rate.
+    MissingPackageError
+        If SciPy is needed and not installed.
+    """
+    if job.fill_gaps:
+        temporal.fill_gaps([[[0.0] * 3], [[np.nan] * 3], [[0.0] * 3]], 1, method=job.interpolation)
+    try:
+        _filtered(
+            np.zeros((3, 1, 3)), np.arange(3), np.zeros((3, 1), dtype=np.bool_), job.low_pass, job.fps, 1.0
+        )
+    except InvalidInputError as error:
+        raise InvalidInputError(f"filter: {error}") from error
+
+
+def apply_over_time(data: PoseData, job: Job | None) -> tuple[PoseData, dict[str, Any]]:
     """Fill and filter; return the poses with their status and sentences, and the entry of the report."""
     entry: dict[str, Any] = {"gaps": None, "filter": None}
     sentences = []
-    if wanted.max_gap:
-        data, count = _filled(data, wanted)
-        settings = {"max_frames": wanted.max_gap, "method": wanted.method, "weak_joints_too": wanted.weak}
+    if job is not None and job.fill_gaps:
+        data, count = _filled(data, job)
+        settings = {
+            "max_frames": job.fill_gaps,
+            "method": job.interpolation,
+            "weak_joints_too": job.fill_weak,
+        }
         entry["gaps"] = {**settings, "filled": count}
         if count:
-            what = "Gaps and weak stretches" if wanted.weak else "Gaps"
+            what = "Gaps and weak stretches" if job.fill_weak else "Gaps"
             sentences.append(
-                f"{what} of at most {wanted.max_gap} frames filled by {_METHODS[wanted.method]}: "
+                f"{what} of at most {job.fill_gaps} frames filled by {_METHODS[job.interpolation]}: "
                 f"{count} joint positions, whose status is filled."
             )
-    if wanted.filter is not None:
+    if job is not None and (low_pass := job.low_pass) is not None:
         mm = MM_PER_UNIT[data.unit]
         weak = (data.joint_status == "weak") & np.isfinite(data.pose).all(axis=-1)
-        pose, short = _filtered(data.pose, data.frames, weak, wanted.filter, data.frame_rate, mm)
+        pose, short = _filtered(data.pose, data.frames, weak, low_pass, data.frame_rate, mm)
         data = replace(data, pose=pose)
         left = {"left_as_they_are": short, "weak_left": int(weak.sum())}
-        entry["filter"] = {"name": wanted.filter.name, **asdict(wanted.filter), **left}
-        sentences.append(f"Low-pass: {_in_words(wanted.filter, left)}. {_UNTOUCHED}")
+        entry["filter"] = {"name": low_pass.name, **asdict(low_pass), **left}
+        sentences.append(f"Low-pass: {_in_words(low_pass, left)}. {_UNTOUCHED}")
     data = replace(data, processing=(*data.processing, *sentences))
     return data, {**entry, "processing": list(data.processing)}
-
-
-def nothing_filled(entry: dict[str, Any]) -> list[str]:
-    """Return a sentence if gaps were to be filled and none was, from the entry of the report."""
-    gaps = entry["gaps"]
-    if gaps is None or gaps["filled"]:
-        return []
-    return [f"No gap of at most {gaps['max_frames']} frames between others, so that none was filled."]
 
 
 _METHODS = {"cubic": "cubic splines", "linear": "straight lines"}
 _UNTOUCHED = "Uncertainties, weights and reprojection errors are those before it."
 
 
-def _filled(data: PoseData, wanted: OverTime) -> tuple[PoseData, int]:
+def _filled(data: PoseData, job: Job) -> tuple[PoseData, int]:
     """Fill the gaps; return the poses and how many joint positions were put in."""
     pose, filled = temporal.fill_gaps(
         data.pose,
-        wanted.max_gap,
-        method=wanted.method,
+        job.fill_gaps,
+        method=job.interpolation,
         frames=data.frames,
-        gaps=data.joint_status == "weak" if wanted.weak else None,
+        gaps=data.joint_status == "weak" if job.fill_weak else None,
     )
     return replace(
         data,
@@ -192,5 +161,5 @@ def _in_words(chosen: Filter, left: dict[str, int]) -> str:
     elif left["weak_left"]:
         text += f"; {left['weak_left']} weak joint positions are left as they are and do not pull on others"
     if left["left_as_they_are"]:
-        text += f"; {left['left_as_they_are']} joint positions in runs too short for it are as they were"
+        text += f"; {left['left_as_they_are']} joint positions in runs too short for it are unchanged"
     return text

@@ -1,22 +1,25 @@
-"""From files to a refined sequence: check the output folder, read, choose the person, refine."""
+"""From files to the detections of one person: read, match, choose the person."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 import skelsplat as sk
 from skelsplat.association import take_people
 from skelsplat.cameras import MM_PER_UNIT
-from skelsplat.cli._reading import leave_out, named_offsets, read_found
-from skelsplat.exceptions import DatasetError
+from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io import read_npz
+from skelsplat.io.calibration import find_format, read_calibration
+from skelsplat.io.detections import camera_called, cameras_called, read_detections
 from skelsplat.run.person import look_around, pick_places
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     import numpy.typing as npt
 
     from skelsplat._crowd import Crowd
@@ -27,7 +30,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Inputs:
-    """What was read.
+    """What a run starts from.
 
     Parameters
     ----------
@@ -35,8 +38,8 @@ class Inputs:
         The cameras, and what the joints are.
     detections : (T, M, N, 3)
         One person's detections; NaN where missing.
-    nobody_fits : (T, M)
-        Somebody is detected in this view and another, but nobody who fits: the person is missing here.
+    unmatched : (T, M)
+        People are detected in this view and another, but none here matches: the person is missing.
     frames : (T,)
         Frame numbers of the files.
     init_pose : (T, N, 3)
@@ -52,18 +55,20 @@ class Inputs:
     sources
         The files or folders that hold the cameras' detections.
     person
-        Whom to follow, as `Job.person`.
+        The person to follow, as `Job.person`.
     crowd
-        The people whom the cameras see; None where they see one.
+        The people that the cameras see; None if they see one.
+    fps
+        Frames per second; None if unknown.
     """
 
     rig: sk.CameraRig
     layout: sk.Layout
     detections: Array
-    nobody_fits: npt.NDArray[np.bool_]
+    unmatched: npt.NDArray[np.bool_]
     frames: npt.NDArray[np.int64]
-    init_pose: Array | None
-    format: str = ""
+    init_pose: Array | None = None
+    format: str | None = None
     calibration_format: str | None = None
     lacking: frozenset[str] = frozenset()
     offsets: dict[str, int] = field(default_factory=dict)
@@ -71,6 +76,7 @@ class Inputs:
     sources: tuple[Path, ...] = ()
     person: str = "consistent"
     crowd: Crowd | None = None
+    fps: float | None = None
 
 
 def read_inputs(job: Job) -> Inputs:
@@ -78,46 +84,83 @@ def read_inputs(job: Job) -> Inputs:
 
     Raises
     ------
-    DatasetError, InvalidInputError, typer.BadParameter
+    DatasetError, InvalidInputError
         If a file is missing or malformed, or files and options do not fit each other; the message names it.
     """
-    every = job.cameras.read(job.calibration, format_option="--calibration-format")
+    calibration, person = Path(job.calibration), str(job.person)
+    every = read_rig(
+        calibration,
+        calibration_format=job.calibration_format,
+        **{name: getattr(job, name) for name in ("unit", "camera_type", "subject", "size", "binning")},
+    )
     if len(every) < 2:
-        raise DatasetError(job.calibration, "cameras", "at least two cameras", len(every))
+        raise DatasetError(calibration, "cameras", "at least two cameras", len(every))
     rig = leave_out(every, job.without)
-    found = read_found(
+    found = read_detections(
         job.detections,
         every,
         without=job.without,
         layout=job.layout,
         format=job.format,
-        frames=job.frames,
+        frames=job.frames,  # type: ignore[arg-type]
         offsets=job.offsets,
         order=job.order,
         mapping=job.mapping,
         sequence=job.sequence,
     )
     layout = sk.layouts.get(found.layout)
-    index, nobody_fits = pick_places(found.people, rig, job.person, layout)
-    init = None if job.init is None else _read_init(job.init, rig, (len(found.frames), layout))
-    known = job.cameras.format_of(job.calibration)
-    lacking = frozenset(joint for joint, place in job.mapping.items() if place is None)
+    index, unmatched = pick_places(found.people, rig, person, layout)
     return Inputs(
         rig,
         layout,
         take_people(found.people, index),
-        nobody_fits,
+        unmatched,
         found.frames,
-        init,
+        init_pose=None if job.init is None else _read_init(Path(job.init), rig, (len(found.frames), layout)),
         format=found.format,
-        calibration_format=known,
-        lacking=lacking,
+        calibration_format=job.calibration_format or find_format(calibration),
+        lacking=frozenset(joint for joint, place in job.mapping.items() if place is None),
         offsets=named_offsets(every, job.offsets),
         without=tuple(name for name in every.names if name not in rig.names),
         sources=tuple(path for path in found.sources if path is not None),
-        person=job.person,
-        crowd=look_around(found.people, index, rig, job.person, layout),
+        person=person,
+        crowd=look_around(found.people, index, rig, person, layout),
+        fps=job.fps,
     )
+
+
+def read_rig(path: Path, *, calibration_format: str | None = None, **given: Any) -> sk.CameraRig:
+    """Read a calibration; ``given`` are the arguments of `skelsplat.io.read_calibration`.
+
+    An error of the format calls it ``calibration_format``: ``format`` is that of the detections.
+    """
+    try:
+        return read_calibration(path, format=calibration_format, **given)
+    except InvalidInputError as error:
+        if str(error).startswith("format: "):
+            raise InvalidInputError(f"calibration_{error}") from error
+        raise
+
+
+def leave_out(rig: sk.CameraRig, without: Sequence[str]) -> sk.CameraRig:
+    """Return the rig without the cameras that are meant, whose names may be written loosely.
+
+    Raises
+    ------
+    InvalidInputError
+        If there is no camera of such a name, or fewer than two are left.
+    """
+    left_out = cameras_called(without, rig.names, "without")
+    kept = [camera for name, camera in zip(rig.names, rig, strict=True) if name not in left_out]
+    if len(kept) < 2:
+        expected = f"two cameras or more to be left of {', '.join(rig.names)}"
+        raise InvalidInputError(f"without: expected {expected}, got {len(kept)}")
+    return sk.CameraRig(kept, unit=rig.unit) if without else rig
+
+
+def named_offsets(rig: sk.CameraRig, offsets: Mapping[str, int]) -> dict[str, int]:
+    """Return offsets that were read with, by the calibration's own names."""
+    return {camera_called(text, rig.names): frames for text, frames in offsets.items()}
 
 
 def _read_init(path: Path, rig: sk.CameraRig, size: tuple[int, sk.Layout]) -> Array:

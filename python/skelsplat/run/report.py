@@ -1,4 +1,4 @@
-"""``report.json``: everything a run says, for programs to read."""
+"""``report.json``: everything about a run, for programs to read."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._json import plain
+from skelsplat.run.job import is_paper
 from skelsplat.run.solve import default_threads
 from skelsplat.run.summary import DOWN_WEIGHTED, POOR_SHARE, Statistics, finite_max, finite_median
 
@@ -30,8 +31,9 @@ MEANINGS = {
     "noise": "standard deviation of the detections' noise, estimated, median over the frames",
     "error_bar": "standard deviation of a joint: root mean square over the axes of the posterior covariance",
     "start": "what before_px and moved are measured from: the initial pose if one was given, else DLT",
-    "frames_with_a_problem": "frames to look at, by number, each with its reasons in words; what holds for "
-    "the whole recording is among the doubts instead",
+    "findings": "what a person should look at before trusting the run",
+    "frame_findings": "what stands out in single frames, whose numbers are the subject's frames; lists among "
+    "the numbers have a value for each of these",
 }
 _MEANING = (
     "distance of the pose's projection from the detection in px of the original image, over the detections "
@@ -40,12 +42,13 @@ _MEANING = (
 
 
 def build_report(
-    job: Job, inputs: Inputs, outcome: Outcome, statistics: Statistics, remarks: dict[str, Any]
+    inputs: Inputs, outcome: Outcome, statistics: Statistics, job: Job | None, remarks: dict[str, Any]
 ) -> dict[str, Any]:
     """Return the report as JSON values; a number that does not exist is None.
 
-    ``remarks`` are further entries, such as the warnings, which are a list of sentences. Lengths carry their
-    unit in the key (``_mm``, ``_px``, ``_s``, ``_ms``); settings are those of `skelsplat.RefineConfig`.
+    ``job`` is None where the inputs were arrays; ``remarks`` are further entries, such as the findings.
+    Lengths carry their unit in the key (``_mm``, ``_px``, ``_s``, ``_ms``); settings are those of
+    `skelsplat.RefineConfig`.
     """
     report = {
         "versions": {
@@ -54,23 +57,13 @@ def build_report(
             "numpy": np.__version__,
             "platform": platform.platform(),
         },
-        "input": _input(job, inputs),
-        "preset": "paper" if job.paper else "default",
+        "input": {**_source(inputs, job), **_recording(inputs, job)},
+        "start": outcome.start_name,
+        "preset": "paper" if is_paper(outcome.config) else "default",
         "settings": outcome.config.to_dict(),
         "ground_truth": None,
         "meanings": MEANINGS,
-        "reprojection_error": {
-            "meaning": _MEANING,
-            "down_weighted_below": DOWN_WEIGHTED,
-            "rejected_below": sk.REJECTED_WEIGHT,
-            "poor_share_of_diagonal": POOR_SHARE,
-            "all": _group(statistics.total),
-            "cameras": [
-                {**_group(group), "poor_above_px": float(limit)}
-                for group, limit in zip(statistics.cameras, statistics.poor_px, strict=True)
-            ],
-            "joints": _joints(statistics),
-        },
+        "reprojection_error": _errors(statistics),
         "noise": {"median_mm": statistics.noise_mm, "median_px": statistics.noise_px},
         "joint_statuses": statistics.statuses,
         "stop_reasons": statistics.stop_reasons,
@@ -80,34 +73,56 @@ def build_report(
             "ms_per_frame": 1000 * outcome.seconds / len(inputs.frames),
             "threads": default_threads(outcome.config),
         },
-        "note": job.note or None,
+        "note": None if job is None else job.note or None,
         **remarks,
     }
     cleaned: dict[str, Any] = plain(report)
     return cleaned
 
 
-def _input(job: Job, inputs: Inputs) -> dict[str, Any]:
+def _source(inputs: Inputs, job: Job | None) -> dict[str, Any]:
+    """Return the files and how they were read; None without."""
+    options = ("order", "mapping", "sequence", "init", "init_sigma_mm")
+    given = {name: getattr(job, name, None) for name in ("calibration", "detections", *options)}
+    given |= {
+        name: str(given[name]) for name in ("calibration", "detections", "init") if given[name] is not None
+    }
     return {
-        "calibration": str(job.calibration),
+        "calibration": given.pop("calibration"),
         "calibration_format": inputs.calibration_format,
-        "detections": str(job.detections),
+        "detections": given.pop("detections"),
         "format": inputs.format,
         "offsets": inputs.offsets,
-        "order": job.order,
         "without": list(inputs.without),
-        "mapping": job.mapping,
-        "sequence": job.sequence,
-        "init": None if job.init is None else str(job.init),
-        "init_sigma_mm": job.init_sigma_mm,
+        **given,
+    }
+
+
+def _recording(inputs: Inputs, job: Job | None) -> dict[str, Any]:
+    return {
         "unit": inputs.rig.unit,
         "layout": inputs.layout.name,
-        "person": job.person,
-        "frame_mode": job.frames,
+        "person": inputs.person,
+        "frame_mode": None if job is None else job.frames,
         "frames": len(inputs.frames),
         "first_frame": inputs.frames[0],
         "last_frame": inputs.frames[-1],
-        "frame_rate_hz": job.fps,
+        "frame_rate_hz": inputs.fps,
+    }
+
+
+def _errors(statistics: Statistics) -> dict[str, Any]:
+    return {
+        "meaning": _MEANING,
+        "down_weighted_below": DOWN_WEIGHTED,
+        "rejected_below": sk.REJECTED_WEIGHT,
+        "poor_share_of_diagonal": POOR_SHARE,
+        "all": _group(statistics.total),
+        "cameras": [
+            {**_group(group), "poor_above_px": float(limit)}
+            for group, limit in zip(statistics.cameras, statistics.poor_px, strict=True)
+        ],
+        "joints": _joints(statistics),
     }
 
 

@@ -1,4 +1,4 @@
-"""From inputs to refined poses, and the plain triangulation they are compared with."""
+"""From inputs to refined poses, and the plain triangulation that they are compared with."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from skelsplat.run.read import Inputs
 
     Array = npt.NDArray[np.float64]
+    Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
@@ -34,32 +35,44 @@ class Outcome:
     start : (T, N, 3)
         The initial pose if the user gave one, otherwise the plain triangulation (DLT) of the detections. The
         default method begins with a robust triangulation, which would hide what robustness changes.
+    start_name
+        What ``start`` is, in words.
     seconds
-        Wall time of `skelsplat.refine` alone.
+        Wall time of `skelsplat.refine` alone; NaN if unknown.
     """
 
     result: sk.Refinement
     config: sk.RefineConfig
     start: Array
-    seconds: float
+    start_name: str = "plain triangulation"
+    seconds: float = float("nan")
+
+    @classmethod
+    def of(
+        cls, result: sk.Refinement, config: sk.RefineConfig, inputs: Inputs, seconds: float = float("nan")
+    ) -> Outcome:
+        """Return a result with what it is compared with."""
+        if inputs.init_pose is None:
+            return cls(result, config, _plain(inputs, config), seconds=seconds)
+        return cls(result, config, np.asarray(result.init_pose), "initial pose", seconds)
 
 
-def refine_inputs(inputs: Inputs, job: Job, progress: Callable[[int, int], None] | None = None) -> Outcome:
+def refine_inputs(inputs: Inputs, job: Job, progress: Progress | None = None) -> Outcome:
     """Refine all frames; ``progress`` is called with (frames done, frames in all)."""
-    config = sk.RefineConfig.paper(**job.settings) if job.paper else sk.RefineConfig(**job.settings)
+    sigma_mm, config = job.init_sigma_mm, job.settings
+    if progress is not None:
+        progress(0, len(inputs.frames))
     begin = time.perf_counter()
     result = sk.refine(
         inputs.init_pose,
         inputs.detections,
         inputs.rig,
         layout=inputs.layout,
-        init_sigma=None if job.init_sigma_mm is None else job.init_sigma_mm / inputs.rig.mm_per_unit,
+        init_sigma=None if sigma_mm is None else sigma_mm / inputs.rig.mm_per_unit,
         config=config,
         progress=progress if progress is not None else False,
     )
-    seconds = time.perf_counter() - begin
-    start = _plain(inputs, config) if inputs.init_pose is None else np.asarray(result.init_pose)
-    return Outcome(result, config, start, seconds)
+    return Outcome.of(result, config, inputs, time.perf_counter() - begin)
 
 
 def _plain(inputs: Inputs, config: sk.RefineConfig) -> Array:

@@ -6,14 +6,13 @@
 """
 
 from skelsplat.synthetic.detections import simulate_detections
-from skelsplat.synthetic.joints import in_layout
 from skelsplat.synthetic.motions import motion, motion_names
 from skelsplat.synthetic.noise import DetectionNoise
 from skelsplat.synthetic.occluders import Occluders, draw_occluders
 from skelsplat.synthetic.poses import monocular_poses, perturb
 from skelsplat.synthetic.rigs import dome, human36m_like, look_at, ring, stereo, table
 from skelsplat.synthetic.sets import set_names, simulate_set
-from skelsplat.synthetic.skeleton import forward_kinematics
+from skelsplat.synthetic.skeleton import forward_kinematics, in_layout
 
 __all__ = [
     "DetectionNoise",

@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skelsplat._arrays import numbers
 from skelsplat.exceptions import InvalidInputError
-from skelsplat.synthetic import _effects
 from skelsplat.synthetic.noise import DetectionNoise
-from skelsplat.synthetic.occluders import Occluders, occluded_views
+from skelsplat.synthetic.occluders import (
+    Occluders,
+    covering_disc,
+    draw_discs,
+    occluded_views,
+    projections,
+    streams_of,
+)
 
 if TYPE_CHECKING:
-    from skelsplat import Camera, CameraRig
+    from skelsplat import Camera, CameraRig, Layout
 
 FloatArray = NDArray[np.float64]
 
@@ -36,32 +42,12 @@ _JOINT_FACTORS = (
 )
 
 
-class SkeletonLike(Protocol):
-    """What the noise needs to know of a `skelsplat.Layout`."""
-
-    @property
-    def name(self) -> str:
-        """Name for messages."""
-
-    @property
-    def joints(self) -> Sequence[str]:
-        """Names of the N joints."""
-
-    @property
-    def limbs(self) -> Sequence[tuple[int, int]]:
-        """Connected joints."""
-
-    @property
-    def left_right(self) -> Sequence[tuple[int, int]]:
-        """Pairs of a left joint and its right counterpart."""
-
-
 def simulate_detections(
     points: ArrayLike,
     cameras: CameraRig | Sequence[Camera],
     *,
     noise: DetectionNoise,
-    layout: str | SkeletonLike | None = "h36m17",
+    layout: str | Layout | None = "h36m17",
     seed: int | np.random.Generator = 0,
     occluders: Occluders | None = None,
 ) -> FloatArray:
@@ -118,7 +104,7 @@ def corrupt(
     pixels: ArrayLike,
     *,
     noise: DetectionNoise,
-    layout: SkeletonLike | None = None,
+    layout: Layout | None = None,
     seed: int | np.random.Generator = 0,
     occluders: Occluders | None = None,
 ) -> FloatArray:
@@ -141,23 +127,20 @@ def corrupt(
         If the shape is another, the layout has another number of joints, or more views are to be occluded
         than there are.
     """
-    true = numbers(pixels, "pixels")
-    if true.ndim != 4 or true.shape[-1] != 2:
-        raise InvalidInputError(f"pixels: expected shape (T, M, N, 2), got {true.shape}")
+    true = projections(pixels)
     n_frames, n_views, n_joints = true.shape[:3]
     if layout is not None and len(layout.joints) != n_joints:
         raise InvalidInputError(
             f"layout: expected one of {n_joints} joints, got {layout.name!r} with {len(layout.joints)}"
         )
-    rng = np.random.default_rng(seed)
-    streams = [np.random.default_rng(s) for s in rng.integers(2**63, size=n_views + 1)]
+    first, *streams = streams_of(seed, n_views)
     given = [
         None if occluders is None else (occluders.centres[:, i], occluders.radii[:, i])
         for i in range(n_views)
     ]
-    occluded = occluded_views(n_frames, n_views, noise, streams[0]) if occluders is None else occluders.views
+    occluded = occluded_views(n_frames, n_views, noise, first) if occluders is None else occluders.views
     views = [
-        _one_view(true[:, i], occluded[:, i], noise, layout, streams[i + 1], discs)
+        _one_view(true[:, i], occluded[:, i], noise, layout, streams[i], discs)
         for i, discs in enumerate(given)
     ]
     return np.stack(views, axis=1)
@@ -167,25 +150,25 @@ def _one_view(
     true: FloatArray,
     occluded: NDArray[np.bool_],
     noise: DetectionNoise,
-    layout: SkeletonLike | None,
+    layout: Layout | None,
     rng: np.random.Generator,
     discs: tuple[FloatArray, FloatArray] | None,
 ) -> FloatArray:
     """Turn the true projections (T, N, 2) of one view into detections (T, N, 3)."""
     shape = true.shape[:2]
     factors = np.ones(shape[1]) if layout is None else np.array([_joint_factor(j) for j in layout.joints])
-    pixels = true + noise.sigma_px * factors[:, None] * _effects.jitter(true.shape, noise.correlation, rng)
+    pixels = true + noise.sigma_px * factors[:, None] * _jitter(true.shape, noise.correlation, rng)
     confidence = rng.beta(18.0, 2.0, size=shape)
 
     outlier = rng.random(shape) < noise.outlier_rate
     length = rng.exponential(noise.outlier_px, size=shape)
-    pixels += np.where(outlier, length, 0.0)[..., None] * _effects.directions(shape, rng)
+    pixels += np.where(outlier, length, 0.0)[..., None] * _directions(shape, rng)
     confidence = np.where(outlier, rng.beta(6.0, 4.0, size=shape), confidence)
 
     if layout is not None:
-        for chain in _effects.one_sided_chains(layout.left_right, layout.limbs):
-            _effects.swap(pixels, confidence, chain, _happens(noise.limb_swap_rate, shape[0], rng))
-        _effects.swap(pixels, confidence, layout.left_right, _happens(noise.view_swap_rate, shape[0], rng))
+        for chain in _one_sided_chains(layout.left_right, layout.limbs):
+            _swap(pixels, confidence, chain, _happens(noise.limb_swap_rate, shape[0], rng))
+        _swap(pixels, confidence, layout.left_right, _happens(noise.view_swap_rate, shape[0], rng))
     hidden, guess = _hidden_guess(true, noise, rng, discs)
     hidden &= occluded[:, None]
     pixels = np.where(hidden[..., None], guess, pixels)
@@ -196,6 +179,52 @@ def _one_view(
     pixels[missing] = np.nan
     confidence[missing] = 0.0
     return np.concatenate([pixels, confidence[..., None]], axis=-1)
+
+
+def _jitter(shape: tuple[int, ...], correlation: float, rng: np.random.Generator) -> FloatArray:
+    """Draw unit normal noise (T, …), so correlated from one frame to the next (stationary AR(1))."""
+    noise = rng.standard_normal(shape)
+    if correlation > 0:
+        fresh = np.sqrt(1.0 - correlation**2)
+        for frame in range(1, shape[0]):
+            noise[frame] = correlation * noise[frame - 1] + fresh * noise[frame]
+    return noise
+
+
+def _on_disc(shape: tuple[int, ...], rng: np.random.Generator) -> FloatArray:
+    """Draw points (…, 2) uniformly in the unit disc."""
+    radius = np.sqrt(rng.random(shape))
+    return radius[..., None] * _directions(shape, rng)
+
+
+def _directions(shape: tuple[int, ...], rng: np.random.Generator) -> FloatArray:
+    """Draw unit vectors (…, 2) of uniform direction."""
+    angle = rng.uniform(0.0, 2 * np.pi, size=shape)
+    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+
+
+def _swap(
+    pixels: FloatArray, confidence: FloatArray, pairs: Sequence[tuple[int, int]], frames: NDArray[np.bool_]
+) -> None:
+    """Exchange left and right of `pairs` in the frames (T,) marked, in place."""
+    for left, right in pairs:
+        for array in (pixels, confidence):
+            array[frames, left], array[frames, right] = array[frames, right], array[frames, left]
+
+
+def _one_sided_chains(
+    left_right: Sequence[tuple[int, int]], limbs: Sequence[tuple[int, int]]
+) -> list[list[tuple[int, int]]]:
+    """Left-right pairs grouped into chains: pairs whose left joints the skeleton connects, such as an arm."""
+    group = {left: k for k, (left, _) in enumerate(left_right)}
+    for a, b in limbs:
+        if a in group and b in group:
+            kept, gone = group[a], group[b]
+            group = {joint: kept if k == gone else k for joint, k in group.items()}
+    chains: dict[int, list[tuple[int, int]]] = {}
+    for left, right in left_right:
+        chains.setdefault(group[left], []).append((left, right))
+    return list(chains.values())
 
 
 def _happens(rate: float, n_frames: int, rng: np.random.Generator) -> NDArray[np.bool_]:
@@ -217,10 +246,10 @@ def _hidden_guess(
     """Joints (T, N) that an occluder hides, and the pixels (T, N, 2) where a detector would report them."""
     shape = true.shape[:2]
     if discs is None:
-        discs = _effects.discs(true, noise.n_discs, noise.disc_radius, noise.occluder_frames, rng)
+        discs = draw_discs(true, noise.n_discs, noise.disc_radius, noise.occluder_frames, rng)
     centres, radii = discs
-    hidden, centre, radius = _effects.covering_disc(true, centres, radii)
-    guess = centre + radius[..., None] * _effects.on_disc(shape, rng)
+    hidden, centre, radius = covering_disc(true, centres, radii)
+    guess = centre + radius[..., None] * _on_disc(shape, rng)
     other = true[np.arange(shape[0])[:, None], rng.integers(shape[1], size=shape)]
     near_other = other + noise.sigma_px * rng.standard_normal(true.shape)
     drawn = (rng.random(shape) < noise.hidden_drawn_rate) & ~np.isnan(other).any(axis=-1)

@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from skelsplat._arrays import numbers
 from skelsplat.exceptions import InvalidInputError
-from skelsplat.synthetic import _effects
 from skelsplat.synthetic.noise import DetectionNoise
 
 FloatArray = NDArray[np.float64]
@@ -35,7 +34,7 @@ class Occluders:
     def hidden(self, pixels: FloatArray) -> BoolArray:
         """Which joints (T, M, N) a disc hides, by their true projections (T, M, N, 2)."""
         views = [
-            _effects.covering_disc(pixels[:, i], self.centres[:, i], self.radii[:, i])[0]
+            covering_disc(pixels[:, i], self.centres[:, i], self.radii[:, i])[0]
             for i in range(pixels.shape[1])
         ]
         return np.asarray(np.stack(views, axis=1) & self.views[..., None])
@@ -59,18 +58,29 @@ def draw_occluders(
     InvalidInputError
         If the shape is another or more views are to be occluded than there are.
     """
-    true = numbers(pixels, "pixels")
-    if true.ndim != 4 or true.shape[-1] != 2:
-        raise InvalidInputError(f"pixels: expected shape (T, M, N, 2), got {true.shape}")
-    rng = np.random.default_rng(seed)
-    streams = [np.random.default_rng(s) for s in rng.integers(2**63, size=true.shape[1] + 1)]
-    views = occluded_views(true.shape[0], true.shape[1], noise, streams[0])
+    true = projections(pixels)
+    first, *streams = streams_of(seed, true.shape[1])
+    views = occluded_views(true.shape[0], true.shape[1], noise, first)
     discs = [
-        _effects.discs(true[:, i], noise.n_discs, noise.disc_radius, noise.occluder_frames, stream)
-        for i, stream in enumerate(streams[1:])
+        draw_discs(true[:, i], noise.n_discs, noise.disc_radius, noise.occluder_frames, stream)
+        for i, stream in enumerate(streams)
     ]
     centres, radii = (np.stack(part, axis=1) for part in zip(*discs, strict=True))
     return Occluders(centres, radii, views)
+
+
+def projections(pixels: ArrayLike) -> FloatArray:
+    """Return true projections as an array (T, M, N, 2), or raise `InvalidInputError`."""
+    true = numbers(pixels, "pixels")
+    if true.ndim != 4 or true.shape[-1] != 2:
+        raise InvalidInputError(f"pixels: expected shape (T, M, N, 2), got {true.shape}")
+    return true
+
+
+def streams_of(seed: int | np.random.Generator, n_views: int) -> list[np.random.Generator]:
+    """Return random numbers for all views together, and for each."""
+    seeds = np.random.default_rng(seed).integers(2**63, size=n_views + 1)
+    return [np.random.default_rng(one) for one in seeds]
 
 
 def occluded_views(n_frames: int, n_views: int, noise: DetectionNoise, rng: np.random.Generator) -> BoolArray:
@@ -82,3 +92,41 @@ def occluded_views(n_frames: int, n_views: int, noise: DetectionNoise, rng: np.r
     rank = rng.random((n_blocks, n_views)).argsort(axis=1).argsort(axis=1)
     chosen: BoolArray = np.repeat(rank < count, noise.occluder_frames, axis=0)[:n_frames]
     return chosen
+
+
+def _body_box(pixels: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Lower corner and size (T, 2) px of the box round the joints of each frame; zeros where none is seen."""
+    seen = ~np.isnan(pixels)
+    any_seen = seen.any(axis=1)
+    low = np.where(any_seen, np.where(seen, pixels, np.inf).min(axis=1), 0.0)
+    high = np.where(any_seen, np.where(seen, pixels, -np.inf).max(axis=1), 0.0)
+    return low, high - low
+
+
+def draw_discs(
+    pixels: FloatArray, n_discs: int, radius_range: tuple[float, float], hold: int, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
+    """Occluders over the body: centres (T, D, 2) px uniform in its box, radii (T, D) px.
+
+    Radii are uniform in `radius_range` × the box's longer side. Place and size relative to the box stay for
+    `hold` frames.
+    """
+    n_frames = len(pixels)
+    n_blocks = -(-n_frames // hold)
+    where = np.repeat(rng.random((n_blocks, n_discs, 2)), hold, axis=0)[:n_frames]
+    share = np.repeat(rng.uniform(*radius_range, size=(n_blocks, n_discs)), hold, axis=0)[:n_frames]
+    low, size = _body_box(pixels)
+    centres: FloatArray = low[:, None] + where * size[:, None]
+    return centres, share * size.max(axis=-1, keepdims=True)
+
+
+def covering_disc(
+    pixels: FloatArray, centres: FloatArray, radii: FloatArray
+) -> tuple[BoolArray, FloatArray, FloatArray]:
+    """Which joints a disc hides (T, N), and the nearest disc's centre (T, N, 2) and radius (T, N)."""
+    distance = np.linalg.norm(pixels[:, :, None] - centres[:, None], axis=-1)
+    depth = np.where(np.isnan(distance), np.inf, distance / np.maximum(radii[:, None], 1e-12))
+    nearest = depth.argmin(axis=-1)
+    frame = np.arange(len(pixels))[:, None]
+    hidden: BoolArray = depth.min(axis=-1) <= 1.0
+    return hidden, centres[frame, nearest], radii[frame, nearest]

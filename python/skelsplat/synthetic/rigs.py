@@ -1,47 +1,21 @@
 """Simulated camera rigs: a room like Human3.6M's, a dome, a stereo pair, a table-size ring.
 
-World frame: mm, z up, floor at z = 0 (the table rig: object at the origin). The ``*_views`` functions give
-plain parameters; the functions without the suffix give a `skelsplat.CameraRig` of them.
+World frame: mm, z up, floor at z = 0 (the table rig: object at the origin).
 """
 
 from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skelsplat._arrays import numbers
+from skelsplat._skelsplat import Camera
+from skelsplat.cameras import CameraRig
 from skelsplat.exceptions import DegenerateGeometryError, InvalidInputError
-
-if TYPE_CHECKING:
-    from skelsplat.cameras import CameraRig
 
 # Chest height: an upright adult fills the image evenly above and below.
 _BODY_CENTRE = (0.0, 0.0, 900.0)
 _GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
-
-
-@dataclass(frozen=True)
-class View:
-    """Parameters of one camera, as `skelsplat.Camera` takes them.
-
-    Attributes
-    ----------
-    K, R, t : (3, 3), (3, 3), (3,)
-        Intrinsics in px; world→camera x_c = R x_w + t, mm.
-    size : (width, height) px
-    name : str
-    distortion : (k1, k2, p1, p2, k3) or None
-    """
-
-    K: NDArray[np.float64]
-    R: NDArray[np.float64]
-    t: NDArray[np.float64]
-    size: tuple[int, int]
-    name: str
-    distortion: tuple[float, ...] | None = None
 
 
 def look_at(
@@ -84,27 +58,18 @@ def _vector(value: ArrayLike, name: str) -> NDArray[np.float64]:
     return vector
 
 
-def _view(
+def _camera(
     name: str,
     eye: ArrayLike,
     target: ArrayLike,
     focal_px: float,
     size: tuple[int, int],
-) -> View:
+    distortion: tuple[float, ...] | None = None,
+) -> Camera:
     """Square pixels, principal point at the image's centre ((w−1)/2, (h−1)/2): pixel centres are integers."""
     R, t = look_at(eye, target)
     K = np.array([[focal_px, 0.0, (size[0] - 1) / 2], [0.0, focal_px, (size[1] - 1) / 2], [0.0, 0.0, 1.0]])
-    return View(K, R, t, size, name)
-
-
-def _rig(views: list[View]) -> CameraRig:
-    """Build the compiled cameras."""
-    from skelsplat._skelsplat import Camera
-    from skelsplat.cameras import CameraRig
-
-    return CameraRig(
-        [Camera(v.K, v.R, v.t, distortion=v.distortion, size=v.size, name=v.name) for v in views], unit="mm"
-    )
+    return Camera(K, R, t, distortion=distortion, size=size, name=name)
 
 
 def _check_count(n_views: int, most: int) -> None:
@@ -118,22 +83,6 @@ def _check_positive(**lengths: float) -> None:
             raise InvalidInputError(f"{name}: expected a finite number > 0, got {value!r}")
 
 
-def human36m_views(*, distortion: bool = False) -> list[View]:
-    """Parameters of `human36m_like`."""
-    # (centre x, y, z mm; focal length px; image height px; k1, k2, p1, p2, k3)
-    cameras = (
-        ((1850, 5000, 1560), 1145.0, 1002, (-0.207, 0.246, -0.0010, -0.0014, -0.003)),
-        ((1770, -5060, 1610), 1149.0, 1000, (-0.194, 0.240, -0.0016, -0.0027, -0.007)),
-        ((-1840, 5160, 1490), 1149.0, 1000, (-0.208, 0.255, -0.0008, -0.0001, -0.002)),
-        ((-1800, -4950, 1580), 1145.0, 1002, (-0.198, 0.219, -0.0018, 0.0004, -0.001)),
-    )
-    views = []
-    for k, (eye, focal, height, coefficients) in enumerate(cameras, start=1):
-        view = _view(f"cam{k}", eye, _BODY_CENTRE, focal, (1000, height))
-        views.append(View(view.K, view.R, view.t, view.size, view.name, coefficients if distortion else None))
-    return views
-
-
 def human36m_like(*, distortion: bool = False) -> CameraRig:
     """Four cameras in the corners of a room, as in Human3.6M: 5.3 m from the centre, 1.5 m high, mm.
 
@@ -141,26 +90,19 @@ def human36m_like(*, distortion: bool = False) -> CameraRig:
     such a room rounded and shifted, not a copy of any calibration; `distortion` adds five coefficients of the
     size that those lenses have.
     """
-    return _rig(human36m_views(distortion=distortion))
-
-
-def dome_views(n_views: int = 31, *, radius_mm: float = 2800.0) -> list[View]:
-    """Parameters of `dome`."""
-    _check_count(n_views, 31)
-    _check_positive(radius_mm=radius_mm)
-    views = []
-    for k in range(n_views):
-        azimuth = k * _GOLDEN_ANGLE
-        # Elevations fill −5° to 60° by bit reversal, so that any first n are spread out in both angles.
-        elevation = np.deg2rad(-5.0 + 65.0 * _bit_reversed(k))
-        direction = (
-            np.cos(azimuth) * np.cos(elevation),
-            np.sin(azimuth) * np.cos(elevation),
-            np.sin(elevation),
-        )
-        eye = np.asarray(_BODY_CENTRE) + radius_mm * np.asarray(direction)
-        views.append(_view(f"hd{k:02d}", eye, _BODY_CENTRE, 1400.0, (1920, 1080)))
-    return views
+    # (centre x, y, z mm; focal length px; image height px; k1, k2, p1, p2, k3)
+    cameras = (
+        ((1850, 5000, 1560), 1145.0, 1002, (-0.207, 0.246, -0.0010, -0.0014, -0.003)),
+        ((1770, -5060, 1610), 1149.0, 1000, (-0.194, 0.240, -0.0016, -0.0027, -0.007)),
+        ((-1840, 5160, 1490), 1149.0, 1000, (-0.208, 0.255, -0.0008, -0.0001, -0.002)),
+        ((-1800, -4950, 1580), 1145.0, 1002, (-0.198, 0.219, -0.0018, 0.0004, -0.001)),
+    )
+    return CameraRig(
+        [
+            _camera(f"cam{k}", eye, _BODY_CENTRE, focal, (1000, height), lens if distortion else None)
+            for k, (eye, focal, height, lens) in enumerate(cameras, start=1)
+        ]
+    )
 
 
 def _bit_reversed(k: int) -> float:
@@ -183,18 +125,21 @@ def dome(n_views: int = 31, *, radius_mm: float = 2800.0) -> CameraRig:
     InvalidInputError
         If `n_views` is not in 1 to 31 or the radius is not positive.
     """
-    return _rig(dome_views(n_views, radius_mm=radius_mm))
-
-
-def stereo_views(*, baseline_mm: float = 600.0, distance_mm: float = 3500.0) -> list[View]:
-    """Parameters of `stereo`."""
-    _check_positive(baseline_mm=baseline_mm, distance_mm=distance_mm)
-    x, y, z = _BODY_CENTRE
-    # Facing along +y, the world's x axis points right in the image.
-    return [
-        _view(name, (x + side * baseline_mm / 2, y - distance_mm, z), _BODY_CENTRE, 1000.0, (1280, 720))
-        for name, side in (("left", -1.0), ("right", 1.0))
-    ]
+    _check_count(n_views, 31)
+    _check_positive(radius_mm=radius_mm)
+    cameras = []
+    for k in range(n_views):
+        azimuth = k * _GOLDEN_ANGLE
+        # Elevations fill −5° to 60° by bit reversal, so that any first n are spread out in both angles.
+        elevation = np.deg2rad(-5.0 + 65.0 * _bit_reversed(k))
+        direction = (
+            np.cos(azimuth) * np.cos(elevation),
+            np.sin(azimuth) * np.cos(elevation),
+            np.sin(elevation),
+        )
+        eye = np.asarray(_BODY_CENTRE) + radius_mm * np.asarray(direction)
+        cameras.append(_camera(f"hd{k:02d}", eye, _BODY_CENTRE, 1400.0, (1920, 1080)))
+    return CameraRig(cameras)
 
 
 def stereo(*, baseline_mm: float = 600.0, distance_mm: float = 3500.0) -> CameraRig:
@@ -205,21 +150,15 @@ def stereo(*, baseline_mm: float = 600.0, distance_mm: float = 3500.0) -> Camera
     InvalidInputError
         If a length is not positive.
     """
-    return _rig(stereo_views(baseline_mm=baseline_mm, distance_mm=distance_mm))
-
-
-def table_views(n_views: int = 4, *, radius_mm: float = 600.0) -> list[View]:
-    """Parameters of `table`."""
-    _check_count(n_views, 16)
-    _check_positive(radius_mm=radius_mm)
-    elevation = np.deg2rad(35.0)
-    views = []
-    for k in range(n_views):
-        azimuth = 2 * np.pi * (k + 0.5) / n_views
-        level = radius_mm * np.cos(elevation)
-        eye = (level * np.cos(azimuth), level * np.sin(azimuth), radius_mm * np.sin(elevation))
-        views.append(_view(f"cam{k + 1}", eye, (0.0, 0.0, 0.0), 600.0, (640, 480)))
-    return views
+    _check_positive(baseline_mm=baseline_mm, distance_mm=distance_mm)
+    x, y, z = _BODY_CENTRE
+    # Facing along +y, the world's x axis points right in the image.
+    return CameraRig(
+        [
+            _camera(name, (x + side * baseline_mm / 2, y - distance_mm, z), _BODY_CENTRE, 1000.0, (1280, 720))
+            for name, side in (("left", -1.0), ("right", 1.0))
+        ]
+    )
 
 
 def table(n_views: int = 4, *, radius_mm: float = 600.0) -> CameraRig:
@@ -232,7 +171,16 @@ def table(n_views: int = 4, *, radius_mm: float = 600.0) -> CameraRig:
     InvalidInputError
         If `n_views` is not in 1 to 16 or the radius is not positive.
     """
-    return _rig(table_views(n_views, radius_mm=radius_mm))
+    _check_count(n_views, 16)
+    _check_positive(radius_mm=radius_mm)
+    elevation = np.deg2rad(35.0)
+    cameras = []
+    for k in range(n_views):
+        azimuth = 2 * np.pi * (k + 0.5) / n_views
+        level = radius_mm * np.cos(elevation)
+        eye = (level * np.cos(azimuth), level * np.sin(azimuth), radius_mm * np.sin(elevation))
+        cameras.append(_camera(f"cam{k + 1}", eye, (0.0, 0.0, 0.0), 600.0, (640, 480)))
+    return CameraRig(cameras)
 
 
 def ring(n_views: int = 8, *, radius_mm: float = 3500.0, height_mm: float = 1500.0) -> CameraRig:
@@ -247,4 +195,6 @@ def ring(n_views: int = 8, *, radius_mm: float = 3500.0, height_mm: float = 1500
     _check_positive(radius_mm=radius_mm, height_mm=height_mm)
     angles = 2 * np.pi * np.arange(n_views) / n_views
     eyes = [(radius_mm * np.cos(angle), radius_mm * np.sin(angle), height_mm) for angle in angles]
-    return _rig([_view(f"cam{k}", eye, _BODY_CENTRE, 640.0, (1280, 720)) for k, eye in enumerate(eyes)])
+    return CameraRig(
+        [_camera(f"cam{k}", eye, _BODY_CENTRE, 640.0, (1280, 720)) for k, eye in enumerate(eyes)]
+    )

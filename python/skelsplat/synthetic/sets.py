@@ -19,8 +19,6 @@ from skelsplat._skelsplat import Camera, Layout
 from skelsplat.cameras import CameraRig
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.synthetic import rigs
-from skelsplat.synthetic._human36m_takes import SUBJECTS, TAKES
-from skelsplat.synthetic.joints import in_layout
 from skelsplat.synthetic.motions import motion, motion_names
 from skelsplat.synthetic.noise import DetectionNoise
 from skelsplat.synthetic.recordings import (
@@ -32,6 +30,7 @@ from skelsplat.synthetic.recordings import (
     record,
     stream,
 )
+from skelsplat.synthetic.skeleton import in_layout
 
 PANOPTIC_CAMERAS = (1, 2, 10, 13, 3, 23, 19, 30)
 """HD cameras of CMU Panoptic in the order in which the experiments add them."""
@@ -43,6 +42,39 @@ _DETECTORS = {"good": DetectionNoise.good(), "noisy": DetectionNoise.noisy()}
 _SIZE_IN_ROOM = 1147.0 / 5300.0  # focal length, px, over distance, mm
 _SIZE_IN_DOME = 1400.0 / 2800.0
 _SIZE_IN_RING = 640.0 / 3600.0
+
+
+# Subject → body size, as a factor on the 1.75 m adult.
+_SUBJECTS = {"S9": 1.02, "S11": 0.97}
+
+# Action → the package's motion that stands in for it.
+_MOTIONS = {
+    "Directions": "reach",
+    "Discussion": "wave",
+    "Eating": "sit",
+    "Greeting": "wave",
+    "Phoning": "turn",
+    "Photo": "reach",
+    "Posing": "turn",
+    "Purchases": "crouch",
+    "Sitting": "sit",
+    "SittingDown": "crouch",
+    "Smoking": "sit",
+    "Waiting": "turn",
+    "WalkDog": "walk",
+    "WalkTogether": "walk",
+    "Walking": "walk",
+}
+# The two subjects' totals (1253 and 928 poses), those of the takes that the absolute error leaves out (S9
+# "SittingDown 1" 25, "Waiting 1" 26, "Greeting" 23) and S11 "Directions" (29) are those of Human3.6M at every
+# 64th frame; the other takes share the rest evenly.
+_TOTALS = {"S9": 1253, "S11": 928}
+_KNOWN = {
+    ("S9", "SittingDown 1"): 25,
+    ("S9", "Waiting 1"): 26,
+    ("S9", "Greeting"): 23,
+    ("S11", "Directions"): 29,
+}
 
 
 @dataclass(frozen=True)
@@ -57,6 +89,21 @@ class _Take:
     count: int
     step: int
     scale: float
+
+
+def _human_takes(subject: str) -> list[_Take]:
+    """Return a subject's takes: every action, and again with `` 1`` after its name."""
+    names = [(action, f"{action}{number}") for action in _MOTIONS for number in ("", " 1")]
+    known = {name: poses for (who, name), poses in _KNOWN.items() if who == subject}
+    rest, n_rest = _TOTALS[subject] - sum(known.values()), len(names) - len(known)
+    # The remainder of the division goes to the first takes, one pose each.
+    shares = iter([rest // n_rest + (k < rest % n_rest) for k in range(n_rest)])
+    counts = [known[name] if name in known else next(shares) for _, name in names]
+    scale = _SUBJECTS[subject]
+    return [
+        _Take(f"{subject}/{name}", subject, action, _MOTIONS[action], "room", count, 64, scale)
+        for (action, name), count in zip(names, counts, strict=True)
+    ]
 
 
 def simulate_set(name: str, *, poses: int | None = None, seed: int = 0) -> RecordingSet:
@@ -85,11 +132,9 @@ def simulate_set(name: str, *, poses: int | None = None, seed: int = 0) -> Recor
 
 def _human36m(name: str, poses: int | None, seed: int, *, occluders: DetectionNoise) -> RecordingSet:
     """S9 and S11, fifteen actions twice each, four cameras with lens distortion, every 64th frame."""
-    takes = [
-        _Take(f"{take.subject}/{take.name}", take.subject, take.action, take.motion, "room", count, 64, scale)
-        for take, count in zip(TAKES, _share(poses, [take.poses for take in TAKES]), strict=True)
-        for scale in [SUBJECTS[take.subject]]
-    ]
+    takes = [take for subject in _SUBJECTS for take in _human_takes(subject)]
+    counts = _share(poses, [take.count for take in takes])
+    takes = [replace(take, count=count) for take, count in zip(takes, counts, strict=True)]
     room = {"room": rigs.human36m_like(distortion=True)}
     return _simulate(name, takes, room, layouts.H36M17, _detectors(_SIZE_IN_ROOM, occluders), seed)
 

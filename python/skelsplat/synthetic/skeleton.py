@@ -14,30 +14,14 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from skelsplat import layouts
 from skelsplat._arrays import numbers
+from skelsplat._skelsplat import Layout
 from skelsplat.exceptions import InvalidInputError
 
 FloatArray: TypeAlias = NDArray[np.float64]
 
-JOINT_NAMES = (
-    "pelvis",
-    "right_hip",
-    "right_knee",
-    "right_ankle",
-    "left_hip",
-    "left_knee",
-    "left_ankle",
-    "spine",
-    "neck",
-    "nose",
-    "head",
-    "left_shoulder",
-    "left_elbow",
-    "left_wrist",
-    "right_shoulder",
-    "right_elbow",
-    "right_wrist",
-)
+JOINT_NAMES = layouts.H36M17.joints
 N_JOINTS = len(JOINT_NAMES)
 
 PARENTS = (-1, 0, 1, 2, 0, 4, 5, 0, 7, 8, 9, 8, 11, 12, 8, 14, 15)
@@ -114,6 +98,16 @@ LIMITS_DEG: Mapping[str, tuple[float, float]] = {
 bend from pelvis to chest, half of it at the waist; its tilt and rotation are positive to the left, as is
 ``neck_rotation``.
 """
+
+# Nose and head seen from the neck in the head's frame (x forward, z up), mm, as in `skeleton`.
+_NOSE, _HEAD = (55.0, 105.0), (10.0, 215.0)
+# Joints of the head that Human3.6M-17 has not: x forward, y left, z up from the neck, mm.
+_ON_HEAD = {
+    "left_eye": (45.0, 32.0, 140.0),
+    "right_eye": (45.0, -32.0, 140.0),
+    "left_ear": (0.0, 75.0, 125.0),
+    "right_ear": (0.0, -75.0, 125.0),
+}
 
 _SIDED = ("hip", "knee", "shoulder", "elbow")
 
@@ -238,10 +232,59 @@ def forward_kinematics(
     return pose
 
 
-def bone_lengths(points: ArrayLike) -> FloatArray:
-    """Length of the bone from each joint to its parent, (…, 16), joints 1 to 16, in the unit of `points`."""
+def _bodies(points: ArrayLike) -> FloatArray:
     array = numbers(points, "points")
     if array.ndim < 2 or array.shape[-2:] != (N_JOINTS, 3):
         raise InvalidInputError(f"points: expected shape (..., {N_JOINTS}, 3), got {array.shape}")
+    return array
+
+
+def bone_lengths(points: ArrayLike) -> FloatArray:
+    """Length of the bone from each joint to its parent, (…, 16), joints 1 to 16, in the unit of `points`."""
+    array = _bodies(points)
     lengths: FloatArray = np.linalg.norm(array[..., 1:, :] - array[..., PARENTS[1:], :], axis=-1)
     return lengths
+
+
+def in_layout(points: ArrayLike, layout: Layout) -> FloatArray:
+    """Joints of `layout` of simulated bodies.
+
+    Parameters
+    ----------
+    points : (…, 17, 3)
+        Human3.6M-17, as `skelsplat.synthetic.motion` gives them.
+    layout : Layout
+        One whose joints the simulated body has: those of Human3.6M-17, eyes and ears.
+
+    Returns
+    -------
+    (…, N, 3) in the unit of `points`.
+
+    Raises
+    ------
+    InvalidInputError
+        If the shape is another or the body has not a joint of that name.
+    """
+    array = _bodies(points)
+    unknown = [name for name in layout.joints if name not in JOINT_NAMES and name not in _ON_HEAD]
+    if unknown:
+        raise InvalidInputError(f"layout: expected joints that the simulated body has, got {unknown[0]!r}")
+    axes = _head_axes(array)
+    columns = [
+        array[..., JOINT_NAMES.index(name), :]
+        if name in JOINT_NAMES
+        else array[..., JOINT_NAMES.index("neck"), :] + np.asarray(_ON_HEAD[name]) @ axes
+        for name in layout.joints
+    ]
+    return np.stack(columns, axis=-2)
+
+
+def _head_axes(points: FloatArray) -> FloatArray:
+    """Forward, left and up of the head (…, 3, 3) as rows, as long as the body is scaled."""
+    neck, nose, head = (points[..., JOINT_NAMES.index(name), :] for name in ("neck", "nose", "head"))
+    (a, b), (c, d) = _NOSE, _HEAD
+    forward = (d * (nose - neck) - b * (head - neck)) / (a * d - b * c)
+    up = (a * (head - neck) - c * (nose - neck)) / (a * d - b * c)
+    left = np.cross(up, forward) / np.linalg.norm(up, axis=-1, keepdims=True)
+    axes: FloatArray = np.stack([forward, left, up], axis=-2)
+    return axes

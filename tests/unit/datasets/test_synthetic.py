@@ -138,7 +138,7 @@ def test_all_is_well(root):
 def test_an_empty_folder_lacks_the_index(tmp_path):
     report = datasets.check("synthetic", tmp_path)
     assert report.survey.missing == [(tmp_path / "dataset.json", "index of a simulated data set")]
-    with pytest.raises(DatasetError, match=r"dataset.json: file: expected a file in this place"):
+    with pytest.raises(DatasetError, match=r"dataset.json: file: expected a readable file, got no such file"):
         datasets.read("synthetic", tmp_path)
 
 

@@ -153,13 +153,13 @@ def test_a_sample_is_spread_over_the_takes_and_leaves_out_excluded_ones() -> Non
     some = sample(dataset, protocol, 10, name="x", key="human36m", undistort=False)
     assert some.n_poses == 10
     assert len(np.unique(np.concatenate([group.take for group in some.groups]))) == 10
-    assert all(camera.distortion is None for group in some.groups for camera in group.rig)
-    assert some.first_views(2).groups[0].detections.shape[1] == 2
+    assert all(camera.distortion is None for group in some.groups for camera in group.poses.rig)
+    assert some.first_views(2).groups[0].poses.detections.shape[1] == 2
 
 
 def test_errors_are_in_mm_and_leave_out_what_is_missing() -> None:
     part = sample(human36m(), protocols.get("human36m"), 4, name="x", key="human36m", undistort=True)
-    moved = [group.truth + np.array([3.0, 0.0, 4.0]) for group in part.groups]
+    moved = [group.poses.truth + np.array([3.0, 0.0, 4.0]) for group in part.groups]
     assert errors_of(part, moved).mpjpe == pytest.approx(5.0)
     moved[0][0, 0] = np.nan
     assert errors_of(part, moved).mpjpe == pytest.approx(5.0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from skelsplat.evaluation.bootstrap import mean_interval
+from skelsplat.evaluation.scores import mean_interval
 
 
 def test_the_same_seed_gives_the_same_interval() -> None:

@@ -15,6 +15,7 @@ Take keys are ``"S9/Directions 1"`` where a format keeps the names of the origin
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
@@ -25,7 +26,7 @@ from skelsplat.datasets._model import Dataset
 from skelsplat.datasets.human36m import _adafuse, _authors, _karfly, _videopose3d
 from skelsplat.datasets.human36m._actions import ACTIONS
 from skelsplat.datasets.human36m._cameras import CAMERAS
-from skelsplat.datasets.human36m._options import Options, PathLike, Reading
+from skelsplat.datasets.human36m._options import Options, Reading
 from skelsplat.exceptions import DatasetError, InvalidInputError
 
 __all__ = ["ACTIONS", "CAMERAS", "DESCRIPTION", "FORMATS", "read", "survey"]
@@ -44,8 +45,8 @@ def read(
     format: str | None = None,
     subjects: Sequence[str] | None = ("S9", "S11"),
     detector: str | None = None,
-    detections: PathLike | None = None,
-    cameras: PathLike | None = None,
+    detections: str | os.PathLike[str] | None = None,
+    cameras: str | os.PathLike[str] | None = None,
     monocular: str | None = None,
 ) -> Dataset:
     """Read Human3.6M.
@@ -76,7 +77,13 @@ def read(
     DatasetError
         If a file is missing or malformed; it names the file and the field.
     """
-    options = Options.parse(subjects, detector, detections, cameras, monocular)
+    options = Options.parse(
+        subjects=subjects,
+        detector=detector,
+        detections=detections,
+        cameras=cameras,
+        monocular=monocular,
+    )
     name, place = find_format(root, format)
     return read_layout("human36m", name, place, options, "Human3.6M")
 

@@ -22,17 +22,16 @@ from skelsplat.datasets._files import (
     Survey,
     as_numbers,
     load_pickle,
-    numbers,
     require,
     shape_of,
     whole_number,
     within,
 )
 from skelsplat.datasets._model import FloatArray, Take
-from skelsplat.datasets._rig import build_rig
+from skelsplat.datasets._rig import build_rig, camera_at_centre
 from skelsplat.datasets._verify import body_size, is_human
 from skelsplat.datasets.human36m._actions import NUMBERED
-from skelsplat.datasets.human36m._cameras import CAMERAS, camera
+from skelsplat.datasets.human36m._cameras import CAMERAS, SIZES
 from skelsplat.datasets.human36m._options import Options, Reading, with_separate
 from skelsplat.exceptions import DatasetError
 from skelsplat.layouts import H36M17
@@ -123,7 +122,11 @@ def _take(path: Path, subject: str, activity: str, frames: Frames, reading: Read
     if len(complete) < len(frames):
         reading.notes.append(f"{key}: {len(frames) - len(complete)} frames left out, not seen by every view")
     rows = [[frames[frame][view] for view in range(len(CAMERAS))] for frame in complete]
-    rig = build_rig(path, [_camera(path, key, name, rows[0][v]) for v, name in enumerate(CAMERAS)], "mm")
+    cameras = []
+    for name, record in zip(CAMERAS, rows[0], strict=True):
+        field, values = f"{key}, camera {name}", require(path, f"{key}, camera {name}", record, "camera")
+        cameras.append(camera_at_centre(path, field, values, size=SIZES[name], name=name))
+    rig = build_rig(path, cameras, "mm")
     given = _stack(path, key, rows, "joints_3d", 3)
     numbered = np.array(complete, dtype=np.int64)
     detections = _detections(path, key, rows, numbered)
@@ -150,22 +153,6 @@ def _stack(path: Path, key: str, rows: list[list[Record]], name: str, axes: int)
                 expected = f"{joints} joints of {H36M17.name} ({joints}, {axes})"
                 raise DatasetError(path, f"{key}, {name}", expected, f"shape {shape}")
     return as_numbers(path, f"{key}, {name}", [[record[name] for record in records] for records in rows])
-
-
-def _camera(path: Path, key: str, name: str, record: Record) -> Any:
-    field = f"{key}, camera {name}"
-    values = require(path, field, record, "camera")
-
-    def part(entry: str, size: int) -> FloatArray:
-        value = as_numbers(path, within(field, entry), require(path, field, values, entry))
-        return numbers(path, within(field, entry), value.ravel(), (size,))
-
-    R = part("R", 9).reshape(3, 3)
-    fx, fy, cx, cy = (float(part(entry, 1)[0]) for entry in ("fx", "fy", "cx", "cy"))
-    K = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
-    k, p = part("k", 3), part("p", 2)
-    lens = np.array([k[0], k[1], p[0], p[1], k[2]])
-    return camera(path, field, name, (K, R, -R @ part("T", 3), lens))
 
 
 def _detections(path: Path, key: str, rows: list[list[Record]], frames: Any) -> FloatArray:

@@ -8,10 +8,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from skelsplat._skelsplat import Camera
 from skelsplat.cameras import CameraRig
-from skelsplat.datasets._files import FloatArray
-from skelsplat.datasets._rig import build_camera, read_quietly
+from skelsplat.datasets._rig import read_quietly
 from skelsplat.exceptions import DatasetError, InvalidInputError
 
 CAMERAS = ("54138969", "55011271", "58860488", "60457274")
@@ -19,15 +17,7 @@ CAMERAS = ("54138969", "55011271", "58860488", "60457274")
 
 FILE = "camera-parameters.json"
 
-_SIZES = {name: (1000, 1002 if name in ("54138969", "60457274") else 1000) for name in CAMERAS}
-
-
-def camera(
-    path: Path, field: str, name: str, parts: tuple[FloatArray, FloatArray, FloatArray, FloatArray]
-) -> Camera:
-    """Return the camera `name` with K, R, t and distortion, or raise `DatasetError`."""
-    K, R, t, distortion = parts
-    return build_camera(path, field, K=K, R=R, t=t, distortion=distortion, size=_SIZES[name], name=name)
+SIZES = {name: (1000, 1002 if name in ("54138969", "60457274") else 1000) for name in CAMERAS}
 
 
 def find_cameras(root: Path, given: Path | None) -> Path:
@@ -41,10 +31,7 @@ def find_cameras(root: Path, given: Path | None) -> Path:
 def read_rig(path: Path, subject: str) -> CameraRig:
     """Return the four cameras of ``camera-parameters.json`` as they stood for a subject, mm.
 
-    Raises
-    ------
-    DatasetError
-        If the file is missing or malformed, or lacks the subject or a camera.
+    Raises `DatasetError` if the file is missing or malformed, or lacks the subject or a camera.
     """
     try:
         rig = read_quietly(path, "human36m", subject=subject)
@@ -56,9 +43,3 @@ def read_rig(path: Path, subject: str) -> CameraRig:
                 path, f"extrinsics.{subject}.{name}", "a camera", f"only {', '.join(rig.names)}"
             )
     return CameraRig([rig[name] for name in CAMERAS], rig.unit)
-
-
-def check_views(path: Path, field: str, count: int) -> None:
-    """Raise `DatasetError` unless there are four views."""
-    if count != len(CAMERAS):
-        raise DatasetError(path, field, f"{len(CAMERAS)} cameras ({', '.join(CAMERAS)})", count)

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from skelsplat.cameras import CameraRig
 from skelsplat.datasets._files import Survey, a_list, as_numbers, load_npy, numbers, require, shape_of, within
 from skelsplat.datasets._model import FloatArray, Take
-from skelsplat.datasets._rig import build_rig
+from skelsplat.datasets._rig import build_camera, build_rig
 from skelsplat.datasets.human36m._actions import action_of
-from skelsplat.datasets.human36m._cameras import CAMERAS, camera
+from skelsplat.datasets.human36m._cameras import CAMERAS, SIZES
 from skelsplat.datasets.human36m._options import Options, Reading, with_separate
 from skelsplat.exceptions import DatasetError
 from skelsplat.layouts import H36M17
@@ -129,7 +129,8 @@ def _rig(path: Path, labels: Any, subject: str) -> CameraRig:
         R = numbers(path, within(field, "R"), require(path, field, entry, "R"), (3, 3))
         t = numbers(path, within(field, "t"), _flat(path, field, entry, "t"), (3,))
         lens = numbers(path, within(field, "dist"), _flat(path, field, entry, "dist"), (5,))
-        built.append(camera(path, field, name, (K, R, t, lens)))
+        size = SIZES[name]
+        built.append(build_camera(path, field, K=K, R=R, t=t, distortion=lens, size=size, name=name))
     return build_rig(path, built, "mm")
 
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -17,51 +17,35 @@ from skelsplat.datasets.human36m._actions import action_of, order, spelling, sub
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.layouts import H36M17
 
-PathLike = str | os.PathLike[str]
-
 
 @dataclass(frozen=True)
 class Options:
     """The options of `skelsplat.datasets.human36m.read`, parsed."""
 
-    subjects: tuple[str, ...] | None = ("S9", "S11")
+    subjects: Sequence[str] | None = ("S9", "S11")
     detector: str | None = None
     detections: Path | None = None
     cameras: Path | None = None
     monocular: str | None = None
 
     @classmethod
-    def parse(
-        cls,
-        subjects: Sequence[str] | None = ("S9", "S11"),
-        detector: str | None = None,
-        detections: PathLike | None = None,
-        cameras: PathLike | None = None,
-        monocular: str | None = None,
-    ) -> Options:
-        """Check the types that a mistake is likely in.
-
-        Raises
-        ------
-        InvalidInputError
-        """
+    def parse(cls, **given: Any) -> Options:
+        """Return the options given; a text in place of several subjects is an `InvalidInputError`."""
+        subjects = given.get("subjects", cls.subjects)
         if isinstance(subjects, str) or (subjects is not None and not subjects):
             raise InvalidInputError(f'subjects: expected names such as ("S9", "S11"), got {subjects!r}')
-        return cls(
-            None if subjects is None else tuple(subjects),
-            None if detector is None else detector_name(detector),
-            None if detections is None else Path(detections),
-            None if cameras is None else Path(cameras),
-            monocular,
-        )
+        parsers: dict[str, Callable[[Any], Any]] = {
+            "detector": detector_name,
+            "detections": Path,
+            "cameras": Path,
+        }
+        known = {key: value for key, value in given.items() if value is not None or key == "subjects"}
+        return cls(**{key: parsers.get(key, lambda value: value)(value) for key, value in known.items()})
 
     def chosen(self, path: Path, there: Iterable[str]) -> list[str]:
         """Return the subjects to read of those that are there.
 
-        Raises
-        ------
-        DatasetError
-            If one of them is not there.
+        Raises `DatasetError` if one of them is not there.
         """
         available = sorted(set(there), key=subject_order)
         for subject in self.subjects or ():
@@ -83,10 +67,7 @@ class Reading:
     def choose(self, there: dict[str, Path], options: Options, root: Path) -> Path | None:
         """Return where the chosen detector's detections lie, and note which it is; None if there are none.
 
-        Raises
-        ------
-        DatasetError
-            If the wanted detector is not there.
+        Raises `DatasetError` if the wanted detector is not there.
         """
         self.detector = choose_detector(there, options.detector, root)
         if self.detector is None:
@@ -98,10 +79,7 @@ class Reading:
     def dataset(self, name: str, root: Path) -> Dataset:
         """Return the data set, takes in the order of the tables.
 
-        Raises
-        ------
-        DatasetError
-            If there are none.
+        Raises `DatasetError` if there are none.
         """
         if not self.takes:
             raise DatasetError(root, "takes", "at least one", "none")
@@ -150,8 +128,5 @@ def with_separate(takes: Iterable[Take], options: Options, reading: Reading) -> 
         if found is None:
             reading.left_out.append(take.key)
         else:
-            yield _with_detections(take, *found)
-
-
-def _with_detections(take: Take, detections: FloatArray, path: Path) -> Take:
-    return replace(take, detections=detections, files={**take.files, "detections": path})
+            detections, path = found
+            yield replace(take, detections=detections, files={**take.files, "detections": path})

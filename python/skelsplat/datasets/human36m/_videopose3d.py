@@ -19,7 +19,7 @@ from skelsplat.cameras import CameraRig
 from skelsplat.datasets._detections import Wanted, as_detections, detector_name
 from skelsplat.datasets._files import FloatArray, Survey, a_list, a_table, load_npz, numbers, require
 from skelsplat.datasets._model import Take
-from skelsplat.datasets.human36m._cameras import check_views, find_cameras, read_rig
+from skelsplat.datasets.human36m._cameras import CAMERAS, find_cameras, read_rig
 from skelsplat.datasets.human36m._options import (
     Options,
     Reading,
@@ -121,7 +121,8 @@ def _with_own(takes: Iterator[Take], root: Path, options: Options, reading: Read
 
 def _joined(path: Path, field: str, views: list[Any], fits: Wanted) -> tuple[FloatArray, int]:
     """Return (T, M, N, 3) from one (T or more, N, 2) per camera, and how many were longer."""
-    check_views(path, field, len(views))
+    if len(views) != len(CAMERAS):
+        raise DatasetError(path, field, f"{len(CAMERAS)} cameras ({', '.join(CAMERAS)})", len(views))
     parts, longer = [], 0
     for name, view in zip(fits.views, views, strict=True):
         place = f"{field}, camera {name}"

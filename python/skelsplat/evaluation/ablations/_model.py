@@ -16,72 +16,38 @@ REPORTED = "SkelSplat (reported)"
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A row of a table.
+    """A row of a table."""
 
-    Attributes
-    ----------
-    method, data : str
-        What was run, or who reports it; on what.
-    values : tuple of float or None
-        One per column; None where there is none.
-    origin : {"measured", "paper", "theory"}
-    """
-
+    # method, data: What was run, or who reports it; on what.
     method: str
     data: str
-    values: tuple[float | None, ...]
+    values: tuple[float | None, ...]  # one per column; None where there is none
     origin: Literal["measured", "paper", "theory"] = "measured"
 
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Figures of one unit.
-
-    Attributes
-    ----------
-    title : str
-    corner : str
-        What the columns are.
-    columns : tuple of str
-    rows : tuple of Row
-    unit : str
-        ``"mm"``, ``"%"``, ``"ms"``, …
-    digits : int
-        After the point, when shown.
-    chart : bool
-        Whether it belongs into the chart.
-    """
+    """Figures of one unit."""
 
     title: str
-    corner: str
+    corner: str  # what the columns are
     columns: tuple[str, ...]
     rows: tuple[Row, ...]
-    unit: str = "mm"
-    digits: int = 1
-    chart: bool = True
+    unit: str = "mm"  # ``"mm"``, ``"%"``, ``"ms"``, …
+    digits: int = 1  # after the point, when shown
+    chart: bool = True  # whether it belongs into the chart
 
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """A statement of the paper, checked on the measured figures.
+    """A statement of the paper, checked on the measured figures."""
 
-    Attributes
-    ----------
-    claim : str
-        What the paper finds, in words.
-    paper, measured : str
-        The figures of both.
-    reproduced : bool
-        Whether the measured figures say the same.
-    ours : bool
-        The claim is not the paper's but ours.
-    """
-
-    claim: str
+    claim: str  # what the paper finds, in words
+    # paper, measured: The figures of both.
     paper: str
     measured: str
-    reproduced: bool
-    ours: bool = False
+    reproduced: bool  # whether the measured figures say the same
+    ours: bool = False  # the claim is not the paper's but ours
 
     @property
     def verdict(self) -> str:
@@ -102,26 +68,13 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True)
 class Ablation:
-    """An ablation of the paper.
+    """An ablation of the paper."""
 
-    Attributes
-    ----------
-    name : str
-        On the command line.
-    title : str
-    labels : tuple of str
-        The paper's tables, as `skelsplat.evaluation.reported` calls them.
-    poses : int
-        How many are taken unless told otherwise: so many that two cores are done within a minute.
-    run : callable
-        Measures everything on a source of poses.
-    """
-
-    name: str
+    name: str  # on the command line
     title: str
-    labels: tuple[str, ...]
-    poses: int
-    run: Callable[[Source], Outcome]
+    labels: tuple[str, ...]  # the paper's tables, as `skelsplat.evaluation.reported` calls them
+    poses: int  # how many are taken unless told otherwise: so many that two cores are done within a minute
+    run: Callable[[Source], Outcome]  # measures everything on a source of poses
 
 
 def reported_rows(label: str, keys: Sequence[str]) -> tuple[Row, ...]:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
-from skelsplat import metrics
+from skelsplat import Refinement, metrics
 from skelsplat.evaluation.ablations._model import Claim, Outcome, Row, Table, quote, reported_rows
 from skelsplat.evaluation.ablations._sample import (
     Errors,
@@ -17,7 +18,7 @@ from skelsplat.evaluation.ablations._sample import (
     difference,
     errors_of,
 )
-from skelsplat.evaluation.ablations._source import ANNEALED, PAPER, Source, config, refined
+from skelsplat.evaluation.ablations._source import ANNEALED, PAPER, Source
 from skelsplat.evaluation.ablations._sweep import IN_THE_TEXT
 from skelsplat.evaluation.reported import reported
 
@@ -145,7 +146,7 @@ def _covered(source: Source, sample: Sample) -> Shares:
     return {
         name: np.concatenate(
             [
-                metrics.sigma_coverage(pose, covariance, group.truth, sigmas=_SIGMAS, reduce="none")
+                metrics.sigma_coverage(pose, covariance, group.poses.truth, sigmas=_SIGMAS, reduce="none")
                 for group, (pose, covariance) in zip(sample.groups, results, strict=True)
             ],
             axis=1,
@@ -214,10 +215,13 @@ def time_of_tiers(source: Source, samples: Sequence[Sample]) -> Outcome:
     few = samples[0].head(_TIMED)
     whole = samples[0].starts(source.start_kind(samples[0], "fusion"))
     starts = [start[: len(group)] for start, group in zip(whole, few.groups, strict=True)]
-    ms = {
-        method: [1e3 * _seconds(few, starts, method, tier) for tier in range(4)]
-        for method in (PAPER, ANNEALED)
-    }
+    ms: dict[str, list[float]] = {PAPER: [], ANNEALED: []}
+    for tier in range(len(TIERS)):
+        for method, fields in ((PAPER, {"stop_tolerance": 0.0}), (ANNEALED, {})):
+            once = partial(
+                source.refined, method, few, starts, "time", symmetry_tier=tier, n_threads=1, **fields
+            )
+            ms[method].append(1e3 * min(_seconds(once) for _ in range(_REPEATS)))
     timed = [Row(method, samples[0].name, tuple(each)) for method, each in ms.items()]
     for row in reported_rows(SECONDS, [f"{tier}" for tier in range(4)]):
         values = tuple(None if value is None else 1e3 * value for value in row.values)
@@ -234,17 +238,11 @@ def time_of_tiers(source: Source, samples: Sequence[Sample]) -> Outcome:
     return Outcome((table,), (claim,), (note,))
 
 
-def _seconds(sample: Sample, starts: list[FloatArray], method: str, tier: int) -> float:
-    """Return the least processor time per iteration and pose."""
-    fields = {"stop_tolerance": 0.0} if method == PAPER else {}
-    settings = config(method, symmetry_tier=tier, n_threads=1, **fields)
-    taken = []
-    for _ in range(_REPEATS):
-        begun = time.process_time()
-        results = refined(sample, starts, settings)
-        steps = int(sum(np.sum(result.n_iter) for result in results))
-        taken.append((time.process_time() - begun) / max(1, steps))
-    return min(taken)
+def _seconds(once: Callable[[], Sequence[Refinement]]) -> float:
+    """Return the processor time per iteration and pose."""
+    begun = time.process_time()
+    steps = int(sum(np.sum(result.n_iter) for result in once()))
+    return (time.process_time() - begun) / max(1, steps)
 
 
 # Splats of this covariance factor cover so many pixels that they are integrated in closed form instead.

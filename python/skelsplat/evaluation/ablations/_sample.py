@@ -21,70 +21,35 @@ Start = Literal["dlt", "fusion"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Group:
-    """P poses that the same cameras see.
+    """P poses that the same cameras see."""
 
-    Attributes
-    ----------
-    poses : Take
-        Frames of several takes, one after the other.
-    take : (P,) int
-        Which take each pose is from.
-    """
-
-    poses: Take
-    take: NDArray[np.int64]
+    poses: Take  # frames of several takes, one after the other
+    take: NDArray[np.int64]  # (P,) int: Which take each pose is from
 
     def __len__(self) -> int:
         return len(self.take)
 
-    @property
-    def rig(self) -> sk.CameraRig:
-        """The cameras."""
-        return self.poses.rig
-
-    @property
-    def truth(self) -> FloatArray:
-        """World joints (P, N, 3)."""
-        return self.poses.truth
-
-    @property
-    def detections(self) -> FloatArray:
-        """Pixels and confidence (P, M, N, 3)."""
-        assert self.poses.detections is not None  # `sample` has checked it
-        return self.poses.detections
-
     def start(self, kind: Start) -> FloatArray:
         """Return the initial poses (P, N, 3): unweighted triangulation, or fusion of the monocular poses."""
+        take = self.poses
+        assert take.detections is not None  # `sample` has checked it
         if kind == "dlt":
-            return sk.triangulate(self.detections[..., :2], self.rig, method="dlt")
-        if self.poses.monocular is None:
+            return sk.triangulate(take.detections[..., :2], take.rig, method="dlt")
+        if take.monocular is None:
             raise InvalidInputError("start: expected monocular poses to fuse, got a data set without")
-        return sk.fuse_monocular(self.poses.monocular, self.detections, self.rig)
+        return sk.fuse_monocular(take.monocular, take.detections, take.rig)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sample:
-    """Poses of one data set with the detections of one detector.
+    """Poses of one data set with the detections of one detector."""
 
-    Attributes
-    ----------
-    name : str
-        Short, for rows of a table: ``"H36M, metrabs"``.
-    dataset : str
-        ``"human36m"``, ``"human36m-occ-2"``, …; tells which rows of the paper it belongs to.
-    layout : Layout
-    groups : tuple of Group
-    n_available : int
-        Poses that the data set has.
-    paper_fields : mapping
-        What the paper changes in its settings on this data set.
-    """
-
-    name: str
-    dataset: str
+    name: str  # short, for rows of a table: ``"H36M, metrabs"``
+    dataset: str  # ``"human36m"``, ``"human36m-occ-2"``, …; tells which rows of the paper it belongs to
     layout: sk.Layout
     groups: tuple[Group, ...]
-    n_available: int
+    n_available: int  # poses that the data set has
+    # What the paper changes in its settings on this data set.
     paper_fields: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -95,7 +60,7 @@ class Sample:
     @property
     def n_views(self) -> int:
         """The least number of cameras of any rig."""
-        return min(len(group.rig) for group in self.groups)
+        return min(len(group.poses.rig) for group in self.groups)
 
     @property
     def has_monocular(self) -> bool:
@@ -129,10 +94,7 @@ def sample(
     `name` and `key` are `Sample.name` and `Sample.dataset`. Without `undistort` cameras lose their lens, so
     that detections are used with K alone.
 
-    Raises
-    ------
-    InvalidInputError
-        If a take has no detections, or no pose is left.
+    Raises `InvalidInputError` if a take has no detections, or no pose is left.
     """
     takes = [case.take for case in protocol.cases(dataset) if case.absolute]
     total = sum(len(take) for take in takes)
@@ -141,7 +103,7 @@ def sample(
     chosen = np.arange(total) if poses is None or poses >= total else _evenly(total, poses)
     groups = _grouped(takes, chosen)
     if not undistort:
-        groups = [replace(g, poses=replace(g.poses, rig=without_lens(g.rig))) for g in groups]
+        groups = [replace(g, poses=replace(g.poses, rig=without_lens(g.poses.rig))) for g in groups]
     return Sample(name, key, dataset.layout, tuple(groups), total, protocol.paper_fields)
 
 
@@ -186,21 +148,11 @@ def _joined(part: Sequence[tuple[int, Take]]) -> Group:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Errors:
-    """Joint errors of one setting.
+    """Joint errors of one setting."""
 
-    Attributes
-    ----------
-    joints : (P, N) mm
-        NaN where there is no truth or no prediction.
-    take : (P,) int
-        Which take each pose is from.
-    steps : float
-        Mean number of optimisation steps; NaN if nothing was optimised.
-    """
-
-    joints: FloatArray
-    take: NDArray[np.int64]
-    steps: float = float("nan")
+    joints: FloatArray  # (P, N) mm: NaN where there is no truth or no prediction
+    take: NDArray[np.int64]  # (P,) int: Which take each pose is from
+    steps: float = float("nan")  # mean number of optimisation steps; NaN if nothing was optimised
 
     @property
     def mpjpe(self) -> float:
@@ -220,7 +172,7 @@ class Errors:
 def errors_of(sample: Sample, poses: Sequence[FloatArray], steps: float = float("nan")) -> Errors:
     """Return the errors of predicted `poses`, one array (P, N, 3) per group of the sample."""
     joints = [
-        group.rig.mm_per_unit * np.linalg.norm(pose - group.truth, axis=-1)
+        group.poses.rig.mm_per_unit * np.linalg.norm(pose - group.poses.truth, axis=-1)
         for group, pose in zip(sample.groups, poses, strict=True)
     ]
     return Errors(np.concatenate(joints), np.concatenate([group.take for group in sample.groups]), steps)

@@ -42,27 +42,16 @@ Progress = Callable[[str, int, int], None]
 
 @dataclass(frozen=True, slots=True)
 class Choices:
-    """What a user chooses for any ablation.
+    """What a user chooses for any ablation."""
 
-    Attributes
-    ----------
-    poses : int or None
-        How many poses of each data set; None: all.
-    seed : int
-        Of simulated data and of noise on the start.
-    start : {"paper", "dlt", "fusion"}
-        Initial poses; "paper": as in the paper's experiment, if the data have what it needs.
-    init_sigma_mm : float
-        Standard deviation per axis of the fused start where it enters as a prior.
-    undistort : bool
-        Whether to take lens distortion out; the paper does not.
-    """
-
-    poses: int | None
-    seed: int = 0
+    poses: int | None  # how many poses of each data set; None: all
+    seed: int = 0  # of simulated data and of noise on the start
+    # {"paper", "dlt", "fusion"}: Initial poses; "paper": as in the paper's experiment, if the data have what
+    # it needs.
     start: Literal["paper", "dlt", "fusion"] = "paper"
+    # Standard deviation per axis of the fused start where it enters as a prior.
     init_sigma_mm: float = DEFAULT_INIT_SIGMA_MM
-    undistort: bool = True
+    undistort: bool = True  # whether to take lens distortion out; the paper does not
 
 
 class Source(ABC):
@@ -138,15 +127,34 @@ class Source(ABC):
         **fields: Any,
     ) -> list[sk.Refinement]:
         """Refine every group with `PAPER`, as on this data set, or `ANNEALED`, with some settings changed."""
-        text = f"{sample.name}: {method}, {doing}"
+        if method == PAPER:
+            config = sk.RefineConfig.paper(**{**sample.paper_fields, **fields})
+        else:
+            config = sk.RefineConfig(**fields)
+        results, before = [], 0
+        for group, start in zip(sample.groups, starts, strict=True):
 
-        def heard(done: int) -> None:
-            if self._progress is not None:
-                self._progress(text, done, sample.n_poses)
+            def heard(now: int, _: int, before: int = before) -> None:
+                if self._progress is not None:
+                    text = f"{sample.name}: {method}, {doing}"
+                    self._progress(text, before + now, sample.n_poses)
 
-        heard(0)
-        own = sample.paper_fields if method == PAPER else {}
-        return refined(sample, starts, config(method, **{**own, **fields}), init_sigma_mm, heard)
+            heard(0, len(group))
+            take = group.poses
+            assert take.detections is not None  # `sample` has checked it
+            sigma = None if init_sigma_mm is None else init_sigma_mm / take.rig.mm_per_unit
+            result = sk.refine(
+                start,
+                take.detections,
+                take.rig,
+                layout=sample.layout,
+                init_sigma=sigma,
+                config=config,
+                progress=heard,
+            )
+            results.append(result)
+            before += len(group)
+        return results
 
     def errors(
         self, method: str, sample: Sample, starts: Sequence[FloatArray], doing: str, **fields: Any
@@ -155,40 +163,6 @@ class Source(ABC):
         results = self.refined(method, sample, starts, doing, **fields)
         steps = float(np.mean(np.concatenate([result.n_iter for result in results])))
         return errors_of(sample, [result.pose for result in results], steps)
-
-
-def config(method: str, **fields: Any) -> sk.RefineConfig:
-    """Return the configuration of a method with some settings changed."""
-    return sk.RefineConfig.paper(**fields) if method == PAPER else sk.RefineConfig(**fields)
-
-
-def refined(
-    sample: Sample,
-    starts: Sequence[FloatArray],
-    config: sk.RefineConfig,
-    init_sigma_mm: float | None = None,
-    heard: Callable[[int], None] | None = None,
-) -> list[sk.Refinement]:
-    """Refine every group from its start; `heard` counts poses."""
-    out, before = [], 0
-    for group, start in zip(sample.groups, starts, strict=True):
-
-        def count(now: int, _: int, before: int = before) -> None:
-            if heard is not None:
-                heard(before + now)
-
-        result = sk.refine(
-            start,
-            group.detections,
-            group.rig,
-            layout=sample.layout,
-            init_sigma=None if init_sigma_mm is None else init_sigma_mm / group.rig.mm_per_unit,
-            config=config,
-            progress=count,
-        )
-        out.append(result)
-        before += len(group)
-    return out
 
 
 class Simulated(Source):

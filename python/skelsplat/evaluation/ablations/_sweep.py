@@ -22,18 +22,11 @@ Varied = Callable[[Any], tuple[Sample, list[FloatArray]]]
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A row of the table.
-
-    Attributes
-    ----------
-    name : str
-    fields : callable or None
-        Value → what it changes in the settings of the method; None for a value that is not measured. Without
-        it the starts themselves are measured.
-    method : {"paper", "annealed"}
-    """
+    """A row of the table."""
 
     name: str
+    # Value → what it changes in the settings of the method; None for a value that is not measured. Without it
+    # the starts themselves are measured.
     fields: Callable[[Any], Mapping[str, Any] | None] | None = None
     method: str = PAPER
 
@@ -44,35 +37,24 @@ class Check:
 
     Without limits each of `values` has to err less than each of `others`, by more than twice the standard
     error of the paired difference.
-
-    Attributes
-    ----------
-    text : str
-    values, others : tuple
-        Values of the sweep; the claim is left out if one was not measured.
-    low, high : float
-        Limits of the ratio of the errors.
-    within_mm : float, optional
-        Limit of the mean difference.
-    row : str
-    paper : str
-        What the paper says; "" quotes its figures.
-    ours : bool
-        The claim is not the paper's.
     """
 
     text: str
+    # values, others: Values of the sweep; the claim is left out if one was not measured.
     values: tuple[Any, ...]
     others: tuple[Any, ...]
+    # low, high: Limits of the ratio of the errors.
     low: float = 0.0
     high: float = float("inf")
-    within_mm: float | None = None
+    within_mm: float | None = None  # limit of the mean difference
     row: str = PAPER
-    paper: str = ""
-    ours: bool = False
+    paper: str = ""  # what the paper says; "" quotes its figures
+    ours: bool = False  # the claim is not the paper's
 
-    def claim(self, label: str, sample: Sample, found: Mapping[Any, Errors]) -> Claim | None:
-        """Check it on errors by value; `label` names the paper's table."""
+    def claim(
+        self, label: str, headers: Mapping[Any, str], sample: Sample, found: Mapping[Any, Errors]
+    ) -> Claim | None:
+        """Check it on errors by value; `label` names the paper's table, `headers` the values."""
         most = max(found, default=None) if MOST in self.values else None
         values = tuple(most if value == MOST else value for value in self.values)
         if not {*values, *self.others} <= set(found):
@@ -86,7 +68,9 @@ class Check:
             apart = [difference(found[a], found[b]) for a, b in pairs]
             limit = self.within_mm
             holds = all(d.is_less if limit is None else abs(d.mean) <= limit for d in apart)
-            changes = ", ".join(f"{key(a)} − {key(b)} {d}" for (a, b), d in zip(pairs, apart, strict=True))
+            changes = ", ".join(
+                f"{headers[a]} − {headers[b]} {d}" for (a, b), d in zip(pairs, apart, strict=True)
+            )
         shown = [value for value in found if value in (*values, *self.others)]
         figures = ", ".join(f"{found[value].mpjpe:.1f}" for value in shown)
         by_dataset = any("dataset" in row.setting for row in reported(label))
@@ -113,43 +97,21 @@ def as_in_the_paper(source: Source, sample: Sample) -> Varied:
 
 @dataclass(frozen=True, kw_only=True)
 class Sweep:
-    """A setting that is varied.
+    """A setting that is varied."""
 
-    Attributes
-    ----------
-    label : str
-        The paper's table.
-    title, corner : str
-        Of our table, and what its columns are.
-    values : mapping
-        Values, which are also the columns of the paper's table (`key`), to headers.
-    kinds : tuple of str
-        What of the source is measured.
-    lines : tuple of Line
-    checks : tuple of Check
-    notes : tuple of str
-    begin : callable
-        Source and sample → `Varied`.
-    up_to_views : bool
-        Values are numbers of views: those above the sample's are left out.
-    steps : str
-        Title of a second table, with the steps taken; "" is none.
-    more : callable, optional
-        What else is measured, on all samples.
-    """
-
-    label: str
+    label: str  # the paper's table
+    # title, corner: Of our table, and what its columns are.
     title: str
     corner: str
-    values: Mapping[Any, str]
+    values: Mapping[Any, str]  # values, which are also the columns of the paper's table (`key`), to headers
     lines: tuple[Line, ...]
     checks: tuple[Check, ...]
-    kinds: tuple[Kind, ...] = ("plain",)
+    kinds: tuple[Kind, ...] = ("plain",)  # what of the source is measured
     notes: tuple[str, ...] = ()
-    begin: Callable[[Source, Sample], Varied] = as_in_the_paper
-    up_to_views: bool = False
-    steps: str = ""
-    more: Callable[[Source, Sequence[Sample]], Outcome] | None = None
+    begin: Callable[[Source, Sample], Varied] = as_in_the_paper  # source and sample → `Varied`
+    up_to_views: bool = False  # values are numbers of views: those above the sample's are left out
+    steps: str = ""  # title of a second table, with the steps taken; "" is none
+    more: Callable[[Source, Sequence[Sample]], Outcome] | None = None  # what else is measured, on all samples
 
     def __call__(self, source: Source) -> Outcome:
         """Measure every value on every sample, and check the claims."""
@@ -163,7 +125,7 @@ class Sweep:
             taken = tuple(row for each in found for row in self._rows(*each, lambda errors: errors.steps))
             tables.append(Table(self.steps, self.corner, columns, taken, "steps", 0, chart=False))
         claims = [
-            check.claim(self.label, sample, errors[check.row])
+            check.claim(self.label, self.values, sample, errors[check.row])
             for sample, errors in found
             for check in self.checks
         ]

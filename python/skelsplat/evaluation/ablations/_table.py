@@ -81,7 +81,7 @@ def _perturbed(source: Source, sample: Sample) -> Varied:
 
     def varied(level: int) -> tuple[Sample, list[FloatArray]]:
         return sample, [
-            synthetic.perturb(start, level / group.rig.mm_per_unit, seed=source.choices.seed + 1 + k)
+            synthetic.perturb(start, level / group.poses.rig.mm_per_unit, seed=source.choices.seed + 1 + k)
             for k, (group, start) in enumerate(zip(sample.groups, clean, strict=True))
         ]
 

@@ -22,26 +22,14 @@ _CSV = ("table", "unit", "method", "data", "origin", "column", "value")
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """All that is written about one run.
-
-    Attributes
-    ----------
-    ablation : Ablation
-    outcome : Outcome
-    choices : Choices
-    simulated : bool
-    line : str
-        What the data are; stands under every table.
-    command : str
-        What makes it again.
-    """
+    """All that is written about one run."""
 
     ablation: Ablation
     outcome: Outcome
     choices: Choices
     simulated: bool
-    line: str
-    command: str
+    line: str  # what the data are; stands under every table
+    command: str  # what makes it again
 
     @property
     def sources(self) -> tuple[str, ...]:

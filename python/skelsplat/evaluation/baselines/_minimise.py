@@ -91,22 +91,12 @@ def cauchy(detections: ArrayLike, cameras: Cameras, *, f_scale: float = 5.0) -> 
 
 @dataclass(frozen=True, slots=True)
 class Reprojections:
-    """Residuals scale · (π(X) − u) of B joints in M views, and their derivatives.
+    """Residuals scale · (π(X) − u) of B joints in M views, and their derivatives."""
 
-    Attributes
-    ----------
-    pixels : (B, M, 2) px
-    projections : (M, 3, 4)
-    scale : (B, M)
-        Factor on both coordinates; 0 for a view that takes no part.
-    by_view : bool
-        A group is a view (2 numbers), else a coordinate (1 number).
-    """
-
-    pixels: FloatArray
-    projections: FloatArray
-    scale: FloatArray
-    by_view: bool
+    pixels: FloatArray  # (B, M, 2) px
+    projections: FloatArray  # (M, 3, 4)
+    scale: FloatArray  # (B, M): Factor on both coordinates; 0 for a view that takes no part
+    by_view: bool  # A group is a view (2 numbers), else a coordinate (1 number)
 
     @classmethod
     def of(cls, joints: Observations, scale: FloatArray, *, by_view: bool) -> Reprojections:

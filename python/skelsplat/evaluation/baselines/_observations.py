@@ -25,26 +25,13 @@ _FARTHEST = 1e50
 
 @dataclass(frozen=True, slots=True)
 class Observations:
-    """B = T·N joints, each seen by some of M views.
+    """B = T·N joints, each seen by some of M views."""
 
-    Attributes
-    ----------
-    pixels : (B, M, 2) px
-        Ideal pixels; 0 where the joint is missing.
-    seen : (B, M)
-    confidence : (B, M)
-        In [0, 1]; 0 where the joint is missing, 1 where none was given.
-    projections : (M, 3, 4)
-        K [R | t], from the unit of the cameras to px.
-    leading : tuple of int
-        (T, N), or (N,) for one frame.
-    """
-
-    pixels: FloatArray
-    seen: BoolArray
-    confidence: FloatArray
-    projections: FloatArray
-    leading: tuple[int, ...]
+    pixels: FloatArray  # (B, M, 2) px: Ideal pixels; 0 where the joint is missing
+    seen: BoolArray  # (B, M)
+    confidence: FloatArray  # (B, M): In [0, 1]; 0 where the joint is missing, 1 where none was given
+    projections: FloatArray  # (M, 3, 4): K [R | t], from the unit of the cameras to px
+    leading: tuple[int, ...]  # (T, N), or (N,) for one frame
 
     @property
     def determined(self) -> BoolArray:
@@ -70,11 +57,8 @@ class Observations:
 def observe(detections: ArrayLike, cameras: Cameras) -> Observations:
     """Check the arguments of a baseline and remove lens distortion.
 
-    Raises
-    ------
-    InvalidInputError
-        If the shape is not (T, M, N, 2|3) or (M, N, 2|3) with as many views as cameras, or a confidence is
-        outside [0, 1].
+    Raises `InvalidInputError` if the shape is not (T, M, N, 2|3) or (M, N, 2|3) with as many views as
+    cameras, or a confidence is outside [0, 1].
     """
     found = _checked(detections, len(cameras))
     single = found.ndim == 3

@@ -8,7 +8,6 @@ One JSON file per table, each row with its method, training data, detector and c
 computed by this package.
 """
 
-from skelsplat.evaluation.reported._load import labels, reported
-from skelsplat.evaluation.reported._model import ReportedRow, ReportedTable
+from skelsplat.evaluation.reported._load import ReportedRow, ReportedTable, labels, reported
 
 __all__ = ["ReportedRow", "ReportedTable", "labels", "reported"]

@@ -1,20 +1,95 @@
-"""Reading the tables from their files, with errors that name file and field."""
+"""A published table and its rows, read from files with errors that name file and field."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-from skelsplat.evaluation.reported._model import ReportedRow, ReportedTable
 from skelsplat.exceptions import DatasetError, InvalidInputError
 
 FOLDER = Path(__file__).parent
 _REFERENCES = "references.json"
 _TEXTS = ("label", "title", "source", "dataset", "metric", "unit")
 _OPTIONAL = ("detector", "training")
+
+
+@dataclass(frozen=True, slots=True)
+class ReportedRow:
+    """One row of a published table."""
+
+    method: str  #: as this package writes it: the same method has the same name in every table
+    #: Where the 2D keypoints come from: ``"metrabs"``, ``"cpn"``, ``"resnet152"``, ``"resnet50"``; None: the
+    #: table does not say.
+    detector: str | None
+    citation: str  #: authors, title, venue and year
+    truth_3d: bool | None  #: whether it was trained with 3D ground truth; None: not known
+    training: str | None  #: the data set it was trained on, where the table says
+    setting: Mapping[str, str]  #: what else tells the row from others: ``{"init": "fusion"}``
+    keys: tuple[str, ...]  #: names of the C columns, for `value`
+    values: tuple[float | None, ...]  #: C numbers in the table's unit; None where the table has none
+
+    def value(self, key: str) -> float | None:
+        """Return the number in the column `key`; None if the table leaves it out.
+
+        Raises
+        ------
+        InvalidInputError
+            If there is no such column.
+        """
+        if key not in self.keys:
+            raise InvalidInputError(f"key: expected one of {', '.join(self.keys)}, got {key!r}")
+        return self.values[self.keys.index(key)]
+
+
+@dataclass(frozen=True, slots=True)
+class ReportedTable:
+    """A published table."""
+
+    #: ``"tab:h36m"``: the paper's label; ``"text:…"``: said in its text; else ``"publication:data set"``.
+    label: str
+    title: str
+    source: str
+    dataset: str  #: as in the registry of `skelsplat.datasets`
+    metric: str
+    unit: str
+    columns: tuple[str, ...]  #: C headers as printed
+    #: The same columns by the names that this package uses: actions, numbers of views, settings.
+    keys: tuple[str, ...]
+    rows: tuple[ReportedRow, ...]
+    notes: tuple[str, ...] = field(default=())  #: what to know before comparing
+
+    def __iter__(self) -> Iterator[ReportedRow]:
+        return iter(self.rows)
+
+    def select(
+        self, method: str | None = None, *, detector: str | None = None, **setting: str
+    ) -> tuple[ReportedRow, ...]:
+        """Return the rows of a method, a detector, a setting: ``select("SkelSplat", init="dlt")``."""
+        return tuple(
+            row
+            for row in self.rows
+            if (method is None or row.method == method)
+            and (detector is None or row.detector == detector)
+            and all(row.setting.get(name) == value for name, value in setting.items())
+        )
+
+    def one(self, method: str | None = None, *, detector: str | None = None, **setting: str) -> ReportedRow:
+        """Return the only row that `select` finds.
+
+        Raises
+        ------
+        InvalidInputError
+            If there is none or more than one.
+        """
+        found = self.select(method, detector=detector, **setting)
+        if len(found) != 1:
+            asked = {"method": method, "detector": detector, **setting}
+            raise InvalidInputError(f"{self.label}: expected one row with {asked}, got {len(found)}")
+        return found[0]
 
 
 def reported(label: str) -> ReportedTable:

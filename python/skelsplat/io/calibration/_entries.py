@@ -1,4 +1,4 @@
-"""What cameras' entries in different formats have in common: lens, size, attributes of XML elements."""
+"""What the entries of cameras have in common in different formats, and attributes of XML elements."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skelsplat.exceptions import DatasetError
+from skelsplat.io.calibration._format import RawCamera
 
 if TYPE_CHECKING:
     import xml.etree.ElementTree as ET
@@ -19,6 +20,19 @@ if TYPE_CHECKING:
 PINHOLE_COUNTS = (4, 5, 8, 12, 14)
 _FISHEYE_COUNT = 4
 _MOST_PIXELS = 2**31 - 1
+
+
+def camera_of(entry: Field, *, distortion: str, size: str, fisheye: bool = False) -> RawCamera:
+    """Return the camera of an entry with ``name``, ``K``, ``R``, ``t``, and these names for the rest."""
+    return RawCamera(
+        name=entry["name"].text(),
+        K=entry["K"].numbers((3, 3)),
+        R=entry["R"].numbers((3, 3)),
+        t=entry["t"].numbers((3,)),
+        distortion=lens_of(entry[distortion], fisheye=fisheye),
+        size=size_of(entry[size]),
+        fisheye=fisheye,
+    )
 
 
 def lens_of(field: Field, *, fisheye: bool = False) -> Array | None:

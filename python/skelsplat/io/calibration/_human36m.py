@@ -15,7 +15,7 @@ from skelsplat.io.calibration._format import Parsed, RawCamera
 
 if TYPE_CHECKING:
     from skelsplat.io._fields import Field
-    from skelsplat.io.calibration._format import Options, Source
+    from skelsplat.io.calibration._format import Source
 
 # (width, height) of the videos
 _SIZES = {
@@ -31,18 +31,17 @@ def matches(source: Source) -> bool:
     return "intrinsics" in source.json and "extrinsics" in source.json
 
 
-def parse(source: Source, options: Options) -> Parsed:
+def parse(source: Source, subject: str | None) -> Parsed:
     """Return the cameras of a subject."""
     document = source.json
     if not isinstance(document.value, dict):
         raise document.error("intrinsics and extrinsics per camera", type(document.value).__name__)
     intrinsics, extrinsics = document["intrinsics"].table(), document["extrinsics"].table()
-    poses = extrinsics[_subject(extrinsics, options.subject)].table()
+    poses = extrinsics[_subject(extrinsics, subject)].table()
     if not poses.value:
         raise poses.error("a camera", "none")
-    return Parsed(
-        [_camera(intrinsics[name].table(), poses[name].table(), name) for name in poses.value], "mm"
-    )
+    cameras = [_camera(intrinsics[name].table(), poses[name].table(), name) for name in poses.value]
+    return Parsed(cameras, "mm")
 
 
 def _subject(extrinsics: Field, subject: str | None) -> str:
@@ -52,9 +51,8 @@ def _subject(extrinsics: Field, subject: str | None) -> str:
         return str(known[0])
     if subject not in known:
         got = "none" if subject is None else repr(subject)
-        raise InvalidInputError(
-            f"subject: expected one of {', '.join(known)} for {extrinsics.path}, got {got}"
-        )
+        expected = f"one of {', '.join(known)} for {extrinsics.path}"
+        raise InvalidInputError(f"subject: expected {expected}, got {got}")
     return str(subject)
 
 

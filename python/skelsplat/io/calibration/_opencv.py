@@ -36,13 +36,7 @@ def is_opencv_yaml(text: str) -> bool:
 
 
 def parse_opencv_yaml(path: Path, text: str) -> dict[str, Any]:
-    """Return the top-level entries: matrices and lists as nested lists, numbers, texts.
-
-    Raises
-    ------
-    DatasetError
-        If a line is none of these, or a matrix has not the numbers that its rows and columns ask for.
-    """
+    """Return the top-level entries: matrices and lists as nested lists, numbers, texts."""
     entries: dict[str, Any] = {}
     for key, line, value, block in _blocks(path, text):
         if key in entries:

@@ -23,14 +23,14 @@ import numpy as np
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._arrays import load_plain_npz
 from skelsplat.io._fields import Field
-from skelsplat.io.calibration._entries import lens_of, size_of
+from skelsplat.io.calibration._entries import camera_of
 from skelsplat.io.calibration._format import Parsed, RawCamera
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     import skelsplat as sk
-    from skelsplat.io.calibration._format import Array, Options, Source
+    from skelsplat.io.calibration._format import Array, Source
 
 _MARK = "skelsplat-calibration"
 _VERSION = 1
@@ -44,7 +44,7 @@ def is_json(source: Source) -> bool:
     return bool(source.json["format"].value == _MARK)
 
 
-def parse_json(source: Source, _: Options) -> Parsed:
+def parse_json(source: Source) -> Parsed:
     """Return the cameras of this package's JSON."""
     document = source.json
     for key, known, shown in (("format", _MARK, f'"{_MARK}"'), ("version", _VERSION, str(_VERSION))):
@@ -62,16 +62,7 @@ def parse_json(source: Source, _: Options) -> Parsed:
 
 
 def _camera(entry: Field) -> RawCamera:
-    fisheye = entry["fisheye"].flag()
-    return RawCamera(
-        name=entry["name"].text(),
-        K=entry["K"].numbers((3, 3)),
-        R=entry["R"].numbers((3, 3)),
-        t=entry["t"].numbers((3,)),
-        distortion=lens_of(entry["distortion"], fisheye=fisheye),
-        size=size_of(entry["size"]),
-        fisheye=fisheye,
-    )
+    return camera_of(entry, distortion="distortion", size="size", fisheye=entry["fisheye"].flag())
 
 
 def _checked_unit(unit: Field) -> str:
@@ -105,7 +96,7 @@ def is_npz(source: Source) -> bool:
     return {"K", "R", "t"} <= load_plain_npz(source.path, _NPZ_KIND).keys()
 
 
-def parse_npz(source: Source, _: Options) -> Parsed:
+def parse_npz(source: Source) -> Parsed:
     """Return the cameras of this package's npz."""
     path, arrays = source.path, load_plain_npz(source.path, _NPZ_KIND)
     missing = [name for name in _NPZ_REQUIRED if name not in arrays]

@@ -9,12 +9,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from skelsplat.exceptions import DatasetError
-from skelsplat.io.calibration._entries import lens_of, size_of
-from skelsplat.io.calibration._format import Parsed, RawCamera
+from skelsplat.io.calibration._entries import camera_of
+from skelsplat.io.calibration._format import Parsed
 
 if TYPE_CHECKING:
-    from skelsplat.io._fields import Field
-    from skelsplat.io.calibration._format import Options, Source
+    from skelsplat.io.calibration._format import Source
 
 _DEFAULT_TYPE = "hd"
 
@@ -29,9 +28,9 @@ def matches(source: Source) -> bool:
     )
 
 
-def parse(source: Source, options: Options) -> Parsed:
+def parse(source: Source, camera_type: str | None) -> Parsed:
     """Return the cameras of the type that is asked for."""
-    wanted = options.camera_type or _DEFAULT_TYPE
+    wanted = camera_type or _DEFAULT_TYPE
     cameras = source.json["cameras"].entries("a list of cameras")
     for camera in cameras:
         if not isinstance(camera.value, dict):
@@ -41,15 +40,4 @@ def parse(source: Source, options: Options) -> Parsed:
         types = sorted({str(camera.value.get("type")) for camera in cameras})
         actual = f"types {', '.join(types) or 'none'}"
         raise DatasetError(source.path, "type", f"cameras of type {wanted}", actual)
-    return Parsed([_camera(camera) for camera in chosen], "cm")
-
-
-def _camera(entry: Field) -> RawCamera:
-    return RawCamera(
-        name=entry["name"].text(),
-        K=entry["K"].numbers((3, 3)),
-        R=entry["R"].numbers((3, 3)),
-        t=entry["t"].numbers((3,)),
-        distortion=lens_of(entry["distCoef"]),
-        size=size_of(entry["resolution"]),
-    )
+    return Parsed([camera_of(entry, distortion="distCoef", size="resolution") for entry in chosen], "cm")

@@ -10,6 +10,7 @@ import numpy as np
 import skelsplat as sk
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import InvalidInputError
+from skelsplat.findings import Finding, FindingWarning, Subject
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -36,11 +37,6 @@ def check_unit(path: Path, centres: Sequence[Array], unit: str | None, *, stated
         What the caller says.
     stated : str or None
         What the format or the file says.
-
-    Raises
-    ------
-    InvalidInputError
-        If neither is there, `unit` is not one of mm, cm, m, or the two contradict each other.
     """
     spread = _spread(centres)
     if stated is not None:
@@ -53,8 +49,9 @@ def check_unit(path: Path, centres: Sequence[Array], unit: str | None, *, stated
         raise InvalidInputError(f'unit: expected "mm", "cm" or "m", got {unit!r}')
     metres = spread * MM_PER_UNIT[unit] / 1000.0
     if spread > 0.0 and not _PLAUSIBLE_M[0] <= metres <= _PLAUSIBLE_M[1]:
-        message = f"{path}: unit: the cameras would stand {metres:.3g} m apart in {unit}; {_hint(spread)}"
-        warnings.warn(message, UserWarning, stacklevel=3)
+        numbers = {"metres": metres, "unit": unit, "spread": spread, "likely": _likely(spread)}
+        subject = Subject(files=(str(path),))
+        warnings.warn(FindingWarning(Finding("unit_implausible", "warning", subject, numbers)), stacklevel=3)
     return unit
 
 
@@ -67,8 +64,13 @@ def _spread(centres: Sequence[Array]) -> float:
 def _hint(spread: float) -> str:
     if spread == 0.0:
         return "one camera gives no hint of it"
-    likely = min(MM_PER_UNIT, key=lambda name: abs(np.log(spread * MM_PER_UNIT[name] / 1000.0 / _TYPICAL_M)))
-    return f'the largest distance between cameras is {spread:.4g} in the file, so "{likely}" is likely'
+    return (
+        f'the largest distance between cameras is {spread:.4g} in the file, so "{_likely(spread)}" is likely'
+    )
+
+
+def _likely(spread: float) -> str:
+    return min(MM_PER_UNIT, key=lambda name: abs(np.log(spread * MM_PER_UNIT[name] / 1000.0 / _TYPICAL_M)))
 
 
 def convert_unit(rig: sk.CameraRig, unit: str) -> sk.CameraRig:

@@ -2,7 +2,8 @@
 
 A format is a module of this package and a row in `FORMATS`: a look at a file's beginning, and readers from a
 folder or file of one camera, or from a file of all, to views. Cameras, frames, joints and missing values are
-the same for all and live here.
+the same for all and live here. What is wrong with a file is a `DatasetError` with its path and field, what is
+wrong with an argument an `InvalidInputError`.
 """
 
 from skelsplat.io.detections._match import camera_called, cameras_called

@@ -69,7 +69,7 @@ class Recording:
 
 @dataclass(frozen=True)
 class DetectionFormat:
-    """A registered format; of `folder`, `file` and `recording` there are those in which it comes.
+    """A registered format; of `file`, `folder` and `recording` there are those in which it comes.
 
     Attributes
     ----------
@@ -78,23 +78,23 @@ class DetectionFormat:
         Of its files.
     matches : callable
         Says from a look at a file's beginning whether it is of this format; never raises.
-    folder : callable or None
-        Reads the folder of one camera that holds one file per frame.
     file : callable or None
         Reads the one file of one camera.
+    folder : callable or None
+        Reads the folder of one camera that holds one file per frame.
     recording : callable or None
         Reads one file of all cameras; its second argument names a sequence in it, or is None.
-    camera_part : callable
-        Cuts what the tool adds off the stem of a file's name.
+    cut : callable
+        Cuts what the tool adds off the stem of a file's name, so that the camera's remains.
     """
 
     name: str
     suffixes: tuple[str, ...]
     matches: Callable[[Path], bool]
-    folder: Callable[[Path], View] | None = None
     file: Callable[[Path], View] | None = None
+    folder: Callable[[Path], View] | None = None
     recording: Callable[[Path, str | None], Recording] | None = None
-    camera_part: Callable[[str], str] = field(default=str)
+    cut: Callable[[str], str] = field(default=str)
 
 
 def joints_of(path: Path, where: str, xy: Array, confidence: Array | None, *, clip: bool) -> Array:
@@ -104,11 +104,6 @@ def joints_of(path: Path, where: str, xy: Array, confidence: Array | None, *, cl
     confidence a joint counts as sure (1). With `clip`, a score above 1 counts as 1 and one below 0 as
     missing: maxima of heat maps and SimCC are no probabilities. The confidence of a joint without pixels does
     not count, whatever it is.
-
-    Raises
-    ------
-    DatasetError
-        If a pixel is infinite, or a confidence outside [0, 1] is not clipped.
     """
     if np.isinf(xy).any():
         raise DatasetError(path, where, "pixels, NaN for missing", "an infinite number")

@@ -32,13 +32,7 @@ def check_mode(mode: str) -> None:
 
 
 def check_offsets(offsets: Mapping[str, int] | None, names: Sequence[str]) -> dict[str, int]:
-    """Return the offset of every camera, 0 unless given; cameras may be written loosely.
-
-    Raises
-    ------
-    InvalidInputError
-        If a camera is unknown or named twice, or an offset no whole number.
-    """
+    """Return the offset of every camera, 0 unless given; cameras may be written loosely."""
     checked, written = dict.fromkeys(names, 0), dict[str, str]()
     for text, value in (offsets or {}).items():
         name = camera_called(text, names, "offsets")
@@ -80,11 +74,6 @@ class Clock:
 
         ``strict`` asks for the same numbers in all sources, before the offsets, and reads what they share
         after them. Of a sparse format it reads every frame that is listed anywhere.
-
-        Raises
-        ------
-        DatasetError
-            If the sources differ under ``strict``, or share no frame.
         """
         own = {label: set(frames) for label, frames in self.frames.items()}
         if mode == "strict" and self.uneven:
@@ -128,13 +117,7 @@ def _counts(sets: dict[str, set[int]], *, ranges: bool = False) -> str:
 
 
 def frame_files(folder: Path, pattern: str, expected: str) -> dict[int, Path]:
-    """Files of a folder by frame number, the last integer in a name, ascending.
-
-    Raises
-    ------
-    DatasetError
-        If there is none (`expected` says what should be there), a name has no number, or two have the same.
-    """
+    """Files of a folder by frame number, the last integer in a name, ascending."""
     files: dict[int, Path] = {}
     for path in sorted(folder.glob(pattern)):
         if path.name.startswith("."):  # "._name" of macOS beside every file on foreign disks

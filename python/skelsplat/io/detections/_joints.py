@@ -32,13 +32,7 @@ _CUSTOM = (
 
 
 def choose_layout(layout: str | sk.Layout | None, views: Iterable[View]) -> sk.Layout:
-    """Return the layout that is asked for, or the one whose joints the files name exactly.
-
-    Raises
-    ------
-    InvalidInputError
-        If there is none of that name, or nothing is asked for and no names decide; lists what would fit.
-    """
+    """Return the layout that is asked for, or the one whose joints the files name exactly."""
     if isinstance(layout, str):
         return sk.layouts.get(layout)
     if layout is not None:
@@ -113,48 +107,42 @@ def places_of(view: View, layout: sk.Layout, mapping: Mapping[str, Joint]) -> Pl
     With names in the file every joint needs its name there, however it is written (``LHip``, ``hip_l``,
     ``left hip``), or an entry of `mapping`. Where the detector's order is fixed, an equal count is enough as
     long as no name contradicts the layout. Without names only `mapping` can differ from the layout's order.
-
-    Raises
-    ------
-    DatasetError
-        If a joint is not found, or a name fits more than one; lists the names of the file.
     """
     if view.joints is None:
-        return _without_names(layout, mapping, view)
+        return _without_names(view, layout, mapping) if mapping else None
     if not mapping and view.own_order and _confirmed(view.joints, layout):
         return None
     keys: dict[tuple[str, ...], list[int]] = {}
     for place, name in enumerate(view.joints):
         keys.setdefault(_key(name), []).append(place)
-    found = {
-        joint: _place(view, joint, mapping[joint]) if joint in mapping else _by_name(view, joint, keys)
-        for joint in layout.joints
-    }
-    missing = [joint for joint, place in found.items() if place == _MISSING]
+    named = {joint: keys.get(_key(joint), []) for joint in layout.joints if joint not in mapping}
+    for joint, places in named.items():
+        if len(places) > 1:
+            names = ", ".join(view.joints[place] for place in places)
+            raise _wrong(view, f"one name for {joint}", names)
+    missing = [joint for joint, places in named.items() if not places]
     if missing:
         advice = f'mapping={{"{missing[0]}": …}} (--map {missing[0]}=…) says which it is'
-        expected = f"a name for every joint of {layout.name}"
         actual = f"none for {', '.join(missing)} among {_listed(view.joints)}; {advice}"
-        raise DatasetError(view.path, "joint names", expected, actual)
-    return tuple(found[joint] for joint in layout.joints)
+        raise _wrong(view, f"a name for every joint of {layout.name}", actual)
+    return tuple(
+        named[joint][0] if joint in named else _mapped(view, joint, mapping[joint]) for joint in layout.joints
+    )
 
 
-_MISSING = -1
+def _wrong(view: View, expected: str, actual: str) -> DatasetError:
+    return DatasetError(view.path, "joint names", expected, actual)
 
 
-def _without_names(layout: sk.Layout, mapping: Mapping[str, Joint], view: View) -> Places | None:
-    if not mapping:
-        return None
+def _without_names(view: View, layout: sk.Layout, mapping: Mapping[str, Joint]) -> Places:
     names = [name for name in mapping.values() if isinstance(name, str)]
     if names:
-        raise DatasetError(
-            view.path, "joint names", f"the name {names[0]!r} (mapping)", "no names, only places"
-        )
+        raise _wrong(view, f"the name {names[0]!r} (mapping)", "no names, only places")
     missing = [joint for joint in layout.joints if joint not in mapping]
     if missing:
         expected = f"--map (in Python mapping=) for every joint of {layout.name}, as the file has no names"
-        raise DatasetError(view.path, "joint names", expected, f"none for {', '.join(missing)}")
-    return tuple(place for joint in layout.joints for place in [mapping[joint]] if not isinstance(place, str))
+        raise _wrong(view, expected, f"none for {', '.join(missing)}")
+    return tuple(_mapped(view, joint, mapping[joint]) for joint in layout.joints)
 
 
 def _confirmed(names: Sequence[str], layout: sk.Layout) -> bool:
@@ -164,22 +152,14 @@ def _confirmed(names: Sequence[str], layout: sk.Layout) -> bool:
     return len(names) == layout.n_joints and all(stands) and 2 * len(stands) >= layout.n_joints
 
 
-def _by_name(view: View, joint: str, keys: Mapping[tuple[str, ...], list[int]]) -> int:
-    places = keys.get(_key(joint), [])
-    if len(places) > 1:
-        names = ", ".join((view.joints or ())[place] for place in places)
-        raise DatasetError(view.path, "joint names", f"one name for {joint}", names)
-    return places[0] if places else _MISSING
-
-
-def _place(view: View, joint: str, target: Joint) -> int | None:
+def _mapped(view: View, joint: str, target: Joint) -> int | None:
     """Return the place of what a mapping says."""
-    names = view.joints or ()
-    if target is None or isinstance(target, int):
+    if not isinstance(target, str):
         return target
-    if target in names:
-        return names.index(target)
-    raise DatasetError(view.path, "joint names", f"{target!r} for {joint}", _listed(names))
+    names = view.joints or ()
+    if target not in names:
+        raise _wrong(view, f"{target!r} for {joint}", _listed(names))
+    return names.index(target)
 
 
 def _listed(names: Sequence[str]) -> str:
@@ -194,33 +174,19 @@ def _key(name: str) -> tuple[str, ...]:
 
 
 def arranged(person: Person, layout: sk.Layout, places: Places | None, *, flat: bool) -> Array:
-    """Return a person's joints in the order of the layout (N, 3), NaN for those that the file lacks.
-
-    Raises
-    ------
-    DatasetError
-        If the person has another number of joints than the layout, or not the places of the mapping.
-    """
+    """Return a person's joints in the order of the layout (N, 3), NaN for those that the file lacks."""
     count, n = len(person.joints), layout.n_joints
-    if places is None:
-        if count != n:
-            expected = (
-                f"3·{n} = {3 * n} numbers (layout {layout.name})"
-                if flat
-                else f"{n} joints (layout {layout.name})"
-            )
-            actual = (
-                f"{3 * count} (3·{count}: {layouts_of(count)})" if flat else f"{count} ({layouts_of(count)})"
-            )
-            raise DatasetError(person.path, person.field, expected, actual + _advice_on(count))
+    if places is None and count == n:
         return person.joints
+    if places is None:
+        expected, actual = f"{n} joints (layout {layout.name})", f"{count} ({layouts_of(count)})"
+        if flat:
+            expected = f"3·{n} = {3 * n} numbers (layout {layout.name})"
+            actual = f"{3 * count} (3·{count}: {layouts_of(count)})"
+        raise DatasetError(person.path, person.field, expected, actual + _advice_on(count))
     highest = max((place for place in places if place is not None), default=-1)
     if highest >= count:
-        raise DatasetError(
-            person.path, person.field, f"a joint at place {highest} (mapping)", f"{count} joints"
-        )
-    joints = np.full((n, 3), np.nan)
-    for j, place in enumerate(places):
-        if place is not None:
-            joints[j] = person.joints[place]
-    return joints
+        expected = f"a joint at place {highest} (mapping)"
+        raise DatasetError(person.path, person.field, expected, f"{count} joints")
+    padded = np.vstack([person.joints, np.full(3, np.nan)])
+    return padded[[-1 if place is None else place for place in places]]

@@ -23,13 +23,7 @@ _ADVICE = (
 
 
 def camera_called(text: str, names: Sequence[str], argument: str = "camera") -> str:
-    """Return the camera that is meant by `text`: exactly its name, or the one that reads the same.
-
-    Raises
-    ------
-    InvalidInputError
-        If there is none, or more than one; names the `argument`.
-    """
+    """Return the camera that is meant by `text`: exactly its name, or the only one that reads the same."""
     known = ", ".join(names)
     fitting = [text] if text in names else [name for name in names if _words(name) == _words(text)]
     if len(fitting) > 1:
@@ -94,14 +88,9 @@ def match_by_name(
     A text that is exactly the camera's name comes first; otherwise both are compared in lower case, without
     separators, leading zeros and a last word "json": camera ``cam_01`` and folder ``cam01_json`` belong
     together. Last, if `Candidates.within`, the camera's words stand together among those of the text
-    (``take2_cam01_results`` and ``cam_01``), if that is so for one text alone. The match must be one to one.
-    `otherwise` says, from the cameras that have no label, what else may be done about it; nothing if empty.
-
-    Raises
-    ------
-    DatasetError
-        If a camera has no label (unless `allow_missing` or it is `optional`, then it gets None), a label
-        that is not idle no camera, or a name fits more than one.
+    (``take2_cam01_results`` and ``cam_01``), if that is so for one text alone. The match must be one to one;
+    a camera without a label gets None if `allow_missing` or it is `optional`, and a label without a camera
+    must be idle. `otherwise` says, from the cameras that lack a label, what else may be done, if anything.
     """
     kind, texts = candidates.kind, candidates.texts
     advice = _ADVICE.format(kind=kind, tail=PurePath(next(iter(texts), "")).suffix if kind == "file" else "")
@@ -171,13 +160,6 @@ def match_by_order(
     Where there are as many labels as cameras that are not left out, they are theirs; otherwise they are all
     cameras', and those of the left out need not exist. `otherwise` says what else may be done where
     ``"sorted"`` finds fewer labels than cameras, but two.
-
-    Raises
-    ------
-    InvalidInputError
-        If `order` does not name as many different labels as there are cameras.
-    DatasetError
-        If a label is not there, or ``"sorted"`` finds another number than there are cameras.
     """
     kind = candidates.kind
     usable = sorted((label for label in candidates.texts if label not in candidates.idle), key=natural)

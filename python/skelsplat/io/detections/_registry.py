@@ -18,8 +18,8 @@ from skelsplat.io.detections import (
     metrabs,
     mmpose,
     openpose,
-    plain_csv,
-    plain_npz,
+    own_csv,
+    own_npz,
     rtmlib,
     sleap,
     videopose3d,
@@ -30,64 +30,31 @@ from skelsplat.io.detections._sources import subfolders
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+# in the order in which a message lists them
 FORMATS: dict[str, DetectionFormat] = {
     form.name: form
     for form in (
         DetectionFormat("openpose", (".json",), openpose.matches, folder=openpose.read_folder),
-        DetectionFormat("mmpose", (".json",), mmpose.matches, file=mmpose.read_file),
+        DetectionFormat("mmpose", (".json",), mmpose.matches, mmpose.read_file),
         DetectionFormat(
-            "alphapose",
-            (".json",),
-            coco.is_alphapose,
-            file=coco.read_alphapose,
-            camera_part=coco.camera_of_alphapose,
+            "alphapose", (".json",), coco.is_alphapose, coco.read_alphapose, cut=coco.cut_alphapose
         ),
-        DetectionFormat("coco", (".json",), coco.is_coco, file=coco.read_coco),
+        DetectionFormat("coco", (".json",), coco.is_coco, coco.read_coco),
+        DetectionFormat("rtmlib", (".npz", ".npy"), rtmlib.matches, rtmlib.read_file, rtmlib.read_folder),
+        DetectionFormat("metrabs", (".npz",), metrabs.matches, metrabs.read_file),
+        DetectionFormat("deeplabcut", (".h5",), deeplabcut.is_h5, deeplabcut.read_h5, cut=deeplabcut.cut),
         DetectionFormat(
-            "rtmlib",
-            (".npz", ".npy"),
-            rtmlib.matches,
-            folder=rtmlib.read_folder,
-            file=rtmlib.read_file,
+            "deeplabcut_csv", (".csv",), deeplabcut.is_csv, deeplabcut.read_csv, cut=deeplabcut.cut
         ),
-        DetectionFormat("metrabs", (".npz",), metrabs.matches, file=metrabs.read_file),
-        DetectionFormat(
-            "deeplabcut",
-            (".h5",),
-            deeplabcut.is_h5,
-            file=deeplabcut.read_h5,
-            camera_part=deeplabcut.camera_part,
-        ),
-        DetectionFormat(
-            "deeplabcut_csv",
-            (".csv",),
-            deeplabcut.is_csv,
-            file=deeplabcut.read_csv,
-            camera_part=deeplabcut.camera_part,
-        ),
-        DetectionFormat(
-            "sleap",
-            (".h5", ".hdf5"),
-            sleap.matches,
-            file=sleap.read_file,
-            camera_part=sleap.camera_part,
-        ),
+        DetectionFormat("sleap", (".h5", ".hdf5"), sleap.matches, sleap.read_file, cut=sleap.cut),
         DetectionFormat("freemocap", (".npy",), freemocap.matches, recording=freemocap.read_recording),
         DetectionFormat("easymocap", (".json",), easymocap.matches, folder=easymocap.read_folder),
         DetectionFormat("videopose3d", (".npz",), videopose3d.matches, recording=videopose3d.read_recording),
         DetectionFormat(
-            "npz",
-            (".npz",),
-            plain_npz.matches,
-            file=plain_npz.read_file,
-            recording=plain_npz.read_recording,
+            "npz", (".npz",), own_npz.matches, own_npz.read_file, recording=own_npz.read_recording
         ),
         DetectionFormat(
-            "csv",
-            (".csv",),
-            plain_csv.matches,
-            file=plain_csv.read_file,
-            recording=plain_csv.read_recording,
+            "csv", (".csv",), own_csv.matches, own_csv.read_file, recording=own_csv.read_recording
         ),
     )
 }
@@ -105,13 +72,6 @@ def find_format(path: Path, name: str | None) -> DetectionFormat:
     """Return the format called `name`; without a name the one that `path` holds.
 
     A path is a file, or a folder with files or folders of one camera each; their beginnings are looked at.
-
-    Raises
-    ------
-    InvalidInputError
-        If `name` is unknown.
-    DatasetError
-        If there is nothing, nothing known, or more than one format.
     """
     known = ", ".join(FORMATS)
     if name is not None and name not in FORMATS:

@@ -73,13 +73,7 @@ class Matching:
 
 
 def open_sources(path: Path, form: DetectionFormat, matching: Matching, sequence: str | None) -> Sources:
-    """Match and open the views beneath `path`.
-
-    Raises
-    ------
-    DatasetError
-        If cameras and files do not fit, or a file is malformed.
-    """
+    """Match and open the views beneath `path`."""
     if path.is_file():
         candidates, open_one = _of_recording(path, form, sequence, ordered=matching.order is not None)
     else:
@@ -121,7 +115,7 @@ def _file_candidates(path: Path, form: DetectionFormat) -> Candidates:
     """Return the files of a folder; one that is not recognised is still taken for a camera of its name."""
     files = _files(path, form, recognised=False)
     known = {file.name for file in _files(path, form)}
-    texts = {file.name: form.camera_part(file.stem) for file in files}
+    texts = {file.name: form.cut(file.stem) for file in files}
     idle = texts.keys() - known if known else set()
     return Candidates(path, "file", texts, idle, within=True)
 

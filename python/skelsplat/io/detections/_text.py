@@ -7,27 +7,17 @@ from typing import TYPE_CHECKING
 
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._fields import Field
-from skelsplat.io._files import load_json, read_text
+from skelsplat.io._files import head, load_json, read_text
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-_HEAD = 65_536  # bytes
 _FIELDS = "comma-separated fields, every quote closed"
 
 
 def json_document(path: Path, document: str) -> Field:
     """Return what a JSON file holds; `document` says what it should be, for messages."""
     return Field(path, "", load_json(path, read_text(path), document))
-
-
-def head(path: Path) -> str:
-    """Return the first characters of a file; none if it cannot be read."""
-    try:
-        with path.open("rb") as stream:
-            return stream.read(_HEAD).decode("utf-8-sig", errors="replace").lstrip()
-    except OSError:
-        return ""
 
 
 def csv_lines(path: Path) -> list[list[str]]:

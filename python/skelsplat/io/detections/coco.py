@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._files import frame_number
+from skelsplat.io._files import frame_number, head
 from skelsplat.io.detections._format import Person, View, list_view
-from skelsplat.io.detections._text import head, json_document
+from skelsplat.io.detections._text import json_document
 from skelsplat.io.detections.openpose import triples
 
 if TYPE_CHECKING:
@@ -86,6 +86,6 @@ def is_alphapose(path: Path) -> bool:
     return start.startswith("[") and re.search(r'"image_id"\s*:\s*"', start) is not None
 
 
-def camera_of_alphapose(stem: str) -> str:
+def cut_alphapose(stem: str) -> str:
     """Cut AlphaPose's own words off the name of a file."""
     return re.sub(r"[-_ ]*alphapose[-_ ]results", "", stem) or stem

@@ -176,6 +176,6 @@ def is_csv(path: Path) -> bool:
     return len(first) > 1 and first[0] == "scorer"
 
 
-def camera_part(stem: str) -> str:
+def cut(stem: str) -> str:
     """Cut the name of the network off the name of a result: ``cam1DLC_resnet50_…`` → ``cam1``."""
     return stem.partition("DLC_")[0] or stem

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from skelsplat.io._files import head
 from skelsplat.io.detections._format import Person, View, joints_of
 from skelsplat.io.detections._frames import frame_files
-from skelsplat.io.detections._text import head, json_document
+from skelsplat.io.detections._text import json_document
 
 if TYPE_CHECKING:
     from pathlib import Path

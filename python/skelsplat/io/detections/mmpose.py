@@ -10,8 +10,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from skelsplat.io._files import head
 from skelsplat.io.detections._format import Person, View, joints_of, list_view
-from skelsplat.io.detections._text import head, json_document
+from skelsplat.io.detections._text import json_document
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -94,6 +94,6 @@ def matches(path: Path) -> bool:
     return hdf5_mentions(path, b"node_names", b"track")
 
 
-def camera_part(stem: str) -> str:
+def cut(stem: str) -> str:
     """Cut SLEAP's own words off the name of a file."""
     return re.sub(r"\.(analysis|predictions|slp)\b", "", stem)

@@ -26,15 +26,7 @@ _LAYOUTS = {"h36m": layouts.H36M17, "coco": layouts.COCO17}
 
 
 def read_recording(path: Path, sequence: str | None) -> Recording:
-    """Return the views of one sequence, ``"S9/Directions 1"``; of a custom file those of all videos.
-
-    Raises
-    ------
-    InvalidInputError
-        If the file has several sequences and `sequence` names none; the message lists some.
-    DatasetError
-        If the file is not as VideoPose3D writes it.
-    """
+    """Return the views of one sequence, ``"S9/Directions 1"``; of a custom file those of all videos."""
     arrays = load_npz(path, (_KEY, "metadata"))
     subjects = _table(path, _KEY, _content(arrays.take(_KEY)))
     table = {str(name): _table(path, f"{_KEY}.{name}", actions) for name, actions in subjects.items()}

@@ -87,13 +87,7 @@ POSE_FORMATS: dict[str, PoseFormat] = {
 
 
 def pose_format(path: str | os.PathLike[str]) -> str:
-    """Return the key of `POSE_FORMATS` that the extension of ``path`` names.
-
-    Raises
-    ------
-    InvalidInputError
-        If it names none.
-    """
+    """Return the key of `POSE_FORMATS` that the extension of ``path`` names, or raise `InvalidInputError`."""
     suffix = Path(path).suffix.lower().removeprefix(".")
     if suffix not in POSE_FORMATS:
         known = ", ".join(f".{name}" for name in POSE_FORMATS)
@@ -102,14 +96,9 @@ def pose_format(path: str | os.PathLike[str]) -> str:
 
 
 def check_pose_format(kind: str, frames: npt.NDArray[np.int64] | None = None) -> None:
-    """Find out before long work whether a file of this kind can be written.
+    """Raise before long work if a file of this kind cannot be written.
 
-    Raises
-    ------
-    MissingPackageError
-        If a package that it needs is not installed.
-    InvalidInputError
-        If the frame numbers, where given, do not fit into such a file.
+    It may need a package that is not installed, or the frame numbers do not fit into such a file.
     """
     for module in POSE_FORMATS[kind].packages:
         require(module, f".{kind} files")

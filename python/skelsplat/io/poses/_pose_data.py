@@ -116,10 +116,9 @@ class PoseData:
             if np.shape(getattr(self, name))[:1] != (0,):
                 shapes[name] = shape_of(name, steps, len(self.camera_names), joints)
         for name, shape in shapes.items():
-            if np.shape(getattr(self, name)) != shape:
-                raise InvalidInputError(
-                    f"{name}: expected shape {shape}, got {np.shape(getattr(self, name))}"
-                )
+            actual = np.shape(getattr(self, name))
+            if actual != shape:
+                raise InvalidInputError(f"{name}: expected shape {shape}, got {actual}")
 
     def _read_arrays(self) -> None:
         """Take arrays of any kind: NaN for what is masked."""

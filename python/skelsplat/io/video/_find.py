@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._files import VIDEO_SUFFIXES
+from skelsplat.io._files import VIDEO_SUFFIXES, opening
 from skelsplat.io.detections._match import Candidates, cameras_called, match_by_name, match_by_order
 
 if TYPE_CHECKING:
@@ -72,11 +72,8 @@ def _entries(root: Path) -> tuple[str, dict[str, Path]]:
     """Return what may belong to cameras and whether these are files or folders; `root` alone if it is one."""
     if root.is_file():
         return "file", {root.name: root}
-    try:
+    with opening(root, "a readable folder or video", "content"):
         there = sorted(path for path in root.iterdir() if not path.name.startswith("."))
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise DatasetError(root, "content", "a readable folder or video", reason) from error
     videos = {path.name: path for path in there if path.suffix.lower() in VIDEO_SUFFIXES and path.is_file()}
     if videos:
         return "file", videos

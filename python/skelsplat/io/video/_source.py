@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from skelsplat._opencv import opencv
 from skelsplat.exceptions import DatasetError
+from skelsplat.io._files import opening
 from skelsplat.io.detections._frames import frame_files
 from skelsplat.io.video._find import images_in
 
@@ -23,7 +25,8 @@ Image = npt.NDArray[np.uint8]
 Size = tuple[int, int]
 
 
-class FrameSource(Protocol):
+@dataclass(frozen=True)
+class FrameSource(ABC):
     """Where a camera's frames come from.
 
     Attributes
@@ -37,17 +40,13 @@ class FrameSource(Protocol):
         The camera's own numbers of its frames; the last of a video is what its header says.
     """
 
-    @property
-    def path(self) -> Path: ...
-    @property
-    def size(self) -> Size: ...
-    @property
-    def rate(self) -> float | None: ...
-    @property
-    def first(self) -> int: ...
-    @property
-    def last(self) -> int: ...
+    path: Path
+    size: Size
+    rate: float | None
+    first: int
+    last: int
 
+    @abstractmethod
     def frames(self, first: int, last: int) -> Iterator[tuple[int, Image]]:
         """Yield (number, image (H, W, 3), blue first) of the frames `first` to `last` that can be read.
 
@@ -56,7 +55,12 @@ class FrameSource(Protocol):
         DatasetError
             If an image has another size than the first.
         """
-        ...
+
+    def _checked(self, image: Image, path: Path, number: int) -> Image:
+        if _size(image) != self.size:
+            expected = f"{self.size[0]}×{self.size[1]} like the others"
+            raise DatasetError(path, f"frame {number}", expected, f"{image.shape[1]}×{image.shape[0]}")
+        return image
 
 
 def open_source(path: Path, first_frame: int = 0) -> FrameSource:
@@ -75,14 +79,7 @@ def open_source(path: Path, first_frame: int = 0) -> FrameSource:
     return _open_images(path) if path.is_dir() else _open_video(path, first_frame)
 
 
-@dataclass(frozen=True)
-class _Video:
-    path: Path
-    size: Size
-    rate: float | None
-    first: int
-    last: int
-
+class _Video(FrameSource):
     def frames(self, first: int, last: int) -> Iterator[tuple[int, Image]]:
         with _capture(self.path) as capture:
             for number in range(self.first, last + 1):
@@ -93,29 +90,18 @@ class _Video:
                 good, image = capture.read()
                 if not good:
                     return
-                yield number, _of_size(image, self.size, self.path, number)
+                yield number, self._checked(image, self.path, number)
 
 
 @dataclass(frozen=True)
-class _Images:
-    path: Path
-    size: Size
+class _Images(FrameSource):
     files: dict[int, Path]
-    rate: float | None = None
-
-    @property
-    def first(self) -> int:
-        return min(self.files)
-
-    @property
-    def last(self) -> int:
-        return max(self.files)
 
     def frames(self, first: int, last: int) -> Iterator[tuple[int, Image]]:
         for number, path in self.files.items():
             image = _read_image(path) if first <= number <= last else None
             if image is not None:
-                yield number, _of_size(image, self.size, path, number)
+                yield number, self._checked(image, path, number)
 
 
 @contextmanager
@@ -151,18 +137,14 @@ def _open_images(folder: Path) -> _Images:
     for path in files.values():
         image = _read_image(path)
         if image is not None:
-            return _Images(folder, _size(image), files)
+            return _Images(folder, _size(image), None, min(files), max(files), files)
     raise DatasetError(folder, "images", "images that OpenCV can read", f"{len(files)} that it cannot")
 
 
 def _read_image(path: Path) -> Image | None:
     """Return an image, or None for a file that is none."""
-    try:
+    with opening(path, field="image"):
         data = np.fromfile(path, dtype=np.uint8)  # imread cannot open every path on Windows
-    except OSError as error:
-        raise DatasetError(
-            path, "image", "a readable file", (error.strerror or str(error)).lower()
-        ) from error
     if not data.size:
         return None
     image: Image | None = opencv().imdecode(data, opencv().IMREAD_COLOR)
@@ -171,10 +153,3 @@ def _read_image(path: Path) -> Image | None:
 
 def _size(image: Image) -> Size:
     return image.shape[1], image.shape[0]
-
-
-def _of_size(image: Image, size: Size, path: Path, number: int) -> Image:
-    if _size(image) != size:
-        expected = f"{size[0]}×{size[1]} like the others"
-        raise DatasetError(path, f"frame {number}", expected, f"{image.shape[1]}×{image.shape[0]}")
-    return image

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any
 
@@ -21,47 +22,53 @@ if TYPE_CHECKING:
 _CODEC = "mp4v"
 
 
-class Mp4Sink:
-    """An MP4 video, MPEG-4 part 2, that appears under its name when the block ends without an exception.
-
-    A width or height that is odd is made even by repeating the last column or row.
-
-    Parameters
-    ----------
-    path : Path
-    rate : float
-        Frames per second.
+class FrameSink(ABC):
+    """Where frames go, in a ``with`` block.
 
     Attributes
     ----------
     path : Path
     count : int
-        Frames written so far. A video without any is not written.
+        Frames written so far.
     size : (width, height)
-        Of the frames as they are written.
+        Of the last frame as it was written.
     """
 
-    def __init__(self, path: Path, rate: float) -> None:
+    def __init__(self, path: Path) -> None:
         self.path = path
         self.count = 0
         self.size = (0, 0)
+
+    def __enter__(self) -> FrameSink:
+        return self
+
+    @abstractmethod
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None: ...
+
+    @abstractmethod
+    def write(self, number: int, image: Image) -> None:
+        """Write a frame, or raise `DatasetError`."""
+
+
+class Mp4Sink(FrameSink):
+    """An MP4 video, MPEG-4 part 2, that appears under its name when the block ends without an exception.
+
+    All frames have the size of the first; a width or height that is odd is made even by repeating the last
+    column or row. A video without frames is not written. `rate` is in frames per second.
+    """
+
+    def __init__(self, path: Path, rate: float) -> None:
+        super().__init__(path)
         self._rate = rate
         self._temporary: Path | None = None
         self._writer: Any = None
         self._stack = ExitStack()
 
-    def __enter__(self) -> Mp4Sink:
-        return self
-
     def write(self, number: int, image: Image) -> None:
-        """Append a frame; all have the size of the first.
-
-        Raises
-        ------
-        DatasetError
-            If the video cannot be written.
-        """
-        del number  # a video counts by itself
+        """Append a frame; a video counts by itself."""
+        del number
         even = np.pad(image, [(0, image.shape[0] % 2), (0, image.shape[1] % 2), (0, 0)], mode="edge")
         if self._writer is None:
             self._open(even)
@@ -99,45 +106,17 @@ class Mp4Sink:
             raise DatasetError(self.path, "output", f"{self.count} frames to be written", f"{count}")
 
 
-class PngSink:
-    """A folder of PNG files, named by the frame's number.
-
-    Parameters
-    ----------
-    path : Path
-        The folder; made with the first frame.
-
-    Attributes
-    ----------
-    path : Path
-    count : int
-        Frames written so far.
-    size : (width, height)
-        Of the last frame.
-    """
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.count = 0
-        self.size = (0, 0)
-
-    def __enter__(self) -> PngSink:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        return None
+class PngSink(FrameSink):
+    """A folder of PNG files, named by the frame's number; it is made with the first frame."""
 
     def write(self, number: int, image: Image) -> None:
-        """Write a frame.
-
-        Raises
-        ------
-        DatasetError
-            If it cannot be written.
-        """
+        """Write a frame to a file of its own."""
         self.path.mkdir(parents=True, exist_ok=True)
         _, data = opencv().imencode(".png", image)
         with atomic_write(self.path / f"{number:06d}.png", durable=False) as stream:
             stream.write(data.tobytes())
         self.count += 1
         self.size = image.shape[1], image.shape[0]
+
+    def __exit__(self, *_: object) -> None:
+        return None

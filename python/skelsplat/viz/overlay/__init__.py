@@ -5,9 +5,8 @@ and marks grow with the image. Images are (H, W, 3) uint8 in OpenCV's order of c
 """
 
 from skelsplat.viz.overlay._draw import OverlayFrame, Shown, draw_overlay
-from skelsplat.viz.overlay._legend import legend_strip
-from skelsplat.viz.overlay._text import draw_label
 from skelsplat.viz.overlay._tiles import Tiling, blank_tile, tiling
+from skelsplat.viz.overlay._words import draw_label, legend_strip
 
 __all__ = [
     "OverlayFrame",

@@ -3,7 +3,6 @@
 from skelsplat.viz.report._data import (
     CameraShapes,
     Column,
-    HeatMaps,
     KeyNumber,
     ProblemRow,
     ReportData,
@@ -16,7 +15,6 @@ from skelsplat.viz.report._page import write_report
 __all__ = [
     "CameraShapes",
     "Column",
-    "HeatMaps",
     "KeyNumber",
     "ProblemRow",
     "ReportData",

@@ -104,20 +104,6 @@ class Table:
 
 
 @dataclass(frozen=True)
-class HeatMaps:
-    """By camera and joint, (M, N): median error in px, and the part of the detections that is rejected.
-
-    NaN where a camera has no detection of a joint that is used.
-    """
-
-    errors_px: Array
-    rejected: Array
-
-    def __post_init__(self) -> None:
-        read_fields(self, "errors_px", "rejected")
-
-
-@dataclass(frozen=True)
 class TimeLine:
     """A curve over the frames.
 
@@ -167,8 +153,11 @@ class ReportData:
         Sentences; empty without any.
     notes
         Sentences on how to read the numbers and on what was done to the poses.
-    numbers, cameras, joints, heat, lines, problems, sequence, shapes
+    numbers, cameras, joints, lines, problems, sequence, shapes
         The parts of the page.
+    errors_px, rejected : (M, N)
+        By camera and joint: median error in px, and the part of the detections that is rejected; NaN where a
+        camera has no detection of a joint that is used.
     """
 
     title: str
@@ -180,6 +169,10 @@ class ReportData:
     shapes: CameraShapes
     cameras: Table
     joints: Table
-    heat: HeatMaps
+    errors_px: Array
+    rejected: Array
     lines: Sequence[TimeLine]
     problems: Sequence[ProblemRow]
+
+    def __post_init__(self) -> None:
+        read_fields(self, "errors_px", "rejected")

@@ -13,20 +13,22 @@ from typing import TYPE_CHECKING, Any
 
 from skelsplat._optional import require
 from skelsplat.viz import _style
-from skelsplat.viz.report import _html
+from skelsplat.viz._skeleton import not_ok_in_words
 from skelsplat.viz.report._scene import as_text, frames_to_show, pack_scene, thin_line
 
 if TYPE_CHECKING:
     import os
+    from collections.abc import Iterable, Sequence
     from pathlib import Path
 
     import numpy as np
     import numpy.typing as npt
 
-    from skelsplat.viz.report._data import HeatMaps, ReportData, TimeLine
+    from skelsplat.viz.report._data import KeyNumber, ProblemRow, ReportData, Table, TimeLine
 
     Places = npt.NDArray[np.int64]
 
+_MOST_PROBLEMS = 500
 # One program in several files, in this order.
 _PROGRAMS = ("decode.js", "body.js", "view.js", "charts.js", "player.js")
 
@@ -53,7 +55,12 @@ def build_page(data: ReportData) -> str:
     places, every = frames_to_show(sequence.frames, len(sequence.joint_names), wanted)
     content = {
         "scene": pack_scene(sequence, data.shapes, places),
-        "heat": _heat(data.heat, data),
+        "heat": {
+            "cameras": list(data.shapes.names),
+            "joints": list(sequence.joint_names),
+            "errors": as_text(data.errors_px, "<f4"),
+            "rejected": as_text(data.rejected, "<f4"),
+        },
         "lines": [_line(line, places) for line in data.lines],
         "problems": [[row.first, row.last, row.words] for row in data.problems],
         "colours": {"left": _style.LEFT, "right": _style.RIGHT},
@@ -63,17 +70,17 @@ def build_page(data: ReportData) -> str:
         policy=_policy(programs),
         title=escape(data.title),
         style=_resource("style.css"),
-        facts=_html.facts_line(data.facts),
-        warnings=_html.warnings(data.warnings),
+        facts=_facts_line(data.facts),
+        warnings=_warnings(data.warnings),
         warnings_kind="loud" if data.warnings else "quiet",
-        notes=_html.notes([*data.notes, *_thinned(len(sequence.frames), len(places), every)]),
-        numbers=_html.tiles(data.numbers),
-        cameras=_html.table(data.cameras),
-        joints=_html.table(data.joints),
-        meanings=_html.meanings(data.joints),
-        problems=_html.problems(data.problems),
+        notes=_notes([*data.notes, *_thinned(len(sequence.frames), len(places), every)]),
+        numbers=_tiles(data.numbers),
+        cameras=_table(data.cameras),
+        joints=_table(data.joints),
+        meanings=_meanings(data.joints),
+        problems=_problems(data.problems),
         start=escape(sequence.start_name),
-        hollow=_html.hollow_key(sequence.status),
+        hollow=_hollow_key(sequence.status),
         plotly=programs[0],
         program=programs[1],
         data=_json(content),
@@ -93,15 +100,6 @@ def _policy(programs: list[str]) -> str:
         f"default-src 'none'; script-src {hashes}; style-src 'unsafe-inline'; img-src data: blob:; "
         "base-uri 'none'; form-action 'none'"
     )
-
-
-def _heat(heat: HeatMaps, data: ReportData) -> dict[str, Any]:
-    return {
-        "cameras": list(data.shapes.names),
-        "joints": list(data.sequence.joint_names),
-        "errors": as_text(heat.errors_px, "<f4"),
-        "rejected": as_text(heat.rejected, "<f4"),
-    }
 
 
 def _line(line: TimeLine, places: Places) -> dict[str, Any]:
@@ -144,3 +142,84 @@ def _finite(value: Any) -> Any:
 
 def _resource(name: str) -> str:
     return (files("skelsplat.viz.report") / name).read_text(encoding="utf-8")
+
+
+def _facts_line(facts: Iterable[tuple[str, str]]) -> str:
+    """Return name and value pairs as a description list."""
+    return "\n".join(f"<div><dt>{escape(name)}</dt><dd>{escape(value)}</dd></div>" for name, value in facts)
+
+
+def _warnings(sentences: Sequence[str]) -> str:
+    """Return warnings as a list, or that there are none."""
+    if not sentences:
+        return "<p>None. Frames with a problem are listed below.</p>"
+    return f"<ul>\n{_items(sentences)}\n</ul>"
+
+
+def _notes(sentences: Sequence[str]) -> str:
+    """Return sentences as a list."""
+    return f"<ul>\n{_items(sentences)}\n</ul>" if sentences else ""
+
+
+def _tiles(numbers: Iterable[KeyNumber]) -> str:
+    """Return the key numbers, each with its label and remark."""
+    return "\n".join(
+        f"<div><dt>{escape(number.label)}</dt><dd>{escape(number.value)}</dd>"
+        f'<dd class="remark">{escape(number.remark)}</dd></div>'
+        for number in numbers
+    )
+
+
+def _table(content: Table) -> str:
+    """Return a table whose first column names the rows and whose heads say on hover what they mean."""
+    heads = "".join(
+        f'<th scope="col" title="{escape(column.meaning)}">{escape(column.head)}</th>'
+        for column in content.columns
+    )
+    rows = "\n".join(_row(row) for row in content.rows)
+    foot = f"<tfoot>{_row(content.total)}</tfoot>" if content.total else ""
+    return f"<table>\n<thead><tr>{heads}</tr></thead>\n<tbody>\n{rows}\n</tbody>\n{foot}\n</table>"
+
+
+def _meanings(content: Table) -> str:
+    """Return what the columns mean, for print and for readers without a pointer."""
+    said = [
+        f"<b>{escape(column.head)}</b> {escape(column.meaning)}"
+        for column in content.columns
+        if column.meaning
+    ]
+    return "; ".join(said) + "."
+
+
+def _problems(rows: Sequence[ProblemRow]) -> str:
+    """Return the frames with a problem, linked to the 3D view, the first `_MOST_PROBLEMS` rows of them."""
+    if not rows:
+        return "<p>None.</p>"
+    shown = "\n".join(
+        f'<tr><th scope="row">{_frames(row)}</th><td>{escape(row.words)}</td></tr>'
+        for row in rows[:_MOST_PROBLEMS]
+    )
+    more = len(rows) - _MOST_PROBLEMS
+    rest = f"<p>{more:,} more rows are omitted here; report.json lists all frames.</p>" if more > 0 else ""
+    head = '<thead><tr><th scope="col">frames</th><th scope="col">problem</th></tr></thead>'
+    return f"<table>\n{head}\n<tbody>\n{shown}\n</tbody>\n</table>\n{rest}"
+
+
+def _hollow_key(status: npt.NDArray[np.str_]) -> str:
+    """Return what hollow joints are, for the key of the 3D view; nothing without any."""
+    words = not_ok_in_words(status)
+    return f'<span class="hollow">{escape(words)}</span>' if words else ""
+
+
+def _items(sentences: Iterable[str]) -> str:
+    return "\n".join(f"<li>{escape(sentence)}</li>" for sentence in sentences)
+
+
+def _row(cells: Sequence[str]) -> str:
+    rest = "".join(f"<td>{escape(cell)}</td>" for cell in cells[1:])
+    return f'<tr><th scope="row">{escape(cells[0])}</th>{rest}</tr>'
+
+
+def _frames(row: ProblemRow) -> str:
+    numbers = [row.first] if row.first == row.last else [row.first, row.last]
+    return "–".join(f'<a href="#frame={number}">{number}</a>' for number in numbers)

@@ -39,7 +39,7 @@ function drawHeat(kind) {
     type: "heatmap", z: rows, customdata: hover, xgap: 1, ygap: 1, zmin: 0,
     colorscale: dark ? [[0, "#1f2a30"], [0.5, "#2f7fb0"], [1, "#bfe4ff"]] : [[0, "#f2f7fb"], [0.5, "#5ba3cf"], [1, "#08306b"]],
     zmax: kind === "rejected" ? 100 : Math.max(1e-9, ...rows.flat()), hovertemplate: `%{customdata}<br>${words}<extra></extra>`,
-    texttemplate: numbers ? format : "", colorbar: { title: { text: title }, thickness: 12, outlinewidth: 0 },
+    texttemplate: numbers ? format : "", colorbar: { title: { text: title }, thickness: 12, outlinewidth: 0, lenmode: "pixels", len: Math.max(130, cell * cameras.length), y: 1, yanchor: "top", nticks: 5 },
   };
   const some = Math.ceil(joints.length / Math.max(4, Math.floor(charts.heat.clientWidth / 18)));
   const ticks = joints.map((_, j) => j).filter((j) => j % some === 0);

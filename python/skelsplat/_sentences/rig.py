@@ -1,0 +1,225 @@
+"""What a check of cameras finds: units, conventions, files and calibrations that do not fit each other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from skelsplat._sentences.words import listed, percent
+
+if TYPE_CHECKING:
+    from skelsplat.findings import Finding
+
+    Numbers = Mapping[str, Any]
+
+
+def _px(error: float | None, digits: int = 1) -> str:
+    return f"{error:.{digits}f} px" if error is not None and error < float("inf") else "beyond measure"
+
+
+def _length(mm: float) -> str:
+    if mm >= 1000.0:
+        return f"{mm / 1000.0:.3g} m"
+    return f"{mm / 10.0:.3g} cm" if mm >= 10.0 else f"{mm:.3g} mm"
+
+
+def _size(subject: str, rest: str) -> Callable[[Finding], str]:
+    def sentence(finding: Finding) -> str:
+        numbers = finding.numbers
+        measured = (
+            f"With unit {numbers['stated']}, the {subject} measures about {_length(numbers['size_mm'])}"
+        )
+        return measured + rest.format(**numbers)
+
+    return sentence
+
+
+def _change(numbers: Numbers) -> str:
+    """Return the error before and after a correction."""
+    before, after, first = _px(numbers["before_px"]), _px(numbers["after_px"]), _once(numbers)
+    return f"error {before}{first}, {after} after {'this' if first else 'the'} correction"
+
+
+def _once(numbers: Numbers) -> str:
+    """Return a clause: the number before it holds in the scene in which earlier findings are corrected."""
+    if "once_corrected" not in numbers:
+        return ""
+    names: Sequence[str] = numbers["once_corrected"]
+    subject = f"{listed(names)} {'is' if len(names) == 1 else 'are'}" if names else "the above is"
+    return f" once {subject} corrected"
+
+
+def _all_cameras(finding: Finding) -> str:
+    """Return a sentence on all cameras, with the error, and with other explanations."""
+    numbers = finding.numbers
+    text = _explanation({"kind": finding.kind, **numbers})
+    error = f"error {_px(numbers['before_px'], 0)}, {_px(numbers['after_px'])} after the correction"
+    others = (" and ".join(map(_explanation, rival)) for rival in numbers.get("rivals", ()))
+    also = "".join(f" Almost as good an explanation: {other}." for other in others)
+    return f"{text[0].upper()}{text[1:]} ({error}).{also}"
+
+
+def _explanation(numbers: Numbers) -> str:
+    """Return a clause on all cameras: other images, or folders that are exchanged."""
+    if numbers["kind"] == "images_changed":
+        return f"the detections of all cameras are {numbers['images']}"
+    moved = {name: owner for name, owner in numbers["folders"].items() if owner != name}
+    if len(moved) == 2:
+        return f"the detections of {listed(list(moved))} are exchanged (or their calibrations are)"
+    each = ", ".join(f"those of {owner} belong to {name}" for name, owner in moved.items())
+    return f"the detections of {len(moved)} cameras are exchanged (or their calibrations are): {each}"
+
+
+def _offset(numbers: Numbers, name: str) -> str:
+    shift, (least, most) = numbers["frames"], sorted(map(abs, numbers["frames_nearly_as_good"]))
+    also = f" ({least} to {most} fit almost as well)" if least < most else ""
+    return (
+        f"{name}'s frame numbers are {abs(shift)} too {'high' if shift > 0 else 'low'}{also}: its frame "
+        f"f{shift:+d} is frame f of the others ({_change(numbers)})."
+    )
+
+
+def _resized(numbers: Numbers, name: str) -> str:
+    return (
+        f"{name}'s detections are from images of another size; multiplied by {numbers['factor']:.3g} they "
+        f"fit ({_change(numbers)})."
+    )
+
+
+def _images(numbers: Numbers, name: str) -> str:
+    return f"{name}'s images are {numbers['images']} ({_change(numbers)})."
+
+
+def _pose(numbers: Numbers, name: str) -> str:
+    text = (
+        f"{name}'s calibration looks wrong: {_motion(numbers, 'the camera')} restores agreement "
+        f"({_change(numbers)}). The camera was moved after calibration, or the calibration belongs to "
+        "another camera or another image."
+    )
+    if "same_as_shift_px" in numbers:
+        shift = f"{numbers['same_as_shift_px']:.0f} px"
+        text += f" An image shifted by {shift} (a crop, a principal point) would look the same."
+    return text
+
+
+def _motion(numbers: Numbers, what: str) -> str:
+    moved = f" and moving it by {numbers['mm']:.0f} mm" if numbers["mm"] else ""
+    return f"rotating {what} by {numbers['degrees']:.1f}°{moved}"
+
+
+def _briefly(numbers: Numbers) -> str:
+    """Return what would be changed about one camera."""
+    name, kind = numbers["camera"], numbers["kind"]
+    if kind == "frame_offset":
+        return f"changing {name}'s frame numbers by {-numbers['frames']:+d}"
+    if kind == "image_resized":
+        return f"multiplying {name}'s detections by {numbers['factor']:.3g}"
+    if kind == "image_changed":
+        return f"taking {name}'s images as {numbers['images']}"
+    return _motion(numbers, name)
+
+
+def _one_camera(describe: Callable[[Numbers, str], str]) -> Callable[[Finding], str]:
+    """Return a sentence on one camera, with other explanations, and with how few frames support it."""
+
+    def sentence(finding: Finding) -> str:
+        numbers, (name,) = finding.numbers, finding.subject.cameras
+        text = describe(numbers, name)
+        rivals = numbers.get("rivals", ())
+        if rivals:
+            ways = " or ".join(map(_briefly, rivals))
+            means = " or ".join(f"{rival['mean_px']:.1f}" for rival in rivals)
+            text += (
+                f" {ways[0].upper() + ways[1:]} explains it almost as well (mean error {means} px instead "
+            )
+            text += f"of {numbers['mean_px']:.1f} px)."
+        if "few_frames" in numbers:
+            frames = numbers["few_frames"]
+            text += f" Based on only {frames} frame{'s' * (frames != 1)}; provide more."
+        return text
+
+    return sentence
+
+
+def _disagrees(finding: Finding) -> str:
+    numbers, (name,) = finding.numbers, finding.subject.cameras
+    return (
+        f"{name} disagrees with the other cameras, and nothing that was tried explains it: "
+        f"{percent(numbers['rejected'])} of its detections are rejected, {percent(numbers['others'])} of "
+        f"theirs, and they lie {numbers['px']:.0f} px from where the others place them{_once(numbers)}. "
+        "Look at its images: what it sees, and whether its lens is the one in the calibration."
+    )
+
+
+def _looks_away(finding: Finding) -> str:
+    names = finding.subject.cameras
+    return f"{listed(names)} look{'s' * (len(names) == 1)} away from where the other cameras look."
+
+
+def _recording(finding: Finding) -> str:
+    names = finding.subject.cameras
+    return (
+        "Calibration and detections probably do not belong together (another recording, another rig, or "
+        f"cameras that were set up again): {len(names)} of {finding.numbers['of']} cameras "
+        f"({', '.join(names)}) are not where the calibration places them. It is impossible to tell which "
+        "cameras are right."
+    )
+
+
+def _apart(finding: Finding) -> str:
+    names = finding.subject.cameras
+    return (
+        f"{listed(names)} disagree: no point is nearer than {finding.numbers['px']:.1f} px to what they see. "
+        "With two cameras, it is impossible to tell which is wrong, and whether it is calibration or timing."
+    )
+
+
+SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
+    "unit_implausible": (
+        "{files}: unit: the cameras would be {metres:.3g} m apart in {unit}; the largest distance between "
+        'cameras is {spread:.4g} in the file, so "{likely}" is likely'
+    ),
+    "unit_wrong": _size("person", '. The unit of the calibration is most likely "{likely}".'),
+    "unit_unknown": _size("person", ", which none of mm, cm and m explains. Was the calibration scaled?"),
+    "body_size": _size("body", ". Is that the unit of the calibration?"),
+    "pose_convention": (
+        "The poses of all cameras appear to be {convention}: read that way, the cameras agree to "
+        "{after_px:.1f} px instead of {before_px:.0f} px. Convert the calibration before using it."
+    ),
+    "images_changed": _all_cameras,
+    "cameras_exchanged": _all_cameras,
+    "frame_offset": _one_camera(_offset),
+    "image_resized": _one_camera(_resized),
+    "image_changed": _one_camera(_images),
+    "camera_rotated": _one_camera(_pose),
+    "camera_moved": _one_camera(_pose),
+    "camera_unexplained": _disagrees,
+    "cameras_apart": _apart,
+    "recording_other": _recording,
+    "detections_none": "There are no detections to check the cameras with.",
+    "camera_blind": "{cameras} has no detections.",
+    "detections_outside": (
+        "{cameras}: {outside:.0%} of the detections lie outside its image of {width} by {height} px. Are "
+        "they from images of this size, not rotated, x before y?"
+    ),
+    "field_of_view": (
+        "{cameras}: a focal length of {focal_px:.4g} px on images of {width} by {height} px is a field of "
+        "view of {degrees:.3g}°. Is this the image size of the calibration?"
+    ),
+    "principal_point": (
+        "{cameras}: the principal point ({x:.0f}, {y:.0f}) is far from the middle of images of {width} by "
+        "{height} px. Is this the image size of the calibration, width before height?"
+    ),
+    "pixels_not_square": (
+        "{cameras}: focal lengths of {fx:.4g} and {fy:.4g} px mean pixels that are not square."
+    ),
+    "same_place": (
+        "{one} and {other} are in the same place; two views from one place give no depth. Is one a copy of "
+        "the other?"
+    ),
+    "all_look_away": (
+        "All cameras look away from the point where their axes come closest. Are rotation and translation "
+        "camera → world instead of world → camera, or does z point backwards?"
+    ),
+    "looks_away": _looks_away,
+}

@@ -1,0 +1,131 @@
+"""The commands' common behaviour: ``--config``, opposites of flags, short help, errors that name options."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import re
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from typer.core import TyperCommand
+
+from skelsplat.cli.config import Config
+from skelsplat.exceptions import InvalidInputError
+from skelsplat.run.job import IncompleteJobError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+_ALL = "skelsplat.help.all"
+# Arguments of the package whose parameter of a command has another name.
+_SPELT = {"offsets": "offset", "mapping": "joint_map"}
+
+
+class Application(typer.Typer):
+    """A typer application whose commands are `Command`; use it as `typer.Typer`."""
+
+    def command(
+        self, name: str | None = None, *, common: Sequence[str] = (), **given: Any
+    ) -> Callable[[Any], Any]:
+        """Register a command, as `typer.Typer.command` does.
+
+        With ``common``, the parameters that most people use, ``--help`` shows these alone, and ``--help-all``
+        the rest as well.
+        """
+        kind = type("Command", (Command,), {"common": (*common, "config", "help_all", "help")})
+        register = super().command(name, **{"cls": kind if common else Command, **given})
+
+        def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
+            extra = {"config": Config, "help_all": _HelpAll} if common else {"config": Config}
+            register(_with_options(function, extra))
+            return function
+
+        return decorate
+
+
+def _with_options(function: Callable[..., Any], extra: dict[str, Any]) -> Callable[..., Any]:
+    """Return ``function`` with more options, which are not passed on to it."""
+
+    @functools.wraps(function)
+    def command(**given: Any) -> Any:
+        return function(**{name: value for name, value in given.items() if name not in extra})
+
+    signature = inspect.signature(function, eval_str=True)
+    options = [
+        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation=annotation)
+        for name, annotation in extra.items()
+    ]
+    command.__signature__ = signature.replace(parameters=[*signature.parameters.values(), *options])  # type: ignore[attr-defined]
+    return command
+
+
+def _show_all(context: typer.Context, value: bool | None) -> None:
+    if value:
+        context.meta[_ALL] = True
+        typer.echo(context.get_help(), color=context.color)
+        raise typer.Exit
+
+
+_HelpAll = Annotated[
+    bool | None,
+    typer.Option("--help-all", metavar="", is_eager=True, callback=_show_all, help="Show all options."),
+]
+
+
+class Command(TyperCommand):
+    """A command in which ``--no-NAME`` cancels ``--NAME``, and ``--NAME`` cancels ``--no-NAME``.
+
+    `common` are the parameters that ``--help`` shows, in short; all of them, if it is empty.
+    """
+
+    common: tuple[str, ...] = ()
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Write help: the first sentences of the common options in one panel, or all of all options."""
+        short = bool(self.common) and not ctx.meta.get(_ALL)
+        changed = {param: dict(vars(param)) for param in self.params if short}
+        for param in changed:
+            param.show_default = False  # type: ignore[attr-defined]
+            param.rich_help_panel = None  # type: ignore[attr-defined]
+            param.hidden = param.param_type_name == "option" and param.name not in self.common  # type: ignore[attr-defined]
+            param.help = re.split(r"(?<=[.]) ", getattr(param, "help", None) or "")[0]  # type: ignore[attr-defined]
+        try:
+            super().format_help(ctx, formatter)
+        finally:
+            for param, before in changed.items():
+                vars(param).update(before)
+
+    def make_parser(self, ctx: Any) -> Any:
+        """Return the parser, which knows the opposites of flags; help does not show them."""
+        parser, params = super().make_parser(ctx), list[Any](self.params)
+        known = {option for param in params for option in param.opts}
+        for param in params:
+            if getattr(param, "is_flag", False) and not param.secondary_opts:
+                names = [option[2:] for option in param.opts if option.startswith("--")]
+                turned = [f"--{name[3:]}" if name.startswith("no-") else f"--no-{name}" for name in names]
+                opposites = [option for option in turned if option not in known]
+                if opposites:
+                    parser.add_option(
+                        obj=param, opts=opposites, dest=param.name, action="store_const", const=False
+                    )
+        return parser
+
+    def invoke(self, ctx: typer.Context) -> Any:  # type: ignore[override, unused-ignore]
+        """Run the command; what is wrong with an argument that is an option is an error of usage."""
+        try:
+            return super().invoke(ctx)
+        except InvalidInputError as error:
+            name, _, message = str(error).partition(": ")
+            option = self._option(name)
+            if option is None:
+                raise
+            if isinstance(error, IncompleteJobError):
+                message = f"requires {self._option(error.requires)}"
+            raise typer.BadParameter(message, ctx=ctx, param_hint=option) from error
+
+    def _option(self, argument: str) -> str | None:
+        """Return the option that stands for an argument of the package."""
+        name = _SPELT.get(argument, argument)
+        spelt = [opt for param in self.params if param.name == name != "config" for opt in param.opts]
+        return next((option for option in spelt if option.startswith("--")), None)

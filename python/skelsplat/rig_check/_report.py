@@ -1,0 +1,95 @@
+"""What a check returns: findings, and the numbers of every camera."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+import skelsplat as sk
+from skelsplat.rig_check._scene import Scene, median
+
+if TYPE_CHECKING:
+    from skelsplat.findings import Finding
+
+
+@dataclass(frozen=True)
+class CameraRow:
+    """Agreement of one camera with the others, as the files have it. Pixels of the original image.
+
+    Attributes
+    ----------
+    name : str
+    used : int
+        Detections of the person.
+    dlt_px, robust_px : float
+        Median reprojection error of plain triangulation and of the robust solver from all cameras.
+    weight : float
+        Mean weight of its detections in the robust solver, 0 to 1.
+    rejected : float
+        Share of its detections that the robust solver rejects.
+    left_out_px : float
+        Median distance from where the *other* cameras place the joints; NaN with two cameras.
+    best_offset : int
+        By how many frames the camera's numbers are too high: its frame f + best_offset is frame f of the
+        others. 0 without a finding of such an offset.
+    best_offset_px : float
+        The median distance from where the others place the joints when all that was found is corrected.
+    offset_option : int or None
+        Value for ``--offset`` that corrects the offset, the one with which the detections were read included;
+        None without a finding.
+    """
+
+    name: str
+    used: int
+    dlt_px: float
+    robust_px: float
+    weight: float
+    rejected: float
+    left_out_px: float
+    best_offset: int
+    best_offset_px: float
+    offset_option: int | None = None
+
+
+@dataclass(frozen=True)
+class RigReport:
+    """All findings, gravest first, and a row for every camera (none without detections)."""
+
+    findings: tuple[Finding, ...]
+    cameras: tuple[CameraRow, ...] = ()
+
+    @property
+    def ok(self) -> bool:
+        """Whether nothing was found."""
+        return not self.findings
+
+
+def rows_of(scene: Scene, corrected: Scene) -> list[CameraRow]:
+    """Return the numbers of every camera in ``scene``; offsets are those of the ``corrected`` one."""
+    detections, rig = scene.judged_detections, list(scene.cameras)
+    plain = np.asarray(sk.triangulate(detections, rig, method="dlt"))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of a unit doubt, which has been looked at
+        result = sk.refine(None, detections, rig)
+    rows = []
+    for i, camera in enumerate(rig):
+        there = np.isfinite(detections[:, i, :, 0])
+        weight = result.view_weights[:, i][there]
+        weight = weight[np.isfinite(weight)]
+        rows.append(
+            CameraRow(
+                name=str(camera.name),
+                used=int(there.sum()),
+                dlt_px=median(scene.distances(i, plain)),
+                robust_px=median(np.asarray(result.reprojection_error)[:, i]),
+                weight=float(weight.mean()) if weight.size else float("nan"),
+                rejected=float((weight < sk.REJECTED_WEIGHT).mean()) if weight.size else float("nan"),
+                left_out_px=float(scene.left_out[i]) if scene.views > 2 else float("nan"),
+                best_offset=corrected.shifts[i],
+                best_offset_px=float(corrected.left_out[i]),
+            )
+        )
+    return rows

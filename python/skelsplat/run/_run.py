@@ -1,0 +1,347 @@
+"""One run: read, refine, count, find; and what it can write."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import skelsplat as sk
+from skelsplat._arrays import numbers
+from skelsplat._json import to_text
+from skelsplat.exceptions import InvalidInputError
+from skelsplat.findings import Finding, collected_warnings
+from skelsplat.io import PoseData
+from skelsplat.io._atomic import atomic_write_text
+from skelsplat.io.run_folder import read_run
+from skelsplat.run import folder as folders
+from skelsplat.run.figures import write_figures
+from skelsplat.run.findings import find_findings
+from skelsplat.run.frames import find_in_frames
+from skelsplat.run.html import notebook_view, show_page, write_html
+from skelsplat.run.job import is_paper
+from skelsplat.run.over_time import apply_over_time, try_over_time
+from skelsplat.run.read import Inputs, read_inputs
+from skelsplat.run.report import build_report
+from skelsplat.run.solve import Outcome, refine_inputs
+from skelsplat.run.summary import Statistics, summarise
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Callable, Sequence
+
+    import numpy.typing as npt
+
+    from skelsplat.run.job import Job
+    from skelsplat.run.solve import Progress
+
+_ORDER = ("error", "warning", "note")
+
+
+@dataclass(frozen=True, repr=False)
+class Run:
+    """A refined sequence with everything that is known about it.
+
+    `skelsplat.run.run` makes one from files, `from_arrays` from a result of `skelsplat.refine`, and `open`
+    from the folder of an earlier run. T frames, M cameras, N joints.
+
+    Attributes
+    ----------
+    poses : PoseData
+        The poses as they are written: gaps filled and filtered, if the job asks for it.
+    findings : tuple of Finding
+        What to look at before trusting the run, errors first.
+    frame_findings : tuple of Finding
+        What stands out in single frames; numbers that are lists have a value for each frame of the subject.
+    report : dict
+        What ``report.json`` holds: settings, counts, errors, timing and the findings.
+    statistics : Statistics
+        Counts and errors as arrays.
+    inputs : Inputs
+        What the run started from.
+    outcome : Outcome
+        What `skelsplat.refine` returned, and what it is compared with.
+    """
+
+    poses: PoseData
+    findings: tuple[Finding, ...]
+    frame_findings: tuple[Finding, ...]
+    report: dict[str, Any]
+    statistics: Statistics
+    inputs: Inputs
+    outcome: Outcome
+
+    @property
+    def result(self) -> sk.Refinement:
+        """The refinement over T frames."""
+        return self.outcome.result
+
+    @property
+    def cameras(self) -> sk.CameraRig:
+        """The M cameras, without those that were left out."""
+        return self.inputs.rig
+
+    @property
+    def layout(self) -> sk.Layout:
+        """What the N joints are."""
+        return self.inputs.layout
+
+    @property
+    def detections(self) -> npt.NDArray[np.float64]:
+        """The detections of the person followed (T, M, N, 3), pixels and confidence; NaN where missing."""
+        return self.inputs.detections
+
+    @property
+    def frames(self) -> npt.NDArray[np.int64]:
+        """The frame numbers (T,)."""
+        return self.inputs.frames
+
+    @classmethod
+    def open(cls, folder: str | os.PathLike[str]) -> Run:
+        """Read the folder that a run wrote.
+
+        Poses, errors and weights are those of the files: `result` holds the poses as they were written.
+
+        Raises
+        ------
+        DatasetError
+            If a file is missing or malformed, or the files do not belong to one run.
+        """
+        found = read_run(folder)
+        report = found.report
+        given = report.get("start") == "initial pose"
+        inputs = Inputs(
+            found.rig,
+            found.layout,
+            found.detections,
+            np.zeros(found.detections.shape[:2], dtype=np.bool_),
+            found.poses.frames,
+            init_pose=found.poses.init_pose if given else None,
+            fps=found.poses.frame_rate,
+        )
+        preset = sk.RefineConfig.paper if report["preset"] == "paper" else sk.RefineConfig
+        outcome = Outcome.of(
+            _refinement(found.poses), preset(**report["settings"]), inputs, report["timing"]["refine_s"]
+        )
+        statistics = summarise(inputs, outcome).with_groups_of(report["reprojection_error"])
+        findings, frame_findings = (
+            tuple(Finding.from_dict(entry) for entry in report[key]) for key in ("findings", "frame_findings")
+        )
+        return cls(found.poses, findings, frame_findings, report, statistics, inputs, outcome)
+
+    @classmethod
+    def from_arrays(
+        cls,
+        result: sk.Refinement,
+        cameras: sk.CameraRig | Sequence[sk.Camera],
+        detections: npt.ArrayLike,
+        layout: str | sk.Layout,
+        *,
+        frames: npt.ArrayLike | None = None,
+        confidence: npt.ArrayLike | None = None,
+        init_pose: npt.ArrayLike | None = None,
+        config: sk.RefineConfig | None = None,
+        fps: float | None = None,
+    ) -> Run:
+        """Return the run of a result of `skelsplat.refine`.
+
+        Parameters
+        ----------
+        result : Refinement
+            Of one pose or of T frames.
+        cameras, detections, layout, confidence, init_pose, config
+            What `skelsplat.refine` was given; the layout is needed for the joints' names.
+        frames : (T,) int, optional
+            Frame numbers; 0 to T − 1 when left out.
+        fps : float, optional
+            Frames per second.
+
+        Raises
+        ------
+        InvalidInputError
+            If a shape does not fit the result.
+        """
+        batch = _as_batch(result)
+        steps = len(batch.pose)
+        inputs = Inputs(
+            cameras if isinstance(cameras, sk.CameraRig) else sk.CameraRig(list(cameras)),
+            sk.layouts.get(layout) if isinstance(layout, str) else layout,
+            _seen(detections, confidence, batch),
+            np.zeros(batch.view_weights.shape[:2], dtype=np.bool_),
+            np.arange(steps) if frames is None else np.asarray(frames, dtype=np.int64),
+            init_pose=None if init_pose is None else batch.init_pose,
+            fps=fps,
+        )
+        return summed_up(inputs, Outcome.of(batch, sk.RefineConfig() if config is None else config, inputs))
+
+    def write_report(self, path: str | os.PathLike[str]) -> None:
+        """Write `report` as JSON."""
+        atomic_write_text(Path(path), to_text(self.report))
+
+    def write_html(self, path: str | os.PathLike[str]) -> None:
+        """Write a page with everything that is known and the sequence in 3D; it opens offline."""
+        write_html(self, Path(path))
+
+    def write_figures(self, folder: str | os.PathLike[str]) -> list[str]:
+        """Write ``overview.png``, ``weights.png`` and, for the paper's method, ``heatmaps.png``."""
+        with folders.output_folder(Path(folder)):
+            return write_figures(self, Path(folder))
+
+    def write_poses(
+        self, folder: str | os.PathLike[str], formats: Sequence[str] = ("npz",), **options: Any
+    ) -> list[str]:
+        """Write ``pose.npz`` and other formats of `skelsplat.io.poses.POSE_FORMATS`; return names.
+
+        ``options`` are ``y_up`` and ``marker_names``, as of `Job`. Without a frame rate, formats that need
+        one assume 30 frames per second.
+        """
+        with folders.output_folder(Path(folder)):
+            return folders.write_poses(Path(folder), self.poses, folders.Writing(tuple(formats), **options))
+
+    def write(
+        self,
+        folder: str | os.PathLike[str],
+        formats: Sequence[str] = ("npz", "csv", "trc"),
+        *,
+        html: bool = True,
+        **options: Any,
+    ) -> list[str]:
+        """Write everything, as ``skelsplat refine`` does; return the names of the files.
+
+        What an earlier run wrote there is removed first. The folder can be read by `open`, and drawn by
+        ``skelsplat plot`` and ``skelsplat overlay``. ``options`` are those of `write_poses`.
+
+        Raises
+        ------
+        DatasetError
+            If a file cannot be written.
+        """
+        kinds = tuple(dict.fromkeys(["npz", *formats]))
+        writing = folders.Writing(kinds, html=html, **options)
+        folders.check_places(Path(folder), writing.names(paper=is_paper(self.outcome.config)))
+        with folders.output_folder(Path(folder)):
+            return [*folders.write_folder(self, Path(folder), writing).report["files"], "report.json"]
+
+    def show(self) -> None:
+        """Show the page of `write_html`: below the cell in a notebook, in the browser elsewhere."""
+        show_page(self)
+
+    def __repr__(self) -> str:
+        found = f"{len(self.findings)} findings" if self.findings else "no findings"
+        size = f"{len(self.frames)} frames of {self.layout.n_joints} joints, {len(self.cameras)} cameras"
+        return f"Run({size}, {found})"
+
+    def _repr_html_(self) -> str:
+        return notebook_view(self)
+
+
+def run(
+    job: Job,
+    *,
+    progress: Progress | None = None,
+    tell: Callable[[Finding], None] | None = None,
+) -> Run:
+    """Do one job: read, refine, find what to distrust, and write the results if the job names a folder.
+
+    Parameters
+    ----------
+    job : Job
+    progress : callable, optional
+        Called with (frames done, frames in all).
+    tell : callable, optional
+        Called with each finding that is known before the poses are: warnings of the input.
+
+    Returns
+    -------
+    Run
+
+    Raises
+    ------
+    SkelSplatError
+        If an input is missing, malformed or does not fit, results would be written over the input, or a
+        result cannot be written.
+    """
+    if job.output is None:
+        return _run(job, progress, tell)
+    output, writing = Path(job.output), folders.Writing.of(job)
+    folders.keep_input(job)
+    folders.check_places(output, writing.names(paper=is_paper(job.settings)))
+    with folders.output_folder(output):
+        found = _run(job, progress, tell)
+        return folders.write_folder(found, output, writing)
+
+
+def _run(job: Job, progress: Progress | None, tell: Callable[[Finding], None] | None) -> Run:
+    with collected_warnings(tell) as notes:
+        try_over_time(job)
+        inputs = read_inputs(job)
+        if job.output is not None:
+            folders.keep_input(job, inputs.sources)
+            writing = folders.Writing.of(job)
+            writing.check(inputs.frames)
+            for note in writing.notes(job.fps):
+                notes.append(note)
+                if tell is not None:
+                    tell(note)
+        outcome = refine_inputs(inputs, job, progress)
+    return summed_up(inputs, outcome, job, notes)
+
+
+def summed_up(inputs: Inputs, outcome: Outcome, job: Job | None = None, notes: Sequence[Finding] = ()) -> Run:
+    """Count and judge a refined sequence; ``notes`` are findings from before."""
+    statistics = summarise(inputs, outcome)
+    data = PoseData.from_refinement(
+        outcome.result,
+        joint_names=inputs.layout.joints,
+        frames=inputs.frames,
+        camera_names=inputs.rig.names,
+        unit=inputs.rig.unit,
+        frame_rate=inputs.fps,
+    )
+    poses, over_time = apply_over_time(data, job)
+    statistics = statistics.without_bars(poses.joint_status == "filled")
+    found = [*notes, *find_findings(inputs, outcome, statistics, poses.joint_status)]
+    found.sort(key=lambda finding: _ORDER.index(finding.severity))
+    in_frames = find_in_frames(inputs, outcome, statistics, poses.joint_status)
+    remarks = {
+        "findings": [finding.to_dict() for finding in found],
+        "frame_findings": [finding.to_dict() for finding in in_frames],
+        "over_time": over_time,
+        "files": [],
+    }
+    report = build_report(inputs, outcome, statistics, job, remarks)
+    return Run(poses, tuple(found), tuple(in_frames), report, statistics, inputs, outcome)
+
+
+def _refinement(poses: PoseData) -> sk.Refinement:
+    """Return the refinement that a pose file holds; what it does not hold is NaN or empty."""
+    steps = len(poses.pose)
+    held = {entry.name: getattr(poses, entry.name, None) for entry in fields(sk.Refinement)}
+    unknown = {name: np.full(steps, np.nan) for name in ("loss_render", "loss_symmetry")}
+    parts: dict[str, Any] = {**held, **unknown, "loss_history": np.empty((steps, 0))}
+    return sk.Refinement(**parts)
+
+
+def _as_batch(result: sk.Refinement) -> sk.Refinement:
+    """Return the result over frames, of one pose as that of one frame."""
+    if np.ndim(result.pose) == 3:
+        return result
+    parts = {entry.name: np.asarray(getattr(result, entry.name))[None] for entry in fields(sk.Refinement)}
+    return sk.Refinement(**parts)
+
+
+def _seen(
+    detections: npt.ArrayLike, confidence: npt.ArrayLike | None, result: sk.Refinement
+) -> npt.NDArray[np.float64]:
+    """Return detections (T, M, N, 3) of a result over T frames, confidence 1 where none is given."""
+    seen, shape = numbers(detections, "detections"), result.view_weights.shape
+    if seen.ndim == 3:
+        seen = seen[None]
+    if seen.shape[:-1] != shape or seen.shape[-1] not in (2, 3):
+        raise InvalidInputError(f"detections: expected {shape} pixels like the result, got {seen.shape}")
+    if seen.shape[-1] == 3:
+        return seen
+    given = np.ones(shape) if confidence is None else numbers(confidence, "confidence").reshape(shape)
+    return np.concatenate([seen, given[..., None]], axis=-1)

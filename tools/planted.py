@@ -1,0 +1,319 @@
+"""The faults that `tools/faults.py` plants."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One fault: what is wrong in words, of which kind, the text that it changes, and who should find it.
+
+    A finder is a file of tests, or some of the core's own tests as arguments of ``cargo test``.
+    """
+
+    name: str
+    kind: str
+    old: str
+    new: str
+    finders: tuple[str, ...]
+
+
+UNIT = "tests/unit/"
+
+CORE = (
+    Fault(
+        "the gradient's share through the depth has the wrong sign",
+        "sign in a gradient",
+        "-(g.x * p.x + g.y * p.y) / p.z",
+        "(g.x * p.x + g.y * p.y) / p.z",
+        ("cargo --test gradients",),
+    ),
+    Fault(
+        "the closed form's covariance gradient adds C⁻¹ r rᵀ C⁻¹ with the wrong sign",
+        "sign in a gradient",
+        "(inverse - total_inverse + pull * pull.transpose())",
+        "(inverse - total_inverse - pull * pull.transpose())",
+        ("cargo --test overlap",),
+    ),
+    Fault(
+        "coupled limbs push their joints the wrong way in Woodbury's identity",
+        "sign in a solver",
+        "self.steps[*j] -= self.inverse[*j] * g * *push;",
+        "self.steps[*j] += self.inverse[*j] * g * *push;",
+        ("cargo --test gauss_newton",),
+    ),
+    Fault(
+        "the Jacobian of tangential distortion mixes x and y",
+        "swapped index",
+        "2.0 * p2 * x.x + 6.0 * p1 * x.y,",
+        "2.0 * p2 * x.x + 6.0 * p1 * x.x,",
+        ("cargo --test camera",),
+    ),
+    Fault(
+        "exchanging a pair of joints exchanges another view's detection",
+        "swapped index",
+        "self.rays.swap(a * self.n_views + i, b * self.n_views + i);",
+        "self.rays.swap(a * self.n_views + i, b * self.n_views);",
+        ("cargo --test annealed",),
+    ),
+    Fault(
+        "a ray's weight is the view's without the detection's confidence",
+        "dropped confidence",
+        "weight: confidence * view_weight,",
+        "weight: view_weight + 0.0 * confidence,",
+        ("tests/parity/test_annealed.py", UNIT + "test_confidence.py"),
+    ),
+    Fault(
+        "a centimetre is a hundredth of a metre times ten",
+        "wrong unit",
+        "Self::Centimetre => 10.0,",
+        "Self::Centimetre => 100.0,",
+        (UNIT + "test_invariance.py", UNIT + "test_refine.py"),
+    ),
+    Fault(
+        "the learning rate's decay counts steps from one",
+        "off by one",
+        "self.initial * self.decay.powf(t / self.steps)",
+        "self.initial * self.decay.powf((t + 1.0) / self.steps)",
+        ("cargo --lib",),
+    ),
+    Fault(
+        "a window of losses is one step longer",
+        "off by one",
+        "if self.count < self.window {",
+        "if self.count <= self.window {",
+        ("cargo --lib",),
+    ),
+    Fault(
+        "detections are used as they lie in the distorted image",
+        "dropped undistortion",
+        "if self.config.undistort { kept.undistorted(&self.cameras) } else { kept }",
+        "if self.config.undistort && false { kept.undistorted(&self.cameras) } else { kept }",
+        (UNIT + "test_refine.py", UNIT + "test_invariance.py"),
+    ),
+    Fault(
+        "the view's field of view is widened twice as far",
+        "wrong constant",
+        "const FIELD_OF_VIEW_MARGIN: f64 = 0.15;",
+        "const FIELD_OF_VIEW_MARGIN: f64 = 0.30;",
+        ("tests/parity/test_projection.py",),
+    ),
+    Fault(
+        "limbs may differ by half as much again",
+        "wrong default",
+        "pub const SYMMETRY_SIGMA: f64 = 15.0;",
+        "pub const SYMMETRY_SIGMA: f64 = 22.0;",
+        (UNIT + "test_config.py", "tests/parity/test_annealed.py"),
+    ),
+    Fault(
+        "error bars count rejected detections in full",
+        "wrong covariance",
+        "(ray.weight * k / variance)",
+        "(ray.weight * (1.0 + 0.0 * k) / variance)",
+        ("tests/parity/test_annealed.py", UNIT + "test_reliability.py"),
+    ),
+    Fault(
+        "a joint whose depth nothing fixes is called ok",
+        "wrong status",
+        "_ if !deep[j] => JointStatus::Weak,",
+        "_ if !deep[j] => JointStatus::Ok,",
+        ("cargo --test annealed",),
+    ),
+    Fault(
+        "the frames of a batch come in reverse where threads share them",
+        "threads",
+        "frames.par_iter().map(|frame| one(frame, false)).collect();",
+        "frames.par_iter().rev().map(|frame| one(frame, false)).collect();",
+        ("cargo --test determinism",),
+    ),
+    Fault(
+        "the pool of threads of the parent is used after a fork",
+        "threads",
+        "kept.as_ref().filter(|k| k.process == process)",
+        "kept.as_ref().filter(|k| k.process > 0)",
+        (UNIT + "test_processes.py",),
+    ),
+    Fault(
+        "short calls keep the interpreter locked",
+        "interpreter not released",
+        "return Ok(py.detach(|| work(&Progress::default()))?);",
+        "return Ok(work(&Progress::default())?);",
+        (UNIT + "test_refine.py",),
+    ),
+    Fault(
+        "Ctrl-C leaves the work going on in its thread",
+        "lost cancellation",
+        "            progress.cancel();\n            return Err(stop.into());",
+        "            return Err(stop.into());",
+        (UNIT + "test_interrupt.py",),
+    ),
+)
+
+READERS = (
+    Fault(
+        "a camera's offset is added where it has to be taken away",
+        "sign of an offset",
+        "_read_view(view, numbers - shifts[name], chosen, joints)",
+        "_read_view(view, numbers + shifts[name], chosen, joints)",
+        (UNIT + "test_detections.py",),
+    ),
+    Fault(
+        "the frame number is the first integer of a file's name",
+        "off by one in a reader",
+        'frame_number(path, "file name", digits[-1])',
+        'frame_number(path, "file name", digits[0])',
+        (UNIT + "test_detections.py", UNIT + "test_openpose.py"),
+    ),
+    Fault(
+        "cameras come in the order of the folders",
+        "order of cameras",
+        "people=_stack([read.get(name, []) for name in names]",
+        "people=_stack([read.get(name, []) for name in sorted(names)]",
+        (UNIT + "test_detections.py", UNIT + "test_detections_matching.py"),
+    ),
+    Fault(
+        "Panoptic's centimetres are read as millimetres",
+        "wrong unit",
+        'for entry in chosen], "cm")',
+        'for entry in chosen], "mm")',
+        (UNIT + "test_calibration_formats.py", UNIT + "test_calibration.py"),
+    ),
+)
+
+POSE_FILES = (
+    Fault(
+        "a file is written in place, so that a stop leaves half of it",
+        "half-written file",
+        'with atomic_path(path, ".tmp", durable=durable) as temporary, temporary.open("wb") as stream:',
+        'with Path(path).open("wb") as stream:',
+        (UNIT + "test_writers.py", UNIT + "test_pose_files.py"),
+    ),
+    Fault(
+        "y up turns the axes the other way round",
+        "axis of a marker file",
+        "Y_UP = [1, 2, 0]",
+        "Y_UP = [2, 0, 1]",
+        (UNIT + "test_pose_c3d.py", UNIT + "test_writers.py"),
+    ),
+    Fault(
+        "C3D keeps the rig's unit and says mm",
+        "wrong unit",
+        "    position = data.pose * MM_PER_UNIT[data.unit]\n",
+        "    position = data.pose\n",
+        (UNIT + "test_pose_c3d.py",),
+    ),
+    Fault(
+        "a C3D file begins one frame late",
+        "off by one",
+        "= int(data.frames[0]) + shift - 1",
+        "= int(data.frames[0]) + shift",
+        (UNIT + "test_pose_c3d.py",),
+    ),
+    Fault(
+        "TRC counts its rows from zero",
+        "off by one",
+        '[str(step + 1), f"{step / rate:.6f}", *fields, ""]',
+        '[str(step), f"{step / rate:.6f}", *fields, ""]',
+        (UNIT + "test_writers.py", UNIT + "test_trc_readers.py"),
+    ),
+    Fault(
+        "CSV has variances in the place of standard deviations",
+        "covariance not scaled",
+        "deviations = np.sqrt(np.diagonal(data.uncertainty, axis1=-2, axis2=-1))",
+        "deviations = np.array(np.diagonal(data.uncertainty, axis1=-2, axis2=-1))",
+        (UNIT + "test_pose_files.py", UNIT + "test_writers.py"),
+    ),
+)
+
+ANALYSIS = (
+    Fault(
+        "a Butterworth filter damps twice at its cutoff",
+        "filter with the wrong cutoff",
+        "angle = math.tan(math.pi * cutoff / frame_rate) / (math.sqrt(2.0) - 1.0) ** (1.0 / (2 * order))",
+        "angle = math.tan(math.pi * cutoff / frame_rate)",
+        (UNIT + "test_temporal.py",),
+    ),
+    Fault(
+        "a gap of one frame too many is filled",
+        "off by one",
+        "numbers[after] - numbers[before] - 1 <= max_gap",
+        "numbers[after] - numbers[before] - 2 <= max_gap",
+        (UNIT + "test_temporal.py",),
+    ),
+    Fault(
+        "the alignment of PA-MPJPE may mirror",
+        "wrong metric",
+        "np.where(np.linalg.det(u @ vt) < 0, -1.0, 1.0)",
+        "np.where(np.linalg.det(u @ vt) < 0, 1.0, 1.0)",
+        (UNIT + "test_metrics.py",),
+    ),
+    Fault(
+        "a joint that was not predicted is left out of PCK",
+        "wrong metric",
+        "return result(_correct(errors <= threshold_mm, present(truth)), reduce)",
+        "return result(_correct(errors <= threshold_mm, present(truth) & present(predicted)), reduce)",
+        (UNIT + "test_metrics.py",),
+    ),
+    Fault(
+        "takes are not weighted by their frames in the bootstrap",
+        "wrong statistics",
+        "means: FloatArray = (times @ sums) / (times @ counts)",
+        "means: FloatArray = (times @ (sums / counts)) / n",
+        (UNIT + "evaluation/test_bootstrap.py",),
+    ),
+    Fault(
+        "Human3.6M is evaluated on every 32nd frame",
+        "wrong protocol",
+        '    subjects=("S9", "S11"),\n    every=64,',
+        '    subjects=("S9", "S11"),\n    every=32,',
+        (UNIT + "evaluation/test_protocols.py",),
+    ),
+    Fault(
+        "a camera without detections is not named",
+        "lost finding",
+        'findings.append(Finding("camera_blind", subject=subject))',
+        "pass",
+        (UNIT + "test_rig_check.py",),
+    ),
+    Fault(
+        "exchanged left and right is not looked for when a person is followed",
+        "lost hypothesis",
+        "min(min_joints, joints), _mirrored(layout, joints)",
+        "min(min_joints, joints), _mirrored(None, joints)",
+        (UNIT + "test_association.py",),
+    ),
+)
+
+FRONT = (
+    Fault(
+        "check-cameras leaves with 0 though it found something",
+        "wrong exit code",
+        "    if not report.ok:\n        raise typer.Exit(1)\n\n\ndef _check",
+        "    if not report.ok:\n        raise typer.Exit(0)\n\n\ndef _check",
+        (UNIT + "test_cli_cameras.py",),
+    ),
+    Fault(
+        "a message of the operating system does not name the file",
+        "broken message",
+        "return f\"{error.filename}: {(error.strerror or 'cannot be used').lower()}\"",
+        "return f\"{(error.strerror or 'cannot be used').lower()}\"",
+        (UNIT + "test_cli.py",),
+    ),
+    Fault(
+        "the page of the report has the curves of no frame",
+        "HTML without data",
+        '"lines": [_line(line, places) for line in data.lines],',
+        '"lines": [],',
+        (UNIT + "test_html_report.py", UNIT + "test_report_browser.py"),
+    ),
+    Fault(
+        "left and right have each other's colours in the report",
+        "swapped colours",
+        '"colours": {"left": _style.LEFT, "right": _style.RIGHT},',
+        '"colours": {"left": _style.RIGHT, "right": _style.LEFT},',
+        (UNIT + "test_html_report.py", UNIT + "test_report_browser.py"),
+    ),
+)
+
+FAULTS: tuple[Fault, ...] = (*CORE, *READERS, *POSE_FILES, *ANALYSIS, *FRONT)
