@@ -352,13 +352,13 @@ def test_pick_person_by_place_and_by_size():
     people[:, :, 0, :, :2] = [[10.0, 10.0], [20.0, 20.0], [30.0, 30.0]]
     people[:, :, 1, :, :2] = [[10.0, 10.0], [20.0, 20.0], [60.0, 60.0]]
     people[0, 0, 1] = np.nan
-    largest, nobody_fits = pick_person(people, rig, "largest")
+    largest, unmatched = pick_person(people, rig, "largest")
     assert largest[1, 2, 2, 0] == 60.0
     assert largest[0, 0, 2, 0] == 30.0
-    assert not nobody_fits.any()
-    numbered, nobody_fits = pick_person(people, rig, "0")
+    assert not unmatched.any()
+    numbered, unmatched = pick_person(people, rig, "0")
     np.testing.assert_array_equal(numbered, people[:, :, 0])
-    assert not nobody_fits.any()
+    assert not unmatched.any()
 
 
 def test_a_failure_leaves_an_output_folder_as_it_was(recording, arguments):
