@@ -223,7 +223,7 @@ def _print_claims(console: Console, record: ablations.Record) -> None:
 def _draw(folder: Path, record: ablations.Record) -> list[Path]:
     """Write the chart ``NAME.png``; without the extra ``viz`` say what it needs."""
     if not can_draw():
-        tell(Finding("no_pictures"))
+        tell(Finding("no_figures", "note"))
         return []
     from skelsplat import viz  # matplotlib takes long to load, and --help does without
 

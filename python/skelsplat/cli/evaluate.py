@@ -321,7 +321,7 @@ def _write_evaluation(folder: Path, evaluation: Evaluation) -> list[str]:
     ):
         atomic_write_text(folder / name, text)
     if not can_draw():
-        tell(Finding("no_pictures"))
+        tell(Finding("no_figures", "note"))
         return names
     from skelsplat import viz  # matplotlib takes long to load, and --help does without
 
