@@ -111,9 +111,9 @@ def _camera(K, R, t, distortion):
     return camera.K, camera.R, camera.t, camera.distortion
 
 
-def _configured(joint_sigmas, view_weights):
-    config = sk.RefineConfig(joint_sigmas=joint_sigmas, view_weights=view_weights)
-    return np.array(config.joint_sigmas), np.array(config.view_weights)
+def _configured(joint_sigmas_mm, view_weights):
+    config = sk.RefineConfig(joint_sigmas_mm=joint_sigmas_mm, view_weights=view_weights)
+    return np.array(config.joint_sigmas_mm), np.array(config.view_weights)
 
 
 def _data(pose, covariance, view_weights):
@@ -134,7 +134,7 @@ CALLS: dict[str, tuple[Any, dict[str, np.ndarray]]] = {
         {"K": RIG[0].K, "R": RIG[0].R, "t": RIG[0].t, "distortion": RIG[0].distortion},
     ),
     "Camera.undistort": (lambda points: RIG[0].undistort(points), {"points": FRAME[0]}),
-    "RefineConfig": (_configured, {"joint_sigmas": np.full(N, 25.0), "view_weights": np.ones(4)}),
+    "RefineConfig": (_configured, {"joint_sigmas_mm": np.full(N, 25.0), "view_weights": np.ones(4)}),
     "project": (lambda points: sk.project(points, RIG), {"points": POSES}),
     "triangulate": (
         lambda detections, confidence: sk.triangulate(detections, RIG, confidence=confidence),

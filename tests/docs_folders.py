@@ -149,6 +149,7 @@ PREPARED: dict[str, Callable[[Path], None]] = {
     "docs/howto/pose2sim.md": _pose2sim,
     "docs/howto/python.md": _sample,
     "docs/howto/rtmpose.md": _rtmpose,
+    "docs/howto/run.md": _sample,
     "docs/howto/config.md": lambda folder: _sample(folder, frames=100),
     "docs/howto/pictures.md": _pictures,
     "docs/synthetic-data.md": _synthetic,

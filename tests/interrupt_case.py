@@ -52,7 +52,7 @@ def one_closed_form_frame() -> None:
 
 def one_step() -> None:
     """Take a single step of the paper's, over windows of whole images on one channel."""
-    config = sk.RefineConfig.paper(encoding="single", sigma=3000.0, max_steps=1)
+    config = sk.RefineConfig.paper(encoding="single", sigma_mm=3000.0, max_steps=1)
     sk.refine(MEANS, PIXELS, [CAMERA], config=config)
 
 

@@ -20,7 +20,7 @@ from skelsplat import synthetic
 RIG = synthetic.human36m_like()
 FRAMES = 8
 # Wide splats: one pose is then large enough for its windows to be shared among threads.
-PAPER = sk.RefineConfig.paper(sigma=60.0, max_steps=3)
+PAPER = sk.RefineConfig.paper(sigma_mm=60.0, max_steps=3)
 
 
 def detections(seed: int) -> np.ndarray:

@@ -48,7 +48,7 @@ RUNS: dict[str, list[str]] = {
     ],
     "own-deeplabcut": [
         "refine {inputs}/dlc/calibration.toml {inputs}/dlc/detections -o {out}/run --unit cm "
-        "--layout coco17 --min-confidence 0.2 --sigma 40 --symmetry-tier 3 --fps 30 --y-up --no-html",
+        "--layout coco17 --min-confidence 0.2 --sigma-mm 40 --symmetry-tier 3 --fps 30 --y-up --no-html",
         "refine {inputs}/dlc/calibration.toml {inputs}/dlc/detections -o {out}/paper --unit cm "
         "--layout coco17 --paper --max-steps 40 --no-html",
         "check-cameras {inputs}/dlc/calibration.toml {inputs}/dlc/detections --unit cm "

@@ -171,7 +171,7 @@ def _copies(value: object) -> str:
 
 @attack("11a", "RefineConfig: pickle protocols, copies", "6 of 6, 2 of 2")
 def pickled_config() -> str:
-    return _copies(sk.RefineConfig.paper(position_lr="camera_extent"))
+    return _copies(sk.RefineConfig.paper(position_lr_mm="camera_extent"))
 
 
 @attack("11b", "Layout: pickle protocols, copies", "6 of 6, 2 of 2")

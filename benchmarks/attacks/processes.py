@@ -18,7 +18,7 @@ from skelsplat import synthetic
 _PATIENCE_S = 20.0
 _DELAY_S = 0.5
 _RIG = synthetic.human36m_like()
-_PAPER = sk.RefineConfig.paper(sigma=60.0, max_steps=3)
+_PAPER = sk.RefineConfig.paper(sigma_mm=60.0, max_steps=3)
 
 
 def _detections(n_frames: int) -> np.ndarray:
@@ -191,20 +191,20 @@ def scaled_to_infinity() -> str:
 @attack("10e", "paper() with splats over images of 20,000 x 20,000 pixels, 1000 joints", "MemoryError")
 def windows_too_large() -> str:
     warnings.simplefilter("ignore")
-    config = sk.RefineConfig.paper(sigma=1e6, max_steps=1)
+    config = sk.RefineConfig.paper(sigma_mm=1e6, max_steps=1)
     seen = np.full((1, 1000, 2), 500.0)
     return _said(
         lambda: sk.refine(np.zeros((1000, 3)), seen, [_camera(size=20_000)], config=config).pose.shape
     )
 
 
-@attack("10f", "sigma = 1e300 mm in paper()", "an error that names it")
+@attack("10f", "sigma_mm = 1e300 mm in paper()", "an error that names it")
 def sigma_beyond_numbers() -> str:
     seen = _detections(1)[0]
     return _said(
         lambda: (
             sk.refine(
-                None, seen, _RIG, layout="h36m17", config=sk.RefineConfig.paper(sigma=1e300)
+                None, seen, _RIG, layout="h36m17", config=sk.RefineConfig.paper(sigma_mm=1e300)
             ).stop_reason
         )
     )

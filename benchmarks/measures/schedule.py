@@ -14,15 +14,15 @@ import skelsplat as sk
 VIEWS = (2, 3, 4, 5, 8, 16)
 CHANGES: list[Fields] = [
     {},
-    {"sigma": 15.0},
-    {"sigma": 20.0},
-    {"sigma": 25.0},
-    {"sigma": 40.0},
+    {"sigma_mm": 15.0},
+    {"sigma_mm": 20.0},
+    {"sigma_mm": 25.0},
+    {"sigma_mm": 40.0},
     {"sigma_per_noise": None},
     {"sigma_per_noise": 1.5},
     {"sigma_per_noise": 3.0},
-    {"sigma_start": 80.0},
-    {"sigma_start": 1280.0},
+    {"sigma_start_mm": 80.0},
+    {"sigma_start_mm": 1280.0},
     {"sigma_decay": 0.25},
     {"sigma_decay": 0.75},
     {"max_steps": 3},
@@ -33,8 +33,8 @@ CHANGES: list[Fields] = [
     {"symmetry_tier": 0},
     {"symmetry_tier": 2},
     {"symmetry_tier": 3},
-    {"symmetry_sigma": 8.0},
-    {"symmetry_sigma": 30.0},
+    {"symmetry_sigma_mm": 8.0},
+    {"symmetry_sigma_mm": 30.0},
 ]
 
 

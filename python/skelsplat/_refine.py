@@ -53,7 +53,7 @@ class Refinement:
         Detections that were used with left and right exchanged.
     noise : (…) float64
         Standard deviation of the believed detections' noise across the ray, per axis, in the cameras' unit:
-        estimated, or ``config.detection_sigma``.
+        estimated, or ``config.detection_sigma_px``.
     reprojection_error : (…, M, N) float64
         Distance between detection and reprojection, pixels of the original image; NaN without a detection.
     joint_status : (…, N) str
@@ -177,7 +177,7 @@ def refine(
         own, which may be an animal's or a hand's, taller than 20 m or shorter than 1 mm.
     """
     prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
-    by_pixels = config is not None and config.renderer == "raster"
+    by_pixels = config is not None and config.method == "paper" and config.renderer == "raster"
     if by_pixels:
         _warn_before_the_work(init_pose, detections, cameras, layout)
     with _reporter(progress) as report:
@@ -335,7 +335,7 @@ class Refiner:
         self._prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
         self._cameras, self._layout = cameras, layout
         self._config = config
-        self._by_adam = config is not None and config.optimizer == "adam"
+        self._by_paper = config is not None and config.method == "paper"
         self._last: NDArray[np.float64] | None = None
 
     def __getstate__(self) -> dict[str, Any]:
@@ -372,7 +372,7 @@ class Refiner:
         result = self._refine(self._last, detections, confidence)
         if self._last is None:
             _warn_of_unit(result.pose, self._cameras, self._layout)
-        elif self._by_adam and _is_lost(result):
+        elif self._by_paper and _is_lost(result):
             result = self._refine(None, detections, confidence)
         self._last = self._remembered(result)
         return result
@@ -384,7 +384,7 @@ class Refiner:
         or where views tie. A weak joint that has leapt may have followed the wrong views: its old position is
         kept.
         """
-        if self._by_adam:
+        if self._by_paper:
             return np.where((result.joint_status == "ok")[:, None], result.pose, np.nan)
         before = np.full_like(result.pose, np.nan) if self._last is None else self._last
         leapt = np.linalg.norm(result.pose - before, axis=-1) * mm_per_unit(self._cameras) > _LEAP_MM

@@ -16,6 +16,7 @@ __all__ = [
     "Layout",
     "RefineConfig",
     "Refiner",
+    "Setting",
     "__version__",
     "check_people",
     "fuse_monocular",
@@ -173,144 +174,193 @@ class Layout:
     def __eq__(self, other: object, /) -> bool: ...
 
 @final
-class RefineConfig:
-    """Settings of ``refine``; lengths in mm whatever the unit of the cameras. Immutable.
+class Setting:
+    """One setting of ``RefineConfig``, as the core's table has it.
 
-    Every field is a keyword. ``RefineConfig()`` is the robust default: the closed form by Gauss–Newton under
-    a kernel that narrows, from any start. ``RefineConfig.paper()`` is the published method: pixels and Adam.
-    A field that is left out keeps the value of its preset; where the two differ both are given, the default's
-    first.
+    Attributes
+    ----------
+    name : str
+        The keyword.
+    type : str
+        What values it takes.
+    default : object
+        Its default.
+    unit : str
+        Its unit, empty for none.
+    sentence : str
+        What it does.
+    method : str
+        ``"annealed"`` or ``"paper"``, to which it belongs, or ``"both"``.
+    """
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def type(self) -> str: ...
+    @property
+    def default(self) -> Any: ...
+    @property
+    def unit(self) -> str: ...
+    @property
+    def sentence(self) -> str: ...
+    @property
+    def method(self) -> str: ...
+
+@final
+class RefineConfig:
+    """Settings of ``refine``. Immutable.
+
+    ``RefineConfig(...)`` is the default method, ``annealed``: splats that narrow to the noise of the
+    detections, from any start. ``RefineConfig.paper(...)`` is the published one, ``paper``: pixels and Adam.
+    Every setting is a keyword, a setting of the other method is refused, and one that is left out keeps its
+    default. Lengths are in mm whatever the unit of the cameras, and their names say so.
 
     Parameters
     ----------
-    optimizer : {"gauss_newton", "adam"}
-        What moves the joints: "gauss_newton"; "adam" in ``paper()``.
-    renderer : {"closed_form", "raster"}
-        What compares splats with detections: the exact integral of the loss over the plane, which needs no
-        pixels (one-hot encoding only), or the paper's pixels: "closed_form"; "raster" in ``paper()``.
-        Gauss–Newton takes the closed form, Adam either.
-    sigma : float
-        Standard deviation of every joint's splat: 30; e³ ≈ 20.09 in ``paper()``. For Gauss–Newton it is the
-        widest that the kernel ends at, unless the noise is found to be larger; for Adam the initial σ₀.
-    occlusion_sigma : float or None
-        The same for occlusion-prone joints; None: ``sigma``.
+    occlusion_sigma_mm : float or None, mm, default None
+        ``sigma_mm`` of occlusion-prone joints (elbows, wrists, ankles); None: the same.
+    joint_sigmas_mm : sequence of float, or None, mm, default None
+        ``sigma_mm`` of each of the N joints, instead of the two others.
+    symmetry_tier : int, default 1
+        Symmetric limbs up to this tier are kept equally long, 0 to 3; 0: none.
+    symmetry_sigma_mm : float, mm, default 15
+        Standard deviation of the difference between symmetric limbs; ``paper`` uses it for the error bars
+        alone.
+    detection_sigma_px : float or None, px, default None
+        Standard deviation of the detections' noise per axis, for ``paper`` in the error bars alone; None:
+        estimated in every frame.
+    undistort : bool, default True
+        Remove lens distortion from the detections first; False mirrors numbers published without it.
+    min_confidence : float, default 0
+        Detections of a lower confidence count as missing.
+    n_threads : int or None, default None
+        Threads for a batch, on whose number the result does not depend; None: all cores.
     occlusion_factor : float
-        Instead of ``occlusion_sigma``, the paper's f. It multiplies the *logarithm* of σ₀ in mm, σ = σ₀^f:
-        1.25 gives 42.5 mm, 1.5 gives 90, 2 gives 403 in ``paper()``. Not kept as a field.
-    joint_sigmas : sequence of N floats, or None
-        A standard deviation for each joint instead of the above, None.
-    symmetry_tier : {0, 1, 2, 3}
-        Symmetric limbs up to this tier, 1; 0 switches the symmetry loss off.
-    max_steps : int
-        At most this many steps: 50; 125 in ``paper()``.
-    undistort : bool
-        Remove lens distortion from the detections first, True; False mirrors numbers published without it.
-    min_confidence : float
-        Detections of a lower confidence count as missing, 0.
-    n_threads : int or None
-        Threads for a batch; None: all cores. The result does not depend on it.
+        Instead of ``occlusion_sigma_mm``, the paper's f, which multiplies the *logarithm* of ``sigma_mm``:
+        σ^f, for ``paper`` 42.5 mm with 1.25, 90 with 1.5 and 403 with 2. It is not kept as a field.
 
     Other Parameters
     ----------------
-    Of the default, Gauss–Newton; Adam uses ``sigma_per_noise``, ``detection_sigma`` and ``symmetry_sigma``
-    for the error bars alone:
+    Of ``annealed``; ``RefineConfig(...)`` takes them:
 
-    sigma_start : float
-        Widest kernel that annealing begins with, 320. A joint without a start of its own begins at its
-        farthest ray if that is nearer.
-    sigma_decay : float
-        Factor on the kernel's σ from one step to the next, 0.5.
-    sigma_per_noise : float or None
-        The kernel ends at this multiple of the detections' noise, 2, if that is less than ``sigma``; where
-        the noise is larger, it follows if the frame is more likely so (large noise rather than many wrong
-        detections). None: at ``sigma``, as in ``paper()``.
-    detection_sigma : float or None
-        Standard deviation of the detections' noise per axis, pixels; None: estimated in every frame.
-    view_weights : sequence of M floats, or None
-        How much each view counts, beside the confidence; 0 leaves it out. None: 1 for all. Gauss–Newton only.
-    symmetry_sigma : float
-        Standard deviation of the difference between symmetric limbs, 15.
-    find_swaps : bool
-        Look for detections with left and right exchanged: True; False in ``paper()``.
-    step_tolerance : float
-        Converged once the kernels are narrow and no joint moves by more than this part of the noise, 0.01.
+    sigma_mm : float, mm, default 30
+        Widest σ at which a joint's kernel ends, unless the noise turns out to be larger.
+    max_steps : int, default 50
+        Largest number of steps.
+    sigma_start_mm : float, mm, default 320
+        σ of the widest kernel; a joint whose farthest ray is nearer begins there.
+    sigma_decay : float, default 0.5
+        Factor on the kernel's σ from one step to the next.
+    sigma_per_noise : float or None, default 2
+        The kernel ends at this multiple of the detections' noise if that is less than ``sigma_mm``; larger
+        noise is followed where it explains the frame better than many wrong detections do. None: it ends at
+        ``sigma_mm``.
+    view_weights : sequence of float, or None, default None
+        How much each of the M views counts, on top of the confidence, 0 to leave it out; None: 1 for all.
+    find_swaps : bool, default True
+        Look for detections with left and right exchanged.
+    step_tolerance : float, default 0.01
+        Converged once the kernels are narrow and no joint moves by more than this part of the noise.
 
-    Of Adam, the paper's method; Gauss–Newton uses none of them:
+    Of ``paper``; ``RefineConfig.paper(...)`` takes them:
 
-    dilation : float
-        h, added to the projected variances, 0.3 px².
-    encoding : {"one_hot", "rgb", "single"}
-        Joint encoding, "one_hot"; the others are ablations.
-    symmetry_weight : float
-        λ_sym, 1e-5.
-    views_per_step : int or None
+    sigma_mm : float, mm, default 20.09
+        Initial standard deviation σ₀ of every joint's splat.
+    max_steps : int, default 125
+        Largest number of steps.
+    renderer : {"raster", "closed_form"}, default "raster"
+        What compares splats with detections: the paper's pixels, or the exact integral of the same loss over
+        the plane (one-hot encoding only).
+    dilation : float, px², default 0.3
+        h, added to the projected variances.
+    encoding : {"one_hot", "rgb", "single"}, default "one_hot"
+        Joint encoding; the shared ones are ablations.
+    symmetry_weight : float, mm⁻², default 1e-5
+        λ_sym, the weight of the symmetry loss.
+    views_per_step : int or None, default None
         Views whose gradients are accumulated before a step; None: all.
-    position_lr : float or "camera_extent"
-        Initial learning rate of the means, 3 mm; or the formula 5e-4 · 1.1 · the largest distance of a camera
+    position_lr_mm : float or "camera_extent", mm, default 3
+        Initial learning rate of the means; "camera_extent": 5e-4 · 1.1 · the largest distance of a camera
         centre from their mean.
-    position_lr_factor : float
-        Multiplies ``position_lr``, 1; the paper's dome rigs ran with 10 times the formula.
-    log_scale_lr, rotation_lr : float
-        Learning rates of log-scales (0.005) and quaternions (0.001).
-    lr_decay, lr_decay_steps : float
-        The position's learning rate falls by ``lr_decay`` over ``lr_decay_steps``: 0.01 over 1000.
-    adam_betas, adam_epsilon
-        Adam's β (0.9, 0.999) and ε (1e-15).
-    stop_tolerance : float
-        Stop when the window minimum of the loss changes by less, 1e-6.
-    stop_window : int or None
+    position_lr_factor : float, default 1
+        Multiplies ``position_lr_mm``; the paper's dome rigs ran with 10 times the formula.
+    log_scale_lr : float, default 0.005
+        Learning rate of the log-scales.
+    rotation_lr : float, default 0.001
+        Learning rate of the quaternions.
+    lr_decay : float, default 0.01
+        Factor by which the position's learning rate falls over ``lr_decay_steps``.
+    lr_decay_steps : float, steps, default 1000
+        Steps over which ``lr_decay`` is reached.
+    adam_betas : (float, float), default (0.9, 0.999)
+        Adam's β₁ and β₂.
+    adam_epsilon : float, default 1e-15
+        Adam's ε.
+    stop_tolerance : float, default 1e-6
+        Stop when the window minimum of the loss changes by less.
+    stop_window : int or None, default None
         Steps per window; None: the number of views.
-    resolution : float
-        Render at this factor of the cameras' resolution, 1.
-    loss_history : bool
-        Keep the loss of every step, False.
+    resolution : float, default 1
+        Render at this factor of the cameras' resolution.
+    loss_history : bool, default False
+        Keep the loss of every step.
 
     Raises
     ------
     InvalidInputError
-        An unknown field, or a value outside its domain; the message names the field.
+        An unknown setting, one of the other method, or a value outside its domain; the message names it.
     """
 
     def __new__(cls, **fields: Any) -> RefineConfig: ...
     @staticmethod
     def paper(**fields: Any) -> RefineConfig:
-        """Return the published method, with any field changed by keyword."""
+        """Return the published method, with any setting changed by keyword."""
     def replace(self, **fields: Any) -> RefineConfig:
-        """Return a copy with some fields changed."""
+        """Return a copy with some settings changed."""
     def to_dict(self) -> dict[str, Any]:
-        """Return every field with its value."""
+        """Return the method and every setting; ``RefineConfig(**fields)`` makes the same again."""
+    @staticmethod
+    def settings(method: str = "annealed") -> list[Setting]:
+        """Return the table of the settings of a method, its own first."""
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
     @property
-    def renderer(self) -> str: ...
+    def method(self) -> str:
+        """Name of the method, ``"annealed"`` or ``"paper"``."""
     @property
-    def optimizer(self) -> str: ...
+    def sigma_mm(self) -> float: ...
     @property
-    def sigma(self) -> float: ...
+    def max_steps(self) -> int: ...
     @property
-    def occlusion_sigma(self) -> float | None: ...
-    @property
-    def joint_sigmas(self) -> tuple[float, ...] | None: ...
-    @property
-    def sigma_start(self) -> float: ...
+    def sigma_start_mm(self) -> float: ...
     @property
     def sigma_decay(self) -> float: ...
     @property
     def sigma_per_noise(self) -> float | None: ...
     @property
-    def detection_sigma(self) -> float | None: ...
-    @property
     def view_weights(self) -> tuple[float, ...] | None: ...
-    @property
-    def symmetry_tier(self) -> int: ...
-    @property
-    def symmetry_sigma(self) -> float: ...
     @property
     def find_swaps(self) -> bool: ...
     @property
-    def max_steps(self) -> int: ...
-    @property
     def step_tolerance(self) -> float: ...
+    @property
+    def occlusion_sigma_mm(self) -> float | None: ...
+    @property
+    def joint_sigmas_mm(self) -> tuple[float, ...] | None: ...
+    @property
+    def symmetry_tier(self) -> int: ...
+    @property
+    def symmetry_sigma_mm(self) -> float: ...
+    @property
+    def detection_sigma_px(self) -> float | None: ...
+    @property
+    def undistort(self) -> bool: ...
+    @property
+    def min_confidence(self) -> float: ...
+    @property
+    def n_threads(self) -> int | None: ...
+    @property
+    def renderer(self) -> str: ...
     @property
     def dilation(self) -> float: ...
     @property
@@ -320,7 +370,7 @@ class RefineConfig:
     @property
     def views_per_step(self) -> int | None: ...
     @property
-    def position_lr(self) -> float | str: ...
+    def position_lr_mm(self) -> float | str: ...
     @property
     def position_lr_factor(self) -> float: ...
     @property
@@ -340,15 +390,9 @@ class RefineConfig:
     @property
     def stop_window(self) -> int | None: ...
     @property
-    def undistort(self) -> bool: ...
-    @property
-    def min_confidence(self) -> float: ...
-    @property
     def resolution(self) -> float: ...
     @property
     def loss_history(self) -> bool: ...
-    @property
-    def n_threads(self) -> int | None: ...
 
 def project(points: ArrayLike, cameras: _Cameras) -> NDArray[np.float64]:
     """Project world points (…, 3) to pixels (M, …, 2), lens distortion included; NaN behind a camera.

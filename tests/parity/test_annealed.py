@@ -169,11 +169,11 @@ def test_with_a_prior(views: list[View]) -> None:
 def test_with_other_settings(views: list[View]) -> None:
     detections = with_outliers(views, 0.2)
     theirs = {
-        "sigma": 20.0,
-        "sigma_start": 150.0,
+        "sigma_mm": 20.0,
+        "sigma_start_mm": 150.0,
         "sigma_decay": 0.7,
         "sigma_per_noise": 1.5,
-        "symmetry_sigma": 8.0,
+        "symmetry_sigma_mm": 8.0,
         "max_steps": 9,
         "step_tolerance": 0.1,
         "view_weights": np.linspace(0.3, 1.0, len(views)),

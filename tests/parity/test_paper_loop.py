@@ -44,7 +44,7 @@ def run_twin(
     start: Array, detections: Array, views: list[View], pairs: Pairs = (), **settings: Any
 ) -> paper_loop.PaperResult:
     config = paper_loop.PaperConfig(**settings)
-    gaussians = paper_loop.initial_gaussians(start, config.sigma)
+    gaussians = paper_loop.initial_gaussians(start, config.sigma_mm)
     return paper_loop.refine(gaussians, detections, views, pairs, config=config)
 
 
@@ -67,7 +67,7 @@ def assert_same_course(found: sk.Refinement, expected: paper_loop.PaperResult, s
         {"max_steps": 60, "views_per_step": 1},
         {"max_steps": 60, "views_per_step": 2},
         {"max_steps": 40, "views_per_step": 3},
-        {"max_steps": 30, "sigma": 35.0, "position_lr": 1.5, "log_scale_lr": 0.02, "rotation_lr": 0.01},
+        {"max_steps": 30, "sigma_mm": 35.0, "position_lr_mm": 1.5, "log_scale_lr": 0.02, "rotation_lr": 0.01},
     ],
 )
 def test_same_pose_and_shape_after_so_many_steps(settings: dict[str, Any]) -> None:

@@ -15,12 +15,12 @@ from reference.total import SYMMETRY_WEIGHT, detected, loss_and_gradient, target
 class PaperConfig:
     """Every number of the loop; lengths in mm, learning rates per step."""
 
-    sigma: float = float(np.exp(3.0))
+    sigma_mm: float = float(np.exp(3.0))
     encoding: str = "one_hot"
     symmetry_weight: float = SYMMETRY_WEIGHT
     max_steps: int = 125
     views_per_step: int | None = None
-    position_lr: float = 3.0
+    position_lr_mm: float = 3.0
     log_scale_lr: float = 0.005
     rotation_lr: float = 0.001
     lr_decay: float = 0.01
@@ -52,7 +52,7 @@ def step_views(step: int, n_views: int, views_per_step: int | None) -> list[int]
 
 def position_lr(step: int, config: PaperConfig) -> float:
     """lr₀·0.01^(t/1000): by a factor of 100 over 1000 steps. The other groups keep their rate."""
-    return float(config.position_lr * config.lr_decay ** (step / config.lr_decay_steps))
+    return float(config.position_lr_mm * config.lr_decay ** (step / config.lr_decay_steps))
 
 
 def window_difference(losses: list[float], window: int) -> float | None:

@@ -167,7 +167,10 @@ def test_paper_loop_recovers_exact_detections() -> None:
     start = truth + np.array([[12.0, -8, 5], [-6, 14, 9], [10, 3, -13]])
     config = paper_loop.PaperConfig(stop_tolerance=0.0)
     result = paper_loop.refine(
-        paper_loop.initial_gaussians(start, config.sigma), scenes.pixels(truth, views), views, config=config
+        paper_loop.initial_gaussians(start, config.sigma_mm),
+        scenes.pixels(truth, views),
+        views,
+        config=config,
     )
     # Adam ends within a fraction of its last steps (3 mm · 0.01^0.125 = 1.7 mm at most) around the optimum;
     # perspective puts that some tenths of a mm from the truth, since the target keeps the start's shape.

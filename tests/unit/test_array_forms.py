@@ -64,7 +64,7 @@ NO_NUMBERS = {
     "a dict": (lambda a: {"x": a}, ".*dict.*"),
     "ragged": (lambda _: [[1.0], [1.0, 2.0]], ".*inhomogeneous.*"),
 }
-OPTIONAL = {"confidence", "init_pose", "init_sigma", "distortion", "joint_sigmas", "view_weights"}
+OPTIONAL = {"confidence", "init_pose", "init_sigma", "distortion", "joint_sigmas_mm", "view_weights"}
 
 
 @pytest.mark.parametrize(("call", "argument"), ARGUMENTS)

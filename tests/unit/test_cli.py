@@ -57,7 +57,7 @@ def test_paper_runs_the_papers_preset_and_draws_heat_maps(recording, arguments):
     assert invoke(*arguments, *READ, *FAST, "-q").exit_code == 0
     robust = read_npz(folder / "out" / "pose.npz")
     settings = json.loads((folder / "out" / "report.json").read_text())["settings"]
-    assert settings["optimizer"] == "gauss_newton"
+    assert settings["method"] == "annealed"
     result = invoke(*arguments, *READ, *FAST, "--paper")
     assert result.exit_code == 0, result.output
     assert {path.name for path in (folder / "out").iterdir()} == RESULTS | {"heatmaps.png"}
@@ -76,7 +76,7 @@ def test_an_independent_start_counts_as_an_observation(recording, arguments):
     run = [*arguments, *READ, *FAST, "-q", "--init", folder / "s.npz"]
     assert invoke(*run).exit_code == 0
     without = read_npz(folder / "out" / "pose.npz").pose
-    assert invoke(*run, "--init-sigma", "0.001").exit_code == 0
+    assert invoke(*run, "--init-sigma-mm", "0.001").exit_code == 0
     # a start that is certain to a micrometre stays where it is
     np.testing.assert_allclose(read_npz(folder / "out" / "pose.npz").pose, pose + 500.0, atol=0.1)
     assert np.linalg.norm(without - pose, axis=-1).max() < 100.0
@@ -132,14 +132,14 @@ def test_y_up_turns_the_marker_file_only(recording, arguments):
         (["--unit", "mm", "--layout", "body26"], ["--layout", "h36m17", "'body26'"]),
         ([*READ, "--person", "left"], ["--person", "'left'"]),
         ([*READ, "--frames", "some"], ["--frames", "strict", "'some'"]),
-        ([*READ, "--sigma", "-1"], ["--sigma", "positive", "-1"]),
-        ([*READ, "--occlusion-sigma", "0"], ["--occlusion-sigma", "positive", "0"]),
+        ([*READ, "--sigma-mm", "-1"], ["--sigma-mm", "positive", "-1"]),
+        ([*READ, "--occlusion-sigma-mm", "0"], ["--occlusion-sigma-mm", "positive", "0"]),
         ([*READ, "--fps", "nan"], ["--fps", "positive", "nan"]),
-        ([*READ, "--init-sigma", "40"], ["--init-sigma", "requires --init "]),
-        ([*READ, "--init", "a.npz", "--init-sigma", "-4"], ["--init-sigma", "positive", "-4"]),
+        ([*READ, "--init-sigma-mm", "40"], ["--init-sigma-mm", "requires --init "]),
+        ([*READ, "--init", "a.npz", "--init-sigma-mm", "-4"], ["--init-sigma-mm", "positive", "-4"]),
         (
-            [*READ, "--paper", "--init", "a.npz", "--init-sigma", "40"],
-            ["--init-sigma", "paper's method", "got 40"],
+            [*READ, "--paper", "--init", "a.npz", "--init-sigma-mm", "40"],
+            ["--init-sigma-mm", "paper's method", "got 40"],
         ),
         ([*READ, "--symmetry-tier", "4"], ["--symmetry-tier: expected ", "3", "'4'"]),
         ([*READ, "--max-steps", "many"], ["--max-steps: expected ", "'many'"]),
@@ -254,7 +254,7 @@ def test_a_defect_keeps_its_traceback(arguments, monkeypatch):
 def test_a_warning_of_the_package_is_told_and_reported(recording, arguments):
     folder, _, _ = recording
     # At a thousandth of the true size the cameras stand millimetres apart; σ is scaled as well
-    arguments = [*arguments, "--unit", "mm", "--layout", "h36m17", "--fps", "50", "--sigma", "0.02"]
+    arguments = [*arguments, "--unit", "mm", "--layout", "h36m17", "--fps", "50", "--sigma-mm", "0.02"]
     lines = (folder / "Calib.toml").read_text().splitlines()
     for i, line in enumerate(lines):
         if line.startswith("translation"):
@@ -343,7 +343,7 @@ def test_demo_of_the_paper(tmp_path, monkeypatch):
     assert {path.name for path in tmp_path.iterdir()} == RESULTS | {"heatmaps.png", "input"}
     report = json.loads((tmp_path / "report.json").read_text())
     assert report["preset"] == "paper"
-    assert report["settings"]["optimizer"] == "adam"
+    assert report["settings"]["method"] == "paper"
 
 
 def test_pick_person_by_place_and_by_size():
@@ -352,13 +352,13 @@ def test_pick_person_by_place_and_by_size():
     people[:, :, 0, :, :2] = [[10.0, 10.0], [20.0, 20.0], [30.0, 30.0]]
     people[:, :, 1, :, :2] = [[10.0, 10.0], [20.0, 20.0], [60.0, 60.0]]
     people[0, 0, 1] = np.nan
-    largest, nobody_fits = pick_person(people, rig, "largest")
+    largest, unmatched = pick_person(people, rig, "largest")
     assert largest[1, 2, 2, 0] == 60.0
     assert largest[0, 0, 2, 0] == 30.0
-    assert not nobody_fits.any()
-    numbered, nobody_fits = pick_person(people, rig, "0")
+    assert not unmatched.any()
+    numbered, unmatched = pick_person(people, rig, "0")
     np.testing.assert_array_equal(numbered, people[:, :, 0])
-    assert not nobody_fits.any()
+    assert not unmatched.any()
 
 
 def test_a_failure_leaves_an_output_folder_as_it_was(recording, arguments):

@@ -30,11 +30,11 @@ def invoke(*args):
 
 def test_the_report_holds_statistics_settings_and_timing(recording, arguments):
     folder, rig, _ = recording
-    assert invoke(*arguments, *READ, *FAST, "--sigma", 25, "--min-confidence", 0.1).exit_code == 0
+    assert invoke(*arguments, *READ, *FAST, "--sigma-mm", 25, "--min-confidence", 0.1).exit_code == 0
     report = json.loads((folder / "out" / "report.json").read_text())
     errors = report["reprojection_error"]
     assert report["versions"]["skelsplat"] == sk.__version__
-    assert report["settings"]["sigma"] == 25.0
+    assert report["settings"]["sigma_mm"] == 25.0
     assert report["settings"]["max_steps"] == 30
     assert report["settings"]["min_confidence"] == 0.1
     assert report["ground_truth"] is None

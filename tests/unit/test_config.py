@@ -14,47 +14,82 @@ import skelsplat as sk
 
 def test_paper_holds_the_papers_values():
     config = sk.RefineConfig.paper()
-    assert math.isclose(config.sigma, math.exp(3.0))
+    assert math.isclose(config.sigma_mm, math.exp(3.0))
     assert (config.max_steps, config.symmetry_weight, config.stop_tolerance) == (125, 1e-5, 1e-6)
-    assert (config.renderer, config.optimizer, config.encoding) == ("raster", "adam", "one_hot")
+    assert (config.method, config.renderer, config.encoding) == ("paper", "raster", "one_hot")
     assert config.views_per_step is None
-    assert (config.sigma_per_noise, config.find_swaps) == (None, False)
 
 
-def test_the_default_is_annealed_gauss_newton():
+def test_the_default_is_annealed():
     config = sk.RefineConfig()
-    assert (config.renderer, config.optimizer) == ("closed_form", "gauss_newton")
-    assert (config.sigma_start, config.sigma, config.sigma_decay) == (320.0, 30.0, 0.5)
-    assert (config.sigma_per_noise, config.detection_sigma) == (2.0, None)
-    assert (config.symmetry_sigma, config.find_swaps) == (15.0, True)
+    assert config.method == "annealed"
+    assert (config.sigma_start_mm, config.sigma_mm, config.sigma_decay) == (320.0, 30.0, 0.5)
+    assert (config.sigma_per_noise, config.detection_sigma_px) == (2.0, None)
+    assert (config.symmetry_sigma_mm, config.find_swaps) == (15.0, True)
     assert (config.max_steps, config.step_tolerance) == (50, 0.01)
-    changed = {
-        name for name, value in sk.RefineConfig.paper().to_dict().items() if value != getattr(config, name)
-    }
-    assert changed == {"renderer", "optimizer", "sigma", "sigma_per_noise", "find_swaps", "max_steps"}
+
+
+@pytest.mark.parametrize(
+    ("make", "other"), [(sk.RefineConfig, "position_lr_mm"), (sk.RefineConfig.paper, "sigma_start_mm")]
+)
+def test_a_setting_of_the_other_method_is_refused(make, other):
+    text = rf"config.{other}: expected a setting of the method .*, got one of .*: make it with RefineConfig"
+    with pytest.raises(sk.InvalidInputError, match=text):
+        make(**{other: 1.0})
+    assert not hasattr(make(), other)
+    with pytest.raises(AttributeError, match=text):
+        getattr(make(), other)
+
+
+def test_old_names_name_the_new_ones():
+    with pytest.raises(sk.InvalidInputError, match=r"config.sigma: expected the name 'sigma_mm'"):
+        sk.RefineConfig(sigma=30.0)
+    with pytest.raises(sk.InvalidInputError, match=r"expected RefineConfig\(\) .* or RefineConfig.paper\(\)"):
+        sk.RefineConfig(optimizer="adam")
+
+
+def test_the_method_is_a_keyword_that_does_not_change():
+    assert sk.RefineConfig(method="paper") == sk.RefineConfig.paper()
+    assert sk.RefineConfig.paper(method="paper") == sk.RefineConfig.paper()
+    with pytest.raises(sk.InvalidInputError, match=r"config.method: expected 'annealed', got 'paper'"):
+        sk.RefineConfig().replace(method="paper")
+    with pytest.raises(sk.InvalidInputError, match=r"method: unknown name 'adam', expected one of annealed"):
+        sk.RefineConfig(method="adam")
+
+
+@pytest.mark.parametrize("method", ["annealed", "paper"])
+def test_the_table_has_every_setting(method):
+    config = sk.RefineConfig(method=method)
+    table = sk.RefineConfig.settings(method)
+    assert {line.name: line.default for line in table} | {"method": method} == config.to_dict()
+    assert {line.method for line in table} == {method, "both"}
+    for line in table:
+        assert line.sentence.endswith(".")
+        assert (line.unit == "mm") == line.name.endswith("_mm")
+        assert (line.unit == "px") == line.name.endswith("_px")
 
 
 def test_a_field_per_joint_or_view_is_a_sequence():
-    config = sk.RefineConfig(joint_sigmas=[20.0, 30.0], view_weights=np.array([1.0, 0.0]))
-    assert (config.joint_sigmas, config.view_weights) == ((20.0, 30.0), (1.0, 0.0))
+    config = sk.RefineConfig(joint_sigmas_mm=[20.0, 30.0], view_weights=np.array([1.0, 0.0]))
+    assert (config.joint_sigmas_mm, config.view_weights) == ((20.0, 30.0), (1.0, 0.0))
     assert sk.RefineConfig(**config.to_dict()) == config
 
 
 @pytest.mark.parametrize(("factor", "sigma"), [(1.25, 42.5), (1.5, 90.0), (2.0, 403.4)])
 def test_the_occlusion_factor_multiplies_the_log_scale(factor, sigma):
     config = sk.RefineConfig.paper(occlusion_factor=factor)
-    assert math.isclose(config.occlusion_sigma, sigma, rel_tol=2e-3)
+    assert math.isclose(config.occlusion_sigma_mm, sigma, rel_tol=2e-3)
 
 
 def test_fields_are_kept_and_replaced():
-    config = sk.RefineConfig.paper(sigma=30.0, position_lr="camera_extent", views_per_step=2)
-    assert (config.sigma, config.position_lr, config.views_per_step) == (30.0, "camera_extent", 2)
-    other = config.replace(sigma=10.0)
-    assert (other.sigma, other.views_per_step, config.sigma) == (10.0, 2, 30.0)
+    config = sk.RefineConfig.paper(sigma_mm=30.0, position_lr_mm="camera_extent", views_per_step=2)
+    assert (config.sigma_mm, config.position_lr_mm, config.views_per_step) == (30.0, "camera_extent", 2)
+    other = config.replace(sigma_mm=10.0)
+    assert (other.sigma_mm, other.views_per_step, config.sigma_mm) == (10.0, 2, 30.0)
     assert sk.RefineConfig.paper(**config.to_dict()) == config
-    assert "sigma=30.0" in repr(config)
+    assert "sigma_mm=30.0" in repr(config)
     with pytest.raises(AttributeError):
-        config.sigma = 1.0
+        config.sigma_mm = 1.0
 
 
 def test_the_camera_extent_is_3_mm_on_a_human36m_like_rig():

@@ -34,7 +34,7 @@ def test_demo_without_a_package_for_pictures_writes_all_else_and_warns(tmp_path,
     assert not names & PICTURES
     assert "overview.png" not in result.stdout
     report = json.loads((tmp_path / "run" / "report.json").read_text())
-    assert NEEDS in json.dumps(report["warnings"])
+    assert [found["text"] for found in report["findings"] if found["kind"] == "no_pictures"] == [NEEDS]
     assert not {*report["files"]} & PICTURES
 
 

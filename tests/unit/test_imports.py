@@ -43,6 +43,7 @@ FORBIDDEN = {
         "run",
     ),
     "_sentences": ("cli", "viz", "io", "_refine", "_skelsplat", "association", "synthetic", "evaluation"),
+    "run": ("cli", "evaluation", "datasets"),
     "rig_check": ("cli", "viz", "io", "synthetic", "evaluation"),
     "io": ("cli", "viz", "_refine", "synthetic", "evaluation", "temporal"),
     "synthetic": ("cli", "viz", "io", "_refine", "association", "evaluation", "datasets"),

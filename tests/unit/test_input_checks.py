@@ -156,18 +156,18 @@ REFINE = {
     ),
     "init_sigma for Adam": (
         lambda _: {"init_sigma": 30.0, "config": sk.RefineConfig.paper()},
-        r"init_sigma: expected optimizer 'gauss_newton' with it, got adam",
+        r"init_sigma: expected the method 'annealed' with it, got 'paper'",
     ),
     "view_weights": (
         lambda _: {"config": sk.RefineConfig(view_weights=[1.0, 1.0])},
         r"config.view_weights: expected one weight per camera \(4\), got 2",
     ),
-    "joint_sigmas": (
-        lambda _: {"config": sk.RefineConfig(joint_sigmas=[30.0] * 16)},
-        r"config.joint_sigmas: expected 17 joints, as the detections have, got 16 joints",
+    "joint_sigmas_mm": (
+        lambda _: {"config": sk.RefineConfig(joint_sigmas_mm=[30.0] * 16)},
+        r"config.joint_sigmas_mm: expected 17 joints, as the detections have, got 16 joints",
     ),
     "config type": (
-        lambda _: {"config": {"sigma": 3}},
+        lambda _: {"config": {"sigma_mm": 3}},
         r"config: expected a RefineConfig or None, got dict",
     ),
 }
@@ -188,42 +188,43 @@ def test_refine(case, scene):
 
 
 CONFIG = {
-    "negative sigma": ({"sigma": -1.0}, r"config.sigma: expected a positive finite number, got -1"),
-    "unknown field": ({"sigmas": 1.0}, r"config: unknown name 'sigmas', expected one of renderer"),
+    "negative sigma": ({"sigma_mm": -1.0}, r"config.sigma_mm: expected a positive finite number, got -1"),
+    "unknown field": ({"sigmas": 1.0}, r"config: unknown name 'sigmas', expected one of sigma_mm"),
     "type": ({"max_steps": "many"}, r"config.max_steps: expected a whole number of at least 0, got 'many'"),
-    "tier": ({"symmetry_tier": 4}, r"config.symmetry_tier: expected 0, 1, 2 or 3, got 4"),
+    "tier": ({"symmetry_tier": 4}, r"config.symmetry_tier: expected a whole number from 0 to 3, got 4"),
     "encoding": ({"encoding": "hsv"}, r"config.encoding: expected 'one_hot', 'rgb' or 'single', got 'hsv'"),
     "learning rate": (
-        {"position_lr": "extent"},
-        r"config.position_lr: expected a number of mm, or 'camera_extent', got 'extent'",
+        {"position_lr_mm": "extent"},
+        r"config.position_lr_mm: expected a number, or 'camera_extent', got 'extent'",
     ),
     "two sigmas": (
-        {"occlusion_sigma": 30.0, "occlusion_factor": 1.25},
-        r"config.occlusion_factor: expected one of the two, got occlusion_sigma as well",
+        {"occlusion_sigma_mm": 30.0, "occlusion_factor": 1.25},
+        r"config.occlusion_factor: expected one of the two, got occlusion_sigma_mm as well",
     ),
 }
 
 
 ROBUST_CONFIG = {
-    "sigma_start": ({"sigma_start": 0.0}, r"config.sigma_start: expected a positive finite number, got 0"),
+    "sigma_start_mm": (
+        {"sigma_start_mm": 0.0},
+        r"config.sigma_start_mm: expected a positive finite number, got 0",
+    ),
     "sigma_decay": ({"sigma_decay": 1.0}, r"config.sigma_decay: expected a number between 0 and 1, got 1"),
     "per noise": ({"sigma_per_noise": -2.0}, r"config.sigma_per_noise: expected a positive .*, got -2"),
-    "noise": ({"detection_sigma": 0.0}, r"config.detection_sigma: expected a positive finite number, got 0"),
-    "symmetry": ({"symmetry_sigma": -1.0}, r"config.symmetry_sigma: expected a positive finite number"),
+    "noise": (
+        {"detection_sigma_px": 0.0},
+        r"config.detection_sigma_px: expected a positive finite number, got 0",
+    ),
+    "symmetry": ({"symmetry_sigma_mm": -1.0}, r"config.symmetry_sigma_mm: expected a positive finite number"),
     "step": ({"step_tolerance": 0.0}, r"config.step_tolerance: expected a positive finite number, got 0"),
-    "joint": ({"joint_sigmas": [30.0, 0.0]}, r"config.joint_sigmas\[1\]: expected a positive finite number"),
+    "joint": (
+        {"joint_sigmas_mm": [30.0, 0.0]},
+        r"config.joint_sigmas_mm\[1\]: expected a positive finite number",
+    ),
     "view": ({"view_weights": [1.0, -1.0]}, r"config.view_weights\[1\]: expected .* not negative, got -1"),
     "weights": ({"view_weights": 2.0}, r"config.view_weights: expected a sequence of numbers, or None, got"),
     "swaps": ({"find_swaps": 2}, r"config.find_swaps: expected True or False, got 2"),
-    "optimizer": ({"optimizer": "sgd"}, r"config.optimizer: expected 'adam' or 'gauss_newton', got 'sgd'"),
-    "pixels": (
-        {"renderer": "raster"},
-        r"config.renderer: expected 'closed_form' with optimizer 'gauss_newton', got raster",
-    ),
-    "weights for Adam": (
-        {"optimizer": "adam", "view_weights": [1.0]},
-        r"config.view_weights: expected None with optimizer 'adam'",
-    ),
+    "pixels": ({"renderer": "raster"}, r"config.renderer: expected a setting of the method 'annealed', got"),
 }
 
 

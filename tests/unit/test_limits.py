@@ -98,11 +98,11 @@ def test_the_resolution_is_named():
 @pytest.mark.parametrize(
     ("field", "text"),
     [
-        ({"sigma": 1e300}, "config.sigma: expected a number from 1e-15 to 1e9, got 1e300"),
-        ({"sigma": 1e-300}, "config.sigma: expected a number from 1e-15 to 1e9, got 1e-300"),
+        ({"sigma_mm": 1e300}, "config.sigma_mm: expected a number from 1e-15 to 1e9, got 1e300"),
+        ({"sigma_mm": 1e-300}, "config.sigma_mm: expected a number from 1e-15 to 1e9, got 1e-300"),
         (
-            {"detection_sigma": 1e200},
-            "config.detection_sigma: expected a number from 1e-15 to 1e9, got 1e200",
+            {"detection_sigma_px": 1e200},
+            "config.detection_sigma_px: expected a number from 1e-15 to 1e9, got 1e200",
         ),
         ({"symmetry_weight": 1e300}, "config.symmetry_weight: expected a number of at most 1e9, got 1e300"),
         ({"n_threads": 10**9}, "config.n_threads: expected at most 4096, got 1000000000"),
@@ -110,7 +110,7 @@ def test_the_resolution_is_named():
 )
 def test_settings_outside_their_ranges(field, text):
     with pytest.raises(sk.InvalidInputError, match=f"^{re.escape(text)}$"):
-        sk.RefineConfig(**field)
+        (sk.RefineConfig.paper if "symmetry_weight" in field else sk.RefineConfig)(**field)
 
 
 POINTS = np.random.default_rng(0).normal(size=(5, 3)) * 100
@@ -187,7 +187,7 @@ def test_windows_that_do_not_fit_into_memory(encoding, frames):
     detections = np.full((frames, 1, CHANNELS, 2), 500.0)
     cameras = [LARGEST] * (1 if encoding == "one_hot" else 500)
     detections = np.repeat(detections, len(cameras), axis=1)
-    config = sk.RefineConfig.paper(sigma=1e6, encoding=encoding)
+    config = sk.RefineConfig.paper(sigma_mm=1e6, encoding=encoding)
     start = np.zeros((frames, CHANNELS, 3))
     with pytest.raises(MemoryError, match=r"^heat maps: the windows of \d+ detections.* need \d+\.\d GB"):
         sk.refine(start, detections, cameras, config=config)

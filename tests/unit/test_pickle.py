@@ -56,10 +56,12 @@ def test_layouts(layout):
 CONFIGS = {
     "default": sk.RefineConfig(),
     "paper": sk.RefineConfig.paper(),
-    "by extent": sk.RefineConfig.paper(position_lr="camera_extent", stop_window=3, n_threads=1),
-    "per joint and view": sk.RefineConfig(joint_sigmas=np.linspace(10, 60, 17), view_weights=[1, 0, 0.3, 1]),
+    "by extent": sk.RefineConfig.paper(position_lr_mm="camera_extent", stop_window=3, n_threads=1),
+    "per joint and view": sk.RefineConfig(
+        joint_sigmas_mm=np.linspace(10, 60, 17), view_weights=[1, 0, 0.3, 1]
+    ),
     "factor": sk.RefineConfig.paper(occlusion_factor=1.25, adam_betas=(0.8, 0.99)),
-    "no limits": sk.RefineConfig(sigma_per_noise=None, detection_sigma=2.5, find_swaps=False),
+    "no limits": sk.RefineConfig(sigma_per_noise=None, detection_sigma_px=2.5, find_swaps=False),
 }
 
 
@@ -162,5 +164,5 @@ def test_errors_of_another_process(error):
 
 def test_a_damaged_setting_is_refused():
     make, (kind, arguments, fields) = sk.RefineConfig().__reduce__()
-    with pytest.raises(sk.InvalidInputError, match="sigma"):
-        make(kind, arguments, fields | {"sigma": -1.0})
+    with pytest.raises(sk.InvalidInputError, match="sigma_mm"):
+        make(kind, arguments, fields | {"sigma_mm": -1.0})

@@ -371,11 +371,11 @@ def test_the_start_matters_only_where_the_detections_do_not_decide(scene):
 
 
 def test_a_wide_kernel_for_some_joints_leaves_the_others_alone(scene):
-    """What config.joint_sigmas and occlusion_sigma say of one joint is not said of the rest."""
+    """What config.joint_sigmas_mm and occlusion_sigma_mm say of one joint is not said of the rest."""
     noisy = scene.detections + np.random.default_rng(1).normal(size=scene.detections.shape) * 3.0
     wide = [1000.0] + [30.0] * 16
     plain = sk.refine(None, noisy, scene.rig)
-    some = sk.refine(None, noisy, scene.rig, config=sk.RefineConfig(joint_sigmas=wide))
+    some = sk.refine(None, noisy, scene.rig, config=sk.RefineConfig(joint_sigmas_mm=wide))
     sigma = np.sqrt(some.covariance[..., 0, 0])
     assert (sigma[:, 0] > 20.0 * sigma[:, 1]).all()
     assert np.abs(some.pose[:, 1:] - plain.pose[:, 1:]).max() < 2.0

@@ -93,6 +93,6 @@ def test_a_run_that_stops_half_way_leaves_no_mixture_of_two(run_folder, argument
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("skelsplat.run.folder.write_run_inputs", stop)
-    assert invoke(*arguments, *READ, "--fps", 50, "--sigma", 20).exit_code == 1
+    assert invoke(*arguments, *READ, "--fps", 50, "--sigma-mm", 20).exit_code == 1
     with pytest.raises(sk.DatasetError, match=r"report\.json: unfinished: expected .* run it again"):
         read_run(run_folder)

@@ -1,17 +1,12 @@
-//! Time of one refinement, 17 joints, one core: the paper's preset with all 125 steps in 4 views, the default in 4 to 31.
+//! Time of one refinement, 17 joints, one core: `paper` with all 125 steps in 4 views, `annealed` in 4 to 31.
 //!
 //! `cargo bench -p skelsplat-core --bench refine`. The image size is a parameter to show that it does not matter.
 
 use std::hint::black_box;
-use std::sync::atomic::AtomicBool;
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
-use skelsplat_core::camera::Camera;
-use skelsplat_core::layout::Layout;
-use skelsplat_core::refine::refiner::Frame;
-use skelsplat_core::refine::{RefineConfig, Refiner};
 use skelsplat_core::testing::scenes::{Noise, noisy_detections, perturbed, room, standing};
-use skelsplat_core::unit::Unit;
+use skelsplat_core::{Camera, Frame, Layout, PaperSettings, RefineConfig, Refiner, Unit};
 
 /// The same focal length and view in a larger or smaller image: the pixels per mm stay the same.
 fn resized(camera: &Camera, pixels: u32) -> Camera {
@@ -32,35 +27,34 @@ fn paper(c: &mut Criterion) {
             init_covariance: None,
             past: false,
         };
-        let config = RefineConfig { stop_tolerance: 0.0, ..RefineConfig::paper() };
+        let config =
+            RefineConfig::from(PaperSettings { stop_tolerance: 0.0, ..PaperSettings::default() });
         let layout = Layout::by_name("h36m17").expect("built in");
         let refiner =
             Refiner::new(&cameras, Unit::Millimetre, Some(&layout), config).expect("valid");
-        let cancel = AtomicBool::new(false);
         group.bench_function(BenchmarkId::from_parameter(format!("{pixels} px")), |b| {
-            b.iter(|| refiner.refine(black_box(&frame), false, &cancel).expect("valid"));
+            b.iter(|| refiner.refine(black_box(&frame)).expect("valid"));
         });
     }
     group.finish();
 }
 
-fn default_method(c: &mut Criterion) {
-    let mut group = c.benchmark_group("default, 17 joints");
+fn annealed(c: &mut Criterion) {
+    let mut group = c.benchmark_group("annealed, 17 joints");
     for views in [4, 8, 31] {
         let cameras = room(views);
         let detections = noisy_detections(&standing(), &cameras, 3.0, &mut Noise::new(1));
-        let frame = Frame { detections, init_pose: None, init_covariance: None, past: false };
+        let frame = Frame::from(detections);
         let layout = Layout::by_name("h36m17").expect("built in");
         let config = RefineConfig::default();
         let refiner =
             Refiner::new(&cameras, Unit::Millimetre, Some(&layout), config).expect("valid");
-        let cancel = AtomicBool::new(false);
         group.bench_function(BenchmarkId::from_parameter(format!("{views} views")), |b| {
-            b.iter(|| refiner.refine(black_box(&frame), false, &cancel).expect("valid"));
+            b.iter(|| refiner.refine(black_box(&frame)).expect("valid"));
         });
     }
     group.finish();
 }
 
-criterion_group!(benches, paper, default_method);
+criterion_group!(benches, paper, annealed);
 criterion_main!(benches);

@@ -5,8 +5,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::refine::refiner::Frame;
-use crate::refine::{Refinement, Refiner, Renderer};
+use crate::refine::{Control, Frame, Refinement, Refiner};
 use crate::threads;
 
 /// How far a batch has come, and the switch that stops it; shared between threads.
@@ -54,7 +53,7 @@ pub fn refine_batch(
 ) -> Result<Vec<Refinement>> {
     let one = |frame: &Frame, parallel: bool| {
         progress.check()?;
-        let out = refiner.refine(frame, parallel, &progress.cancel);
+        let out = refiner.refine_under(frame, Control { parallel, cancel: &progress.cancel });
         progress.done.fetch_add(1, Ordering::Relaxed);
         out
     };
@@ -63,7 +62,7 @@ pub fn refine_batch(
     match frames {
         _ if config.n_threads == Some(1) => serial(),
         // No windows to share.
-        [_] if config.renderer == Renderer::ClosedForm => serial(),
+        [_] if !config.draws_pixels() => serial(),
         [frame] => {
             let out = threads::install(config.n_threads, |parallel| one(frame, parallel));
             out.map(|refined| vec![refined])

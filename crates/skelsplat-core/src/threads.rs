@@ -25,7 +25,7 @@ const PAUSE: Duration = Duration::from_millis(1);
 
 /// Runs `work(true)` in a pool of `n_threads` (`None`: the process's pool, one thread per core), or `work(false)` on this
 /// thread if no pool can be started.
-pub fn install<R: Send>(n_threads: Option<usize>, work: impl FnOnce(bool) -> R + Send) -> R {
+pub(crate) fn install<R: Send>(n_threads: Option<usize>, work: impl FnOnce(bool) -> R + Send) -> R {
     let pool = match n_threads {
         None => pool(),
         Some(n) => ThreadPoolBuilder::new().num_threads(n).build().ok().map(Arc::new),

@@ -3,18 +3,13 @@
 use std::sync::atomic::AtomicBool;
 
 use nalgebra::{Matrix2, Vector2, Vector3};
-use skelsplat_core::Error;
-use skelsplat_core::batch::{Progress, refine_batch};
-use skelsplat_core::camera::Camera;
-use skelsplat_core::gaussian::Gaussian;
-use skelsplat_core::layout::Layout;
-use skelsplat_core::raster::encoding::Encoding;
-use skelsplat_core::raster::render::{pseudo_ground_truth, render};
-use skelsplat_core::raster::splat::Splat;
-use skelsplat_core::refine::refiner::Frame;
-use skelsplat_core::refine::{RefineConfig, Refinement, Refiner};
+use skelsplat_core::study::paper::render::{pseudo_ground_truth, render};
+use skelsplat_core::study::paper::splat::Splat;
 use skelsplat_core::testing::scenes::{Noise, noisy_detections, perturbed, room, standing};
-use skelsplat_core::unit::Unit;
+use skelsplat_core::{
+    Camera, Control, Encoding, Error, Frame, Gaussian, Layout, Method, PaperSettings, Progress,
+    RefineConfig, Refinement, Refiner, Unit, refine_batch,
+};
 
 fn frames(n: u64) -> Vec<Frame> {
     let cameras = room(4);
@@ -32,7 +27,10 @@ fn frames(n: u64) -> Vec<Frame> {
 }
 
 fn refiner(threads: usize, config: &RefineConfig) -> Refiner {
-    let config = RefineConfig { n_threads: Some(threads), max_steps: 25, ..config.clone() };
+    let mut config = RefineConfig { n_threads: Some(threads), ..config.clone() };
+    if let Method::Paper(settings) = &mut config.method {
+        settings.max_steps = 25;
+    }
     let layout = Layout::by_name("h36m17").unwrap();
     Refiner::new(&room(4), Unit::Millimetre, Some(&layout), config).unwrap()
 }
@@ -65,14 +63,15 @@ fn run_in_the_pool_of_the_process(frames: &[Frame]) -> Vec<u64> {
 /// Wide splats make one pose large enough for its windows to be shared among threads.
 #[test]
 fn one_pose_has_the_same_bits_on_any_number_of_threads() {
-    let wide = RefineConfig { sigma: 60.0, ..RefineConfig::paper() };
+    let wide = RefineConfig::from(PaperSettings { sigma_mm: 60.0, ..PaperSettings::default() });
     let frames = frames(1);
     let run = |threads| {
         let refiner = refiner(threads, &wide);
         bits(&refine_batch(&refiner, &frames, &Progress::default()).unwrap())
     };
     assert_eq!(run(1), run(4));
-    let one = refiner(1, &wide).refine(&frames[0], true, &AtomicBool::new(false)).unwrap();
+    let parallel = Control { parallel: true, ..Control::default() };
+    let one = refiner(1, &wide).refine_under(&frames[0], parallel).unwrap();
     assert_eq!(run(1), bits(&[one]), "the pool of the process");
 }
 
@@ -110,12 +109,14 @@ fn cancel_begins_no_further_frame() {
 #[test]
 fn cancel_ends_a_frame() {
     let cancel = AtomicBool::new(true);
+    let control = Control { cancel: &cancel, ..Control::default() };
     let frame = &frames(1)[0];
     for encoding in [Encoding::OneHot, Encoding::Single] {
-        let refiner = refiner(1, &RefineConfig { encoding, ..RefineConfig::paper() });
-        assert_eq!(refiner.refine(frame, false, &cancel), Err(Error::Cancelled));
+        let refiner =
+            refiner(1, &RefineConfig::from(PaperSettings { encoding, ..PaperSettings::default() }));
+        assert_eq!(refiner.refine_under(frame, control), Err(Error::Cancelled));
         let gaussians = vec![Gaussian::isotropic(Vector3::zeros(), 20.0); 17];
-        let found = refiner.loss_and_gradient(&gaussians, &frame.detections, None, &cancel);
+        let found = refiner.loss_and_gradient(&gaussians, &frame.detections, None, control);
         assert_eq!(found, Err(Error::Cancelled));
     }
 }
@@ -139,9 +140,9 @@ fn windows_are_refused_before_they_are_allocated() {
         .iter()
         .map(|c| Camera::new(&c.k(), c.rotation(), c.translation(), [side, side]).unwrap())
         .collect();
-    let config = RefineConfig { sigma: 1e6, ..RefineConfig::paper() };
+    let config = RefineConfig::from(PaperSettings { sigma_mm: 1e6, ..PaperSettings::default() });
     let refiner = Refiner::new(&cameras, Unit::Millimetre, None, config).unwrap();
-    let refused = refiner.refine(&frames(1)[0], false, &AtomicBool::new(false));
+    let refused = refiner.refine(&frames(1)[0]);
     let text = refused.unwrap_err().to_string();
     assert!(text.starts_with("heat maps: the windows of 68 detections need 1168."), "{text}");
 }

@@ -5,20 +5,16 @@
 //! loss is smooth as long as no pixel crosses the 1/255 cut; a step of 1e-6 mm makes such a crossing unlikely
 //! and the scenes below have none, so the tolerance is the 1e-5 that rounding (ulp·L/h) leaves.
 
-use std::sync::atomic::AtomicBool;
-
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3, Vector4};
-use skelsplat_core::gaussian::Gaussian;
-use skelsplat_core::layout::Layout;
-use skelsplat_core::projection::View;
-use skelsplat_core::raster::encoding::Encoding;
-use skelsplat_core::refine::{RefineConfig, Refiner, Renderer};
-use skelsplat_core::symmetry::symmetry;
+use skelsplat_core::study::projection::View;
+use skelsplat_core::study::symmetry::symmetry;
 use skelsplat_core::testing::differences::{central_differences, relative_error};
 use skelsplat_core::testing::scenes::{
     Noise, look_at, noisy_detections, perturbed, room, standing,
 };
-use skelsplat_core::unit::Unit;
+use skelsplat_core::{
+    Control, Encoding, Gaussian, Layout, PaperSettings, RefineConfig, Refiner, Renderer, Unit,
+};
 
 fn tilted(mean: Vector3<f64>) -> Gaussian {
     Gaussian {
@@ -116,8 +112,8 @@ fn total_loss_in_every_parameter() {
         (Renderer::Raster, Encoding::Rgb, 0),
         (Renderer::ClosedForm, Encoding::OneHot, 1),
     ] {
-        let config =
-            RefineConfig { renderer, encoding, symmetry_tier: tier, ..RefineConfig::paper() };
+        let paper = PaperSettings { renderer, encoding, ..PaperSettings::default() };
+        let config = RefineConfig { symmetry_tier: tier, ..RefineConfig::from(paper) };
         let refiner = Refiner::new(&cameras, Unit::Millimetre, Some(&layout), config).unwrap();
         let of = |gaussians: &[Gaussian]| {
             refiner
@@ -125,11 +121,11 @@ fn total_loss_in_every_parameter() {
                     gaussians,
                     &detections,
                     Some(targets.clone()),
-                    &AtomicBool::new(false),
+                    Control::default(),
                 )
                 .unwrap()
         };
-        let (_, gradient) = of(&gaussians);
+        let gradient = of(&gaussians).gradient;
         // One joint of the trunk and one of each side is enough: the others run through the same code.
         for j in [0, 3, 13] {
             let g = &gaussians[j];
@@ -145,7 +141,7 @@ fn total_loss_in_every_parameter() {
                         log_scales: Vector3::from_column_slice(&flat[3..6]),
                         quaternion: Vector4::from_column_slice(&flat[6..]),
                     };
-                    of(&moved).0.total
+                    of(&moved).loss.total
                 });
                 let d = &gradient[j];
                 let analytic =

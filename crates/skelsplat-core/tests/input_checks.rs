@@ -1,15 +1,10 @@
 //! One valid call, one thing broken at a time: the type of the error and its text.
 
-use std::sync::atomic::AtomicBool;
-
-use skelsplat_core::Error;
-use skelsplat_core::detections::Detections;
-use skelsplat_core::layout::Layout;
-use skelsplat_core::raster::encoding::Encoding;
-use skelsplat_core::refine::refiner::Frame;
-use skelsplat_core::refine::{PositionLearningRate, RefineConfig, Refiner, Renderer};
 use skelsplat_core::testing::scenes::{exact_detections, room, standing};
-use skelsplat_core::unit::Unit;
+use skelsplat_core::{
+    Detections, Encoding, Error, Frame, Layout, Method, PaperSettings, PositionLearningRate,
+    RefineConfig, Refiner, Renderer, Unit, Value,
+};
 
 fn valid_frame() -> Frame {
     Frame {
@@ -22,9 +17,9 @@ fn valid_frame() -> Frame {
 
 fn refine(frame: &Frame) -> Result<(), Error> {
     let layout = Layout::by_name("h36m17")?;
-    let config = RefineConfig { max_steps: 1, ..RefineConfig::paper() };
+    let config = RefineConfig::from(PaperSettings { max_steps: 1, ..PaperSettings::default() });
     let refiner = Refiner::new(&room(4), Unit::Millimetre, Some(&layout), config)?;
-    refiner.refine(frame, false, &AtomicBool::new(false)).map(|_| ())
+    refiner.refine(frame).map(|_| ())
 }
 
 fn text(error: Result<(), Error>) -> String {
@@ -87,37 +82,90 @@ fn no_cameras() {
 
 #[test]
 fn every_setting_outside_its_domain() {
-    type Break = fn(&mut RefineConfig);
+    type Break = fn(&mut RefineConfig, &mut PaperSettings);
     let broken: [(Break, &str); 13] = [
         (
-            |c| (c.renderer, c.encoding) = (Renderer::ClosedForm, Encoding::Single),
+            |_, p| (p.renderer, p.encoding) = (Renderer::ClosedForm, Encoding::Single),
             "config.encoding: expected 'one_hot' with renderer 'closed_form', got single",
         ),
-        (|c| c.sigma = -1.0, "config.sigma: expected a positive finite number, got -1"),
-        (|c| c.sigma = f64::NAN, "config.sigma: expected a positive finite number, got NaN"),
+        (|_, p| p.sigma_mm = -1.0, "config.sigma_mm: expected a positive finite number, got -1"),
         (
-            |c| c.occlusion_sigma = Some(0.0),
-            "config.occlusion_sigma: expected a positive finite number, got 0",
+            |_, p| p.sigma_mm = f64::NAN,
+            "config.sigma_mm: expected a positive finite number, got NaN",
         ),
         (
-            |c| c.position_lr = PositionLearningRate::Millimetres(-3.0),
-            "config.position_lr: expected a finite number that is not negative, got -3",
+            |c, _| c.occlusion_sigma_mm = Some(0.0),
+            "config.occlusion_sigma_mm: expected a positive finite number, got 0",
         ),
-        (|c| c.symmetry_tier = 4, "config.symmetry_tier: expected 0, 1, 2 or 3, got 4"),
         (
-            |c| c.symmetry_weight = -1e-5,
+            |_, p| p.position_lr_mm = PositionLearningRate::Millimetres(-3.0),
+            "config.position_lr_mm: expected a finite number that is not negative, got -3",
+        ),
+        (
+            |c, _| c.symmetry_tier = 4,
+            "config.symmetry_tier: expected a whole number from 0 to 3, got 4",
+        ),
+        (
+            |_, p| p.symmetry_weight = -1e-5,
             "config.symmetry_weight: expected a finite number that is not negative, got -0.00001",
         ),
-        (|c| c.views_per_step = Some(0), "config.views_per_step: expected at least 1, got 0"),
-        (|c| c.stop_window = Some(0), "config.stop_window: expected at least 1, got 0"),
-        (|c| c.n_threads = Some(0), "config.n_threads: expected at least 1, got 0"),
-        (|c| c.min_confidence = 1.5, "config.min_confidence: expected a value in [0, 1], got 1.5"),
-        (|c| c.adam_betas = [0.9, 1.0], "config.adam_betas: expected values in [0, 1), got 1"),
-        (|c| c.resolution = 0.0, "config.resolution: expected a positive finite number, got 0"),
+        (|_, p| p.views_per_step = Some(0), "config.views_per_step: expected at least 1, got 0"),
+        (|_, p| p.stop_window = Some(0), "config.stop_window: expected at least 1, got 0"),
+        (|c, _| c.n_threads = Some(0), "config.n_threads: expected at least 1, got 0"),
+        (
+            |c, _| c.min_confidence = 1.5,
+            "config.min_confidence: expected a value in [0, 1], got 1.5",
+        ),
+        (|_, p| p.adam_betas = [0.9, 1.0], "config.adam_betas: expected values in [0, 1), got 1"),
+        (|_, p| p.resolution = 0.0, "config.resolution: expected a positive finite number, got 0"),
     ];
     for (break_one, expected) in broken {
-        let mut config = RefineConfig::paper();
-        break_one(&mut config);
+        let (mut config, mut paper) = (RefineConfig::default(), PaperSettings::default());
+        break_one(&mut config, &mut paper);
+        let config = RefineConfig { method: Method::Paper(paper), ..config };
         assert_eq!(text(config.validate()), expected);
     }
+}
+
+#[test]
+fn settings_by_name_are_those_of_the_table() {
+    for mut config in [RefineConfig::default(), RefineConfig::paper()] {
+        let before = config.clone();
+        let names: Vec<&str> = config.settings().map(|setting| setting.name).collect();
+        for name in &names {
+            let value = config.get(name).unwrap();
+            config.set(name, &value).unwrap();
+        }
+        assert_eq!(config, before);
+        let unique: std::collections::HashSet<&&str> = names.iter().collect();
+        assert_eq!(unique.len(), names.len());
+    }
+}
+
+#[test]
+fn a_setting_of_the_other_method_is_refused() {
+    let set = |mut config: RefineConfig, name: &str| text(config.set(name, &Value::Number(1.0)));
+    assert_eq!(
+        set(RefineConfig::default(), "position_lr_mm"),
+        "config.position_lr_mm: expected a setting of the method 'annealed', got one of 'paper': make it with \
+         RefineConfig.paper"
+    );
+    assert_eq!(
+        set(RefineConfig::paper(), "sigma_start_mm"),
+        "config.sigma_start_mm: expected a setting of the method 'paper', got one of 'annealed': make it with \
+         RefineConfig"
+    );
+    assert_eq!(
+        set(RefineConfig::default(), "sigma"),
+        "config.sigma: expected the name 'sigma_mm', with its unit, got 'sigma'"
+    );
+    let unknown = RefineConfig::default().get("pace").unwrap_err().to_string();
+    assert!(
+        unknown.starts_with("config: unknown name 'pace', expected one of sigma_mm, max_steps")
+    );
+    let mut config = RefineConfig::default();
+    assert_eq!(
+        text(config.set("find_swaps", &Value::Number(2.0))),
+        "config.find_swaps: expected True or False, got 2"
+    );
 }

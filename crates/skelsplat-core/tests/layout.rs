@@ -2,8 +2,7 @@
 
 use std::collections::HashSet;
 
-use skelsplat_core::Error;
-use skelsplat_core::layout::{Layout, LayoutSpec, SymmetricPair};
+use skelsplat_core::{Error, Layout, LayoutSpec, SymmetricPair};
 
 fn all() -> impl Iterator<Item = Layout> {
     Layout::NAMES.into_iter().map(|name| Layout::by_name(name).unwrap())

@@ -3,11 +3,11 @@
 use nalgebra::{Matrix2, SymmetricEigen, Vector2, Vector3, Vector4};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
-use skelsplat_core::gaussian::Gaussian;
-use skelsplat_core::projection::View;
-use skelsplat_core::raster::masked_l2;
-use skelsplat_core::raster::pseudo_gt::HeatMap;
-use skelsplat_core::raster::splat::Splat;
+use skelsplat_core::Gaussian;
+use skelsplat_core::study::paper::masked_l2;
+use skelsplat_core::study::paper::pseudo_gt::HeatMap;
+use skelsplat_core::study::paper::splat::Splat;
+use skelsplat_core::study::projection::View;
 use skelsplat_core::testing::scenes::room;
 
 fn gaussian() -> impl Strategy<Value = Gaussian> {

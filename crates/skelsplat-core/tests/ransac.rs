@@ -3,11 +3,11 @@
 use std::f64::consts::TAU;
 
 use nalgebra::{Matrix3, Vector2, Vector3};
-use skelsplat_core::camera::{Camera, Distortion};
-use skelsplat_core::detections::Detections;
+use skelsplat_core::study::triangulate::{Triangulated, dlt, ransac};
 use skelsplat_core::testing::scenes::{Noise, room, standing};
-use skelsplat_core::triangulate::{Method, Triangulated, dlt, ransac, triangulate};
-use skelsplat_core::unit::Unit;
+use skelsplat_core::{
+    Camera, Detections, Distortion, TriangulationMethod as Method, Unit, triangulate,
+};
 
 /// Detections where the cameras see the points, moved by `shift(view, joint)` pixels; NaN is a missing one.
 fn seen(

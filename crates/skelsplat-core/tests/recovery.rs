@@ -1,22 +1,16 @@
 //! The whole method on scenes whose answer is known.
 
-use std::sync::atomic::AtomicBool;
-
 use nalgebra::Vector3;
-use skelsplat_core::camera::Camera;
-use skelsplat_core::detections::Detections;
-use skelsplat_core::layout::Layout;
-use skelsplat_core::refine::refiner::Frame;
-use skelsplat_core::refine::{
-    JointStatus, PositionLearningRate, RefineConfig, Refinement, Refiner, StopReason,
-};
 use skelsplat_core::testing::scenes::{Noise, exact_detections, perturbed, room, standing};
-use skelsplat_core::unit::Unit;
+use skelsplat_core::{
+    Camera, Detections, Frame, JointStatus, Layout, PaperSettings, PositionLearningRate,
+    RefineConfig, Refinement, Refiner, StopReason, Unit,
+};
 
 fn refine(cameras: &[Camera], unit: Unit, frame: &Frame, config: RefineConfig) -> Refinement {
     let layout = Layout::by_name("h36m17").unwrap();
     let refiner = Refiner::new(cameras, unit, Some(&layout), config).unwrap();
-    refiner.refine(frame, false, &AtomicBool::new(false)).unwrap()
+    refiner.refine(frame).unwrap()
 }
 
 fn mean_error(a: &[Vector3<f64>], b: &[Vector3<f64>]) -> f64 {
@@ -67,7 +61,7 @@ fn the_unit_changes_nothing() {
     let cameras = room(4);
     let metres: Vec<Camera> = cameras.iter().map(|c| c.clone().with_length_scale(1e-3)).collect();
     let detections = exact_detections(&standing(), &cameras);
-    let config = RefineConfig { max_steps: 20, ..RefineConfig::paper() };
+    let config = RefineConfig::from(PaperSettings { max_steps: 20, ..PaperSettings::default() });
     let in_mm = Frame {
         detections: detections.clone(),
         init_pose: Some(start(20.0, 1)),
@@ -103,12 +97,7 @@ fn a_joint_that_no_view_sees_keeps_its_start_and_says_so() {
 fn a_joint_that_no_view_sees_and_that_has_no_start_is_nan() {
     let cameras = room(4);
     let detections = without(&exact_detections(&standing(), &cameras), 13, 0);
-    let out = refine(
-        &cameras,
-        Unit::Millimetre,
-        &Frame { detections, init_pose: None, init_covariance: None, past: false },
-        RefineConfig::paper(),
-    );
+    let out = refine(&cameras, Unit::Millimetre, &Frame::from(detections), RefineConfig::paper());
     assert_eq!(out.joint_status[13], JointStatus::Unobserved);
     assert!(out.pose[13].x.is_nan() && out.covariance[13][(0, 0)].is_nan());
     let rest = |p: &[Vector3<f64>]| [&p[..13], &p[14..]].concat();
@@ -121,7 +110,8 @@ fn a_joint_that_one_view_sees_is_weak_but_agrees_with_that_view() {
     let detections = without(&exact_detections(&standing(), &cameras), 13, 1);
     let frame =
         Frame { detections, init_pose: Some(start(10.0, 5)), init_covariance: None, past: false };
-    let config = RefineConfig { stop_tolerance: 0.0, ..RefineConfig::paper() };
+    let config =
+        RefineConfig::from(PaperSettings { stop_tolerance: 0.0, ..PaperSettings::default() });
     let out = refine(&cameras, Unit::Millimetre, &frame, config);
     assert_eq!(out.joint_status[13], JointStatus::Weak);
     // 10 mm of start are about 2 px here; one view suffices to remove what it sees of them.
@@ -179,7 +169,7 @@ fn a_lower_resolution_still_recovers_the_pose() {
     let detections = exact_detections(&standing(), &cameras);
     let frame =
         Frame { detections, init_pose: Some(start(10.0, 8)), init_covariance: None, past: false };
-    let config = RefineConfig { resolution: 0.5, ..RefineConfig::paper() };
+    let config = RefineConfig::from(PaperSettings { resolution: 0.5, ..PaperSettings::default() });
     let out = refine(&cameras, Unit::Millimetre, &frame, config);
     // A shift of half a pixel at 4.6 mm per pixel would show as more than 2 mm.
     assert!(mean_error(&out.pose, &standing()) < 1.0);
@@ -193,12 +183,12 @@ fn divergence_is_an_outcome_with_finite_numbers() {
     let frame =
         Frame { detections, init_pose: Some(start(10.0, 9)), init_covariance: None, past: false };
     for config in [
-        RefineConfig { log_scale_lr: 400.0, ..RefineConfig::paper() },
-        RefineConfig {
-            position_lr: PositionLearningRate::Millimetres(1e308),
+        RefineConfig::from(PaperSettings { log_scale_lr: 400.0, ..PaperSettings::default() }),
+        RefineConfig::from(PaperSettings {
+            position_lr_mm: PositionLearningRate::Millimetres(1e308),
             position_lr_factor: 100.0,
-            ..RefineConfig::paper()
-        },
+            ..PaperSettings::default()
+        }),
     ] {
         let out = refine(&cameras, Unit::Millimetre, &frame, config);
         assert_eq!(out.stop_reason, StopReason::Diverged);

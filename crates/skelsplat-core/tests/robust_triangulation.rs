@@ -4,12 +4,11 @@ use std::collections::BTreeSet;
 use std::f64::consts::TAU;
 
 use nalgebra::{Matrix3, Vector2, Vector3};
-use skelsplat_core::annealed::{Ray, Rays};
-use skelsplat_core::camera::Camera;
-use skelsplat_core::detections::Detections;
+use skelsplat_core::study::annealed::robust;
+use skelsplat_core::study::annealed::{Ray, Rays};
+use skelsplat_core::study::triangulate::{Triangulated, dlt};
 use skelsplat_core::testing::scenes::{Noise, look_at, standing};
-use skelsplat_core::triangulate::{Method, Triangulated, dlt, robust, triangulate};
-use skelsplat_core::unit::Unit;
+use skelsplat_core::{Camera, Detections, TriangulationMethod as Method, Unit, triangulate};
 
 const NOISE_PX: f64 = 1.5;
 /// A pixel's size at the room's centre, mm.

@@ -1,11 +1,10 @@
 //! Triangulation and fusion: exact recovery, weights, degenerate geometry.
 
 use nalgebra::{DMatrix, Matrix3, Vector2, Vector3};
-use skelsplat_core::Error;
-use skelsplat_core::camera::{Camera, Distortion};
-use skelsplat_core::detections::Detections;
-use skelsplat_core::triangulate::{Method, dlt, fuse_monocular, triangulate};
-use skelsplat_core::unit::Unit;
+use skelsplat_core::study::triangulate::{dlt, fuse_monocular};
+use skelsplat_core::{
+    Camera, Detections, Distortion, Error, TriangulationMethod as Method, Unit, triangulate,
+};
 
 /// A camera at `centre` (mm) looking at `target`.
 fn looking(centre: Vector3<f64>, target: Vector3<f64>) -> Camera {

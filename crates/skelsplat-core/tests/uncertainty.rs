@@ -1,15 +1,11 @@
 //! The posterior covariance against the scatter of simulated repetitions.
 
-use std::sync::atomic::AtomicBool;
-
 use nalgebra::{Matrix3, Vector3};
-use skelsplat_core::annealed::Rays;
-use skelsplat_core::camera::Camera;
-use skelsplat_core::detections::Detections;
-use skelsplat_core::refine::refiner::Frame;
-use skelsplat_core::refine::{RefineConfig, Refinement, Refiner};
+use skelsplat_core::study::annealed::Rays;
 use skelsplat_core::testing::scenes::{Noise, noisy_detections, perturbed, room, standing};
-use skelsplat_core::unit::Unit;
+use skelsplat_core::{
+    AnnealedSettings, Camera, Detections, Frame, RefineConfig, Refinement, Refiner, Unit,
+};
 
 const REPETITIONS: usize = 600;
 
@@ -40,7 +36,7 @@ fn repeated(cameras: &[Camera], px: f64, config: &RefineConfig, prior: Option<f6
             init_covariance: prior.map(|s| vec![Matrix3::from_diagonal_element(s * s); n]),
             past: false,
         };
-        let found = refiner.refine(&frame, false, &AtomicBool::new(false)).unwrap();
+        let found = refiner.refine(&frame).unwrap();
         out.noise += found.noise * share;
         for (j, truth) in standing().iter().enumerate() {
             let error = found.pose[j] - truth;
@@ -69,7 +65,8 @@ impl Repeated {
 }
 
 fn plain() -> RefineConfig {
-    RefineConfig { symmetry_tier: 0, find_swaps: false, ..RefineConfig::default() }
+    let settings = AnnealedSettings { find_swaps: false, ..AnnealedSettings::default() };
+    RefineConfig { symmetry_tier: 0, ..RefineConfig::from(settings) }
 }
 
 /// 600 repetitions of 51 coordinates: the ratio of standard deviations is known to 1/√(2·600·51) = 0.4 %.
@@ -86,7 +83,7 @@ fn error_bars_are_what_repetitions_scatter() {
 #[test]
 fn error_bars_of_a_known_noise_are_what_repetitions_scatter() {
     for (views, px) in [(3, 1.5), (6, 1.5), (3, 3.0), (6, 3.0)] {
-        let config = RefineConfig { detection_sigma: Some(px), ..plain() };
+        let config = RefineConfig { detection_sigma_px: Some(px), ..plain() };
         let found = repeated(&room(views), px, &config, None);
         assert!((found.ratio() - 1.0).abs() < 0.05, "{views} views, {px} px: {:.3}", found.ratio());
     }
@@ -117,7 +114,7 @@ fn error_bars_count_the_prior() {
 #[test]
 fn error_bars_of_one_view_with_a_prior_are_what_repetitions_scatter() {
     for px in [1.5, 3.0] {
-        let config = RefineConfig { detection_sigma: Some(px), ..plain() };
+        let config = RefineConfig { detection_sigma_px: Some(px), ..plain() };
         let found = repeated(&room(1), px, &config, Some(30.0));
         assert!((found.ratio() - 1.0).abs() < 0.05, "given {px} px: {:.3}", found.ratio());
         assert!((found.shape() / 3.0 - 1.0).abs() < 0.12, "given {px} px: {:.3}", found.shape());
@@ -132,7 +129,7 @@ fn one(cameras: &[Camera], detections: Detections, config: RefineConfig) -> Refi
     let frame =
         Frame { detections, init_pose: Some(standing()), init_covariance: None, past: false };
     let refiner = Refiner::new(cameras, Unit::Millimetre, None, config).unwrap();
-    refiner.refine(&frame, false, &AtomicBool::new(false)).unwrap()
+    refiner.refine(&frame).unwrap()
 }
 
 fn without(detections: &Detections, missing: impl Fn(usize, usize) -> bool) -> Detections {
@@ -215,7 +212,7 @@ fn a_bar_along_a_ray_reaches_back_to_the_body() {
             past: false,
         };
         let refiner = Refiner::new(&cameras, Unit::Millimetre, None, plain()).unwrap();
-        let found = refiner.refine(&frame, false, &AtomicBool::new(false)).unwrap();
+        let found = refiner.refine(&frame).unwrap();
         assert!(((found.pose[WRIST] - truth).norm() - beyond).abs() < 50.0);
         let along = ray.direction.dot(&(found.uncertainty[WRIST] * ray.direction)).sqrt();
         let error = ray.direction.dot(&(found.pose[WRIST] - truth));
@@ -244,7 +241,7 @@ fn a_joint_without_a_depth_is_no_part_of_the_body() {
             past: false,
         };
         let refiner = Refiner::new(&cameras, Unit::Millimetre, None, plain()).unwrap();
-        let found = refiner.refine(&frame, false, &AtomicBool::new(false)).unwrap();
+        let found = refiner.refine(&frame).unwrap();
         let d = of_joint(ANKLE).direction;
         d.dot(&(found.uncertainty[ANKLE] * d)).sqrt()
     };
@@ -275,7 +272,7 @@ fn covariances_are_positive_under_priors_of_any_condition() {
             };
             let refiner =
                 Refiner::new(&cameras, Unit::Millimetre, None, RefineConfig::default()).unwrap();
-            let found = refiner.refine(&frame, false, &AtomicBool::new(false)).unwrap();
+            let found = refiner.refine(&frame).unwrap();
             for covariance in &found.uncertainty {
                 assert!(covariance.symmetric_eigenvalues().min() > 0.0, "{n} views {variances:?}");
             }
@@ -290,9 +287,9 @@ fn a_pose_in_one_point_has_bars_as_long_as_the_noise() {
     for k in 0..50 {
         let pose = vec![Vector3::new(f64::from(k), 0.0, 1000.0 - f64::from(k)); 17];
         let detections = noisy_detections(&pose, &cameras, 0.0, &mut Noise::new(0));
-        let frame = Frame { detections, init_pose: None, init_covariance: None, past: false };
+        let frame = Frame::from(detections);
         let refiner = Refiner::new(&cameras, Unit::Millimetre, None, plain()).unwrap();
-        let found = refiner.refine(&frame, false, &AtomicBool::new(false)).unwrap();
+        let found = refiner.refine(&frame).unwrap();
         for covariance in &found.uncertainty {
             // Four rays leave less than half of a detection's variance along each axis, and not much less.
             let bar = (covariance.trace() / 3.0).sqrt() / found.noise;

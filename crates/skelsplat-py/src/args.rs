@@ -8,7 +8,7 @@ use pyo3::pyclass::boolean_struct::True;
 use pyo3::types::{PyDict, PyTuple, PyType};
 use pyo3::{Borrowed, PyClass};
 use skelsplat_core::Error;
-use skelsplat_core::detections::{FARTHEST, too_far};
+use skelsplat_core::study::detections::{FARTHEST, too_far};
 
 use crate::errors::{Failure, Result, in_words, refuse};
 

@@ -5,8 +5,9 @@ use pyo3::Borrowed;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use skelsplat_core::Error;
-use skelsplat_core::camera::{Camera as Core, Distortion, Undistorted, for_camera};
-use skelsplat_core::unit::Unit;
+use skelsplat_core::Unit;
+use skelsplat_core::study::camera::for_camera;
+use skelsplat_core::{Camera as Core, Distortion, Undistorted};
 
 use crate::args::{
     Coefficients, Factor, Intrinsics, Name, Out, Pixels, Rebuilt, Rotation, Size, Translation,

@@ -2,7 +2,7 @@
 
 use pyo3::Borrowed;
 use pyo3::prelude::*;
-use skelsplat_core::detections::Detections;
+use skelsplat_core::Detections;
 
 use crate::args::{Array, Confidence, Out, place, shown};
 use crate::errors::{Failure, Result, refuse};

@@ -2,10 +2,10 @@
 
 use nalgebra::Vector3;
 use pyo3::prelude::*;
-use skelsplat_core::camera::Camera;
-use skelsplat_core::detections::Detections;
-use skelsplat_core::memory;
-use skelsplat_core::triangulate::{self as core, Method, Triangulated};
+use skelsplat_core::Camera;
+use skelsplat_core::Detections;
+use skelsplat_core::study::memory;
+use skelsplat_core::{self as core, Triangulated, TriangulationMethod};
 
 use crate::args::{Confidence, Monocular, Out, Points};
 use crate::camera::Cameras;
@@ -101,7 +101,7 @@ pub(crate) fn triangulate(
     confidence: Option<Confidence>,
     return_rejected: bool,
 ) -> Result<Found> {
-    let method = Method::by_name(method)?;
+    let method = TriangulationMethod::by_name(method)?;
     let frames = detections.with(confidence)?;
     frames.expect_views(cameras.cameras.len())?;
     let (given, Cameras { cameras, unit }) = (frames.detections()?, cameras);

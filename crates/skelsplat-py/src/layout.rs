@@ -4,7 +4,7 @@ use pyo3::Borrowed;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString, PyTuple};
 use skelsplat_core::Error;
-use skelsplat_core::layout::{Layout as Core, LayoutSpec, SymmetricPair};
+use skelsplat_core::{Layout as Core, LayoutSpec, SymmetricPair};
 
 use crate::args::{JointNames, Name, Rebuilt, Tier, object, rebuilt, repr, type_name};
 use crate::errors::{Failure, Result, in_words};

@@ -24,7 +24,7 @@ mod _skelsplat {
     #[pymodule_export]
     use crate::camera::Camera;
     #[pymodule_export]
-    use crate::config::RefineConfig;
+    use crate::config::{RefineConfig, Setting};
     #[pymodule_export]
     use crate::detections::check_people;
     #[pymodule_export]
@@ -38,12 +38,13 @@ mod _skelsplat {
 
     #[pymodule_init]
     fn init(m: &Bound<'_, PyModule>) -> PyResult<()> {
+        crate::config::describe(m.py())?;
         m.add("__version__", env!("CARGO_PKG_VERSION"))?;
-        m.add("LAYOUT_NAMES", skelsplat_core::layout::Layout::NAMES.to_vec())?;
-        m.add("REJECTED_WEIGHT", skelsplat_core::annealed::consensus::REJECTED)?;
+        m.add("LAYOUT_NAMES", skelsplat_core::Layout::NAMES.to_vec())?;
+        m.add("REJECTED_WEIGHT", skelsplat_core::study::annealed::consensus::REJECTED)?;
         m.add(
             "JOINT_STATUS",
-            crate::refine::JOINT_STATUS.map(skelsplat_core::refine::JointStatus::name).to_vec(),
+            crate::refine::JOINT_STATUS.map(skelsplat_core::JointStatus::name).to_vec(),
         )
     }
 }

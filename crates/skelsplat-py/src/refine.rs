@@ -6,11 +6,10 @@ use std::sync::Arc;
 use nalgebra::{Matrix3, Vector3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use skelsplat_core::batch::{Progress, refine_batch};
-use skelsplat_core::gaussian::is_symmetric;
-use skelsplat_core::refine::refiner::Frame;
-use skelsplat_core::refine::{JointStatus, Optimizer, Refinement, Refiner, Renderer};
-use skelsplat_core::unit::implausible_extent as core_extent;
+use skelsplat_core::study::gaussian::is_symmetric;
+use skelsplat_core::study::unit::implausible_extent as core_extent;
+use skelsplat_core::{Frame, JointStatus, Method, Refinement, Refiner};
+use skelsplat_core::{Progress, refine_batch};
 
 use crate::args::{Array, Confidence, InitPose, InitSigma, Out, Poses, place};
 use crate::camera::Cameras;
@@ -95,10 +94,10 @@ impl PyRefiner {
         report: Option<Bound<'_, PyAny>>,
     ) -> Result<Vec<Refinement>> {
         let (refiner, config, total) = (Arc::clone(&self.0), self.0.config(), jobs.len());
-        let steps = match (config.optimizer, config.renderer) {
-            (Optimizer::GaussNewton, _) => Some(1),
-            (_, Renderer::ClosedForm) => Some(config.max_steps),
-            _ => None,
+        let steps = match &config.method {
+            Method::Annealed(_) => Some(1),
+            Method::Paper(_) if config.draws_pixels() => None,
+            Method::Paper(settings) => Some(settings.max_steps),
         };
         let short = steps.is_some_and(|n| watch::is_short(n, frames.n_views, frames.n_joints));
         let work = move |progress: &Progress| refine_batch(&refiner, &jobs, progress);

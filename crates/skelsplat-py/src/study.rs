@@ -5,11 +5,10 @@ use std::sync::atomic::AtomicBool;
 use nalgebra::{Matrix3, Vector2, Vector3, Vector4};
 use pyo3::prelude::*;
 use skelsplat_core::Result as CoreResult;
-use skelsplat_core::gaussian::{Gaussian, GaussianGradient, check_covariances};
-use skelsplat_core::projection::View;
-use skelsplat_core::raster::encoding::Encoding;
-use skelsplat_core::raster::render::{self as core, Images, Seen};
-use skelsplat_core::refine::RefineConfig as CoreConfig;
+use skelsplat_core::study::gaussian::check_covariances;
+use skelsplat_core::study::paper::render::{self as core, Images, Seen};
+use skelsplat_core::study::projection::View;
+use skelsplat_core::{Control, Encoding, Gaussian, GaussianGradient, PaperSettings};
 
 use crate::args::{
     Array, Covariances, Keypoints, LogScales, Means, Out, Quaternions, TargetCovariances,
@@ -66,7 +65,7 @@ pub(crate) fn project_gaussians(
     cameras: Cameras,
 ) -> Result<(Out<f64>, Out<f64>)> {
     let shapes = shapes(&means.0, covariances.0)?;
-    let (m, n, dilation) = (cameras.cameras.len(), shapes.len(), CoreConfig::default().dilation);
+    let (m, n, dilation) = (cameras.cameras.len(), shapes.len(), PaperSettings::default().dilation);
     let one = move |view: &View, (mean, covariance): &(Vector3<f64>, Matrix3<f64>)| {
         let p = view.project(mean, covariance, dilation);
         p.map_or([f64::NAN; 6], |p| {
@@ -94,7 +93,7 @@ fn images(
     let drawn = shapes.len().max(encoding.channels(shapes.len())) as u64;
     let pixels = u64::from(view.size[0]) * u64::from(view.size[1]);
     let short = drawn.saturating_mul(pixels) <= SHORT_PIXELS;
-    let dilation = CoreConfig::default().dilation;
+    let dilation = PaperSettings::default().dilation;
     let images = watch::run(py, short, move |progress| {
         draw(&core::splats(&view, &shapes, dilation), view.size, progress.cancelled())
     })?;
@@ -194,9 +193,11 @@ pub(crate) fn loss_and_gradient(
     }
     let refiner = refiner(&cameras, layout, config)?;
     let (n, frames) = (gaussians.len(), detections.detections()?);
-    let (loss, gradient) = watch::run(py, false, move |progress| {
-        refiner.loss_and_gradient(&gaussians, &frames[0], targets, progress.cancelled())
+    let found = watch::run(py, false, move |progress| {
+        let control = Control { cancel: progress.cancelled(), ..Control::default() };
+        refiner.loss_and_gradient(&gaussians, &frames[0], targets, control)
     })?;
+    let (loss, gradient) = (found.loss, found.gradient);
     let rows = |of: fn(&GaussianGradient) -> Vector3<f64>| {
         Out::points(&gradient.iter().map(of).collect::<Vec<_>>(), vec![n, 3])
     };

@@ -8,8 +8,8 @@ use std::time::Duration;
 
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
+use skelsplat_core::Progress;
 use skelsplat_core::Result as CoreResult;
-use skelsplat_core::batch::Progress;
 
 use crate::errors::Result;
 

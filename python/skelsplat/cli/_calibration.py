@@ -14,7 +14,7 @@ from skelsplat.io.calibration import FORMATS
 from skelsplat.run.read import read_rig
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator
 
 _PANEL = "Calibration"
 
@@ -89,15 +89,6 @@ class CalibrationOptions:
     def given(self) -> dict[str, Any]:
         """Return the arguments of `skelsplat.run.read.read_rig`, and fields of `skelsplat.run.Job`."""
         return {**asdict(self), "size": None if self.size is None else width_and_height(self.size)}
-
-
-def usage(error: sk.InvalidInputError, options: Mapping[str, str]) -> Exception:
-    """Return an error of usage that names the option, if the error is of an argument that is one.
-
-    ``options`` are the options by argument of the reader.
-    """
-    name, _, message = str(error).partition(": ")
-    return typer.BadParameter(message, param_hint=options[name]) if name in options else error
 
 
 def width_and_height(text: str) -> tuple[int, int]:

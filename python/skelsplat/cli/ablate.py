@@ -101,7 +101,7 @@ def ablate(
     full: Full = False,
     seed: Seed = 0,
     start: Start = "paper",
-    init_sigma: InitSigma = DEFAULT_INIT_SIGMA_MM,
+    init_sigma_mm: InitSigma = DEFAULT_INIT_SIGMA_MM,
     protocol: Lens = "undistorted",
     out: Out = None,
     quiet: options.Quiet = False,
@@ -128,7 +128,7 @@ def ablate(
         poses=None if full else poses or ablation.poses,
         seed=seed,
         start=start,
-        init_sigma_mm=init_sigma,
+        init_sigma_mm=init_sigma_mm,
         undistort=protocol == "undistorted",
     )
     with _progress_bar(shown=not quiet) as progress:

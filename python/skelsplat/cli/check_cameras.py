@@ -1,4 +1,4 @@
-"""``skelsplat check-cameras``: what is wrong with a calibration, in words."""
+"""``skelsplat check-cameras``: what is wrong with a calibration."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from skelsplat.cli import _calibration as calibration
 from skelsplat.cli import options
 from skelsplat.cli._calibration import CalibrationOptions
 from skelsplat.cli._reading import reading, refuse_reading
-from skelsplat.cli.options import one_of
 from skelsplat.cli.output import print_json
 from skelsplat.cli.table import print_table
 from skelsplat.findings import collected_warnings
 from skelsplat.io.detections import read_detections
 from skelsplat.rig_check import ReadAs, RigReport, check_rig
+from skelsplat.run.job import FRAME_MODES
 from skelsplat.run.person import pick_person
 from skelsplat.run.read import leave_out, named_offsets
 
@@ -38,19 +38,10 @@ _Detections = Annotated[
     typer.Argument(
         readable=False,
         metavar="DETECTIONS",
-        help="Detections of one person walking about, as refine reads them: a folder with one folder or file "
-        "per camera, named like the camera, or one file of all. Without it only the calibration itself is "
-        "looked at.",
+        help="Detections of one person walking about. As refine reads them: a folder with one folder or file "
+        "per camera, named like the camera, or one file of all. Without them only the calibration itself is "
+        "checked.",
         show_default=False,
-    ),
-]
-_Layout = Annotated[
-    str | None,
-    typer.Option(
-        metavar="NAME",
-        help="Joint layout of the detections.",
-        show_default="what the files name",
-        rich_help_panel="Input",
     ),
 ]
 _LEGEND = (
@@ -58,15 +49,15 @@ _LEGEND = (
     "that corrects a camera that is out of step, and the error with it; DLT, robust: error vs. all cameras; "
     "weight: how much the robust solver trusts each detection, 0 to 1; rejected: below 0.25"
 )
-_MODES = ("strict", "intersection", "union")
 
 
+# long: a parameter per option
 def check_cameras(
     context: typer.Context,
     source: calibration.Calibration,
     detections: _Detections = None,
     *,
-    layout: _Layout = None,
+    layout: options.LayoutName = None,
     person: options.Person = "consistent",
     frames: options.Frames = "union",
     format: options.Format = None,
@@ -108,7 +99,7 @@ def check_cameras(
         refuse_reading(context)
     given = {
         "layout": layout and layout.lower(),
-        "frames": one_of("--frames", frames, _MODES),
+        "frames": options.one_of("--frames", frames, FRAME_MODES),
         "sequence": sequence,
         **reading(format, offset, order, joint_map),
     }

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 _ALL = "skelsplat.help.all"
 # Arguments of the package whose parameter of a command has another name.
-_SPELT = {"offsets": "offset", "mapping": "joint_map", "init_sigma_mm": "init_sigma"}
+_SPELT = {"offsets": "offset", "mapping": "joint_map"}
 
 
 class Application(typer.Typer):

@@ -9,7 +9,7 @@ import typer
 
 from skelsplat.cli import _calibration as calibration
 from skelsplat.cli import options
-from skelsplat.cli._calibration import listed, usage, width_and_height
+from skelsplat.cli._calibration import listed, width_and_height
 from skelsplat.cli.config import from_file
 from skelsplat.cli.output import print_json
 from skelsplat.cli.table import tell
@@ -37,10 +37,8 @@ _KINDS = {
     "calibration": ((".toml", ".json", ".npz"), _READ | {"to_unit"}),
 }
 
-_Input = Annotated[
-    Path, typer.Argument(readable=False, metavar="INPUT", help="File, or folder where a format is one.")
-]
-_Output = Annotated[Path, typer.Argument(metavar="OUTPUT", help="File; its suffix says the format.")]
+_Input = Annotated[Path, typer.Argument(readable=False, metavar="INPUT", help="File or folder.")]
+_Output = Annotated[Path, typer.Argument(metavar="OUTPUT", help="File; its suffix is the format.")]
 _ToUnit = Annotated[
     str | None,
     typer.Option(
@@ -67,7 +65,11 @@ _MarkerNames = Annotated[
 ]
 _Singular = Annotated[
     bool,
-    typer.Option("--singular", help="Poses in .nc: as movement 0.17.", rich_help_panel="Output"),
+    typer.Option(
+        "--singular",
+        help="Poses in .nc: name the dimensions as movement 0.17 does.",
+        rich_help_panel="Output",
+    ),
 ]
 
 
@@ -165,7 +167,9 @@ def _poses(source: Path, target: Path, given: dict[str, Any]) -> tuple[str, dict
     try:
         data = convert_poses(path, target, unit=given.pop("to_unit", None), **given)
     except InvalidInputError as error:
-        raise usage(error, {"unit": "--to-unit"}) from error
+        if str(error).startswith("unit: "):
+            raise InvalidInputError(f"to_{error}") from error
+        raise
     frames, joints = data.pose.shape[:2]
     about = {"format": pose_format(path), "frames": frames, "joints": list(data.joint_names)}
     sentence = f"Wrote {frames} frames of {joints} joints to {target}."

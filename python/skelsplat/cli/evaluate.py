@@ -149,7 +149,7 @@ def evaluate(
     counting: Counting = "all",
     setting: Settings = None,
     start: Start = None,
-    init_sigma: InitSigma = methods.DEFAULT_INIT_SIGMA_MM,
+    init_sigma_mm: InitSigma = methods.DEFAULT_INIT_SIGMA_MM,
     seed: Seed = 0,
     threads: options.Threads = None,
     out: Out = None,
@@ -173,11 +173,11 @@ def evaluate(
     skelsplat evaluate panoptic data/panoptic --views 6 -m annealed,dlt
     """
     names = _method_names(method)
-    options.positive("--init-sigma", init_sigma)
+    options.positive("--init-sigma-mm", init_sigma_mm)
     chosen = methods.Options(
         undistort=_LENSES[options.one_of("--protocol", lens, tuple(_LENSES))],
         start=None if start is None else options.one_of("--start", start, methods.STARTS),
-        init_sigma_mm=init_sigma,
+        init_sigma_mm=init_sigma_mm,
         seed=seed,
         n_threads=threads,
     )

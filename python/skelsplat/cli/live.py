@@ -38,7 +38,7 @@ def live(
     size: calibration.Size = None,
     binning: calibration.Binning = None,
     no_swaps: options.NoSwaps = False,
-    sigma: options.Sigma = None,
+    sigma_mm: options.Sigma = None,
     quiet: options.Quiet = False,
 ) -> None:
     """Refine frame after frame: JSON lines of detections on stdin, of poses on stdout.
@@ -77,7 +77,7 @@ def live(
     read = CalibrationOptions(unit, calibration_format, camera_type, subject, size, binning)
     settings = {
         "min_confidence": min_confidence,
-        "sigma": sigma,
+        "sigma_mm": sigma_mm,
         "undistort": False if no_undistort else None,
         "find_swaps": False if no_swaps else None,
     }

@@ -17,7 +17,7 @@ from skelsplat.findings import collected_warnings
 
 EPILOG = (
     "Videos are MP4 with MPEG-4 part 2 (mp4v), which VLC and most players show but browsers do not; ffmpeg "
-    "-i cam01.mp4 -c:v libx264 web.mp4 makes one that they show. Needs pip install 'skelsplat\\[video]'."
+    "-i cam01.mp4 -c:v libx264 web.mp4 converts them. Needs pip install 'skelsplat\\[video]'."
 )
 _INPUT, _DRAWING, _OUTPUT = "Input", "Drawing", "Output"
 
@@ -29,7 +29,8 @@ _Videos = Annotated[
     typer.Argument(
         readable=False,
         metavar="VIDEOS",
-        help="Folder with one video, or one folder of images, per camera, named like it; or one of these.",
+        help="Folder with one video or one folder of images per camera, named like the camera; or one of "
+        "these.",
     ),
 ]
 _Out = Annotated[
@@ -111,6 +112,7 @@ _Png = Annotated[bool, _flag("--png", "Write a folder of PNG files instead of a 
 _Grid = Annotated[bool, _flag("--grid", "Write all cameras side by side into grid.mp4.", _OUTPUT)]
 
 
+# long: a parameter per option
 def overlay(
     run: _Run,
     videos: _Videos,
@@ -135,9 +137,9 @@ def overlay(
 ) -> None:
     """Draw a run on its videos: detections, reprojected skeleton, error ellipses.
 
-    Detections are discs, from green (believed) to crimson; rejected ones are
-    crosses, with a line to where the pose says that the joint is; a diamond
-    marks left and right exchanged. Ellipses are 2 standard deviations wide.
+    Detections are discs, from green (trusted) to crimson; rejected ones are
+    crosses, with a line to the joint of the pose; a diamond marks exchanged
+    left and right sides. Ellipses are drawn at 2 standard deviations.
 
     [bold]Examples[/bold]
 

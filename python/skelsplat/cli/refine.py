@@ -32,6 +32,7 @@ COMMON = (
 )
 
 
+# long: a parameter per option
 def refine(
     source: calibration.Calibration,
     detections: options.Detections,
@@ -46,7 +47,7 @@ def refine(
     joint_map: options.JointMap = None,
     sequence: options.Sequence = None,
     init: options.Init = None,
-    init_sigma: options.InitSigma = None,
+    init_sigma_mm: options.InitSigma = None,
     min_confidence: options.MinConfidence = None,
     no_undistort: options.NoUndistort = False,
     unit: calibration.Unit = None,
@@ -57,8 +58,8 @@ def refine(
     binning: calibration.Binning = None,
     paper: options.Paper = False,
     no_swaps: options.NoSwaps = False,
-    sigma: options.Sigma = None,
-    occlusion_sigma: options.OcclusionSigma = None,
+    sigma_mm: options.Sigma = None,
+    occlusion_sigma_mm: options.OcclusionSigma = None,
     symmetry_tier: options.SymmetryTier = None,
     max_steps: options.MaxSteps = None,
     threads: options.Threads = None,
@@ -86,11 +87,11 @@ def refine(
 
     skelsplat refine --config run.toml
     """
-    positive("--sigma", sigma)
-    positive("--occlusion-sigma", occlusion_sigma)
+    positive("--sigma-mm", sigma_mm)
+    positive("--occlusion-sigma-mm", occlusion_sigma_mm)
     given = {
-        "sigma": sigma,
-        "occlusion_sigma": occlusion_sigma,
+        "sigma_mm": sigma_mm,
+        "occlusion_sigma_mm": occlusion_sigma_mm,
         "symmetry_tier": symmetry_tier,
         "max_steps": max_steps,
         "min_confidence": min_confidence,
@@ -111,7 +112,7 @@ def refine(
         without=tuple(dict.fromkeys(without or [])),
         sequence=sequence,
         init=init,
-        init_sigma_mm=init_sigma,
+        init_sigma_mm=init_sigma_mm,
         config=sk.RefineConfig.paper(**settings) if paper else sk.RefineConfig(**settings),
         fps=fps,
         fill_gaps=fill_gaps or 0,

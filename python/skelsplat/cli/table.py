@@ -88,7 +88,7 @@ def _nothing_filled(gaps: dict[str, Any] | None) -> list[str]:
 
 
 def print_files(console: Console, folder: Path, names: Sequence[str]) -> None:
-    """Print where the results are, and which folders beside them belong to an earlier run."""
+    """Print where the results are, and which folders next to them belong to an earlier run."""
     console.print(Text.assemble("Wrote to ", (f"{folder}/", "bold"), f": {', '.join(names)}"))
     folders = left_of_earlier(folder)
     if folders:

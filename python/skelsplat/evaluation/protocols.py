@@ -114,7 +114,7 @@ _ALL = (
         view_sets={n: PANOPTIC_ORDER[:n] for n in range(4, 9)},
         n_views=4,
         all_views_detected=True,
-        paper_fields={"position_lr": "camera_extent", "position_lr_factor": 10.0},
+        paper_fields={"position_lr_mm": "camera_extent", "position_lr_factor": 10.0},
     ),
     Protocol(
         name="occlusion-person",

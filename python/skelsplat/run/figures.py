@@ -195,9 +195,9 @@ def _heatmap_row(
 
 def initial_covariances(inputs: Inputs, config: sk.RefineConfig) -> Array:
     """Return the covariances (N, 3, 3) that the splats start with, in the rig's unit squared."""
-    sigma_mm = np.full(inputs.layout.n_joints, config.sigma)
-    if config.occlusion_sigma is not None:
-        sigma_mm[list(inputs.layout.occlusion_prone)] = config.occlusion_sigma
+    sigma_mm = np.full(inputs.layout.n_joints, config.sigma_mm)
+    if config.occlusion_sigma_mm is not None:
+        sigma_mm[list(inputs.layout.occlusion_prone)] = config.occlusion_sigma_mm
     sigma = sigma_mm / inputs.rig.mm_per_unit
     covariances: Array = sigma[:, None, None] ** 2 * np.eye(3)
     return covariances

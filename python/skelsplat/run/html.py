@@ -1,4 +1,4 @@
-"""``report.html``: what a run says, as arrays and plain values for the page of `skelsplat.viz`."""
+"""``report.html``: a run as arrays and plain values for the page of `skelsplat.viz`."""
 
 from __future__ import annotations
 

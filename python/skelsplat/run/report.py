@@ -1,4 +1,4 @@
-"""``report.json``: everything a run says, for programs to read."""
+"""``report.json``: everything about a run, for programs to read."""
 
 from __future__ import annotations
 

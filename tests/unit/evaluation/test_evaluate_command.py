@@ -87,7 +87,7 @@ def test_quiet_says_nothing(dome: Path, tmp_path: Path) -> None:
 
 
 def test_options_of_a_method(room: Path, tmp_path: Path) -> None:
-    options = ["--init-sigma", 40, "--start", "dlt", "--every", 128, "--threads", 1, "--seed", 5]
+    options = ["--init-sigma-mm", 40, "--start", "dlt", "--every", 128, "--threads", 1, "--seed", 5]
     names = "annealed-prior,annealed,ransac-adafuse"
     result = run("synthetic", room, "-o", tmp_path, "-m", names, *options, "--json")
     settings = json.loads(result.stdout)["settings"]
@@ -106,7 +106,7 @@ BAD_USAGE = [
     ),
     (["synthetic", ".", "--start", "here"], "--start: expected one of dlt, fusion, none, got 'here'"),
     (["synthetic", ".", "--counting", "few"], "--counting: expected one of all, adafuse, got 'few'"),
-    (["synthetic", ".", "--init-sigma", "0"], "--init-sigma: expected a positive number, got 0"),
+    (["synthetic", ".", "--init-sigma-mm", "0"], "--init-sigma-mm: expected a positive number, got 0"),
     (["synthetic", ".", "--set", "colour=red"], "--set: expected KEY=VALUE with a KEY among detector"),
     (["synthetic", ".", "--views", "1"], "--views: "),
     (["synthetic"], "ROOT"),

@@ -96,7 +96,7 @@ def test_the_paper_s_settings_are_those_of_the_data_set() -> None:
     options = methods.Options(paper_start="fusion", paper_fields={"occlusion_factor": 1.25})
     settings = methods.get("paper").settings(options)
     assert settings["start"] == "fusion"
-    assert settings["config"]["occlusion_sigma"] == pytest.approx(42.5, abs=0.05)
+    assert settings["config"]["occlusion_sigma_mm"] == pytest.approx(42.5, abs=0.05)
     config = sk.RefineConfig.paper(renderer="closed_form", occlusion_factor=1.25)
     np.testing.assert_array_equal(solved("paper-closed-form", options), refined(fused(), config))
 

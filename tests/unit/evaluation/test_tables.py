@@ -187,7 +187,7 @@ def test_json_has_settings_and_no_nan(evaluation: report.Evaluation) -> None:
     content = json.loads(export.to_json(evaluation), parse_constant=refuse)
     assert content["dataset"]["simulated"] is True
     assert content["protocol"]["undistort"] is True
-    assert content["settings"]["annealed"]["config"]["renderer"] == "closed_form"
+    assert content["settings"]["annealed"]["config"]["method"] == "annealed"
     assert [s["method"] for s in content["scores"]] == NAMES
     assert content["scores"][0]["columns"]["Greeting"]["absolute"] is None
     assert content["reported"]["label"] == "tab:h36m"

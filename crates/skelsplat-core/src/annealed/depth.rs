@@ -12,13 +12,14 @@
 
 use nalgebra::Vector3;
 
+use super::noise::NoiseModel;
 use super::rays::Ray;
 use super::solver::Solution;
 
 /// Five standard deviations: the depth is known to a fifth of itself, and noise of twice the usual size does not pass for it.
 const DISTINCT: f64 = 25.0;
 /// The least noise of a detection, px: residuals of rays that nearly coincide say nothing of theirs.
-const USUAL_PX: f64 = super::NoiseModel::PRIOR_PX;
+const USUAL_PX: f64 = NoiseModel::PRIOR_PX;
 
 /// Δχ² of `rays` at `x`, of which ray i counts `k(i)` times; `variance` is that of a detection of weight 1, px².
 /// Σ w |d − u|² = 2 (Σ w − |Σ w d|), since u is a unit vector along Σ w d.

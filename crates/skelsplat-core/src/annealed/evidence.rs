@@ -19,7 +19,7 @@
 
 use super::consensus::best_pair;
 use super::rays::{Ray, Rays};
-use super::solver::{Prior, Solution};
+use super::solver::{Annealing, Prior, Solution};
 use nalgebra::{Matrix3, Vector3};
 
 /// Rounds of expectation and maximisation for ε; it starts at one detection in ten.
@@ -65,7 +65,7 @@ impl Mixture {
     /// log p of wrong rays that agree on a place of their own; minus infinity if no two do.
     fn of_another_place(&self, wrong: &[(usize, Ray)], x: &Vector3<f64>) -> f64 {
         let rays: Vec<Ray> = wrong.iter().map(|(_, ray)| *ray).collect();
-        let sigma = super::Annealing::PER_NOISE * self.noise(&rays);
+        let sigma = Annealing::PER_NOISE * self.noise(&rays);
         let Some((y, _)) = best_pair(&rays, x, sigma) else { return f64::NEG_INFINITY };
         let mut information = Matrix3::identity();
         let mut log_p = -0.5 * (y - x).norm_squared() / self.widest;

@@ -14,12 +14,22 @@
 
 pub mod consensus;
 pub mod depth;
+pub mod equations;
 pub mod evidence;
+pub mod frame;
+pub mod locate;
 pub mod noise;
+pub mod posterior;
 pub mod rays;
+pub mod settings;
 pub mod solver;
+pub mod starts;
 pub mod swaps;
 
+pub use frame::{Annealed, Frame};
+pub use locate::robust;
 pub use noise::NoiseModel;
 pub use rays::{Offset, Ray, Rays};
+pub use settings::AnnealedSettings;
 pub use solver::{Annealing, Prior, Problem, Solution, Widening, solve};
+pub use starts::Before;

@@ -37,11 +37,11 @@ const REFUTED_DOF: f64 = 3.0;
 const MOST_UNSHRUNK: f64 = 4.0;
 
 /// Mean size of a pixel at the joints, mm; `None` if nothing is detected in front of a camera.
-pub(super) fn pixel_size(rays: &Rays, points: &[Vector3<f64>]) -> Option<f64> {
+pub(super) fn pixel_size(rays: &Rays, points: impl Iterator<Item = Vector3<f64>>) -> Option<f64> {
     let (mut sum, mut n) = (0.0, 0.0);
-    for (j, x) in points.iter().enumerate().filter(|(_, x)| x.x.is_finite()) {
+    for (j, x) in points.enumerate().filter(|(_, x)| x.x.is_finite()) {
         for ray in rays.of_joint(j).iter().filter(|ray| ray.is_there()) {
-            let range = ray.offset(x).range;
+            let range = ray.offset(&x).range;
             if range > 0.0 {
                 sum += range * ray.pixel;
                 n += 1.0;
@@ -74,14 +74,19 @@ impl NoiseModel {
 
     /// s², mm², from the joints' residuals under a kernel of standard deviation `sigma`, in a frame that is `scale`, whose
     /// mean weight the residuals carry.
-    pub(super) fn variance(self, residuals: &[Residuals], sigma: f64, scale: Scale) -> f64 {
+    pub(super) fn variance(
+        self,
+        residuals: impl Iterator<Item = Residuals> + Clone,
+        sigma: f64,
+        scale: Scale,
+    ) -> f64 {
         let Scale { pixel, weight, refuted } = scale;
         match self {
             Self::Pixels(px) => weight * (px * pixel).powi(2),
             Self::Millimetres(mm) => weight * mm * mm,
             Self::Estimated => {
-                let squares: f64 = residuals.iter().map(|r| r.squares).sum();
-                let freedom: f64 = residuals.iter().map(|r| r.freedom).sum();
+                let squares: f64 = residuals.clone().map(|r| r.squares).sum();
+                let freedom: f64 = residuals.map(|r| r.freedom).sum();
                 let dof = if refuted { REFUTED_DOF } else { PRIOR_DOF };
                 let prior = dof * weight * (Self::PRIOR_PX * pixel).powi(2);
                 let shrunk = (prior + squares) / (dof + freedom);

@@ -2,9 +2,9 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::equations::{Coupling, NormalEquations};
 use super::noise::{NoiseModel, Residuals, Scale, pixel_size};
 use super::rays::{Ray, Rays};
-use crate::optim::gauss_newton::{Coupling, NormalEquations};
 use crate::symmetry::LimbPair;
 
 /// An independent start as a Gaussian prior of one joint.
@@ -14,6 +14,8 @@ pub struct Prior {
     pub mean: Vector3<f64>,
     /// Π, the inverse of its covariance, mm⁻².
     pub precision: Matrix3<f64>,
+    /// Largest standard deviation along an axis of the world, mm; 0 if it has none.
+    pub spread: f64,
 }
 
 /// How the kernel narrows and when it is enough.
@@ -41,36 +43,12 @@ pub struct Annealing {
 }
 
 impl Annealing {
-    /// Widest and widest final kernel, mm.
-    pub const START: f64 = 320.0;
-    /// See [`Self::START`].
+    /// Widest final kernel, mm.
     pub const END: f64 = 30.0;
     /// σ per noise at which a detection loses its pull.
     pub const PER_NOISE: f64 = 2.0;
-    /// Factor on σ per step.
-    pub const FACTOR: f64 = 0.5;
     /// σ_sym, mm.
     pub const SYMMETRY_SIGMA: f64 = 15.0;
-    /// Steps.
-    pub const MAX_STEPS: usize = 50;
-    /// Parts of the noise.
-    pub const TOLERANCE: f64 = 0.01;
-
-    /// The measured defaults for `n` joints (docs/decisions.md).
-    #[must_use]
-    pub fn of_joints(n: usize) -> Self {
-        Self {
-            start: Self::START,
-            end: vec![Self::END; n],
-            per_noise: Self::PER_NOISE,
-            base: Self::END,
-            factor: Self::FACTOR,
-            symmetry_sigma: Self::SYMMETRY_SIGMA,
-            max_steps: Self::MAX_STEPS,
-            tolerance: Self::TOLERANCE,
-            noise: NoiseModel::Estimated,
-        }
-    }
 }
 
 /// A pose to be found.
@@ -191,23 +169,31 @@ impl Sums {
     }
 }
 
+/// One joint on its way.
+#[derive(Debug, Clone, Copy)]
+struct JointState {
+    at: Vector3<f64>,
+    /// Kernel; infinite at first: every detection counts.
+    sigma: f64,
+    residuals: Residuals,
+    /// Distance of the farthest ray.
+    farthest: f64,
+    /// Distance of the nearest camera.
+    nearest: f64,
+    /// Whether it is estimated: it has a position, and a detection or a prior.
+    active: bool,
+    /// Whether a limb pair couples it.
+    coupled: bool,
+    /// Whether its kernel is the final one.
+    narrow: bool,
+    /// Whether nothing couples it and it has come to rest under its final kernel: it is left alone.
+    settled: bool,
+}
+
 /// State of a run.
 struct Run<'a> {
     problem: &'a Problem<'a>,
-    points: Vec<Vector3<f64>>,
-    /// Whether the joint is estimated: it has a position and a detection.
-    active: Vec<bool>,
-    /// Whether nothing couples the joint and it has come to rest under its final kernel: it is left alone.
-    settled: Vec<bool>,
-    /// Whether the kernel is the final one.
-    narrow: Vec<bool>,
-    coupled: Vec<bool>,
-    /// Infinite at first: every detection counts.
-    sigma: Vec<f64>,
-    residuals: Vec<Residuals>,
-    /// Distance of the farthest ray and of the nearest camera.
-    farthest: Vec<f64>,
-    nearest: Vec<f64>,
+    joints: Vec<JointState>,
     variance: f64,
     pixel: f64,
     /// Mean weight of the detections.
@@ -218,7 +204,7 @@ struct Run<'a> {
 /// Solves `problem` from `start`, whose joints may be NaN: those stay so. `sigma` is the kernel to begin with; infinite
 /// begins with plain least squares, after which the start matters no more where the detections fix a joint.
 #[must_use]
-pub fn solve(problem: &Problem<'_>, start: Vec<Vector3<f64>>, sigma: Vec<f64>) -> Solution {
+pub fn solve(problem: &Problem<'_>, start: &[Vector3<f64>], sigma: &[f64]) -> Solution {
     let mut run = Run::new(problem, start, sigma);
     let annealing = problem.annealing;
     let (mut n_iter, mut converged) = (0, false);
@@ -229,16 +215,11 @@ pub fn solve(problem: &Problem<'_>, start: Vec<Vector3<f64>>, sigma: Vec<f64>) -
         let narrow = run.narrow();
         converged = narrow && longest <= run.small();
     }
-    run.settled.fill(false);
-    for (sigma, end) in run.sigma.iter_mut().zip(&annealing.end) {
-        *sigma = if sigma.is_finite() { *sigma } else { *end };
-    }
-    run.linearise();
-    run.estimate_noise();
+    run.finish();
     Solution {
-        points: run.points,
-        sigma: run.sigma,
-        residuals: run.residuals,
+        points: run.joints.iter().map(|joint| joint.at).collect(),
+        sigma: run.joints.iter().map(|joint| joint.sigma).collect(),
+        residuals: run.joints.iter().map(|joint| joint.residuals).collect(),
         noise: (run.variance / run.weight).sqrt(),
         variance: run.variance,
         pixel: run.pixel,
@@ -249,57 +230,47 @@ pub fn solve(problem: &Problem<'_>, start: Vec<Vector3<f64>>, sigma: Vec<f64>) -
 }
 
 impl<'a> Run<'a> {
-    fn new(problem: &'a Problem<'a>, points: Vec<Vector3<f64>>, sigma: Vec<f64>) -> Self {
-        let n = points.len();
-        let known = |j: usize| points[j].iter().all(|v| v.is_finite());
-        let has_prior = |j: usize| problem.priors.is_some_and(|p| p[j].precision.trace() > 0.0);
-        let seen = |j: usize| problem.rays.of_joint(j).iter().any(Ray::is_there);
-        let pixel = pixel_size(problem.rays, &points).unwrap_or(1.0);
+    fn new(problem: &'a Problem<'a>, points: &[Vector3<f64>], sigma: &[f64]) -> Self {
+        let mut joints: Vec<JointState> =
+            (0..points.len()).map(|j| joint(problem, j, points[j], sigma[j])).collect();
+        for j in problem.pairs.iter().flat_map(|(l, r)| l.iter().chain(r)) {
+            joints[*j].coupled = true;
+        }
         let mut run = Self {
-            active: (0..n).map(|j| known(j) && (seen(j) || has_prior(j))).collect(),
-            settled: vec![false; n],
-            narrow: vec![false; n],
-            coupled: vec![false; n],
-            sigma,
-            residuals: vec![Residuals::default(); n],
-            farthest: vec![0.0; n],
-            nearest: vec![f64::INFINITY; n],
-            variance: 0.0,
-            pixel,
+            pixel: pixel_size(problem.rays, points.iter().copied()).unwrap_or(1.0),
             weight: problem.rays.mean_weight(),
-            equations: NormalEquations::new(n),
-            points,
+            equations: NormalEquations::new(points.len()),
+            variance: 0.0,
+            joints,
             problem,
         };
-        run.variance = problem.annealing.noise.variance(&[], f64::INFINITY, run.scale());
-        for j in problem.pairs.iter().flat_map(|(l, r)| l.iter().chain(r)) {
-            run.coupled[*j] = true;
-        }
+        let none = std::iter::empty();
+        run.variance = problem.annealing.noise.variance(none, f64::INFINITY, run.scale());
         run
     }
 
     /// Fills the normal equations at the present points: D = Σ c k (I − d dᵀ)/ŝ² + Π, −∇ = −Σ c k e/ŝ² − Π(x − x⁰).
     fn linearise(&mut self) {
         let precision = 1.0 / self.variance;
-        for j in 0..self.points.len() {
-            if self.settled[j] {
+        for (j, joint) in self.joints.iter_mut().enumerate() {
+            if joint.settled {
                 continue;
             }
-            let x = self.points[j];
+            let x = joint.at;
             let mut sums = Sums::default();
-            if self.active[j] {
+            if joint.active {
                 for ray in self.problem.rays.of_joint(j).iter().filter(|ray| ray.is_there()) {
-                    sums.add(ray, &x, self.sigma[j]);
+                    sums.add(ray, &x, joint.sigma);
                 }
             }
             let (mut block, mut pull) = (sums.information() * precision, sums.pull * precision);
-            if let Some(prior) = self.problem.priors.map(|p| &p[j]).filter(|_| self.active[j]) {
+            if let Some(prior) = self.problem.priors.map(|p| &p[j]).filter(|_| joint.active) {
                 block += prior.precision;
                 pull -= prior.precision * (x - prior.mean);
             }
             self.equations.set(j, block, pull);
-            self.residuals[j] = Residuals::new(sums.squares, sums.support);
-            (self.farthest[j], self.nearest[j]) = (sums.farthest.sqrt(), sums.nearest);
+            joint.residuals = Residuals::new(sums.squares, sums.support);
+            (joint.farthest, joint.nearest) = (sums.farthest.sqrt(), sums.nearest);
         }
         self.couple();
     }
@@ -309,18 +280,18 @@ impl<'a> Run<'a> {
         self.equations.uncouple();
         let sigma = self.problem.annealing.symmetry_sigma;
         for ([l1, l2], [r1, r2]) in self.problem.pairs.iter().copied() {
-            let joints = [l1, l2, r1, r2];
-            if joints.iter().any(|j| !self.active[*j] || self.sigma[*j].is_infinite()) {
+            let numbers = [l1, l2, r1, r2];
+            let joints = numbers.map(|j| &self.joints[j]);
+            if joints.iter().any(|joint| !joint.active || joint.sigma.is_infinite()) {
                 continue;
             }
-            let (left, right) =
-                (self.points[l1] - self.points[l2], self.points[r1] - self.points[r2]);
+            let (left, right) = (joints[0].at - joints[1].at, joints[2].at - joints[3].at);
             let (ll, lr) = (left.norm(), right.norm());
             if ll > 0.0 && lr > 0.0 {
                 let (residual, el, er) = (ll - lr, left / ll, right / lr);
                 let kept = (-0.5 * (residual / (SYMMETRY_REACH * sigma)).powi(2)).exp();
                 self.equations.couple(Coupling {
-                    joints,
+                    joints: numbers,
                     gradient: [el, -el, -er, er],
                     residual,
                     precision: kept / (sigma * sigma),
@@ -338,19 +309,19 @@ impl<'a> Run<'a> {
     fn step(&mut self) -> f64 {
         let damping = self.problem.annealing.start.powi(-2);
         let small = self.small();
-        let points = &self.points;
-        self.equations.bend(|a, b| (points[a] - points[b]).norm());
+        let joints = &self.joints;
+        self.equations.bend(|a, b| (joints[a].at - joints[b].at).norm());
         let steps = self.equations.solve(|_| damping);
         let mut longest = 0.0_f64;
-        for (j, step) in steps.iter().enumerate() {
-            if !self.active[j] || self.settled[j] {
+        for (joint, step) in self.joints.iter_mut().zip(steps) {
+            if !joint.active || joint.settled {
                 continue;
             }
             let length = step.norm();
-            self.settled[j] = length <= small && self.narrow[j] && !self.coupled[j];
-            let most = TRUST * self.nearest[j];
+            joint.settled = length <= small && joint.narrow && !joint.coupled;
+            let most = TRUST * joint.nearest;
             let step = if length > most { step * (most / length) } else { *step };
-            self.points[j] += step;
+            joint.at += step;
             longest = longest.max(length);
         }
         longest
@@ -359,9 +330,10 @@ impl<'a> Run<'a> {
     /// Re-estimates the noise, once every joint has a kernel, and narrows the kernels; whether all of them have come to their end.
     fn narrow(&mut self) -> bool {
         let annealing = self.problem.annealing;
-        let first = self.sigma.iter().any(|s| s.is_infinite());
+        let first = self.joints.iter().any(|joint| joint.sigma.is_infinite());
         if first {
-            self.pixel = pixel_size(self.problem.rays, &self.points).unwrap_or(self.pixel);
+            let points = self.joints.iter().map(|joint| joint.at);
+            self.pixel = pixel_size(self.problem.rays, points).unwrap_or(self.pixel);
             self.measure();
         } else {
             self.estimate_noise();
@@ -371,26 +343,38 @@ impl<'a> Run<'a> {
         let most = if self.problem.widening.follows_noise { UPWARDS * share } else { 1.0 };
         let share = share.min(most.max(1.0));
         let mut done = true;
-        for j in 0..self.sigma.len() {
-            let end = annealing.end[j] * share;
-            let next = if self.sigma[j].is_infinite() {
-                self.farthest[j].min(annealing.start)
+        for (joint, end) in self.joints.iter_mut().zip(&annealing.end) {
+            let end = end * share;
+            let next = if joint.sigma.is_infinite() {
+                joint.farthest.min(annealing.start)
             } else {
-                self.sigma[j] * annealing.factor
+                joint.sigma * annealing.factor
             };
-            self.narrow[j] = self.sigma[j] <= 1.05 * end;
-            done &= !self.active[j] || self.settled[j] || self.narrow[j];
-            if !self.settled[j] {
-                self.sigma[j] = next.max(end);
+            joint.narrow = joint.sigma <= 1.05 * end;
+            done &= !joint.active || joint.settled || joint.narrow;
+            if !joint.settled {
+                joint.sigma = next.max(end);
             }
         }
         done
     }
 
+    /// The system and the noise where the joints have come to rest.
+    fn finish(&mut self) {
+        for (joint, end) in self.joints.iter_mut().zip(&self.problem.annealing.end) {
+            joint.settled = false;
+            joint.sigma = if joint.sigma.is_finite() { joint.sigma } else { *end };
+        }
+        self.linearise();
+        self.estimate_noise();
+    }
+
     fn estimate_noise(&mut self) {
-        let mean = self.sigma.iter().sum::<f64>() / self.sigma.len() as f64;
+        let sum: f64 = self.joints.iter().map(|joint| joint.sigma).sum();
+        let mean = sum / self.joints.len() as f64;
+        let residuals = self.joints.iter().map(|joint| joint.residuals);
         let model = self.problem.annealing.noise;
-        self.variance = model.variance(&self.residuals, mean, self.scale());
+        self.variance = model.variance(residuals, mean, self.scale());
     }
 
     fn scale(&self) -> Scale {
@@ -400,10 +384,28 @@ impl<'a> Run<'a> {
 
     /// Distance of each joint's farthest ray.
     fn measure(&mut self) {
-        for (j, x) in self.points.iter().enumerate() {
+        for (j, joint) in self.joints.iter_mut().enumerate() {
             let rays = self.problem.rays.of_joint(j).iter().filter(|ray| ray.is_there());
-            let squares = rays.map(|ray| ray.offset(x).across.norm_squared());
-            self.farthest[j] = squares.fold(0.0, f64::max).sqrt();
+            let squares = rays.map(|ray| ray.offset(&joint.at).across.norm_squared());
+            joint.farthest = squares.fold(0.0, f64::max).sqrt();
         }
+    }
+}
+
+/// Joint `j` before the first step.
+fn joint(problem: &Problem<'_>, j: usize, at: Vector3<f64>, sigma: f64) -> JointState {
+    let known = at.iter().all(|v| v.is_finite());
+    let has_prior = || problem.priors.is_some_and(|p| p[j].precision.trace() > 0.0);
+    let seen = || problem.rays.of_joint(j).iter().any(Ray::is_there);
+    JointState {
+        at,
+        sigma,
+        residuals: Residuals::default(),
+        farthest: 0.0,
+        nearest: f64::INFINITY,
+        active: known && (seen() || has_prior()),
+        coupled: false,
+        narrow: false,
+        settled: false,
     }
 }

@@ -57,6 +57,15 @@ pub fn chains(layout: &Layout) -> Vec<Chain> {
     (0..pairs.len()).map(members).filter(|chain| !chain.is_empty()).collect()
 }
 
+/// A chain whose sides are exchanged in a view.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Swap {
+    /// The view.
+    pub view: usize,
+    /// The chain.
+    pub chain: usize,
+}
+
 /// Both ways round of a chain in one view, in Σ c k, and how much there is to explain.
 #[derive(Debug, Clone, Copy, Default)]
 struct Ways {
@@ -80,14 +89,9 @@ struct Judge<'a> {
     unit: f64,
 }
 
-/// Which chains are exchanged in which views, as (view, chain); `end` are the configured final kernels `(N)`.
+/// Which chains are exchanged in which views; `end` are the configured final kernels `(N)`.
 #[must_use]
-pub fn find(
-    rays: &Rays,
-    chains: &[Chain],
-    solution: &Solution,
-    end: &[f64],
-) -> Vec<(usize, usize)> {
+pub fn find(rays: &Rays, chains: &[Chain], solution: &Solution, end: &[f64]) -> Vec<Swap> {
     let sigma = solution.sigma.iter().zip(end).map(|(sigma, end)| sigma.min(*end)).collect();
     let judge = Judge { rays, sigma, unit: rays.mean_weight() };
     let mut found = Vec::new();
@@ -95,7 +99,8 @@ pub fn find(
         let others = chains.iter().enumerate().filter(|(o, _)| *o != c).map(|(_, o)| o[0]);
         let across = others.map(|[l, r]| solution.points[l] - solution.points[r]);
         let sideways = across.filter(|v| v.x.is_finite()).sum();
-        found.extend(judge.views(chain, &solution.points, &sideways).into_iter().map(|i| (i, c)));
+        let views = judge.views(chain, &solution.points, &sideways).into_iter();
+        found.extend(views.map(|view| Swap { view, chain: c }));
     }
     found
 }

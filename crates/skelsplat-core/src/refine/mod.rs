@@ -1,15 +1,9 @@
-//! Refining a pose: configuration, objective, the paper's loop and what comes out.
+//! The front door: settings, one frame refined by the method that they choose, and what comes out.
 
-mod adam;
-mod annealed;
 pub mod config;
-pub mod objective;
-pub mod paper;
 pub mod refiner;
 pub mod result;
-mod starts;
 
-pub use config::{Optimizer, PositionLearningRate, RefineConfig, Renderer};
-pub use objective::{Loss, Objective, Targets};
-pub use refiner::Refiner;
-pub use result::{JointStatus, Refinement, StopReason};
+pub use config::{Method, RefineConfig};
+pub use refiner::{Control, Frame, Refiner};
+pub use result::Refinement;

@@ -4,20 +4,21 @@ use std::sync::atomic::AtomicBool;
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::adam::position_lr;
-use super::config::{Optimizer, RefineConfig};
+use super::config::{Method, RefineConfig};
 use super::result::Refinement;
 use crate::annealed::swaps::{Chain, chains};
+use crate::annealed::{self, AnnealedSettings, Before, Prior};
 use crate::camera::Camera;
 use crate::detections::Detections;
 use crate::error::{Error, Result};
+use crate::gaussian::Gaussian;
 use crate::layout::Layout;
+use crate::outcome::Outcome;
+use crate::paper::{self, LossAndGradient, PaperSettings, Renderer, Shapes};
 use crate::projection::View;
 use crate::symmetry::LimbPair;
+use crate::threads;
 use crate::unit::Unit;
-
-/// Mean and covariance per joint `(N)`, the shapes of the pseudo ground truth.
-pub type Shapes = Vec<(Vector3<f64>, Matrix3<f64>)>;
 
 /// One frame: detections, and an initial pose `(N)` in the unit of the cameras (`None`: triangulated; a NaN
 /// joint is triangulated too).
@@ -34,20 +35,46 @@ pub struct Frame {
     pub past: bool,
 }
 
+impl From<Detections> for Frame {
+    /// A frame that begins at its detections.
+    fn from(detections: Detections) -> Self {
+        Self { detections, init_pose: None, init_covariance: None, past: false }
+    }
+}
+
+/// How a call works: alone or with the threads of the pool, and what may end it early.
+#[derive(Debug, Clone, Copy)]
+pub struct Control<'a> {
+    /// Whether the windows of a pose are shared among threads; the result is the same.
+    pub parallel: bool,
+    /// Ends the call with [`Error::Cancelled`] once it is set.
+    pub cancel: &'a AtomicBool,
+}
+
+static NEVER: AtomicBool = AtomicBool::new(false);
+
+impl Default for Control<'_> {
+    /// On this thread, to the end.
+    fn default() -> Self {
+        Self { parallel: false, cancel: &NEVER }
+    }
+}
+
 /// Cameras, layout and settings prepared once for any number of frames. Everything inside is in mm.
 #[derive(Debug, Clone)]
 pub struct Refiner {
     /// At full resolution.
-    pub(super) cameras: Vec<Camera>,
+    cameras: Vec<Camera>,
     /// At the rendering resolution.
-    pub(super) views: Vec<View>,
-    pub(super) pairs: Vec<LimbPair>,
-    pub(super) chains: Vec<Chain>,
-    pub(super) occlusion_prone: Vec<usize>,
-    pub(super) n_joints: Option<usize>,
-    pub(super) position_lr: f64,
-    pub(super) unit: Unit,
-    pub(super) config: RefineConfig,
+    views: Vec<View>,
+    pairs: Vec<LimbPair>,
+    chains: Vec<Chain>,
+    occlusion_prone: Vec<usize>,
+    n_joints: Option<usize>,
+    /// Those of the rendering loss: the paper's, or its closed form beside annealing.
+    paper: PaperSettings,
+    unit: Unit,
+    config: RefineConfig,
 }
 
 impl Refiner {
@@ -65,26 +92,34 @@ impl Refiner {
         if cameras.is_empty() {
             return Err(Error::invalid("cameras", "at least one camera", "none"));
         }
-        if let Some(w) = config.view_weights.as_ref().filter(|w| w.len() != cameras.len()) {
+        let (paper, view_weights, find_swaps) = match &config.method {
+            Method::Paper(settings) => (settings.clone(), None, false),
+            Method::Annealed(settings) => (
+                PaperSettings { renderer: Renderer::ClosedForm, ..PaperSettings::default() },
+                settings.view_weights.as_ref(),
+                settings.find_swaps,
+            ),
+        };
+        if let Some(w) = view_weights.filter(|w| w.len() != cameras.len()) {
             let expected = format!("one weight per camera ({})", cameras.len());
             return Err(Error::invalid("config.view_weights", expected, w.len().to_string()));
         }
         let cameras: Vec<Camera> =
             cameras.iter().map(|c| c.clone().with_length_scale(unit.millimetres())).collect();
         let scaled: Result<Vec<Camera>> =
-            cameras.iter().map(|c| c.scaled(config.resolution)).collect();
+            cameras.iter().map(|c| c.scaled(paper.resolution)).collect();
         let scaled = scaled.map_err(|error| error.of_argument("config.resolution"));
         let pairs = layout
             .filter(|_| config.symmetry_tier > 0)
             .map(|l| l.symmetric_pairs(config.symmetry_tier).collect());
         Ok(Self {
             views: scaled?.iter().map(View::new).collect(),
-            position_lr: position_lr(&config, &cameras),
             pairs: pairs.unwrap_or_default(),
-            chains: layout.filter(|_| config.find_swaps).map(chains).unwrap_or_default(),
+            chains: layout.filter(|_| find_swaps).map(chains).unwrap_or_default(),
             occlusion_prone: layout.map(|l| l.occlusion_prone.clone()).unwrap_or_default(),
             n_joints: layout.map(|l| l.joints.len()),
             cameras,
+            paper,
             unit,
             config,
         })
@@ -96,19 +131,80 @@ impl Refiner {
         &self.config
     }
 
-    /// Refines one frame. `parallel` shares the windows of the pose among threads; the result is the same.
+    /// Refines one frame.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] if views or joints do not match, [`Error::Cancelled`] once `cancel` is set.
-    pub fn refine(&self, frame: &Frame, parallel: bool, cancel: &AtomicBool) -> Result<Refinement> {
-        self.check(frame)?;
-        match self.config.optimizer {
-            Optimizer::Adam => self.refine_adam(frame, parallel, cancel),
-            Optimizer::GaussNewton => Ok(self.refine_annealed(frame)),
-        }
+    /// [`Error::InvalidInput`] if views or joints do not match.
+    pub fn refine(&self, frame: &Frame) -> Result<Refinement> {
+        self.refine_under(frame, Control::default())
     }
 
-    pub(super) fn check(&self, frame: &Frame) -> Result<()> {
+    /// Refines one frame as `control` says.
+    ///
+    /// # Errors
+    /// [`Error::InvalidInput`] if views or joints do not match, [`Error::Cancelled`] once that is asked for.
+    pub fn refine_under(&self, frame: &Frame, control: Control<'_>) -> Result<Refinement> {
+        self.check(frame)?;
+        let used = self.usable(&frame.detections);
+        let (outcome, bars) = match &self.config.method {
+            Method::Annealed(_) => {
+                let found = self.annealed(&used, self.before(frame)).solve();
+                (found.outcome, found.bars)
+            }
+            Method::Paper(_) => {
+                let outcome = self.by_paper(frame, &used, control)?;
+                let bars = self.annealed(&used, None).error_bars(&outcome.points);
+                (outcome, bars)
+            }
+        };
+        let errors = self.reprojection_error(&frame.detections, &outcome);
+        Ok(Refinement::new(outcome, &bars, errors, self.unit))
+    }
+
+    /// Loss over all views and its gradient for any Gaussians `(N)`, in doubles, for study and tests: the paper's with
+    /// the paper's settings, else its closed form.
+    ///
+    /// Means and log-scales (ln σ) are in the unit of the cameras, as is the gradient. The pseudo ground
+    /// truth is shaped by the `targets` (mean and covariance per joint; `None`: the Gaussians themselves).
+    ///
+    /// # Errors
+    /// [`Error::InvalidInput`] if views or joints do not match, [`Error::OutOfMemory`] if the splats' windows are too
+    /// large, [`Error::Cancelled`] once that is asked for.
+    pub fn loss_and_gradient(
+        &self,
+        gaussians: &[Gaussian],
+        detections: &Detections,
+        targets: Option<Shapes>,
+        control: Control<'_>,
+    ) -> Result<LossAndGradient> {
+        let means = gaussians.iter().map(|g| g.mean).collect();
+        self.check(&Frame { init_pose: Some(means), ..detections.clone().into() })?;
+        let mm = self.unit.millimetres();
+        let in_mm = |g: &Gaussian| Gaussian {
+            mean: g.mean * mm,
+            log_scales: g.log_scales.add_scalar(mm.ln()),
+            quaternion: g.quaternion,
+        };
+        let gaussians: Vec<Gaussian> = gaussians.iter().map(in_mm).collect();
+        let shapes = match targets {
+            None => gaussians.iter().map(|g| (g.mean, g.covariance())).collect(),
+            Some(t) if t.len() == gaussians.len() => {
+                t.into_iter().map(|(m, c)| (m * mm, c * (mm * mm))).collect::<Shapes>()
+            }
+            Some(t) => {
+                let expected = format!("{} Gaussians", gaussians.len());
+                return Err(Error::invalid("target_means", expected, t.len().to_string()));
+            }
+        };
+        let frame =
+            self.paper(&self.usable(detections), control).loss_and_gradient(&gaussians, &shapes);
+        frame.map(|mut found| {
+            found.gradient.iter_mut().for_each(|g| g.mean *= mm);
+            found
+        })
+    }
+
+    fn check(&self, frame: &Frame) -> Result<()> {
         let (m, n) = (frame.detections.n_views(), frame.detections.n_joints());
         if m != self.cameras.len() {
             let expected = format!("one view per camera ({})", self.cameras.len());
@@ -121,57 +217,124 @@ impl Refiner {
         let lengths = [
             ("init_pose", frame.init_pose.as_ref().map(Vec::len)),
             ("init_sigma", frame.init_covariance.as_ref().map(Vec::len)),
-            ("config.joint_sigmas", self.config.joint_sigmas.as_ref().map(Vec::len)),
+            ("config.joint_sigmas_mm", self.config.joint_sigmas_mm.as_ref().map(Vec::len)),
         ];
         if let Some((name, length)) = lengths.iter().find(|(_, l)| l.is_some_and(|l| l != n)) {
             let expected = format!("{n} joints, as the detections have");
             return Err(Error::invalid(*name, expected, format!("{} joints", length.unwrap_or(0))));
         }
-        match &frame.init_covariance {
-            Some(_) if frame.init_pose.is_none() => {
+        match (&frame.init_covariance, &self.config.method) {
+            (Some(_), _) if frame.init_pose.is_none() => {
                 Err(Error::invalid("init_sigma", "an init_pose beside it", "none"))
             }
-            Some(_) if self.config.optimizer == Optimizer::Adam => {
-                let expected = "optimizer 'gauss_newton' with it";
-                Err(Error::invalid("init_sigma", expected, self.config.optimizer.name()))
+            (Some(_), Method::Paper(_)) => {
+                Err(Error::invalid("init_sigma", "the method 'annealed' with it", "'paper'"))
             }
             _ => Ok(()),
         }
     }
 
     /// Detections as ideal pixels, without those below the least confidence.
-    pub(super) fn usable(&self, detections: &Detections) -> Detections {
+    fn usable(&self, detections: &Detections) -> Detections {
         let kept = detections.above(self.config.min_confidence);
         if self.config.undistort { kept.undistorted(&self.cameras) } else { kept }
     }
 
-    /// Standard deviation of joint `joint`'s splat, mm.
-    pub(super) fn sigma(&self, joint: usize) -> f64 {
-        if let Some(sigmas) = &self.config.joint_sigmas {
-            return sigmas[joint];
+    /// Standard deviations of the joints' splats `(N)`, mm.
+    fn sigmas(&self, n_joints: usize) -> Vec<f64> {
+        if let Some(sigmas) = &self.config.joint_sigmas_mm {
+            return sigmas.clone();
         }
-        match self.config.occlusion_sigma {
-            Some(sigma) if self.occlusion_prone.contains(&joint) => sigma,
-            _ => self.config.sigma,
+        let sigma = |j: usize| match self.config.occlusion_sigma_mm {
+            Some(sigma) if self.occlusion_prone.contains(&j) => sigma,
+            _ => self.config.sigma_mm(),
+        };
+        (0..n_joints).map(sigma).collect()
+    }
+
+    fn annealed<'a>(&'a self, used: &'a Detections, before: Option<Before>) -> annealed::Frame<'a> {
+        let sigmas = self.sigmas(used.n_joints());
+        let (symmetry, noise) = (self.config.symmetry_sigma_mm, self.config.detection_sigma_px);
+        let (annealing, weights) = match &self.config.method {
+            Method::Annealed(own) => {
+                (own.annealing(sigmas, symmetry, noise), own.view_weights.as_deref())
+            }
+            Method::Paper(_) => {
+                (AnnealedSettings::default().annealing(sigmas, symmetry, noise), None)
+            }
+        };
+        annealed::Frame {
+            cameras: &self.cameras,
+            detections: used,
+            view_weights: weights.unwrap_or_default(),
+            pairs: &self.pairs,
+            chains: &self.chains,
+            annealing,
+            before,
         }
     }
 
-    /// ‖detection − reprojection‖ `(M, N)` in the image as it was given; `used_for(view, joint)` says to which joint a
-    /// detection belongs.
-    pub(super) fn reprojection_error(
-        &self,
-        detections: &Detections,
-        points: &[Vector3<f64>],
-        used_for: impl Fn(usize, usize) -> usize,
-    ) -> Vec<f64> {
-        let n = points.len();
-        let one = |k: usize| {
-            let (camera, mean) = (&self.cameras[k / n], &points[used_for(k / n, k % n)]);
-            let (pixel, _) = detections.get(k / n, k % n)?;
-            let project =
-                if self.config.undistort { Camera::project } else { Camera::project_ideal };
-            Some((project(camera, mean)? - pixel).norm())
+    fn paper<'a>(&'a self, used: &'a Detections, control: Control<'a>) -> paper::Frame<'a> {
+        paper::Frame {
+            cameras: &self.cameras,
+            views: &self.views,
+            detections: used,
+            pairs: &self.pairs,
+            settings: &self.paper,
+            parallel: control.parallel,
+            cancel: control.cancel,
+        }
+    }
+
+    /// In the pool of threads that the caller is in, else in that of the process: never in rayon's global one, which does
+    /// not survive a fork.
+    fn by_paper(&self, frame: &Frame, used: &Detections, control: Control<'_>) -> Result<Outcome> {
+        let pose = self.initial_pose(frame);
+        let sigmas = self.sigmas(used.n_joints());
+        let solve = |parallel: bool| {
+            let control = Control { parallel, ..control };
+            self.paper(used, control).solve(pose.as_deref(), &sigmas)
         };
-        (0..self.cameras.len() * n).map(|k| one(k).unwrap_or(f64::NAN)).collect()
+        if control.parallel && rayon::current_thread_index().is_none() {
+            return threads::install(None, solve);
+        }
+        solve(control.parallel)
+    }
+
+    /// The initial pose in mm; `None` for a joint without one.
+    fn initial_pose(&self, frame: &Frame) -> Option<Vec<Option<Vector3<f64>>>> {
+        let mm = self.unit.millimetres();
+        let known = |p: &Vector3<f64>| p.iter().all(|v| v.is_finite()).then_some(p * mm);
+        frame.init_pose.as_ref().map(|pose| pose.iter().map(known).collect())
+    }
+
+    /// What is known of the pose besides its detections.
+    fn before(&self, frame: &Frame) -> Option<Before> {
+        let pose = self.initial_pose(frame)?;
+        let mm = self.unit.millimetres();
+        let prior = |(p, c): (&Option<Vector3<f64>>, &Matrix3<f64>)| {
+            let widest = c.diagonal().max();
+            let spread = if widest.is_finite() { mm * widest.sqrt() } else { 0.0 };
+            match (p, (c * (mm * mm)).cholesky()) {
+                (Some(mean), Some(factor)) => {
+                    Prior { mean: *mean, precision: factor.inverse(), spread }
+                }
+                _ => Prior { mean: Vector3::zeros(), precision: Matrix3::zeros(), spread },
+            }
+        };
+        let covariances = frame.init_covariance.as_ref();
+        let priors = covariances.map(|all| pose.iter().zip(all).map(prior).collect());
+        Some(Before { pose, priors, past: frame.past })
+    }
+
+    /// ‖detection − reprojection‖ `(M, N)` in the image as it was given.
+    fn reprojection_error(&self, detections: &Detections, outcome: &Outcome) -> Vec<f64> {
+        let n = outcome.points.len();
+        let project = if self.config.undistort { Camera::project } else { Camera::project_ideal };
+        let one = |(k, joint): (usize, &usize)| {
+            let (pixel, _) = detections.get(k / n, k % n)?;
+            Some((project(&self.cameras[k / n], &outcome.points[*joint])? - pixel).norm())
+        };
+        outcome.used_for.iter().enumerate().map(|k| one(k).unwrap_or(f64::NAN)).collect()
     }
 }

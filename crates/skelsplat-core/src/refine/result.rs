@@ -1,59 +1,9 @@
-//! What comes out of a refinement. Not converging and not being seen are outcomes.
+//! What comes out of a refinement, in the unit of the cameras.
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::objective::Loss;
-
-/// Why the optimisation ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum StopReason {
-    /// The window minimum of the loss settled, or the steps became small.
-    Converged,
-    /// The step limit came first.
-    MaxSteps,
-    /// No joint has a usable detection: nothing was optimised.
-    NoObservations,
-    /// The loss or a parameter stopped being finite; the last finite state is returned.
-    Diverged,
-}
-
-impl StopReason {
-    /// The name used in Python and in files.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Converged => "converged",
-            Self::MaxSteps => "max_steps",
-            Self::NoObservations => "no_observations",
-            Self::Diverged => "diverged",
-        }
-    }
-}
-
-/// How far a joint's position can be relied on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum JointStatus {
-    /// Its splat meets its detection in two views or more, which fix its place.
-    Ok,
-    /// Detected, but not determined: its splat meets its detection in fewer than two views, or these are too close together
-    /// to fix the depth, or as many views agree on another place.
-    Weak,
-    /// No usable detection: the joint keeps its initial position, NaN if it has none.
-    Unobserved,
-}
-
-impl JointStatus {
-    /// The name used in Python and in files.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Ok => "ok",
-            Self::Weak => "weak",
-            Self::Unobserved => "unobserved",
-        }
-    }
-}
+use crate::outcome::{ErrorBars, JointStatus, Loss, Outcome, Splats, StopReason};
+use crate::unit::Unit;
 
 /// A refined pose, in the unit of the cameras.
 #[derive(Debug, Clone, PartialEq)]
@@ -85,4 +35,46 @@ pub struct Refinement {
     pub n_iter: usize,
     /// Why it ended.
     pub stop_reason: StopReason,
+}
+
+impl Refinement {
+    /// `outcome` and `bars`, in mm, in `unit`.
+    pub(super) fn new(
+        outcome: Outcome,
+        bars: &ErrorBars,
+        reprojection_error: Vec<f64>,
+        unit: Unit,
+    ) -> Self {
+        let mm = unit.millimetres();
+        let n = outcome.points.len();
+        let m = outcome.used_for.len() / n.max(1);
+        let round = |(x, sigma): (&Vector3<f64>, &f64)| {
+            let variance = if x.x.is_nan() { f64::NAN } else { (sigma / mm).powi(2) };
+            Matrix3::from_diagonal_element(variance)
+        };
+        let covariance = match &outcome.splats {
+            Splats::Round(sigmas) => outcome.points.iter().zip(sigmas).map(round).collect(),
+            Splats::Free(covariances) => covariances.iter().map(|c| c / (mm * mm)).collect(),
+        };
+        let used_for = || outcome.used_for.iter().enumerate();
+        let doubted = |(status, by_bars): (&JointStatus, &JointStatus)| match (status, by_bars) {
+            (JointStatus::Ok, JointStatus::Weak) => JointStatus::Weak,
+            _ => *status,
+        };
+        Self {
+            pose: outcome.points.iter().map(|p| p / mm).collect(),
+            covariance,
+            uncertainty: bars.covariances.iter().map(|c| c / (mm * mm)).collect(),
+            view_weights: used_for().map(|(k, j)| bars.believed[j * m + k / n]).collect(),
+            swapped: used_for().map(|(k, j)| *j != k % n).collect(),
+            noise: bars.noise / mm,
+            init_pose: outcome.init.iter().map(|p| p / mm).collect(),
+            reprojection_error,
+            joint_status: outcome.status.iter().zip(&bars.status).map(doubted).collect(),
+            loss: outcome.loss,
+            loss_history: outcome.loss_history,
+            n_iter: outcome.n_iter,
+            stop_reason: outcome.stop_reason,
+        }
+    }
 }

@@ -1,52 +1,14 @@
-//! Initial poses: 3D joints from the detections of several views.
+//! Initial poses: 3D joints from the detections of several views, by algebra.
 
 pub mod dlt;
 pub mod fusion;
 pub mod ransac;
-pub mod robust;
 
 use nalgebra::Vector3;
-
-use crate::camera::Camera;
-use crate::detections::Detections;
-use crate::error::{Error, Result};
-use crate::unit::Unit;
 
 pub use dlt::dlt;
 pub use fusion::fuse_monocular;
 pub use ransac::ransac;
-pub use robust::robust;
-
-/// How joints are triangulated.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Method {
-    /// Confidence-weighted algebraic triangulation, [`dlt()`].
-    Dlt,
-    /// The same over the largest set of views that agree, [`ransac()`].
-    Ransac,
-    /// Annealed splatting of every joint, [`robust()`].
-    Robust,
-}
-
-impl Method {
-    /// Every method with its name.
-    const ALL: [(&'static str, Self); 3] =
-        [("robust", Self::Robust), ("dlt", Self::Dlt), ("ransac", Self::Ransac)];
-
-    /// A method by its name.
-    ///
-    /// # Errors
-    /// [`Error::UnknownName`] listing the known names.
-    pub fn by_name(name: &str) -> Result<Self> {
-        let found = Self::ALL.iter().find(|(known, _)| *known == name);
-        found.map(|(_, method)| *method).ok_or_else(|| Error::UnknownName {
-            argument: "method",
-            name: name.to_owned(),
-            known: Self::ALL.iter().map(|(known, _)| (*known).to_owned()).collect(),
-        })
-    }
-}
 
 /// Triangulated joints, and the detections that they do without.
 #[derive(Debug, Clone, PartialEq)]
@@ -55,36 +17,4 @@ pub struct Triangulated {
     pub points: Vec<Vector3<f64>>,
     /// Whether the method left a detection out, row-major `(M, N)`; `false` where nothing is detected.
     pub rejected: Vec<bool>,
-}
-
-/// Triangulates `(M, N)` detections in pixels of the image, lens distortion included, to `N` world points in the
-/// `unit` of the cameras. NaN where a joint has no finite answer: see [`dlt()`].
-///
-/// # Errors
-/// [`Error::InvalidInput`] if the number of cameras is not the detections' number of views.
-pub fn triangulate(
-    detections: &Detections,
-    cameras: &[Camera],
-    unit: Unit,
-    method: Method,
-) -> Result<Triangulated> {
-    if detections.n_views() != cameras.len() {
-        let expected = format!("one camera for each of the {} views", detections.n_views());
-        return Err(Error::invalid("cameras", expected, cameras.len().to_string()));
-    }
-    let ideal = detections.undistorted(cameras);
-    Ok(match method {
-        Method::Dlt => {
-            let rejected = vec![false; ideal.n_views() * ideal.n_joints()];
-            Triangulated { points: dlt(&ideal, cameras), rejected }
-        }
-        Method::Ransac => ransac(&ideal, cameras),
-        Method::Robust => {
-            let mm = unit.millimetres();
-            let scaled: Vec<Camera> =
-                cameras.iter().map(|c| c.clone().with_length_scale(mm)).collect();
-            let found = robust(&ideal, &scaled);
-            Triangulated { points: found.points.iter().map(|p| p / mm).collect(), ..found }
-        }
-    })
 }

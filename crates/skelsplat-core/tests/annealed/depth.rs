@@ -1,7 +1,7 @@
 //! Whether rays fix a depth.
 
 use super::*;
-use skelsplat_core::annealed::depth::{have_parallax, may_be_fixed};
+use skelsplat_core::study::annealed::depth::{have_parallax, may_be_fixed};
 
 const PIXEL: f64 = 1e-3;
 

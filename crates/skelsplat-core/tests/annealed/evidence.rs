@@ -1,7 +1,7 @@
 //! Large noise or wrong detections: which of two solutions the frame speaks for.
 
 use super::*;
-use skelsplat_core::triangulate::robust::{anywhere, locate};
+use skelsplat_core::study::annealed::locate::{anywhere, locate};
 
 /// Rays of `standing` in four cameras, and their views in the order `views`.
 fn frame(px: f64, seed: u64, wrong: impl Fn(usize, usize) -> f64, views: [usize; 4]) -> Rays {
@@ -26,7 +26,7 @@ fn narrow_and_wide(rays: &Rays) -> [Solution; 2] {
     let annealing = Annealing::of_joints(17);
     [Widening::NONE, Widening::FREE].map(|widening| {
         let problem = Problem { rays, pairs: &[], priors: None, annealing: &annealing, widening };
-        solve(&problem, standing(), vec![f64::INFINITY; 17])
+        solve(&problem, &standing(), &[f64::INFINITY; 17])
     })
 }
 
@@ -72,7 +72,7 @@ fn the_share_of_wrong_detections_is_found() {
     let wrong = |i: usize, j: usize| if i == 1 && j.is_multiple_of(2) { 100.0 } else { 0.0 };
     let rays = frame(2.0, 3, wrong, IN_ORDER);
     let [narrow, _] = narrow_and_wide(&rays);
-    let found = evidence(&rays, &narrow, None, Annealing::START);
+    let found = evidence(&rays, &narrow, None, AnnealedSettings::default().sigma_start_mm);
     assert!((found.wrong - 10.0 / 70.0).abs() < 0.02, "{}", found.wrong);
 }
 
@@ -81,7 +81,7 @@ fn the_share_of_wrong_detections_is_found() {
 fn evidence_does_not_depend_on_the_order_of_views() {
     for px in [3.0, 20.0] {
         let wrong = |i: usize, j: usize| if i == 1 && j.is_multiple_of(3) { 80.0 } else { 0.0 };
-        let widest = Annealing::START;
+        let widest = AnnealedSettings::default().sigma_start_mm;
         let rays = frame(px, 1, wrong, IN_ORDER);
         let other = frame(px, 1, wrong, [2, 0, 3, 1]);
         for solution in narrow_and_wide(&rays) {
@@ -102,10 +102,11 @@ fn priors_are_evidence() {
     let prior = |x: &Vector3<f64>, off: f64| Prior {
         mean: x + Vector3::new(off, 0.0, 0.0),
         precision: Matrix3::from_diagonal_element(1e-2),
+        spread: 10.0,
     };
     let log = |off: f64| {
         let priors: Vec<Prior> = wide.points.iter().map(|x| prior(x, off)).collect();
-        evidence(&rays, &wide, Some(&priors), Annealing::START).log
+        evidence(&rays, &wide, Some(&priors), AnnealedSettings::default().sigma_start_mm).log
     };
     // ½ (30/10)² for each of 17 joints.
     assert!((log(0.0) - log(30.0) - 17.0 * 4.5).abs() < 1e-9);

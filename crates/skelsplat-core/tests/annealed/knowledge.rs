@@ -87,8 +87,9 @@ fn a_prior_and_the_detections_meet_where_their_variances_say() {
     let detections = exact_detections(&truth, &cameras);
     let rays = Rays::new(&detections, &cameras, &[]);
     let start: Vec<Vector3<f64>> = truth.iter().map(|x| x + Vector3::new(6.0, -4.0, 5.0)).collect();
-    let config =
-        RefineConfig { detection_sigma: Some(2.0), sigma_per_noise: None, sigma: 300.0, ..free() };
+    let settings =
+        AnnealedSettings { sigma_per_noise: None, sigma_mm: 300.0, ..AnnealedSettings::default() };
+    let config = RefineConfig { detection_sigma_px: Some(2.0), ..freely(settings) };
     let out = refine(&cameras, &with_prior(detections, start.clone(), 8.0), config);
     for j in 0..truth.len() {
         let sum: Matrix3<f64> = rays.of_joint(j).iter().map(Ray::information).sum();

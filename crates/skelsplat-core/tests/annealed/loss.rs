@@ -1,7 +1,7 @@
 //! The loss: its weight is the closed form's, its steps follow its gradient.
 
 use super::*;
-use skelsplat_core::annealed::Widening;
+use skelsplat_core::study::annealed::Widening;
 
 /// With the ray's nearest point y, r = (z_x / z_y) J W (x − y) holds exactly, and (J W)⁺ forgets what lies along x − c, so
 /// that rᵀΣ⁻¹r = (z_x / z_y)² |e|² cos²θ / σ² with tan θ = |e| / range. Both factors differ from 1 by |e| / z or less.
@@ -61,7 +61,7 @@ fn linearised(
         annealing: &annealing,
         widening: Widening::NONE,
     };
-    (solve(&problem, at.to_vec(), vec![sigma; n]), annealing)
+    (solve(&problem, at, &vec![sigma; n]), annealing)
 }
 
 /// F with Welsch losses for the detections and for the limbs: what the weights k and κ come from.
@@ -96,8 +96,10 @@ fn what_the_step_follows_is_the_gradient_of_f() {
     let rays = Rays::new(&detections, &cameras, &[1.0, 0.7, 1.0, 0.3]);
     let at = perturbed(&standing(), 25.0, &mut noise);
     let precision = Matrix3::new(2e-3, 4e-4, 0.0, 4e-4, 1e-3, -3e-4, 0.0, -3e-4, 3e-3);
-    let priors: Vec<Prior> =
-        at.iter().map(|x| Prior { mean: x + noise.vector(20.0), precision }).collect();
+    let priors: Vec<Prior> = at
+        .iter()
+        .map(|x| Prior { mean: x + noise.vector(20.0), precision, spread: 40.0 })
+        .collect();
     for (sigma, s) in [(320.0, 12.0), (40.0, 12.0), (25.0, 5.0)] {
         let (mut solution, annealing) = linearised(&rays, &priors, &at, sigma, s);
         let h = solution.equations.dense();

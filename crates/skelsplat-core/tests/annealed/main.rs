@@ -10,28 +10,23 @@ mod rivals;
 mod swaps;
 mod weights;
 
-use std::sync::atomic::AtomicBool;
-
 use nalgebra::{DMatrix, DVector, Matrix3, Vector2, Vector3};
-use skelsplat_core::annealed::evidence::evidence;
-use skelsplat_core::annealed::{
+use skelsplat_core::study::annealed::evidence::evidence;
+use skelsplat_core::study::annealed::robust;
+use skelsplat_core::study::annealed::{
     Annealing, NoiseModel, Prior, Problem, Ray, Rays, Solution, Widening, solve,
 };
-use skelsplat_core::batch::{Progress, refine_batch};
-use skelsplat_core::camera::Camera;
-use skelsplat_core::detections::Detections;
-use skelsplat_core::layout::Layout;
-use skelsplat_core::overlap::PlaneGaussian;
-use skelsplat_core::projection::View;
-use skelsplat_core::refine::refiner::Frame;
-use skelsplat_core::refine::{JointStatus, RefineConfig, Refinement, Refiner, StopReason};
-use skelsplat_core::symmetry::LimbPair;
+use skelsplat_core::study::overlap::PlaneGaussian;
+use skelsplat_core::study::projection::View;
+use skelsplat_core::study::symmetry::LimbPair;
 use skelsplat_core::testing::differences::{central_differences, relative_error};
 use skelsplat_core::testing::scenes::{
     Noise, exact_detections, look_at, noisy_detections, perturbed, room, standing,
 };
-use skelsplat_core::triangulate::robust;
-use skelsplat_core::unit::Unit;
+use skelsplat_core::{
+    AnnealedSettings, Camera, Detections, Frame, JointStatus, Layout, Progress, RefineConfig,
+    Refinement, Refiner, StopReason, Unit, refine_batch,
+};
 
 const WRIST: usize = 13;
 const LIMBS: [LimbPair; 2] = [([12, 13], [15, 16]), ([5, 6], [2, 3])];
@@ -54,13 +49,17 @@ fn largest(a: &[Vector3<f64>], b: &[Vector3<f64>]) -> f64 {
 
 /// The default without symmetry, whose limbs of slightly unequal length would move exact data.
 fn free() -> RefineConfig {
-    RefineConfig { symmetry_tier: 0, ..RefineConfig::default() }
+    freely(AnnealedSettings::default())
+}
+
+fn freely(settings: AnnealedSettings) -> RefineConfig {
+    RefineConfig { symmetry_tier: 0, ..RefineConfig::from(settings) }
 }
 
 fn refine(cameras: &[Camera], frame: &Frame, config: RefineConfig) -> Refinement {
     let layout = Layout::by_name("h36m17").unwrap();
     let refiner = Refiner::new(cameras, Unit::Millimetre, Some(&layout), config).unwrap();
-    refiner.refine(frame, false, &AtomicBool::new(false)).unwrap()
+    refiner.refine(frame).unwrap()
 }
 
 fn from(detections: Detections, init_pose: Option<Vec<Vector3<f64>>>) -> Frame {

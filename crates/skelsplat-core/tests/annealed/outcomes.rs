@@ -67,7 +67,11 @@ fn the_step_limit_is_an_outcome_with_finite_numbers() {
     let start = perturbed(&standing(), 100.0, &mut Noise::new(2));
     for max_steps in [0, 1, 2, 3] {
         for init in [Some(start.clone()), None] {
-            let config = RefineConfig { max_steps, find_swaps: false, ..free() };
+            let config = freely(AnnealedSettings {
+                max_steps,
+                find_swaps: false,
+                ..AnnealedSettings::default()
+            });
             let out = refine(&cameras, &from(detections.clone(), init), config);
             // The triangulation before, which has as many steps, may have found the pose.
             assert!(out.stop_reason == StopReason::MaxSteps || max_steps > 0);

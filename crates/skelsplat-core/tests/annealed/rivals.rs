@@ -1,7 +1,7 @@
 //! Two places that as many views vote for.
 
 use super::*;
-use skelsplat_core::annealed::consensus::{NEAR_TIE, TIE, rivals};
+use skelsplat_core::study::annealed::consensus::{NEAR_TIE, TIE, rivals};
 
 const SIGMA: f64 = 20.0;
 

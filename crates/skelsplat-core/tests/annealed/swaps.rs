@@ -1,8 +1,8 @@
 //! Exchanged sides, whatever cameras there are besides.
 
 use super::*;
-use skelsplat_core::annealed::swaps::{Chain, chains, find};
-use skelsplat_core::triangulate::robust::locate;
+use skelsplat_core::study::annealed::locate::locate;
+use skelsplat_core::study::annealed::swaps::{Chain, chains, find};
 
 fn h36m_chains() -> Vec<Chain> {
     chains(&Layout::by_name("h36m17").unwrap())
@@ -36,7 +36,8 @@ fn arms_exchanged(seed: u64, empty: [u32; 3]) -> Rays {
 fn found(rays: &Rays) -> Vec<(usize, usize)> {
     let annealing = Annealing::of_joints(17);
     let solution = locate(rays, &annealing).solution;
-    find(rays, &h36m_chains(), &solution, &annealing.end)
+    let swaps = find(rays, &h36m_chains(), &solution, &annealing.end);
+    swaps.iter().map(|swap| (swap.view, swap.chain)).collect()
 }
 
 #[test]

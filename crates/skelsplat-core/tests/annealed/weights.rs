@@ -13,7 +13,10 @@ fn a_view_without_weight_is_absent() {
     let start = Some(perturbed(&standing(), 30.0, &mut Noise::new(2)));
     for init in [start, None] {
         let weights = Some(vec![1.0, 1.0, 0.0, 1.0]);
-        let config = RefineConfig { view_weights: weights, ..RefineConfig::default() };
+        let config = RefineConfig::from(AnnealedSettings {
+            view_weights: weights,
+            ..AnnealedSettings::default()
+        });
         let a = refine(&cameras, &from(detections.clone(), init.clone()), config);
         let absent = without(&detections, |i, _| i == 2);
         let b = refine(&cameras, &from(absent, init), RefineConfig::default());
@@ -29,13 +32,19 @@ fn confidence_multiplies_the_weight_of_its_view() {
     let detections = noisy_detections(&standing(), &cameras, 4.0, &mut Noise::new(3));
     let weights = [1.0, 0.5, 0.25, 1.0];
     let confident = changed(&detections, |i, _, p| Some((p, weights[i])));
-    let config = RefineConfig { view_weights: Some(weights.to_vec()), ..RefineConfig::default() };
+    let config = RefineConfig::from(AnnealedSettings {
+        view_weights: Some(weights.to_vec()),
+        ..AnnealedSettings::default()
+    });
     let by_view = refine(&cameras, &from(detections.clone(), None), config.clone());
     let by_confidence = refine(&cameras, &from(confident.clone(), None), RefineConfig::default());
     assert_eq!(bits(&by_view.pose), bits(&by_confidence.pose));
     let both = refine(&cameras, &from(confident, None), config);
     let squared = weights.map(|w: f64| w * w).to_vec();
-    let config = RefineConfig { view_weights: Some(squared), ..RefineConfig::default() };
+    let config = RefineConfig::from(AnnealedSettings {
+        view_weights: Some(squared),
+        ..AnnealedSettings::default()
+    });
     let expected = refine(&cameras, &from(detections.clone(), None), config);
     assert_eq!(bits(&both.pose), bits(&expected.pose));
     let plain = refine(&cameras, &from(detections, None), RefineConfig::default());
@@ -104,7 +113,7 @@ fn the_unit_changes_nothing() {
     let a = refine(&cameras, &in_mm, RefineConfig::default());
     let refiner =
         Refiner::new(&metres, Unit::Metre, Some(&layout), RefineConfig::default()).unwrap();
-    let b = refiner.refine(&in_m, false, &AtomicBool::new(false)).unwrap();
+    let b = refiner.refine(&in_m).unwrap();
     let b_mm: Vec<Vector3<f64>> = b.pose.iter().map(|x| x * 1e3).collect();
     assert!(largest(&a.pose, &b_mm) < 1e-6);
     assert_eq!(a.n_iter, b.n_iter);

@@ -161,7 +161,7 @@ RESOLUTION = Sweep(
 
 
 def _sigma_mm(factor: float) -> float:
-    return math.exp(factor * math.log(sk.RefineConfig.paper().sigma))
+    return math.exp(factor * math.log(sk.RefineConfig.paper().sigma_mm))
 
 
 def _paper_factor(factor: float) -> dict[str, Any]:
@@ -177,7 +177,7 @@ COVARIANCE = Sweep(
     kinds=("occ-2", "occ-3"),
     lines=(
         Line(PAPER, _paper_factor),
-        Line(ANNEALED, lambda factor: {"occlusion_sigma": _sigma_mm(factor)}, ANNEALED),
+        Line(ANNEALED, lambda factor: {"occlusion_sigma_mm": _sigma_mm(factor)}, ANNEALED),
     ),
     checks=(
         Check("1.25 is better than no factor", (1.25,), (1.0,), paper=IN_THE_TEXT),

@@ -8,7 +8,11 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::annealed::{Problem, Solution};
+use super::consensus::{REJECTED, TIE, rivals};
+use super::depth::is_fixed;
+use super::rays::{Ray, Rays};
+use super::solver::{Problem, Solution};
+use crate::outcome::{ErrorBars, JointStatus};
 
 /// Degrees of freedom that the frame's noise is worth for one joint (measured, docs/decisions.md).
 const SHARED_DOF: f64 = 5.0;
@@ -22,10 +26,50 @@ const LEAST_SPREAD: f64 = 2.0;
 /// Joints that make a body.
 const LEAST_JOINTS: usize = 3;
 
-/// Posterior covariances `(N)` in mm²; NaN for a joint of which nothing is known. `deep[j]` says whether the rays of joint
-/// j fix its depth (see [`crate::annealed::depth`]): such joints are the body. `k` are the rays' weights `(N, M)`.
+/// Posterior, weights of the detections and status of every joint at the solution.
 #[must_use]
-pub fn posterior(
+pub fn error_bars(problem: &Problem<'_>, solution: &mut Solution) -> ErrorBars {
+    let rays = problem.rays;
+    let (m, n) = (rays.n_views(), rays.n_joints());
+    let believed = believed(rays, solution);
+    let k = |j: usize| &believed[j * m..(j + 1) * m];
+    let deep: Vec<bool> = (0..n).map(|j| is_fixed(rays.of_joint(j), j, solution, k(j))).collect();
+    let mut covariances = posterior(problem, solution, &deep, &believed);
+    let of_joint = |j: usize| match rays.of_joint(j) {
+        of_joint if !of_joint.iter().any(Ray::is_there) => JointStatus::Unobserved,
+        _ if k(j).iter().filter(|k| **k >= REJECTED).count() < 2 => JointStatus::Weak,
+        _ if !deep[j] => JointStatus::Weak,
+        _ => JointStatus::Ok,
+    };
+    let mut status: Vec<JointStatus> = (0..n).map(of_joint).collect();
+    for j in (0..n).filter(|j| k(*j).iter().any(|k| *k < REJECTED)) {
+        let x = &solution.points[j];
+        for rival in rivals(rays.of_joint(j), x, solution.sigma[j], TIE) {
+            // The second moment about x of places that are right with these probabilities.
+            let off = rival.at - x;
+            covariances[j] += off * off.transpose() * rival.share;
+            status[j] = JointStatus::Weak;
+        }
+    }
+    ErrorBars { covariances, noise: solution.noise, believed, status }
+}
+
+/// k of every ray `(N, M)` at the solution; NaN where there is none.
+fn believed(rays: &Rays, solution: &Solution) -> Vec<f64> {
+    let mut out = Vec::with_capacity(rays.n_joints() * rays.n_views());
+    for (j, x) in solution.points.iter().enumerate() {
+        let k = |ray: &Ray| match ray.is_there() {
+            true => ray.offset(x).weight(solution.sigma[j]),
+            false => f64::NAN,
+        };
+        out.extend(rays.of_joint(j).iter().map(k));
+    }
+    out
+}
+
+/// Posterior covariances `(N)` in mm²; NaN for a joint of which nothing is known. `deep[j]` says whether the rays of joint
+/// j fix its depth (see [`super::depth`]): such joints are the body. `k` are the rays' weights `(N, M)`.
+fn posterior(
     problem: &Problem<'_>,
     solution: &mut Solution,
     deep: &[bool],

@@ -9,19 +9,20 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 use rayon::prelude::*;
 
-use super::config::Renderer;
+use super::composite::{self, Composite};
+use super::encoding::Encoding;
+use super::masked_l2::{self, Moments};
+use super::pseudo_gt::HeatMap;
+use super::rows::Pixel;
+use super::settings::Renderer;
+use super::splat::{CUT, Splat};
 use crate::detections::Detections;
 use crate::error::{Error, Result};
 use crate::gaussian::{Gaussian, GaussianGradient};
 use crate::memory;
+use crate::outcome::Loss;
 use crate::overlap::PlaneGaussian;
 use crate::projection::{Projected, View};
-use crate::raster::composite::{self, Composite};
-use crate::raster::encoding::Encoding;
-use crate::raster::masked_l2::{self, Moments};
-use crate::raster::pseudo_gt::HeatMap;
-use crate::raster::rows::Pixel;
-use crate::raster::splat::{CUT, Splat};
 use crate::symmetry::{LimbPair, symmetry};
 
 /// Pixels of pseudo ground truth from which sharing one pose's windows among threads pays.
@@ -29,17 +30,6 @@ const PARALLEL_PIXELS: u64 = 5_000;
 
 /// Area of the ellipse a ≥ 1/255, 2π ln 255 √|Σ|, in units of the energy π√|Σ|.
 const ELLIPSE_AREA: f64 = CUT;
-
-/// The loss and its terms.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Loss {
-    /// L_render + λ_sym L_sym.
-    pub total: f64,
-    /// L_render.
-    pub render: f64,
-    /// L_sym, mm², without its weight.
-    pub symmetry: f64,
-}
 
 /// What the skeleton is matched to: detections, and the Gaussians whose projected covariance shapes their
 /// heat maps.

@@ -3,15 +3,15 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::config::RefineConfig;
-use super::objective::{Loss, Objective};
-use super::result::StopReason;
+use super::adam::{Adam, LearningRates};
+use super::objective::Objective;
+use super::rows::Pixel;
+use super::schedule::{ExponentialDecay, views_in_turn};
+use super::settings::PaperSettings;
+use super::stopping::WindowMinimum;
 use crate::error::{Error, Result};
 use crate::gaussian::Gaussian;
-use crate::optim::adam::{Adam, LearningRates};
-use crate::optim::schedule::{ExponentialDecay, views_in_turn};
-use crate::optim::stopping::WindowMinimum;
-use crate::raster::rows::Pixel;
+use crate::outcome::{Loss, StopReason};
 
 /// How an optimisation went.
 #[derive(Debug, Clone, PartialEq)]
@@ -31,25 +31,25 @@ pub struct Run {
 pub fn optimise<P: Pixel>(
     gaussians: &mut [Gaussian],
     objective: &mut Objective<'_, P>,
-    config: &RefineConfig,
+    settings: &PaperSettings,
     position_lr: f64,
     cancel: &AtomicBool,
 ) -> Result<Run> {
     let n_views = objective.n_views();
-    let per_step = config.views_per_step.unwrap_or(n_views);
+    let per_step = settings.views_per_step.unwrap_or(n_views);
     let decay = ExponentialDecay {
         initial: position_lr,
-        decay: config.lr_decay,
-        steps: config.lr_decay_steps,
+        decay: settings.lr_decay,
+        steps: settings.lr_decay_steps,
     };
-    let mut adam = Adam::new(gaussians.len(), config.adam_betas, config.adam_epsilon);
+    let mut adam = Adam::new(gaussians.len(), settings.adam_betas, settings.adam_epsilon);
     let mut stopping =
-        WindowMinimum::new(config.stop_window.unwrap_or(n_views), config.stop_tolerance);
+        WindowMinimum::new(settings.stop_window.unwrap_or(n_views), settings.stop_tolerance);
     let mut active = vec![true; n_views];
     let mut last = gaussians.to_vec();
     let mut run = Run { n_iter: 0, stop_reason: StopReason::MaxSteps, history: Vec::new() };
 
-    for step in 0..config.max_steps {
+    for step in 0..settings.max_steps {
         views_in_turn(step, per_step, &mut active);
         let loss = objective.evaluate(gaussians, &active);
         if cancel.load(Ordering::Relaxed) {
@@ -62,8 +62,8 @@ pub fn optimise<P: Pixel>(
         }
         let rates = LearningRates {
             position: decay.at(step),
-            log_scale: config.log_scale_lr,
-            rotation: config.rotation_lr,
+            log_scale: settings.log_scale_lr,
+            rotation: settings.rotation_lr,
         };
         last.copy_from_slice(gaussians);
         adam.step(gaussians, objective.gradient(), rates);
@@ -73,7 +73,7 @@ pub fn optimise<P: Pixel>(
             break;
         }
         run.n_iter = step + 1;
-        if config.loss_history {
+        if settings.loss_history {
             run.history.push(loss);
         }
         if stopping.settled(loss.total) {

@@ -1,15 +1,16 @@
-//! Robust triangulation: annealed splatting of every joint on its own, and pairs of rays where it ends without a majority.
+//! The joints of a frame one by one: annealed splatting of each, and pairs of rays where it ends without a majority.
 
 use nalgebra::Vector3;
 
-use super::Triangulated;
-use crate::annealed::consensus::{REJECTED, agreement, best_pair};
-use crate::annealed::depth::{have_parallax, may_be_fixed};
-use crate::annealed::evidence::evidence;
-use crate::annealed::rays::nearest_with_spread;
-use crate::annealed::{Annealing, NoiseModel, Problem, Ray, Rays, Solution, Widening, solve};
+use super::consensus::{REJECTED, agreement, best_pair};
+use super::depth::{have_parallax, may_be_fixed};
+use super::evidence::evidence;
+use super::noise::NoiseModel;
+use super::rays::{Ray, Rays, nearest_with_spread};
+use super::solver::{Annealing, Problem, Solution, Widening, solve};
 use crate::camera::Camera;
 use crate::detections::Detections;
+use crate::triangulate::Triangulated;
 
 /// Views by which the agreeing ones have to outnumber the others to be a majority.
 const MAJORITY: f64 = 0.25;
@@ -30,7 +31,7 @@ const LEAST_COMMON: usize = 6;
 /// Residuals that say something of the noise.
 const LEAST_FREEDOM: f64 = 6.0;
 
-/// Triangulates each joint from ideal pixels; NaN as [`super::dlt()`], with fewer than two views or parallel rays.
+/// Triangulates each joint from ideal pixels; NaN as [`crate::triangulate::dlt()`], with fewer than two views or parallel rays.
 ///
 /// A joint begins at the point nearest to all its rays and is annealed down to the noise of the frame (see
 /// [`crate::annealed`]). Where the views that agree in the end are no majority, the points between two rays are judged
@@ -136,14 +137,15 @@ fn located(rays: &Rays, annealing: &Annealing, widening: Widening) -> Located {
 /// Every joint from least squares down to its final kernel, and from a better place if there is one.
 fn under(rays: &Rays, annealing: &Annealing, widening: Widening) -> Solution {
     let problem = Problem { rays, pairs: &[], priors: None, annealing, widening };
-    let start = (0..rays.n_joints()).map(|j| start(rays, j)).collect();
-    let mut solution = solve(&problem, start, vec![f64::INFINITY; rays.n_joints()]);
+    let n = rays.n_joints();
+    let start: Vec<Vector3<f64>> = (0..n).map(|j| nearest_to_all(rays, j)).collect();
+    let mut solution = solve(&problem, &start, &vec![f64::INFINITY; n]);
     if reconsider(rays, &mut solution) {
         let steps = solution.n_iter;
-        solution = solve(&problem, solution.points, solution.sigma);
+        solution = solve(&problem, &solution.points, &solution.sigma);
         solution.n_iter += steps;
     }
-    for j in 0..rays.n_joints() {
+    for j in 0..n {
         let of_joint = rays.of_joint(j);
         let (x, sigma) = (&solution.points[j], solution.sigma[j]);
         // Rays that contradict each other are not parallel for that: then all of them are asked.
@@ -167,7 +169,7 @@ fn is_narrow(rays: &[Ray]) -> bool {
 /// The point nearest to all rays of joint `j`. A detection that is far off can leave that behind every camera, or without a
 /// depth: then it is the point between two rays on which most agree. NaN if the rays leave it or its depth open.
 #[must_use]
-pub fn start(rays: &Rays, j: usize) -> Vector3<f64> {
+pub fn nearest_to_all(rays: &Rays, j: usize) -> Vector3<f64> {
     let of_joint = rays.of_joint(j);
     let nan = Vector3::repeat(f64::NAN);
     let Some((x, spread)) = nearest_with_spread(of_joint, |_, ray| ray.weight) else { return nan };

@@ -1,11 +1,11 @@
 //! One Gauss–Newton step: the normal equations against residuals differentiated by number, and against dense algebra.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
-use skelsplat_core::annealed::{
+use skelsplat_core::study::annealed::equations::{Coupling, NormalEquations};
+use skelsplat_core::study::annealed::{
     Annealing, NoiseModel, Prior, Problem, Rays, Solution, Widening, solve,
 };
-use skelsplat_core::optim::gauss_newton::{Coupling, NormalEquations};
-use skelsplat_core::symmetry::LimbPair;
+use skelsplat_core::study::symmetry::LimbPair;
 use skelsplat_core::testing::scenes::{Noise, noisy_detections, perturbed, room, standing};
 
 /// Reach of the limbs' kernel, in σ_sym, as `annealed::solver` has it.
@@ -51,6 +51,7 @@ impl Linearised {
         let prior = |x: &Vector3<f64>| Prior {
             mean: x + Vector3::new(20.0, -10.0, 5.0),
             precision: some_block(&mut Noise::new(seed + 1)) * 1e-3,
+            spread: 30.0,
         };
         let priors: Vec<Prior> = at.iter().map(prior).collect();
         let n = at.len();
@@ -67,7 +68,7 @@ impl Linearised {
             annealing: &annealing,
             widening: Widening::NONE,
         };
-        let solution = solve(&problem, at.clone(), vec![SIGMA; n]);
+        let solution = solve(&problem, &at, &vec![SIGMA; n]);
         assert_eq!(solution.n_iter, 0);
         let symmetry_sigma = annealing.symmetry_sigma;
         Self { rays, pairs, priors, at, solution, symmetry_sigma }

@@ -1,0 +1,164 @@
+//! The published method for one frame: Gaussians at the initial pose, moved by Adam.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::objective::{Objective, Targets};
+use super::optimise::{Run, optimise};
+use super::rows::Pixel;
+use super::settings::{PaperSettings, PositionLearningRate};
+use crate::camera::Camera;
+use crate::detections::Detections;
+use crate::error::{Error, Result};
+use crate::gaussian::{Gaussian, GaussianGradient};
+use crate::outcome::{JointStatus, Loss, Outcome, Splats, StopReason, as_given};
+use crate::projection::View;
+use crate::symmetry::LimbPair;
+use crate::triangulate::dlt;
+
+/// Share of the largest camera distance that the released formula takes as learning rate.
+const EXTENT_LR: f64 = 5e-4 * 1.1;
+
+/// Mean and covariance per joint `(N)`, the shapes of the pseudo ground truth.
+pub type Shapes = Vec<(Vector3<f64>, Matrix3<f64>)>;
+
+/// One frame, in mm.
+#[derive(Debug, Clone, Copy)]
+pub struct Frame<'a> {
+    /// The cameras at full resolution.
+    pub cameras: &'a [Camera],
+    /// The cameras at the rendering resolution.
+    pub views: &'a [View],
+    /// Detections as ideal pixels of the full resolution.
+    pub detections: &'a Detections,
+    /// Limbs of equal length.
+    pub pairs: &'a [LimbPair],
+    /// The settings.
+    pub settings: &'a PaperSettings,
+    /// Whether to share the windows of the pose among the threads of the pool that the caller is in.
+    pub parallel: bool,
+    /// Ends the work once it is set.
+    pub cancel: &'a AtomicBool,
+}
+
+/// The loss of a skeleton and its gradient `(N)`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LossAndGradient {
+    /// Over all views.
+    pub loss: Loss,
+    /// In the parameters of every Gaussian.
+    pub gradient: Vec<GaussianGradient>,
+}
+
+impl Frame<'_> {
+    /// The pose of the frame, from the joints of `init` that are known, with splats of standard deviation `sigmas` `(N)`.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`] if the windows are too large, [`Error::Cancelled`] once `cancel` is set.
+    pub fn solve(&self, init: Option<&[Option<Vector3<f64>>]>, sigmas: &[f64]) -> Result<Outcome> {
+        let init = self.initial_pose(init);
+        let round = |(mean, sigma): (&Vector3<f64>, &f64)| Gaussian::isotropic(*mean, *sigma);
+        let mut gaussians: Vec<Gaussian> = init.iter().zip(sigmas).map(round).collect();
+        let shapes = gaussians.iter().map(|g| (g.mean, g.covariance())).collect();
+        let mut objective = self.objective::<f32>(&shapes)?;
+        let observed = (0..gaussians.len()).any(|j| objective.usable_views(j) > 0);
+        let run = if observed {
+            let position_lr = position_lr(self.settings, self.cameras);
+            optimise(&mut gaussians, &mut objective, self.settings, position_lr, self.cancel)?
+        } else {
+            Run { n_iter: 0, stop_reason: StopReason::NoObservations, history: Vec::new() }
+        };
+        let loss = objective.evaluate(&gaussians, &vec![true; self.views.len()]);
+        self.check_cancelled()?;
+        let covariance = |g: &Gaussian| {
+            if g.mean.x.is_nan() { Matrix3::repeat(f64::NAN) } else { g.covariance() }
+        };
+        Ok(Outcome {
+            points: gaussians.iter().map(|g| g.mean).collect(),
+            splats: Splats::Free(gaussians.iter().map(covariance).collect()),
+            init,
+            status: (0..gaussians.len()).map(|j| status(&objective, j)).collect(),
+            used_for: as_given(self.detections.n_views(), self.detections.n_joints()),
+            loss,
+            loss_history: run.history,
+            n_iter: run.n_iter,
+            stop_reason: run.stop_reason,
+        })
+    }
+
+    /// Loss over all views and its gradient for any Gaussians `(N)`, in doubles; `shapes` are those of the pseudo ground
+    /// truth.
+    ///
+    /// # Errors
+    /// As [`Self::solve`].
+    pub fn loss_and_gradient(
+        &self,
+        gaussians: &[Gaussian],
+        shapes: &Shapes,
+    ) -> Result<LossAndGradient> {
+        let mut objective = self.objective::<f64>(shapes)?;
+        let loss = objective.evaluate(gaussians, &vec![true; self.views.len()]);
+        self.check_cancelled()?;
+        Ok(LossAndGradient { loss, gradient: objective.gradient().to_vec() })
+    }
+
+    /// The initial pose; joints that have none are triangulated.
+    fn initial_pose(&self, init: Option<&[Option<Vector3<f64>>]>) -> Vec<Vector3<f64>> {
+        match init {
+            Some(pose) if pose.iter().all(Option::is_some) => {
+                pose.iter().copied().flatten().collect()
+            }
+            Some(pose) => {
+                let fill = dlt(self.detections, self.cameras);
+                pose.iter().zip(fill).map(|(p, f)| p.unwrap_or(f)).collect()
+            }
+            None => dlt(self.detections, self.cameras),
+        }
+    }
+
+    fn objective<P: Pixel>(&self, shapes: &Shapes) -> Result<Objective<'_, P>> {
+        let detections = self.at_resolution();
+        let targets = Targets {
+            detections: &detections,
+            gaussians: shapes,
+            dilation: self.settings.dilation,
+            encoding: self.settings.encoding,
+            renderer: self.settings.renderer,
+        };
+        let objective = Objective::new(self.views, &targets, self.parallel, self.cancel)?;
+        Ok(objective.with_symmetry(self.pairs.iter().copied(), self.settings.symmetry_weight))
+    }
+
+    /// Pixels of the rendering resolution: u' = (u + ½) s − ½.
+    fn at_resolution(&self) -> Detections {
+        let s = self.settings.resolution;
+        self.detections.map(|_, p| Some(p.map(|u| (u + 0.5) * s - 0.5)))
+    }
+
+    fn check_cancelled(&self) -> Result<()> {
+        if self.cancel.load(Ordering::Relaxed) { Err(Error::Cancelled) } else { Ok(()) }
+    }
+}
+
+fn status(objective: &Objective<'_, f32>, joint: usize) -> JointStatus {
+    match (objective.usable_views(joint), objective.meeting_views(joint)) {
+        (0, _) => JointStatus::Unobserved,
+        (_, 0 | 1) => JointStatus::Weak,
+        _ => JointStatus::Ok,
+    }
+}
+
+fn position_lr(settings: &PaperSettings, cameras: &[Camera]) -> f64 {
+    let rate = match settings.position_lr_mm {
+        PositionLearningRate::Millimetres(mm) => mm,
+        PositionLearningRate::CameraExtent => {
+            let sum: Vector3<f64> = cameras.iter().map(Camera::centre).sum();
+            let n = u32::try_from(cameras.len()).unwrap_or(u32::MAX);
+            let mean = sum / f64::from(n);
+            let reach = cameras.iter().map(|c| (c.centre() - mean).norm()).fold(0.0, f64::max);
+            EXTENT_LR * reach
+        }
+    };
+    rate * settings.position_lr_factor
+}

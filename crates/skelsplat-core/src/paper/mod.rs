@@ -1,0 +1,26 @@
+//! The published method: every joint's Gaussian is drawn into every view and moved by Adam until the drawings match heat
+//! maps of the detections (paper §3).
+//!
+//! Channel j of view i holds `a(p) = min(0.99, exp(−½ (p−m)ᵀ(Σ²)⁻¹(p−m)))`, zero where it is below 1/255
+//! (DESIGN §2). Nothing outside the ellipse a = 1/255 is ever touched, so the cost of a channel depends on
+//! the size of its splat and not on that of the image. Forward and gradient stand side by side.
+
+pub mod adam;
+pub mod composite;
+pub mod encoding;
+pub mod frame;
+pub mod masked_l2;
+pub mod objective;
+pub mod optimise;
+pub mod pseudo_gt;
+pub mod render;
+pub mod rows;
+pub mod schedule;
+pub mod settings;
+pub mod splat;
+pub mod stopping;
+
+pub use encoding::Encoding;
+pub use frame::{Frame, LossAndGradient, Shapes};
+pub use objective::{Objective, Targets};
+pub use settings::{PaperSettings, PositionLearningRate, Renderer};

@@ -1,0 +1,136 @@
+//! The settings of the published method, with the paper's values (DESIGN §2).
+
+use super::encoding::Encoding;
+use crate::error::{Error, Result};
+use crate::settings::{Domain, Kind, Parameter, Value, settings};
+
+/// The paper's log-scale of 3 (mm): σ₀ = e³ ≈ 20.09 mm.
+const LOG_SCALE: f64 = 3.0;
+
+settings! {
+    /// Settings of the published method.
+    PaperSettings {
+        sigma_mm: f64 = LOG_SCALE.exp(), Domain::Positive, "mm",
+            "Initial standard deviation σ₀ of every joint's splat.";
+        max_steps: usize = 125, Domain::Any, "",
+            "Largest number of steps.";
+        renderer: Renderer = Renderer::Raster, Domain::Any, "",
+            "What compares splats with detections: the paper's pixels, or the exact integral of the same loss over the plane \
+             (one-hot encoding only).";
+        dilation: f64 = 0.3, Domain::Positive, "px²",
+            "h, added to the projected variances.";
+        encoding: Encoding = Encoding::OneHot, Domain::Any, "",
+            "Joint encoding; the shared ones are ablations.";
+        symmetry_weight: f64 = 1e-5, Domain::NotNegative, "mm⁻²",
+            "λ_sym, the weight of the symmetry loss.";
+        views_per_step: Option<usize> = None, Domain::Within(1, usize::MAX), "",
+            "Views whose gradients are accumulated before a step; None: all.";
+        position_lr_mm: PositionLearningRate = PositionLearningRate::Millimetres(3.0), Domain::Rate, "mm",
+            "Initial learning rate of the means; \"camera_extent\": 5e-4 · 1.1 · the largest distance of a camera centre from \
+             their mean.";
+        position_lr_factor: f64 = 1.0, Domain::Positive, "",
+            "Multiplies `position_lr_mm`; the paper's dome rigs ran with 10 times the formula.";
+        log_scale_lr: f64 = 0.005, Domain::Rate, "",
+            "Learning rate of the log-scales.";
+        rotation_lr: f64 = 0.001, Domain::Rate, "",
+            "Learning rate of the quaternions.";
+        lr_decay: f64 = 0.01, Domain::Positive, "",
+            "Factor by which the position's learning rate falls over `lr_decay_steps`.";
+        lr_decay_steps: f64 = 1000.0, Domain::Positive, "steps",
+            "Steps over which `lr_decay` is reached.";
+        adam_betas: [f64; 2] = [0.9, 0.999], Domain::BelowOne, "",
+            "Adam's β₁ and β₂.";
+        adam_epsilon: f64 = 1e-15, Domain::Positive, "",
+            "Adam's ε.";
+        stop_tolerance: f64 = 1e-6, Domain::NotNegative, "",
+            "Stop when the window minimum of the loss changes by less.";
+        stop_window: Option<usize> = None, Domain::Within(1, usize::MAX), "",
+            "Steps per window; None: the number of views.";
+        resolution: f64 = 1.0, Domain::Positive, "",
+            "Render at this factor of the cameras' resolution.";
+        loss_history: bool = false, Domain::Any, "",
+            "Keep the loss of every step.";
+    }
+}
+
+impl PaperSettings {
+    /// Whether the settings fit each other.
+    pub(crate) fn check_combinations(&self) -> Result<()> {
+        if self.renderer == Renderer::ClosedForm && self.encoding != Encoding::OneHot {
+            let expected = "'one_hot' with renderer 'closed_form'";
+            return Err(Error::invalid("config.encoding", expected, self.encoding.name()));
+        }
+        Ok(())
+    }
+}
+
+/// What draws the splats and compares them with the detections.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Renderer {
+    /// Pixels, as the paper.
+    Raster,
+    /// The integral of the same loss over the plane, exact and without pixels; one-hot encoding only.
+    ClosedForm,
+}
+
+impl Renderer {
+    /// `"raster"` or `"closed_form"`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Raster => "raster",
+            Self::ClosedForm => "closed_form",
+        }
+    }
+}
+
+/// The position's initial learning rate, per step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum PositionLearningRate {
+    /// A fixed number of millimetres.
+    Millimetres(f64),
+    /// 5e-4 × 1.1 × the largest distance of a camera centre from their mean: the released formula.
+    CameraExtent,
+}
+
+const CAMERA_EXTENT: &str = "camera_extent";
+
+impl Parameter for Renderer {
+    const KIND: Kind = Kind::Name(&["raster", "closed_form"]);
+    fn to_value(&self) -> Value {
+        Value::Name(self.name())
+    }
+    fn of_value(value: &Value) -> Option<Self> {
+        let mut all = [Self::Raster, Self::ClosedForm].into_iter();
+        all.find(|renderer| *value == renderer.to_value())
+    }
+}
+
+impl Parameter for Encoding {
+    const KIND: Kind = Kind::Name(&["one_hot", "rgb", "single"]);
+    fn to_value(&self) -> Value {
+        Value::Name(self.name())
+    }
+    fn of_value(value: &Value) -> Option<Self> {
+        let mut all = [Self::OneHot, Self::Rgb, Self::Single].into_iter();
+        all.find(|encoding| *value == encoding.to_value())
+    }
+}
+
+impl Parameter for PositionLearningRate {
+    const KIND: Kind = Kind::NumberOrName(CAMERA_EXTENT);
+    fn to_value(&self) -> Value {
+        match self {
+            Self::Millimetres(mm) => Value::Number(*mm),
+            Self::CameraExtent => Value::Name(CAMERA_EXTENT),
+        }
+    }
+    fn of_value(value: &Value) -> Option<Self> {
+        match value {
+            Value::Number(mm) => Some(Self::Millimetres(*mm)),
+            Value::Name(CAMERA_EXTENT) => Some(Self::CameraExtent),
+            _ => None,
+        }
+    }
+}

@@ -1,0 +1,205 @@
+"""A run as a library: from files, from arrays and from its folder, without a word on stdout or stderr."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from skelsplat import synthetic
+from skelsplat.run import Butterworth, IncompleteJobError, Job, Run, run
+
+LAYOUT = "h36m17"
+
+
+@pytest.fixture
+def job(recording):
+    """Return the job of the recording's files, with what a test changes."""
+    folder, _, _ = recording
+
+    def make(**options):
+        given = {"unit": "mm", "layout": LAYOUT, "fps": 50.0, **options}
+        return Job(folder / "Calib.toml", folder / "openpose", **given)
+
+    return make
+
+
+def scene():
+    """Return detections of a walk in which one camera's are shifted, and the rig."""
+    rig = synthetic.human36m_like()
+    pixels = sk.project(synthetic.motion("walk", 6, seed=3), rig).swapaxes(0, 1)
+    pixels = pixels + np.random.default_rng(1).normal(0.0, 2.0, pixels.shape)
+    pixels[:, 1] += 40.0
+    return pixels, rig
+
+
+def test_a_run_of_files_returns_and_never_prints(job, recording, capfd):
+    _, rig, pose = recording
+    seen = []
+    found = run(job(), progress=lambda done, total: seen.append((done, total)))
+    assert capfd.readouterr() == ("", "")
+    assert (seen[0], seen[-1]) == ((0, 5), (5, 5))
+    assert np.linalg.norm(found.poses.pose - pose, axis=-1).mean() < 16.3  # as the command line's
+    assert found.cameras.names == rig.names
+    assert (found.layout.name, found.frames.tolist()) == (LAYOUT, [0, 1, 2, 3, 4])
+    assert found.detections.shape == (5, 4, 17, 3)
+    assert repr(found) == "Run(5 frames of 17 joints, 4 cameras, no findings)"
+    assert found.report["files"] == []
+
+
+def test_a_run_of_paths_as_text_writes_its_folder(recording, tmp_path):
+    folder, _, _ = recording
+    job = Job(
+        str(folder / "Calib.toml"),
+        str(folder / "openpose"),
+        unit="mm",
+        layout=LAYOUT,
+        output=str(tmp_path / "out"),
+        write=("csv",),
+        html=False,
+    )
+    found = run(job)
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {*found.report["files"], "report.json"}
+    assert "pose.npz" in found.report["files"]
+    assert json.loads((tmp_path / "out" / "report.json").read_text()) == found.report
+
+
+def test_warnings_are_findings_and_told_before_the_work(job, tmp_path):
+    told = []
+    found = run(job(fps=None, output=tmp_path / "out", html=False), tell=told.append)
+    assert [finding.kind for finding in told] == ["times_assumed"]
+    assert told[0] in found.findings
+
+
+def test_an_opened_run_is_the_run_that_was_written(job, tmp_path):
+    found = run(job())
+    names = found.write(tmp_path / "out", html=False)
+    assert {path.name for path in (tmp_path / "out").iterdir()} == set(names)
+    again = Run.open(tmp_path / "out")
+    assert again.findings == found.findings
+    assert again.frame_findings == found.frame_findings
+    assert again.report == {**found.report, "files": [name for name in names if name != "report.json"]}
+    for name in ("pose", "uncertainty", "view_weights", "joint_status"):
+        np.testing.assert_array_equal(getattr(again.result, name), getattr(found.result, name))
+    assert again.statistics.total == found.statistics.total
+    again.write_html(tmp_path / "again.html")
+    assert "SkelSplat: openpose" in (tmp_path / "again.html").read_text(encoding="utf-8")
+
+
+def test_a_run_of_the_papers_method_is_opened_with_its_settings(job, tmp_path):
+    config = sk.RefineConfig.paper(max_steps=5)
+    run(job(config=config, output=tmp_path / "out", html=False))
+    assert (tmp_path / "out" / "heatmaps.png").exists()
+    assert Run.open(tmp_path / "out").outcome.config == config
+
+
+def test_a_result_made_of_arrays_has_findings_report_and_figures(tmp_path, capfd):
+    pixels, rig = scene()
+    result = sk.refine(None, pixels, rig, layout=LAYOUT)
+    found = Run.from_arrays(result, rig, pixels, LAYOUT, frames=np.arange(10, 16), fps=25.0)
+    assert [finding.kind for finding in found.findings] == ["camera_disagrees"]
+    (finding,) = found.findings
+    assert finding.subject.cameras == (rig.names[1],)
+    assert found.report["input"]["detections"] is None
+    assert found.report["input"]["first_frame"] == 10
+    found.write_report(tmp_path / "report.json")
+    assert json.loads((tmp_path / "report.json").read_text()) == found.report
+    found.write_html(tmp_path / "report.html")
+    assert finding.text[:40] in (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert found.write_figures(tmp_path / "figures") == ["overview.png", "weights.png"]
+    assert found.write_poses(tmp_path / "poses", ("npz", "trc")) == ["pose.npz", "pose.trc"]
+    assert capfd.readouterr() == ("", "")
+
+
+def test_one_pose_is_a_run_of_one_frame(tmp_path):
+    pixels, rig = scene()
+    init = synthetic.motion("walk", 6, seed=3)[0]
+    result = sk.refine(init, pixels[0], rig, layout=LAYOUT)
+    found = Run.from_arrays(result, list(rig), pixels[0], sk.layouts.get(LAYOUT), init_pose=init)
+    assert found.poses.pose.shape == (1, 17, 3)
+    np.testing.assert_array_equal(found.outcome.start[0], init)
+    assert found.report["start"] == "initial pose"
+    found.write(tmp_path / "out")
+    assert Run.open(tmp_path / "out").outcome.start_name == "initial pose"
+
+
+def test_detections_of_another_shape_than_the_result_are_refused():
+    pixels, rig = scene()
+    result = sk.refine(None, pixels, rig, layout=LAYOUT)
+    with pytest.raises(sk.InvalidInputError, match=r"detections: expected \(6, 4, 17\) pixels .* got \(5, "):
+        Run.from_arrays(result, rig, pixels[:5], LAYOUT)
+
+
+def test_a_notebook_shows_facts_findings_and_the_overview():
+    pixels, rig = scene()
+    found = Run.from_arrays(sk.refine(None, pixels, rig, layout=LAYOUT), rig, pixels, LAYOUT)
+    view = found._repr_html_()
+    assert "<th>layout</th><td>h36m17, 17 joints</td>" in view
+    assert f"<li>warning: {rig.names[1]} disagrees with the other cameras" in view
+    assert '<img alt="overview"' in view
+
+
+def test_show_opens_the_page(monkeypatch):
+    pixels, rig = scene()
+    found = Run.from_arrays(sk.refine(None, pixels, rig, layout=LAYOUT), rig, pixels, LAYOUT)
+    opened = []
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    found.show()
+    assert opened[0].startswith("file:")
+    assert opened[0].endswith("/report.html")
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"unit": "inch"}, "unit: expected one of mm, cm, m, got 'inch'"),
+        ({"layout": "body26"}, "layout: expected one of h36m17, .*, got 'body26'"),
+        ({"person": "left"}, "person: expected consistent, largest or a number, got 'left'"),
+        ({"frames": "some"}, "frames: expected one of strict, intersection, union, got 'some'"),
+        ({"fps": float("nan")}, "fps: expected a positive number, got nan"),
+        ({"init_sigma_mm": 40.0}, "init_sigma_mm: requires init"),
+        (
+            {"init_sigma_mm": 40.0, "init": "a.npz", "config": sk.RefineConfig.paper()},
+            "init_sigma_mm: expected none with the paper's method",
+        ),
+        ({"fill_weak": True}, "fill_weak: requires fill_gaps"),
+        ({"filter": "butterworth", "fps": None}, "filter: requires fps"),
+        ({"filter": "kalman"}, r"filter: expected butterworth\[:HZ\[:ORDER\]\] or .*, got 'kalman'"),
+        ({"write": ("bvh",)}, "write: expected one of npz, csv, trc, c3d, json, nc, got 'bvh'"),
+    ],
+)
+def test_an_option_that_is_wrong_is_named(job, options, message):
+    with pytest.raises(sk.InvalidInputError, match=f"^{message}"):
+        job(**options)
+
+
+def test_an_option_that_lacks_another_says_which(job):
+    with pytest.raises(IncompleteJobError) as raised:
+        job(fill_method="linear")
+    assert (raised.value.option, raised.value.requires) == ("fill_method", "fill_gaps")
+
+
+def test_a_filter_is_tried_before_anything_is_read(job, monkeypatch):
+    monkeypatch.setattr("skelsplat.run._run.read_inputs", lambda _: pytest.fail("it read"))
+    with pytest.raises(sk.InvalidInputError, match=r"filter: cutoff.* got 30"):
+        run(job(filter=Butterworth(30.0)))
+
+
+def test_results_never_replace_the_input(recording, job):
+    folder, _, _ = recording
+    with pytest.raises(sk.InvalidInputError, match="output: expected a folder in which nothing that the run"):
+        run(job(output=folder / "openpose"))
+
+
+def test_the_library_knows_no_command_line():
+    program = (
+        "import sys, skelsplat.run\n"
+        "print(*(name for name in ('typer', 'click', 'rich', 'matplotlib', 'skelsplat.cli') "
+        "if name in sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True)
+    assert done.stdout.split() == []
