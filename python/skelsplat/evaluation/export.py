@@ -70,7 +70,7 @@ def to_json(evaluation: Evaluation) -> str:
 
 
 def write(folder: Path, evaluation: Evaluation) -> list[str]:
-    """Write ``report.md``, ``report.csv`` and ``report.json`` into a folder that is there; return their names.
+    """Write ``report.md``, ``report.csv`` and ``report.json`` into a folder; return their names.
 
     Raises
     ------
