@@ -5,6 +5,7 @@ Each option is the annotated type of a parameter.
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Annotated
 
@@ -15,7 +16,27 @@ from skelsplat.io.detections import FORMATS
 from skelsplat.io.poses import POSE_FORMATS
 
 _INPUT, _METHOD, _TIME, _OUTPUT = "Input", "Method", "Over time", "Output"
-_DEFAULT, _PAPER = RefineConfig(), RefineConfig.paper()
+_ANNEALED, _OF_PAPER = (
+    {setting.name: setting for setting in RefineConfig.settings(method)} for method in ("annealed", "paper")
+)
+
+
+def _sentence(name: str) -> str:
+    """Return what a setting does, in the core's words, with options instead of settings."""
+    sentences = [
+        re.sub(r"`(\w+)`", lambda found: "--" + found[1].replace("_", "-"), table[name].sentence)
+        for table in (_ANNEALED, _OF_PAPER)
+        if name in table
+    ]
+    both = [text.partition("; None:")[0].rstrip(".") + "." for text in dict.fromkeys(sentences)]
+    return " With --paper: ".join([both[0], *(text[0].lower() + text[1:] for text in both[1:])])
+
+
+def _default(name: str) -> str:
+    """Return the default of a setting, with that of the paper's method if it is another."""
+    texts = [f"{table[name].default:.4g}" for table in (_ANNEALED, _OF_PAPER) if name in table]
+    return ", with --paper ".join(dict.fromkeys(texts))
+
 
 Detections = Annotated[
     Path,
@@ -139,8 +160,8 @@ MinConfidence = Annotated[
         min=0,
         max=1,
         metavar="C",
-        help="Ignore detections of lower confidence.",
-        show_default=f"{_DEFAULT.min_confidence:g}",
+        help=_sentence("min_confidence"),
+        show_default=_default("min_confidence"),
         rich_help_panel=_INPUT,
     ),
 ]
@@ -172,9 +193,8 @@ Sigma = Annotated[
     float | None,
     typer.Option(
         metavar="MM",
-        help="Width σ of a joint's Gaussian, in mm: the largest at the end, with --paper the one at the "
-        "start.",
-        show_default=f"{_DEFAULT.sigma_mm:.1f}, with --paper {_PAPER.sigma_mm:.1f}",
+        help=_sentence("sigma_mm"),
+        show_default=_default("sigma_mm"),
         rich_help_panel=_METHOD,
     ),
 ]
@@ -182,7 +202,7 @@ OcclusionSigma = Annotated[
     float | None,
     typer.Option(
         metavar="MM",
-        help="Width σ of elbows, wrists and ankles, in mm.",
+        help=_sentence("occlusion_sigma_mm"),
         show_default="as --sigma-mm",
         rich_help_panel=_METHOD,
     ),
@@ -193,8 +213,8 @@ SymmetryTier = Annotated[
         min=0,
         max=3,
         metavar="0..3",
-        help="Limbs kept equal left and right: 0 off, 1 lower limbs, 2 also upper limbs, 3 also trunk.",
-        show_default=str(_DEFAULT.symmetry_tier),
+        help=f"{_sentence('symmetry_tier')} 1: lower limbs, 2: also upper limbs, 3: also trunk.",
+        show_default=_default("symmetry_tier"),
         rich_help_panel=_METHOD,
     ),
 ]
@@ -203,8 +223,8 @@ MaxSteps = Annotated[
     typer.Option(
         min=0,
         metavar="N",
-        help="Largest number of steps per frame.",
-        show_default=f"{_DEFAULT.max_steps}, with --paper {_PAPER.max_steps}",
+        help=_sentence("max_steps"),
+        show_default=_default("max_steps"),
         rich_help_panel=_METHOD,
     ),
 ]
@@ -214,7 +234,7 @@ Threads = Annotated[
         "--threads",
         min=1,
         metavar="N",
-        help="Threads to use.",
+        help=_sentence("n_threads"),
         show_default="all cores",
         rich_help_panel=_METHOD,
     ),
