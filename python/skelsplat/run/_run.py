@@ -312,9 +312,7 @@ def _opened(found: RunFolder) -> Run:
         np.zeros(found.detections.shape[:2], dtype=np.bool_),
         poses.frames,
         init_pose=poses.init_pose if report["start"] == GIVEN_START else None,
-        lacking=frozenset(
-            joint for joint, name in (report["input"]["mapping"] or {}).items() if name is None
-        ),
+        lacking=frozenset(joint for joint, name in mapping.items() if name is None),
         fps=poses.frame_rate,
     )
     make = sk.RefineConfig.paper if settings["method"] == "paper" else sk.RefineConfig

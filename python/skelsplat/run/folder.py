@@ -63,11 +63,8 @@ class Writing:
         """Return the names of the files, but for the report; pictures need the extra viz."""
         wanted = {*(f"pose.{kind}" for kind in self.formats), CAMERAS, DETECTIONS}
         if can_draw():
-            wanted |= {
-                *_PICTURES,
-                *([_PAPERS_PICTURE] if method == "paper" else []),
-                *([PAGE] if self.html else []),
-            }
+            wanted |= {*_PICTURES, *([_PAPERS_PICTURE] if method == "paper" else [])}
+            wanted |= {PAGE} if self.html else set()
         return [name for name in _POSSIBLE if name in wanted]
 
     def check(self, frames: npt.NDArray[np.int64]) -> None:
