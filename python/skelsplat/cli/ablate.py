@@ -19,7 +19,7 @@ from rich.text import Text
 from skelsplat import datasets
 from skelsplat._optional import can_draw
 from skelsplat.cli import options
-from skelsplat.cli.datasets import reader_options
+from skelsplat.cli.datasets import Settings, reader_options
 from skelsplat.cli.output import bar_of, print_json
 from skelsplat.cli.table import print_table, tell
 from skelsplat.evaluation import ablations
@@ -47,15 +47,6 @@ Detections = Annotated[
     list[str] | None,
     typer.Option(
         metavar="DETECTOR", help="Detections of the data set; may be repeated.", rich_help_panel=_DATA
-    ),
-]
-Setting = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        metavar="KEY=VALUE",
-        help="An option of the data set's reader, such as variant=3; may be repeated.",
-        rich_help_panel=_DATA,
     ),
 ]
 Poses = Annotated[
@@ -105,7 +96,7 @@ def ablate(
     name: Name,
     data: Data = None,
     detections: Detections = None,
-    setting: Setting = None,
+    setting: Settings = None,
     poses: Poses = None,
     full: Full = False,
     seed: Seed = 0,
@@ -174,7 +165,7 @@ def _progress_bar(*, shown: bool) -> Iterator[ablations.Progress]:
 def _print_record(console: Console, record: ablations.Record) -> None:
     """Print tables, each with its source under it, claims and notes."""
     for table in record.outcome.tables:
-        print_table(console, _upright(table) if len(table.columns) <= _MOST_COLUMNS else _turned(table))
+        print_table(console, _shown(table))
         console.print(record.line, style="yellow" if record.simulated else "")
         console.print()
     _print_claims(console, record)
@@ -182,26 +173,24 @@ def _print_record(console: Console, record: ablations.Record) -> None:
         console.print(f"· {note}", style="dim")
 
 
-def _upright(table: ablations.Table) -> Table:
-    """Return a table whose rows are methods."""
+def _shown(table: ablations.Table) -> Table:
+    """Return a table whose rows are methods; or its columns, if there are too many settings for the width."""
     shown = Table(title=f"{table.title} ({table.unit})", box=box.SIMPLE_HEAD, title_justify="left")
-    shown.add_column(table.corner, overflow="fold")
-    for column in table.columns:
-        shown.add_column(column, justify="right")
-    for row in table.rows:
-        figures = (ablations.cell(value, table.digits) for value in row.values)
-        shown.add_row(_name(row), *figures, style=_STYLES[row.origin])
-    return shown
-
-
-def _turned(table: ablations.Table) -> Table:
-    """Return a table whose columns are methods: there are too many settings for the width."""
-    shown = Table(title=f"{table.title} ({table.unit})", box=box.SIMPLE_HEAD, title_justify="left")
-    shown.add_column(table.corner)
-    for row in table.rows:
-        shown.add_column(_name(row).replace(", ", ",\n"), justify="right", style=_STYLES[row.origin])
-    for k, column in enumerate(table.columns):
-        shown.add_row(column, *(ablations.cell(row.values[k], table.digits) for row in table.rows))
+    names = [_name(row) for row in table.rows]
+    cells = [[ablations.cell(value, table.digits) for value in row.values] for row in table.rows]
+    styles = [_STYLES[row.origin] for row in table.rows]
+    if len(table.columns) <= _MOST_COLUMNS:
+        shown.add_column(table.corner, overflow="fold")
+        for column in table.columns:
+            shown.add_column(column, justify="right")
+        for name, row, style in zip(names, cells, styles, strict=True):
+            shown.add_row(name, *row, style=style)
+    else:
+        shown.add_column(table.corner)
+        for name, style in zip(names, styles, strict=True):
+            shown.add_column(name.replace(", ", ",\n"), justify="right", style=style)
+        for column, *figures in zip(table.columns, *cells, strict=True):
+            shown.add_row(column, *figures)
     return shown
 
 
@@ -223,7 +212,7 @@ def _print_claims(console: Console, record: ablations.Record) -> None:
 def _draw(folder: Path, record: ablations.Record) -> list[Path]:
     """Write the chart ``NAME.png``; without the extra ``viz`` say what it needs."""
     if not can_draw():
-        tell(Finding("no_pictures"))
+        tell(Finding("no_figures", "note"))
         return []
     from skelsplat import viz  # matplotlib takes long to load, and --help does without
 

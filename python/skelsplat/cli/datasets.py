@@ -55,6 +55,15 @@ Other = Annotated[
 ]
 
 
+Settings = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="An option of the data set's reader: format=karfly, subjects=S9,S11. Repeatable.",
+        rich_help_panel="Data",
+    ),
+]
 _NamesOnly = Annotated[
     bool,
     typer.Option("--quiet", "-q", metavar="", help="Only the names, a line each.", rich_help_panel="Output"),

@@ -18,7 +18,7 @@ from skelsplat import datasets
 from skelsplat._optional import can_draw
 from skelsplat.cli import options
 from skelsplat.cli.config import NAME_OR_PATH
-from skelsplat.cli.datasets import reader_options
+from skelsplat.cli.datasets import Settings, reader_options
 from skelsplat.cli.output import bar_of, print_json
 from skelsplat.cli.table import tell
 from skelsplat.datasets._registry import options_of
@@ -26,7 +26,6 @@ from skelsplat.evaluation import export, methods, protocols, report, tables
 from skelsplat.evaluation.report import Evaluation
 from skelsplat.evaluation.tables import Row, Table
 from skelsplat.findings import Finding, collected_warnings
-from skelsplat.io._atomic import atomic_write_text
 from skelsplat.run.folder import output_folder
 
 if TYPE_CHECKING:
@@ -39,7 +38,7 @@ EPILOG = (
 )
 _WIDTH, _NAME_WIDTH = 100, 32
 _LENSES = {"undistorted": True, "as-paper": False}
-_DATA, _METHODS, _OUTPUT = "Data and protocol", "Method", "Output"
+_DATA, _METHODS, _OUTPUT = "Data", "Method", "Output"
 
 Name = Annotated[str, typer.Argument(metavar="DATASET", help=", ".join(datasets.names()) + ".")]
 Root = Annotated[Path, typer.Argument(readable=False, metavar="ROOT", help="Its folder.")]
@@ -87,15 +86,6 @@ Counting = Annotated[
     typer.Option(
         metavar="all|adafuse",
         help="adafuse counts only joints that at least two views see unoccluded.",
-        rich_help_panel=_DATA,
-    ),
-]
-Setting = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        metavar="KEY=VALUE",
-        help="An option of the data set's reader: format=karfly, subjects=S9,S11. May be repeated.",
         rich_help_panel=_DATA,
     ),
 ]
@@ -157,7 +147,7 @@ def evaluate(
     views: Views = None,
     every: Every = None,
     counting: Counting = "all",
-    setting: Setting = None,
+    setting: Settings = None,
     start: Start = None,
     init_sigma_mm: InitSigma = methods.DEFAULT_INIT_SIGMA_MM,
     seed: Seed = 0,
@@ -254,7 +244,7 @@ def _print_evaluation(console: Console, evaluation: Evaluation, *, per_joint: bo
 
 def _fitting(table: Table, width: int) -> list[tuple[Table, int]]:
     """Cut a table that is too wide into parts of about equally many columns; with the gap between columns."""
-    name = min(_NAME_WIDTH, max(len(row.name) for row in table.rows))
+    name = _least_name(table)
     widths = [
         max(_longest_word(column.header), *(len(table.text(row, k)) for row in table.rows))
         for k, column in enumerate(table.columns)
@@ -266,6 +256,11 @@ def _fitting(table: Table, width: int) -> list[tuple[Table, int]]:
             if count == 1 or all(name + sum(g) + (gap + 1) * len(g) <= width - 2 for g in groups):
                 return [(part, gap) for part in table.split(count)]
     return [(table, 1)]
+
+
+def _least_name(table: Table) -> int:
+    """Return the width at which no measured name is broken; reported ones may be, between words."""
+    return max(_longest_word(row.name) if row.reported else len(row.name) for row in table.rows)
 
 
 def _longest_word(header: str) -> int:
@@ -280,8 +275,7 @@ def _drawn(table: Table, gap: int) -> Drawn:
         padding=(0, gap, 0, 0),
         pad_edge=False,
     )
-    longest = min(_NAME_WIDTH, max(len(row.name) for row in table.rows))
-    drawn.add_column(table.first, min_width=longest, max_width=longest)
+    drawn.add_column(table.first, min_width=_least_name(table), max_width=_NAME_WIDTH)
     for column in table.columns:
         drawn.add_column(_breakable(column.header), justify="right")
     measured = [row for row in table.rows if not row.reported]
@@ -313,15 +307,9 @@ def _cells(table: Table, row: Row) -> list[Text]:
 
 def _write_evaluation(folder: Path, evaluation: Evaluation) -> list[str]:
     """Write ``report.md``, ``.csv``, ``.json`` and ``bars.png``; return their names."""
-    names = ["report.md", "report.csv", "report.json"]
-    for name, text in (
-        ("report.md", export.markdown(evaluation)),
-        ("report.csv", export.to_csv(evaluation)),
-        ("report.json", export.to_json(evaluation)),
-    ):
-        atomic_write_text(folder / name, text)
+    names = export.write(folder, evaluation)
     if not can_draw():
-        tell(Finding("no_pictures"))
+        tell(Finding("no_figures", "note"))
         return names
     from skelsplat import viz  # matplotlib takes long to load, and --help does without
 
