@@ -97,6 +97,15 @@ def test_a_run_of_the_papers_method_is_opened_with_its_settings(job, tmp_path):
     assert Run.open(tmp_path / "out").outcome.config == config
 
 
+@pytest.mark.parametrize("change", [{"findings": None}, {"timing": {}}, {"start": 1, "findings": [{}]}])
+def test_a_report_of_another_version_is_named(run_folder, change):
+    path = run_folder / "report.json"
+    report = {**json.loads(path.read_text()), **change}
+    path.write_text(json.dumps(report))
+    with pytest.raises(sk.DatasetError, match=r"report\.json: content: expected the report of a run of this"):
+        Run.open(run_folder)
+
+
 def test_a_result_made_of_arrays_has_findings_report_and_figures(tmp_path, capfd):
     pixels, rig = scene()
     result = sk.refine(None, pixels, rig, layout=LAYOUT)

@@ -137,7 +137,7 @@ def facts_of(report: dict[str, Any]) -> list[tuple[str, str]]:
         ("cameras", str(len(errors["cameras"]))),
         ("frames", span),
         ("frame rate", "unknown" if rate is None else f"{rate:g} per second"),
-        ("preset", report["preset"]),
+        ("method", report["settings"]["method"]),
         ("unit of the calibration", source["unit"]),
         ("skelsplat", report["versions"]["skelsplat"]),
     ]
