@@ -20,6 +20,7 @@ import numpy.typing as npt
 from skelsplat import layouts
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._atomic import atomic_write
+from skelsplat.io._fields import Field
 from skelsplat.io._files import read_json_file
 from skelsplat.io._run_files import CAMERAS, DETECTIONS, POSES, REPORT, UNFINISHED
 from skelsplat.io.calibration import read_calibration, write_calibration
@@ -116,27 +117,24 @@ def read_run(path: str | os.PathLike[str]) -> RunFolder:
 
 
 def _read_report(path: Path) -> dict[str, Any]:
-    report = read_json_file(path)
-    if isinstance(report, dict) and report.get(UNFINISHED):
+    report = Field(path, "", read_json_file(path))
+    if UNFINISHED in report and report[UNFINISHED].value:
         expected = "the report of a run that has written all its files"
-        raise DatasetError(path, UNFINISHED, expected, "one that was stopped while it wrote: run it again")
+        raise report[UNFINISHED].error(expected, "one that was stopped while it wrote: run it again")
     for key in ("input", "settings"):
-        if not (isinstance(report, dict) and isinstance(report.get(key), dict)):
-            raise DatasetError(path, key, "an object under this key, as refine writes it", "none")
-    if not isinstance(report["settings"].get("undistort"), bool):
-        raise DatasetError(path, "settings.undistort", "true or false", report["settings"].get("undistort"))
-    _check_offsets(path, report["input"].get("offsets"))
-    whole: dict[str, Any] = report
-    return whole
-
-
-def _check_offsets(path: Path, offsets: Any) -> None:
-    expected = "an object with a whole number of frames by camera"
-    if not isinstance(offsets, dict | None):
-        raise DatasetError(path, "input.offsets", expected, offsets)
-    for name, offset in (offsets or {}).items():
+        if not isinstance(report[key].value, dict):
+            raise report[key].error("an object under this key, as refine writes it", "none")
+    undistort, offsets = report["settings"]["undistort"], report["input"]["offsets"]
+    if not isinstance(undistort.value, bool):
+        raise undistort.error("true or false", undistort.shown)
+    by_camera = {} if offsets.is_missing else offsets.value or {}
+    if not isinstance(by_camera, dict):
+        raise offsets.error("an object with a whole number of frames by camera", offsets.shown)
+    for name, offset in by_camera.items():
         if not isinstance(offset, int) or isinstance(offset, bool):
-            raise DatasetError(path, f"input.offsets.{name}", "a whole number of frames", offset)
+            raise offsets[name].error("a whole number of frames", offset)
+    whole: dict[str, Any] = report.value
+    return whole
 
 
 def _layout(path: Path, report: dict[str, Any]) -> sk.Layout:

@@ -9,9 +9,8 @@ from __future__ import annotations
 import warnings
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -29,7 +28,7 @@ from skelsplat.io.calibration import (
     _toml,
     _vicon,
 )
-from skelsplat.io.calibration._format import CalibrationFormat, Options, Source
+from skelsplat.io.calibration._format import CalibrationFormat, Source
 from skelsplat.io.calibration._rotation import nearest_rotation
 from skelsplat.io.calibration._unit import check_unit, convert_unit
 
@@ -130,9 +129,9 @@ def read_calibration(
     """
     source = Source(path)
     chosen = _find(source, format)
-    options = Options(camera_type=camera_type, subject=subject, size=size, binning=binning)
+    options = {"camera_type": camera_type, "subject": subject, "size": size, "binning": binning}
     _check_options(chosen, options)
-    parsed = chosen.parse(source, options)
+    parsed = chosen.parse(source, **{name: options[name] for name in chosen.options if name != "size"})
     for text in parsed.warnings:
         warnings.warn(text, UserWarning, stacklevel=2)
     if not parsed.cameras:
@@ -170,13 +169,13 @@ def _find(source: Source, name: str | None) -> CalibrationFormat:
     return FORMATS[found]
 
 
-def _check_options(chosen: CalibrationFormat, options: Options) -> None:
-    for option in fields(options):
-        value = getattr(options, option.name)
-        if value is not None and option.name not in chosen.options:
-            raise InvalidInputError(f"{option.name}: expected none for {chosen.name} files, got {value!r}")
-    if options.binning is not None and not (np.isfinite(options.binning) and options.binning >= 1.0):
-        raise InvalidInputError(f"binning: expected a number of at least 1, got {options.binning!r}")
+def _check_options(chosen: CalibrationFormat, options: Mapping[str, Any]) -> None:
+    for name, value in options.items():
+        if value is not None and name not in chosen.options:
+            raise InvalidInputError(f"{name}: expected none for {chosen.name} files, got {value!r}")
+    binning = options["binning"]
+    if binning is not None and not (np.isfinite(binning) and binning >= 1.0):
+        raise InvalidInputError(f"binning: expected a number of at least 1, got {binning!r}")
 
 
 def _check_names(path: Path, cameras: Sequence[RawCamera]) -> None:

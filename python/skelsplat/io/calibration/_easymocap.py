@@ -23,7 +23,7 @@ from skelsplat.io.calibration._rotation import matrix_from_vector
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from skelsplat.io.calibration._format import Array, Options, Source
+    from skelsplat.io.calibration._format import Array, Source
 
 _PAIR = ("intri", "extri")
 _SUFFIXES = (".yml", ".yaml")
@@ -43,7 +43,7 @@ def _in_folder(source: Source, part: str) -> Path | None:
     return next((f for f in source.files if f.stem == part and f.suffix.lower() in _SUFFIXES), None)
 
 
-def parse(source: Source, _: Options) -> Parsed:
+def parse(source: Source) -> Parsed:
     """Return the cameras that both files have."""
     intri, extri = _files(source)
     listed = intri.value.get("names", [])

@@ -17,7 +17,7 @@ from skelsplat.io._files import load_json, opening, parse_toml, read_text
 
 if TYPE_CHECKING:
     import os
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Sequence
 
 Array = npt.NDArray[np.float64]
 
@@ -58,25 +58,16 @@ class Parsed:
 
 
 @dataclass(frozen=True)
-class Options:
-    """What only some formats need to be told, as in `read_calibration`; None is a format's default."""
-
-    camera_type: str | None = None
-    subject: str | None = None
-    size: tuple[int, int] | Mapping[str, tuple[int, int]] | None = None
-    binning: float | None = None
-
-
-@dataclass(frozen=True)
 class CalibrationFormat:
     """A registered format: `matches` looks at a source, `parse` turns it into at least one camera.
 
-    `options` names the fields of `Options` that the format takes; any other that is given is refused.
+    `options` names the arguments of `read_calibration` that the format takes; any other that is given is
+    refused. `parse` gets them by name, but for `size`, which is the same for all formats.
     """
 
     name: str
     matches: Callable[[Source], bool]
-    parse: Callable[[Source, Options], Parsed]
+    parse: Callable[..., Parsed]
     options: tuple[str, ...] = ()
 
 

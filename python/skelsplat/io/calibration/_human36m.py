@@ -15,7 +15,7 @@ from skelsplat.io.calibration._format import Parsed, RawCamera
 
 if TYPE_CHECKING:
     from skelsplat.io._fields import Field
-    from skelsplat.io.calibration._format import Options, Source
+    from skelsplat.io.calibration._format import Source
 
 # (width, height) of the videos
 _SIZES = {
@@ -31,13 +31,13 @@ def matches(source: Source) -> bool:
     return "intrinsics" in source.json and "extrinsics" in source.json
 
 
-def parse(source: Source, options: Options) -> Parsed:
+def parse(source: Source, subject: str | None) -> Parsed:
     """Return the cameras of a subject."""
     document = source.json
     if not isinstance(document.value, dict):
         raise document.error("intrinsics and extrinsics per camera", type(document.value).__name__)
     intrinsics, extrinsics = document["intrinsics"].table(), document["extrinsics"].table()
-    poses = extrinsics[_subject(extrinsics, options.subject)].table()
+    poses = extrinsics[_subject(extrinsics, subject)].table()
     if not poses.value:
         raise poses.error("a camera", "none")
     cameras = [_camera(intrinsics[name].table(), poses[name].table(), name) for name in poses.value]

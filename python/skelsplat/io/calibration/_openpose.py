@@ -6,17 +6,12 @@ camera's name is that of its file. The image size is not in the files.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._fields import Field
 from skelsplat.io._files import natural
 from skelsplat.io.calibration._entries import lens_of
 from skelsplat.io.calibration._format import Parsed, RawCamera, Source
 from skelsplat.io.calibration._opencv import matrices_of_xml
-
-if TYPE_CHECKING:
-    from skelsplat.io.calibration._format import Options
 
 _ROOT = "opencv_storage"
 
@@ -28,7 +23,7 @@ def matches(source: Source) -> bool:
     return source.xml is not None and source.xml.tag == _ROOT
 
 
-def parse(source: Source, _: Options) -> Parsed:
+def parse(source: Source) -> Parsed:
     """Return the camera of every file, 2.xml before 10.xml."""
     files = [f for f in source.files if f.suffix.lower() == ".xml"] if source.is_folder else [source.path]
     if not files:

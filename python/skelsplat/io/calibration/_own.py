@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     import skelsplat as sk
-    from skelsplat.io.calibration._format import Array, Options, Source
+    from skelsplat.io.calibration._format import Array, Source
 
 _MARK = "skelsplat-calibration"
 _VERSION = 1
@@ -44,7 +44,7 @@ def is_json(source: Source) -> bool:
     return bool(source.json["format"].value == _MARK)
 
 
-def parse_json(source: Source, _: Options) -> Parsed:
+def parse_json(source: Source) -> Parsed:
     """Return the cameras of this package's JSON."""
     document = source.json
     for key, known, shown in (("format", _MARK, f'"{_MARK}"'), ("version", _VERSION, str(_VERSION))):
@@ -96,7 +96,7 @@ def is_npz(source: Source) -> bool:
     return {"K", "R", "t"} <= load_plain_npz(source.path, _NPZ_KIND).keys()
 
 
-def parse_npz(source: Source, _: Options) -> Parsed:
+def parse_npz(source: Source) -> Parsed:
     """Return the cameras of this package's npz."""
     path, arrays = source.path, load_plain_npz(source.path, _NPZ_KIND)
     missing = [name for name in _NPZ_REQUIRED if name not in arrays]

@@ -13,7 +13,7 @@ from skelsplat.io.calibration._entries import camera_of
 from skelsplat.io.calibration._format import Parsed
 
 if TYPE_CHECKING:
-    from skelsplat.io.calibration._format import Options, Source
+    from skelsplat.io.calibration._format import Source
 
 _DEFAULT_TYPE = "hd"
 
@@ -28,9 +28,9 @@ def matches(source: Source) -> bool:
     )
 
 
-def parse(source: Source, options: Options) -> Parsed:
+def parse(source: Source, camera_type: str | None) -> Parsed:
     """Return the cameras of the type that is asked for."""
-    wanted = options.camera_type or _DEFAULT_TYPE
+    wanted = camera_type or _DEFAULT_TYPE
     cameras = source.json["cameras"].entries("a list of cameras")
     for camera in cameras:
         if not isinstance(camera.value, dict):

@@ -27,7 +27,7 @@ from skelsplat.io.calibration._format import Parsed, RawCamera
 if TYPE_CHECKING:
     import xml.etree.ElementTree as ET
 
-    from skelsplat.io.calibration._format import Array, Options, Source
+    from skelsplat.io.calibration._format import Array, Source
 
 _SUBPIXELS = 64.0
 _FLIP = np.diag([1.0, -1.0, -1.0])
@@ -41,12 +41,12 @@ def matches(source: Source) -> bool:
     return root is not None and root.tag == "calibration" and root.find("cameras/camera") is not None
 
 
-def parse(source: Source, options: Options) -> Parsed:
+def parse(source: Source, camera_type: str | None, binning: float | None) -> Parsed:
     """Return the video cameras that are active and calibrated, or all."""
     nodes = [] if source.xml is None else source.xml.findall("cameras/camera")
     if not nodes:
         raise DatasetError(source.path, "cameras", "at least one <camera> in <calibration>", "none")
-    chosen = [node for node in nodes if _is_wanted(node, options.camera_type)]
+    chosen = [node for node in nodes if _is_wanted(node, camera_type)]
     if not chosen:
         models = sorted({node.get("model", "no model") for node in nodes})
         expected = 'an active, calibrated video camera (camera_type="all" takes every camera)'
@@ -57,7 +57,7 @@ def parse(source: Source, options: Options) -> Parsed:
         f"{source.path}: viewrotation: {', '.join(turned)} were turned for display; the calibration is "
         "that of the image as the sensor has it, so the detections must come from images not turned"
     )
-    read = [_camera(camera, options.binning or _no_binning(camera)) for camera in cameras]
+    read = [_camera(camera, binning or _no_binning(camera)) for camera in cameras]
     return Parsed(read, "mm", [message] if turned else [])
 
 

@@ -27,7 +27,7 @@ from skelsplat.io.calibration._rotation import matrix_from_vector, vector_from_m
 
 if TYPE_CHECKING:
     import skelsplat as sk
-    from skelsplat.io.calibration._format import Options, Source
+    from skelsplat.io.calibration._format import Source
 
 _REQUIRED = ("matrix", "rotation", "translation")
 _LENS = ("distortion", "distortions")
@@ -44,7 +44,7 @@ def is_anipose(source: Source) -> bool:
     return not source.start.startswith(("<", "{", "%YAML")) and _looks_like_toml(source.text)
 
 
-def parse_anipose(source: Source, _: Options) -> Parsed:
+def parse_anipose(source: Source) -> Parsed:
     """Return the cameras of a file of the Anipose family, in its order."""
     document = Field(source.path, "", source.toml)
     cameras = [document[key] for key in source.toml if _is_camera(document[key])]
@@ -91,7 +91,7 @@ def _caliscope(source: Source) -> list[Field]:
     return [cameras[name] for name in cameras.value] if isinstance(cameras.value, dict) else []
 
 
-def parse_caliscope(source: Source, _: Options) -> Parsed:
+def parse_caliscope(source: Source) -> Parsed:
     """Return the cameras of Caliscope's own file that are not ignored."""
     entries = _caliscope(source)
     if not entries:

@@ -29,7 +29,7 @@ from skelsplat.io.calibration._format import Parsed, RawCamera
 from skelsplat.io.calibration._rotation import matrix_from_quaternion
 
 if TYPE_CHECKING:
-    from skelsplat.io.calibration._format import Array, Options, Source
+    from skelsplat.io.calibration._format import Array, Source
 
 # a fit this good is lost in any detector's noise
 _GOOD_FIT_PX = 0.1
@@ -42,12 +42,12 @@ def matches(source: Source) -> bool:
     return source.xml is not None and source.xml.tag == "Cameras"
 
 
-def parse(source: Source, options: Options) -> Parsed:
+def parse(source: Source, camera_type: str | None) -> Parsed:
     """Return the video cameras, or all."""
     nodes = [] if source.xml is None else source.xml.findall("Camera")
     if not nodes:
         raise DatasetError(source.path, "Cameras", "at least one <Camera> in <Cameras>", "none")
-    chosen = [n for n in nodes if options.camera_type == "all" or "video" in n.get("TYPE", "").lower()]
+    chosen = [n for n in nodes if camera_type == "all" or "video" in n.get("TYPE", "").lower()]
     if not chosen:
         types = sorted({node.get("TYPE", "none") for node in nodes})
         expected = 'a camera whose TYPE has "video" in it (camera_type="all" takes every camera)'

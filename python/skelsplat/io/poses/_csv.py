@@ -85,7 +85,7 @@ def read_csv(path: str | os.PathLike[str]) -> PoseData:
     except csv.Error as error:
         line = f"line {reader.reader.line_num}"
         raise DatasetError(source, line, "comma-separated fields", error) from error
-    return _assemble(source, rows, has_status="status" in columns)
+    return _assemble(source, rows)
 
 
 class _Row(NamedTuple):
@@ -113,7 +113,7 @@ def _parsed(path: Path, line: int, row: dict[str, str | None]) -> _Row:
     return _Row(line, frame, fields["joint"], position, deviation, fields["unit"], fields.get("status", ""))
 
 
-def _assemble(path: Path, rows: Sequence[_Row], *, has_status: bool) -> PoseData:
+def _assemble(path: Path, rows: Sequence[_Row]) -> PoseData:
     """Put the rows, frame by frame with the same joints in the same order, into arrays."""
     if not rows:
         raise DatasetError(path, "rows", "at least one", "none")
@@ -133,7 +133,7 @@ def _assemble(path: Path, rows: Sequence[_Row], *, has_status: bool) -> PoseData
     if np.isfinite(deviations).any():
         known = np.isfinite(deviations).all(axis=-1)[..., None, None]
         arrays["uncertainty"] = np.where(known, np.eye(3) * deviations[..., None, :] ** 2, np.nan)
-    if has_status and any(row.status for row in rows):
+    if any(row.status for row in rows):
         arrays["joint_status"] = np.array([row.status for row in rows]).reshape(steps, len(joints))
     return PoseData(
         pose=np.array([row.position for row in rows]).reshape(steps, len(joints), 3),

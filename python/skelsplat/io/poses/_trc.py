@@ -24,7 +24,6 @@ from skelsplat.io.poses._pose_data import PoseData, check_frame_rate
 
 if TYPE_CHECKING:
     import os
-    from collections.abc import Sequence
 
 
 _HEADER = (
@@ -120,48 +119,31 @@ def read_trc(path: str | os.PathLike[str]) -> PoseData:
     lines = read_text(source).splitlines()
     if len(lines) < 5 or not lines[0].startswith("PathFileType"):
         raise DatasetError(source, "header", "five lines that start with PathFileType", f"{len(lines)} lines")
-    unit, markers = _read_unit(source, lines[2]), _marker_names(source, lines)
-    rate = _read_rate(source, lines[2])
-    rows = [
-        _read_row(source, number, line, 3 * len(markers))
-        for number, line in enumerate(lines[5:], start=6)
-        if line.strip()
-    ]
-    _check_count(source, lines[2], len(rows))
+    stated = lines[2].split("\t")
+    if len(stated) < 5 or stated[4] not in MM_PER_UNIT:
+        raise DatasetError(source, "line 3 Units", "m, cm or mm in the fifth field", repr(lines[2]))
+    markers = tuple(name for name in lines[3].split("\t")[2:] if name.strip())
+    if str(len(markers)) != stated[3].strip():
+        expected = f"the {stated[3]} marker names that line 3 states"
+        raise DatasetError(source, "line 4", expected, len(markers))
+    rate = _read_rate(source, stated[0])
+    body = [(number, line) for number, line in enumerate(lines[5:], start=6) if line.strip()]
+    rows = [_read_row(source, number, line, 3 * len(markers)) for number, line in body]
+    if stated[2].strip() != str(len(rows)):  # a file cut between two rows looks whole
+        expected = f"the {stated[2].strip()} rows that it states"
+        raise DatasetError(source, "line 3 NumFrames", expected, len(rows))
     frames = np.array([frame for frame, _ in rows], dtype=np.int64)
     points = np.array([values for _, values in rows], dtype=np.float64)
-    return PoseData(points.reshape(len(rows), len(markers), 3), markers, frames, unit, frame_rate=rate)
+    pose = points.reshape(len(rows), len(markers), 3)
+    return PoseData(pose, markers, frames, stated[4], frame_rate=rate)
 
 
-def _read_unit(path: Path, line: str) -> str:
-    values = line.split("\t")
-    if len(values) < 5 or values[4] not in MM_PER_UNIT:
-        raise DatasetError(path, "line 3 Units", "m, cm or mm in the fifth field", repr(line))
-    return values[4]
-
-
-def _read_rate(path: Path, line: str) -> float:
-    value = line.split("\t")[0]
+def _read_rate(path: Path, text: str) -> float:
     try:
-        return check_frame_rate(float(value))
+        return check_frame_rate(float(text))
     except ValueError as error:
         expected = "frames per second, a positive number"
-        raise DatasetError(path, "line 3 DataRate", expected, repr(value)) from error
-
-
-def _marker_names(path: Path, lines: Sequence[str]) -> tuple[str, ...]:
-    names = [name for name in lines[3].split("\t")[2:] if name.strip()]
-    stated = lines[2].split("\t")[3]
-    if str(len(names)) != stated.strip():
-        raise DatasetError(path, "line 4", f"the {stated} marker names that line 3 states", f"{len(names)}")
-    return tuple(names)
-
-
-def _check_count(path: Path, line: str, rows: int) -> None:
-    """Raise if there are not as many rows as line 3 states: a file cut between two rows looks whole."""
-    stated = line.split("\t")[2].strip()
-    if stated != str(rows):
-        raise DatasetError(path, "line 3 NumFrames", f"the {stated} rows that it states", f"{rows}")
+        raise DatasetError(path, "line 3 DataRate", expected, repr(text)) from error
 
 
 def _read_row(path: Path, number: int, line: str, count: int) -> tuple[int, list[float]]:
