@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -160,6 +161,18 @@ def test_show_opens_the_page(monkeypatch):
     found.show()
     assert opened[0].startswith("file:")
     assert opened[0].endswith("/report.html")
+
+
+def test_show_in_a_notebook_displays_the_page_below_the_cell(monkeypatch):
+    pixels, rig = scene()
+    found = Run.from_arrays(sk.refine(None, pixels, rig, layout=LAYOUT), rig, pixels, LAYOUT)
+    shown = []
+    kernel = SimpleNamespace(get_ipython=lambda: SimpleNamespace(kernel=object()))
+    monkeypatch.setitem(sys.modules, "IPython", kernel)
+    monkeypatch.setitem(sys.modules, "IPython.display", SimpleNamespace(display=shown.append, HTML=str))
+    monkeypatch.setattr("webbrowser.open", lambda _: pytest.fail("it opened a browser"))
+    found.show()
+    assert shown[0].startswith('<iframe srcdoc="&lt;!doctype html&gt;')
 
 
 @pytest.mark.parametrize(
