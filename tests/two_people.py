@@ -61,11 +61,11 @@ def doubts_of(people, rig, person="consistent"):
 
 def findings_of(people, rig, person="consistent"):
     """Return the sentences of all findings of a run with ``person`` among people (T, M, P, 17, 3)."""
-    index, nobody_fits = pick_places(people, rig, person, LAYOUT)
+    index, unmatched = pick_places(people, rig, person, LAYOUT)
     detections = take_people(people, index)
     crowd = look_around(people, index, rig, person, LAYOUT)
     inputs = Inputs(
-        rig, LAYOUT, detections, nobody_fits, np.arange(len(detections)), person=person, crowd=crowd
+        rig, LAYOUT, detections, unmatched, np.arange(len(detections)), person=person, crowd=crowd
     )
     result = sk.refine(None, detections, rig, layout=LAYOUT)
     outcome = Outcome.of(result, sk.RefineConfig(), inputs)

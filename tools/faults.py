@@ -125,7 +125,7 @@ class Copy:
         try:
             for suite, commands in self._suites(fault, rust=rust):
                 for command in commands:
-                    if to_build and command is not CARGO_TEST:
+                    if to_build and command[0] != "cargo":
                         self.build()
                         to_build = False
                     fine, said = self.run(command)
@@ -140,11 +140,12 @@ class Copy:
 
     @staticmethod
     def _suites(fault: Fault, *, rust: bool) -> list[tuple[str, list[list[str]]]]:
-        expected = [name for name in fault.finders if name != "cargo"]
-        first = [CARGO_TEST] if "cargo" in fault.finders else []
-        first += [[*PYTEST, *expected]] if expected else []
+        own = [name for name in fault.finders if name.startswith("cargo ")]
+        files = [name for name in fault.finders if name not in own]
+        first = [[*CARGO_TEST, *name.split()[1:]] for name in own]
+        first += [[*PYTEST, *files]] if files else []
         whole = [[*PYTEST, *ALL_CORES]]
-        if rust and "cargo" not in fault.finders:
+        if rust:
             whole.insert(0, CARGO_TEST)
         return [("expected", first), ("short", whole), ("long", [[*PYTEST, *ALL_CORES, "-m", "sweep"]])]
 
@@ -163,9 +164,9 @@ def run(folder: Path, names: list[str]) -> None:
     results = folder / "found.jsonl"
     known = {outcome.fault for outcome in read(results)} if not names else set()
     wanted = [fault for fault in FAULTS if (fault.name in names or not names) and fault.name not in known]
-    copy = Copy(folder.resolve())
     for fault in wanted:
-        place_of(fault, copy.root)
+        place_of(fault, ROOT)
+    copy = Copy(folder.resolve())
     for fault in wanted:
         outcome = copy.find(fault)
         print(f"{fault.name}: {outcome.suite} {outcome.test}", flush=True)

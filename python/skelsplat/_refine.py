@@ -14,17 +14,13 @@ from numpy.typing import ArrayLike, NDArray
 from skelsplat import _skelsplat
 from skelsplat._arrays import numbers
 from skelsplat._skelsplat import Camera, Layout, RefineConfig
-from skelsplat.cameras import CameraRig, mm_per_unit
-from skelsplat.exceptions import InvalidInputError
+from skelsplat.cameras import CameraRig
 
 Cameras = CameraRig | Sequence[Camera]
 Progress = Callable[[int, int], None]
 
 # Frames spread over a batch whose median size tells whether the unit is plausible.
 _FRAMES_TO_JUDGE = 16
-
-# What no joint of a person moves from one frame to the next: 7.5 m/s at 25 frames per second.
-_LEAP_MM = 300.0
 
 # Share of joints that a start may outvote before it is doubted.
 _MOST_OUTVOTED = 0.2
@@ -53,7 +49,7 @@ class Refinement:
         Detections that were used with left and right exchanged.
     noise : (…) float64
         Standard deviation of the believed detections' noise across the ray, per axis, in the cameras' unit:
-        estimated, or ``config.detection_sigma_px``.
+        estimated, or ``config.detection_sigma_px``; NaN for a frame without any detection.
     reprojection_error : (…, M, N) float64
         Distance between detection and reprojection, pixels of the original image; NaN without a detection.
     joint_status : (…, N) str
@@ -335,7 +331,6 @@ class Refiner:
         self._prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
         self._cameras, self._layout = cameras, layout
         self._config = config
-        self._by_paper = config is not None and config.method == "paper"
         self._last: NDArray[np.float64] | None = None
 
     def __getstate__(self) -> dict[str, Any]:
@@ -362,41 +357,9 @@ class Refiner:
         InvalidInputError
             If ``detections`` is not one frame, or has another number of joints than the frames before.
         """
-        detections = numbers(detections, "detections")
-        shape = detections.shape
-        if len(shape) != 3:
-            raise InvalidInputError(f"detections: expected one frame (M, N, 2|3), got shape {shape}")
-        if self._last is not None and shape[1] != len(self._last):
-            expected = f"{len(self._last)} joints as in the frames before (or reset() first)"
-            raise InvalidInputError(f"detections: expected {expected}, got {shape[1]}")
-        result = self._refine(self._last, detections, confidence)
+        out, past = self._prepared.follow(self._last, detections, confidence=confidence)
+        result = _refinement(out)
         if self._last is None:
             _warn_of_unit(result.pose, self._cameras, self._layout)
-        elif self._by_paper and _is_lost(result):
-            result = self._refine(None, detections, confidence)
-        self._last = self._remembered(result)
+        self._last = past
         return result
-
-    def _remembered(self, result: Refinement) -> NDArray[np.float64]:
-        """Where the next frame starts: for the paper's method only what is reliable, else all that was known.
-
-        The default starts from least squares, so that an old position matters only where it is the only one,
-        or where views tie. A weak joint that has leapt may have followed the wrong views: its old position is
-        kept.
-        """
-        if self._by_paper:
-            return np.where((result.joint_status == "ok")[:, None], result.pose, np.nan)
-        before = np.full_like(result.pose, np.nan) if self._last is None else self._last
-        leapt = np.linalg.norm(result.pose - before, axis=-1) * mm_per_unit(self._cameras) > _LEAP_MM
-        new = np.isfinite(result.pose) & ~(leapt & (result.joint_status == "weak"))[:, None]
-        return np.where(new, result.pose, before)
-
-    def _refine(
-        self, init: NDArray[np.float64] | None, detections: ArrayLike, confidence: ArrayLike | None
-    ) -> Refinement:
-        return _refinement(self._prepared.refine(init, detections, confidence=confidence, past=True))
-
-
-def _is_lost(result: Refinement) -> bool:
-    seen = result.joint_status != "unobserved"
-    return bool(np.count_nonzero(result.joint_status == "ok") * 2 < np.count_nonzero(seen))

@@ -532,13 +532,14 @@ class Refiner:
         *,
         confidence: ArrayLike | None = None,
         init_sigma: ArrayLike | None = None,
-        past: bool = False,
         progress: Callable[[int, int], Any] | None = None,
     ) -> dict[str, Any]:
-        """Return the fields of ``skelsplat.Refinement``; ``joint_status`` as codes into ``JOINT_STATUS``.
+        """Return the fields of ``skelsplat.Refinement``; ``joint_status`` as codes into ``JOINT_STATUS``."""
 
-        ``past`` says that ``init_pose`` is the pose of the frame before.
-        """
+    def follow(
+        self, past: ArrayLike | None, detections: ArrayLike, *, confidence: ArrayLike | None = None
+    ) -> tuple[dict[str, Any], NDArray[np.float64]]:
+        """Return the fields of the frame after ``past`` (N, 3), and the past of the next one."""
 
 def implausible_extent(
     poses: ArrayLike, cameras: _Cameras, *, layout: str | Layout | None = None

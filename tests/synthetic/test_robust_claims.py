@@ -13,6 +13,7 @@ import pytest
 import skelsplat as sk
 from skelsplat import synthetic
 from skelsplat.synthetic import DetectionNoise
+from sweeps import swept
 
 NOISES = {
     "good": DetectionNoise.good(),
@@ -56,7 +57,9 @@ def assert_better(found: np.ndarray, other: np.ndarray, truth: np.ndarray, what:
     )
 
 
-@pytest.mark.parametrize("name", NOISES)
+@pytest.mark.parametrize(
+    "name", ["noisy", "three views occluded", swept("good"), swept("two views occluded")]
+)
 def test_it_is_better_than_triangulation_and_the_paper(poses, rig, name):
     detections = simulated(poses, rig, NOISES[name])
     found = refined(detections, rig)

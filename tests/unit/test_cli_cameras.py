@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shlex
+from functools import cache
 
 import numpy as np
 import pytest
@@ -127,7 +128,9 @@ def room(tmp_path_factory):
     return folder
 
 
+@cache
 def check(room, detections, *options):
+    """Return what the check of a recording prints, which changes nothing."""
     return invoke("check-cameras", room / "Calib.toml", room / detections, "--layout", "h36m17", *options)
 
 

@@ -104,12 +104,12 @@ FRAMES = 20
 def views(**frames):
     """Return inputs of cameras of (frames with somebody, frames of them in which nobody fits)."""
     detections = np.full((FRAMES, len(frames), 5, 3), np.nan)
-    nobody_fits = np.zeros((FRAMES, len(frames)), dtype=bool)
+    unmatched = np.zeros((FRAMES, len(frames)), dtype=bool)
     for i, (somebody, unfit) in enumerate(frames.values()):
-        nobody_fits[:unfit, i] = True
+        unmatched[:unfit, i] = True
         detections[unfit:somebody, i] = 0.5
     rig = SimpleNamespace(names=tuple(frames))
-    return SimpleNamespace(detections=detections, nobody_fits=nobody_fits, rig=rig)
+    return SimpleNamespace(detections=detections, unmatched=unmatched, rig=rig)
 
 
 @pytest.mark.parametrize(
@@ -126,7 +126,7 @@ def views(**frames):
         ({"a": (0, 0), "b": (20, 0)}, {}),  # sees nobody
     ],
 )
-def test_cameras_in_which_nobody_fits_are_found(frames, named):
+def test_cameras_in_which_unmatched_are_found(frames, named):
     inputs = views(**frames)
     found = unfit_cameras(inputs)
     assert {inputs.rig.names[i]: frames for i, frames in found.items()} == named
@@ -137,7 +137,7 @@ def unfit_text(names, unfit):
     return finding.text
 
 
-def test_cameras_in_which_nobody_fits_are_named_together():
+def test_cameras_in_which_unmatched_are_named_together():
     names = synthetic.human36m_like().names
     doubt = unfit_text(names, {0: (71, 100), 1: (81, 90)})
     assert doubt.startswith(
@@ -160,11 +160,11 @@ def test_a_camera_that_alone_sees_somebody_contradicts_nobody():
     noise = synthetic.DetectionNoise.good()
     seen = np.asarray(synthetic.simulate_detections(pose, rig, noise=noise, seed=2))
     seen[5:, 1:] = np.nan  # the others see the person in the first five frames alone
-    _, nobody_fits = pick_person(seen[:, :, None], rig, "consistent")
-    assert not nobody_fits.any()
+    _, unmatched = pick_person(seen[:, :, None], rig, "consistent")
+    assert not unmatched.any()
     seen[5:10, 1] = [0.0, 1000.0, 0.0] + [1.0, -1.0, 1.0] * seen[5:10, 0]  # upside down: of no such body
-    _, nobody_fits = pick_person(seen[:, :, None], rig, "consistent")
-    assert nobody_fits.sum(axis=0).tolist() == [5, 5, 0, 0]
+    _, unmatched = pick_person(seen[:, :, None], rig, "consistent")
+    assert unmatched.sum(axis=0).tolist() == [5, 5, 0, 0]
 
 
 def test_names_are_quoted_for_the_shell():
@@ -190,8 +190,8 @@ def simulated(noise):
 
 
 def unfit_of(rig, people):
-    chosen, nobody_fits = pick_person(people, rig, "consistent", sk.layouts.H36M17)
-    return unfit_cameras(SimpleNamespace(detections=chosen, nobody_fits=nobody_fits, rig=rig))
+    chosen, unmatched = pick_person(people, rig, "consistent", sk.layouts.H36M17)
+    return unfit_cameras(SimpleNamespace(detections=chosen, unmatched=unmatched, rig=rig))
 
 
 @pytest.mark.parametrize("hidden", [1, 2, 3])
@@ -199,7 +199,7 @@ def test_occluded_views_fit(hidden):
     assert unfit_of(*simulated(synthetic.DetectionNoise.occluded(hidden))) == {}
 
 
-def test_in_exchanged_cameras_nobody_fits():
+def test_in_exchanged_cameras_unmatched():
     rig, people = simulated(synthetic.DetectionNoise.good())
     assert set(unfit_of(rig, people[:, [1, 0, 2, 3]])) == {0, 1}
     nobody = people.copy()

@@ -160,7 +160,7 @@ def test_any_pose_file_has_trajectories_and_bones(tmp_path, suffix):
     path = written(tmp_path / f"walk.{suffix}", h36m())
     result = invoke("plot", path)
     assert result.exit_code == 0, result.output
-    assert "errors left out: the file has no errors of single cameras" in result.stdout
+    assert "errors left out: the file has no errors per camera" in result.stdout
     assert (tmp_path / "plots" / "trajectories.png").is_file()
     assert (tmp_path / "plots" / "bones.png").is_file()
     assert not (tmp_path / "errors.png").exists()
@@ -221,7 +221,7 @@ def test_a_wrong_option_is_named(tmp_path, options, status, parts):
 
 def test_a_figure_that_cannot_be_drawn_is_a_failure(tmp_path):
     path = written(tmp_path / "walk.npz", h36m())
-    assert_fails(invoke("plot", path, "--only", "errors"), 1, "walk.npz", "errors of single cameras")
+    assert_fails(invoke("plot", path, "--only", "errors"), 1, "walk.npz", "errors per camera")
 
 
 def test_wrong_input_is_named(tmp_path):

@@ -56,6 +56,8 @@ def test_every_length_is_in_the_new_unit(tmp_path):
     for kind, unit in (("trc", "cm"), ("c3d", "m"), ("npz", "in")):
         with pytest.raises(sk.InvalidInputError, match="unit: expected"):
             convert_poses(tmp_path / "b.json", tmp_path / f"c.{kind}", unit=unit)
+        command = ["convert", tmp_path / "b.json", tmp_path / f"c.{kind}", "--to-unit", unit]
+        assert_fails(invoke(*command), 2, "--to-unit: expected", "got ")
 
 
 def test_a_frame_rate_that_the_source_does_not_state_is_asked_for(tmp_path):

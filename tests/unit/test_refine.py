@@ -139,6 +139,15 @@ def test_confidence_as_an_argument_is_the_third_channel(scene):
     assert np.isnan(a.reprojection_error[:, 0, 3]).all()
 
 
+@pytest.mark.parametrize("config", [sk.RefineConfig(), sk.RefineConfig.paper(max_steps=2)])
+def test_a_frame_without_any_detection_has_no_noise(scene, config):
+    detections = scene.detections.copy()
+    detections[1] = np.nan
+    noise = sk.refine(None, detections, scene.rig, layout="h36m17", config=config).noise
+    assert np.isfinite(noise[[0, 2]]).all()
+    assert np.isnan(noise[1])
+
+
 def refusal(call) -> str:
     with pytest.raises(sk.InvalidInputError) as caught:
         call()
@@ -313,7 +322,7 @@ def test_refiner_follows_and_finds_again(scene):
 
 def test_refiner_takes_one_frame_of_the_same_joints(scene):
     refiner = sk.Refiner(scene.rig)
-    with pytest.raises(sk.InvalidInputError, match=r"expected one frame \(M, N, 2\|3\), got shape"):
+    with pytest.raises(sk.InvalidInputError, match=r"expected one frame \(M, N, 2\|3\), got 3 frames"):
         refiner.step(scene.detections)
     refiner.step(scene.detections[0])
     with pytest.raises(sk.InvalidInputError, match=r"expected 17 joints as in the frames before .*, got 16"):

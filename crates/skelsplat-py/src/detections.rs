@@ -75,6 +75,15 @@ impl Frames {
         (0..self.count).map(one).collect()
     }
 
+    /// The only frame.
+    pub(crate) fn only(&self) -> Result<Detections> {
+        if self.batch {
+            let actual = format!("{} frames", self.count);
+            return refuse("detections", "one frame (M, N, 2|3)", actual);
+        }
+        Ok(self.detections()?.swap_remove(0))
+    }
+
     /// `shape` with the leading T if there was one.
     pub(crate) fn shape(&self, shape: &[usize]) -> Vec<usize> {
         let lead = self.batch.then_some(self.count);

@@ -8,8 +8,9 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use skelsplat_core::study::gaussian::is_symmetric;
 use skelsplat_core::study::unit::implausible_extent as core_extent;
-use skelsplat_core::{Frame, JointStatus, Method, Refinement, Refiner};
-use skelsplat_core::{Progress, refine_batch};
+use skelsplat_core::{
+    Follower, Frame, JointStatus, Method, Progress, Refinement, Refiner, refine_batch,
+};
 
 use crate::args::{Array, Confidence, InitPose, InitSigma, Out, Poses, place};
 use crate::camera::Cameras;
@@ -55,10 +56,7 @@ impl PyRefiner {
     }
 
     /// Return the fields of ``skelsplat.Refinement``; ``joint_status`` as codes into ``JOINT_STATUS``.
-    ///
-    /// ``past`` says that ``init_pose`` is the pose of the frame before.
-    #[pyo3(signature = (init_pose, detections, *, confidence=None, init_sigma=None, past=false, progress=None))]
-    #[allow(clippy::too_many_arguments, reason = "one per keyword")]
+    #[pyo3(signature = (init_pose, detections, *, confidence=None, init_sigma=None, progress=None))]
     fn refine<'py>(
         &self,
         py: Python<'py>,
@@ -66,7 +64,6 @@ impl PyRefiner {
         detections: Frames,
         confidence: Option<Confidence>,
         init_sigma: Option<InitSigma>,
-        past: bool,
         progress: Option<Bound<'py, PyAny>>,
     ) -> Result<Bound<'py, PyDict>> {
         let frames = detections.with(confidence)?;
@@ -74,42 +71,52 @@ impl PyRefiner {
         let covariances = initial_covariances(init_sigma, &frames)?;
         let starts = poses.into_iter().zip(covariances);
         let jobs = frames.detections()?.into_iter().zip(starts).map(|(detections, start)| Frame {
-            detections,
             init_pose: start.0,
             init_covariance: start.1,
-            past,
+            ..detections.into()
         });
-        let done = self.run(py, &frames, jobs.collect(), progress)?;
+        let (jobs, refiner): (Vec<Frame>, _) = (jobs.collect(), Arc::clone(&self.0));
+        let (short, total) = (self.is_short(&frames), jobs.len());
+        let work = move |progress: &Progress| refine_batch(&refiner, &jobs, progress);
+        let done = match total {
+            1 => watch::run(py, short, work)?,
+            _ => watch::watched(py, total, progress.as_ref(), work)?,
+        };
         results(py, &frames, &done)
+    }
+
+    /// Return the fields of the frame after ``past`` (N, 3), and the past of the next one.
+    #[pyo3(signature = (past, detections, *, confidence=None))]
+    fn follow<'py>(
+        &self,
+        py: Python<'py>,
+        past: Option<InitPose>,
+        detections: Frames,
+        confidence: Option<Confidence>,
+    ) -> Result<(Bound<'py, PyDict>, Out<f64>)> {
+        let frames = detections.with(confidence)?;
+        let given = frames.only()?;
+        let (past, refiner) = (past.map(|past| past.0.points()), Arc::clone(&self.0));
+        let (done, past) = watch::run(py, self.is_short(&frames), move |progress| {
+            let mut follower = Follower::new(&refiner, past);
+            let done = follower.step(given, progress)?;
+            Ok((done, follower.past().unwrap_or_default().to_vec()))
+        })?;
+        let past = Out::points(&past, vec![frames.n_joints, 3]);
+        Ok((results(py, &frames, &[done])?, past))
     }
 }
 
 impl PyRefiner {
-    /// Refines all frames; one alone that takes long, or several, on a thread of their own.
-    fn run(
-        &self,
-        py: Python<'_>,
-        frames: &Frames,
-        jobs: Vec<Frame>,
-        report: Option<Bound<'_, PyAny>>,
-    ) -> Result<Vec<Refinement>> {
-        let (refiner, config, total) = (Arc::clone(&self.0), self.0.config(), jobs.len());
+    /// Whether one of these frames is refined within a few milliseconds.
+    fn is_short(&self, frames: &Frames) -> bool {
+        let config = self.0.config();
         let steps = match &config.method {
-            Method::Annealed(_) => Some(1),
-            Method::Paper(_) if config.draws_pixels() => None,
-            Method::Paper(settings) => Some(settings.max_steps),
+            Method::Annealed(_) => 1,
+            Method::Paper(_) if config.draws_pixels() => return false,
+            Method::Paper(settings) => settings.max_steps,
         };
-        let short = steps.is_some_and(|n| watch::is_short(n, frames.n_views, frames.n_joints));
-        let work = move |progress: &Progress| refine_batch(&refiner, &jobs, progress);
-        if total == 1 {
-            return watch::run(py, short, work);
-        }
-        let progress = Arc::new(Progress::default());
-        let tell = || match &report {
-            Some(report) => report.call1((progress.done(), total)).map(|_| ()),
-            None => Ok(()),
-        };
-        watch::watched(py, &progress, tell, work)
+        watch::is_short(steps, frames.n_views, frames.n_joints)
     }
 }
 

@@ -187,15 +187,12 @@ pub(crate) fn loss_and_gradient(
             return refuse("target_means", expected, "only one of them");
         }
     };
-    if detections.batch {
-        let expected = "one frame (M, N, 2|3)";
-        return refuse("detections", expected, "several frames");
-    }
+    let given = detections.only()?;
     let refiner = refiner(&cameras, layout, config)?;
-    let (n, frames) = (gaussians.len(), detections.detections()?);
+    let n = gaussians.len();
     let found = watch::run(py, false, move |progress| {
         let control = Control { cancel: progress.cancelled(), ..Control::default() };
-        refiner.loss_and_gradient(&gaussians, &frames[0], targets, control)
+        refiner.loss_and_gradient(&gaussians, &given, targets, control)
     })?;
     let (loss, gradient) = (found.loss, found.gradient);
     let rows = |of: fn(&GaussianGradient) -> Vector3<f64>| {

@@ -35,21 +35,23 @@ pub(crate) fn run<T: Send + 'static>(
     if short {
         return Ok(py.detach(|| work(&Progress::default()))?);
     }
-    watched(py, &Arc::new(Progress::default()), || Ok(()), work)
+    watched(py, 0, None, work)
 }
 
-/// Runs `work` on a thread of its own while this one calls `tell` and listens for Ctrl-C.
+/// Runs `work` on a thread of its own while this one tells `report` how much of `total` is done and listens for Ctrl-C.
 ///
-/// Ctrl-C, like an error of `tell`, is raised at once; `progress` is cancelled, and the thread ends by itself where `work`
-/// next looks at that. It owns what it works on and knows nothing of Python.
+/// Ctrl-C, like an error of `report`, is raised at once; the progress is cancelled, and the thread ends by itself where
+/// `work` next looks at that. It owns what it works on and knows nothing of Python.
 pub(crate) fn watched<T: Send + 'static>(
     py: Python<'_>,
-    progress: &Arc<Progress>,
-    mut tell: impl FnMut() -> PyResult<()>,
+    total: usize,
+    report: Option<&Bound<'_, PyAny>>,
     work: impl FnOnce(&Progress) -> CoreResult<T> + Send + 'static,
 ) -> Result<T> {
     let (send, mut receive) = channel();
-    let shared = Arc::clone(progress);
+    let progress = Arc::new(Progress::default());
+    let shared = Arc::clone(&progress);
+    let tell = || report.map_or(Ok(()), |f| f.call1((progress.done(), total)).map(|_| ()));
     // Nobody receives what is done after Ctrl-C.
     let body = move || drop(send.send(work(&shared)));
     let thread = Builder::new()

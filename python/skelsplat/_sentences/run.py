@@ -234,6 +234,7 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
         f"--fps: not given; the times in {listed(f.subject.files)} assume {f.numbers['fps']:g} frames per "
         "second"
     ),
+    "no_figures": f"figures need skelsplat[viz]: {pip_line('viz')}",
     "no_pictures": f"report.html and figures need skelsplat[viz]: {pip_line('viz')}",
     "nothing_used": "No detection could be used: are they pixels of these cameras' images (not 0 to 1), "
     "x before y?",

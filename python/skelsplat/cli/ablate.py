@@ -6,6 +6,7 @@ import shlex
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -19,7 +20,7 @@ from rich.text import Text
 from skelsplat import datasets
 from skelsplat._optional import can_draw
 from skelsplat.cli import options
-from skelsplat.cli.datasets import reader_options
+from skelsplat.cli.datasets import Settings, reader_options
 from skelsplat.cli.output import bar_of, print_json
 from skelsplat.cli.table import print_table, tell
 from skelsplat.evaluation import ablations
@@ -27,7 +28,9 @@ from skelsplat.evaluation.ablations import Choices, OnDisk, Simulated, Source
 from skelsplat.evaluation.methods import DEFAULT_INIT_SIGMA_MM
 from skelsplat.findings import Finding
 
-_DATA, _METHOD, _OUTPUT = "Data", "Method", "Output"
+_data, _method, _output = (
+    partial(typer.Option, rich_help_panel=panel) for panel in ("Data", "Method", "Output")
+)
 # Of tables that go into a file or a pipe.
 _WIDTH = 100
 # Beyond so many settings they become rows, for 80 columns.
@@ -39,65 +42,34 @@ EPILOG = (
 )
 
 Name = Annotated[str, typer.Argument(metavar="NAME", help=f"{', '.join(ablations.names)}.")]
-Data = Annotated[
-    tuple[str, Path] | None,
-    typer.Option(metavar="DATASET FOLDER", help="A data set on disk.", rich_help_panel=_DATA),
-]
+Data = Annotated[tuple[str, Path] | None, _data(metavar="DATASET FOLDER", help="A data set on disk.")]
 Detections = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="DETECTOR", help="Detections of the data set; may be repeated.", rich_help_panel=_DATA
-    ),
-]
-Setting = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        metavar="KEY=VALUE",
-        help="An option of the data set's reader, such as variant=3; may be repeated.",
-        rich_help_panel=_DATA,
-    ),
+    list[str] | None, _data(metavar="DETECTOR", help="Detections of the data set; may be repeated.")
 ]
 Poses = Annotated[
     int | None,
-    typer.Option(
+    _data(
         min=1,
         metavar="N",
         help="Poses of each data set, evenly from its takes.",
         show_default="so many that it ends within about a minute",
-        rich_help_panel=_DATA,
     ),
 ]
-Full = Annotated[bool, typer.Option("--full", metavar="", help="All poses.", rich_help_panel=_DATA)]
-Seed = Annotated[
-    int, typer.Option(min=0, metavar="S", help="Of all that is drawn at random.", rich_help_panel=_DATA)
-]
+Full = Annotated[bool, _data("--full", metavar="", help="All poses.")]
+Seed = Annotated[int, _data(min=0, metavar="S", help="Of all that is drawn at random.")]
 Start = Annotated[
-    Literal["paper", "dlt", "fusion"],
-    typer.Option(help="Initial poses; paper: as in the paper's experiment.", rich_help_panel=_METHOD),
+    Literal["paper", "dlt", "fusion"], _method(help="Initial poses; paper: as in the paper's experiment.")
 ]
 InitSigma = Annotated[
     float,
-    typer.Option(
-        min=0.1,
-        metavar="MM",
-        help="Standard deviation per axis of fused poses where they are a prior.",
-        rich_help_panel=_METHOD,
-    ),
+    _method(min=0.1, metavar="MM", help="Standard deviation per axis of fused poses where they are a prior."),
 ]
 Lens = Annotated[
-    Literal["as-paper", "undistorted"],
-    typer.Option("--protocol", help="as-paper: lens distortion is ignored.", rich_help_panel=_METHOD),
+    Literal["as-paper", "undistorted"], _method("--protocol", help="as-paper: lens distortion is ignored.")
 ]
 Out = Annotated[
     Path | None,
-    typer.Option(
-        "-o",
-        "--output",
-        metavar="FOLDER",
-        help="Write NAME.md, .csv, .json and .png into this folder.",
-        rich_help_panel=_OUTPUT,
-    ),
+    _output("-o", "--output", metavar="FOLDER", help="Write NAME.md, .csv, .json and .png into this folder."),
 ]
 
 
@@ -105,7 +77,7 @@ def ablate(
     name: Name,
     data: Data = None,
     detections: Detections = None,
-    setting: Setting = None,
+    setting: Settings = None,
     poses: Poses = None,
     full: Full = False,
     seed: Seed = 0,
@@ -150,7 +122,7 @@ def ablate(
             source = Simulated(choices, progress)
         else:
             dataset = options.one_of("--data", data[0], datasets.names())
-            settings = reader_options(setting or (), dataset, "--set")
+            settings = reader_options(setting or (), dataset)
             source = OnDisk(choices, dataset, data[1], detections or (), settings, progress)
         record = ablations.run(name, source, command=shlex.join(["skelsplat", *sys.argv[1:]]))
     files = [] if out is None else [*ablations.write(out, record), *_draw(out, record)]
@@ -174,7 +146,7 @@ def _progress_bar(*, shown: bool) -> Iterator[ablations.Progress]:
 def _print_record(console: Console, record: ablations.Record) -> None:
     """Print tables, each with its source under it, claims and notes."""
     for table in record.outcome.tables:
-        print_table(console, _upright(table) if len(table.columns) <= _MOST_COLUMNS else _turned(table))
+        print_table(console, _shown(table))
         console.print(record.line, style="yellow" if record.simulated else "")
         console.print()
     _print_claims(console, record)
@@ -182,26 +154,24 @@ def _print_record(console: Console, record: ablations.Record) -> None:
         console.print(f"· {note}", style="dim")
 
 
-def _upright(table: ablations.Table) -> Table:
-    """Return a table whose rows are methods."""
+def _shown(table: ablations.Table) -> Table:
+    """Return a table whose rows are methods; or its columns, if there are too many settings for the width."""
     shown = Table(title=f"{table.title} ({table.unit})", box=box.SIMPLE_HEAD, title_justify="left")
-    shown.add_column(table.corner, overflow="fold")
-    for column in table.columns:
-        shown.add_column(column, justify="right")
-    for row in table.rows:
-        figures = (ablations.cell(value, table.digits) for value in row.values)
-        shown.add_row(_name(row), *figures, style=_STYLES[row.origin])
-    return shown
-
-
-def _turned(table: ablations.Table) -> Table:
-    """Return a table whose columns are methods: there are too many settings for the width."""
-    shown = Table(title=f"{table.title} ({table.unit})", box=box.SIMPLE_HEAD, title_justify="left")
-    shown.add_column(table.corner)
-    for row in table.rows:
-        shown.add_column(_name(row).replace(", ", ",\n"), justify="right", style=_STYLES[row.origin])
-    for k, column in enumerate(table.columns):
-        shown.add_row(column, *(ablations.cell(row.values[k], table.digits) for row in table.rows))
+    names = [_name(row) for row in table.rows]
+    cells = [[ablations.cell(value, table.digits) for value in row.values] for row in table.rows]
+    styles = [_STYLES[row.origin] for row in table.rows]
+    if len(table.columns) <= _MOST_COLUMNS:
+        shown.add_column(table.corner, overflow="fold")
+        for column in table.columns:
+            shown.add_column(column, justify="right")
+        for name, row, style in zip(names, cells, styles, strict=True):
+            shown.add_row(name, *row, style=style)
+    else:
+        shown.add_column(table.corner)
+        for name, style in zip(names, styles, strict=True):
+            shown.add_column(name.replace(", ", ",\n"), justify="right", style=style)
+        for column, *figures in zip(table.columns, *cells, strict=True):
+            shown.add_row(column, *figures)
     return shown
 
 
@@ -223,7 +193,7 @@ def _print_claims(console: Console, record: ablations.Record) -> None:
 def _draw(folder: Path, record: ablations.Record) -> list[Path]:
     """Write the chart ``NAME.png``; without the extra ``viz`` say what it needs."""
     if not can_draw():
-        tell(Finding("no_pictures"))
+        tell(Finding("no_figures", "note"))
         return []
     from skelsplat import viz  # matplotlib takes long to load, and --help does without
 

@@ -9,7 +9,7 @@ import typer
 
 from skelsplat.cli import _calibration as calibration
 from skelsplat.cli import options
-from skelsplat.cli._calibration import listed, usage, width_and_height
+from skelsplat.cli._calibration import listed, width_and_height
 from skelsplat.cli.config import from_file
 from skelsplat.cli.output import print_json
 from skelsplat.cli.table import tell
@@ -37,37 +37,36 @@ _KINDS = {
     "calibration": ((".toml", ".json", ".npz"), _READ | {"to_unit"}),
 }
 
-_Input = Annotated[
-    Path, typer.Argument(readable=False, metavar="INPUT", help="File, or folder where a format is one.")
-]
-_Output = Annotated[Path, typer.Argument(metavar="OUTPUT", help="File; its suffix says the format.")]
+_Input = Annotated[Path, typer.Argument(readable=False, metavar="INPUT", help="File or folder.")]
+_Output = Annotated[Path, typer.Argument(metavar="OUTPUT", help="File; its suffix is the format.")]
 _ToUnit = Annotated[
     str | None,
-    typer.Option(
+    options.option(
+        "Output",
         metavar="mm|cm|m",
         help="Length unit to write. Pose2Sim takes m, FreeMoCap mm.",
-        show_default="that of the input",
-        rich_help_panel="Output",
+        default="that of the input",
     ),
 ]
-_Fps = Annotated[
-    float | None,
-    typer.Option(metavar="RATE", help="Poses: frames per second.", rich_help_panel="Output"),
-]
+_Fps = Annotated[float | None, options.option("Output", metavar="RATE", help="Poses: frames per second.")]
 _YUp = Annotated[
     bool, typer.Option("--y-up", help="Poses: write a world with z up as y up.", rich_help_panel="Output")
 ]
 _MarkerNames = Annotated[
     str | None,
-    typer.Option(
+    options.option(
+        "Output",
         metavar="STYLE",
         help="Poses in .trc and .c3d: skelsplat, or pose2sim for RHip instead of right_hip.",
-        rich_help_panel="Output",
     ),
 ]
 _Singular = Annotated[
     bool,
-    typer.Option("--singular", help="Poses in .nc: as movement 0.17.", rich_help_panel="Output"),
+    typer.Option(
+        "--singular",
+        help="Poses in .nc: name the dimensions as movement 0.17 does.",
+        rich_help_panel="Output",
+    ),
 ]
 
 
@@ -165,7 +164,9 @@ def _poses(source: Path, target: Path, given: dict[str, Any]) -> tuple[str, dict
     try:
         data = convert_poses(path, target, unit=given.pop("to_unit", None), **given)
     except InvalidInputError as error:
-        raise usage(error, {"unit": "--to-unit"}) from error
+        if str(error).startswith("unit: "):
+            raise InvalidInputError(f"to_{error}") from error
+        raise
     frames, joints = data.pose.shape[:2]
     about = {"format": pose_format(path), "frames": frames, "joints": list(data.joint_names)}
     sentence = f"Wrote {frames} frames of {joints} joints to {target}."

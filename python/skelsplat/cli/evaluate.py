@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,7 +19,7 @@ from skelsplat import datasets
 from skelsplat._optional import can_draw
 from skelsplat.cli import options
 from skelsplat.cli.config import NAME_OR_PATH
-from skelsplat.cli.datasets import reader_options
+from skelsplat.cli.datasets import Settings, reader_options
 from skelsplat.cli.output import bar_of, print_json
 from skelsplat.cli.table import tell
 from skelsplat.datasets._registry import options_of
@@ -26,7 +27,6 @@ from skelsplat.evaluation import export, methods, protocols, report, tables
 from skelsplat.evaluation.report import Evaluation
 from skelsplat.evaluation.tables import Row, Table
 from skelsplat.findings import Finding, collected_warnings
-from skelsplat.io._atomic import atomic_write_text
 from skelsplat.run.folder import output_folder
 
 if TYPE_CHECKING:
@@ -39,112 +39,78 @@ EPILOG = (
 )
 _WIDTH, _NAME_WIDTH = 100, 32
 _LENSES = {"undistorted": True, "as-paper": False}
-_DATA, _METHODS, _OUTPUT = "Data and protocol", "Method", "Output"
+_data, _method, _output = (
+    partial(typer.Option, rich_help_panel=panel) for panel in ("Data", "Method", "Output")
+)
 
 Name = Annotated[str, typer.Argument(metavar="DATASET", help=", ".join(datasets.names()) + ".")]
 Root = Annotated[Path, typer.Argument(readable=False, metavar="ROOT", help="Its folder.")]
 Detections = Annotated[
     str | None,
     NAME_OR_PATH,
-    typer.Option(
+    _data(
         metavar="WHICH",
         help="Name of a detector that the data set has, or a folder of detections.",
         show_default="the reader's choice",
-        rich_help_panel=_DATA,
     ),
 ]
 Lens = Annotated[
     str,
-    typer.Option(
+    _data(
         "--protocol",
         metavar="undistorted|as-paper",
         help="Remove lens distortion from detections, or ignore it as published evaluations do.",
-        rich_help_panel=_DATA,
     ),
 ]
 Views = Annotated[
     int | None,
-    typer.Option(
+    _data(
         min=2,
         metavar="M",
         help="Number of views, where the protocol has a choice: panoptic 4 to 8, occlusion-person 4 or 8.",
         show_default="the protocol's",
-        rich_help_panel=_DATA,
     ),
 ]
 Every = Annotated[
-    int | None,
-    typer.Option(
-        min=1,
-        metavar="K",
-        help="One frame in K of each take.",
-        show_default="the protocol's",
-        rich_help_panel=_DATA,
-    ),
+    int | None, _data(min=1, metavar="K", help="One frame in K of each take.", show_default="the protocol's")
 ]
 Counting = Annotated[
     str,
-    typer.Option(
-        metavar="all|adafuse",
-        help="adafuse counts only joints that at least two views see unoccluded.",
-        rich_help_panel=_DATA,
-    ),
-]
-Setting = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        metavar="KEY=VALUE",
-        help="An option of the data set's reader: format=karfly, subjects=S9,S11. May be repeated.",
-        rich_help_panel=_DATA,
-    ),
+    _data(metavar="all|adafuse", help="adafuse counts only joints that at least two views see unoccluded."),
 ]
 MethodNames = Annotated[
     list[str] | None,
-    typer.Option(
+    _method(
         "--methods",
         "-m",
         metavar="NAMES",
         help=f"Comma between them, or repeated: {', '.join(methods.names)}; or all.",
         show_default="all that the data allow but paper",
-        rich_help_panel=_METHODS,
     ),
 ]
 Start = Annotated[
     str | None,
-    typer.Option(
+    _method(
         metavar="dlt|fusion|none",
         help="Where annealed, paper-closed-form and paper start.",
         show_default="none; the paper's for the last two",
-        rich_help_panel=_METHODS,
     ),
 ]
 InitSigma = Annotated[
-    float,
-    typer.Option(
-        metavar="MM",
-        help="Standard deviation per axis of the fused start of annealed-prior.",
-        rich_help_panel=_METHODS,
-    ),
+    float, _method(metavar="MM", help="Standard deviation per axis of the fused start of annealed-prior.")
 ]
-Seed = Annotated[
-    int, typer.Option(min=0, metavar="S", help="Of the pairs RANSAC draws.", rich_help_panel=_METHODS)
-]
+Seed = Annotated[int, _method(min=0, metavar="S", help="Of the pairs RANSAC draws.")]
 Out = Annotated[
     Path | None,
-    typer.Option(
+    _output(
         "-o",
         "--output",
         metavar="FOLDER",
         help="Folder for results.",
         show_default="skelsplat-evaluation/NAME",
-        rich_help_panel=_OUTPUT,
     ),
 ]
-PerJoint = Annotated[
-    bool,
-    typer.Option("--per-joint", metavar="", help="Print the table of joints too.", rich_help_panel=_OUTPUT),
-]
+PerJoint = Annotated[bool, _output("--per-joint", metavar="", help="Print the table of joints too.")]
 
 
 def evaluate(
@@ -157,7 +123,7 @@ def evaluate(
     views: Views = None,
     every: Every = None,
     counting: Counting = "all",
-    setting: Setting = None,
+    setting: Settings = None,
     start: Start = None,
     init_sigma_mm: InitSigma = methods.DEFAULT_INIT_SIGMA_MM,
     seed: Seed = 0,
@@ -226,7 +192,7 @@ def _reader_options(
     dataset: str, detections: str | None, views: int | None, settings: Sequence[str]
 ) -> dict[str, Any]:
     """Return the options of the reader: those given as KEY=VALUE, the detections, the views."""
-    known, found = options_of(dataset), reader_options(settings, dataset, "--set")
+    known, found = options_of(dataset), reader_options(settings, dataset)
     if detections is not None:
         is_path = Path(detections).exists() and "detections" in known
         found["detections" if is_path else "detector"] = Path(detections) if is_path else detections
@@ -254,7 +220,7 @@ def _print_evaluation(console: Console, evaluation: Evaluation, *, per_joint: bo
 
 def _fitting(table: Table, width: int) -> list[tuple[Table, int]]:
     """Cut a table that is too wide into parts of about equally many columns; with the gap between columns."""
-    name = min(_NAME_WIDTH, max(len(row.name) for row in table.rows))
+    name = _least_name(table)
     widths = [
         max(_longest_word(column.header), *(len(table.text(row, k)) for row in table.rows))
         for k, column in enumerate(table.columns)
@@ -266,6 +232,11 @@ def _fitting(table: Table, width: int) -> list[tuple[Table, int]]:
             if count == 1 or all(name + sum(g) + (gap + 1) * len(g) <= width - 2 for g in groups):
                 return [(part, gap) for part in table.split(count)]
     return [(table, 1)]
+
+
+def _least_name(table: Table) -> int:
+    """Return the width at which no measured name is broken; reported ones may be, between words."""
+    return max(_longest_word(row.name) if row.reported else len(row.name) for row in table.rows)
 
 
 def _longest_word(header: str) -> int:
@@ -280,8 +251,7 @@ def _drawn(table: Table, gap: int) -> Drawn:
         padding=(0, gap, 0, 0),
         pad_edge=False,
     )
-    longest = min(_NAME_WIDTH, max(len(row.name) for row in table.rows))
-    drawn.add_column(table.first, min_width=longest, max_width=longest)
+    drawn.add_column(table.first, min_width=_least_name(table), max_width=_NAME_WIDTH)
     for column in table.columns:
         drawn.add_column(_breakable(column.header), justify="right")
     measured = [row for row in table.rows if not row.reported]
@@ -313,15 +283,9 @@ def _cells(table: Table, row: Row) -> list[Text]:
 
 def _write_evaluation(folder: Path, evaluation: Evaluation) -> list[str]:
     """Write ``report.md``, ``.csv``, ``.json`` and ``bars.png``; return their names."""
-    names = ["report.md", "report.csv", "report.json"]
-    for name, text in (
-        ("report.md", export.markdown(evaluation)),
-        ("report.csv", export.to_csv(evaluation)),
-        ("report.json", export.to_json(evaluation)),
-    ):
-        atomic_write_text(folder / name, text)
+    names = export.write(folder, evaluation)
     if not can_draw():
-        tell(Finding("no_pictures"))
+        tell(Finding("no_figures", "note"))
         return names
     from skelsplat import viz  # matplotlib takes long to load, and --help does without
 

@@ -32,6 +32,7 @@ COMMON = (
 )
 
 
+# long: a parameter per option
 def refine(
     source: calibration.Calibration,
     detections: options.Detections,

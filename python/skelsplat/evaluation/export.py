@@ -9,14 +9,17 @@ import math
 import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from skelsplat import _skelsplat
+from skelsplat._json import plain
 from skelsplat.evaluation.report import Evaluation
 from skelsplat.evaluation.scores import Scores
 from skelsplat.evaluation.tables import all_tables
+from skelsplat.io._atomic import atomic_write_text
 
 CSV_FIELDS = (
     "method",
@@ -54,15 +57,30 @@ def to_csv(evaluation: Evaluation) -> str:
     for s in evaluation.scores:
         writer.writerow(_all(s))
         for group, means in (("action", s.columns), ("joint", s.joints)):
-            writer.writerows(_group(s.method, group, name, asdict(g)) for name, g in means.items())
-    if evaluation.published is not None:
-        writer.writerows(_reported(evaluation))
+            for name, g in means.items():
+                errors = {f"{kind}_mm": getattr(g, kind) for kind in ("absolute", "relative", "procrustes")}
+                writer.writerow(_line(s.method, group, name, {"poses": g.poses, **errors, "pcp": g.pcp}))
+    writer.writerows(_reported(evaluation))
     return stream.getvalue()
 
 
 def to_json(evaluation: Evaluation) -> str:
     """Return everything that is known of the evaluation; a number that does not exist is null."""
-    return json.dumps(_plain(as_dict(evaluation)), indent=1, ensure_ascii=False) + "\n"
+    return json.dumps(plain(as_dict(evaluation)), indent=1, ensure_ascii=False) + "\n"
+
+
+def write(folder: Path, evaluation: Evaluation) -> list[str]:
+    """Write ``report.md``, ``report.csv`` and ``report.json`` into a folder; return their names.
+
+    Raises
+    ------
+    DatasetError
+        If a file cannot be written.
+    """
+    files = {"report.md": markdown, "report.csv": to_csv, "report.json": to_json}
+    for name, text in files.items():
+        atomic_write_text(folder / name, text(evaluation))
+    return list(files)
 
 
 def as_dict(evaluation: Evaluation) -> dict[str, Any]:
@@ -101,35 +119,32 @@ def as_dict(evaluation: Evaluation) -> dict[str, Any]:
 
 
 def _all(s: Scores) -> dict[str, Any]:
-    return {
-        **_group(s.method, "all", "", {"poses": s.poses}),
-        "absolute_mm": _number(s.absolute.mean),
-        "absolute_low_mm": _number(s.absolute.low),
-        "absolute_high_mm": _number(s.absolute.high),
-        "relative_mm": _number(s.relative.mean),
-        "procrustes_mm": _number(s.procrustes.mean),
-        "median_mm": _number(s.median),
-        **{f"pck_{mm}": _number(share) for mm, share in s.pck.items()},
-        "pcp": _number(s.pcp),
-        "missing": _number(s.missing),
-        "ms_per_pose": _number(s.ms_per_pose),
+    figures = {
+        "poses": s.poses,
+        "absolute_mm": s.absolute.mean,
+        "absolute_low_mm": s.absolute.low,
+        "absolute_high_mm": s.absolute.high,
+        "relative_mm": s.relative.mean,
+        "procrustes_mm": s.procrustes.mean,
+        "median_mm": s.median,
+        **{f"pck_{mm}": share for mm, share in s.pck.items()},
+        "pcp": s.pcp,
+        "missing": s.missing,
+        "ms_per_pose": s.ms_per_pose,
     }
+    return _line(s.method, "all", "", figures)
 
 
-def _group(method: str, group: str, name: str, means: Mapping[str, Any]) -> dict[str, Any]:
+def _line(
+    method: str, group: str, name: str, figures: Mapping[str, float | None], *, reported: bool = False
+) -> dict[str, Any]:
     numbers = {
-        f"{key}_mm": _number(means[key]) for key in ("absolute", "relative", "procrustes") if key in means
+        key: ""
+        if value is None or not math.isfinite(value)
+        else f"{value:{'d' if key == 'poses' else '.6g'}}"
+        for key, value in figures.items()
     }
-    pcp = {"pcp": _number(means["pcp"])} if "pcp" in means else {}
-    return {
-        "method": method,
-        "reported": 0,
-        "group": group,
-        "name": name,
-        "poses": means["poses"],
-        **numbers,
-        **pcp,
-    }
+    return {"method": method, "reported": int(reported), "group": group, "name": name, **numbers}
 
 
 def _reported(evaluation: Evaluation) -> Sequence[dict[str, Any]]:
@@ -139,27 +154,14 @@ def _reported(evaluation: Evaluation) -> Sequence[dict[str, Any]]:
         return []
     lines = []
     for row in others.table:
-        keys = {"": others.absolute, **{key: key for key in evaluation.headers if key in others.table.keys}}
-        for name, key in keys.items():
-            value, group = others.value(row, key), "action" if name else "all"
-            line = {"method": others.name(row), "reported": 1, "group": group, "name": name}
-            pcp = None if name else others.value(row, others.pcp)
-            lines.append(
-                {**line, "absolute_mm": _number(value), "pcp": _number(None if pcp is None else pcp / 100)}
-            )
+        pcp = others.value(row, others.pcp)
+        average = {
+            "absolute_mm": others.value(row, others.absolute),
+            "pcp": None if pcp is None else pcp / 100,
+        }
+        lines.append(_line(others.name(row), "all", "", average, reported=True))
+        for key in evaluation.headers:
+            if key in others.table.keys:
+                error = {"absolute_mm": others.value(row, key)}
+                lines.append(_line(others.name(row), "action", key, error, reported=True))
     return lines
-
-
-def _number(value: float | None) -> str:
-    return "" if value is None or not math.isfinite(value) else f"{value:.6g}"
-
-
-def _plain(value: Any) -> Any:
-    """Turn NaN into None and mappings and tuples into what JSON has."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

@@ -1,4 +1,4 @@
-"""Findings from where detections lie beside the pose: always to one side, or elsewhere in some frames."""
+"""Findings on detections that are off the pose: always to one side, or elsewhere in some frames."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def find_displaced(
     displaced
         What `displaced_cameras` returned.
     unfit
-        Cameras for which another finding says how to leave them out.
+        Cameras that another finding names, with the option that leaves them out.
     """
     if not displaced:
         return
@@ -61,7 +61,7 @@ def find_displaced(
 
 
 def shift_of(names: Sequence[str], shifts: Shifts, camera: int, others: Sequence[int] = ()) -> dict[str, Any]:
-    """Return how far and where a camera's detections lie beside the pose, and those of ``others``.
+    """Return how far, and to which side, a camera's detections are off the pose, and those of ``others``.
 
     A wrong camera pulls the pose to its side, so that others are displaced by it. One that is displaced half
     as much may as well be the cause.

@@ -35,8 +35,8 @@ _BAD_SHARE, _BEST_RATIO = 0.2, 2.0
 _WHOLE_SHARE, _REST_SHARE = 1 / 3, 0.2
 # A robust fit may leave the median where it was; a tenth more is further away.
 _FURTHER, _FURTHER_PX = 1.1, 0.1  # less is the rounding of the detections
-# Nobody of those whom a camera detects is the one whom the others see, in this share of the frames at least;
-# beside a camera in which that is so in most frames, this share of the frames with somebody is enough.
+# No person that a camera detects matches the other cameras, in this share of the frames at least; if that is
+# so for another camera in most frames, this share of the frames with people is enough.
 _SOME, _ALSO_UNFIT = 0.1, 0.25
 # About half the arms and legs, which are half of a layout's joints or more.
 _MIRRORED_SHARE = 0.25
@@ -95,14 +95,14 @@ def _rest(statistics: Statistics) -> float:
 
 
 def unfit_cameras(inputs: Inputs) -> dict[int, tuple[int, int]]:
-    """Return the cameras that see people, but mostly nobody who fits the others, with two numbers of frames.
+    """Return the cameras that see people, but mostly none who matches the others, with two numbers of frames.
 
-    Those in which nobody fits, of those in which a camera and another detect somebody. Two cameras that are
-    exchanged share the blame unequally, so that beside one others are named sooner.
+    Those in which none matches, of those in which a camera and another detect people. Two cameras that are
+    exchanged share the blame unequally, so that after one, others are named sooner.
     """
-    somebody = inputs.nobody_fits | np.isfinite(inputs.detections[..., 0]).any(axis=2)
-    count, seen = inputs.nobody_fits.sum(axis=0), somebody.sum(axis=0)
-    shares = np.where(count >= _SOME * len(somebody), count / np.maximum(seen, 1), 0.0)
+    people = inputs.unmatched | np.isfinite(inputs.detections[..., 0]).any(axis=2)
+    count, seen = inputs.unmatched.sum(axis=0), people.sum(axis=0)
+    shares = np.where(count >= _SOME * len(people), count / np.maximum(seen, 1), 0.0)
     least = _ALSO_UNFIT if (shares >= _MOSTLY).any() else _MOSTLY
     return {int(i): (int(count[i]), int(seen[i])) for i in np.flatnonzero(shares >= least)}
 
@@ -127,7 +127,7 @@ def _places_in_images(
     """Name cameras without a use, that disagree or are displaced, and views that lie apart in some frames."""
     names, shifts = inputs.rig.names, statistics.shifts
     unfit_names = {names[i] for i in unfit}
-    if are_mixed(inputs):  # which has been said, and explains what lies elsewhere
+    if are_mixed(inputs):  # a finding of its own, which explains what lies elsewhere
         yield from find_cameras(statistics, unfit_names)
         return
     displaced = displaced_cameras(inputs.rig, shifts)
@@ -147,7 +147,7 @@ def find_cameras(
 ) -> Iterator[Finding]:
     """Name cameras without a use and those that disagree.
 
-    Of those that are ``unfit`` more has been said; ``sides`` are the shifts of `shift_of` by name.
+    Those that are ``unfit`` have a finding of their own; ``sides`` are the shifts of `shift_of` by name.
     """
     bad = _bad_cameras(statistics.cameras)
     good = [group for group in statistics.cameras if group.used and group not in bad]

@@ -39,7 +39,7 @@ _ALL = Subject()
 
 @dataclass(frozen=True)
 class _Case:
-    """Something found in the frame of an index: a kind, whom it concerns, and a number by its name."""
+    """Something found in the frame of an index: a kind, what it concerns, and a number by its name."""
 
     frame: int
     kind: str

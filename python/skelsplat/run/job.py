@@ -44,11 +44,11 @@ class Job:
     calibration, detections : path
         The calibration file, and the folder or file of detections.
     unit, calibration_format, camera_type, subject, size, binning
-        How to read the calibration, as for `skelsplat.io.read_calibration`; None: as its content says.
+        How to read the calibration, as for `skelsplat.io.read_calibration`; None: as the file states it.
     layout
         Name of the joint layout of the detections; None: the one whose joints the files name.
     person
-        ``"consistent"``: the one on whom the views agree; ``"largest"``: the largest in each image; a
+        ``"consistent"``: the person the views agree on; ``"largest"``: the largest in each image; a
         number: the one at that place of each file, counted from 0.
     frames
         What to do with cameras of different frame counts: ``"strict"``, ``"intersection"`` or ``"union"``.
@@ -67,8 +67,8 @@ class Job:
     init
         A pose file to start from; None for triangulation.
     init_sigma_mm
-        Standard deviation per axis of that pose in mm, if it is independent of the detections; None: it only
-        says where to begin.
+        Standard deviation per axis of that pose in mm, if it is independent of the detections; None: it
+        is only where to begin.
     config
         Settings of the method; None: the defaults of `skelsplat.RefineConfig`.
     fps
@@ -92,7 +92,7 @@ class Job:
     html
         Write ``report.html``.
     note
-        A sentence about the input that belongs beside its numbers.
+        A sentence about the input, to be shown with its numbers.
 
     Raises
     ------
@@ -153,7 +153,7 @@ class Job:
             return
         if self.init is None:
             raise IncompleteJobError("init_sigma_mm", "init")
-        if is_paper(self.settings):
+        if self.settings.method == "paper":
             raise InvalidInputError(
                 "init_sigma_mm: expected none with the paper's method, whose start is no observation, "
                 f"got {self.init_sigma_mm:g}"
@@ -186,11 +186,6 @@ class Job:
     def pose_formats(self) -> tuple[str, ...]:
         """The pose files to write: npz, and those of ``write``, each once."""
         return tuple(dict.fromkeys(["npz", *self.write]))
-
-
-def is_paper(config: sk.RefineConfig) -> bool:
-    """Whether these are settings of the paper's method."""
-    return config.method == "paper"
 
 
 def _one_of(option: str, value: str | None, choices: Iterable[str | None]) -> None:

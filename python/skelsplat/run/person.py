@@ -1,4 +1,4 @@
-"""Whom to follow: the choice that ``--person`` makes."""
+"""Which person to follow among those detected."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     Index = npt.NDArray[np.int64]
     Mask = npt.NDArray[np.bool_]
 
-# Somebody is detected who has so many joints of so much confidence; others take no part in the choice.
+# A person counts as detected with so many joints of so much confidence; others take no part in the choice.
 _MIN_JOINTS, _MIN_CONFIDENCE = 4, 0.2
 # Share of the frames with several people in two views or more from which these people are looked at.
 _CROWDED = 0.1
@@ -28,10 +28,10 @@ _CROWDED = 0.1
 def pick_person(
     people: Array, rig: sk.CameraRig, person: str, layout: sk.Layout | None = None
 ) -> tuple[Array, Mask]:
-    """Return one person's detections (T, M, N, 3) among ``people`` (T, M, P, N, 3), and where nobody fitted.
+    """Return one person's detections (T, M, N, 3) among ``people`` (T, M, P, N, 3), and where none matched.
 
-    Nobody fits, (T, M), in a view in which somebody is detected, and in another as well, but not the person
-    on whom the views agree; whoever is the largest or asked for by number fits.
+    None matches, (T, M), in a view in which people are detected, and in another as well, but not the person
+    the views agree on. The largest person, or one chosen by number, always matches.
 
     Parameters
     ----------
@@ -40,24 +40,24 @@ def pick_person(
     rig
         The M cameras.
     person
-        ``"consistent"``: the one on whom the views agree; ``"largest"``: the largest in each image; a
+        ``"consistent"``: the person the views agree on; ``"largest"``: the largest in each image; a
         number: the one at that place of each file, counted from 0.
     layout
-        Lets a person stand in a view with left and right exchanged.
+        Finds a person in a view with left and right exchanged as well.
 
     Raises
     ------
     InvalidInputError
         If no file has a person at the place asked for.
     """
-    index, nobody_fits = pick_places(people, rig, person, layout)
-    return association.take_people(people, index), nobody_fits
+    index, unmatched = pick_places(people, rig, person, layout)
+    return association.take_people(people, index), unmatched
 
 
 def pick_places(
     people: Array, rig: sk.CameraRig, person: str, layout: sk.Layout | None = None
 ) -> tuple[Index, Mask]:
-    """Return the places (T, M) in P of the person whom `pick_person` returns, -1 for none, and the same mask.
+    """Return the places (T, M) in P of the person that `pick_person` returns, -1 for none, and the same mask.
 
     Raises
     ------

@@ -39,14 +39,14 @@ _PER_FRAME = tuple(
 )
 # Without a choice of joints: the ends of the limbs, where errors show first, or else so many of the first.
 _DISTAL, _FEW = ("wrist", "ankle"), 4
-_SPREAD = "Median ± standard deviation over the frames (in brackets: part of the median). Dashed: median."
-_PALE = "Pale, not counted, and cut off where far away: frames in which an end is weak or filled."
+_SPREAD = "Median ± standard deviation over the frames (in brackets: relative to the median). Dashed: median."
+_PALE = "Pale: frames in which an end is weak or filled; they are not counted, and may lie outside the panel."
 _EQUAL = (
-    "The refinement kept {which} nearly equal left and right, so that their difference is no finding; "
-    "refine with --symmetry-tier 0 to study it."
+    "The refinement kept {which} nearly equal on the left and right, so their difference means nothing; "
+    "to study it, refine with --symmetry-tier 0."
 )
 _KEPT_EQUAL = {1: "lower arms and legs", 2: "arms and legs", 3: "arms, legs and trunk"}  # by the tier
-_COUNTED = "All detections that were used are counted, the rejected ones too. Grey: none was used."
+_COUNTED = "All detections used are counted, including the rejected ones. Grey: no detection used."
 
 
 @dataclass(frozen=True)
@@ -285,7 +285,7 @@ def _draw_bones(source: Source, stem: Path, formats: Sequence[str]) -> Drawn:
     from skelsplat import viz  # as in _draw_trajectories
 
     if not source.limbs:
-        why = "the joints are those of no built-in layout, so its limbs are not known (--layout, if they are)"
+        why = "the joints match no built-in layout, so the limbs are unknown (--layout names the layout)"
         return Drawn("bones", sentence=why)
     groups = limb_lengths(source.poses, source.limbs, source.left_right)
     panels = [viz.BonePanel(group[0].name, [_bone(limb) for limb in group]) for group in groups]
@@ -305,7 +305,7 @@ def _draw_errors(source: Source, stem: Path, formats: Sequence[str]) -> Drawn:
 
     poses = source.poses
     if not (len(poses.reprojection_error) and len(poses.view_weights)):
-        why = "the file has no errors of single cameras; the folder of a run and its pose.npz have them"
+        why = "the file has no errors per camera; the folder of a run and its pose.npz have them"
         return Drawn("errors", sentence=why)
     median, share = error_maps(poses, sk.REJECTED_WEIGHT)
     data = viz.ErrorMapData(median, share, poses.camera_names, poses.joint_names, source.title, (_COUNTED,))
@@ -347,11 +347,11 @@ def _about_bones(limbs: Sequence[LimbLength]) -> str:
         if limb.median > 0 and np.isfinite(limb.deviation)
     }
     if not shares:
-        return "no limb has a length that is sure in two frames or more."
+        return "no limb has a reliable length in at least two frames."
     worst = max(shares, key=lambda name: shares[name])
     return (
         f"standard deviation of the limbs' lengths {min(shares.values()):.1f} to {shares[worst]:.1f} %, "
-        f"median {np.median(list(shares.values())):.1f} %; most: {worst}."
+        f"median {np.median(list(shares.values())):.1f} %; largest: {worst}."
     )
 
 
@@ -362,7 +362,7 @@ def _about_errors(source: Source, median: Array, share: Array) -> str:
     joint = int(np.nanargmax(median[-1, :-1]))
     rejected = "" if not np.isfinite(share[-1, -1]) else f", {100 * share[-1, -1]:.0f} % rejected"
     return (
-        f"median {median[-1, -1]:.1f} px{rejected}; most: {source.poses.camera_names[camera]} "
+        f"median {median[-1, -1]:.1f} px{rejected}; largest: {source.poses.camera_names[camera]} "
         f"{median[camera, -1]:.1f} px, {source.poses.joint_names[joint]} {median[-1, joint]:.1f} px."
     )
 

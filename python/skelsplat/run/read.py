@@ -38,8 +38,8 @@ class Inputs:
         The cameras, and what the joints are.
     detections : (T, M, N, 3)
         One person's detections; NaN where missing.
-    nobody_fits : (T, M)
-        Somebody is detected in this view and another, but nobody who fits: the person is missing here.
+    unmatched : (T, M)
+        People are detected in this view and another, but none here matches: the person is missing.
     frames : (T,)
         Frame numbers of the files.
     init_pose : (T, N, 3)
@@ -55,9 +55,9 @@ class Inputs:
     sources
         The files or folders that hold the cameras' detections.
     person
-        Whom to follow, as `Job.person`.
+        The person to follow, as `Job.person`.
     crowd
-        The people whom the cameras see; None where they see one.
+        The people that the cameras see; None if they see one.
     fps
         Frames per second; None if unknown.
     """
@@ -65,7 +65,7 @@ class Inputs:
     rig: sk.CameraRig
     layout: sk.Layout
     detections: Array
-    nobody_fits: npt.NDArray[np.bool_]
+    unmatched: npt.NDArray[np.bool_]
     frames: npt.NDArray[np.int64]
     init_pose: Array | None = None
     format: str | None = None
@@ -109,12 +109,12 @@ def read_inputs(job: Job) -> Inputs:
         sequence=job.sequence,
     )
     layout = sk.layouts.get(found.layout)
-    index, nobody_fits = pick_places(found.people, rig, person, layout)
+    index, unmatched = pick_places(found.people, rig, person, layout)
     return Inputs(
         rig,
         layout,
         take_people(found.people, index),
-        nobody_fits,
+        unmatched,
         found.frames,
         init_pose=None if job.init is None else _read_init(Path(job.init), rig, (len(found.frames), layout)),
         format=found.format,

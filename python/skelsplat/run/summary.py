@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 # A detection is called poor beyond this share of the image's diagonal: 22 px at 1920 × 1080, some 40 mm on a
 # person who fills the longer side.
 POOR_SHARE = 0.01
-# A detection is called down-weighted if it is believed by less than half. With the kernel twice as wide as
+# A detection is called down-weighted below a weight of one half. With the kernel twice as wide as
 # the noise that is 3.3 standard deviations from the joint, which one in 250 sound detections exceeds.
 DOWN_WEIGHTED = 0.5
 
@@ -37,8 +37,8 @@ class Group:
 
     ``before_px`` and ``after_px`` are medians over the same detections (NaN without any); ``used`` +
     ``left_out`` + ``missing`` is their number. Left out are those below the least confidence and those of
-    joints that have no position. ``not_chosen`` ones are among the missing: somebody is detected in the
-    view and another, but here nobody who fits. ``down_weighted`` (the ``rejected`` among them), ``swapped``
+    joints that have no position. ``not_chosen`` ones are among the missing: people are detected in the
+    view and another, but none here matches. ``down_weighted`` (the ``rejected`` among them), ``swapped``
     and ``poor`` ones are among the used, and ``mean_weight`` is their mean weight k.
     """
 
@@ -86,7 +86,7 @@ class Statistics:
     residual : (T, M, N, 2)
         Detection − projection in px of the joint that it was used for, NaN for detections that were not used.
     shifts : Shifts
-        Where every camera's detections lie beside the pose.
+        How far and in which direction every camera's detections are off the pose.
     rejected : (T, M, N)
         Detections that are used and rejected.
     views_used : (T, N)
@@ -143,7 +143,7 @@ def summarise(inputs: Inputs, outcome: Outcome) -> Statistics:
         before=before,
         after=after,
         there=np.isfinite(inputs.detections[..., :2]).all(axis=-1) & (inputs.detections[..., 2] > 0),
-        nobody_fits=np.broadcast_to(inputs.nobody_fits[..., None], used.shape),
+        unmatched=np.broadcast_to(inputs.unmatched[..., None], used.shape),
         weight=np.where(used, result.view_weights, np.nan),
         swapped=used & np.asarray(result.swapped),
         poor=used & (after > poor_px[:, None]),
@@ -229,7 +229,7 @@ class _Detections:
     before: Array
     after: Array
     there: Mask
-    nobody_fits: Mask
+    unmatched: Mask
     weight: Array
     swapped: Mask
     poor: Mask
@@ -253,7 +253,7 @@ def _group(name: str, detections: _Detections) -> Group:
         used=int(used.sum()),
         left_out=int((detections.there & ~used).sum()),
         missing=int(missing.sum()),
-        not_chosen=int((missing & detections.nobody_fits).sum()),
+        not_chosen=int((missing & detections.unmatched).sum()),
         down_weighted=int((weights < DOWN_WEIGHTED).sum()),
         rejected=int((weights < sk.REJECTED_WEIGHT).sum()),
         swapped=int(detections.swapped.sum()),

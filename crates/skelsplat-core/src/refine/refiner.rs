@@ -131,6 +131,12 @@ impl Refiner {
         &self.config
     }
 
+    /// The unit of the cameras and of all poses.
+    #[must_use]
+    pub fn unit(&self) -> Unit {
+        self.unit
+    }
+
     /// Refines one frame.
     ///
     /// # Errors
