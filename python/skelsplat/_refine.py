@@ -49,7 +49,7 @@ class Refinement:
         Detections that were used with left and right exchanged.
     noise : (…) float64
         Standard deviation of the believed detections' noise across the ray, per axis, in the cameras' unit:
-        estimated, or ``config.detection_sigma_px``.
+        estimated, or ``config.detection_sigma_px``; NaN for a frame without any detection.
     reprojection_error : (…, M, N) float64
         Distance between detection and reprojection, pixels of the original image; NaN without a detection.
     joint_status : (…, N) str

@@ -10,7 +10,8 @@ import pytest
 import calibration_files as files
 import skelsplat as sk
 from command_line import assert_fails, invoke
-from detection_files import CASES, Take
+from detection_cases import CASES
+from detection_files import Take
 from skelsplat import synthetic
 from skelsplat.io import read_npz, write_calibration
 from skelsplat.run import folder as run_folder

@@ -135,7 +135,7 @@ def test_exchanged_sides_are_counted_and_a_mirrored_camera_is_named(recording, a
     exchange_sides(folder, "cam2")
     result = invoke(*arguments, *READ, "--fps", 50, "--person", 0)
     text = " ".join(result.stdout.split())
-    assert "Left and right were exchanged, and set right, in" in text
+    assert "Exchanged left and right were corrected in" in text
     assert "! cam2: left and right are exchanged in" in text
     cameras = json.loads((folder / "out" / "report.json").read_text())["reprojection_error"]["cameras"]
     assert cameras[1]["swapped"] > 0

@@ -51,6 +51,10 @@ def test_positions_and_ellipsoids_come_back_to_the_stated_accuracy(written):
     np.testing.assert_array_equal(numbers(packed["frames"], "<f8"), walk.frames)
 
 
+def test_left_is_blue_and_right_is_vermilion(written):
+    assert data_of(written())["colours"] == {"left": "#0072b2", "right": "#d55e00"}
+
+
 def test_frame_numbers_may_be_time_stamps(written):
     stamps = 1_636_212_345_678 + 33 * np.arange(40)
     packed = data_of(written(report_data(replace(sequence(), frames=stamps), problems=[])))["scene"]

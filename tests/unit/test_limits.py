@@ -102,7 +102,11 @@ def test_the_resolution_is_named():
         ({"sigma_mm": 1e-300}, "config.sigma_mm: expected a number from 1e-15 to 1e9, got 1e-300"),
         (
             {"detection_sigma_px": 1e200},
-            "config.detection_sigma_px: expected a number from 1e-15 to 1e9, got 1e200",
+            "config.detection_sigma_px: expected a number from 1e-4 to 1e9, got 1e200",
+        ),
+        (
+            {"detection_sigma_px": 1e-12},
+            "config.detection_sigma_px: expected a number from 1e-4 to 1e9, got 1e-12",
         ),
         ({"symmetry_weight": 1e300}, "config.symmetry_weight: expected a number of at most 1e9, got 1e300"),
         ({"n_threads": 10**9}, "config.n_threads: expected at most 4096, got 1000000000"),
@@ -111,6 +115,15 @@ def test_the_resolution_is_named():
 def test_settings_outside_their_ranges(field, text):
     with pytest.raises(sk.InvalidInputError, match=f"^{re.escape(text)}$"):
         (sk.RefineConfig.paper if "symmetry_weight" in field else sk.RefineConfig)(**field)
+
+
+@pytest.mark.parametrize("error_px", [0.0, 1e-3, 0.1, 3.0, 300.0])
+def test_the_least_noise_that_can_be_given_has_error_bars(error_px):
+    rig = synthetic.human36m_like()
+    seen = sk.project(synthetic.motion("walk", 4, seed=3), rig).swapaxes(0, 1)
+    seen += np.random.default_rng(0).normal(size=seen.shape) * error_px
+    found = sk.refine(None, seen, rig, layout="h36m17", config=sk.RefineConfig(detection_sigma_px=1e-4))
+    assert np.isfinite(found.uncertainty).all()
 
 
 POINTS = np.random.default_rng(0).normal(size=(5, 3)) * 100

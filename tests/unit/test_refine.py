@@ -139,6 +139,15 @@ def test_confidence_as_an_argument_is_the_third_channel(scene):
     assert np.isnan(a.reprojection_error[:, 0, 3]).all()
 
 
+@pytest.mark.parametrize("config", [sk.RefineConfig(), sk.RefineConfig.paper(max_steps=2)])
+def test_a_frame_without_any_detection_has_no_noise(scene, config):
+    detections = scene.detections.copy()
+    detections[1] = np.nan
+    noise = sk.refine(None, detections, scene.rig, layout="h36m17", config=config).noise
+    assert np.isfinite(noise[[0, 2]]).all()
+    assert np.isnan(noise[1])
+
+
 def refusal(call) -> str:
     with pytest.raises(sk.InvalidInputError) as caught:
         call()

@@ -99,6 +99,16 @@ def test_the_skeleton_is_drawn_in_the_colours_of_its_sides(visit):
     assert near(image, COLOURS.right) > 100
 
 
+@pytest.mark.parametrize(("side", "other", "hidden"), [("left", "right", 2), ("right", "left", 1)])
+def test_each_side_has_its_own_colour(visit, side, other, hidden):
+    walk = sequence()
+    refined, status = walk.refined.copy(), walk.status.copy()
+    refined[:, hidden], status[:, hidden] = np.nan, "unobserved"
+    image = picture(visit(report_data(replace(walk, refined=refined, status=status))))
+    assert near(image, getattr(COLOURS, side)) > 100
+    assert near(image, getattr(COLOURS, other)) < 10
+
+
 def test_play_goes_on_from_frame_to_frame_and_stops_at_the_end(visit):
     page = visit()
     assert frame_of(page) == 100

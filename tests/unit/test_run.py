@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -97,6 +98,15 @@ def test_a_run_of_the_papers_method_is_opened_with_its_settings(job, tmp_path):
     assert Run.open(tmp_path / "out").outcome.config == config
 
 
+@pytest.mark.parametrize("change", [{"findings": None}, {"timing": {}}, {"start": 1, "findings": [{}]}])
+def test_a_report_of_another_version_is_named(run_folder, change):
+    path = run_folder / "report.json"
+    report = {**json.loads(path.read_text()), **change}
+    path.write_text(json.dumps(report))
+    with pytest.raises(sk.DatasetError, match=r"report\.json: content: expected the report of a run of this"):
+        Run.open(run_folder)
+
+
 def test_a_result_made_of_arrays_has_findings_report_and_figures(tmp_path, capfd):
     pixels, rig = scene()
     result = sk.refine(None, pixels, rig, layout=LAYOUT)
@@ -151,6 +161,18 @@ def test_show_opens_the_page(monkeypatch):
     found.show()
     assert opened[0].startswith("file:")
     assert opened[0].endswith("/report.html")
+
+
+def test_show_in_a_notebook_displays_the_page_below_the_cell(monkeypatch):
+    pixels, rig = scene()
+    found = Run.from_arrays(sk.refine(None, pixels, rig, layout=LAYOUT), rig, pixels, LAYOUT)
+    shown = []
+    kernel = SimpleNamespace(get_ipython=lambda: SimpleNamespace(kernel=object()))
+    monkeypatch.setitem(sys.modules, "IPython", kernel)
+    monkeypatch.setitem(sys.modules, "IPython.display", SimpleNamespace(display=shown.append, HTML=str))
+    monkeypatch.setattr("webbrowser.open", lambda _: pytest.fail("it opened a browser"))
+    found.show()
+    assert shown[0].startswith('<iframe srcdoc="&lt;!doctype html&gt;')
 
 
 @pytest.mark.parametrize(

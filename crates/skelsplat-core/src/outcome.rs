@@ -103,7 +103,7 @@ pub struct ErrorBars {
     pub covariances: Vec<Matrix3<f64>>,
     /// k of every ray `(N, M)`, how far it is believed; NaN where there is none.
     pub believed: Vec<f64>,
-    /// Standard deviation of the detections' noise across the ray.
+    /// Standard deviation of the detections' noise across the ray; NaN without any detection.
     pub noise: f64,
     /// Status of every joint by these residuals `(N)`.
     pub status: Vec<JointStatus>,

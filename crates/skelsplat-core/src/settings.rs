@@ -74,6 +74,8 @@ pub enum Domain {
     Any,
     /// Positive, from 1e-15 to 1e9.
     Positive,
+    /// Positive, from this to 1e9.
+    From(f64),
     /// Not negative, at most 1e9.
     NotNegative,
     /// A learning rate: finite and not negative. One that is too large diverges, which is an outcome.
@@ -158,7 +160,7 @@ impl Domain {
     fn check(self, field: String, value: f64) -> Result<()> {
         let fits = match self {
             Self::Any | Self::Within(..) => true,
-            Self::Positive => value > 0.0 && value.is_finite(),
+            Self::Positive | Self::From(_) => value > 0.0 && value.is_finite(),
             Self::NotNegative | Self::Rate => value >= 0.0 && value.is_finite(),
             Self::Between => value > 0.0 && value < 1.0,
             Self::Share => (0.0..=1.0).contains(&value),
@@ -166,6 +168,7 @@ impl Domain {
         };
         let too_far = match self {
             Self::Positive => !(LEAST..=MOST).contains(&value),
+            Self::From(least) => !(least..=MOST).contains(&value),
             Self::NotNegative => value > MOST,
             _ => false,
         };
@@ -195,7 +198,7 @@ impl Domain {
     fn words(self) -> &'static str {
         match self {
             Self::Any | Self::Within(..) => "a number",
-            Self::Positive => "a positive finite number",
+            Self::Positive | Self::From(_) => "a positive finite number",
             Self::NotNegative | Self::Rate => "a finite number that is not negative",
             Self::Between => "a number between 0 and 1",
             Self::Share => "a value in [0, 1]",
@@ -206,6 +209,7 @@ impl Domain {
     fn range(self) -> String {
         match self {
             Self::NotNegative => format!("a number of at most {MOST:e}"),
+            Self::From(least) => format!("a number from {least:e} to {MOST:e}"),
             _ => format!("a number from {LEAST:e} to {MOST:e}"),
         }
     }

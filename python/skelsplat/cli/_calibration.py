@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import skelsplat as sk
+from skelsplat.cli import options
 from skelsplat.io.calibration import FORMATS
 from skelsplat.run.read import read_rig
 
@@ -29,45 +30,41 @@ Calibration = Annotated[
 
 Unit = Annotated[
     str | None,
-    typer.Option(
+    options.option(
+        _PANEL,
         metavar="mm|cm|m",
         help="Length unit of the calibration. Needed if the format does not state it: Anipose TOML, OpenCV "
         "YAML.",
-        rich_help_panel=_PANEL,
     ),
 ]
 Format = Annotated[
     str | None,
-    typer.Option(
+    options.option(
+        _PANEL,
         metavar="NAME",
         help=f"Format of the calibration: {', '.join(sorted(FORMATS))}.",
-        show_default="found from the content",
-        rich_help_panel=_PANEL,
+        default="found from the content",
     ),
 ]
 CameraType = Annotated[
     str | None,
-    typer.Option(
+    options.option(
+        _PANEL,
         metavar="TYPE",
         help="Which cameras of the file: hd, vga, … (Panoptic), video cameras (Qualisys, Vicon), or all.",
-        rich_help_panel=_PANEL,
     ),
 ]
 Subject = Annotated[
-    str | None,
-    typer.Option(metavar="S1", help="Human3.6M: the subject with these cameras.", rich_help_panel=_PANEL),
+    str | None, options.option(_PANEL, metavar="S1", help="Human3.6M: the subject with these cameras.")
 ]
 Size = Annotated[
     str | None,
-    typer.Option(
-        metavar="WxH",
-        help="Image size, if the files do not state it: OpenPose, some OpenCV YAML.",
-        rich_help_panel=_PANEL,
+    options.option(
+        _PANEL, metavar="WxH", help="Image size, if the files do not state it: OpenPose, some OpenCV YAML."
     ),
 ]
 Binning = Annotated[
-    float | None,
-    typer.Option(metavar="N", help="Qualisys: sensor pixels per pixel of the video.", rich_help_panel=_PANEL),
+    float | None, options.option(_PANEL, metavar="N", help="Qualisys: sensor pixels per pixel of the video.")
 ]
 
 

@@ -6,6 +6,7 @@ import shlex
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -27,7 +28,9 @@ from skelsplat.evaluation.ablations import Choices, OnDisk, Simulated, Source
 from skelsplat.evaluation.methods import DEFAULT_INIT_SIGMA_MM
 from skelsplat.findings import Finding
 
-_DATA, _METHOD, _OUTPUT = "Data", "Method", "Output"
+_data, _method, _output = (
+    partial(typer.Option, rich_help_panel=panel) for panel in ("Data", "Method", "Output")
+)
 # Of tables that go into a file or a pipe.
 _WIDTH = 100
 # Beyond so many settings they become rows, for 80 columns.
@@ -39,56 +42,34 @@ EPILOG = (
 )
 
 Name = Annotated[str, typer.Argument(metavar="NAME", help=f"{', '.join(ablations.names)}.")]
-Data = Annotated[
-    tuple[str, Path] | None,
-    typer.Option(metavar="DATASET FOLDER", help="A data set on disk.", rich_help_panel=_DATA),
-]
+Data = Annotated[tuple[str, Path] | None, _data(metavar="DATASET FOLDER", help="A data set on disk.")]
 Detections = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="DETECTOR", help="Detections of the data set; may be repeated.", rich_help_panel=_DATA
-    ),
+    list[str] | None, _data(metavar="DETECTOR", help="Detections of the data set; may be repeated.")
 ]
 Poses = Annotated[
     int | None,
-    typer.Option(
+    _data(
         min=1,
         metavar="N",
         help="Poses of each data set, evenly from its takes.",
         show_default="so many that it ends within about a minute",
-        rich_help_panel=_DATA,
     ),
 ]
-Full = Annotated[bool, typer.Option("--full", metavar="", help="All poses.", rich_help_panel=_DATA)]
-Seed = Annotated[
-    int, typer.Option(min=0, metavar="S", help="Of all that is drawn at random.", rich_help_panel=_DATA)
-]
+Full = Annotated[bool, _data("--full", metavar="", help="All poses.")]
+Seed = Annotated[int, _data(min=0, metavar="S", help="Of all that is drawn at random.")]
 Start = Annotated[
-    Literal["paper", "dlt", "fusion"],
-    typer.Option(help="Initial poses; paper: as in the paper's experiment.", rich_help_panel=_METHOD),
+    Literal["paper", "dlt", "fusion"], _method(help="Initial poses; paper: as in the paper's experiment.")
 ]
 InitSigma = Annotated[
     float,
-    typer.Option(
-        min=0.1,
-        metavar="MM",
-        help="Standard deviation per axis of fused poses where they are a prior.",
-        rich_help_panel=_METHOD,
-    ),
+    _method(min=0.1, metavar="MM", help="Standard deviation per axis of fused poses where they are a prior."),
 ]
 Lens = Annotated[
-    Literal["as-paper", "undistorted"],
-    typer.Option("--protocol", help="as-paper: lens distortion is ignored.", rich_help_panel=_METHOD),
+    Literal["as-paper", "undistorted"], _method("--protocol", help="as-paper: lens distortion is ignored.")
 ]
 Out = Annotated[
     Path | None,
-    typer.Option(
-        "-o",
-        "--output",
-        metavar="FOLDER",
-        help="Write NAME.md, .csv, .json and .png into this folder.",
-        rich_help_panel=_OUTPUT,
-    ),
+    _output("-o", "--output", metavar="FOLDER", help="Write NAME.md, .csv, .json and .png into this folder."),
 ]
 
 
@@ -141,7 +122,7 @@ def ablate(
             source = Simulated(choices, progress)
         else:
             dataset = options.one_of("--data", data[0], datasets.names())
-            settings = reader_options(setting or (), dataset, "--set")
+            settings = reader_options(setting or (), dataset)
             source = OnDisk(choices, dataset, data[1], detections or (), settings, progress)
         record = ablations.run(name, source, command=shlex.join(["skelsplat", *sys.argv[1:]]))
     files = [] if out is None else [*ablations.write(out, record), *_draw(out, record)]

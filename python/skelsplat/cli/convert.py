@@ -41,26 +41,23 @@ _Input = Annotated[Path, typer.Argument(readable=False, metavar="INPUT", help="F
 _Output = Annotated[Path, typer.Argument(metavar="OUTPUT", help="File; its suffix is the format.")]
 _ToUnit = Annotated[
     str | None,
-    typer.Option(
+    options.option(
+        "Output",
         metavar="mm|cm|m",
         help="Length unit to write. Pose2Sim takes m, FreeMoCap mm.",
-        show_default="that of the input",
-        rich_help_panel="Output",
+        default="that of the input",
     ),
 ]
-_Fps = Annotated[
-    float | None,
-    typer.Option(metavar="RATE", help="Poses: frames per second.", rich_help_panel="Output"),
-]
+_Fps = Annotated[float | None, options.option("Output", metavar="RATE", help="Poses: frames per second.")]
 _YUp = Annotated[
     bool, typer.Option("--y-up", help="Poses: write a world with z up as y up.", rich_help_panel="Output")
 ]
 _MarkerNames = Annotated[
     str | None,
-    typer.Option(
+    options.option(
+        "Output",
         metavar="STYLE",
         help="Poses in .trc and .c3d: skelsplat, or pose2sim for RHip instead of right_hip.",
-        rich_help_panel="Output",
     ),
 ]
 _Singular = Annotated[

@@ -45,16 +45,6 @@ Detector = Annotated[
 Detections = Annotated[
     Path | None, typer.Option(metavar="PATH", help="Detections that are kept apart from the data.")
 ]
-Other = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--option",
-        metavar="KEY=VALUE",
-        help="Another option of the data set; a list is a,b or a, with one entry. Can be repeated.",
-    ),
-]
-
-
 Settings = Annotated[
     list[str] | None,
     typer.Option(
@@ -99,7 +89,7 @@ def list_(quiet: _NamesOnly = False, as_json: options.AsJson = False) -> None:
     elif quiet:
         typer.echo("\n".join(datasets.names()))
     else:
-        _print_list(_console(), entries)
+        _print_list(Console(highlight=False, markup=False), entries)
 
 
 @app.command("check")
@@ -109,7 +99,7 @@ def check(
     format: Format = None,
     detector: Detector = None,
     detections: Detections = None,
-    option: Other = None,
+    setting: Settings = None,
     quiet: options.Quiet = False,
     as_json: options.AsJson = False,
 ) -> None:
@@ -122,16 +112,16 @@ def check(
 
     skelsplat datasets check human36m data/human36m --detector cpn
 
-    skelsplat datasets check human36m-occ data --option variant=3-hard
+    skelsplat datasets check human36m-occ data --set variant=3-hard
 
     skelsplat datasets check panoptic data/panoptic --json
 
-    skelsplat datasets check human36m labels.npy --option subjects=S9,S11
+    skelsplat datasets check human36m labels.npy --set subjects=S9,S11
     """
     options.one_of("NAME", name, datasets.names())
     given = {"format": format, "detector": detector, "detections": detections}
     chosen = {key: value for key, value in given.items() if value is not None}
-    chosen.update(reader_options(option or (), name, "--option"))
+    chosen.update(reader_options(setting or (), name))
     try:
         report = datasets.check(name, root, **chosen)
     except InvalidInputError as error:
@@ -139,23 +129,19 @@ def check(
     if as_json:
         print_json(report.to_dict())
     elif not (quiet and report.ok and not report.findings):
-        _print_report(_console(), report)
+        _print_report(Console(highlight=False, markup=False), report)
     if not report.ok:
         raise typer.Exit(1)
 
 
-def _console() -> Console:
-    return Console(highlight=False, markup=False)
-
-
-def reader_options(given: Sequence[str], dataset: str, option: str) -> dict[str, Any]:
+def reader_options(given: Sequence[str], dataset: str) -> dict[str, Any]:
     """Return options of a data set's reader from KEY=VALUE: whole numbers, lists with commas, or texts."""
     known, found = registry.options_of(dataset), {}
     for text in given:
         key, equals, value = text.partition("=")
         if not equals or key not in known:
             expected = f"KEY=VALUE with a KEY among {', '.join(known)}"
-            raise typer.BadParameter(f"expected {expected}, got {text!r}", param_hint=option)
+            raise typer.BadParameter(f"expected {expected}, got {text!r}", param_hint="--set")
         parts = [int(part) if part.lstrip("-").isdecimal() else part for part in value.split(",")]
         found[key] = [part for part in parts if part != ""] if "," in value else parts[0]
     return found
@@ -239,15 +225,9 @@ def _print_errors(console: Console, report: Report) -> None:
     for name in ("as given", "left/right exchanged", "best other camera"):
         table.add_column(name, justify="right")
     for row in rows:
-        table.add_row(
-            row.camera,
-            *(_pixels(value) for value in (row.as_given, row.sides_exchanged, row.best_other_camera)),
-        )
+        values = (row.as_given, row.sides_exchanged, row.best_other_camera)
+        table.add_row(row.camera, *(f"{px:.1f}" if math.isfinite(px) else "–" for px in values))
     print_table(console, table)
-
-
-def _pixels(value: float) -> str:
-    return f"{value:.1f}" if math.isfinite(value) else "–"
 
 
 def _print_finding(console: Console, finding: Finding) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -38,103 +39,78 @@ EPILOG = (
 )
 _WIDTH, _NAME_WIDTH = 100, 32
 _LENSES = {"undistorted": True, "as-paper": False}
-_DATA, _METHODS, _OUTPUT = "Data", "Method", "Output"
+_data, _method, _output = (
+    partial(typer.Option, rich_help_panel=panel) for panel in ("Data", "Method", "Output")
+)
 
 Name = Annotated[str, typer.Argument(metavar="DATASET", help=", ".join(datasets.names()) + ".")]
 Root = Annotated[Path, typer.Argument(readable=False, metavar="ROOT", help="Its folder.")]
 Detections = Annotated[
     str | None,
     NAME_OR_PATH,
-    typer.Option(
+    _data(
         metavar="WHICH",
         help="Name of a detector that the data set has, or a folder of detections.",
         show_default="the reader's choice",
-        rich_help_panel=_DATA,
     ),
 ]
 Lens = Annotated[
     str,
-    typer.Option(
+    _data(
         "--protocol",
         metavar="undistorted|as-paper",
         help="Remove lens distortion from detections, or ignore it as published evaluations do.",
-        rich_help_panel=_DATA,
     ),
 ]
 Views = Annotated[
     int | None,
-    typer.Option(
+    _data(
         min=2,
         metavar="M",
         help="Number of views, where the protocol has a choice: panoptic 4 to 8, occlusion-person 4 or 8.",
         show_default="the protocol's",
-        rich_help_panel=_DATA,
     ),
 ]
 Every = Annotated[
-    int | None,
-    typer.Option(
-        min=1,
-        metavar="K",
-        help="One frame in K of each take.",
-        show_default="the protocol's",
-        rich_help_panel=_DATA,
-    ),
+    int | None, _data(min=1, metavar="K", help="One frame in K of each take.", show_default="the protocol's")
 ]
 Counting = Annotated[
     str,
-    typer.Option(
-        metavar="all|adafuse",
-        help="adafuse counts only joints that at least two views see unoccluded.",
-        rich_help_panel=_DATA,
-    ),
+    _data(metavar="all|adafuse", help="adafuse counts only joints that at least two views see unoccluded."),
 ]
 MethodNames = Annotated[
     list[str] | None,
-    typer.Option(
+    _method(
         "--methods",
         "-m",
         metavar="NAMES",
         help=f"Comma between them, or repeated: {', '.join(methods.names)}; or all.",
         show_default="all that the data allow but paper",
-        rich_help_panel=_METHODS,
     ),
 ]
 Start = Annotated[
     str | None,
-    typer.Option(
+    _method(
         metavar="dlt|fusion|none",
         help="Where annealed, paper-closed-form and paper start.",
         show_default="none; the paper's for the last two",
-        rich_help_panel=_METHODS,
     ),
 ]
 InitSigma = Annotated[
-    float,
-    typer.Option(
-        metavar="MM",
-        help="Standard deviation per axis of the fused start of annealed-prior.",
-        rich_help_panel=_METHODS,
-    ),
+    float, _method(metavar="MM", help="Standard deviation per axis of the fused start of annealed-prior.")
 ]
-Seed = Annotated[
-    int, typer.Option(min=0, metavar="S", help="Of the pairs RANSAC draws.", rich_help_panel=_METHODS)
-]
+Seed = Annotated[int, _method(min=0, metavar="S", help="Of the pairs RANSAC draws.")]
 Out = Annotated[
     Path | None,
-    typer.Option(
+    _output(
         "-o",
         "--output",
         metavar="FOLDER",
         help="Folder for results.",
         show_default="skelsplat-evaluation/NAME",
-        rich_help_panel=_OUTPUT,
     ),
 ]
-PerJoint = Annotated[
-    bool,
-    typer.Option("--per-joint", metavar="", help="Print the table of joints too.", rich_help_panel=_OUTPUT),
-]
+PerJoint = Annotated[bool, _output("--per-joint", metavar="", help="Print the table of joints too.")]
 
 
 def evaluate(
@@ -216,7 +192,7 @@ def _reader_options(
     dataset: str, detections: str | None, views: int | None, settings: Sequence[str]
 ) -> dict[str, Any]:
     """Return the options of the reader: those given as KEY=VALUE, the detections, the views."""
-    known, found = options_of(dataset), reader_options(settings, dataset, "--set")
+    known, found = options_of(dataset), reader_options(settings, dataset)
     if detections is not None:
         is_path = Path(detections).exists() and "detections" in known
         found["detections" if is_path else "detector"] = Path(detections) if is_path else detections

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -16,6 +16,19 @@ from skelsplat.io.detections import FORMATS
 from skelsplat.io.poses import POSE_FORMATS
 
 _INPUT, _METHOD, _TIME, _OUTPUT = "Input", "Method", "Over time", "Output"
+
+
+def option(panel: str, *names: str, metavar: str, help: str, default: str | None = None, **more: Any) -> Any:
+    """Return typer's option, in a panel of the help, with a default in words that stands for None."""
+    more |= {} if default is None else {"show_default": default}
+    return typer.Option(*names, metavar=metavar, help=help, rich_help_panel=panel, **more)
+
+
+def flag(panel: str, *names: str, help: str) -> Any:
+    """Return typer's option of a flag, in a panel of the help."""
+    return typer.Option(*names, metavar="", help=help, rich_help_panel=panel)
+
+
 _ANNEALED, _OF_PAPER = (
     {setting.name: setting for setting in RefineConfig.settings(method)} for method in ("annealed", "paper")
 )
@@ -50,308 +63,228 @@ Detections = Annotated[
 
 LayoutName = Annotated[
     str | None,
-    typer.Option(
+    option(
+        _INPUT,
         metavar="NAME",
         help=f"Joint layout, such as body25b. One of {', '.join(layouts.names)}.",
-        show_default="the one whose joints the files name",
-        rich_help_panel=_INPUT,
+        default="the one whose joints the files name",
     ),
 ]
 RequiredLayout = Annotated[
     str | None,
-    typer.Option(
+    option(
+        _INPUT,
         "--layout",
         metavar="NAME",
         help=f"Joint layout of the detections, one of {', '.join(layouts.names)}. Required.",
-        rich_help_panel=_INPUT,
     ),
 ]
 Format = Annotated[
     str | None,
-    typer.Option(
+    option(
+        _INPUT,
         metavar="NAME",
         help=f"Format of the detections: {', '.join(FORMATS)}.",
-        show_default="found from the files",
-        rich_help_panel=_INPUT,
+        default="found from the files",
     ),
 ]
 Offset = Annotated[
     list[str] | None,
-    typer.Option(
+    option(
+        _INPUT,
         metavar="CAMERA=FRAMES",
         help="Add to a camera's frame numbers. 3 if it started 3 frames late. Repeatable.",
-        rich_help_panel=_INPUT,
     ),
 ]
 Order = Annotated[
     str | None,
-    typer.Option(
+    option(
+        _INPUT,
         metavar="A,B,…",
         help="Folder, file or place in the file of each camera, in the calibration's order, or sorted.",
-        show_default="by name",
-        rich_help_panel=_INPUT,
+        default="by name",
     ),
 ]
 Without = Annotated[
     list[str] | None,
-    typer.Option(
-        metavar="CAMERA",
-        help="Leave a camera out. Repeatable; the camera need not have detections.",
-        rich_help_panel=_INPUT,
+    option(
+        _INPUT, metavar="CAMERA", help="Leave a camera out. Repeatable; the camera need not have detections."
     ),
 ]
 JointMap = Annotated[
     list[str] | None,
-    typer.Option(
+    option(
+        _INPUT,
         "--map",
         metavar="JOINT=NAME",
         help="What the files call a joint of the layout: a name, a place from 0, or none. Repeatable.",
-        rich_help_panel=_INPUT,
     ),
 ]
 Sequence = Annotated[
     str | None,
-    typer.Option(
-        metavar="NAME",
-        help='Sequence of a file that has several, such as "S9/Directions 1".',
-        rich_help_panel=_INPUT,
-    ),
+    option(_INPUT, metavar="NAME", help='Sequence of a file that has several, such as "S9/Directions 1".'),
 ]
 Person = Annotated[
     str,
-    typer.Option(
+    option(
+        _INPUT,
         metavar="WHO",
         help="Whom to follow. consistent: the person the views agree on; largest: the largest in each image; "
         "N: the one at place N of each file, from 0.",
-        rich_help_panel=_INPUT,
     ),
 ]
 Frames = Annotated[
     str,
-    typer.Option(
+    option(
+        _INPUT,
         metavar="MODE",
         help="What to do if cameras have different frames. strict refuses (except for formats that list only "
         "people: alphapose, coco, csv), intersection keeps common frames, union all.",
-        rich_help_panel=_INPUT,
     ),
 ]
 Init = Annotated[
     Path | None,
-    typer.Option(
-        readable=False,
-        metavar="POSE.npz",
-        help="Pose file to start from.",
-        show_default="triangulation",
-        rich_help_panel=_INPUT,
+    option(
+        _INPUT, metavar="POSE.npz", help="Pose file to start from.", default="triangulation", readable=False
     ),
 ]
 InitSigma = Annotated[
     float | None,
-    typer.Option(
+    option(
+        _INPUT,
         metavar="MM",
         help="Standard deviation of --init per axis, in mm. With it, an --init that is independent of the "
         "detections (monocular, body model) counts as an observation. Not with --paper.",
-        rich_help_panel=_INPUT,
     ),
 ]
 MinConfidence = Annotated[
     float | None,
-    typer.Option(
-        min=0,
-        max=1,
+    option(
+        _INPUT,
         metavar="C",
         help=_sentence("min_confidence"),
-        show_default=_default("min_confidence"),
-        rich_help_panel=_INPUT,
+        default=_default("min_confidence"),
+        min=0,
+        max=1,
     ),
 ]
-NoUndistort = Annotated[
-    bool,
-    typer.Option("--no-undistort", metavar="", help="Ignore lens distortion.", rich_help_panel=_INPUT),
-]
+NoUndistort = Annotated[bool, flag(_INPUT, "--no-undistort", help="Ignore lens distortion.")]
 
 Paper = Annotated[
     bool,
-    typer.Option(
+    flag(
+        _METHOD,
         "--paper",
-        metavar="",
         help="Use the method of the paper. It renders pixels and optimises with Adam; the default is more "
         "robust.",
-        rich_help_panel=_METHOD,
     ),
 ]
 NoSwaps = Annotated[
     bool,
-    typer.Option(
-        "--no-swaps",
-        metavar="",
-        help="Do not look for exchanged left and right sides; --paper never does.",
-        rich_help_panel=_METHOD,
-    ),
+    flag(_METHOD, "--no-swaps", help="Do not look for exchanged left and right sides; --paper never does."),
 ]
 Sigma = Annotated[
-    float | None,
-    typer.Option(
-        metavar="MM",
-        help=_sentence("sigma_mm"),
-        show_default=_default("sigma_mm"),
-        rich_help_panel=_METHOD,
-    ),
+    float | None, option(_METHOD, metavar="MM", help=_sentence("sigma_mm"), default=_default("sigma_mm"))
 ]
 OcclusionSigma = Annotated[
-    float | None,
-    typer.Option(
-        metavar="MM",
-        help=_sentence("occlusion_sigma_mm"),
-        show_default="as --sigma-mm",
-        rich_help_panel=_METHOD,
-    ),
+    float | None, option(_METHOD, metavar="MM", help=_sentence("occlusion_sigma_mm"), default="as --sigma-mm")
 ]
 SymmetryTier = Annotated[
     int | None,
-    typer.Option(
-        min=0,
-        max=3,
+    option(
+        _METHOD,
         metavar="0..3",
         help=f"{_sentence('symmetry_tier')} 1: lower limbs, 2: also upper limbs, 3: also trunk.",
-        show_default=_default("symmetry_tier"),
-        rich_help_panel=_METHOD,
+        default=_default("symmetry_tier"),
+        min=0,
+        max=3,
     ),
 ]
 MaxSteps = Annotated[
     int | None,
-    typer.Option(
-        min=0,
-        metavar="N",
-        help=_sentence("max_steps"),
-        show_default=_default("max_steps"),
-        rich_help_panel=_METHOD,
-    ),
+    option(_METHOD, metavar="N", help=_sentence("max_steps"), default=_default("max_steps"), min=0),
 ]
 Threads = Annotated[
     int | None,
-    typer.Option(
-        "--threads",
-        min=1,
-        metavar="N",
-        help=_sentence("n_threads"),
-        show_default="all cores",
-        rich_help_panel=_METHOD,
-    ),
+    option(_METHOD, "--threads", metavar="N", help=_sentence("n_threads"), default="all cores", min=1),
 ]
 
 FillGaps = Annotated[
     int | None,
-    typer.Option(
+    option(
+        _TIME,
         "--fill-gaps",
-        min=1,
         metavar="N",
         help="Fill gaps of at most N frames. The results mark these joints as filled.",
-        show_default="none",
-        rich_help_panel=_TIME,
+        default="none",
+        min=1,
     ),
 ]
 FillMethod = Annotated[
     str | None,
-    typer.Option(
+    option(
+        _TIME,
         "--fill-method",
         metavar="cubic|linear",
         help="Fill with cubic splines, or straight lines.",
-        show_default="cubic",
-        rich_help_panel=_TIME,
+        default="cubic",
     ),
 ]
-FillWeak = Annotated[
-    bool,
-    typer.Option(
-        "--fill-weak",
-        metavar="",
-        help="Also treat weak joints as gaps.",
-        rich_help_panel=_TIME,
-    ),
-]
+FillWeak = Annotated[bool, flag(_TIME, "--fill-weak", help="Also treat weak joints as gaps.")]
 Filter = Annotated[
     str | None,
-    typer.Option(
+    option(
+        _TIME,
         "--filter",
         metavar="FILTER",
         help="Smooth over time. butterworth[:HZ[:ORDER]] runs both ways and has no lag; "
         "one-euro[:HZ[:BETA]] is causal, BETA in Hz per mm/s. Weak joints stay as they are and do not affect "
         "others. Requires --fps.",
-        show_default="none",
-        rich_help_panel=_TIME,
+        default="none",
     ),
 ]
 
-Out = Annotated[
-    Path,
-    typer.Option("-o", "--output", metavar="FOLDER", help="Folder for the results.", rich_help_panel=_OUTPUT),
-]
+Out = Annotated[Path, option(_OUTPUT, "-o", "--output", metavar="FOLDER", help="Folder for the results.")]
 Write = Annotated[
     str,
-    typer.Option(
+    option(
+        _OUTPUT,
         "--write",
         metavar="FORMATS",
         help="Pose files: csv, trc, c3d, json, nc. pose.npz is always written; nc is for xarray and "
         "movement.",
-        rich_help_panel=_OUTPUT,
     ),
 ]
-Fps = Annotated[
-    float | None,
-    typer.Option(metavar="HZ", help="Frame rate, for files and filters.", rich_help_panel=_OUTPUT),
-]
+Fps = Annotated[float | None, option(_OUTPUT, metavar="HZ", help="Frame rate, for files and filters.")]
 YUp = Annotated[
     bool,
-    typer.Option(
-        "--y-up",
-        metavar="",
-        help="Write TRC and C3D y up, for OpenSim. The world of the calibration is z up.",
-        rich_help_panel=_OUTPUT,
+    flag(
+        _OUTPUT, "--y-up", help="Write TRC and C3D y up, for OpenSim. The world of the calibration is z up."
     ),
 ]
-NoHtml = Annotated[
-    bool,
-    typer.Option(
-        "--no-html",
-        metavar="",
-        help="Do not write report.html. It takes 5 MB and more.",
-        rich_help_panel=_OUTPUT,
-    ),
-]
+NoHtml = Annotated[bool, flag(_OUTPUT, "--no-html", help="Do not write report.html. It takes 5 MB and more.")]
 MarkerNames = Annotated[
     str,
-    typer.Option(
+    option(
+        _OUTPUT,
         "--marker-names",
         metavar="STYLE",
         help="Joint names in TRC and C3D files: skelsplat (right_hip), or pose2sim (RHip), for its OpenSim "
         "models.",
-        rich_help_panel=_OUTPUT,
     ),
 ]
-Quiet = Annotated[
-    bool,
-    typer.Option(
-        "--quiet", "-q", metavar="", help="Print only warnings and errors.", rich_help_panel=_OUTPUT
-    ),
-]
+Quiet = Annotated[bool, flag(_OUTPUT, "--quiet", "-q", help="Print only warnings and errors.")]
 AsJson = Annotated[
-    bool,
-    typer.Option(
-        "--json",
-        metavar="",
-        help="Print the result as JSON. Nothing else is printed on stdout.",
-        rich_help_panel=_OUTPUT,
-    ),
+    bool, flag(_OUTPUT, "--json", help="Print the result as JSON. Nothing else is printed on stdout.")
 ]
 Range = Annotated[
     str | None,
-    typer.Option(
+    option(
+        "Drawing",
         "--range",
         metavar="A-B",
         help="Frames to draw, in the run's numbers; A- and -B leave one end open; A is one frame.",
-        show_default="all",
-        rich_help_panel="Drawing",
+        default="all",
     ),
 ]
 

@@ -35,81 +35,64 @@ _Videos = Annotated[
 ]
 _Out = Annotated[
     Path | None,
-    typer.Option(
-        "-o",
-        "--output",
-        metavar="FOLDER",
-        help="Folder for the results.",
-        show_default="RUN/overlay",
-        rich_help_panel=_OUTPUT,
+    options.option(
+        _OUTPUT, "-o", "--output", metavar="FOLDER", help="Folder for the results.", default="RUN/overlay"
     ),
 ]
 _Camera = Annotated[
     list[str] | None,
-    typer.Option(
-        metavar="NAME",
-        help="Camera to draw. Repeatable.",
-        show_default="all",
-        rich_help_panel=_INPUT,
-    ),
+    options.option(_INPUT, metavar="NAME", help="Camera to draw. Repeatable.", default="all"),
 ]
 _Order = Annotated[
     str | None,
-    typer.Option(
+    options.option(
+        _INPUT,
         metavar="A,B,…",
         help="Video or folder of each camera, in the calibration's order, or sorted.",
-        show_default="by name",
-        rich_help_panel=_INPUT,
+        default="by name",
     ),
 ]
 _FirstFrame = Annotated[
     int | None,
-    typer.Option(
+    options.option(
+        _INPUT,
         metavar="N",
         help="Number of a video's first frame in the files of the detections. Images are numbered by the "
         "last integer in their names.",
-        show_default="0",
-        rich_help_panel=_INPUT,
+        default="0",
     ),
 ]
 
 
-def _flag(name: str, help: str, panel: str) -> typer.models.OptionInfo:
-    option: typer.models.OptionInfo = typer.Option(name, metavar="", help=help, rich_help_panel=panel)
-    return option
-
-
-_NoDetections = Annotated[bool, _flag("--no-detections", "Leave out the detections.", _DRAWING)]
-_NoEllipses = Annotated[bool, _flag("--no-ellipses", "Leave out the error ellipses.", _DRAWING)]
-_NoPose = Annotated[bool, _flag("--no-pose", "Leave out the skeleton.", _DRAWING)]
-_Before = Annotated[bool, _flag("--before", "Draw the start of the refinement as well.", _DRAWING)]
+_NoDetections = Annotated[bool, options.flag(_DRAWING, "--no-detections", help="Leave out the detections.")]
+_NoEllipses = Annotated[bool, options.flag(_DRAWING, "--no-ellipses", help="Leave out the error ellipses.")]
+_NoPose = Annotated[bool, options.flag(_DRAWING, "--no-pose", help="Leave out the skeleton.")]
+_Before = Annotated[
+    bool, options.flag(_DRAWING, "--before", help="Draw the start of the refinement as well.")
+]
 _NoLegend = Annotated[
     bool,
-    _flag(
-        "--no-legend", "Leave out legend, camera name and frame number; the image keeps its size.", _DRAWING
+    options.flag(
+        _DRAWING,
+        "--no-legend",
+        help="Leave out legend, camera name and frame number; the image keeps its size.",
     ),
 ]
-_Crop = Annotated[bool, _flag("--crop", "Cut out the person and follow it.", _DRAWING)]
+_Crop = Annotated[bool, options.flag(_DRAWING, "--crop", help="Cut out the person and follow it.")]
 _Scale = Annotated[
     float | None,
-    typer.Option(
-        metavar="S",
-        help="Size of the output, 0.5 for half.",
-        show_default="1; --grid fits a screen",
-        rich_help_panel=_DRAWING,
+    options.option(
+        _DRAWING, metavar="S", help="Size of the output, 0.5 for half.", default="1; --grid fits a screen"
     ),
 ]
 _Fps = Annotated[
     float | None,
-    typer.Option(
-        metavar="HZ",
-        help="Frame rate of the output.",
-        show_default="that of the video, else of the run",
-        rich_help_panel=_OUTPUT,
+    options.option(
+        _OUTPUT, metavar="HZ", help="Frame rate of the output.", default="that of the video, else of the run"
     ),
 ]
-_Png = Annotated[bool, _flag("--png", "Write a folder of PNG files instead of a video.", _OUTPUT)]
-_Grid = Annotated[bool, _flag("--grid", "Write all cameras side by side into grid.mp4.", _OUTPUT)]
+_Png = Annotated[bool, options.flag(_OUTPUT, "--png", help="Write a folder of PNG files instead of a video.")]
+_Grid = Annotated[bool, options.flag(_OUTPUT, "--grid", help="Write all cameras side by side into grid.mp4.")]
 
 
 # long: a parameter per option

@@ -31,42 +31,38 @@ _Run = Annotated[
 ]
 _Output = Annotated[
     Path | None,
-    typer.Option(
+    options.option(
+        _OUTPUT,
         "-o",
         "--output",
         metavar="FOLDER",
         help="Folder for the figures.",
-        show_default="RUN/plots, or plots beside the file",
-        rich_help_panel=_OUTPUT,
+        default="RUN/plots, or plots beside the file",
     ),
 ]
 _Only = Annotated[
     str,
-    typer.Option(
-        metavar="FIGURES", help="Figures to draw: some of trajectories, bones, errors.", rich_help_panel=_WHAT
-    ),
+    options.option(_WHAT, metavar="FIGURES", help="Figures to draw: some of trajectories, bones, errors."),
 ]
 _Joints = Annotated[
     str | None,
-    typer.Option(
+    options.option(
+        _WHAT,
         metavar="A,B,…",
         help="Joints whose trajectories are drawn, or all.",
-        show_default="wrists and ankles, or the first four",
-        rich_help_panel=_WHAT,
+        default="wrists and ankles, or the first four",
     ),
 ]
 _Layout = Annotated[
     str | None,
-    typer.Option(
+    options.option(
+        _WHAT,
         metavar="NAME",
         help="Joint layout, for limbs and sides.",
-        show_default="that of the run, or found from the joints' names",
-        rich_help_panel=_WHAT,
+        default="that of the run, or found from the joints' names",
     ),
 ]
-_Format = Annotated[
-    str, typer.Option(metavar="FORMATS", help="png, pdf or png,pdf.", rich_help_panel=_OUTPUT)
-]
+_Format = Annotated[str, options.option(_OUTPUT, metavar="FORMATS", help="png, pdf or png,pdf.")]
 
 
 def plot(

@@ -154,7 +154,7 @@ def _lines(run: Run) -> Iterator[str]:
     swapped = statistics.total.swapped
     if swapped:
         found = _listed(f"{group.name} {group.swapped}" for group in statistics.cameras if group.swapped)
-        yield f"Left and right were exchanged, and set right, in {swapped} detections: {found}."
+        yield f"Exchanged left and right were corrected in {swapped} detections: {found}."
     yield ""
     typical = _number(finite_median(statistics.error_bar_mm))
     yield f"Error bars, one standard deviation per axis: median {typical} mm. The largest [mm]:"

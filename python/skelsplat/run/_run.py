@@ -11,21 +11,21 @@ import numpy as np
 import skelsplat as sk
 from skelsplat._arrays import numbers
 from skelsplat._json import to_text
-from skelsplat.exceptions import InvalidInputError
+from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding, collected_warnings
 from skelsplat.io import PoseData
 from skelsplat.io._atomic import atomic_write_text
+from skelsplat.io._run_files import REPORT
 from skelsplat.io.run_folder import read_run
 from skelsplat.run import folder as folders
 from skelsplat.run.figures import write_figures
 from skelsplat.run.findings import find_findings
 from skelsplat.run.frames import find_in_frames
 from skelsplat.run.html import notebook_view, show_page, write_html
-from skelsplat.run.job import is_paper
 from skelsplat.run.over_time import apply_over_time, try_over_time
 from skelsplat.run.read import Inputs, read_inputs
 from skelsplat.run.report import build_report
-from skelsplat.run.solve import Outcome, refine_inputs
+from skelsplat.run.solve import GIVEN_START, Outcome, refine_inputs
 from skelsplat.run.summary import Statistics, summarise
 
 if TYPE_CHECKING:
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
     import numpy.typing as npt
 
+    from skelsplat.io.run_folder import RunFolder
     from skelsplat.run.job import Job
     from skelsplat.run.solve import Progress
 
@@ -110,26 +111,11 @@ class Run:
             If a file is missing or malformed, or the files do not belong to one run.
         """
         found = read_run(folder)
-        report = found.report
-        given = report.get("start") == "initial pose"
-        inputs = Inputs(
-            found.rig,
-            found.layout,
-            found.detections,
-            np.zeros(found.detections.shape[:2], dtype=np.bool_),
-            found.poses.frames,
-            init_pose=found.poses.init_pose if given else None,
-            fps=found.poses.frame_rate,
-        )
-        preset = sk.RefineConfig.paper if report["preset"] == "paper" else sk.RefineConfig
-        outcome = Outcome.of(
-            _refinement(found.poses), preset(**report["settings"]), inputs, report["timing"]["refine_s"]
-        )
-        statistics = summarise(inputs, outcome).with_groups_of(report["reprojection_error"])
-        findings, frame_findings = (
-            tuple(Finding.from_dict(entry) for entry in report[key]) for key in ("findings", "frame_findings")
-        )
-        return cls(found.poses, findings, frame_findings, report, statistics, inputs, outcome)
+        try:
+            return _opened(found)
+        except (KeyError, TypeError, AttributeError, ValueError) as error:
+            path, expected = Path(folder) / REPORT, "the report of a run of this version of skelsplat"
+            raise DatasetError(path, "content", expected, f"{type(error).__name__}: {error}") from error
 
     @classmethod
     def from_arrays(
@@ -220,7 +206,7 @@ class Run:
         """
         kinds = tuple(dict.fromkeys(["npz", *formats]))
         writing = folders.Writing(kinds, html=html, **options)
-        folders.check_places(Path(folder), writing.names(paper=is_paper(self.outcome.config)))
+        folders.check_places(Path(folder), writing.names(self.outcome.config.method))
         with folders.output_folder(Path(folder)):
             return [*folders.write_folder(self, Path(folder), writing).report["files"], "report.json"]
 
@@ -267,7 +253,7 @@ def run(
         return _run(job, progress, tell)
     output, writing = Path(job.output), folders.Writing.of(job)
     folders.keep_input(job)
-    folders.check_places(output, writing.names(paper=is_paper(job.settings)))
+    folders.check_places(output, writing.names(job.settings.method))
     with folders.output_folder(output):
         found = _run(job, progress, tell)
         return folders.write_folder(found, output, writing)
@@ -313,6 +299,29 @@ def summed_up(inputs: Inputs, outcome: Outcome, job: Job | None = None, notes: S
     }
     report = build_report(inputs, outcome, statistics, job, remarks)
     return Run(poses, tuple(found), tuple(in_frames), report, statistics, inputs, outcome)
+
+
+def _opened(found: RunFolder) -> Run:
+    """Return the run of a folder; an error of Python if its report is not as runs write it."""
+    report, poses, settings = found.report, found.poses, found.report["settings"]
+    mapping = report["input"]["mapping"] or {}
+    inputs = Inputs(
+        found.rig,
+        found.layout,
+        found.detections,
+        np.zeros(found.detections.shape[:2], dtype=np.bool_),
+        poses.frames,
+        init_pose=poses.init_pose if report["start"] == GIVEN_START else None,
+        lacking=frozenset(joint for joint, name in mapping.items() if name is None),
+        fps=poses.frame_rate,
+    )
+    make = sk.RefineConfig.paper if settings["method"] == "paper" else sk.RefineConfig
+    outcome = Outcome.of(_refinement(poses), make(**settings), inputs, report["timing"]["refine_s"])
+    statistics = summarise(inputs, outcome).with_groups_of(report["reprojection_error"])
+    found_then, in_frames = (
+        tuple(Finding.from_dict(entry) for entry in report[key]) for key in ("findings", "frame_findings")
+    )
+    return Run(poses, found_then, in_frames, report, statistics, inputs, outcome)
 
 
 def _refinement(poses: PoseData) -> sk.Refinement:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import skelsplat as sk
-from skelsplat.run.job import is_paper
 from skelsplat.run.summary import finite_median, frame_medians
 
 if TYPE_CHECKING:
@@ -55,7 +54,7 @@ def write_figures(run: Run, folder: Path) -> list[str]:
     )
     viz.write_weights(folder / "weights.png", weights)
     names = ["overview.png", "weights.png"]
-    if is_paper(outcome.config):
+    if outcome.config.method == "paper":
         rows = [_heatmap_row(view, frame, inputs, outcome, statistics) for view in views]
         caption = _heat_caption(inputs.frames[frame])
         viz.write_heatmaps(folder / "heatmaps.png", rows, skeleton=skeleton, caption=caption)

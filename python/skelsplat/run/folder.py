@@ -19,7 +19,6 @@ from skelsplat.io.poses import MARKER_NAMES, POSE_FORMATS, check_pose_format
 from skelsplat.io.run_folder import write_run_inputs
 from skelsplat.run.figures import write_figures
 from skelsplat.run.html import write_html
-from skelsplat.run.job import is_paper
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -60,11 +59,12 @@ class Writing:
         """Return what a job asks for."""
         return cls(job.pose_formats, job.y_up, job.marker_names, job.html)
 
-    def names(self, *, paper: bool) -> list[str]:
+    def names(self, method: str) -> list[str]:
         """Return the names of the files, but for the report; pictures need the extra viz."""
         wanted = {*(f"pose.{kind}" for kind in self.formats), CAMERAS, DETECTIONS}
         if can_draw():
-            wanted |= {*_PICTURES, *([_PAPERS_PICTURE] if paper else []), *([PAGE] if self.html else [])}
+            wanted |= {*_PICTURES, *([_PAPERS_PICTURE] if method == "paper" else [])}
+            wanted |= {PAGE} if self.html else set()
         return [name for name in _POSSIBLE if name in wanted]
 
     def check(self, frames: npt.NDArray[np.int64]) -> None:
@@ -99,7 +99,7 @@ def write_poses(folder: Path, data: PoseData, writing: Writing) -> list[str]:
 
 def write_folder(run: Run, folder: Path, writing: Writing) -> Run:
     """Write the whole folder of a run, its report last; return the run with the files in its report."""
-    run = replace(run, report={**run.report, "files": writing.names(paper=is_paper(run.outcome.config))})
+    run = replace(run, report={**run.report, "files": writing.names(run.outcome.config.method)})
     begin_writing(folder, run.report)
     write_poses(folder, run.poses, writing)
     write_run_inputs(folder, run.cameras, run.layout, run.detections, run.frames)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import html
+import importlib
 import math
 import sys
 import tempfile
@@ -86,7 +87,8 @@ def show_page(run: Run) -> None:
         return
     page = html.escape(path.read_text(encoding="utf-8"))
     frame = f'<iframe srcdoc="{page}" width="100%" height="800" frameborder="0"></iframe>'
-    sys.modules["IPython.display"].display(shell.display.HTML(frame))
+    notebook = importlib.import_module("IPython.display")
+    notebook.display(notebook.HTML(frame))
 
 
 def notebook_view(run: Run) -> str:
@@ -94,7 +96,8 @@ def notebook_view(run: Run) -> str:
     rows = [*facts_of(run.report), *((name, f"{value} {remark}") for name, value, remark in key_numbers(run))]
     cells = "".join(f"<tr><th>{_text(name)}</th><td>{_text(value)}</td></tr>" for name, value in rows)
     found = "".join(f"<li>{_text(finding.severity)}: {_text(finding.text)}</li>" for finding in run.findings)
-    return f"<table>{cells}</table><ul>{found}</ul>{_picture(run) if can_draw() else ''}"
+    listed = f"<ul>{found}</ul>" if found else "<p>No findings.</p>"
+    return f"<table>{cells}</table>{listed}{_picture(run) if can_draw() else ''}"
 
 
 def _picture(run: Run) -> str:
@@ -137,7 +140,7 @@ def facts_of(report: dict[str, Any]) -> list[tuple[str, str]]:
         ("cameras", str(len(errors["cameras"]))),
         ("frames", span),
         ("frame rate", "unknown" if rate is None else f"{rate:g} per second"),
-        ("preset", report["preset"]),
+        ("method", report["settings"]["method"]),
         ("unit of the calibration", source["unit"]),
         ("skelsplat", report["versions"]["skelsplat"]),
     ]

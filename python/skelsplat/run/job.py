@@ -153,7 +153,7 @@ class Job:
             return
         if self.init is None:
             raise IncompleteJobError("init_sigma_mm", "init")
-        if is_paper(self.settings):
+        if self.settings.method == "paper":
             raise InvalidInputError(
                 "init_sigma_mm: expected none with the paper's method, whose start is no observation, "
                 f"got {self.init_sigma_mm:g}"
@@ -186,11 +186,6 @@ class Job:
     def pose_formats(self) -> tuple[str, ...]:
         """The pose files to write: npz, and those of ``write``, each once."""
         return tuple(dict.fromkeys(["npz", *self.write]))
-
-
-def is_paper(config: sk.RefineConfig) -> bool:
-    """Whether these are settings of the paper's method."""
-    return config.method == "paper"
 
 
 def _one_of(option: str, value: str | None, choices: Iterable[str | None]) -> None:

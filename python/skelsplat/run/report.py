@@ -10,7 +10,6 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._json import plain
-from skelsplat.run.job import is_paper
 from skelsplat.run.solve import default_threads
 from skelsplat.run.summary import DOWN_WEIGHTED, POOR_SHARE, Statistics, finite_max, finite_median
 
@@ -59,7 +58,6 @@ def build_report(
         },
         "input": {**_source(inputs, job), **_recording(inputs, job)},
         "start": outcome.start_name,
-        "preset": "paper" if is_paper(outcome.config) else "default",
         "settings": outcome.config.to_dict(),
         "ground_truth": None,
         "meanings": MEANINGS,

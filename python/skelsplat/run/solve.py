@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     Array = npt.NDArray[np.float64]
     Progress = Callable[[int, int], None]
 
+PLAIN_START, GIVEN_START = "plain triangulation", "initial pose"
+
 
 @dataclass(frozen=True)
 class Outcome:
@@ -44,7 +46,7 @@ class Outcome:
     result: sk.Refinement
     config: sk.RefineConfig
     start: Array
-    start_name: str = "plain triangulation"
+    start_name: str = PLAIN_START
     seconds: float = float("nan")
 
     @classmethod
@@ -54,7 +56,7 @@ class Outcome:
         """Return a result with what it is compared with."""
         if inputs.init_pose is None:
             return cls(result, config, _plain(inputs, config), seconds=seconds)
-        return cls(result, config, np.asarray(result.init_pose), "initial pose", seconds)
+        return cls(result, config, np.asarray(result.init_pose), GIVEN_START, seconds)
 
 
 def refine_inputs(inputs: Inputs, job: Job, progress: Progress | None = None) -> Outcome:

@@ -11,10 +11,6 @@ from numpy.typing import NDArray
 
 from skelsplat._skelsplat import Layout
 from skelsplat.cameras import CameraRig
-from skelsplat.synthetic.detections import corrupt, true_pixels
-from skelsplat.synthetic.noise import DetectionNoise
-from skelsplat.synthetic.occluders import draw_occluders
-from skelsplat.synthetic.poses import monocular_poses
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -91,43 +87,7 @@ def stream(*key: int) -> np.random.Generator:
     return np.random.default_rng(key)
 
 
-def record(
-    truth: FloatArray,
-    rig: CameraRig,
-    *,
-    names: tuple[str, str, str, str],
-    frames: NDArray[np.int64],
-    layout: Layout,
-    detectors: Mapping[str, DetectionNoise],
-    seeds: tuple[int, ...],
-) -> Recording:
-    """Simulate what is recorded of a person whose joints are at `truth` (T, N, 3) mm.
-
-    `names` are key, subject, action and the rig's name. All detectors see the same occluders: those of the
-    first one's noise.
-    """
-    pixels = true_pixels(truth, rig)
-    noises = list(detectors.values())
-    occluders = draw_occluders(pixels, noise=noises[0], seed=stream(*seeds, OCCLUDERS))
-    simulated = {
-        name: corrupt(
-            pixels, noise=noise, layout=layout, seed=stream(*seeds, DETECTORS + k), occluders=occluders
-        )
-        for k, (name, noise) in enumerate(detectors.items())
-    }
-    visible = np.isfinite(pixels).all(axis=-1) & ~occluders.hidden(pixels)
-    return Recording(
-        *names,
-        frames=frames,
-        truth=truth,
-        boxes=_boxes(pixels),
-        detections=simulated,
-        monocular=monocular_poses(truth, rig, MONOCULAR_SIGMA_MM, seed=stream(*seeds, MONOCULAR)),
-        visible=None if noises[0].occluded_views == 0 else visible,
-    )
-
-
-def _boxes(pixels: FloatArray) -> FloatArray:
+def boxes(pixels: FloatArray) -> FloatArray:
     """Boxes (T, M, 4) round the joints (T, M, N, 2) in the image, with a margin."""
     seen = np.isfinite(pixels)
     low = np.where(seen, pixels, np.inf).min(axis=2)

@@ -19,15 +19,21 @@ from skelsplat._skelsplat import Camera, Layout
 from skelsplat.cameras import CameraRig
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.synthetic import rigs
+from skelsplat.synthetic.detections import corrupt, true_pixels
 from skelsplat.synthetic.motions import motion, motion_names
 from skelsplat.synthetic.noise import DetectionNoise
+from skelsplat.synthetic.occluders import draw_occluders
+from skelsplat.synthetic.poses import monocular_poses
 from skelsplat.synthetic.recordings import (
+    DETECTORS,
     GENERATOR_VERSION,
+    MONOCULAR,
     MONOCULAR_SIGMA_MM,
+    OCCLUDERS,
     POSES,
     Recording,
     RecordingSet,
-    record,
+    boxes,
     stream,
 )
 from skelsplat.synthetic.skeleton import in_layout
@@ -221,6 +227,7 @@ def _recording(
     detectors: Mapping[str, DetectionNoise],
     seeds: tuple[int, ...],
 ) -> Recording:
+    """Simulate what is recorded of a take. All detectors see the same occluders: those of the first one."""
     body = motion(
         take.motion,
         take.count,
@@ -228,14 +235,27 @@ def _recording(
         seed=stream(*seeds, POSES),
         scale=take.scale,
     )
-    return record(
-        in_layout(body, layout),
-        rig,
-        names=(take.key, take.subject, take.action, take.rig),
+    truth = in_layout(body, layout)
+    pixels = true_pixels(truth, rig)
+    first = next(iter(detectors.values()))
+    occluders = draw_occluders(pixels, noise=first, seed=stream(*seeds, OCCLUDERS))
+    visible = np.isfinite(pixels).all(axis=-1) & ~occluders.hidden(pixels)
+    return Recording(
+        take.key,
+        take.subject,
+        take.action,
+        take.rig,
         frames=take.step * np.arange(take.count, dtype=np.int64),
-        layout=layout,
-        detectors=detectors,
-        seeds=seeds,
+        truth=truth,
+        boxes=boxes(pixels),
+        detections={
+            name: corrupt(
+                pixels, noise=noise, layout=layout, seed=stream(*seeds, DETECTORS + k), occluders=occluders
+            )
+            for k, (name, noise) in enumerate(detectors.items())
+        },
+        monocular=monocular_poses(truth, rig, MONOCULAR_SIGMA_MM, seed=stream(*seeds, MONOCULAR)),
+        visible=None if first.occluded_views == 0 else visible,
     )
 
 

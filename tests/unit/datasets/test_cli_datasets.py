@@ -124,7 +124,7 @@ def test_options_reach_the_reader(tmp_path):
         tmp_path,
         "--detections",
         tmp_path / "2d_CPN",
-        "--option",
+        "--set",
         "subjects=S9,",
         "--json",
     )
@@ -135,17 +135,15 @@ def test_options_reach_the_reader(tmp_path):
     assert "No detections" in result.stdout
     for variant in ("2", "3-hard"):
         write.write_skelsplat(tmp_path / "occ" / f"occ-{variant}", recording)
-        assert (
-            invoke("check", "human36m-occ", tmp_path / "occ", "--option", f"variant={variant}").exit_code == 0
-        )
+        assert invoke("check", "human36m-occ", tmp_path / "occ", "--set", f"variant={variant}").exit_code == 0
 
 
 @pytest.mark.parametrize(
     ("args", "words"),
     [
         (("human37m", "ROOT"), "NAME: expected one of human36m"),
-        (("human36m", "ROOT", "--option", "x"), "--option: expected KEY=VALUE with a KEY among format"),
-        (("human36m", "ROOT", "--option", "x=1"), "--option: expected KEY=VALUE with a KEY among format"),
+        (("human36m", "ROOT", "--set", "x"), "--set: expected KEY=VALUE with a KEY among format"),
+        (("human36m", "ROOT", "--set", "x=1"), "--set: expected KEY=VALUE with a KEY among format"),
         (("human36m", "ROOT", "--format", "coco"), "format: expected one of"),
         (("human36m",), "ROOT"),
     ],

@@ -51,7 +51,10 @@ pub fn error_bars(problem: &Problem<'_>, solution: &mut Solution) -> ErrorBars {
             status[j] = JointStatus::Weak;
         }
     }
-    ErrorBars { covariances, noise: solution.noise, believed, status }
+    // Without a detection the noise is that of the prior alone: nothing that was measured.
+    let is_seen = status.iter().any(|s| *s != JointStatus::Unobserved);
+    let noise = if is_seen { solution.noise } else { f64::NAN };
+    ErrorBars { covariances, noise, believed, status }
 }
 
 /// k of every ray `(N, M)` at the solution; NaN where there is none.

@@ -18,6 +18,10 @@ pub enum Method {
 /// More threads than any machine has cores.
 const MOST_THREADS: usize = 4096;
 
+/// A tenth of the noise of the best calibrated cameras that count in focal lengths, not pixels. Below a tenth of this the
+/// weights of ordinary detections are so small that error bars are lost in rounding.
+const LEAST_NOISE_PX: f64 = 1e-4;
+
 settings! {
     /// Settings of `refine`. Lengths are millimetres whatever the unit of the cameras.
     RefineConfig {
@@ -29,7 +33,7 @@ settings! {
             "Symmetric limbs up to this tier are kept equally long, 0 to 3; 0: none.";
         symmetry_sigma_mm: f64 = Annealing::SYMMETRY_SIGMA, Domain::Positive, "mm",
             "Standard deviation of the difference between symmetric limbs; `paper` uses it for the error bars alone.";
-        detection_sigma_px: Option<f64> = None, Domain::Positive, "px",
+        detection_sigma_px: Option<f64> = None, Domain::From(LEAST_NOISE_PX), "px",
             "Standard deviation of the detections' noise per axis, for `paper` in the error bars alone; None: estimated in \
              every frame.";
         undistort: bool = true, Domain::Any, "",

@@ -18,7 +18,7 @@ pub struct Refinement {
     pub view_weights: Vec<f64>,
     /// Detections `(M, N)` that were used with left and right exchanged.
     pub swapped: Vec<bool>,
-    /// ŝ, standard deviation of the detections' noise across the ray, in the unit of the cameras.
+    /// ŝ, standard deviation of the detections' noise across the ray, in the unit of the cameras; NaN without any detection.
     pub noise: f64,
     /// The initial pose that was used `(N)`.
     pub init_pose: Vec<Vector3<f64>>,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -23,16 +24,8 @@ _SAME_SHAPE = 0.005  # of the ratio of width to height
 _PADDING_PX = 16  # codecs fill up to blocks of 16
 
 
-@dataclass(frozen=True)
-class Fit:
-    """How a video fits its camera: the scale (2,) of its pixels, and a remark if that is doubtful."""
-
-    scale: Array
-    remark: str = ""
-
-
-def fit_size(path: Path, name: str, size: Size, expected: Size) -> Fit:
-    """Compare a video's frames with the camera's image.
+def fit_size(path: Path, name: str, size: Size, expected: Size) -> Array:
+    """Return the scale (2,) from the camera's image to a video's frames; warn if that is doubtful.
 
     Equal sizes fit. A difference of at most 16 px is what codecs fill up or cut off, at the right and lower
     border: what is drawn stays where it is. Images of the same shape are copies in another size.
@@ -45,17 +38,18 @@ def fit_size(path: Path, name: str, size: Size, expected: Size) -> Fit:
     (width, height), (wide, high) = size, expected
     ones = np.ones(2)
     if size == expected:
-        return Fit(ones)
+        return ones
     if size == (high, wide):
         wanted = f"{wide}×{high} like the camera {name}"
         advice = "is the video turned (a phone's metadata), or the calibration that of turned images?"
         raise DatasetError(path, "size", wanted, f"{width}×{height}, width and height exchanged; {advice}")
     if abs(width - wide) <= _PADDING_PX and abs(height - high) <= _PADDING_PX:
         remark = f"{path}: {width}×{height}, but the camera {name} has {wide}×{high}: drawn without scaling"
-        return Fit(ones, remark)
+        warnings.warn(remark, UserWarning, stacklevel=2)
+        return ones
     scale = np.array([width / wide, height / high])
     if abs(scale[0] / scale[1] - 1) <= _SAME_SHAPE:
-        return Fit(scale)
+        return scale
     wanted = f"{wide}×{high} like the camera {name}, or a copy of it in another size"
     raise DatasetError(path, "size", wanted, f"{width}×{height}")
 

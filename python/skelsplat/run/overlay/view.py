@@ -162,12 +162,10 @@ def _open(job: OverlayJob, scene: Scene, index: int, source: FrameSource, span: 
     run = scene.run
     name, camera = run.rig.names[index], run.rig[index]
     fit = fit_size(source.path, name, source.size, camera.size)
-    if fit.remark:
-        warnings.warn(fit.remark, UserWarning, stacklevel=2)
     size: Size = source.size
     corners = np.zeros((len(run.poses.frames), 2), dtype=np.int64)
     if job.crop:
-        size, corners = follow((scene.outline(index) + 0.5) * fit.scale - 0.5, source.size)
+        size, corners = follow((scene.outline(index) + 0.5) * fit - 0.5, source.size)
     layout = run.layout
     view = View(
         scene=scene,
@@ -177,7 +175,7 @@ def _open(job: OverlayJob, scene: Scene, index: int, source: FrameSource, span: 
         name=name,
         source=source,
         offset=run.offsets.get(name, 0),
-        place=Place(fit.scale, size, job.scale or 1.0),
+        place=Place(fit, size, job.scale or 1.0),
         corners=corners,
         labelled=job.legend,
     )
