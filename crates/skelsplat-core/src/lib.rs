@@ -1,7 +1,16 @@
 //! Accurate 3D human pose from 2D keypoints of several calibrated cameras, without training.
 //!
-//! Each joint is an anisotropic 3D Gaussian (μ_j, Σ_j). It is splatted into every view i on a channel of its
-//! own and matched to a Gaussian at the 2D detection d_ij:
+//! Each joint is a 3D Gaussian (μ_j, Σ_j). It is projected into every view i and matched to a Gaussian at the 2D detection
+//! d_ij there. The default method, `annealed`, takes round splats Σ = σ² I and the overlap in closed form: with e_ij the
+//! vector from the ray of the detection to the joint,
+//!
+//! ```text
+//! k_ij = exp(−|e_ij|² / 4σ²)                     how far a detection is believed
+//! F    = Σ_ij c_ij (2σ²/ŝ²) (1 − k_ij) + ½ Σ_j (x_j−x⁰_j)ᵀ Π_j (x_j−x⁰_j) + ½ Σ_p κ_p (‖l_p‖−‖r_p‖)² / σ_sym²
+//! ```
+//!
+//! minimised by re-weighted Gauss–Newton while σ narrows to the detections' noise ŝ, from any start. The published method,
+//! `paper`, renders the splats on a channel per joint and moves them by Adam:
 //!
 //! ```text
 //! L_opt    = L_render + λ_sym L_sym
@@ -10,9 +19,46 @@
 //! render   = min(0.99, exp(−½ (p−m)ᵀ(Σ²)⁻¹(p−m)))      m = π(Rμ+t),  Σ² = J W Σ Wᵀ Jᵀ + h·I
 //! ```
 //!
-//! after "SkelSplat: Robust Multi-view 3D Human Pose Estimation with Differentiable Gaussian Rendering"
-//! (WACV 2026). This crate knows no Python, no files and no data sets. Lengths are millimetres inside;
-//! [`Refiner`] takes any [`Unit`].
+//! after "SkelSplat: Robust Multi-view 3D Human Pose Estimation with Differentiable Gaussian Rendering" (WACV 2026).
+//!
+//! ```
+//! use skelsplat_core::nalgebra::{Matrix3, Vector3};
+//! use skelsplat_core::{Camera, Detections, Frame, JointStatus, RefineConfig, Refiner, Unit};
+//!
+//! # fn main() -> skelsplat_core::Result<()> {
+//! // Three cameras 5 m from the origin that look at it; x right, y down, z forward.
+//! let k = Matrix3::new(1100.0, 0.0, 500.0, 0.0, 1100.0, 500.0, 0.0, 0.0, 1.0);
+//! let camera = |angle: f64| {
+//!     let (sin, cos) = angle.sin_cos();
+//!     let rotation = Matrix3::new(-sin, cos, 0.0, 0.0, 0.0, -1.0, -cos, -sin, 0.0);
+//!     Camera::new(&k, &rotation, &Vector3::new(0.0, 0.0, 5.0), [1000, 1000])
+//! };
+//! let cameras = [camera(0.0)?, camera(2.0)?, camera(4.0)?];
+//!
+//! // Two joints, of which the last camera mistakes the second for something 90 px away.
+//! let truth = [Vector3::new(0.1, 0.2, 0.3), Vector3::new(-0.2, 0.1, -0.4)];
+//! let mut pixels = Vec::new();
+//! for (i, camera) in cameras.iter().enumerate() {
+//!     for (j, joint) in truth.iter().enumerate() {
+//!         let p = camera.project(joint).expect("in front of the camera");
+//!         pixels.extend([p.x + if (i, j) == (2, 1) { 90.0 } else { 0.0 }, p.y]);
+//!     }
+//! }
+//! let detections = Detections::new(3, 2, &pixels, None)?;
+//!
+//! let refiner = Refiner::new(&cameras, Unit::Metre, None, RefineConfig::default())?;
+//! let found = refiner.refine(&Frame::from(detections))?;
+//! assert!((found.pose[0] - truth[0]).norm() < 1e-3);
+//! assert!((found.pose[1] - truth[1]).norm() < 1e-3);
+//! assert_eq!(found.joint_status, [JointStatus::Ok; 2]);
+//! assert!(found.view_weights[2 * 2 + 1] < 0.01, "the mistake is not believed");
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! Settings are [`RefineConfig`], whose tables ([`RefineConfig::settings`]) describe each of them. [`refine_batch`] refines many
+//! frames on all cores, with the same bits on any number of them. [`study`] has the parts. This crate knows no Python, no files
+//! and no data sets. Lengths are millimetres inside; [`Refiner`] takes any [`Unit`].
 
 mod annealed;
 mod batch;

@@ -92,7 +92,7 @@ def simulate_detections(
 
 def true_pixels(points: FloatArray, cameras: CameraRig | Sequence[Camera]) -> FloatArray:
     """Projections (T, M, N, 2) of joints (T, N, 3); NaN outside the image."""
-    from skelsplat import project
+    from skelsplat._skelsplat import project
 
     pixels = np.moveaxis(np.asarray(project(points, cameras)), 0, 1)
     limits = np.array([camera.size for camera in cameras], dtype=np.float64)[:, None] - 0.5

@@ -45,6 +45,39 @@ struct Mixture {
 }
 
 impl Mixture {
+    /// The shares and the spread that make `solution` most likely, and the share of wrong detections of all views.
+    fn fitted(rays: &Rays, solution: &Solution, widest: f64) -> (Self, f64) {
+        let mut mixture = Self {
+            variance: solution.variance,
+            anywhere: widest,
+            widest,
+            wrong: vec![FIRST_SHARE; rays.n_views()],
+        };
+        let least = LEAST_REACH * LEAST_REACH * solution.variance / rays.mean_weight();
+        let mut share = FIRST_SHARE;
+        let mut of_view = vec![(0.0, 0.0); rays.n_views()];
+        for _ in 0..ROUNDS {
+            of_view.fill((0.0, 0.0));
+            let mut squares = 0.0;
+            for (j, x) in solution.points.iter().enumerate().filter(|(_, x)| x.x.is_finite()) {
+                for (i, ray) in there(rays, j) {
+                    let w = 1.0 - mixture.of(i, ray, x).1;
+                    squares += w * ray.offset(x).across.norm_squared();
+                    of_view[i] = (of_view[i].0 + w, of_view[i].1 + 1.0);
+                }
+            }
+            let (wrong, n) =
+                of_view.iter().fold((0.0, 0.0), |(w, n), view| (w + view.0, n + view.1));
+            share = (wrong + 1.0) / (n + 2.0);
+            for (own, (wrong, n)) in mixture.wrong.iter_mut().zip(&of_view) {
+                *own = (wrong + SHARED * share) / (n + SHARED);
+            }
+            let apart = (squares + 2.0 * widest) / (2.0 * (wrong + 1.0));
+            mixture.anywhere = apart.min(widest).max(least);
+        }
+        (mixture, share)
+    }
+
     /// N₂(e; ŝ²/c) of a ray of weight c, 0 behind its camera, and N₂(e; S²).
     fn densities(&self, ray: &Ray, x: &Vector3<f64>) -> (f64, f64) {
         let offset = ray.offset(x);
@@ -86,6 +119,11 @@ impl Mixture {
     }
 }
 
+/// The rays of joint `j` that are there, with their views.
+fn there(rays: &Rays, j: usize) -> impl Iterator<Item = (usize, &Ray)> {
+    rays.of_joint(j).iter().enumerate().filter(|(_, ray)| ray.is_there())
+}
+
 /// What the detections say of a solution.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Evidence {
@@ -104,40 +142,13 @@ pub fn evidence(
     widest: f64,
 ) -> Evidence {
     let placed = || solution.points.iter().enumerate().filter(|(_, x)| x.x.is_finite());
-    let there = |j: usize| rays.of_joint(j).iter().enumerate().filter(|(_, ray)| ray.is_there());
     let widest = widest * widest;
-    let mut mixture = Mixture {
-        variance: solution.variance,
-        anywhere: widest,
-        widest,
-        wrong: vec![FIRST_SHARE; rays.n_views()],
-    };
-    let least = LEAST_REACH * LEAST_REACH * solution.variance / rays.mean_weight();
-    let mut share = FIRST_SHARE;
-    let mut of_view = vec![(0.0, 0.0); rays.n_views()];
-    for _ in 0..ROUNDS {
-        of_view.fill((0.0, 0.0));
-        let mut squares = 0.0;
-        for (j, x) in placed() {
-            for (i, ray) in there(j) {
-                let w = 1.0 - mixture.of(i, ray, x).1;
-                squares += w * ray.offset(x).across.norm_squared();
-                of_view[i] = (of_view[i].0 + w, of_view[i].1 + 1.0);
-            }
-        }
-        let (wrong, n) = of_view.iter().fold((0.0, 0.0), |(w, n), view| (w + view.0, n + view.1));
-        share = (wrong + 1.0) / (n + 2.0);
-        for (own, (wrong, n)) in mixture.wrong.iter_mut().zip(&of_view) {
-            *own = (wrong + SHARED * share) / (n + SHARED);
-        }
-        let apart = (squares + 2.0 * widest) / (2.0 * (wrong + 1.0));
-        mixture.anywhere = apart.min(widest).max(least);
-    }
+    let (mixture, share) = Mixture::fitted(rays, solution, widest);
     let of_joint = |(j, x): (usize, &Vector3<f64>)| {
         let mut information = Matrix3::from_diagonal_element(1.0 / widest);
         let (mut log_p, mut of_wrong) = (0.0, 0.0);
         let mut wrong = Vec::new();
-        for (i, ray) in there(j) {
+        for (i, ray) in there(rays, j) {
             let (p, right) = mixture.of(i, ray, x);
             if right < RIGHT {
                 wrong.push((i, *ray));

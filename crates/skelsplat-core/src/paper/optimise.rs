@@ -37,11 +37,7 @@ pub fn optimise<P: Pixel>(
 ) -> Result<Run> {
     let n_views = objective.n_views();
     let per_step = settings.views_per_step.unwrap_or(n_views);
-    let decay = ExponentialDecay {
-        initial: position_lr,
-        decay: settings.lr_decay,
-        steps: settings.lr_decay_steps,
-    };
+    let decay = decay(settings, position_lr);
     let mut adam = Adam::new(gaussians.len(), settings.adam_betas, settings.adam_epsilon);
     let mut stopping =
         WindowMinimum::new(settings.stop_window.unwrap_or(n_views), settings.stop_tolerance);
@@ -60,13 +56,8 @@ pub fn optimise<P: Pixel>(
             run.stop_reason = StopReason::Diverged;
             break;
         }
-        let rates = LearningRates {
-            position: decay.at(step),
-            log_scale: settings.log_scale_lr,
-            rotation: settings.rotation_lr,
-        };
         last.copy_from_slice(gaussians);
-        adam.step(gaussians, objective.gradient(), rates);
+        adam.step(gaussians, objective.gradient(), rates(settings, decay.at(step)));
         if !gaussians.iter().zip(&last).all(|(now, before)| before.is_finite() <= now.is_finite()) {
             gaussians.copy_from_slice(&last);
             run.stop_reason = StopReason::Diverged;
@@ -82,4 +73,12 @@ pub fn optimise<P: Pixel>(
         }
     }
     Ok(run)
+}
+
+fn decay(settings: &PaperSettings, initial: f64) -> ExponentialDecay {
+    ExponentialDecay { initial, decay: settings.lr_decay, steps: settings.lr_decay_steps }
+}
+
+fn rates(settings: &PaperSettings, position: f64) -> LearningRates {
+    LearningRates { position, log_scale: settings.log_scale_lr, rotation: settings.rotation_lr }
 }
