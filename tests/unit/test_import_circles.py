@@ -20,6 +20,7 @@ LAYERS = [
     {"annealed", "paper"},
     {"refine", "triangulation"},
     {"batch"},
+    {"follow"},
 ]
 
 
