@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from detection_files import CASES, Take, deeplabcut_table
+from detection_cases import CASES
+from detection_files import Take, deeplabcut_table
 from skelsplat.io import read_detections
 
 NAMES = ["camA", "camB"]

@@ -7,7 +7,8 @@
 `--only NAME` (repeatable) makes or compares a part; NAME is one of those that `list` prints. Arrays are
 compared bit for bit, tables and marker files byte for byte, JSON number by number. What depends on
 the clock or the machine (times, threads, versions, paths), words, pictures and pages are left out. Keys of
-JSON may be renamed and added; a number that is gone is a difference.
+JSON may be renamed and added; a number that is gone is a difference. Folders of results may be
+renamed. Lists of settings are not compared: what follows from them is.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import re
 import subprocess
 import sys
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +31,7 @@ ABLATIONS = (
     *("symmetry", "resolution", "covariance", "coverage"),
 )
 VOLATILE = re.compile(
-    r"seconds|timing|_s$|_ms$|ms/pose|per_pose|per_second|threads|version|created|command|folder|path|time$|sha|digest|files$",
+    r"seconds|timing|settings|_s$|_ms$|ms/pose|per_pose|per_second|threads|version|created|command|folder|path|time$|sha|digest|files$",
     re.I,
 )
 PAGES = {".png", ".html", ".log", ".md", ".toml", ".state"}
@@ -192,7 +194,14 @@ def compare(before: Path, after: Path, only: list[str]) -> int:
     differences = 0
     for name in only:
         files = sorted(path for path in (before / name).rglob("*") if path.is_file())
-        found = [text for path in files for text in _differences(path, after / path.relative_to(before))]
+        namesakes: dict[str, list[Path]] = {}
+        for path in (after / name).rglob("*"):
+            namesakes.setdefault(path.name, []).append(path)
+        found = [
+            text
+            for path in files
+            for text in _differences(path, after / path.relative_to(before), namesakes.get(path.name, ()))
+        ]
         print(f"{name}: {len(files)} files, {'as before' if not found else f'{len(found)} differences'}")
         for text in found[:12]:
             print(f"  {text}")
@@ -200,11 +209,12 @@ def compare(before: Path, after: Path, only: list[str]) -> int:
     return int(differences > 0)
 
 
-def _differences(a: Path, b: Path) -> list[str]:
+def _differences(a: Path, b: Path, renamed: Sequence[Path] = ()) -> list[str]:
+    """Return what differs between two files; ``renamed`` may hold ``b`` if it is not in its place."""
     if a.suffix in PAGES or a.name.startswith(".") or "cache" in str(a):
         return []
     if not b.exists():
-        return [f"{b}: missing"]
+        return [] if renamed and any(not _differences(a, c) for c in renamed) else [f"{b}: missing"]
     if a.suffix == ".npz":
         return [f"{b}: {text}" for text in _arrays_differ(a, b)]
     if a.suffix == ".json" and a.stat().st_size:
@@ -227,7 +237,9 @@ def _table(path: Path) -> list[list[str]]:
     with path.open(newline="") as stream:
         rows = list(csv.reader(stream))
     keep = [k for k, name in enumerate(rows[0]) if not VOLATILE.search(name)] if rows else []
-    return [[row[k] for k in keep if k < len(row) and _is_number(row[k])] for row in rows]
+    return [
+        [row[k] for k in keep if k < len(row) and _is_number(row[k])] for row in rows if "ms" not in row
+    ]  # rows of times
 
 
 def _is_number(text: str) -> bool:
@@ -265,7 +277,7 @@ def _numbers_differ(a: Any, b: Any) -> list[str]:
 
 def _leaves(value: Any, path: str = "") -> Any:
     """Yield (path, number) of a document, but of what depends on the clock or the machine."""
-    if isinstance(value, dict):
+    if isinstance(value, dict) and value.get("unit") != "ms":  # a table of times
         for key, part in value.items():
             if not VOLATILE.search(str(key)):
                 yield from _leaves(part, f"{path}.{key}")

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from command_line import invoke, read_report, texts
-from detection_files import CASES, Take
+from detection_cases import CASES
+from detection_files import Take
 
 OPTIONS = ["--unit", "m", "--layout", "body25b", "--fps", 60, "--no-html"]
 

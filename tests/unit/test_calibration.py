@@ -86,7 +86,9 @@ def test_fisheye_coefficients(write, padding):
 
 def test_a_camera_without_distortions_has_none_and_is_warned_of(write):
     text = VALID.replace("distortions = [-0.05, 0.002, 1e-05, -2e-05]\n", "")
-    with pytest.warns(UserWarning, match="no distortions for left, right: read as without a lens"):
+    with pytest.warns(
+        UserWarning, match="no distortions for left, right: assumed to have no lens distortion"
+    ):
         assert read_calibration(write(text), unit="m")[0].distortion is None
 
 

@@ -131,7 +131,7 @@ def test_a_video_of_fewer_lines_than_the_sensor_needs_the_binning(tmp_path, view
 def test_a_turned_view_is_a_warning(tmp_path, views):
     path = files.qualisys(tmp_path, views)
     path.write_text(path.read_text().replace('viewrotation="0"><fov', 'viewrotation="90"><fov'))
-    with pytest.warns(UserWarning, match=r"viewrotation: camera 54138969, .* were turned for display"):
+    with pytest.warns(UserWarning, match=r"viewrotation: camera 54138969, .* were rotated for display"):
         read_calibration(path)
 
 

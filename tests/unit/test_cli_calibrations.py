@@ -10,7 +10,8 @@ import pytest
 import calibration_files as files
 import skelsplat as sk
 from command_line import assert_fails, invoke
-from detection_files import CASES, Take
+from detection_cases import CASES
+from detection_files import Take
 from skelsplat import synthetic
 from skelsplat.io import read_npz, write_calibration
 from skelsplat.run import folder as run_folder
@@ -136,19 +137,19 @@ def check(room, name, *options):
 def test_check_cameras_reads_the_detections_of_every_tool(room, name):
     result = check(room, name, *LAYOUT)
     assert result.exit_code == 1, result.output
-    assert "! cam3: its frame numbers are 3 too high" in " ".join(result.stdout.split())
+    assert "! cam3's frame numbers are 3 too high" in " ".join(result.stdout.split())
     assert "  --offset cam3=-3" in result.stdout.splitlines()
 
 
 def test_the_offset_to_give_is_beside_the_one_given(room):
     said = check(room, "coco", *LAYOUT, "--offset", "cam3=-1").stdout
-    assert "! cam3: its frame numbers are 2 too high" in " ".join(said.split())
+    assert "! cam3's frame numbers are 2 too high" in " ".join(said.split())
     assert "  --offset cam3=-3" in said.splitlines()
     assert check(room, "coco", *LAYOUT, "--offset", "cam3=-3").exit_code == 0
 
 
 def test_check_cameras_takes_a_layout_from_the_files_and_a_map(room):
-    assert "cam3: its frame numbers" in " ".join(check(room, "deeplabcut_csv").stdout.split())
+    assert "cam3's frame numbers" in " ".join(check(room, "deeplabcut_csv").stdout.split())
     result = check(room, "deeplabcut_csv", *LAYOUT, "--map", "pelvis=none", "--json")
     assert [finding["kind"] for finding in json.loads(result.stdout)["findings"]] == ["offset"]
 

@@ -12,7 +12,7 @@ import typer
 from typer.testing import CliRunner
 
 from command_line import assert_fails, invoke
-from skelsplat.cli import ablate, app, evaluate, refine
+from skelsplat.cli import ablate, app, datasets, evaluate, refine
 from skelsplat.cli._app import OneLineErrors
 from skelsplat.cli.command import Application
 from skelsplat.cli.config import entries_of
@@ -188,7 +188,7 @@ def every_kind(
     data: ablate.Data = None,
     start: ablate.Start = "paper",
     detector: ablate.Detections = None,
-    setting: ablate.Setting = None,
+    setting: datasets.Settings = None,
     which: evaluate.Detections = None,
     sigma: ablate.InitSigma = 1.0,
 ) -> None:

@@ -10,7 +10,8 @@ from typer.testing import CliRunner
 
 import skelsplat as sk
 from command_line import invoke, read_report, texts
-from detection_files import CASES, Take
+from detection_cases import CASES
+from detection_files import Take
 from skelsplat.cli import app
 from skelsplat.io import read_npz, read_openpose
 from skelsplat.run import folder as run_folder

@@ -10,7 +10,8 @@ import pytest
 
 import skelsplat as sk
 from command_line import READ, assert_fails, invoke
-from detection_files import CASES, Take
+from detection_cases import CASES
+from detection_files import Take
 from skelsplat.io import read_npz, read_openpose, read_run
 from skelsplat.run import folder as run_folder
 

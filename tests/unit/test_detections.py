@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from detection_files import CASES, Take
+from detection_cases import CASES
+from detection_files import Take
 from skelsplat import synthetic
 from skelsplat.association import choose_person
 from skelsplat.io import read_detections

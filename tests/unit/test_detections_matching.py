@@ -13,7 +13,8 @@ import pytest
 
 import skelsplat as sk
 from broken_detections import NAMES, K, T, anybody, first_joints, write_case
-from detection_files import CASES, Take
+from detection_cases import CASES
+from detection_files import Take
 from skelsplat.io import read_detections
 from skelsplat.io.detections._match import Candidates, match_by_order
 

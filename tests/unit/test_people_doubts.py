@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from command_line import READ, invoke, read_report, texts
-from detection_files import CASES, Take
+from detection_cases import CASES
+from detection_files import Take
 from skelsplat import synthetic
 from skelsplat._crowd import LimbSpread
 from skelsplat.io import write_calibration

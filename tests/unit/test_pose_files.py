@@ -3,24 +3,20 @@
 from __future__ import annotations
 
 import json
-import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import skelsplat as sk
-from pose_sample import FILLED, JOINTS, MISSING, M, N, T, assert_equal, sample
+from pose_sample import JOINTS, MISSING, M, N, T, assert_equal, sample
 from skelsplat.io import (
     PoseData,
     read_csv,
     read_json,
-    read_netcdf,
     read_pose,
-    to_xarray,
     write_csv,
     write_json,
-    write_netcdf,
     write_pose,
 )
 from skelsplat.io.poses import POSE_FORMATS
@@ -197,128 +193,6 @@ def test_a_malformed_csv(tmp_path, case):
         read_csv(path)
 
 
-# xarray and NetCDF
-
-
-@pytest.fixture
-def xarray():
-    for package in ("h5py", "h5netcdf"):
-        pytest.importorskip(package, reason=f"{package} is not installed: pip install 'skelsplat[formats]'")
-    return pytest.importorskip("xarray", reason="xarray is not installed: pip install 'skelsplat[formats]'")
-
-
-def test_the_dataset_has_the_dimensions_variables_and_attributes_of_movement(xarray, tmp_path):
-    data = sample()
-    write_netcdf(tmp_path / "pose.nc", data)
-    with xarray.open_dataset(tmp_path / "pose.nc", engine="h5netcdf") as dataset:
-        assert dataset.position.dims == ("time", "space", "keypoints", "individuals")
-        assert dataset.confidence.dims == ("time", "keypoints", "individuals")
-        assert dict(dataset.sizes) == {"time": T, "space": 3, "keypoints": N, "individuals": 1, "space_2": 3}
-        assert list(dataset.space.values) == ["x", "y", "z"]
-        assert list(dataset.keypoints.values) == list(JOINTS)
-        assert list(dataset.individuals.values) == ["id_0"]
-        np.testing.assert_allclose(dataset.time, np.array([0, 1, 3, 4]) / 59.94, rtol=1e-15)
-        assert {name: dataset.attrs[name] for name in ("fps", "time_unit", "ds_type", "unit")} == {
-            "fps": 59.94,
-            "time_unit": "seconds",
-            "ds_type": "poses",
-            "unit": "mm",
-        }
-        assert dataset.source_software == f"SkelSplat {sk.__version__}"
-        assert dataset.processing.splitlines() == list(data.processing)
-        nose = dataset.position.sel(keypoints="nose", individuals="id_0")
-        np.testing.assert_array_equal(nose.values, data.pose[:, 0])
-        assert dataset.status.values[FILLED] == "filled"
-
-
-def test_confidence_is_the_mean_weight_and_0_without_a_sound_position(xarray):  # noqa: ARG001  skips
-    data = sample()
-    confidence = to_xarray(data).confidence.values[..., 0]
-    assert confidence[0, 0] == data.view_weights[0, 0, 0]  # the other view has no detection
-    assert confidence[0, 1] == data.view_weights[0, :, 1].mean()
-    assert [confidence[place] for place in (*MISSING, FILLED)] == [0.0, 0.0, 0.0]
-    bare = PoseData(data.pose, JOINTS, data.frames, "mm")
-    assert np.isnan(to_xarray(bare).confidence).all()
-
-
-def test_an_unknown_frame_rate_gives_time_in_frames(xarray):  # noqa: ARG001
-    dataset = to_xarray(replace(sample(), frame_rate=None), individual="Ada")
-    assert dataset.time.values.tolist() == [0, 1, 3, 4]
-    assert dataset.frame.values.tolist() == [10, 11, 13, 14]
-    assert dataset.time_unit == "frames"
-    assert "fps" not in dataset.attrs
-    assert dataset.individuals.values.tolist() == ["Ada"]
-
-
-@pytest.mark.parametrize("singular", [False, True])
-def test_netcdf_and_back(xarray, tmp_path, singular):  # noqa: ARG001
-    data = sample()
-    write_netcdf(tmp_path / "pose.nc", data, singular=singular)
-    back = read_netcdf(tmp_path / "pose.nc")
-    names = (
-        "pose",
-        "uncertainty",
-        "joint_status",
-        "joint_names",
-        "frames",
-        "unit",
-        "frame_rate",
-        "processing",
-    )
-    for name in names:
-        np.testing.assert_array_equal(getattr(back, name), getattr(data, name), err_msg=name)
-
-
-def test_movement_takes_the_file(xarray, tmp_path):
-    datasets = pytest.importorskip("movement.validators.datasets", reason="movement is not installed")
-    inputs = getattr(datasets, "ValidPosesInputs", None)
-    if inputs is None:
-        pytest.skip("this version of movement checks its datasets elsewhere")
-    write_netcdf(tmp_path / "pose.nc", sample(), singular="keypoint" in inputs.DIM_NAMES)
-    with xarray.open_dataset(tmp_path / "pose.nc", engine="h5netcdf") as dataset:
-        inputs.validate(dataset)
-
-
-MALFORMED_NETCDF = {
-    "no position": (lambda ds: ds.drop_vars("position"), "position: expected this variable, got"),
-    "other dimensions": (
-        lambda ds: ds.rename(keypoints="joint"),
-        "position: expected dimensions time, space, keypoints, individuals, got",
-    ),
-    "two of them": (
-        lambda ds: ds.isel(individuals=[0, 0]),
-        "individuals: expected one individual, got 2",
-    ),
-    "flat": (lambda ds: ds.isel(space=[0, 1]), "space: expected x, y, z, got x, y"),
-    "no unit": (lambda ds: ds.assign_attrs(unit="px"), "unit: expected the attribute mm, cm or m, got 'px'"),
-}
-
-
-@pytest.mark.parametrize("case", MALFORMED_NETCDF)
-def test_a_netcdf_of_something_else(xarray, tmp_path, case):  # noqa: ARG001
-    change, message = MALFORMED_NETCDF[case]
-    change(to_xarray(sample())).to_netcdf(tmp_path / "pose.nc", engine="h5netcdf")
-    with pytest.raises(sk.DatasetError, match=rf"pose\.nc: {message}"):
-        read_netcdf(tmp_path / "pose.nc")
-
-
-def test_a_netcdf_that_is_none(xarray, tmp_path):  # noqa: ARG001
-    (tmp_path / "pose.nc").write_text("hello " * 50)
-    for path in (tmp_path / "pose.nc", tmp_path / "none.nc"):
-        with pytest.raises(
-            sk.DatasetError, match=rf"{path.name}: file: expected .*NetCDF file, got"
-        ) as caught:
-            read_netcdf(path)
-        assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize("package", ["xarray", "h5netcdf", "h5py"])
-def test_netcdf_without_a_package(tmp_path, monkeypatch, package):
-    monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(sk.MissingPackageError, match=rf"{package} .*pip install 'skelsplat\[formats\]'"):
-        write_netcdf(tmp_path / "pose.nc", sample())
-
-
 # by extension
 
 
@@ -358,22 +232,6 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path, kind):
         assert "\n" not in str(caught.value)
     assert sorted(entry.name for entry in tmp_path.iterdir()) == [f"folder.{kind}", f"pose.{kind}"]
     assert path.read_bytes() == whole
-
-
-def test_an_interrupted_write_leaves_the_older_file(xarray, tmp_path, monkeypatch):
-    path = tmp_path / "pose.nc"
-    write_pose(path, sample())
-    whole = path.read_bytes()
-
-    def interrupted(_self, target, **_options):
-        target.write_bytes(b"half")
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(xarray.Dataset, "to_netcdf", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        write_pose(path, sample())
-    assert path.read_bytes() == whole
-    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_an_unknown_extension_and_an_option_of_another_format(tmp_path):

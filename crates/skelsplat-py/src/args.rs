@@ -29,17 +29,15 @@ pub(crate) fn shown(shape: &[usize]) -> String {
 }
 
 /// `name[…]` of entry `k` of an array of `shape`, counted row-major; `channel` ends the index.
-pub(crate) fn place(name: &str, shape: &[usize], mut k: usize, channel: &str) -> String {
-    if shape.is_empty() {
-        return name.to_owned();
+pub(crate) fn place(name: &str, shape: &[usize], k: usize, channel: &str) -> String {
+    let below = |axis: usize| shape[axis + 1..].iter().product::<usize>();
+    let at = |axis: usize| (k / below(axis) % shape[axis]).to_string();
+    let index: Vec<String> = (0..shape.len()).map(at).collect();
+    if index.is_empty() {
+        name.to_owned()
+    } else {
+        format!("{name}[{}{channel}]", index.join(", "))
     }
-    let mut places = Vec::with_capacity(shape.len());
-    for n in shape.iter().rev() {
-        places.push((k % n).to_string());
-        k /= n;
-    }
-    places.reverse();
-    format!("{name}[{}{channel}]", places.join(", "))
 }
 
 impl Array {
@@ -148,7 +146,7 @@ macro_rules! values {
 
             fn extract(value: Borrowed<'_, 'py, PyAny>) -> Result<Self> {
                 value.extract().map(Self).map_err(|e| {
-                    let words = |_: &PyErr| Error::invalid($name, $expected, repr(&value));
+                    let words = || Error::invalid($name, $expected, repr(&value));
                     in_words(value.py(), PyErr::from(e), words)
                 })
             }

@@ -69,7 +69,7 @@ impl<'py> FromPyObject<'_, 'py> for Cameras {
             Some(name) => Unit::by_name(&name.extract::<String>()?)?,
             None => Unit::default(),
         };
-        let words = |_: &PyErr| Error::invalid("cameras", expected, type_name(&value));
+        let words = || Error::invalid("cameras", expected, type_name(&value));
         let items = value.try_iter().map_err(|e| in_words(value.py(), e, words))?;
         let one = |(i, item): (usize, PyResult<_>)| {
             let item = item?;

@@ -7,7 +7,7 @@ use pyo3::{Borrowed, IntoPyObjectExt};
 use skelsplat_core::study::refine::config::OCCLUSION_FACTOR;
 use skelsplat_core::{Error, Kind, Method, RefineConfig as Core, Setting as Line, Value};
 
-use crate::args::{Array, Rebuilt, rebuilt, repr, type_name};
+use crate::args::{Array, Rebuilt, object, rebuilt, repr, type_name};
 use crate::errors::{Failure, Result, in_words, refuse};
 
 #[pyclass(frozen, eq, module = "skelsplat", name = "RefineConfig")]
@@ -133,7 +133,11 @@ impl RefineConfig {
             // not `to_string`: str() runs what Ctrl-C has left to do, and its error would be lost
             let name: String = name.extract()?;
             if name == METHOD {
-                expect_method(&config, &value)?;
+                // the method of a configuration does not change
+                let method = config.method.name();
+                if method_name(&value)? != method {
+                    return refuse("config.method", format!("'{method}'"), repr(&value));
+                }
             } else if name != OCCLUSION_FACTOR.name {
                 let value = read(config.setting(&name)?, &value)?;
                 config.set(&name, &value)?;
@@ -157,8 +161,7 @@ impl<'py> FromPyObject<'_, 'py> for RefineConfig {
     type Error = Failure;
 
     fn extract(value: Borrowed<'_, 'py, PyAny>) -> Result<Self> {
-        let wrong = || Error::invalid("config", "a RefineConfig or None", type_name(&value));
-        Ok(value.cast::<Self>().map(|config| Self(config.get().0.clone())).map_err(|_| wrong())?)
+        object("config", &value, "a RefineConfig or None").map(|it: &Self| Self(it.0.clone()))
     }
 }
 
@@ -167,20 +170,11 @@ fn method_name(value: &Bound<'_, PyAny>) -> Result<String> {
     Ok(value.cast::<PyString>().map_err(|_| wrong())?.to_cow()?.into_owned())
 }
 
-/// The method of a configuration does not change.
-fn expect_method(config: &Core, value: &Bound<'_, PyAny>) -> Result<()> {
-    let name = config.method.name();
-    match method_name(value)? == name {
-        true => Ok(()),
-        false => refuse("config.method", format!("'{name}'"), repr(value)),
-    }
-}
-
 /// A Python value as one of the setting's kind.
 fn read(line: &Line, value: &Bound<'_, PyAny>) -> Result<Value> {
     read_kind(line.kind, value).map_err(|failure| {
         let field = format!("config.{}", line.name);
-        let words = |_: &PyErr| Error::invalid(field, line.kind.expected(), repr(value));
+        let words = || Error::invalid(field, line.kind.expected(), repr(value));
         in_words(value.py(), failure.into(), words)
     })
 }

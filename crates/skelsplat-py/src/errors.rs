@@ -58,13 +58,9 @@ fn to_python(py: Python<'_>, error: &Error) -> PyErr {
 }
 
 /// What Python code raised for a value, in our words; Ctrl-C, which any of it may meet, stays what it is.
-pub(crate) fn in_words(
-    py: Python<'_>,
-    raised: PyErr,
-    words: impl FnOnce(&PyErr) -> Error,
-) -> Failure {
+pub(crate) fn in_words(py: Python<'_>, raised: PyErr, words: impl FnOnce() -> Error) -> Failure {
     match raised.is_instance_of::<PyException>(py) {
-        true => words(&raised).into(),
+        true => words().into(),
         false => raised.into(),
     }
 }

@@ -131,11 +131,8 @@ pub(crate) fn fuse_monocular(
     let (frames, cameras) = (detections, cameras.cameras);
     frames.expect_views(cameras.len())?;
     let (t, n) = (frames.count, frames.n_joints);
-    let ok = match *poses.0.shape.as_slice() {
-        [v, k, 3] => !frames.batch && v > 0 && k == n,
-        [f, v, k, 3] => frames.batch && f == t && v > 0 && k == n,
-        _ => false,
-    };
+    let views = poses.0.shape.iter().rev().nth(2).copied().unwrap_or(0);
+    let ok = views > 0 && poses.0.shape == frames.shape(&[views, n, 3]);
     let array = poses.0.shaped(ok, &format!("([T,] views, {n}, 3) as the detections"))?;
     let (points, given) = (array.points(), frames.detections()?);
     let short = points.len().saturating_mul(cameras.len()) <= SHORT_PROJECTIONS;

@@ -65,7 +65,7 @@ impl Reader<'_> {
         one: impl Fn(&Bound<'_, PyAny>) -> Result<T>,
     ) -> Result<Vec<T>> {
         let Some(value) = value.filter(|v| !v.is_none()) else { return Ok(Vec::new()) };
-        let wrong = |_: &PyErr| Error::invalid(self.argument, expected, type_name(value));
+        let wrong = || Error::invalid(self.argument, expected, type_name(value));
         let items = value.try_iter().map_err(|e| in_words(value.py(), e, wrong))?;
         items.map(|item| one(&item?)).collect()
     }
@@ -77,7 +77,7 @@ impl Reader<'_> {
             let found = self.joints.iter().position(|j| **j == *name);
             return Ok(found.ok_or_else(|| wrong("a joint of the layout", format!("'{name}'")))?);
         }
-        let words = |_: &PyErr| wrong("a joint's index or name", type_name(value));
+        let words = || wrong("a joint's index or name", type_name(value));
         value.extract().map_err(|e| in_words(value.py(), e, words))
     }
 
@@ -99,7 +99,7 @@ impl Reader<'_> {
     fn symmetric(&self, value: Given<'_>) -> Result<Vec<SymmetricPair>> {
         let expected = "triples (tier, (l1, l2), (r1, r2))";
         self.each(value, expected, |item| {
-            let words = |_: &PyErr| Error::invalid(self.argument, expected, repr(item));
+            let words = || Error::invalid(self.argument, expected, repr(item));
             let (tier, left, right): (u8, Bound<'_, PyAny>, Bound<'_, PyAny>) =
                 item.extract().map_err(|e| in_words(item.py(), e, words))?;
             Ok(SymmetricPair { tier, left: self.pair(&left)?, right: self.pair(&right)? })

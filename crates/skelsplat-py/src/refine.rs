@@ -228,29 +228,25 @@ impl<'a> Gathered<'a> {
     }
 }
 
-/// A skeleton of a size that no body has.
-#[derive(IntoPyObject)]
-pub(crate) struct Implausible {
-    extent: f64,
-    taller: bool,
-    limit_mm: f64,
-    unit: &'static str,
-}
-
 /// Return what a warning quotes if the skeletons (T, N, 3) are taller than 10 m or shorter than 10 cm.
 ///
 /// With a layout of one's own the limits are 20 m and 1 mm.
 #[pyfunction]
 #[pyo3(signature = (poses, cameras, *, layout=None))]
-pub(crate) fn implausible_extent(
+pub(crate) fn implausible_extent<'py>(
+    py: Python<'py>,
     poses: Poses,
     cameras: Cameras,
     layout: Option<Layout>,
-) -> Option<Implausible> {
-    let (Poses(array), unit) = (poses, cameras.unit);
-    let n = array.shape[1].max(1);
-    let poses: Vec<Vec<Vector3<f64>>> = array.points().chunks(n).map(<[_]>::to_vec).collect();
-    let found = core_extent(&poses, unit, layout.map(|layout| layout.0).as_ref())?;
-    let (extent, taller, limit_mm) = (found.extent, found.taller, found.limit_mm);
-    Some(Implausible { extent, taller, limit_mm, unit: unit.name() })
+) -> PyResult<Option<Bound<'py, PyDict>>> {
+    let (n, layout) = (poses.0.shape[1].max(1), layout.map(|layout| layout.0));
+    let poses: Vec<Vec<Vector3<f64>>> = poses.0.points().chunks(n).map(<[_]>::to_vec).collect();
+    let found = core_extent(&poses, cameras.unit, layout.as_ref());
+    let Some(found) = found else { return Ok(None) };
+    let out = PyDict::new(py);
+    out.set_item("extent", found.extent)?;
+    out.set_item("taller", found.taller)?;
+    out.set_item("limit_mm", found.limit_mm)?;
+    out.set_item("unit", cameras.unit.name())?;
+    Ok(Some(out))
 }

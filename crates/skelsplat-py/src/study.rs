@@ -4,6 +4,7 @@ use std::sync::atomic::AtomicBool;
 
 use nalgebra::{Matrix3, Vector2, Vector3, Vector4};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use skelsplat_core::Result as CoreResult;
 use skelsplat_core::study::gaussian::check_covariances;
 use skelsplat_core::study::paper::render::{self as core, Images, Seen};
@@ -151,23 +152,12 @@ pub(crate) fn pseudo_ground_truth(
     })
 }
 
-/// The fields of `skelsplat.LossAndGradient`.
-#[derive(IntoPyObject)]
-pub(crate) struct LossAndGradient {
-    loss: f64,
-    render: f64,
-    symmetry: f64,
-    d_means: Out<f64>,
-    d_log_scales: Out<f64>,
-    d_quaternions: Out<f64>,
-}
-
 /// Fields of ``skelsplat.LossAndGradient``.
 #[pyfunction]
 #[pyo3(signature = (means, log_scales, quaternions, detections, cameras, *, layout=None, config=None, target_means=None, target_covariances=None))]
 #[allow(clippy::too_many_arguments, reason = "the settled interface, all but five by keyword")]
-pub(crate) fn loss_and_gradient(
-    py: Python<'_>,
+pub(crate) fn loss_and_gradient<'py>(
+    py: Python<'py>,
     means: Means,
     log_scales: LogScales,
     quaternions: Quaternions,
@@ -177,7 +167,7 @@ pub(crate) fn loss_and_gradient(
     config: Option<RefineConfig>,
     target_means: Option<TargetMeans>,
     target_covariances: Option<TargetCovariances>,
-) -> Result<LossAndGradient> {
+) -> Result<Bound<'py, PyDict>> {
     let gaussians = gaussians(&means.0, log_scales.0, quaternions.0)?;
     let targets = match (target_means, target_covariances) {
         (Some(means), Some(covariances)) => Some(shapes(&means.0, covariances.0)?),
@@ -194,17 +184,16 @@ pub(crate) fn loss_and_gradient(
         let control = Control { cancel: progress.cancelled(), ..Control::default() };
         refiner.loss_and_gradient(&gaussians, &given, targets, control)
     })?;
-    let (loss, gradient) = (found.loss, found.gradient);
     let rows = |of: fn(&GaussianGradient) -> Vector3<f64>| {
-        Out::points(&gradient.iter().map(of).collect::<Vec<_>>(), vec![n, 3])
+        Out::points(&found.gradient.iter().map(of).collect::<Vec<_>>(), vec![n, 3])
     };
-    let turns = gradient.iter().flat_map(|g| <[f64; 4]>::from(g.quaternion)).collect();
-    Ok(LossAndGradient {
-        loss: loss.total,
-        render: loss.render,
-        symmetry: loss.symmetry,
-        d_means: rows(|g| g.mean),
-        d_log_scales: rows(|g| g.log_scales),
-        d_quaternions: Out(turns, vec![n, 4]),
-    })
+    let turns = found.gradient.iter().flat_map(|g| <[f64; 4]>::from(g.quaternion)).collect();
+    let out = PyDict::new(py);
+    out.set_item("loss", found.loss.total)?;
+    out.set_item("render", found.loss.render)?;
+    out.set_item("symmetry", found.loss.symmetry)?;
+    out.set_item("d_means", rows(|g| g.mean))?;
+    out.set_item("d_log_scales", rows(|g| g.log_scales))?;
+    out.set_item("d_quaternions", Out(turns, vec![n, 4]))?;
+    Ok(out)
 }

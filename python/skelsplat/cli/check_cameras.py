@@ -13,10 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 import skelsplat as sk
-from skelsplat.cli import _calibration as calibration
-from skelsplat.cli import options
-from skelsplat.cli._calibration import CalibrationOptions
-from skelsplat.cli._reading import reading, refuse_reading
+from skelsplat.cli import inputs, options
 from skelsplat.cli.output import print_json
 from skelsplat.cli.table import print_table
 from skelsplat.findings import collected_warnings
@@ -24,7 +21,7 @@ from skelsplat.io.detections import read_detections
 from skelsplat.rig_check import ReadAs, RigReport, check_rig
 from skelsplat.run.job import FRAME_MODES
 from skelsplat.run.person import pick_person
-from skelsplat.run.read import leave_out, named_offsets
+from skelsplat.run.read import leave_out, named_offsets, read_rig
 
 if TYPE_CHECKING:
     from skelsplat.findings import Finding
@@ -54,7 +51,7 @@ _LEGEND = (
 # long: a parameter per option
 def check_cameras(
     context: typer.Context,
-    source: calibration.Calibration,
+    source: inputs.Calibration,
     detections: _Detections = None,
     *,
     layout: options.LayoutName = None,
@@ -66,12 +63,12 @@ def check_cameras(
     without: options.Without = None,
     joint_map: options.JointMap = None,
     sequence: options.Sequence = None,
-    unit: calibration.Unit = None,
-    calibration_format: calibration.Format = None,
-    camera_type: calibration.CameraType = None,
-    subject: calibration.Subject = None,
-    size: calibration.Size = None,
-    binning: calibration.Binning = None,
+    unit: inputs.Unit = None,
+    calibration_format: inputs.CalibrationFormat = None,
+    camera_type: inputs.CameraType = None,
+    subject: inputs.Subject = None,
+    size: inputs.Size = None,
+    binning: inputs.Binning = None,
     quiet: options.Quiet = False,
     as_json: options.AsJson = False,
 ) -> None:
@@ -96,17 +93,17 @@ def check_cameras(
     skelsplat check-cameras Calib.toml dlc/ --unit mm --layout coco17 --map nose=snout --offset camB=3
     """
     if detections is None:
-        refuse_reading(context)
+        inputs.refuse_detection_options(context)
     given = {
         "layout": layout and layout.lower(),
         "frames": options.one_of("--frames", frames, FRAME_MODES),
         "sequence": sequence,
-        **reading(format, offset, order, joint_map),
+        **inputs.detection_arguments(format, offset, order, joint_map),
     }
     who = options.person(person)
-    read = CalibrationOptions(unit, calibration_format, camera_type, subject, size, binning)
+    read = inputs.calibration_arguments(unit, calibration_format, camera_type, subject, size, binning)
     with collected_warnings() as warnings:
-        every = read.read(source)
+        every = read_rig(source, **read)
         rig = leave_out(every, tuple(without or ()))
         found = None
         if detections is not None:

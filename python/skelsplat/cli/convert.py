@@ -7,9 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from skelsplat.cli import _calibration as calibration
-from skelsplat.cli import options
-from skelsplat.cli._calibration import listed, width_and_height
+from skelsplat.cli import inputs, options
 from skelsplat.cli.config import from_file
 from skelsplat.cli.output import print_json
 from skelsplat.cli.table import tell
@@ -75,12 +73,12 @@ def convert(
     source: _Input,
     target: _Output,
     *,
-    unit: calibration.Unit = None,
-    format: calibration.Format = None,
-    camera_type: calibration.CameraType = None,
-    subject: calibration.Subject = None,
-    size: calibration.Size = None,
-    binning: calibration.Binning = None,
+    unit: inputs.Unit = None,
+    format: inputs.CalibrationFormat = None,
+    camera_type: inputs.CameraType = None,
+    subject: inputs.Subject = None,
+    size: inputs.Size = None,
+    binning: inputs.Binning = None,
     to_unit: _ToUnit = None,
     fps: _Fps = None,
     y_up: _YUp = False,
@@ -180,12 +178,18 @@ def _calibration(source: Path, target: Path, given: dict[str, Any]) -> tuple[str
     if unit is not None:
         options.one_of("--to-unit", unit, ("mm", "cm", "m"))
     size = given.pop("size", None)
-    rig = read_calibration(source, size=None if size is None else width_and_height(size), **given)
+    rig = read_calibration(source, size=inputs.width_and_height(size), **given)
     if target.resolve() == source.resolve():
         raise DatasetError(target, "target", "another file than the source", "the same")
     written = rig if unit is None else convert_unit(rig, unit)
     write_calibration(target, written)
-    cameras = f"{len(rig)} camera{'s' * (len(rig) != 1)} ({listed(rig.names)})"
+    cameras = f"{len(rig)} camera{'s' * (len(rig) != 1)} ({_listed(rig.names)})"
     about = {"format": given.get("format") or find_format(source), "cameras": list(rig.names)}
     sentence = f"Wrote {cameras} to {target}, lengths in {written.unit}."
     return sentence, {**about, "unit": {"input": rig.unit, "output": written.unit}}
+
+
+def _listed(names: tuple[str, ...], most: int = 8) -> str:
+    """Return names as a phrase, a long list cut short."""
+    rest = len(names) - most
+    return ", ".join(names) if rest <= 0 else f"{', '.join(names[:most])} and {rest} more"

@@ -9,15 +9,14 @@ from typing import TYPE_CHECKING, BinaryIO
 import typer
 
 import skelsplat as sk
-from skelsplat.cli import _calibration as calibration
-from skelsplat.cli import options
+from skelsplat.cli import inputs, options
 from skelsplat.cli._app import FAILED, INTERRUPTED
-from skelsplat.cli._calibration import CalibrationOptions
 from skelsplat.cli.options import one_of
 from skelsplat.cli.table import tell
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import collected_warnings
 from skelsplat.run.live import MalformedLineError, Session
+from skelsplat.run.read import read_rig
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -26,17 +25,17 @@ EPILOG = "Exit status: 0 at the end of the input, 1 failed, 2 bad usage, 130 int
 
 
 def live(
-    source: calibration.Calibration,
+    source: inputs.Calibration,
     *,
     layout: options.RequiredLayout = None,
     min_confidence: options.MinConfidence = None,
     no_undistort: options.NoUndistort = False,
-    unit: calibration.Unit = None,
-    calibration_format: calibration.Format = None,
-    camera_type: calibration.CameraType = None,
-    subject: calibration.Subject = None,
-    size: calibration.Size = None,
-    binning: calibration.Binning = None,
+    unit: inputs.Unit = None,
+    calibration_format: inputs.CalibrationFormat = None,
+    camera_type: inputs.CameraType = None,
+    subject: inputs.Subject = None,
+    size: inputs.Size = None,
+    binning: inputs.Binning = None,
     no_swaps: options.NoSwaps = False,
     sigma_mm: options.Sigma = None,
     quiet: options.Quiet = False,
@@ -74,7 +73,7 @@ def live(
     skelsplat live Calib.toml --unit mm --layout body25 < recorded.jsonl > poses.jsonl
     """
     known = sk.layouts.get(one_of("--layout", layout and layout.lower(), sk.layouts.names))
-    read = CalibrationOptions(unit, calibration_format, camera_type, subject, size, binning)
+    read = inputs.calibration_arguments(unit, calibration_format, camera_type, subject, size, binning)
     settings = {
         "min_confidence": min_confidence,
         "sigma_mm": sigma_mm,
@@ -83,7 +82,7 @@ def live(
     }
     given = {name: value for name, value in settings.items() if value is not None}
     with collected_warnings(tell):
-        rig = read.read(source)
+        rig = read_rig(source, **read)
         if len(rig) < 2:
             raise DatasetError(source, "cameras", "at least two cameras", len(rig))
         session = Session(rig, known, sk.RefineConfig(n_threads=1, **given))

@@ -8,10 +8,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 import skelsplat as sk
-from skelsplat.cli import _calibration as calibration
-from skelsplat.cli import options
-from skelsplat.cli._calibration import CalibrationOptions
-from skelsplat.cli._reading import reading
+from skelsplat.cli import inputs, options
 from skelsplat.cli.options import formats, positive
 from skelsplat.cli.output import counting, print_json
 from skelsplat.cli.table import print_files, print_run, tell
@@ -34,7 +31,7 @@ COMMON = (
 
 # long: a parameter per option
 def refine(
-    source: calibration.Calibration,
+    source: inputs.Calibration,
     detections: options.Detections,
     *,
     layout: options.LayoutName = None,
@@ -50,12 +47,12 @@ def refine(
     init_sigma_mm: options.InitSigma = None,
     min_confidence: options.MinConfidence = None,
     no_undistort: options.NoUndistort = False,
-    unit: calibration.Unit = None,
-    calibration_format: calibration.Format = None,
-    camera_type: calibration.CameraType = None,
-    subject: calibration.Subject = None,
-    size: calibration.Size = None,
-    binning: calibration.Binning = None,
+    unit: inputs.Unit = None,
+    calibration_format: inputs.CalibrationFormat = None,
+    camera_type: inputs.CameraType = None,
+    subject: inputs.Subject = None,
+    size: inputs.Size = None,
+    binning: inputs.Binning = None,
     paper: options.Paper = False,
     no_swaps: options.NoSwaps = False,
     sigma_mm: options.Sigma = None,
@@ -100,15 +97,15 @@ def refine(
         "find_swaps": False if no_swaps and not paper else None,
     }
     settings = {name: value for name, value in given.items() if value is not None}
-    cameras = CalibrationOptions(unit, calibration_format, camera_type, subject, size, binning)
+    read = inputs.calibration_arguments(unit, calibration_format, camera_type, subject, size, binning)
     job = Job(
         source,
         detections,
-        **cameras.given(),
+        **read,
         layout=layout and layout.lower(),
         person=person,
         frames=frames,
-        **reading(format, offset, order, joint_map),
+        **inputs.detection_arguments(format, offset, order, joint_map),
         without=tuple(dict.fromkeys(without or [])),
         sequence=sequence,
         init=init,

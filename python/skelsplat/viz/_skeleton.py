@@ -85,7 +85,7 @@ def body_axes(
     left, forward : (3,), (3,)
         To the body's left and to its front; ``left``, ``up`` and ``forward`` are orthonormal.
     known
-        False if no pair says where the body's left is.
+        False if the pairs do not tell where the body's left is.
     """
     left = _mean_heading(poses[frame : frame + 1], left_right, up)
     if np.linalg.norm(left) < _STEADY_HEADING:
@@ -102,7 +102,7 @@ def _horizontal(vectors: Array, up: Array) -> Array:
 
 
 def _mean_heading(poses: Array, left_right: tuple[tuple[int, int], ...], up: Array) -> Array:
-    """Return the mean of the unit left-minus-right vectors, (3,); its length says how well they agree."""
+    """Return the mean of the unit left-minus-right vectors, (3,); its length measures how well they agree."""
     if not left_right:
         return np.zeros(3)
     pairs = np.asarray(left_right)

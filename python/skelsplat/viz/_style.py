@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
-# Okabe and Ito's palette: told apart under the common colour-vision deficiencies.
+# Okabe and Ito's palette: distinguishable with the common colour-vision deficiencies.
 BEFORE = "#8c8c8c"
 AFTER = "#0072b2"
 LEFT = "#0072b2"
@@ -49,7 +49,7 @@ class Sheet:
 SCREEN = Sheet(width_in=14.0, dpi=100, title_pt=13, label_pt=11, small_pt=10)
 # A figure as a paper prints it: 180 mm, two columns of a journal.
 PRINT = Sheet(width_in=7.1, dpi=300, title_pt=9.0, label_pt=8.0, small_pt=7.0)
-PRINT_HEIGHT_IN = 9.4  # what a page of A4 or letter leaves beside a caption
+PRINT_HEIGHT_IN = 9.4  # what a page of A4 or letter leaves room for with a caption
 
 FORMATS = ("png", "pdf")
 _ABOUT: dict[str, str | None] = {"Creator": "skelsplat", "CreationDate": None}
@@ -192,8 +192,8 @@ def _pdf(pages: Sequence[Figure]) -> bytes:
 def write_whole(path: str | os.PathLike[str], content: bytes) -> Path:
     """Write a file whole or not at all.
 
-    The bytes go to a temporary file beside ``path``, which then takes its name: an interrupted run leaves the
-    former file.
+    The bytes go to a temporary file in the same folder, which then takes its name: an interrupted run leaves
+    the former file.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""``bones``: the lengths of the limbs over time; how much they vary says how rigid the skeleton is."""
+"""``bones``: the lengths of the limbs over time; how much they vary shows how rigid the skeleton is."""
 
 from __future__ import annotations
 

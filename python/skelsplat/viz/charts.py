@@ -1,4 +1,4 @@
-"""Charts of measured figures: bars with intervals, and lines by setting beside what was published."""
+"""Charts of measured figures: bars with intervals, and lines by setting next to published ones."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class BarData:
 def write_bars(path: str | os.PathLike[str], data: BarData) -> Path:
     """Write a chart of horizontal bars as PNG, whole or not at all.
 
-    A bar much longer than the others is cut at the figure's edge, and its number says how long it is.
+    A bar much longer than the others is cut at the figure's edge, and its number gives its length.
 
     Raises
     ------
@@ -117,7 +117,7 @@ class Panel:
     ----------
     title, x_label, y_label : str
     places : sequence of str
-        What stands under each place of the axis.
+        Labels of the places on the axis.
     lines : sequence of Line
     """
 

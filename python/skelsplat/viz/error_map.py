@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     Array = npt.NDArray[np.float64]
 
-# One hue each, from white to dark, so that they can be told in greyscale; grey is nothing measured.
+# One hue each, from white to dark, so that they can be read in greyscale; grey is nothing measured.
 _ERROR = LinearSegmentedColormap.from_list(
     "error", ["#ffffff", "#9ecae1", "#3182bd", "#08306b"]
 ).with_extremes(bad="#d9d9d9")
@@ -30,7 +30,7 @@ _REJECTED = LinearSegmentedColormap.from_list(
 ).with_extremes(bad="#d9d9d9")
 
 _LEAST_PT, _MOST_PT = 4.8, 7.0  # of the numbers in the cells; smaller ones are left out
-_BESIDE = 13  # columns up to which the two maps stand side by side
+_BESIDE = 13  # columns up to which the two maps are side by side
 _ROW_IN, _LEAST_ROW_IN, _COLUMN_IN = 0.2, 0.1, 0.6
 _LEAST_MAP_IN = 1.9  # wide enough for the title of a map
 _BAR_IN, _BAR_GAP_IN = 0.09, 0.08
@@ -98,7 +98,7 @@ def write_error_map(stem: Path, data: ErrorMapData, *, formats: Sequence[str] = 
 def draw_error_map(data: ErrorMapData) -> Figure:
     """Draw a row per joint and a column per camera: the median error, and the share of rejected detections.
 
-    The maps stand side by side, or from thirteen cameras on under one another. The numbers are written into
+    The maps are side by side, or from thirteen cameras on one above the other. The numbers are written into
     the cells where they fit.
     """
     joints = [_short(name).replace("_", " ") for name in (*data.joint_names, "all joints")]

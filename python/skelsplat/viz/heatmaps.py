@@ -1,4 +1,4 @@
-"""``heatmaps.png``: per camera the pseudo ground truth beside the rendering, with the joints on both."""
+"""``heatmaps.png``: per camera the pseudo ground truth next to the rendering, with the joints on both."""
 
 from __future__ import annotations
 

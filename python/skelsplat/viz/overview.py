@@ -102,9 +102,8 @@ def _legend(figure: Figure, left: float, top: float, entries: Sequence[Artist]) 
     _style.legend(figure, left, top, entries, _style.SCREEN.label_pt, columnspacing=1.4)
 
 
-def _text(figure: Figure, left: float, top: float, text: str) -> None:
-    x, y = left / _style.SCREEN.width_in, top / figure.get_figheight()
-    figure.text(x, y, text, fontsize=_style.SCREEN.title_pt, va="top")
+def _text(figure: Figure, left: float, top: float, words: str) -> None:
+    _style.text(figure, left, top, words, size=_style.SCREEN.title_pt, va="top")
 
 
 def _body_entries(body: Body, start: str, skeleton: Skeleton) -> list[Artist]:

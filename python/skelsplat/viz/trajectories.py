@@ -203,7 +203,7 @@ def _draw_bands(axes: Axes, time: TimeAxis, values: Array, spread: tuple[Array, 
 
 
 def _with_neighbours(mask: Mask) -> Mask:
-    """Return the mask and the frames beside it, so that a line meets what it continues."""
+    """Return the mask and the frames next to it, so that a line meets what it continues."""
     wide = mask.copy()
     wide[1:] |= mask[:-1]
     wide[:-1] |= mask[1:]

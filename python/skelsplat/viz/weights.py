@@ -80,12 +80,13 @@ def write_weights(path: str | os.PathLike[str], data: WeightData) -> Path:
     _draw_frames(by_frame, data)
     bar = figure.add_axes(_style.box(figure, _style.SCREEN.width_in - 0.75, 0.7, 0.18, height))
     figure.colorbar(image, cax=bar, ticks=[0, data.rejected_below, 1])
-    figure.text(
-        0.25 / _style.SCREEN.width_in,
-        1 - 0.2 / figure.get_figheight(),
+    _style.text(
+        figure,
+        0.25,
+        figure.get_figheight() - 0.2,
         f"Mean weight of the detections, all frames: 1 trusted, below {data.rejected_below:g} rejected, "
         "grey: no detection",
-        fontsize=_style.SCREEN.title_pt,
+        size=_style.SCREEN.title_pt,
         va="top",
     )
     return _style.save_png(figure, path)

@@ -194,12 +194,12 @@ def _size(
         if given is None:
             raise InvalidInputError(
                 f"size: expected the images' (width, height) for camera {camera.name!r}, because {path} does "
-                "not say it, got none"
+                "not contain it, got none"
             )
         return given
     if given is not None and tuple(given) != camera.size:
         width, height = camera.size
-        expected = f"none or ({width}, {height}), what {path} says of camera {camera.name!r}"
+        expected = f"none or ({width}, {height}), the size of camera {camera.name!r} in {path}"
         raise InvalidInputError(f"size: expected {expected}, got {tuple(given)}")
     return camera.size
 

@@ -54,8 +54,8 @@ def parse(source: Source, camera_type: str | None, binning: float | None) -> Par
     cameras = [Element(source.path, f"camera {n.get('serial', i)}", n) for i, n in enumerate(chosen)]
     turned = [camera.place for camera in cameras if camera.node.get("viewrotation", "0") != "0"]
     message = (
-        f"{source.path}: viewrotation: {', '.join(turned)} were turned for display; the calibration is "
-        "that of the image as the sensor has it, so the detections must come from images not turned"
+        f"{source.path}: viewrotation: {', '.join(turned)} were rotated for display; the calibration is "
+        "for images as the sensor records them, so the detections must come from unrotated images"
     )
     read = [_camera(camera, binning or _no_binning(camera)) for camera in cameras]
     return Parsed(read, "mm", [message] if turned else [])

@@ -52,7 +52,7 @@ def parse_anipose(source: Source) -> Parsed:
         expected = "at least one camera table with matrix, rotation and translation"
         raise DatasetError(source.path, "cameras", expected, f"tables {', '.join(source.toml) or 'none'}")
     bare = [str(one.value.get("name", one.place)) for one in cameras if one.value.keys().isdisjoint(_LENS)]
-    text = f"{source.path}: no distortions for {', '.join(bare)}: read as without a lens"
+    text = f"{source.path}: no distortions for {', '.join(bare)}: assumed to have no lens distortion"
     unit = document["metadata"]["unit"].value
     known = unit if unit in ("mm", "cm", "m") else None
     return Parsed([_anipose_camera(one) for one in cameras], known, [text] if bare else [])

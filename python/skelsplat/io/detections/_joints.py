@@ -25,8 +25,8 @@ _SIDES = {"l": "left", "r": "right"}
 _SHOWN = 40
 _UNKNOWN = "no known layout"
 _CUSTOM = (
-    "; choose a known one with --layout and say with --map JOINT=NAME (a name, a place from 0, or none) "
-    "where its joints are (in Python layout= and mapping=); a layout of just these joints needs Python "
+    "; choose a known one with --layout and assign its joints with --map JOINT=NAME (in Python layout= and "
+    "mapping=), where NAME is a name, a place from 0, or none; a layout of just these joints needs Python "
     "(skelsplat.Layout)"
 )
 
@@ -122,7 +122,7 @@ def places_of(view: View, layout: sk.Layout, mapping: Mapping[str, Joint]) -> Pl
             raise _wrong(view, f"one name for {joint}", names)
     missing = [joint for joint, places in named.items() if not places]
     if missing:
-        advice = f'mapping={{"{missing[0]}": …}} (--map {missing[0]}=…) says which it is'
+        advice = f'mapping={{"{missing[0]}": …}} (--map {missing[0]}=…) assigns it'
         actual = f"none for {', '.join(missing)} among {_listed(view.joints)}; {advice}"
         raise _wrong(view, f"a name for every joint of {layout.name}", actual)
     return tuple(

@@ -58,7 +58,9 @@ def _joints(arrays: Arrays, shape: str, least: int) -> Array:
         apart = as_numbers(path, "confidence", apart)
         if confidence is not None or apart.shape != array.shape[:-1]:
             expected = f"shape {array.shape[:-1]}, and pixels alone in {_KEY}"
-            raise DatasetError(path, "confidence", expected, f"{apart.shape} beside {array.shape}")
+            raise DatasetError(
+                path, "confidence", expected, f"{apart.shape} with {_KEY} of shape {array.shape}"
+            )
         confidence = apart
     return joints_of(path, _KEY, array[..., :2], confidence, clip=False)
 

@@ -15,7 +15,7 @@ LIGHT: Colour = (247, 247, 247)
 DARK: Colour = (24, 24, 24)
 # Diagonal of a 1920 × 1080 image, for which the sizes are made.
 _DIAGONAL = 2203.0
-_HALFWAY = "#f7f7f7"  # between rejected and believed, as in ColorBrewer's PiYG
+_HALFWAY = "#f7f7f7"  # between rejected and trusted, as in ColorBrewer's PiYG
 
 
 def bgr(colour: str) -> Colour:
@@ -36,7 +36,7 @@ _RAMP = np.array([bgr(colour) for colour in (_style.REJECTED, _HALFWAY, _style.D
 
 
 def weight_colour(weight: float) -> Colour:
-    """Return the colour of a detection of weight k in [0, 1]: rejected, light at ½, believed."""
+    """Return the colour of a detection of weight k in [0, 1]: rejected, light at ½, trusted."""
     blue, green, red = (round(float(np.interp(weight, [0.0, 0.5, 1.0], channel))) for channel in _RAMP.T)
     return blue, green, red
 

@@ -65,7 +65,7 @@ def cross(image: Image, centre: Array, radius: float, colour: Colour, width: int
 
 
 def diamond(image: Image, centre: Array, radius: float, colour: Colour, width: int) -> None:
-    """Draw a square that stands on a corner."""
+    """Draw a square on one of its corners."""
     line(image, centre + radius * _DIAMOND, colour, width, closed=True)
 
 

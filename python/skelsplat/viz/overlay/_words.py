@@ -1,4 +1,4 @@
-"""Words on images: the label in a corner, and the strip below the image that says what the marks mean."""
+"""Words on images: the label in a corner, and the strip below the image that explains the marks."""
 
 from __future__ import annotations
 

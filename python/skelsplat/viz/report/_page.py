@@ -126,7 +126,7 @@ def _thinned(count: int, shown: int, every: int) -> list[str]:
 
 
 def _json(content: dict[str, Any]) -> str:
-    """Return JSON that cannot end the element it stands in: ``<``, ``>`` and ``&`` are escaped."""
+    """Return JSON that cannot end its element: ``<``, ``>`` and ``&`` are escaped."""
     text = json.dumps(_finite(content), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
@@ -171,7 +171,7 @@ def _tiles(numbers: Iterable[KeyNumber]) -> str:
 
 
 def _table(content: Table) -> str:
-    """Return a table whose first column names the rows and whose heads say on hover what they mean."""
+    """Return a table whose first column names the rows and whose heads are explained on hover."""
     heads = "".join(
         f'<th scope="col" title="{escape(column.meaning)}">{escape(column.head)}</th>'
         for column in content.columns
@@ -183,12 +183,12 @@ def _table(content: Table) -> str:
 
 def _meanings(content: Table) -> str:
     """Return what the columns mean, for print and for readers without a pointer."""
-    said = [
+    explained = [
         f"<b>{escape(column.head)}</b> {escape(column.meaning)}"
         for column in content.columns
         if column.meaning
     ]
-    return "; ".join(said) + "."
+    return "; ".join(explained) + "."
 
 
 def _problems(rows: Sequence[ProblemRow]) -> str:

@@ -108,7 +108,7 @@ def _cameras(shapes: CameraShapes, turn: Array, middle: Array) -> list[dict[str,
 
 
 def frames_to_show(frames: npt.NDArray[np.int64], joints: int, wanted: Sequence[int]) -> tuple[Places, int]:
-    """Return the places of the frames to show and k, where every k-th is shown and ``wanted`` numbers beside.
+    """Return the places of the frames to show and k: every k-th frame is shown, and the numbers ``wanted``.
 
     All frames while they hold at most `MOST_POSITIONS` joint positions.
     """

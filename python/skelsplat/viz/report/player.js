@@ -1,7 +1,7 @@
 // Play, scrub, and links to frames.
 "use strict";
 
-const ASSUMED_RATE = 30; // frames per second where the recording does not say
+const ASSUMED_RATE = 30; // frames per second where the recording's rate is unknown
 const get = (id) => document.getElementById(id);
 const controls = { scrubber: get("scrubber"), play: get("play"), frame: get("frame"), speed: get("speed"), marks: get("marks") };
 const rate = scene.frame_rate ?? ASSUMED_RATE;

@@ -3,7 +3,7 @@
 
 const EMPTY = coordinates();
 const MOST_LABELS = 60;
-const MOST_PATH = 300; // points; every trace is drawn anew with every frame
+const MOST_PATH = 300; // points; every trace is redrawn with every frame
 const CONFIG = {
   displaylogo: false, responsive: true, scrollZoom: true,
   showSendToCloud: false, plotlyServerURL: "", // a recording of a person does not leave the machine

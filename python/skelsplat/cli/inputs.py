@@ -1,0 +1,156 @@
+"""Options that say how calibrations and detections are read, as arguments of their readers."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from skelsplat.cli import options
+from skelsplat.io.calibration import FORMATS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+_PANEL = "Calibration"
+_OF_DETECTIONS = (
+    *("--layout", "--format", "--frames", "--offset", "--order", "--map", "--sequence", "--person"),
+)
+
+Calibration = Annotated[
+    Path,
+    typer.Argument(
+        readable=False,
+        metavar="CALIBRATION",
+        help="Calibration file or folder. convert --help lists the formats.",
+    ),
+]
+
+Unit = Annotated[
+    str | None,
+    options.option(
+        _PANEL,
+        metavar="mm|cm|m",
+        help="Length unit of the calibration. Needed if the format does not state it: Anipose TOML, OpenCV "
+        "YAML.",
+    ),
+]
+CalibrationFormat = Annotated[
+    str | None,
+    options.option(
+        _PANEL,
+        metavar="NAME",
+        help=f"Format of the calibration: {', '.join(sorted(FORMATS))}.",
+        default="found from the content",
+    ),
+]
+CameraType = Annotated[
+    str | None,
+    options.option(
+        _PANEL,
+        metavar="TYPE",
+        help="Which cameras of the file: hd, vga, … (Panoptic), video cameras (Qualisys, Vicon), or all.",
+    ),
+]
+Subject = Annotated[
+    str | None, options.option(_PANEL, metavar="S1", help="Human3.6M: the subject with these cameras.")
+]
+Size = Annotated[
+    str | None,
+    options.option(
+        _PANEL, metavar="WxH", help="Image size, if the files do not state it: OpenPose, some OpenCV YAML."
+    ),
+]
+Binning = Annotated[
+    float | None, options.option(_PANEL, metavar="N", help="Qualisys: sensor pixels per pixel of the video.")
+]
+
+
+def calibration_arguments(
+    unit: str | None,
+    calibration_format: str | None,
+    camera_type: str | None,
+    subject: str | None,
+    size: str | None,
+    binning: float | None,
+) -> dict[str, Any]:
+    """Return the arguments of `skelsplat.run.read.read_rig`, which are fields of `skelsplat.run.Job`, too."""
+    return {
+        "unit": unit,
+        "calibration_format": calibration_format,
+        "camera_type": camera_type,
+        "subject": subject,
+        "size": width_and_height(size),
+        "binning": binning,
+    }
+
+
+def width_and_height(text: str | None) -> tuple[int, int] | None:
+    """Return what ``--size`` says, or raise `typer.BadParameter`."""
+    if text is None:
+        return None
+    found = re.fullmatch(r"(\d+)[x×](\d+)", text.strip())
+    if found is None or not (int(found[1]) and int(found[2])):
+        raise typer.BadParameter(
+            f"expected a width and a height such as 1920x1080, got {text!r}", param_hint="--size"
+        )
+    return int(found[1]), int(found[2])
+
+
+def detection_arguments(
+    name: str | None, offset: list[str] | None, order: str | None, joint_map: list[str] | None
+) -> dict[str, Any]:
+    """Return the arguments ``format``, ``offsets``, ``order`` and ``mapping`` of the reader.
+
+    Raises
+    ------
+    typer.BadParameter
+        If a value does not have the form of its option.
+    """
+    return {
+        "format": None if name is None else name.lower(),
+        "offsets": {camera: _frames(text) for camera, text in _pairs("--offset", offset)},
+        "order": order if order in (None, "sorted") else tuple(part.strip() for part in order.split(",")),
+        "mapping": {joint: _place(text) for joint, text in _pairs("--map", joint_map)},
+    }
+
+
+def refuse_detection_options(context: typer.Context) -> None:
+    """Refuse options on the command line that say how detections are read, where there are none.
+
+    Those in a file of options may be meant for another command.
+
+    Raises
+    ------
+    typer.BadParameter
+        If there is one.
+    """
+    for param in context.command.params:
+        said = getattr(context.get_parameter_source(str(param.name)), "name", "") == "COMMANDLINE"
+        if said and param.opts[0] in _OF_DETECTIONS:
+            raise typer.BadParameter("requires DETECTIONS", param_hint=param.opts[0])
+
+
+def _pairs(option: str, values: list[str] | None) -> Iterator[tuple[str, str]]:
+    """Yield the two sides of each ``A=B``; no A comes twice."""
+    seen = set()
+    for value in values or []:
+        left, equals, right = (part.strip() for part in value.rpartition("="))
+        if not (left and equals and right) or left in seen:
+            raise typer.BadParameter(f"expected A=B, each A once, got {value!r}", param_hint=option)
+        seen.add(left)
+        yield left, right
+
+
+def _frames(text: str) -> int:
+    if not re.fullmatch(r"[+-]?\d+", text):
+        expected = "a whole number of frames, like cam2=3 or cam2=-1"
+        raise typer.BadParameter(f"expected {expected}, got {text!r}", param_hint="--offset")
+    return int(text)
+
+
+def _place(text: str) -> str | int | None:
+    """Return what ``--map`` says of a joint: a place, nothing, or a name."""
+    return int(text) if text.isdecimal() else None if text == "none" else text

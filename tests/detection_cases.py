@@ -1,0 +1,68 @@
+"""Every way to write a format of detections, and what of the detections it keeps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+import detection_files as files
+
+
+@dataclass(frozen=True)
+class Case:
+    """A way to write a format, and what of the detections it keeps.
+
+    Attributes
+    ----------
+    write : callable
+    format : str
+        What it is found to be.
+    people, confidence, frames : bool
+        The format has more than one person, confidences, numbers of frames.
+    precision : type
+        Of the numbers in the file.
+    layout : str
+    order : str or None
+        How cameras are matched where the file does not name them.
+    """
+
+    write: Callable[..., Path]
+    format: str
+    people: bool = True
+    confidence: bool = True
+    frames: bool = True
+    precision: type = np.float64
+    layout: str = "h36m17"
+    order: str | None = None
+
+
+_ALONE = {"people": False, "confidence": False, "frames": False}
+CASES = {
+    "openpose": Case(files.openpose, "openpose"),
+    "easymocap": Case(files.easymocap, "easymocap"),
+    "mmpose": Case(files.mmpose, "mmpose"),
+    "alphapose": Case(files.alphapose, "alphapose"),
+    "coco": Case(files.coco, "coco"),
+    "rtmlib_frames": Case(files.rtmlib_frames, "rtmlib"),
+    "rtmlib_pairs": Case(files.rtmlib_pairs, "rtmlib"),
+    "rtmlib_cameras": Case(files.rtmlib_cameras, "rtmlib"),
+    "metrabs": Case(files.metrabs, "metrabs", confidence=False),
+    "metrabs_ragged": Case(files.metrabs_ragged, "metrabs", confidence=False),
+    "deeplabcut": Case(files.deeplabcut, "deeplabcut", people=False),
+    "deeplabcut_multi": Case(files.deeplabcut_multi, "deeplabcut"),
+    "deeplabcut_csv": Case(files.deeplabcut_csv, "deeplabcut_csv", people=False),
+    "deeplabcut_csv_multi": Case(files.deeplabcut_csv_multi, "deeplabcut_csv"),
+    "sleap": Case(files.sleap, "sleap", frames=False),
+    "freemocap": Case(files.freemocap, "freemocap", layout="coco17", order="sorted", **_ALONE),
+    "videopose3d": Case(files.videopose3d, "videopose3d", precision=np.float32, order="sorted", **_ALONE),
+    "videopose3d_custom": Case(
+        files.videopose3d_custom, "videopose3d", precision=np.float32, layout="coco17", **_ALONE
+    ),
+    "npz": Case(files.npz, "npz"),
+    "npz_cameras": Case(files.npz_cameras, "npz"),
+    "csv": Case(files.plain_csv, "csv"),
+    "csv_cameras": Case(files.plain_csv_cameras, "csv"),
+}
