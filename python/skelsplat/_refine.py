@@ -349,8 +349,8 @@ class Refiner:
 
         With the default the detections of this frame decide wherever two views see a joint, however far the
         person moved; the last pose gives the depth of a joint that one view sees and the place of one that
-        none sees (status ``"weak"`` and ``"unobserved"``). With ``paper`` joints without a reliable position are
-        triangulated anew, and so is the whole pose if most joints no longer meet their detections.
+        none sees (status ``"weak"`` and ``"unobserved"``). With ``paper`` joints without a reliable position
+        are triangulated anew, and so is the whole pose if most joints no longer meet their detections.
 
         Raises
         ------
