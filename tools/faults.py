@@ -21,6 +21,7 @@ import shutil
 import subprocess
 import sys
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 from pathlib import Path
 
 from planted import FAULTS, Fault
@@ -53,16 +54,21 @@ class Outcome:
 
 def place_of(fault: Fault, root: Path) -> Path:
     """Return the one file that holds the fault's text."""
-    found = [
-        (path, path.read_text(encoding="utf-8").count(fault.old))
-        for pattern in SOURCES
-        for path in sorted(root.glob(pattern))
-        if fault.old in path.read_text(encoding="utf-8")
-    ]
+    texts = {path: _text(path) for pattern in SOURCES for path in sorted(root.glob(pattern))}
+    found = [(path, text.count(fault.old)) for path, text in texts.items() if fault.old in text]
     if sum(count for _, count in found) != 1:
         places = ", ".join(f"{path.relative_to(root)} ({count})" for path, count in found) or "nowhere"
         raise SystemExit(f"{fault.name}: expected its text in one place, got it in {places}")
     return found[0][0]
+
+
+@lru_cache(maxsize=1000)
+def _text_at(path: Path, _changed: int) -> str:
+    return path.read_text(encoding="utf-8")
+
+
+def _text(path: Path) -> str:
+    return _text_at(path, path.stat().st_mtime_ns)
 
 
 def plant(fault: Fault, root: Path) -> Path:

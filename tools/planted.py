@@ -55,7 +55,7 @@ CORE = (
         "swapped index",
         "self.rays.swap(a * self.n_views + i, b * self.n_views + i);",
         "self.rays.swap(a * self.n_views + i, b * self.n_views);",
-        ("cargo --test annealed",),
+        ("tests/parity/test_annealed.py", UNIT + "test_refine.py", UNIT + "test_cli_report.py"),
     ),
     Fault(
         "a ray's weight is the view's without the detection's confidence",

@@ -201,7 +201,7 @@ def test_bad_arguments():
         check_rig(rig("room"), good[:, :3])
     with pytest.raises(sk.InvalidInputError, match="frames: expected 40 ascending numbers"):
         check_rig(rig("room"), good, frames=np.zeros(T, dtype=int))
-    with pytest.raises(sk.InvalidInputError, match="cameras: expected at least two beside detections, got 1"):
+    with pytest.raises(sk.InvalidInputError, match="cameras: expected at least two with detections, got 1"):
         check_rig(rig("room")[:1], good[:, :1])
     percentages = good.copy()
     percentages[3, 1, 2, 2] = 95.0

@@ -293,7 +293,7 @@ def one_of(option: str, value: str | None, choices: tuple[str, ...]) -> str:
     """Return ``value`` if it is one of ``choices``; None means that a required option is missing."""
     if value in choices:
         return value
-    got = "nothing (the files do not say)" if value is None else repr(value)
+    got = "nothing (the files do not state it)" if value is None else repr(value)
     raise typer.BadParameter(f"expected one of {', '.join(choices)}, got {got}", param_hint=option)
 
 

@@ -1,4 +1,4 @@
-"""What commands print besides tables: JSON on stdout, and the progress of long work on stderr."""
+"""What commands print apart from tables: JSON on stdout, and the progress of long work on stderr."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from skelsplat.run.plots import PICTURES, Drawn, Source, read_source, write_plot
 
 EPILOG = (
     "trajectories: positions with bands of ±1 and ±2 standard deviations. bones: lengths of the limbs, left "
-    "beside right. errors: median reprojection error and share of rejected detections, camera by joint. "
+    "next to right. errors: median reprojection error and share of rejected detections, camera by joint. "
     "Figures are 180 mm wide; further pages of PNG files are numbered. A file of poses is npz, csv, trc, "
     "c3d, json or nc, and has what its format holds."
 )
@@ -37,7 +37,7 @@ _Output = Annotated[
         "--output",
         metavar="FOLDER",
         help="Folder for the figures.",
-        default="RUN/plots, or plots beside the file",
+        default="RUN/plots, or plots next to the file",
     ),
 ]
 _Only = Annotated[

@@ -37,7 +37,7 @@ _GOOD = 0.012
 _AS_GOOD = 1.1
 # Frames of the camera's count that are tried, at most this part of the recording; a few frames do not tell.
 _MOST_SHIFT, _PART, _LEAST_SPAN = 30, 3, 12
-# What explains nearly as much is named beside it.
+# What explains nearly as much is named with it.
 _NEARLY_AS_GOOD = 1.2
 # Frames that fit a camera this much worse than the best do so nearly as well.
 _FITS = 1.05

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 # A camera whose detections are rejected this often, and this many times as often as the others', in so many
 # frames or more (less is somebody in the way); two cameras that miss each other by this share of a diagonal.
 _REJECTED, _RATIO, _LEAST_FRAMES, _APART = 1 / 3, 3.0, 5, 0.012
-# A camera that was knocked turns by less than this; one set up anew is further off.
+# A camera that was knocked turns by less than this; one set up again is further off.
 _FAR_DEG, _FAR_MM = 2.5, 150.0
 # Part of the diagonal, 42 px of 1000 by 1000: two and a half times what poor detections are off.
 _FAR_OFF = 0.03
@@ -82,7 +82,7 @@ def check_rig(
     Raises
     ------
     InvalidInputError
-        If shapes do not fit, a confidence lies outside [0, 1], or there are fewer than two cameras beside
+        If shapes do not fit, a confidence lies outside [0, 1], or there are fewer than two cameras with
         detections.
     """
     findings = check_geometry(in_mm(rig))
@@ -131,7 +131,7 @@ def _checked(people: npt.ArrayLike, rig: sk.CameraRig) -> Array:
     array = numbers(people, "people")
     array = array[:, :, None] if array.ndim == 4 else array
     if len(rig) < 2:
-        raise InvalidInputError(f"cameras: expected at least two beside detections, got {len(rig)}")
+        raise InvalidInputError(f"cameras: expected at least two with detections, got {len(rig)}")
     if array.ndim != 5 or array.shape[1] != len(rig) or array.shape[4] not in (2, 3) or 0 in array.shape:
         expected = f"shape (T, {len(rig)}, P, N, 3) for {len(rig)} cameras"
         raise InvalidInputError(f"people: expected {expected}, got {array.shape}")
@@ -165,7 +165,7 @@ def _images(rig: sk.CameraRig, people: Array) -> list[Finding]:
 
 
 def _left_over(scene: Scene, earlier: list[Finding]) -> list[Finding]:
-    """Cameras that still disagree when everything that was found is set right."""
+    """Cameras that still disagree when everything that was found is corrected."""
     rows = rows_of(scene, scene)
     if scene.views == 2:
         return _two(scene, rows)

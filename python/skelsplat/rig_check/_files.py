@@ -93,7 +93,7 @@ def correct_files(cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout
     """Find other images and exchanged cameras, and correct what leaves less disagreement.
 
     Exchanged cameras may agree better by chance if the images are taken to be of another size, and in a
-    symmetric rig they look nearly like turned or mirrored images. So an exchange alone is tried beside the
+    symmetric rig they look nearly like turned or mirrored images. So an exchange alone is tried next to the
     images, and what fits nearly as well is mentioned. Not so with more cameras than all orders are tried of:
     the exchange of two of them looks like nothing else.
     """
@@ -134,7 +134,7 @@ def find_images(
 ) -> tuple[Finding | None, Array, float]:
     """Say whether the detections of all cameras are of other images.
 
-    Returns the finding (None: they are not), the people set right, and the factor on lengths in that.
+    Returns the finding (None: they are not), the people corrected, and the factor on lengths in that.
     """
     some = people[some_frames(len(people))]
     before = judge(cameras, some, layout)

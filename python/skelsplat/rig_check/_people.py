@@ -45,7 +45,7 @@ def judge(cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout | None)
 def follow(cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout | None) -> Array:
     """Return one person's detections (T, M, N, 2), also in a view that no other view agrees with.
 
-    A camera in which the person is almost never found, although people stand there, may be wrong; the largest
+    A camera in which the person is almost never found, although people are there, may be wrong; the largest
     person of each of its images then stands in.
     """
     if people.shape[2] == 1 or len(cameras) < 2:

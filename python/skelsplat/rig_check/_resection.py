@@ -1,4 +1,4 @@
-"""Where a camera would have to stand to see known points where it detects them."""
+"""Where a camera would have to be to see known points where it detects them."""
 
 from __future__ import annotations
 

@@ -74,7 +74,7 @@ class Scene:
 
     @cached_property
     def residuals(self) -> Array:
-        """Distances in px of each camera's detections from what the others say, (M, J, N).
+        """Distances in px of each camera's detections from where the others place the joints, (M, J, N).
 
         One other camera does not say where a joint is: two are compared with the points between them.
         """

@@ -90,7 +90,7 @@ class Session:
 
 
 class Frame(NamedTuple):
-    """One line of the input: its name, the detections (M, N, 2|3), and whether to start anew."""
+    """One line of the input: its name, the detections (M, N, 2|3), and whether to forget the pose before."""
 
     name: Any
     detections: Array
@@ -141,7 +141,7 @@ def _detections(value: Any, cameras: int, joints: int) -> Array:
 
 
 def _without_nulls(value: Any, cameras: int, joints: int) -> list[list[list[float]]]:
-    """Return the nested lists with NaN in the place of null, or say what is wrong with them."""
+    """Return the nested lists with NaN in the place of null, or raise an error that says what is wrong."""
     missing = [float("nan")] * 3
     views = []
     for i, view in enumerate(_listed(value, cameras, "detections", "cameras")):

@@ -1,4 +1,4 @@
-"""One camera's video beside what the run knows of that camera."""
+"""One camera's video with what the run knows of that camera."""
 
 from __future__ import annotations
 
@@ -183,7 +183,7 @@ def _open(job: OverlayJob, scene: Scene, index: int, source: FrameSource, span: 
     if job.first_frame is None and _counted_from_one(view):
         text = (
             f"{source.path}: frames 0 to {source.last}, and the run has 1 to {source.last + 1} of {name}: if "
-            "its detector counts from 1, all is drawn one frame late; --first-frame 1 puts that right"
+            "its detector counts from 1, all is drawn one frame late; --first-frame 1 corrects that"
         )
         warnings.warn(text, UserWarning, stacklevel=2)
     return view
@@ -199,6 +199,6 @@ def _counted_from_one(view: View) -> bool:
 def _no_frame(view: View, span: Span) -> DatasetError:
     first, last = span[0] - view.offset, span[1] - view.offset
     expected = f"frames from {first} to {last}, which the run has of {view.name}"
-    advice = "" if view.source.path.is_dir() else "; --first-frame says which number the first one has"
+    advice = "" if view.source.path.is_dir() else "; --first-frame gives the number of the first one"
     actual = f"{view.source.first} to {view.source.last}{advice}"
     return DatasetError(view.source.path, "frames", expected, actual)
