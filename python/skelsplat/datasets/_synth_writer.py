@@ -18,7 +18,7 @@ from skelsplat.cameras import CameraRig
 from skelsplat.exceptions import DatasetError
 
 if TYPE_CHECKING:
-    from skelsplat.synthetic.recordings import Recording, RecordingSet
+    from skelsplat.synthetic.sets import Recording, RecordingSet
 
 FORMAT, FORMAT_VERSION = "skelsplat-simulated", 1
 INDEX = "dataset.json"
