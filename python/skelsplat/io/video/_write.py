@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from contextlib import ExitStack
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -19,7 +17,7 @@ from skelsplat.io.video._source import Image
 _CODEC = "mp4v"
 
 
-class FrameSink(ABC):
+class FrameSink:
     """Where frames go, in a ``with`` block.
 
     Attributes
@@ -32,21 +30,17 @@ class FrameSink(ABC):
     """
 
     def __init__(self, path: Path) -> None:
-        self.path = path
-        self.count = 0
-        self.size = (0, 0)
+        self.path, self.count, self.size = path, 0, (0, 0)
 
     def __enter__(self) -> FrameSink:
         return self
 
-    @abstractmethod
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None: ...
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: Any) -> None:
+        """Nothing is left to do for files that are whole already."""
 
-    @abstractmethod
     def write(self, number: int, image: Image) -> None:
         """Write a frame, or raise `DatasetError`."""
+        raise NotImplementedError
 
 
 class Mp4Sink(FrameSink):
@@ -72,9 +66,7 @@ class Mp4Sink(FrameSink):
         self._writer.write(even)
         self.count += 1
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: Any) -> None:
         if self._writer is not None:
             self._writer.release()
         if error is not None:
@@ -114,6 +106,3 @@ class PngSink(FrameSink):
             stream.write(data.tobytes())
         self.count += 1
         self.size = image.shape[1], image.shape[0]
-
-    def __exit__(self, *_: object) -> None:
-        return None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -52,13 +52,11 @@ class OverlayFrame:
 
     def moved(self, scale: Array, shift: Array) -> OverlayFrame:
         """Return the same frame on an image whose pixels are ``scale`` · pixel + ``shift``, both (2,)."""
-        return OverlayFrame(
+        return replace(
+            self,
             pose=self.pose * scale + shift,
             covariances=self.covariances * np.outer(scale, scale),
-            reliable=self.reliable,
             detections=self.detections * scale + shift,
-            weights=self.weights,
-            swapped=self.swapped,
             before=self.before * scale + shift,
         )
 
