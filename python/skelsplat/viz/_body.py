@@ -128,8 +128,7 @@ def _flatten(pose: Array, body: Body, view: _View) -> Array:
     """Return (N, 2): distance along the view's right from the refined pose's middle, and world height."""
     across = body.after[body.frame] @ view.right
     middle = np.median(across[np.isfinite(across)]) if np.isfinite(across).any() else 0.0
-    flat: Array = np.stack([pose @ view.right - middle, pose @ body.up], axis=1)
-    return flat
+    return np.stack([pose @ view.right - middle, pose @ body.up], axis=1)
 
 
 def _flat_covariances(body: Body, view: _View) -> Array:

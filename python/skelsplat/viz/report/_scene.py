@@ -186,8 +186,7 @@ def thin_line(values: Array, places: Places, *, peaks: bool) -> Array:
     """Return the values at ``places``, or with ``peaks`` the largest from each place to the next."""
     if not peaks or not len(places):
         return values[places]
-    largest: Array = np.fmax.reduceat(values, places)
-    return largest
+    return np.fmax.reduceat(values, places)
 
 
 @dataclass(frozen=True)
