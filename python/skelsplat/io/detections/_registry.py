@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable, Iterator
 from itertools import chain, islice
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._files import VIDEO_SUFFIXES
@@ -26,9 +26,6 @@ from skelsplat.io.detections import (
 )
 from skelsplat.io.detections._format import DetectionFormat
 from skelsplat.io.detections._sources import subfolders
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
 
 # in the order in which a message lists them
 FORMATS: dict[str, DetectionFormat] = {

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import csv
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._fields import Field
 from skelsplat.io._files import head, load_json, read_text
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 _FIELDS = "comma-separated fields, every quote closed"
 

@@ -9,20 +9,16 @@ number. `score` belongs to the person and is not used. An annotation file, whose
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from skelsplat.exceptions import DatasetError
+from skelsplat.io._fields import Field
 from skelsplat.io._files import frame_number, head
 from skelsplat.io.detections._format import Person, View, list_view
 from skelsplat.io.detections._text import json_document
 from skelsplat.io.detections.openpose import triples
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from skelsplat.io._fields import Field
 
 
 def read_coco(path: Path) -> View:

@@ -9,26 +9,22 @@ csv has the same numbers and no such risk).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from skelsplat._optional import require
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._arrays import hdf5_mentions
+from skelsplat.io._arrays import Array, hdf5_mentions
 from skelsplat.io._files import frame_number, opening
 from skelsplat.io.detections._format import View, array_view, joints_of
 from skelsplat.io.detections._text import csv_header, csv_lines
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    from skelsplat.io._arrays import Array
-
-    Columns = dict[str, dict[str, dict[str, int]]]  # by individual, part and coordinate
+Columns = dict[str, dict[str, dict[str, int]]]  # by individual, part and coordinate
 
 _KEY = "df_with_missing"
 _LEVELS = (("scorer", "bodyparts", "coords"), ("scorer", "individuals", "bodyparts", "coords"))

@@ -7,19 +7,15 @@ the last integer in the file's name. Hands and faces are separate keys and are l
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 
+from skelsplat.io._fields import Field
 from skelsplat.io._files import head
 from skelsplat.io.detections._format import Person, View, joints_of
 from skelsplat.io.detections._frames import frame_files
 from skelsplat.io.detections._text import json_document
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from skelsplat.io._fields import Field
 
 _LIST = "a list of people"
 

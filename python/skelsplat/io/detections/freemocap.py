@@ -9,14 +9,11 @@ matched to joints by name.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._arrays import as_numbers, load_npy, npy_shape
 from skelsplat.io.detections._format import Recording, array_view, joints_of
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 _SIDED = "eye_inner eye eye_outer"
 _PAIRS = "shoulder elbow wrist pinky index thumb hip knee ankle heel foot_index"

@@ -7,18 +7,14 @@ gives a place to every joint and no confidence: it counts as 1.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._arrays import as_numbers, load_npz, npz_keys
+from skelsplat.io._arrays import Array, as_numbers, load_npz, npz_keys
 from skelsplat.io.detections._format import View, array_view, joints_of
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from skelsplat.io._arrays import Array
 
 _KEYS = ("poses2d", "poses")
 

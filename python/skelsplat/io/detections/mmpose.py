@@ -8,16 +8,12 @@ and can exceed 1; they are clipped to [0, 1]. ``meta_info.keypoint_id2name`` con
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
+from skelsplat.io._fields import Field
 from skelsplat.io._files import head
 from skelsplat.io.detections._format import Person, View, joints_of, list_view
 from skelsplat.io.detections._text import json_document
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from skelsplat.io._fields import Field
 
 _LIST = "a list of frames"
 

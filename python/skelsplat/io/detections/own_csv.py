@@ -8,8 +8,9 @@ like it). ``joint`` is a name, or in every line the place in the layout, from 0.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 
@@ -18,12 +19,8 @@ from skelsplat.io._files import frame_number, whole_number
 from skelsplat.io.detections._format import Person, Recording, View, joints_of, list_view
 from skelsplat.io.detections._text import csv_header, csv_lines
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    # x, y, confidence by frame, person and joint of one camera
-    Lines = dict[int, dict[str, dict[str, tuple[float, ...]]]]
+# x, y, confidence by frame, person and joint of one camera
+Lines = dict[int, dict[str, dict[str, tuple[float, ...]]]]
 
 _NEEDED = ("frame", "joint", "x", "y")
 _HIGHEST = 9999

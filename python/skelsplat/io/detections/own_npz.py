@@ -14,16 +14,11 @@ joint_names       (K,)                    else the layout that is asked for has 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._arrays import as_numbers, load_npz, npz_keys
+from skelsplat.io._arrays import Array, Arrays, as_numbers, load_npz, npz_keys
 from skelsplat.io.detections._format import Recording, View, array_view, joints_of
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from skelsplat.io._arrays import Array, Arrays
 
 _KEY = "detections"
 _KEYS = (_KEY, "confidence", "camera_names", "frames", "joint_names")

@@ -8,17 +8,12 @@ exceed 1; they are clipped to [0, 1], and a joint whose score is not positive is
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._arrays import Arrays, as_numbers, load_npy, load_npz, npz_keys
+from skelsplat.io._arrays import Array, Arrays, as_numbers, load_npy, load_npz, npz_keys
 from skelsplat.io.detections._format import Person, View, array_view, joints_of
 from skelsplat.io.detections._frames import frame_files
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from skelsplat.io._arrays import Array
 
 _KEYPOINTS, _SCORES = "keypoints", "scores"
 _TAIL = f"_{_KEYPOINTS}.npy"

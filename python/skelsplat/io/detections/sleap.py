@@ -10,19 +10,15 @@ from __future__ import annotations
 
 import json
 import re
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from skelsplat._optional import require
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._arrays import array_names, as_numbers, hdf5_mentions
+from skelsplat.io._arrays import Array, array_names, as_numbers, hdf5_mentions
 from skelsplat.io.detections._format import View, array_view, joints_of
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from skelsplat.io._arrays import Array
 
 _AXES = ("track", "xy", "node", "frame")
 _TRACKS, _SCORES, _NAMES = "tracks", "point_scores", "node_names"

@@ -9,15 +9,13 @@ pickled and opened by a restricted unpickler.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 from skelsplat import layouts
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._arrays import as_numbers, load_npz, npz_keys
 from skelsplat.io.detections._format import Recording, View, array_view, joints_of
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 _KEY, _CUSTOM = "positions_2d", "custom"
 _CAMERAS = ("54138969", "55011271", "58860488", "60457274")
