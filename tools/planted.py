@@ -139,7 +139,7 @@ CORE = (
         "interpreter not released",
         "return Ok(py.detach(|| work(&Progress::default()))?);",
         "return Ok(work(&Progress::default())?);",
-        (UNIT + "test_refine.py",),
+        (UNIT + "test_threads.py",),
     ),
     Fault(
         "Ctrl-C leaves the work going on in its thread",
