@@ -13,15 +13,16 @@ PYTHON_SOURCES := pyproject.toml README.md $(shell find python -name '*.py' -o -
 # As many as there are cores; more than a few gain nothing.
 PYTEST := $(BIN)/python -m pytest --numprocesses auto --maxprocesses 8 --dist worksteal
 
-.PHONY: demo test test-all docs fmt lint rust-test python-test bench clean
+.PHONY: demo test test-all docs fmt lint rust-lint python-lint rust-check rust-test python-test bench clean
 
 demo: $(STAMPS)/installed
 	$(BIN)/skelsplat demo -o skelsplat-demo
 
-test: lint rust-test python-test
-
+# The compiler and mypy have a core each; pytest takes all of them.
 test-all: PYTEST += -m ''
-test-all: lint rust-test python-test
+test test-all: $(STAMPS)/dev
+	$(MAKE) --jobs 2 rust-check python-lint
+	$(PYTEST)
 
 # Its own interpreter: nothing is installed outside this folder.
 $(STAMPS)/venv: pyproject.toml
@@ -48,9 +49,13 @@ fmt:
 	cargo fmt --all
 	$(BIN)/ruff format . && $(BIN)/ruff check --fix .
 
-lint: $(STAMPS)/dev
+lint: rust-lint python-lint
+
+rust-lint:
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets --quiet -- -D warnings
+
+python-lint: $(STAMPS)/dev
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
@@ -59,6 +64,10 @@ lint: $(STAMPS)/dev
 rust-test:
 	cargo test --workspace --quiet
 	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --quiet
+
+# One after the other: cargo locks its folder.
+rust-check: rust-lint
+	$(MAKE) rust-test
 
 python-test: $(STAMPS)/dev
 	$(PYTEST)

@@ -7,12 +7,15 @@ same to every function.
 from __future__ import annotations
 
 import sys
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skelsplat.exceptions import InvalidInputError
+
+Array: TypeAlias = NDArray[np.float64]
+Mask: TypeAlias = NDArray[np.bool_]
 
 _FLOAT64 = np.dtype(np.float64)
 # NumPy makes a float64 of these: it parses text, drops the imaginary part, drops the unit.

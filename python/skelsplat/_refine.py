@@ -37,7 +37,7 @@ class Refinement:
     pose : (…, N, 3) float64
         Refined joints in the unit of the cameras; NaN where nothing is known.
     covariance : (…, N, 3, 3) float64
-        Splat covariance Σ, unit²: the kernel at the end for Gauss–Newton. It is not an error bar.
+        Splat covariance Σ, unit²: the kernel at the end for ``annealed``. It is not an error bar.
     uncertainty : (…, N, 3, 3) float64
         Posterior covariance of the position, unit²: the error bar. From the detections that are believed, a
         prior and equal limbs; along a ray that nothing crosses it is as wide as the body. NaN where nothing
@@ -54,11 +54,11 @@ class Refinement:
         Distance between detection and reprojection, pixels of the original image; NaN without a detection.
     joint_status : (…, N) str
         ``"ok"``; ``"weak"``: the position is not determined. Fewer than two views agree on it (the splat
-        meets its detection; Gauss–Newton: k ≥ ¼), or these are so close together that a point at infinity
+        meets its detection; ``annealed``: k ≥ ¼), or these are so close together that a point at infinity
         fits as well, or as many views agree on another place (``uncertainty`` then covers both);
         ``"unobserved"``: no usable detection, the joint keeps its initial position.
     loss, loss_render, loss_symmetry : (…) float64
-        L_opt, L_render and the unweighted L_sym (mm²) of the returned pose over all views. For Gauss–Newton
+        L_opt, L_render and the unweighted L_sym (mm²) of the returned pose over all views. For ``annealed``
         ``loss`` and ``loss_render`` are Σ c (2σ²/ŝ²)(1 − k) over the detections, in units of the noise.
     n_iter : (…) int64
         Optimisation steps taken.
@@ -68,7 +68,7 @@ class Refinement:
         The pose it started from.
     loss_history : (…, steps) float64
         L_opt of every step, NaN after a frame's last; zero steps unless ``config.loss_history``, and for
-        Gauss–Newton.
+        ``annealed``.
     """
 
     pose: NDArray[np.float64]
@@ -150,7 +150,7 @@ def refine(
         detections. Without it ``init_pose`` only places joints that fewer than two views see; a pose
         triangulated from the same detections must not have one, it would count them twice. It is a Gaussian
         and not robust: a start that is many of its standard deviations off outvotes the detections (a warning
-        says so). A joint whose ``init_pose`` or covariance is NaN has no prior. Gauss–Newton only.
+        says so). A joint whose ``init_pose`` or covariance is NaN has no prior. ``annealed`` only.
     config : RefineConfig, optional
         Settings; default ``RefineConfig()``.
     progress : bool or callable
@@ -164,7 +164,7 @@ def refine(
     ------
     InvalidInputError
         Shapes that do not fit, a confidence outside [0, 1], an unknown layout or one of another N, an
-        ``init_sigma`` that is not positive (definite), has no ``init_pose`` beside it or meets Adam.
+        ``init_sigma`` that is not positive (definite), has no ``init_pose`` beside it or meets ``paper``.
 
     Warns
     -----
@@ -349,8 +349,8 @@ class Refiner:
 
         With the default the detections of this frame decide wherever two views see a joint, however far the
         person moved; the last pose gives the depth of a joint that one view sees and the place of one that
-        none sees (status ``"weak"`` and ``"unobserved"``). With Adam joints without a reliable position are
-        triangulated anew, and so is the whole pose if most joints no longer meet their detections.
+        none sees (status ``"weak"`` and ``"unobserved"``). With ``paper`` joints without a reliable position
+        are triangulated anew, and so is the whole pose if most joints no longer meet their detections.
 
         Raises
         ------

@@ -151,7 +151,7 @@ def test_the_offset_to_give_is_beside_the_one_given(room):
 def test_check_cameras_takes_a_layout_from_the_files_and_a_map(room):
     assert "cam3's frame numbers" in " ".join(check(room, "deeplabcut_csv").stdout.split())
     result = check(room, "deeplabcut_csv", *LAYOUT, "--map", "pelvis=none", "--json")
-    assert [finding["kind"] for finding in json.loads(result.stdout)["findings"]] == ["offset"]
+    assert [finding["kind"] for finding in json.loads(result.stdout)["findings"]] == ["frame_offset"]
 
 
 @pytest.mark.parametrize(

@@ -5,11 +5,14 @@ from __future__ import annotations
 import copy
 import math
 import pickle
+import re
 
 import numpy as np
 import pytest
+from typer.main import get_command
 
 import skelsplat as sk
+from skelsplat.cli import app
 
 
 def test_paper_holds_the_papers_values():
@@ -152,3 +155,24 @@ def test_rigs_are_sequences():
     assert rig[1:3].names == rig.names[1:3]
     assert rig.mm_per_unit == 1.0
     assert rig == sk.CameraRig(list(rig))
+
+
+@pytest.mark.parametrize(
+    ("option", "name"),
+    [
+        ("--sigma-mm", "sigma_mm"),
+        ("--occlusion-sigma-mm", "occlusion_sigma_mm"),
+        ("--symmetry-tier", "symmetry_tier"),
+        ("--max-steps", "max_steps"),
+        ("--min-confidence", "min_confidence"),
+        ("--threads", "n_threads"),
+    ],
+)
+def test_the_command_line_describes_settings_as_the_table_does(option, name):
+    (parameter,) = [found for found in get_command(app).commands["refine"].params if option in found.opts]
+    for method in ("annealed", "paper"):
+        (line,) = [line for line in sk.RefineConfig.settings(method) if line.name == name]
+        words = re.sub(r"`(\w+)`", lambda found: "--" + found[1].replace("_", "-"), line.sentence)
+        assert words.partition("; None:")[0].rstrip(".").lower() in parameter.help.lower()
+        if line.default is not None:
+            assert f"{line.default:.4g}" in parameter.show_default

@@ -154,7 +154,7 @@ REFINE = {
         lambda _: {"init_pose": None, "init_sigma": 30.0},
         r"init_sigma: expected an init_pose beside it, got none",
     ),
-    "init_sigma for Adam": (
+    "init_sigma for paper": (
         lambda _: {"init_sigma": 30.0, "config": sk.RefineConfig.paper()},
         r"init_sigma: expected the method 'annealed' with it, got 'paper'",
     ),

@@ -11,8 +11,10 @@ import struct
 import tokenize
 import zipfile
 import zlib
+from collections.abc import Collection
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -20,10 +22,6 @@ import numpy.typing as npt
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._files import frame_number, opening
 from skelsplat.io._unpickle import read_array
-
-if TYPE_CHECKING:
-    from collections.abc import Collection
-    from pathlib import Path
 
 Array = npt.NDArray[np.float64]
 

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import replace
+from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._arrays import npz_keys
 from skelsplat.io._files import head
-from skelsplat.io.poses import POSE_FORMATS, c3d_is_y_up, is_json_poses, pose_format, read_pose, write_pose
-
-if TYPE_CHECKING:
-    from os import PathLike
-
-    from skelsplat.io.poses import PoseData
+from skelsplat.io.poses import (
+    POSE_FORMATS,
+    PoseData,
+    c3d_is_y_up,
+    is_json_poses,
+    pose_format,
+    read_pose,
+    write_pose,
+)
 
 _CSV_START = "frame,joint,"
 _OWN_UNIT = ("trc", "c3d")  # these formats do not take any unit

@@ -6,16 +6,13 @@ detections; a bystander stands in the first two views. From Pose2Sim, BSD-3-Clau
 
 from __future__ import annotations
 
+import os
 import zipfile
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from skelsplat.exceptions import DatasetError
-
-if TYPE_CHECKING:
-    import os
 
 LAYOUT = "body25b"
 UNIT = "m"

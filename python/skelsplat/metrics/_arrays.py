@@ -6,12 +6,11 @@ from collections.abc import Sequence
 from typing import Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from skelsplat._arrays import numbers
+from skelsplat._arrays import Array, Mask, numbers
 from skelsplat.exceptions import InvalidInputError
 
-FloatArray: TypeAlias = NDArray[np.float64]
 PartialReduce: TypeAlias = Literal["per_joint", "per_pose", "none"]
 Reduce: TypeAlias = Literal["mean", "per_joint", "per_pose", "none"]
 
@@ -20,7 +19,7 @@ Reduce: TypeAlias = Literal["mean", "per_joint", "per_pose", "none"]
 LARGEST = 1e100
 
 
-def as_poses(value: ArrayLike, name: str) -> FloatArray:
+def as_poses(value: ArrayLike, name: str) -> Array:
     """Return `value` as float64 (…, N, 3), or raise `InvalidInputError`; NaN passes, infinity does not."""
     array = numbers(value, name)
     if array.ndim < 2 or array.shape[-1] != 3:
@@ -31,7 +30,7 @@ def as_poses(value: ArrayLike, name: str) -> FloatArray:
     return array
 
 
-def within(array: FloatArray, largest: float, name: str) -> None:
+def within(array: Array, largest: float, name: str) -> None:
     """Refuse finite numbers beyond ±`largest`."""
     too_large = (np.abs(array) > largest) & np.isfinite(array)
     if too_large.any():
@@ -42,7 +41,7 @@ def within(array: FloatArray, largest: float, name: str) -> None:
         )
 
 
-def as_pair(pred: ArrayLike, gt: ArrayLike) -> tuple[FloatArray, FloatArray]:
+def as_pair(pred: ArrayLike, gt: ArrayLike) -> tuple[Array, Array]:
     """Return prediction and ground truth as arrays of one shape (…, N, 3)."""
     truth = as_poses(gt, "gt")
     predicted = as_poses(pred, "pred")
@@ -51,19 +50,19 @@ def as_pair(pred: ArrayLike, gt: ArrayLike) -> tuple[FloatArray, FloatArray]:
     return predicted, truth
 
 
-def joint_errors(pred: FloatArray, gt: FloatArray) -> FloatArray:
+def joint_errors(pred: Array, gt: Array) -> Array:
     """Distance per joint (…, N); NaN where either is missing."""
-    distances: FloatArray = np.linalg.norm(pred - gt, axis=-1)
+    distances: Array = np.linalg.norm(pred - gt, axis=-1)
     return distances
 
 
-def present(points: FloatArray) -> NDArray[np.bool_]:
+def present(points: Array) -> Mask:
     """Whether each joint has all its coordinates, (…, N)."""
-    there: NDArray[np.bool_] = np.logical_not(np.isnan(points).any(axis=-1))
+    there: Mask = np.logical_not(np.isnan(points).any(axis=-1))
     return there
 
 
-def centre(points: FloatArray, indices: int | Sequence[int], name: str) -> FloatArray:
+def centre(points: Array, indices: int | Sequence[int], name: str) -> Array:
     """Mean of the joints `indices`, (…, 3)."""
     given = np.asanyarray(indices)
     chosen = np.atleast_1d(np.asarray(given))
@@ -73,11 +72,11 @@ def centre(points: FloatArray, indices: int | Sequence[int], name: str) -> Float
         raise InvalidInputError(f"{name}: expected a joint index or a sequence of them, got {indices!r}")
     if (chosen < 0).any() or (chosen >= n_joints).any():
         raise InvalidInputError(f"{name}: expected joint indices from 0 to {n_joints - 1}, got {indices!r}")
-    mean: FloatArray = points[..., chosen, :].mean(axis=-2)
+    mean: Array = points[..., chosen, :].mean(axis=-2)
     return mean
 
 
-def reduced(values: FloatArray, reduce: Reduce) -> FloatArray:
+def reduced(values: Array, reduce: Reduce) -> Array:
     """Mean of `values` (…, N) without the NaNs, over the axes that `reduce` names (see the package)."""
     axes: dict[str, tuple[int, ...]] = {
         "mean": tuple(range(values.ndim)),
@@ -95,7 +94,7 @@ def reduced(values: FloatArray, reduce: Reduce) -> FloatArray:
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
-def result(values: FloatArray, reduce: Reduce) -> float | FloatArray:
+def result(values: Array, reduce: Reduce) -> float | Array:
     """Reduce `values`, as a float when everything was averaged."""
     mean = reduced(values, reduce)
     return float(mean) if reduce == "mean" else mean

@@ -8,8 +8,8 @@ from typing import Literal, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
+from skelsplat._arrays import Array
 from skelsplat.metrics._arrays import (
-    FloatArray,
     PartialReduce,
     Reduce,
     as_pair,
@@ -23,8 +23,8 @@ from skelsplat.metrics._arrays import (
 @overload
 def mpjpe(pred: ArrayLike, gt: ArrayLike, *, reduce: Literal["mean"] = "mean") -> float: ...
 @overload
-def mpjpe(pred: ArrayLike, gt: ArrayLike, *, reduce: PartialReduce) -> FloatArray: ...
-def mpjpe(pred: ArrayLike, gt: ArrayLike, *, reduce: Reduce = "mean") -> float | FloatArray:
+def mpjpe(pred: ArrayLike, gt: ArrayLike, *, reduce: PartialReduce) -> Array: ...
+def mpjpe(pred: ArrayLike, gt: ArrayLike, *, reduce: Reduce = "mean") -> float | Array:
     """Mean per-joint position error in absolute coordinates, mm (paper, section 4).
 
     Parameters
@@ -48,10 +48,10 @@ def root_relative_mpjpe(
 @overload
 def root_relative_mpjpe(
     pred: ArrayLike, gt: ArrayLike, *, root: int | Sequence[int], reduce: PartialReduce
-) -> FloatArray: ...
+) -> Array: ...
 def root_relative_mpjpe(
     pred: ArrayLike, gt: ArrayLike, *, root: int | Sequence[int], reduce: Reduce = "mean"
-) -> float | FloatArray:
+) -> float | Array:
     """Mean per-joint position error after moving both roots to the origin, mm.
 
     The root joint itself stays in the mean (with error 0), as is the field's habit. A pose whose root is
@@ -79,8 +79,8 @@ def root_relative_mpjpe(
 @overload
 def pa_mpjpe(pred: ArrayLike, gt: ArrayLike, *, reduce: Literal["mean"] = "mean") -> float: ...
 @overload
-def pa_mpjpe(pred: ArrayLike, gt: ArrayLike, *, reduce: PartialReduce) -> FloatArray: ...
-def pa_mpjpe(pred: ArrayLike, gt: ArrayLike, *, reduce: Reduce = "mean") -> float | FloatArray:
+def pa_mpjpe(pred: ArrayLike, gt: ArrayLike, *, reduce: PartialReduce) -> Array: ...
+def pa_mpjpe(pred: ArrayLike, gt: ArrayLike, *, reduce: Reduce = "mean") -> float | Array:
     """Mean per-joint position error after Procrustes alignment of each pose, mm.
 
     The alignment is the similarity (rotation, translation, one scale; no reflection) with the least squared
@@ -102,7 +102,7 @@ def pa_mpjpe(pred: ArrayLike, gt: ArrayLike, *, reduce: Reduce = "mean") -> floa
     return result(joint_errors(_aligned(predicted, truth), truth), reduce)
 
 
-def _aligned(pred: FloatArray, gt: FloatArray) -> FloatArray:
+def _aligned(pred: Array, gt: Array) -> Array:
     """Move each pose of `pred` onto `gt` by the best similarity (Umeyama 1991, equations 39–43)."""
     used = present(pred) & present(gt)
     count = np.maximum(used.sum(axis=-1), 1)[..., None, None]
@@ -128,8 +128,8 @@ def _aligned(pred: FloatArray, gt: FloatArray) -> FloatArray:
 @overload
 def missing_rate(pred: ArrayLike, gt: ArrayLike, *, reduce: Literal["mean"] = "mean") -> float: ...
 @overload
-def missing_rate(pred: ArrayLike, gt: ArrayLike, *, reduce: PartialReduce) -> FloatArray: ...
-def missing_rate(pred: ArrayLike, gt: ArrayLike, *, reduce: Reduce = "mean") -> float | FloatArray:
+def missing_rate(pred: ArrayLike, gt: ArrayLike, *, reduce: PartialReduce) -> Array: ...
+def missing_rate(pred: ArrayLike, gt: ArrayLike, *, reduce: Reduce = "mean") -> float | Array:
     """Share of the joints with ground truth that have no prediction, 0 to 1.
 
     The companion of the distances, which leave missing joints out.

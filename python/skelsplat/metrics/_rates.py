@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from typing import Literal, TypeAlias, overload
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from skelsplat._arrays import numbers
+from skelsplat._arrays import Array, Mask, numbers
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.metrics._arrays import (
     LARGEST,
-    FloatArray,
     PartialReduce,
     Reduce,
     as_pair,
@@ -24,11 +23,10 @@ from skelsplat.metrics._arrays import (
     within,
 )
 
-BoolArray: TypeAlias = NDArray[np.bool_]
 Endpoint: TypeAlias = int | Sequence[int]
 
 
-def _correct(good: BoolArray, judged: BoolArray) -> FloatArray:
+def _correct(good: Mask, judged: Mask) -> Array:
     """1 where `good`, 0 where not, NaN where there is nothing to judge."""
     return np.where(judged, np.where(good, 1.0, 0.0), np.nan)
 
@@ -38,12 +36,10 @@ def pck(
     pred: ArrayLike, gt: ArrayLike, *, threshold_mm: float = 150.0, reduce: Literal["mean"] = "mean"
 ) -> float: ...
 @overload
-def pck(
-    pred: ArrayLike, gt: ArrayLike, *, threshold_mm: float = 150.0, reduce: PartialReduce
-) -> FloatArray: ...
+def pck(pred: ArrayLike, gt: ArrayLike, *, threshold_mm: float = 150.0, reduce: PartialReduce) -> Array: ...
 def pck(
     pred: ArrayLike, gt: ArrayLike, *, threshold_mm: float = 150.0, reduce: Reduce = "mean"
-) -> float | FloatArray:
+) -> float | Array:
     """Share of correct keypoints: joints at most `threshold_mm` from the truth. A missing joint is wrong.
 
     Parameters
@@ -77,14 +73,14 @@ def auc(
 @overload
 def auc(
     pred: ArrayLike, gt: ArrayLike, *, thresholds_mm: Sequence[float] | None = None, reduce: PartialReduce
-) -> FloatArray: ...
+) -> Array: ...
 def auc(
     pred: ArrayLike,
     gt: ArrayLike,
     *,
     thresholds_mm: Sequence[float] | None = None,
     reduce: Reduce = "mean",
-) -> float | FloatArray:
+) -> float | Array:
     """Area under the PCK curve: the mean of `pck` over thresholds, by default 0, 5, …, 150 mm (31 of them).
 
     Parameters
@@ -126,7 +122,7 @@ def pcp(
     *,
     alpha: float = 0.5,
     reduce: PartialReduce,
-) -> FloatArray: ...
+) -> Array: ...
 def pcp(
     pred: ArrayLike,
     gt: ArrayLike,
@@ -134,7 +130,7 @@ def pcp(
     *,
     alpha: float = 0.5,
     reduce: Reduce = "mean",
-) -> float | FloatArray:
+) -> float | Array:
     """Share of correct parts: limbs whose two endpoint errors have a mean of at most `alpha` · true length.
 
     A limb with a missing endpoint is wrong; one whose true endpoint is missing is excluded.
@@ -177,7 +173,7 @@ def sigma_coverage(
     *,
     sigmas: Sequence[float] = (1.0, 2.0, 3.0),
     reduce: Reduce = "mean",
-) -> FloatArray:
+) -> Array:
     """Share of the joints whose truth lies within k standard deviations of the prediction, for each k.
 
     "Within k" is a Mahalanobis distance of at most k (paper, section 5). If the errors were Gaussian with
@@ -209,7 +205,7 @@ def sigma_coverage(
     return np.stack([reduced(_correct(distance <= k, judged), reduce) for k in sigmas])
 
 
-def _mahalanobis(offset: FloatArray, covariance: FloatArray) -> FloatArray:
+def _mahalanobis(offset: Array, covariance: Array) -> Array:
     """√(offsetᵀ Σ⁻¹ offset), (…, N); NaN where the offset or Σ is."""
     expected = (*offset.shape, 3)
     if covariance.shape != expected:

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 import skelsplat as sk
+from skelsplat._arrays import Array
 from skelsplat.run.summary import finite_median, frame_medians
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
-    import numpy.typing as npt
-
     from skelsplat.run._run import Run
     from skelsplat.run.read import Inputs
     from skelsplat.run.solve import Outcome
     from skelsplat.run.summary import Statistics
     from skelsplat.viz import Body, CameraPanel, HeatmapRow, Skeleton
-
-    Array = npt.NDArray[np.float64]
 
 # Length of the cameras' mean upward direction below which they do not agree on a vertical: they look down.
 _AGREED_UP = 0.3

@@ -7,15 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    import numpy.typing as npt
+from skelsplat._arrays import Array, Mask
 
+if TYPE_CHECKING:
     from skelsplat.io import PoseData
 
     Pairs = tuple[tuple[int, int], ...]
-
-    Array = npt.NDArray[np.float64]
-    Mask = npt.NDArray[np.bool_]
 
 # Statuses of joints whose depth is open, or that were not measured.
 _UNSURE = ("weak", "filled")

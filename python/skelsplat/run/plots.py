@@ -6,13 +6,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 import skelsplat as sk
+from skelsplat._arrays import Array
 from skelsplat._optional import require
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io import PoseData, read_pose, read_run
@@ -21,14 +24,7 @@ from skelsplat.run.frame_range import FrameRange
 from skelsplat.run.plot_numbers import LimbLength, error_maps, limb_lengths
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-    from os import PathLike
-
-    import numpy.typing as npt
-
     from skelsplat.viz import Skeleton, TimeAxis
-
-    Array = npt.NDArray[np.float64]
 
 PICTURES = ("trajectories", "bones", "errors")
 Pairs = tuple[tuple[int, int], ...]

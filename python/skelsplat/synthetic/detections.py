@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from skelsplat._arrays import numbers
+from skelsplat._arrays import Array, Mask, numbers
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.synthetic.noise import DetectionNoise
 from skelsplat.synthetic.occluders import (
@@ -23,7 +23,6 @@ from skelsplat.synthetic.occluders import (
 if TYPE_CHECKING:
     from skelsplat import Camera, CameraRig, Layout
 
-FloatArray = NDArray[np.float64]
 
 # Factor on the jitter by what a joint's name contains: small, fast and loosely dressed joints are harder.
 _JOINT_FACTORS = (
@@ -50,7 +49,7 @@ def simulate_detections(
     layout: str | Layout | None = "h36m17",
     seed: int | np.random.Generator = 0,
     occluders: Occluders | None = None,
-) -> FloatArray:
+) -> Array:
     """Simulate what a 2D keypoint detector reports for known 3D joints.
 
     Parameters
@@ -90,7 +89,7 @@ def simulate_detections(
     return out if world.ndim == 3 else out[0]
 
 
-def true_pixels(points: FloatArray, cameras: CameraRig | Sequence[Camera]) -> FloatArray:
+def true_pixels(points: Array, cameras: CameraRig | Sequence[Camera]) -> Array:
     """Projections (T, M, N, 2) of joints (T, N, 3); NaN outside the image."""
     from skelsplat._skelsplat import project
 
@@ -107,7 +106,7 @@ def corrupt(
     layout: Layout | None = None,
     seed: int | np.random.Generator = 0,
     occluders: Occluders | None = None,
-) -> FloatArray:
+) -> Array:
     """Apply the noise model to true projections.
 
     Parameters
@@ -147,13 +146,13 @@ def corrupt(
 
 
 def _one_view(
-    true: FloatArray,
-    occluded: NDArray[np.bool_],
+    true: Array,
+    occluded: Mask,
     noise: DetectionNoise,
     layout: Layout | None,
     rng: np.random.Generator,
-    discs: tuple[FloatArray, FloatArray] | None,
-) -> FloatArray:
+    discs: tuple[Array, Array] | None,
+) -> Array:
     """Turn the true projections (T, N, 2) of one view into detections (T, N, 3)."""
     shape = true.shape[:2]
     factors = np.ones(shape[1]) if layout is None else np.array([_joint_factor(j) for j in layout.joints])
@@ -181,7 +180,7 @@ def _one_view(
     return np.concatenate([pixels, confidence[..., None]], axis=-1)
 
 
-def _jitter(shape: tuple[int, ...], correlation: float, rng: np.random.Generator) -> FloatArray:
+def _jitter(shape: tuple[int, ...], correlation: float, rng: np.random.Generator) -> Array:
     """Draw unit normal noise (T, …), so correlated from one frame to the next (stationary AR(1))."""
     noise = rng.standard_normal(shape)
     if correlation > 0:
@@ -191,21 +190,19 @@ def _jitter(shape: tuple[int, ...], correlation: float, rng: np.random.Generator
     return noise
 
 
-def _on_disc(shape: tuple[int, ...], rng: np.random.Generator) -> FloatArray:
+def _on_disc(shape: tuple[int, ...], rng: np.random.Generator) -> Array:
     """Draw points (…, 2) uniformly in the unit disc."""
     radius = np.sqrt(rng.random(shape))
     return radius[..., None] * _directions(shape, rng)
 
 
-def _directions(shape: tuple[int, ...], rng: np.random.Generator) -> FloatArray:
+def _directions(shape: tuple[int, ...], rng: np.random.Generator) -> Array:
     """Draw unit vectors (…, 2) of uniform direction."""
     angle = rng.uniform(0.0, 2 * np.pi, size=shape)
     return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
 
-def _swap(
-    pixels: FloatArray, confidence: FloatArray, pairs: Sequence[tuple[int, int]], frames: NDArray[np.bool_]
-) -> None:
+def _swap(pixels: Array, confidence: Array, pairs: Sequence[tuple[int, int]], frames: Mask) -> None:
     """Exchange left and right of `pairs` in the frames (T,) marked, in place."""
     for left, right in pairs:
         for array in (pixels, confidence):
@@ -227,7 +224,7 @@ def _one_sided_chains(
     return list(chains.values())
 
 
-def _happens(rate: float, n_frames: int, rng: np.random.Generator) -> NDArray[np.bool_]:
+def _happens(rate: float, n_frames: int, rng: np.random.Generator) -> Mask:
     """In which frames (T,) an event of that probability happens."""
     return np.asarray(rng.random(n_frames) < rate)
 
@@ -238,11 +235,11 @@ def _joint_factor(joint: str) -> float:
 
 
 def _hidden_guess(
-    true: FloatArray,
+    true: Array,
     noise: DetectionNoise,
     rng: np.random.Generator,
-    discs: tuple[FloatArray, FloatArray] | None,
-) -> tuple[NDArray[np.bool_], FloatArray]:
+    discs: tuple[Array, Array] | None,
+) -> tuple[Mask, Array]:
     """Joints (T, N) that an occluder hides, and the pixels (T, N, 2) where a detector would report them."""
     shape = true.shape[:2]
     if discs is None:

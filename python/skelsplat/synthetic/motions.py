@@ -11,14 +11,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skelsplat._arrays import Array
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.synthetic.skeleton import (
     ANKLE_HEIGHT_MM,
     JOINT_NAMES,
     LIMITS_DEG,
-    FloatArray,
     forward_kinematics,
 )
 
@@ -32,30 +31,30 @@ _SUPPORT_BLEND_MM = 8.0
 class _Script:
     """What a motion prescribes; the feet and the floor then decide where the body is."""
 
-    angles: dict[str, FloatArray]
-    heading_deg: FloatArray
-    path: FloatArray | None = None
+    angles: dict[str, Array]
+    heading_deg: Array
+    path: Array | None = None
     """Pelvis (T, 2) mm; None = the feet stay where they are."""
 
 
-def _smooth_cycle(seconds: FloatArray, rise: float, hold: float, fall: float, rest: float) -> FloatArray:
+def _smooth_cycle(seconds: Array, rise: float, hold: float, fall: float, rest: float) -> Array:
     """0 → 1 in `rise` s, 1 for `hold` s, → 0 in `fall` s, 0 for `rest` s, repeated; smooth acceleration."""
     edges = np.cumsum([0.0, rise, hold, fall, rest])
     ramp = np.interp(seconds % edges[-1], edges, [0.0, 1.0, 1.0, 0.0, 0.0])
-    smooth: FloatArray = ramp**3 * (10.0 - 15.0 * ramp + 6.0 * ramp**2)
+    smooth: Array = ramp**3 * (10.0 - 15.0 * ramp + 6.0 * ramp**2)
     return smooth
 
 
-def _sway(seconds: FloatArray, amplitude: float, rng: np.random.Generator) -> FloatArray:
+def _sway(seconds: Array, amplitude: float, rng: np.random.Generator) -> Array:
     """Slow random movement: three sines of 0.15 to 0.6 Hz with a total RMS of `amplitude`."""
     frequency = rng.uniform(0.15, 0.6, size=3)
     phase = rng.uniform(0.0, 2 * np.pi, size=3)
     waves = np.sin(2 * np.pi * frequency * seconds[:, None] + phase)
-    total: FloatArray = amplitude * np.sqrt(2.0 / 3.0) * waves.sum(axis=-1)
+    total: Array = amplitude * np.sqrt(2.0 / 3.0) * waves.sum(axis=-1)
     return total
 
 
-def _stand(seconds: FloatArray, rng: np.random.Generator) -> dict[str, FloatArray]:
+def _stand(seconds: Array, rng: np.random.Generator) -> dict[str, Array]:
     """Angles of somebody who stands at ease; every motion starts from these."""
     rest = {
         "spine_flexion": rng.uniform(2.0, 8.0),
@@ -78,14 +77,14 @@ def _stand(seconds: FloatArray, rng: np.random.Generator) -> dict[str, FloatArra
     }
 
 
-def _bend_legs(angles: dict[str, FloatArray], hip: FloatArray, knee: FloatArray) -> None:
+def _bend_legs(angles: dict[str, Array], hip: Array, knee: Array) -> None:
     """Add hip and knee flexion on both sides."""
     for side in "lr":
         angles[f"hip_flexion_{side}"] = angles[f"hip_flexion_{side}"] + hip
         angles[f"knee_flexion_{side}"] = angles[f"knee_flexion_{side}"] + knee
 
 
-def _walk(seconds: FloatArray, rng: np.random.Generator) -> _Script:
+def _walk(seconds: Array, rng: np.random.Generator) -> _Script:
     """Walk round a circle of 1.0 to 1.5 m at the speed that the stride gives."""
     angles = _stand(seconds, rng)
     swing = rng.uniform(18.0, 26.0)
@@ -108,7 +107,7 @@ def _walk(seconds: FloatArray, rng: np.random.Generator) -> _Script:
     return _Script(angles, np.rad2deg(around) + 90.0 * turn, path)
 
 
-def _sit(seconds: FloatArray, rng: np.random.Generator) -> _Script:
+def _sit(seconds: Array, rng: np.random.Generator) -> _Script:
     """Sit down on a chair, stay, get up."""
     angles = _stand(seconds, rng)
     down = _smooth_cycle(seconds, rng.uniform(1.0, 1.6), rng.uniform(2.0, 3.5), 1.2, rng.uniform(0.6, 1.2))
@@ -123,7 +122,7 @@ def _sit(seconds: FloatArray, rng: np.random.Generator) -> _Script:
     return _Script(angles, _heading(seconds, rng))
 
 
-def _crouch(seconds: FloatArray, rng: np.random.Generator) -> _Script:
+def _crouch(seconds: Array, rng: np.random.Generator) -> _Script:
     """Go down into a squat, feet in place, and come up."""
     angles = _stand(seconds, rng)
     down = _smooth_cycle(seconds, rng.uniform(0.8, 1.3), rng.uniform(1.0, 2.0), 1.0, rng.uniform(0.6, 1.2))
@@ -137,7 +136,7 @@ def _crouch(seconds: FloatArray, rng: np.random.Generator) -> _Script:
     return _Script(angles, _heading(seconds, rng))
 
 
-def _reach(seconds: FloatArray, rng: np.random.Generator) -> _Script:
+def _reach(seconds: Array, rng: np.random.Generator) -> _Script:
     """Stretch one arm out toward changing places in front of the body and take it back."""
     angles = _stand(seconds, rng)
     cycle = (rng.uniform(0.7, 1.0), rng.uniform(0.3, 0.7), 0.8, rng.uniform(0.3, 0.6))
@@ -153,13 +152,13 @@ def _reach(seconds: FloatArray, rng: np.random.Generator) -> _Script:
     return _Script(angles, _heading(seconds, rng))
 
 
-def _wave(seconds: FloatArray, rng: np.random.Generator) -> _Script:
+def _wave(seconds: Array, rng: np.random.Generator) -> _Script:
     """Raise one arm, wave with the forearm, lower it."""
     angles = _stand(seconds, rng)
     up = _smooth_cycle(seconds, 0.7, rng.uniform(2.5, 4.0), 0.7, rng.uniform(0.4, 0.8))
     side = "l" if rng.random() < 0.5 else "r"
     swing = rng.uniform(18.0, 30.0) * np.sin(2 * np.pi * rng.uniform(1.2, 2.0) * seconds)
-    raised: dict[str, float | FloatArray] = {
+    raised: dict[str, float | Array] = {
         "shoulder_abduction": rng.uniform(90.0, 130.0),
         "shoulder_flexion": 5.0,
         "shoulder_rotation": rng.uniform(52.0, 60.0) + swing,
@@ -171,7 +170,7 @@ def _wave(seconds: FloatArray, rng: np.random.Generator) -> _Script:
     return _Script(angles, _heading(seconds, rng))
 
 
-def _turn(seconds: FloatArray, rng: np.random.Generator) -> _Script:
+def _turn(seconds: Array, rng: np.random.Generator) -> _Script:
     """Turn on the spot by 90° to 180° with small steps, wait, turn back."""
     angles = _stand(seconds, rng)
     duration = rng.uniform(1.2, 2.0)
@@ -188,12 +187,12 @@ def _turn(seconds: FloatArray, rng: np.random.Generator) -> _Script:
     return _Script(angles, _heading(seconds, rng) + way * rng.uniform(90.0, 180.0) * turned)
 
 
-def _heading(seconds: FloatArray, rng: np.random.Generator) -> FloatArray:
+def _heading(seconds: Array, rng: np.random.Generator) -> Array:
     """Constant direction chosen at random, degrees."""
     return np.full_like(seconds, rng.uniform(0.0, 360.0))
 
 
-_MOTIONS: dict[str, Callable[[FloatArray, np.random.Generator], _Script]] = {
+_MOTIONS: dict[str, Callable[[Array, np.random.Generator], _Script]] = {
     "walk": _walk,
     "sit": _sit,
     "reach": _reach,
@@ -206,23 +205,23 @@ motion_names: tuple[str, ...] = tuple(_MOTIONS)
 """Names that `motion` knows."""
 
 
-def _place(pose: FloatArray, script: _Script, place: FloatArray, scale: float) -> FloatArray:
+def _place(pose: Array, script: _Script, place: Array, scale: float) -> Array:
     """Set the body on the floor, with the pelvis on its path or the feet's middle at `place` (2,) mm."""
     anchor = pose[:, _ANKLES, :2].mean(axis=1) if script.path is None else pose[:, 0, :2]
-    goal: NDArray[np.float64] = place if script.path is None else script.path
+    goal: Array = place if script.path is None else script.path
     heights = pose[:, _ANKLES, 2]
     low = heights.min(axis=1)
     # Soft minimum: the support passes smoothly from foot to foot.
     blend = scale * _SUPPORT_BLEND_MM
     ground = low - blend * np.log(np.exp(-(heights - low[:, None]) / blend).sum(axis=1) / 2.0)
     shift = np.concatenate([goal - anchor, (scale * ANKLE_HEIGHT_MM - ground)[:, None]], axis=1)
-    placed: FloatArray = pose + shift[:, None, :]
+    placed: Array = pose + shift[:, None, :]
     return placed
 
 
 def motion(
     name: str, n_frames: int, *, fps: float = 50.0, seed: int | np.random.Generator = 0, scale: float = 1.0
-) -> FloatArray:
+) -> Array:
     """Simulate a clip of one person.
 
     Parameters
@@ -265,7 +264,7 @@ def motion(
     return _place(pose, script, place, scale)
 
 
-def _within_limits(angles: dict[str, FloatArray]) -> dict[str, FloatArray]:
+def _within_limits(angles: dict[str, Array]) -> dict[str, Array]:
     """Clip to the anatomical limits: sway may carry an angle a degree past one."""
     out = {}
     for name, value in angles.items():

@@ -5,14 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from skelsplat._arrays import numbers
+from skelsplat._arrays import Array, Mask, numbers
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.synthetic.noise import DetectionNoise
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,11 +24,11 @@ class Occluders:
         Views in which the discs are there.
     """
 
-    centres: FloatArray
-    radii: FloatArray
-    views: BoolArray
+    centres: Array
+    radii: Array
+    views: Mask
 
-    def hidden(self, pixels: FloatArray) -> BoolArray:
+    def hidden(self, pixels: Array) -> Mask:
         """Which joints (T, M, N) a disc hides, by their true projections (T, M, N, 2)."""
         views = [
             covering_disc(pixels[:, i], self.centres[:, i], self.radii[:, i])[0]
@@ -69,7 +66,7 @@ def draw_occluders(
     return Occluders(centres, radii, views)
 
 
-def projections(pixels: ArrayLike) -> FloatArray:
+def projections(pixels: ArrayLike) -> Array:
     """Return true projections as an array (T, M, N, 2), or raise `InvalidInputError`."""
     true = numbers(pixels, "pixels")
     if true.ndim != 4 or true.shape[-1] != 2:
@@ -83,18 +80,18 @@ def streams_of(seed: int | np.random.Generator, n_views: int) -> list[np.random.
     return [np.random.default_rng(one) for one in seeds]
 
 
-def occluded_views(n_frames: int, n_views: int, noise: DetectionNoise, rng: np.random.Generator) -> BoolArray:
+def occluded_views(n_frames: int, n_views: int, noise: DetectionNoise, rng: np.random.Generator) -> Mask:
     """Which views have an occluder in which frame, (T, M)."""
     count = n_views if noise.occluded_views is None else noise.occluded_views
     if count > n_views:
         raise InvalidInputError(f"noise.occluded_views: expected at most {n_views} (views), got {count}")
     n_blocks = -(-n_frames // noise.occluder_frames)
     rank = rng.random((n_blocks, n_views)).argsort(axis=1).argsort(axis=1)
-    chosen: BoolArray = np.repeat(rank < count, noise.occluder_frames, axis=0)[:n_frames]
+    chosen: Mask = np.repeat(rank < count, noise.occluder_frames, axis=0)[:n_frames]
     return chosen
 
 
-def _body_box(pixels: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _body_box(pixels: Array) -> tuple[Array, Array]:
     """Lower corner and size (T, 2) px of the box round the joints of each frame; zeros where none is seen."""
     seen = ~np.isnan(pixels)
     any_seen = seen.any(axis=1)
@@ -104,8 +101,8 @@ def _body_box(pixels: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def draw_discs(
-    pixels: FloatArray, n_discs: int, radius_range: tuple[float, float], hold: int, rng: np.random.Generator
-) -> tuple[FloatArray, FloatArray]:
+    pixels: Array, n_discs: int, radius_range: tuple[float, float], hold: int, rng: np.random.Generator
+) -> tuple[Array, Array]:
     """Occluders over the body: centres (T, D, 2) px uniform in its box, radii (T, D) px.
 
     Radii are uniform in `radius_range` × the box's longer side. Place and size relative to the box stay for
@@ -116,17 +113,15 @@ def draw_discs(
     where = np.repeat(rng.random((n_blocks, n_discs, 2)), hold, axis=0)[:n_frames]
     share = np.repeat(rng.uniform(*radius_range, size=(n_blocks, n_discs)), hold, axis=0)[:n_frames]
     low, size = _body_box(pixels)
-    centres: FloatArray = low[:, None] + where * size[:, None]
+    centres: Array = low[:, None] + where * size[:, None]
     return centres, share * size.max(axis=-1, keepdims=True)
 
 
-def covering_disc(
-    pixels: FloatArray, centres: FloatArray, radii: FloatArray
-) -> tuple[BoolArray, FloatArray, FloatArray]:
+def covering_disc(pixels: Array, centres: Array, radii: Array) -> tuple[Mask, Array, Array]:
     """Which joints a disc hides (T, N), and the nearest disc's centre (T, N, 2) and radius (T, N)."""
     distance = np.linalg.norm(pixels[:, :, None] - centres[:, None], axis=-1)
     depth = np.where(np.isnan(distance), np.inf, distance / np.maximum(radii[:, None], 1e-12))
     nearest = depth.argmin(axis=-1)
     frame = np.arange(len(pixels))[:, None]
-    hidden: BoolArray = depth.min(axis=-1) <= 1.0
+    hidden: Mask = depth.min(axis=-1) <= 1.0
     return hidden, centres[frame, nearest], radii[frame, nearest]

@@ -6,15 +6,14 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from skelsplat._arrays import numbers
+from skelsplat._arrays import Array, numbers
 from skelsplat.exceptions import InvalidInputError
 
 if TYPE_CHECKING:
     from skelsplat import Camera, CameraRig
 
-FloatArray = NDArray[np.float64]
 
 # Standard deviation along the view's ray over that across it: depth is what a single view knows least.
 _DEPTH_RATIO = 2.5
@@ -22,7 +21,7 @@ _DEPTH_RATIO = 2.5
 _COMMON_SHARE = 0.5
 
 
-def _checked(points: ArrayLike, sigma_mm: float) -> FloatArray:
+def _checked(points: ArrayLike, sigma_mm: float) -> Array:
     array = numbers(points, "points")
     if array.ndim < 2 or array.shape[-1] != 3:
         raise InvalidInputError(f"points: expected shape (..., N, 3), got {array.shape}")
@@ -31,7 +30,7 @@ def _checked(points: ArrayLike, sigma_mm: float) -> FloatArray:
     return array
 
 
-def perturb(points: ArrayLike, sigma_mm: float, *, seed: int | np.random.Generator = 0) -> FloatArray:
+def perturb(points: ArrayLike, sigma_mm: float, *, seed: int | np.random.Generator = 0) -> Array:
     """Add independent normal noise of `sigma_mm` per axis to every joint.
 
     Parameters
@@ -55,7 +54,7 @@ def monocular_poses(
     sigma_mm: float,
     *,
     seed: int | np.random.Generator = 0,
-) -> FloatArray:
+) -> Array:
     """Simulate one monocular 3D pose per view, in world coordinates.
 
     Normal errors, independent between views and frames, 2.5 times as large along the ray from the camera to
@@ -98,5 +97,5 @@ def monocular_poses(
     along = (error * ray).sum(axis=-1, keepdims=True) * ray
     # Two axes across and one along: 2·a² + (2.5·a)² = 3·sigma².
     across = sigma * np.sqrt(3.0 / (2.0 + _DEPTH_RATIO**2))
-    poses: FloatArray = truth + across * (error + (_DEPTH_RATIO - 1.0) * along)
+    poses: Array = truth + across * (error + (_DEPTH_RATIO - 1.0) * along)
     return poses if array.ndim == 3 else poses[0]

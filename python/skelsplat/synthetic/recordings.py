@@ -9,11 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skelsplat._arrays import Array, Mask
 from skelsplat._skelsplat import Layout
 from skelsplat.cameras import CameraRig
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 GENERATOR_VERSION = 1
 """Raised whenever the same name, number and seed give other data than before."""
@@ -54,11 +52,11 @@ class Recording:
     action: str
     rig_name: str
     frames: NDArray[np.int64]
-    truth: FloatArray
-    boxes: FloatArray
-    detections: Mapping[str, FloatArray]
-    monocular: FloatArray
-    visible: BoolArray | None = None
+    truth: Array
+    boxes: Array
+    detections: Mapping[str, Array]
+    monocular: Array
+    visible: Mask | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,7 +85,7 @@ def stream(*key: int) -> np.random.Generator:
     return np.random.default_rng(key)
 
 
-def boxes(pixels: FloatArray) -> FloatArray:
+def boxes(pixels: Array) -> Array:
     """Boxes (T, M, 4) round the joints (T, M, N, 2) in the image, with a margin."""
     seen = np.isfinite(pixels)
     low = np.where(seen, pixels, np.inf).min(axis=2)

@@ -6,9 +6,9 @@ World frame: mm, z up, floor at z = 0 (the table rig: object at the origin).
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from skelsplat._arrays import numbers
+from skelsplat._arrays import Array, numbers
 from skelsplat._skelsplat import Camera
 from skelsplat.cameras import CameraRig
 from skelsplat.exceptions import DegenerateGeometryError, InvalidInputError
@@ -18,9 +18,7 @@ _BODY_CENTRE = (0.0, 0.0, 900.0)
 _GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))
 
 
-def look_at(
-    eye: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) -> tuple[Array, Array]:
     """World→camera R (3, 3) and t (3,) of a camera at `eye` whose optical axis meets `target`, image upright.
 
     Parameters
@@ -51,7 +49,7 @@ def look_at(
     return R, -R @ centre
 
 
-def _vector(value: ArrayLike, name: str) -> NDArray[np.float64]:
+def _vector(value: ArrayLike, name: str) -> Array:
     vector = numbers(value, name)
     if vector.shape != (3,) or not np.isfinite(vector).all():
         raise InvalidInputError(f"{name}: expected three finite numbers, got {vector.tolist()}")

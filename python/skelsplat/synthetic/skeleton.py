@@ -9,17 +9,14 @@ abduction moves it away from the body, positive rotation turns it outward.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from skelsplat import layouts
-from skelsplat._arrays import numbers
+from skelsplat._arrays import Array, numbers
 from skelsplat._skelsplat import Layout
 from skelsplat.exceptions import InvalidInputError
-
-FloatArray: TypeAlias = NDArray[np.float64]
 
 JOINT_NAMES = layouts.H36M17.joints
 N_JOINTS = len(JOINT_NAMES)
@@ -120,7 +117,7 @@ def angle_names() -> tuple[str, ...]:
     return tuple(names)
 
 
-def _rotation(axis: int, degrees: FloatArray) -> FloatArray:
+def _rotation(axis: int, degrees: Array) -> Array:
     """Right-handed rotations (T, 3, 3) about axis 0, 1 or 2."""
     radians = np.deg2rad(degrees)
     a, b = (axis + 1) % 3, (axis + 2) % 3
@@ -137,7 +134,7 @@ class _Angles:
 
     def __init__(self, angles: Mapping[str, ArrayLike], n_frames: int) -> None:
         known = angle_names()
-        self._values: dict[str, FloatArray] = {}
+        self._values: dict[str, Array] = {}
         for name, given in angles.items():
             if name not in known:
                 raise InvalidInputError(f"angles: expected names among {', '.join(known)}, got {name!r}")
@@ -150,10 +147,10 @@ class _Angles:
             self._values[name] = value
         self._zero = np.zeros(n_frames)
 
-    def __getitem__(self, name: str) -> FloatArray:
+    def __getitem__(self, name: str) -> Array:
         return self._values.get(name, self._zero)
 
-    def ball(self, joint: str, side: str) -> FloatArray:
+    def ball(self, joint: str, side: str) -> Array:
         """Local rotation (T, 3, 3) of a hip or shoulder: rotation first, then flexion, then abduction."""
         mirror = 1.0 if side == "l" else -1.0
         return (
@@ -162,7 +159,7 @@ class _Angles:
             @ _rotation(2, mirror * self[f"{joint}_rotation_{side}"])
         )
 
-    def half_spine(self) -> FloatArray:
+    def half_spine(self) -> Array:
         """Local rotation (T, 3, 3) of the waist on the pelvis, and again of the chest on the waist."""
         return (
             _rotation(2, self["spine_rotation"] / 2)
@@ -171,7 +168,7 @@ class _Angles:
         )
 
 
-def _segment_rotations(angles: _Angles, heading_deg: FloatArray) -> dict[str, FloatArray]:
+def _segment_rotations(angles: _Angles, heading_deg: Array) -> dict[str, Array]:
     """World rotation (T, 3, 3) of every rigid segment."""
     pelvis = _rotation(2, heading_deg) @ _rotation(0, -angles["tilt"]) @ _rotation(1, angles["lean"])
     half = angles.half_spine()
@@ -195,7 +192,7 @@ def forward_kinematics(
     root: ArrayLike = (0.0, 0.0, 0.0),
     n_frames: int = 1,
     scale: float = 1.0,
-) -> FloatArray:
+) -> Array:
     """Joint positions of a body with the given angles.
 
     Parameters
@@ -232,21 +229,21 @@ def forward_kinematics(
     return pose
 
 
-def _bodies(points: ArrayLike) -> FloatArray:
+def _bodies(points: ArrayLike) -> Array:
     array = numbers(points, "points")
     if array.ndim < 2 or array.shape[-2:] != (N_JOINTS, 3):
         raise InvalidInputError(f"points: expected shape (..., {N_JOINTS}, 3), got {array.shape}")
     return array
 
 
-def bone_lengths(points: ArrayLike) -> FloatArray:
+def bone_lengths(points: ArrayLike) -> Array:
     """Length of the bone from each joint to its parent, (…, 16), joints 1 to 16, in the unit of `points`."""
     array = _bodies(points)
-    lengths: FloatArray = np.linalg.norm(array[..., 1:, :] - array[..., PARENTS[1:], :], axis=-1)
+    lengths: Array = np.linalg.norm(array[..., 1:, :] - array[..., PARENTS[1:], :], axis=-1)
     return lengths
 
 
-def in_layout(points: ArrayLike, layout: Layout) -> FloatArray:
+def in_layout(points: ArrayLike, layout: Layout) -> Array:
     """Joints of `layout` of simulated bodies.
 
     Parameters
@@ -279,12 +276,12 @@ def in_layout(points: ArrayLike, layout: Layout) -> FloatArray:
     return np.stack(columns, axis=-2)
 
 
-def _head_axes(points: FloatArray) -> FloatArray:
+def _head_axes(points: Array) -> Array:
     """Forward, left and up of the head (…, 3, 3) as rows, as long as the body is scaled."""
     neck, nose, head = (points[..., JOINT_NAMES.index(name), :] for name in ("neck", "nose", "head"))
     (a, b), (c, d) = _NOSE, _HEAD
     forward = (d * (nose - neck) - b * (head - neck)) / (a * d - b * c)
     up = (a * (head - neck) - c * (nose - neck)) / (a * d - b * c)
     left = np.cross(up, forward) / np.linalg.norm(up, axis=-1, keepdims=True)
-    axes: FloatArray = np.stack([forward, left, up], axis=-2)
+    axes: Array = np.stack([forward, left, up], axis=-2)
     return axes

@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 
-from skelsplat._arrays import read_fields
+from skelsplat._arrays import Array, read_fields
 from skelsplat.viz import _style
 from skelsplat.viz._skeleton import Skeleton, body_axes, draw_ellipses, draw_limbs
-
-if TYPE_CHECKING:
-    import numpy.typing as npt
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    Array = npt.NDArray[np.float64]
 
 _SPACE_IN = (8.1, 6.85)  # width and height for the two views
 _LEFT_IN = 0.85

@@ -2,24 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from skelsplat._arrays import read_fields
+from skelsplat._arrays import Array, Mask, read_fields
 from skelsplat.viz import _style
 from skelsplat.viz._skeleton import Skeleton, draw_ellipses, draw_limbs
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    import numpy.typing as npt
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    Array = npt.NDArray[np.float64]
-    Mask = npt.NDArray[np.bool_]
 
 Window = tuple[tuple[int, int], tuple[int, int]]
 

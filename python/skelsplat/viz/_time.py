@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
+from skelsplat._arrays import Array, Mask
 from skelsplat.viz import _style
-
-if TYPE_CHECKING:
-    import numpy.typing as npt
-    from matplotlib.axes import Axes
-
-    Array = npt.NDArray[np.float64]
-    Mask = npt.NDArray[np.bool_]
 
 # Frames from which on lines and bands go into a PDF as pixels: as curves the file would grow by megabytes.
 MANY_FRAMES = 4000

@@ -2,25 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from skelsplat._arrays import read_fields
+from skelsplat._arrays import Array, Mask, read_fields
 from skelsplat.viz import _style
 from skelsplat.viz._time import TimeAxis, draw_series
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    import numpy.typing as npt
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    Array = npt.NDArray[np.float64]
 
 COLOURS = {**_style.SIDES, "": _style.MIDDLE}
 # A panel shows at least this part of the length above and below it: what is rigid looks flat.
@@ -53,7 +46,7 @@ class Bone:
 
     side: str
     lengths: Array
-    sure: npt.NDArray[np.bool_]
+    sure: Mask
     median: float
     deviation: float
 

@@ -7,17 +7,13 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
+from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter
 
-from skelsplat._arrays import read_fields
+from skelsplat._arrays import Array, Mask, read_fields
 from skelsplat.viz import _style
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 _PANEL_IN, _CAPTION_IN = 4.6, 0.5
 # Okabe and Ito's palette without yellow.
@@ -44,10 +40,10 @@ class BarData:
     """
 
     names: tuple[str, ...]
-    values: npt.NDArray[np.float64]
-    low: npt.NDArray[np.float64]
-    high: npt.NDArray[np.float64]
-    measured: npt.NDArray[np.bool_]
+    values: Array
+    low: Array
+    high: Array
+    measured: Mask
     title: str
     axis: str
     caption: str = ""
@@ -92,7 +88,7 @@ def write_bars(path: str | os.PathLike[str], data: BarData) -> Path:
     return _style.save_png(figure, path)
 
 
-def _limit(values: npt.NDArray[np.float64]) -> float:
+def _limit(values: Array) -> float:
     """End of the axis: a little beyond the longest bar, but not beyond three times the median one."""
     finite = values[np.isfinite(values)]
     if finite.size == 0 or finite.max() <= 0:

@@ -2,24 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.colors import Colormap, LinearSegmentedColormap
+from matplotlib.figure import Figure
 
-from skelsplat._arrays import read_fields
+from skelsplat._arrays import Array, read_fields
 from skelsplat.viz import _style
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    import numpy.typing as npt
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    Array = npt.NDArray[np.float64]
 
 # One hue each, from white to dark, so that they can be read in greyscale; grey is nothing measured.
 _ERROR = LinearSegmentedColormap.from_list(

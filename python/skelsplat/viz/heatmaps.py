@@ -2,27 +2,21 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.lines import Line2D
 
-from skelsplat._arrays import read_fields
+from skelsplat._arrays import Array, read_fields
 from skelsplat.viz import _style
 from skelsplat.viz._cameras import Window, aspect, person_window
 from skelsplat.viz._skeleton import Skeleton, draw_limbs
-
-if TYPE_CHECKING:
-    import os
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    import numpy.typing as npt
-    from matplotlib.axes import Axes
-    from matplotlib.lines import Line2D
-
-    Array = npt.NDArray[np.float64]
 
 _TALLEST_IN = 6.0  # of one image
 _MARGIN_IN = 0.85  # left of an image, for its ticks and label

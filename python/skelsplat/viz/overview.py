@@ -2,32 +2,23 @@
 
 from __future__ import annotations
 
+import os
 import textwrap
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from skelsplat._arrays import read_fields
+from skelsplat._arrays import Array, read_fields
 from skelsplat.viz import _style
 from skelsplat.viz._body import Body, draw_body
 from skelsplat.viz._cameras import CameraPanel, choose_panels, draw_panels, panel_heights, space_of
-from skelsplat.viz._skeleton import SIGMAS, not_ok_in_words
-
-if TYPE_CHECKING:
-    import os
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    import numpy.typing as npt
-    from matplotlib.artist import Artist
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from skelsplat.viz._skeleton import Skeleton
-
-    Array = npt.NDArray[np.float64]
+from skelsplat.viz._skeleton import SIGMAS, Skeleton, not_ok_in_words
 
 _BODY_IN = 9.0  # the body and the errors, with their legend
 _HEADER_IN = 0.75  # of the cameras: their heading and legend

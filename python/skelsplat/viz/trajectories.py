@@ -3,30 +3,22 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from skelsplat._arrays import read_fields
+from skelsplat._arrays import Array, Mask, read_fields
 from skelsplat.viz import _style
+from skelsplat.viz._skeleton import Skeleton
 from skelsplat.viz._time import MANY_FRAMES, TimeAxis, alone, draw_series
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    import numpy.typing as npt
-    from matplotlib.artist import Artist
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from skelsplat.viz._skeleton import Skeleton
-
-    Array = npt.NDArray[np.float64]
-    Mask = npt.NDArray[np.bool_]
 
 # Number of standard deviations → how dark the band is; the wide one is drawn first.
 BANDS = {2: 0.18, 1: 0.32}

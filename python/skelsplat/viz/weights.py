@@ -2,27 +2,21 @@
 
 from __future__ import annotations
 
+import os
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.image import AxesImage
 from matplotlib.ticker import MaxNLocator
 
-from skelsplat._arrays import read_fields
+from skelsplat._arrays import Array, read_fields
 from skelsplat.viz import _style
-
-if TYPE_CHECKING:
-    import os
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    import numpy.typing as npt
-    from matplotlib.axes import Axes
-    from matplotlib.image import AxesImage
-
-    Array = npt.NDArray[np.float64]
 
 _LEFT_IN, _RIGHT_IN = 1.6, 1.5
 _ROW_IN = 0.42

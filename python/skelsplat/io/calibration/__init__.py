@@ -6,11 +6,12 @@ Names, units, image sizes and the building of cameras are the same for all and l
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -28,15 +29,9 @@ from skelsplat.io.calibration import (
     _toml,
     _vicon,
 )
-from skelsplat.io.calibration._format import CalibrationFormat, Source
+from skelsplat.io.calibration._format import CalibrationFormat, RawCamera, Source
 from skelsplat.io.calibration._rotation import nearest_rotation
 from skelsplat.io.calibration._unit import check_unit, convert_unit
-
-if TYPE_CHECKING:
-    import os
-    from collections.abc import Sequence
-
-    from skelsplat.io.calibration._format import RawCamera
 
 __all__ = ["FORMATS", "convert_unit", "find_format", "read_calibration", "write_calibration"]
 

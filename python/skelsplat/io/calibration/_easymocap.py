@@ -8,7 +8,7 @@ holds everything will do as well. The length unit is that of the board that was 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 
@@ -16,14 +16,9 @@ from skelsplat.exceptions import DatasetError
 from skelsplat.io._fields import Field
 from skelsplat.io._files import read_text
 from skelsplat.io.calibration._entries import PINHOLE_COUNTS, lens_of, whole_size
-from skelsplat.io.calibration._format import Parsed, RawCamera
+from skelsplat.io.calibration._format import Array, Parsed, RawCamera, Source
 from skelsplat.io.calibration._opencv import is_opencv_yaml, parse_opencv_yaml
 from skelsplat.io.calibration._rotation import matrix_from_vector
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from skelsplat.io.calibration._format import Array, Source
 
 _PAIR = ("intri", "extri")
 _SUFFIXES = (".yml", ".yaml")

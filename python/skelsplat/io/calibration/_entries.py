@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 
 from skelsplat.exceptions import DatasetError
-from skelsplat.io.calibration._format import RawCamera
-
-if TYPE_CHECKING:
-    import xml.etree.ElementTree as ET
-    from pathlib import Path
-
-    from skelsplat.io._fields import Field
-    from skelsplat.io.calibration._format import Array
+from skelsplat.io._fields import Field
+from skelsplat.io.calibration._format import Array, RawCamera
 
 PINHOLE_COUNTS = (4, 5, 8, 12, 14)
 _FISHEYE_COUNT = 4

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import xml.etree.ElementTree as ET
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,10 +16,6 @@ import numpy.typing as npt
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._fields import Field
 from skelsplat.io._files import load_json, opening, parse_toml, read_text
-
-if TYPE_CHECKING:
-    import os
-    from collections.abc import Callable, Sequence
 
 Array = npt.NDArray[np.float64]
 

@@ -7,15 +7,10 @@ two cameras have 1002 lines, two 1000.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from skelsplat.exceptions import InvalidInputError
+from skelsplat.io._fields import Field
 from skelsplat.io.calibration._entries import lens_of
-from skelsplat.io.calibration._format import Parsed, RawCamera
-
-if TYPE_CHECKING:
-    from skelsplat.io._fields import Field
-    from skelsplat.io.calibration._format import Source
+from skelsplat.io.calibration._format import Parsed, RawCamera, Source
 
 # (width, height) of the videos
 _SIZES = {

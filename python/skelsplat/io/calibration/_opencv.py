@@ -8,17 +8,15 @@ the top level; of XML the matrices.
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Any
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._files import whole_number
-
-if TYPE_CHECKING:
-    import xml.etree.ElementTree as ET
-    from collections.abc import Iterator, Mapping
-    from pathlib import Path
 
 _KEY = re.compile(r"^([^\s:#%-][^:]*?)\s*:(?:\s+(.*))?$")
 _MATRIX = "!!opencv-matrix"

@@ -16,21 +16,17 @@ R and t are world → camera, x_c = R x_w + t, K and size are pixels, distortion
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+import skelsplat as sk
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._arrays import load_plain_npz
 from skelsplat.io._fields import Field
 from skelsplat.io.calibration._entries import camera_of
-from skelsplat.io.calibration._format import Parsed, RawCamera
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    import skelsplat as sk
-    from skelsplat.io.calibration._format import Array, Source
+from skelsplat.io.calibration._format import Array, Parsed, RawCamera, Source
 
 _MARK = "skelsplat-calibration"
 _VERSION = 1

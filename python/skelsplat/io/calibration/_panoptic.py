@@ -6,14 +6,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from skelsplat.exceptions import DatasetError
 from skelsplat.io.calibration._entries import camera_of
-from skelsplat.io.calibration._format import Parsed
-
-if TYPE_CHECKING:
-    from skelsplat.io.calibration._format import Source
+from skelsplat.io.calibration._format import Parsed, Source
 
 _DEFAULT_TYPE = "hd"
 

@@ -16,18 +16,13 @@ that other programs wrote), and of them those that are active and calibrated.
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+import xml.etree.ElementTree as ET
 
 import numpy as np
 
 from skelsplat.exceptions import DatasetError
 from skelsplat.io.calibration._entries import Element
-from skelsplat.io.calibration._format import Parsed, RawCamera
-
-if TYPE_CHECKING:
-    import xml.etree.ElementTree as ET
-
-    from skelsplat.io.calibration._format import Array, Source
+from skelsplat.io.calibration._format import Array, Parsed, RawCamera, Source
 
 _SUBPIXELS = 64.0
 _FLIP = np.diag([1.0, -1.0, -1.0])

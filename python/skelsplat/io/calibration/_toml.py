@@ -15,19 +15,15 @@ from __future__ import annotations
 
 import json
 import re
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+import skelsplat as sk
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._fields import Field
 from skelsplat.io.calibration._entries import lens_of, size_of
-from skelsplat.io.calibration._format import Parsed, RawCamera
+from skelsplat.io.calibration._format import Parsed, RawCamera, Source
 from skelsplat.io.calibration._rotation import matrix_from_vector, vector_from_matrix
-
-if TYPE_CHECKING:
-    import skelsplat as sk
-    from skelsplat.io.calibration._format import Source
 
 _REQUIRED = ("matrix", "rotation", "translation")
 _LENS = ("distortion", "distortions")

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -11,12 +12,7 @@ import skelsplat as sk
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.findings import Finding, FindingWarning, Subject
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    from skelsplat.io.calibration._format import Array
+from skelsplat.io.calibration._format import Array
 
 # from a macro rig on a table to a stadium; outside it the unit is wrong rather than the rig unusual
 _PLAUSIBLE_M = (0.05, 100.0)

@@ -19,17 +19,13 @@ Marker cameras have no images: only cameras whose ``TYPE`` has "video" in it are
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from skelsplat.exceptions import DatasetError
 from skelsplat.io.calibration._entries import Element, whole_size
-from skelsplat.io.calibration._format import Parsed, RawCamera
+from skelsplat.io.calibration._format import Array, Parsed, RawCamera, Source
 from skelsplat.io.calibration._rotation import matrix_from_quaternion
-
-if TYPE_CHECKING:
-    from skelsplat.io.calibration._format import Array, Source
 
 # a fit this good is lost in any detector's noise
 _GOOD_FIT_PX = 0.1

@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 
 import skelsplat as sk
 from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.io._arrays import Array
+from skelsplat.io.detections._format import Person, View
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
-    from pathlib import Path
-
-    from skelsplat.io._arrays import Array
-    from skelsplat.io.detections._format import Person, View
-
-    Joint = str | int | None
-    # place in the file of each joint of the layout, None for one that the file lacks
-    Places = tuple[int | None, ...]
+Joint = str | int | None
+# place in the file of each joint of the layout, None for one that the file lacks
+Places = tuple[int | None, ...]
 
 _SIDES = {"l": "left", "r": "right"}
 _SHOWN = 40

@@ -2,29 +2,24 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 import skelsplat as sk
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io.detections._frames import Clock, check_mode, check_offsets
+from skelsplat.io._arrays import Array
+from skelsplat.io.detections._format import View
+from skelsplat.io.detections._frames import Clock, FrameMode, check_mode, check_offsets
 from skelsplat.io.detections._joints import arranged, check_mapping, choose_layout, places_of
 from skelsplat.io.detections._match import cameras_called
 from skelsplat.io.detections._registry import find_format
-from skelsplat.io.detections._sources import Matching, open_sources
-
-if TYPE_CHECKING:
-    import os
-    from collections.abc import Collection, Mapping, Sequence
-
-    from skelsplat.io._arrays import Array
-    from skelsplat.io.detections._format import View
-    from skelsplat.io.detections._frames import FrameMode
-    from skelsplat.io.detections._sources import Sources
+from skelsplat.io.detections._sources import Matching, Sources, open_sources
 
 # pixels of a whole view that all lie within this are parts of the image's size
 _NORMALISED = 1.5

@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._files import opening
 from skelsplat.io._run_files import is_run
+from skelsplat.io.detections._format import DetectionFormat, View
 from skelsplat.io.detections._match import Candidates, match_by_name, match_by_order
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Mapping, Sequence
-    from pathlib import Path
-
-    from skelsplat.io.detections._format import DetectionFormat, View
-
-    Order = str | Sequence[str]
-    # what may belong to the cameras, and how one of them is opened by its label
-    Offer = tuple[Candidates, Callable[[str], View]]
+Order = str | Sequence[str]
+# what may belong to the cameras, and how one of them is opened by its label
+Offer = tuple[Candidates, Callable[[str], View]]
 
 _MOST_SHOWN = 8  # files named in a message
 _SOME_LEFT_OUT = "--without leaves out cameras (in Python without=)"

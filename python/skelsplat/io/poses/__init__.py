@@ -5,9 +5,13 @@ A format is a module of this package and a row in `POSE_FORMATS`, under its exte
 
 from __future__ import annotations
 
+import os
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
 
 from skelsplat._optional import require
 from skelsplat.exceptions import InvalidInputError
@@ -19,13 +23,6 @@ from skelsplat.io.poses._npz import read_npz, write_npz
 from skelsplat.io.poses._pose_data import PoseData
 from skelsplat.io.poses._trc import read_trc, write_trc
 from skelsplat.io.poses._xarray import read_netcdf, to_xarray, write_netcdf
-
-if TYPE_CHECKING:
-    import os
-    from collections.abc import Callable
-
-    import numpy as np
-    import numpy.typing as npt
 
 __all__ = [
     "MARKER_NAMES",

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 import skelsplat as sk
 from skelsplat._optional import require
@@ -17,11 +19,6 @@ from skelsplat.io.poses._c3d_structure import check_structure
 from skelsplat.io.poses._markers import Y_UP, known_frame_rate
 from skelsplat.io.poses._markers import marker_names as named
 from skelsplat.io.poses._pose_data import Array, PoseData
-
-if TYPE_CHECKING:
-    import os
-
-    import numpy.typing as npt
 
 # Frame numbers are 16-bit words that start at 1, and a residual is seven bits of a byte in whole units.
 MAX_FRAMES = 65535

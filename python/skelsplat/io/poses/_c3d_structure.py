@@ -9,12 +9,9 @@ from __future__ import annotations
 
 import math
 import struct
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from skelsplat.exceptions import DatasetError
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 _BLOCK, _MOST_FRAMES = 512, 65535
 _KEY = 0x50

@@ -4,25 +4,20 @@ from __future__ import annotations
 
 import csv
 import io
+import os
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 import skelsplat as sk
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._atomic import atomic_write_text
 from skelsplat.io._files import frame_number, read_text
-from skelsplat.io.poses._pose_data import PoseData
-
-if TYPE_CHECKING:
-    import os
-    from collections.abc import Sequence
-
-    import numpy.typing as npt
-
-    from skelsplat.io.poses._pose_data import Array
+from skelsplat.io.poses._pose_data import Array, PoseData
 
 _AXES, _DEVIATIONS = ("x", "y", "z"), ("sx", "sy", "sz")
 COLUMNS = (

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import sys
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 import skelsplat as sk
 from skelsplat.exceptions import DatasetError, InvalidInputError
@@ -16,12 +19,6 @@ from skelsplat.io._atomic import atomic_write_text
 from skelsplat.io._fields import Field
 from skelsplat.io._files import FRAME_LIMIT, of_file, read_json_file
 from skelsplat.io.poses._pose_data import ARRAYS, PoseData, shape_of
-
-if TYPE_CHECKING:
-    import os
-    from collections.abc import Iterator, Sequence
-
-    import numpy.typing as npt
 
 FORMAT, VERSION = "skelsplat-poses", 1
 _BY_JOINT = ("pose", "init_pose", "uncertainty", "covariance")

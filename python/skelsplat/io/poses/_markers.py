@@ -6,14 +6,9 @@ The programs that read them go by names: Pose2Sim's filters, marker augmentation
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from skelsplat.exceptions import InvalidInputError
-from skelsplat.io.poses._pose_data import check_frame_rate
+from skelsplat.io.poses._pose_data import PoseData, check_frame_rate
 from skelsplat.layouts import BODY25
-
-if TYPE_CHECKING:
-    from skelsplat.io.poses._pose_data import PoseData
 
 MARKER_NAMES = ("skelsplat", "pose2sim")
 # the world's z axis up becomes the file's y axis up by this order of columns (Pose2Sim does the same)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -13,9 +14,6 @@ from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._arrays import Arrays, load_plain_npz
 from skelsplat.io._atomic import atomic_write
 from skelsplat.io.poses._pose_data import PoseData
-
-if TYPE_CHECKING:
-    import os
 
 _KEYS = tuple(entry.name for entry in fields(PoseData))
 _NAMES = ("joint_names", "camera_names", "processing")

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+import skelsplat as sk
 from skelsplat._arrays import flags, numbers, whole_numbers
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import InvalidInputError
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    import skelsplat as sk
 
 Array = npt.NDArray[np.float64]
 # the axes of every array (T frames, M cameras, N joints) and the type of its entries

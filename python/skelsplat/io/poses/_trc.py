@@ -8,9 +8,9 @@ from the end of a line, and a row whose last marker is missing would be one fiel
 from __future__ import annotations
 
 import math
+import os
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,10 +21,6 @@ from skelsplat.io._files import frame_number, read_text
 from skelsplat.io.poses._markers import Y_UP, known_frame_rate
 from skelsplat.io.poses._markers import marker_names as named
 from skelsplat.io.poses._pose_data import PoseData, check_frame_rate
-
-if TYPE_CHECKING:
-    import os
-
 
 _HEADER = (
     "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames"

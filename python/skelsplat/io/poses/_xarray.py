@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,8 +17,6 @@ from skelsplat.io._files import opening
 from skelsplat.io.poses._pose_data import Array, PoseData
 
 if TYPE_CHECKING:
-    import os
-
     import xarray as xr
 
 _PLURAL = ("time", "space", "keypoints", "individuals")

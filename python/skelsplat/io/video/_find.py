@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._files import VIDEO_SUFFIXES, opening
 from skelsplat.io.detections._match import Candidates, cameras_called, match_by_name, match_by_order
-
-if TYPE_CHECKING:
-    import os
-    from collections.abc import Collection, Mapping, Sequence
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,10 +18,6 @@ from skelsplat.exceptions import DatasetError
 from skelsplat.io._files import opening
 from skelsplat.io.detections._frames import frame_files
 from skelsplat.io.video._find import images_in
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 Image = npt.NDArray[np.uint8]
 Size = tuple[int, int]

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from types import TracebackType
+from typing import Any
 
 import numpy as np
 
 from skelsplat._opencv import opencv
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._atomic import atomic_path, atomic_write
-
-if TYPE_CHECKING:
-    from pathlib import Path
-    from types import TracebackType
-
-    from skelsplat.io.video._source import Image
+from skelsplat.io.video._source import Image
 
 # The only fast encoder in OpenCV's wheels that MP4 takes; H.264 is not in them.
 _CODEC = "mp4v"

@@ -4,21 +4,14 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 
+from skelsplat._arrays import Array
 from skelsplat._opencv import opencv
 from skelsplat.exceptions import DatasetError
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    import numpy.typing as npt
-
-    from skelsplat.io.video import Image, Size
-
-    Array = npt.NDArray[np.float64]
+from skelsplat.io.video import Image, Size
 
 _SAME_SHAPE = 0.005  # of the ratio of width to height
 _PADDING_PX = 16  # codecs fill up to blocks of 16

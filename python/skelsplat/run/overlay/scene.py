@@ -6,19 +6,16 @@ import warnings
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 import skelsplat as sk
+from skelsplat._arrays import Array, Mask
+from skelsplat.io.video import Size
 from skelsplat.run.solve import rig_as_used
 from skelsplat.viz.overlay import OverlayFrame
 
 if TYPE_CHECKING:
-    import numpy.typing as npt
-
     from skelsplat.io.run_folder import RunFolder
-    from skelsplat.io.video import Size
-
-    Array = npt.NDArray[np.float64]
-    Flags = npt.NDArray[np.bool_]
 
 # Step of the central differences in parts of the distance to the camera: about a tenth of a pixel. What they
 # leave out is a millionth of the ellipse.
@@ -108,9 +105,9 @@ def follow(points: Array, size: Size) -> tuple[Size, npt.NDArray[np.int64]]:
         x and y; the middle is averaged over frames and the cut-out stays within the frame.
     """
     limit = np.array(size)
-    inside: Flags = np.all((points >= -0.5) & (points < limit - 0.5), axis=2)
+    inside: Mask = np.all((points >= -0.5) & (points < limit - 0.5), axis=2)
     points = np.where(inside[..., None], points, np.nan)
-    seen: Flags = np.any(inside, axis=1)
+    seen: Mask = np.any(inside, axis=1)
     if not seen.any():
         return size, np.zeros((len(points), 2), dtype=np.int64)
     with warnings.catch_warnings():
@@ -123,7 +120,7 @@ def follow(points: Array, size: Size) -> tuple[Size, npt.NDArray[np.int64]]:
     return (int(cut[0]), int(cut[1])), np.clip(corners, 0, limit - cut)
 
 
-def _calm(middle: Array, seen: Flags) -> Array:
+def _calm(middle: Array, seen: Mask) -> Array:
     """Fill the frames without the person by the nearest ones in time, and average over `_CALM` frames."""
     times = np.arange(len(middle))
     whole = np.stack([np.interp(times, times[seen], axis[seen]) for axis in middle.T], axis=1)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io.video import FrameSource, Image, Size, find_videos, open_source
@@ -15,13 +17,6 @@ from skelsplat.run.overlay.place import Place, fit_size
 from skelsplat.run.overlay.scene import Scene, follow
 from skelsplat.viz import Skeleton
 from skelsplat.viz.overlay import Shown, draw_label, draw_overlay
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    import numpy.typing as npt
-
 
 Span = tuple[int, int]
 

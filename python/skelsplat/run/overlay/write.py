@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 import warnings
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,9 +20,6 @@ from skelsplat.run.overlay.view import View, open_views, with_zoom
 from skelsplat.viz.overlay import Tiling, blank_tile, draw_label, legend_strip, tiling
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
-    from pathlib import Path
-
     from skelsplat.run.overlay.view import OverlayJob, Span
 
 _ASSUMED_FPS = 30.0

@@ -3,23 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
-from skelsplat._arrays import read_fields
+from skelsplat._arrays import Array, Mask, read_fields
+from skelsplat.viz._skeleton import Skeleton
 from skelsplat.viz.overlay import _look, _marks
-from skelsplat.viz.overlay._look import Sizes
+from skelsplat.viz.overlay._look import Colour, Sizes
 
-if TYPE_CHECKING:
-    import numpy.typing as npt
-
-    from skelsplat.viz._skeleton import Skeleton
-    from skelsplat.viz.overlay._look import Colour
-
-    Array = npt.NDArray[np.float64]
-    Flags = npt.NDArray[np.bool_]
-    Image = npt.NDArray[np.uint8]
+Image = npt.NDArray[np.uint8]
 
 SIGMAS = 2.0
 
@@ -48,10 +41,10 @@ class OverlayFrame:
 
     pose: Array
     covariances: Array
-    reliable: Flags
+    reliable: Mask
     detections: Array
     weights: Array
-    swapped: Flags
+    swapped: Mask
     before: Array
 
     def __post_init__(self) -> None:

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+import numpy.typing as npt
 
+from skelsplat._arrays import Array
 from skelsplat._opencv import opencv
+from skelsplat.viz.overlay._look import Colour
 
-if TYPE_CHECKING:
-    import numpy.typing as npt
-
-    from skelsplat.viz.overlay._look import Colour
-
-    Array = npt.NDArray[np.float64]
-    Image = npt.NDArray[np.uint8]
+Image = npt.NDArray[np.uint8]
 
 _SHIFT = 4  # coordinates count sixteenths of a pixel
 _FAR = 1e6  # px; 16 times that is well below 2³¹

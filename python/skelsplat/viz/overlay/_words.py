@@ -2,33 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import matplotlib
 import numpy as np
+import numpy.typing as npt
 from PIL import Image as Pillow
 from PIL import ImageDraw, ImageFont
 
+from skelsplat._arrays import Array
 from skelsplat.viz import _style
 from skelsplat.viz.overlay import _look, _marks
-from skelsplat.viz.overlay._draw import SIGMAS, draw_detection, draw_joint, draw_limb, draw_swapped
-from skelsplat.viz.overlay._look import DARK, LIGHT, Sizes
+from skelsplat.viz.overlay._draw import SIGMAS, Shown, draw_detection, draw_joint, draw_limb, draw_swapped
+from skelsplat.viz.overlay._look import DARK, LIGHT, Colour, Sizes
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    import numpy.typing as npt
-
-    from skelsplat.viz.overlay._draw import Shown
-    from skelsplat.viz.overlay._look import Colour
-
-    Array = npt.NDArray[np.float64]
-    Image = npt.NDArray[np.uint8]
-    Mask = npt.NDArray[np.uint8]
-    Symbol = Callable[[Image, Array], None]
-    Entry = tuple[str, Symbol]
+Image = npt.NDArray[np.uint8]
+Symbol = Callable[[Image, Array], None]
+Entry = tuple[str, Symbol]
 
 _OPAQUE = 0.6  # ground of a label
 
@@ -39,7 +31,7 @@ def _font(size: int) -> ImageFont.FreeTypeFont:
 
 
 @lru_cache(maxsize=64)
-def text_mask(text: str, size: int) -> Mask:
+def text_mask(text: str, size: int) -> npt.NDArray[np.uint8]:
     """Return one line of text ``size`` px high as coverage 0 to 255, (H, W); H is the same for all texts."""
     font = _font(size)
     ascent, descent = font.getmetrics()
@@ -48,7 +40,7 @@ def text_mask(text: str, size: int) -> Mask:
     return np.asarray(picture)
 
 
-def draw_text(image: Image, left: int, top: int, mask: Mask, colour: Colour) -> None:
+def draw_text(image: Image, left: int, top: int, mask: npt.NDArray[np.uint8], colour: Colour) -> None:
     """Blend a mask into ``image`` in ``colour``, in place; what reaches over the border is cut off."""
     place = image[max(top, 0) : top + mask.shape[0], max(left, 0) : left + mask.shape[1]]
     cover = mask[: place.shape[0], : place.shape[1], None] / 255.0

@@ -8,10 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from skelsplat._arrays import read_fields
+from skelsplat._arrays import Array, read_fields
 from skelsplat.viz._skeleton import Skeleton
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

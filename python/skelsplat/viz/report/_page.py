@@ -6,27 +6,25 @@ import base64
 import hashlib
 import json
 import math
+import os
+from collections.abc import Iterable, Sequence
 from html import escape
 from importlib.resources import files
+from pathlib import Path
 from string import Template
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
+from skelsplat._arrays import Array
 from skelsplat._optional import require
 from skelsplat.viz import _style
 from skelsplat.viz._skeleton import not_ok_in_words
+from skelsplat.viz.report._data import KeyNumber, ProblemRow, ReportData, Table, TimeLine
 from skelsplat.viz.report._scene import as_text, frames_to_show, pack_scene, thin_line
 
-if TYPE_CHECKING:
-    import os
-    from collections.abc import Iterable, Sequence
-    from pathlib import Path
-
-    import numpy as np
-    import numpy.typing as npt
-
-    from skelsplat.viz.report._data import KeyNumber, ProblemRow, ReportData, Table, TimeLine
-
-    Places = npt.NDArray[np.int64]
+Places = npt.NDArray[np.int64]
 
 _MOST_PROBLEMS = 500
 # One program in several files, in this order.
@@ -103,7 +101,7 @@ def _policy(programs: list[str]) -> str:
 
 
 def _line(line: TimeLine, places: Places) -> dict[str, Any]:
-    def packed(values: npt.NDArray[np.float64]) -> str:
+    def packed(values: Array) -> str:
         return as_text(thin_line(values, places, peaks=line.peaks), "<f4")
 
     return {

@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import base64
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
+from skelsplat._arrays import Array
 from skelsplat.viz import _style
+from skelsplat.viz.report._data import CameraShapes, Sequence3D
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    import numpy.typing as npt
-
-    from skelsplat.viz.report._data import CameraShapes, Sequence3D
-
-    Array = npt.NDArray[np.float64]
-    Places = npt.NDArray[np.int64]
+Places = npt.NDArray[np.int64]
 
 # Around the joints, in mm; the start may lie outside them.
 _MARGIN_MM = 1500.0
