@@ -144,7 +144,9 @@ def _between(poses: PoseData, first: int, last: int) -> PoseData:
     """Return the frames from ``first`` to ``last`` alone; an array that was left out stays empty."""
     keep = (poses.frames >= first) & (poses.frames <= last)
     held = {entry.name: getattr(poses, entry.name) for entry in fields(poses)}
-    arrays = {name: value for name, value in held.items() if isinstance(value, np.ndarray) and len(value)}
+    arrays: dict[str, Any] = {
+        name: value for name, value in held.items() if isinstance(value, np.ndarray) and len(value)
+    }
     return replace(poses, **{name: array[keep] for name, array in arrays.items()})
 
 
