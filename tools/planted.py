@@ -358,7 +358,7 @@ LEFT_OUT = (
         "dropped undistortion",
         "        seen[:, :2] = inputs.rig[view].undistort(seen[:, :2])\n",
         "        pass\n",
-        (UNIT + "test_cli_report.py", UNIT + "test_cli.py"),
+        (UNIT + "test_run_figures.py",),
     ),
 )
 

@@ -18,7 +18,7 @@ from skelsplat import datasets, synthetic
 from skelsplat._json import plain
 from skelsplat.cli import app, refine
 from skelsplat.cli.table import print_table
-from skelsplat.datasets._synth_writer import write_simulated
+from skelsplat.datasets.synthetic import write_simulated
 
 
 def commands(group, path=()):
