@@ -22,9 +22,8 @@ from numpy.typing import NDArray
 from skelsplat._optional import require
 from skelsplat._skelsplat import Layout
 from skelsplat.cameras import CameraRig
-from skelsplat.datasets._detections import Wanted
+from skelsplat.datasets._detections import Wanted, detections_of, read_apart
 from skelsplat.datasets._files import FloatArray, Survey, find, load_json, opened
-from skelsplat.datasets._kept_apart import detections_of, read_apart
 from skelsplat.datasets._model import Dataset, Take
 from skelsplat.datasets._rig import build_rig, camera_at_centre
 from skelsplat.exceptions import DatasetError

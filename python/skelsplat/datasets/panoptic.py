@@ -24,9 +24,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skelsplat.cameras import MM_PER_UNIT, CameraRig
-from skelsplat.datasets._detections import Wanted, frame_numbers, read_truth
+from skelsplat.datasets._detections import (
+    Wanted,
+    detections_of,
+    frame_numbers,
+    read_apart,
+    read_truth,
+    read_world,
+)
 from skelsplat.datasets._files import FloatArray, Survey, find, load_json, numbers, require, within
-from skelsplat.datasets._kept_apart import detections_of, read_apart, read_world
 from skelsplat.datasets._model import Dataset, Take
 from skelsplat.datasets._rig import read_quietly
 from skelsplat.exceptions import DatasetError, InvalidInputError

@@ -16,8 +16,8 @@ from typing import Any
 
 from skelsplat.datasets import Dataset
 from skelsplat.evaluation import methods, protocols, runs
-from skelsplat.evaluation._protocol import Case, Protocol
 from skelsplat.evaluation.methods import Method, Options
+from skelsplat.evaluation.protocols import Case, Protocol
 from skelsplat.evaluation.reported import ReportedRow, ReportedTable, reported
 from skelsplat.evaluation.scores import Scores, score
 from skelsplat.exceptions import InvalidInputError

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from skelsplat import metrics
 from skelsplat._arrays import numbers
 from skelsplat._skelsplat import Layout
-from skelsplat.evaluation._protocol import Case, Protocol
 from skelsplat.evaluation.methods import Solution
+from skelsplat.evaluation.protocols import Case, Protocol
 from skelsplat.exceptions import DatasetError, InvalidInputError
 
 FloatArray = NDArray[np.float64]

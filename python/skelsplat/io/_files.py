@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import re
 import sys
@@ -21,6 +22,7 @@ from pathlib import Path
 # frame numbers and offsets are below it, so that their sum fits into 64 bits
 FRAME_LIMIT = 2**62
 _HEAD = 65_536  # bytes
+_FIELDS = "comma-separated fields, every quote closed"
 VIDEO_SUFFIXES = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".mts", ".wmv")
 
 
@@ -56,6 +58,42 @@ def head(path: Path) -> str:
             return stream.read(_HEAD).decode("utf-8-sig", errors="replace").lstrip()
     except OSError:
         return ""
+
+
+def csv_lines(path: Path) -> list[list[str]]:
+    """Return the fields of every line; of a blank line there are none.
+
+    A quoted field may go on over several lines, so that a quote that is never closed swallows what follows:
+    it is an error, of the line in which it opens.
+    """
+    reader = csv.reader(read_text(path).splitlines(), strict=True)
+    lines: list[list[str]] = []
+    first = 1
+    try:
+        for line in reader:
+            lines.append(line)
+            first = reader.line_num + 1
+    except csv.Error as error:
+        expected, actual = _csv_fault(error, reader.line_num - first)
+        raise DatasetError(path, f"line {first}", expected, actual) from error
+    return lines
+
+
+def csv_header(path: Path) -> list[str]:
+    """Return the fields of the first line; none if it cannot be read."""
+    try:
+        return next(csv.reader(head(path).splitlines()[:1]), [])
+    except csv.Error:
+        return []
+
+
+def _csv_fault(error: csv.Error, further_lines: int) -> tuple[str, str]:
+    """Return what is expected of a line and what is there; only an open quote makes a line go on."""
+    if further_lines or "unexpected end" in str(error):
+        return _FIELDS, "a quote that is not closed in this line"
+    if "limit" in str(error):
+        return f"fields of at most {csv.field_size_limit()} characters", "a longer one"
+    return _FIELDS, str(error)
 
 
 def load_json(path: Path, text: str, document: str) -> Any:

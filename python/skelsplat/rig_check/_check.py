@@ -14,10 +14,8 @@ from skelsplat.findings import Finding, Subject
 from skelsplat.rig_check._causes import explain, once_corrected
 from skelsplat.rig_check._files import correct_files
 from skelsplat.rig_check._geometry import check_geometry
-from skelsplat.rig_check._people import follow
-from skelsplat.rig_check._remedies import ReadAs, with_remedies
-from skelsplat.rig_check._report import CameraRow, RigReport, rows_of
-from skelsplat.rig_check._scene import Array, Index, Scene, in_mm, median, named, scene_of
+from skelsplat.rig_check._report import CameraRow, ReadAs, RigReport, rows_of, with_remedies
+from skelsplat.rig_check._scene import Array, Index, Scene, follow, in_mm, median, named, scene_of
 from skelsplat.rig_check._world import check_unit, find_convention
 
 if TYPE_CHECKING:

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skelsplat.findings import Finding, Subject
-from skelsplat.rig_check._people import gross_px, is_gross, judge, some_frames
-from skelsplat.rig_check._scene import Array, Scene, named
+from skelsplat.rig_check._scene import Array, Scene, gross_px, is_gross, judge, named, some_frames
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence

@@ -17,8 +17,7 @@ import numpy as np
 import skelsplat as sk
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.findings import Finding
-from skelsplat.rig_check._people import is_gross, judge, some_frames
-from skelsplat.rig_check._scene import Array, in_mm, median, posed
+from skelsplat.rig_check._scene import Array, in_mm, is_gross, judge, median, posed, some_frames
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -31,8 +31,7 @@ from skelsplat.datasets._model import FloatArray, Take
 from skelsplat.datasets._rig import build_rig, camera_at_centre
 from skelsplat.datasets._verify import body_size, is_human
 from skelsplat.datasets.human36m._actions import NUMBERED
-from skelsplat.datasets.human36m._cameras import CAMERAS, SIZES
-from skelsplat.datasets.human36m._options import Options, Reading, with_separate
+from skelsplat.datasets.human36m._common import CAMERAS, SIZES, Options, Reading, with_separate
 from skelsplat.exceptions import DatasetError
 from skelsplat.layouts import H36M17
 

@@ -22,14 +22,17 @@ from skelsplat.datasets._detections import (
     first_key,
     load_poses,
     poses_file,
+    read_apart,
+    read_world,
 )
 from skelsplat.datasets._files import FloatArray, Survey, numbers
-from skelsplat.datasets._kept_apart import read_apart, read_world
 from skelsplat.datasets._model import Take
-from skelsplat.datasets.human36m._cameras import CAMERAS, find_cameras, read_rig
-from skelsplat.datasets.human36m._options import (
+from skelsplat.datasets.human36m._common import (
+    CAMERAS,
     Options,
     Reading,
+    find_cameras,
+    read_rig,
     take_of,
     wanted,
     with_separate,

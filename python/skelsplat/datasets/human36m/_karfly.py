@@ -19,8 +19,7 @@ from skelsplat.datasets._files import Survey, a_list, as_numbers, load_npy, numb
 from skelsplat.datasets._model import FloatArray, Take
 from skelsplat.datasets._rig import build_camera, build_rig
 from skelsplat.datasets.human36m._actions import action_of
-from skelsplat.datasets.human36m._cameras import CAMERAS, SIZES
-from skelsplat.datasets.human36m._options import Options, Reading, with_separate
+from skelsplat.datasets.human36m._common import CAMERAS, SIZES, Options, Reading, with_separate
 from skelsplat.exceptions import DatasetError
 from skelsplat.layouts import H36M17
 

@@ -19,11 +19,13 @@ from skelsplat.cameras import CameraRig
 from skelsplat.datasets._detections import Wanted, as_detections, detector_name
 from skelsplat.datasets._files import FloatArray, Survey, a_list, a_table, load_npz, numbers, require
 from skelsplat.datasets._model import Take
-from skelsplat.datasets.human36m._cameras import CAMERAS, find_cameras, read_rig
-from skelsplat.datasets.human36m._options import (
+from skelsplat.datasets.human36m._common import (
+    CAMERAS,
     Options,
     Reading,
     activity_of,
+    find_cameras,
+    read_rig,
     take_of,
     wanted,
     with_separate,

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skelsplat.evaluation.baselines._linear import rig_frame, solve
 from skelsplat.evaluation.baselines._observations import (
     BoolArray,
     Cameras,
@@ -26,6 +25,8 @@ from skelsplat.evaluation.baselines._observations import (
     observe,
     positive,
     reproject,
+    rig_frame,
+    solve,
 )
 
 _MAX_STEPS = 200

@@ -20,7 +20,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from skelsplat._arrays import numbers
-from skelsplat.evaluation.baselines._linear import solve
 from skelsplat.evaluation.baselines._minimise import Reprojections, huber, minimise
 from skelsplat.evaluation.baselines._observations import (
     BoolArray,
@@ -30,6 +29,7 @@ from skelsplat.evaluation.baselines._observations import (
     observe,
     positive,
     reproject,
+    solve,
 )
 from skelsplat.exceptions import InvalidInputError
 
