@@ -27,7 +27,8 @@ from skelsplat.io._files import read_json_file
 from skelsplat.io._run_files import CAMERAS, DETECTIONS, POSES, REPORT, UNFINISHED
 from skelsplat.io.calibration import read_calibration, write_calibration
 from skelsplat.io.detections import read_detections
-from skelsplat.io.poses import PoseData, read_npz
+from skelsplat.io.poses._npz import read_npz
+from skelsplat.io.poses._pose_data import PoseData
 
 Array = npt.NDArray[np.float64]
 
