@@ -194,5 +194,4 @@ def initial_covariances(inputs: Inputs, config: sk.RefineConfig) -> Array:
     if config.occlusion_sigma_mm is not None:
         sigma_mm[list(inputs.layout.occlusion_prone)] = config.occlusion_sigma_mm
     sigma = sigma_mm / inputs.rig.mm_per_unit
-    covariances: Array = sigma[:, None, None] ** 2 * np.eye(3)
-    return covariances
+    return sigma[:, None, None] ** 2 * np.eye(3)

@@ -241,8 +241,7 @@ def _by_view_and_joint(values: Array, of: Any) -> Array:
 
 def _shares(statistics: Statistics) -> Array:
     used = np.isfinite(statistics.error_after).sum(axis=0)
-    shares: Array = np.where(used > 0, statistics.rejected.sum(axis=0) / np.maximum(used, 1), np.nan)
-    return shares
+    return np.where(used > 0, statistics.rejected.sum(axis=0) / np.maximum(used, 1), np.nan)
 
 
 def _camera_table(statistics: Statistics) -> page.Table:

@@ -40,8 +40,7 @@ class TimeAxis:
     def values(self) -> Array:
         """Places of the frames on the axis, (T,): seconds, or numbers of frames."""
         first = 0 if self._counts_from_zero else self.zero
-        places: Array = (self.frames - first) / (self.frame_rate or 1.0)
-        return places
+        return (self.frames - first) / (self.frame_rate or 1.0)
 
     @property
     def label(self) -> str:

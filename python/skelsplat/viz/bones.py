@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from skelsplat._arrays import Array, Mask, read_fields
+from skelsplat._arrays import Array, ArrayFields, Mask
 from skelsplat.viz import _style
 from skelsplat.viz._time import TimeAxis, draw_series
 
@@ -28,7 +28,7 @@ _LEFT_IN, _ACROSS_IN, _RIGHT_IN = 0.5, 0.5, 0.1
 
 
 @dataclass(frozen=True)
-class Bone:
+class Bone(ArrayFields):
     """One limb.
 
     Parameters
@@ -44,9 +44,6 @@ class Bone:
     side: str
     lengths: Array
     sure: Mask
-
-    def __post_init__(self) -> None:
-        read_fields(self, "lengths")
 
     @property
     def median(self) -> float:

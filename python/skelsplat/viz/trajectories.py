@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from skelsplat._arrays import Array, Mask, read_fields
+from skelsplat._arrays import Array, ArrayFields, Mask
 from skelsplat.viz import _style
 from skelsplat.viz._skeleton import Skeleton
 from skelsplat.viz._time import MANY_FRAMES, TimeAxis, alone, draw_series
@@ -42,7 +42,7 @@ _LEGEND = {
 
 
 @dataclass(frozen=True)
-class TrajectoryData:
+class TrajectoryData(ArrayFields):
     """What the picture shows.
 
     Parameters
@@ -75,9 +75,6 @@ class TrajectoryData:
     joints: Sequence[int]
     title: str = ""
     notes: Sequence[str] = ()
-
-    def __post_init__(self) -> None:
-        read_fields(self, "pose", "sigma", "start")
 
 
 def draw_trajectories(data: TrajectoryData, *, skeleton: Skeleton) -> list[Figure]:
