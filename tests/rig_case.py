@@ -11,7 +11,7 @@ import numpy as np
 import skelsplat as sk
 from skelsplat import synthetic
 from skelsplat.io import read_calibration, read_detections, sample
-from skelsplat.rig_check._resection import rotation
+from skelsplat.io.calibration._rotation import matrix_from_vector as rotation
 
 T = 40
 LAYOUT = "h36m17"

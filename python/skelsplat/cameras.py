@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import overload
+from typing import Any, overload
 
 from skelsplat._skelsplat import Camera
 from skelsplat.exceptions import InvalidInputError
@@ -102,6 +102,12 @@ def mm_per_unit(cameras: CameraRig | Sequence[Camera]) -> float:
     return cameras.mm_per_unit if isinstance(cameras, CameraRig) else 1.0
 
 
+def altered(camera: Camera, **changes: Any) -> Camera:
+    """Return the camera with some of K, R, t, distortion, fisheye, size and name changed."""
+    same = {key: getattr(camera, key) for key in ("K", "R", "t", "distortion", "fisheye", "size", "name")}
+    return Camera(**{**same, **changes})
+
+
 def without_distortion(camera: Camera) -> Camera:
     """Return the camera with an ideal lens."""
-    return Camera(camera.K, camera.R, camera.t, size=camera.size, name=camera.name)
+    return altered(camera, distortion=None, fisheye=False)
