@@ -22,7 +22,7 @@ from skelsplat.datasets._rig import build_camera, build_rig, component_reader
 from skelsplat.exceptions import DatasetError, InvalidInputError
 
 if TYPE_CHECKING:
-    from skelsplat.synthetic.recordings import Recording, RecordingSet
+    from skelsplat.synthetic.sets import Recording, RecordingSet
 
 FORMAT, FORMAT_VERSION = "skelsplat-simulated", 1
 INDEX = "dataset.json"

@@ -64,7 +64,7 @@ def write_html(run: Run, path: Path) -> None:
         facts=facts_of(run.report),
         warnings=[finding.text for finding in run.findings],
         notes=_notes(run),
-        numbers=[page.KeyNumber(*number) for number in key_numbers(run)],
+        numbers=key_numbers(run),
         sequence=_sequence(run),
         shapes=camera_shapes(inputs.rig),
         cameras=_camera_table(statistics),
@@ -72,7 +72,7 @@ def write_html(run: Run, path: Path) -> None:
         errors_px=_by_view_and_joint(statistics.error_after, finite_median),
         rejected=_shares(statistics),
         lines=_lines(run),
-        problems=[page.ProblemRow(*row) for row in rows_of(run.frame_findings, inputs.frames.tolist())],
+        problems=rows_of(run.frame_findings, inputs.frames.tolist()),
     )
     page.write_report(path, data)
 
@@ -247,10 +247,10 @@ def _shares(statistics: Statistics) -> Array:
 
 def _camera_table(statistics: Statistics) -> page.Table:
     """Return a row per camera, and one for all."""
-    from skelsplat.viz.report import Column, Table  # as in write_html
+    from skelsplat.viz.report import Table  # as in write_html
 
     return Table(
-        columns=[Column("camera"), *(Column(*column) for column in _SHARED)],
+        columns=[("camera", ""), *_SHARED],
         rows=[_cells(group) for group in statistics.cameras],
         total=_cells(statistics.total),
     )
@@ -258,7 +258,7 @@ def _camera_table(statistics: Statistics) -> page.Table:
 
 def _joint_table(inputs: Inputs, statistics: Statistics) -> page.Table:
     """Return a row per joint."""
-    from skelsplat.viz.report import Column, Table  # as in write_html
+    from skelsplat.viz.report import Table  # as in write_html
 
     rows = []
     for j, group in enumerate(statistics.joints):
@@ -269,9 +269,9 @@ def _joint_table(inputs: Inputs, statistics: Statistics) -> page.Table:
             _number(finite_median(statistics.moved_mm[:, j])),
         ]
         rows.append([*_cells(group), *own])
-    columns = [Column("joint"), *(Column(*column) for column in (*_SHARED, *_OF_JOINTS))]
-    columns[-3] = Column(f"views used, of {len(inputs.rig)}", columns[-3].meaning)
-    return Table(columns, rows)
+    (views_used, meaning), *others = _OF_JOINTS
+    views_used = f"{views_used}, of {len(inputs.rig)}"
+    return Table([("joint", ""), *_SHARED, (views_used, meaning), *others], rows)
 
 
 def _cells(group: Group) -> list[str]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -77,17 +76,6 @@ class _Map:
     top: float
 
 
-def write_error_map(stem: Path, data: ErrorMapData, *, formats: Sequence[str] = ("png",)) -> list[Path]:
-    """Draw the two maps and write them as ``stem.png`` or ``stem.pdf``.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be written.
-    """
-    return _style.write_pages([draw_error_map(data)], stem, formats)
-
-
 def draw_error_map(data: ErrorMapData) -> Figure:
     """Draw a row per joint and a column per camera: the median error, and the share of rejected detections.
 
@@ -106,8 +94,7 @@ def draw_error_map(data: ErrorMapData) -> Figure:
         _name_cells(axes, joints if plan.stacked or k == 0 else [], cameras, upright=plan.upright)
         bar = figure.add_axes(_style.box(figure, x + plan.width + _BAR_GAP_IN, y, _BAR_IN, plan.map_in))
         _draw_bar(figure, bar, axes, chart)
-    _style.heading(figure, data.title)
-    _style.draw_notes(figure, lines)
+    _style.write_around(figure, data.title, lines)
     return figure
 
 

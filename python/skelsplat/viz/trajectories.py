@@ -5,7 +5,6 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -81,19 +80,6 @@ class TrajectoryData:
         read_fields(self, "pose", "sigma", "start")
 
 
-def write_trajectories(
-    stem: Path, data: TrajectoryData, *, skeleton: Skeleton, formats: Sequence[str] = ("png",)
-) -> list[Path]:
-    """Draw the trajectories and write them as ``stem.png`` (then ``stem_2.png`` …) or ``stem.pdf``.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be written.
-    """
-    return _style.write_pages(draw_trajectories(data, skeleton=skeleton), stem, formats)
-
-
 def draw_trajectories(data: TrajectoryData, *, skeleton: Skeleton) -> list[Figure]:
     """Draw x, y and z of each joint side by side, at most six joints on a page."""
     joints = list(data.joints)
@@ -124,10 +110,9 @@ def _draw_page(data: TrajectoryData, joints: Sequence[int], skeleton: Skeleton) 
                 axes.tick_params(labelbottom=False)
         middle, label = bottom + _ROW_IN / 2, "\n".join(names[row])
         _style.text(figure, _EDGE_IN, middle, label, size=_style.PRINT.label_pt, va="center", linespacing=1.1)
-    _style.heading(figure, data.title)
     entries = _legend_entries(data, joints, skeleton)
     _style.legend(figure, _EDGE_IN, height - 0.3, entries, _style.PRINT.small_pt, **_LEGEND)
-    _style.draw_notes(figure, lines)
+    _style.write_around(figure, data.title, lines)
     return figure
 
 

@@ -19,16 +19,7 @@ import skelsplat as sk
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._atomic import atomic_write, atomic_write_text
 from skelsplat.io._files import of_file
-from skelsplat.io.calibration import (
-    _easymocap,
-    _human36m,
-    _openpose,
-    _own,
-    _panoptic,
-    _qualisys,
-    _toml,
-    _vicon,
-)
+from skelsplat.io.calibration import _json, _opencv, _toml, _xml
 from skelsplat.io.calibration._format import CalibrationFormat, RawCamera, Source
 from skelsplat.io.calibration._rotation import nearest_rotation
 from skelsplat.io.calibration._unit import check_unit, convert_unit
@@ -39,14 +30,14 @@ __all__ = ["FORMATS", "convert_unit", "find_format", "read_calibration", "write_
 FORMATS: dict[str, CalibrationFormat] = {
     known.name: known
     for known in (
-        CalibrationFormat("npz", _own.is_npz, _own.parse_npz),
-        CalibrationFormat("json", _own.is_json, _own.parse_json),
-        CalibrationFormat("human36m", _human36m.matches, _human36m.parse, ("subject", "size")),
-        CalibrationFormat("panoptic", _panoptic.matches, _panoptic.parse, ("camera_type",)),
-        CalibrationFormat("qualisys", _qualisys.matches, _qualisys.parse, ("camera_type", "binning")),
-        CalibrationFormat("vicon", _vicon.matches, _vicon.parse, ("camera_type",)),
-        CalibrationFormat("openpose", _openpose.matches, _openpose.parse, ("size",)),
-        CalibrationFormat("easymocap", _easymocap.matches, _easymocap.parse, ("size",)),
+        CalibrationFormat("npz", _json.is_npz, _json.parse_npz),
+        CalibrationFormat("json", _json.is_json, _json.parse_json),
+        CalibrationFormat("human36m", _json.is_human36m, _json.parse_human36m, ("subject", "size")),
+        CalibrationFormat("panoptic", _json.is_panoptic, _json.parse_panoptic, ("camera_type",)),
+        CalibrationFormat("qualisys", _xml.is_qualisys, _xml.parse_qualisys, ("camera_type", "binning")),
+        CalibrationFormat("vicon", _xml.is_vicon, _xml.parse_vicon, ("camera_type",)),
+        CalibrationFormat("openpose", _opencv.is_openpose, _opencv.parse_openpose, ("size",)),
+        CalibrationFormat("easymocap", _opencv.is_easymocap, _opencv.parse_easymocap, ("size",)),
         CalibrationFormat("caliscope", _toml.is_caliscope, _toml.parse_caliscope),
         CalibrationFormat("anipose", _toml.is_anipose, _toml.parse_anipose),
     )
@@ -246,6 +237,6 @@ def write_calibration(path: str | os.PathLike[str], rig: sk.CameraRig, *, format
         raise InvalidInputError(f"format: expected {expected}, got {format or suffix or 'no suffix'!r}")
     if chosen == "npz":
         with atomic_write(path) as stream:
-            np.savez(stream, **_own.to_arrays(rig))
+            np.savez(stream, **_json.to_arrays(rig))
     else:
-        atomic_write_text(path, _own.to_json(rig) if chosen == "json" else _toml.to_toml(rig))
+        atomic_write_text(path, _json.to_json(rig) if chosen == "json" else _toml.to_toml(rig))

@@ -13,7 +13,7 @@ import numpy as np
 
 from skelsplat.exceptions import DatasetError
 from skelsplat.io import read_run
-from skelsplat.io.video import Image, Mp4Sink, PngSink, Size
+from skelsplat.io.video import Image, Size, open_sink
 from skelsplat.run.folder import output_folder
 from skelsplat.run.overlay.scene import Scene
 from skelsplat.run.overlay.view import View, open_views, with_zoom
@@ -122,7 +122,7 @@ def _write(
     counts = dict.fromkeys((view.name for view in views), 0)
     legend = legend_strip(tiles.size[0], tiles.cell, job.shown) if job.legend else None
     rate, total = _rate(job, views), max(view.expected(span) for view in views)
-    with PngSink(target) if job.png else Mp4Sink(target, rate) as sink:
+    with open_sink(target, None if job.png else rate) as sink:
         for number, images in _together(views, span):
             whole = _joined(views, tiles, images, number)
             whole = whole if legend is None else np.concatenate([whole, legend])
