@@ -8,7 +8,7 @@ import pytest
 import skelsplat as sk
 from rig_case import LAYOUT, T, detections, only, replaced, rig, turned
 from skelsplat import synthetic
-from skelsplat.io.calibration._rotation import matrix_from_vector as rotation
+from skelsplat.cameras import matrix_from_vector as rotation
 from skelsplat.rig_check import check_rig
 from sweeps import diagonal, swept
 

@@ -113,6 +113,7 @@ Out = Annotated[
 PerJoint = Annotated[bool, _output("--per-joint", metavar="", help="Print the table of joints too.")]
 
 
+# long: a parameter per option
 def evaluate(
     dataset: Name,
     root: Root,

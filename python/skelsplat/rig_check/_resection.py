@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skelsplat.cameras import altered
-from skelsplat.io.calibration._rotation import matrix_from_vector
+from skelsplat.cameras import altered, matrix_from_vector
 from skelsplat.rig_check._scene import Array, Scene
 
 if TYPE_CHECKING:
