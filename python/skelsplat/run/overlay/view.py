@@ -16,7 +16,6 @@ from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io.video import FrameSource, Image, Size, find_videos, open_source
 from skelsplat.run.frame_range import FrameRange
 from skelsplat.run.overlay.scene import Scene, follow
-from skelsplat.viz import Skeleton
 from skelsplat.viz.overlay import Shown, draw_label, draw_overlay
 
 Span = tuple[int, int]
@@ -122,28 +121,32 @@ class View:
 
     Parameters
     ----------
-    scene, skeleton, shown
+    job, scene
         What is drawn.
-    index, name
+    index
         Which camera of the rig it is.
-    source, offset
-        Its frames, and what is to be added to their numbers to get the run's.
+    source
+        Its frames.
     place, corners
         Where the drawing goes; the upper left corner (T, 2) of the cut-out in each frame of the run.
-    labelled
-        With the camera's name and the frame's number.
     """
 
+    job: OverlayJob
     scene: Scene
-    skeleton: Skeleton
-    shown: Shown
     index: int
-    name: str
     source: FrameSource
-    offset: int
     place: Place
     corners: npt.NDArray[np.int64]
-    labelled: bool
+
+    @property
+    def name(self) -> str:
+        """Name of the camera."""
+        return self.scene.run.rig.names[self.index]
+
+    @property
+    def offset(self) -> int:
+        """What is to be added to the source's frame numbers to get the run's."""
+        return self.scene.run.offsets.get(self.name, 0)
 
     def frames(self, span: Span) -> Iterator[tuple[int, Image]]:
         """Yield (number, drawn image) of the frames in ``span`` that the source has, in the run's numbers."""
@@ -166,8 +169,9 @@ class View:
         canvas = self.place.cut(image, (left, top))
         frame = self.scene.frame(self.index, number)
         if frame is not None:
-            draw_overlay(canvas, frame.moved(*self.place.transform((left, top))), self.skeleton, self.shown)
-        if self.labelled:
+            moved = frame.moved(*self.place.transform((left, top)))
+            draw_overlay(canvas, moved, self.scene.skeleton, self.job.shown)
+        if self.job.legend:
             draw_label(canvas, self.label(number) + ("" if frame is not None else "   not in the run"))
         return canvas
 
@@ -202,19 +206,7 @@ def _open(job: OverlayJob, scene: Scene, index: int, source: FrameSource, span: 
     corners = np.zeros((len(run.poses.frames), 2), dtype=np.int64)
     if job.crop:
         size, corners = follow((scene.outline(index) + 0.5) * fit - 0.5, source.size)
-    layout = run.layout
-    view = View(
-        scene=scene,
-        skeleton=Skeleton(limbs=tuple(layout.limbs), left_right=tuple(layout.left_right)),
-        shown=job.shown,
-        index=index,
-        name=name,
-        source=source,
-        offset=run.offsets.get(name, 0),
-        place=Place(fit, size, job.scale or 1.0),
-        corners=corners,
-        labelled=job.legend,
-    )
+    view = View(job, scene, index, source, Place(fit, size, job.scale or 1.0), corners)
     if max(view.place.output) > _MOST_PX:
         width, height = view.place.output
         expected = f"an output of at most {_MOST_PX} px in width and height"
