@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from skelsplat.exceptions import DatasetError
 from skelsplat.io import _arrays
 from skelsplat.io._files import load_json as parse_json_file
-from skelsplat.io._files import opening, read_text
+from skelsplat.io._files import opening
 from skelsplat.io._unpickle import unpickle
 
 FloatArray = NDArray[np.float64]
@@ -69,7 +69,7 @@ def opened(path: Path) -> Iterator[IO[bytes]]:
 
 def load_json(path: Path) -> Any:
     """Return the value in a JSON file."""
-    return parse_json_file(path, read_text(path), "values of moderate depth")
+    return parse_json_file(path, "values of moderate depth")
 
 
 def load_pickle(path: Path) -> Any:

@@ -40,8 +40,7 @@ class TimeAxis:
     def values(self) -> Array:
         """Places of the frames on the axis, (T,): seconds, or numbers of frames."""
         first = 0 if self._counts_from_zero else self.zero
-        places: Array = (self.frames - first) / (self.frame_rate or 1.0)
-        return places
+        return (self.frames - first) / (self.frame_rate or 1.0)
 
     @property
     def label(self) -> str:
@@ -102,6 +101,22 @@ class TimeAxis:
             axis="x", style="plain" if plain else "sci", scilimits=(0, 0), useOffset=False, useMathText=True
         )
         axes.xaxis.offsetText.set_fontsize(_style.PRINT.small_pt)
+
+
+def finish(
+    axes: Axes, time: TimeAxis, limits: tuple[float, float], *, ticks: int, missing: str | None = None
+) -> None:
+    """Set limits, at most so many ticks and the grid of an axes over time; ``missing`` is why it is empty."""
+    _style.tidy(axes, _style.PRINT)
+    time.apply(axes)
+    axes.set_ylim(*limits)
+    axes.yaxis.set_major_locator(MaxNLocator(ticks, steps=[1, 2, 5, 10]))
+    axes.ticklabel_format(axis="y", style="plain", useOffset=False)
+    axes.grid(color="0.92", linewidth=0.5)
+    axes.set_axisbelow(True)
+    if missing is not None:
+        axes.set_yticks([])
+        axes.text(0.5, 0.5, missing, transform=axes.transAxes, ha="center", va="center", fontsize=7)
 
 
 def alone(values: Array) -> Mask:

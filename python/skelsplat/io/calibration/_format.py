@@ -115,7 +115,7 @@ class Source:
         begins = self.start.startswith(("{", "[")) and self.suffix != ".toml"
         if not begins or _is_toml_header(self.start):
             return Field(self.path, "", None)
-        return Field(self.path, "", load_json(self.path, self.text, "a calibration"))
+        return Field(self.path, "", load_json(self.path, "a calibration", self.text))
 
     @cached_property
     def xml(self) -> ET.Element | None:

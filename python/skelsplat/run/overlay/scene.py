@@ -12,6 +12,7 @@ import skelsplat as sk
 from skelsplat._arrays import Array, Mask
 from skelsplat.io.video import Size
 from skelsplat.run.solve import rig_as_used
+from skelsplat.viz import Skeleton
 from skelsplat.viz.overlay import OverlayFrame
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ class Scene:
     def __init__(self, run: RunFolder) -> None:
         self.run = run
         self.cameras = list(rig_as_used(run.rig, undistort=run.undistorted))
+        self.skeleton = Skeleton(tuple(run.layout.limbs), tuple(run.layout.left_right))
         self._index = {int(number): t for t, number in enumerate(run.poses.frames)}
 
     def frame(self, view: int, number: int) -> OverlayFrame | None:

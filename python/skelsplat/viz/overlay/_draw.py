@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from skelsplat._arrays import Array, Mask, read_fields
+from skelsplat._arrays import Array, ArrayFields, Mask
 from skelsplat.viz._skeleton import Skeleton
 from skelsplat.viz.overlay import _look, _marks
 from skelsplat.viz.overlay._look import Colour, Sizes
@@ -18,7 +18,7 @@ SIGMAS = 2.0
 
 
 @dataclass(frozen=True)
-class OverlayFrame:
+class OverlayFrame(ArrayFields):
     """What is drawn on one image, in its pixels; NaN where there is nothing.
 
     Parameters
@@ -47,18 +47,13 @@ class OverlayFrame:
     swapped: Mask
     before: Array
 
-    def __post_init__(self) -> None:
-        read_fields(self, "pose", "covariances", "detections", "weights", "before")
-
     def moved(self, scale: Array, shift: Array) -> OverlayFrame:
         """Return the same frame on an image whose pixels are ``scale`` · pixel + ``shift``, both (2,)."""
-        return OverlayFrame(
+        return replace(
+            self,
             pose=self.pose * scale + shift,
             covariances=self.covariances * np.outer(scale, scale),
-            reliable=self.reliable,
             detections=self.detections * scale + shift,
-            weights=self.weights,
-            swapped=self.swapped,
             before=self.before * scale + shift,
         )
 

@@ -99,39 +99,38 @@ def _rows(entries: Sequence[Entry], width: int, sizes: Sizes) -> list[list[Entry
 
 
 def _entries(sizes: Sizes, shown: Shown) -> list[Entry]:
+    middle, reach = _look.bgr(_style.MIDDLE), np.array([sizes.text, 0.0])
+    shape = np.diag([sizes.text / 2, sizes.text / 4]) ** 2 * (2 / SIGMAS) ** 2
+
+    def limb(colour: Colour, *, solid: bool) -> Symbol:
+        return lambda image, at: draw_limb(
+            image, np.stack([at - reach, at + reach]), colour, sizes, solid=solid
+        )
+
+    def detection(weight: float, *, rejected: bool) -> Symbol:
+        return lambda image, at: draw_detection(image, at, weight, sizes, rejected=rejected)
+
+    def ellipse(image: Image, at: Array) -> None:
+        _marks.ellipse(image, at, shape, middle, sigmas=SIGMAS, width=sizes.thin)
+
     entries: list[Entry] = []
     if shown.pose:
-        entries += [
-            (name, _limb(_look.bgr(colour), sizes, solid=True)) for name, colour in _style.SIDES.items()
-        ]
-        entries.append(("weak or filled", _hollow(sizes)))
+        entries += [(name, limb(_look.bgr(colour), solid=True)) for name, colour in _style.SIDES.items()]
+        entries.append(
+            ("weak or filled", lambda image, at: draw_joint(image, at, middle, sizes, solid=False))
+        )
     if shown.ellipses:
-        entries.append((f"error ellipse, {SIGMAS:g} σ", _ellipse(sizes)))
+        entries.append((f"error ellipse, {SIGMAS:g} σ", ellipse))
     if shown.before:
-        entries.append(("start", _limb(_look.BEFORE, sizes, solid=False)))
+        entries.append(("start", limb(_look.BEFORE, solid=False)))
     if shown.detections:
         entries += [
             (f"detection, weight {shown.rejected_below:g} to 1", _weights(shown.rejected_below, sizes)),
-            ("rejected", _detection(0.0, sizes, rejected=True)),
-            ("not used", _detection(np.nan, sizes)),
+            ("rejected", detection(0.0, rejected=True)),
+            ("not used", detection(np.nan, rejected=False)),
             ("left and right exchanged", lambda image, at: draw_swapped(image, at, sizes)),
         ]
     return entries
-
-
-def _limb(colour: Colour, sizes: Sizes, *, solid: bool) -> Symbol:
-    reach = np.array([sizes.text, 0.0])
-    return lambda image, at: draw_limb(image, np.stack([at - reach, at + reach]), colour, sizes, solid=solid)
-
-
-def _hollow(sizes: Sizes) -> Symbol:
-    return lambda image, at: draw_joint(image, at, _look.bgr(_style.MIDDLE), sizes, solid=False)
-
-
-def _ellipse(sizes: Sizes) -> Symbol:
-    shape = np.diag([sizes.text / 2, sizes.text / 4]) ** 2 * (2 / SIGMAS) ** 2
-    colour = _look.bgr(_style.MIDDLE)
-    return lambda image, at: _marks.ellipse(image, at, shape, colour, sigmas=SIGMAS, width=sizes.thin)
 
 
 def _weights(lowest: float, sizes: Sizes) -> Symbol:
@@ -149,7 +148,3 @@ def _weights(lowest: float, sizes: Sizes) -> Symbol:
         inner[:] = np.array(colours, dtype=np.uint8)[: inner.shape[1]]
 
     return draw
-
-
-def _detection(weight: float, sizes: Sizes, *, rejected: bool = False) -> Symbol:
-    return lambda image, at: draw_detection(image, at, weight, sizes, rejected=rejected)
