@@ -1,4 +1,4 @@
-"""The compiled core. Arrays in and out are C-ordered float64 unless said otherwise."""
+"""The compiled core. Input and output arrays are C-ordered float64 unless stated otherwise."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, Literal, final, overload
@@ -33,7 +33,7 @@ __version__: str
 LAYOUT_NAMES: list[str]
 JOINT_STATUS: list[str]
 REJECTED_WEIGHT: float
-"""Detections whose ``Refinement.view_weights`` are below this count as rejected."""
+"""Detections with a weight (``Refinement.view_weights``) below this are rejected."""
 
 _Cameras = CameraRig | Sequence[Camera]
 _Joint = int | str
@@ -42,7 +42,7 @@ _Joint = int | str
 class Camera:
     """A calibrated camera: pinhole, lens and image size. Immutable.
 
-    World to camera is x_c = R x_w + t with x right, y down, z forward; integer pixel coordinates are pixel
+    World to camera is x_c = R x_w + t with x right, y down, z forward; integer pixel coordinates are at pixel
     centres.
 
     Parameters
@@ -56,7 +56,7 @@ class Camera:
     distortion : (4 | 5 | 8 | 12 | 14,), optional
         OpenCV order k1, k2, p1, p2[, k3[, k4, k5, k6[, s1..s4[, tau_x, tau_y]]]]; 4 with ``fisheye``.
     fisheye : bool
-        The four coefficients are those of OpenCV's fisheye model.
+        Whether the coefficients are the four of OpenCV's fisheye model.
     size : (width, height)
         Image size in pixels.
     name : str, optional
@@ -64,8 +64,8 @@ class Camera:
     Raises
     ------
     InvalidInputError
-        A wrong shape, a value that is not finite or outside its range (page Conventions), an R that is not a
-        rotation, a wrong number of coefficients.
+        Wrong shape or number of coefficients, a value that is not finite or outside its range (see the page
+        Conventions), or an R that is not a rotation.
     """
 
     def __new__(
@@ -96,7 +96,7 @@ class Camera:
         """Width and height, pixels."""
     @property
     def name(self) -> str | None:
-        """Name, if it has one."""
+        """Name of the camera, or None."""
     @property
     def fisheye(self) -> bool:
         """Whether the lens follows OpenCV's fisheye model."""
@@ -104,9 +104,9 @@ class Camera:
     def distortion(self) -> NDArray[np.float64] | None:
         """Distortion coefficients as given."""
     def scaled(self, factor: float) -> Camera:
-        """Return the camera of images resized by ``factor``: u' = (u + ½) · factor − ½."""
+        """Return the camera for images resized by ``factor``: u' = (u + ½) · factor − ½."""
     def undistort(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Map pixels (…, 2) to ideal pixels of the same K; NaN where no ray through the lens arrives."""
+        """Map pixels (…, 2) to ideal pixels of the same K; NaN where no ray through the lens reaches the pixel."""
     def __eq__(self, other: object, /) -> bool: ...
 
 @final
@@ -120,18 +120,18 @@ class Layout:
         The N joint names, in the order of the arrays.
     limbs : sequence of (joint, joint)
     symmetric : sequence of (tier, (l1, l2), (r1, r2))
-        Limbs of equal length; tier 1 (lower arms and legs), 2 (upper arms and legs) or 3.
+        Limbs of equal length; tier 1 (lower limbs), 2 (upper limbs) or 3 (trunk).
     left_right : sequence of (left, right)
         Joints that are mirror images.
     occlusion_prone : sequence of joints
-        Those that ``RefineConfig.occlusion_sigma`` applies to.
+        Joints to which ``RefineConfig.occlusion_sigma_mm`` applies.
     root : sequence of joints
         Joints whose mean is the root.
 
     Raises
     ------
     InvalidInputError
-        A name or index that is no joint, a joint paired with itself, a tier other than 1, 2, 3.
+        An unknown joint name or index, a joint paired with itself, or a tier other than 1, 2, 3.
     """
 
     def __new__(
@@ -147,7 +147,7 @@ class Layout:
     ) -> Layout: ...
     @staticmethod
     def by_name(name: str) -> Layout:
-        """Return the built-in layout of that name."""
+        """Return the built-in layout with this name."""
     @property
     def name(self) -> str:
         """Name of the layout."""
@@ -159,13 +159,13 @@ class Layout:
         """Joint names in array order."""
     @property
     def limbs(self) -> tuple[tuple[int, int], ...]:
-        """Connected joints."""
+        """Pairs of connected joints."""
     @property
     def left_right(self) -> tuple[tuple[int, int], ...]:
-        """Mirror images (left, right)."""
+        """Pairs (left, right) of joints that are mirror images."""
     @property
     def occlusion_prone(self) -> tuple[int, ...]:
-        """Elbows, wrists and ankles in the built-in layouts."""
+        """Joints prone to occlusion: elbows, wrists and ankles in the built-in layouts."""
     @property
     def root(self) -> tuple[int, ...]:
         """Joints whose mean is the root."""
@@ -175,22 +175,22 @@ class Layout:
 
 @final
 class Setting:
-    """One setting of ``RefineConfig``, as the core's table has it.
+    """One setting of ``RefineConfig``.
 
     Attributes
     ----------
     name : str
-        The keyword.
+        Keyword.
     type : str
-        What values it takes.
+        Accepted values.
     default : object
-        Its default.
+        Default value.
     unit : str
-        Its unit, empty for none.
+        Unit, empty for none.
     sentence : str
-        What it does.
+        Description.
     method : str
-        ``"annealed"`` or ``"paper"``, to which it belongs, or ``"both"``.
+        Method it belongs to: ``"annealed"``, ``"paper"`` or ``"both"``.
     """
 
     @property
@@ -210,118 +210,122 @@ class Setting:
 class RefineConfig:
     """Settings of ``refine``. Immutable.
 
-    ``RefineConfig(...)`` is the default method, ``annealed``: splats that narrow to the noise of the
-    detections, from any start. ``RefineConfig.paper(...)`` is the published one, ``paper``: pixels and Adam.
-    Every setting is a keyword, a setting of the other method is refused, and one that is left out keeps its
-    default. Lengths are in mm whatever the unit of the cameras, and their names say so.
+    ``RefineConfig(...)`` configures the default method, ``annealed``: splats that narrow to the noise of the
+    detections, from any initial pose. ``RefineConfig.paper(...)`` configures the published method, ``paper``:
+    rendered pixels and Adam. Every setting is a keyword; settings of the other method are rejected, and settings
+    not given keep their defaults. Lengths are in mm whatever the unit of the cameras; their names end in ``_mm``.
 
     Parameters
     ----------
     occlusion_sigma_mm : float or None, mm, default None
-        ``sigma_mm`` of occlusion-prone joints (elbows, wrists, ankles); None: the same.
+        ``sigma_mm`` of occlusion-prone joints (elbows, wrists, ankles); None: same as ``sigma_mm``.
     joint_sigmas_mm : sequence of float, or None, mm, default None
-        ``sigma_mm`` of each of the N joints, instead of the two others.
+        ``sigma_mm`` per joint, N values; replaces ``sigma_mm`` and ``occlusion_sigma_mm``.
     symmetry_tier : int, default 1
-        Symmetric limbs up to this tier are kept equally long, 0 to 3; 0: none.
+        Tier up to which symmetric limbs are kept equal in length: 0 off, 1 lower limbs, 2 also upper limbs, 3
+        also the trunk.
     symmetry_sigma_mm : float, mm, default 15
-        Standard deviation of the difference between symmetric limbs; ``paper`` uses it for the error bars
-        alone.
+        Standard deviation of the length difference between symmetric limbs; ``paper`` uses it only for error
+        bars.
     detection_sigma_px : float or None, px, default None
-        Standard deviation of the detections' noise per axis, for ``paper`` in the error bars alone; None:
+        Standard deviation of the detection noise per axis; ``paper`` uses it only for error bars; None:
         estimated in every frame.
     undistort : bool, default True
-        Remove lens distortion from the detections first; False mirrors numbers published without it.
+        Remove lens distortion from the detections first; False reproduces results published without
+        undistortion.
     min_confidence : float, default 0
-        Detections of a lower confidence count as missing.
+        Detections with a lower confidence are treated as missing.
     n_threads : int or None, default None
-        Threads for a batch, on whose number the result does not depend; None: all cores.
+        Number of threads for a batch; does not affect the result; None: all cores.
     occlusion_factor : float
-        Instead of ``occlusion_sigma_mm``, the paper's f, which multiplies the *logarithm* of ``sigma_mm``:
-        σ^f, for ``paper`` 42.5 mm with 1.25, 90 with 1.5 and 403 with 2. It is not kept as a field.
+        The paper's f, an alternative to ``occlusion_sigma_mm``: multiplies the *logarithm* of ``sigma_mm``,
+        giving σ^f; for ``paper`` 42.5 mm with 1.25, 90 mm with 1.5 and 403 mm with 2. Converted, not stored.
 
     Other Parameters
     ----------------
-    Of ``annealed``; ``RefineConfig(...)`` takes them:
+    For ``annealed``, accepted by ``RefineConfig(...)``:
 
     sigma_mm : float, mm, default 30
-        Widest σ at which a joint's kernel ends, unless the noise turns out to be larger.
+        Largest final σ of a joint's kernel, unless the noise turns out to be larger.
     max_steps : int, default 50
-        Largest number of steps.
+        Maximum number of steps.
     sigma_start_mm : float, mm, default 320
-        σ of the widest kernel; a joint whose farthest ray is nearer begins there.
+        Initial σ of the kernels; a joint with all rays nearer than this starts at the distance of its
+        farthest ray.
     sigma_decay : float, default 0.5
-        Factor on the kernel's σ from one step to the next.
+        Factor applied to the kernel's σ at each step.
     sigma_per_noise : float or None, default 2
-        The kernel ends at this multiple of the detections' noise if that is less than ``sigma_mm``; larger
-        noise is followed where it explains the frame better than many wrong detections do. None: it ends at
-        ``sigma_mm``.
+        Final σ of the kernel as a multiple of the detection noise, if that is less than ``sigma_mm``; it
+        exceeds ``sigma_mm`` only where large noise explains the frame better than many wrong detections.
+        None: always ``sigma_mm``.
     view_weights : sequence of float, or None, default None
-        How much each of the M views counts, on top of the confidence, 0 to leave it out; None: 1 for all.
+        Weight of each of the M views, multiplied by the confidence; 0 ignores a view; None: 1 for all.
     find_swaps : bool, default True
-        Look for detections with left and right exchanged.
+        Find and correct detections with left and right swapped.
     step_tolerance : float, default 0.01
-        Converged once the kernels are narrow and no joint moves by more than this part of the noise.
+        Converged when the kernels have reached their final width and no joint moves by more than this
+        fraction of the noise.
 
-    Of ``paper``; ``RefineConfig.paper(...)`` takes them:
+    For ``paper``, accepted by ``RefineConfig.paper(...)``:
 
     sigma_mm : float, mm, default 20.09
         Initial standard deviation σ₀ of every joint's splat.
     max_steps : int, default 125
-        Largest number of steps.
+        Maximum number of steps.
     renderer : {"raster", "closed_form"}, default "raster"
-        What compares splats with detections: the paper's pixels, or the exact integral of the same loss over
-        the plane (one-hot encoding only).
+        How splats are compared with detections: ``raster`` on pixels, as in the paper, or ``closed_form``
+        with the exact integral of the same loss over the plane (one-hot encoding only).
     dilation : float, px², default 0.3
         h, added to the projected variances.
     encoding : {"one_hot", "rgb", "single"}, default "one_hot"
-        Joint encoding; the shared ones are ablations.
+        Joint encoding; ``rgb`` and ``single``, which share channels among joints, are for ablations.
     symmetry_weight : float, mm⁻², default 1e-5
         λ_sym, the weight of the symmetry loss.
     views_per_step : int or None, default None
-        Views whose gradients are accumulated before a step; None: all.
+        Number of views accumulated into the gradient of a step; None: all.
     position_lr_mm : float or "camera_extent", mm, default 3
         Initial learning rate of the means; "camera_extent": 5e-4 · 1.1 · the largest distance of a camera
         centre from their mean.
     position_lr_factor : float, default 1
-        Multiplies ``position_lr_mm``; the paper's dome rigs ran with 10 times the formula.
+        Factor on ``position_lr_mm``; for its dome rigs the paper used 10 times the formula.
     log_scale_lr : float, default 0.005
         Learning rate of the log-scales.
     rotation_lr : float, default 0.001
         Learning rate of the quaternions.
     lr_decay : float, default 0.01
-        Factor by which the position's learning rate falls over ``lr_decay_steps``.
+        Factor applied to the position learning rate over ``lr_decay_steps``.
     lr_decay_steps : float, steps, default 1000
-        Steps over which ``lr_decay`` is reached.
+        Number of steps after which the position learning rate has been multiplied by ``lr_decay``.
     adam_betas : (float, float), default (0.9, 0.999)
         Adam's β₁ and β₂.
     adam_epsilon : float, default 1e-15
         Adam's ε.
     stop_tolerance : float, default 1e-6
-        Stop when the window minimum of the loss changes by less.
+        Stop when the minimum loss of a window changes by less than this.
     stop_window : int or None, default None
-        Steps per window; None: the number of views.
+        Steps per window of the stopping rule; None: the number of views.
     resolution : float, default 1
-        Render at this factor of the cameras' resolution.
+        Rendering resolution relative to that of the cameras.
     loss_history : bool, default False
-        Keep the loss of every step.
+        Record the loss of every step.
 
     Raises
     ------
     InvalidInputError
-        An unknown setting, one of the other method, or a value outside its domain; the message names it.
+        An unknown setting, a setting of the other method, or a value outside its domain; the message names it.
     """
 
     def __new__(cls, **fields: Any) -> RefineConfig: ...
     @staticmethod
     def paper(**fields: Any) -> RefineConfig:
-        """Return the published method, with any setting changed by keyword."""
+        """Return a configuration of the published method, ``paper``; keywords change its settings."""
     def replace(self, **fields: Any) -> RefineConfig:
-        """Return a copy with some settings changed."""
+        """Return a copy with the given settings changed."""
     def to_dict(self) -> dict[str, Any]:
-        """Return the method and every setting; ``RefineConfig(**fields)`` makes the same again."""
+        """Return the method and every setting; ``RefineConfig(**fields)`` recreates the configuration."""
     @staticmethod
     def settings(method: str = "annealed") -> list[Setting]:
-        """Return the table of the settings of a method, its own first."""
+        """Return the settings of a method, those specific to it first."""
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
     @property
@@ -397,8 +401,8 @@ class RefineConfig:
 def project(points: ArrayLike, cameras: _Cameras) -> NDArray[np.float64]:
     """Project world points (…, 3) to pixels (M, …, 2), lens distortion included; NaN behind a camera.
 
-    The view comes first: a sequence (T, N, 3) gives (M, T, N, 2), while ``refine`` takes (T, M, N, 2), so
-    write ``project(poses, cameras).swapaxes(0, 1)``.
+    The view axis comes first: a sequence (T, N, 3) gives (M, T, N, 2), while ``refine`` takes (T, M, N, 2); use
+    ``project(poses, cameras).swapaxes(0, 1)`` to convert.
     """
 
 @overload
@@ -412,35 +416,35 @@ def triangulate(
 ) -> NDArray[np.float64]:
     """Triangulate detections ([T,] M, N, 2|3) to points ([T,] N, 3); NaN with fewer than two views.
 
-    ``"robust"``, the default, starts at the point nearest to all rays of a joint and lets a Welsch kernel
-    narrow to the frame's noise, so that wrong detections lose their pull. Where the views that agree in the
-    end are no majority, points between two rays are judged by all. A joint is right with up to half of its
-    views wrong if those do not agree among themselves, and with all but two wrong if those two agree and
-    nothing else does. Two views that disagree cannot be told apart: both are used. Detections with k < ¼ (2.4
-    σ from the joint) are rejected.
+    ``"robust"``, the default, starts at the point nearest to all rays of a joint and narrows a Welsch kernel
+    to the frame's noise, so that wrong detections lose their influence. If the views that agree at the end are
+    not a majority, the points between pairs of rays are also tried, each scored by all views. A joint is
+    recovered with up to half of its views wrong if the wrong ones do not agree with each other, and with all
+    but two wrong if only those two agree. If only two views see a joint and they disagree, both are used.
+    Detections with a weight k < ¼ (more than 2.4 σ from the joint) are rejected.
 
-    ``"dlt"`` is confidence-weighted algebraic triangulation. ``"ransac"`` is the same over the largest set of
-    views that agree: of at most 10 pairs of views the one whose point projects within 20 px of most
-    detections decides; where no two views agree, all are used. Every method removes lens distortion first.
+    ``"dlt"`` is confidence-weighted algebraic triangulation. ``"ransac"`` applies it to the largest set of
+    views that agree: of at most 10 pairs of views, the pair with most detections within 20 px of its projected
+    point defines the set; if no two views agree, all are used. Every method removes lens distortion first.
 
     Parameters
     ----------
     detections : ([T,] M, N, 2 | 3)
         Pixels and, in a third channel, confidences; NaN or a confidence of 0 where missing.
     cameras : CameraRig or sequence of Camera
-        The M cameras; points are in their unit. A plain sequence is in mm. The kernel of ``"robust"`` has a
-        width in mm, so that it has to know the unit; the other methods do not look at it.
+        The M cameras; points are in their unit. A plain sequence is in mm. The unit matters only for
+        ``"robust"``, which has a kernel width in mm.
     method : {"robust", "dlt", "ransac"}
     confidence : ([T,] M, N), optional
-        Instead of a third channel.
+        Confidences, if detections have no third channel.
     return_rejected : bool
-        Also return which detections the method left out, ([T,] M, N) bool. ``"dlt"`` rejects none; a missing
-        detection is not rejected.
+        Also return which detections were rejected, ([T,] M, N) bool. ``"dlt"`` rejects none; missing
+        detections do not count as rejected.
 
     Raises
     ------
     InvalidInputError
-        Shapes that do not fit, an unknown method, a confidence outside [0, 1].
+        Shapes that do not match, an unknown method, or a confidence outside [0, 1].
     """
 
 @overload
@@ -462,10 +466,10 @@ def triangulate(
     return_rejected: bool,
 ) -> NDArray[np.float64] | tuple[NDArray[np.float64], NDArray[np.bool_]]: ...
 def fuse_monocular(poses: ArrayLike, detections: ArrayLike, cameras: _Cameras) -> NDArray[np.float64]:
-    """Fuse monocular 3D poses ([T,] V, N, 3) given in the world to one pose ([T,] N, 3).
+    """Fuse monocular 3D poses ([T,] V, N, 3) in world coordinates into one pose ([T,] N, 3).
 
     X_j = Σ_i w_ij X_ij with w_ij ∝ 1 / (mean reprojection error of X_ij over the views that detect j). A pose
-    that is NaN at a joint has no weight there.
+    that is NaN at a joint is ignored there.
     """
 
 def project_gaussians(
@@ -482,7 +486,7 @@ def render(
     """Render Gaussians (N, 3), (N, 3, 3) as float32 images.
 
     (N, H, W) for ``"one_hot"``, (3, H, W) for ``"rgb"``, (1, H, W) for ``"single"``; ideal pixels.
-    Images that do not fit into memory raise ``MemoryError``.
+    Raises ``MemoryError`` if the images do not fit into memory.
     """
 
 def pseudo_ground_truth(
@@ -493,9 +497,9 @@ def pseudo_ground_truth(
     *,
     encoding: str = "one_hot",
 ) -> NDArray[np.float32]:
-    """Draw the heat maps of detections (N, 2|3), ideal pixels, with the shapes of the given Gaussians.
+    """Render heat maps of detections (N, 2|3), ideal pixels, with the shapes of the given Gaussians.
 
-    Same shape of result as ``render``; the channel of a missing detection is zero.
+    The result has the same shape as that of ``render``; the channel of a missing detection is zero.
     """
 
 def loss_and_gradient(
@@ -510,16 +514,16 @@ def loss_and_gradient(
     target_means: ArrayLike | None = None,
     target_covariances: ArrayLike | None = None,
 ) -> dict[str, Any]:
-    """Fields of ``skelsplat.LossAndGradient``."""
+    """Return the fields of ``skelsplat.LossAndGradient``."""
 
 @final
 class Refiner:
-    """Cameras, layout and settings, prepared once for any number of frames.
+    """Cameras, layout and settings, prepared for any number of frames.
 
     Raises
     ------
     InvalidInputError
-        No camera, an unknown layout, settings that do not fit the cameras.
+        No camera, an unknown layout, or settings that do not match the cameras.
     """
 
     def __new__(
@@ -539,15 +543,15 @@ class Refiner:
     def follow(
         self, past: ArrayLike | None, detections: ArrayLike, *, confidence: ArrayLike | None = None
     ) -> tuple[dict[str, Any], NDArray[np.float64]]:
-        """Return the fields of the frame after ``past`` (N, 3), and the past of the next one."""
+        """Return the fields of the frame that follows ``past`` (N, 3), and the past of the next frame."""
 
 def implausible_extent(
     poses: ArrayLike, cameras: _Cameras, *, layout: str | Layout | None = None
 ) -> dict[str, Any] | None:
-    """Return what a warning quotes if the skeletons (T, N, 3) are taller than 10 m or shorter than 10 cm.
+    """Return the facts for a warning if the skeletons (T, N, 3) are larger than 10 m or smaller than 10 cm.
 
-    With a layout of one's own the limits are 20 m and 1 mm.
+    With a custom layout the limits are 20 m and 1 mm. None if the size is plausible.
     """
 
 def check_people(people: ArrayLike) -> None:
-    """Refuse a confidence outside [0, 1] in people (T, M, P, K, 3), which the message calls ``people``."""
+    """Reject confidences outside [0, 1] in people (T, M, P, K, 3); the message names the argument ``people``."""

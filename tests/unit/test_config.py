@@ -36,7 +36,7 @@ def test_the_default_is_annealed():
     ("make", "other"), [(sk.RefineConfig, "position_lr_mm"), (sk.RefineConfig.paper, "sigma_start_mm")]
 )
 def test_a_setting_of_the_other_method_is_refused(make, other):
-    text = rf"config.{other}: expected a setting of the method .*, got one of .*: make it with RefineConfig"
+    text = rf"config.{other}: expected a setting of the method .*, got a setting of .* \(use RefineConfig"
     with pytest.raises(sk.InvalidInputError, match=text):
         make(**{other: 1.0})
     assert not hasattr(make(), other)

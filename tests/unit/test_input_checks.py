@@ -152,11 +152,11 @@ REFINE = {
     ),
     "init_sigma without a pose": (
         lambda _: {"init_pose": None, "init_sigma": 30.0},
-        r"init_sigma: expected an init_pose beside it, got none",
+        r"init_sigma: expected an init_pose as well, got none",
     ),
     "init_sigma for paper": (
         lambda _: {"init_sigma": 30.0, "config": sk.RefineConfig.paper()},
-        r"init_sigma: expected the method 'annealed' with it, got 'paper'",
+        r"init_sigma: expected the method 'annealed', got 'paper'",
     ),
     "view_weights": (
         lambda _: {"config": sk.RefineConfig(view_weights=[1.0, 1.0])},
@@ -164,7 +164,7 @@ REFINE = {
     ),
     "joint_sigmas_mm": (
         lambda _: {"config": sk.RefineConfig(joint_sigmas_mm=[30.0] * 16)},
-        r"config.joint_sigmas_mm: expected 17 joints, as the detections have, got 16 joints",
+        r"config.joint_sigmas_mm: expected 17 joints, as in the detections, got 16 joints",
     ),
     "config type": (
         lambda _: {"config": {"sigma_mm": 3}},
@@ -199,7 +199,7 @@ CONFIG = {
     ),
     "two sigmas": (
         {"occlusion_sigma_mm": 30.0, "occlusion_factor": 1.25},
-        r"config.occlusion_factor: expected one of the two, got occlusion_sigma_mm as well",
+        r"config.occlusion_factor: expected only one of the two, got occlusion_sigma_mm as well",
     ),
 }
 
@@ -264,7 +264,7 @@ def test_a_covariance_with_a_negative_variance(scene):
 
 def test_loss_and_gradient(scene):
     zeros = np.zeros((17, 4))
-    with pytest.raises(sk.InvalidInputError, match=r"quaternions\[0\]: expected a quaternion"):
+    with pytest.raises(sk.InvalidInputError, match=r"quaternions\[0\]: expected a non-zero quaternion"):
         sk.loss_and_gradient(scene.pose[0], np.zeros((17, 3)), zeros, scene.detections[0], scene.rig)
     bad = np.tile(np.eye(3), (17, 1, 1))
     bad[2, 0, 1] = 0.5

@@ -78,10 +78,10 @@ def test_real_cameras_lie_inside(real):
 @pytest.mark.parametrize(
     ("factor", "text"),
     [
-        (1e306, "factor: expected one after which K has finite values"),
-        (1e7, "factor: expected one after which K has focal lengths from 1e-9 to 1e9 pixels, got 1e7"),
-        (1e-13, "factor: expected one after which K has focal lengths from 1e-9 to 1e9 pixels, got 1e-13"),
-        (100.0, "factor: expected one after which size has (width, height) of at most 65535 pixels"),
+        (1e306, "factor: expected a factor that gives K finite values"),
+        (1e7, "factor: expected a factor that gives K focal lengths from 1e-9 to 1e9 pixels, got 1e7"),
+        (1e-13, "factor: expected a factor that gives K focal lengths from 1e-9 to 1e9 pixels, got 1e-13"),
+        (100.0, "factor: expected a factor that gives size (width, height) of at most 65535 pixels"),
     ],
 )
 def test_scaled_leaves_no_range(factor, text):
@@ -91,7 +91,7 @@ def test_scaled_leaves_no_range(factor, text):
 
 def test_the_resolution_is_named():
     config = sk.RefineConfig.paper(resolution=1e6)
-    with pytest.raises(sk.InvalidInputError, match=r"^config.resolution: expected one after which size has"):
+    with pytest.raises(sk.InvalidInputError, match=r"^config.resolution: expected a factor that gives size"):
         sk.Refiner([camera(K=intrinsics(1.0, 1.0))], config=config)
 
 

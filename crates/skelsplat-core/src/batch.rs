@@ -1,4 +1,4 @@
-//! Many frames at once: rayon over frames, the same bits on any number of threads.
+//! Many frames at once: rayon over frames, bit-identical for any number of threads.
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::refine::{Control, Frame, Refinement, Refiner};
 use crate::threads;
 
-/// How far a batch has come, and the switch that stops it; shared between threads.
+/// Progress and cancellation of a batch, shared between threads.
 #[derive(Debug, Default)]
 pub struct Progress {
     done: AtomicUsize,
@@ -16,7 +16,7 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// Frames that are finished.
+    /// Number of finished frames.
     #[must_use]
     pub fn done(&self) -> usize {
         self.done.load(Ordering::Relaxed)
@@ -27,7 +27,7 @@ impl Progress {
         self.cancel.store(true, Ordering::Relaxed);
     }
 
-    /// Whether to go on.
+    /// Checks whether to continue.
     ///
     /// # Errors
     /// [`Error::Cancelled`] once the batch is cancelled.
@@ -35,17 +35,17 @@ impl Progress {
         if self.cancel.load(Ordering::Relaxed) { Err(Error::Cancelled) } else { Ok(()) }
     }
 
-    /// The switch itself.
+    /// The cancel flag.
     #[must_use]
     pub fn cancelled(&self) -> &AtomicBool {
         &self.cancel
     }
 }
 
-/// Refines every frame on its own, in order. One frame alone shares its windows among the threads.
+/// Refines every frame independently; results are in order. A single frame distributes its windows over the threads.
 ///
 /// # Errors
-/// The error of the first frame that has one, or [`Error::Cancelled`].
+/// The error of the first frame with an error, or [`Error::Cancelled`].
 pub fn refine_batch(
     refiner: &Refiner,
     frames: &[Frame],
@@ -61,7 +61,7 @@ pub fn refine_batch(
     let config = refiner.config();
     match frames {
         _ if config.n_threads == Some(1) => serial(),
-        // No windows to share.
+        // No windows to distribute.
         [_] if !config.draws_pixels() => serial(),
         [frame] => {
             let out = threads::install(config.n_threads, |parallel| one(frame, parallel));

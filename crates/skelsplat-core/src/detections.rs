@@ -1,18 +1,18 @@
-//! 2D detections of one frame: where each view saw each joint.
+//! 2D detections of one frame.
 
 use nalgebra::Vector2;
 
 use crate::camera::{Camera, Undistorted};
 use crate::error::{Error, Result};
 
-/// Largest coordinate of a pixel or a world point that is computed with: what is further is no measurement, and products
-/// of a few such numbers stay finite. Points that are simulated close to a camera can be projected very far.
+/// Largest accepted coordinate of a pixel or a world point: larger values are not measurements, and products of a few such
+/// numbers stay finite. Generous because simulated points close to a camera can be projected very far.
 pub const FARTHEST: f64 = 1e30;
 
 /// Index of the first finite value outside ±[`FARTHEST`].
 #[must_use]
 pub fn too_far(values: &[f64]) -> Option<usize> {
-    // Without a branch per value: a frame takes microseconds.
+    // No branch per value: refining a frame takes only microseconds.
     if !values.iter().fold(false, |far, v| far | (v.abs() > FARTHEST)) {
         return None;
     }
@@ -36,7 +36,7 @@ impl Detections {
     /// # Errors
     /// [`Error::InvalidInput`] if a length does not match, a confidence is outside [0, 1] or a finite pixel outside
     /// ±[`FARTHEST`].
-    /// A confidence that is not a number marks the detection as missing; that of a missing one does not count.
+    /// A confidence that is not a number marks the detection as missing; that of a missing one is ignored.
     pub fn new(
         n_views: usize,
         n_joints: usize,
@@ -113,7 +113,7 @@ impl Detections {
         })
     }
 
-    /// The same detections without those of a confidence below `threshold`.
+    /// The same detections without those with a confidence below `threshold`.
     #[must_use]
     pub fn above(&self, threshold: f64) -> Self {
         let mut out = self.clone();
@@ -125,7 +125,7 @@ impl Detections {
         out
     }
 
-    /// Applies `f(view, pixel)` to every detection that is there; `None` makes it missing.
+    /// Applies `f(view, pixel)` to every detection; `None` makes it missing.
     #[must_use]
     pub fn map(&self, f: impl Fn(usize, Vector2<f64>) -> Option<Vector2<f64>>) -> Self {
         let mut out = self.clone();

@@ -1,10 +1,9 @@
-//! What can be wrong with an input, said once for Rust and Python alike.
+//! Errors, with the same messages in Rust and Python.
 
 /// Result of a fallible core function.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// Why a call was refused. Missing data and missing convergence are outcomes
-/// with a status, never an `Error`.
+/// Why a call was rejected. Missing data and lack of convergence are outcomes with a status, never an `Error`.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -13,34 +12,34 @@ pub enum Error {
     InvalidInput {
         /// Name of the argument as the caller wrote it, with index or camera name where that helps.
         argument: String,
-        /// What would have been right.
+        /// What was expected.
         expected: String,
-        /// What came.
+        /// What was given.
         actual: String,
     },
-    /// A name that is none of the known ones.
+    /// An unknown name.
     #[error("{argument}: unknown name '{name}', expected one of {}", known.join(", "))]
     UnknownName {
         /// Name of the argument.
         argument: &'static str,
-        /// The name that came.
+        /// The given name.
         name: String,
-        /// Every name that would have been right.
+        /// Every valid name.
         known: Vec<String>,
     },
-    /// Geometry that admits no answer, such as two cameras at one place.
+    /// Geometry without a solution, such as two cameras at the same position.
     #[error("degenerate geometry: {0}")]
     DegenerateGeometry(String),
-    /// Arrays that do not fit into memory: what needs how much, and how much there is.
+    /// Arrays that do not fit into memory: what they are, how much they need and how much is available.
     #[error("{0}")]
     OutOfMemory(String),
-    /// The caller asked to stop before the work was done.
+    /// The caller cancelled the work.
     #[error("cancelled by the caller")]
     Cancelled,
 }
 
 impl Error {
-    /// An [`Error::InvalidInput`] from anything printable.
+    /// An [`Error::InvalidInput`] with these texts.
     pub fn invalid(
         argument: impl Into<String>,
         expected: impl Into<String>,
@@ -53,7 +52,7 @@ impl Error {
         }
     }
 
-    /// The same input error about the argument as a caller further up knows it.
+    /// The same input error with another argument name, that of an outer caller.
     #[must_use]
     pub fn of_argument(self, argument: &str) -> Self {
         match self {

@@ -1,4 +1,4 @@
-//! Frame after frame: where each begins, and what is kept of it.
+//! Frame-by-frame refinement: the start of each frame, and the state kept for the next.
 
 use nalgebra::Vector3;
 
@@ -8,14 +8,14 @@ use crate::error::{Error, Result};
 use crate::outcome::JointStatus;
 use crate::refine::{Frame, Method, Refinement, Refiner};
 
-/// What no joint of a person moves from one frame to the next, mm: 7.5 m/s at 25 frames per second.
+/// Upper limit of a joint's movement between frames, mm: 7.5 m/s at 25 frames per second.
 const LEAP_MM: f64 = 300.0;
 
-/// Refines frame after frame, each from the poses of those before.
+/// Refines frame by frame, each from the poses of the previous frames.
 ///
-/// With annealing the detections decide wherever two views see a joint; the past gives the depth of a joint that one view
-/// sees, the place of one that none sees, and decides ties. By the paper's method joints without a reliable position are
-/// triangulated anew, and so is the whole pose if most joints no longer meet their detections.
+/// With `annealed` the detections determine every joint that two views see; the past provides the depth of a joint that one
+/// view sees and the position of one that no view sees, and breaks ties. With `paper`, joints without a reliable position
+/// are triangulated again, and so is the whole pose if most joints no longer match their detections.
 #[derive(Debug, Clone)]
 pub struct Follower<'a> {
     refiner: &'a Refiner,
@@ -23,8 +23,8 @@ pub struct Follower<'a> {
 }
 
 impl<'a> Follower<'a> {
-    /// Begins with the last known positions `(N)` in the unit of the cameras, NaN where there is none; `None`: with the
-    /// detections alone.
+    /// Starts from the last known positions `(N)` in the unit of the cameras, NaN where unknown; `None`: from the detections
+    /// only.
     #[must_use]
     pub fn new(refiner: &'a Refiner, past: Option<Vec<Vector3<f64>>>) -> Self {
         Self { refiner, past }
@@ -36,7 +36,7 @@ impl<'a> Follower<'a> {
         self.past.as_deref()
     }
 
-    /// Forgets the frames before: the next one begins with its detections alone.
+    /// Discards the past: the next frame starts from its detections only.
     pub fn reset(&mut self) {
         self.past = None;
     }
@@ -44,12 +44,12 @@ impl<'a> Follower<'a> {
     /// Refines the next frame.
     ///
     /// # Errors
-    /// As [`refine_batch`], and [`Error::InvalidInput`] for another number of joints than in the frames before.
+    /// As [`refine_batch`], and [`Error::InvalidInput`] if the number of joints differs from the previous frames.
     pub fn step(&mut self, detections: Detections, progress: &Progress) -> Result<Refinement> {
         let n = detections.n_joints();
         if let Some(past) = self.past.as_ref().filter(|past| past.len() != n) {
             let expected =
-                format!("{} joints as in the frames before (or reset() first)", past.len());
+                format!("{} joints, as in the previous frames (or call reset() first)", past.len());
             return Err(Error::invalid("detections", expected, n.to_string()));
         }
         let mut frame = Frame { init_pose: self.past.clone(), past: true, ..detections.into() };
@@ -71,10 +71,10 @@ impl<'a> Follower<'a> {
         matches!(self.refiner.config().method, Method::Paper(_))
     }
 
-    /// Where the next frame starts: for the paper's method only what is reliable, else all that was known.
+    /// The start of the next frame: for `paper` only reliable positions, else all known ones.
     ///
-    /// Annealing starts from least squares, so that an old position matters only where it is the only one, or where views
-    /// tie. A weak joint that has leapt may have followed the wrong views: its old position is kept.
+    /// `annealed` starts from least squares, so a past position matters only where it is the only one or where views tie. A
+    /// weak joint that has jumped may have followed the wrong views: its past position is kept.
     fn remembered(&self, refined: &Refinement) -> Vec<Vector3<f64>> {
         let missing = Vector3::repeat(f64::NAN);
         let mm = self.refiner.unit().millimetres();
@@ -91,7 +91,7 @@ impl<'a> Follower<'a> {
     }
 }
 
-/// Whether most joints that are seen are not where they are seen.
+/// Whether most detected joints do not match their detections.
 fn is_lost(refined: &Refinement) -> bool {
     let count = |status: JointStatus| refined.joint_status.iter().filter(|s| **s == status).count();
     let seen = refined.joint_status.len() - count(JointStatus::Unobserved);

@@ -9,11 +9,11 @@ use crate::error::{Error, Result};
 
 /// Largest logarithm of a standard deviation: e⁵⁰ mm is 500 light years.
 const FARTHEST_LOG_SCALE: f64 = 50.0;
-/// Below this the square of a quaternion's norm can be lost.
+/// Below this the square of a quaternion's norm can underflow.
 const ZERO_QUATERNION: f64 = 1e-100;
-/// Asymmetry that rounding makes, as a part of the largest entry.
+/// Asymmetry due to rounding, relative to the largest entry.
 const ASYMMETRY: f64 = 1e-6;
-/// Negative variance that rounding makes, as a part of the largest entry.
+/// Negative variance due to rounding, relative to the largest entry.
 const NEGATIVE_VARIANCE: f64 = 1e-9;
 
 /// A joint: mean μ (mm), log-scales s (σ = exp s, mm) and quaternion q (w, x, y, z).
@@ -58,10 +58,10 @@ impl Gaussian {
         }
     }
 
-    /// Refuses scales and orientations that cannot be computed with; not numbers that are missing.
+    /// Rejects scales and orientations that cannot be computed with; missing values (NaN) are allowed.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] that names the first wrong entry.
+    /// [`Error::InvalidInput`] naming the first wrong entry.
     pub fn check(gaussians: &[Self]) -> Result<()> {
         let is_far = |s: &f64| s.is_finite() && s.abs() > FARTHEST_LOG_SCALE;
         for (j, gaussian) in gaussians.iter().enumerate() {
@@ -74,14 +74,14 @@ impl Gaussian {
                 ));
             }
             if gaussian.quaternion.iter().all(|v| v.abs() < ZERO_QUATERNION) {
-                let expected = "a quaternion (w, x, y, z) that is not zero";
+                let expected = "a non-zero quaternion (w, x, y, z)";
                 return Err(Error::invalid(format!("quaternions[{j}]"), expected, "zeros"));
             }
         }
         Ok(())
     }
 
-    /// Whether the mean, the variances and the orientation are numbers that can be computed with.
+    /// Whether the mean, the variances and the orientation are finite.
     #[must_use]
     pub fn is_finite(&self) -> bool {
         let parameters = self.mean.iter().chain(self.quaternion.iter());
@@ -124,16 +124,16 @@ impl Gaussian {
     }
 }
 
-/// Whether a matrix is symmetric but for rounding.
+/// Whether a matrix is symmetric up to rounding.
 #[must_use]
 pub fn is_symmetric(matrix: &Matrix3<f64>) -> bool {
     (matrix - matrix.transpose()).amax() <= ASYMMETRY * matrix.amax()
 }
 
-/// Refuses covariances that are none, as `name[j]`; not those that hold missing numbers.
+/// Rejects matrices that are not covariances, as `name[j]`; missing values (NaN) are allowed.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] for the first that is not symmetric or has a negative variance.
+/// [`Error::InvalidInput`] for the first matrix that is asymmetric or has a negative variance.
 pub fn check_covariances(name: &str, covariances: &[Matrix3<f64>]) -> Result<()> {
     for (j, c) in covariances.iter().enumerate() {
         if c.iter().any(|v| !v.is_finite()) {
@@ -142,7 +142,7 @@ pub fn check_covariances(name: &str, covariances: &[Matrix3<f64>]) -> Result<()>
         let wrong =
             |expected, actual| Err(Error::invalid(format!("{name}[{j}]"), expected, actual));
         if !is_symmetric(c) {
-            return wrong("a symmetric matrix", "one that is not".to_owned());
+            return wrong("a symmetric matrix", "an asymmetric one".to_owned());
         }
         let least = c.symmetric_eigenvalues().min();
         if least < -NEGATIVE_VARIANCE * c.amax().max(f64::MIN_POSITIVE) {
@@ -194,7 +194,7 @@ mod tests {
         assert_eq!(refused, "log_scales[1, 2]: expected a value within ±50, got 60");
         gaussians[0].quaternion = Vector4::zeros();
         let refused = Gaussian::check(&gaussians).unwrap_err().to_string();
-        assert!(refused.starts_with("quaternions[0]: expected a quaternion"), "{refused}");
+        assert!(refused.starts_with("quaternions[0]: expected a non-zero quaternion"), "{refused}");
     }
 
     #[test]
@@ -204,7 +204,7 @@ mod tests {
         assert_eq!(check_covariances("covariances", &covariances), Ok(()));
         covariances[2][(0, 1)] = 0.5;
         let refused = check_covariances("covariances", &covariances).unwrap_err().to_string();
-        assert_eq!(refused, "covariances[2]: expected a symmetric matrix, got one that is not");
+        assert_eq!(refused, "covariances[2]: expected a symmetric matrix, got an asymmetric one");
         covariances[0][(1, 1)] = -2.0;
         let refused = check_covariances("covariances", &covariances).unwrap_err().to_string();
         assert_eq!(

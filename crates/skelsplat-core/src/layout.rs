@@ -18,7 +18,7 @@ pub struct SymmetricPair {
     pub right: [usize; 2],
 }
 
-/// What a [`Layout`] consists of. Everything but the joints may be empty.
+/// The parts of a [`Layout`]. All except the joints may be empty.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct LayoutSpec {
     /// Name of the layout.
@@ -31,13 +31,13 @@ pub struct LayoutSpec {
     pub symmetric: Vec<SymmetricPair>,
     /// (left, right) joints that are mirror images.
     pub left_right: Vec<[usize; 2]>,
-    /// Joints that are occluded most: elbows, wrists and ankles in the built-in layouts.
+    /// Joints prone to occlusion: elbows, wrists and ankles in the built-in layouts.
     pub occlusion_prone: Vec<usize>,
     /// Joints whose mean is the root.
     pub root: Vec<usize>,
 }
 
-/// A validated [`LayoutSpec`], whose fields it lends for reading.
+/// A validated [`LayoutSpec`], with read access to its fields.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Layout(LayoutSpec);
 
@@ -53,12 +53,11 @@ impl Layout {
     /// Names of the built-in layouts.
     pub const NAMES: [&'static str; 8] = tables::NAMES;
 
-    /// A layout of one's own.
+    /// A custom layout.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] naming the field: no joints, an empty or repeated joint name, an index
-    /// without a joint, a limb or pair of a joint with itself, a joint in two left-right pairs,
-    /// a tier other than 1, 2, 3.
+    /// [`Error::InvalidInput`] naming the field: no joints, an empty or repeated joint name, an index out of range, a limb
+    /// or pair of a joint with itself, a joint in two left–right pairs, or a tier other than 1, 2, 3.
     pub fn new(spec: LayoutSpec) -> Result<Self> {
         check_joints(&spec.joints)?;
         check_indices(&spec)?;
@@ -66,7 +65,7 @@ impl Layout {
         Ok(Self(spec))
     }
 
-    /// A built-in layout by its name, in upper or lower case: `"h36m17"` or `"H36M17"`.
+    /// A built-in layout by name, in any case: `"h36m17"` or `"H36M17"`.
     ///
     /// # Errors
     /// [`Error::UnknownName`] listing the known names.
@@ -78,7 +77,7 @@ impl Layout {
         })
     }
 
-    /// Whether this is one of the built-in layouts, all of which are people's.
+    /// Whether this is one of the built-in layouts, which are all human.
     #[must_use]
     pub fn is_built_in(&self) -> bool {
         tables::spec(&self.name).is_some_and(|known| known == self.0)
@@ -105,10 +104,10 @@ fn check_joints(joints: &[String]) -> Result<()> {
     }
     for (i, name) in joints.iter().enumerate() {
         if name.is_empty() {
-            return Err(Error::invalid(format!("joints[{i}]"), "a name", "an empty one"));
+            return Err(Error::invalid(format!("joints[{i}]"), "a non-empty name", "an empty one"));
         }
         if joints[..i].contains(name) {
-            let actual = format!("'{name}' again");
+            let actual = format!("'{name}' repeated");
             return Err(Error::invalid(format!("joints[{i}]"), "a name not used before", actual));
         }
     }
@@ -151,7 +150,7 @@ fn check_pairs(spec: &LayoutSpec) -> Result<()> {
     }
     let paired: Vec<usize> = spec.left_right.iter().copied().flatten().collect();
     if let Some((i, joint)) = paired.iter().enumerate().find(|(i, j)| paired[..*i].contains(j)) {
-        let actual = format!("joint {joint} again in pair {}", i / 2);
+        let actual = format!("joint {joint} repeated in pair {}", i / 2);
         return Err(Error::invalid("left_right", "each joint in one pair", actual));
     }
     Ok(())

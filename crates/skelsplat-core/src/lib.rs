@@ -5,12 +5,12 @@
 //! vector from the ray of the detection to the joint,
 //!
 //! ```text
-//! k_ij = exp(−|e_ij|² / 4σ²)                     how far a detection is believed
+//! k_ij = exp(−|e_ij|² / 4σ²)                     how much a detection is trusted
 //! F    = Σ_ij c_ij (2σ²/ŝ²) (1 − k_ij) + ½ Σ_j (x_j−x⁰_j)ᵀ Π_j (x_j−x⁰_j) + ½ Σ_p κ_p (‖l_p‖−‖r_p‖)² / σ_sym²
 //! ```
 //!
-//! minimised by re-weighted Gauss–Newton while σ narrows to the detections' noise ŝ, from any start. The published method,
-//! `paper`, renders the splats on a channel per joint and moves them by Adam:
+//! minimised by re-weighted Gauss–Newton while σ narrows to the detection noise ŝ, from any initial pose. The published
+//! method, `paper`, renders the splats on one channel per joint and optimises them with Adam:
 //!
 //! ```text
 //! L_opt    = L_render + λ_sym L_sym
@@ -35,7 +35,7 @@
 //! };
 //! let cameras = [camera(0.0)?, camera(2.0)?, camera(4.0)?];
 //!
-//! // Two joints, of which the last camera mistakes the second for something 90 px away.
+//! // Two joints; the last camera detects the second one 90 px off.
 //! let truth = [Vector3::new(0.1, 0.2, 0.3), Vector3::new(-0.2, 0.1, -0.4)];
 //! let mut pixels = Vec::new();
 //! for (i, camera) in cameras.iter().enumerate() {
@@ -51,14 +51,14 @@
 //! assert!((found.pose[0] - truth[0]).norm() < 1e-3);
 //! assert!((found.pose[1] - truth[1]).norm() < 1e-3);
 //! assert_eq!(found.joint_status, [JointStatus::Ok; 2]);
-//! assert!(found.view_weights[2 * 2 + 1] < 0.01, "the mistake is not believed");
+//! assert!(found.view_weights[2 * 2 + 1] < 0.01, "the wrong detection is rejected");
 //! # Ok(())
 //! # }
 //! ```
 //!
-//! Settings are [`RefineConfig`], whose tables ([`RefineConfig::settings`]) describe each of them. [`refine_batch`] refines many
-//! frames on all cores, with the same bits on any number of them. [`study`] has the parts. This crate knows no Python, no files
-//! and no data sets. Lengths are millimetres inside; [`Refiner`] takes any [`Unit`].
+//! [`RefineConfig`] has the settings, described by its tables ([`RefineConfig::settings`]). [`refine_batch`] refines many frames
+//! on all cores, bit-identical for any number of them. [`study`] exposes the parts. This crate has no dependency on Python,
+//! files or data sets. Internally lengths are millimetres; [`Refiner`] accepts any [`Unit`].
 
 mod annealed;
 mod batch;
@@ -103,8 +103,8 @@ pub use unit::Unit;
 /// Makes private modules visible as parts of [`study`].
 macro_rules! parts {
     ($($name:ident: $sentence:literal,)*) => {
-        /// The parts that the methods are made of, for study, tests and bindings. They follow the mathematics and may
-        /// change with any release.
+        /// The parts of the methods, for study, tests and bindings. They follow the mathematics and may change with any
+        /// release.
         pub mod study {
             $(
                 #[doc = $sentence]
@@ -122,13 +122,13 @@ parts! {
     detections: "2D detections of one frame.",
     gaussian: "The skeleton of Gaussians.",
     layout: "Joint layouts.",
-    memory: "Whether memory is there before it is allocated.",
-    outcome: "What a method hands back.",
+    memory: "Check of available memory before allocation.",
+    outcome: "The result of a method.",
     overlap: "The rendering loss in closed form.",
     paper: "The published method.",
     projection: "Gaussians projected into a view.",
     refine: "Settings, the refiner and its result.",
     symmetry: "The limb-symmetry loss.",
-    triangulate: "Triangulation by algebra.",
+    triangulate: "Algebraic triangulation.",
     unit: "Units of length.",
 }

@@ -1,19 +1,19 @@
-//! Whether memory that a caller asks for is there, before any of it is allocated.
+//! Checks that enough memory is available before allocating it.
 //!
-//! Linux grants more than it has and ends the process when the memory is used, so that a failed allocation is not how one
-//! hears of it: what is available is asked for first.
+//! Linux grants more memory than it has and kills the process when it is used, so allocation does not fail. The available
+//! memory is therefore checked first.
 
 use std::fs;
 
 use crate::error::{Error, Result};
 
-/// Needs up to this size are granted without a look.
+/// Sizes up to this are not checked.
 const SMALL: u128 = 64 << 20;
-/// Limits of a container, Linux control groups 2 and 1.
+/// Memory limits of a container: Linux control groups version 2 and 1.
 const GROUP_LIMITS: [&str; 2] =
     ["/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"];
 
-/// Refuses `bytes` that are not available; `what` says in the message what needs them.
+/// Rejects `bytes` that are not available; `what` names in the message what needs them.
 ///
 /// # Errors
 /// [`Error::OutOfMemory`].
@@ -29,24 +29,24 @@ pub fn check(bytes: u128, what: impl FnOnce() -> String) -> Result<()> {
         Some(available) if bytes > available => {
             refused(format!(", {:.1} GB are available", gigabytes(available)))
         }
-        _ if !reservable(bytes) => refused(", more than this process may have".to_owned()),
+        _ if !reservable(bytes) => refused(", more than this process may use".to_owned()),
         _ => Ok(()),
     }
 }
 
-/// Whether the allocator would grant `bytes`; they are given back at once.
+/// Whether the allocator grants `bytes`, which are released at once.
 fn reservable(bytes: u128) -> bool {
     usize::try_from(bytes).is_ok_and(|n| Vec::<u8>::new().try_reserve_exact(n).is_ok())
 }
 
-/// Bytes that are free or can be freed; `None` where the system does not say.
+/// Bytes that are free or can be freed; `None` if the system does not provide the number.
 fn available() -> Option<u64> {
     let machine = fs::read_to_string("/proc/meminfo").ok().and_then(|text| of_meminfo(&text));
     let groups = GROUP_LIMITS.iter().filter_map(|path| fs::read_to_string(path).ok());
     groups.filter_map(|text| text.trim().parse().ok()).chain(machine).min()
 }
 
-/// `MemAvailable` and `SwapFree` of `/proc/meminfo`, which counts in kB.
+/// Sum of `MemAvailable` and `SwapFree` of `/proc/meminfo` (in kB), in bytes.
 fn of_meminfo(text: &str) -> Option<u64> {
     let field = |name: &str| {
         let line = text.lines().find_map(|line| line.strip_prefix(name))?;
@@ -69,7 +69,7 @@ mod tests {
 
     #[test]
     fn what_no_machine_has_is_refused_with_its_size() {
-        check(SMALL, || unreachable!("granted without a look")).unwrap();
+        check(SMALL, || unreachable!("small sizes are not checked")).unwrap();
         let text = check(1 << 70, || "all stars".to_owned()).unwrap_err().to_string();
         assert!(text.starts_with("all stars need 1180591620717.4 GB"), "{text}");
     }

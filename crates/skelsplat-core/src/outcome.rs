@@ -1,18 +1,18 @@
-//! What a method hands to the front door for one frame, in mm. Not converging and not being seen are outcomes.
+//! The result of a method for one frame, in mm. Lack of convergence and unobserved joints are outcomes, not errors.
 
 use nalgebra::{Matrix3, Vector3};
 
-/// Why the optimisation ended.
+/// Why the iteration ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum StopReason {
-    /// The window minimum of the loss settled, or the steps became small.
+    /// The window minimum of the loss stopped changing, or the steps became small.
     Converged,
-    /// The step limit came first.
+    /// The step limit was reached.
     MaxSteps,
     /// No joint has a usable detection: nothing was optimised.
     NoObservations,
-    /// The loss or a parameter stopped being finite; the last finite state is returned.
+    /// The loss or a parameter is no longer finite; the last finite state is returned.
     Diverged,
 }
 
@@ -29,13 +29,13 @@ impl StopReason {
     }
 }
 
-/// How far a joint's position can be relied on.
+/// Reliability of a joint's position.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum JointStatus {
-    /// Its splat meets its detection in two views or more, which fix its place.
+    /// Its splat matches its detection in at least two views, which determine its position.
     Ok,
-    /// Detected, but not determined: its splat meets its detection in fewer than two views, or these are too close together
-    /// to fix the depth, or as many views agree on another place.
+    /// Detected but not determined: its splat matches its detection in fewer than two views, the views are too close
+    /// together to determine the depth, or equally many views agree on another position.
     Weak,
     /// No usable detection: the joint keeps its initial position, NaN if it has none.
     Unobserved,
@@ -73,43 +73,43 @@ pub enum Splats {
     Free(Vec<Matrix3<f64>>),
 }
 
-/// A pose that a method has found.
+/// The pose found by a method.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outcome {
-    /// Joint positions `(N)`; NaN where nothing is known.
+    /// Joint positions `(N)`; NaN where unobserved.
     pub points: Vec<Vector3<f64>>,
     /// The splats at the end.
     pub splats: Splats,
-    /// Where it began `(N)`.
+    /// Initial pose `(N)`.
     pub init: Vec<Vector3<f64>>,
-    /// How far each joint can be relied on `(N)`.
+    /// Reliability of each joint `(N)`.
     pub status: Vec<JointStatus>,
-    /// For every detection `(M, N)` the joint that it was used for.
+    /// The joint for which each detection `(M, N)` was used.
     pub used_for: Vec<usize>,
     /// Loss of the pose over all views.
     pub loss: Loss,
-    /// Loss of every step, if asked for.
+    /// Loss of every step, if requested.
     pub loss_history: Vec<Loss>,
     /// Steps taken.
     pub n_iter: usize,
-    /// Why it ended.
+    /// Why the iteration ended.
     pub stop_reason: StopReason,
 }
 
-/// What the residuals at a pose say of it.
+/// Error bars and weights, from the residuals at a pose.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ErrorBars {
-    /// Posterior covariances `(N)`; NaN where nothing is known.
+    /// Posterior covariances `(N)`; NaN where unobserved.
     pub covariances: Vec<Matrix3<f64>>,
-    /// k of every ray `(N, M)`, how far it is believed; NaN where there is none.
+    /// Weight k of every ray `(N, M)`: how much it is trusted; NaN where missing.
     pub believed: Vec<f64>,
-    /// Standard deviation of the detections' noise across the ray; NaN without any detection.
+    /// Standard deviation of the detection noise across the ray; NaN without detections.
     pub noise: f64,
-    /// Status of every joint by these residuals `(N)`.
+    /// Status of every joint `(N)` according to these residuals.
     pub status: Vec<JointStatus>,
 }
 
-/// Every detection `(M, N)` used for the joint that it is given as.
+/// The identity: every detection `(M, N)` used for its own joint.
 #[must_use]
 pub fn as_given(n_views: usize, n_joints: usize) -> Vec<usize> {
     (0..n_views * n_joints).map(|k| k % n_joints).collect()

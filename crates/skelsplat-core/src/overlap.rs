@@ -13,8 +13,8 @@
 //! ```
 //!
 //! from d√|Σ| = ½ √|Σ| tr(Σ⁻¹dΣ) and d(C⁻¹) = −C⁻¹ dC C⁻¹. With Σr = Σp = S it is 2π√|S| (1 − exp(−¼ rᵀS⁻¹r)), a
-//! Welsch loss: k ∈ [0, 1] says how far the detection is believed. Against the raster it leaves out the cut at
-//! 1/255, the clamp at 0.99 and the border of the image.
+//! Welsch loss: k ∈ [0, 1] is how much the detection is trusted. Unlike the raster it has no cut at 1/255, no
+//! clamp at 0.99 and no image border.
 
 use std::f64::consts::PI;
 
@@ -34,7 +34,7 @@ pub struct PlaneGaussian {
 pub struct Overlap {
     /// ∫(R−P)², pixels.
     pub loss: f64,
-    /// k, how far the detection is believed.
+    /// k, how much the detection is trusted.
     pub weight: f64,
     /// With respect to the render's mean.
     pub d_mean: Vector2<f64>,

@@ -12,11 +12,11 @@ use nalgebra::{Matrix2, Matrix2x3, Matrix3, Vector2, Vector3};
 
 use crate::camera::{Camera, NEAR};
 
-/// Half-width by which the field of view is widened, as a share of the image's whole width:
+/// Amount by which the field of view is widened on each side, as a share of the image's width:
 /// 30 % of the half-width, as in 3D Gaussian splatting.
 const FIELD_OF_VIEW_MARGIN: f64 = 0.15;
 
-/// What the projection needs of a camera, worked out once: distortion plays no part here.
+/// The camera data needed for projection, computed once; distortion is not used here.
 #[derive(Debug, Clone)]
 pub struct View {
     focal: Vector2<f64>,
@@ -30,7 +30,7 @@ pub struct View {
     pub size: [u32; 2],
 }
 
-/// A 3D Gaussian seen by a view, with what the gradient needs again.
+/// A 3D Gaussian projected into a view, with the intermediate values needed for the gradient.
 #[derive(Debug, Clone, Copy)]
 pub struct Projected {
     /// Projected mean m, ideal pixels.

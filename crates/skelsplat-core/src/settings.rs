@@ -1,29 +1,29 @@
-//! What a setting is: its name, default, unit, domain and one sentence, each written once.
+//! The definition of a setting: name, default, unit, domain and a one-sentence description, each written once.
 //!
-//! [`settings!`] makes a struct of settings from one line per field, with its documentation, its defaults and a table of
-//! [`Setting`]s by which programs in other languages read, write and describe it.
+//! [`settings!`] generates a struct of settings from one line per field, with its documentation, its defaults and a table
+//! of [`Setting`]s, from which the bindings read, write and describe the settings.
 
 use crate::error::{Error, Result};
 
-/// A setting as data.
+/// The value of a setting.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Value {
     /// A number.
     Number(f64),
     /// A whole number.
     Count(usize),
-    /// On or off.
+    /// A flag.
     Switch(bool),
     /// One of several names.
     Name(&'static str),
     /// Several numbers.
     Numbers(Vec<f64>),
-    /// No value: what that means is the setting's own.
+    /// No value; the setting defines the meaning.
     Nothing,
 }
 
 impl std::fmt::Display for Value {
-    /// As Python writes it; long numbers to four digits.
+    /// In Python notation; long numbers are rounded.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let number = |x: f64| match x.to_string() {
             text if text.len() <= 6 => text,
@@ -44,7 +44,7 @@ impl std::fmt::Display for Value {
     }
 }
 
-/// What values a setting takes.
+/// The kinds of values that a setting accepts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     /// [`Value::Number`].
@@ -67,10 +67,10 @@ pub enum Kind {
     NumberOrName(&'static str),
 }
 
-/// Where the numbers of a setting have to lie.
+/// The range of the numbers of a setting.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Domain {
-    /// Anywhere that its kind allows.
+    /// Any value of its kind.
     Any,
     /// Positive, from 1e-15 to 1e9.
     Positive,
@@ -78,7 +78,7 @@ pub enum Domain {
     From(f64),
     /// Not negative, at most 1e9.
     NotNegative,
-    /// A learning rate: finite and not negative. One that is too large diverges, which is an outcome.
+    /// A learning rate: finite and not negative. One that is too large makes the run diverge, which is reported as an outcome.
     Rate,
     /// Between 0 and 1, both excluded.
     Between,
@@ -90,23 +90,23 @@ pub enum Domain {
     Within(usize, usize),
 }
 
-/// One line of the table of settings.
+/// One row of the table of settings.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Setting {
-    /// Its name; a length carries its unit.
+    /// Name; that of a length ends in its unit.
     pub name: &'static str,
-    /// What values it takes.
+    /// Kind of values it accepts.
     pub kind: Kind,
-    /// Where they have to lie.
+    /// Range of its numbers.
     pub domain: Domain,
-    /// Its unit, empty for none.
+    /// Unit, empty for none.
     pub unit: &'static str,
-    /// What it does, in one sentence.
+    /// Description in one sentence.
     pub sentence: &'static str,
 }
 
 impl Kind {
-    /// What is expected of a value, for messages.
+    /// The expected values, for messages.
     #[must_use]
     pub fn expected(self) -> String {
         let quoted = |names: &[&str]| -> Vec<String> {
@@ -129,8 +129,8 @@ impl Kind {
     }
 }
 
-/// Largest number of a setting, whatever its unit, and smallest of one that is positive: squares and products of a few
-/// of them stay far from the ends of a double.
+/// Largest number of any setting, and smallest of a positive one: squares and products of a few of them stay well within
+/// the range of a double.
 const MOST: f64 = 1e9;
 const LEAST: f64 = 1e-15;
 
@@ -138,7 +138,7 @@ impl Setting {
     /// Whether `value` lies in the domain.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] naming the setting, and the place in a sequence.
+    /// [`Error::InvalidInput`] naming the setting and, for a sequence, the index.
     pub fn check(&self, value: &Value) -> Result<()> {
         let field = format!("config.{}", self.name);
         match value {
@@ -215,11 +215,11 @@ impl Domain {
     }
 }
 
-/// A type that settings may have.
+/// A type that a setting can have.
 pub(crate) trait Parameter: Sized {
     const KIND: Kind;
     fn to_value(&self) -> Value;
-    /// `None` if the value is of another kind.
+    /// `None` if the value has the wrong kind.
     fn of_value(value: &Value) -> Option<Self>;
 }
 
@@ -253,8 +253,8 @@ parameter!(Option<usize>, Kind::CountOrNothing, n => n.map_or(Value::Nothing, Va
 parameter!(Option<Vec<f64>>, Kind::NumbersOrNothing, all => all.clone().map_or(Value::Nothing, Value::Numbers),
     Value::Numbers(all) => Some(Some(all.clone())), Value::Nothing => Some(None));
 
-/// A struct of settings, one line each: `name: type = default, domain, unit, sentence;`. Fields behind `also` are no
-/// settings: they have a documentation and a default alone.
+/// A struct of settings, one line each: `name: type = default, domain, unit, sentence;`. Fields after `also` are not
+/// settings: they have only documentation and a default.
 macro_rules! settings {
     (
         $(#[$meta:meta])*
@@ -298,7 +298,7 @@ macro_rules! settings {
                 }
             }
 
-            /// Sets a setting of this table; whether the value is of its kind.
+            /// Sets a setting of this table; returns whether the value has the right kind.
             pub(crate) fn set_value(
                 &mut self,
                 name: &str,
@@ -313,7 +313,7 @@ macro_rules! settings {
                 }
             }
 
-            /// Whether every setting of this table lies in its domain.
+            /// Checks that every setting of this table lies in its domain.
             pub(crate) fn check_domains(&self) -> $crate::error::Result<()> {
                 Self::SETTINGS.iter().try_for_each(|setting| {
                     self.value(setting.name).map_or(Ok(()), |value| setting.check(&value))

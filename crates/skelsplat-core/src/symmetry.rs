@@ -4,10 +4,10 @@
 
 use nalgebra::Vector3;
 
-/// A left limb and its right twin, each as two joint indices.
+/// A left limb and the corresponding right one, each as two joint indices.
 pub type LimbPair = ([usize; 2], [usize; 2]);
 
-/// L_sym of `means` over `pairs`; hands each joint's share of its gradient to `add`.
+/// L_sym of `means` over `pairs`; passes each joint's part of the gradient to `add`.
 ///
 /// With d = ‖l₁−l₂‖ − ‖r₁−r₂‖ and the unit vector e along each limb, ∂d²/∂l₁ = 2 d e_l = −∂d²/∂l₂ and
 /// ∂d²/∂r₁ = −2 d e_r = −∂d²/∂r₂. A limb of length zero has no direction and gets no gradient.

@@ -1,25 +1,25 @@
 //! Threads for frames and windows: one pool per process.
 //!
-//! Threads do not survive a fork. A child inherits the memory of its parent's pool and none of its threads, so that work
-//! handed to that pool would wait for ever. The pool is kept with the id of the process whose threads it has; another
-//! process makes its own.
+//! Threads do not survive a fork. A child process inherits the memory of its parent's pool but none of its threads, so
+//! work submitted to that pool would wait for ever. The pool is therefore stored with the id of the process that owns its
+//! threads; another process creates its own.
 
 use std::sync::{Arc, Mutex, PoisonError, TryLockError};
 use std::time::Duration;
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-/// A pool and the process whose threads it has.
+/// A pool and the process that owns its threads.
 struct Kept {
     process: u32,
     pool: Arc<ThreadPool>,
 }
 
-/// Locked only to read or exchange the value, never while a pool is built or used.
+/// Locked only to read or replace the value, never while a pool is built or used.
 static POOL: Mutex<Option<Kept>> = Mutex::new(None);
 
-/// How often and for how long the lock is tried. It is held for nanoseconds: one that stays locked was held by another
-/// thread at the moment of a fork, and nobody is left to open it.
+/// How often and for how long the lock is tried. It is held for nanoseconds: if it stays locked, another thread
+/// held it at the moment of a fork, and no thread is left to release it.
 const TRIES: usize = 200;
 const PAUSE: Duration = Duration::from_millis(1);
 
@@ -36,7 +36,7 @@ pub(crate) fn install<R: Send>(n_threads: Option<usize>, work: impl FnOnce(bool)
     }
 }
 
-/// The pool of this process, made by the first call in it.
+/// The pool of this process, created by the first call.
 fn pool() -> Option<Arc<ThreadPool>> {
     let process = std::process::id();
     let own = |kept: &Option<Kept>| {
@@ -49,7 +49,7 @@ fn pool() -> Option<Arc<ThreadPool>> {
     let made = Arc::new(ThreadPoolBuilder::new().build().ok()?);
     let keep = |slot: &mut Option<Kept>| {
         own(slot).unwrap_or_else(|| {
-            // Dropping the parent's pool would tell threads to end that do not exist here.
+            // Dropping the parent's pool would signal threads that do not exist here.
             std::mem::forget(slot.replace(Kept { process, pool: Arc::clone(&made) }));
             Arc::clone(&made)
         })
@@ -57,7 +57,7 @@ fn pool() -> Option<Arc<ThreadPool>> {
     Some(found.and_then(|_| with_slot(keep)).unwrap_or(made))
 }
 
-/// Hands the slot to `f`; `None` if its lock was left locked by a fork.
+/// Calls `f` with the slot; `None` if a fork left its lock locked.
 fn with_slot<R>(f: impl FnOnce(&mut Option<Kept>) -> R) -> Option<R> {
     for _ in 0..TRIES {
         match POOL.try_lock().map_err(poisoned) {
@@ -68,7 +68,7 @@ fn with_slot<R>(f: impl FnOnce(&mut Option<Kept>) -> R) -> Option<R> {
     None
 }
 
-/// The value behind a lock whose holder panicked, which leaves it whole; `None` if the lock is held.
+/// Locks the slot, also after a panic of a holder, which cannot corrupt the value; `None` if the lock is held.
 fn poisoned<T>(error: TryLockError<T>) -> Option<T> {
     match error {
         TryLockError::Poisoned(held) => Some(PoisonError::into_inner(held)),
@@ -80,15 +80,15 @@ fn poisoned<T>(error: TryLockError<T>) -> Option<T> {
 mod tests {
     use super::*;
 
-    /// One test, since all of it is about the one slot of the process.
+    /// A single test, because the slot is global to the process.
     #[test]
     fn the_pool_belongs_to_the_process() {
         let (one, two) = (pool().unwrap(), pool().unwrap());
         assert!(Arc::ptr_eq(&one, &two));
         assert!(install(None, |parallel| parallel && rayon::current_thread_index().is_some()));
 
-        // What a child finds after a fork: a pool of another process, whose threads it does not have. It must not be
-        // dropped: the slot's share stays.
+        // The state in a child after a fork: a pool of another process, without its threads. It must not be dropped: the
+        // slot keeps its reference.
         let stale = Arc::new(ThreadPoolBuilder::new().num_threads(1).build().unwrap());
         let process = std::process::id().wrapping_add(1);
         let parents = Kept { process, pool: Arc::clone(&stale) };
@@ -97,7 +97,7 @@ mod tests {
         assert!(!Arc::ptr_eq(&own, &stale));
         assert_eq!(Arc::strong_count(&stale), 2);
 
-        // A lock that was held at the moment of a fork is given up; the work is done all the same.
+        // A lock that was held at the moment of a fork is abandoned; the work is still done.
         let held = POOL.lock().unwrap_or_else(PoisonError::into_inner);
         assert_eq!(install(None, |_| 6 * 7), 42);
         drop(held);

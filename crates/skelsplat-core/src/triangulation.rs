@@ -1,4 +1,4 @@
-//! Triangulation by the name of a method.
+//! Triangulation with a method given by name.
 
 use crate::annealed::robust;
 use crate::camera::Camera;
@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::triangulate::{Triangulated, dlt, ransac};
 use crate::unit::Unit;
 
-/// How joints are triangulated.
+/// A triangulation method.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum TriangulationMethod {
@@ -42,7 +42,7 @@ impl TriangulationMethod {
 /// `unit` of the cameras. NaN where a joint has no finite answer: see [`dlt()`].
 ///
 /// # Errors
-/// [`Error::InvalidInput`] if the number of cameras is not the detections' number of views.
+/// [`Error::InvalidInput`] if the number of cameras differs from the detections' number of views.
 pub fn triangulate(
     detections: &Detections,
     cameras: &[Camera],

@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use crate::error::{Error, Result};
 use crate::layout::Layout;
 
-/// Unit in which camera translations and 3D points are given.
+/// Unit of camera translations and 3D points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Unit {
     /// Millimetres, the default.
@@ -45,7 +45,7 @@ impl Unit {
         }
     }
 
-    /// How many millimetres one unit is.
+    /// Millimetres per unit.
     #[must_use]
     pub fn millimetres(self) -> f64 {
         match self {
@@ -56,26 +56,26 @@ impl Unit {
     }
 }
 
-/// Extents between which a person is plausible, mm.
+/// Range of plausible extents of a person, mm.
 const PERSON: [f64; 2] = [100.0, 10_000.0];
-/// The same of a body of any kind: from less than an ant to more than a giraffe three times over.
+/// Range of plausible extents of any body, mm: smaller than an ant to three times a giraffe.
 const ANYTHING: [f64; 2] = [1.0, 20_000.0];
 
-/// A skeleton that is larger or smaller than any that is plausible.
+/// A skeleton of implausible size.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Implausible {
-    /// How large it is, in the unit in question.
+    /// Its extent, in the given unit.
     pub extent: f64,
     /// Whether it is too large.
     pub taller: bool,
-    /// The limit that it exceeds or falls short of, mm.
+    /// The limit it violates, mm.
     pub limit_mm: f64,
 }
 
-/// The median size of these skeletons, `(T, N)` in `unit`, if it is below 10 cm or above 10 m; `None` if it is plausible or
-/// they are too incomplete to tell.
+/// The median extent of these skeletons, `(T, N)` in `unit`, if it is below 10 cm or above 10 m; `None` if it is plausible
+/// or the skeletons are too incomplete to measure.
 ///
-/// A layout of one's own need not be a person: with it the limits are 1 mm and 20 m.
+/// A custom layout need not be a person: its limits are 1 mm and 20 m.
 #[must_use]
 pub fn implausible_extent(
     poses: &[Vec<Vector3<f64>>],
@@ -140,12 +140,12 @@ mod tests {
             ..LayoutSpec::default()
         };
         let mouse = Layout::new(spec).unwrap();
-        let told = |size, unit| implausible_extent(&person(size), unit, Some(&mouse));
-        assert_eq!(told(95.6, Unit::Millimetre), None);
-        assert_eq!(told(18.0, Unit::Metre), None);
-        let tall = told(95.6, Unit::Metre).unwrap();
+        let found = |size, unit| implausible_extent(&person(size), unit, Some(&mouse));
+        assert_eq!(found(95.6, Unit::Millimetre), None);
+        assert_eq!(found(18.0, Unit::Metre), None);
+        let tall = found(95.6, Unit::Metre).unwrap();
         assert!(tall.taller && tall.limit_mm == 20_000.0, "{tall:?}");
-        let short = told(0.0956, Unit::Millimetre).unwrap();
+        let short = found(0.0956, Unit::Millimetre).unwrap();
         assert!(!short.taller && short.limit_mm == 1.0, "{short:?}");
         let human = Layout::by_name("coco17").unwrap();
         assert!(implausible_extent(&person(95.6), Unit::Millimetre, Some(&human)).is_some());

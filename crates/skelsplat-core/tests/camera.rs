@@ -1,4 +1,4 @@
-//! Cameras: parity with `OpenCV`, derivatives, undistortion and its range, and what is refused.
+//! Cameras: parity with `OpenCV`, derivatives, undistortion and its range, and rejected input.
 
 use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_2, SQRT_2};
 
@@ -101,7 +101,7 @@ fn undistort_inverts_distort_over_the_image() {
     for camera in lenses() {
         for pixel in pixels(&camera) {
             let ideal = converged(&camera, pixel);
-            // the tolerance that `undistort` promises
+            // the tolerance of `undistort`
             assert!((camera.distort(&ideal) - pixel).amax() <= 1e-9, "{pixel:?} {camera:?}");
             let again = converged(&camera, camera.distort(&ideal));
             // the same 1e-9 px, in the ideal image stretched by the inverse Jacobian (below 10 here)
@@ -192,7 +192,7 @@ fn a_pole_bounds_the_range() {
     assert!(ideal.x > 980.5 && ideal.x < 980.5 + 1100.0 * SQRT_2);
 }
 
-/// Around the inflection of this polynomial plain Newton jumps to and fro for ever.
+/// Around the inflection of this polynomial plain Newton oscillates for ever.
 #[test]
 fn an_inflection_does_not_trap_the_solver() {
     let camera = camera(&[0.018, 0.0286, 0.0834, -0.041], true);
@@ -283,7 +283,7 @@ fn another_unit_of_length_leaves_the_pixels() {
     assert!(metres.to_camera(&metres.centre()).amax() < 1e-11);
 }
 
-/// The message of a camera made from parts of which one is broken.
+/// The error message for a camera with one invalid part.
 fn refusal(k: Matrix3<f64>, r: Matrix3<f64>, t: Vector3<f64>, size: [u32; 2]) -> String {
     let error = Camera::new(&k, &r, &t, size).unwrap_err();
     assert!(matches!(error, Error::InvalidInput { .. }), "{error:?}");
@@ -317,7 +317,7 @@ fn a_broken_rotation_translation_or_size_is_refused() {
     let sheared = Matrix3::new(1.0, 1e-4, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
     assert_eq!(
         refusal(k(), sheared, t, size),
-        "R: expected an orthonormal matrix (RᵀR = I to 1e-6), got one that is off by 1.000e-4"
+        "R: expected an orthonormal matrix (RᵀR = I to 1e-6), got a deviation of 1.000e-4"
     );
     let mirror = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, -1.0));
     assert_eq!(

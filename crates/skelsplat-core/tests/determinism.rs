@@ -1,4 +1,4 @@
-//! The same bits on any number of threads, and a batch that can be stopped.
+//! Bit-identical results for any number of threads, and cancellation of a batch.
 
 use std::sync::atomic::AtomicBool;
 
@@ -60,7 +60,7 @@ fn run_in_the_pool_of_the_process(frames: &[Frame]) -> Vec<u64> {
     bits(&refine_batch(&refiner, frames, &Progress::default()).unwrap())
 }
 
-/// Wide splats make one pose large enough for its windows to be shared among threads.
+/// Wide splats make one pose large enough to distribute its windows over threads.
 #[test]
 fn one_pose_has_the_same_bits_on_any_number_of_threads() {
     let wide = RefineConfig::from(PaperSettings { sigma_mm: 60.0, ..PaperSettings::default() });
@@ -95,7 +95,7 @@ fn progress_counts_frames() {
     assert_eq!(progress.done(), 3);
 }
 
-/// No frame is begun once the batch is cancelled, however many are left.
+/// No frame is started once the batch is cancelled.
 #[test]
 fn cancel_begins_no_further_frame() {
     let progress = Progress::default();
@@ -105,7 +105,7 @@ fn cancel_begins_no_further_frame() {
     assert_eq!(progress.done(), 0);
 }
 
-/// The paper's method gives up within a frame, before its first step.
+/// `paper` also stops within a frame, before its first step.
 #[test]
 fn cancel_ends_a_frame() {
     let cancel = AtomicBool::new(true);

@@ -1,4 +1,4 @@
-//! One Gauss–Newton step: the normal equations against residuals differentiated by number, and against dense algebra.
+//! One Gauss–Newton step: the normal equations against numerically differentiated residuals, and against dense algebra.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use skelsplat_core::study::annealed::equations::{Coupling, NormalEquations};
@@ -216,7 +216,7 @@ fn a_joint_without_couplings_has_the_inverse_of_its_block() {
     assert!((equations.covariance(0) * block - Matrix3::identity()).amax() < 1e-13);
 }
 
-/// Three joints of four are determined; the fourth, in a coupling with them, stays as if it were nailed down.
+/// Three joints of four are determined; the fourth, coupled with them, stays fixed.
 #[test]
 fn a_singular_block_does_not_move_and_holds_the_others() {
     for singular in [Matrix3::zeros(), Matrix3::from_diagonal(&Vector3::new(2.0, 3.0, 0.0))] {

@@ -1,4 +1,4 @@
-//! Frame after frame: what is kept of the frames before.
+//! Frame-by-frame refinement: the state kept from previous frames.
 
 use nalgebra::Vector3;
 use skelsplat_core::testing::scenes::{exact_detections, room, standing};
@@ -44,7 +44,7 @@ fn a_weak_joint_that_leaps_leaves_the_old_position_behind() {
     let mut pixels = Vec::new();
     let seen = exact_detections(&standing(), &cameras);
     for (i, j) in (0..4).flat_map(|i| (0..17).map(move |j| (i, j))) {
-        // joint 0 by one view alone: its depth is the past's, its place on the ray is 1 m from there
+        // only one view sees joint 0: its depth comes from the past, and its ray is moved by 1 m
         let pixel = seen.get(i, j).filter(|_| j > 0 || i == 0);
         pixels.extend(pixel.map_or([f64::NAN; 2], |(p, _)| [p.x, p.y]));
     }
@@ -61,7 +61,7 @@ fn a_weak_joint_that_leaps_leaves_the_old_position_behind() {
 }
 
 #[test]
-fn by_the_paper_s_method_a_pose_that_is_lost_is_triangulated_anew() {
+fn the_paper_s_method_triangulates_a_lost_pose_again() {
     let cameras = room(4);
     let refiner = refiner(&cameras, RefineConfig::paper());
     let far = exact_detections(&moved(1500.0), &cameras);
@@ -78,6 +78,6 @@ fn another_number_of_joints_is_refused() {
     let mut follower = Follower::new(&refiner, Some(standing()[..3].to_vec()));
     let refused = follower.step(nothing(), &Progress::default()).unwrap_err().to_string();
     let expected =
-        "detections: expected 3 joints as in the frames before (or reset() first), got 17";
+        "detections: expected 3 joints, as in the previous frames (or call reset() first), got 17";
     assert_eq!(refused, expected);
 }

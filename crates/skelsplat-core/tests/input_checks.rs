@@ -56,7 +56,7 @@ fn an_initial_pose_of_another_number_of_joints() {
     let frame = Frame { init_pose: Some(standing()[..16].to_vec()), ..valid_frame() };
     assert_eq!(
         text(refine(&frame)),
-        "init_pose: expected 17 joints, as the detections have, got 16 joints"
+        "init_pose: expected 17 joints, as in the detections, got 16 joints"
     );
 }
 
@@ -157,7 +157,7 @@ fn a_setting_of_the_other_method_is_refused() {
     );
     assert_eq!(
         set(RefineConfig::default(), "sigma"),
-        "config.sigma: expected the name 'sigma_mm', with its unit, got 'sigma'"
+        "config.sigma: expected the name 'sigma_mm', which includes the unit, got 'sigma'"
     );
     let unknown = RefineConfig::default().get("pace").unwrap_err().to_string();
     assert!(

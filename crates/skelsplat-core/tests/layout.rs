@@ -1,4 +1,4 @@
-//! Joint layouts: joint orders, invariants of the built-in ones, and what is refused.
+//! Joint layouts: joint orders, invariants of the built-in ones, and rejected input.
 
 use std::collections::HashSet;
 
@@ -178,10 +178,10 @@ fn broken_layouts_are_refused() {
     type Break = fn(&mut LayoutSpec);
     let cases: [(Break, &str); 9] = [
         (|s| s.joints.clear(), "joints: expected at least one joint, got none"),
-        (|s| s.joints[2].clear(), "joints[2]: expected a name, got an empty one"),
+        (|s| s.joints[2].clear(), "joints[2]: expected a non-empty name, got an empty one"),
         (
             |s| s.joints[3] = "neck".into(),
-            "joints[3]: expected a name not used before, got 'neck' again",
+            "joints[3]: expected a name not used before, got 'neck' repeated",
         ),
         (|s| s.limbs[1][0] = 5, "limbs: expected joint indices below 5, got 5"),
         (|s| s.root.push(9), "root: expected joint indices below 5, got 9"),
@@ -190,7 +190,7 @@ fn broken_layouts_are_refused() {
         (|s| s.symmetric[0].right = [2, 2], "symmetric: expected two different joints, got [2, 2]"),
         (
             |s| s.left_right.push([0, 1]),
-            "left_right: expected each joint in one pair, got joint 1 again in pair 2",
+            "left_right: expected each joint in one pair, got joint 1 repeated in pair 2",
         ),
     ];
     for (break_it, message) in cases {

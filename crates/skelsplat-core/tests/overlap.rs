@@ -1,4 +1,4 @@
-//! The closed-form loss against the integral that it stands for and against central differences.
+//! The closed-form loss against the numerical integral and central differences.
 
 use nalgebra::{Matrix2, Vector2};
 use proptest::prelude::*;

@@ -1,4 +1,4 @@
-//! Triangulation from the views that agree: what is rejected, what is kept, and when nothing is decided.
+//! Triangulation from the views that agree: rejected and kept detections, and undecidable cases.
 
 use std::f64::consts::TAU;
 
@@ -58,7 +58,7 @@ fn views_that_agree_are_all_kept() {
 
 #[test]
 fn one_wrong_view_of_four_is_named_and_left_out() {
-    // No two opposite each other: near their baseline they would leave it to the wrong view where the point is.
+    // No two are opposite each other: near their baseline the wrong view would decide the position.
     let (cameras, points) = (room(5)[..4].to_vec(), standing());
     let shift = |wrong: usize, [x, y]: [f64; 2]| {
         move |i, j| if i == (wrong + j) % 4 { [x, y] } else { jitter(i, j) }
@@ -161,7 +161,7 @@ fn missing_views_are_not_rejected() {
 fn a_camera_that_looks_away_does_not_agree() {
     let (mut cameras, points) = (room(4), standing());
     let detections = seen(&cameras, &points, |_, _| [0.0; 2]);
-    // Turned half round about its vertical axis, with v mirrored, it has the same rays behind it.
+    // Rotated by 180° about its vertical axis, with v mirrored, it has the same rays behind it.
     let c = &cameras[1];
     let turn = Matrix3::from_diagonal(&Vector3::new(-1.0, 1.0, -1.0));
     let r = turn * c.rotation();

@@ -1,4 +1,4 @@
-//! The whole method on scenes whose answer is known.
+//! The complete method on scenes with known ground truth.
 
 use nalgebra::Vector3;
 use skelsplat_core::testing::scenes::{Noise, exact_detections, perturbed, room, standing};
@@ -82,7 +82,7 @@ fn the_unit_changes_nothing() {
 }
 
 #[test]
-fn a_joint_that_no_view_sees_keeps_its_start_and_says_so() {
+fn a_joint_that_no_view_sees_keeps_its_start_and_is_unobserved() {
     let cameras = room(4);
     let detections = without(&exact_detections(&standing(), &cameras), 13, 0);
     let frame =
@@ -114,7 +114,7 @@ fn a_joint_that_one_view_sees_is_weak_but_agrees_with_that_view() {
         RefineConfig::from(PaperSettings { stop_tolerance: 0.0, ..PaperSettings::default() });
     let out = refine(&cameras, Unit::Millimetre, &frame, config);
     assert_eq!(out.joint_status[13], JointStatus::Weak);
-    // 10 mm of start are about 2 px here; one view suffices to remove what it sees of them.
+    // An initial error of 10 mm is about 2 px here; one view suffices to remove the visible part.
     assert!(out.reprojection_error[13] < 0.5, "{}", out.reprojection_error[13]);
 }
 
@@ -175,7 +175,7 @@ fn a_lower_resolution_still_recovers_the_pose() {
     assert!(mean_error(&out.pose, &standing()) < 1.0);
 }
 
-/// A learning rate that throws the parameters out of range ends with the last state that can be computed with.
+/// A learning rate that makes the parameters overflow ends with the last finite state.
 #[test]
 fn divergence_is_an_outcome_with_finite_numbers() {
     let cameras = room(4);

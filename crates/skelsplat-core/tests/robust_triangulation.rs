@@ -1,4 +1,4 @@
-//! Robust triangulation with known wrong detections: what is found, what is rejected, and what the unit does not change.
+//! Robust triangulation with known wrong detections: positions, rejections, and independence of the unit.
 
 use std::collections::BTreeSet;
 use std::f64::consts::TAU;
@@ -136,7 +136,7 @@ impl Scene {
         let rejected = rejected(&found, self.truth.len());
         let kept: Vec<_> = self.wrong.difference(&rejected).collect();
         assert!(kept.is_empty(), "{name}: wrong but not rejected: {kept:?}");
-        // A right detection is rejected beyond 2.4 σ, with σ = 2 ŝ: at 4.7 standard deviations from the estimate.
+        // A correct detection is rejected beyond 2.4 σ, with σ = 2 ŝ: at 4.7 standard deviations from the estimate.
         for (i, j) in rejected.difference(&self.wrong) {
             let at = self.cameras[*i].project(&self.truth[*j]).unwrap();
             let error = (self.detections.get(*i, *j).unwrap().0 - at).norm() / NOISE_PX;
@@ -154,7 +154,7 @@ fn rejected(found: &Triangulated, n: usize) -> BTreeSet<(usize, usize)> {
     those.map(|(k, _)| (k / n, k % n)).collect()
 }
 
-/// With four views two wrong ones must not cross anything by chance: two against two could not be told apart.
+/// With four views, two wrong rays must not cross any other by chance: a tie of two against two cannot be decided.
 #[test]
 fn half_of_four_views_wrong_and_alone() {
     for seed in 0..100 {
@@ -196,7 +196,7 @@ fn all_but_two_views_wrong() {
     }
 }
 
-/// A frame in which no joint has more than two right views: nothing else tells what the noise is.
+/// A frame in which no joint has more than two correct views: nothing else determines the noise.
 #[test]
 fn all_but_two_views_wrong_in_every_joint() {
     for n_views in [4, 5, 6] {
@@ -266,7 +266,7 @@ fn missing_views_are_no_views() {
         scene.wrong.retain(|(i, j)| scene.detections.get(*i, *j).is_some());
         scene.assert_right(&format!("seed {seed}"));
 
-        // Views that detect nothing leave the same bits as views that are not there.
+        // Views without detections and absent views give identical results.
         let found = robust(&without(&scene.detections, |i, _| i >= 5), &scene.cameras);
         let pixels: Vec<f64> = (0..5)
             .flat_map(|i| (0..9).map(move |j| (i, j)))

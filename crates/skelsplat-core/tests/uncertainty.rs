@@ -9,7 +9,7 @@ use skelsplat_core::{
 
 const REPETITIONS: usize = 600;
 
-/// Repetitions of one person in normal noise of `px`, no symmetry, with what they scatter and what they tell.
+/// Repetitions of one person in normal noise of `px`, no symmetry: empirical scatter and estimated covariances.
 struct Repeated {
     /// Mean of (x − truth)(x − truth)ᵀ per joint.
     scatter: Vec<Matrix3<f64>>,
@@ -48,7 +48,7 @@ fn repeated(cameras: &[Camera], px: f64, config: &RefineConfig, prior: Option<f6
 }
 
 impl Repeated {
-    /// Told over scattered standard deviation, root mean square over joints and axes.
+    /// Estimated over empirical standard deviation, root mean square over joints and axes.
     fn ratio(&self) -> f64 {
         let sum = |all: &[Matrix3<f64>]| all.iter().map(Matrix3::trace).sum::<f64>();
         (sum(&self.told) / sum(&self.scatter)).sqrt()
@@ -75,7 +75,7 @@ fn error_bars_are_what_repetitions_scatter() {
     for views in [3, 6] {
         let found = repeated(&room(views), 3.0, &plain(), None);
         assert!((found.ratio() - 1.0).abs() < 0.05, "{views} views: {:.3}", found.ratio());
-        // Three coordinates, by a variance that is right to 10 %.
+        // Three coordinates, with a variance known to 10 %.
         assert!((found.shape() / 3.0 - 1.0).abs() < 0.10, "{views} views: {:.3}", found.shape());
     }
 }
@@ -89,7 +89,7 @@ fn error_bars_of_a_known_noise_are_what_repetitions_scatter() {
     }
 }
 
-/// Three views leave half of the residuals over: the noise's prior of 3 px weighs something there, and at 6 px (28 mm) the
+/// Three views leave half of the residuals over: the noise prior of 3 px has some weight there, and at 6 px (28 mm) the
 /// final kernel of 30 mm cuts into the noise.
 #[test]
 fn error_bars_follow_the_noise() {
@@ -110,7 +110,7 @@ fn error_bars_count_the_prior() {
     }
 }
 
-/// One camera and a pose from elsewhere: along the rays the prior speaks, across them both.
+/// One camera and an independent pose: along the rays only the prior contributes, across them both do.
 #[test]
 fn error_bars_of_one_view_with_a_prior_are_what_repetitions_scatter() {
     for px in [1.5, 3.0] {
@@ -121,7 +121,7 @@ fn error_bars_of_one_view_with_a_prior_are_what_repetitions_scatter() {
     }
     let found = repeated(&room(1), 3.0, &plain(), Some(30.0));
     assert!((found.ratio() - 1.0).abs() < 0.05, "{:.3}", found.ratio());
-    // Nothing but the prior of 3 px tells the noise.
+    // The noise is known only from the prior of 3 px.
     assert!((found.shape() / 3.0 - 1.0).abs() < 0.25, "{:.3}", found.shape());
 }
 
@@ -142,7 +142,7 @@ fn without(detections: &Detections, missing: impl Fn(usize, usize) -> bool) -> D
     Detections::new(m, n, &all.flat_map(pixel).collect::<Vec<_>>(), None).unwrap()
 }
 
-/// Along the only ray of a joint the bar is as long as the body, across it as short as a detection.
+/// Along the only ray of a joint the error bar is as long as the body, across it as short as for a detection.
 #[test]
 fn a_joint_with_one_view_is_uncertain_along_its_ray() {
     const WRIST: usize = 13;
@@ -166,7 +166,7 @@ fn a_view_that_disagrees_widens_the_bar() {
     let cameras = room(4);
     let detections = noisy_detections(&standing(), &cameras, 1.0, &mut Noise::new(2));
     let before = one(&cameras, detections.clone(), plain());
-    // 40 mm: half believed.
+    // 40 mm: a weight of one half.
     let pixels: Vec<f64> = (0..4)
         .flat_map(|i| (0..17).map(move |j| (i, j)))
         .flat_map(|(i, j)| {
@@ -193,7 +193,7 @@ fn a_covariance_is_symmetric_and_positive() {
     }
 }
 
-/// A wrist that one view sees, and that its start or a limb has put up to 3 m behind the body: the bar reaches back to it.
+/// A wrist that one view sees, placed by its start or a limb up to 3 m behind the body: the error bar reaches back to it.
 #[test]
 fn a_bar_along_a_ray_reaches_back_to_the_body() {
     const WRIST: usize = 13;
@@ -222,7 +222,7 @@ fn a_bar_along_a_ray_reaches_back_to_the_body() {
     }
 }
 
-/// The body is of the joints whose depth is known: one that is 3 m off does not make it larger.
+/// The body consists of the joints with a known depth: one that is 3 m off does not enlarge it.
 #[test]
 fn a_joint_without_a_depth_is_no_part_of_the_body() {
     const WRIST: usize = 13;

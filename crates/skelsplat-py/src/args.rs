@@ -1,5 +1,5 @@
-//! Arrays and plain values between Python and the core: a newtype for each argument, which knows its name and refuses
-//! what does not fit.
+//! Arrays and plain values between Python and the core: a newtype for each argument, which holds its name and rejects
+//! values that do not match.
 
 use nalgebra::{Matrix3, Vector3};
 use numpy::{Element, PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
@@ -12,14 +12,14 @@ use skelsplat_core::study::detections::{FARTHEST, too_far};
 
 use crate::errors::{Failure, Result, in_words, refuse};
 
-/// The values of a float64 array, row-major, its shape, and the argument that it came as.
+/// A float64 array: name of the argument, values (row-major) and shape.
 pub(crate) struct Array {
     pub(crate) name: &'static str,
     pub(crate) values: Vec<f64>,
     pub(crate) shape: Vec<usize>,
 }
 
-/// `(4, 17, 3)` as Python writes it.
+/// A shape in Python notation: `(4, 17, 3)`.
 pub(crate) fn shown(shape: &[usize]) -> String {
     let items: Vec<String> = shape.iter().map(ToString::to_string).collect();
     match items.as_slice() {
@@ -28,7 +28,7 @@ pub(crate) fn shown(shape: &[usize]) -> String {
     }
 }
 
-/// `name[…]` of entry `k` of an array of `shape`, counted row-major; `channel` ends the index.
+/// `name[…]` for entry `k` (row-major) of an array of `shape`; `channel` is appended to the index.
 pub(crate) fn place(name: &str, shape: &[usize], k: usize, channel: &str) -> String {
     let below = |axis: usize| shape[axis + 1..].iter().product::<usize>();
     let at = |axis: usize| (k / below(axis) % shape[axis]).to_string();
@@ -41,45 +41,44 @@ pub(crate) fn place(name: &str, shape: &[usize], k: usize, channel: &str) -> Str
 }
 
 impl Array {
-    /// Anything that holds numbers, in any layout in memory; NaN where it is masked or missing.
-    ///
-    /// `skelsplat._arrays.numbers` reads it, as for the functions that are written in Python.
+    /// Reads anything that holds numbers, in any memory layout, with `skelsplat._arrays.numbers`; NaN where masked or
+    /// missing.
     pub(crate) fn read(name: &'static str, value: &Bound<'_, PyAny>) -> Result<Self> {
         let read =
             value.py().import("skelsplat._arrays")?.call_method1("numbers", (value, name))?;
         let array = read.cast_into::<PyArrayDyn<f64>>().map_err(PyErr::from)?;
         let shape = array.shape().to_vec();
-        let plain = |actual: String| Error::invalid(name, "an array that can be read", actual);
+        let plain = |actual: String| Error::invalid(name, "a readable array", actual);
         let array = array.try_readonly().map_err(|e| plain(e.to_string()))?;
         let values = array.as_slice().map_err(|e| plain(e.to_string()))?.to_vec();
         Ok(Self { name, values, shape })
     }
 
-    /// The error of an array that has not the `expected` shape.
+    /// The error for an array without the `expected` shape.
     pub(crate) fn misshapen(&self, expected: &str) -> Failure {
         let actual = format!("shape {}", shown(&self.shape));
         Error::invalid(self.name, format!("shape {expected}"), actual).into()
     }
 
-    /// Refuses an array of another shape than this; `why` says in the message what asks for it.
+    /// Rejects an array of another shape; `why` is appended to the expected shape in the message.
     pub(crate) fn of(self, shape: &[usize], why: &str) -> Result<Self> {
         let ok = self.shape == shape;
         self.shaped(ok, &format!("{}{why}", shown(shape)))
     }
 
-    /// Refuses an array that has not the `expected` shape.
+    /// Rejects an array without the `expected` shape.
     pub(crate) fn shaped(self, ok: bool, expected: &str) -> Result<Self> {
         if ok { Ok(self) } else { Err(self.misshapen(expected)) }
     }
 
-    /// Refuses finite values that are too large to compute with; `missing` says in the message what is none.
+    /// Rejects finite values that are too large to compute with; `missing` states in the message how to mark missing values.
     pub(crate) fn bounded(self, missing: &str) -> Result<Self> {
         let Some(k) = too_far(&self.values) else { return Ok(self) };
         let expected = format!("values within ±{FARTHEST:e}{missing}");
         Err(self.refused(k, &expected, format!("{:e}", self.values[k])))
     }
 
-    /// The error of an array whose entry `k` is wrong.
+    /// The error for a wrong entry `k`.
     pub(crate) fn refused(&self, k: usize, expected: &str, actual: String) -> Failure {
         Error::invalid(place(self.name, &self.shape, k, ""), expected, actual).into()
     }
@@ -95,8 +94,8 @@ impl Array {
     }
 }
 
-/// One type per array argument: its name, its shape (`[..]` where that depends on other arguments), and whether its
-/// values are bounded (with what the message calls a missing one).
+/// One type per array argument: its name, its shape (`[..]` where it depends on other arguments), and whether its values
+/// are bounded (with the message's words for missing values).
 macro_rules! arrays {
     ($($type:ident: $name:literal, $shape:pat => $expected:literal $(, bounded $missing:literal)?;)*) => {$(
         pub(crate) struct $type(pub(crate) Array);
@@ -136,7 +135,7 @@ arrays! {
     Coefficients: "distortion", [..] => "";
 }
 
-/// One type per plain argument: its name, the type that holds it, and what is expected.
+/// One type per plain argument: its name, its Rust type, and the expected values for the message.
 macro_rules! values {
     ($($type:ident($inner:ty): $name:literal, $expected:literal;)*) => {$(
         pub(crate) struct $type(pub(crate) $inner);
@@ -162,12 +161,12 @@ values! {
     JointNames(Vec<String>): "joints", "a sequence of strings";
 }
 
-/// A value as Python writes it, else its type, for messages.
+/// `repr` of a value, or its type if that fails, for messages.
 pub(crate) fn repr(value: &Bound<'_, PyAny>) -> String {
     value.repr().map_or_else(|_| type_name(value), |r| r.to_string())
 }
 
-/// The object of a class of ours that `value`, given as `name`, is.
+/// `value`, the argument `name`, as an object of class `T`.
 pub(crate) fn object<'a, T>(
     name: &str,
     value: &'a Bound<'_, PyAny>,
@@ -187,7 +186,7 @@ pub(crate) fn type_name(value: &Bound<'_, PyAny>) -> String {
     value.get_type().name().map_or_else(|_| "?".to_owned(), |n| n.to_string())
 }
 
-/// Values on their way to Python, and the shape of their array.
+/// Values and shape of an array to return to Python.
 pub(crate) struct Out<T>(pub(crate) Vec<T>, pub(crate) Vec<usize>);
 
 impl Out<f64> {
@@ -212,11 +211,11 @@ impl<'py, T: Element> IntoPyObject<'py> for Out<T> {
     }
 }
 
-/// `copyreg.__newobj_ex__`, and what it is called with: the class, its arguments and its keywords.
+/// `copyreg.__newobj_ex__` and its arguments: the class, positional arguments and keywords.
 pub(crate) type Rebuilt<'py> =
     (Bound<'py, PyAny>, (Bound<'py, PyType>, Bound<'py, PyTuple>, Bound<'py, PyDict>));
 
-/// What `__reduce__` returns for an immutable object of these arguments, by every protocol.
+/// The result of `__reduce__`, valid for every protocol, for an immutable object made from these arguments.
 pub(crate) fn rebuilt<'py>(
     object: &Bound<'py, PyAny>,
     arguments: Bound<'py, PyTuple>,

@@ -18,7 +18,7 @@ use crate::geometry::in_every_view;
 
 /// A calibrated camera: pinhole, lens and image size. Immutable.
 ///
-/// World to camera is x_c = R x_w + t with x right, y down, z forward; integer pixel coordinates are pixel
+/// World to camera is x_c = R x_w + t with x right, y down, z forward; integer pixel coordinates are at pixel
 /// centres.
 ///
 /// Parameters
@@ -32,7 +32,7 @@ use crate::geometry::in_every_view;
 /// distortion : (4 | 5 | 8 | 12 | 14,), optional
 ///     OpenCV order k1, k2, p1, p2[, k3[, k4, k5, k6[, s1..s4[, tau_x, tau_y]]]]; 4 with ``fisheye``.
 /// fisheye : bool
-///     The four coefficients are those of OpenCV's fisheye model.
+///     Whether the coefficients are the four of OpenCV's fisheye model.
 /// size : (width, height)
 ///     Image size in pixels.
 /// name : str, optional
@@ -40,8 +40,8 @@ use crate::geometry::in_every_view;
 /// Raises
 /// ------
 /// InvalidInputError
-///     A wrong shape, a value that is not finite or outside its range (page Conventions), an R that is not a
-///     rotation, a wrong number of coefficients.
+///     Wrong shape or number of coefficients, a value that is not finite or outside its range (see the page
+///     Conventions), or an R that is not a rotation.
 #[pyclass(frozen, eq, module = "skelsplat", name = "Camera")]
 #[derive(PartialEq)]
 pub(crate) struct Camera(pub(crate) Core);
@@ -141,7 +141,7 @@ impl Camera {
         self.0.size().into()
     }
 
-    /// Name, if it has one.
+    /// Name of the camera, or None.
     #[getter]
     fn name(&self) -> Option<&str> {
         self.0.name()
@@ -161,12 +161,12 @@ impl Camera {
         (!coefficients.is_empty()).then_some(Out(coefficients, shape))
     }
 
-    /// Return the camera of images resized by ``factor``: u' = (u + ½) · factor − ½.
+    /// Return the camera for images resized by ``factor``: u' = (u + ½) · factor − ½.
     fn scaled(&self, factor: Factor) -> Result<Self> {
         Ok(Self(self.0.scaled(factor.0)?))
     }
 
-    /// Map pixels (…, 2) to ideal pixels of the same K; NaN where no ray through the lens arrives.
+    /// Map pixels (…, 2) to ideal pixels of the same K; NaN where no ray through the lens reaches the pixel.
     fn undistort(&self, py: Python<'_>, points: Pixels) -> Result<Out<f64>> {
         let Pixels(array) = points;
         let pixels = array.values.chunks_exact(2).map(Vector2::from_column_slice).collect();

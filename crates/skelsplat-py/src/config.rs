@@ -1,4 +1,4 @@
-//! `skelsplat.RefineConfig`: the core's table of settings by keyword. Only what the user sets is touched.
+//! `skelsplat.RefineConfig`: the core's table of settings as keywords.
 
 use pyo3::exceptions::PyAttributeError;
 use pyo3::prelude::*;
@@ -14,22 +14,22 @@ use crate::errors::{Failure, Result, in_words, refuse};
 #[derive(PartialEq)]
 pub(crate) struct RefineConfig(pub(crate) Core);
 
-/// One setting of ``RefineConfig``, as the core's table has it.
+/// One setting of ``RefineConfig``.
 ///
 /// Attributes
 /// ----------
 /// name : str
-///     The keyword.
+///     Keyword.
 /// type : str
-///     What values it takes.
+///     Accepted values.
 /// default : object
-///     Its default.
+///     Default value.
 /// unit : str
-///     Its unit, empty for none.
+///     Unit, empty for none.
 /// sentence : str
-///     What it does.
+///     Description.
 /// method : str
-///     ``"annealed"`` or ``"paper"``, to which it belongs, or ``"both"``.
+///     Method it belongs to: ``"annealed"``, ``"paper"`` or ``"both"``.
 #[pyclass(frozen, get_all, module = "skelsplat._skelsplat", name = "Setting")]
 pub(crate) struct Setting {
     name: &'static str,
@@ -63,20 +63,20 @@ impl RefineConfig {
         Self::with(Core { method, ..Core::default() }, fields)
     }
 
-    /// Return the published method, with any setting changed by keyword.
+    /// Return a configuration of the published method, ``paper``; keywords change its settings.
     #[staticmethod]
     #[pyo3(signature = (**fields))]
     fn paper(fields: Option<&Bound<'_, PyDict>>) -> Result<Self> {
         Self::with(Core::paper(), fields)
     }
 
-    /// Return a copy with some settings changed.
+    /// Return a copy with the given settings changed.
     #[pyo3(signature = (**fields))]
     fn replace(&self, fields: Option<&Bound<'_, PyDict>>) -> Result<Self> {
         Self::with(self.0.clone(), fields)
     }
 
-    /// Return the method and every setting; ``RefineConfig(**fields)`` makes the same again.
+    /// Return the method and every setting; ``RefineConfig(**fields)`` recreates the configuration.
     fn to_dict<'py>(&self, py: Python<'py>) -> Result<Bound<'py, PyDict>> {
         let out = PyDict::new(py);
         out.set_item(METHOD, self.0.method.name())?;
@@ -86,7 +86,7 @@ impl RefineConfig {
         Ok(out)
     }
 
-    /// Return the table of the settings of a method, its own first.
+    /// Return the settings of a method, those specific to it first.
     #[staticmethod]
     #[pyo3(signature = (method="annealed"))]
     fn settings(py: Python<'_>, method: &str) -> Result<Vec<Setting>> {
@@ -130,10 +130,10 @@ impl RefineConfig {
     fn with(mut config: Core, fields: Option<&Bound<'_, PyDict>>) -> Result<Self> {
         let Some(fields) = fields else { return Ok(Self(config)) };
         for (name, value) in fields.iter() {
-            // not `to_string`: str() runs what Ctrl-C has left to do, and its error would be lost
+            // not `to_string`: str() runs pending signal handlers, and the error raised by Ctrl-C would be lost
             let name: String = name.extract()?;
             if name == METHOD {
-                // the method of a configuration does not change
+                // the method of a configuration is fixed
                 let method = config.method.name();
                 if method_name(&value)? != method {
                     return refuse("config.method", format!("'{method}'"), repr(&value));
@@ -146,7 +146,7 @@ impl RefineConfig {
         if let Some(factor) = fields.get_item(OCCLUSION_FACTOR.name)?.filter(|f| !f.is_none()) {
             if fields.contains("occlusion_sigma_mm")? {
                 let actual = "occlusion_sigma_mm as well";
-                return refuse("config.occlusion_factor", "one of the two", actual);
+                return refuse("config.occlusion_factor", "only one of the two", actual);
             }
             if let Value::Number(factor) = read(&OCCLUSION_FACTOR, &factor)? {
                 config.set_occlusion_factor(factor);
@@ -170,7 +170,7 @@ fn method_name(value: &Bound<'_, PyAny>) -> Result<String> {
     Ok(value.cast::<PyString>().map_err(|_| wrong())?.to_cow()?.into_owned())
 }
 
-/// A Python value as one of the setting's kind.
+/// A Python value converted to the setting's kind.
 fn read(line: &Line, value: &Bound<'_, PyAny>) -> Result<Value> {
     read_kind(line.kind, value).map_err(|failure| {
         let field = format!("config.{}", line.name);
@@ -207,7 +207,7 @@ fn read_kind(kind: Kind, value: &Bound<'_, PyAny>) -> Result<Value> {
     })
 }
 
-/// A value as Python sees it.
+/// A value as a Python object.
 fn shown<'py>(py: Python<'py>, kind: Kind, value: Value) -> PyResult<Bound<'py, PyAny>> {
     match value {
         Value::Number(x) => x.into_bound_py_any(py),
@@ -220,7 +220,7 @@ fn shown<'py>(py: Python<'py>, kind: Kind, value: Value) -> PyResult<Bound<'py, 
     }
 }
 
-/// The kind of a setting as Python's documentation writes it.
+/// The kind of a setting as written in Python's documentation.
 fn type_text(kind: Kind) -> String {
     match kind {
         Kind::Number => "float".to_owned(),
@@ -238,7 +238,7 @@ fn type_text(kind: Kind) -> String {
     }
 }
 
-/// Gives the class its documentation and a property per setting, both from the table.
+/// Adds to the class its documentation and a property per setting, both from the table.
 pub(crate) fn describe(py: Python<'_>) -> PyResult<()> {
     let class = py.get_type::<RefineConfig>();
     let property = py.import("builtins")?.getattr("property")?;
@@ -263,7 +263,7 @@ pub(crate) fn describe(py: Python<'_>) -> PyResult<()> {
     class.setattr("__doc__", documentation(py)?)
 }
 
-/// Rust's code marks as reStructuredText has them.
+/// Converts Rust's code marks to those of reStructuredText.
 fn in_rst(text: &str) -> String {
     text.replace('`', "``")
 }
@@ -271,10 +271,10 @@ fn in_rst(text: &str) -> String {
 const SUMMARY: &str = "\
 Settings of ``refine``. Immutable.
 
-``RefineConfig(...)`` is the default method, ``annealed``: splats that narrow to the noise of the
-detections, from any start. ``RefineConfig.paper(...)`` is the published one, ``paper``: pixels and Adam.
-Every setting is a keyword, a setting of the other method is refused, and one that is left out keeps its
-default. Lengths are in mm whatever the unit of the cameras, and their names say so.
+``RefineConfig(...)`` configures the default method, ``annealed``: splats that narrow to the noise of the
+detections, from any initial pose. ``RefineConfig.paper(...)`` configures the published method, ``paper``:
+rendered pixels and Adam. Every setting is a keyword; settings of the other method are rejected, and settings
+not given keep their defaults. Lengths are in mm whatever the unit of the cameras; their names end in ``_mm``.
 
 Parameters
 ----------
@@ -284,7 +284,7 @@ const RAISES: &str = "\
 Raises
 ------
 InvalidInputError
-    An unknown setting, one of the other method, or a value outside its domain; the message names it.
+    An unknown setting, a setting of the other method, or a value outside its domain; the message names it.
 ";
 
 /// The class's documentation, in the style of numpydoc.
@@ -310,9 +310,9 @@ fn documentation(py: Python<'_>) -> Result<String> {
         table(&annealed, Core::SETTINGS)?,
         entry(&OCCLUSION_FACTOR, None)?,
         "\nOther Parameters\n----------------\n".to_owned(),
-        "Of ``annealed``; ``RefineConfig(...)`` takes them:\n\n".to_owned(),
+        "For ``annealed``, accepted by ``RefineConfig(...)``:\n\n".to_owned(),
         table(&annealed, annealed.method.settings())?,
-        "\nOf ``paper``; ``RefineConfig.paper(...)`` takes them:\n\n".to_owned(),
+        "\nFor ``paper``, accepted by ``RefineConfig.paper(...)``:\n\n".to_owned(),
         table(&paper, paper.method.settings())?,
         format!("\n{RAISES}"),
     ]

@@ -7,7 +7,7 @@ use skelsplat_core::Detections;
 use crate::args::{Array, Confidence, Out, place, shown};
 use crate::errors::{Failure, Result, refuse};
 
-/// Peaks of a detector's maps run a little over 1 and under 0.
+/// Peaks of a detector's heat maps slightly exceed the range [0, 1].
 const HIGHEST_PEAK: f64 = 2.0;
 const HIGHEST_PERCENTAGE: f64 = 100.0;
 
@@ -46,11 +46,11 @@ impl<'py> FromPyObject<'_, 'py> for Frames {
 }
 
 impl Frames {
-    /// The same with confidences ([T,] M, N) beside them.
+    /// The same with separate confidences ([T,] M, N).
     pub(crate) fn with(mut self, confidence: Option<Confidence>) -> Result<Self> {
         let Some(Confidence(array)) = confidence else { return Ok(self) };
         if !self.scores.is_empty() {
-            let actual = "detections with a third channel too";
+            let actual = "detections with a third channel as well";
             return refuse("confidence", "only one source of confidences", actual);
         }
         let shape = self.shape(&[self.n_views, self.n_joints]);
@@ -64,7 +64,7 @@ impl Frames {
         check_scores(&self.scores, &self.pixels, |k| place(name, &shape, k, channel))
     }
 
-    /// The frames as the core has them.
+    /// The frames as core types.
     pub(crate) fn detections(&self) -> Result<Vec<Detections>> {
         let (m, n) = (self.n_views, self.n_joints);
         let one = |t| {
@@ -90,12 +90,12 @@ impl Frames {
         lead.into_iter().chain(shape.iter().copied()).collect()
     }
 
-    /// `values` of all frames as one array, `shape` being that of a frame.
+    /// `values` of all frames as one array; `shape` is that of one frame.
     pub(crate) fn out<T>(&self, values: Vec<T>, shape: &[usize]) -> Out<T> {
         Out(values, self.shape(shape))
     }
 
-    /// Refuses detections whose number of views is not the number of cameras.
+    /// Rejects detections with another number of views than cameras.
     pub(crate) fn expect_views(&self, n_cameras: usize) -> Result<()> {
         if self.n_views == n_cameras {
             return Ok(());
@@ -114,8 +114,7 @@ fn split(array: &Array) -> (Vec<f64>, Vec<f64>) {
     (rows().flat_map(|d| [d[0], d[1]]).collect(), rows().map(|d| d[2]).collect())
 }
 
-/// Refuses a confidence outside [0, 1], by its `place`; that of a missing detection, whose pixel is not finite, does not
-/// count.
+/// Rejects a confidence outside [0, 1], located by `place`, except for missing detections (pixel not finite).
 fn check_scores(scores: &[f64], pixels: &[f64], place: impl Fn(usize) -> String) -> Result<()> {
     let wrong = |(score, pixel): (&f64, &[f64])| {
         (*score < 0.0 || *score > 1.0) && pixel.iter().all(|p| p.is_finite())
@@ -125,7 +124,7 @@ fn check_scores(scores: &[f64], pixels: &[f64], place: impl Fn(usize) -> String)
     refuse(place(k), expected, scores[k].to_string())
 }
 
-/// What to do about such a score; nothing about what is none, but a pixel.
+/// Advice for such a score; empty if the value is clearly a pixel coordinate.
 fn advice(score: f64) -> &'static str {
     if score.abs() <= HIGHEST_PEAK {
         " (clip scores: np.clip(scores, 0, 1))"
@@ -136,7 +135,7 @@ fn advice(score: f64) -> &'static str {
     }
 }
 
-/// People (T, M, P, K, 3) whose confidences lie in [0, 1].
+/// People (T, M, P, K, 3) with confidences in [0, 1].
 pub(crate) struct People;
 
 impl<'py> FromPyObject<'_, 'py> for People {
@@ -152,7 +151,7 @@ impl<'py> FromPyObject<'_, 'py> for People {
     }
 }
 
-/// Refuse a confidence outside [0, 1] in people (T, M, P, K, 3), which the message calls ``people``.
+/// Reject confidences outside [0, 1] in people (T, M, P, K, 3); the message names the argument ``people``.
 #[pyfunction]
 pub(crate) fn check_people(people: People) {
     let People = people;

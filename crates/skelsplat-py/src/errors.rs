@@ -1,11 +1,11 @@
-//! What goes wrong on the way to the core and back, and the one mapping to `skelsplat.exceptions`.
+//! Errors of the binding, and their mapping to `skelsplat.exceptions`.
 
 use pyo3::exceptions::{PyException, PyKeyboardInterrupt, PyMemoryError};
 use pyo3::prelude::*;
 use pyo3::types::PyType;
 use skelsplat_core::Error;
 
-/// An error of the core, or what Python code raised.
+/// An error of the core, or an exception raised by Python code.
 pub(crate) enum Failure {
     Core(Error),
     Python(PyErr),
@@ -34,7 +34,7 @@ impl From<Failure> for PyErr {
     }
 }
 
-/// Refuses an argument.
+/// Rejects an argument.
 pub(crate) fn refuse<T>(
     argument: impl Into<String>,
     expected: impl Into<String>,
@@ -57,7 +57,7 @@ fn to_python(py: Python<'_>, error: &Error) -> PyErr {
     class.map_or_else(|failed| failed, |class| PyErr::from_type(class, error.to_string()))
 }
 
-/// What Python code raised for a value, in our words; Ctrl-C, which any of it may meet, stays what it is.
+/// Replaces an exception raised by Python code with the error `words`; `KeyboardInterrupt` is passed on.
 pub(crate) fn in_words(py: Python<'_>, raised: PyErr, words: impl FnOnce() -> Error) -> Failure {
     match raised.is_instance_of::<PyException>(py) {
         true => words().into(),

@@ -13,13 +13,13 @@ use crate::detections::Frames;
 use crate::errors::Result;
 use crate::watch;
 
-/// Points in cameras that are projected within a few milliseconds.
+/// Number of projections that take at most a few milliseconds.
 const SHORT_PROJECTIONS: usize = 50_000;
 
 /// Project world points (…, 3) to pixels (M, …, 2), lens distortion included; NaN behind a camera.
 ///
-/// The view comes first: a sequence (T, N, 3) gives (M, T, N, 2), while ``refine`` takes (T, M, N, 2), so
-/// write ``project(poses, cameras).swapaxes(0, 1)``.
+/// The view axis comes first: a sequence (T, N, 3) gives (M, T, N, 2), while ``refine`` takes (T, M, N, 2); use
+/// ``project(poses, cameras).swapaxes(0, 1)`` to convert.
 #[pyfunction]
 pub(crate) fn project(py: Python<'_>, points: Points, cameras: Cameras) -> Result<Out<f64>> {
     let Points(array) = points;
@@ -53,7 +53,7 @@ pub(crate) fn in_every_view<V: Send + 'static, T: Send + 'static, const K: usize
     })
 }
 
-/// Triangulated points, and what was left out if that is asked for.
+/// Triangulated points, and the rejected detections if requested.
 #[derive(IntoPyObject)]
 pub(crate) enum Found {
     Points(Out<f64>),
@@ -62,35 +62,35 @@ pub(crate) enum Found {
 
 /// Triangulate detections ([T,] M, N, 2|3) to points ([T,] N, 3); NaN with fewer than two views.
 ///
-/// ``"robust"``, the default, starts at the point nearest to all rays of a joint and lets a Welsch kernel
-/// narrow to the frame's noise, so that wrong detections lose their pull. Where the views that agree in the
-/// end are no majority, points between two rays are judged by all. A joint is right with up to half of its
-/// views wrong if those do not agree among themselves, and with all but two wrong if those two agree and
-/// nothing else does. Two views that disagree cannot be told apart: both are used. Detections with k < ¼ (2.4
-/// σ from the joint) are rejected.
+/// ``"robust"``, the default, starts at the point nearest to all rays of a joint and narrows a Welsch kernel
+/// to the frame's noise, so that wrong detections lose their influence. If the views that agree at the end are
+/// not a majority, the points between pairs of rays are also tried, each scored by all views. A joint is
+/// recovered with up to half of its views wrong if the wrong ones do not agree with each other, and with all
+/// but two wrong if only those two agree. If only two views see a joint and they disagree, both are used.
+/// Detections with a weight k < ¼ (more than 2.4 σ from the joint) are rejected.
 ///
-/// ``"dlt"`` is confidence-weighted algebraic triangulation. ``"ransac"`` is the same over the largest set of
-/// views that agree: of at most 10 pairs of views the one whose point projects within 20 px of most
-/// detections decides; where no two views agree, all are used. Every method removes lens distortion first.
+/// ``"dlt"`` is confidence-weighted algebraic triangulation. ``"ransac"`` applies it to the largest set of
+/// views that agree: of at most 10 pairs of views, the pair with most detections within 20 px of its projected
+/// point defines the set; if no two views agree, all are used. Every method removes lens distortion first.
 ///
 /// Parameters
 /// ----------
 /// detections : ([T,] M, N, 2 | 3)
 ///     Pixels and, in a third channel, confidences; NaN or a confidence of 0 where missing.
 /// cameras : CameraRig or sequence of Camera
-///     The M cameras; points are in their unit. A plain sequence is in mm. The kernel of ``"robust"`` has a
-///     width in mm, so that it has to know the unit; the other methods do not look at it.
+///     The M cameras; points are in their unit. A plain sequence is in mm. The unit matters only for
+///     ``"robust"``, which has a kernel width in mm.
 /// method : {"robust", "dlt", "ransac"}
 /// confidence : ([T,] M, N), optional
-///     Instead of a third channel.
+///     Confidences, if detections have no third channel.
 /// return_rejected : bool
-///     Also return which detections the method left out, ([T,] M, N) bool. ``"dlt"`` rejects none; a missing
-///     detection is not rejected.
+///     Also return which detections were rejected, ([T,] M, N) bool. ``"dlt"`` rejects none; missing
+///     detections do not count as rejected.
 ///
 /// Raises
 /// ------
 /// InvalidInputError
-///     Shapes that do not fit, an unknown method, a confidence outside [0, 1].
+///     Shapes that do not match, an unknown method, or a confidence outside [0, 1].
 #[pyfunction]
 #[pyo3(signature = (detections, cameras, *, method="robust", confidence=None, return_rejected=false))]
 pub(crate) fn triangulate(
@@ -117,10 +117,10 @@ pub(crate) fn triangulate(
     Ok(if return_rejected { Found::Both(points, rejected) } else { Found::Points(points) })
 }
 
-/// Fuse monocular 3D poses ([T,] V, N, 3) given in the world to one pose ([T,] N, 3).
+/// Fuse monocular 3D poses ([T,] V, N, 3) in world coordinates into one pose ([T,] N, 3).
 ///
 /// X_j = Σ_i w_ij X_ij with w_ij ∝ 1 / (mean reprojection error of X_ij over the views that detect j). A pose
-/// that is NaN at a joint has no weight there.
+/// that is NaN at a joint is ignored there.
 #[pyfunction]
 pub(crate) fn fuse_monocular(
     py: Python<'_>,
@@ -133,7 +133,7 @@ pub(crate) fn fuse_monocular(
     let (t, n) = (frames.count, frames.n_joints);
     let views = poses.0.shape.iter().rev().nth(2).copied().unwrap_or(0);
     let ok = views > 0 && poses.0.shape == frames.shape(&[views, n, 3]);
-    let array = poses.0.shaped(ok, &format!("([T,] views, {n}, 3) as the detections"))?;
+    let array = poses.0.shaped(ok, &format!("([T,] views, {n}, 3), as in the detections"))?;
     let (points, given) = (array.points(), frames.detections()?);
     let short = points.len().saturating_mul(cameras.len()) <= SHORT_PROJECTIONS;
     let fused: Vec<Vec<Vector3<f64>>> = watch::run(py, short, move |progress| {

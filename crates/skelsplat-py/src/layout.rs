@@ -18,18 +18,18 @@ use crate::errors::{Failure, Result, in_words};
 ///     The N joint names, in the order of the arrays.
 /// limbs : sequence of (joint, joint)
 /// symmetric : sequence of (tier, (l1, l2), (r1, r2))
-///     Limbs of equal length; tier 1 (lower arms and legs), 2 (upper arms and legs) or 3.
+///     Limbs of equal length; tier 1 (lower limbs), 2 (upper limbs) or 3 (trunk).
 /// left_right : sequence of (left, right)
 ///     Joints that are mirror images.
 /// occlusion_prone : sequence of joints
-///     Those that ``RefineConfig.occlusion_sigma`` applies to.
+///     Joints to which ``RefineConfig.occlusion_sigma_mm`` applies.
 /// root : sequence of joints
 ///     Joints whose mean is the root.
 ///
 /// Raises
 /// ------
 /// InvalidInputError
-///     A name or index that is no joint, a joint paired with itself, a tier other than 1, 2, 3.
+///     An unknown joint name or index, a joint paired with itself, or a tier other than 1, 2, 3.
 #[pyclass(frozen, eq, module = "skelsplat", name = "Layout")]
 #[derive(PartialEq)]
 pub(crate) struct Layout(pub(crate) Core);
@@ -49,7 +49,7 @@ impl<'py> FromPyObject<'_, 'py> for Layout {
 /// An optional argument.
 type Given<'a> = Option<&'a Bound<'a, PyAny>>;
 
-/// Reads an argument that names joints by index or by name.
+/// Reads an argument that gives joints by index or by name.
 #[derive(Clone, Copy)]
 struct Reader<'a> {
     argument: &'static str,
@@ -57,7 +57,7 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    /// What `one` makes of each item; nothing if the argument is not given.
+    /// Applies `one` to each item; empty if the argument is not given.
     fn each<T>(
         &self,
         value: Given<'_>,
@@ -134,7 +134,7 @@ impl Layout {
         Ok(Self(Core::new(spec)?))
     }
 
-    /// Return the built-in layout of that name.
+    /// Return the built-in layout with this name.
     #[staticmethod]
     fn by_name(name: Name) -> Result<Self> {
         Ok(Self(Core::by_name(&name.0)?))
@@ -158,19 +158,19 @@ impl Layout {
         PyTuple::new(py, &self.0.joints)
     }
 
-    /// Connected joints.
+    /// Pairs of connected joints.
     #[getter]
     fn limbs<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         PyTuple::new(py, self.0.limbs.iter().map(|[a, b]| (*a, *b)))
     }
 
-    /// Mirror images (left, right).
+    /// Pairs (left, right) of joints that are mirror images.
     #[getter]
     fn left_right<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         PyTuple::new(py, self.0.left_right.iter().map(|[a, b]| (*a, *b)))
     }
 
-    /// Elbows, wrists and ankles in the built-in layouts.
+    /// Joints prone to occlusion: elbows, wrists and ankles in the built-in layouts.
     #[getter]
     fn occlusion_prone<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         PyTuple::new(py, &self.0.occlusion_prone)

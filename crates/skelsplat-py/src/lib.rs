@@ -1,7 +1,7 @@
-//! Python module `skelsplat._skelsplat`: parses arguments, releases the interpreter, calls the core, wraps
-//! what comes back. It holds no mathematics, no defaults and no files.
+//! Python module `skelsplat._skelsplat`: parses arguments, releases the interpreter, calls the core and wraps the
+//! results. It contains no mathematics, no defaults and no file access.
 
-#![allow(clippy::needless_pass_by_value, reason = "PyO3 hands over parsed arguments as values")]
+#![allow(clippy::needless_pass_by_value, reason = "PyO3 passes parsed arguments by value")]
 
 mod args;
 mod camera;

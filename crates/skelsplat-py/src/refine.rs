@@ -20,14 +20,14 @@ use crate::errors::{Result, refuse};
 use crate::layout::Layout;
 use crate::watch;
 
-/// Statuses in the order of the codes that `refine` returns.
+/// Statuses in the order of the codes returned by `refine`.
 pub(crate) const JOINT_STATUS: [JointStatus; 3] =
     [JointStatus::Ok, JointStatus::Weak, JointStatus::Unobserved];
 
-/// Least standard deviation of a start: the inverse of its square is still far from the end of a double.
+/// Smallest standard deviation of an initial pose: the inverse of its square is well within the range of a double.
 const FINEST: f64 = 1e-15;
 
-/// The core's refiner of these arguments.
+/// The core's refiner for these arguments.
 pub(crate) fn refiner(
     cameras: &Cameras,
     layout: Option<Layout>,
@@ -38,12 +38,12 @@ pub(crate) fn refiner(
     Ok(Refiner::new(&cameras.cameras, cameras.unit, layout.as_ref(), config)?)
 }
 
-/// Cameras, layout and settings, prepared once for any number of frames.
+/// Cameras, layout and settings, prepared for any number of frames.
 ///
 /// Raises
 /// ------
 /// InvalidInputError
-///     No camera, an unknown layout, settings that do not fit the cameras.
+///     No camera, an unknown layout, or settings that do not match the cameras.
 #[pyclass(frozen, module = "skelsplat._skelsplat", name = "Refiner")]
 pub(crate) struct PyRefiner(Arc<Refiner>);
 
@@ -85,7 +85,7 @@ impl PyRefiner {
         results(py, &frames, &done)
     }
 
-    /// Return the fields of the frame after ``past`` (N, 3), and the past of the next one.
+    /// Return the fields of the frame that follows ``past`` (N, 3), and the past of the next frame.
     #[pyo3(signature = (past, detections, *, confidence=None))]
     fn follow<'py>(
         &self,
@@ -108,7 +108,7 @@ impl PyRefiner {
 }
 
 impl PyRefiner {
-    /// Whether one of these frames is refined within a few milliseconds.
+    /// Whether one of these frames takes at most a few milliseconds.
     fn is_short(&self, frames: &Frames) -> bool {
         let config = self.0.config();
         let steps = match &config.method {
@@ -127,7 +127,7 @@ fn initial_poses(
 ) -> Result<Vec<Option<Vec<Vector3<f64>>>>> {
     let Some(InitPose(array)) = given else { return Ok(vec![None; frames.count]) };
     let shape = frames.shape(&[frames.n_joints, 3]);
-    let points = array.of(&shape, ", as the detections")?.points();
+    let points = array.of(&shape, ", as in the detections")?.points();
     Ok(points.chunks(frames.n_joints).map(|p| Some(p.to_vec())).collect())
 }
 
@@ -157,12 +157,12 @@ fn initial_covariances(
         let shape = if covariances.len() == n { vec![n] } else { vec![t, n] };
         let name = place("init_sigma", &shape, k, "");
         let expected = "a symmetric positive definite covariance, or NaN for none";
-        return refuse(name, expected, "one that is not");
+        return refuse(name, expected, "another matrix");
     }
     Ok(covariances.chunks(n).cycle().take(t).map(|of_frame| Some(of_frame.to_vec())).collect())
 }
 
-/// Covariances of standard deviations that are the same in every direction.
+/// Isotropic covariances of these standard deviations.
 fn isotropic(sigmas: &Array) -> Result<Vec<Matrix3<f64>>> {
     let is_sigma = |s: &f64| s.is_nan() || (*s > 0.0 && s.is_finite());
     if let Some(j) = sigmas.values.iter().position(|s| !is_sigma(s)) {
@@ -228,9 +228,9 @@ impl<'a> Gathered<'a> {
     }
 }
 
-/// Return what a warning quotes if the skeletons (T, N, 3) are taller than 10 m or shorter than 10 cm.
+/// Return the facts for a warning if the skeletons (T, N, 3) are larger than 10 m or smaller than 10 cm.
 ///
-/// With a layout of one's own the limits are 20 m and 1 mm.
+/// With a custom layout the limits are 20 m and 1 mm. None if the size is plausible.
 #[pyfunction]
 #[pyo3(signature = (poses, cameras, *, layout=None))]
 pub(crate) fn implausible_extent<'py>(

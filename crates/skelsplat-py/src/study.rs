@@ -24,7 +24,7 @@ use crate::layout::Layout;
 use crate::refine::refiner;
 use crate::watch;
 
-/// Pixels that are drawn within a tenth of a second.
+/// Number of pixels that are rendered within a tenth of a second.
 const SHORT_PIXELS: u64 = 50_000_000;
 
 const ONE_PER_MEAN: &str = ", one per mean";
@@ -32,7 +32,7 @@ const ONE_PER_MEAN: &str = ", one per mean";
 /// Mean and covariance of each joint.
 type Shapes = Vec<(Vector3<f64>, Matrix3<f64>)>;
 
-/// Gaussians of these means `(N, 3)` and covariances `(N, 3, 3)`.
+/// Gaussians with these means `(N, 3)` and covariances `(N, 3, 3)`.
 fn shapes(means: &Array, covariances: Array) -> Result<Shapes> {
     let array = covariances.of(&[means.shape[0], 3, 3], ONE_PER_MEAN)?;
     let covariances = array.matrices();
@@ -40,7 +40,7 @@ fn shapes(means: &Array, covariances: Array) -> Result<Shapes> {
     Ok(means.points().into_iter().zip(covariances).collect())
 }
 
-/// Gaussians of these means `(N, 3)`, logarithms of scales `(N, 3)` and quaternions `(N, 4)`.
+/// Gaussians with these means `(N, 3)`, logarithms of scales `(N, 3)` and quaternions `(N, 4)`.
 fn gaussians(means: &Array, scales: Array, turns: Array) -> Result<Vec<Gaussian>> {
     let n = means.shape[0];
     let (scales, turns) = (scales.of(&[n, 3], ONE_PER_MEAN)?, turns.of(&[n, 4], ONE_PER_MEAN)?);
@@ -81,7 +81,7 @@ pub(crate) fn project_gaussians(
     Ok((Out(pixels, vec![m, n, 2]), Out(spreads, vec![m, n, 2, 2])))
 }
 
-/// What `draw` makes of the splat of each Gaussian in the camera, with its depth.
+/// Applies `draw` to the splat of each Gaussian in the camera, with its depth.
 fn images(
     py: Python<'_>,
     shapes: Shapes,
@@ -90,7 +90,7 @@ fn images(
     draw: impl FnOnce(&[Seen], [u32; 2], &AtomicBool) -> CoreResult<Images> + Send + 'static,
 ) -> Result<Out<f32>> {
     let view = View::new(&camera.0);
-    // Even splats that cover the whole image are drawn within a tenth of a second.
+    // At this size even splats that cover the whole image are rendered within a tenth of a second.
     let drawn = shapes.len().max(encoding.channels(shapes.len())) as u64;
     let pixels = u64::from(view.size[0]) * u64::from(view.size[1]);
     let short = drawn.saturating_mul(pixels) <= SHORT_PIXELS;
@@ -105,7 +105,7 @@ fn images(
 /// Render Gaussians (N, 3), (N, 3, 3) as float32 images.
 ///
 /// (N, H, W) for ``"one_hot"``, (3, H, W) for ``"rgb"``, (1, H, W) for ``"single"``; ideal pixels.
-/// Images that do not fit into memory raise ``MemoryError``.
+/// Raises ``MemoryError`` if the images do not fit into memory.
 #[pyfunction]
 #[pyo3(signature = (means, covariances, camera, *, encoding="one_hot"))]
 pub(crate) fn render(
@@ -122,9 +122,9 @@ pub(crate) fn render(
     })
 }
 
-/// Draw the heat maps of detections (N, 2|3), ideal pixels, with the shapes of the given Gaussians.
+/// Render heat maps of detections (N, 2|3), ideal pixels, with the shapes of the given Gaussians.
 ///
-/// Same shape of result as ``render``; the channel of a missing detection is zero.
+/// The result has the same shape as that of ``render``; the channel of a missing detection is zero.
 #[pyfunction]
 #[pyo3(signature = (detections, means, covariances, camera, *, encoding="one_hot"))]
 pub(crate) fn pseudo_ground_truth(
@@ -140,7 +140,7 @@ pub(crate) fn pseudo_ground_truth(
     let (n, given) = (shapes.len(), detections.0);
     let ok = given.shape == [n, 2] || given.shape == [n, 3];
     let given = given.shaped(ok, &format!("({n}, 2) or ({n}, 3), one per mean"))?;
-    // A confidence of 0 is a missing detection, as is a pixel that is no number.
+    // Missing: a confidence of 0 or a pixel that is not finite.
     let pixel = |d: &[f64]| {
         let there = d[0].is_finite() && d[1].is_finite() && d.get(2).is_none_or(|c| *c > 0.0);
         there.then(|| Vector2::new(d[0], d[1]))
@@ -152,7 +152,7 @@ pub(crate) fn pseudo_ground_truth(
     })
 }
 
-/// Fields of ``skelsplat.LossAndGradient``.
+/// Return the fields of ``skelsplat.LossAndGradient``.
 #[pyfunction]
 #[pyo3(signature = (means, log_scales, quaternions, detections, cameras, *, layout=None, config=None, target_means=None, target_covariances=None))]
 #[allow(clippy::too_many_arguments, reason = "the settled interface, all but five by keyword")]

@@ -1,4 +1,4 @@
-//! Long calls that Ctrl-C ends: the work has a thread of its own, the calling one looks for signals.
+//! Long calls that Ctrl-C can interrupt: the work runs on its own thread while the calling thread checks for signals.
 
 use std::panic::resume_unwind;
 use std::sync::Arc;
@@ -13,11 +13,11 @@ use skelsplat_core::Result as CoreResult;
 
 use crate::errors::Result;
 
-/// How often a call looks for signals and reports progress.
+/// Interval at which a call checks for signals and reports progress.
 const POLL: Duration = Duration::from_millis(50);
 
-/// Views squared times joints, over all frames, up to which they are triangulated within about 5 ms, pairs of views
-/// being judged in the worst case.
+/// Views squared times joints, over all frames, up to which triangulation takes at most about 5 ms, also in the worst case
+/// of scoring pairs of views.
 const SHORT_VIEWS: usize = 50_000;
 
 /// Whether `frames` frames are triangulated within a few milliseconds.
@@ -26,7 +26,7 @@ pub(crate) fn is_short(frames: usize, n_views: usize, n_joints: usize) -> bool {
     size <= SHORT_VIEWS
 }
 
-/// Runs `work`, here if it is `short` (a tenth of a second at most), else as [`watched`].
+/// Runs `work`: on this thread if it is `short` (at most a tenth of a second), else like [`watched`].
 pub(crate) fn run<T: Send + 'static>(
     py: Python<'_>,
     short: bool,
@@ -38,10 +38,10 @@ pub(crate) fn run<T: Send + 'static>(
     watched(py, 0, None, work)
 }
 
-/// Runs `work` on a thread of its own while this one tells `report` how much of `total` is done and listens for Ctrl-C.
+/// Runs `work` on its own thread while this one calls `report` with the progress out of `total` and checks for Ctrl-C.
 ///
-/// Ctrl-C, like an error of `report`, is raised at once; the progress is cancelled, and the thread ends by itself where
-/// `work` next looks at that. It owns what it works on and knows nothing of Python.
+/// Ctrl-C and errors of `report` are raised at once. The progress is then cancelled, and the thread ends when `work` next
+/// checks it. The thread owns its data and does not use Python.
 pub(crate) fn watched<T: Send + 'static>(
     py: Python<'_>,
     total: usize,
@@ -52,14 +52,14 @@ pub(crate) fn watched<T: Send + 'static>(
     let progress = Arc::new(Progress::default());
     let shared = Arc::clone(&progress);
     let tell = || report.map_or(Ok(()), |f| f.call1((progress.done(), total)).map(|_| ()));
-    // Nobody receives what is done after Ctrl-C.
+    // After Ctrl-C there is no receiver: the error of `send` is ignored.
     let body = move || drop(send.send(work(&shared)));
     let thread = Builder::new()
         .spawn(body)
         .map_err(|e| PyRuntimeError::new_err(format!("no thread could be started: {e}")))?;
     loop {
         let received;
-        // A receiver belongs to one thread at a time, so that it moves into the closure and back.
+        // A receiver is not `Sync`: move it into the closure and back.
         (receive, received) = py.detach(move || {
             let received = receive.recv_timeout(POLL);
             (receive, received)

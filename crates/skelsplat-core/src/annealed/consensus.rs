@@ -1,21 +1,21 @@
-//! Where annealing ends without a majority: points on which two rays agree, judged by all.
+//! Joints for which annealing ends without a majority: candidate points between two rays, scored by all rays.
 
 use nalgebra::Vector3;
 
 use super::depth::have_parallax;
 use super::rays::{Ray, nearest_point};
 
-/// k below which a detection counts as rejected: |e| above 2.4 σ.
+/// Weight k below which a detection is rejected: |e| above 2.4 σ.
 pub const REJECTED: f64 = 0.25;
-/// Rays that are paired with all others before it is asked whether the best point is good enough.
+/// Rays paired with all others before testing whether the best point is good enough.
 const ANCHORS: usize = 8;
-/// Agreement that is good enough, in rays of the largest weight: three that agree.
+/// Agreement at which the search ends, in rays of the largest weight: three that agree.
 const ENOUGH: f64 = 2.5;
-/// A place is a rival of another if it has no more than this less agreement, in detections of the joint's mean weight,
+/// A position is a rival of another if it has no more than this less agreement, in detections of the joint's mean weight,
 pub const TIE: f64 = 0.5;
 /// and this where the past decides between them: two views against two, however well they agree, not two against three.
 pub const NEAR_TIE: f64 = 0.9;
-/// Places nearer to each other than this multiple of the kernel are one.
+/// Positions nearer to each other than this multiple of the kernel are the same.
 const APART: f64 = 4.0;
 
 /// Σ c k of the rays at `x`, under a kernel of standard deviation `sigma`.
@@ -28,8 +28,8 @@ pub fn agreement(rays: &[Ray], x: &Vector3<f64>, sigma: f64) -> f64 {
 /// The point between two rays on which the rays agree most, with its [`agreement`]; `None` if no two meet.
 ///
 /// Eight rays at a time are paired with all others, those farthest from `from` first, and the search ends once three agree:
-/// linear in the number of views as long as a fixed share of them is right, and the same in whatever order the views
-/// come. Only where no three agree all pairs are looked at.
+/// linear in the number of views as long as a fixed share of them is correct, and independent of the order of the
+/// views. All pairs are examined only where no three agree.
 #[must_use]
 pub fn best_pair(rays: &[Ray], from: &Vector3<f64>, sigma: f64) -> Option<(Vector3<f64>, f64)> {
     let enough = ENOUGH * rays.iter().map(|ray| ray.weight).fold(0.0, f64::max);
@@ -55,17 +55,17 @@ pub fn best_pair(rays: &[Ray], from: &Vector3<f64>, sigma: f64) -> Option<(Vecto
     best
 }
 
-/// Another place that as many views vote for.
+/// Another position with as many votes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rival {
-    /// Where it is.
+    /// Its position.
     pub at: Vector3<f64>,
-    /// Its share of the votes for all places.
+    /// Its share of the votes for all positions.
     pub share: f64,
 }
 
-/// Places on which rays, of which at least one is rejected at `x`, agree as well as the others do at `x`: two views that see
-/// one place and two that see another leave it open which is right. As well is `slack` less, see [`TIE`].
+/// Positions on which rays, at least one of them rejected at `x`, agree as well as the others do at `x`: if two views see
+/// one position and two see another, it is undecided which is correct. `slack` is the tolerated difference, see [`TIE`].
 #[must_use]
 pub fn rivals(rays: &[Ray], x: &Vector3<f64>, sigma: f64, slack: f64) -> Vec<Rival> {
     let against = |ray: &Ray| ray.offset(x).weight(sigma) < REJECTED;
@@ -76,9 +76,9 @@ pub fn rivals(rays: &[Ray], x: &Vector3<f64>, sigma: f64, slack: f64) -> Vec<Riv
         rejected += if against(ray) { ray.weight } else { 0.0 };
     }
     let here = agreement(rays, x, sigma);
-    // Half a detection of two views' votes, a whole one of four's: the more vote, the more may fail by chance.
+    // Half a detection for two votes, a whole one for four: the more votes, the more may fail by chance.
     let enough = here - (slack * sum / n).max(0.5 * TIE * here);
-    // Few rays pass through two places: of those that agree on x two may agree on another as well.
+    // Few rays pass through two positions: of those that agree on x, two may agree on another as well.
     if rejected == 0.0 || rejected + 2.0 * most < enough {
         return Vec::new();
     }
@@ -96,7 +96,7 @@ pub fn rivals(rays: &[Ray], x: &Vector3<f64>, sigma: f64, slack: f64) -> Vec<Riv
             }
         }
     }
-    // The strongest first, so that it does not matter in which order the views come.
+    // The strongest first, so that the order of the views does not matter.
     places.sort_by(|a, b| b.share.total_cmp(&a.share));
     let mut found: Vec<Rival> = Vec::new();
     for place in places {
@@ -109,7 +109,7 @@ pub fn rivals(rays: &[Ray], x: &Vector3<f64>, sigma: f64, slack: f64) -> Vec<Riv
     found
 }
 
-/// `x` after two weighted steps: x itself has come to rest under the kernel, and its rivals have to as well.
+/// `x` after two weighted steps: x itself has converged under the kernel, so its rivals have to converge as well.
 fn settled(rays: &[Ray], x: Vector3<f64>, sigma: f64) -> Vector3<f64> {
     let step = |x: Vector3<f64>| {
         let weight = |_: usize, ray: &Ray| ray.weight * ray.offset(&x).weight(sigma);
@@ -118,8 +118,8 @@ fn settled(rays: &[Ray], x: Vector3<f64>, sigma: f64) -> Vector3<f64> {
     step(step(x))
 }
 
-/// The point between two rays where they pass each other in front of both cameras, if that is within 2σ and the rays are
-/// not so nearly parallel that it could be anywhere along them.
+/// The midpoint of two rays where they pass each other in front of both cameras, if they do so within 2σ and are not too
+/// nearly parallel to determine it.
 fn meeting_point(a: &Ray, b: &Ray, sigma: f64) -> Option<Vector3<f64>> {
     if !have_parallax(a, b) {
         return None;

@@ -1,8 +1,8 @@
-//! Whether the rays of a joint fix its depth.
+//! Whether the rays of a joint determine its depth.
 //!
-//! Cameras in nearly one place see a joint along nearly one ray: a point at infinity fits them as well as any nearer
-//! one. The residual |e| in mm cannot tell, since it shrinks towards the cameras; angles can. With a the noise of a ray's
-//! direction (the detections' noise in pixels times the angle of a pixel) the rays prefer x to infinity by
+//! Cameras close together see a joint along nearly the same ray: a point at infinity fits them as well as any nearer
+//! one. The residual |e| in mm does not show this, since it shrinks towards the cameras; angles do. With a the noise of a
+//! ray's direction (the detection noise in pixels times the angle of a pixel) the rays prefer x to infinity by
 //!
 //! ```text
 //! Δχ² = Σ_i c k |d_i − u|²/a_i² − Σ_i c k (|e_i|/r_i)²/a_i²          u ∝ Σ_i c k d_i/a_i²
@@ -16,9 +16,9 @@ use super::noise::NoiseModel;
 use super::rays::Ray;
 use super::solver::Solution;
 
-/// Five standard deviations: the depth is known to a fifth of itself, and noise of twice the usual size does not pass for it.
+/// Five standard deviations: the depth is known to a fifth of its value, and twice the usual noise is not mistaken for it.
 const DISTINCT: f64 = 25.0;
-/// The least noise of a detection, px: residuals of rays that nearly coincide say nothing of theirs.
+/// The least noise of a detection, px: the residuals of rays that nearly coincide do not show their noise.
 const USUAL_PX: f64 = NoiseModel::PRIOR_PX;
 
 /// Δχ² of `rays` at `x`, of which ray i counts `k(i)` times; `variance` is that of a detection of weight 1, px².
@@ -37,15 +37,15 @@ fn over_infinity(rays: &[Ray], x: &Vector3<f64>, variance: f64, k: impl Fn(usize
     2.0 * (weight - along.norm()) - at_x
 }
 
-/// Whether the rays that agree on `x` under a kernel of standard deviation `sigma` (infinite: all rays) fix its depth if
-/// they are as good as detections usually are. What they leave open is not worth a position.
+/// Whether the rays that agree on `x` under a kernel of standard deviation `sigma` (infinite: all rays) determine its depth,
+/// assuming the usual detection noise. If not, the joint gets no position.
 #[must_use]
 pub fn may_be_fixed(rays: &[Ray], x: &Vector3<f64>, sigma: f64) -> bool {
     let k = |ray: &Ray| if sigma.is_finite() { ray.offset(x).weight(sigma) } else { 1.0 };
     over_infinity(rays, x, USUAL_PX * USUAL_PX, |i| k(&rays[i]) / rays[i].weight) >= DISTINCT
 }
 
-/// Whether the believed rays of joint `j` fix its depth at the solution, given the frame's noise; `k` are their weights.
+/// Whether the rays of joint `j`, with weights `k`, determine its depth at the solution, given the frame's noise.
 #[must_use]
 pub fn is_fixed(rays: &[Ray], j: usize, solution: &Solution, k: &[f64]) -> bool {
     let least = USUAL_PX * USUAL_PX * solution.variance / (solution.noise * solution.noise);
@@ -53,7 +53,7 @@ pub fn is_fixed(rays: &[Ray], j: usize, solution: &Solution, k: &[f64]) -> bool 
     over_infinity(rays, &solution.points[j], variance, |i| k[i]) >= DISTINCT
 }
 
-/// Whether two rays are far enough from parallel for their meeting point to have a depth.
+/// Whether two rays are far enough from parallel to determine the depth of their meeting point.
 #[must_use]
 pub fn have_parallax(a: &Ray, b: &Ray) -> bool {
     let noise = USUAL_PX * (a.pixel + b.pixel) / 2.0;

@@ -1,4 +1,4 @@
-//! One Gauss–Newton step for joints that few scalar residuals couple.
+//! One Gauss–Newton step for joints coupled by few scalar residuals.
 //!
 //! The normal matrix is H = D + G Λ Gᵀ: a 3×3 block D_j per joint (its detections and its prior) and one rank-one term
 //! per coupling (a symmetric pair of limbs), whose gradient is the column g of G. Woodbury's identity solves the whole
@@ -23,7 +23,7 @@ pub struct Coupling {
     pub precision: f64,
 }
 
-/// Normal equations of ½ Σ |residual|², filled anew for every step; buffers are kept.
+/// Normal equations of ½ Σ |residual|², refilled for every step; buffers are reused.
 #[derive(Debug, Clone, Default)]
 pub struct NormalEquations {
     blocks: Vec<Matrix3<f64>>,
@@ -38,7 +38,7 @@ pub struct NormalEquations {
 }
 
 impl NormalEquations {
-    /// For `n` joints.
+    /// Empty equations for `n` joints.
     #[must_use]
     pub fn new(n: usize) -> Self {
         Self {
@@ -60,17 +60,17 @@ impl NormalEquations {
         self.blocks[j] = block;
     }
 
-    /// Forgets the couplings.
+    /// Removes the couplings.
     pub fn uncouple(&mut self) {
         self.couplings.clear();
     }
 
-    /// Forgets the couplings whose joints `keep` does not hold for.
+    /// Keeps only the couplings for whose joints `keep` holds.
     pub fn retain_couplings(&mut self, keep: impl Fn(&[usize; 4]) -> bool) {
         self.couplings.retain(|c| keep(&c.joints));
     }
 
-    /// Adds a coupling; one without precision says nothing.
+    /// Adds a coupling, unless its precision is zero.
     pub fn couple(&mut self, coupling: Coupling) {
         if coupling.precision > 0.0 {
             self.couplings.push(coupling);
@@ -80,7 +80,7 @@ impl NormalEquations {
     /// Adds to D what a step needs where r is the difference of two lengths, (joints 0 and 1) less (2 and 3): the Hessian of
     /// ½ Λ r² is Λ (∇r ∇rᵀ + r ∇²r), and what is positive in r ∇²r is |r| (I − u uᵀ)/l across the longer limb, its ends
     /// against each other; [A, −A; −A, A] ≤ diag(2A, 2A). Where a joint's only ray is at right angles to its limb the first
-    /// term vanishes along the ray, and a step without the second overshoots for ever. `length(a, b)` is that of a limb.
+    /// term vanishes along the ray, and a step without the second always overshoots. `length(a, b)` is that of a limb.
     pub fn bend(&mut self, length: impl Fn(usize, usize) -> f64) {
         for c in &self.couplings {
             let longer = if c.residual > 0.0 { 0 } else { 2 };

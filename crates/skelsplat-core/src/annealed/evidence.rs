@@ -1,7 +1,7 @@
-//! Large noise or many wrong detections: which of two solutions the detections speak for.
+//! Large noise or many wrong detections: which of two solutions the detections support.
 //!
 //! A kernel that ends narrow explains two or three of four scattered rays and rejects the others; a wide one explains
-//! all by larger noise. Either is a model of the same frame: a detection of view i is right with probability 1 − ε_i and then
+//! all by larger noise. Either is a model of the same frame: a detection of view i is correct with probability 1 − ε_i and then
 //! lies within the noise s, or it is wrong and lies anywhere within S, at most W, the widest kernel,
 //!
 //! ```text
@@ -10,12 +10,12 @@
 //! ```
 //!
 //! with the joints integrated out by Laplace's method: that two rays nearly meet somewhere is no evidence for small
-//! noise, since the volume in which they do so shrinks with it. ε and S are those that make log p largest; that
-//! of a view is drawn to the mean of all by two detections, and a view whose calibration is wrong has its own. An independent start
+//! noise, since the volume in which they do so shrinks with it. ε and S maximise log p. Every view has its
+//! own ε, since its calibration may be wrong, shrunk towards the mean of all by the weight of two detections. A prior
 //! adds −½ (x−x⁰)ᵀ Π (x−x⁰) to log p and Π to H.
 //!
-//! Wrong detections may agree on another place y, as views do that show somebody else. Then they lie within the noise of y,
-//! which lies within W of x: ε_i N₂(e(y); s²) for each and −½ log det (W² H_y) − |y−x|²/2W² for y, where that is more.
+//! Wrong detections may agree on another position y, as when several views show another person. They then lie within the
+//! noise of y, which lies within W of x: ε_i N₂(e(y); s²) for each and −½ log det (W² H_y) − |y−x|²/2W² for y, where that is more.
 
 use super::consensus::best_pair;
 use super::rays::{Ray, Rays};
@@ -27,12 +27,12 @@ const ROUNDS: usize = 3;
 const FIRST_SHARE: f64 = 0.1;
 /// Least S in multiples of the noise.
 const LEAST_REACH: f64 = 2.5;
-/// Detections that the mean of all views is worth for ε of one.
+/// Weight of the mean over all views in ε of one view, in detections.
 const SHARED: f64 = 2.0;
-/// r below which a detection may be part of another place.
+/// r below which a detection may belong to another position.
 const RIGHT: f64 = 0.5;
 
-/// The shares of wrong detections and where they lie.
+/// The shares of wrong detections and their spread.
 struct Mixture {
     /// ŝ² for weight 1.
     variance: f64,
@@ -45,7 +45,7 @@ struct Mixture {
 }
 
 impl Mixture {
-    /// The shares and the spread that make `solution` most likely, and the share of wrong detections of all views.
+    /// The shares and the spread that maximise the likelihood of `solution`, and the share of wrong detections over all views.
     fn fitted(rays: &Rays, solution: &Solution, widest: f64) -> (Self, f64) {
         let mut mixture = Self {
             variance: solution.variance,
@@ -95,7 +95,7 @@ impl Mixture {
         (p, right / p)
     }
 
-    /// log p of wrong rays that agree on a place of their own; minus infinity if no two do.
+    /// log p of wrong rays that agree on another position; minus infinity if no two do.
     fn of_another_place(&self, wrong: &[(usize, Ray)], x: &Vector3<f64>) -> f64 {
         let rays: Vec<Ray> = wrong.iter().map(|(_, ray)| *ray).collect();
         let sigma = Annealing::PER_NOISE * self.noise(&rays);
@@ -119,15 +119,15 @@ impl Mixture {
     }
 }
 
-/// The rays of joint `j` that are there, with their views.
+/// The rays of joint `j`, without missing ones, with their views.
 fn there(rays: &Rays, j: usize) -> impl Iterator<Item = (usize, &Ray)> {
     rays.of_joint(j).iter().enumerate().filter(|(_, ray)| ray.is_there())
 }
 
-/// What the detections say of a solution.
+/// The evidence for a solution.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Evidence {
-    /// log p up to a constant that all solutions share which place the same joints.
+    /// log p up to a constant common to all solutions with the same set of positioned joints.
     pub log: f64,
     /// The share of wrong detections of all views.
     pub wrong: f64,

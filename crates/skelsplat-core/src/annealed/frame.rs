@@ -1,4 +1,4 @@
-//! Annealed splatting of one frame: where to begin, the pose, exchanged sides, error bars.
+//! Annealed splatting of one frame: start, pose, left–right swaps, error bars.
 
 use super::consensus::agreement;
 use super::depth::is_fixed;
@@ -16,22 +16,22 @@ use crate::outcome::{ErrorBars, JointStatus, Loss, Outcome, Splats, StopReason, 
 use crate::symmetry::{LimbPair, symmetry};
 use nalgebra::Vector3;
 
-/// One frame and what is the same however its sides are assigned; lengths are mm.
+/// One frame, before sides are assigned; lengths are mm.
 #[derive(Debug, Clone)]
 pub struct Frame<'a> {
     /// The cameras.
     pub cameras: &'a [Camera],
     /// Detections as ideal pixels.
     pub detections: &'a Detections,
-    /// How much each view counts; empty: 1 for all.
+    /// Weight of each view; empty: 1 for all.
     pub view_weights: &'a [f64],
     /// Limbs of equal length.
     pub pairs: &'a [LimbPair],
-    /// Joints that a detector may exchange together.
+    /// Joints that a detector may swap together.
     pub chains: &'a [Chain],
-    /// How the kernels narrow.
+    /// The annealing schedule.
     pub annealing: Annealing,
-    /// What is known of the pose before.
+    /// Initial pose and prior.
     pub before: Option<Before>,
 }
 
@@ -40,7 +40,7 @@ pub struct Frame<'a> {
 pub struct Annealed {
     /// The pose.
     pub outcome: Outcome,
-    /// What its residuals say of it.
+    /// Its error bars.
     pub bars: ErrorBars,
 }
 
@@ -52,28 +52,28 @@ struct Found {
     widening: Widening,
 }
 
-/// A pose with priors, and under which noise it was found.
+/// A pose with priors, and the noise used to find it.
 struct Informed<'a> {
     given: Given<'a>,
     found: Found,
 }
 
-/// Rounds of looking for exchanged sides.
+/// Maximum rounds of the search for swaps.
 const SWAP_ROUNDS: usize = 3;
-/// Detections of mean weight that an exchange has to explain more after the pose was solved again.
+/// Detections of mean weight that a swap has to explain in addition, after the pose is solved again.
 const SWAP_GAIN: f64 = 1.0;
-/// Logarithm of the odds that an exchange has to reach where the noise is large: there are a few dozen to choose from.
+/// Log-odds that a swap has to reach where the noise is large: there are a few dozen candidates.
 const SWAP_EVIDENCE: f64 = 10.0;
 
 impl Found {
-    /// Whether a joint that `other` locates has no position here.
+    /// Whether a joint with a position in `other` has none here.
     fn loses_against(&self, other: &Self) -> bool {
         let (here, there) = (&self.solution.points, &other.solution.points);
         here.iter().zip(there).any(|(x, y)| x.x.is_nan() && y.x.is_finite())
     }
 
-    /// Whether an exchange is worth it: in detections that are explained, and where the noise is large, so that chance
-    /// explains some, in the likelihood of all.
+    /// Whether a swap is accepted: by the number of explained detections and, where the noise is so large that chance
+    /// explains some, by the likelihood of all.
     fn explains_more(&self, before: &Self, given: &Given<'_>) -> bool {
         let likely = |found: &Self| {
             let anywhere = anywhere(&found.rays, &given.annealing);
@@ -83,7 +83,7 @@ impl Found {
             && (!before.widening.follows_noise || likely(self) > likely(before) + SWAP_EVIDENCE)
     }
 
-    /// Detections of mean weight that are explained, under the same kernel for all solutions that are compared.
+    /// Explained detections of mean weight, under the same kernel for all compared solutions.
     fn explained(&self) -> f64 {
         let joints = self.solution.points.iter().enumerate().filter(|(_, x)| x.x.is_finite());
         let sum: f64 =
@@ -91,7 +91,7 @@ impl Found {
         sum / self.rays.mean_weight()
     }
 
-    /// The rays with the chains of `swaps` exchanged.
+    /// The rays with the chains of `swaps` swapped.
     fn exchanged(&self, chains: &[Chain], swaps: &[Swap]) -> Rays {
         let mut out = self.rays.clone();
         for swap in swaps {
@@ -134,7 +134,7 @@ impl Frame<'_> {
         self.outcome(&given, found, used_for)
     }
 
-    /// The posterior at `points`, which another method has found.
+    /// The posterior at `points`, found by another method.
     #[must_use]
     pub fn error_bars(&self, points: &[Vector3<f64>]) -> ErrorBars {
         let rays = Rays::new(self.detections, self.cameras, self.view_weights);
@@ -143,7 +143,7 @@ impl Frame<'_> {
         let problem = self.problem(&rays, &given, Widening::NONE);
         let mut solution = solve(&problem, points, &given.annealing.end);
         let bars = error_bars(&problem, &mut solution);
-        // Its splats reach further than these kernels: what they reject still has a say on the depth.
+        // Its splats are wider than these kernels: detections rejected here may still determine the depth.
         let all = vec![1.0; self.detections.n_views()];
         let has_depth = |j: usize| is_fixed(rays.of_joint(j), j, &solution, &all);
         let status = (0..points.len()).map(|j| match has_depth(j) {
@@ -160,8 +160,8 @@ impl Frame<'_> {
         Informed { given, found }
     }
 
-    /// The pose with priors, whose noise is estimated without them: one that is wrong must not pass for noise of the
-    /// detections. Where that asked for wider kernels, the priors have their say on whether it is noise.
+    /// The pose with priors. The noise is estimated without them, so that a wrong prior is not mistaken for detection noise.
+    /// Where the noise requires wider kernels, the priors take part in the decision whether it is noise.
     fn with_priors<'p>(&self, priors: &'p [Prior], rays: &Rays) -> Informed<'p> {
         let annealing = &self.annealing;
         let alone = locate(rays, annealing);

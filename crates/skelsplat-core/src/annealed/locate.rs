@@ -1,4 +1,4 @@
-//! The joints of a frame one by one: annealed splatting of each, and pairs of rays where it ends without a majority.
+//! The joints of a frame one by one: annealed splatting of each, and pairs of rays where that ends without a majority.
 
 use nalgebra::Vector3;
 
@@ -12,30 +12,30 @@ use crate::camera::Camera;
 use crate::detections::Detections;
 use crate::triangulate::Triangulated;
 
-/// Views by which the agreeing ones have to outnumber the others to be a majority.
+/// Number of views by which the agreeing ones have to outnumber the others to be a majority.
 const MAJORITY: f64 = 0.25;
 /// Agreement by which a pair's point has to exceed the annealed one's, in detections of the joint's mean weight: with three
 /// views, of which any two outvote the third by chance, and with more.
 const MARGIN: [f64; 2] = [0.75, 0.5];
-/// How far off a wrong detection may be, in multiples of the widest kernel: where no joint is seen by three views, so that
-/// nothing says which detection is wrong, and otherwise.
+/// Maximum distance of a wrong detection, in multiples of the widest kernel: where no joint is seen by three views, so that
+/// it is impossible to tell which detection is wrong, and otherwise.
 const ANYWHERE: [f64; 2] = [1.5, 1.0];
 /// cos 15°.
 const NARROW: f64 = 0.966;
-/// Rays that are this far from parallel, 15° for two, fix a depth whatever the noise.
+/// Rays this far from parallel, 15° for two, determine a depth whatever the noise.
 const WIDE: f64 = 0.05;
-/// Part of a large noise to which two views may agree: less is no chance, but the person whom both show.
+/// Fraction of a large noise within which two views may agree by chance; closer agreement means both show the same person.
 const AGREES: f64 = 0.2;
-/// Joints that two views have to share for that; five agree by chance in a frame of a hundred.
+/// Joints that two views have to share for that; five agree by chance in one of a hundred frames.
 const LEAST_COMMON: usize = 6;
-/// Residuals that say something of the noise.
+/// Minimum number of residuals for an estimate of the noise.
 const LEAST_FREEDOM: f64 = 6.0;
 
 /// Triangulates each joint from ideal pixels; NaN as [`crate::triangulate::dlt()`], with fewer than two views or parallel rays.
 ///
-/// A joint begins at the point nearest to all its rays and is annealed down to the noise of the frame (see
-/// [`crate::annealed`]). Where the views that agree in the end are no majority, the points between two rays are judged
-/// too ([`best_pair`]). The cost is linear in the number of views as long as a fixed share of them is right. Where the
+/// A joint starts at the point nearest to all its rays and is annealed down to the noise of the frame (see
+/// [`crate::annealed`]). Where the views that agree at the end are not a majority, points between two rays are also scored
+/// ([`best_pair`]). The cost is linear in the number of views as long as a fixed share of them is correct. Where the
 /// noise is too large for the final kernel, wider ones are tried ([`evidence`]).
 #[must_use]
 pub fn robust(detections: &Detections, cameras: &[Camera]) -> Triangulated {
@@ -49,10 +49,10 @@ pub fn robust(detections: &Detections, cameras: &[Camera]) -> Triangulated {
     Triangulated { rejected: rejected.collect(), points: solution.points }
 }
 
-/// Joints that are placed by their detections alone.
+/// Joints located from their detections alone.
 #[derive(Debug, Clone)]
 pub struct Located {
-    /// Where they are.
+    /// Their positions.
     pub solution: Solution,
     /// Whether the kernels followed the noise.
     pub widening: Widening,
@@ -62,9 +62,9 @@ pub struct Located {
 
 /// The joints of one frame without priors and symmetry.
 ///
-/// The noise is estimated under a kernel, so that a kernel that ends narrower than twice the noise sees less of it than
-/// there is. Where the estimate asks for a wider one, the frame is solved again under kernels that follow the noise, which
-/// count if the detections are then more likely ([`evidence`]).
+/// The noise is estimated under a kernel, so a final kernel narrower than twice the noise underestimates it. Where the
+/// estimate requires a wider one, the frame is solved again under kernels that follow the noise; that solution is used if
+/// it makes the detections more likely ([`evidence`]).
 #[must_use]
 pub fn locate(rays: &Rays, annealing: &Annealing) -> Located {
     if !annealing.per_noise.is_finite() {
@@ -91,7 +91,7 @@ pub fn locate(rays: &Rays, annealing: &Annealing) -> Located {
 }
 
 /// Whether any two views agree on the joints to a noise of `sigma`, mm: by the median distance of their rays, which for
-/// normal noise is 0.6745 · √2 σ. Two views of one person do, whatever the others show.
+/// normal noise is 0.6745 · √2 σ. Two views of the same person do, whatever the others show.
 fn views_agree(rays: &Rays, sigma: f64) -> bool {
     let mut distances = Vec::with_capacity(rays.n_joints());
     let m = rays.n_views();
@@ -110,20 +110,20 @@ fn views_agree(rays: &Rays, sigma: f64) -> bool {
     })
 }
 
-/// How far off wrong detections of a frame are taken to be, mm.
+/// Assumed maximum distance of wrong detections of a frame, mm.
 #[must_use]
 pub fn anywhere(rays: &Rays, annealing: &Annealing) -> f64 {
     annealing.start * ANYWHERE[usize::from(can_outvote(rays))]
 }
 
-/// Whether three views see any joint, so that two of them can say that the third is wrong.
+/// Whether three views see any joint, so that two of them can outvote the third.
 fn can_outvote(rays: &Rays) -> bool {
     let views = |j: usize| rays.of_joint(j).iter().filter(|ray| ray.is_there()).count();
     (0..rays.n_joints()).any(|j| views(j) > 2)
 }
 
-/// What it adds to the squares of error bars that the noise is known from few residuals: the variance of Student's t.
-/// Two views leave one residual of a joint, three views three.
+/// Factor on the squares of error bars for a noise estimated from few residuals: the variance of Student's t. Two views
+/// leave one residual per joint, three views three.
 fn of_few(rays: &Rays) -> f64 {
     let freedom = rays.n_joints() as f64;
     if can_outvote(rays) || freedom < LEAST_FREEDOM { 1.0 } else { freedom / (freedom - 2.0) }
@@ -134,7 +134,7 @@ fn located(rays: &Rays, annealing: &Annealing, widening: Widening) -> Located {
     Located { narrow_noise: solution.noise, solution, widening }
 }
 
-/// Every joint from least squares down to its final kernel, and from a better place if there is one.
+/// Anneals every joint from least squares down to its final kernel, or from a better position if there is one.
 fn under(rays: &Rays, annealing: &Annealing, widening: Widening) -> Solution {
     let problem = Problem { rays, pairs: &[], priors: None, annealing, widening };
     let n = rays.n_joints();
@@ -148,7 +148,7 @@ fn under(rays: &Rays, annealing: &Annealing, widening: Widening) -> Solution {
     for j in 0..n {
         let of_joint = rays.of_joint(j);
         let (x, sigma) = (&solution.points[j], solution.sigma[j]);
-        // Rays that contradict each other are not parallel for that: then all of them are asked.
+        // The remaining rays may be parallel because others contradict them: then all rays are tested.
         let agrees = |ray: &Ray| ray.is_there() && ray.offset(x).weight(sigma) >= REJECTED;
         let two = of_joint.iter().filter(|ray| agrees(ray)).count() > 1;
         let sigma = if two { sigma } else { f64::INFINITY };
@@ -166,8 +166,8 @@ fn is_narrow(rays: &[Ray]) -> bool {
     there.all(|ray| ray.direction.dot(&first) > NARROW)
 }
 
-/// The point nearest to all rays of joint `j`. A detection that is far off can leave that behind every camera, or without a
-/// depth: then it is the point between two rays on which most agree. NaN if the rays leave it or its depth open.
+/// The point nearest to all rays of joint `j`. If a detection that is far off puts it behind every camera or leaves
+/// it without a depth, the point between two rays on which most agree. NaN if the rays do not determine it or its depth.
 #[must_use]
 pub fn nearest_to_all(rays: &Rays, j: usize) -> Vector3<f64> {
     let of_joint = rays.of_joint(j);
@@ -184,7 +184,7 @@ pub fn nearest_to_all(rays: &Rays, j: usize) -> Vector3<f64> {
     pair.filter(|x| may_be_fixed(of_joint, x, Annealing::END)).unwrap_or(nan)
 }
 
-/// Moves joints without a majority to the point on which more detections agree; whether any has moved.
+/// Moves joints without a majority to the point on which more detections agree; returns whether any has moved.
 fn reconsider(rays: &Rays, solution: &mut Solution) -> bool {
     let mut moved = false;
     for j in 0..rays.n_joints() {

@@ -1,39 +1,39 @@
-//! The detections' noise, from the residuals.
+//! The detection noise, estimated from the residuals.
 //!
 //! e has two degrees of freedom and variance s² along each; a detection of weight c k contributes c k |e|², and a joint's
 //! three coordinates take up three degrees. For normal e the kernel k = exp(−|e|²/4σ²) shrinks the mean of |e|² to
-//! 2 s² c²/(s²+c²) with c² = 2σ², from the means 2s²(1+s²/c²)⁻² of k|e|² and (1+s²/c²)⁻¹ of k. A scaled inverse χ² prior keeps the
-//! estimate sane where few detections are left over.
+//! 2 s² c²/(s²+c²) with c² = 2σ², from the means 2s²(1+s²/c²)⁻² of k|e|² and (1+s²/c²)⁻¹ of k. A scaled inverse χ² prior
+//! stabilises the estimate where few detections remain.
 
 use super::rays::Rays;
 use nalgebra::Vector3;
 
-/// What is known of the noise before the frame is seen.
+/// Prior knowledge of the noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum NoiseModel {
-    /// Its standard deviation per axis for a detection of mean weight, pixels.
+    /// Given: standard deviation per axis for a detection of mean weight, pixels.
     Pixels(f64),
-    /// The same across the ray, mm.
+    /// Given: the same across the ray, mm.
     Millimetres(f64),
-    /// To be estimated.
+    /// Unknown: estimated.
     Estimated,
 }
 
-/// What turns pixels and confidences of a frame into mm.
+/// Scale from pixels and confidences of a frame to mm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Scale {
     /// Mean size of a pixel at the joints, mm.
     pub(super) pixel: f64,
     /// Mean weight of the detections.
     pub(super) weight: f64,
-    /// Whether the frame has been found to have more noise than the prior expects.
+    /// Whether the frame has more noise than the prior expects.
     pub(super) refuted: bool,
 }
 
-/// The estimate's prior is worth this many residuals, and this many where the frame has refuted it.
+/// Weight of the prior, in residuals; and where the frame has more noise than it expects.
 const PRIOR_DOF: f64 = 6.0;
 const REFUTED_DOF: f64 = 3.0;
-/// The shrinking by the kernel is undone up to this factor of the variance.
+/// The shrinkage by the kernel is corrected up to this factor of the variance.
 const MOST_UNSHRUNK: f64 = 4.0;
 
 /// Mean size of a pixel at the joints, mm; `None` if nothing is detected in front of a camera.
@@ -69,11 +69,11 @@ impl Residuals {
 }
 
 impl NoiseModel {
-    /// What the estimate begins with.
+    /// The prior of the estimate.
     pub const PRIOR_PX: f64 = 3.0;
 
-    /// s², mm², from the joints' residuals under a kernel of standard deviation `sigma`, in a frame that is `scale`, whose
-    /// mean weight the residuals carry.
+    /// s², mm², from the joints' residuals under a kernel of standard deviation `sigma`, in a frame of this
+    /// `scale`, by whose mean weight the residuals are multiplied.
     pub(super) fn variance(
         self,
         residuals: impl Iterator<Item = Residuals> + Clone,

@@ -1,10 +1,11 @@
-//! The posterior covariance of a pose: what a user can call an error bar.
+//! The posterior covariance of a pose: its error bars.
 //!
 //! Σ_post = (Σ_i c k (I − d dᵀ)/ŝ_j² + Π + I/ρ² + symmetry)⁻¹ at the solution. ŝ_j² is the frame's noise, corrected by the
-//! joint's own residuals as a scaled inverse χ²: a joint whose views disagree has a wider bar. Along a ray that nothing
-//! crosses only ρ speaks: the joint belongs to a body, whose joints lie s (root mean square) from its middle, and in front
-//! of the camera. Where x is more than 2 s from the middle, the distance beyond is added in squares: wherever such a ray
-//! has put the joint, the bar reaches back to the body. Joints closer together than twice the noise make no body.
+//! joint's own residuals as a scaled inverse χ²: a joint with views that disagree has a wider bar. Along a ray that no
+//! other crosses only ρ contributes: the joint belongs to a body, with joints at distance s (root mean square) from its
+//! centre, and lies in front of the camera. Where x is more than 2 s from the centre, the distance beyond is added in
+//! squares: wherever the joint lies on such a ray, the bar reaches back to the body. Joints closer together than twice the
+//! noise are not treated as a body.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -14,16 +15,16 @@ use super::rays::{Ray, Rays};
 use super::solver::{Problem, Solution};
 use crate::outcome::{ErrorBars, JointStatus};
 
-/// Degrees of freedom that the frame's noise is worth for one joint (measured, docs/decisions.md).
+/// Weight of the frame's noise for one joint, in degrees of freedom (measured, docs/decisions.md).
 const SHARED_DOF: f64 = 5.0;
 
-/// Views whose weights have to place a joint before the length of its limb says something of it.
+/// Total weight of views needed to locate a joint before the length of its limb is used for it.
 const PLACED: f64 = 1.5;
-/// Spreads of a body within which all of its joints lie.
+/// All joints lie within this multiple of the body's spread.
 const BODY: f64 = 2.0;
-/// Spread of a body, in multiples of the noise: joints that lie closer together are one point as far as can be seen.
+/// Minimum spread of a body, in multiples of the noise: closer joints cannot be distinguished from one point.
 const LEAST_SPREAD: f64 = 2.0;
-/// Joints that make a body.
+/// Minimum number of joints of a body.
 const LEAST_JOINTS: usize = 3;
 
 /// Posterior, weights of the detections and status of every joint at the solution.
@@ -45,19 +46,19 @@ pub fn error_bars(problem: &Problem<'_>, solution: &mut Solution) -> ErrorBars {
     for j in (0..n).filter(|j| k(*j).iter().any(|k| *k < REJECTED)) {
         let x = &solution.points[j];
         for rival in rivals(rays.of_joint(j), x, solution.sigma[j], TIE) {
-            // The second moment about x of places that are right with these probabilities.
+            // The second moment about x of positions with these probabilities.
             let off = rival.at - x;
             covariances[j] += off * off.transpose() * rival.share;
             status[j] = JointStatus::Weak;
         }
     }
-    // Without a detection the noise is that of the prior alone: nothing that was measured.
+    // Without detections the noise is that of the prior, not a measurement.
     let is_seen = status.iter().any(|s| *s != JointStatus::Unobserved);
     let noise = if is_seen { solution.noise } else { f64::NAN };
     ErrorBars { covariances, noise, believed, status }
 }
 
-/// k of every ray `(N, M)` at the solution; NaN where there is none.
+/// k of every ray `(N, M)` at the solution; NaN where missing.
 fn believed(rays: &Rays, solution: &Solution) -> Vec<f64> {
     let mut out = Vec::with_capacity(rays.n_joints() * rays.n_views());
     for (j, x) in solution.points.iter().enumerate() {
@@ -70,8 +71,8 @@ fn believed(rays: &Rays, solution: &Solution) -> Vec<f64> {
     out
 }
 
-/// Posterior covariances `(N)` in mm²; NaN for a joint of which nothing is known. `deep[j]` says whether the rays of joint
-/// j fix its depth (see [`super::depth`]): such joints are the body. `k` are the rays' weights `(N, M)`.
+/// Posterior covariances `(N)` in mm²; NaN for an unobserved joint. `deep[j]`: whether the rays of joint j determine its
+/// depth (see [`super::depth`]); such joints form the body. `k` are the rays' weights `(N, M)`.
 fn posterior(
     problem: &Problem<'_>,
     solution: &mut Solution,
@@ -101,7 +102,7 @@ fn posterior(
         }
         solution.equations.set_block(j, block);
     }
-    // Equal limbs leave two places on the ray of a joint that one view sees: that is no normal distribution.
+    // Equal limbs allow two positions on the ray of a joint that one view sees, which is not a normal distribution.
     let residuals = &solution.residuals;
     solution
         .equations
@@ -113,7 +114,7 @@ fn posterior(
     (0..solution.points.len()).map(|j| known(solution.equations.covariance(j))).collect()
 }
 
-/// `m` without the negative eigenvalues that rounding leaves where the largest exceeds the smallest by 10⁸ and more.
+/// `m` without the negative eigenvalues due to rounding where the largest exceeds the smallest by 10⁸ or more.
 fn positive(m: Matrix3<f64>) -> Matrix3<f64> {
     if m.cholesky().is_some() {
         return m;
@@ -125,7 +126,7 @@ fn positive(m: Matrix3<f64>) -> Matrix3<f64> {
     0.5 * (m + m.transpose())
 }
 
-/// Where a body is and how far it extends.
+/// Position and extent of a body.
 #[derive(Clone, Copy)]
 struct Body {
     middle: Vector3<f64>,
@@ -134,7 +135,7 @@ struct Body {
 }
 
 impl Body {
-    /// Of at least three joints that lie where they are known to lie, else of all that have a position.
+    /// From the joints with a known depth, if there are at least three, else from all that have a position.
     fn of(points: &[Vector3<f64>], deep: &[bool]) -> Option<Self> {
         let finite = |x: &&Vector3<f64>| x.iter().all(|v| v.is_finite());
         let sure = || points.iter().zip(deep).filter(|(_, deep)| **deep).map(|(x, _)| x);
@@ -153,7 +154,7 @@ impl Body {
     }
 }
 
-/// ρ² of a joint at `x`, whose nearest camera is `nearest` away.
+/// ρ² of a joint at `x`, at the distance `nearest` from the nearest camera.
 fn square_reach(body: Option<Body>, x: &Vector3<f64>, nearest: f64) -> f64 {
     let (spread, off) = body
         .map_or((f64::INFINITY, 0.0), |body| (body.square_spread.sqrt(), (x - body.middle).norm()));

@@ -1,4 +1,4 @@
-//! Detections as rays: where a joint has to lie for one view to be satisfied.
+//! Detections as rays: the set of positions that match a detection.
 //!
 //! An isotropic splat of standard deviation σ projects to Σ = σ² J W Wᵀ Jᵀ, and the residual to r ≈ J W (x − y) for
 //! the point y of the detection's ray that is nearest to x. J W has the ray as its null space, so that to first order
@@ -9,37 +9,37 @@
 //!
 //! with the camera's centre c and the ray's unit direction d. The weight of the closed form (`overlap`, with
 //! Σr = Σp = Σ) becomes k = exp(−|e|²/4σ²), and the residual e is *linear* in x: no projection inside the loop, one exp
-//! per view and joint. The dilation h (0.3 px²) serves pixels and is left out.
+//! per view and joint. The dilation h (0.3 px²) is only needed for pixels and left out.
 
 use nalgebra::{Matrix3, Vector3};
 
 use crate::camera::Camera;
 use crate::detections::Detections;
 
-/// One detection, seen from its camera.
+/// One detection as a ray from its camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ray {
     /// The camera's centre c, mm.
     pub centre: Vector3<f64>,
     /// Unit vector d towards the joint.
     pub direction: Vector3<f64>,
-    /// Confidence times the view's weight; 0 where nothing is detected.
+    /// Confidence times the view's weight; 0 where missing.
     pub weight: f64,
     /// Angle that one pixel spans, radians: times the range it is a pixel's size in mm.
     pub pixel: f64,
 }
 
-/// Where a point lies with respect to a ray.
+/// Position of a point relative to a ray.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Offset {
     /// e, from the ray to the point, mm.
     pub across: Vector3<f64>,
-    /// Distance along the ray, mm; behind the camera it is negative.
+    /// Distance along the ray, mm; negative behind the camera.
     pub range: f64,
 }
 
 impl Ray {
-    /// No detection.
+    /// A missing detection.
     const NONE: Self = Self {
         centre: Vector3::new(0.0, 0.0, 0.0),
         direction: Vector3::new(0.0, 0.0, 0.0),
@@ -53,7 +53,7 @@ impl Ray {
         self.weight > 0.0
     }
 
-    /// Where `x` lies with respect to the ray.
+    /// Position of `x` relative to the ray.
     #[inline]
     #[must_use]
     pub fn offset(&self, x: &Vector3<f64>) -> Offset {
@@ -62,7 +62,7 @@ impl Ray {
         Offset { across: from - self.direction * range, range }
     }
 
-    /// I − d dᵀ, what the detection says about the joint.
+    /// I − d dᵀ, the information of the detection about the joint.
     #[inline]
     #[must_use]
     pub fn information(&self) -> Matrix3<f64> {
@@ -82,7 +82,7 @@ impl Offset {
     }
 }
 
-/// The rays of one frame, the views of a joint side by side.
+/// The rays of one frame, the views of each joint contiguous.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rays {
     n_views: usize,
@@ -90,7 +90,7 @@ pub struct Rays {
 }
 
 impl Rays {
-    /// From ideal pixels. A view counts `view_weights[i]` times (empty: once).
+    /// From ideal pixels. View i has the weight `view_weights[i]` (empty: 1).
     #[must_use]
     pub fn new(detections: &Detections, cameras: &[Camera], view_weights: &[f64]) -> Self {
         let (m, n) = (cameras.len(), detections.n_joints());
@@ -141,17 +141,17 @@ impl Rays {
         if n == 0 { 1.0 } else { there().sum::<f64>() / n as f64 }
     }
 
-    /// Exchanges the detections of joints `a` and `b` in view `i`.
+    /// Swaps the detections of joints `a` and `b` in view `i`.
     pub fn swap(&mut self, i: usize, a: usize, b: usize) {
         self.rays.swap(a * self.n_views + i, b * self.n_views + i);
     }
 }
 
-/// Smallest determinant of Σ w (I − d dᵀ), relative to the cube of its mean eigenvalue, that fixes a point: two rays at
-/// 0.1 mrad from each other.
+/// Smallest determinant of Σ w (I − d dᵀ), relative to the cube of its mean eigenvalue, that determines a point: two rays
+/// at 0.1 mrad from each other.
 const RANK: f64 = 1e-8;
 
-/// The point with the least Σ w |e|², or `None` if the rays leave it open.
+/// The point with the least Σ w |e|², or `None` if the rays do not determine it.
 #[must_use]
 pub fn nearest_point(rays: &[Ray], weight: impl Fn(usize, &Ray) -> f64) -> Option<Vector3<f64>> {
     nearest_with_spread(rays, weight).map(|(x, _)| x)

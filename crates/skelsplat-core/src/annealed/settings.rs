@@ -1,4 +1,4 @@
-//! The settings of annealed splatting, with defaults as measured (docs/decisions.md).
+//! The settings of annealed splatting; docs/decisions.md has the measurements behind the defaults.
 
 use super::noise::NoiseModel;
 use super::solver::Annealing;
@@ -8,28 +8,29 @@ settings! {
     /// Settings of annealed splatting, the default method.
     AnnealedSettings {
         sigma_mm: f64 = Annealing::END, Domain::Positive, "mm",
-            "Widest σ at which a joint's kernel ends, unless the noise turns out to be larger.";
+            "Largest final σ of a joint's kernel, unless the noise turns out to be larger.";
         max_steps: usize = 50, Domain::Any, "",
-            "Largest number of steps.";
+            "Maximum number of steps.";
         sigma_start_mm: f64 = 320.0, Domain::Positive, "mm",
-            "σ of the widest kernel; a joint whose farthest ray is nearer begins there.";
+            "Initial σ of the kernels; a joint with all rays nearer than this starts at the distance of its farthest ray.";
         sigma_decay: f64 = 0.5, Domain::Between, "",
-            "Factor on the kernel's σ from one step to the next.";
+            "Factor applied to the kernel's σ at each step.";
         sigma_per_noise: Option<f64> = Some(Annealing::PER_NOISE), Domain::Positive, "",
-            "The kernel ends at this multiple of the detections' noise if that is less than `sigma_mm`; larger noise is \
-             followed where it explains the frame better than many wrong detections do. None: it ends at `sigma_mm`.";
+            "Final σ of the kernel as a multiple of the detection noise, if that is less than `sigma_mm`; it exceeds `sigma_mm` \
+             only where large noise explains the frame better than many wrong detections. None: always `sigma_mm`.";
         view_weights: Option<Vec<f64>> = None, Domain::NotNegative, "",
-            "How much each of the M views counts, on top of the confidence, 0 to leave it out; None: 1 for all.";
+            "Weight of each of the M views, multiplied by the confidence; 0 ignores a view; None: 1 for all.";
         find_swaps: bool = true, Domain::Any, "",
-            "Look for detections with left and right exchanged.";
+            "Find and correct detections with left and right swapped.";
         step_tolerance: f64 = 0.01, Domain::Positive, "",
-            "Converged once the kernels are narrow and no joint moves by more than this part of the noise.";
+            "Converged when the kernels have reached their final width and no joint moves by more than this fraction of the \
+             noise.";
     }
 }
 
 impl AnnealedSettings {
-    /// How the kernels of one frame narrow: to `sigmas` `(N)`, mm, with limbs as alike as `symmetry_sigma`, mm, and
-    /// noise of `detection_sigma` pixels (`None`: estimated).
+    /// The annealing schedule of one frame: final kernel widths `sigmas` `(N)`, mm; standard deviation `symmetry_sigma` of
+    /// the length difference between symmetric limbs, mm; detection noise `detection_sigma`, pixels (`None`: estimated).
     #[must_use]
     pub fn annealing(
         &self,

@@ -7,7 +7,7 @@ use super::noise::{NoiseModel, Residuals, Scale, pixel_size};
 use super::rays::{Ray, Rays};
 use crate::symmetry::LimbPair;
 
-/// An independent start as a Gaussian prior of one joint.
+/// A Gaussian prior of one joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Prior {
     /// x⁰, mm.
@@ -18,15 +18,15 @@ pub struct Prior {
     pub spread: f64,
 }
 
-/// How the kernel narrows and when it is enough.
+/// The annealing schedule and the stopping rule.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Annealing {
     /// Widest kernel, mm.
     pub start: f64,
-    /// Final kernel of each joint, mm; narrower where `per_noise` says so.
+    /// Final kernel of each joint, mm; narrower according to `per_noise`.
     pub end: Vec<f64>,
-    /// The final kernel of a joint whose `end` is `base` is at most this multiple of the noise, a wider one's in
-    /// proportion; infinite: `end` as it stands.
+    /// The final kernel of a joint with `end` equal to `base` is at most this multiple of the noise, that of others in
+    /// proportion to `end`; infinite: always `end`.
     pub per_noise: f64,
     /// See [`Self::per_noise`], mm.
     pub base: f64,
@@ -34,18 +34,18 @@ pub struct Annealing {
     pub factor: f64,
     /// σ_sym, mm.
     pub symmetry_sigma: f64,
-    /// Largest number of steps.
+    /// Maximum number of steps.
     pub max_steps: usize,
-    /// The solver stops when no joint moves by more than this part of the noise.
+    /// The solver stops when no joint moves by more than this fraction of the noise.
     pub tolerance: f64,
-    /// What is known of the noise.
+    /// Model of the noise.
     pub noise: NoiseModel,
 }
 
 impl Annealing {
     /// Widest final kernel, mm.
     pub const END: f64 = 30.0;
-    /// σ per noise at which a detection loses its pull.
+    /// Final σ as a multiple of the noise.
     pub const PER_NOISE: f64 = 2.0;
     /// σ_sym, mm.
     pub const SYMMETRY_SIGMA: f64 = 15.0;
@@ -58,18 +58,18 @@ pub struct Problem<'a> {
     pub rays: &'a Rays,
     /// Limbs of equal length.
     pub pairs: &'a [LimbPair],
-    /// Independent start per joint `(N)`, if there is one.
+    /// Prior of each joint `(N)`, if any.
     pub priors: Option<&'a [Prior]>,
     /// Settings.
     pub annealing: &'a Annealing,
-    /// Whether the final kernels follow the noise upwards.
+    /// Whether the final kernels follow larger noise.
     pub widening: Widening,
 }
 
-/// Whether the final kernels follow the noise upwards.
+/// Whether the final kernels follow larger noise.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Widening {
-    /// Whether they may exceed [`Annealing::end`] where the noise asks for it.
+    /// Whether they may exceed [`Annealing::end`] where the noise requires it.
     pub follows_noise: bool,
     /// Share of the residuals' variance that is noise; the rest are wrong detections that the kernel lets through.
     pub noise_share: f64,
@@ -82,7 +82,7 @@ impl Widening {
     pub const FREE: Self = Self { follows_noise: true, ..Self::NONE };
 }
 
-/// Where the joints are and what is left over.
+/// Positions of the joints, and their residuals.
 #[derive(Debug, Clone)]
 pub struct Solution {
     /// Positions `(N)`, mm; as given where a joint has no detection.
@@ -91,9 +91,9 @@ pub struct Solution {
     pub sigma: Vec<f64>,
     /// Residuals of each joint at the end.
     pub residuals: Vec<Residuals>,
-    /// Standard deviation of the detections' noise across the ray, mm, for a detection of mean weight.
+    /// Standard deviation of the detection noise across the ray, mm, for a detection of mean weight.
     pub noise: f64,
-    /// ŝ², mm²: the same for weight 1, as F has it.
+    /// ŝ², mm²: the variance for weight 1, as in F.
     pub variance: f64,
     /// Mean size of a pixel at the joints, mm.
     pub pixel: f64,
@@ -105,14 +105,14 @@ pub struct Solution {
     pub equations: NormalEquations,
 }
 
-/// Limb pairs that differ by this multiple of σ_sym lose their pull like a detection far off.
+/// Reach of the kernel of limb pairs, in σ_sym: pairs that differ by more lose their influence like outlying detections.
 const SYMMETRY_REACH: f64 = 3.0;
-/// Kernels above the configured ones are this part of what those below them are to the noise: they reject sooner.
+/// Factor on the multiple of the noise for kernels above the configured ones, which makes them reject sooner.
 const UPWARDS: f64 = 0.78;
-/// A step is no longer than this part of the way to the nearest camera.
+/// Maximum step, as a fraction of the distance to the nearest camera.
 const TRUST: f64 = 0.5;
 
-/// What one joint's rays add up to.
+/// Sums over the rays of one joint.
 #[derive(Debug, Clone, Copy)]
 struct Sums {
     /// Σ c k.
@@ -169,11 +169,11 @@ impl Sums {
     }
 }
 
-/// One joint on its way.
+/// State of one joint.
 #[derive(Debug, Clone, Copy)]
 struct JointState {
     at: Vector3<f64>,
-    /// Kernel; infinite at first: every detection counts.
+    /// Kernel; infinite at first, so that every detection has full weight.
     sigma: f64,
     residuals: Residuals,
     /// Distance of the farthest ray.
@@ -186,7 +186,7 @@ struct JointState {
     coupled: bool,
     /// Whether its kernel is the final one.
     narrow: bool,
-    /// Whether nothing couples it and it has come to rest under its final kernel: it is left alone.
+    /// Whether it is uncoupled and has converged under its final kernel, and is therefore skipped.
     settled: bool,
 }
 
@@ -201,8 +201,8 @@ struct Run<'a> {
     equations: NormalEquations,
 }
 
-/// Solves `problem` from `start`, whose joints may be NaN: those stay so. `sigma` is the kernel to begin with; infinite
-/// begins with plain least squares, after which the start matters no more where the detections fix a joint.
+/// Solves `problem` from `start`, in which joints may be NaN and then stay NaN. `sigma` is the initial kernel; infinite
+/// means plain least squares first, after which the start no longer matters where the detections determine a joint.
 #[must_use]
 pub fn solve(problem: &Problem<'_>, start: &[Vector3<f64>], sigma: &[f64]) -> Solution {
     let mut run = Run::new(problem, start, sigma);
@@ -275,7 +275,7 @@ impl<'a> Run<'a> {
         self.couple();
     }
 
-    /// Limb pairs as scalar residuals r = ‖l‖ − ‖r‖, once the joints are where they were seen.
+    /// Limb pairs as scalar residuals r = ‖l‖ − ‖r‖, once the joints match their detections.
     fn couple(&mut self) {
         self.equations.uncouple();
         let sigma = self.problem.annealing.symmetry_sigma;
@@ -300,7 +300,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// A step that is none, mm.
+    /// Largest step treated as zero, mm.
     fn small(&self) -> f64 {
         self.problem.annealing.tolerance * (self.variance / self.weight).sqrt()
     }
@@ -327,7 +327,7 @@ impl<'a> Run<'a> {
         longest
     }
 
-    /// Re-estimates the noise, once every joint has a kernel, and narrows the kernels; whether all of them have come to their end.
+    /// Re-estimates the noise, once every joint has a kernel, and narrows the kernels; returns whether all are final.
     fn narrow(&mut self) -> bool {
         let annealing = self.problem.annealing;
         let first = self.joints.iter().any(|joint| joint.sigma.is_infinite());
@@ -359,7 +359,7 @@ impl<'a> Run<'a> {
         done
     }
 
-    /// The system and the noise where the joints have come to rest.
+    /// The system and the noise at the final positions.
     fn finish(&mut self) {
         for (joint, end) in self.joints.iter_mut().zip(&self.problem.annealing.end) {
             joint.settled = false;

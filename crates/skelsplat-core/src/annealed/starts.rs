@@ -1,4 +1,4 @@
-//! Where annealed splatting begins: at the detections, at a prior, and for what the detections leave open at a given pose.
+//! The start of annealed splatting: from the detections, a prior or, for what the detections do not determine, a given pose.
 
 use nalgebra::Vector3;
 
@@ -7,14 +7,14 @@ use super::locate::{Located, locate, nearest_to_all};
 use super::rays::Rays;
 use super::solver::{Annealing, Prior, Solution, Widening};
 
-/// What is known of a pose before its detections are looked at.
+/// Prior knowledge of a pose.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Before {
     /// The initial pose `(N)`, mm; `None` for a joint without one.
     pub pose: Vec<Option<Vector3<f64>>>,
-    /// Its precision `(N)` if it does not come from these detections: it then counts as knowledge and not as a mere start.
+    /// Priors `(N)`, if the pose is independent of these detections; otherwise it is only a starting point.
     pub priors: Option<Vec<Prior>>,
-    /// Whether it is the pose of the frame before: it then decides between places that have as many votes.
+    /// Whether it is the pose of the previous frame: it then decides between positions with equal votes.
     pub past: bool,
 }
 
@@ -24,7 +24,7 @@ impl Before {
     }
 }
 
-/// Where a search begins.
+/// The start of a search.
 pub(super) struct Start {
     pub(super) init: Vec<Vector3<f64>>,
     pub(super) points: Vec<Vector3<f64>>,
@@ -32,7 +32,7 @@ pub(super) struct Start {
     pub(super) widening: Widening,
 }
 
-/// What holds for all assignments of left and right of one frame.
+/// Common to all assignments of left and right of one frame.
 pub(super) struct Given<'a> {
     pub(super) priors: Option<&'a [Prior]>,
     pub(super) annealing: Annealing,
@@ -40,16 +40,16 @@ pub(super) struct Given<'a> {
     pub(super) widening: Widening,
 }
 
-/// Kernel under which places compete where the past decides, in multiples of the final one: two views that agree somewhat
-/// less well than two others are not outvoted by them.
+/// Kernel under which positions compete where the past decides, in multiples of the final one: two views that agree
+/// somewhat less well than two others are not outvoted by them.
 const PAST_KERNEL: f64 = 2.0;
 /// Standard deviations of a prior that the first kernel covers.
 const PRIOR_REACH: f64 = 2.0;
 
-/// The initial pose, where to begin and with which kernels.
+/// The initial pose, the start and the initial kernels.
 ///
-/// Where two views see a joint the detections place it, whatever the start; a start that is no more than that places
-/// the others. A prior is where the search begins, under a kernel that covers its spread.
+/// Where two views see a joint, the detections determine its start; an initial pose without a prior is used for the other
+/// joints. With a prior, the search starts there under a kernel that covers its spread.
 pub(super) fn start(before: Option<&Before>, rays: &Rays, given: &Given<'_>) -> Start {
     match (before, given.priors) {
         (None, _) => {
@@ -69,7 +69,7 @@ fn start_at_prior(before: &Before, priors: &[Prior], rays: &Rays, given: &Given<
         (0..n).map(|j| before.pose[j].unwrap_or_else(|| nearest_to_all(rays, j))).collect();
     let mut points = init.clone();
     if (0..n).any(is_wide) {
-        // Wider than any kernel: the detections know better where to begin.
+        // Wider than any kernel: the detections give a better start.
         let found = locate(rays, annealing).solution.points;
         for j in (0..n).filter(|j| is_wide(*j) && found[*j].x.is_finite()) {
             points[j] = found[j];
@@ -78,8 +78,8 @@ fn start_at_prior(before: &Before, priors: &[Prior], rays: &Rays, given: &Given<
     Start { init, points, sigma: vec![annealing.start; n], widening: given.widening }
 }
 
-/// Where to begin with an initial pose that is no prior: the detections place what they can. Of two places that have
-/// as many votes the past decides.
+/// The start with an initial pose that is not a prior: from the detections where possible. Of two positions with equal
+/// votes the past decides.
 fn start_beside(before: &Before, rays: &Rays, annealing: &Annealing) -> Start {
     let Located { solution: found, widening, .. } = locate(rays, annealing);
     let init = before.pose.iter().zip(&found.points).map(|(p, x)| p.unwrap_or(*x)).collect();

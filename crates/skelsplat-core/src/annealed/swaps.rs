@@ -1,10 +1,10 @@
-//! Left and right exchanged in a view: found by hypothesis.
+//! Left and right swapped in a view: found by testing hypotheses.
 //!
-//! A detector that takes the left arm for the right one exchanges all joints of the arm. In units of detections, what view
-//! i explains of a chain of joints is Σ c k over its detections; exchanged, each is judged at the other side's
-//! joint. A view counts as exchanged where that explains clearly more. Where no assignment explains the chain at its present
-//! position, so that the position itself may be a mixture of both sides, two views at a time (the same way round or not)
-//! propose another one and all views are judged at it.
+//! A detector that mistakes the left arm for the right one swaps all joints of the arm. In units of detections, view i
+//! explains Σ c k of a chain of joints; with the chain swapped, each detection is compared with the other side's joint. A
+//! view is considered swapped where that explains clearly more. Where no assignment explains the chain at its present
+//! position, which may then be a mixture of both sides, pairs of views (with equal or opposite assignments) propose another
+//! position, at which all views are evaluated.
 
 use nalgebra::Vector3;
 
@@ -12,24 +12,24 @@ use super::rays::{Ray, Rays, nearest_point};
 use super::solver::Solution;
 use crate::layout::Layout;
 
-/// Detections of mean weight by which the exchange has to explain more.
+/// Detections of mean weight by which the swap has to explain more.
 const GAIN: f64 = 1.5;
-/// A view that differs by less between both ways round is undecided (the limbs cover each other).
+/// A view in which the two assignments differ by less is undecided (the limbs overlap).
 const UNDECIDED: f64 = 0.5;
 /// Detections of mean weight by which a view may fail to explain a chain before it is against the chain's position.
 const UNEXPLAINED: f64 = 1.0;
-/// Of two views that contradict each other nothing says which is exchanged.
+/// Minimum number of views: of two that contradict each other, it is impossible to tell which is swapped.
 const LEAST_VIEWS: usize = 3;
-/// Views of which two at a time propose a position: those with the most to say, of equals those that explain the most.
+/// Number of views that propose positions in pairs: those with the most detections, then those that explain the most.
 const MOST_PROPOSERS: usize = 6;
 
 /// Kernel, in multiples of the final one, under which a proposed position settles.
 const SETTLE: f64 = 2.0;
 
-/// (left, right) joints that a detector exchanges together, from the trunk outwards: arms, legs, face.
+/// (left, right) joints that a detector swaps together, from the trunk outwards: arms, legs, face.
 pub type Chain = Vec<[usize; 2]>;
 
-/// The left-right pairs of a layout, grouped by its limbs. Limbs that join two groups (shoulder to hip) are no part.
+/// The left–right pairs of a layout, grouped by its limbs. Limbs that connect two groups (shoulder to hip) are ignored.
 #[must_use]
 pub fn chains(layout: &Layout) -> Vec<Chain> {
     let pairs = &layout.left_right;
@@ -57,7 +57,7 @@ pub fn chains(layout: &Layout) -> Vec<Chain> {
     (0..pairs.len()).map(members).filter(|chain| !chain.is_empty()).collect()
 }
 
-/// A chain whose sides are exchanged in a view.
+/// A chain with swapped sides in a view.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Swap {
     /// The view.
@@ -66,7 +66,7 @@ pub struct Swap {
     pub chain: usize,
 }
 
-/// Both ways round of a chain in one view, in Σ c k, and how much there is to explain.
+/// Both assignments of a chain in one view, in Σ c k, and the total weight to explain.
 #[derive(Debug, Clone, Copy, Default)]
 struct Ways {
     own: f64,
@@ -74,22 +74,22 @@ struct Ways {
     all: f64,
 }
 
-/// A position of a chain, (left, right) per pair, and what every view makes of it.
+/// A position of a chain, (left, right) per pair, and its score in every view.
 struct Proposal {
     at: Vec<[Vector3<f64>; 2]>,
     ways: Vec<Ways>,
 }
 
-/// A frame whose chains are judged.
+/// A frame to search for swaps.
 struct Judge<'a> {
     rays: &'a Rays,
-    /// Kernel of each joint, at most the configured one: exchanged sides can pass for noise and widen it.
+    /// Kernel of each joint, at most the configured one: swapped sides can look like noise and widen it.
     sigma: Vec<f64>,
     /// Mean weight of a detection.
     unit: f64,
 }
 
-/// Which chains are exchanged in which views; `end` are the configured final kernels `(N)`.
+/// The chains that are swapped, with their views; `end` are the configured final kernels `(N)`.
 #[must_use]
 pub fn find(rays: &Rays, chains: &[Chain], solution: &Solution, end: &[f64]) -> Vec<Swap> {
     let sigma = solution.sigma.iter().zip(end).map(|(sigma, end)| sigma.min(*end)).collect();
@@ -114,7 +114,7 @@ impl Judge<'_> {
         }
     }
 
-    /// Both ways round of `chain` in view `i` with its joints at `at`: (left, right) per pair.
+    /// Both assignments of `chain` in view `i` with its joints at `at`: (left, right) per pair.
     fn ways(&self, i: usize, chain: &Chain, at: &[[Vector3<f64>; 2]]) -> Ways {
         let mut ways = Ways::default();
         for (pair, x) in chain.iter().zip(at) {
@@ -132,7 +132,7 @@ impl Judge<'_> {
         (0..self.rays.n_views()).map(|i| self.ways(i, chain, at)).collect()
     }
 
-    /// Views in which the chain is exchanged; `sideways` is the sum of the other chains' right-to-left vectors at the trunk.
+    /// Views in which the chain is swapped; `sideways` is the sum of the other chains' right-to-left vectors at the trunk.
     fn views(&self, chain: &Chain, points: &[Vector3<f64>], sideways: &Vector3<f64>) -> Vec<usize> {
         let at: Vec<[Vector3<f64>; 2]> = chain.iter().map(|p| p.map(|j| points[j])).collect();
         let ways = self.all_ways(chain, &at);
@@ -152,7 +152,7 @@ impl Judge<'_> {
         (0..ways.len()).filter(|i| gains(&ways[*i])).collect()
     }
 
-    /// The position of the chain, from two views, that explains most when every view chooses its way round.
+    /// The position of the chain, proposed by two views, that explains most when every view chooses its assignment.
     fn best_proposal(&self, chain: &Chain, ways: &[Ways]) -> Option<Proposal> {
         let proposers = proposers(ways);
         let pairs = proposers.iter().enumerate();
@@ -188,7 +188,7 @@ impl Judge<'_> {
         chain.iter().map(|pair| [meet(pair, 0), meet(pair, 1)]).collect()
     }
 
-    /// One weighted step of the chain's joints, every view the way round that explains more.
+    /// One weighted step of the chain's joints, with the better assignment in every view.
     fn settled(
         &self,
         chain: &Chain,
@@ -210,8 +210,8 @@ impl Judge<'_> {
         chain.iter().zip(at).map(both).collect()
     }
 
-    /// Exchanged views of a proposal, whose own sides may be exchanged as a whole: the fewer views are, else the way in
-    /// which left lies where the rest of the body has it.
+    /// Swapped views of a proposal, which may itself be swapped as a whole: the assignment with fewer swapped views, else the
+    /// one in which left is on the same side as for the rest of the body.
     fn right_way_round(&self, proposal: &Proposal, sideways: &Vector3<f64>) -> Vec<usize> {
         let Proposal { at, ways } = proposal;
         let least = UNDECIDED * self.unit;
@@ -228,7 +228,7 @@ impl Judge<'_> {
     }
 }
 
-/// The views that propose, in an order that depends on what they see and not on how they are numbered.
+/// The views that propose, in an order that depends on their detections and not on their numbers.
 fn proposers(ways: &[Ways]) -> Vec<usize> {
     let mut views: Vec<usize> = (0..ways.len()).filter(|i| ways[*i].all > 0.0).collect();
     let best = |i: usize| ways[i].own.max(ways[i].exchanged);

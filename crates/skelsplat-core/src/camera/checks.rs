@@ -1,4 +1,4 @@
-//! What makes a camera's numbers a camera.
+//! Validation of a camera's parameters.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -6,19 +6,19 @@ use crate::error::{Error, Result};
 
 /// Largest entry of `RᵀR − I` accepted: single-precision and seven-digit files pass, a scaled or sheared R does not.
 const ORTHONORMAL: f64 = 1e-6;
-/// Largest entry, relative to fx, that still counts as one of K's zeros (rounding of a computed K).
+/// Largest entry, relative to fx, that is accepted as one of K's zeros (rounding of a computed K).
 const ZERO: f64 = 1e-9;
 
 /// Focal lengths, pixels: from a camera scaled down to one pixel to a telescope. With the bounds below, products of a few of
-/// these numbers and their squares stay far from the ends of a double.
+/// these numbers and their squares stay well within the range of a double.
 const FOCAL: [f64; 2] = [1e-9, 1e9];
 /// Largest coordinate of the principal point, pixels.
 const PRINCIPAL: f64 = 1e9;
 /// Largest coordinate of the translation, in any unit: a million kilometres in mm.
 const TRANSLATION: f64 = 1e12;
-/// Largest distortion coefficient: rational models of real lenses have some of hundreds.
+/// Largest distortion coefficient: those of rational models of real lenses can reach hundreds.
 const COEFFICIENT: f64 = 1e9;
-/// Largest width and height, pixels: that of a JPEG. The pixels of an image can be counted in 32 bits.
+/// Largest width and height, pixels: the limit of JPEG. The number of pixels then fits in 32 bits.
 const SIDE: u32 = 65_535;
 
 /// Adds the camera's name to the argument of an input error, for use in `map_err`.
@@ -67,7 +67,7 @@ pub(super) fn rotation(r: &Matrix3<f64>) -> Result<()> {
     let off = (r.tr_mul(r) - Matrix3::identity()).amax();
     if off > ORTHONORMAL {
         let expected = format!("an orthonormal matrix (RᵀR = I to {ORTHONORMAL:e})");
-        return Err(Error::invalid("R", expected, format!("one that is off by {off:.3e}")));
+        return Err(Error::invalid("R", expected, format!("a deviation of {off:.3e}")));
     }
     if r.determinant() < 0.0 {
         let actual = "a reflection (determinant -1): an axis is flipped or two are swapped";
@@ -98,7 +98,7 @@ pub(super) fn size(size: [u32; 2]) -> Result<()> {
     Ok(())
 }
 
-/// Every value lies within ±`most`; otherwise the message shows the first that does not.
+/// Checks that every value lies within ±`most`; the message shows the first that does not.
 fn within(argument: &str, values: &[f64], most: f64) -> Result<()> {
     match values.iter().find(|v| v.abs() > most) {
         None => Ok(()),
@@ -108,7 +108,7 @@ fn within(argument: &str, values: &[f64], most: f64) -> Result<()> {
     }
 }
 
-/// Every value is finite; otherwise the message shows the first that is not.
+/// Checks that every value is finite; the message shows the first that is not.
 pub(super) fn finite(argument: &str, values: &[f64]) -> Result<()> {
     match values.iter().find(|v| !v.is_finite()) {
         None => Ok(()),

@@ -21,7 +21,7 @@ pub enum Distortion {
 
 impl Distortion {
     /// From `OpenCV`'s coefficients: `k1,k2,p1,p2[,k3[,k4,k5,k6[,s1..s4[,τx,τy]]]]`, or the fisheye's `k1..k4`.
-    /// None at all is a pinhole.
+    /// No coefficients: a pinhole.
     ///
     /// # Errors
     /// [`Error::InvalidInput`] naming `distortion`: a count other than 0, 4, 5, 8, 12, 14 (fisheye: 0, 4)
@@ -55,7 +55,7 @@ impl Distortion {
         }
     }
 
-    /// Whether the lens leaves every point where it is. A fisheye never does: with zero coefficients it is equidistant.
+    /// Whether the lens has no effect. A fisheye always has one: with zero coefficients it is equidistant.
     #[must_use]
     pub fn is_none(&self) -> bool {
         match self {
@@ -107,13 +107,13 @@ pub struct BrownConrady {
 }
 
 impl BrownConrady {
-    /// From 4, 5, 8, 12 or 14 finite coefficients, which the caller has counted.
+    /// From finite coefficients, whose number (4, 5, 8, 12 or 14) the caller has checked.
     fn new(c: &[f64]) -> Self {
         let mut all = [0.0; 14];
         all[..c.len()].copy_from_slice(c);
         let tilt = (all[12] != 0.0 || all[13] != 0.0).then(|| {
             let m = tilt_matrix(all[12], all[13]);
-            // A sensor seen edge-on (τ = 90°) has no inverse; nothing is in range then.
+            // A sensor seen edge-on (τ = 90°) has no inverse; no point is then in range.
             (m, m.try_inverse().unwrap_or_else(|| Matrix3::repeat(f64::NAN)))
         });
         let (n, d) = ([1.0, all[0], all[1], all[4]], [1.0, all[5], all[6], all[7]]);
@@ -125,7 +125,7 @@ impl BrownConrady {
         self.fold
     }
 
-    /// Whether neither tangential nor thin-prism terms bend the rays sideways.
+    /// Whether there are no tangential and no thin-prism terms.
     pub(super) fn is_radial(&self) -> bool {
         self.all[2..4].iter().chain(&self.all[8..12]).all(|v| *v == 0.0)
     }
@@ -138,7 +138,7 @@ impl BrownConrady {
         (n / d, (dn * d - n * dd) / (d * d))
     }
 
-    /// All but the tilt.
+    /// Everything except the tilt.
     fn lens(&self, x: &Vector2<f64>) -> Vector2<f64> {
         let [_, _, p1, p2, .., s1, s2, s3, s4, _, _] = self.all;
         let q = x.norm_squared();
@@ -150,7 +150,7 @@ impl BrownConrady {
             )
     }
 
-    /// All but the tilt, with the Jacobian.
+    /// Everything except the tilt, with the Jacobian.
     pub(super) fn lens_with_jacobian(&self, x: &Vector2<f64>) -> (Vector2<f64>, Matrix2<f64>) {
         let [_, _, p1, p2, .., s1, s2, s3, s4, _, _] = self.all;
         let q = x.norm_squared();

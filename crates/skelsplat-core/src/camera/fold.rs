@@ -1,6 +1,6 @@
-//! Where a radial model stops being one-to-one, and its inverse up to there.
+//! The radius at which a radial model stops being one-to-one, and its inverse up to there.
 
-/// Largest r² looked at: rays 89.99° off the axis.
+/// Largest r² considered: rays 89.99° off the axis.
 const MAX_SQUARED_RADIUS: f64 = 1e8;
 /// Every second step at least halves the bracket or the error, both down to rounding well before this many.
 const MAX_STEPS: usize = 200;

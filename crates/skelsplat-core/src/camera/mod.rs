@@ -1,4 +1,4 @@
-//! A calibrated camera: where a world point lands in the image, and how that place moves with the point.
+//! A calibrated camera: projection of world points to pixels, with its Jacobian.
 //!
 //! World to camera is `x_c = R x_w + t` with x right, y down, z forward. Normalised coordinates are
 //! `(x/z, y/z)`, lens distortion maps them to distorted normalised ones, and K maps either to pixels.
@@ -19,7 +19,7 @@ pub use distortion::{BrownConrady, Distortion};
 pub use fisheye::Fisheye;
 pub use undistort::Undistorted;
 
-/// Camera-frame depth at or below which a point is not seen, in the unit of the arrays.
+/// Camera-frame depth at or below which a point has no projection, in the caller's unit of length.
 pub const NEAR: f64 = 1e-3;
 
 /// A calibrated camera with its lens and image size.
@@ -63,21 +63,21 @@ impl Camera {
         })
     }
 
-    /// The same camera behind this lens.
+    /// The same camera with this lens.
     #[must_use]
     pub fn with_distortion(mut self, distortion: Distortion) -> Self {
         self.distortion = distortion;
         self
     }
 
-    /// The same camera under this name.
+    /// The same camera with this name.
     #[must_use]
     pub fn with_name(mut self, name: impl Into<String>) -> Self {
         self.name = Some(name.into());
         self
     }
 
-    /// The name, if it has one.
+    /// The name, if any.
     #[must_use]
     pub fn name(&self) -> Option<&str> {
         self.name.as_deref()
@@ -126,7 +126,7 @@ impl Camera {
         &self.distortion
     }
 
-    /// Where the camera stands in the world: −Rᵀt.
+    /// The camera centre in the world: −Rᵀt.
     #[must_use]
     pub fn centre(&self) -> Vector3<f64> {
         -self.rotation.tr_mul(&self.translation)
@@ -155,8 +155,8 @@ impl Camera {
 
     /// The pixel of a world point through the lens, or `None` at or behind [`NEAR`].
     ///
-    /// The model's formula is evaluated as it stands, like `OpenCV`'s, also for points so far outside the
-    /// image that a fitted polynomial folds back there.
+    /// Like `OpenCV`, evaluates the model's formula unchanged, even for points so far outside the image that a fitted
+    /// polynomial folds back.
     #[must_use]
     pub fn project(&self, x: &Vector3<f64>) -> Option<Vector2<f64>> {
         self.normalised(x).map(|n| self.to_pixel(&self.distortion.distort(&n)))
@@ -205,8 +205,8 @@ impl Camera {
         }
     }
 
-    /// The camera whose image is this one's resized by `factor`: u' = (u + ½)·factor − ½.
-    /// K and the size (rounded, at least 1) follow; distortion acts on normalised coordinates and stays.
+    /// The camera for images resized by `factor`: u' = (u + ½)·factor − ½.
+    /// K and the size (rounded, at least 1) change; distortion acts on normalised coordinates and does not.
     ///
     /// # Errors
     /// [`Error::InvalidInput`] if `factor` is not positive and finite, or if K or the size leave the ranges of
@@ -218,14 +218,14 @@ impl Camera {
         let mut out = self.clone();
         out.focal *= factor;
         out.principal = self.principal.map(|c| (c + 0.5) * factor - 0.5);
-        // Saturates, far beyond what is accepted.
+        // Saturates far above the accepted sizes.
         out.size = self.size.map(|n| (f64::from(n) * factor).round().max(1.0) as u32);
         let checked = checks::intrinsics(&out.k()).and_then(|()| checks::size(out.size));
         checked.map(|()| out).map_err(|error| match error {
             Error::InvalidInput { argument, expected, actual } => Error::invalid(
                 "factor",
-                format!("one after which {argument} has {expected}"),
-                format!("{factor:e}, after which it has {actual}"),
+                format!("a factor that gives {argument} {expected}"),
+                format!("{factor:e}, which gives {actual}"),
             ),
             other => other,
         })
@@ -253,7 +253,7 @@ impl Camera {
     }
 }
 
-/// False also for a depth that is not a number.
+/// Also false for NaN.
 fn in_front(c: &Vector3<f64>) -> bool {
     c.z > NEAR
 }

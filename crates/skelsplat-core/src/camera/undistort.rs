@@ -12,7 +12,7 @@ const STOP_PX: f64 = 1e-11;
 const MAX_STEPS: usize = 50;
 /// Shortest fraction of a Newton step that is tried.
 const SHORTEST: f64 = 1e-6;
-/// Parts of the radial solution to start from, in turn: near a fold the first may lie beyond it.
+/// Fractions of the radial solution to start from, in turn: near a fold the first may lie beyond it.
 const STARTS: [f64; 3] = [1.0, 0.7, 0.4];
 /// Points of the segment from the axis to an answer at which the map must keep its orientation.
 const SHEET_SAMPLES: usize = 16;
@@ -102,7 +102,7 @@ fn newton(
             }
             fraction *= 0.5;
             if fraction < SHORTEST {
-                // No way down: rounding, or a fold.
+                // No descent: rounding, or a fold.
                 return (at.2 <= TOLERANCE_PX).then_some(x);
             }
         }
@@ -110,7 +110,7 @@ fn newton(
     (at.2 <= TOLERANCE_PX).then_some(x)
 }
 
-/// Whether nothing folds between the axis and `x`.
+/// Whether there is no fold between the axis and `x`.
 fn on_first_sheet(lens: &BrownConrady, x: &Vector2<f64>) -> bool {
     (1..=SHEET_SAMPLES).all(|i| {
         let part = x * (i as f64 / SHEET_SAMPLES as f64);

@@ -1,6 +1,6 @@
-//! The built-in layouts: joint orders as the data sets and detectors write them, everything else from the names.
+//! The built-in layouts: joint orders as used by data sets and detectors; everything else is derived from the names.
 //!
-//! One body joint has one name everywhere. `pelvis` is the centre of the hips (Panoptic's body centre, `OpenPose`'s
+//! A body joint has the same name in all layouts. `pelvis` is the centre of the hips (Panoptic's body centre, `OpenPose`'s
 //! mid hip, Occlusion-Person's root), `spine` the middle of the trunk (Occlusion-Person's belly), `neck` the base of
 //! the neck or head (Human3.6M's thorax, Shelf's bottom of the head) and `head` the top of the head.
 
@@ -41,7 +41,7 @@ const JOINTS: [&str; 8] = [
      l_shoulder l_elbow l_wrist neck head",
 ];
 
-/// Limbs of one side with their symmetry tier (0: drawn, but no part of the symmetry loss).
+/// Limbs of one side with their symmetry tier (0: drawn, but not part of the symmetry loss).
 const SIDE: [(&str, &str, u8); 13] = [
     ("elbow", "wrist", 1),
     ("knee", "ankle", 1),
@@ -54,7 +54,7 @@ const SIDE: [(&str, &str, u8); 13] = [
     ("ankle", "heel", 0),
     ("ankle", "big_toe", 0),
     ("big_toe", "small_toe", 0),
-    // Where the trunk's own joints are missing, its sides and the ears hold it together.
+    // Where the trunk has no joints of its own, its sides and the ears connect the skeleton.
     ("shoulder", "hip", 0),
     ("ear", "shoulder", 0),
 ];
@@ -71,7 +71,7 @@ const MIDDLE: [(&str, &str); 8] = [
     ("left_shoulder", "right_shoulder"),
 ];
 
-/// The layout of a canonical name.
+/// The layout with this canonical name.
 pub(super) fn spec(name: &str) -> Option<LayoutSpec> {
     let which = NAMES.iter().position(|n| *n == name)?;
     let joints: Vec<String> = JOINTS[which].split_whitespace().map(long_name).collect();
@@ -106,7 +106,7 @@ fn find(joints: &[String], name: &str) -> Option<usize> {
     joints.iter().position(|j| j == name)
 }
 
-/// Both ends of a limb; on a `side` a joint with a left and a right version is that side's.
+/// Both ends of a limb; on a `side`, a joint with a left and a right version is the one on that side.
 fn limb(joints: &[String], side: &str, a: &str, b: &str) -> Option<[usize; 2]> {
     let on_side = |name| find(joints, &format!("{side}_{name}")).or_else(|| find(joints, name));
     Some([on_side(a)?, on_side(b)?])
@@ -122,7 +122,7 @@ fn symmetric(joints: &[String]) -> Vec<SymmetricPair> {
         .collect()
 }
 
-/// Every limb whose ends exist and that no finer path replaces.
+/// Every limb with both ends in the layout and not replaced by a finer path.
 fn limbs(joints: &[String]) -> Vec<[usize; 2]> {
     let has = |name| find(joints, name).is_some();
     let replaced = |a: &str, b: &str| match (a, b) {
@@ -143,7 +143,7 @@ fn limbs(joints: &[String]) -> Vec<[usize; 2]> {
     middle.chain(sides).collect()
 }
 
-/// The pelvis, or the two hips whose mean it is.
+/// The pelvis, or else the two hips, whose mean it is.
 fn root(joints: &[String]) -> Vec<usize> {
     match find(joints, "pelvis") {
         Some(i) => vec![i],

@@ -7,10 +7,10 @@
 //! ∂C/∂a_j = T_j − S_j / (1 − a_j)
 //! ```
 //!
-//! since every term behind j holds the factor (1 − a_j); a ≤ 0.99 keeps the division safe. The pseudo
+//! since every term behind j holds the factor (1 − a_j); a ≤ 0.99 bounds the divisor away from zero. The pseudo
 //! ground truth is the sum of the joints' heat maps, scaled to peak 1. Canvases cover the person's window,
-//! never the whole image. This path is for ablations and keeps to doubles. Once `cancel` is set, no further row is
-//! drawn and what comes back is for the bin.
+//! never the whole image. This path is for ablations and uses only doubles. Once `cancel` is set, no further row is
+//! rendered and the result is invalid.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -32,7 +32,7 @@ pub struct Canvas {
 }
 
 impl Canvas {
-    /// Makes this canvas cover `rows` × `columns`, filled with `value`.
+    /// Resizes this canvas to `rows` × `columns`, filled with `value`.
     pub fn reset(&mut self, rows: Span, columns: Span, value: f64) {
         (self.rows, self.columns) = (rows, columns);
         self.values.clear();
@@ -117,7 +117,7 @@ fn each_row(
 }
 
 impl Composite {
-    /// Takes the pseudo ground truth from the detections' heat maps: their sum, scaled to peak 1.
+    /// Sets the pseudo ground truth from the detections' heat maps: their sum, scaled to peak 1.
     #[must_use]
     pub fn new(heats: &[Splat], cancel: &AtomicBool) -> Self {
         let mut out = Self::default();
@@ -142,7 +142,7 @@ impl Composite {
         &self.pseudo
     }
 
-    /// The pseudo ground truth alone, without the buffers.
+    /// Only the pseudo ground truth, without the buffers.
     #[must_use]
     pub fn into_pseudo(self) -> Canvas {
         self.pseudo
@@ -171,7 +171,7 @@ impl Composite {
         CompositeSums { squared, mask }
     }
 
-    /// C on `difference`, and the light left behind all joints on `transmittance`.
+    /// C in `difference`, and the transmittance behind all joints in `transmittance`.
     fn forward(&mut self, splats: &[Splat], cancel: &AtomicBool) {
         let (rows, columns) = hull(splats.iter());
         let rows = rows.hull(self.pseudo.rows);
@@ -191,7 +191,7 @@ impl Composite {
         }
     }
 
-    /// Moments of every splat after [`Composite::compare`] with the same `splats`, nearest first; hands
+    /// Moments of every splat after [`Composite::compare`] with the same `splats`, nearest first; passes
     /// them to `give(index, moments)`, farthest first.
     pub fn backward(
         &mut self,

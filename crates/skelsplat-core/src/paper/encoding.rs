@@ -1,4 +1,4 @@
-//! How joints are laid out in channels (paper §3 "Joint encoding and rendering", Tab. "encoding").
+//! The assignment of joints to channels (paper §3 "Joint encoding and rendering", Tab. "encoding").
 
 use crate::error::{Error, Result};
 

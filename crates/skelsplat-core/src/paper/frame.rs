@@ -1,4 +1,4 @@
-//! The published method for one frame: Gaussians at the initial pose, moved by Adam.
+//! The published method for one frame: Gaussians start at the initial pose and are optimised by Adam.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -17,7 +17,7 @@ use crate::projection::View;
 use crate::symmetry::LimbPair;
 use crate::triangulate::dlt;
 
-/// Share of the largest camera distance that the released formula takes as learning rate.
+/// Learning rate of the released formula, as a fraction of the largest camera distance.
 const EXTENT_LR: f64 = 5e-4 * 1.1;
 
 /// Mean and covariance per joint `(N)`, the shapes of the pseudo ground truth.
@@ -36,23 +36,23 @@ pub struct Frame<'a> {
     pub pairs: &'a [LimbPair],
     /// The settings.
     pub settings: &'a PaperSettings,
-    /// Whether to share the windows of the pose among the threads of the pool that the caller is in.
+    /// Whether to distribute the windows of the pose over the threads of the caller's pool.
     pub parallel: bool,
-    /// Ends the work once it is set.
+    /// Once set, the work ends.
     pub cancel: &'a AtomicBool,
 }
 
 /// The loss of a skeleton and its gradient `(N)`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LossAndGradient {
-    /// Over all views.
+    /// Loss over all views.
     pub loss: Loss,
-    /// In the parameters of every Gaussian.
+    /// Gradient with respect to the parameters of every Gaussian.
     pub gradient: Vec<GaussianGradient>,
 }
 
 impl Frame<'_> {
-    /// The pose of the frame, from the joints of `init` that are known, with splats of standard deviation `sigmas` `(N)`.
+    /// The pose of the frame, starting from the known joints of `init`, with splats of standard deviation `sigmas` `(N)`.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`] if the windows are too large, [`Error::Cancelled`] once `cancel` is set.
@@ -87,8 +87,8 @@ impl Frame<'_> {
         })
     }
 
-    /// Loss over all views and its gradient for any Gaussians `(N)`, in doubles; `shapes` are those of the pseudo ground
-    /// truth.
+    /// Loss over all views and its gradient for any Gaussians `(N)`, in doubles; `shapes` determine the pseudo
+    /// ground truth.
     ///
     /// # Errors
     /// As [`Self::solve`].
@@ -103,7 +103,7 @@ impl Frame<'_> {
         Ok(LossAndGradient { loss, gradient: objective.gradient().to_vec() })
     }
 
-    /// The initial pose; joints that have none are triangulated.
+    /// The initial pose; missing joints are triangulated.
     fn initial_pose(&self, init: Option<&[Option<Vector3<f64>>]>) -> Vec<Vector3<f64>> {
         match init {
             Some(pose) if pose.iter().all(Option::is_some) => {

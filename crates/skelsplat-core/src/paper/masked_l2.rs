@@ -11,7 +11,7 @@
 //! ∂/∂Σ²        = −A (∂/∂A) A           (from d(Σ⁻¹) = −Σ⁻¹ dΣ Σ⁻¹)
 //! ```
 //!
-//! so five moments of w are all that the pixels have to give. The mask is a constant.
+//! so five moments of w are all that is needed from the pixels. The mask is treated as constant.
 
 use nalgebra::{Matrix2, Vector2};
 
@@ -19,14 +19,14 @@ use super::pseudo_gt::HeatMap;
 use super::rows::{Group, LANES, Pixel, RowTable, lane_numbers};
 use super::splat::{ALPHA_MAX, Row, Span, Splat};
 
-/// Value of one channel and the moments that its gradient is made of.
+/// Value of one channel and the moments that determine its gradient.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct ChannelSums {
     /// Σ (R−P)² over the mask.
     pub squared: f64,
     /// Number of pixels of the mask.
     pub mask: u32,
-    /// What the gradient needs of the pixels.
+    /// Moments for the gradient.
     pub moments: Moments,
 }
 
@@ -55,7 +55,7 @@ impl Moments {
     }
 }
 
-/// Rows after which the lanes' sums go into doubles: keeps the error of f32 sums at that of a few rows.
+/// Rows after which the lanes' sums are added to doubles, which limits the error of f32 sums to that of a few rows.
 const FLUSH: usize = 16;
 
 /// Per-lane sums over some rows: Σ R(R−2P), Σw·{x, y, xx, xy, yy}.
@@ -66,7 +66,7 @@ impl<P: Pixel> Lanes<P> {
         Self([P::Group::splat(P::zero()); 6])
     }
 
-    /// Moves the sums over to `total`.
+    /// Adds the sums to `total` and resets them.
     fn flush(&mut self, total: &mut [f64; 6]) {
         let lanes = std::mem::replace(self, Self::zero());
         total.iter_mut().zip(lanes.0).for_each(|(t, group)| *t += group.sum().wide());
@@ -100,7 +100,7 @@ pub fn channel<P: Pixel>(splat: &Splat, heat: &HeatMap<P>, line: &mut Vec<P>) ->
     }
 }
 
-/// One row of the pseudo ground truth up to whole groups, put together in `line` where the heat map's window
+/// One row of the pseudo ground truth up to whole groups, assembled in `line` where the heat map's window
 /// does not hold all of it.
 #[cold]
 fn gather<'a, P: Pixel>(heat: &HeatMap<P>, v: i32, span: Span, line: &'a mut Vec<P>) -> &'a [P] {

@@ -25,14 +25,14 @@ use crate::overlap::PlaneGaussian;
 use crate::projection::{Projected, View};
 use crate::symmetry::{LimbPair, symmetry};
 
-/// Pixels of pseudo ground truth from which sharing one pose's windows among threads pays.
+/// Pixels of pseudo ground truth from which distributing one pose's windows over threads is faster.
 const PARALLEL_PIXELS: u64 = 5_000;
 
 /// Area of the ellipse a ≥ 1/255, 2π ln 255 √|Σ|, in units of the energy π√|Σ|.
 const ELLIPSE_AREA: f64 = CUT;
 
-/// What the skeleton is matched to: detections, and the Gaussians whose projected covariance shapes their
-/// heat maps.
+/// The targets of the skeleton: detections, and the Gaussians that determine the shape of their heat maps by their
+/// projected covariance.
 #[derive(Debug, Clone, Copy)]
 pub struct Targets<'a> {
     /// Ideal pixels.
@@ -43,20 +43,20 @@ pub struct Targets<'a> {
     pub dilation: f64,
     /// Joint encoding.
     pub encoding: Encoding,
-    /// What compares a render with its target.
+    /// How a render is compared with its target.
     pub renderer: Renderer,
 }
 
-/// What the render of a joint in a view is compared with.
+/// The target of a joint in a view.
 #[derive(Debug, Clone)]
 enum Target<P> {
-    /// Nothing is detected, or the detection has no pixel in the image.
+    /// None: the detection is missing or has no pixel in the image.
     Missing,
-    /// Pixels of its own.
+    /// A heat map.
     Raster(HeatMap<P>),
-    /// The Gaussian itself.
+    /// A Gaussian, for the closed form.
     ClosedForm(PlaneGaussian),
-    /// Its part in the view's shared channel.
+    /// A part of the view's shared channel.
     Shared,
 }
 
@@ -75,7 +75,7 @@ struct ChannelLoss {
 #[derive(Debug, Clone)]
 struct Channel<P> {
     target: Target<P>,
-    /// The detection's splat, where there is a target.
+    /// The detection's splat, if there is a target.
     detection: Option<Splat>,
     line: Vec<P>,
     projected: Option<Projected>,
@@ -83,8 +83,8 @@ struct Channel<P> {
     loss: ChannelLoss,
 }
 
-/// The objective of one pose, with every buffer that an evaluation needs. Nothing is allocated from one
-/// evaluation to the next once the buffers have their size.
+/// The objective of one pose, with every buffer that an evaluation needs. Once the buffers have their
+/// size, evaluations do not allocate.
 #[derive(Debug, Clone)]
 pub struct Objective<'a, P> {
     views: &'a [View],
@@ -138,7 +138,7 @@ impl<P: Pixel> Channel<P> {
         matches!(self.target, Target::Missing)
     }
 
-    /// Projects the joint; with a channel of its own also compares it.
+    /// Projects the joint and, if it has its own channel, compares it with its target.
     fn forward(
         &mut self,
         view: &View,
@@ -184,11 +184,11 @@ impl ChannelLoss {
 }
 
 impl<'a, P: Pixel> Objective<'a, P> {
-    /// Builds the pseudo ground truth of `targets` in `views`. `parallel`, in a pool of threads, allows threads within the
-    /// pose.
+    /// Builds the pseudo ground truth of `targets` in `views`. `parallel` allows the threads of the current pool to work on
+    /// this pose.
     ///
     /// # Errors
-    /// [`Error::OutOfMemory`] before it is built, [`Error::Cancelled`] once `cancel` is set.
+    /// [`Error::OutOfMemory`] before building it, [`Error::Cancelled`] once `cancel` is set.
     pub fn new(
         views: &'a [View],
         targets: &Targets<'_>,
@@ -249,13 +249,13 @@ impl<'a, P: Pixel> Objective<'a, P> {
         self.views.len()
     }
 
-    /// In how many views joint `j` has pseudo ground truth.
+    /// Number of views with pseudo ground truth for joint `j`.
     #[must_use]
     pub fn usable_views(&self, j: usize) -> usize {
         self.of_joint(j).filter(|c| !c.is_missing()).count()
     }
 
-    /// In how many views the splat of joint `j` met its pseudo ground truth at the last evaluation.
+    /// Number of views in which the splat of joint `j` overlapped its pseudo ground truth at the last evaluation.
     #[must_use]
     pub fn meeting_views(&self, j: usize) -> usize {
         let meets = |c: &&Channel<P>| match (&c.detection, &c.splat) {
@@ -275,7 +275,7 @@ impl<'a, P: Pixel> Objective<'a, P> {
         &self.gradient
     }
 
-    /// Loss and gradient of `gaussians` over the `active` views; of no meaning once the objective is cancelled.
+    /// Loss and gradient of `gaussians` over the `active` views; meaningless once cancelled.
     pub fn evaluate(&mut self, gaussians: &[Gaussian], active: &[bool]) -> Loss {
         self.gradient.fill(GaussianGradient::ZERO);
         for (covariance, g) in self.covariances.iter_mut().zip(gaussians) {
@@ -373,7 +373,7 @@ impl<'a, P: Pixel> Objective<'a, P> {
         loss
     }
 
-    /// Joints of view `i` that are drawn, by depth; of two at one depth the lower index counts as nearer.
+    /// Rendered joints of view `i`, by depth; at equal depth the lower index counts as nearer.
     fn nearest_first(&self, i: usize, order: &mut Vec<usize>) {
         let view = &self.channels[self.of_view(i)];
         order.clear();
@@ -384,7 +384,7 @@ impl<'a, P: Pixel> Objective<'a, P> {
         order.sort_by(|a, b| depth(a).total_cmp(&depth(b)));
     }
 
-    /// Carries the gradient in the projected mean and covariance of channel `k` back to its joint.
+    /// Propagates the gradient from the projected mean and covariance of channel `k` to its joint.
     fn channel_backward(
         &mut self,
         gaussians: &[Gaussian],
@@ -409,7 +409,7 @@ impl<'a, P: Pixel> Objective<'a, P> {
     }
 }
 
-/// Refuses windows that do not fit into memory, those of the frames that other threads work on at the same time included.
+/// Rejects windows that do not fit into memory, including those of frames processed concurrently by other threads.
 fn check_memory<P>(
     found: &[Option<(Splat, PlaneGaussian)>],
     n_joints: usize,
@@ -433,7 +433,7 @@ fn check_memory<P>(
     })
 }
 
-/// A small count as a double.
+/// A small count converted to a double.
 fn count(n: usize) -> f64 {
     f64::from(u32::try_from(n).unwrap_or(u32::MAX))
 }

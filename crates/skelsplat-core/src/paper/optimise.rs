@@ -13,21 +13,21 @@ use crate::error::{Error, Result};
 use crate::gaussian::Gaussian;
 use crate::outcome::{Loss, StopReason};
 
-/// How an optimisation went.
+/// The outcome of an optimisation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Run {
     /// Steps taken.
     pub n_iter: usize,
-    /// Why it ended.
+    /// Why the optimisation ended.
     pub stop_reason: StopReason,
-    /// Loss of every step, if asked for.
+    /// Loss of every step, if requested.
     pub history: Vec<Loss>,
 }
 
 /// Moves `gaussians` to a minimum of `objective` over `n_views` views; `position_lr` in mm per step.
 ///
 /// # Errors
-/// [`Error::Cancelled`] once `cancel`, that of the objective, is set.
+/// [`Error::Cancelled`] once `cancel`, the flag of the objective, is set.
 pub fn optimise<P: Pixel>(
     gaussians: &mut [Gaussian],
     objective: &mut Objective<'_, P>,
@@ -39,8 +39,8 @@ pub fn optimise<P: Pixel>(
     let per_step = settings.views_per_step.unwrap_or(n_views);
     let decay = decay(settings, position_lr);
     let mut adam = Adam::new(gaussians.len(), settings.adam_betas, settings.adam_epsilon);
-    let mut stopping =
-        WindowMinimum::new(settings.stop_window.unwrap_or(n_views), settings.stop_tolerance);
+    let window = settings.stop_window.unwrap_or(n_views);
+    let mut stopping = WindowMinimum::new(window, settings.stop_tolerance);
     let mut active = vec![true; n_views];
     let mut last = gaussians.to_vec();
     let mut run = Run { n_iter: 0, stop_reason: StopReason::MaxSteps, history: Vec::new() };
@@ -51,14 +51,13 @@ pub fn optimise<P: Pixel>(
         if cancel.load(Ordering::Relaxed) {
             return Err(Error::Cancelled);
         }
-        if !loss.total.is_finite() {
-            gaussians.copy_from_slice(&last);
-            run.stop_reason = StopReason::Diverged;
-            break;
+        let mut diverged = !loss.total.is_finite();
+        if !diverged {
+            last.copy_from_slice(gaussians);
+            adam.step(gaussians, objective.gradient(), rates(settings, decay.at(step)));
+            diverged = !stayed_finite(gaussians, &last);
         }
-        last.copy_from_slice(gaussians);
-        adam.step(gaussians, objective.gradient(), rates(settings, decay.at(step)));
-        if !gaussians.iter().zip(&last).all(|(now, before)| before.is_finite() <= now.is_finite()) {
+        if diverged {
             gaussians.copy_from_slice(&last);
             run.stop_reason = StopReason::Diverged;
             break;
@@ -73,6 +72,11 @@ pub fn optimise<P: Pixel>(
         }
     }
     Ok(run)
+}
+
+/// Whether every Gaussian that was finite before a step is finite after it.
+fn stayed_finite(now: &[Gaussian], before: &[Gaussian]) -> bool {
+    now.iter().zip(before).all(|(now, before)| before.is_finite() <= now.is_finite())
 }
 
 fn decay(settings: &PaperSettings, initial: f64) -> ExponentialDecay {

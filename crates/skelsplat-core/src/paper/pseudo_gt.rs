@@ -6,7 +6,7 @@
 use super::rows::{Group, LANES, Pixel, RowTable};
 use super::splat::{Row, Span, Splat};
 
-/// Zero columns kept on either side, so that a render nearby finds whole rows in the window.
+/// Zero columns on either side, so that the window contains the whole rows of nearby renders.
 const MARGIN: i32 = 8;
 
 /// A heat map on a window of pixels, zero elsewhere.
@@ -37,7 +37,7 @@ impl<P> HeatMap<P> {
 }
 
 impl<P: Pixel> HeatMap<P> {
-    /// The heat map of `splat`, whose mean is the detection.
+    /// The heat map of `splat`, with the detection as its mean.
     #[must_use]
     pub fn new(splat: &Splat) -> Self {
         let (rows, inner) = (splat.rows, splat.columns);
@@ -74,7 +74,7 @@ impl<P: Pixel> HeatMap<P> {
         self.spans.get(self.index(v)).copied().unwrap_or_default()
     }
 
-    /// Row `v` over `span`'s pixels that the window holds, with the offset of the first in `span`.
+    /// Row `v` over the pixels of `span` inside the window, with the offset of the first in `span`.
     #[must_use]
     pub fn line(&self, v: i32, span: Span) -> (usize, &[P]) {
         let shared = span.intersection(self.span(v));

@@ -1,4 +1,4 @@
-//! Whole images, made only when a caller asks for one.
+//! Whole images, rendered only on request.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -25,13 +25,13 @@ pub struct Images {
 }
 
 impl Images {
-    /// Black images, if there is memory for them and for `buffers` more bytes.
+    /// Black images, if there is enough memory for them and `buffers` more bytes.
     fn new(channels: usize, size: [u32; 2], buffers: u128) -> Result<Self> {
         let [w, h] = size.map(|s| s as usize);
         let count = channels as u128 * w as u128 * h as u128;
         let bytes = count * size_of::<f32>() as u128 + buffers;
         memory::check(bytes, || format!("images: {channels} x {h} x {w} float32 values"))?;
-        // Fits: the check has had it reserved.
+        // Fits in usize: the check has reserved this size.
         let count = usize::try_from(count).unwrap_or(usize::MAX);
         Ok(Self { channels, size, values: vec![0.0; count] })
     }
@@ -65,7 +65,7 @@ impl Images {
     }
 }
 
-/// A splat with its depth, `None` where the view does not see the Gaussian.
+/// A splat with its depth, `None` if the Gaussian is not in front of the camera.
 pub type Seen = Option<(Splat, f64)>;
 
 /// Splats in `view` of Gaussians `(mean, covariance)`, the projected variances enlarged by `dilation`.
@@ -91,10 +91,10 @@ pub fn heats(
     splats.iter().zip(detections).map(one).collect()
 }
 
-/// Renders `splats` (one per joint with its depth, `None` where the view does not see it).
+/// Renders `splats` (one per joint with its depth, `None` if it is not in front of the camera).
 ///
 /// # Errors
-/// [`Error::OutOfMemory`] before anything is drawn, [`Error::Cancelled`] once `cancel` is set.
+/// [`Error::OutOfMemory`] before rendering, [`Error::Cancelled`] once `cancel` is set.
 pub fn render(
     splats: &[Seen],
     encoding: Encoding,
@@ -110,7 +110,7 @@ pub fn render(
     shared(&nearest_first(splats), encoding, size, cancel, Composite::render)
 }
 
-/// Draws the pseudo ground truth of `heats` (one per joint, `None` where there is no detection).
+/// Renders the pseudo ground truth of `heats` (one per joint, `None` where missing).
 ///
 /// # Errors
 /// As [`render`].
@@ -128,7 +128,7 @@ pub fn pseudo_ground_truth(
     shared(&shown, encoding, size, cancel, draw)
 }
 
-/// Every splat, cut at `limit`, on a channel of its own.
+/// Every splat, cut at `limit`, on its own channel.
 fn apart(
     splats: impl ExactSizeIterator<Item = Option<Splat>>,
     limit: f32,
@@ -144,7 +144,7 @@ fn apart(
     unless_cancelled(images, cancel)
 }
 
-/// The canvas that the splats share, on every channel.
+/// The shared canvas of the splats, on every channel.
 fn shared(
     splats: &[Splat],
     encoding: Encoding,
@@ -163,7 +163,7 @@ fn unless_cancelled(images: Images, cancel: &AtomicBool) -> Result<Images> {
     if cancel.load(Ordering::Relaxed) { Err(Error::Cancelled) } else { Ok(images) }
 }
 
-/// The splats that are there, by depth; of two at one depth the lower joint counts as nearer.
+/// The splats without missing ones, by depth; at equal depth the lower joint counts as nearer.
 fn nearest_first(splats: &[Seen]) -> Vec<Splat> {
     let mut order: Vec<(Splat, f64)> = splats.iter().flatten().copied().collect();
     order.sort_by(|a, b| a.1.total_cmp(&b.1));

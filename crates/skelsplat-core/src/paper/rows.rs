@@ -9,20 +9,20 @@
 //! r_l      ← r_l · exp(−a L²)    from one group to the next
 //! ```
 //!
-//! Each step multiplies rounding into both g and r, so the relative error after k groups is about k²/2 ulp, beside
-//! k times that of the first r; the recurrence starts anew every `RESTART` groups, where k²/2 has reached 32 ulp.
+//! Each step multiplies rounding into both g and r, so the relative error after k groups is about k²/2 ulp, plus
+//! k times that of the first r; the recurrence restarts every `RESTART` groups, when k²/2 reaches 32 ulp.
 
 use std::ops::{Add, Mul, Sub};
 
 use num_traits::Float;
 use wide::{f32x8, f64x8};
 
-/// Pixels that are worked on at once.
+/// Pixels processed at once.
 pub const LANES: usize = 8;
-/// Groups after which the recurrence starts anew.
+/// Groups after which the recurrence restarts.
 const RESTART: usize = 8;
 
-/// A floating-point type for pixels: `f32` in the solver, `f64` where gradients are studied.
+/// A floating-point type for pixels: `f32` in the solver, `f64` to study gradients.
 pub trait Pixel: Float + Default + Send + Sync + std::fmt::Debug + 'static {
     /// [`LANES`] of them in vector registers.
     type Group: Group<Self>;
@@ -40,7 +40,7 @@ pub trait Group<P>: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output 
     fn splat(value: P) -> Self;
     /// One value per lane.
     fn lanes(self) -> [P; LANES];
-    /// The lesser of both, lane by lane.
+    /// The minimum of both, lane by lane.
     fn least(self, other: Self) -> Self;
     /// The lanes of `value` where `self` is below `limit`, zero elsewhere.
     fn gate(self, limit: Self, value: Self) -> Self;
@@ -94,7 +94,7 @@ macro_rules! pixel {
 pixel!(f32, f32x8);
 pixel!(f64, f64x8);
 
-/// Numbers of the lanes, for tables.
+/// Indices of the lanes, for tables.
 const LANE_NUMBERS: [f64; LANES] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 /// [`LANES`] as a double.
 const WIDTH: f64 = 8.0;
@@ -224,7 +224,7 @@ mod tests {
         // as much once for the start.
         let single = 32.0 + 8.0 * 2.0 + 2.0;
         assert!(worst::<f32>() / 2.0_f64.powi(-24) < single, "{}", worst::<f32>());
-        // Doubles also feel the rounding of the exponents, which f32 factors do not: the exponents of the start add
+        // Doubles are also affected by the rounding of the exponents, unlike f32 factors: the exponents of the start add
         // up to ½ a d² + a |d| l + ½ a l² < 5.6 + 43 + 81 at the smallest σ here, 0.55 px, each off by half an ulp
         // of itself, hence the exponential by as many ulp of its own.
         let double = single + 0.5 * 130.0 * 2.0;

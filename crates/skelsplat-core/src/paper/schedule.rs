@@ -1,4 +1,4 @@
-//! What changes from step to step: the position learning rate and the views that take part.
+//! Schedules over the steps: the position learning rate and the views of each step.
 
 /// lr(t) = lr₀ · decay^(t / steps), t counted from 0.
 #[derive(Debug, Clone, Copy, PartialEq)]

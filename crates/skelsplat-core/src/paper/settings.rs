@@ -13,43 +13,43 @@ settings! {
         sigma_mm: f64 = LOG_SCALE.exp(), Domain::Positive, "mm",
             "Initial standard deviation σ₀ of every joint's splat.";
         max_steps: usize = 125, Domain::Any, "",
-            "Largest number of steps.";
+            "Maximum number of steps.";
         renderer: Renderer = Renderer::Raster, Domain::Any, "",
-            "What compares splats with detections: the paper's pixels, or the exact integral of the same loss over the plane \
-             (one-hot encoding only).";
+            "How splats are compared with detections: `raster` on pixels, as in the paper, or `closed_form` with the exact \
+             integral of the same loss over the plane (one-hot encoding only).";
         dilation: f64 = 0.3, Domain::Positive, "px²",
             "h, added to the projected variances.";
         encoding: Encoding = Encoding::OneHot, Domain::Any, "",
-            "Joint encoding; the shared ones are ablations.";
+            "Joint encoding; `rgb` and `single`, which share channels among joints, are for ablations.";
         symmetry_weight: f64 = 1e-5, Domain::NotNegative, "mm⁻²",
             "λ_sym, the weight of the symmetry loss.";
         views_per_step: Option<usize> = None, Domain::Within(1, usize::MAX), "",
-            "Views whose gradients are accumulated before a step; None: all.";
+            "Number of views accumulated into the gradient of a step; None: all.";
         position_lr_mm: PositionLearningRate = PositionLearningRate::Millimetres(3.0), Domain::Rate, "mm",
             "Initial learning rate of the means; \"camera_extent\": 5e-4 · 1.1 · the largest distance of a camera centre from \
              their mean.";
         position_lr_factor: f64 = 1.0, Domain::Positive, "",
-            "Multiplies `position_lr_mm`; the paper's dome rigs ran with 10 times the formula.";
+            "Factor on `position_lr_mm`; for its dome rigs the paper used 10 times the formula.";
         log_scale_lr: f64 = 0.005, Domain::Rate, "",
             "Learning rate of the log-scales.";
         rotation_lr: f64 = 0.001, Domain::Rate, "",
             "Learning rate of the quaternions.";
         lr_decay: f64 = 0.01, Domain::Positive, "",
-            "Factor by which the position's learning rate falls over `lr_decay_steps`.";
+            "Factor applied to the position learning rate over `lr_decay_steps`.";
         lr_decay_steps: f64 = 1000.0, Domain::Positive, "steps",
-            "Steps over which `lr_decay` is reached.";
+            "Number of steps after which the position learning rate has been multiplied by `lr_decay`.";
         adam_betas: [f64; 2] = [0.9, 0.999], Domain::BelowOne, "",
             "Adam's β₁ and β₂.";
         adam_epsilon: f64 = 1e-15, Domain::Positive, "",
             "Adam's ε.";
         stop_tolerance: f64 = 1e-6, Domain::NotNegative, "",
-            "Stop when the window minimum of the loss changes by less.";
+            "Stop when the minimum loss of a window changes by less than this.";
         stop_window: Option<usize> = None, Domain::Within(1, usize::MAX), "",
-            "Steps per window; None: the number of views.";
+            "Steps per window of the stopping rule; None: the number of views.";
         resolution: f64 = 1.0, Domain::Positive, "",
-            "Render at this factor of the cameras' resolution.";
+            "Rendering resolution relative to that of the cameras.";
         loss_history: bool = false, Domain::Any, "",
-            "Keep the loss of every step.";
+            "Record the loss of every step.";
     }
 }
 
@@ -64,11 +64,11 @@ impl PaperSettings {
     }
 }
 
-/// What draws the splats and compares them with the detections.
+/// How splats are compared with detections.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Renderer {
-    /// Pixels, as the paper.
+    /// On pixels, as in the paper.
     Raster,
     /// The integral of the same loss over the plane, exact and without pixels; one-hot encoding only.
     ClosedForm,

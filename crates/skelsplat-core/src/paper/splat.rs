@@ -1,4 +1,4 @@
-//! A Gaussian on the image plane and the rows of pixels it covers.
+//! A Gaussian on the image plane and the pixel rows it covers.
 
 use nalgebra::{Matrix2, Vector2};
 
@@ -26,19 +26,19 @@ impl Span {
         usize::try_from(self.end - self.start).unwrap_or(0)
     }
 
-    /// Whether there is no pixel in it.
+    /// Whether it is empty.
     #[must_use]
     pub fn is_empty(self) -> bool {
         self.end <= self.start
     }
 
-    /// The pixels that are in both.
+    /// The intersection.
     #[must_use]
     pub fn intersection(self, other: Self) -> Self {
         Self { start: self.start.max(other.start), end: self.end.min(other.end) }
     }
 
-    /// The smallest run that holds both; an empty run adds nothing.
+    /// The smallest run that contains both; empty runs are ignored.
     #[must_use]
     pub fn hull(self, other: Self) -> Self {
         match (self.is_empty(), other.is_empty()) {
@@ -69,7 +69,7 @@ pub struct Splat {
     pub mean: Vector2<f64>,
     /// The conic A, pixels⁻².
     pub conic: Matrix2<f64>,
-    /// Rows that hold at least one pixel of the uncut ellipse's bounding box, `[start, end)`.
+    /// Rows with at least one pixel of the uncut ellipse's bounding box, `[start, end)`.
     pub rows: Span,
     /// Columns of the same bounding box.
     pub columns: Span,
@@ -131,7 +131,7 @@ impl Splat {
         Row { span, y, centre, floor }
     }
 
-    /// The rows that hold a pixel, with their row number.
+    /// The non-empty rows, with their row number.
     pub fn covered_rows(&self) -> impl Iterator<Item = (i32, Row)> + '_ {
         (self.rows.start..self.rows.end)
             .map(|v| (v, self.row(v)))
@@ -140,7 +140,7 @@ impl Splat {
 }
 
 impl Splat {
-    /// Whether some pixel belongs to both splats.
+    /// Whether any pixel belongs to both splats.
     #[must_use]
     pub fn overlaps(&self, other: &Self) -> bool {
         let rows = self.rows.intersection(other.rows);

@@ -1,7 +1,7 @@
 //! Early stopping on window minima (paper §3 "Optimization").
 
-/// Stops when the least loss of one window of steps differs by less than `tolerance` from that of the window
-/// before.
+/// Stops when the minimum loss of one window of steps differs by less than `tolerance` from that of the previous
+/// window.
 #[derive(Debug, Clone)]
 pub struct WindowMinimum {
     window: usize,
@@ -18,7 +18,7 @@ impl WindowMinimum {
         Self { window: window.max(1), tolerance, count: 0, current: f64::INFINITY, previous: None }
     }
 
-    /// Takes the loss of one step; true if the optimisation has settled.
+    /// Records the loss of one step; returns whether the optimisation has converged.
     pub fn settled(&mut self, loss: f64) -> bool {
         self.current = self.current.min(loss);
         self.count += 1;

@@ -1,5 +1,5 @@
-//! Every setting of `refine`: those that all methods share, and the method with its own. Defaults live in these tables
-//! (here, `annealed/settings.rs`, `paper/settings.rs`) and nowhere else.
+//! Every setting of `refine`: those shared by all methods, and the method with its own. These tables (here,
+//! `annealed/settings.rs` and `paper/settings.rs`) are the only definition of the defaults.
 
 use crate::annealed::{AnnealedSettings, Annealing};
 use crate::error::{Error, Result};
@@ -15,33 +15,35 @@ pub enum Method {
     Paper(PaperSettings),
 }
 
-/// More threads than any machine has cores.
+/// Upper limit of `n_threads`: more than any machine has cores.
 const MOST_THREADS: usize = 4096;
 
-/// A tenth of the noise of the best calibrated cameras that count in focal lengths, not pixels. Below a tenth of this the
-/// weights of ordinary detections are so small that error bars are lost in rounding.
+/// Smallest `detection_sigma_px`: a tenth of the noise of the best calibrated cameras with coordinates in focal lengths
+/// instead of pixels. Below a tenth of this, the weights of ordinary detections are so small that error bars are lost to
+/// rounding.
 const LEAST_NOISE_PX: f64 = 1e-4;
 
 settings! {
     /// Settings of `refine`. Lengths are millimetres whatever the unit of the cameras.
     RefineConfig {
         occlusion_sigma_mm: Option<f64> = None, Domain::Positive, "mm",
-            "`sigma_mm` of occlusion-prone joints (elbows, wrists, ankles); None: the same.";
+            "`sigma_mm` of occlusion-prone joints (elbows, wrists, ankles); None: same as `sigma_mm`.";
         joint_sigmas_mm: Option<Vec<f64>> = None, Domain::Positive, "mm",
-            "`sigma_mm` of each of the N joints, instead of the two others.";
+            "`sigma_mm` per joint, N values; replaces `sigma_mm` and `occlusion_sigma_mm`.";
         symmetry_tier: u8 = 1, Domain::Within(0, 3), "",
-            "Symmetric limbs up to this tier are kept equally long, 0 to 3; 0: none.";
+            "Tier up to which symmetric limbs are kept equal in length: 0 off, 1 lower limbs, 2 also upper limbs, 3 also the \
+             trunk.";
         symmetry_sigma_mm: f64 = Annealing::SYMMETRY_SIGMA, Domain::Positive, "mm",
-            "Standard deviation of the difference between symmetric limbs; `paper` uses it for the error bars alone.";
+            "Standard deviation of the length difference between symmetric limbs; `paper` uses it only for error bars.";
         detection_sigma_px: Option<f64> = None, Domain::From(LEAST_NOISE_PX), "px",
-            "Standard deviation of the detections' noise per axis, for `paper` in the error bars alone; None: estimated in \
+            "Standard deviation of the detection noise per axis; `paper` uses it only for error bars; None: estimated in \
              every frame.";
         undistort: bool = true, Domain::Any, "",
-            "Remove lens distortion from the detections first; False mirrors numbers published without it.";
+            "Remove lens distortion from the detections first; False reproduces results published without undistortion.";
         min_confidence: f64 = 0.0, Domain::Share, "",
-            "Detections of a lower confidence count as missing.";
+            "Detections with a lower confidence are treated as missing.";
         n_threads: Option<usize> = None, Domain::Within(1, MOST_THREADS), "",
-            "Threads for a batch, on whose number the result does not depend; None: all cores.";
+            "Number of threads for a batch; does not affect the result; None: all cores.";
     }
     also {
         /// The method with its own settings.
@@ -87,7 +89,7 @@ impl Method {
         }
     }
 
-    /// How `RefineConfig` makes a configuration of this method.
+    /// The Python constructor of a configuration of this method.
     fn constructor(&self) -> &'static str {
         match self {
             Self::Annealed(_) => "RefineConfig",
@@ -95,7 +97,7 @@ impl Method {
         }
     }
 
-    /// The method that this is not.
+    /// The other method.
     fn other(&self) -> Self {
         match self {
             Self::Annealed(_) => Self::Paper(PaperSettings::default()),
@@ -116,17 +118,17 @@ impl From<PaperSettings> for RefineConfig {
     }
 }
 
-/// An input that is no field: it stands for `occlusion_sigma_mm`.
+/// An argument that is converted to `occlusion_sigma_mm`, not a field.
 pub const OCCLUSION_FACTOR: Setting = Setting {
     name: "occlusion_factor",
     kind: Kind::Number,
     domain: Domain::Any,
     unit: "",
-    sentence: "Instead of `occlusion_sigma_mm`, the paper's f, which multiplies the *logarithm* of `sigma_mm`: σ^f, for `paper` \
-               42.5 mm with 1.25, 90 with 1.5 and 403 with 2. It is not kept as a field.",
+    sentence: "The paper's f, an alternative to `occlusion_sigma_mm`: multiplies the *logarithm* of `sigma_mm`, giving σ^f; for \
+               `paper` 42.5 mm with 1.25, 90 mm with 1.5 and 403 mm with 2. Converted, not stored.",
 };
 
-/// Names that carry their unit since.
+/// Former names and their replacements, which include the unit.
 const RENAMED: [(&str, &str); 8] = [
     ("sigma", "sigma_mm"),
     ("occlusion_sigma", "occlusion_sigma_mm"),
@@ -145,7 +147,7 @@ impl RefineConfig {
         PaperSettings::default().into()
     }
 
-    /// Every setting of a configuration of this method: its own first, then those that all methods share.
+    /// Every setting of this configuration: the method's own first, then the shared ones.
     pub fn settings(&self) -> impl Iterator<Item = &'static Setting> {
         self.method.settings().iter().chain(Self::SETTINGS)
     }
@@ -162,10 +164,10 @@ impl RefineConfig {
         own.or_else(|| self.value(name)).ok_or_else(|| self.unknown(name))
     }
 
-    /// Sets a setting; [`Self::validate`] says whether the value lies in its domain.
+    /// Sets a setting; [`Self::validate`] checks whether the value lies in its domain.
     ///
     /// # Errors
-    /// [`Error::UnknownName`], or [`Error::InvalidInput`] if it belongs to the other method or the value is of another
+    /// [`Error::UnknownName`], or [`Error::InvalidInput`] if it belongs to the other method or the value has the wrong
     /// kind.
     pub fn set(&mut self, name: &str, value: &Value) -> Result<()> {
         let setting = self.setting(name)?;
@@ -180,7 +182,7 @@ impl RefineConfig {
         Err(Error::invalid(field, setting.kind.expected(), value.to_string()))
     }
 
-    /// The line of the table of a setting of this configuration.
+    /// The table row of a setting of this configuration.
     ///
     /// # Errors
     /// [`Error::UnknownName`], or [`Error::InvalidInput`] if it belongs to the other method.
@@ -193,7 +195,7 @@ impl RefineConfig {
         let other = self.method.other();
         if other.settings().iter().any(|setting| setting.name == name) {
             let expected = format!("a setting of the method '{}'", self.method.name());
-            let actual = format!("one of '{}': make it with {}", other.name(), other.constructor());
+            let actual = format!("a setting of '{}' (use {})", other.name(), other.constructor());
             return Error::invalid(field, expected, actual);
         }
         match RENAMED.iter().find(|(old, _)| *old == name) {
@@ -203,7 +205,7 @@ impl RefineConfig {
             }
             Some((_, new)) => Error::invalid(
                 field,
-                format!("the name '{new}', with its unit"),
+                format!("the name '{new}', which includes the unit"),
                 format!("'{name}'"),
             ),
             None => Error::UnknownName {
@@ -223,13 +225,13 @@ impl RefineConfig {
         }
     }
 
-    /// Sets σ of occlusion-prone joints by the paper's factor f, which multiplies the *log*-scale:
+    /// Sets σ of occlusion-prone joints from the paper's factor f, which multiplies the *log*-scale:
     /// σ = σ₀^f (e^{3f} at the paper's σ₀; f = 1.25 → 42.5 mm).
     pub fn set_occlusion_factor(&mut self, factor: f64) {
         self.occlusion_sigma_mm = Some(self.sigma_mm().powf(factor));
     }
 
-    /// Whether pixels are drawn, which threads can share.
+    /// Whether the method renders pixels, which threads can share.
     #[must_use]
     pub fn draws_pixels(&self) -> bool {
         matches!(&self.method, Method::Paper(settings) if settings.renderer == Renderer::Raster)
@@ -238,7 +240,7 @@ impl RefineConfig {
     /// Whether every setting lies in its domain.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] naming the first that does not.
+    /// [`Error::InvalidInput`] naming the first setting outside its domain.
     pub fn validate(&self) -> Result<()> {
         match &self.method {
             Method::Annealed(settings) => settings.check_domains()?,

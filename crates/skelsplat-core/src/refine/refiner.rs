@@ -24,37 +24,37 @@ use crate::unit::Unit;
 /// joint is triangulated too).
 #[derive(Debug, Clone)]
 pub struct Frame {
-    /// Where each view saw each joint.
+    /// Detection of each joint in each view.
     pub detections: Detections,
-    /// Where to start.
+    /// Initial pose.
     pub init_pose: Option<Vec<Vector3<f64>>>,
-    /// Covariance `(N)`, unit², of an initial pose that does not come from these detections: it then counts as
-    /// knowledge and not as a mere start.
+    /// Covariance `(N)`, unit², of an initial pose that is independent of these detections: the pose is then used as a
+    /// prior, not only as a starting point.
     pub init_covariance: Option<Vec<Matrix3<f64>>>,
-    /// Whether the initial pose is that of the frame before: it then decides between places that have as many votes.
+    /// Whether the initial pose is that of the previous frame: it then decides between positions with equal votes.
     pub past: bool,
 }
 
 impl From<Detections> for Frame {
-    /// A frame that begins at its detections.
+    /// A frame without an initial pose.
     fn from(detections: Detections) -> Self {
         Self { detections, init_pose: None, init_covariance: None, past: false }
     }
 }
 
-/// How a call works: alone or with the threads of the pool, and what may end it early.
+/// How a call runs: on this thread or with those of the pool, and what can cancel it.
 #[derive(Debug, Clone, Copy)]
 pub struct Control<'a> {
-    /// Whether the windows of a pose are shared among threads; the result is the same.
+    /// Whether the windows of a pose are distributed over threads; the result is the same.
     pub parallel: bool,
-    /// Ends the call with [`Error::Cancelled`] once it is set.
+    /// Once set, the call ends with [`Error::Cancelled`].
     pub cancel: &'a AtomicBool,
 }
 
 static NEVER: AtomicBool = AtomicBool::new(false);
 
 impl Default for Control<'_> {
-    /// On this thread, to the end.
+    /// On this thread, without cancellation.
     fn default() -> Self {
         Self { parallel: false, cancel: &NEVER }
     }
@@ -71,7 +71,7 @@ pub struct Refiner {
     chains: Vec<Chain>,
     occlusion_prone: Vec<usize>,
     n_joints: Option<usize>,
-    /// Those of the rendering loss: the paper's, or its closed form beside annealing.
+    /// Settings of the rendering loss: those of `paper`, or for `annealed` its closed form.
     paper: PaperSettings,
     unit: Unit,
     config: RefineConfig,
@@ -145,10 +145,10 @@ impl Refiner {
         self.refine_under(frame, Control::default())
     }
 
-    /// Refines one frame as `control` says.
+    /// Refines one frame under `control`.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] if views or joints do not match, [`Error::Cancelled`] once that is asked for.
+    /// [`Error::InvalidInput`] if views or joints do not match, [`Error::Cancelled`] once cancelled.
     pub fn refine_under(&self, frame: &Frame, control: Control<'_>) -> Result<Refinement> {
         self.check(frame)?;
         let used = self.usable(&frame.detections);
@@ -175,7 +175,7 @@ impl Refiner {
     ///
     /// # Errors
     /// [`Error::InvalidInput`] if views or joints do not match, [`Error::OutOfMemory`] if the splats' windows are too
-    /// large, [`Error::Cancelled`] once that is asked for.
+    /// large, [`Error::Cancelled`] once cancelled.
     pub fn loss_and_gradient(
         &self,
         gaussians: &[Gaussian],
@@ -226,15 +226,15 @@ impl Refiner {
             ("config.joint_sigmas_mm", self.config.joint_sigmas_mm.as_ref().map(Vec::len)),
         ];
         if let Some((name, length)) = lengths.iter().find(|(_, l)| l.is_some_and(|l| l != n)) {
-            let expected = format!("{n} joints, as the detections have");
+            let expected = format!("{n} joints, as in the detections");
             return Err(Error::invalid(*name, expected, format!("{} joints", length.unwrap_or(0))));
         }
         match (&frame.init_covariance, &self.config.method) {
             (Some(_), _) if frame.init_pose.is_none() => {
-                Err(Error::invalid("init_sigma", "an init_pose beside it", "none"))
+                Err(Error::invalid("init_sigma", "an init_pose as well", "none"))
             }
             (Some(_), Method::Paper(_)) => {
-                Err(Error::invalid("init_sigma", "the method 'annealed' with it", "'paper'"))
+                Err(Error::invalid("init_sigma", "the method 'annealed'", "'paper'"))
             }
             _ => Ok(()),
         }
@@ -292,8 +292,8 @@ impl Refiner {
         }
     }
 
-    /// In the pool of threads that the caller is in, else in that of the process: never in rayon's global one, which does
-    /// not survive a fork.
+    /// Runs in the caller's thread pool, else in that of the process; never in rayon's global pool, which does not survive a
+    /// fork.
     fn by_paper(&self, frame: &Frame, used: &Detections, control: Control<'_>) -> Result<Outcome> {
         let pose = self.initial_pose(frame);
         let sigmas = self.sigmas(used.n_joints());
@@ -314,7 +314,7 @@ impl Refiner {
         frame.init_pose.as_ref().map(|pose| pose.iter().map(known).collect())
     }
 
-    /// What is known of the pose besides its detections.
+    /// The initial pose and, with covariances, the prior.
     fn before(&self, frame: &Frame) -> Option<Before> {
         let pose = self.initial_pose(frame)?;
         let mm = self.unit.millimetres();
@@ -333,7 +333,7 @@ impl Refiner {
         Some(Before { pose, priors, past: frame.past })
     }
 
-    /// ‖detection − reprojection‖ `(M, N)` in the image as it was given.
+    /// ‖detection − reprojection‖ `(M, N)` in the original image.
     fn reprojection_error(&self, detections: &Detections, outcome: &Outcome) -> Vec<f64> {
         let n = outcome.points.len();
         let project = if self.config.undistort { Camera::project } else { Camera::project_ideal };

@@ -1,4 +1,4 @@
-//! What comes out of a refinement, in the unit of the cameras.
+//! The result of a refinement, in the unit of the cameras.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -8,37 +8,37 @@ use crate::unit::Unit;
 /// A refined pose, in the unit of the cameras.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Refinement {
-    /// Joint positions `(N)`; NaN where nothing is known.
+    /// Joint positions `(N)`; NaN where unobserved.
     pub pose: Vec<Vector3<f64>>,
     /// Splat covariances Σ `(N)`, unit²; not an error bar.
     pub covariance: Vec<Matrix3<f64>>,
-    /// Posterior covariance of the position `(N)`, unit²: the error bar. NaN where nothing is known.
+    /// Posterior covariance of the position `(N)`, unit²: the error bar. NaN where unobserved.
     pub uncertainty: Vec<Matrix3<f64>>,
-    /// k of every detection `(M, N)`, how far it is believed; NaN where there is none.
+    /// Weight k of every detection `(M, N)`: how much it is trusted; NaN where missing.
     pub view_weights: Vec<f64>,
-    /// Detections `(M, N)` that were used with left and right exchanged.
+    /// Detections `(M, N)` that were used with left and right swapped.
     pub swapped: Vec<bool>,
-    /// ŝ, standard deviation of the detections' noise across the ray, in the unit of the cameras; NaN without any detection.
+    /// ŝ, standard deviation of the detection noise across the ray, in the unit of the cameras; NaN without detections.
     pub noise: f64,
     /// The initial pose that was used `(N)`.
     pub init_pose: Vec<Vector3<f64>>,
     /// Distance between detection and reprojection `(M, N)`, pixels of the original image; NaN where
     /// there is no detection or no reprojection.
     pub reprojection_error: Vec<f64>,
-    /// How far each joint can be relied on `(N)`.
+    /// Reliability of each joint `(N)`.
     pub joint_status: Vec<JointStatus>,
     /// Loss of the returned pose over all views.
     pub loss: Loss,
-    /// Loss of every step, if asked for.
+    /// Loss of every step, if requested.
     pub loss_history: Vec<Loss>,
     /// Steps taken.
     pub n_iter: usize,
-    /// Why it ended.
+    /// Why the iteration ended.
     pub stop_reason: StopReason,
 }
 
 impl Refinement {
-    /// `outcome` and `bars`, in mm, in `unit`.
+    /// `outcome` and `bars`, given in mm, converted to `unit`.
     pub(super) fn new(
         outcome: Outcome,
         bars: &ErrorBars,

@@ -1,4 +1,4 @@
-//! Scenes and finite differences for tests and benches. No part of the method.
+//! Scenes and finite differences for tests and benches; not part of the methods.
 
 pub mod differences;
 pub mod scenes;

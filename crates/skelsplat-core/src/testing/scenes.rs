@@ -1,4 +1,4 @@
-//! A Human3.6M-like room, a standing skeleton in it, and noise that any run repeats.
+//! A Human3.6M-like room, a standing skeleton in it, and reproducible noise.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -11,7 +11,7 @@ use crate::detections::Detections;
 pub struct Noise(u64);
 
 impl Noise {
-    /// A generator that repeats itself for the same `seed`.
+    /// A generator with this seed.
     #[must_use]
     pub fn new(seed: u64) -> Self {
         Self(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1)
@@ -96,7 +96,7 @@ pub fn exact_detections(pose: &[Vector3<f64>], cameras: &[Camera]) -> Detections
 /// Detections of `pose` with Gaussian noise of `sigma` pixels.
 ///
 /// # Panics
-/// Never: the arrays have the shape that [`Detections::new`] asks for.
+/// Never: the arrays have the shape required by [`Detections::new`].
 #[must_use]
 pub fn noisy_detections(
     pose: &[Vector3<f64>],

@@ -5,7 +5,7 @@ use nalgebra::{Matrix4, RowVector4, Vector2, Vector3, Vector4};
 use crate::camera::{Camera, NEAR};
 use crate::detections::Detections;
 
-/// Third singular value, relative to the first, below which the rays leave more than a point undetermined
+/// Third singular value, relative to the first, below which the rays do not determine a point
 /// (one centre, or all centres on the ray).
 const RANK: f64 = 1e-10;
 /// Homogeneous coordinate, relative to the point in rig lengths, below which the point is at infinity.
@@ -16,18 +16,18 @@ const AT_INFINITY: f64 = 1e-9;
 /// Every detection gives the rows c·(u P₃ − P₁) and c·(v P₃ − P₂) with its confidence c and the rows P of K [R | t],
 /// and the point is their right null vector: the algebraic method of learnable triangulation, in which a row weighs
 /// c times a focal length times the point's depth. World coordinates are first moved and scaled to the cameras whose
-/// detections are used (origin at their mean centre, its RMS distance as unit), so that the unit vector among which the best
-/// one is sought, and with it the answer on noisy data, depends neither on the unit of length nor on the world's origin
-/// nor on cameras that have nothing to say.
+/// detections are used (origin at their mean centre, its RMS distance as unit), so that the unit-norm constraint, and with
+/// it the result on noisy data, depends neither on the unit of length, nor on the world's origin, nor on cameras without
+/// used detections.
 ///
-/// NaN where fewer than two views detect the joint, where the rays are parallel or one and the same,
+/// NaN where fewer than two views detect the joint, where the rays are parallel or coincide,
 /// and where the point lies behind every camera that detects it.
 #[must_use]
 pub fn dlt(detections: &Detections, cameras: &[Camera]) -> Vec<Vector3<f64>> {
     (0..detections.n_joints()).map(|j| point(detections, cameras, j, |_| true)).collect()
 }
 
-/// The joint from those of its detections whose view is in `used`; NaN as said at [`dlt()`].
+/// The joint from its detections in the views `used`; NaN as for [`dlt()`].
 pub(super) fn point(
     detections: &Detections,
     cameras: &[Camera],
@@ -103,7 +103,7 @@ fn add_row(triangle: &mut Matrix4<f64>, mut row: RowVector4<f64>) {
     }
 }
 
-/// The unit vector that the matrix shortens most, unless more than one does.
+/// The right singular vector of the smallest singular value, if it is unique.
 fn null_vector(a: &Matrix4<f64>) -> Option<Vector4<f64>> {
     let svd = a.try_svd(false, true, f64::EPSILON, 1000)?;
     let s = svd.singular_values;

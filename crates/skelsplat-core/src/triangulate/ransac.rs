@@ -16,13 +16,13 @@ pub const INLIER_PX: f64 = 20.0;
 /// Triangulates each joint from the largest set of views that agree on it (Fischler and Bolles, 1981).
 ///
 /// Two views make a hypothesis by [`dlt()`](super::dlt()); its inliers are the views that have the point in front of
-/// them and detect it at most [`INLIER_PX`] away. The hypothesis with the most inliers wins, of equals that with the
-/// smaller sum of their errors, of equals the first, and the joint is [`dlt()`](super::dlt()) over its inliers.
-/// All pairs are tried if there are at most [`ITERATIONS`], else as many different ones, drawn by a generator whose
-/// seed is the joint's index: the answer depends on nothing but the arguments.
+/// them and detect it at most [`INLIER_PX`] away. The hypothesis with the most inliers wins; ties go to the
+/// smaller sum of errors, then to the first. The joint is [`dlt()`](super::dlt()) over its inliers.
+/// All pairs are tried if there are at most [`ITERATIONS`], else as many different ones, drawn by a generator seeded
+/// with the joint's index: the result depends only on the arguments.
 ///
-/// A detection outside the winning set is rejected. Where no hypothesis has two inliers, or they leave the point
-/// undetermined, the joint is [`dlt()`](super::dlt()) over all its views and nothing is rejected. NaN as there.
+/// A detection outside the winning set is rejected. Where no hypothesis has two inliers, or they do not
+/// determine the point, the joint is [`dlt()`](super::dlt()) over all its views and nothing is rejected. NaN as there.
 ///
 /// `detections` are ideal pixels.
 #[must_use]
@@ -74,7 +74,7 @@ impl Seen<'_> {
         point.iter().all(|v| v.is_finite()).then_some((point, x))
     }
 
-    /// The point that the two views of a pair see.
+    /// The point triangulated from the two views of a pair.
     fn hypothesis(&self, pair: usize) -> Vector3<f64> {
         let (a, b) = pair_of(pair);
         let (a, b) = (self.views[a], self.views[b]);
@@ -134,7 +134,7 @@ impl SplitMix64 {
         z ^ (z >> 31)
     }
 
-    /// A number below `n`, by the remainder: its bias, n / 2⁶⁴, is nothing here.
+    /// A number below `n`, by the remainder; its bias, n / 2⁶⁴, is negligible.
     fn below(&mut self, n: usize) -> usize {
         (self.next() % n as u64) as usize
     }

@@ -1,4 +1,4 @@
-//! Whether rays fix a depth.
+//! Whether rays determine a depth.
 
 use super::*;
 use skelsplat_core::study::annealed::depth::{have_parallax, may_be_fixed};
@@ -22,7 +22,7 @@ fn limit() -> f64 {
 }
 
 #[test]
-fn the_limit_of_two_rays_is_where_the_formula_says() {
+fn the_limit_of_two_rays_follows_the_formula() {
     let limit = limit();
     for (phi, fixed) in [(0.0, false), (0.99, false), (1.01, true), (3.0, true)] {
         let rays = pair(phi * limit);

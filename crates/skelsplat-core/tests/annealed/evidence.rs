@@ -1,4 +1,4 @@
-//! Large noise or wrong detections: which of two solutions the frame speaks for.
+//! Large noise or wrong detections: which of two solutions the frame supports.
 
 use super::*;
 use skelsplat_core::study::annealed::locate::{anywhere, locate};
@@ -66,7 +66,7 @@ fn small_noise_with_gross_errors_is_small_noise() {
     }
 }
 
-/// The share of wrong detections is found as it is, with a prior of one in two.
+/// The true share of wrong detections is found, with a prior of one in two.
 #[test]
 fn the_share_of_wrong_detections_is_found() {
     let wrong = |i: usize, j: usize| if i == 1 && j.is_multiple_of(2) { 100.0 } else { 0.0 };
@@ -94,7 +94,7 @@ fn evidence_does_not_depend_on_the_order_of_views() {
     }
 }
 
-/// A prior that the wide solution contradicts speaks against it.
+/// A prior that contradicts the wide solution counts against it.
 #[test]
 fn priors_are_evidence() {
     let rays = frame(20.0, 2, |_, _| 0.0, IN_ORDER);

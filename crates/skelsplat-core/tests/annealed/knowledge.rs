@@ -1,4 +1,4 @@
-//! What is known besides the detections: equal limbs, and independent starts.
+//! Knowledge in addition to the detections: equal limbs and independent priors.
 
 use super::*;
 
@@ -79,9 +79,9 @@ fn a_prior_that_knows_nothing_is_ignored() {
     }
 }
 
-/// Linear least squares says where the joint lies between start and detections.
+/// Linear least squares gives the joint's position between prior and detections.
 #[test]
-fn a_prior_and_the_detections_meet_where_their_variances_say() {
+fn a_prior_and_the_detections_meet_according_to_their_variances() {
     let cameras = room(4);
     let truth = standing();
     let detections = exact_detections(&truth, &cameras);
@@ -113,7 +113,7 @@ fn a_prior_keeps_a_joint_that_one_view_sees_near_its_start() {
     let along = |x: &Vector3<f64>| ray.offset(x).range;
     assert!((along(&out.pose[WRIST]) - along(&start[WRIST])).abs() < 1e-6);
     let d = ray.direction;
-    // Along the ray the prior speaks, and the body's reach, some 600 mm, hardly.
+    // Along the ray the prior dominates; the body's extent, some 600 mm, has hardly any weight.
     let variance = d.dot(&(out.uncertainty[WRIST] * d));
     assert!((variance.sqrt() - 25.0).abs() < 0.1, "{}", variance.sqrt());
 }
@@ -122,7 +122,7 @@ fn a_prior_keeps_a_joint_that_one_view_sees_near_its_start() {
 fn a_joint_whose_prior_is_nan_has_none() {
     let cameras = room(4);
     let mut noise = Noise::new(4);
-    // Little enough that the kernels end below their widest, whatever the wrong priors of the other joints say of it.
+    // Small enough that the kernels end below their largest width, despite the wrong priors of the other joints.
     let detections = noisy_detections(&standing(), &cameras, 2.0, &mut noise);
     let mut frame = with_prior(detections.clone(), perturbed(&standing(), 25.0, &mut noise), 1e-3);
     frame.init_pose.as_mut().unwrap()[4] = Vector3::repeat(f64::NAN);

@@ -40,7 +40,7 @@ fn the_weight_is_that_of_the_closed_form_to_first_order() {
     }
 }
 
-/// Residuals linearised at a start by asking for no step.
+/// Residuals linearised at a start: the solver takes no step.
 fn linearised(
     rays: &Rays,
     priors: &[Prior],
@@ -64,7 +64,7 @@ fn linearised(
     (solve(&problem, at, &vec![sigma; n]), annealing)
 }
 
-/// F with Welsch losses for the detections and for the limbs: what the weights k and κ come from.
+/// F with Welsch losses for the detections and for the limbs, from which the weights k and κ derive.
 fn objective(
     rays: &Rays,
     priors: &[Prior],

@@ -1,4 +1,4 @@
-//! The annealed solver: its loss, its weights, and the default method on scenes whose answer is known.
+//! The annealed solver: its loss, its weights, and the default method on scenes with known ground truth.
 
 mod depth;
 mod evidence;
@@ -47,7 +47,7 @@ fn largest(a: &[Vector3<f64>], b: &[Vector3<f64>]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max)
 }
 
-/// The default without symmetry, whose limbs of slightly unequal length would move exact data.
+/// The default without symmetry: slightly unequal limbs would move exact data.
 fn free() -> RefineConfig {
     freely(AnnealedSettings::default())
 }

@@ -22,7 +22,7 @@ fn a_joint_that_no_view_sees_keeps_its_start() {
     }
 }
 
-/// With a prior it keeps it too, and its error bar is the prior.
+/// With a prior it keeps its position too, and its error bar is the prior.
 #[test]
 fn an_unseen_joint_with_a_prior_is_its_prior() {
     let cameras = room(4);
@@ -73,7 +73,7 @@ fn the_step_limit_is_an_outcome_with_finite_numbers() {
                 ..AnnealedSettings::default()
             });
             let out = refine(&cameras, &from(detections.clone(), init), config);
-            // The triangulation before, which has as many steps, may have found the pose.
+            // The preceding triangulation, with as many steps, may have found the pose already.
             assert!(out.stop_reason == StopReason::MaxSteps || max_steps > 0);
             assert!(out.n_iter <= max_steps, "{} of {max_steps}", out.n_iter);
             assert!(out.loss.total.is_finite(), "{max_steps} steps: {:?}", out.loss);
@@ -83,7 +83,7 @@ fn the_step_limit_is_an_outcome_with_finite_numbers() {
     }
 }
 
-/// A detection 300 mm off is not believed; with only one other left the joint is weak.
+/// A detection 300 mm off is rejected; with only one other left the joint is weak.
 #[test]
 fn a_status_counts_the_views_that_are_believed() {
     let cameras = room(4);

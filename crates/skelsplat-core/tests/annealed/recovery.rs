@@ -1,4 +1,4 @@
-//! Scenes whose answer is known, and joints that a single view sees.
+//! Scenes with known ground truth, and joints that only one view sees.
 
 use super::*;
 
@@ -94,8 +94,8 @@ fn a_joint_with_one_view_moves_across_its_ray_and_not_along() {
     }
 }
 
-/// Limbs of equal length may move a joint along its only ray, but never away: an arm is no longer than its twin by more
-/// than what the limbs' kernel spans, and where it began farther off it stays there.
+/// Limbs of equal length may move a joint along its only ray, but never away: an arm exceeds its twin by no more than the
+/// span of the limbs' kernel, and a joint that starts farther off stays there.
 #[test]
 fn symmetry_does_not_throw_a_joint_along_its_only_ray() {
     let cameras = room(4);

@@ -1,11 +1,11 @@
-//! Two places that as many views vote for.
+//! Two positions with equally many votes.
 
 use super::*;
 use skelsplat_core::study::annealed::consensus::{NEAR_TIE, TIE, rivals};
 
 const SIGMA: f64 = 20.0;
 
-/// Rays of `cameras` cameras of a room, of which number i sees `at[i]`.
+/// Rays of `cameras` cameras of a room, of which camera i sees `at[i]`.
 fn seeing(at: &[Vector3<f64>]) -> Vec<Ray> {
     let cameras = room(u32::try_from(at.len()).unwrap());
     let pixels: Vec<f64> =
@@ -18,7 +18,7 @@ fn here() -> Vector3<f64> {
     Vector3::new(100.0, -50.0, 1000.0)
 }
 
-/// 600 mm higher: no ray of one place comes near the other.
+/// 600 mm higher: no ray of one position comes near the other.
 fn elsewhere() -> Vector3<f64> {
     Vector3::new(-200.0, 250.0, 1600.0)
 }
@@ -34,7 +34,7 @@ fn two_views_against_two_are_a_tie() {
     }
 }
 
-/// A detection that fits both places leaves three votes on either side of it.
+/// A detection that fits both positions leaves three votes for each.
 #[test]
 fn a_ray_that_both_places_share_decides_nothing() {
     let mut rays = seeing(&[here(), here(), elsewhere(), elsewhere(), here()]);
@@ -59,7 +59,7 @@ fn three_views_outvote_one_and_two() {
 #[test]
 fn a_place_that_all_views_see_has_no_rival() {
     assert_eq!(rivals(&seeing(&[here(); 4]), &here(), SIGMA, NEAR_TIE), Vec::new());
-    // Nor has one from which the rays scatter within the kernel.
+    // Nor has one around which the rays scatter within the kernel.
     let near: Vec<_> = (0..4).map(|k| here() + 10.0 * Vector3::ith(k % 3, 1.0)).collect();
     assert_eq!(rivals(&seeing(&near), &here(), SIGMA, NEAR_TIE), Vec::new());
 }
@@ -73,7 +73,7 @@ fn less_confident_views_do_not_tie() {
     assert_eq!(rivals(&rays, &elsewhere(), SIGMA, TIE).len(), 1);
 }
 
-/// Places in a chain, each nearer to the next than four kernels: which of them stand for the others follows from their votes.
+/// Positions in a chain, each nearer to the next than four kernels: the votes decide which of them represent the others.
 #[test]
 fn rivals_do_not_depend_on_the_order_of_views() {
     let mut several = 0;

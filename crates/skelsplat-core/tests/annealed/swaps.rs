@@ -1,4 +1,4 @@
-//! Exchanged sides, whatever cameras there are besides.
+//! Left–right swaps, independent of the other cameras.
 
 use super::*;
 use skelsplat_core::study::annealed::locate::locate;
@@ -8,7 +8,7 @@ fn h36m_chains() -> Vec<Chain> {
     chains(&Layout::by_name("h36m17").unwrap())
 }
 
-/// Three views of which the first has its arms exchanged; `empty[i]` views without a detection come before view i.
+/// Three views, the first with its arms swapped; `empty[i]` views without a detection come before view i.
 fn arms_exchanged(seed: u64, empty: [u32; 3]) -> Rays {
     let cameras = room(3);
     let chains = h36m_chains();
@@ -41,7 +41,7 @@ fn found(rays: &Rays) -> Vec<(usize, usize)> {
 }
 
 #[test]
-fn views_without_a_detection_have_no_say() {
+fn views_without_a_detection_have_no_influence() {
     let arms = h36m_chains().iter().position(|c| c.iter().any(|p| p.contains(&WRIST))).unwrap();
     let mut exchanges = 0;
     for seed in 0..10 {
@@ -56,7 +56,7 @@ fn views_without_a_detection_have_no_say() {
     assert!(exchanges >= 8, "{exchanges} of 10");
 }
 
-/// Two views that see a chain and contradict each other say nothing of which is exchanged, however many others there are.
+/// Two views that see a chain and contradict each other do not determine which is swapped, however many others there are.
 #[test]
 fn two_views_that_see_a_chain_are_too_few() {
     let cameras = room(5);

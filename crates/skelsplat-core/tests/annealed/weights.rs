@@ -51,7 +51,7 @@ fn confidence_multiplies_the_weight_of_its_view() {
     assert!(rms(&plain.pose, &by_view.pose) > 1.0);
 }
 
-/// Whether all detections are given with confidence 1 or all with less says nothing about which of them to believe.
+/// A common factor on all confidences does not change how much each detection is trusted.
 #[test]
 fn a_common_confidence_changes_little() {
     let cameras = room(4);
