@@ -147,13 +147,13 @@ fn a_setting_of_the_other_method_is_refused() {
     let set = |mut config: RefineConfig, name: &str| text(config.set(name, &Value::Number(1.0)));
     assert_eq!(
         set(RefineConfig::default(), "position_lr_mm"),
-        "config.position_lr_mm: expected a setting of the method 'annealed', got one of 'paper': make it with \
-         RefineConfig.paper"
+        "config.position_lr_mm: expected a setting of the method 'annealed', got a setting of 'paper' (use \
+         RefineConfig.paper)"
     );
     assert_eq!(
         set(RefineConfig::paper(), "sigma_start_mm"),
-        "config.sigma_start_mm: expected a setting of the method 'paper', got one of 'annealed': make it with \
-         RefineConfig"
+        "config.sigma_start_mm: expected a setting of the method 'paper', got a setting of 'annealed' (use \
+         RefineConfig)"
     );
     assert_eq!(
         set(RefineConfig::default(), "sigma"),
