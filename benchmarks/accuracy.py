@@ -1,4 +1,4 @@
-"""Measure the accuracy of the solver beside the baselines; every subcommand prints one table.
+"""Compare the accuracy of the solver with baselines; every subcommand prints one table.
 
     python benchmarks/accuracy.py table [--poses 300] [--seed 0] [--fast] [--set field=value ...]
 
@@ -30,7 +30,7 @@ MEASURES = {
 
 
 def parsed(text: str) -> tuple[str, Any]:
-    """Split ``field=value`` and turn the value into what it looks like."""
+    """Split ``field=value`` and parse the value as a Python value."""
     field, equals, value = text.partition("=")
     if not equals:
         raise argparse.ArgumentTypeError(f"expected field=value, got {text!r}")
@@ -46,7 +46,7 @@ def parsed(text: str) -> tuple[str, Any]:
 
 
 def add_options(parser: argparse.ArgumentParser, function: Any) -> None:
-    """Give the subcommand an option for every keyword of its function."""
+    """Add to the subcommand an option for every keyword of its function."""
     for name, parameter in inspect.signature(function).parameters.items():
         option = f"--{name.replace('_', '-')}"
         if name == "fields":

@@ -1,4 +1,4 @@
-"""What the benchmarks share: simulated scenes, times, tables and the machine's name."""
+"""Shared by the benchmarks: simulated scenes, timing, tables and the machine's name."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def simulated(
 
 
 def seconds(call: Callable[[], object], repeat: int, at_least_s: float = 0.5) -> float:
-    """Return the best time of ``repeat`` runs; if that is more than one, of more until ``at_least_s``."""
+    """Return the best time of ``repeat`` runs; with more than one, of further runs up to ``at_least_s``."""
     best, spent, runs = np.inf, 0.0, 0
     while runs < repeat or (repeat > 1 and spent < at_least_s):
         begun = time.perf_counter()
@@ -89,7 +89,7 @@ def cpu() -> str:
 
 
 def circumstances() -> str:
-    """Return when, where, with what and by which command the figures came about."""
+    """Return date, machine, versions and command of the figures."""
     command = " ".join(["python", *sys.argv])
     versions = f"Python {platform.python_version()} · NumPy {np.__version__} · skelsplat {sk.__version__}"
     return f"{datetime.date.today()} · {cpu()} · {versions}\n{command}"

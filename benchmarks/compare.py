@@ -1,12 +1,12 @@
-"""Time per pose and accuracy of SkelSplat beside other triangulations, on the same simulated detections.
+"""Time per pose and accuracy of SkelSplat and other triangulations, on the same simulated detections.
 
     python benchmarks/compare.py [--poses 300] [--noise good|noisy|occluded2|occluded3] [--markdown]
 
-Six simulated motions seen by four cameras in a Human3.6M-like room. Everything runs on one core. Every method
-gets every pose for its accuracy; its time is the best of repeated runs, of a slow one on every k-th pose
-("timed on" says how many). Accuracy counts the joints that at least two views see, the same for every method;
-"missing" is the share of these that a method leaves without a position. The paper's preset and Adam start
-from DLT weighted by confidence. Then the speed lines of ``speed.py``.
+Six simulated motions seen by four cameras in a Human3.6M-like room. Everything runs on one core. The
+accuracy is over all poses; the time is the best of repeated runs, for slow methods on every k-th pose (the
+column "timed on" has their number). Accuracy counts the joints that at least two views see, the same for
+every method; "missing" is the share of these without a position. ``paper`` and its closed form start from DLT
+weighted by confidence. The speed lines of ``speed.py`` follow.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def brief(number: float) -> str:
 
 @dataclass(frozen=True)
 class Row:
-    """What was measured of one method: lengths in mm, share 0 to 1."""
+    """The results of one method: lengths in mm, share from 0 to 1."""
 
     name: str
     ms_per_pose: float
@@ -61,7 +61,7 @@ class Row:
 
 
 def others(scene: common.Scene, crop_scale: np.ndarray) -> dict[str, Method]:
-    """Return the methods that are not ours: name → poses of some frames."""
+    """Return the other methods: name → poses of some frames."""
     rig, found = scene.rig, scene.detections
     return {
         "DLT, NumPy": lambda f: baselines.dlt(found[f], rig),
@@ -78,7 +78,7 @@ def others(scene: common.Scene, crop_scale: np.ndarray) -> dict[str, Method]:
 
 
 def ours(scene: common.Scene) -> dict[str, Method]:
-    """Return SkelSplat: the paper's preset and its closed form from weighted DLT, then the default."""
+    """Return the SkelSplat methods: ``paper`` and its closed form from weighted DLT, then the default."""
 
     def from_dlt(frames: slice, **fields: object) -> np.ndarray:
         found = scene.detections[frames]
@@ -97,7 +97,7 @@ def ours(scene: common.Scene) -> dict[str, Method]:
 
 
 def anipose(scene: common.Scene) -> dict[str, Method]:
-    """Return aniposelib's methods where it is installed."""
+    """Return aniposelib's methods, if it is installed."""
     try:
         import cv2
         from aniposelib.cameras import Camera, CameraGroup
@@ -119,7 +119,7 @@ def anipose(scene: common.Scene) -> dict[str, Method]:
 
 
 def crop_scales(scene: common.Scene) -> np.ndarray:
-    """Return pixels of the image per pixel of a 384 px crop round the true person, (T, M)."""
+    """Return pixels of the image per pixel of a 384 px crop around the true person, (T, M)."""
     pixels = sk.project(scene.truth, scene.rig).swapaxes(0, 1)
     return np.ptp(pixels, axis=2).max(axis=-1) / 384.0
 
@@ -149,7 +149,7 @@ def measure(name: str, method: Method, scene: common.Scene, repeat: int) -> Row:
 
 
 def compared(scene: common.Scene, repeat: int) -> tuple[list[Row], list[str]]:
-    """Measure every method; return the rows, SkelSplat's default last, and what is missing here and why."""
+    """Measure every method; return the rows, SkelSplat's default last, and notes on unavailable methods."""
     rows, notes = [], []
     for name, method in {**others(scene, crop_scales(scene)), **ours(scene)}.items():
         try:
@@ -160,7 +160,7 @@ def compared(scene: common.Scene, repeat: int) -> tuple[list[Row], list[str]]:
 
 
 def only_one_core() -> None:
-    """Keep OpenCV on one core too: it does not read the variables that NumPy reads."""
+    """Restrict OpenCV to one core too: it ignores the variables used by NumPy."""
     try:
         import cv2
     except ImportError:

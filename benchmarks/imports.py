@@ -2,8 +2,8 @@
 
     python benchmarks/imports.py [--repeat 9] [--markdown]
 
-Python's own clock, `-X importtime`: the sum over modules of the time each takes itself. The figure is the
-median of several interpreters, after one that fills the file cache. Exit status 1 if it is above 150 ms.
+Measured with `-X importtime`, as the sum of the self times of all modules. The figure is the median over
+several interpreters, after one that fills the file cache. Exit status 1 if it is above 150 ms.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _MOST = 5
 
 
 def own_times_ms(program: str) -> dict[str, float]:
-    """Return the time that each module takes itself, in ms, in a fresh interpreter."""
+    """Return the self time of each module, in ms, in a fresh interpreter."""
     run = subprocess.run(
         [sys.executable, "-X", "importtime", "-c", program], check=True, capture_output=True, text=True
     )
@@ -34,7 +34,7 @@ def own_times_ms(program: str) -> dict[str, float]:
 
 
 def added_ms() -> tuple[float, dict[str, float]]:
-    """Return what the package adds in one interpreter, in ms, and that by module."""
+    """Return the time added by the package in one interpreter, in ms, in total and by module."""
     base = own_times_ms(_BASE)
     both = own_times_ms(f"{_BASE}\n{_PACKAGE}")
     added = {name: taken for name, taken in both.items() if name not in base}

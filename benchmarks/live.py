@@ -1,10 +1,11 @@
-"""``skelsplat live`` through its pipes, as a program in another language meets it.
+"""Latency and throughput of ``skelsplat live`` through its pipes, as used from another language.
 
     python benchmarks/live.py [--poses 5000] [--rate 1000] [--markdown]
 
 Simulated detections `good` of six motions, 17 joints, 4 views. The process runs on one core, this one on the
-others. First as many lines as it takes, then ``--rate`` lines per second: the latency is from before a line
-is written to after its answer is read, so it has both pipes and both processes' JSON text in it.
+others. First lines are sent as fast as possible, then ``--rate`` lines per second. The latency is from before
+a line is written to after its answer is read, so it includes both pipes and the JSON handling of both
+processes.
 """
 
 from __future__ import annotations
@@ -26,18 +27,18 @@ import numpy as np
 from skelsplat.io import write_calibration
 
 _PERCENTILES = (50, 90, 99, 99.9, 100)
-# Lines before the clock runs: the first allocate.
+# Warm-up lines: the first ones allocate.
 _WARM_UP = 50
 
 
 class Live:
-    """The process on one core, ready to answer.
+    """Start the process on one core, ready to answer.
 
     Parameters
     ----------
     calibration : path
     core : int or None
-        The core it is kept on; None where the system cannot do that.
+        The core it is bound to; None where the system does not support this.
     """
 
     def __init__(self, calibration: Path, core: int | None) -> None:
@@ -53,12 +54,12 @@ class Live:
         self._process.stderr.readline()  # it says that it is ready
 
     def times(self, lines: list[bytes], rate: float | None) -> tuple[np.ndarray, np.ndarray]:
-        """Write the lines, ``rate`` per second or as fast as they are taken.
+        """Write the lines, ``rate`` per second or as fast as possible.
 
         Returns
         -------
         sent, answered : (T,)
-            When each was written and its answer read, s; without those of the warm-up.
+            Times at which each was written and its answer read, s; without the warm-up.
         """
         sent, answered = np.empty(len(lines)), np.empty(len(lines))
 
@@ -81,7 +82,7 @@ class Live:
         return sent[_WARM_UP:], answered[_WARM_UP:]
 
     def end(self) -> str:
-        """Close the input and return what the process says about itself."""
+        """Close the input and return the process's own statistics."""
         self._process.stdin.close()
         said = self._process.stderr.read().decode().strip()
         self._process.wait()
@@ -95,7 +96,7 @@ def to_lines(detections: np.ndarray) -> list[bytes]:
 
 
 def measure(poses: int, rate: float) -> tuple[list[list[str]], str]:
-    """Run both; return the rows what, measured, wanted, and what the process says about the second."""
+    """Run both; return the rows (what, measured, wanted), and the process's own statistics of the second."""
     scene = common.simulated(poses + _WARM_UP)
     lines = to_lines(scene.detections)
     cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []

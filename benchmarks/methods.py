@@ -1,4 +1,4 @@
-"""The methods that are compared: each takes a scene and gives the pose (T, N, 3)."""
+"""The compared methods: each takes a scene and returns the pose (T, N, 3)."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from skelsplat import synthetic
 Fields = Mapping[str, Any]
 T = TypeVar("T")
 
-# Residual beyond which the Cauchy loss flattens, px.
+# Scale of the Cauchy loss, px.
 CAUCHY_SCALE_PX = 5.0
-# Side of the crop in whose pixels Iskakov's threshold is given.
+# Side of the crop, px: Iskakov's threshold is in its pixels.
 CROP_PX = 384.0
-# A body reaches past its joints.
+# A body extends beyond its joints.
 BOX_MARGIN = 1.1
 
 
 class UnavailableError(Exception):
-    """A method that this version of the package does not have."""
+    """A method not available in this version of the package."""
 
 
 def available(columns: Mapping[str, Callable[[], T]]) -> tuple[dict[str, T], list[str]]:
-    """Call every entry; give the results, and a note on those that this version cannot compute."""
+    """Call every entry; return the results, and a note on those not available in this version."""
     out: dict[str, T] = {}
     absent: dict[str, list[str]] = {}
     for name, call in columns.items():
@@ -39,7 +39,7 @@ def available(columns: Mapping[str, Callable[[], T]]) -> tuple[dict[str, T], lis
 
 
 def dlt(scene: Scene, *, weighted: bool = False) -> FloatArray:
-    """Plain triangulation, with the confidences as weights or without any."""
+    """DLT, with or without the confidences as weights."""
     detections = scene.detections if weighted else scene.detections[..., :2]
     return sk.triangulate(detections, scene.rig, method="dlt")
 
@@ -61,7 +61,7 @@ def ransac_iskakov(scene: Scene) -> FloatArray:
 
 
 def _box_px(scene: Scene) -> FloatArray:
-    """Side of the square box round the detections of each view, (T, M) px; a crop's if there are none."""
+    """Side of the square box around the detections of each view, (T, M) px; a crop's if there are none."""
     pixels = np.where(scene.detected[..., None], scene.detections[..., :2], np.nan)
     low = np.fmin.reduce(pixels, axis=2)
     high = np.fmax.reduce(pixels, axis=2)
@@ -113,7 +113,7 @@ def default(
 
 
 def monocular_start(scene: Scene, error_mm: float, seed: int) -> FloatArray:
-    """Fuse simulated monocular poses whose noise is such that the fused pose errs `error_mm` (MPJPE)."""
+    """Fuse simulated monocular poses, with noise that gives the fused pose an MPJPE of `error_mm`."""
     sigma = error_mm
     for _ in range(4):
         poses = synthetic.monocular_poses(scene.truth, scene.rig, sigma, seed=seed)
@@ -128,6 +128,6 @@ def per_axis_sigma(start: FloatArray, truth: FloatArray) -> float:
 
 
 def covariance(start: FloatArray, truth: FloatArray) -> FloatArray:
-    """Mean square error of every joint, (N, 3, 3) mm²; about zero, as that of an unbiased start would be."""
+    """Mean square error of every joint, (N, 3, 3) mm²; about zero, as for an unbiased initial pose."""
     error = start - truth
     return np.einsum("tni,tnj->nij", error, error) / len(error)

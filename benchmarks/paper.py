@@ -1,10 +1,10 @@
-"""Speed and memory of the paper's preset: 17 joints, 4 views, all 125 steps.
+"""Speed and memory of `paper`: 17 joints, 4 views, all 125 steps.
 
     python benchmarks/paper.py
 
 Simulated detections in a Human3.6M-like room. Prints one table with machine and date. Times are the median of
-repeated calls of ``skelsplat.refine`` from Python, everything included; memory is what the process's peak
-resident size grows by during one refinement, measured in a fresh process.
+repeated calls of ``skelsplat.refine`` from Python, everything included; memory is the increase of
+the peak resident size during one refinement, measured in a fresh process.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def peak_mib() -> float:
 
 
 def memory_of_one_refinement() -> None:
-    """Print by how much one refinement raises the peak, in MiB."""
+    """Print the increase of the peak during one refinement, in MiB."""
     rig, start, detections = scene(1000, 2)
     sk.refine(start[1], detections[1], rig, layout="h36m17", config=sk.RefineConfig.paper(max_steps=0))
     before = peak_mib()
@@ -72,7 +72,7 @@ def memory_of_one_refinement() -> None:
 
 
 def all_steps(**fields: object) -> sk.RefineConfig:
-    """Return the preset without early stopping."""
+    """Return the settings of `paper` without early stopping."""
     return sk.RefineConfig.paper(stop_tolerance=0.0, **fields)
 
 

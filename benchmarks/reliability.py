@@ -1,9 +1,9 @@
-"""Attack the library and print what comes out: the figures of docs/reliability.md.
+"""Attack the library and print the results: the figures of docs/reliability.md.
 
     python benchmarks/reliability.py [NAME ...] [--markdown]
 
-Every attack runs in a process of its own with a time limit, so that one that hangs or aborts is a row like
-any other. Run it with the Python of another environment to measure another version.
+Every attack runs in its own process with a time limit, so that one that hangs or aborts is still a row of the
+table. Run it with the Python of another environment to measure another version.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _CHILD = "--child"
 
 
 def outcome(attack: Attack) -> str:
-    """Run one attack in a process of its own; what it returned, or how it ended."""
+    """Run one attack in its own process; return its result, or how it ended."""
     command = [sys.executable, str(Path(__file__).resolve()), _CHILD, attack.name]
     try:
         done = subprocess.run(

@@ -19,7 +19,7 @@ Rows = Mapping[str, Mapping[str, Any]]
 
 
 def figures(title: str, head: str, rows: Rows, notes: list[str], **about: Any) -> dict[str, Any]:
-    """Put a measurement together: ``rows[row][column]`` are the numbers, `about` the conditions."""
+    """Assemble a measurement: ``rows[row][column]`` are the numbers, `about` the conditions."""
     return {"title": title, "head": head, "rows": rows, "notes": list(dict.fromkeys(notes)), **about}
 
 
@@ -29,7 +29,7 @@ def mpjpe(pose: FloatArray, scene: Scene) -> float:
 
 
 def missing(columns: Mapping[str, FloatArray], scene: Scene, where: str) -> list[str]:
-    """Note for each column the share of judged joints that it leaves without a position, if any."""
+    """Note for each column the share of evaluated joints without a position, if any."""
     shares = {name: float(sk.metrics.missing_rate(pose, scene.judged)) for name, pose in columns.items()}
     return [
         f"{where}: {name} leaves {100 * s:.2f} % of the joints out" for name, s in shares.items() if s > 0

@@ -1,11 +1,11 @@
-"""Run the commands of docs/reproducing.md on simulated data and put what they write into the document.
+"""Run the commands of docs/reproducing.md on simulated data and insert their results into the document.
 
     python benchmarks/reproducing.py [--only out/noise.md] [--list]
 
 A marker ``<!-- measured: FILE, sections A-B -->`` belongs to the nearest ``sh`` block above it: the block's
 lines are run in an empty folder, and sections A to B of FILE (by its headings below the title, from 1)
-replace what stands between the marker and ``<!-- /measured -->``. A line that was run for an earlier marker
-is not run again. The commands on the real data sets are in other blocks: those with ``DATA/`` in them.
+replace the text between the marker and ``<!-- /measured -->``. A line already run for an earlier marker is
+not run again. Commands on the real data sets are in other blocks, which contain ``DATA/``.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _MARKER = re.compile(
 
 @dataclass(frozen=True)
 class Measured:
-    """A marker, and the commands that make its file."""
+    """A marker, and the commands that create its file."""
 
     file: str
     first: int
@@ -43,7 +43,7 @@ class Measured:
 
 
 def commands(text: str) -> list[str]:
-    """Return every line of the document's sh blocks, comments left out."""
+    """Return every line of the document's sh blocks, without comments."""
     return [line for block in _BLOCK.finditer(text) for line in _lines(block["sh"])]
 
 

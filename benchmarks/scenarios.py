@@ -1,8 +1,8 @@
-"""Poses, rigs and detections on which the accuracy is measured; everything follows from the seed.
+"""Poses, rigs and detections for measuring accuracy; all are determined by the seed.
 
-Poses are frames of the CMU motion capture if it lies in ``../shared/data`` (see ``pose_source``), otherwise
-the package's synthetic motions. Their detections are simulated. ``mvor`` gives real detections; which of them
-belongs to which person is taken from the ground truth (oracle association).
+Poses are frames of the CMU motion capture if it is in ``../shared/data`` (see ``pose_source``), otherwise
+the package's synthetic motions. Their detections are simulated. ``mvor`` gives real detections, assigned to
+people by the ground truth (oracle association).
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ NOISES = {
     "occluded 3 hard": DetectionNoise.occluded(3, hard=True),
 }
 
-# Human3.6M-17 from CMU's 19 joints; the nose, which the capture has not, is put close to the head.
+# Human3.6M-17 from CMU's 19 joints; the nose, missing in the capture, is placed close to the head.
 _CMU_JOINTS = [
     "pelvis", "r_hip", "r_knee", "r_ankle", "l_hip", "l_knee", "l_ankle", "abdomen", "neck", "head", "head",
     "l_shoulder", "l_elbow", "l_wrist", "r_shoulder", "r_elbow", "r_wrist",
@@ -40,7 +40,7 @@ _CMU_JOINTS = [
 _NOSE = 9
 _NOSE_OFFSET_MM = (60.0, 0.0, -20.0)
 _SCATTER_MM = 500.0
-# A person of 1.8 m becomes an object of 180 mm, which fills the images of `synthetic.table` as a hand would.
+# Scales a person of 1.8 m to an object of 180 mm, the size of a hand in the images of `synthetic.table`.
 _TABLE_SCALE = 0.1
 # Distance of the human36m_like cameras from the centre of the room.
 _ROOM_RADIUS_MM = 5300.0
@@ -48,7 +48,7 @@ _ROOM_RADIUS_MM = 5300.0
 
 @dataclass(frozen=True)
 class Scene:
-    """What is given to a method, and the truth.
+    """The input of a method, and the ground truth.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class Scene:
     rig : CameraRig of M cameras
     layout : str
     source : str
-        What the poses and detections are, in words.
+        Description of the poses and detections.
     """
 
     truth: FloatArray
@@ -70,18 +70,18 @@ class Scene:
 
     @property
     def detected(self) -> NDArray[np.bool_]:
-        """Which joints have a usable detection, (T, M, N)."""
+        """Whether each joint has a usable detection, (T, M, N)."""
         found: NDArray[np.bool_] = np.isfinite(self.detections).all(axis=-1) & (self.detections[..., 2] > 0)
         return found
 
     @property
     def judged(self) -> FloatArray:
-        """Truth (T, N, 3), NaN where fewer than two views detect the joint; it judges all methods alike."""
+        """Truth (T, N, 3), NaN where fewer than two views detect the joint; the same for all methods."""
         return np.where((self.detected.sum(axis=1) >= 2)[..., None], self.truth, np.nan)
 
 
 def pose_source() -> str:
-    """Say which poses `cmu_poses` takes."""
+    """Return a description of the poses of `cmu_poses`."""
     return "CMU motion capture" if CMU.is_file() else "synthetic motions (no CMU motion capture here)"
 
 
@@ -100,9 +100,9 @@ def _cmu_takes() -> tuple[FloatArray, ...]:
 
 
 def cmu_poses(n: int, seed: int) -> FloatArray:
-    """Return (n, 17, 3) mm: frames of all takes in turn, at any heading, in the middle of the room.
+    """Return (n, 17, 3) mm: frames of all takes in turn, with random heading, in the centre of the room.
 
-    The pelvis stands within ±0.5 m of the centre on both axes. Without the data: ``synthetic.motion``.
+    The pelvis is within ±0.5 m of the centre on both axes. Without the data: ``synthetic.motion``.
     """
     rng = np.random.default_rng(seed)
     if CMU.is_file():
@@ -152,7 +152,7 @@ def scene(
     n_views: int = 4,
     n_seeds: int = 1,
 ) -> Scene:
-    """Simulate detections of `poses` poses in all, drawn with the seeds `seed`, `seed` + 1, …."""
+    """Simulate detections of `poses` poses in total, drawn with the seeds `seed`, `seed` + 1, …."""
     cameras = rig(kind, n_views)
     model = NOISES[noise] if isinstance(noise, str) else noise
     truths, detections = [], []
@@ -174,7 +174,7 @@ def louder(noise: DetectionNoise, factor: float) -> DetectionNoise:
 
 
 def mvor(detector: str = "openpose") -> Scene:
-    """MVOR, an operating room: every labelled person whom at least two views detect, real detections.
+    """MVOR, an operating room: every labelled person detected in at least two views, real detections.
 
     The association is oracle. The truth has the eight joints that COCO-17 and the labels share (shoulders,
     elbows, wrists, hips), labelled to about ±50 mm. The published distortion is not applied: it makes the

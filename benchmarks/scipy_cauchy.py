@@ -1,4 +1,4 @@
-"""What one writes with SciPy: ``least_squares(loss="cauchy")`` on reprojection residuals, joint by joint."""
+"""The usual SciPy solution: ``least_squares(loss="cauchy")`` on reprojection residuals, joint by joint."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from scipy.optimize import least_squares
 import skelsplat as sk
 
 FloatArray = NDArray[np.float64]
-# Residual beyond which the loss flattens, px.
+# Scale of the loss, px.
 SCALE_PX = 5.0
 
 

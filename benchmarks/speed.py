@@ -1,4 +1,4 @@
-"""Speed of the default settings beside what they are meant to reach.
+"""Speed of the default settings, compared with their targets.
 
     python benchmarks/speed.py [--batch 1000] [--repeat 5] [--markdown]
 
@@ -19,10 +19,10 @@ import common
 import skelsplat as sk
 from skelsplat import synthetic
 
-# The dome is timed on this share of the batch, for it has up to 31 views.
+# Share of the batch used for the dome, which has up to 31 views.
 _DOME_SHARE = 5
 _SINGLE_POSES = 300
-# Calls before the clock runs: the first allocate.
+# Warm-up calls: the first ones allocate.
 _WARM_UP = 10
 
 

@@ -2,7 +2,7 @@
 
     python examples/live_loop.py
 
-`sk.Refiner` starts each frame from the pose before. Replace `camera_loop`, here a simulated walk, by your
+`sk.Refiner` starts each frame from the previous pose. Replace `camera_loop`, here a simulated walk, with your
 cameras and detector. A program in another language pipes the same arrays as JSON lines through
 `skelsplat live`.
 """
@@ -28,7 +28,7 @@ for detections in camera_loop:
     begin = time.perf_counter()
     result = refiner.step(detections)
     latency.append(1e3 * (time.perf_counter() - begin))
-    if result.joint_status[wrist] == "ok":  # not "weak" (its depth is open) and not "unobserved"
+    if result.joint_status[wrist] == "ok":  # not "weak" (depth undetermined) and not "unobserved"
         x, y, z = result.pose[wrist]  # in the unit of the rig
         bar = np.sqrt(np.trace(result.uncertainty[wrist]) / 3)
         print(f"right wrist {x:6.0f} {y:6.0f} {z:6.0f} ± {bar:.0f} {rig.unit}")

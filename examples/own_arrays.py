@@ -2,7 +2,7 @@
 
     python examples/own_arrays.py
 
-Replace `detect` by your detector and the cameras by yours; everything else stays.
+Replace `detect` with your detector and the cameras with yours; everything else stays the same.
 """
 
 from __future__ import annotations

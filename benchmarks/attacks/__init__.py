@@ -1,4 +1,4 @@
-"""Attacks on the library: calls that once gave a wrong answer in silence, hung or ended the process.
+"""Attacks on the library: calls that could give a wrong result silently, hang or end the process.
 
 Every module here holds functions marked with ``@attack(order, what, ideal)``. A function takes nothing and
 returns a short text of numbers. Modules use the public interface only, so that they also run against earlier
@@ -17,7 +17,7 @@ LIMIT_S = 120.0
 
 @dataclass(frozen=True)
 class Attack:
-    """One row of the table: what is done, what would be right, and the function that does it."""
+    """One row of the table: what is done, the correct result, and the function that does it."""
 
     order: str
     what: str
@@ -27,7 +27,7 @@ class Attack:
 
     @property
     def name(self) -> str:
-        """The name by which the row is chosen on the command line."""
+        """The name that selects the row on the command line."""
         return self.run.__name__
 
 

@@ -1,4 +1,4 @@
-"""Attacks 1, 5, 10 and 11: arrays in unusual memory, masked arrays, poses too large, pickles."""
+"""Attacks 1, 5, 10 and 11: arrays with unusual memory layout, masked arrays, huge poses, pickles."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ def _unaligned(array: np.ndarray) -> np.ndarray:
 
 
 def _tried(call: Callable[[], object]) -> str:
-    """Return what a call gave, or how it failed."""
+    """Return the result of a call, or its error."""
     try:
         return str(call())
-    except BaseException as error:  # a panic of the compiled core is no Exception
+    except BaseException as error:  # a panic of the compiled core is not an Exception
         return f"{type(error).__name__}: {str(error).splitlines()[0][:60]}"
 
 
@@ -101,7 +101,7 @@ def no_numbers() -> str:
 
 
 def _masked() -> tuple[np.ndarray, np.ndarray]:
-    """Return detections of which 40 % are wild, and which."""
+    """Return detections of which 40 % are far off, and their mask."""
     rng = np.random.default_rng(4)
     wild = rng.random(_PIXELS.shape[:3]) < 0.4
     pixels = np.where(wild[..., None], rng.uniform(0, 1000, _PIXELS.shape), _PIXELS)
@@ -155,7 +155,7 @@ def aligned_error_of_huge_poses() -> str:
 
 
 def _copies(value: object) -> str:
-    """Count the protocols by which the value comes back equal, and the ways of copying it."""
+    """Count the pickle protocols and the ways of copying that preserve the value."""
 
     def equal(twin: Callable[[], object]) -> bool:
         try:

@@ -1,4 +1,4 @@
-"""Attacks with a camera whose calibration is wrong: a run must say so."""
+"""Attacks with a wrong calibration of one camera, which a run must report."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _TURNED, _DEGREES = "cam2", 1.5
 
 
 def _turned(rig: sk.CameraRig) -> sk.CameraRig:
-    """Return the rig with one camera turned about its own vertical axis."""
+    """Return the rig with one camera rotated about its own vertical axis."""
     angle = np.radians(_DEGREES)
     turn = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
     cameras = [
@@ -37,7 +37,7 @@ def _turned(rig: sk.CameraRig) -> sk.CameraRig:
 
 
 def _findings(rig: sk.CameraRig, calibrated: sk.CameraRig) -> str:
-    """Refine detections of one rig with the calibration of another; return which cameras are accused."""
+    """Refine detections of one rig with the calibration of another; return which cameras are reported."""
     pose = synthetic.motion("walk", _FRAMES, seed=3)
     noise = synthetic.DetectionNoise.good()
     found = np.asarray(synthetic.simulate_detections(pose, rig, noise=noise, seed=3)).copy()

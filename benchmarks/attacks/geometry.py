@@ -1,4 +1,4 @@
-"""Cameras in one place, views that contradict each other, degenerate poses and priors."""
+"""Cameras at the same position, contradicting views, degenerate poses and priors."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def _pair(apart_mm: float) -> sk.CameraRig:
 
 
 def _judged(result: sk.Refinement, truth: FloatArray, joints: slice | int) -> str:
-    """Share of ok, their median error, median error bar and the share beyond ten error bars."""
+    """Share of ok joints, their median error, median error bar and the share beyond ten error bars."""
     ok = np.atleast_2d(result.joint_status[:, joints] == "ok").reshape(-1)
     error = (result.pose - truth)[:, joints].reshape(-1, 3)[ok]
     bars = result.uncertainty[:, joints].reshape(-1, 3, 3)[ok]
@@ -87,7 +87,7 @@ def cameras_200_mm_apart() -> str:
 
 
 def _arm_exchanged(truth: FloatArray, cameras: sk.CameraRig) -> tuple[FloatArray, np.ndarray]:
-    """Simulate detections with one arm exchanged in one of the views, and say where (T, M, N)."""
+    """Simulate detections with the arms swapped in one of the views; also return where (T, M, N)."""
     detections = _detections(truth, cameras)
     exchanged = np.zeros(detections.shape[:3], bool)
     view = np.random.default_rng(1).integers(detections.shape[1], size=len(truth))
@@ -168,7 +168,7 @@ def empty_camera_and_ransac() -> str:
 
 
 def _two_people(frames: int = 30) -> tuple[FloatArray, FloatArray, sk.CameraRig]:
-    """Somebody walking, and detections of which two of four views show another person from frame 10 on."""
+    """Simulate a walk, and detections in which two of four views show another person from frame 10 on."""
     cameras = rig("room", 4)
     truth = synthetic.motion("walk", frames, seed=0)
     other = synthetic.motion("walk", frames, seed=5) + np.array([600.0, 300.0, 0.0])

@@ -1,4 +1,4 @@
-"""Plain Gaussian noise of any size."""
+"""Gaussian noise of any size."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Attacks with more people in view than the one to follow: a run that mixes them must say so."""
+"""Attacks with several people in view: a run that mixes them must report it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from . import attack
 
 _TRIAL = DATA / "pose2sim_demo"
 _FRAMES = 60
-# What findings of this kind have in common with their words, and what each is called in the table.
+# Findings of this kind: name in the table, and kind.
 _KINDS = {
     "people mixed": "people_mixed",
     "2 visible": "people_visible",
@@ -32,7 +32,7 @@ _KINDS = {
 
 
 def _write(folder: Path, people: NDArray[np.float64], cameras: list[str]) -> Path:
-    """Write people (T, M, P, K, 3), NaN for nobody, as OpenPose's folders of JSON files."""
+    """Write people (T, M, P, K, 3), NaN for no person, as OpenPose's folders of JSON files."""
     for i, camera in enumerate(cameras):
         (folder / camera).mkdir(parents=True)
         for t, everybody in enumerate(people[:, i]):
@@ -43,7 +43,7 @@ def _write(folder: Path, people: NDArray[np.float64], cameras: list[str]) -> Pat
 
 
 def _run(*arguments: object) -> str:
-    """Run the command line; return its exit status and which findings of this kind it gives."""
+    """Run the command line; return its exit status and its findings of this kind."""
     with TemporaryDirectory() as out:
         status = 0
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):

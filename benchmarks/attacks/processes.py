@@ -1,4 +1,4 @@
-"""Forks, Ctrl-C, and numbers and images that are too large."""
+"""Forks, Ctrl-C, and excessive numbers and image sizes."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def _paper_frame() -> bytes:
 
 
 def _in_child(work: Callable[[], bytes], expected: bytes) -> str:
-    """Say what becomes of ``work`` in a forked child, ended if it hangs."""
+    """Return the outcome of ``work`` in a forked child, which is ended if it hangs."""
     warnings.simplefilter("ignore", DeprecationWarning)
     child = os.fork()
     if child == 0:
@@ -151,7 +151,7 @@ def interrupt_loss() -> str:
 
 
 def _said(call: Callable[[], object]) -> str:
-    """Say what was raised, PanicException included, or what came back."""
+    """Return the exception (including PanicException) or the result."""
     try:
         found = call()
     except BaseException as error:

@@ -28,7 +28,7 @@ def coverage(
 ) -> dict[str, Any]:
     """Coverage in percent at 1, 2, 3 σ, and rank correlation of predicted and true error.
 
-    The paper's splat covariance stands beside it for the preset in four views, unless `fast`.
+    For four views the paper's splat covariance is added for `paper`, unless `fast`.
     """
     rows, notes = {}, []
     for name in ("good", "occluded 2"):
@@ -89,7 +89,7 @@ def _row(pose: FloatArray, covariance: FloatArray, here: Scene) -> dict[str, flo
 
 
 def _drawn(covariance: FloatArray) -> FloatArray:
-    """Lengths of errors drawn from the covariances: what an exact prediction would be compared with."""
+    """Lengths of errors drawn from the covariances: the reference for an exact prediction."""
     known = np.isfinite(covariance).all(axis=(-2, -1))
     factor = np.linalg.cholesky(np.where(known[..., None, None], covariance, np.eye(3)))
     normal = np.random.default_rng(0).standard_normal((*known.shape, 3, 1))

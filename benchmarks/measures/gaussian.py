@@ -1,4 +1,4 @@
-"""Plain Gaussian noise of any size: the default beside DLT, and whether its error bars follow."""
+"""Gaussian noise of any size: the default compared with DLT, and the coverage of its error bars."""
 
 from __future__ import annotations
 

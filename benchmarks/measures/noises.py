@@ -36,7 +36,7 @@ def table(
     kind: str = "room",
     n_views: int = 4,
 ) -> dict[str, Any]:
-    """MPJPE in mm of all methods; `fast` leaves the paper's and RANSAC Iskakov out."""
+    """MPJPE in mm of all methods; `fast` omits the paper's and RANSAC Iskakov."""
     rows, errors_of_mean, notes = {}, {}, []
     for name, noise in NOISES.items():
         here = scene(noise, poses, seed, kind=kind, n_views=n_views, n_seeds=n_seeds)

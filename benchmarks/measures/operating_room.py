@@ -1,4 +1,4 @@
-"""Errors on MVOR: real detections of people half hidden, three views."""
+"""Errors on MVOR: real detections of partly occluded people, three views."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ GROSS_MM = 150.0
 
 
 def mvor(*, detector: str = "openpose", fast: bool = False, fields: Fields | None = None) -> dict[str, Any]:
-    """Mean, median, 90th percentile and share of gross errors; `fast` leaves out what takes seconds."""
+    """Mean, median, 90th percentile and share of gross errors; `fast` omits methods that take seconds."""
     here = mvor_scene(detector)
     columns: dict[str, Any] = {
         "DLT": lambda: dlt(here),

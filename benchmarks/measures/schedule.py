@@ -1,4 +1,4 @@
-"""Error against the settings of the annealing: one setting at a time is changed from the default."""
+"""Error against the annealing settings, changing one at a time from its default."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ def start(
     fast: bool = False,
     fields: Fields | None = None,
 ) -> dict[str, Any]:
-    """MPJPE in mm from DLT plus Gaussian noise per axis; `fast` leaves the paper's method out."""
+    """MPJPE in mm from DLT plus Gaussian noise per axis; `fast` omits the paper's method."""
     here = scene(noise, poses, seed)
     triangulated = dlt(here)
     rows: dict[str, dict[str, float]] = {}

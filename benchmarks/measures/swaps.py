@@ -1,4 +1,4 @@
-"""Swapped left and right: error with and without, and how many are found."""
+"""Left–right swaps: error with and without, and how many are found."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ SWAPPED = replace(NOISES["good"], limb_swap_rate=0.05, view_swap_rate=0.02)
 
 
 def swaps(*, poses: int = 300, seed: int = 0, fields: Fields | None = None) -> dict[str, Any]:
-    """MPJPE in mm at all joints and at those swapped in some view; swaps reported, right and wrong.
+    """MPJPE in mm at all joints and at those swapped in some view; swaps reported, correct and false.
 
-    Counts are of (frame, view, joint). The clean detections are the same but for the swaps, so whatever is
-    reported there is wrong.
+    Counts are of (frame, view, joint). The clean detections differ only in having no swaps, so every
+    report there is false.
     """
     clean, swapped = scene("good", poses, seed), scene(SWAPPED, poses, seed)
     differ = ~np.isclose(clean.detections, swapped.detections, equal_nan=True).all(axis=-1)

@@ -1,4 +1,4 @@
-"""Error against the stated `init_sigma`, for starts whose true one is known."""
+"""Error against the stated `init_sigma`, for initial poses with a known true one."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def sweep(
 ) -> dict[str, Any]:
     """MPJPE in mm by stated over true standard deviation per axis of independent Gaussian starts.
 
-    ``best`` is the ratio of the least error, from a parabola in the logarithm through it and its neighbours.
+    ``best`` is the ratio with the smallest error, from a parabola through its neighbours in the logarithm.
     """
     rows, notes = {}, []
     for factor in FACTORS:

@@ -1,4 +1,4 @@
-"""What a fifth camera whose detections are all wrong does to the result of four good ones."""
+"""Effect of a fifth camera with only wrong detections on the result of four good ones."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from scenarios import FloatArray, Scene, rig, scene
 import skelsplat as sk
 
 OFFSET_PX = np.array([60.0, -80.0])
-# The useless detector is as sure of itself as a good one.
+# The useless detector has the confidences of a good one.
 CONFIDENCE = 0.9
 
 
 def useless(
     *, poses: int = 300, seed: int = 0, fast: bool = False, fields: Fields | None = None
 ) -> dict[str, Any]:
-    """Change of the result in mm, and MPJPE without and with the fifth view; `fast` leaves the slow out."""
+    """Change of the result in mm, and MPJPE without and with the fifth view; `fast` omits slow methods."""
     four = scene("good", poses, seed)
     methods: dict[str, Any] = {"DLT": dlt, "DLT conf.": lambda s: dlt(s, weighted=True)}
     methods |= RANSACS if fast else ALL_RANSACS
@@ -53,7 +53,7 @@ def useless(
 
 
 def _wrong(four: Scene, seed: int) -> dict[str, FloatArray]:
-    """Return detections (T, N, 2) px of the fifth camera, by what is wrong with them."""
+    """Return detections (T, N, 2) px of the fifth camera, by kind of error."""
     rng = np.random.default_rng(seed + 1)
     camera = list(rig("room", 5))[4]
     true = sk.project(four.truth, [camera])[0]

@@ -106,7 +106,7 @@ class Camera:
     def scaled(self, factor: float) -> Camera:
         """Return the camera for images resized by ``factor``: u' = (u + ½) · factor − ½."""
     def undistort(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Map pixels (…, 2) to ideal pixels of the same K; NaN where no ray through the lens reaches the pixel."""
+        """Map pixels (…, 2) to ideal pixels of the same K; NaN where no ray through the lens arrives."""
     def __eq__(self, other: object, /) -> bool: ...
 
 @final
@@ -212,8 +212,9 @@ class RefineConfig:
 
     ``RefineConfig(...)`` configures the default method, ``annealed``: splats that narrow to the noise of the
     detections, from any initial pose. ``RefineConfig.paper(...)`` configures the published method, ``paper``:
-    rendered pixels and Adam. Every setting is a keyword; settings of the other method are rejected, and settings
-    not given keep their defaults. Lengths are in mm whatever the unit of the cameras; their names end in ``_mm``.
+    rendered pixels and Adam. Every setting is a keyword; settings of the other method are rejected, and
+    settings not given keep their defaults. Lengths are in mm whatever the unit of the cameras; their names
+    end in ``_mm``.
 
     Parameters
     ----------
@@ -312,7 +313,7 @@ class RefineConfig:
     Raises
     ------
     InvalidInputError
-        An unknown setting, a setting of the other method, or a value outside its domain; the message names it.
+        An unknown setting, one of the other method, or a value outside its domain; the message names it.
     """
 
     def __new__(cls, **fields: Any) -> RefineConfig: ...
@@ -401,8 +402,8 @@ class RefineConfig:
 def project(points: ArrayLike, cameras: _Cameras) -> NDArray[np.float64]:
     """Project world points (…, 3) to pixels (M, …, 2), lens distortion included; NaN behind a camera.
 
-    The view axis comes first: a sequence (T, N, 3) gives (M, T, N, 2), while ``refine`` takes (T, M, N, 2); use
-    ``project(poses, cameras).swapaxes(0, 1)`` to convert.
+    The view axis comes first: a sequence (T, N, 3) gives (M, T, N, 2), while ``refine`` takes (T, M, N, 2);
+    ``project(poses, cameras).swapaxes(0, 1)`` converts.
     """
 
 @overload
@@ -417,15 +418,16 @@ def triangulate(
     """Triangulate detections ([T,] M, N, 2|3) to points ([T,] N, 3); NaN with fewer than two views.
 
     ``"robust"``, the default, starts at the point nearest to all rays of a joint and narrows a Welsch kernel
-    to the frame's noise, so that wrong detections lose their influence. If the views that agree at the end are
-    not a majority, the points between pairs of rays are also tried, each scored by all views. A joint is
+    to the frame's noise, so that wrong detections lose their influence. If the views that agree at the end
+    are not a majority, the points between pairs of rays are also tried, each scored by all views. A joint is
     recovered with up to half of its views wrong if the wrong ones do not agree with each other, and with all
     but two wrong if only those two agree. If only two views see a joint and they disagree, both are used.
     Detections with a weight k < ¼ (more than 2.4 σ from the joint) are rejected.
 
     ``"dlt"`` is confidence-weighted algebraic triangulation. ``"ransac"`` applies it to the largest set of
-    views that agree: of at most 10 pairs of views, the pair with most detections within 20 px of its projected
-    point defines the set; if no two views agree, all are used. Every method removes lens distortion first.
+    views that agree: of at most 10 pairs of views, the pair with most detections within 20 px of its
+    projected point defines the set; if no two views agree, all are used. Every method removes lens distortion
+    first.
 
     Parameters
     ----------
@@ -554,4 +556,4 @@ def implausible_extent(
     """
 
 def check_people(people: ArrayLike) -> None:
-    """Reject confidences outside [0, 1] in people (T, M, P, K, 3); the message names the argument ``people``."""
+    """Reject confidences outside [0, 1] in the argument ``people`` (T, M, P, K, 3)."""

@@ -166,7 +166,7 @@ impl Camera {
         Ok(Self(self.0.scaled(factor.0)?))
     }
 
-    /// Map pixels (…, 2) to ideal pixels of the same K; NaN where no ray through the lens reaches the pixel.
+    /// Map pixels (…, 2) to ideal pixels of the same K; NaN where no ray through the lens arrives.
     fn undistort(&self, py: Python<'_>, points: Pixels) -> Result<Out<f64>> {
         let Pixels(array) = points;
         let pixels = array.values.chunks_exact(2).map(Vector2::from_column_slice).collect();

@@ -273,8 +273,9 @@ Settings of ``refine``. Immutable.
 
 ``RefineConfig(...)`` configures the default method, ``annealed``: splats that narrow to the noise of the
 detections, from any initial pose. ``RefineConfig.paper(...)`` configures the published method, ``paper``:
-rendered pixels and Adam. Every setting is a keyword; settings of the other method are rejected, and settings
-not given keep their defaults. Lengths are in mm whatever the unit of the cameras; their names end in ``_mm``.
+rendered pixels and Adam. Every setting is a keyword; settings of the other method are rejected, and
+settings not given keep their defaults. Lengths are in mm whatever the unit of the cameras; their names
+end in ``_mm``.
 
 Parameters
 ----------
@@ -284,7 +285,7 @@ const RAISES: &str = "\
 Raises
 ------
 InvalidInputError
-    An unknown setting, a setting of the other method, or a value outside its domain; the message names it.
+    An unknown setting, one of the other method, or a value outside its domain; the message names it.
 ";
 
 /// The class's documentation, in the style of numpydoc.

@@ -151,7 +151,7 @@ impl<'py> FromPyObject<'_, 'py> for People {
     }
 }
 
-/// Reject confidences outside [0, 1] in people (T, M, P, K, 3); the message names the argument ``people``.
+/// Reject confidences outside [0, 1] in the argument ``people`` (T, M, P, K, 3).
 #[pyfunction]
 pub(crate) fn check_people(people: People) {
     let People = people;

@@ -18,8 +18,8 @@ const SHORT_PROJECTIONS: usize = 50_000;
 
 /// Project world points (…, 3) to pixels (M, …, 2), lens distortion included; NaN behind a camera.
 ///
-/// The view axis comes first: a sequence (T, N, 3) gives (M, T, N, 2), while ``refine`` takes (T, M, N, 2); use
-/// ``project(poses, cameras).swapaxes(0, 1)`` to convert.
+/// The view axis comes first: a sequence (T, N, 3) gives (M, T, N, 2), while ``refine`` takes (T, M, N, 2);
+/// ``project(poses, cameras).swapaxes(0, 1)`` converts.
 #[pyfunction]
 pub(crate) fn project(py: Python<'_>, points: Points, cameras: Cameras) -> Result<Out<f64>> {
     let Points(array) = points;
@@ -63,15 +63,16 @@ pub(crate) enum Found {
 /// Triangulate detections ([T,] M, N, 2|3) to points ([T,] N, 3); NaN with fewer than two views.
 ///
 /// ``"robust"``, the default, starts at the point nearest to all rays of a joint and narrows a Welsch kernel
-/// to the frame's noise, so that wrong detections lose their influence. If the views that agree at the end are
-/// not a majority, the points between pairs of rays are also tried, each scored by all views. A joint is
+/// to the frame's noise, so that wrong detections lose their influence. If the views that agree at the end
+/// are not a majority, the points between pairs of rays are also tried, each scored by all views. A joint is
 /// recovered with up to half of its views wrong if the wrong ones do not agree with each other, and with all
 /// but two wrong if only those two agree. If only two views see a joint and they disagree, both are used.
 /// Detections with a weight k < ¼ (more than 2.4 σ from the joint) are rejected.
 ///
 /// ``"dlt"`` is confidence-weighted algebraic triangulation. ``"ransac"`` applies it to the largest set of
-/// views that agree: of at most 10 pairs of views, the pair with most detections within 20 px of its projected
-/// point defines the set; if no two views agree, all are used. Every method removes lens distortion first.
+/// views that agree: of at most 10 pairs of views, the pair with most detections within 20 px of its
+/// projected point defines the set; if no two views agree, all are used. Every method removes lens distortion
+/// first.
 ///
 /// Parameters
 /// ----------

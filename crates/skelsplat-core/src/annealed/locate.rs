@@ -34,7 +34,7 @@ const LEAST_FREEDOM: f64 = 6.0;
 /// Triangulates each joint from ideal pixels; NaN as [`crate::triangulate::dlt()`], with fewer than two views or parallel rays.
 ///
 /// A joint starts at the point nearest to all its rays and is annealed down to the noise of the frame (see
-/// [`crate::annealed`]). Where the views that agree at the end are not a majority, points between two rays are also scored
+/// `annealed/mod.rs`). Where the views that agree at the end are not a majority, points between two rays are also scored
 /// ([`best_pair`]). The cost is linear in the number of views as long as a fixed share of them is correct. Where the
 /// noise is too large for the final kernel, wider ones are tried ([`evidence`]).
 #[must_use]
