@@ -57,10 +57,7 @@ def names() -> tuple[str, ...]:
 def reader(name: str) -> Reader:
     """Return the reader of a data set.
 
-    Raises
-    ------
-    InvalidInputError
-        If there is none of that name.
+    Raises `InvalidInputError` if there is none of that name.
     """
     if name not in _MODULES:
         raise InvalidInputError(f"name: expected one of {', '.join(_MODULES)}, got {name!r}")

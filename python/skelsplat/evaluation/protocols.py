@@ -284,10 +284,7 @@ names: tuple[str, ...] = tuple(_BY_NAME)
 def get(name: str) -> Protocol:
     """Return the protocol of a data set: its own, or of a simulated one that of the data set it resembles.
 
-    Raises
-    ------
-    InvalidInputError
-        If there is none of that name; the message lists all.
+    Raises `InvalidInputError` if there is none of that name; the message lists all.
     """
     name = SIMULATED.get(name, name)
     if name not in _BY_NAME:

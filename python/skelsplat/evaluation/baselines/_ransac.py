@@ -81,7 +81,7 @@ def ransac_iskakov(
     inliers = _largest_set(joints, 2.0 * epsilon * scale, n_iters, np.random.default_rng(seed), forced=True)
     points = solve(joints, inliers.astype(np.float64))
     if direct_optimization:
-        problem = Reprojections.of(joints, inliers * 0.5 / scale, by_view=True)
+        problem = Reprojections(joints.pixels, joints.projections, inliers * 0.5 / scale, by_view=True)
         points = minimise(points, problem, huber)
     return joints.points(points)
 
