@@ -21,8 +21,7 @@ from typing import Any, Protocol, cast
 
 from skelsplat.datasets._files import Survey
 from skelsplat.datasets._model import Dataset
-from skelsplat.datasets._reproject import ViewError, view_errors
-from skelsplat.datasets._verify import raise_errors, samples_of, verify
+from skelsplat.datasets._verify import ViewError, raise_errors, samples_of, verify, view_errors
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from skelsplat.datasets import Dataset, Take, occlusion_person, panoptic
 from skelsplat.datasets.human36m import ACTIONS
-from skelsplat.datasets.human36m._actions import ALIASES
+from skelsplat.datasets.human36m._common import ALIASES
 from skelsplat.exceptions import DatasetError, InvalidInputError
 
 Endpoint = int | tuple[int, ...]

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from skelsplat._arrays import positive
 from skelsplat.evaluation.baselines._observations import (
     BoolArray,
     Cameras,
@@ -22,7 +23,6 @@ from skelsplat.evaluation.baselines._observations import (
     IntArray,
     homogeneous,
     observe,
-    positive,
     reproject,
     rig_frame,
     solve,
