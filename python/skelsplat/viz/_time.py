@@ -119,13 +119,18 @@ def finish(
         axes.text(0.5, 0.5, missing, transform=axes.transAxes, ha="center", va="center", fontsize=7)
 
 
+def neighbours(mask: Mask) -> Mask:
+    """Return the frames next to those of a mask (T,)."""
+    beside = np.zeros_like(mask)
+    beside[1:] |= mask[:-1]
+    beside[:-1] |= mask[1:]
+    return beside
+
+
 def alone(values: Array) -> Mask:
     """Tell which values have no neighbour: a line through them would not show."""
     known = np.isfinite(values)
-    beside = np.zeros_like(known)
-    beside[1:] |= known[:-1]
-    beside[:-1] |= known[1:]
-    return np.asarray(known & ~beside)
+    return np.asarray(known & ~neighbours(known))
 
 
 def draw_series(axes: Axes, time: TimeAxis, values: Array, **style: object) -> None:

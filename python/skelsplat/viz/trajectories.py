@@ -13,10 +13,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from skelsplat._arrays import Array, ArrayFields, Mask
+from skelsplat._arrays import Array, ArrayFields
 from skelsplat.viz import _style
 from skelsplat.viz._skeleton import Skeleton
-from skelsplat.viz._time import MANY_FRAMES, TimeAxis, alone, draw_series, finish
+from skelsplat.viz._time import MANY_FRAMES, TimeAxis, alone, draw_series, finish, neighbours
 
 # Number of standard deviations → how dark the band is; the wide one is drawn first.
 BANDS = {2: 0.18, 1: 0.32}
@@ -125,8 +125,9 @@ def _draw_panel(axes: Axes, data: TrajectoryData, place: tuple[int, int], colour
     style = {"color": colour, "zorder": 2.5}
     draw_series(axes, time, np.where(filled, np.nan, values), **style, linewidth=0.9, label="position")
     if filled.any():
+        meeting = filled | neighbours(filled)  # so that a line meets what it continues
         dots = {**style, "linewidth": 1.1, "linestyle": (0, (1, 1)), "label": "filled"}
-        draw_series(axes, time, np.where(_with_neighbours(filled), values, np.nan), **dots)
+        draw_series(axes, time, np.where(meeting, values, np.nan), **dots)
     for name, mark in MARKS.items():
         axes.broken_barh(
             time.runs(status == name),
@@ -165,14 +166,6 @@ def _draw_bands(axes: Axes, time: TimeAxis, values: Array, spread: tuple[Array, 
             axes.vlines(
                 x[single], low[single], high[single], color=colour, alpha=alpha + 0.1, linewidth=width
             )
-
-
-def _with_neighbours(mask: Mask) -> Mask:
-    """Return the mask and the frames next to it, so that a line meets what it continues."""
-    wide = mask.copy()
-    wide[1:] |= mask[:-1]
-    wide[:-1] |= mask[1:]
-    return wide
 
 
 def _limits(values: Array, sigma: Array, start: Array) -> tuple[float, float]:

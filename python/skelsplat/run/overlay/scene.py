@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -112,9 +111,7 @@ def follow(points: Array, size: Size) -> tuple[Size, npt.NDArray[np.int64]]:
     seen: Mask = np.any(inside, axis=1)
     if not seen.any():
         return size, np.zeros((len(points), 2), dtype=np.int64)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # frames without the person are NaN
-        low, high = np.nanmin(points, axis=1), np.nanmax(points, axis=1)
+    low, high = np.fmin.reduce(points, axis=1), np.fmax.reduce(points, axis=1)  # NaN without the person
     extent = np.quantile((high - low)[seen], 0.95, axis=0)
     wanted = np.maximum(extent * (1 + 2 * _MARGIN), np.maximum(_LEAST_PX, 0.25 * extent[::-1]))
     cut = np.minimum(np.ceil(wanted / 2) * 2, limit).astype(np.int64)
