@@ -10,7 +10,7 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat import synthetic
-from skelsplat._rotation import matrix_from_vector
+from skelsplat.cameras import matrix_from_vector as rotation
 from skelsplat.io import read_calibration, read_detections, sample
 
 T = 40
@@ -70,7 +70,7 @@ def replaced(cameras, view, **changes):
 
 
 def turned(cameras, view, degrees, axis):
-    turn = matrix_from_vector(np.radians(degrees) * np.array(axis) / np.linalg.norm(axis))
+    turn = rotation(np.radians(degrees) * np.array(axis) / np.linalg.norm(axis))
     camera = cameras[view]
     return replaced(cameras, view, R=turn @ camera.R, t=turn @ camera.t)
 

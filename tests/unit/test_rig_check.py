@@ -8,7 +8,7 @@ import pytest
 import skelsplat as sk
 from rig_case import LAYOUT, T, detections, only, replaced, rig, turned
 from skelsplat import synthetic
-from skelsplat._rotation import matrix_from_vector
+from skelsplat.cameras import matrix_from_vector as rotation
 from skelsplat.rig_check import check_rig
 from sweeps import diagonal, swept
 
@@ -109,7 +109,7 @@ def test_a_calibration_of_another_recording_is_named_once(name, degrees, mm):
     cameras = rig(name)
     for view, camera in enumerate(rig(name)):
         axis = random.normal(size=3)
-        R = matrix_from_vector(np.radians(degrees) * axis / np.linalg.norm(axis)) @ np.asarray(camera.R)
+        R = rotation(np.radians(degrees) * axis / np.linalg.norm(axis)) @ np.asarray(camera.R)
         centre = np.asarray(camera.centre) + mm / np.sqrt(3.0) * random.normal(size=3)
         cameras = replaced(cameras, view, R=R, t=-R @ centre)
     finding = only(check_rig(cameras, detections(name), layout=LAYOUT))

@@ -78,6 +78,14 @@ def load_pickle(path: Path) -> Any:
         return unpickle(stream, path)
 
 
+def load_records(path: Path, expected: str) -> list[Any]:
+    """Return the list in a pickle, which must have entries."""
+    records = load_pickle(path)
+    if not isinstance(records, list) or not records:
+        raise DatasetError(path, "pickle", expected, type(records).__name__)
+    return records
+
+
 def load_npy(path: Path) -> Any:
     """Return the array of an npy file, or the object that is pickled in it alone."""
     return _content(_arrays.load_npy(path))
@@ -120,10 +128,10 @@ def whole_number(path: Path, field: str, container: Any, key: Any) -> int:
         raise DatasetError(path, within(field, key), "a whole number", repr(value)[:40]) from None
 
 
-def a_table(path: Path, field: str, value: Any) -> dict[Any, Any]:
+def a_table(path: Path, field: str, value: Any, expected: str = "a table") -> dict[Any, Any]:
     """Return `value` if it is a dict."""
     if not isinstance(value, dict):
-        raise DatasetError(path, field, "a table", type(value).__name__)
+        raise DatasetError(path, field, expected, type(value).__name__)
     return value
 
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skelsplat._rotation import matrix_from_vector
-from skelsplat.rig_check._scene import Array, Scene, posed
+from skelsplat.cameras import altered, matrix_from_vector
+from skelsplat.rig_check._scene import Array, Scene
 
 if TYPE_CHECKING:
     import skelsplat as sk
@@ -41,7 +41,7 @@ def resect(scene: Scene, view: int, points: Array, *, move: bool) -> sk.Camera |
         if np.abs(step[:3]).max() < 1e-7:
             break
     left, _, right = np.linalg.svd(R)
-    return posed(camera, left @ right, t)
+    return altered(camera, R=left @ right, t=t)
 
 
 def _step(here: Array, pixels: Array, K: Array, *, move: bool) -> Array:

@@ -16,7 +16,6 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._optional import can_draw
-from skelsplat.run.figures import skeleton_of, world_up, write_figures
 from skelsplat.run.frames import rows_of
 from skelsplat.run.report import MEANINGS
 from skelsplat.run.summary import DOWN_WEIGHTED, finite_max, finite_median, frame_medians
@@ -102,6 +101,8 @@ def notebook_view(run: Run) -> str:
 
 def _picture(run: Run) -> str:
     """Return the overview as an element of HTML."""
+    from skelsplat.run.figures import write_figures  # as in write_html
+
     with tempfile.TemporaryDirectory() as folder:
         write_figures(run, Path(folder))
         picture = base64.b64encode((Path(folder) / "overview.png").read_bytes()).decode()
@@ -193,7 +194,8 @@ def _notes(run: Run) -> list[str]:
 
 
 def _sequence(run: Run) -> page.Sequence3D:
-    from skelsplat.viz.report import Sequence3D  # as in write_html
+    from skelsplat.run.figures import skeleton_of, world_up  # as in write_html
+    from skelsplat.viz.report import Sequence3D
 
     mm, poses = run.cameras.mm_per_unit, run.poses
     return Sequence3D(
@@ -241,8 +243,7 @@ def _by_view_and_joint(values: Array, of: Any) -> Array:
 
 def _shares(statistics: Statistics) -> Array:
     used = np.isfinite(statistics.error_after).sum(axis=0)
-    shares: Array = np.where(used > 0, statistics.rejected.sum(axis=0) / np.maximum(used, 1), np.nan)
-    return shares
+    return np.where(used > 0, statistics.rejected.sum(axis=0) / np.maximum(used, 1), np.nan)
 
 
 def _camera_table(statistics: Statistics) -> page.Table:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 import skelsplat as sk
+from skelsplat._optional import require
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io import PoseData, read_pose, read_run
 from skelsplat.run.folder import output_folder
@@ -211,6 +212,7 @@ def write_plots(
     MissingPackageError
         If matplotlib is not installed.
     """
+    require("matplotlib", "figures", "viz")
     from skelsplat.run.plot_pictures import DRAW  # matplotlib takes long to load, and --help does without
     from skelsplat.viz import write_pages
 

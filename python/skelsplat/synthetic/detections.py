@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from skelsplat import layouts
 from skelsplat._arrays import Array, Mask, numbers
+from skelsplat._skelsplat import Camera, Layout, project
+from skelsplat.cameras import CameraRig
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.synthetic.noise import DetectionNoise
 from skelsplat.synthetic.occluders import (
@@ -19,10 +21,6 @@ from skelsplat.synthetic.occluders import (
     projections,
     streams_of,
 )
-
-if TYPE_CHECKING:
-    from skelsplat import Camera, CameraRig, Layout
-
 
 # Factor on the jitter by what a joint's name contains: small, fast and loosely dressed joints are harder.
 _JOINT_FACTORS = {
@@ -70,8 +68,6 @@ def simulate_detections(
     InvalidInputError
         If shapes, layout and noise do not fit each other.
     """
-    from skelsplat import layouts
-
     world = numbers(points, "points")
     if world.ndim not in (2, 3) or world.shape[-1] != 3:
         raise InvalidInputError(f"points: expected shape (T, N, 3) or (N, 3), got {world.shape}")
@@ -84,8 +80,6 @@ def simulate_detections(
 
 def true_pixels(points: Array, cameras: CameraRig | Sequence[Camera]) -> Array:
     """Projections (T, M, N, 2) of joints (T, N, 3); NaN outside the image."""
-    from skelsplat._skelsplat import project
-
     pixels = np.moveaxis(np.asarray(project(points, cameras)), 0, 1)
     limits = np.array([camera.size for camera in cameras], dtype=np.float64)[:, None] - 0.5
     inside = np.all((pixels >= -0.5) & (pixels < limits), axis=-1)

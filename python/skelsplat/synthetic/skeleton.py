@@ -230,5 +230,4 @@ def _head_axes(points: Array) -> Array:
     forward = (d * (nose - neck) - b * (head - neck)) / (a * d - b * c)
     up = (a * (head - neck) - c * (nose - neck)) / (a * d - b * c)
     left = np.cross(up, forward) / np.linalg.norm(up, axis=-1, keepdims=True)
-    axes: Array = np.stack([forward, left, up], axis=-2)
-    return axes
+    return np.stack([forward, left, up], axis=-2)

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
-from skelsplat._arrays import Array, Mask, read_fields
+from skelsplat._arrays import Array, ArrayFields, Mask
 from skelsplat.viz import _style
-from skelsplat.viz._time import TimeAxis, draw_series
+from skelsplat.viz._time import TimeAxis, draw_series, finish
 
 COLOURS = {**_style.SIDES, "": _style.MIDDLE}
 # A panel shows at least this part of the length above and below it: what is rigid looks flat.
@@ -28,7 +27,7 @@ _LEFT_IN, _ACROSS_IN, _RIGHT_IN = 0.5, 0.5, 0.1
 
 
 @dataclass(frozen=True)
-class Bone:
+class Bone(ArrayFields):
     """One limb.
 
     Parameters
@@ -44,9 +43,6 @@ class Bone:
     side: str
     lengths: Array
     sure: Mask
-
-    def __post_init__(self) -> None:
-        read_fields(self, "lengths")
 
     @property
     def median(self) -> float:
@@ -103,17 +99,9 @@ def _draw_panel(axes: Axes, panel: BonePanel, time: TimeAxis) -> None:
         draw_series(axes, time, counted, color=colour, linewidth=0.8, label=bone.side)
         if np.isfinite(bone.median):
             axes.axhline(bone.median, color=colour, linewidth=0.6, linestyle=(0, (5, 3)), zorder=1.5)
-    _style.tidy(axes, _style.PRINT)
-    time.apply(axes)
-    axes.set_ylim(*_limits(panel.bones))
-    axes.yaxis.set_major_locator(MaxNLocator(3, steps=[1, 2, 5, 10]))
-    axes.ticklabel_format(axis="y", style="plain", useOffset=False)
+    known = any(np.isfinite(bone.lengths).any() for bone in panel.bones)
+    finish(axes, time, _limits(panel.bones), ticks=3, missing=None if known else "no length")
     axes.set_ylabel("mm", labelpad=1)
-    axes.grid(color="0.92", linewidth=0.5)
-    axes.set_axisbelow(True)
-    if not any(np.isfinite(bone.lengths).any() for bone in panel.bones):
-        axes.set_yticks([])
-        axes.text(0.5, 0.5, "no length", transform=axes.transAxes, ha="center", va="center", fontsize=7)
     _write_numbers(axes, panel)
 
 

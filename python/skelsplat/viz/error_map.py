@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import Colormap, LinearSegmentedColormap
 from matplotlib.figure import Figure
 
-from skelsplat._arrays import Array, read_fields
+from skelsplat._arrays import Array, ArrayFields
 from skelsplat.viz import _style
 
 # One hue each, from white to dark, so that they can be read in greyscale; grey is nothing measured.
@@ -37,7 +37,7 @@ _LEAST_SHARE = 10.0
 
 
 @dataclass(frozen=True)
-class ErrorMapData:
+class ErrorMapData(ArrayFields):
     """What the picture shows.
 
     Parameters
@@ -60,9 +60,6 @@ class ErrorMapData:
     joint_names: Sequence[str]
     title: str = ""
     notes: Sequence[str] = ()
-
-    def __post_init__(self) -> None:
-        read_fields(self, "median_px", "rejected")
 
 
 @dataclass(frozen=True)

@@ -12,12 +12,11 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from matplotlib.ticker import MaxNLocator
 
-from skelsplat._arrays import Array, Mask, read_fields
+from skelsplat._arrays import Array, ArrayFields
 from skelsplat.viz import _style
 from skelsplat.viz._skeleton import Skeleton
-from skelsplat.viz._time import MANY_FRAMES, TimeAxis, alone, draw_series
+from skelsplat.viz._time import MANY_FRAMES, TimeAxis, alone, draw_series, finish, neighbours
 
 # Number of standard deviations → how dark the band is; the wide one is drawn first.
 BANDS = {2: 0.18, 1: 0.32}
@@ -42,7 +41,7 @@ _LEGEND = {
 
 
 @dataclass(frozen=True)
-class TrajectoryData:
+class TrajectoryData(ArrayFields):
     """What the picture shows.
 
     Parameters
@@ -75,9 +74,6 @@ class TrajectoryData:
     joints: Sequence[int]
     title: str = ""
     notes: Sequence[str] = ()
-
-    def __post_init__(self) -> None:
-        read_fields(self, "pose", "sigma", "start")
 
 
 def draw_trajectories(data: TrajectoryData, *, skeleton: Skeleton) -> list[Figure]:
@@ -129,8 +125,9 @@ def _draw_panel(axes: Axes, data: TrajectoryData, place: tuple[int, int], colour
     style = {"color": colour, "zorder": 2.5}
     draw_series(axes, time, np.where(filled, np.nan, values), **style, linewidth=0.9, label="position")
     if filled.any():
+        meeting = filled | neighbours(filled)  # so that a line meets what it continues
         dots = {**style, "linewidth": 1.1, "linestyle": (0, (1, 1)), "label": "filled"}
-        draw_series(axes, time, np.where(_with_neighbours(filled), values, np.nan), **dots)
+        draw_series(axes, time, np.where(meeting, values, np.nan), **dots)
     for name, mark in MARKS.items():
         axes.broken_barh(
             time.runs(status == name),
@@ -141,18 +138,10 @@ def _draw_panel(axes: Axes, data: TrajectoryData, place: tuple[int, int], colour
             zorder=3,
             label=name,
         )
-    _style.tidy(axes, _style.PRINT)
-    time.apply(axes)
     low, high = _limits(values, data.sigma[:, joint, axis], data.start[:, joint, axis])
     room = 2 * _MARK_HEIGHT * (high - low) if np.isin(data.status[:, data.joints], list(MARKS)).any() else 0.0
-    axes.set_ylim(low - room, high)
-    axes.yaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
-    axes.ticklabel_format(axis="y", style="plain", useOffset=False)
-    axes.grid(color="0.92", linewidth=0.5)
-    axes.set_axisbelow(True)
-    if not np.isfinite(values).any():
-        axes.set_yticks([])
-        axes.text(0.5, 0.5, "no position", transform=axes.transAxes, ha="center", va="center", fontsize=7)
+    missing = None if np.isfinite(values).any() else "no position"
+    finish(axes, time, (low - room, high), ticks=4, missing=missing)
 
 
 def _draw_bands(axes: Axes, time: TimeAxis, values: Array, spread: tuple[Array, str]) -> None:
@@ -177,14 +166,6 @@ def _draw_bands(axes: Axes, time: TimeAxis, values: Array, spread: tuple[Array, 
             axes.vlines(
                 x[single], low[single], high[single], color=colour, alpha=alpha + 0.1, linewidth=width
             )
-
-
-def _with_neighbours(mask: Mask) -> Mask:
-    """Return the mask and the frames next to it, so that a line meets what it continues."""
-    wide = mask.copy()
-    wide[1:] |= mask[:-1]
-    wide[:-1] |= mask[1:]
-    return wide
 
 
 def _limits(values: Array, sigma: Array, start: Array) -> tuple[float, float]:

@@ -16,14 +16,14 @@ from typing import Any
 import numpy as np
 
 import skelsplat as sk
-from skelsplat._rotation import nearest_rotation
-from skelsplat.cameras import MM_PER_UNIT
+from skelsplat.cameras import MM_PER_UNIT, altered
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding, FindingWarning, Subject
 from skelsplat.io._atomic import atomic_write, atomic_write_text
 from skelsplat.io._files import of_file
 from skelsplat.io.calibration import _json, _opencv, _toml, _xml
 from skelsplat.io.calibration._format import Array, CalibrationFormat, RawCamera, Source
+from skelsplat.io.calibration._rotation import nearest_rotation
 
 __all__ = ["FORMATS", "convert_unit", "find_format", "read_calibration", "write_calibration"]
 
@@ -259,18 +259,7 @@ def convert_unit(rig: sk.CameraRig, unit: str) -> sk.CameraRig:
     if unit not in MM_PER_UNIT:
         raise InvalidInputError(f'unit: expected "mm", "cm" or "m", got {unit!r}')
     factor = rig.mm_per_unit / MM_PER_UNIT[unit]
-    cameras = [
-        sk.Camera(
-            c.K,
-            c.R,
-            np.asarray(c.t) * factor,
-            distortion=c.distortion,
-            fisheye=c.fisheye,
-            size=c.size,
-            name=c.name,
-        )
-        for c in rig
-    ]
+    cameras = [altered(camera, t=np.asarray(camera.t) * factor) for camera in rig]
     return sk.CameraRig(cameras, unit=unit)
 
 

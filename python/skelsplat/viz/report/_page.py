@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skelsplat._arrays import Array, read_fields
+from skelsplat._arrays import Array, ArrayFields
 from skelsplat._optional import require
 from skelsplat.viz import _style
 from skelsplat.viz._skeleton import not_ok_in_words
@@ -52,7 +52,7 @@ class Table:
 
 
 @dataclass(frozen=True)
-class TimeLine:
+class TimeLine(ArrayFields):
     """A curve over the frames.
 
     Parameters
@@ -74,12 +74,9 @@ class TimeLine:
     beside: Array | None = None
     beside_name: str = ""
 
-    def __post_init__(self) -> None:
-        read_fields(self, "values", *(() if self.beside is None else ("beside",)))
-
 
 @dataclass(frozen=True)
-class ReportData:
+class ReportData(ArrayFields):
     """A whole report.
 
     Parameters
@@ -116,9 +113,6 @@ class ReportData:
     rejected: Array
     lines: Sequence[TimeLine]
     problems: Sequence[Problem]
-
-    def __post_init__(self) -> None:
-        read_fields(self, "errors_px", "rejected")
 
 
 def write_report(path: str | os.PathLike[str], data: ReportData) -> Path:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skelsplat._arrays import Array, read_fields
+from skelsplat._arrays import Array, ArrayFields
 from skelsplat.viz import _style
 from skelsplat.viz._skeleton import Skeleton
 
@@ -34,7 +34,7 @@ _WIDEST_MM = 2000.0
 
 
 @dataclass(frozen=True)
-class CameraShapes:
+class CameraShapes(ArrayFields):
     """The cameras as they are drawn.
 
     Parameters
@@ -51,12 +51,9 @@ class CameraShapes:
     centres: Array
     corners: Array
 
-    def __post_init__(self) -> None:
-        read_fields(self, "centres", "corners")
-
 
 @dataclass(frozen=True)
-class Sequence3D:
+class Sequence3D(ArrayFields):
     """The sequence that the page plays.
 
     Parameters
@@ -91,9 +88,6 @@ class Sequence3D:
     skeleton: Skeleton
     up: Array
     start_name: str
-
-    def __post_init__(self) -> None:
-        read_fields(self, "start", "refined", "uncertainty", "up")
 
 
 def pack_scene(sequence: Sequence3D, shapes: CameraShapes, places: npt.NDArray[np.int64]) -> dict[str, Any]:
@@ -186,8 +180,7 @@ def thin_line(values: Array, places: Places, *, peaks: bool) -> Array:
     """Return the values at ``places``, or with ``peaks`` the largest from each place to the next."""
     if not peaks or not len(places):
         return values[places]
-    largest: Array = np.fmax.reduceat(values, places)
-    return largest
+    return np.fmax.reduceat(values, places)
 
 
 @dataclass(frozen=True)
