@@ -10,43 +10,31 @@ from itertools import chain, islice
 from pathlib import Path
 
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io._files import VIDEO_SUFFIXES, opening
+from skelsplat.io._files import VIDEO_SUFFIXES, listed, opening
 from skelsplat.io._run_files import is_run
 from skelsplat.io.detections import _animals, _arrays, _csv, _json
 from skelsplat.io.detections._format import DetectionFormat, View
 from skelsplat.io.detections._match import Candidates, match_by_name, match_by_order
 
+# what tools add to the camera's name in that of a file; DeepLabCut also the name of the network
+_ALPHAPOSE = r"[-_ ]*alphapose[-_ ]results"
+_DLC = r"(?s)DLC_.*"
+_SLEAP = r"\.(analysis|predictions|slp)\b"
 # in the order in which a message lists them
 FORMATS: dict[str, DetectionFormat] = {
     form.name: form
     for form in (
         DetectionFormat("openpose", (".json",), _json.is_openpose, folder=_json.read_openpose),
         DetectionFormat("mmpose", (".json",), _json.is_mmpose, _json.read_mmpose),
-        DetectionFormat(
-            "alphapose", (".json",), _json.is_alphapose, _json.read_alphapose, cut=_json.cut_alphapose
-        ),
+        DetectionFormat("alphapose", (".json",), _json.is_alphapose, _json.read_alphapose, added=_ALPHAPOSE),
         DetectionFormat("coco", (".json",), _json.is_coco, _json.read_coco),
         DetectionFormat(
             "rtmlib", (".npz", ".npy"), _arrays.is_rtmlib, _arrays.read_rtmlib, _arrays.read_rtmlib_folder
         ),
         DetectionFormat("metrabs", (".npz",), _arrays.is_metrabs, _arrays.read_metrabs),
-        DetectionFormat(
-            "deeplabcut",
-            (".h5",),
-            _animals.is_deeplabcut,
-            _animals.read_deeplabcut,
-            cut=_animals.cut_deeplabcut,
-        ),
-        DetectionFormat(
-            "deeplabcut_csv",
-            (".csv",),
-            _animals.is_deeplabcut_csv,
-            _animals.read_deeplabcut_csv,
-            cut=_animals.cut_deeplabcut,
-        ),
-        DetectionFormat(
-            "sleap", (".h5", ".hdf5"), _animals.is_sleap, _animals.read_sleap, cut=_animals.cut_sleap
-        ),
+        DetectionFormat("deeplabcut", (".h5",), _animals.is_dlc, _animals.read_dlc, added=_DLC),
+        DetectionFormat("deeplabcut_csv", (".csv",), _animals.is_dlc_csv, _animals.read_dlc_csv, added=_DLC),
+        DetectionFormat("sleap", (".h5", ".hdf5"), _animals.is_sleap, _animals.read_sleap, added=_SLEAP),
         DetectionFormat("freemocap", (".npy",), _arrays.is_freemocap, recording=_arrays.read_freemocap),
         DetectionFormat("easymocap", (".json",), _json.is_easymocap, folder=_json.read_easymocap),
         DetectionFormat("videopose3d", (".npz",), _arrays.is_videopose3d, recording=_arrays.read_videopose3d),
@@ -58,7 +46,7 @@ FORMATS: dict[str, DetectionFormat] = {
 }
 # files looked at per folder: enough for every camera of a dome, and never a folder of a million images
 _MOST = 64
-# folders named in a message
+# files or folders named in a message
 _NAMED = 10
 # looked for beneath a folder: a session, a participant, a trial is Pose2Sim's deepest; never a whole disk
 _LEVELS = 3
@@ -68,7 +56,6 @@ Order = str | Sequence[str]
 # what may belong to the cameras, and how one of them is opened by its label
 Offer = tuple[Candidates, Callable[[str], View]]
 
-_MOST_SHOWN = 8  # files named in a message
 _SOME_LEFT_OUT = "--without leaves out cameras (in Python without=)"
 
 
@@ -105,7 +92,8 @@ def _told(path: Path) -> str:
     """Say what is there if it is no detections: folders with some beneath it, or only videos."""
     deeper = folders_beneath(path, _has_detections)
     if deeper:
-        return f"folders with such detections beneath it: give one of them ({_names(path, deeper)})"
+        names = [f"{folder.relative_to(path).as_posix()}/" for folder in deeper]
+        return f"folders with such detections beneath it: give one of them ({listed(names, _NAMED)})"
     if any(one.suffix.lower() in VIDEO_SUFFIXES for one in chain([path], path.glob("*"), path.glob("*/*"))):
         return "videos; run a 2D keypoint detector on them first, and give the files that it writes"
     return "none that is recognised"
@@ -116,12 +104,6 @@ def _has_detections(folder: Path) -> bool:
         return not is_run(folder) and bool(_recognised(folder))
     except DatasetError:  # it cannot be read
         return False
-
-
-def _names(top: Path, folders: list[Path]) -> str:
-    names = [f"{folder.relative_to(top).as_posix()}/" for folder in folders]
-    more = [f"and {len(names) - _NAMED} more"] if len(names) > _NAMED else []
-    return ", ".join(names[:_NAMED] + more)
 
 
 def _samples(path: Path) -> Iterator[Path]:
@@ -244,7 +226,8 @@ def _of_folder(path: Path, form: DetectionFormat) -> Offer:
         return candidates, lambda label: read_file(_the_file(path / label, form))
     if read_file is not None:
         expected = f"files of {form.name} ({', '.join(form.suffixes)})"
-        raise DatasetError(path, "files", expected, _shown(path))
+        names = sorted(file.name for file in path.iterdir() if file.is_file())
+        raise DatasetError(path, "files", expected, listed(names, _NAMED) or "none")
     there = ", ".join(file.name for file in _files(path, form)) or "a folder"
     raise DatasetError(path, "path", f"the {form.name} file of all cameras itself", there)
 
@@ -253,7 +236,7 @@ def _file_candidates(path: Path, form: DetectionFormat) -> Candidates:
     """Return the files of a folder; one that is not recognised is still taken for a camera of its name."""
     files = _files(path, form, recognised=False)
     known = {file.name for file in _files(path, form)}
-    texts = {file.name: form.cut(file.stem) for file in files}
+    texts = {file.name: form.camera_part(file.stem) for file in files}
     idle = texts.keys() - known if known else set()
     return Candidates(path, "file", texts, idle, within=True)
 
@@ -277,13 +260,6 @@ def subfolders(path: Path) -> list[Path]:
     with opening(path, "a readable folder", "folder"):
         shown = sorted(p for p in path.iterdir() if p.is_dir() and not p.name.startswith("."))
     return [folder for folder in shown if not is_run(folder)]
-
-
-def _shown(path: Path) -> str:
-    """Return some of the files in a folder, for a message."""
-    names = sorted(file.name for file in path.iterdir() if file.is_file())
-    more = f" and {len(names) - _MOST_SHOWN} more" if len(names) > _MOST_SHOWN else ""
-    return ", ".join(names[:_MOST_SHOWN]) + more or "none"
 
 
 def _files(folder: Path, form: DetectionFormat, *, recognised: bool = True) -> list[Path]:
