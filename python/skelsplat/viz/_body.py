@@ -52,33 +52,26 @@ class Body(ArrayFields):
     up_known: bool = True
 
 
-@dataclass(frozen=True)
-class _View:
-    """A direction to look from: ``right`` (3,) is the axis to the right of the page."""
-
-    right: Array
-    title: str
-    label: str
-
-
 def draw_body(figure: Figure, body: Body, skeleton: Skeleton, bottom_in: float) -> None:
     """Draw the two views side by side in one scale, as large as the space allows, from ``bottom_in`` up."""
     views = _views(body, skeleton)
-    flat = [[_flatten(pose[body.frame], body, view) for pose in (body.before, body.after)] for view in views]
+    flat = [
+        [_flatten(pose[body.frame], body, right) for pose in (body.before, body.after)] for right, *_ in views
+    ]
     limits = [_limits(np.concatenate(pair)) for pair in flat]
     low = min(limit[1][0] for limit in limits)
     high = max(limit[1][1] for limit in limits)
     widths = [limit[0][1] - limit[0][0] for limit in limits]
     inches_per_mm = min(_SPACE_IN[0] / sum(widths), _SPACE_IN[1] / (high - low))
     start = _LEFT_IN
-    for view, points, limit, width in zip(views, flat, limits, widths, strict=True):
+    for (right, title, label), points, limit, width in zip(views, flat, limits, widths, strict=True):
         size = (width * inches_per_mm, (high - low) * inches_per_mm)
         axes = figure.add_axes(_style.box(figure, start, bottom_in, *size))
-        _draw_view(axes, points, _flat_covariances(body, view), body.status[body.frame], skeleton)
-        axes.set(xlim=limit[0], ylim=(low, high), xlabel=view.label, title=view.title)
+        _draw_view(axes, points, _flat_covariances(body, right), body.status[body.frame], skeleton)
+        axes.set(xlim=limit[0], ylim=(low, high), xlabel=label, title=title)
         axes.xaxis.set_major_locator(MultipleLocator(_GRID_MM))
         axes.yaxis.set_major_locator(MultipleLocator(_GRID_MM))
-        if view is views[0]:
+        if points is flat[0]:
             axes.set_ylabel("height [mm]" if body.up_known else f"{_axis_name(body.up)} [mm]")
         else:
             axes.tick_params(labelleft=False)
@@ -86,16 +79,16 @@ def draw_body(figure: Figure, body: Body, skeleton: Skeleton, bottom_in: float) 
         start += size[0] + _GAP_IN
 
 
-def _views(body: Body, skeleton: Skeleton) -> tuple[_View, _View]:
+def _views(body: Body, skeleton: Skeleton) -> list[tuple[Array, str, str]]:
+    """Return of each view the axis to the right of the page (3,), the title and the label below."""
     pairs = skeleton.left_right if body.up_known else ()
     left, forward, known = body_axes(body.after, pairs, body.up, frame=body.frame)
     if known:
-        side = "side view (from the right)"
-        return (
-            _View(left, "front view", "to the body's left [mm]"),
-            _View(forward, side, "to the body's front [mm]"),
-        )
-    return _View(left, "view 1", "widest direction [mm]"), _View(forward, "view 2", "across it [mm]")
+        return [
+            (left, "front view", "to the body's left [mm]"),
+            (forward, "side view (from the right)", "to the body's front [mm]"),
+        ]
+    return [(left, "view 1", "widest direction [mm]"), (forward, "view 2", "across it [mm]")]
 
 
 def _axis_name(direction: Array) -> str:
@@ -121,16 +114,16 @@ def _draw_view(
     axes.set_axisbelow(True)
 
 
-def _flatten(pose: Array, body: Body, view: _View) -> Array:
-    """Return (N, 2): distance along the view's right from the refined pose's middle, and world height."""
-    across = body.after[body.frame] @ view.right
+def _flatten(pose: Array, body: Body, right: Array) -> Array:
+    """Return (N, 2): distance to the view's right from the refined pose's middle, and world height."""
+    across = body.after[body.frame] @ right
     middle = np.median(across[np.isfinite(across)]) if np.isfinite(across).any() else 0.0
-    return np.stack([pose @ view.right - middle, pose @ body.up], axis=1)
+    return np.stack([pose @ right - middle, pose @ body.up], axis=1)
 
 
-def _flat_covariances(body: Body, view: _View) -> Array:
+def _flat_covariances(body: Body, right: Array) -> Array:
     """Return the covariances (N, 2, 2) in the plane of a view."""
-    plane = np.stack([view.right, body.up])
+    plane = np.stack([right, body.up])
     flat: Array = plane @ body.uncertainty[body.frame] @ plane.T
     return flat
 
