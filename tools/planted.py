@@ -65,7 +65,7 @@ CORE = (
         ("tests/parity/test_annealed.py", UNIT + "test_confidence.py"),
     ),
     Fault(
-        "a centimetre is a hundredth of a metre times ten",
+        "a centimetre counts as 100 mm",
         "wrong unit",
         "Self::Centimetre => 10.0,",
         "Self::Centimetre => 100.0,",

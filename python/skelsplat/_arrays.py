@@ -73,6 +73,12 @@ def flags(value: object, name: str) -> NDArray[np.bool_]:
     return np.asarray(given == 1.0)
 
 
+def median(values: NDArray[np.float64]) -> float:
+    """Return the median of the finite values; NaN if there are none."""
+    finite = values[np.isfinite(values)]
+    return float(np.median(finite)) if finite.size else float("nan")
+
+
 def medians(values: NDArray[np.float64], least: int = 1) -> NDArray[np.float64]:
     """Return the medians of what is finite along the last axis; NaN for fewer than `least` numbers."""
     ordered = np.sort(values, axis=-1)  # NaN last

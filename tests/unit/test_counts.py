@@ -19,6 +19,10 @@ def test_the_command_line_is_small() -> None:
     assert ROWS["package: cli"].lines <= 4500
 
 
+def test_the_binding_is_thin() -> None:
+    assert counts.binding_ratio() <= 0.22
+
+
 def test_a_circle_is_found_and_a_chain_is_none() -> None:
     chain = {("a",): {("b",)}, ("b",): {("c",)}, ("c",): set()}
     assert circles(chain) == []

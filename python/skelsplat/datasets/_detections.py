@@ -18,7 +18,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skelsplat._skelsplat import Layout
-from skelsplat.datasets._files import FloatArray, as_numbers, find, load_json, load_npz, numbers, require
+from skelsplat.datasets._files import (
+    FloatArray,
+    a_table,
+    as_numbers,
+    find,
+    load_json,
+    load_npz,
+    numbers,
+    require,
+)
 from skelsplat.exceptions import DatasetError
 
 KEYS_2D = ("poses", "poses2d")
@@ -105,9 +114,7 @@ def poses_file(folder: Path, stems: Sequence[str] = ("poses",)) -> Path | None:
 def load_poses(path: Path) -> dict[str, Any]:
     """Return the table in an npz or JSON file."""
     content = load_npz(path) if path.suffix == ".npz" else load_json(path)
-    if not isinstance(content, dict):
-        raise DatasetError(path, "JSON", "a table of arrays", type(content).__name__)
-    return content
+    return a_table(path, "JSON", content, "a table of arrays")
 
 
 def first_key(path: Path, content: dict[str, Any], keys: Sequence[str]) -> tuple[str, Any]:
@@ -302,9 +309,7 @@ class Separate:
                 return None
             values, _, _ = read_apart([(folder, ["poses"])], wanted, by_frame=False)
             return values, folder
-        takes = self._content.get(subject, {})
-        if not isinstance(takes, dict):
-            raise DatasetError(self.path, subject, "a table of activities", type(takes).__name__)
+        takes = a_table(self.path, subject, self._content.get(subject, {}), "a table of activities")
         for name, value in takes.items():
             if self._spelling(str(name)) == self._spelling(activity):
                 field = f"{subject}.{name}"
@@ -322,17 +327,11 @@ class Separate:
 def _whole(path: Path) -> dict[Any, Any]:
     """Return {subject: {activity: value}} of a file with all detections."""
     if path.suffix == ".json":
-        content = load_json(path)
-        if not isinstance(content, dict):
-            raise DatasetError(path, "JSON", "a table of subjects", type(content).__name__)
-        return content
+        return a_table(path, "JSON", load_json(path), "a table of subjects")
     arrays = load_npz(path)
     if "positions_2d" in arrays:
-        nested = arrays["positions_2d"]
-        if not isinstance(nested, dict):
-            raise DatasetError(path, "positions_2d", "a table of subjects", type(nested).__name__)
-        return nested
-    content = {}
+        return a_table(path, "positions_2d", arrays["positions_2d"], "a table of subjects")
+    content: dict[str, dict[str, Any]] = {}
     for key, value in arrays.items():
         subject, slash, activity = key.partition("/")
         if slash:

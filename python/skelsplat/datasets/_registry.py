@@ -75,6 +75,12 @@ def options_of(name: str) -> tuple[str, ...]:
     return tuple(p.name for p in parameters if p.kind is p.KEYWORD_ONLY)
 
 
+def detections_option(name: str, which: str) -> dict[str, Any]:
+    """Return the reader's option for detections: a detector's name, or a path outside the root."""
+    apart = Path(which).exists() and "detections" in options_of(name)
+    return {"detections": Path(which)} if apart else {"detector": which}
+
+
 def prepared(name: str, root: str | os.PathLike[str], options: dict[str, Any]) -> tuple[Reader, Path]:
     """Return the reader and the root, both checked.
 

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from skelsplat._arrays import median
 from skelsplat._skelsplat import Camera, Layout, project
-from skelsplat.cameras import CameraRig
+from skelsplat.cameras import CameraRig, altered
 from skelsplat.datasets._model import FloatArray, Take
 
 _FRAMES = 24
@@ -62,12 +63,6 @@ def seen(truth: FloatArray, rig: CameraRig) -> FloatArray:
 def distance(a: FloatArray, b: FloatArray) -> FloatArray:
     """Return ‖a − b‖ over the last axis."""
     return np.asarray(np.linalg.norm(a - b, axis=-1))
-
-
-def median(values: FloatArray) -> float:
-    """Return the median of those that are finite; NaN if none is."""
-    finite = values[np.isfinite(values)]
-    return float(np.median(finite)) if finite.size else float("nan")
 
 
 def exchanged_sides(layout: Layout) -> NDArray[np.int64]:
@@ -177,8 +172,4 @@ def with_exchanged_tangential(camera: Camera) -> Camera:
     """Return the camera with p1 and p2 exchanged."""
     coefficients = np.array(camera.distortion)
     coefficients[[2, 3]] = coefficients[[3, 2]]
-    return _with_distortion(camera, coefficients)
-
-
-def _with_distortion(camera: Camera, coefficients: FloatArray) -> Camera:
-    return Camera(camera.K, camera.R, camera.t, distortion=coefficients, size=camera.size, name=camera.name)
+    return altered(camera, distortion=coefficients)

@@ -13,9 +13,10 @@ from typing import Any
 
 import numpy as np
 
+from skelsplat._arrays import median
 from skelsplat._sentences.datasets import parts
 from skelsplat._skelsplat import Camera, Layout
-from skelsplat.cameras import MM_PER_UNIT, CameraRig, without_distortion
+from skelsplat.cameras import MM_PER_UNIT, CameraRig, altered, without_distortion
 from skelsplat.datasets import _reproject as rp
 from skelsplat.datasets._model import Dataset, FloatArray, Take
 from skelsplat.exceptions import DatasetError
@@ -96,7 +97,7 @@ def body_size(poses: FloatArray) -> float:
     """Return the median diagonal of the boxes round the poses (…, N, 3) that are complete; NaN if none is."""
     flat = poses.reshape(-1, *poses.shape[-2:])
     whole = flat[np.isfinite(flat).all(axis=(1, 2))]
-    return rp.median(np.linalg.norm(np.ptp(whole, axis=1), axis=-1)) if len(whole) else float("nan")
+    return median(np.linalg.norm(np.ptp(whole, axis=1), axis=-1)) if len(whole) else float("nan")
 
 
 def is_human(size_mm: float) -> bool:
@@ -125,7 +126,7 @@ def _unit(item: rp.Sample, layout: Layout) -> Iterator[Finding]:
 def _camera_factor(item: rp.Sample) -> float | None:
     """Return the power of ten that the cameras' translations lack, if one explains the detections."""
     rig = item.take.rig
-    body = np.array([rp.median(item.truth[..., axis]) for axis in range(3)])
+    body = np.array([median(item.truth[..., axis]) for axis in range(3)])
     nearest = min(float(np.linalg.norm(camera.centre - body)) for camera in rig) * rig.mm_per_unit
     given = item.error()
     if not (nearest < _NEAR_MM or given > _LARGE_PX or np.isnan(given)):
@@ -140,15 +141,7 @@ def _camera_factor(item: rp.Sample) -> float | None:
 
 
 def _scaled(rig: CameraRig, factor: float) -> CameraRig:
-    return CameraRig(
-        [
-            Camera(
-                c.K, c.R, factor * c.t, distortion=c.distortion, fisheye=c.fisheye, size=c.size, name=c.name
-            )
-            for c in rig
-        ],
-        rig.unit,
-    )
+    return CameraRig([altered(camera, t=factor * camera.t) for camera in rig], rig.unit)
 
 
 def _clearly_less(better: float, given: float) -> bool:
@@ -186,7 +179,7 @@ def _views(item: rp.Sample, layout: Layout) -> Iterator[Finding]:
     for view, row in enumerate(table):
         if not np.isfinite(row[view]):
             continue
-        others = rp.median(np.delete(quarters, view))
+        others = median(np.delete(quarters, view))
         given, exchanged = rp.sides(item, layout, view)
         best = int(np.nanargmin(row))
         px = {"given_px": float(row[view])}

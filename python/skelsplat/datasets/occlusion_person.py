@@ -27,7 +27,7 @@ from skelsplat.datasets._files import (
     as_numbers,
     find,
     load_json,
-    load_pickle,
+    load_records,
     numbers,
     require,
     whole_number,
@@ -278,9 +278,7 @@ def read_pickle(path: Path, views: Sequence[int]) -> Table:
     Raises `DatasetError` if a chosen camera is nowhere, the views of a frame have different truths, or a
     record is malformed.
     """
-    records = load_pickle(path)
-    if not isinstance(records, list) or not records:
-        raise DatasetError(path, "pickle", "a list of records, one per image", type(records).__name__)
+    records = load_records(path, "a list of records, one per image")
     groups: dict[tuple[int, ...], dict[int, int]] = {}
     for k, record in enumerate(records):
         field = f"[{k}]"

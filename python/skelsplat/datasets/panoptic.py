@@ -16,7 +16,6 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -185,9 +184,7 @@ def _with_detections(take: Take, source: Path, guess: Path | None, *, filtered: 
     world = None
     if guess is not None:
         world = read_world(guess, stems, (len(values), PANOPTIC19.n_joints), spellings)
-    with_2d = replace(
-        take.select(own), detections=values, monocular=world, files={**take.files, "detections": path}
-    ).select(everywhere)
+    with_2d = take.select(own).with_detections(values, path, monocular=world).select(everywhere)
     lost = len(take) - len(with_2d)
     note = f"{take.key}: {lost} of {len(take)} frames left out, not detected in every view"
     return with_2d, note if lost else ""

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skelsplat._refine import Progress, refine
+from skelsplat._refine import Progress, Refinement, refine
 from skelsplat._skelsplat import Layout, RefineConfig, fuse_monocular, triangulate
 from skelsplat.cameras import CameraRig, without_distortion
 from skelsplat.datasets import Take
@@ -169,22 +169,36 @@ def _detections(take: Take) -> FloatArray:
 
 def _refine(take: Take, layout: Layout, settings: Settings, progress: Progress | None) -> FloatArray:
     """Start as the settings say, and refine with their configuration."""
-    sigma_mm = settings.get("init_sigma_mm")
+    start = None if settings["start"] == "none" else starting_poses(take, settings["start"])
+    config = RefineConfig(**settings["config"])
+    return refined(take, layout, start, config, settings.get("init_sigma_mm"), progress).pose
+
+
+def starting_poses(take: Take, start: str) -> FloatArray:
+    """Return initial poses (T, N, 3): the paper's triangulation, without confidences, or ``"fusion"``."""
+    if start == "dlt":
+        return triangulate(_detections(take)[..., :2], take.rig, method="dlt")
+    return _fusion(take)
+
+
+def refined(
+    take: Take,
+    layout: Layout,
+    start: FloatArray | None,
+    config: RefineConfig,
+    init_sigma_mm: float | None = None,
+    progress: Progress | None = None,
+) -> Refinement:
+    """Refine a take; `init_sigma_mm` makes the start a prior."""
     return refine(
-        _start(take, settings["start"]),
+        start,
         _detections(take),
         take.rig,
         layout=layout,
-        init_sigma=None if sigma_mm is None else sigma_mm / take.rig.mm_per_unit,
-        config=RefineConfig(**settings["config"]),
+        init_sigma=None if init_sigma_mm is None else init_sigma_mm / take.rig.mm_per_unit,
+        config=config,
         progress=progress if progress is not None else False,
-    ).pose
-
-
-def _start(take: Take, start: str) -> FloatArray | None:
-    if start == "dlt":  # the paper's: without confidences
-        return triangulate(_detections(take)[..., :2], take.rig, method="dlt")
-    return _fusion(take) if start == "fusion" else None
+    )
 
 
 def _settings(**more: Any) -> Callable[[Options], dict[str, Any]]:

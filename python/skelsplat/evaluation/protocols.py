@@ -19,7 +19,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skelsplat.datasets import Dataset, Take
+from skelsplat.datasets import Dataset, Take, occlusion_person, panoptic
+from skelsplat.datasets.human36m import ACTIONS
+from skelsplat.datasets.human36m._actions import ALIASES
 from skelsplat.exceptions import DatasetError, InvalidInputError
 
 Endpoint = int | tuple[int, ...]
@@ -44,7 +46,6 @@ class Protocol:
     text: str
     # Keys of the columns in order, and their headers; empty: the takes' own, in their order.
     columns: Mapping[str, str] = field(default_factory=dict)
-    aliases: Mapping[str, str] = field(default_factory=dict)  # other names of actions, to keys of columns
     subjects: tuple[str, ...] = ()  # those evaluated; empty: all
     every: int = 1  # one frame in so many, counted in frame numbers from the take's first
     # First and last frame numbers evaluated, both ends included; empty: all.
@@ -124,7 +125,7 @@ class Protocol:
         return {key: header for key, header in self.columns.items() if key in there}
 
     def _column(self, take: Take) -> str:
-        key = self.aliases.get(take.action, take.action)
+        key = ALIASES.get(take.action, take.action)
         if self.columns and key not in self.columns:
             raise InvalidInputError(
                 f"{take.key}: expected an action among {', '.join(self.columns)}, got {key!r}"
@@ -180,28 +181,11 @@ def _has_every_view(take: Take) -> NDArray[np.bool_]:
 
 __all__ = ["SIMULATED", "Case", "Protocol", "get", "names"]
 
-HUMAN36M_COLUMNS: Mapping[str, str] = MappingProxyType(
-    {
-        "Directions": "Dir.",
-        "Discussion": "Disc.",
-        "Eating": "Eat",
-        "Greeting": "Greet",
-        "Phoning": "Phone",
-        "Photo": "Photo",
-        "Posing": "Pose",
-        "Purchases": "Purch.",
-        "Sitting": "Sit",
-        "SittingDown": "SitD.",
-        "Smoking": "Smoke",
-        "Waiting": "Wait",
-        "WalkDog": "WalkD.",
-        "Walking": "Walk",
-        "WalkTogether": "WalkT.",
-    }
+# How the paper's table abbreviates the actions.
+_ABBREVIATIONS = (
+    *("Dir.", "Disc.", "Eat", "Greet", "Phone", "Photo", "Pose", "Purch.", "Sit", "SitD.", "Smoke"),
+    *("Wait", "WalkD.", "Walk", "WalkT."),
 )
-"""Actions in the order of the paper's table, and how it abbreviates them."""
-
-_ALIASES = {"TakingPhoto": "Photo", "WalkingDog": "WalkDog", "WalkingTogether": "WalkTogether"}
 
 # Damaged truth of S9, under the names of the original files and under those with a subaction behind a hyphen.
 DAMAGED = frozenset(
@@ -221,10 +205,6 @@ SHELF_PARTS: tuple[tuple[Endpoint, Endpoint], ...] = (
     (12, 13),
     ((2, 3), 12),
 )
-
-
-PANOPTIC_ORDER = (1, 2, 10, 13, 3, 23, 19, 30)
-"""HD cameras in the order in which the paper adds them."""
 
 
 def _multi_person(name: str, frames: str, ranges: tuple[tuple[int, int], ...]) -> Protocol:
@@ -248,8 +228,7 @@ _HUMAN36M = Protocol(
         "'SittingDown 1', 'Waiting 1' and 'Greeting' (damaged truth); the root-relative one, about joint 0, "
         "and PA-MPJPE count all. Averages over frames."
     ),
-    columns=HUMAN36M_COLUMNS,
-    aliases=_ALIASES,
+    columns=dict(zip(ACTIONS, _ABBREVIATIONS, strict=True)),
     subjects=("S9", "S11"),
     every=64,
     excluded=DAMAGED,
@@ -272,7 +251,7 @@ _ALL = (
             "CMU Panoptic, single person: HD cameras 1, 2, 10, 13, then 3, 23, 19, 30; frames in which every "
             "view has a detection; all joints with truth."
         ),
-        view_sets={n: PANOPTIC_ORDER[:n] for n in range(4, 9)},
+        view_sets={n: panoptic.CAMERAS[:n] for n in range(4, 9)},
         n_views=4,
         all_views_detected=True,
         paper_fields={"position_lr_mm": "camera_extent", "position_lr_factor": 10.0},
@@ -280,7 +259,7 @@ _ALL = (
     Protocol(
         name="occlusion-person",
         text="Occlusion-Person: 8 cameras, or 4 (1, 3, 5, 7).",
-        view_sets={4: (1, 3, 5, 7), 8: ()},
+        view_sets={4: occlusion_person.FOUR_CAMERAS, 8: ()},
     ),
     _multi_person("shelf", "Shelf: frames 300 to 600", ((300, 600),)),
     _multi_person("campus", "Campus: frames 350 to 470 and 650 to 750", ((350, 470), (650, 750))),

@@ -149,14 +149,20 @@ def _source(dataset: Dataset, protocol: Protocol) -> dict[str, Any]:
     }
 
 
+def occlusion_of(dataset: Dataset) -> str | None:
+    """Return the variant of Human3.6M-Occ that a data set is; None if nothing says so."""
+    variant = re.search(r"occ-(2|3-hard|3)\b", f"{dataset.name} {dataset.source}".lower())
+    return variant[1] if variant else None
+
+
 def published(dataset: Dataset, protocol: Protocol) -> Published | None:
     """Return the table that was published of this data set and number of views, if there is one."""
     n_views = len(dataset.takes[0].rig) if protocol.n_views is None else protocol.n_views
     if protocol.name == "human36m":
         return Published(reported("tab:h36m"), "average")
     if protocol.name == "human36m-occ":
-        variant = re.search(r"occ-(2|3-hard|3)\b", f"{dataset.name} {dataset.source}".lower())
-        return Published(reported("tab:h36m-occ"), variant.group(1)) if variant else None
+        variant = occlusion_of(dataset)
+        return Published(reported("tab:h36m-occ"), variant) if variant else None
     if protocol.name == "panoptic":
         if n_views == 4:
             return Published(reported("tab:cmu"), "average")

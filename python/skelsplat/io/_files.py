@@ -96,10 +96,14 @@ def _csv_fault(error: csv.Error, further_lines: int) -> tuple[str, str]:
     return _FIELDS, str(error)
 
 
-def load_json(path: Path, text: str, document: str) -> Any:
-    """Return what the JSON `text` of a file holds; `document` says what it should be, for messages."""
+def load_json(path: Path, document: str, text: str | None = None) -> Any:
+    """Return what a JSON file holds; a whole number beyond any float is infinite, as with an exponent.
+
+    `document` is what it should hold, for messages, `text` its content if that was read before.
+    """
+    text = read_text(path) if text is None else text
     try:
-        return parse_json(text)
+        return json.loads(text, parse_int=whole_number)
     except json.JSONDecodeError as error:
         at = f"character {error.pos} of {len(text)}, at line {error.lineno}, column {error.colno}"
         raise DatasetError(
@@ -107,23 +111,6 @@ def load_json(path: Path, text: str, document: str) -> Any:
         ) from error
     except RecursionError:
         raise DatasetError(path, "JSON", document, "lists nested too deeply") from None
-
-
-def read_json_file(path: Path) -> Any:
-    """Return what a JSON file that this package wrote holds, or raise `DatasetError`."""
-    text = read_text(path)
-    try:
-        return parse_json(text)
-    except (ValueError, RecursionError) as error:
-        raise DatasetError(path, "file", "JSON", error) from error
-
-
-def parse_json(text: str) -> Any:
-    """Return what JSON text holds; a whole number beyond any float is infinite, as it is with an exponent.
-
-    Raises `json.JSONDecodeError` if it is no JSON, `RecursionError` if it is nested too deeply.
-    """
-    return json.loads(text, parse_int=whole_number)
 
 
 def whole_number(text: str) -> int | float:

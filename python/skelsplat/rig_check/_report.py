@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import skelsplat as sk
+from skelsplat._arrays import median
 from skelsplat.findings import Remedy
-from skelsplat.rig_check._scene import Scene, median
+from skelsplat.rig_check._scene import Scene
 
 if TYPE_CHECKING:
     from skelsplat.findings import Finding

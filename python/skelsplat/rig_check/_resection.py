@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skelsplat.rig_check._scene import Array, Scene, posed
+from skelsplat.cameras import altered, matrix_from_vector
+from skelsplat.rig_check._scene import Array, Scene
 
 if TYPE_CHECKING:
     import skelsplat as sk
@@ -35,12 +36,12 @@ def resect(scene: Scene, view: int, points: Array, *, move: bool) -> sk.Camera |
         if ahead.sum() < _LEAST:
             return None
         step = _step(here[ahead], pixels[ahead], np.asarray(camera.K), move=move)
-        turn = rotation(step[:3])
+        turn = matrix_from_vector(step[:3])
         R, t = turn @ R, turn @ t + step[3:]
         if np.abs(step[:3]).max() < 1e-7:
             break
     left, _, right = np.linalg.svd(R)
-    return posed(camera, left @ right, t)
+    return altered(camera, R=left @ right, t=t)
 
 
 def _step(here: Array, pixels: Array, K: Array, *, move: bool) -> Array:
@@ -70,17 +71,6 @@ def _step(here: Array, pixels: Array, K: Array, *, move: bool) -> Array:
     left = (rows * root[..., None]).reshape(-1, rows.shape[2]) / scale
     solution = np.linalg.lstsq(left, (residual * root).ravel(), rcond=1e-8)[0] / scale
     return np.concatenate([solution, np.zeros(6 - solution.size)])
-
-
-def rotation(vector: Array) -> Array:
-    """Rotation matrix of a rotation vector, radians."""
-    angle = float(np.linalg.norm(vector))
-    x, y, z = vector
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    turn: Array = (
-        np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * (cross @ cross)
-    )
-    return turn
 
 
 def turn_between(one: sk.Camera, other: sk.Camera) -> Array:

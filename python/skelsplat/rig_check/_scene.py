@@ -10,7 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 import skelsplat as sk
+from skelsplat._arrays import median
 from skelsplat.association import choose_person, extents
+from skelsplat.cameras import altered
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -141,30 +143,11 @@ class Scene:
         return replace(self, shifts=tuple(shifts))
 
 
-def median(values: Array) -> float:
-    """Median of the finite values; NaN if there are none."""
-    finite = values[np.isfinite(values)]
-    return float(np.median(finite)) if finite.size else float("nan")
-
-
 def in_mm(rig: sk.CameraRig) -> tuple[sk.Camera, ...]:
     """Cameras of a rig with lengths in mm, and with names."""
     return tuple(
-        posed(camera, np.asarray(camera.R), np.asarray(camera.t) * rig.mm_per_unit, name)
+        altered(camera, t=np.asarray(camera.t) * rig.mm_per_unit, name=name)
         for camera, name in zip(rig, rig.names, strict=True)
-    )
-
-
-def posed(camera: sk.Camera, R: Array, t: Array, name: str | None = None) -> sk.Camera:
-    """Return the camera at another pose, and under another name if one is given."""
-    return sk.Camera(
-        camera.K,
-        R,
-        t,
-        distortion=camera.distortion,
-        fisheye=camera.fisheye,
-        size=camera.size,
-        name=camera.name if name is None else name,
     )
 
 

@@ -42,13 +42,13 @@ NUMBERED = {
 }
 """Action by the number in file names such as ``s_09_act_05_subact_02``."""
 
-_ALIASES = {"TakingPhoto": "Photo", "WalkingDog": "WalkDog", "WalkingTogether": "WalkTogether"}
+ALIASES = {"TakingPhoto": "Photo", "WalkingDog": "WalkDog", "WalkingTogether": "WalkTogether"}
 
 
 def action_of(activity: str) -> str:
     """Return the action of a take: ``"TakingPhoto 1"`` → ``"Photo"``."""
     stem = re.sub(r"[\s_-]*\d*$", "", activity.strip())
-    return _ALIASES.get(stem, stem)
+    return ALIASES.get(stem, stem)
 
 
 def spelling(activity: str) -> str:

@@ -8,7 +8,7 @@ the detections.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -104,14 +104,25 @@ class Reading:
     def choose(self, there: dict[str, Path], options: Options, root: Path) -> Path | None:
         """Return where the chosen detector's detections lie, and note which it is; None if there are none.
 
-        Raises `DatasetError` if the wanted detector is not there.
+        None as well if other detections are given. Raises `DatasetError` if the wanted detector is not there.
         """
+        if options.detections is not None:
+            return None
         self.detector = choose_detector(there, options.detector, root)
         if self.detector is None:
             return None
         if len(there) > 1 and options.detector is None:
             self.notes.append(f"detector {self.detector} of {', '.join(sorted(there))}")
         return there[self.detector]
+
+    def detected(self, takes: Iterable[Take], add: Callable[[Take], Take | None]) -> Iterator[Take]:
+        """Give the takes with what `add` makes of them; leave out those of which it makes nothing."""
+        for take in takes:
+            found = add(take)
+            if found is None:
+                self.left_out.append(take.key)
+            else:
+                yield found
 
     def dataset(self, name: str, root: Path) -> Dataset:
         """Return the data set, takes in the order of the tables.
@@ -160,10 +171,9 @@ def with_separate(takes: Iterable[Take], options: Options, reading: Reading) -> 
         return
     source = Separate(options.detections, spelling)
     reading.detector = options.detector or detector_name(options.detections.stem)
-    for take in takes:
+
+    def detected(take: Take) -> Take | None:
         found = source.read(take.subject, activity_of(take), wanted(take))
-        if found is None:
-            reading.left_out.append(take.key)
-        else:
-            detections, path = found
-            yield replace(take, detections=detections, files={**take.files, "detections": path})
+        return None if found is None else take.with_detections(*found)
+
+    yield from reading.detected(takes, detected)

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from skelsplat.cameras import matrix_from_vector
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._fields import Field
 from skelsplat.io._files import load_json, opening, parse_toml, read_text
-from skelsplat.io.calibration._rotation import matrix_from_vector
 
 Array = npt.NDArray[np.float64]
 
@@ -115,7 +115,7 @@ class Source:
         begins = self.start.startswith(("{", "[")) and self.suffix != ".toml"
         if not begins or _is_toml_header(self.start):
             return Field(self.path, "", None)
-        return Field(self.path, "", load_json(self.path, self.text, "a calibration"))
+        return Field(self.path, "", load_json(self.path, "a calibration", self.text))
 
     @cached_property
     def xml(self) -> ET.Element | None:

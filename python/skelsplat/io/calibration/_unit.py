@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 import skelsplat as sk
-from skelsplat.cameras import MM_PER_UNIT
+from skelsplat.cameras import MM_PER_UNIT, altered
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.findings import Finding, FindingWarning, Subject
 from skelsplat.io.calibration._format import Array
@@ -80,16 +80,5 @@ def convert_unit(rig: sk.CameraRig, unit: str) -> sk.CameraRig:
     if unit not in MM_PER_UNIT:
         raise InvalidInputError(f'unit: expected "mm", "cm" or "m", got {unit!r}')
     factor = rig.mm_per_unit / MM_PER_UNIT[unit]
-    cameras = [
-        sk.Camera(
-            c.K,
-            c.R,
-            np.asarray(c.t) * factor,
-            distortion=c.distortion,
-            fisheye=c.fisheye,
-            size=c.size,
-            name=c.name,
-        )
-        for c in rig
-    ]
+    cameras = [altered(camera, t=np.asarray(camera.t) * factor) for camera in rig]
     return sk.CameraRig(cameras, unit=unit)

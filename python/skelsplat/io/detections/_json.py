@@ -11,7 +11,7 @@ import numpy as np
 
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._fields import Field
-from skelsplat.io._files import frame_number, head, load_json, read_text
+from skelsplat.io._files import frame_number, head, load_json
 from skelsplat.io.detections._format import Person, View, joints_of, list_view
 from skelsplat.io.detections._frames import frame_files
 
@@ -20,7 +20,7 @@ _NO_SCORE = 100.0
 
 
 def _document(path: Path, document: str) -> Field:
-    return Field(path, "", load_json(path, read_text(path), document))
+    return Field(path, "", load_json(path, document))
 
 
 def _frame_view(folder: Path, people: Callable[[Path], list[Person]], *, flat: bool = False) -> View:
