@@ -158,7 +158,6 @@ def _draw(axes: Axes, panel: Panel) -> None:
         axes.set_ylim(bottom=0)
     axes.set_xticks(list(places), list(panel.places))
     axes.set_title(panel.title, loc="left")
-    axes.set_xlabel(panel.x_label)
-    axes.set_ylabel(panel.y_label)
+    axes.set(xlabel=panel.x_label, ylabel=panel.y_label)
     _style.tidy(axes)
     axes.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), fontsize=_SMALL_PT, frameon=False)

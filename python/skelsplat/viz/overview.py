@@ -74,24 +74,20 @@ def write_overview(path: str | os.PathLike[str], data: OverviewData, *, skeleton
     _draw_cameras(figure.add_axes(box), data.error_before, data.error_after, data.camera_names)
     box = _style.box(figure, _ERRORS_LEFT_IN, below + 1.26, _ERRORS_WIDTH_IN, 2.7)
     _draw_distribution(figure.add_axes(box), data.error_before, data.error_after, data.start)
-    _text(figure, 0.25, figure.get_figheight() - 0.25, "\n".join(caption))
+    _style.heading(figure, figure.get_figheight() - 0.25, "\n".join(caption))
     _legend(figure, 0.7, below + 0.48, _body_entries(data.body, data.start, skeleton))
     if panels:
         draw_panels(figure, panels, heights, skeleton, 0.1)
         shown = (
             f"{len(panels)} of {len(data.panels)} cameras" if len(panels) < len(data.panels) else "Cameras"
         )
-        _text(figure, 0.25, below - 0.08, f"{shown}, same frame, cropped to the person")
+        _style.heading(figure, below - 0.08, f"{shown}, same frame, cropped to the person")
         _legend(figure, 0.2, below - 0.3, _panel_entries(panels))
     return _style.save_png(figure, path)
 
 
 def _legend(figure: Figure, left: float, top: float, entries: Sequence[Artist]) -> None:
     _style.legend(figure, left, top, entries, _style.SCREEN.label_pt, columnspacing=1.4)
-
-
-def _text(figure: Figure, left: float, top: float, words: str) -> None:
-    _style.text(figure, left, top, words, size=_style.SCREEN.title_pt, va="top")
 
 
 def _body_entries(body: Body, start: str, skeleton: Skeleton) -> list[Artist]:
@@ -143,10 +139,9 @@ def _draw_cameras(axes: Axes, before: Array, after: Array, names: Sequence[str])
                     fontsize=8.5,
                 )
     axes.set_yticks(rows, names)
-    axes.set_ylim(len(rows) - 0.5, -0.5)
     axes.set_xlim(left=0)
-    axes.set_xlabel("error [px]: bar median, line to 90th percentile")
-    axes.set_title("reprojection error per camera, all frames")
+    label = "error [px]: bar median, line to 90th percentile"
+    axes.set(ylim=(len(rows) - 0.5, -0.5), xlabel=label, title="reprojection error per camera, all frames")
     axes.grid(axis="x", color="0.9", linewidth=0.8)
     _style.tidy(axes)
 
@@ -163,11 +158,8 @@ def _draw_distribution(axes: Axes, before: Array, after: Array, start: str) -> N
             share = 100 * np.arange(1, len(values) + 1) / len(values)
             axes.plot(values, share, style, color=colour, linewidth=2, label=label)
             limit = max(limit, float(np.percentile(values, 97)))
-    axes.set_xlim(0, limit)
-    axes.set_ylim(0, 100)
-    axes.set_xlabel("within this reprojection error [px]")
-    axes.set_ylabel("detections [%]")
-    axes.set_title("all cameras and frames")
+    axes.set(xlim=(0, limit), xlabel="within this reprojection error [px]")
+    axes.set(ylim=(0, 100), ylabel="detections [%]", title="all cameras and frames")
     if axes.lines:
         axes.legend(loc="lower right", frameon=False, fontsize=_style.SCREEN.label_pt)
     axes.grid(color="0.9", linewidth=0.8)
