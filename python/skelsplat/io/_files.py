@@ -35,6 +35,20 @@ def opening(path: Path, expected: str = "a readable file", field: str = "file") 
         raise DatasetError(path, field, expected, (error.strerror or str(error)).lower()) from error
 
 
+@contextmanager
+def parsing(path: Path, expected: str) -> Iterator[None]:
+    """Raise `DatasetError` for whatever a library meets in this block: they raise nearly anything."""
+    with opening(path):
+        path.open("rb").close()
+    try:
+        yield
+    except DatasetError:
+        raise
+    except Exception as error:
+        reason = str(error).strip().splitlines() or [type(error).__name__]
+        raise DatasetError(path, "file", expected, reason[-1]) from error
+
+
 def of_file(path: Path, error: InvalidInputError) -> DatasetError:
     """Return the error for a file whose content was refused as an argument."""
     field, _, rest = str(error).partition(": expected ")

@@ -15,7 +15,7 @@ import numpy as np
 from skelsplat._optional import require
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._arrays import Array, array_names, as_numbers, hdf5_mentions
-from skelsplat.io._files import csv_header, csv_lines, frame_number, opening
+from skelsplat.io._files import csv_header, csv_lines, frame_number, parsing
 from skelsplat.io.detections._format import View, array_view, joints_of
 
 Columns = dict[str, dict[str, dict[str, int]]]  # by individual, part and coordinate
@@ -52,15 +52,9 @@ def _load(path: Path) -> Any:
     """Return the table; its file is closed again."""
     pandas = require("pandas", f"{path}: DeepLabCut's h5")
     require("tables", f"{path}: DeepLabCut's h5")
-    with opening(path):
-        path.open("rb").close()
-    try:
-        with pandas.HDFStore(path, mode="r") as store:
-            keys = [key.strip("/") for key in store.keys()]  # noqa: SIM118 - a store, not a dict
-            table = store[_KEY] if _KEY in keys else None
-    except Exception as error:  # PyTables raises nearly anything for a damaged file
-        reason = str(error).strip().splitlines() or [type(error).__name__]
-        raise DatasetError(path, "file", "a complete HDF5 file of pandas", reason[-1]) from error
+    with parsing(path, "a complete HDF5 file of pandas"), pandas.HDFStore(path, mode="r") as store:
+        keys = [key.strip("/") for key in store.keys()]  # noqa: SIM118 - a store, not a dict
+        table = store[_KEY] if _KEY in keys else None
     if table is None:
         raise DatasetError(path, _KEY, "a table under this key", f"keys {', '.join(keys) or 'none'}")
     return table
@@ -193,18 +187,12 @@ def read_sleap(path: Path) -> View:
     and counts as 1. Nodes are matched to joints by name. Needs h5py.
     """
     h5py = require("h5py", f"{path}: SLEAP's h5")
-    try:
-        with h5py.File(path, "r") as file:
-            tracks, scores = (_dataset(path, file, key) for key in (_TRACKS, _SCORES))
-            order = _axes(path, tracks)
-            names = np.asarray(_dataset(path, file, _NAMES)[()])
-            pixels = as_numbers(path, _TRACKS, tracks[()])
-            sure = as_numbers(path, _SCORES, scores[()])
-    except DatasetError:
-        raise
-    except Exception as error:  # h5py raises nearly anything for a damaged file
-        reason = str(error).strip().splitlines() or [type(error).__name__]
-        raise DatasetError(path, "file", "a complete HDF5 file", reason[-1]) from error
+    with parsing(path, "a complete HDF5 file"), h5py.File(path, "r") as file:
+        tracks, scores = (_dataset(path, file, key) for key in (_TRACKS, _SCORES))
+        order = _axes(path, tracks)
+        names = np.asarray(_dataset(path, file, _NAMES)[()])
+        pixels = as_numbers(path, _TRACKS, tracks[()])
+        sure = as_numbers(path, _SCORES, scores[()])
     xy = _arranged(path, pixels, order, len(names))
     confidence = _scores(path, sure, order, xy.shape[:3])
     known = array_names(path, _NAMES, names, xy.shape[2])
