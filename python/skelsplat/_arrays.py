@@ -73,6 +73,12 @@ def flags(value: object, name: str) -> NDArray[np.bool_]:
     return np.asarray(given == 1.0)
 
 
+def positive(name: str, value: float, kind: str = "number") -> None:
+    """Raise `InvalidInputError` unless the argument ``name`` is finite and above zero."""
+    if not (np.isfinite(value) and value > 0) or (kind == "integer" and value != int(value)):
+        raise InvalidInputError(f"{name}: expected a positive {kind}, got {value!r}")
+
+
 def median(values: NDArray[np.float64]) -> float:
     """Return the median of the finite values; NaN if there are none."""
     finite = values[np.isfinite(values)]

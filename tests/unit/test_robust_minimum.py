@@ -26,8 +26,10 @@ def scene(noise: sk.synthetic.DetectionNoise, n_frames: int = 12) -> _observatio
 def problem(joints: _observations.Observations, loss: str) -> _minimise.Reprojections:
     seen = joints.seen.astype(float)
     if loss == "huber":
-        return _minimise.Reprojections.of(joints, seen * 0.5 / CROP_SCALE, by_view=True)
-    return _minimise.Reprojections.of(joints, seen, by_view=False)
+        return _minimise.Reprojections(
+            joints.pixels, joints.projections, seen * 0.5 / CROP_SCALE, by_view=True
+        )
+    return _minimise.Reprojections(joints.pixels, joints.projections, seen, by_view=False)
 
 
 LOSSES = {"huber": _minimise.huber, "cauchy": _minimise.cauchy_loss(F_SCALE_PX)}
@@ -91,7 +93,7 @@ def test_the_gradient_is_zero_at_the_minimum(loss: str) -> None:
 def test_slopes_are_central_differences(by_view: bool) -> None:
     joints = scene(sk.synthetic.DetectionNoise(sigma_px=4.0))
     scale = np.random.default_rng(0).uniform(0.5, 2.0, joints.seen.shape)
-    whole = _minimise.Reprojections.of(joints, scale, by_view=by_view)
+    whole = _minimise.Reprojections(joints.pixels, joints.projections, scale, by_view=by_view)
     X = _observations.solve(joints, joints.seen.astype(float))
     differences = np.stack(
         [(whole.residuals(X + d) - whole.residuals(X - d)) / 2e-3 for d in 1e-3 * np.eye(3)], axis=-1

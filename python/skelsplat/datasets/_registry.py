@@ -21,8 +21,7 @@ from typing import Any, Protocol, cast
 
 from skelsplat.datasets._files import Survey
 from skelsplat.datasets._model import Dataset
-from skelsplat.datasets._reproject import ViewError, view_errors
-from skelsplat.datasets._verify import raise_errors, samples_of, verify
+from skelsplat.datasets._verify import ViewError, raise_errors, samples_of, verify, view_errors
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding
 
@@ -57,10 +56,7 @@ def names() -> tuple[str, ...]:
 def reader(name: str) -> Reader:
     """Return the reader of a data set.
 
-    Raises
-    ------
-    InvalidInputError
-        If there is none of that name.
+    Raises `InvalidInputError` if there is none of that name.
     """
     if name not in _MODULES:
         raise InvalidInputError(f"name: expected one of {', '.join(_MODULES)}, got {name!r}")

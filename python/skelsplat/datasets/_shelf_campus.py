@@ -158,10 +158,7 @@ def from_coco(detections: FloatArray) -> FloatArray:
 def read_actors(path: Path, n_joints: int) -> list[tuple[NDArray[np.int64], FloatArray]]:
     """Return frames (T,), from 0, and joints (T, N, 3) mm of each actor, where it is labelled.
 
-    Raises
-    ------
-    DatasetError
-        If SciPy, which reads the file, is not installed, or the file is not as described.
+    Raises `DatasetError` if SciPy, which reads the file, is not installed, or the file is not as described.
     """
     content = _load(path)
     if "actor3D" not in content:

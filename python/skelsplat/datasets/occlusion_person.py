@@ -34,9 +34,8 @@ from skelsplat.datasets._files import (
     within,
 )
 from skelsplat.datasets._model import Dataset, Take
-from skelsplat.datasets._reproject import sample
 from skelsplat.datasets._rig import build_rig, camera_at_centre
-from skelsplat.datasets._verify import raise_errors
+from skelsplat.datasets._verify import raise_errors, sample
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.layouts import OCCLUSION_PERSON15
 

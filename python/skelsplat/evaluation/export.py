@@ -54,10 +54,7 @@ def to_json(evaluation: Evaluation) -> str:
 def write(folder: Path, evaluation: Evaluation) -> list[str]:
     """Write ``report.md``, ``report.csv`` and ``report.json`` into a folder; return their names.
 
-    Raises
-    ------
-    DatasetError
-        If a file cannot be written.
+    Raises `DatasetError` if a file cannot be written.
     """
     files = {"report.md": markdown, "report.csv": to_csv, "report.json": to_json}
     for name, text in files.items():

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from skelsplat.datasets import Dataset, Take, occlusion_person, panoptic
 from skelsplat.datasets.human36m import ACTIONS
-from skelsplat.datasets.human36m._actions import ALIASES
+from skelsplat.datasets.human36m._common import ALIASES
 from skelsplat.exceptions import DatasetError, InvalidInputError
 
 Endpoint = int | tuple[int, ...]
@@ -284,10 +284,7 @@ names: tuple[str, ...] = tuple(_BY_NAME)
 def get(name: str) -> Protocol:
     """Return the protocol of a data set: its own, or of a simulated one that of the data set it resembles.
 
-    Raises
-    ------
-    InvalidInputError
-        If there is none of that name; the message lists all.
+    Raises `InvalidInputError` if there is none of that name; the message lists all.
     """
     name = SIMULATED.get(name, name)
     if name not in _BY_NAME:

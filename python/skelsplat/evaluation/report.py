@@ -115,10 +115,7 @@ def evaluate(
 def select(names: Sequence[str], cases: Sequence[Case], options: Options) -> list[Method]:
     """Return the methods of these names, each once; none: all that the data allow and that render no pixels.
 
-    Raises
-    ------
-    InvalidInputError
-        An unknown name, or the data allow no method.
+    Raises `InvalidInputError` for an unknown name, or the data allow no method.
     """
     if names:
         return [methods.get(name) for name in dict.fromkeys(names)]

@@ -16,7 +16,7 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 # frame numbers and offsets are below it, so that their sum fits into 64 bits
@@ -33,6 +33,20 @@ def opening(path: Path, expected: str = "a readable file", field: str = "file") 
         yield
     except OSError as error:
         raise DatasetError(path, field, expected, (error.strerror or str(error)).lower()) from error
+
+
+@contextmanager
+def parsing(path: Path, expected: str) -> Iterator[None]:
+    """Raise `DatasetError` for whatever a library meets in this block: they raise nearly anything."""
+    with opening(path):
+        path.open("rb").close()
+    try:
+        yield
+    except DatasetError:
+        raise
+    except Exception as error:
+        reason = str(error).strip().splitlines() or [type(error).__name__]
+        raise DatasetError(path, "file", expected, reason[-1]) from error
 
 
 def of_file(path: Path, error: InvalidInputError) -> DatasetError:
@@ -138,3 +152,9 @@ def parse_toml(path: Path, text: str) -> dict[str, Any]:
 def natural(name: str) -> tuple[tuple[int, str], ...]:
     """Sort key that puts 2 before 10."""
     return tuple((int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name))
+
+
+def listed(names: Sequence[str], most: int) -> str:
+    """Return names for a message: the first `most`, and how many more there are."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more

@@ -59,8 +59,7 @@ class Scene:
     @cached_property
     def judged(self) -> Index:
         """Places in `frames` that are judged."""
-        some = np.linspace(0, len(self.frames) - 1, min(_FRAMES, len(self.frames)))
-        return np.unique(some.round().astype(np.int64))
+        return some_frames(len(self.frames), _FRAMES)
 
     def seen(self, view: int, shift: int | None = None) -> Array:
         """Return one camera's detections at the judged frames, with its shift or another, (J, N, 2)."""
@@ -161,9 +160,9 @@ def named(cameras: Sequence[sk.Camera]) -> list[str]:
     return [camera.name if camera.name is not None else str(i) for i, camera in enumerate(cameras)]
 
 
-def some_frames(count: int) -> Index:
+def some_frames(count: int, most: int = _FEW_FRAMES) -> Index:
     """Places of a few frames, spread over the recording."""
-    return np.unique(np.linspace(0, count - 1, min(_FEW_FRAMES, count)).round().astype(np.int64))
+    return np.unique(np.linspace(0, count - 1, min(most, count)).round().astype(np.int64))
 
 
 def is_gross(scene: Scene) -> bool:

@@ -16,7 +16,7 @@ from skelsplat.io import PoseData, write_pose
 from skelsplat.io._atomic import atomic_write_text
 from skelsplat.io._run_files import CAMERAS, DETECTIONS, REPORT, UNFINISHED, files_of_run
 from skelsplat.io.poses import POSE_FORMATS, check_pose_format
-from skelsplat.io.poses._markers import MARKER_NAMES
+from skelsplat.io.poses._pose_data import MARKER_NAMES
 from skelsplat.io.run_folder import write_run_inputs
 from skelsplat.run.html import write_html
 

@@ -18,7 +18,7 @@ import skelsplat as sk
 from skelsplat._optional import can_draw
 from skelsplat.run.frames import rows_of
 from skelsplat.run.report import MEANINGS
-from skelsplat.run.summary import DOWN_WEIGHTED, finite_max, finite_median, frame_medians
+from skelsplat.run.summary import DOWN_WEIGHTED, error_maps, finite_max, finite_median, frame_medians
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -58,6 +58,8 @@ def write_html(run: Run, path: Path) -> None:
 
     inputs, statistics = run.inputs, run.statistics
     source = run.report["input"]["detections"]
+    weights = np.where(np.isfinite(statistics.error_after), run.result.view_weights, np.nan)
+    errors_px, rejected = error_maps(statistics.error_after, weights)
     data = page.ReportData(
         title="SkelSplat" if source is None else f"SkelSplat: {Path(source).name}",
         facts=facts_of(run.report),
@@ -68,8 +70,8 @@ def write_html(run: Run, path: Path) -> None:
         shapes=camera_shapes(inputs.rig),
         cameras=_camera_table(statistics),
         joints=_joint_table(inputs, statistics),
-        errors_px=_by_view_and_joint(statistics.error_after, finite_median),
-        rejected=_shares(statistics),
+        errors_px=errors_px[:-1, :-1],
+        rejected=rejected[:-1, :-1],
         lines=_lines(run),
         problems=rows_of(run.frame_findings, inputs.frames.tolist()),
     )
@@ -233,17 +235,6 @@ def _lines(run: Run) -> list[page.TimeLine]:
         TimeLine("Detections with left and right exchanged", "", swapped.astype(float), peaks=True),
         TimeLine("Largest error bar", "mm", bars, peaks=True),
     ]
-
-
-def _by_view_and_joint(values: Array, of: Any) -> Array:
-    """Return ``of`` the values (T, M, N) of every view and joint, (M, N)."""
-    _, views, joints = values.shape
-    return np.array([[of(values[:, i, j]) for j in range(joints)] for i in range(views)])
-
-
-def _shares(statistics: Statistics) -> Array:
-    used = np.isfinite(statistics.error_after).sum(axis=0)
-    return np.where(used > 0, statistics.rejected.sum(axis=0) / np.maximum(used, 1), np.nan)
 
 
 def _camera_table(statistics: Statistics) -> page.Table:

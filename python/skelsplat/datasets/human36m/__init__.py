@@ -24,8 +24,7 @@ from typing import Any
 from skelsplat.datasets._files import Survey
 from skelsplat.datasets._model import Dataset
 from skelsplat.datasets.human36m import _adafuse, _authors, _karfly, _videopose3d
-from skelsplat.datasets.human36m._actions import ACTIONS
-from skelsplat.datasets.human36m._common import CAMERAS, Options, Reading, with_separate
+from skelsplat.datasets.human36m._common import ACTIONS, CAMERAS, Options, Reading, with_separate
 from skelsplat.exceptions import DatasetError, InvalidInputError
 
 __all__ = ["ACTIONS", "CAMERAS", "DESCRIPTION", "FORMATS", "read", "survey"]

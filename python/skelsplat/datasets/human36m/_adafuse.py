@@ -31,8 +31,7 @@ from skelsplat.datasets._files import (
 from skelsplat.datasets._model import FloatArray, Take
 from skelsplat.datasets._rig import build_rig, camera_at_centre
 from skelsplat.datasets._verify import body_size, is_human
-from skelsplat.datasets.human36m._actions import NUMBERED
-from skelsplat.datasets.human36m._common import CAMERAS, SIZES, Options, Reading
+from skelsplat.datasets.human36m._common import CAMERAS, NUMBERED, SIZES, Options, Reading
 from skelsplat.exceptions import DatasetError
 from skelsplat.layouts import H36M17
 

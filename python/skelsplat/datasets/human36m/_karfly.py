@@ -18,8 +18,7 @@ from skelsplat.cameras import CameraRig
 from skelsplat.datasets._files import Survey, a_list, as_numbers, load_npy, numbers, require, shape_of, within
 from skelsplat.datasets._model import FloatArray, Take
 from skelsplat.datasets._rig import build_camera, build_rig
-from skelsplat.datasets.human36m._actions import action_of
-from skelsplat.datasets.human36m._common import CAMERAS, SIZES, Options, Reading
+from skelsplat.datasets.human36m._common import CAMERAS, SIZES, Options, Reading, action_of
 from skelsplat.exceptions import DatasetError
 from skelsplat.layouts import H36M17
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -119,12 +118,6 @@ def homogeneous(points: FloatArray, projections: FloatArray) -> FloatArray:
     rows = projections.reshape(-1, 4)
     image: FloatArray = (points @ rows[:, :3].T + rows[:, 3]).reshape(len(points), -1, 3)
     return image
-
-
-def positive(name: str, value: float, *, kind: Literal["number", "integer"] = "number") -> None:
-    """Raise `InvalidInputError` unless the argument ``name`` is finite and above zero."""
-    if not (np.isfinite(value) and value > 0) or (kind == "integer" and value != int(value)):
-        raise InvalidInputError(f"{name}: expected a positive {kind}, got {value!r}")
 
 
 def dlt(detections: ArrayLike, cameras: Cameras, *, confidence: bool = False) -> FloatArray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -15,7 +14,7 @@ import numpy as np
 from skelsplat._optional import require
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._arrays import Array, array_names, as_numbers, hdf5_mentions
-from skelsplat.io._files import csv_header, csv_lines, frame_number, opening
+from skelsplat.io._files import csv_header, csv_lines, frame_number, parsing
 from skelsplat.io.detections._format import View, array_view, joints_of
 
 Columns = dict[str, dict[str, dict[str, int]]]  # by individual, part and coordinate
@@ -27,7 +26,7 @@ _UNIQUE = "single"
 _COORDS = ("x", "y", "likelihood")
 
 
-def read_deeplabcut(path: Path) -> View:
+def read_dlc(path: Path) -> View:
     """Return the view of one camera from DeepLabCut's h5, single- or multi-animal.
 
     A table with columns (scorer, [individuals,] bodyparts, coords), coords x, y in pixels and likelihood; the
@@ -52,22 +51,16 @@ def _load(path: Path) -> Any:
     """Return the table; its file is closed again."""
     pandas = require("pandas", f"{path}: DeepLabCut's h5")
     require("tables", f"{path}: DeepLabCut's h5")
-    with opening(path):
-        path.open("rb").close()
-    try:
-        with pandas.HDFStore(path, mode="r") as store:
-            keys = [key.strip("/") for key in store.keys()]  # noqa: SIM118 - a store, not a dict
-            table = store[_KEY] if _KEY in keys else None
-    except Exception as error:  # PyTables raises nearly anything for a damaged file
-        reason = str(error).strip().splitlines() or [type(error).__name__]
-        raise DatasetError(path, "file", "a complete HDF5 file of pandas", reason[-1]) from error
+    with parsing(path, "a complete HDF5 file of pandas"), pandas.HDFStore(path, mode="r") as store:
+        keys = [key.strip("/") for key in store.keys()]  # noqa: SIM118 - a store, not a dict
+        table = store[_KEY] if _KEY in keys else None
     if table is None:
         raise DatasetError(path, _KEY, "a table under this key", f"keys {', '.join(keys) or 'none'}")
     return table
 
 
-def read_deeplabcut_csv(path: Path) -> View:
-    """Return the view of one camera from DeepLabCut's csv, the table of `read_deeplabcut`.
+def read_dlc_csv(path: Path) -> View:
+    """Return the view of one camera from DeepLabCut's csv, the table of `read_dlc`.
 
     The columns are three or four header lines, and an empty field is a missing value.
     """
@@ -164,20 +157,15 @@ class _Table:
         return joints_of(self.path, "likelihood", xy, np.stack(likelihood, axis=1), clip=False)
 
 
-def is_deeplabcut(path: Path) -> bool:
+def is_dlc(path: Path) -> bool:
     """Whether a file is HDF5 with DeepLabCut's key in it."""
     return hdf5_mentions(path, _KEY.encode())
 
 
-def is_deeplabcut_csv(path: Path) -> bool:
+def is_dlc_csv(path: Path) -> bool:
     """Whether the first line of a file is DeepLabCut's."""
     first = csv_header(path)
     return len(first) > 1 and first[0] == "scorer"
-
-
-def cut_deeplabcut(stem: str) -> str:
-    """Cut the name of the network off the name of a result: ``cam1DLC_resnet50_…`` → ``cam1``."""
-    return stem.partition("DLC_")[0] or stem
 
 
 _AXES = ("track", "xy", "node", "frame")
@@ -193,18 +181,12 @@ def read_sleap(path: Path) -> View:
     and counts as 1. Nodes are matched to joints by name. Needs h5py.
     """
     h5py = require("h5py", f"{path}: SLEAP's h5")
-    try:
-        with h5py.File(path, "r") as file:
-            tracks, scores = (_dataset(path, file, key) for key in (_TRACKS, _SCORES))
-            order = _axes(path, tracks)
-            names = np.asarray(_dataset(path, file, _NAMES)[()])
-            pixels = as_numbers(path, _TRACKS, tracks[()])
-            sure = as_numbers(path, _SCORES, scores[()])
-    except DatasetError:
-        raise
-    except Exception as error:  # h5py raises nearly anything for a damaged file
-        reason = str(error).strip().splitlines() or [type(error).__name__]
-        raise DatasetError(path, "file", "a complete HDF5 file", reason[-1]) from error
+    with parsing(path, "a complete HDF5 file"), h5py.File(path, "r") as file:
+        tracks, scores = (_dataset(path, file, key) for key in (_TRACKS, _SCORES))
+        order = _axes(path, tracks)
+        names = np.asarray(_dataset(path, file, _NAMES)[()])
+        pixels = as_numbers(path, _TRACKS, tracks[()])
+        sure = as_numbers(path, _SCORES, scores[()])
     xy = _arranged(path, pixels, order, len(names))
     confidence = _scores(path, sure, order, xy.shape[:3])
     known = array_names(path, _NAMES, names, xy.shape[2])
@@ -254,8 +236,3 @@ def _scores(path: Path, scores: Array, order: tuple[str, ...], shape: tuple[int,
 def is_sleap(path: Path) -> bool:
     """Whether a file is HDF5 with SLEAP's names in it."""
     return hdf5_mentions(path, b"node_names", b"track")
-
-
-def cut_sleap(stem: str) -> str:
-    """Cut SLEAP's own words off the name of a file."""
-    return re.sub(r"\.(analysis|predictions|slp)\b", "", stem)

@@ -16,10 +16,9 @@ from skelsplat._optional import require
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._atomic import atomic_path
-from skelsplat.io._files import opening
-from skelsplat.io.poses._markers import Y_UP, known_frame_rate
-from skelsplat.io.poses._markers import marker_names as named
-from skelsplat.io.poses._pose_data import Array, PoseData
+from skelsplat.io._files import parsing
+from skelsplat.io.poses._pose_data import Y_UP, Array, PoseData, known_frame_rate
+from skelsplat.io.poses._pose_data import marker_names as named
 
 # Frame numbers are 16-bit words that start at 1, and a residual is seven bits of a byte in whole units.
 MAX_FRAMES = 65535
@@ -182,14 +181,9 @@ def c3d_is_y_up(path: str | os.PathLike[str]) -> bool:
 
 def _opened(source: Path) -> Any:
     ezc3d = require("ezc3d", "C3D files")
-    with opening(source, "a readable C3D file"):
+    with parsing(source, "a complete C3D file"):
         _check_structure(source, source.read_bytes())
-        try:
-            return ezc3d.c3d(str(source))
-        except OSError:
-            raise
-        except Exception as error:  # whatever the library meets in a file that is none
-            raise DatasetError(source, "file", "a C3D file", str(error)) from error
+        return ezc3d.c3d(str(source))
 
 
 def _labels(path: Path, point: Any, count: int) -> tuple[str, ...]:
