@@ -45,7 +45,7 @@ def test_the_printed_table_fits_80_columns_and_counts_missing_detections(argumen
     assert last_camera[7:9] == [str(16 * T), str(T)]
     assert len(last_camera) == 11
     assert 0.25 < float(last_camera[10]) <= 1.0
-    assert "Noise of the detections, estimated: " in result.stdout
+    assert "Estimated noise of the detections: " in result.stdout
     assert "Error bars, one standard deviation per axis: median " in result.stdout
     assert "5 frames of 17 joints, " in result.stdout
     assert "\x1b[" not in result.stdout
@@ -320,7 +320,7 @@ def test_demo_refines_the_sample(tmp_path):
     # one camera is turned by less than the noise: hardly rejected, but all of its detections lie to one side
     (doubt,) = (doubt for doubt in texts(report) if "calibration" in doubt)
     assert doubt.startswith(
-        "cam_03's calibration or timing looks wrong: its detections lie 18 px to one side "
+        "cam_03's calibration or timing looks wrong: its detections are shifted by 18 px "
     )
     assert f"! {doubt}" in " ".join(result.stdout.split())
     assert html.escape(doubt) in (tmp_path / "demo" / "report.html").read_text(encoding="utf-8")

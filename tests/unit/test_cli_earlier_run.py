@@ -149,7 +149,7 @@ def test_a_folder_in_the_place_of_a_result_is_known_before_the_work(recording, a
     out = recording[0] / "out"
     (out / "pose.csv").mkdir(parents=True)
     monkeypatch.setattr(_run, "refine_inputs", lambda *_, **__: pytest.fail("it refined"))
-    expected = "pose.csv: output: expected a file or nothing in the place of a result, got a folder"
+    expected = "pose.csv: output: expected a file, or nothing, with the name of a result, got a folder"
     assert_fails(invoke(*arguments, *READ, *FAST), 1, expected)
     assert [path.name for path in out.iterdir()] == ["pose.csv"]
 
@@ -181,7 +181,7 @@ def test_pictures_of_an_earlier_run_are_said_to_be_that(recording, arguments):
         (out / name).mkdir()
     assert "earlier run" not in invoke(*arguments, *READ, *FAST).stdout  # they are empty
     (out / "overlay" / "cam1.mp4").write_text("")
-    assert invoke(*arguments, *READ, *FAST).stdout.endswith("\n! overlay/ is of an earlier run\n")
+    assert invoke(*arguments, *READ, *FAST).stdout.endswith("\n! overlay/ is from an earlier run\n")
     (out / "plots" / "bones.png").write_text("")
     said = invoke(*arguments, *READ, *FAST).stdout
     assert said.endswith("\n! plots/ and overlay/ are of an earlier run\n")

@@ -114,7 +114,7 @@ def test_somebody_else_in_some_views_is_told_without_a_crowd(rig, noise, views):
     assert not [doubt for doubt in findings_of(people[:, :, :1], rig, "0") if doubt.startswith("In ")]
     people[::2, views, 0] = people[::2, views, 1]
     (doubt,) = (doubt for doubt in findings_of(people[:, :, :1], rig, "0") if doubt.startswith("In "))
-    assert "% of the frames, the detections of a camera lie far from the pose as a whole (" in doubt
+    assert "% of the frames, one camera's detections are far from the whole pose (" in doubt
     if views == slice(0, 1) and len(rig) > 3:  # of two against two, nothing tells which are the others
         assert f"{rig.names[0]} in " in doubt
     assert (

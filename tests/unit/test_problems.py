@@ -54,7 +54,7 @@ def found():
         ("status", (3, 1), "unobserved", "unobserved: knee"),
         ("status", (3, [1, 2]), "weak", "weak: knee, wrist"),
         ("status", (3, 2), "filled", "filled over time: wrist"),
-        ("swapped", (3, [1, 3], 0), True, "left and right exchanged in b, d"),
+        ("swapped", (3, [1, 3], 0), True, "left–right swap in b, d"),
         ("rejected", (3, [0, 1], 0), True, "17% of the detections rejected"),
         ("error_after", (3,), 7.0, "median reprojection error 7.0 px"),
         ("error_bar_mm", (3, 2), 31.0, "error bar far above the usual: wrist, 31 mm"),

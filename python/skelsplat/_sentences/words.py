@@ -1,4 +1,4 @@
-"""Parts of sentences that several origins use."""
+"""Phrases that several modules of sentences use."""
 
 from __future__ import annotations
 

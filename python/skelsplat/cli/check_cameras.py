@@ -1,4 +1,4 @@
-"""``skelsplat check-cameras``: what is wrong with a calibration."""
+"""``skelsplat check-cameras``: the faults of a calibration."""
 
 from __future__ import annotations
 
@@ -35,16 +35,16 @@ _Detections = Annotated[
     typer.Argument(
         readable=False,
         metavar="DETECTIONS",
-        help="Detections of one person walking about. As refine reads them: a folder with one folder or file "
-        "per camera, named like the camera, or one file of all. Without them only the calibration itself is "
-        "checked.",
+        help="Detections of one person walking about. In any form that refine reads: a folder with one "
+        "folder or file per camera, named like the camera, or one file. Without them, only the calibration "
+        "itself is checked.",
         show_default=False,
     ),
 ]
 _LEGEND = (
-    "vs. others: distance from where the other cameras place the joints; --offset: value for refine "
-    "that corrects a camera that is out of step, and the error with it; DLT, robust: error vs. all cameras; "
-    "weight: how much the robust solver trusts each detection, 0 to 1; rejected: below 0.25"
+    "vs. others: error vs. the other cameras; --offset: value for refine that corrects an unsynchronised "
+    "camera, and the error with it; DLT, robust: error vs. all cameras; weight: how much the robust solver "
+    "trusts each detection, 0 to 1; rejected: weight below 0.25"
 )
 
 
@@ -72,12 +72,12 @@ def check_cameras(
     quiet: options.Quiet = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Find what is wrong with a calibration: unit, exchanged, rotated or late cameras.
+    """Find faults of a calibration: wrong unit, exchanged, rotated or late cameras.
 
     With the detections of one person walking about, every camera is compared
-    with the other cameras. All formats and options of refine's detections are
-    read. With --json, remedy of a finding are options of refine that correct it;
-    best_offset of a camera is by how many frames its numbers are too high,
+    with the other cameras. Detections are read like those of refine. With --json,
+    the remedy of a finding lists the options of refine that correct it; a
+    camera's best_offset is by how many frames its numbers are too high, and
     offset_option the value for --offset.
 
     [bold]Examples[/bold]
@@ -128,7 +128,7 @@ def _check(rig: sk.CameraRig, found: DetectionSet, person: str, offsets: dict[st
 
 
 def _with_warnings(report: RigReport, warnings: list[Finding]) -> RigReport:
-    """Return the report with warnings of the files first; detections tell more of the unit than cameras."""
+    """Return the report with warnings of the files first; detections judge the unit better than cameras."""
     measured = any(finding.kind in ("unit_wrong", "unit_unknown", "body_size") for finding in report.findings)
     kept = [one for one in warnings if not (measured and one.kind == "unit_implausible")]
     return replace(report, findings=(*kept, *report.findings))
@@ -150,13 +150,13 @@ def _print(rig: sk.CameraRig, found: DetectionSet | None, report: RigReport, *, 
 
 
 def _nothing(rig: sk.CameraRig, found: DetectionSet | None) -> str:
-    """Say that nothing was found, and in what."""
+    """Return the sentence for a check without findings."""
     if found is not None:
         frames = len(found.frames)
         return f"No fault found: {len(rig)} cameras, {rig.unit}, {frames} frames of detections."
     return (
-        f"No fault found in the file itself: {len(rig)} cameras, {rig.unit}. Only detections tell whether it "
-        "fits a recording: skelsplat check-cameras CALIBRATION DETECTIONS."
+        f"No fault found in the file itself: {len(rig)} cameras, {rig.unit}. Whether it fits a recording "
+        "takes detections: skelsplat check-cameras CALIBRATION DETECTIONS."
     )
 
 

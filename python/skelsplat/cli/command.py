@@ -112,7 +112,7 @@ class Command(TyperCommand):
         return parser
 
     def invoke(self, ctx: typer.Context) -> Any:  # type: ignore[override, unused-ignore]
-        """Run the command; what is wrong with an argument that is an option is an error of usage."""
+        """Run the command; an invalid argument that is an option becomes an error of usage."""
         try:
             return super().invoke(ctx)
         except InvalidInputError as error:
@@ -125,7 +125,7 @@ class Command(TyperCommand):
             raise typer.BadParameter(message, ctx=ctx, param_hint=option) from error
 
     def _option(self, argument: str) -> str | None:
-        """Return the option that stands for an argument of the package."""
+        """Return the option for an argument of the package."""
         name = _SPELT.get(argument, argument)
         spelt = [opt for param in self.params if param.name == name != "config" for opt in param.opts]
         return next((option for option in spelt if option.startswith("--")), None)

@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     from skelsplat.findings import Finding
 
 EPILOG = (
-    "Results in FOLDER: pose.npz, pose.csv and pose.trc (or what --write says), report.json, report.html, "
-    "overview.png and weights.png, with --paper also heatmaps.png; and the input as it was used, "
-    "cameras.json and detections.npz. What an earlier run wrote there is removed first; plots/ and overlay/ "
-    "stay."
+    "Results in FOLDER: pose.npz, pose.csv and pose.trc (or the formats of --write), report.json, "
+    "report.html, overview.png and weights.png, with --paper also heatmaps.png; and the input as used, "
+    "cameras.json and detections.npz. Files of an earlier run are removed first; plots/ and overlay/ are "
+    "kept."
 )
 COMMON = (
     *("output", "unit", "layout", "person", "without", "offset", "fps", "filter", "fill_gaps"),
@@ -126,7 +126,7 @@ def refine(
 
 
 def run_and_print(job: Job, *, quiet: bool, as_json: bool) -> None:
-    """Do a job that names a folder, under a progress bar, and print what came out."""
+    """Do a job that names a folder, under a progress bar, and print the results."""
     told: list[Finding] = []
 
     def tell_now(finding: Finding) -> None:

@@ -1,4 +1,4 @@
-"""What a run prints: a table for people, at most 80 columns wide."""
+"""What a run prints: tables and sentences, at most 80 columns wide."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ _REASONS = {
 
 
 def tell(finding: Finding) -> None:
-    """Print a finding on stderr, as it comes."""
+    """Print a finding on stderr."""
     typer.echo(f"warning: {finding.text}", err=True)
 
 
 def print_table(console: Console, table: Table) -> None:
-    """Print a table with all words whole, in its first column all names: wider than the console if need be.
+    """Print a table without breaking words, or names in its first column; wider than the console if needed.
 
     A first column that folds is broken between words.
     """
@@ -84,7 +84,7 @@ def _nothing_filled(gaps: dict[str, Any] | None) -> list[str]:
     """Return a sentence if gaps were to be filled and none was."""
     if gaps is None or gaps["filled"]:
         return []
-    return [f"No gap of at most {gaps['max_frames']} frames between others, so that none was filled."]
+    return [f"No gaps were filled: none of at most {gaps['max_frames']} frames lies between known positions."]
 
 
 def print_files(console: Console, folder: Path, names: Sequence[str]) -> None:
@@ -92,7 +92,7 @@ def print_files(console: Console, folder: Path, names: Sequence[str]) -> None:
     console.print(Text.assemble("Wrote to ", (f"{folder}/", "bold"), f": {', '.join(names)}"))
     folders = left_of_earlier(folder)
     if folders:
-        console.print(f"! {' and '.join(folders)} {'is' if len(folders) == 1 else 'are'} of an earlier run")
+        console.print(f"! {' and '.join(folders)} {'is' if len(folders) == 1 else 'are'} from an earlier run")
 
 
 def _cameras(run: Run) -> Table:
@@ -130,13 +130,13 @@ def _number(value: float, digits: int = 1) -> str:
 def _legend(statistics: Statistics) -> str:
     left_out = "; left out: too little confidence, or the joint has no position"
     return (
-        "missing: no detection of the person followed; weight: how much the detections are trusted, "
-        f"0 to 1; rejected: below {sk.REJECTED_WEIGHT:g}{left_out if statistics.total.left_out else ''}"
+        "missing: no detection of the person followed; weight: how much the detections are trusted, 0 to 1; "
+        f"rejected: weight below {sk.REJECTED_WEIGHT:g}{left_out if statistics.total.left_out else ''}"
     )
 
 
 def _lines(run: Run) -> Iterator[str]:
-    """Yield what the run did and what came out, a sentence or two per line."""
+    """Yield what the run did and its results, a sentence or two per line."""
     outcome, statistics = run.outcome, run.statistics
     frames, joints = len(run.frames), run.layout.n_joints
     threads = default_threads(outcome.config)
@@ -146,15 +146,15 @@ def _lines(run: Run) -> Iterator[str]:
     yield f"{frames} frames of {joints} joints, {each:.{2 if each < 1 else 1}f} ms each ({cores})."
     yield f"Frames stopped: {reasons}."
     moved = _number(finite_median(statistics.moved_mm))
-    yield f"The median joint is {moved} mm from the {outcome.start_name}."
+    yield f"Median distance of the joints from the {outcome.start_name}: {moved} mm."
     yield (
-        f"Noise of the detections, estimated: {_number(statistics.noise_mm)} mm across the ray, "
+        f"Estimated noise of the detections: {_number(statistics.noise_mm)} mm across the ray, "
         f"{_number(statistics.noise_px)} px."
     )
     swapped = statistics.total.swapped
     if swapped:
         found = _listed(f"{group.name} {group.swapped}" for group in statistics.cameras if group.swapped)
-        yield f"Exchanged left and right were corrected in {swapped} detections: {found}."
+        yield f"Left–right swaps were corrected in {swapped} detections: {found}."
     yield ""
     typical = _number(finite_median(statistics.error_bar_mm))
     yield f"Error bars, one standard deviation per axis: median {typical} mm. The largest [mm]:"

@@ -1,4 +1,4 @@
-"""Findings on single frames: what is missing, contradicted or far from the usual there."""
+"""Findings on single frames: what is missing, contradictory or unusual there."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ if TYPE_CHECKING:
     Array = npt.NDArray[np.float64]
     Mask = npt.NDArray[np.bool_]
 
-# What stands out of the recording: this multiple of the median over its frames,
+# Unusual for the recording: this multiple of the median over its frames,
 _RATIO = 3.0
 # of the share of rejected detections at least the first of these, and the second whatever the others are;
 _SHARE, _HIGH_SHARE = 0.1, 1 / 3
 # of a joint's error bar also this multiple of the median of all.
 _BAR_RATIO = 2.0
-# A way to stop that most frames share says nothing about one of them.
+# A stop reason that most frames share is not a finding on one of them.
 _MOSTLY = 0.5
 
 
@@ -51,11 +51,11 @@ class _Case:
 def find_in_frames(
     inputs: Inputs, outcome: Outcome, statistics: Statistics, status: npt.NDArray[np.str_]
 ) -> list[Finding]:
-    """Return what stands out in single frames: a finding per kind and names, with its frames in order.
+    """Return what is unusual in single frames: a finding per kind and names, with its frames in order.
 
     Numbers are lists, one per frame. ``status`` (T, N) is that of the poses written, where joints may be
     filled over time. A joint that is unobserved in every frame, and a step limit that most frames reach,
-    belong to the recording and not to a frame: `find_findings` and the stop reasons tell them.
+    concern the recording and not a frame: see `find_findings` and the stop reasons.
     """
     empty = np.asarray(outcome.result.stop_reason) == "no_observations"
     found: dict[tuple[str, Subject], list[_Case]] = {}
@@ -160,7 +160,7 @@ def _errors(statistics: Statistics) -> Iterator[_Case]:
 def _error_bars(
     statistics: Statistics, status: npt.NDArray[np.str_], joints: Sequence[str]
 ) -> Iterator[_Case]:
-    """Name joints whose error bar is far above their own median; weak ones are named as such already."""
+    """Yield joints whose error bar is far above their own median; weak ones have their own case."""
     bars = np.where(status == "ok", statistics.error_bar_mm, np.nan)
     usual = np.array([finite_median(bar) for bar in bars.T])
     where = bars > np.maximum(_RATIO * usual, _BAR_RATIO * finite_median(bars))

@@ -54,7 +54,7 @@ _OF_JOINTS = (
 
 
 def write_html(run: Run, path: Path) -> None:
-    """Write a page that holds everything it shows."""
+    """Write the page as one file, which needs no other."""
     from skelsplat.viz import report as page  # matplotlib takes long to load, and --help does without
 
     inputs, statistics = run.inputs, run.statistics
@@ -151,7 +151,7 @@ def _detections(source: dict[str, Any]) -> str:
 
 
 def key_numbers(run: Run) -> list[tuple[str, str, str]]:
-    """Return the numbers worth a glance: name, value and remark."""
+    """Return the key numbers: name, value and remark."""
     statistics = run.statistics
     total = statistics.total
     frames = {frame for finding in run.frame_findings for frame in finding.subject.frames}
@@ -228,7 +228,7 @@ def _lines(run: Run) -> list[page.TimeLine]:
         ),
         TimeLine("Estimated noise of the detections", "mm", noise),
         TimeLine("Detections rejected", "", statistics.rejected.sum(axis=(1, 2)).astype(float), peaks=True),
-        TimeLine("Detections with left and right exchanged", "", swapped.astype(float), peaks=True),
+        TimeLine("Left–right swaps", "", swapped.astype(float), peaks=True),
         TimeLine("Largest error bar", "mm", bars, peaks=True),
     ]
 

@@ -49,7 +49,7 @@ class Job:
         Name of the joint layout of the detections; None: the one whose joints the files name.
     person
         ``"consistent"``: the person the views agree on; ``"largest"``: the largest in each image; a
-        number: the one at that place of each file, counted from 0.
+        number: the one at that index in each file, from 0.
     frames
         What to do with cameras of different frame counts: ``"strict"``, ``"intersection"`` or ``"union"``.
     format
@@ -59,16 +59,16 @@ class Job:
     order
         The source of each camera's detections, or ``"sorted"``; None to match by name.
     without
-        Names of cameras that are left out; they may be written loosely.
+        Names of cameras that are left out; case and separators may differ.
     mapping
-        By joint of the layout, its name or place in the files, where these differ; None: it is not there.
+        By joint of the layout, its name or index in the files, where these differ; None: missing there.
     sequence
         Which sequence of a file that has several.
     init
         A pose file to start from; None for triangulation.
     init_sigma_mm
         Standard deviation per axis of that pose in mm, if it is independent of the detections; None: it
-        is only where to begin.
+        is only the start of the search.
     config
         Settings of the method; None: the defaults of `skelsplat.RefineConfig`.
     fps
@@ -155,7 +155,7 @@ class Job:
             raise IncompleteJobError("init_sigma_mm", "init")
         if self.settings.method == "paper":
             raise InvalidInputError(
-                "init_sigma_mm: expected none with the paper's method, whose start is no observation, "
+                "init_sigma_mm: expected none with the method paper, whose start is not an observation, "
                 f"got {self.init_sigma_mm:g}"
             )
 

@@ -25,7 +25,7 @@ _CONSISTENT = (Remedy("person", "consistent"),)
 
 
 def find_people(inputs: Inputs, outcome: Outcome) -> Iterator[Finding]:
-    """Say whether people are mixed, whether others are as visible, and whether limbs vary in length."""
+    """Yield findings on mixed people, on others as visible, and on limbs of varying length."""
     if inputs.crowd is not None:
         yield from _mixed(inputs.person, inputs.crowd)
         yield from _others(inputs.person, inputs.crowd)
@@ -38,7 +38,7 @@ def are_mixed(inputs: Inputs) -> bool:
 
 
 def _mixed(person: str, crowd: Crowd) -> Iterator[Finding]:
-    """Name a choice that is not one person; the one that the views agree on is."""
+    """Yield a finding if the choice mixes people; the person the views agree on never does."""
     if person == "consistent" or not crowd.mixes:
         return
     share = float(crowd.mixed.mean())
@@ -66,7 +66,7 @@ def _others(person: str, crowd: Crowd) -> Iterator[Finding]:
 
 
 def _spread(inputs: Inputs, outcome: Outcome) -> LimbSpread:
-    """Measure arms and legs, which both sides of a body have and no joint between bends."""
+    """Measure the segments of arms and legs, which have a fixed length."""
     result = outcome.result
     limbs = [limb for pair in inputs.layout.symmetric_pairs(2) for limb in pair]
     known = np.asarray(result.joint_status) == "ok"
@@ -74,7 +74,7 @@ def _spread(inputs: Inputs, outcome: Outcome) -> LimbSpread:
 
 
 def find_lengths(inputs: Inputs, spread: LimbSpread) -> Iterator[Finding]:
-    """Name the limb whose length varies most, if lengths vary by more than error bars explain."""
+    """Yield a finding on the limb that varies most, if lengths vary by more than error bars explain."""
     if spread.off <= _OFF_SHARE:
         return
     worst = int(np.argmax(spread.relative))

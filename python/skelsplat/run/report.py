@@ -30,9 +30,9 @@ MEANINGS = {
     "noise": "standard deviation of the detections' noise, estimated, median over the frames",
     "error_bar": "standard deviation of a joint: root mean square over the axes of the posterior covariance",
     "start": "what before_px and moved are measured from: the initial pose if one was given, else DLT",
-    "findings": "what a person should look at before trusting the run",
-    "frame_findings": "what stands out in single frames, whose numbers are the subject's frames; lists among "
-    "the numbers have a value for each of these",
+    "findings": "what to check before trusting the run",
+    "frame_findings": "unusual single frames: their numbers are the frames of the subject; lists among the "
+    "numbers have a value for each of them",
 }
 _MEANING = (
     "distance of the pose's projection from the detection in px of the original image, over the detections "

@@ -1,4 +1,4 @@
-"""What can be counted about a refined sequence without ground truth."""
+"""Counts and errors of a refined sequence, without ground truth."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class Group:
 
 @dataclass(frozen=True)
 class Statistics:
-    """All that the table, the report and the figures say in numbers.
+    """The numbers of the table, the report and the figures.
 
     Attributes
     ----------
