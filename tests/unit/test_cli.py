@@ -14,10 +14,11 @@ import pytest
 import skelsplat as sk
 from command_line import FAST, READ, RESULTS, assert_fails, invoke, read_report, texts
 from skelsplat import synthetic
+from skelsplat.association import take_people
 from skelsplat.io import PoseData, read_npz, read_trc, write_npz, write_pose
 from skelsplat.run import _run, solve
 from skelsplat.run import folder as run_folder
-from skelsplat.run.person import pick_person
+from skelsplat.run.person import pick_places
 
 T = 5
 NOISE_PX = 2.0
@@ -139,7 +140,7 @@ def test_y_up_turns_the_marker_file_only(recording, arguments):
         ([*READ, "--init", "a.npz", "--init-sigma-mm", "-4"], ["--init-sigma-mm", "positive", "-4"]),
         (
             [*READ, "--paper", "--init", "a.npz", "--init-sigma-mm", "40"],
-            ["--init-sigma-mm", "paper's method", "got 40"],
+            ["--init-sigma-mm", "method paper", "got 40"],
         ),
         ([*READ, "--symmetry-tier", "4"], ["--symmetry-tier: expected ", "3", "'4'"]),
         ([*READ, "--max-steps", "many"], ["--max-steps: expected ", "'many'"]),
@@ -352,12 +353,13 @@ def test_pick_person_by_place_and_by_size():
     people[:, :, 0, :, :2] = [[10.0, 10.0], [20.0, 20.0], [30.0, 30.0]]
     people[:, :, 1, :, :2] = [[10.0, 10.0], [20.0, 20.0], [60.0, 60.0]]
     people[0, 0, 1] = np.nan
-    largest, unmatched = pick_person(people, rig, "largest")
+    index, unmatched = pick_places(people, rig, "largest")
+    largest = take_people(people, index)
     assert largest[1, 2, 2, 0] == 60.0
     assert largest[0, 0, 2, 0] == 30.0
     assert not unmatched.any()
-    numbered, unmatched = pick_person(people, rig, "0")
-    np.testing.assert_array_equal(numbered, people[:, :, 0])
+    index, unmatched = pick_places(people, rig, "0")
+    np.testing.assert_array_equal(take_people(people, index), people[:, :, 0])
     assert not unmatched.any()
 
 

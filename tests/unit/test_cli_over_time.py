@@ -145,7 +145,9 @@ def test_weak_joints_are_filled_when_asked(recording, arguments):
     assert read_npz(folder / "out" / "pose.npz").joint_status[2, 16] == "weak"
     filled = invoke(*run, "--fill-weak")
     assert filled.exit_code == 0
-    assert "warning: weak, now filled from neighbouring frames: right_wrist (frame 2)." in filled.stderr
+    assert (
+        "warning: Weak joints, now filled from neighbouring frames: right_wrist (frame 2)." in filled.stderr
+    )
     assert "Weak joints (fewer" not in filled.stderr
     written = read_npz(folder / "out" / "pose.npz")
     assert written.joint_status[2, 16] == "filled"

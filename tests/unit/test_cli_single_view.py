@@ -49,7 +49,7 @@ def test_it_is_said_to_have_none(one_view, arguments):
 def test_gaps_are_filled_at_it_and_have_no_error_bar(one_view, arguments):
     result = invoke(*arguments, *READ, *FPS, "--fill-gaps", 1)
     text = " ".join(result.stdout.split())
-    assert "! weak, now filled from neighbouring frames: right_wrist (frame 2)." in text
+    assert "! Weak joints, now filled from neighbouring frames: right_wrist (frame 2)." in text
     assert "without a position" not in text
     assert read_npz(one_view / "pose.npz").joint_status[2, 16] == "filled"
 

@@ -91,7 +91,8 @@ def test_of_three_cameras_another_may_be_the_wrong_one():
     (finding,) = find_displaced(rig.names, shifts, [0, 1, 2])
     doubt = finding.text
     assert doubt.startswith(
-        "cam0's calibration or timing looks wrong, or that of another of the three: cam0's detections lie "
+        "cam0's calibration or timing looks wrong, or that of another of the three: "
+        "cam0's detections are shifted by "
     )
 
 
@@ -214,9 +215,9 @@ def test_the_worst_camera_is_first_and_rivals_are_named():
     (finding,) = find_displaced(rig.names, shifts, found)
     assert finding.text == (
         "cam2's calibration or timing looks wrong: its detections are shifted by 30 px from the pose (30 px "
-        "down), with a median error of 33.0 px; those of cam3 by 16 px and those of cam1 by 10 px, so "
-        "cam3 may be the cause instead. skelsplat check-cameras looks for the cause; --without cam2 leaves it "
-        "out."
+        "down), with a median error of 33.0 px; those of cam3 by 16 px and those of cam1 by 10 px, "
+        "so cam3 may be the cause instead. skelsplat check-cameras looks for the cause; --without cam2 "
+        "leaves it out."
     )
     (finding,) = find_displaced(rig.names, shifts, found, {"cam2"})
     assert finding.text.endswith("looks for the cause.")

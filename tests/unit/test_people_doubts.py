@@ -93,10 +93,11 @@ def test_lengths_that_vary_are_named_by_the_limb_that_varies_most():
     assert list(find_lengths(alone, spread(0.11))) == []
     (doubt,) = (finding.text for finding in find_lengths(alone, spread(0.12)))
     assert doubt.startswith(
-        "Limb lengths vary by up to 80% over the recording; a body's do not. left_elbow to "
+        "Limb lengths vary by up to 80% over the recording, which is impossible for one body. left_elbow to "
     )
     assert (
-        "is 200 to 400 mm long (5th to 95th percentile), and 12% of the lengths of arms and legs are" in doubt
+        "is 200 to 400 mm long (5th to 95th percentile), and 12% of the lengths of arms and legs deviate"
+        in doubt
     )
     assert "Either the views show different people, or most views are wrong about these joints: " in doubt
     crowd = crowd_of(shuffled(seen(crossing(), RIG)), RIG, "0")
@@ -118,7 +119,8 @@ def test_somebody_else_in_some_views_is_told_without_a_crowd(rig, noise, views):
     if views == slice(0, 1) and len(rig) > 3:  # of two against two, nothing tells which are the others
         assert f"{rig.names[0]} in " in doubt
     assert (
-        "The cameras show different people or different moments there, or a calibration is wrong: " in doubt
+        "In these frames the cameras show different people or different moments, or a calibration is wrong: "
+        in doubt
     )
 
 

@@ -57,7 +57,7 @@ def found():
         ("swapped", (3, [1, 3], 0), True, "left–right swap in b, d"),
         ("rejected", (3, [0, 1], 0), True, "17% of the detections rejected"),
         ("error_after", (3,), 7.0, "median reprojection error 7.0 px"),
-        ("error_bar_mm", (3, 2), 31.0, "error bar far above the usual: wrist, 31 mm"),
+        ("error_bar_mm", (3, 2), 31.0, "error bar far above normal: wrist, 31 mm"),
         ("stop_reason", 3, "diverged", "diverged"),
         ("stop_reason", 3, "max_steps", "stopped at the step limit"),
     ],

@@ -68,7 +68,7 @@ def _disagrees(finding: Finding) -> str:
 
 
 def to_one_side(numbers: Mapping[str, Any]) -> str:
-    """Return how far a camera's detections are shifted: "18 px from the pose (…); those of cam_01 by 13 px"."""
+    """Return how far a camera's detections are shifted: "18 px from the pose (…); those of cam_01 by …"."""
     x, y = numbers["shift_px"]
     size = numbers["size_px"]
     words = ((x, "right" if x > 0 else "left"), (y, "down" if y > 0 else "up"))
@@ -147,8 +147,8 @@ _STATUS = {
         " They are written as usual; --fill-gaps N --fill-weak interpolates them.",
     ),
     "joints_without_position": (
-        "Weak joints without a position",
-        " (detected in one view only, or in views from the same place)",
+        "Weak joints",
+        " without a position (detected in one view only, or in views from the same place)",
         " --fill-gaps N interpolates them.",
     ),
     "unobserved_joints": (
@@ -219,10 +219,10 @@ def _lengths(finding: Finding) -> str:
         else f"Either the views show different people, or most views are wrong about these joints: {_LOOK}"
     )
     return (
-        f"Limb lengths vary by up to {percent(numbers['relative_range'])} over the recording, which no "
-        f"body's do. {a} to {b} is {low:,.0f} to {high:,.0f} mm long (5th to 95th percentile), and "
-        f"{percent(numbers['off_share'])} of the lengths of arms and legs deviate by more than error bars "
-        f"explain. {cause}."
+        f"Limb lengths vary by up to {percent(numbers['relative_range'])} over the recording, which is "
+        f"impossible for one body. {a} to {b} is {low:,.0f} to {high:,.0f} mm long (5th to 95th "
+        f"percentile), and {percent(numbers['off_share'])} of the lengths of arms and legs deviate by "
+        f"more than error bars explain. {cause}."
     )
 
 

@@ -13,6 +13,8 @@ from rich.console import Console
 from rich.table import Table
 
 import skelsplat as sk
+from skelsplat._sentences.words import number
+from skelsplat.association import take_people
 from skelsplat.cli import inputs, options
 from skelsplat.cli.output import print_json
 from skelsplat.cli.table import print_table
@@ -20,7 +22,7 @@ from skelsplat.findings import collected_warnings
 from skelsplat.io.detections import read_detections
 from skelsplat.rig_check import ReadAs, RigReport, check_rig
 from skelsplat.run.job import FRAME_MODES
-from skelsplat.run.person import pick_person
+from skelsplat.run.person import check_person, pick_places
 from skelsplat.run.read import leave_out, named_offsets, read_rig
 
 if TYPE_CHECKING:
@@ -100,7 +102,7 @@ def check_cameras(
         "sequence": sequence,
         **inputs.detection_arguments(format, offset, order, joint_map),
     }
-    who = options.person(person)
+    check_person(person)
     read = inputs.calibration_arguments(unit, calibration_format, camera_type, subject, size, binning)
     with collected_warnings() as warnings:
         every = read_rig(source, **read)
@@ -109,7 +111,7 @@ def check_cameras(
         if detections is not None:
             found = read_detections(detections, every, without=without or (), **given)
         offsets = named_offsets(every, given["offsets"])
-        report = check_rig(rig) if found is None else _check(rig, found, who, offsets)
+        report = check_rig(rig) if found is None else _check(rig, found, person, offsets)
     report = _with_warnings(report, warnings)
     if as_json:
         print_json(_document(source, detections, rig, report))
@@ -122,7 +124,7 @@ def check_cameras(
 def _check(rig: sk.CameraRig, found: DetectionSet, person: str, offsets: dict[str, int]) -> RigReport:
     people, layout = found.people, sk.layouts.get(found.layout)
     if person != "consistent":  # whom `check_rig` finds on its own
-        people, _ = pick_person(people, rig, person, layout)
+        people = take_people(people, pick_places(people, rig, person, layout)[0])
     read_as = ReadAs(found.labels, offsets, found.uneven)
     return check_rig(rig, people, frames=found.frames, layout=layout, read_as=read_as)
 
@@ -173,13 +175,9 @@ def _table(report: RigReport) -> Table:
     for row in report.cameras:
         offset = "" if row.offset_option is None else f"{row.offset_option}: {row.best_offset_px:.1f}"
         share = f"{100 * row.rejected:.0f}%" if math.isfinite(row.rejected) else "–"
-        cells = [_number(row.left_out_px), offset, _number(row.dlt_px), _number(row.robust_px)]
-        table.add_row(row.name, *cells, _number(row.weight, 2), share, str(row.used))
+        cells = [number(row.left_out_px), offset, number(row.dlt_px), number(row.robust_px)]
+        table.add_row(row.name, *cells, number(row.weight, 2), share, str(row.used))
     return table
-
-
-def _number(value: float, digits: int = 1) -> str:
-    return f"{value:.{digits}f}" if math.isfinite(value) else "–"
 
 
 def _document(source: Path, detections: Path | None, rig: sk.CameraRig, report: RigReport) -> dict[str, Any]:

@@ -117,7 +117,7 @@ class Command(TyperCommand):
             return super().invoke(ctx)
         except InvalidInputError as error:
             name, _, message = str(error).partition(": ")
-            option = self._option(name)
+            option = self._option(name.removeprefix("config."))
             if option is None:
                 raise
             if isinstance(error, IncompleteJobError):

@@ -13,7 +13,6 @@ import typer
 
 from skelsplat import RefineConfig, layouts
 from skelsplat.io.detections import FORMATS
-from skelsplat.io.poses import POSE_FORMATS
 
 _INPUT, _METHOD, _TIME, _OUTPUT = "Input", "Method", "Over time", "Output"
 
@@ -310,17 +309,3 @@ def some_of(option: str, value: str, choices: tuple[str, ...]) -> tuple[str, ...
             expected = f"some of {', '.join(choices)}"
             raise typer.BadParameter(f"expected {expected}, got {name!r}", param_hint=option)
     return names
-
-
-def formats(value: str) -> tuple[str, ...]:
-    """Return npz, which every run writes, and the pose formats in a list with commas, each once."""
-    return tuple(dict.fromkeys(["npz", *some_of("--write", value, tuple(POSE_FORMATS))]))
-
-
-def person(value: str) -> str:
-    """Return a value of ``--person`` if it has one of its forms."""
-    if value in ("consistent", "largest") or value.isdecimal():
-        return value
-    raise typer.BadParameter(
-        f"expected consistent, largest or a number, got {value!r}", param_hint="--person"
-    )

@@ -9,9 +9,9 @@ from rich.console import Console
 
 import skelsplat as sk
 from skelsplat.cli import inputs, options
-from skelsplat.cli.options import formats, positive
 from skelsplat.cli.output import counting, print_json
 from skelsplat.cli.table import print_files, print_run, tell
+from skelsplat.io.poses import POSE_FORMATS
 from skelsplat.run import Job, run
 
 if TYPE_CHECKING:
@@ -84,8 +84,6 @@ def refine(
 
     skelsplat refine --config run.toml
     """
-    positive("--sigma-mm", sigma_mm)
-    positive("--occlusion-sigma-mm", occlusion_sigma_mm)
     given = {
         "sigma_mm": sigma_mm,
         "occlusion_sigma_mm": occlusion_sigma_mm,
@@ -117,7 +115,7 @@ def refine(
         fill_weak=fill_weak,
         filter=filter,
         output=output,
-        write=formats(write),
+        write=options.some_of("--write", write, tuple(POSE_FORMATS)),
         y_up=y_up,
         marker_names=marker_names,
         html=not no_html,

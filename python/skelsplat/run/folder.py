@@ -142,7 +142,7 @@ def keep_input(job: Job, sources: Sequence[Path] = ()) -> None:
 
 def _in_the_way(path: Path) -> InvalidInputError:
     expected = "a folder in which no input is overwritten or mixed with results"
-    return InvalidInputError(f"output: expected {expected}, got the folder of {path}")
+    return InvalidInputError(f"output: expected {expected}, got the one of {path}")
 
 
 def check_places(folder: Path, names: Sequence[str]) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import html
 import importlib
-import math
 import sys
 import tempfile
 import webbrowser
@@ -16,6 +15,7 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._optional import can_draw
+from skelsplat._sentences.words import number
 from skelsplat.run.figures import skeleton_of, world_up, write_figures
 from skelsplat.run.frames import rows_of
 from skelsplat.run.report import MEANINGS
@@ -59,18 +59,19 @@ def write_html(run: Run, path: Path) -> None:
 
     inputs, statistics = run.inputs, run.statistics
     source = run.report["input"]["detections"]
+    used = np.isfinite(statistics.error_after).sum(axis=0)
     data = page.ReportData(
         title="SkelSplat" if source is None else f"SkelSplat: {Path(source).name}",
         facts=facts_of(run.report),
         warnings=[finding.text for finding in run.findings],
         notes=_notes(run),
-        numbers=[page.KeyNumber(*number) for number in key_numbers(run)],
+        numbers=[page.KeyNumber(*entry) for entry in key_numbers(run)],
         sequence=_sequence(run),
         shapes=camera_shapes(inputs.rig),
         cameras=_camera_table(statistics),
         joints=_joint_table(inputs, statistics),
-        errors_px=_by_view_and_joint(statistics.error_after, finite_median),
-        rejected=_shares(statistics),
+        errors_px=np.apply_along_axis(finite_median, 0, statistics.error_after),
+        rejected=np.where(used > 0, statistics.rejected.sum(axis=0) / np.maximum(used, 1), np.nan),
         lines=_lines(run),
         problems=[page.ProblemRow(*row) for row in rows_of(run.frame_findings, inputs.frames.tolist())],
     )
@@ -94,8 +95,12 @@ def show_page(run: Run) -> None:
 def notebook_view(run: Run) -> str:
     """Return facts, numbers, findings and the overview as HTML, for the output of a notebook's cell."""
     rows = [*facts_of(run.report), *((name, f"{value} {remark}") for name, value, remark in key_numbers(run))]
-    cells = "".join(f"<tr><th>{_text(name)}</th><td>{_text(value)}</td></tr>" for name, value in rows)
-    found = "".join(f"<li>{_text(finding.severity)}: {_text(finding.text)}</li>" for finding in run.findings)
+    cells = "".join(
+        f"<tr><th>{html.escape(name)}</th><td>{html.escape(value)}</td></tr>" for name, value in rows
+    )
+    found = "".join(
+        f"<li>{html.escape(finding.severity)}: {html.escape(finding.text)}</li>" for finding in run.findings
+    )
     listed = f"<ul>{found}</ul>" if found else "<p>No findings.</p>"
     return f"<table>{cells}</table>{listed}{_picture(run) if can_draw() else ''}"
 
@@ -106,10 +111,6 @@ def _picture(run: Run) -> str:
         write_figures(run, Path(folder))
         picture = base64.b64encode((Path(folder) / "overview.png").read_bytes()).decode()
     return f'<img alt="overview" style="max-width: 100%" src="data:image/png;base64,{picture}">'
-
-
-def _text(value: str) -> str:
-    return html.escape(value)
 
 
 def camera_shapes(rig: sk.CameraRig) -> page.CameraShapes:
@@ -133,7 +134,10 @@ def facts_of(report: dict[str, Any]) -> list[tuple[str, str]]:
     source, errors = report["input"], report["reprojection_error"]
     first, last, rate = source["first_frame"], source["last_frame"], source["frame_rate_hz"]
     span = f"{source['frames']:,}, {first} to {last}" if source["frames"] > 1 else f"1, frame {first}"
-    files = [("calibration", f"{source['calibration']}"), ("detections", _detections(source))]
+    files = [
+        ("calibration", f"{source['calibration']}"),
+        ("detections", f"{source['detections']} ({source['format']})"),
+    ]
     return [
         *(files if source["calibration"] is not None else []),
         ("layout", f"{source['layout']}, {len(errors['joints'])} joints"),
@@ -146,10 +150,6 @@ def facts_of(report: dict[str, Any]) -> list[tuple[str, str]]:
     ]
 
 
-def _detections(source: dict[str, Any]) -> str:
-    return f"{source['detections']} ({source['format']})"
-
-
 def key_numbers(run: Run) -> list[tuple[str, str, str]]:
     """Return the key numbers: name, value and remark."""
     statistics = run.statistics
@@ -158,19 +158,19 @@ def key_numbers(run: Run) -> list[tuple[str, str, str]]:
     return [
         (
             "median reprojection error",
-            f"{_number(total.before_px)} → {_number(total.after_px)} px",
+            f"{number(total.before_px)} → {number(total.after_px)} px",
             "start → refined",
         ),
         ("detections rejected", _share(total.rejected, total.used), f"of {total.used:,} used"),
         (
             "noise of the detections",
-            f"{_number(statistics.noise_px)} px",
-            f"{_number(statistics.noise_mm)} mm across the ray, estimated",
+            f"{number(statistics.noise_px)} px",
+            f"{number(statistics.noise_mm)} mm across the ray, estimated",
         ),
         (
             "median error bar",
-            f"{_number(finite_median(statistics.error_bar_mm))} mm",
-            f"largest {_number(finite_max(statistics.error_bar_mm), 0)} mm",
+            f"{number(finite_median(statistics.error_bar_mm))} mm",
+            f"largest {number(finite_max(statistics.error_bar_mm), 0)} mm",
         ),
         ("frames with a problem", f"{len(frames):,} of {len(run.frames):,}", "listed below"),
     ]
@@ -233,18 +233,6 @@ def _lines(run: Run) -> list[page.TimeLine]:
     ]
 
 
-def _by_view_and_joint(values: Array, of: Any) -> Array:
-    """Return ``of`` the values (T, M, N) of every view and joint, (M, N)."""
-    _, views, joints = values.shape
-    return np.array([[of(values[:, i, j]) for j in range(joints)] for i in range(views)])
-
-
-def _shares(statistics: Statistics) -> Array:
-    used = np.isfinite(statistics.error_after).sum(axis=0)
-    shares: Array = np.where(used > 0, statistics.rejected.sum(axis=0) / np.maximum(used, 1), np.nan)
-    return shares
-
-
 def _camera_table(statistics: Statistics) -> page.Table:
     """Return a row per camera, and one for all."""
     from skelsplat.viz.report import Column, Table  # as in write_html
@@ -265,8 +253,8 @@ def _joint_table(inputs: Inputs, statistics: Statistics) -> page.Table:
         views, bars = statistics.views_used[:, j], statistics.error_bar_mm[:, j]
         own = [
             f"{np.median(views):g} ({views.min()})",
-            f"{_number(finite_median(bars))} ({_number(finite_max(bars), 0)})",
-            _number(finite_median(statistics.moved_mm[:, j])),
+            f"{number(finite_median(bars))} ({number(finite_max(bars), 0)})",
+            number(finite_median(statistics.moved_mm[:, j])),
         ]
         rows.append([*_cells(group), *own])
     columns = [Column("joint"), *(Column(*column) for column in (*_SHARED, *_OF_JOINTS))]
@@ -277,15 +265,15 @@ def _joint_table(inputs: Inputs, statistics: Statistics) -> page.Table:
 def _cells(group: Group) -> list[str]:
     return [
         group.name,
-        f"{_number(group.before_px)} → {_number(group.after_px)}",
-        f"{_number(group.p90_before_px)} → {_number(group.p90_after_px)}",
+        f"{number(group.before_px)} → {number(group.after_px)}",
+        f"{number(group.p90_before_px)} → {number(group.p90_after_px)}",
         f"{group.used:,}",
         f"{group.missing:,}",
         f"{group.not_chosen:,}",
         f"{group.left_out:,}",
         _share(group.down_weighted, group.used),
         _share(group.rejected, group.used),
-        _number(group.mean_weight, 2),
+        number(group.mean_weight, 2),
         f"{group.swapped:,}",
     ]
 
@@ -293,8 +281,3 @@ def _cells(group: Group) -> list[str]:
 def _share(count: int, of: int) -> str:
     """Return a part as a percentage, a dash if it is a part of nothing."""
     return f"{100 * count / of:.1f}%" if of else "–"
-
-
-def _number(value: float, digits: int = 1) -> str:
-    """Return a number as text, a dash if there is none."""
-    return f"{value:,.{digits}f}" if math.isfinite(value) else "–"

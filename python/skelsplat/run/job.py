@@ -13,6 +13,7 @@ from skelsplat.exceptions import InvalidInputError
 from skelsplat.io.detections import FORMATS
 from skelsplat.io.poses import MARKER_NAMES, POSE_FORMATS
 from skelsplat.run.over_time import Filter, parse_filter
+from skelsplat.run.person import check_person
 
 if TYPE_CHECKING:
     import os
@@ -138,8 +139,7 @@ class Job:
         _one_of("layout", self.layout, (None, *sk.layouts.names))
         _one_of("format", self.format, (None, *FORMATS))
         _one_of("frames", self.frames, FRAME_MODES)
-        if self.person not in ("consistent", "largest") and not str(self.person).isdecimal():
-            raise InvalidInputError(f"person: expected consistent, largest or a number, got {self.person!r}")
+        check_person(self.person)
         self._check_start()
         _positive("fps", self.fps)
         _one_of("marker_names", self.marker_names, MARKER_NAMES)
