@@ -120,7 +120,7 @@ class FindingWarning(UserWarning):
 
 
 def remark(text: str) -> Finding:
-    """Return a note whose sentence is given, such as the message of a warning."""
+    """Return a note with the given sentence, such as the message of a warning."""
     return Finding("remark", "note", numbers={"text": " ".join(text.split())})
 
 

@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
 _ALL = "skelsplat.help.all"
-# Arguments of the package whose parameter of a command has another name.
+# Arguments of the package that have another name as a command's parameter.
 _SPELT = {"offsets": "offset", "mapping": "joint_map"}
 
 
 class Application(typer.Typer):
-    """A typer application whose commands are `Command`; use it as `typer.Typer`."""
+    """A typer application with commands of type `Command`; use it as `typer.Typer`."""
 
     def command(
         self, name: str | None = None, *, common: Sequence[str] = (), **given: Any

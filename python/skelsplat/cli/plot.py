@@ -47,7 +47,7 @@ _Joints = Annotated[
     options.option(
         _WHAT,
         metavar="A,B,…",
-        help="Joints whose trajectories are drawn, or all.",
+        help="Joints for the trajectories, or all.",
         default="wrists and ankles, or the first four",
     ),
 ]

@@ -125,17 +125,17 @@ def refine(
 
 def run_and_print(job: Job, *, quiet: bool, as_json: bool) -> None:
     """Do a job that names a folder, under a progress bar, and print the results."""
-    told: list[Finding] = []
+    printed: list[Finding] = []
 
     def tell_now(finding: Finding) -> None:
-        told.append(finding)
+        printed.append(finding)
         tell(finding)
 
     with counting("frames", shown=not quiet) as count:
         found = run(job, progress=lambda done, total: count("refining", done, total), tell=tell_now)
     if as_json or quiet:
         for finding in found.findings:
-            if finding not in told:
+            if finding not in printed:
                 tell(finding)
     if as_json:
         print_json(found.report)

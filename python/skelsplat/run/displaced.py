@@ -27,7 +27,7 @@ _RIVAL = 0.5
 
 
 def displaced_cameras(rig: sk.CameraRig, shifts: Shifts) -> list[int]:
-    """Return the cameras whose detections lie to one side of the pose, the largest shift first."""
+    """Return the cameras with detections shifted from the pose, the largest shift first."""
     diagonal = np.array([np.hypot(*camera.size) for camera in rig])
     found = np.flatnonzero(shifts.one_sided(diagonal))
     return sorted((int(i) for i in found), key=lambda i: -shifts.size[i] / diagonal[i])

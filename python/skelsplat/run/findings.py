@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 # Most: at least this share.
 _MOSTLY = 0.5
 # Under normal noise hardly a detection is rejected (k < 1/4 at σ = 2 s has probability 4⁻⁸), and a detector's
-# outliers are a few per cent. A camera stands out with this share and this multiple of the other cameras'
+# outliers are a few per cent. A camera is unusual with this share and this multiple of the other cameras'
 # median,
 _CAMERA_SHARE, _CAMERA_RATIO = 0.1, 3.0
 # or with this share and this multiple of the best camera's, as two bad cameras raise the median;

@@ -47,7 +47,7 @@ _WITH_MARKERS = [kind for kind, entry in POSE_FORMATS.items() if "y_up" in entry
 
 @dataclass(frozen=True)
 class Writing:
-    """What is written into a run's folder besides its report, inputs and figures; fields as of `Job`."""
+    """What is written into a run's folder apart from its report, inputs and figures; fields as of `Job`."""
 
     formats: tuple[str, ...] = ("npz", "csv", "trc")
     y_up: bool = False

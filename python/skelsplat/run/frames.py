@@ -154,7 +154,7 @@ def _error_bars(
 
 
 def _named(kind: str, where: Mask, part: str, names: Sequence[str]) -> Iterator[Case]:
-    """Yield a case for every frame with a True, whose subject's ``part`` are the names of these."""
+    """Yield a case for every frame with a True; its subject's ``part`` are the names of these."""
     for t in np.flatnonzero(where.any(axis=1)):
         chosen = tuple(names[int(i)] for i in np.flatnonzero(where[t]))
         subject = Subject(joints=chosen) if part == "joints" else Subject(cameras=chosen)

@@ -47,7 +47,7 @@ class Job:
     unit, calibration_format, camera_type, subject, size, binning
         How to read the calibration, as for `skelsplat.io.read_calibration`; None: as the file states it.
     layout
-        Name of the joint layout of the detections; None: the one whose joints the files name.
+        Name of the joint layout of the detections; None: found from the joint names in the files.
     person
         ``"consistent"``: the person the views agree on; ``"largest"``: the largest in each image; a
         number: the one at that index in each file, from 0.

@@ -75,7 +75,7 @@ def pick_places(
 def look_around(
     people: Array, index: Index, rig: sk.CameraRig, person: str, layout: sk.Layout | None = None
 ) -> Crowd | None:
-    """Return who is visible besides the person of ``index`` (T, M), and whether this mixes people.
+    """Return who is visible apart from the person of ``index`` (T, M), and whether this mixes people.
 
     None where hardly any frame has several people in two views. Long recordings are sampled.
 
