@@ -45,7 +45,7 @@ def report_data(walk=None, names=("door", "window"), **changes):
     walk = sequence() if walk is None else walk
     frames, joints = walk.refined.shape[:2]
     table = report.Table(
-        columns=[report.Column("name"), report.Column("error", "median & so on")],
+        columns=[("name", ""), ("error", "median & so on")],
         rows=[[name, "2.0"] for name in names],
         total=["all", "2.0"],
     )
@@ -56,7 +56,7 @@ def report_data(walk=None, names=("door", "window"), **changes):
         "facts": [("calibration", "rig.toml")],
         "warnings": ["door disagrees with the other cameras."],
         "notes": ["Simulated."],
-        "numbers": [report.KeyNumber("error", "2.0 px", "before → refined")],
+        "numbers": [("error", "2.0 px", "before → refined")],
         "sequence": walk,
         "shapes": shapes(names),
         "cameras": table,
@@ -67,6 +67,6 @@ def report_data(walk=None, names=("door", "window"), **changes):
             report.TimeLine("Error", "px", curve, beside=curve + 1.0, beside_name="before"),
             report.TimeLine("Rejected", "", curve, peaks=True),
         ],
-        "problems": [report.ProblemRow(number, number, "weak: left_knee")],
+        "problems": [(number, number, "weak: left_knee")],
     }
     return report.ReportData(**{**content, **changes})

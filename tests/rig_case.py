@@ -10,8 +10,8 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat import synthetic
+from skelsplat.cameras import matrix_from_vector as rotation
 from skelsplat.io import read_calibration, read_detections, sample
-from skelsplat.rig_check._resection import rotation
 
 T = 40
 LAYOUT = "h36m17"

@@ -190,13 +190,12 @@ def read(path: Path) -> list[Outcome]:
 def table(folder: Path) -> str:
     """Return the results as a table, in the order of the faults."""
     found = {outcome.fault: outcome for outcome in read(folder / "found.jsonl")}
-    rows = ["| fault | kind | short suite | long suite |", "|---|---|---|---|"]
+    rows = ["| fault | kind | found by |", "|---|---|---|"]
     for fault in FAULTS:
         outcome = found[fault.name]
         test = f"`{outcome.test.rpartition('/')[2]}`"
-        short = test if outcome.suite in ("expected", "short") else "–"
-        long = {"none": "–", "long": test}.get(outcome.suite, "the same")
-        rows.append(f"| {fault.name} | {fault.kind} | {short} | {long} |")
+        by = {"none": "nothing", "long": f"the long suite alone: {test}"}.get(outcome.suite, test)
+        rows.append(f"| {fault.name} | {fault.kind} | {by} |")
     return "\n".join(rows)
 
 

@@ -73,6 +73,18 @@ def flags(value: object, name: str) -> NDArray[np.bool_]:
     return np.asarray(given == 1.0)
 
 
+def positive(name: str, value: float, kind: str = "number") -> None:
+    """Raise `InvalidInputError` unless the argument ``name`` is finite and above zero."""
+    if not (np.isfinite(value) and value > 0) or (kind == "integer" and value != int(value)):
+        raise InvalidInputError(f"{name}: expected a positive {kind}, got {value!r}")
+
+
+def median(values: NDArray[np.float64]) -> float:
+    """Return the median of the finite values; NaN if there are none."""
+    finite = values[np.isfinite(values)]
+    return float(np.median(finite)) if finite.size else float("nan")
+
+
 def medians(values: NDArray[np.float64], least: int = 1) -> NDArray[np.float64]:
     """Return the medians of what is finite along the last axis; NaN for fewer than `least` numbers."""
     ordered = np.sort(values, axis=-1)  # NaN last
@@ -82,10 +94,14 @@ def medians(values: NDArray[np.float64], least: int = 1) -> NDArray[np.float64]:
     return np.where(count >= max(least, 1), (low + high) / 2, np.nan)
 
 
-def read_fields(instance: object, *names: str) -> None:
-    """Replace fields of a frozen dataclass that hold arrays by what `numbers` makes of them."""
-    for name in names:
-        object.__setattr__(instance, name, numbers(getattr(instance, name), name))
+class ArrayFields:
+    """A dataclass whose fields of the type `Array` hold what `numbers` makes of what they are given."""
+
+    def __post_init__(self) -> None:
+        for name, kind in type(self).__annotations__.items():
+            value = getattr(self, name)
+            if kind in ("Array", "Array | None") and value is not None:
+                object.__setattr__(self, name, numbers(value, name))
 
 
 def _read(value: object, name: str) -> NDArray[Any]:

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import overload
+from typing import Any, overload
+
+import numpy as np
+from numpy.typing import NDArray
 
 from skelsplat._skelsplat import Camera
 from skelsplat.exceptions import InvalidInputError
@@ -102,6 +105,26 @@ def mm_per_unit(cameras: CameraRig | Sequence[Camera]) -> float:
     return cameras.mm_per_unit if isinstance(cameras, CameraRig) else 1.0
 
 
+def altered(camera: Camera, **changes: Any) -> Camera:
+    """Return the camera with some of K, R, t, distortion, fisheye, size and name changed."""
+    same = {key: getattr(camera, key) for key in ("K", "R", "t", "distortion", "fisheye", "size", "name")}
+    return Camera(**{**same, **changes})
+
+
 def without_distortion(camera: Camera) -> Camera:
     """Return the camera with an ideal lens."""
-    return Camera(camera.K, camera.R, camera.t, size=camera.size, name=camera.name)
+    return altered(camera, distortion=None, fisheye=False)
+
+
+def matrix_from_vector(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the rotation matrix (3, 3) of a rotation vector (3,) (Rodrigues: axis times angle in radians).
+
+    R = I + sinc(θ)·[v]ₓ + ½·sinc²(θ/2)·[v]ₓ², which holds at θ = 0 without a special case.
+    """
+    angle = float(np.linalg.norm(vector))
+    x, y, z = vector
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    first = np.sinc(angle / np.pi)
+    second = 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2
+    rotation: NDArray[np.float64] = np.eye(3) + first * cross + second * (cross @ cross)
+    return rotation

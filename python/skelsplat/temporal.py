@@ -133,7 +133,7 @@ def butterworth(
     positions, numbers = _checked(pose, frames)
     if order not in (2, 4, 6, 8):
         raise InvalidInputError(f"order: expected 2, 4, 6 or 8 (both passes together), got {order}")
-    _positive("frame_rate", frame_rate)
+    _arrays.positive("frame_rate", frame_rate)
     if not 0.0 < cutoff < frame_rate / 2:
         limit = f"above 0 and below half the frame rate, {frame_rate / 2:g} Hz"
         raise InvalidInputError(f"cutoff: expected a frequency {limit}, got {cutoff:g}")
@@ -198,7 +198,7 @@ def one_euro(
         ("min_cutoff", min_cutoff),
         ("speed_cutoff", speed_cutoff),
     ):
-        _positive(name, value)
+        _arrays.positive(name, value)
     if not (math.isfinite(beta) and beta >= 0.0):
         raise InvalidInputError(f"beta: expected a number of at least 0, got {beta}")
     speed_share = _smoothing(np.asarray(speed_cutoff), frame_rate)
@@ -245,11 +245,6 @@ def _marked(name: str, mask: npt.ArrayLike | None, shape: tuple[int, ...]) -> Ma
 
 def _known(positions: Array) -> Mask:
     return np.asarray(np.isfinite(positions).all(axis=-1))
-
-
-def _positive(name: str, value: float) -> None:
-    if not (math.isfinite(value) and value > 0.0):
-        raise InvalidInputError(f"{name}: expected a positive number, got {value}")
 
 
 def _short_gaps(known: Mask, numbers: npt.NDArray[np.int64], max_gap: int) -> Mask:

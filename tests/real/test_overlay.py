@@ -12,7 +12,7 @@ from skelsplat.viz import _style
 
 need_opencv()
 
-from skelsplat.viz.overlay._look import bgr, weight_colour  # noqa: E402  after the check
+from skelsplat.viz.overlay._marks import bgr, weight_colour  # noqa: E402  after the check
 
 FRAMES = "40-42"
 

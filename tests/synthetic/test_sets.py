@@ -7,7 +7,7 @@ import pytest
 
 import skelsplat as sk
 from skelsplat import synthetic
-from skelsplat.synthetic.recordings import MONOCULAR_SIGMA_MM
+from skelsplat.synthetic.sets import MONOCULAR_SIGMA_MM
 
 OCCLUDED = ["human36m-like-occ-2", "human36m-like-occ-3", "human36m-like-occ-3-hard"]
 

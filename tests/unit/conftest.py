@@ -9,11 +9,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import skelsplat as sk
 from command_line import READ, invoke
 from skelsplat import synthetic
 from skelsplat.io import write_calibration
+from skelsplat.viz import _style
 
 
 @pytest.fixture
@@ -75,3 +77,17 @@ def run_folder(finished_run, tmp_path) -> Path:
 def arguments(recording):
     folder, _, _ = recording
     return ["refine", str(folder / "Calib.toml"), str(folder / "openpose"), "-o", str(folder / "out")]
+
+
+@pytest.fixture
+def figures(monkeypatch):
+    """Keep the figures that are written, for looking at their axes."""
+    kept: list[Figure] = []
+    save = _style.save_png
+
+    def keep(figure, path):
+        kept.append(figure)
+        return save(figure, path)
+
+    monkeypatch.setattr(_style, "save_png", keep)
+    return kept

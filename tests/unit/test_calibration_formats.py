@@ -11,7 +11,7 @@ import calibration_files as files
 import skelsplat as sk
 from calibration_files import FORMATS_WRITTEN, FULL, NAMES
 from skelsplat.io import convert_unit, read_calibration, sample, write_calibration
-from skelsplat.io.calibration import _vicon, find_format
+from skelsplat.io.calibration import _xml, find_format
 
 MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 
@@ -76,7 +76,7 @@ def test_vicons_older_lens_has_two_coefficients_about_the_principal_point(tmp_pa
     v = views[0]
     aspect = v.K[0, 0] / v.K[1, 1]
     measured = np.array([[100.0, 100.0], [900.0, 300.0]])
-    ideal = _vicon.ideal_pixels(measured, v.K[:2, 2], np.array([4e-8, 1e-15]), aspect)
+    ideal = _xml.ideal_pixels(measured, v.K[:2, 2], np.array([4e-8, 1e-15]), aspect)
     np.testing.assert_allclose(camera.undistort(measured), ideal, atol=0.1)
 
 

@@ -310,7 +310,7 @@ MALFORMED = {
         ),
         "a name for a camera": (
             lambda p: _json_edit(p, lambda d: d["cameras"].__setitem__(1, "cam")),
-            r"cameras\[1\]: expected an object with the fields of a camera, got str$",
+            r"cameras\[1\]: expected a table of fields, got .cam.$",
         ),
         "no K": (
             lambda p: _json_edit(p, lambda d: d["cameras"][0].pop("K")),

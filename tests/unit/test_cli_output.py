@@ -18,7 +18,7 @@ from skelsplat import datasets, synthetic
 from skelsplat._json import plain
 from skelsplat.cli import app, refine
 from skelsplat.cli.table import print_table
-from skelsplat.datasets._synth_writer import write_simulated
+from skelsplat.datasets.synthetic import write_simulated
 
 
 def commands(group, path=()):
@@ -83,7 +83,7 @@ def cases(recording, dome):
         "synth": (["dome", folder / "set", "--poses", 12], {"folder", "name", "takes", "parameters"}),
         "datasets check": (["synthetic", dome], {"name", "ok", "findings", "dataset"}),
         "evaluate": (["synthetic", dome, "-m", "dlt", "-o", out], {"dataset", "protocol", "scores"}),
-        "ablate": (["symmetry", "--poses", 2], {"ablation", "tables", "claims", "command"}),
+        "ablate": (["accumulation", "--poses", 2], {"ablation", "tables", "claims", "command"}),
     }
 
 

@@ -85,13 +85,13 @@ def test_bone_lengths_are_those_of_numpy(run_folder):
 def test_limbs_that_were_kept_equal_have_a_note(run_folder, tmp_path, monkeypatch):
     from skelsplat import viz
 
-    notes, write = [], viz.write_bones
+    notes_drawn, draw = [], viz.draw_bones
 
-    def listen(stem, data, *, formats):
-        notes.append(" ".join(data.notes))
-        return write(stem, data, formats=formats)
+    def listen(panels, time, *, title, notes):
+        notes_drawn.append(" ".join(notes))
+        return draw(panels, time, title=title, notes=notes)
 
-    monkeypatch.setattr(viz, "write_bones", listen)
+    monkeypatch.setattr(viz, "draw_bones", listen)
     report = json.loads((run_folder / "report.json").read_text())
     assert report["settings"]["symmetry_tier"] == 1
     for tier in (1, 2, 0):
@@ -99,9 +99,9 @@ def test_limbs_that_were_kept_equal_have_a_note(run_folder, tmp_path, monkeypatc
         (run_folder / "report.json").write_text(json.dumps(report))
         numbers(run_folder, "--only", "bones")
     numbers(run_folder / "pose.npz", "--only", "bones", "-o", tmp_path)
-    assert "kept lower arms and legs nearly equal" in notes[0]
-    assert "kept arms and legs nearly equal" in notes[1]
-    assert "equal" not in notes[2] + notes[3]
+    assert "kept lower arms and legs nearly equal" in notes_drawn[0]
+    assert "kept arms and legs nearly equal" in notes_drawn[1]
+    assert "equal" not in notes_drawn[2] + notes_drawn[3]
 
 
 def test_weak_and_filled_ends_do_not_count(tmp_path):

@@ -22,7 +22,7 @@ from skelsplat.io import (
     write_npz,
     write_trc,
 )
-from skelsplat.io.convert import convert_poses, is_pose_file
+from skelsplat.io.poses import convert_poses, is_pose_file
 
 
 def test_between_formats_that_hold_everything(tmp_path):

@@ -9,6 +9,7 @@ import pytest
 import counts
 import import_circles
 from import_circles import circles, python_graph, rust_graph
+from sweeps import swept
 
 ROWS = {row.name: row for row in counts.folders()}
 
@@ -16,6 +17,10 @@ ROWS = {row.name: row for row in counts.folders()}
 def test_the_command_line_is_small() -> None:
     assert ROWS["package: cli"].files <= 26
     assert ROWS["package: cli"].lines <= 4500
+
+
+def test_the_binding_is_thin() -> None:
+    assert counts.binding_ratio() <= 0.22
 
 
 def test_a_circle_is_found_and_a_chain_is_none() -> None:
@@ -79,7 +84,7 @@ def test_functions_are_measured() -> None:
     assert counts._reason(python.splitlines(), 2) == "because"
 
 
-@pytest.mark.parametrize("arguments", [[], ["--markdown"]])
+@pytest.mark.parametrize("arguments", [["--markdown"], swept([])])
 def test_everything_is_printed(
     arguments: list[str], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skelsplat import _crowd, synthetic
+from skelsplat import synthetic
 from skelsplat.association import body_sizes, separate_people, take_people
+from skelsplat.run.people import limb_spread
+from skelsplat.run.person import sampled, visible_alike
 from two_people import FRAMES, LAYOUT, crossing, crowd_of, seen, shuffled
 
 RIG = synthetic.human36m_like()
@@ -54,7 +56,7 @@ def test_body_sizes_are_diagonals():
 
 @pytest.mark.parametrize("frames", [1, 2, 200, 201, 5000])
 def test_a_long_recording_is_sampled_in_pairs_of_neighbours(frames):
-    steps = _crowd.sampled(frames)
+    steps = sampled(frames)
     assert len(steps) == len(set(steps.tolist())) <= 200
     assert steps[0] == 0
     assert steps[-1] == frames - 1
@@ -65,8 +67,8 @@ def test_a_long_recording_is_sampled_in_pairs_of_neighbours(frames):
 def test_who_is_seen_by_three_quarters_of_the_views_is_as_visible():
     found = np.full((3, 1, 4), -1)
     found[0], found[1, 0, :3], found[2, 0, :2] = 0, 1, 2
-    assert _crowd.visible_alike(found)[:, 0].tolist() == [True, True, False]
-    assert not _crowd.visible_alike(np.full((1, 5, 4), -1)).any()
+    assert visible_alike(found)[:, 0].tolist() == [True, True, False]
+    assert not visible_alike(np.full((1, 5, 4), -1)).any()
 
 
 def test_slots_in_a_fixed_order_mix_nobody(people):
@@ -126,7 +128,7 @@ def spread_of(lengths, sigma=10.0):
     pose[:, 1, 0] = lengths
     pose[:, 2] = pose[:, 1] + [0.0, 400.0, 0.0]
     uncertainty = np.broadcast_to(np.eye(3) * sigma**2, (*pose.shape, 3))
-    return _crowd.limb_spread(pose, uncertainty, np.ones(pose.shape[:2], dtype=bool), LIMBS)
+    return limb_spread(pose, uncertainty, np.ones(pose.shape[:2], dtype=bool), LIMBS)
 
 
 def test_a_length_is_off_beyond_four_standard_deviations():
@@ -147,7 +149,7 @@ def test_error_bars_count_along_the_limb():
     for axis, off in ((0, 0.0), (1, 1 / 20)):
         uncertainty = np.zeros((20, 2, 3, 3))
         uncertainty[..., axis, axis] = 30.0**2
-        assert _crowd.limb_spread(pose, uncertainty, known, [(0, 1)]).off == off
+        assert limb_spread(pose, uncertainty, known, [(0, 1)]).off == off
 
 
 def test_the_spread_is_that_of_the_percentiles():

@@ -14,8 +14,8 @@ from detection_cases import CASES
 from detection_files import Take
 from skelsplat import synthetic
 from skelsplat.association import choose_person
-from skelsplat.io import read_detections
-from skelsplat.io.detections import FORMATS, _read
+from skelsplat.io import detections, read_detections
+from skelsplat.io.detections import FORMATS
 
 T = 4
 MISSING = (1, -1, 5)  # frame, camera, joint
@@ -221,6 +221,6 @@ def test_a_missing_package_is_named_with_its_command(
 
 
 def test_openpose_is_read_by_the_same_reader(monkeypatch, rig):
-    monkeypatch.setattr(_read, "read_detections", lambda *a, **k: (a, k))
+    monkeypatch.setattr(detections, "read_detections", lambda *a, **k: (a, k))
     given = {"layout": "coco17", "frames": "union", "allow_missing": True}
-    assert _read.read_openpose("x", rig, **given) == (("x", rig), {"format": "openpose", **given})
+    assert detections.read_openpose("x", rig, **given) == (("x", rig), {"format": "openpose", **given})

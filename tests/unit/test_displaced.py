@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from skelsplat import _displaced, synthetic
+from skelsplat import synthetic
 from skelsplat._sentences.run import to_one_side
+from skelsplat.run import displaced
 from skelsplat.run.displaced import displaced_cameras, find_displaced, shift_of
 from skelsplat.run.findings import find_cameras
 from skelsplat.synthetic import DetectionNoise
@@ -153,7 +154,7 @@ def test_residuals_are_of_the_joint_that_a_detection_was_used_for():
     result = sk.refine(None, detections, rig, layout=LAYOUT)
     assert result.swapped.any()
     projected = np.moveaxis(sk.project(result.pose, rig), 0, 1)
-    found = _displaced.residuals(detections[..., :2], projected, result.swapped, LAYOUT.left_right)
+    found = displaced.residuals(detections[..., :2], projected, result.swapped, LAYOUT.left_right)
     used = np.isfinite(result.reprojection_error)
     np.testing.assert_allclose(
         np.linalg.norm(found, axis=-1)[used], result.reprojection_error[used], atol=1e-6
@@ -164,7 +165,7 @@ def test_the_shift_is_the_median_of_each_coordinate():
     residual = np.full((5, 2, 11, 2), np.nan)
     residual[:, 0] = np.random.default_rng(1).normal([8.0, -6.0], 0.5, (5, 11, 2))
     residual[0, 0, 0] = 1e4
-    shifts = _displaced.camera_shifts(residual)
+    shifts = displaced.camera_shifts(residual)
     np.testing.assert_allclose(shifts.size[0], 10.0, atol=4 * 0.5 * 1.25 / np.sqrt(55))  # of a median
     assert shifts.count.tolist() == [55, 0]
     assert np.isnan(shifts.error[1])
@@ -176,7 +177,7 @@ def test_the_shift_is_the_median_of_each_coordinate():
 @pytest.mark.parametrize(("frames", "joints", "told"), [(5, 11, True), (4, 11, False), (60, 3, False)])
 def test_few_detections_or_joints_are_no_pattern(frames, joints, told):
     residual = np.random.default_rng(1).normal([8.0, -6.0], 0.5, (frames, 1, joints, 2))
-    assert _displaced.camera_shifts(residual).one_sided(DIAGONAL).tolist() == [told]
+    assert displaced.camera_shifts(residual).one_sided(DIAGONAL).tolist() == [told]
 
 
 def test_joints_whose_offsets_point_any_way_share_a_side_as_often_as_is_said():
@@ -184,9 +185,9 @@ def test_joints_whose_offsets_point_any_way_share_a_side_as_often_as_is_said():
     rng = np.random.default_rng(0)
     for joints in (4, 8, 17):
         offsets = rng.normal(0.0, 1.0, (2000, joints, 2)) @ np.array([[3.0, 1.0], [0.0, 2.0]])
-        share = np.mean([_displaced.same_side(one) < 0.05 for one in offsets])
+        share = np.mean([displaced.same_side(one) < 0.05 for one in offsets])
         assert abs(share - 0.05) < 3 * np.sqrt(0.05 * 0.95 / 2000)
-    assert _displaced.same_side(np.ones((17, 2))) == 1.0  # one point is no scatter to compare with
+    assert displaced.same_side(np.ones((17, 2))) == 1.0  # one point is no scatter to compare with
 
 
 def test_a_view_is_apart_as_a_whole():
@@ -198,13 +199,13 @@ def test_a_view_is_apart_as_a_whole():
     residual[3, 0, 3:] = np.nan  # three joints are no whole
     residual[2, 0, :5] = [[60.0, 0.0], [-60.0, 0.0], [60.0, 0.0], [-60.0, 0.0], [0.0, 0.0]]
     residual[2, 0, 5:] = [[60.0, 0.0], [-60.0, 0.0], [60.0, 0.0], [-60.0, 0.0]]
-    assert _displaced.views_apart(residual, np.array([30.0]))[:, 0].tolist() == [True, False, False, False]
+    assert displaced.views_apart(residual, np.array([30.0]))[:, 0].tolist() == [True, False, False, False]
 
 
 def shifts_of(*shift):
     count = len(shift)
     size = np.hypot(*np.transpose(shift))
-    return _displaced.Shifts(np.array(shift, dtype=float), 1.1 * size, np.zeros(count), np.full(count, 1000))
+    return displaced.Shifts(np.array(shift, dtype=float), 1.1 * size, np.zeros(count), np.full(count, 1000))
 
 
 def test_the_worst_camera_is_first_and_rivals_are_named():

@@ -63,7 +63,7 @@ def test_frame_numbers_may_be_time_stamps(written):
 
 def test_names_from_files_are_escaped_in_markup_and_in_data(written):
     walk = sequence(joint_names=(NASTY, "left_knee", "right_knee"), start_name=NASTY)
-    table = report.Table([report.Column(NASTY, NASTY)], [[NASTY]])
+    table = report.Table([(NASTY, NASTY)], [[NASTY]])
     data = report_data(
         walk,
         names=(NASTY, "window"),
@@ -71,11 +71,11 @@ def test_names_from_files_are_escaped_in_markup_and_in_data(written):
         facts=[(NASTY, NASTY)],
         warnings=[NASTY],
         notes=[NASTY],
-        numbers=[report.KeyNumber(NASTY, NASTY, NASTY)],
+        numbers=[(NASTY, NASTY, NASTY)],
         cameras=table,
         joints=table,
         lines=[report.TimeLine(NASTY, NASTY, np.zeros(40))],
-        problems=[report.ProblemRow(101, 103, NASTY)],
+        problems=[(101, 103, NASTY)],
     )
     text = written(data)
     assert "<b onclick" not in text
@@ -113,7 +113,7 @@ def test_a_long_sequence_is_thinned_out_and_says_so(written):
     data = report_data(
         walk,
         lines=[report.TimeLine("Rejected", "", rejected, peaks=True)],
-        problems=[report.ProblemRow(1101, 1101, "weak"), report.ProblemRow(15_003, 15_009, "weak")],
+        problems=[(1101, 1101, "weak"), (15_003, 15_009, "weak")],
     )
     text = written(data)
     packed = data_of(text)

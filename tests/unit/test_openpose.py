@@ -339,7 +339,7 @@ MALFORMED = {
     "cut in half": (VALID[: len(VALID) // 2], r"JSON: expected a complete JSON document, got .* of \d+"),
     "empty": ("", r"JSON: expected a complete JSON document, got expecting value at character 0 of 0"),
     "a list": ("[]", r"people: expected an object .*got list"),
-    "no people": ('{"version": 1.3}', r"people: expected an object .*got dict"),
+    "no people": ('{"version": 1.3}', r"people: expected an object .*got nothing"),
     "people no list": ('{"people": {"0": 1}}', r"people: expected a list, got dict"),
     "person no object": ('{"people": [3]}', r"people\[0\]\.pose_keypoints_2d: .*got nothing"),
     "no keypoints": ('{"people": [{"person_id": [-1]}]}', r"people\[0\]\.pose_keypoints_2d: .*got nothing"),

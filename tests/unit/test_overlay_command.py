@@ -28,7 +28,7 @@ from skelsplat.viz import _style
 need_opencv()
 
 from skelsplat.run.overlay.scene import project_covariances  # noqa: E402  after the check
-from skelsplat.viz.overlay._look import bgr  # noqa: E402
+from skelsplat.viz.overlay._marks import bgr  # noqa: E402
 
 BARE = ["--no-legend", "--quiet"]
 LEFT = LAYOUT.left_right[0][0]

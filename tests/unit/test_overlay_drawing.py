@@ -20,7 +20,7 @@ from skelsplat.viz.overlay import (  # noqa: E402  after the check
     legend_strip,
     tiling,
 )
-from skelsplat.viz.overlay._look import bgr, weight_colour  # noqa: E402
+from skelsplat.viz.overlay._marks import bgr, weight_colour  # noqa: E402
 
 SKELETON = Skeleton(limbs=((0, 1), (1, 2)), left_right=((0, 2),))
 SHOWN = Shown(rejected_below=0.25)

@@ -14,7 +14,7 @@ need_opencv()
 
 from skelsplat._opencv import opencv  # noqa: E402  after the check
 from skelsplat.exceptions import DatasetError, InvalidInputError  # noqa: E402
-from skelsplat.io.video import Mp4Sink, find_videos, open_source  # noqa: E402
+from skelsplat.io.video import find_videos, open_sink, open_source  # noqa: E402
 
 
 @pytest.fixture
@@ -266,7 +266,7 @@ def test_a_stop_leaves_finished_videos_and_no_half_one(case, videos, tmp_path, m
 
 
 def write_mp4(path, count, size, before_the_end=lambda _: None):
-    with Mp4Sink(path, 25.0) as sink:
+    with open_sink(path, 25.0) as sink:
         for number in range(count):
             sink.write(number, np.full((size[1], size[0], 3), 200, dtype=np.uint8))
         before_the_end(sink)

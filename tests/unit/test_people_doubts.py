@@ -11,9 +11,8 @@ from command_line import READ, invoke, read_report, texts
 from detection_cases import CASES
 from detection_files import Take
 from skelsplat import synthetic
-from skelsplat._crowd import LimbSpread
 from skelsplat.io import write_calibration
-from skelsplat.run.people import find_lengths
+from skelsplat.run.people import LimbSpread, find_lengths
 from skelsplat.synthetic import DetectionNoise
 from two_people import LAYOUT, crossing, crowd_of, doubts_of, findings_of, seen, shuffled
 

@@ -171,7 +171,7 @@ MALFORMED = {
         with_parameters(LABELS=["a", "b", ""]),
         "POINT:LABELS: expected a label for each of 3 points",
     ),
-    "missing": (lambda path: path.unlink(), "file: expected a readable C3D file, got no such file"),
+    "missing": (lambda path: path.unlink(), "file: expected a readable file, got no such file"),
 }
 
 

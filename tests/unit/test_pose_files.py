@@ -128,7 +128,7 @@ def test_half_a_json(tmp_path):
     write_json(tmp_path / "pose.json", sample())
     text = (tmp_path / "pose.json").read_text(encoding="utf-8")
     (tmp_path / "pose.json").write_text(text[: len(text) // 2], encoding="utf-8")
-    with pytest.raises(sk.DatasetError, match=r"pose\.json: file: expected JSON, got"):
+    with pytest.raises(sk.DatasetError, match=r"pose\.json: JSON: expected a complete JSON document, got"):
         read_json(tmp_path / "pose.json")
 
 

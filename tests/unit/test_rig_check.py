@@ -8,8 +8,8 @@ import pytest
 import skelsplat as sk
 from rig_case import LAYOUT, T, detections, only, replaced, rig, turned
 from skelsplat import synthetic
+from skelsplat.cameras import matrix_from_vector as rotation
 from skelsplat.rig_check import check_rig
-from skelsplat.rig_check._resection import rotation
 from sweeps import diagonal, swept
 
 

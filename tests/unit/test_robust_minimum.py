@@ -8,7 +8,7 @@ import scipy.optimize
 from numpy.typing import NDArray
 
 import skelsplat as sk
-from skelsplat.evaluation.baselines import _linear, _minimise, _observations
+from skelsplat.evaluation.baselines import _minimise, _observations
 from sweeps import diagonal
 
 Array = NDArray[np.float64]
@@ -26,8 +26,10 @@ def scene(noise: sk.synthetic.DetectionNoise, n_frames: int = 12) -> _observatio
 def problem(joints: _observations.Observations, loss: str) -> _minimise.Reprojections:
     seen = joints.seen.astype(float)
     if loss == "huber":
-        return _minimise.Reprojections.of(joints, seen * 0.5 / CROP_SCALE, by_view=True)
-    return _minimise.Reprojections.of(joints, seen, by_view=False)
+        return _minimise.Reprojections(
+            joints.pixels, joints.projections, seen * 0.5 / CROP_SCALE, by_view=True
+        )
+    return _minimise.Reprojections(joints.pixels, joints.projections, seen, by_view=False)
 
 
 LOSSES = {"huber": _minimise.huber, "cauchy": _minimise.cauchy_loss(F_SCALE_PX)}
@@ -57,7 +59,7 @@ def test_minima_are_those_of_scipy(loss: str, level: str) -> None:
     }[level]
     joints = scene(noise)
     whole = problem(joints, loss)
-    start = _linear.solve(joints, joints.seen.astype(float))
+    start = _observations.solve(joints, joints.seen.astype(float))
     found = _minimise.minimise(start, whole, LOSSES[loss])
     rows = []
     for b in np.flatnonzero(np.isfinite(start).all(axis=1)):
@@ -78,7 +80,7 @@ def test_minima_are_those_of_scipy(loss: str, level: str) -> None:
 def test_the_gradient_is_zero_at_the_minimum(loss: str) -> None:
     joints = scene(sk.synthetic.DetectionNoise.occluded(2))
     whole = problem(joints, loss)
-    found = _minimise.minimise(_linear.solve(joints, joints.seen.astype(float)), whole, LOSSES[loss])
+    found = _minimise.minimise(_observations.solve(joints, joints.seen.astype(float)), whole, LOSSES[loss])
     there = np.flatnonzero(np.isfinite(found).all(axis=1))
     step = 1e-3 * np.eye(3)  # mm
     some, X = whole.part(there), found[there]
@@ -91,8 +93,8 @@ def test_the_gradient_is_zero_at_the_minimum(loss: str) -> None:
 def test_slopes_are_central_differences(by_view: bool) -> None:
     joints = scene(sk.synthetic.DetectionNoise(sigma_px=4.0))
     scale = np.random.default_rng(0).uniform(0.5, 2.0, joints.seen.shape)
-    whole = _minimise.Reprojections.of(joints, scale, by_view=by_view)
-    X = _linear.solve(joints, joints.seen.astype(float))
+    whole = _minimise.Reprojections(joints.pixels, joints.projections, scale, by_view=by_view)
+    X = _observations.solve(joints, joints.seen.astype(float))
     differences = np.stack(
         [(whole.residuals(X + d) - whole.residuals(X - d)) / 2e-3 for d in 1e-3 * np.eye(3)], axis=-1
     )
@@ -123,7 +125,7 @@ def test_cauchy_worked_by_hand() -> None:
 
 def test_a_start_that_is_missing_stays_missing() -> None:
     joints = scene(sk.synthetic.DetectionNoise(sigma_px=4.0))
-    start = _linear.solve(joints, joints.seen.astype(float))
+    start = _observations.solve(joints, joints.seen.astype(float))
     start[3] = np.nan
     found = _minimise.minimise(start, problem(joints, "huber"), _minimise.huber)
     assert np.isnan(found[3]).all()

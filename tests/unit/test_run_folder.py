@@ -76,7 +76,7 @@ def test_a_report_of_another_kind_is_refused(run_folder, change, field):
 
 def test_a_report_that_is_no_json_is_refused(run_folder):
     (run_folder / "report.json").write_text("{")
-    with pytest.raises(sk.DatasetError, match=r"report\.json: file: expected JSON"):
+    with pytest.raises(sk.DatasetError, match=r"report\.json: JSON: expected a complete JSON document"):
         read_run(run_folder)
 
 

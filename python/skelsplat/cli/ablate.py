@@ -73,6 +73,7 @@ Out = Annotated[
 ]
 
 
+# long: a parameter per option
 def ablate(
     name: Name,
     data: Data = None,

@@ -16,8 +16,7 @@ from skelsplat.findings import collected_warnings
 from skelsplat.io import convert_unit, write_calibration
 from skelsplat.io._run_files import POSES
 from skelsplat.io.calibration import find_format, read_calibration
-from skelsplat.io.convert import convert_poses, is_pose_file
-from skelsplat.io.poses import POSE_FORMATS, pose_format
+from skelsplat.io.poses import POSE_FORMATS, convert_poses, is_pose_file, pose_format
 
 EPILOG = (
     "Calibrations are read from TOML (Anipose, Pose2Sim, FreeMoCap, Caliscope), OpenCV and EasyMocap YAML "

@@ -22,7 +22,7 @@ from skelsplat.cli.config import NAME_OR_PATH
 from skelsplat.cli.datasets import Settings, reader_options
 from skelsplat.cli.output import bar_of, print_json
 from skelsplat.cli.table import tell
-from skelsplat.datasets._registry import options_of
+from skelsplat.datasets._registry import detections_option, options_of
 from skelsplat.evaluation import export, methods, protocols, report, tables
 from skelsplat.evaluation.report import Evaluation
 from skelsplat.evaluation.tables import Row, Table
@@ -113,6 +113,7 @@ Out = Annotated[
 PerJoint = Annotated[bool, _output("--per-joint", metavar="", help="Print the table of joints too.")]
 
 
+# long: a parameter per option
 def evaluate(
     dataset: Name,
     root: Root,
@@ -194,8 +195,7 @@ def _reader_options(
     """Return the options of the reader: those given as KEY=VALUE, the detections, the views."""
     known, found = options_of(dataset), reader_options(settings, dataset)
     if detections is not None:
-        is_path = Path(detections).exists() and "detections" in known
-        found["detections" if is_path else "detector"] = Path(detections) if is_path else detections
+        found |= detections_option(dataset, detections)
     if views is not None and "views" in known and dataset != "synthetic":  # there the protocol chooses
         found.setdefault("views", views)
     return found

@@ -10,7 +10,7 @@ import typer
 from skelsplat import synthetic
 from skelsplat.cli import options
 from skelsplat.cli.output import print_json
-from skelsplat.datasets._synth_writer import write_simulated
+from skelsplat.datasets.synthetic import write_simulated
 
 Name = Annotated[str, typer.Argument(metavar="NAME", help=", ".join(synthetic.set_names) + ".")]
 Root = Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder to create; must not exist or be empty.")]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from skelsplat.exceptions import DatasetError
 from skelsplat.io import _arrays
 from skelsplat.io._files import load_json as parse_json_file
-from skelsplat.io._files import opening, read_text
+from skelsplat.io._files import opening
 from skelsplat.io._unpickle import unpickle
 
 FloatArray = NDArray[np.float64]
@@ -69,13 +69,21 @@ def opened(path: Path) -> Iterator[IO[bytes]]:
 
 def load_json(path: Path) -> Any:
     """Return the value in a JSON file."""
-    return parse_json_file(path, read_text(path), "values of moderate depth")
+    return parse_json_file(path, "values of moderate depth")
 
 
 def load_pickle(path: Path) -> Any:
     """Return the object in a pickle; only data, never code (`unpickle`)."""
     with opened(path) as stream:
         return unpickle(stream, path)
+
+
+def load_records(path: Path, expected: str) -> list[Any]:
+    """Return the list in a pickle, which must have entries."""
+    records = load_pickle(path)
+    if not isinstance(records, list) or not records:
+        raise DatasetError(path, "pickle", expected, type(records).__name__)
+    return records
 
 
 def load_npy(path: Path) -> Any:
@@ -120,10 +128,10 @@ def whole_number(path: Path, field: str, container: Any, key: Any) -> int:
         raise DatasetError(path, within(field, key), "a whole number", repr(value)[:40]) from None
 
 
-def a_table(path: Path, field: str, value: Any) -> dict[Any, Any]:
+def a_table(path: Path, field: str, value: Any, expected: str = "a table") -> dict[Any, Any]:
     """Return `value` if it is a dict."""
     if not isinstance(value, dict):
-        raise DatasetError(path, field, "a table", type(value).__name__)
+        raise DatasetError(path, field, expected, type(value).__name__)
     return value
 
 

@@ -83,6 +83,11 @@ class Take:
         arrays = ("frames", "truth", "detections", "monocular", "boxes", "visible")
         return replace(self, **{name: some(getattr(self, name)) for name in arrays})
 
+    def with_detections(self, values: FloatArray, path: Path, monocular: FloatArray | None = None) -> Take:
+        """Return the take with detections (T, M, N, 3) from a file or folder, and monocular poses."""
+        files = {**self.files, "detections": path}
+        return replace(self, detections=values, monocular=monocular, files=files)
+
     def with_views(self, places: Sequence[int]) -> Take:
         """Return the take with only the cameras at these places, in this order.
 

@@ -21,8 +21,7 @@ from typing import Any, Protocol, cast
 
 from skelsplat.datasets._files import Survey
 from skelsplat.datasets._model import Dataset
-from skelsplat.datasets._reproject import ViewError, view_errors
-from skelsplat.datasets._verify import raise_errors, samples_of, verify
+from skelsplat.datasets._verify import ViewError, raise_errors, samples_of, verify, view_errors
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding
 
@@ -57,10 +56,7 @@ def names() -> tuple[str, ...]:
 def reader(name: str) -> Reader:
     """Return the reader of a data set.
 
-    Raises
-    ------
-    InvalidInputError
-        If there is none of that name.
+    Raises `InvalidInputError` if there is none of that name.
     """
     if name not in _MODULES:
         raise InvalidInputError(f"name: expected one of {', '.join(_MODULES)}, got {name!r}")
@@ -73,6 +69,12 @@ def options_of(name: str) -> tuple[str, ...]:
     """Names of the options that `read` takes for a data set."""
     parameters = inspect.signature(reader(name).read).parameters.values()
     return tuple(p.name for p in parameters if p.kind is p.KEYWORD_ONLY)
+
+
+def detections_option(name: str, which: str) -> dict[str, Any]:
+    """Return the reader's option for detections: a detector's name, or a path outside the root."""
+    apart = Path(which).exists() and "detections" in options_of(name)
+    return {"detections": Path(which)} if apart else {"detector": which}
 
 
 def prepared(name: str, root: str | os.PathLike[str], options: dict[str, Any]) -> tuple[Reader, Path]:

@@ -12,7 +12,7 @@ Each actor is a take; frames are those in which it is labelled.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +22,8 @@ from numpy.typing import NDArray
 from skelsplat._optional import require
 from skelsplat._skelsplat import Layout
 from skelsplat.cameras import CameraRig
-from skelsplat.datasets._detections import Wanted
-from skelsplat.datasets._files import FloatArray, Survey, find, load_json, opened
-from skelsplat.datasets._kept_apart import detections_of, read_apart
+from skelsplat.datasets._detections import Wanted, detections_of, read_apart
+from skelsplat.datasets._files import FloatArray, Survey, a_table, find, load_json, opened
 from skelsplat.datasets._model import Dataset, Take
 from skelsplat.datasets._rig import build_rig, camera_at_centre
 from skelsplat.exceptions import DatasetError
@@ -63,9 +62,10 @@ class Scene:
         DatasetError
             If a file is missing or malformed; names the file and the field.
         """
-        calibration = find(_calibrations(self, root), f"calibration of {self.name}")
+        calibration, truth = (
+            find(places, f"{what} of {self.name}") for what, places in self._files(root).items()
+        )
         rig = _rig(self, calibration)
-        truth = find(_truths(self, root), f"truth of {self.name}")
         folder, name = detections_of(root, detector, detections)
         takes = []
         for k, (frames, joints) in enumerate(read_actors(truth, SHELF14.n_joints)[: self.n_actors]):
@@ -83,10 +83,18 @@ class Scene:
     ) -> Survey:
         """Say which files are there."""
         found = Survey()
-        found.look(_calibrations(self, root), "calibration")
-        found.look(_truths(self, root), "truth")
+        for what, places in self._files(root).items():
+            found.look(places, what)
         found.look_for_detections(root, detector, detections, "hrnet")
         return found
+
+    def _files(self, root: Path) -> dict[str, list[Path]]:
+        """Return where the files may be that both `read` and `survey` look for."""
+        name, inside = f"calibration_{self.name}.json", root / self.name.capitalize()
+        return {
+            "calibration": [root / name, inside / name, root / "cameras" / name],
+            "truth": [root / "actorsGT.mat", inside / "actorsGT.mat"],
+        }
 
 
 SHELF = Scene("shelf", (1032, 776), 5)
@@ -97,19 +105,8 @@ _MM_PER_M = 1000.0
 _FROM_COCO = (16, 14, 12, 11, 13, 15, 10, 8, 6, 5, 7, 9)
 
 
-def _calibrations(scene: Scene, root: Path) -> list[Path]:
-    name = f"calibration_{scene.name}.json"
-    return [root / name, root / scene.name.capitalize() / name, root / "cameras" / name]
-
-
-def _truths(scene: Scene, root: Path) -> list[Path]:
-    return [root / "actorsGT.mat", root / scene.name.capitalize() / "actorsGT.mat"]
-
-
 def _rig(scene: Scene, path: Path) -> CameraRig:
-    content = load_json(path)
-    if not isinstance(content, dict):
-        raise DatasetError(path, "JSON", "a table of cameras", type(content).__name__)
+    content = a_table(path, "JSON", load_json(path), "a table of cameras")
     names = [str(k) for k in range(scene.n_cameras)]
     for name in names:
         if name not in content:
@@ -139,7 +136,7 @@ def _with_detections(take: Take, folder: Path) -> Take:
             raise error from None
         found = (from_coco(found[0]), *found[1:])
     values, places, path = found
-    return replace(take.select(places), detections=values, files={**take.files, "detections": path})
+    return take.select(places).with_detections(values, path)
 
 
 def from_coco(detections: FloatArray) -> FloatArray:
@@ -161,10 +158,7 @@ def from_coco(detections: FloatArray) -> FloatArray:
 def read_actors(path: Path, n_joints: int) -> list[tuple[NDArray[np.int64], FloatArray]]:
     """Return frames (T,), from 0, and joints (T, N, 3) mm of each actor, where it is labelled.
 
-    Raises
-    ------
-    DatasetError
-        If SciPy, which reads the file, is not installed, or the file is not as described.
+    Raises `DatasetError` if SciPy, which reads the file, is not installed, or the file is not as described.
     """
     content = _load(path)
     if "actor3D" not in content:

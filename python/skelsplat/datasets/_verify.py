@@ -6,17 +6,19 @@ a wrong unit or an exchanged joint, and both show there.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from skelsplat._arrays import median
 from skelsplat._sentences.datasets import parts
-from skelsplat._skelsplat import Camera, Layout
-from skelsplat.cameras import MM_PER_UNIT, CameraRig, without_distortion
-from skelsplat.datasets import _reproject as rp
+from skelsplat._skelsplat import Camera, Layout, project
+from skelsplat.cameras import MM_PER_UNIT, CameraRig, altered, without_distortion
 from skelsplat.datasets._model import Dataset, FloatArray, Take
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import Finding, Severity, Subject
@@ -26,14 +28,173 @@ _BODY_MM = (400.0, 3500.0)
 _NEAR_MM = 200.0
 _CLEAR_PX = 5.0
 _LARGE_PX = 25.0
+_FRAMES = 24
+_LENS_PX = 15.0
+"""Views farther off than this have another fault than the lens."""
 
 
-def samples_of(dataset: Dataset) -> list[rp.Sample]:
+@dataclass(frozen=True)
+class Sample:
+    """A few frames of a take, evenly spread."""
+
+    take: Take
+    truth: FloatArray  # (t, N, 3)
+    pixels: FloatArray  # (t, M, N, 2): Detections; NaN where missing
+    projected: FloatArray  # (t, M, N, 2): The truth in all views
+
+    def error(self) -> float:
+        """Median distance of truth and detections, px."""
+        return median(distance(self.projected, self.pixels))
+
+    def best_quarter(self, view: int) -> float:
+        """How far the nearer quarter of a view's detections lies from the truth at most, px; NaN without any.
+
+        Unlike the median it stays small where an occluder hides most of the person.
+        """
+        values = distance(self.projected[:, view], self.pixels[:, view])
+        finite = values[np.isfinite(values)]
+        return float(np.quantile(finite, 0.25)) if finite.size else float("nan")
+
+    def reprojected(self, rig: CameraRig) -> Sample:
+        """Return the same frames seen by other cameras."""
+        return Sample(self.take, self.truth, self.pixels, seen(self.truth, rig))
+
+
+def sample(take: Take) -> Sample:
+    """Choose up to 24 frames of a take and project their truth."""
+    chosen = np.unique(np.linspace(0, len(take) - 1, min(_FRAMES, len(take))).astype(np.int64))
+    truth = np.ascontiguousarray(take.truth[chosen])
+    shape = (len(chosen), len(take.rig), truth.shape[1], 2)
+    pixels = np.full(shape, np.nan) if take.detections is None else take.detections[chosen][..., :2]
+    return Sample(take, truth, pixels, seen(truth, take.rig))
+
+
+def seen(truth: FloatArray, rig: CameraRig) -> FloatArray:
+    """Project (t, N, 3) to (t, M, N, 2)."""
+    return np.asarray(project(truth, rig), dtype=np.float64).swapaxes(0, 1)
+
+
+def distance(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return ‖a − b‖ over the last axis."""
+    return np.asarray(np.linalg.norm(a - b, axis=-1))
+
+
+def exchanged_sides(layout: Layout) -> NDArray[np.int64]:
+    """Return the joint order (N,) with left and right exchanged."""
+    order = np.arange(layout.n_joints)
+    for left, right in layout.left_right:
+        order[[left, right]] = right, left
+    return order
+
+
+def sides(item: Sample, layout: Layout, view: int | slice = slice(None)) -> tuple[float, float]:
+    """Return the median error of paired joints as given, and with left and right exchanged."""
+    order = exchanged_sides(layout)
+    paired = order != np.arange(len(order))
+    projected, pixels = item.projected[:, view], item.pixels[:, view]
+    given = median(distance(projected, pixels)[..., paired])
+    return given, median(distance(projected[..., order, :], pixels)[..., paired])
+
+
+def joint_distances(item: Sample) -> FloatArray:
+    """Return the median distance of each projected joint from each detected one, (N, N)."""
+    return _medians(distance(item.projected[..., :, None, :], item.pixels[..., None, :, :]), (0, 1))
+
+
+@dataclass(frozen=True)
+class ViewError:
+    """Medians of a camera over all takes, px; NaN without detections."""
+
+    camera: str
+    as_given: float  # distance of the projected truth from the detections
+    sides_exchanged: float  # the same with left and right exchanged, of the joints that have a side
+    best_other_camera: float  # the same if the detections were those of the other camera that fits best
+
+
+def view_errors(samples: list[Sample], layout: Layout) -> tuple[ViewError, ...]:
+    """Return the errors of every camera, in the order of the first take that has it."""
+    rows: dict[str, list[tuple[float, float, float]]] = {}
+    for item in samples:
+        for view, (name, distances) in enumerate(zip(item.take.rig.names, view_distances(item), strict=True)):
+            others = np.delete(distances, view)
+            nearest = float(np.min(others[np.isfinite(others)], initial=np.inf))
+            row = (float(distances[view]), sides(item, layout, slice(view, view + 1))[1], nearest)
+            rows.setdefault(name, []).append(row)
+    medians = {name: [median(column) for column in np.array(values).T] for name, values in rows.items()}
+    return tuple(ViewError(name, *values) for name, values in medians.items())
+
+
+def view_distances(item: Sample) -> FloatArray:
+    """Return the median distance of each view's detections from the projection into each camera, (M, M)."""
+    return _medians(distance(item.projected[:, None, :], item.pixels[:, :, None]), (0, 3))
+
+
+def mean_over(tables: list[FloatArray]) -> FloatArray:
+    """Return the median of tables of the same shape, without NaN."""
+    return _medians(np.stack(tables), (0,))
+
+
+def _medians(values: FloatArray, axis: tuple[int, ...]) -> FloatArray:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # an empty slice is NaN, which is meant
+        return np.asarray(np.nanmedian(values, axis=axis))
+
+
+@dataclass
+class LensFit:
+    """Least squares of the share s in residual = s · (other lens − given lens), summed over samples.
+
+    s is 0 if the given lens is right and 1 if the other one is.
+    """
+
+    own: float = 0.0
+    product: float = 0.0
+    residual: float = 0.0
+    count: int = 0
+
+    def add(self, item: Sample, view: int, other: Callable[[Camera], Camera]) -> None:
+        """Add one view of a sample."""
+        camera = other(item.take.rig[view])
+        changed = seen(item.truth, CameraRig([camera], item.take.rig.unit))[:, 0]
+        step = changed - item.projected[:, view]
+        residual = item.pixels[:, view] - item.projected[:, view]
+        length = np.linalg.norm(residual, axis=-1)
+        if not median(length) <= _LENS_PX:
+            return
+        near = length <= 3.0 * median(length) + 1e-9  # outliers say nothing about the lens
+        near &= np.isfinite(step).all(axis=-1)
+        self.own += float((step[near] ** 2).sum())
+        self.product += float((step[near] * residual[near]).sum())
+        self.residual += float((residual[near] ** 2).sum())
+        self.count += 2 * int(near.sum())
+
+    @property
+    def misfit(self) -> float:
+        """Sum of squared residuals of the other lens."""
+        return self.residual - 2.0 * self.product + self.own
+
+    def other_is_right(self) -> bool:
+        """Whether s is nearer to 1 than to 0, by four standard errors of it."""
+        if self.count < 8 or self.own <= 1e-12:
+            return False
+        share = self.product / self.own
+        rest = max(self.residual - share * self.product, 0.0)
+        return share - 4.0 * float(np.sqrt(rest / self.count / self.own)) > 0.5
+
+
+def with_exchanged_tangential(camera: Camera) -> Camera:
+    """Return the camera with p1 and p2 exchanged."""
+    coefficients = np.array(camera.distortion)
+    coefficients[[2, 3]] = coefficients[[3, 2]]
+    return altered(camera, distortion=coefficients)
+
+
+def samples_of(dataset: Dataset) -> list[Sample]:
     """Return a few frames of every take."""
-    return [rp.sample(take) for take in dataset if len(take)]
+    return [sample(take) for take in dataset if len(take)]
 
 
-def verify(dataset: Dataset, samples: list[rp.Sample] | None = None) -> tuple[Finding, ...]:
+def verify(dataset: Dataset, samples: list[Sample] | None = None) -> tuple[Finding, ...]:
     """Return what is wrong with a data set; errors, with which it cannot be used, come first."""
     samples = samples_of(dataset) if samples is None else samples
     found = merged(finding for item in samples for finding in _unit(item, dataset.layout))
@@ -96,7 +257,7 @@ def body_size(poses: FloatArray) -> float:
     """Return the median diagonal of the boxes round the poses (…, N, 3) that are complete; NaN if none is."""
     flat = poses.reshape(-1, *poses.shape[-2:])
     whole = flat[np.isfinite(flat).all(axis=(1, 2))]
-    return rp.median(np.linalg.norm(np.ptp(whole, axis=1), axis=-1)) if len(whole) else float("nan")
+    return median(np.linalg.norm(np.ptp(whole, axis=1), axis=-1)) if len(whole) else float("nan")
 
 
 def is_human(size_mm: float) -> bool:
@@ -104,7 +265,7 @@ def is_human(size_mm: float) -> bool:
     return _BODY_MM[0] <= size_mm <= _BODY_MM[1]
 
 
-def _unit(item: rp.Sample, layout: Layout) -> Iterator[Finding]:
+def _unit(item: Sample, layout: Layout) -> Iterator[Finding]:
     """Find bodies of no human size, and cameras inside the body or in the wrong scale."""
     take, unit = item.take, item.take.rig.unit
     scale = take.rig.mm_per_unit
@@ -122,10 +283,10 @@ def _unit(item: rp.Sample, layout: Layout) -> Iterator[Finding]:
         yield _found("camera_unit", take, ["cameras"], numbers, severity="error")
 
 
-def _camera_factor(item: rp.Sample) -> float | None:
+def _camera_factor(item: Sample) -> float | None:
     """Return the power of ten that the cameras' translations lack, if one explains the detections."""
     rig = item.take.rig
-    body = np.array([rp.median(item.truth[..., axis]) for axis in range(3)])
+    body = np.array([median(item.truth[..., axis]) for axis in range(3)])
     nearest = min(float(np.linalg.norm(camera.centre - body)) for camera in rig) * rig.mm_per_unit
     given = item.error()
     if not (nearest < _NEAR_MM or given > _LARGE_PX or np.isnan(given)):
@@ -140,34 +301,26 @@ def _camera_factor(item: rp.Sample) -> float | None:
 
 
 def _scaled(rig: CameraRig, factor: float) -> CameraRig:
-    return CameraRig(
-        [
-            Camera(
-                c.K, c.R, factor * c.t, distortion=c.distortion, fisheye=c.fisheye, size=c.size, name=c.name
-            )
-            for c in rig
-        ],
-        rig.unit,
-    )
+    return CameraRig([altered(camera, t=factor * camera.t) for camera in rig], rig.unit)
 
 
 def _clearly_less(better: float, given: float) -> bool:
     return better < 0.5 * given and given - better > _CLEAR_PX
 
 
-def _sides(item: rp.Sample, layout: Layout) -> Iterator[Finding]:
+def _sides(item: Sample, layout: Layout) -> Iterator[Finding]:
     """Find takes whose detections fit the truth with left and right exchanged."""
-    given, exchanged = rp.sides(item, layout)
+    given, exchanged = sides(item, layout)
     if _clearly_less(exchanged, given):
         px = {"given_px": given, "exchanged_px": exchanged}
         yield _found("sides", item.take, _DETECTIONS, px, severity="error")
 
 
-def _joint_order(samples: list[rp.Sample], layout: Layout) -> Iterator[Finding]:
+def _joint_order(samples: list[Sample], layout: Layout) -> Iterator[Finding]:
     """Find joints of the truth that lie on another joint of the detections."""
     if not samples:
         return
-    table = rp.mean_over([rp.joint_distances(item) for item in samples])
+    table = mean_over([joint_distances(item) for item in samples])
     names, pairs = layout.joints, []
     for joint, row in enumerate(table):
         if np.isfinite(row).all() and _clearly_less(row.min(), row[joint]):
@@ -178,16 +331,16 @@ def _joint_order(samples: list[rp.Sample], layout: Layout) -> Iterator[Finding]:
         yield _found("joint_order", samples[0].take, _DETECTIONS, about, takes=keys)
 
 
-def _views(item: rp.Sample, layout: Layout) -> Iterator[Finding]:
+def _views(item: Sample, layout: Layout) -> Iterator[Finding]:
     """Find views that fit another camera, have their sides exchanged, or fit much worse than the others."""
-    table = rp.view_distances(item)
+    table = view_distances(item)
     names = item.take.rig.names
     quarters = np.array([item.best_quarter(view) for view in range(len(names))])
     for view, row in enumerate(table):
         if not np.isfinite(row[view]):
             continue
-        others = rp.median(np.delete(quarters, view))
-        given, exchanged = rp.sides(item, layout, view)
+        others = median(np.delete(quarters, view))
+        given, exchanged = sides(item, layout, view)
         best = int(np.nanargmin(row))
         px = {"given_px": float(row[view])}
         if _clearly_less(row[best], row[view]):
@@ -202,18 +355,18 @@ def _views(item: rp.Sample, layout: Layout) -> Iterator[Finding]:
 
 
 _LENSES: dict[str, Callable[[Camera], Camera]] = {
-    "lens_tangential": rp.with_exchanged_tangential,
+    "lens_tangential": with_exchanged_tangential,
     "lens_none": without_distortion,
 }
 
 
-def _lenses(samples: list[rp.Sample]) -> Iterator[Finding]:
+def _lenses(samples: list[Sample]) -> Iterator[Finding]:
     """Find cameras that fit better with p1 and p2 exchanged, or without distortion."""
-    fits: dict[str, dict[str, rp.LensFit]] = {}
+    fits: dict[str, dict[str, LensFit]] = {}
     for item in samples:
         for view, (name, camera) in enumerate(zip(item.take.rig.names, item.take.rig, strict=True)):
             if camera.distortion is not None and not camera.fisheye:
-                own = fits.setdefault(name, {kind: rp.LensFit() for kind in _LENSES})
+                own = fits.setdefault(name, {kind: LensFit() for kind in _LENSES})
                 for kind, other in _LENSES.items():
                     own[kind].add(item, view, other)
     best = {name: min(own, key=lambda kind: own[kind].misfit) for name, own in fits.items()}

@@ -16,7 +16,7 @@ from skelsplat.datasets._files import Survey
 from skelsplat.datasets._model import Dataset
 from skelsplat.datasets.human36m import find_format, read_layout
 from skelsplat.datasets.human36m import survey as survey_human36m
-from skelsplat.datasets.human36m._options import Options
+from skelsplat.datasets.human36m._common import Options
 from skelsplat.exceptions import DatasetError, InvalidInputError
 
 __all__ = ["DESCRIPTION", "VARIANTS", "read", "survey"]

@@ -16,7 +16,6 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,9 +23,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skelsplat.cameras import MM_PER_UNIT, CameraRig
-from skelsplat.datasets._detections import Wanted, frame_numbers, read_truth
+from skelsplat.datasets._detections import (
+    Wanted,
+    detections_of,
+    frame_numbers,
+    read_apart,
+    read_truth,
+    read_world,
+)
 from skelsplat.datasets._files import FloatArray, Survey, find, load_json, numbers, require, within
-from skelsplat.datasets._kept_apart import detections_of, read_apart, read_world
 from skelsplat.datasets._model import Dataset, Take
 from skelsplat.datasets._rig import read_quietly
 from skelsplat.exceptions import DatasetError, InvalidInputError
@@ -179,9 +184,7 @@ def _with_detections(take: Take, source: Path, guess: Path | None, *, filtered: 
     world = None
     if guess is not None:
         world = read_world(guess, stems, (len(values), PANOPTIC19.n_joints), spellings)
-    with_2d = replace(
-        take.select(own), detections=values, monocular=world, files={**take.files, "detections": path}
-    ).select(everywhere)
+    with_2d = take.select(own).with_detections(values, path, monocular=world).select(everywhere)
     lost = len(take) - len(with_2d)
     note = f"{take.key}: {lost} of {len(take)} frames left out, not detected in every view"
     return with_2d, note if lost else ""

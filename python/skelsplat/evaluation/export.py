@@ -17,29 +17,11 @@ import numpy as np
 from skelsplat import _skelsplat
 from skelsplat._json import plain
 from skelsplat.evaluation.report import Evaluation
-from skelsplat.evaluation.scores import Scores
+from skelsplat.evaluation.scores import FIGURES
 from skelsplat.evaluation.tables import all_tables
 from skelsplat.io._atomic import atomic_write_text
 
-CSV_FIELDS = (
-    "method",
-    "reported",
-    "group",
-    "name",
-    "poses",
-    "absolute_mm",
-    "absolute_low_mm",
-    "absolute_high_mm",
-    "relative_mm",
-    "procrustes_mm",
-    "median_mm",
-    "pck_50",
-    "pck_100",
-    "pck_150",
-    "pcp",
-    "missing",
-    "ms_per_pose",
-)
+CSV_FIELDS = ("method", "reported", "group", "name", *FIGURES)
 """Columns of the CSV: ``group`` is all, action or joint; shares are from 0 to 1; empty means no number."""
 
 
@@ -55,7 +37,7 @@ def to_csv(evaluation: Evaluation) -> str:
     writer = csv.DictWriter(stream, CSV_FIELDS, restval="", lineterminator="\n")
     writer.writeheader()
     for s in evaluation.scores:
-        writer.writerow(_all(s))
+        writer.writerow(_line(s.method, "all", "", {key: read(s) for key, read in FIGURES.items()}))
         for group, means in (("action", s.columns), ("joint", s.joints)):
             for name, g in means.items():
                 errors = {f"{kind}_mm": getattr(g, kind) for kind in ("absolute", "relative", "procrustes")}
@@ -72,10 +54,7 @@ def to_json(evaluation: Evaluation) -> str:
 def write(folder: Path, evaluation: Evaluation) -> list[str]:
     """Write ``report.md``, ``report.csv`` and ``report.json`` into a folder; return their names.
 
-    Raises
-    ------
-    DatasetError
-        If a file cannot be written.
+    Raises `DatasetError` if a file cannot be written.
     """
     files = {"report.md": markdown, "report.csv": to_csv, "report.json": to_json}
     for name, text in files.items():
@@ -116,23 +95,6 @@ def as_dict(evaluation: Evaluation) -> dict[str, Any]:
         "scores": [asdict(s) for s in evaluation.scores],
         "reported": None if others is None else asdict(others.table),
     }
-
-
-def _all(s: Scores) -> dict[str, Any]:
-    figures = {
-        "poses": s.poses,
-        "absolute_mm": s.absolute.mean,
-        "absolute_low_mm": s.absolute.low,
-        "absolute_high_mm": s.absolute.high,
-        "relative_mm": s.relative.mean,
-        "procrustes_mm": s.procrustes.mean,
-        "median_mm": s.median,
-        **{f"pck_{mm}": share for mm, share in s.pck.items()},
-        "pcp": s.pcp,
-        "missing": s.missing,
-        "ms_per_pose": s.ms_per_pose,
-    }
-    return _line(s.method, "all", "", figures)
 
 
 def _line(

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skelsplat._refine import Progress, refine
+from skelsplat._refine import Progress, Refinement, refine
 from skelsplat._skelsplat import Layout, RefineConfig, fuse_monocular, triangulate
 from skelsplat.cameras import CameraRig, without_distortion
 from skelsplat.datasets import Take
@@ -90,10 +90,7 @@ class Method:
     ) -> Solution:
         """Run the method on a take and time it.
 
-        Raises
-        ------
-        DatasetError
-            If the take lacks what the method needs.
+        Raises `DatasetError` if the take lacks what the method needs.
         """
         self.check(take, settings)
         seen = take if settings["undistort"] else replace(take, rig=without_lens(take.rig))
@@ -131,33 +128,20 @@ def crop_scale(take: Take) -> FloatArray:
     return np.where(known, sides / _CROP_PX, 1.0)
 
 
-def _by(run: Callable[[Take, Settings], FloatArray]) -> Run:
-    """Return `run` as a method that needs no layout and reports no progress."""
-    return lambda take, _layout, settings, _progress: run(take, settings)
+def _by(run: Callable[[FloatArray, CameraRig, Settings], FloatArray]) -> Run:
+    """Return `run`, of detections, cameras and settings, as a method without layout and progress."""
+    return lambda take, _layout, settings, _progress: run(_detections(take), take.rig, settings)
 
 
-def _iskakov(take: Take, settings: Settings) -> FloatArray:
+_DLT = _by(lambda seen, rig, given: baselines.dlt(seen, rig, confidence=given.get("confidence", False)))
+
+
+def _iskakov(take: Take, _: Layout, settings: Settings, __: Progress | None) -> FloatArray:
     scale = crop_scale(take)
     return baselines.ransac_iskakov(_detections(take), take.rig, crop_scale=scale, seed=settings["seed"])
 
 
-def _adafuse(take: Take, settings: Settings) -> FloatArray:
-    return baselines.ransac_adafuse(_detections(take), take.rig, seed=settings["seed"])
-
-
-def _dlt(take: Take, settings: Settings) -> FloatArray:
-    return baselines.dlt(_detections(take), take.rig, confidence=settings.get("confidence", False))
-
-
-def _ransac(take: Take, _: Settings) -> FloatArray:
-    return triangulate(_detections(take), take.rig, method="ransac")
-
-
-def _cauchy(take: Take, _: Settings) -> FloatArray:
-    return baselines.cauchy(_detections(take), take.rig)
-
-
-def _fusion(take: Take, _: Settings | None = None) -> FloatArray:
+def _fusion(take: Take, *_: object) -> FloatArray:
     assert take.monocular is not None  # Method.check has seen to it
     return fuse_monocular(take.monocular, _detections(take), take.rig)
 
@@ -169,22 +153,36 @@ def _detections(take: Take) -> FloatArray:
 
 def _refine(take: Take, layout: Layout, settings: Settings, progress: Progress | None) -> FloatArray:
     """Start as the settings say, and refine with their configuration."""
-    sigma_mm = settings.get("init_sigma_mm")
+    start = None if settings["start"] == "none" else starting_poses(take, settings["start"])
+    config = RefineConfig(**settings["config"])
+    return refined(take, layout, start, config, settings.get("init_sigma_mm"), progress).pose
+
+
+def starting_poses(take: Take, start: str) -> FloatArray:
+    """Return initial poses (T, N, 3): the paper's triangulation, without confidences, or ``"fusion"``."""
+    if start == "dlt":
+        return triangulate(_detections(take)[..., :2], take.rig, method="dlt")
+    return _fusion(take)
+
+
+def refined(
+    take: Take,
+    layout: Layout,
+    start: FloatArray | None,
+    config: RefineConfig,
+    init_sigma_mm: float | None = None,
+    progress: Progress | None = None,
+) -> Refinement:
+    """Refine a take; `init_sigma_mm` makes the start a prior."""
     return refine(
-        _start(take, settings["start"]),
+        start,
         _detections(take),
         take.rig,
         layout=layout,
-        init_sigma=None if sigma_mm is None else sigma_mm / take.rig.mm_per_unit,
-        config=RefineConfig(**settings["config"]),
+        init_sigma=None if init_sigma_mm is None else init_sigma_mm / take.rig.mm_per_unit,
+        config=config,
         progress=progress if progress is not None else False,
-    ).pose
-
-
-def _start(take: Take, start: str) -> FloatArray | None:
-    if start == "dlt":  # the paper's: without confidences
-        return triangulate(_detections(take)[..., :2], take.rig, method="dlt")
-    return _fusion(take) if start == "fusion" else None
+    )
 
 
 def _settings(**more: Any) -> Callable[[Options], dict[str, Any]]:
@@ -219,22 +217,37 @@ def _closed_form(options: Options) -> dict[str, Any]:
 
 
 _ALL = (
-    Method("dlt", "algebraic triangulation, unweighted", _settings(), _by(_dlt)),
+    Method("dlt", "algebraic triangulation, unweighted", _settings(), _DLT),
     Method(
         "dlt-confidence",
         "algebraic triangulation, rows weighted by confidence",
         _settings(confidence=True),
-        _by(_dlt),
+        _DLT,
     ),
-    Method("ransac-iskakov", "RANSAC of Iskakov et al., with its Huber refinement", _drawn, _by(_iskakov)),
-    Method("ransac-adafuse", "RANSAC that AdaFuse is compared with", _drawn, _by(_adafuse)),
-    Method("ransac", "RANSAC of this package", _settings(), _by(_ransac)),
-    Method("cauchy", "DLT, then the Cauchy loss of the reprojection residuals", _settings(), _by(_cauchy)),
+    Method("ransac-iskakov", "RANSAC of Iskakov et al., with its Huber refinement", _drawn, _iskakov),
+    Method(
+        "ransac-adafuse",
+        "RANSAC that AdaFuse is compared with",
+        _drawn,
+        _by(lambda seen, rig, given: baselines.ransac_adafuse(seen, rig, seed=given["seed"])),
+    ),
+    Method(
+        "ransac",
+        "RANSAC of this package",
+        _settings(),
+        _by(lambda seen, rig, _: triangulate(seen, rig, method="ransac")),
+    ),
+    Method(
+        "cauchy",
+        "DLT, then the Cauchy loss of the reprojection residuals",
+        _settings(),
+        _by(lambda seen, rig, _: baselines.cauchy(seen, rig)),
+    ),
     Method(
         "fusion",
         "multi-view fusion of monocular 3D poses",
         _settings(),
-        _by(_fusion),
+        _fusion,
         ("detections", "monocular"),
     ),
     Method("annealed", "default: closed form, annealed Gauss–Newton", _annealed, _refine),
@@ -250,10 +263,7 @@ names: tuple[str, ...] = tuple(_BY_NAME)
 def get(name: str) -> Method:
     """Return a method of the registry.
 
-    Raises
-    ------
-    InvalidInputError
-        If there is none of that name; the message lists all.
+    Raises `InvalidInputError` if there is none of that name; the message lists all.
     """
     if name not in _BY_NAME:
         raise InvalidInputError(f"methods: expected names among {', '.join(names)}, got {name!r}")

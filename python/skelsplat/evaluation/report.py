@@ -16,8 +16,8 @@ from typing import Any
 
 from skelsplat.datasets import Dataset
 from skelsplat.evaluation import methods, protocols, runs
-from skelsplat.evaluation._protocol import Case, Protocol
 from skelsplat.evaluation.methods import Method, Options
+from skelsplat.evaluation.protocols import Case, Protocol
 from skelsplat.evaluation.reported import ReportedRow, ReportedTable, reported
 from skelsplat.evaluation.scores import Scores, score
 from skelsplat.exceptions import InvalidInputError
@@ -115,10 +115,7 @@ def evaluate(
 def select(names: Sequence[str], cases: Sequence[Case], options: Options) -> list[Method]:
     """Return the methods of these names, each once; none: all that the data allow and that render no pixels.
 
-    Raises
-    ------
-    InvalidInputError
-        An unknown name, or the data allow no method.
+    Raises `InvalidInputError` for an unknown name, or the data allow no method.
     """
     if names:
         return [methods.get(name) for name in dict.fromkeys(names)]
@@ -149,14 +146,20 @@ def _source(dataset: Dataset, protocol: Protocol) -> dict[str, Any]:
     }
 
 
+def occlusion_of(dataset: Dataset) -> str | None:
+    """Return the variant of Human3.6M-Occ that a data set is; None if nothing says so."""
+    variant = re.search(r"occ-(2|3-hard|3)\b", f"{dataset.name} {dataset.source}".lower())
+    return variant[1] if variant else None
+
+
 def published(dataset: Dataset, protocol: Protocol) -> Published | None:
     """Return the table that was published of this data set and number of views, if there is one."""
     n_views = len(dataset.takes[0].rig) if protocol.n_views is None else protocol.n_views
     if protocol.name == "human36m":
         return Published(reported("tab:h36m"), "average")
     if protocol.name == "human36m-occ":
-        variant = re.search(r"occ-(2|3-hard|3)\b", f"{dataset.name} {dataset.source}".lower())
-        return Published(reported("tab:h36m-occ"), variant.group(1)) if variant else None
+        variant = occlusion_of(dataset)
+        return Published(reported("tab:h36m-occ"), variant) if variant else None
     if protocol.name == "panoptic":
         if n_views == 4:
             return Published(reported("tab:cmu"), "average")

@@ -20,8 +20,8 @@ import numpy as np
 from skelsplat import _skelsplat
 from skelsplat._skelsplat import Layout
 from skelsplat.datasets import Take
-from skelsplat.evaluation._protocol import Case
 from skelsplat.evaluation.methods import Method, Options, Solution
+from skelsplat.evaluation.protocols import Case
 from skelsplat.io._atomic import atomic_write
 
 # Raise it when the meaning of a file or of a method's settings changes.

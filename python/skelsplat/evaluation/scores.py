@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from skelsplat import metrics
 from skelsplat._arrays import numbers
 from skelsplat._skelsplat import Layout
-from skelsplat.evaluation._protocol import Case, Protocol
 from skelsplat.evaluation.methods import Solution
+from skelsplat.evaluation.protocols import Case, Protocol
 from skelsplat.exceptions import DatasetError, InvalidInputError
 
 FloatArray = NDArray[np.float64]
@@ -64,6 +65,22 @@ class Scores:
     #: columns, joints: By column of the protocol and by joint of the layout.
     columns: Mapping[str, Group]
     joints: Mapping[str, Group]
+
+
+FIGURES: Mapping[str, Callable[[Scores], float]] = {
+    "poses": lambda s: s.poses,
+    "absolute_mm": lambda s: s.absolute.mean,
+    "absolute_low_mm": lambda s: s.absolute.low,
+    "absolute_high_mm": lambda s: s.absolute.high,
+    "relative_mm": lambda s: s.relative.mean,
+    "procrustes_mm": lambda s: s.procrustes.mean,
+    "median_mm": lambda s: s.median,
+    **{f"pck_{mm}": partial(lambda s, mm: s.pck[mm], mm=mm) for mm in PCK_MM},
+    "pcp": lambda s: s.pcp,
+    "missing": lambda s: s.missing,
+    "ms_per_pose": lambda s: s.ms_per_pose,
+}
+"""The figures that are written about a method, over all its poses; shares are from 0 to 1."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from skelsplat.evaluation.report import Evaluation
-from skelsplat.evaluation.scores import PCK_MM, Estimate, Scores
+from skelsplat.evaluation.scores import FIGURES, PCK_MM, Estimate
 
 Cell = float | str | None
 Metric = Literal["absolute", "relative", "procrustes", "pcp"]
@@ -110,34 +110,45 @@ def _line(cells: Sequence[str]) -> str:
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
 
 
+_INTERVAL = "interval"
+# Columns of the table of methods by figure, and by what the figure is multiplied.
+_OVERALL: dict[str, tuple[Column, float]] = {
+    "absolute_mm": (Column("abs", best="low"), 1),
+    _INTERVAL: (Column("95 % CI"), 1),
+    "relative_mm": (Column("rel", best="low"), 1),
+    "procrustes_mm": (Column("PA", best="low"), 1),
+    "median_mm": (Column("median", best="low"), 1),
+    **{f"pck_{mm}": (Column(f"PCK {mm}", best="high"), 100) for mm in PCK_MM},
+    "pcp": (Column("PCP", best="high"), 100),
+    "missing": (Column("missing", digits=2), 100),
+    "ms_per_pose": (Column("ms/pose", digits=2), 1),
+}
+
+
 def overall(evaluation: Evaluation) -> Table:
     """One row per method: errors, shares, time."""
-    with_pcp = bool(evaluation.protocol.parts)
-    columns = [
-        Column("abs", best="low"),
-        Column("95 % CI"),
-        Column("rel", best="low"),
-        Column("PA", best="low"),
-        Column("median", best="low"),
-        *(Column(f"PCK {mm}", best="high") for mm in PCK_MM),
-        *([Column("PCP", best="high")] if with_pcp else []),
-        Column("missing", digits=2),
-        Column("ms/pose", digits=2),
+    shown = {key: cell for key, cell in _OVERALL.items() if key != "pcp" or evaluation.protocol.parts}
+    rows = [
+        Row(
+            s.method,
+            tuple(
+                _interval(s.absolute) if key == _INTERVAL else factor * FIGURES[key](s)
+                for key, (_, factor) in shown.items()
+            ),
+        )
+        for s in evaluation.scores
     ]
-    rows = [Row(s.method, _cells(s, with_pcp)) for s in evaluation.scores]
     others = evaluation.published
     if others is not None:
-        width = len(columns)
-        for row in others.table:
-            cells: list[Cell] = [None] * width
-            cells[0] = others.value(row, others.absolute)
-            if with_pcp:
-                cells[width - 3] = others.value(row, others.pcp)
-            rows.append(Row(others.name(row), tuple(cells), reported=True))
+        columns = {"absolute_mm": others.absolute, "pcp": others.pcp}
+        rows += [
+            Row(others.name(row), tuple(others.value(row, columns.get(key)) for key in shown), reported=True)
+            for row in others.table
+        ]
     return Table(
         f"{_subject(evaluation)}: MPJPE in mm (absolute, root-relative, Procrustes), shares in %",
         "method",
-        tuple(columns),
+        tuple(column for column, _ in shown.values()),
         tuple(rows),
         notes(evaluation),
     )
@@ -210,20 +221,6 @@ def notes(evaluation: Evaluation) -> tuple[str, ...]:
             f"Reported (in italics), not measured here{real}: {table.source}. {' '.join(table.notes)}"
         )
     return tuple(" ".join(line.split()) for line in lines)
-
-
-def _cells(s: Scores, with_pcp: bool) -> tuple[Cell, ...]:
-    return (
-        s.absolute.mean,
-        _interval(s.absolute),
-        s.relative.mean,
-        s.procrustes.mean,
-        s.median,
-        *(100 * s.pck[mm] for mm in PCK_MM),
-        *([100 * s.pcp] if with_pcp else []),
-        100 * s.missing,
-        s.ms_per_pose,
-    )
 
 
 def _interval(estimate: Estimate) -> str:

@@ -6,24 +6,14 @@ alone.
 
 from skelsplat.io.calibration import convert_unit, read_calibration, write_calibration
 from skelsplat.io.detections import DetectionSet, read_detections, read_openpose
-from skelsplat.io.poses import (
-    PoseData,
-    read_c3d,
-    read_csv,
-    read_json,
-    read_netcdf,
-    read_npz,
-    read_pose,
-    read_trc,
-    to_xarray,
-    write_c3d,
-    write_csv,
-    write_json,
-    write_netcdf,
-    write_npz,
-    write_pose,
-    write_trc,
-)
+from skelsplat.io.poses import read_pose, write_pose
+from skelsplat.io.poses._c3d import read_c3d, write_c3d
+from skelsplat.io.poses._csv import read_csv, write_csv
+from skelsplat.io.poses._json import read_json, write_json
+from skelsplat.io.poses._npz import read_npz, write_npz
+from skelsplat.io.poses._pose_data import PoseData
+from skelsplat.io.poses._trc import read_trc, write_trc
+from skelsplat.io.poses._xarray import read_netcdf, to_xarray, write_netcdf
 from skelsplat.io.run_folder import RunFolder, read_run
 
 __all__ = [

@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._files import frame_number, opening
-from skelsplat.io._unpickle import read_array
+from skelsplat.io._unpickle import DAMAGED_NPY, npy_header, read_array
 
 Array = npt.NDArray[np.float64]
 
@@ -132,13 +132,11 @@ def npz_keys(path: Path) -> frozenset[str]:
 
 def npy_shape(path: Path) -> tuple[int, ...]:
     """Return the shape that an npy file announces; () if it is no such file."""
-    readers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
     try:
         with path.open("rb") as stream:
-            shape, _, _ = readers[np.lib.format.read_magic(stream)](stream)
-    except (OSError, ValueError, EOFError, KeyError, SyntaxError, RecursionError, tokenize.TokenError):
+            return tuple(npy_header(stream)[0])
+    except (OSError, *DAMAGED_NPY):
         return ()
-    return tuple(shape)
 
 
 def hdf5_mentions(path: Path, *names: bytes) -> bool:

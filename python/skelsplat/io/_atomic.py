@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 import secrets
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
-from skelsplat.exceptions import DatasetError
+from skelsplat.io._files import opening
 
 
 @contextmanager
@@ -31,7 +31,7 @@ def atomic_path(
     """
     target = Path(os.path.realpath(path))
     temporary = target.with_name(f".{target.stem}.{secrets.token_hex(6)}{suffix or target.suffix}")
-    try:
+    with opening(Path(path), "a path that can be written", "output"):
         try:
             temporary.open("xb").close()
             yield temporary
@@ -40,10 +40,9 @@ def atomic_path(
                     os.fsync(stream.fileno())
             temporary.replace(target)
         except BaseException:
-            _discard(temporary)
+            with suppress(OSError):  # the folder cannot be reached: what led here is the one to report
+                temporary.unlink(missing_ok=True)
             raise
-    except OSError as error:
-        raise DatasetError(Path(path), "output", "a path that can be written", _reason(error)) from error
 
 
 @contextmanager
@@ -57,14 +56,3 @@ def atomic_write_text(path: str | os.PathLike[str], text: str) -> None:
     """Write `text` as UTF-8 to `path` with `atomic_write`; line ends are written as given."""
     with atomic_write(path) as stream:
         stream.write(text.encode("utf-8"))
-
-
-def _discard(temporary: Path) -> None:
-    try:
-        temporary.unlink(missing_ok=True)
-    except OSError:
-        return  # the folder itself cannot be reached; the error that led here is the one to report
-
-
-def _reason(error: OSError) -> str:
-    return (error.strerror or str(error)).lower()

@@ -122,32 +122,25 @@ class Field:
 
     def row(self) -> Array:
         """Return a list of numbers (n,); NaN is a number here, infinity and text are not."""
-        return _row(self.path, self.place, self.value)
+        values = self._list("a list of numbers")
+        for i, value in enumerate(values):  # a plain loop, since a recording has millions
+            if isinstance(value, bool) or not isinstance(value, int | float) or math.isinf(value):
+                raise DatasetError(self.path, f"{self.place}[{i}]", "a number", repr(value)[:40])
+        return np.array(values, dtype=np.float64)
 
     def rows(self, width: int) -> Array:
         """Return a list of lists of `width` numbers each, (n, width), as `row` reads them."""
-        lines = self._list(f"a list of lists of {width} numbers")
-        parts = [_row(self.path, f"{self.place}[{i}]", line) for i, line in enumerate(lines)]
-        for i, part in enumerate(parts):
+        lines = self.entries(f"a list of lists of {width} numbers")
+        parts = [line.row() for line in lines]
+        for line, part in zip(lines, parts, strict=True):
             if len(part) != width:
-                expected = f"{width} numbers"
-                raise DatasetError(self.path, f"{self.place}[{i}]", expected, f"{len(part)} numbers")
+                raise line.error(f"{width} numbers", f"{len(part)} numbers")
         return np.array(parts, dtype=np.float64).reshape(-1, width)
 
     def _list(self, expected: str) -> list[Any]:
         if not isinstance(self.value, list):
             raise self.error(expected, _MISSING if self.is_missing else type(self.value).__name__)
         return self.value
-
-
-def _row(path: Path, place: str, values: Any) -> Array:
-    """Return a list of numbers; plain loops, since a recording has millions."""
-    if not isinstance(values, list):
-        raise Field(path, place, values).error("a list of numbers", type(values).__name__)
-    for i, value in enumerate(values):
-        if isinstance(value, bool) or not isinstance(value, int | float) or math.isinf(value):
-            raise DatasetError(path, f"{place}[{i}]", "a number", repr(value)[:40])
-    return np.array(values, dtype=np.float64)
 
 
 def _is_number(value: object) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import re
 import sys
@@ -21,6 +22,7 @@ from pathlib import Path
 # frame numbers and offsets are below it, so that their sum fits into 64 bits
 FRAME_LIMIT = 2**62
 _HEAD = 65_536  # bytes
+_FIELDS = "comma-separated fields, every quote closed"
 VIDEO_SUFFIXES = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".mts", ".wmv")
 
 
@@ -31,6 +33,20 @@ def opening(path: Path, expected: str = "a readable file", field: str = "file") 
         yield
     except OSError as error:
         raise DatasetError(path, field, expected, (error.strerror or str(error)).lower()) from error
+
+
+@contextmanager
+def parsing(path: Path, expected: str) -> Iterator[None]:
+    """Raise `DatasetError` for whatever a library meets in this block: they raise nearly anything."""
+    with opening(path):
+        path.open("rb").close()
+    try:
+        yield
+    except DatasetError:
+        raise
+    except Exception as error:
+        reason = str(error).strip().splitlines() or [type(error).__name__]
+        raise DatasetError(path, "file", expected, reason[-1]) from error
 
 
 def of_file(path: Path, error: InvalidInputError) -> DatasetError:
@@ -58,10 +74,50 @@ def head(path: Path) -> str:
         return ""
 
 
-def load_json(path: Path, text: str, document: str) -> Any:
-    """Return what the JSON `text` of a file holds; `document` says what it should be, for messages."""
+def csv_lines(path: Path) -> list[list[str]]:
+    """Return the fields of every line; of a blank line there are none.
+
+    A quoted field may go on over several lines, so that a quote that is never closed swallows what follows:
+    it is an error, of the line in which it opens.
+    """
+    reader = csv.reader(read_text(path).splitlines(), strict=True)
+    lines: list[list[str]] = []
+    first = 1
     try:
-        return parse_json(text)
+        for line in reader:
+            lines.append(line)
+            first = reader.line_num + 1
+    except csv.Error as error:
+        expected, actual = _csv_fault(error, reader.line_num - first)
+        raise DatasetError(path, f"line {first}", expected, actual) from error
+    return lines
+
+
+def csv_header(path: Path) -> list[str]:
+    """Return the fields of the first line; none if it cannot be read."""
+    try:
+        return next(csv.reader(head(path).splitlines()[:1]), [])
+    except csv.Error:
+        return []
+
+
+def _csv_fault(error: csv.Error, further_lines: int) -> tuple[str, str]:
+    """Return what is expected of a line and what is there; only an open quote makes a line go on."""
+    if further_lines or "unexpected end" in str(error):
+        return _FIELDS, "a quote that is not closed in this line"
+    if "limit" in str(error):
+        return f"fields of at most {csv.field_size_limit()} characters", "a longer one"
+    return _FIELDS, str(error)
+
+
+def load_json(path: Path, document: str, text: str | None = None) -> Any:
+    """Return what a JSON file holds; a whole number beyond any float is infinite, as with an exponent.
+
+    `document` is what it should hold, for messages, `text` its content if that was read before.
+    """
+    text = read_text(path) if text is None else text
+    try:
+        return json.loads(text, parse_int=whole_number)
     except json.JSONDecodeError as error:
         at = f"character {error.pos} of {len(text)}, at line {error.lineno}, column {error.colno}"
         raise DatasetError(
@@ -69,23 +125,6 @@ def load_json(path: Path, text: str, document: str) -> Any:
         ) from error
     except RecursionError:
         raise DatasetError(path, "JSON", document, "lists nested too deeply") from None
-
-
-def read_json_file(path: Path) -> Any:
-    """Return what a JSON file that this package wrote holds, or raise `DatasetError`."""
-    text = read_text(path)
-    try:
-        return parse_json(text)
-    except (ValueError, RecursionError) as error:
-        raise DatasetError(path, "file", "JSON", error) from error
-
-
-def parse_json(text: str) -> Any:
-    """Return what JSON text holds; a whole number beyond any float is infinite, as it is with an exponent.
-
-    Raises `json.JSONDecodeError` if it is no JSON, `RecursionError` if it is nested too deeply.
-    """
-    return json.loads(text, parse_int=whole_number)
 
 
 def whole_number(text: str) -> int | float:

@@ -233,6 +233,19 @@ def _allowed() -> dict[tuple[str, str], Any]:
 _ALLOWED = _allowed()
 
 
+# what `npy_header` raises for another file or a damaged one
+DAMAGED_NPY = (ValueError, EOFError, SyntaxError, RecursionError, tokenize.TokenError)
+
+
+def npy_header(stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    """Return shape, order (Fortran's or not) and dtype of an array in NumPy's npy format."""
+    version = np.lib.format.read_magic(stream)
+    readers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+    if version not in readers:
+        raise ValueError(f"version {version} of the npy format")
+    return readers[version](stream)
+
+
 def read_array(stream: IO[bytes], path: Path, field: str = "array") -> Any:
     """Read an array in NumPy's npy format; one of objects is unpickled with `unpickle`.
 
@@ -242,12 +255,8 @@ def read_array(stream: IO[bytes], path: Path, field: str = "array") -> Any:
         If the data are no npy file, end too early, or hold what `unpickle` refuses.
     """
     try:
-        version = np.lib.format.read_magic(stream)
-        readers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
-        if version not in readers:
-            raise ValueError(f"version {version} of the npy format")  # noqa: TRY301 - one message for all
-        shape, fortran, dtype = readers[version](stream)
-    except (ValueError, EOFError, SyntaxError, RecursionError, tokenize.TokenError) as error:
+        shape, fortran, dtype = npy_header(stream)
+    except DAMAGED_NPY as error:
         raise DatasetError(path, field, "an array in npy format", error) from error
     if not dtype.hasobject:
         return _plain(stream, path, field, shape, fortran, dtype)

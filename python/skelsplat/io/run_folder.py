@@ -23,11 +23,12 @@ from skelsplat import layouts
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._atomic import atomic_write
 from skelsplat.io._fields import Field
-from skelsplat.io._files import read_json_file
+from skelsplat.io._files import load_json
 from skelsplat.io._run_files import CAMERAS, DETECTIONS, POSES, REPORT, UNFINISHED
 from skelsplat.io.calibration import read_calibration, write_calibration
 from skelsplat.io.detections import read_detections
-from skelsplat.io.poses import PoseData, read_npz
+from skelsplat.io.poses._npz import read_npz
+from skelsplat.io.poses._pose_data import PoseData
 
 Array = npt.NDArray[np.float64]
 
@@ -114,7 +115,7 @@ def read_run(path: str | os.PathLike[str]) -> RunFolder:
 
 
 def _read_report(path: Path) -> dict[str, Any]:
-    report = Field(path, "", read_json_file(path))
+    report = Field(path, "", load_json(path, "the report of a run"))
     if UNFINISHED in report and report[UNFINISHED].value:
         expected = "the report of a run that has written all its files"
         raise report[UNFINISHED].error(expected, "one that was stopped while it wrote: run it again")

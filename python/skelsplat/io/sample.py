@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 
-from skelsplat.exceptions import DatasetError
+from skelsplat.io._files import opening
 
 LAYOUT = "body25b"
 UNIT = "m"
@@ -40,10 +40,7 @@ def extract(folder: str | os.PathLike[str]) -> SamplePaths:
     """
     target = Path(folder)
     archive = resources.files("skelsplat.data").joinpath("pose2sim_demo.zip")
-    try:
-        with archive.open("rb") as stream, zipfile.ZipFile(stream) as packed:
-            packed.extractall(target)
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise DatasetError(target, "folder", "a folder that can be written", reason) from error
+    writing = opening(target, "a folder that can be written", "folder")
+    with writing, archive.open("rb") as stream, zipfile.ZipFile(stream) as packed:
+        packed.extractall(target)
     return SamplePaths(target / "Calib.toml", target / "openpose")

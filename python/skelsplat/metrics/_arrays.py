@@ -58,8 +58,7 @@ def joint_errors(pred: Array, gt: Array) -> Array:
 
 def present(points: Array) -> Mask:
     """Whether each joint has all its coordinates, (…, N)."""
-    there: Mask = np.logical_not(np.isnan(points).any(axis=-1))
-    return there
+    return np.logical_not(np.isnan(points).any(axis=-1))
 
 
 def centre(points: Array, indices: int | Sequence[int], name: str) -> Array:

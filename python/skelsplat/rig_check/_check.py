@@ -7,17 +7,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import skelsplat as sk
-from skelsplat._arrays import numbers, whole_numbers
+from skelsplat._arrays import median, numbers, whole_numbers
 from skelsplat._skelsplat import check_people
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.findings import Finding, Subject
 from skelsplat.rig_check._causes import explain, once_corrected
 from skelsplat.rig_check._files import correct_files
 from skelsplat.rig_check._geometry import check_geometry
-from skelsplat.rig_check._people import follow
-from skelsplat.rig_check._remedies import ReadAs, with_remedies
-from skelsplat.rig_check._report import CameraRow, RigReport, rows_of
-from skelsplat.rig_check._scene import Array, Index, Scene, in_mm, median, named, scene_of
+from skelsplat.rig_check._report import CameraRow, ReadAs, RigReport, rows_of, with_remedies
+from skelsplat.rig_check._scene import Array, Index, Scene, follow, in_mm, named, scene_of
 from skelsplat.rig_check._world import check_unit, find_convention
 
 if TYPE_CHECKING:

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skelsplat.findings import Finding, Subject
-from skelsplat.rig_check._people import gross_px, is_gross, judge, some_frames
-from skelsplat.rig_check._scene import Array, Scene, named
+from skelsplat.rig_check._scene import Array, Scene, gross_px, is_gross, judge, named, some_frames
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -34,27 +33,15 @@ _ALIKE = 1.05
 _FACTORS = (1 / 4, 1 / 3, 3 / 8, 1 / 2, 2 / 3, 3 / 4, 4 / 3, 3 / 2, 2.0, 8 / 3, 3.0, 4.0)
 
 
-def _upside_down(points: Array, size: tuple[int, int]) -> Array:
-    turned: Array = np.array([size[0] - 1.0, size[1] - 1.0]) - points
-    return turned
+def _arranged(axes: tuple[int, int], flipped: tuple[bool, bool]) -> Change:
+    """Return the change to x and y taken from these axes, counted from the image's other side if flipped."""
 
+    def change(points: Array, size: tuple[int, int]) -> Array:
+        taken = [points[..., axis] for axis in axes]
+        ends = zip(taken, size, flipped, strict=True)
+        return np.stack([length - 1.0 - value if flip else value for value, length, flip in ends], axis=-1)
 
-def _mirrored(points: Array, size: tuple[int, int]) -> Array:
-    return np.stack([size[0] - 1.0 - points[..., 0], points[..., 1]], axis=-1)
-
-
-def _turned_right(points: Array, size: tuple[int, int]) -> Array:
-    """Undo a quarter turn clockwise, (x, y) → (h − 1 − y, x)."""
-    return np.stack([points[..., 1], size[1] - 1.0 - points[..., 0]], axis=-1)
-
-
-def _turned_left(points: Array, size: tuple[int, int]) -> Array:
-    return np.stack([size[0] - 1.0 - points[..., 1], points[..., 0]], axis=-1)
-
-
-def _exchanged(points: Array, size: tuple[int, int]) -> Array:  # noqa: ARG001  the signature of a change
-    swapped: Array = points[..., ::-1]
-    return swapped
+    return change
 
 
 def _fractions(points: Array, size: tuple[int, int]) -> Array:
@@ -64,14 +51,14 @@ def _fractions(points: Array, size: tuple[int, int]) -> Array:
 
 # what the images are → how the detections become those of the calibration's images
 CHANGES: dict[str, Change] = {
-    "upside down": _upside_down,
-    "mirrored": _mirrored,
-    "turned clockwise by a quarter": _turned_right,
-    "turned anticlockwise by a quarter": _turned_left,
+    "upside down": _arranged((0, 1), (True, True)),
+    "mirrored": _arranged((0, 1), (True, False)),
+    "turned clockwise by a quarter": _arranged((1, 0), (False, True)),
+    "turned anticlockwise by a quarter": _arranged((1, 0), (True, False)),
 }
 _FOR_ALL: dict[str, Change] = {
     **CHANGES,
-    "given with y before x": _exchanged,
+    "given with y before x": _arranged((1, 0), (False, False)),
     "given as parts of the image's width and height": _fractions,
 }
 

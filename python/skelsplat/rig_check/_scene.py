@@ -1,4 +1,4 @@
-"""Cameras and one person's detections, and how well each camera agrees with the others."""
+"""Cameras and the detections of the person by whom they are judged, and how well the cameras agree."""
 
 from __future__ import annotations
 
@@ -10,6 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 import skelsplat as sk
+from skelsplat._arrays import median
+from skelsplat.association import choose_person, extents
+from skelsplat.cameras import altered
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,6 +22,13 @@ Index = npt.NDArray[np.int64]
 
 # frames that are judged, spread over the recording; more tell nothing new
 _FRAMES = 120
+# frames on which whole rigs are compared
+_FEW_FRAMES = 30
+# Cameras that miss each other's joints by more than this share of the diagonal (20 px at 1700 px) are worth
+# a search.
+_GROSS = 0.012
+# A camera in which the chosen person is found in fewer frames is judged by whoever is there.
+_LOST = 0.2
 
 
 @dataclass(frozen=True)
@@ -49,8 +59,7 @@ class Scene:
     @cached_property
     def judged(self) -> Index:
         """Places in `frames` that are judged."""
-        some = np.linspace(0, len(self.frames) - 1, min(_FRAMES, len(self.frames)))
-        return np.unique(some.round().astype(np.int64))
+        return some_frames(len(self.frames), _FRAMES)
 
     def seen(self, view: int, shift: int | None = None) -> Array:
         """Return one camera's detections at the judged frames, with its shift or another, (J, N, 2)."""
@@ -133,30 +142,11 @@ class Scene:
         return replace(self, shifts=tuple(shifts))
 
 
-def median(values: Array) -> float:
-    """Median of the finite values; NaN if there are none."""
-    finite = values[np.isfinite(values)]
-    return float(np.median(finite)) if finite.size else float("nan")
-
-
 def in_mm(rig: sk.CameraRig) -> tuple[sk.Camera, ...]:
     """Cameras of a rig with lengths in mm, and with names."""
     return tuple(
-        posed(camera, np.asarray(camera.R), np.asarray(camera.t) * rig.mm_per_unit, name)
+        altered(camera, t=np.asarray(camera.t) * rig.mm_per_unit, name=name)
         for camera, name in zip(rig, rig.names, strict=True)
-    )
-
-
-def posed(camera: sk.Camera, R: Array, t: Array, name: str | None = None) -> sk.Camera:
-    """Return the camera at another pose, and under another name if one is given."""
-    return sk.Camera(
-        camera.K,
-        R,
-        t,
-        distortion=camera.distortion,
-        fisheye=camera.fisheye,
-        size=camera.size,
-        name=camera.name if name is None else name,
     )
 
 
@@ -168,3 +158,41 @@ def scene_of(cameras: Sequence[sk.Camera], detections: Array, frames: Index) -> 
 def named(cameras: Sequence[sk.Camera]) -> list[str]:
     """Names of cameras; their number where one has none."""
     return [camera.name if camera.name is not None else str(i) for i, camera in enumerate(cameras)]
+
+
+def some_frames(count: int, most: int = _FEW_FRAMES) -> Index:
+    """Places of a few frames, spread over the recording."""
+    return np.unique(np.linspace(0, count - 1, min(most, count)).round().astype(np.int64))
+
+
+def is_gross(scene: Scene) -> bool:
+    """Whether the cameras disagree by more than poor detections do."""
+    return bool(scene.disagreement > gross_px(scene))
+
+
+def gross_px(scene: Scene) -> float:
+    """Return the mean disagreement in px from which a search is worth it."""
+    return _GROSS * float(np.mean([np.hypot(*camera.size) for camera in scene.cameras]))
+
+
+def judge(cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout | None) -> Scene:
+    """Return the scene of the person that is followed."""
+    return scene_of(cameras, follow(cameras, people, layout), np.arange(len(people)))
+
+
+def follow(cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout | None) -> Array:
+    """Return one person's detections (T, M, N, 2), also in a view that no other view agrees with.
+
+    A camera in which the person is almost never found, although people are there, may be wrong; the largest
+    person of each of its images then stands in.
+    """
+    if people.shape[2] == 1 or len(cameras) < 2:
+        return people[:, :, 0, :, :2]
+    chosen, index = choose_person(people, cameras, layout=layout)
+    places = extents(people).argmax(axis=2)
+    there = np.isfinite(people[..., 0]).any(axis=(2, 3))
+    found = (index >= 0).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
+    fallback = np.take_along_axis(people, places[:, :, None, None, None], axis=2)[:, :, 0]
+    lost = found < _LOST
+    followed: Array = np.where(lost[None, :, None, None], fallback, chosen)[..., :2]
+    return followed

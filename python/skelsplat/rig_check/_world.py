@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import skelsplat as sk
-from skelsplat.cameras import MM_PER_UNIT
+from skelsplat._arrays import median
+from skelsplat.cameras import MM_PER_UNIT, altered
 from skelsplat.findings import Finding
-from skelsplat.rig_check._people import is_gross, judge, some_frames
-from skelsplat.rig_check._scene import Array, in_mm, median, posed
+from skelsplat.rig_check._scene import Array, in_mm, is_gross, judge, some_frames
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -89,7 +89,8 @@ def find_convention(
 
 
 def _changed(rig: sk.CameraRig, change: Callable[[Array, Array], tuple[Array, Array]]) -> sk.CameraRig:
-    made = [posed(camera, *change(np.asarray(camera.R), np.asarray(camera.t))) for camera in rig]
+    poses = [change(np.asarray(camera.R), np.asarray(camera.t)) for camera in rig]
+    made = [altered(camera, R=R, t=t) for camera, (R, t) in zip(rig, poses, strict=True)]
     return sk.CameraRig(made, unit=rig.unit)
 
 

@@ -18,7 +18,6 @@ from skelsplat.io._atomic import atomic_write_text
 from skelsplat.io._run_files import REPORT
 from skelsplat.io.run_folder import read_run
 from skelsplat.run import folder as folders
-from skelsplat.run.figures import write_figures
 from skelsplat.run.findings import find_findings
 from skelsplat.run.frames import find_in_frames
 from skelsplat.run.html import notebook_view, show_page, write_html
@@ -173,6 +172,8 @@ class Run:
     def write_figures(self, folder: str | os.PathLike[str]) -> list[str]:
         """Write ``overview.png``, ``weights.png`` and, for the paper's method, ``heatmaps.png``."""
         with folders.output_folder(Path(folder)):
+            from skelsplat.run.figures import write_figures  # matplotlib takes long to load
+
             return write_figures(self, Path(folder))
 
     def write_poses(

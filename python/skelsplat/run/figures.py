@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import skelsplat as sk
+from skelsplat import viz
 from skelsplat._arrays import Array
 from skelsplat.run.summary import finite_median, frame_medians
 
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
     from skelsplat.run.read import Inputs
     from skelsplat.run.solve import Outcome
     from skelsplat.run.summary import Statistics
-    from skelsplat.viz import Body, CameraPanel, HeatmapRow, Skeleton
 
 # Length of the cameras' mean upward direction below which they do not agree on a vertical: they look down.
 _AGREED_UP = 0.3
@@ -26,8 +26,6 @@ _NEAR_AXIS = 0.75
 
 def write_figures(run: Run, folder: Path) -> list[str]:
     """Write ``overview.png`` and ``weights.png``, and heat maps where the method draws any; return names."""
-    from skelsplat import viz  # matplotlib takes long to load, and --help does without
-
     inputs, outcome, statistics = run.inputs, run.outcome, run.statistics
     frame, views = most_moved_frame(statistics.moved_mm), range(len(inputs.rig))
     data = viz.OverviewData(
@@ -52,16 +50,15 @@ def write_figures(run: Run, folder: Path) -> list[str]:
     names = ["overview.png", "weights.png"]
     if outcome.config.method == "paper":
         rows = [_heatmap_row(view, frame, inputs, outcome, statistics) for view in views]
-        caption = _heat_caption(inputs.frames[frame])
+        what = "heat maps summed over the joints (white 0, dark 1 and more), cropped to the person"
+        caption = f"Frame {inputs.frames[frame]}: {what}"
         viz.write_heatmaps(folder / "heatmaps.png", rows, skeleton=skeleton, caption=caption)
         names.append("heatmaps.png")
     return names
 
 
-def skeleton_of(layout: sk.Layout) -> Skeleton:
+def skeleton_of(layout: sk.Layout) -> viz.Skeleton:
     """Return what `skelsplat.viz` draws of a layout."""
-    from skelsplat import viz  # as in write_figures
-
     return viz.Skeleton(limbs=tuple(layout.limbs), left_right=tuple(layout.left_right))
 
 
@@ -115,14 +112,7 @@ def _caption(frame: int, inputs: Inputs, outcome: Outcome, statistics: Statistic
     return f"{words}; {affected} of {count} frames" if affected else words
 
 
-def _heat_caption(number: int) -> str:
-    what = "heat maps summed over the joints (white 0, dark 1 and more), cropped to the person"
-    return f"Frame {number}: {what}"
-
-
-def _body(frame: int, inputs: Inputs, outcome: Outcome) -> Body:
-    from skelsplat import viz  # as in write_figures
-
+def _body(frame: int, inputs: Inputs, outcome: Outcome) -> viz.Body:
     mm = inputs.rig.mm_per_unit
     return viz.Body(
         before=outcome.start * mm,
@@ -144,9 +134,7 @@ def _seen(view: int, frame: int, inputs: Inputs, outcome: Outcome) -> Array:
     return seen
 
 
-def _camera_panel(view: int, frame: int, inputs: Inputs, outcome: Outcome) -> CameraPanel:
-    from skelsplat import viz  # as in write_figures
-
+def _camera_panel(view: int, frame: int, inputs: Inputs, outcome: Outcome) -> viz.CameraPanel:
     camera, result = inputs.rig[view], outcome.result
     projected, covariances = sk.project_gaussians(result.pose[frame], result.uncertainty[frame], [camera])
     return viz.CameraPanel(
@@ -162,10 +150,8 @@ def _camera_panel(view: int, frame: int, inputs: Inputs, outcome: Outcome) -> Ca
 
 def _heatmap_row(
     view: int, frame: int, inputs: Inputs, outcome: Outcome, statistics: Statistics
-) -> HeatmapRow:
+) -> viz.HeatmapRow:
     """Compute one camera's heat maps of one frame, in the pixels in which the renderer works (ideal ones)."""
-    from skelsplat import viz  # as in write_figures
-
     camera, result = inputs.rig[view], outcome.result
     pose, covariance = np.asarray(result.pose[frame]), np.asarray(result.covariance[frame])
     start = np.asarray(result.init_pose[frame])
@@ -194,5 +180,4 @@ def initial_covariances(inputs: Inputs, config: sk.RefineConfig) -> Array:
     if config.occlusion_sigma_mm is not None:
         sigma_mm[list(inputs.layout.occlusion_prone)] = config.occlusion_sigma_mm
     sigma = sigma_mm / inputs.rig.mm_per_unit
-    covariances: Array = sigma[:, None, None] ** 2 * np.eye(3)
-    return covariances
+    return sigma[:, None, None] ** 2 * np.eye(3)

@@ -15,9 +15,9 @@ from skelsplat.findings import Finding, Subject
 from skelsplat.io import PoseData, write_pose
 from skelsplat.io._atomic import atomic_write_text
 from skelsplat.io._run_files import CAMERAS, DETECTIONS, REPORT, UNFINISHED, files_of_run
-from skelsplat.io.poses import MARKER_NAMES, POSE_FORMATS, check_pose_format
+from skelsplat.io.poses import POSE_FORMATS, check_pose_format
+from skelsplat.io.poses._pose_data import MARKER_NAMES
 from skelsplat.io.run_folder import write_run_inputs
-from skelsplat.run.figures import write_figures
 from skelsplat.run.html import write_html
 
 if TYPE_CHECKING:
@@ -104,6 +104,8 @@ def write_folder(run: Run, folder: Path, writing: Writing) -> Run:
     write_poses(folder, run.poses, writing)
     write_run_inputs(folder, run.cameras, run.layout, run.detections, run.frames)
     if can_draw():
+        from skelsplat.run.figures import write_figures  # matplotlib takes long to load
+
         write_figures(run, folder)
     if PAGE in run.report["files"]:
         write_html(run, folder / PAGE)

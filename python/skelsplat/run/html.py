@@ -16,7 +16,6 @@ import numpy as np
 import skelsplat as sk
 from skelsplat._optional import can_draw
 from skelsplat._sentences.words import number
-from skelsplat.run.figures import skeleton_of, world_up, write_figures
 from skelsplat.run.frames import rows_of
 from skelsplat.run.report import MEANINGS
 from skelsplat.run.summary import DOWN_WEIGHTED, finite_max, finite_median, frame_medians
@@ -65,7 +64,7 @@ def write_html(run: Run, path: Path) -> None:
         facts=facts_of(run.report),
         warnings=[finding.text for finding in run.findings],
         notes=_notes(run),
-        numbers=[page.KeyNumber(*entry) for entry in key_numbers(run)],
+        numbers=key_numbers(run),
         sequence=_sequence(run),
         shapes=camera_shapes(inputs.rig),
         cameras=_camera_table(statistics),
@@ -73,7 +72,7 @@ def write_html(run: Run, path: Path) -> None:
         errors_px=np.apply_along_axis(finite_median, 0, statistics.error_after),
         rejected=np.where(used > 0, statistics.rejected.sum(axis=0) / np.maximum(used, 1), np.nan),
         lines=_lines(run),
-        problems=[page.ProblemRow(*row) for row in rows_of(run.frame_findings, inputs.frames.tolist())],
+        problems=rows_of(run.frame_findings, inputs.frames.tolist()),
     )
     page.write_report(path, data)
 
@@ -107,6 +106,8 @@ def notebook_view(run: Run) -> str:
 
 def _picture(run: Run) -> str:
     """Return the overview as an element of HTML."""
+    from skelsplat.run.figures import write_figures  # as in write_html
+
     with tempfile.TemporaryDirectory() as folder:
         write_figures(run, Path(folder))
         picture = base64.b64encode((Path(folder) / "overview.png").read_bytes()).decode()
@@ -193,7 +194,8 @@ def _notes(run: Run) -> list[str]:
 
 
 def _sequence(run: Run) -> page.Sequence3D:
-    from skelsplat.viz.report import Sequence3D  # as in write_html
+    from skelsplat.run.figures import skeleton_of, world_up  # as in write_html
+    from skelsplat.viz.report import Sequence3D
 
     mm, poses = run.cameras.mm_per_unit, run.poses
     return Sequence3D(
@@ -235,10 +237,10 @@ def _lines(run: Run) -> list[page.TimeLine]:
 
 def _camera_table(statistics: Statistics) -> page.Table:
     """Return a row per camera, and one for all."""
-    from skelsplat.viz.report import Column, Table  # as in write_html
+    from skelsplat.viz.report import Table  # as in write_html
 
     return Table(
-        columns=[Column("camera"), *(Column(*column) for column in _SHARED)],
+        columns=[("camera", ""), *_SHARED],
         rows=[_cells(group) for group in statistics.cameras],
         total=_cells(statistics.total),
     )
@@ -246,7 +248,7 @@ def _camera_table(statistics: Statistics) -> page.Table:
 
 def _joint_table(inputs: Inputs, statistics: Statistics) -> page.Table:
     """Return a row per joint."""
-    from skelsplat.viz.report import Column, Table  # as in write_html
+    from skelsplat.viz.report import Table  # as in write_html
 
     rows = []
     for j, group in enumerate(statistics.joints):
@@ -257,9 +259,9 @@ def _joint_table(inputs: Inputs, statistics: Statistics) -> page.Table:
             number(finite_median(statistics.moved_mm[:, j])),
         ]
         rows.append([*_cells(group), *own])
-    columns = [Column("joint"), *(Column(*column) for column in (*_SHARED, *_OF_JOINTS))]
-    columns[-3] = Column(f"views used, of {len(inputs.rig)}", columns[-3].meaning)
-    return Table(columns, rows)
+    (views_used, meaning), *others = _OF_JOINTS
+    views_used = f"{views_used}, of {len(inputs.rig)}"
+    return Table([("joint", ""), *_SHARED, (views_used, meaning), *others], rows)
 
 
 def _cells(group: Group) -> list[str]:

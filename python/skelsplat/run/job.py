@@ -11,7 +11,8 @@ from skelsplat import temporal
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.io.detections import FORMATS
-from skelsplat.io.poses import MARKER_NAMES, POSE_FORMATS
+from skelsplat.io.poses import POSE_FORMATS
+from skelsplat.io.poses._pose_data import MARKER_NAMES
 from skelsplat.run.over_time import Filter, parse_filter
 from skelsplat.run.person import check_person
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 import skelsplat as sk
-from skelsplat.io.poses import to_json
+from skelsplat.io.poses._json import to_json
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

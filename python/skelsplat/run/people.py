@@ -1,20 +1,27 @@
-"""Findings on whether a run follows one person."""
+"""Findings on whether a run follows one person: who else is there, and how long limbs stay."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skelsplat._crowd import MIXED, limb_spread
 from skelsplat.findings import Finding, Remedy, Subject
+from skelsplat.run.person import MIXED
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
-    from skelsplat._crowd import Crowd, LimbSpread
+    import numpy.typing as npt
+
+    from skelsplat.run.person import Crowd
     from skelsplat.run.read import Inputs
     from skelsplat.run.solve import Outcome
+
+    Array = npt.NDArray[np.float64]
+    Index = npt.NDArray[np.int64]
+    Mask = npt.NDArray[np.bool_]
 
 # No distribution has more than 1/9 beyond four standard deviations from its median: the median is within one
 # of the mean, and Chebyshev's inequality leaves 1/9 beyond three from the mean.
@@ -22,6 +29,13 @@ _OFF_SHARE = 1 / 9
 # Part of the frames in which another person is as visible as the one followed: not just passing.
 _TOGETHER = 0.25
 _CONSISTENT = (Remedy("person", "consistent"),)
+# Standard deviation of a limb's length, as a part of it: a detector does not place joints at quite the same
+# point of the body in every pose.
+_DEFINITION = 0.05
+# A limb is off its median beyond so many standard deviations.
+_OFF = 4.0
+# Fewer frames are no distribution of lengths.
+_LEAST_FRAMES = 10
 
 
 def find_people(inputs: Inputs, outcome: Outcome) -> Iterator[Finding]:
@@ -82,3 +96,62 @@ def find_lengths(inputs: Inputs, spread: LimbSpread) -> Iterator[Finding]:
     }
     remedy = _CONSISTENT if are_mixed(inputs) else ()
     yield Finding("limb_lengths_vary", "warning", Subject(joints=(a, b)), numbers, remedy)
+
+
+@dataclass(frozen=True)
+class LimbSpread:
+    """How the lengths of limbs vary over the frames; of limbs that are known in ten frames or more.
+
+    Attributes
+    ----------
+    limbs : (B, 2) int
+        The joints of these limbs.
+    median, low, high : (B,)
+        Median, 5th and 95th percentile of the length, in the poses' unit.
+    off : float
+        Part of all lengths that differ from the limb's median by more than four standard deviations.
+    """
+
+    limbs: Index
+    median: Array
+    low: Array
+    high: Array
+    off: float
+
+    @property
+    def relative(self) -> Array:
+        """Distance of the two percentiles, as a part of the median, (B,)."""
+        return (self.high - self.low) / self.median
+
+
+def limb_spread(pose: Array, uncertainty: Array, known: Mask, limbs: Sequence[tuple[int, int]]) -> LimbSpread:
+    """Compare how limb lengths vary over the frames with the scatter that a constant length would have.
+
+    The variance of a length is that of its two ends along the limb, and (5 % of the length)², as a detector
+    does not place joints at quite the same point of the body in every pose.
+
+    Parameters
+    ----------
+    pose, uncertainty : (T, N, 3), (T, N, 3, 3)
+        As of `skelsplat.Refinement`.
+    known : (T, N)
+        Joints that count.
+    limbs
+        Pairs of joints.
+    """
+    kept, rows, off, count = [], [], 0, 0
+    for a, b in limbs:
+        both = known[:, a] & known[:, b]
+        limb = pose[both, b] - pose[both, a]
+        length = np.linalg.norm(limb, axis=-1)
+        if len(length) < _LEAST_FRAMES or not (length > 0).all():
+            continue
+        along = limb / length[:, None]
+        variance = np.einsum("ti,tij,tj->t", along, uncertainty[both, a] + uncertainty[both, b], along)
+        row = np.percentile(length, [50, 5, 95])
+        allowed = _OFF * np.sqrt(variance + (_DEFINITION * row[0]) ** 2)
+        off, count = off + int((np.abs(length - row[0]) > allowed).sum()), count + len(length)
+        kept.append((a, b))
+        rows.append(row)
+    median, low, high = np.array(rows).reshape(-1, 3).T
+    return LimbSpread(np.array(kept, dtype=np.int64).reshape(-1, 2), median, low, high, off / max(count, 1))

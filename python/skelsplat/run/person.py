@@ -1,19 +1,20 @@
-"""Which person to follow among those detected."""
+"""Which person to follow among those detected, and who else is visible."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 import skelsplat as sk
-from skelsplat import _crowd as crowd
 from skelsplat import association
+from skelsplat._arrays import medians
 
 if TYPE_CHECKING:
-    import numpy.typing as npt
+    from collections.abc import Sequence
 
-    from skelsplat._crowd import Crowd
+    import numpy.typing as npt
 
     Array = npt.NDArray[np.float64]
     Index = npt.NDArray[np.int64]
@@ -23,6 +24,23 @@ if TYPE_CHECKING:
 _MIN_JOINTS, _MIN_CONFIDENCE = 4, 0.2
 # Share of the frames with several people in two views or more from which these people are examined.
 _CROWDED = 0.1
+# Frames of a recording in which people are told apart: 5 ms each with four people in four views.
+_MOST_FRAMES = 200
+# Someone is as visible as another with so much of the other's number of views: 3 of 4, 5 of 6, both of 2.
+_AS_VISIBLE = 0.75
+# A person on whom so many views agree is no chance meeting of two strangers' rays.
+_SURE_VIEWS = 3
+# Median distance of two detections, as a part of the image's diagonal, from which they are of two bodies: the
+# gate of `choose_person`.
+_APART = 0.03
+# Part of the frames in which views show different people: more than a detector's ghosts now and then.
+MIXED = 0.1
+# Part of the frames in which someone is as visible as another: not just passing.
+_OFTEN = 0.25
+# A person changes for another by a step of this part of a body's size, ...
+_STEP = 0.5
+# ... while someone else is nearer to where the person was by this factor.
+_NEARER = 3.0
 
 
 def check_person(person: str | int) -> None:
@@ -87,7 +105,7 @@ def look_around(
     several = (count_people(people) >= 2).sum(axis=1) >= 2
     if several.mean() < _CROWDED:
         return None
-    steps = crowd.sampled(len(people))
+    steps = sampled(len(people))
     chosen = index[steps]
     found, poses = association.separate_people(
         people[steps],
@@ -97,7 +115,7 @@ def look_around(
         min_confidence=_MIN_CONFIDENCE,
         min_joints=_MIN_JOINTS,
     )
-    return crowd.describe(people[steps], chosen, found, poses, crowd.gates_px(rig), steps)
+    return describe(people[steps], chosen, found, poses, gates_px(rig), steps)
 
 
 def count_people(people: Array) -> Index:
@@ -105,3 +123,123 @@ def count_people(people: Array) -> Index:
     sure = np.isfinite(people[..., :2]).all(axis=-1) & (people[..., 2] >= _MIN_CONFIDENCE)
     count: Index = (sure.sum(axis=-1) >= min(_MIN_JOINTS, people.shape[3])).sum(axis=2)
     return count
+
+
+@dataclass(frozen=True)
+class Crowd:
+    """The people whom the cameras see, and the one who was chosen among them.
+
+    Attributes
+    ----------
+    visible : int
+        People who are as visible as the one seen by the most views, that one among them.
+    together : (S,)
+        Frames in which two or more are.
+    mixed : (S,)
+        Frames in which a view shows somebody else than the other views, though the person is detected in it.
+    changed, compared : int
+        Steps from one frame to the next at which the chosen detections go over to another person, and the
+        steps that could be judged.
+    """
+
+    visible: int
+    together: Mask
+    mixed: Mask
+    changed: int
+    compared: int
+
+    @property
+    def mixes(self) -> bool:
+        """Whether the chosen detections are of several people."""
+        return bool(self.mixed.mean() >= MIXED or self.changed)
+
+
+def sampled(frames: int, most: int = _MOST_FRAMES) -> Index:
+    """Return up to ``most`` of the frames' indices: all of them, or pairs of neighbours, evenly spread."""
+    if frames <= most:
+        return np.arange(frames)
+    first = np.linspace(0, frames - 2, most // 2).astype(np.int64)
+    return np.unique(np.concatenate([first, first + 1]))
+
+
+def gates_px(cameras: Sequence[sk.Camera]) -> Array:
+    """Return the distances (M,) from which two detections are of different people."""
+    return np.array([_APART * np.hypot(*camera.size) for camera in cameras])
+
+
+def describe(
+    people: Array, chosen: Index, found: Index, poses: Array, apart_px: Array, steps: Index
+) -> Crowd:
+    """Compare the detections that were chosen with the people whom the views show.
+
+    Parameters
+    ----------
+    people : (S, M, P, K, 3)
+    chosen : (S, M)
+        Places in P, -1 for none.
+    found, poses : (Q, S, M), (Q, S, K, 3)
+        What `skelsplat.association.separate_people` returned.
+    apart_px : (M,)
+        Median distance from which two detections are of different people.
+    steps : (S,)
+        Numbers of the frames; those that follow each other are compared.
+    """
+    as_visible = visible_alike(found)
+    mixed = mixed_frames(people, chosen, found, apart_px)
+    changed, compared = person_changes(_followed(chosen, found), poses, ~mixed, steps)
+    often = as_visible.mean(axis=1) >= _OFTEN
+    return Crowd(max(1, int(often.sum())), as_visible.sum(axis=0) >= 2, mixed, changed, compared)
+
+
+def visible_alike(found: Index) -> Mask:
+    """Return who (Q, S) is seen by two views and by three quarters of those that see the best seen person."""
+    views = (found >= 0).sum(axis=2)
+    alike: Mask = (views >= 2) & (views >= _AS_VISIBLE * views.max(axis=0))
+    return alike
+
+
+def mixed_frames(people: Array, chosen: Index, found: Index, apart_px: Array) -> Mask:
+    """Return the frames (S,) in which the chosen detections of some view are of another person than most are.
+
+    That person must be detected in the view as well, further than ``apart_px`` (M,) away, and be one on whom
+    three views agree, or both of two.
+    """
+    person = _followed(chosen, found)
+    own = np.where((person >= 0)[:, None], found[np.maximum(person, 0), np.arange(len(chosen))], -1)
+    enough = (own >= 0).sum(axis=1) >= min(_SURE_VIEWS, chosen.shape[1])
+    offset = (association.take_people(people, chosen) - association.take_people(people, own))[..., :2]
+    elsewhere = medians(np.hypot(offset[..., 0], offset[..., 1])) > apart_px
+    mixed: Mask = enough & ((own >= 0) & (chosen != own) & elsewhere).any(axis=1)
+    return mixed
+
+
+def person_changes(person: Index, poses: Array, clear: Mask, steps: Index) -> tuple[int, int]:
+    """Count the steps to the next frame at which the person becomes another, and those that could be judged.
+
+    Parameters
+    ----------
+    person : (S,)
+        Who of Q is followed, -1 for nobody.
+    poses : (Q, S, K, 3)
+    clear : (S,)
+        Frames to look at.
+    steps : (S,)
+        Numbers of the frames.
+    """
+    centres = medians(np.moveaxis(poses, -1, -2))  # (Q, S, 3)
+    sizes = np.array([association.body_sizes(pose) for pose in poses])
+    here = np.flatnonzero((np.diff(steps) == 1) & (person[:-1] >= 0) & (person[1:] >= 0))
+    here = here[clear[here] & clear[here + 1]]
+    before = centres[person[here], here]
+    reach = np.linalg.norm(centres[:, here + 1] - before, axis=-1)  # (Q, H)
+    own = reach[person[here + 1], np.arange(len(here))]
+    nearest = np.where(np.isnan(reach), np.inf, reach).min(axis=0, initial=np.inf)
+    judged = np.isfinite(own)
+    changed = judged & (own > _STEP * sizes[person[here], here]) & (own > _NEARER * nearest)
+    return int(changed.sum()), int(judged.sum())
+
+
+def _followed(chosen: Index, found: Index) -> Index:
+    """Return who of Q has the most of the chosen detections, (S,); -1 for nobody."""
+    hits = ((found == chosen) & (found >= 0)).sum(axis=2)
+    return np.where(hits.max(axis=0) >= 1, hits.argmax(axis=0), -1)

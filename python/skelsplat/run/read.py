@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
     import numpy.typing as npt
 
-    from skelsplat._crowd import Crowd
     from skelsplat.run.job import Job
+    from skelsplat.run.person import Crowd
 
     Array = npt.NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import skelsplat as sk
-from skelsplat._displaced import Shifts, camera_shifts, residuals
+from skelsplat.run.displaced import Shifts, camera_shifts, residuals
 from skelsplat.run.solve import rig_as_used
 
 if TYPE_CHECKING:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from skelsplat import layouts
 from skelsplat._arrays import Array, Mask, numbers
+from skelsplat._skelsplat import Camera, Layout, project
+from skelsplat.cameras import CameraRig
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.synthetic.noise import DetectionNoise
 from skelsplat.synthetic.occluders import (
@@ -20,25 +22,14 @@ from skelsplat.synthetic.occluders import (
     streams_of,
 )
 
-if TYPE_CHECKING:
-    from skelsplat import Camera, CameraRig, Layout
-
-
 # Factor on the jitter by what a joint's name contains: small, fast and loosely dressed joints are harder.
-_JOINT_FACTORS = (
-    ("wri", 1.3),
-    ("ank", 1.2),
-    ("toe", 1.3),
-    ("heel", 1.3),
-    ("elb", 1.1),
-    ("hip", 1.1),
-    ("pelvis", 1.1),
-    ("nose", 0.7),
-    ("eye", 0.7),
-    ("head", 0.8),
-    ("neck", 0.8),
-    ("thorax", 0.8),
-)
+_JOINT_FACTORS = {
+    1.3: ("wri", "toe", "heel"),
+    1.2: ("ank",),
+    1.1: ("elb", "hip", "pelvis"),
+    0.7: ("nose", "eye"),
+    0.8: ("head", "neck", "thorax"),
+}
 
 
 def simulate_detections(
@@ -77,8 +68,6 @@ def simulate_detections(
     InvalidInputError
         If shapes, layout and noise do not fit each other.
     """
-    from skelsplat import layouts
-
     world = numbers(points, "points")
     if world.ndim not in (2, 3) or world.shape[-1] != 3:
         raise InvalidInputError(f"points: expected shape (T, N, 3) or (N, 3), got {world.shape}")
@@ -91,8 +80,6 @@ def simulate_detections(
 
 def true_pixels(points: Array, cameras: CameraRig | Sequence[Camera]) -> Array:
     """Projections (T, M, N, 2) of joints (T, N, 3); NaN outside the image."""
-    from skelsplat._skelsplat import project
-
     pixels = np.moveaxis(np.asarray(project(points, cameras)), 0, 1)
     limits = np.array([camera.size for camera in cameras], dtype=np.float64)[:, None] - 0.5
     inside = np.all((pixels >= -0.5) & (pixels < limits), axis=-1)
@@ -133,15 +120,11 @@ def corrupt(
             f"layout: expected one of {n_joints} joints, got {layout.name!r} with {len(layout.joints)}"
         )
     first, *streams = streams_of(seed, n_views)
-    given = [
-        None if occluders is None else (occluders.centres[:, i], occluders.radii[:, i])
-        for i in range(n_views)
-    ]
     occluded = occluded_views(n_frames, n_views, noise, first) if occluders is None else occluders.views
-    views = [
-        _one_view(true[:, i], occluded[:, i], noise, layout, streams[i], discs)
-        for i, discs in enumerate(given)
-    ]
+    views = []
+    for i, stream in enumerate(streams):
+        discs = None if occluders is None else (occluders.centres[:, i], occluders.radii[:, i])
+        views.append(_one_view(true[:, i], occluded[:, i], noise, layout, stream, discs))
     return np.stack(views, axis=1)
 
 
@@ -190,12 +173,6 @@ def _jitter(shape: tuple[int, ...], correlation: float, rng: np.random.Generator
     return noise
 
 
-def _on_disc(shape: tuple[int, ...], rng: np.random.Generator) -> Array:
-    """Draw points (…, 2) uniformly in the unit disc."""
-    radius = np.sqrt(rng.random(shape))
-    return radius[..., None] * _directions(shape, rng)
-
-
 def _directions(shape: tuple[int, ...], rng: np.random.Generator) -> Array:
     """Draw unit vectors (…, 2) of uniform direction."""
     angle = rng.uniform(0.0, 2 * np.pi, size=shape)
@@ -231,7 +208,7 @@ def _happens(rate: float, n_frames: int, rng: np.random.Generator) -> Mask:
 
 def _joint_factor(joint: str) -> float:
     name = joint.lower()
-    return next((factor for part, factor in _JOINT_FACTORS if part in name), 1.0)
+    return next((factor for factor, parts in _JOINT_FACTORS.items() if any(p in name for p in parts)), 1.0)
 
 
 def _hidden_guess(
@@ -246,7 +223,8 @@ def _hidden_guess(
         discs = draw_discs(true, noise.n_discs, noise.disc_radius, noise.occluder_frames, rng)
     centres, radii = discs
     hidden, centre, radius = covering_disc(true, centres, radii)
-    guess = centre + radius[..., None] * _on_disc(shape, rng)
+    share = np.sqrt(rng.random(shape))  # of the radius, for places uniform in the disc
+    guess = centre + radius[..., None] * (share[..., None] * _directions(shape, rng))
     other = true[np.arange(shape[0])[:, None], rng.integers(shape[1], size=shape)]
     near_other = other + noise.sigma_px * rng.standard_normal(true.shape)
     drawn = (rng.random(shape) < noise.hidden_drawn_rate) & ~np.isnan(other).any(axis=-1)

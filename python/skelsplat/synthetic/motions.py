@@ -77,11 +77,10 @@ def _stand(seconds: Array, rng: np.random.Generator) -> dict[str, Array]:
     }
 
 
-def _bend_legs(angles: dict[str, Array], hip: Array, knee: Array) -> None:
-    """Add hip and knee flexion on both sides."""
+def _add(angles: dict[str, Array], name: str, value: Array) -> None:
+    """Add to an angle on both sides."""
     for side in "lr":
-        angles[f"hip_flexion_{side}"] = angles[f"hip_flexion_{side}"] + hip
-        angles[f"knee_flexion_{side}"] = angles[f"knee_flexion_{side}"] + knee
+        angles[f"{name}_{side}"] = angles[f"{name}_{side}"] + value
 
 
 def _walk(seconds: Array, rng: np.random.Generator) -> _Script:
@@ -112,13 +111,13 @@ def _sit(seconds: Array, rng: np.random.Generator) -> _Script:
     angles = _stand(seconds, rng)
     down = _smooth_cycle(seconds, rng.uniform(1.0, 1.6), rng.uniform(2.0, 3.5), 1.2, rng.uniform(0.6, 1.2))
     flexed = rng.uniform(80.0, 92.0)
-    _bend_legs(angles, down * flexed, down * (flexed + rng.uniform(-4.0, 6.0)))
+    _add(angles, "hip_flexion", down * flexed)
+    _add(angles, "knee_flexion", down * (flexed + rng.uniform(-4.0, 6.0)))
     # The trunk comes forward on the way and is nearly upright at both ends.
     angles["spine_flexion"] = angles["spine_flexion"] + 30.0 * 4.0 * down * (1.0 - down) + 8.0 * down
     on_lap = rng.uniform(20.0, 40.0)
-    for side in "lr":
-        angles[f"shoulder_flexion_{side}"] = angles[f"shoulder_flexion_{side}"] + down * on_lap
-        angles[f"elbow_flexion_{side}"] = angles[f"elbow_flexion_{side}"] + down * on_lap
+    _add(angles, "shoulder_flexion", down * on_lap)
+    _add(angles, "elbow_flexion", down * on_lap)
     return _Script(angles, _heading(seconds, rng))
 
 
@@ -127,7 +126,8 @@ def _crouch(seconds: Array, rng: np.random.Generator) -> _Script:
     angles = _stand(seconds, rng)
     down = _smooth_cycle(seconds, rng.uniform(0.8, 1.3), rng.uniform(1.0, 2.0), 1.0, rng.uniform(0.6, 1.2))
     knee = rng.uniform(105.0, 130.0)
-    _bend_legs(angles, down * rng.uniform(88.0, 105.0), down * knee)
+    _add(angles, "hip_flexion", down * rng.uniform(88.0, 105.0))
+    _add(angles, "knee_flexion", down * knee)
     angles["lean"] = down * rng.uniform(10.0, 18.0)
     angles["spine_flexion"] = angles["spine_flexion"] + down * rng.uniform(15.0, 30.0)
     for side in "lr":
@@ -258,16 +258,7 @@ def motion(
     script = _MOTIONS[name](seconds, rng)
     if script.path is not None:
         script.path = scale * script.path
-    pose = forward_kinematics(
-        _within_limits(script.angles), heading_deg=script.heading_deg, n_frames=n_frames, scale=scale
-    )
+    # Sway may carry an angle a degree past its limit.
+    angles = {key: np.clip(value, *LIMITS_DEG[key]) for key, value in script.angles.items()}
+    pose = forward_kinematics(angles, heading_deg=script.heading_deg, n_frames=n_frames, scale=scale)
     return _place(pose, script, place, scale)
-
-
-def _within_limits(angles: dict[str, Array]) -> dict[str, Array]:
-    """Clip to the anatomical limits: sway may carry an angle a degree past one."""
-    out = {}
-    for name, value in angles.items():
-        low, high = LIMITS_DEG[name.removesuffix("_l").removesuffix("_r")]
-        out[name] = np.clip(value, low, high)
-    return out

@@ -31,7 +31,7 @@ occluded(3, hard=True)  196.8  198.0
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -86,15 +86,8 @@ class DetectionNoise:
     def __post_init__(self) -> None:
         for name in ("sigma_px", "outlier_px"):
             self._require(name, 0.0, np.inf)
-        for name in (
-            "correlation",
-            "outlier_rate",
-            "limb_swap_rate",
-            "view_swap_rate",
-            "miss_rate",
-            "hidden_missing_rate",
-            "hidden_drawn_rate",
-        ):
+        rates = [entry.name for entry in fields(self) if entry.name.endswith("_rate")]
+        for name in ("correlation", *rates):
             self._require(name, 0.0, 1.0)
         if self.correlation == 1.0:
             raise InvalidInputError("correlation: expected a number below 1, got 1.0")

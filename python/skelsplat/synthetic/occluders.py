@@ -87,8 +87,7 @@ def occluded_views(n_frames: int, n_views: int, noise: DetectionNoise, rng: np.r
         raise InvalidInputError(f"noise.occluded_views: expected at most {n_views} (views), got {count}")
     n_blocks = -(-n_frames // noise.occluder_frames)
     rank = rng.random((n_blocks, n_views)).argsort(axis=1).argsort(axis=1)
-    chosen: Mask = np.repeat(rank < count, noise.occluder_frames, axis=0)[:n_frames]
-    return chosen
+    return np.repeat(rank < count, noise.occluder_frames, axis=0)[:n_frames]
 
 
 def _body_box(pixels: Array) -> tuple[Array, Array]:

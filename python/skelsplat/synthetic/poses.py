@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from skelsplat._arrays import Array, numbers
+from skelsplat._skelsplat import Camera
+from skelsplat.cameras import CameraRig
 from skelsplat.exceptions import InvalidInputError
-
-if TYPE_CHECKING:
-    from skelsplat import Camera, CameraRig
-
 
 # Standard deviation along the view's ray over that across it: depth is what a single view knows least.
 _DEPTH_RATIO = 2.5

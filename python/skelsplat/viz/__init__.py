@@ -13,22 +13,20 @@ from skelsplat.viz import report
 from skelsplat.viz._body import Body
 from skelsplat.viz._cameras import CameraPanel
 from skelsplat.viz._skeleton import Skeleton, body_axes
-from skelsplat.viz._style import FORMATS
+from skelsplat.viz._style import write_pages
 from skelsplat.viz._time import TimeAxis
-from skelsplat.viz.bones import Bone, BoneData, BonePanel, write_bones
+from skelsplat.viz.bones import Bone, BonePanel, draw_bones
 from skelsplat.viz.charts import BarData, Line, Panel, write_bars, write_panels
-from skelsplat.viz.error_map import ErrorMapData, write_error_map
+from skelsplat.viz.error_map import ErrorMapData, draw_error_map
 from skelsplat.viz.heatmaps import HeatmapRow, write_heatmaps
 from skelsplat.viz.overview import OverviewData, write_overview
-from skelsplat.viz.trajectories import TrajectoryData, write_trajectories
+from skelsplat.viz.trajectories import TrajectoryData, draw_trajectories
 from skelsplat.viz.weights import WeightData, write_weights
 
 __all__ = [
-    "FORMATS",
     "BarData",
     "Body",
     "Bone",
-    "BoneData",
     "BonePanel",
     "CameraPanel",
     "ErrorMapData",
@@ -41,13 +39,14 @@ __all__ = [
     "TrajectoryData",
     "WeightData",
     "body_axes",
+    "draw_bones",
+    "draw_error_map",
+    "draw_trajectories",
     "report",
     "write_bars",
-    "write_bones",
-    "write_error_map",
     "write_heatmaps",
     "write_overview",
+    "write_pages",
     "write_panels",
-    "write_trajectories",
     "write_weights",
 ]

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 
-from skelsplat._arrays import Array, read_fields
+from skelsplat._arrays import Array, ArrayFields
 from skelsplat.viz import _style
 from skelsplat.viz._skeleton import Skeleton, body_axes, draw_ellipses, draw_limbs
 
@@ -23,7 +23,7 @@ _REACH_MM = 1400.0
 
 
 @dataclass(frozen=True)
-class Body:
+class Body(ArrayFields):
     """A sequence of poses, of which one frame is drawn.
 
     Parameters
@@ -50,9 +50,6 @@ class Body:
     up: Array
     frame: int
     up_known: bool = True
-
-    def __post_init__(self) -> None:
-        read_fields(self, "before", "after", "uncertainty", "up")
 
 
 @dataclass(frozen=True)
@@ -128,8 +125,7 @@ def _flatten(pose: Array, body: Body, view: _View) -> Array:
     """Return (N, 2): distance along the view's right from the refined pose's middle, and world height."""
     across = body.after[body.frame] @ view.right
     middle = np.median(across[np.isfinite(across)]) if np.isfinite(across).any() else 0.0
-    flat: Array = np.stack([pose @ view.right - middle, pose @ body.up], axis=1)
-    return flat
+    return np.stack([pose @ view.right - middle, pose @ body.up], axis=1)
 
 
 def _flat_covariances(body: Body, view: _View) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from skelsplat._arrays import Array, Mask, read_fields
+from skelsplat._arrays import Array, ArrayFields, Mask
 from skelsplat.viz import _style
 from skelsplat.viz._skeleton import Skeleton, draw_ellipses, draw_limbs
 
@@ -26,7 +26,7 @@ _MIN_CROP_PX = 40.0
 
 
 @dataclass(frozen=True)
-class CameraPanel:
+class CameraPanel(ArrayFields):
     """One camera in one frame; pixel coordinates are ideal ones, without lens distortion.
 
     Parameters
@@ -50,9 +50,6 @@ class CameraPanel:
     covariances: Array
     rejected: Mask
     swapped: Mask
-
-    def __post_init__(self) -> None:
-        read_fields(self, "detections", "reprojection", "covariances")
 
 
 def choose_panels(panels: Sequence[CameraPanel]) -> list[CameraPanel]:

@@ -47,7 +47,6 @@ SCREEN = Sheet(width_in=14.0, dpi=100, title_pt=13, label_pt=11, small_pt=10)
 PRINT = Sheet(width_in=7.1, dpi=300, title_pt=9.0, label_pt=8.0, small_pt=7.0)
 PRINT_HEIGHT_IN = 9.4  # what a page of A4 or letter leaves room for with a caption
 
-FORMATS = ("png", "pdf")
 _ABOUT: dict[str, str | None] = {"Creator": "skelsplat", "CreationDate": None}
 
 _NOTE_LETTERS = 138  # of `PRINT.small_pt` across a page
@@ -114,23 +113,19 @@ def text(
     figure.text(*place, words, fontsize=size, **style)  # type: ignore[arg-type]
 
 
-def heading(figure: Figure, title: str) -> None:
-    """Write a title into the upper left corner of a printed page."""
-    text(figure, _EDGE_IN, figure.get_figheight() - _EDGE_IN, title, size=PRINT.title_pt, va="top")
-
-
 def note_lines(notes: Sequence[str]) -> list[str]:
     """Return notes as lines that fit across a printed page; every note begins a line."""
     return [line for note in notes for line in textwrap.wrap(note, _NOTE_LETTERS)]
 
 
 def notes_height(lines: Sequence[str]) -> float:
-    """Return the height in inches of what `draw_notes` draws."""
+    """Return the height in inches of these lines below a page."""
     return _EDGE_IN + _NOTE_IN * len(lines)
 
 
-def draw_notes(figure: Figure, lines: Sequence[str]) -> None:
-    """Write lines at the lower edge of a printed page."""
+def write_around(figure: Figure, title: str, lines: Sequence[str]) -> None:
+    """Write a title into the upper left corner of a printed page, and lines of notes at its lower edge."""
+    text(figure, _EDGE_IN, figure.get_figheight() - _EDGE_IN, title, size=PRINT.title_pt, va="top")
     for k, line in enumerate(reversed(lines)):
         at = _EDGE_IN + k * _NOTE_IN
         text(figure, _EDGE_IN, at, line, size=PRINT.small_pt, va="bottom", color="0.25")

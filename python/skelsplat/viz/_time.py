@@ -40,8 +40,7 @@ class TimeAxis:
     def values(self) -> Array:
         """Places of the frames on the axis, (T,): seconds, or numbers of frames."""
         first = 0 if self._counts_from_zero else self.zero
-        places: Array = (self.frames - first) / (self.frame_rate or 1.0)
-        return places
+        return (self.frames - first) / (self.frame_rate or 1.0)
 
     @property
     def label(self) -> str:
@@ -104,13 +103,34 @@ class TimeAxis:
         axes.xaxis.offsetText.set_fontsize(_style.PRINT.small_pt)
 
 
+def finish(
+    axes: Axes, time: TimeAxis, limits: tuple[float, float], *, ticks: int, missing: str | None = None
+) -> None:
+    """Set limits, at most so many ticks and the grid of an axes over time; ``missing`` is why it is empty."""
+    _style.tidy(axes, _style.PRINT)
+    time.apply(axes)
+    axes.set_ylim(*limits)
+    axes.yaxis.set_major_locator(MaxNLocator(ticks, steps=[1, 2, 5, 10]))
+    axes.ticklabel_format(axis="y", style="plain", useOffset=False)
+    axes.grid(color="0.92", linewidth=0.5)
+    axes.set_axisbelow(True)
+    if missing is not None:
+        axes.set_yticks([])
+        axes.text(0.5, 0.5, missing, transform=axes.transAxes, ha="center", va="center", fontsize=7)
+
+
+def neighbours(mask: Mask) -> Mask:
+    """Return the frames next to those of a mask (T,)."""
+    beside = np.zeros_like(mask)
+    beside[1:] |= mask[:-1]
+    beside[:-1] |= mask[1:]
+    return beside
+
+
 def alone(values: Array) -> Mask:
     """Tell which values have no neighbour: a line through them would not show."""
     known = np.isfinite(values)
-    beside = np.zeros_like(known)
-    beside[1:] |= known[:-1]
-    beside[:-1] |= known[1:]
-    return np.asarray(known & ~beside)
+    return np.asarray(known & ~neighbours(known))
 
 
 def draw_series(axes: Axes, time: TimeAxis, values: Array, **style: object) -> None:

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
-from skelsplat._arrays import Array, Mask, read_fields
+from skelsplat._arrays import Array, ArrayFields, Mask
 from skelsplat.viz import _style
-from skelsplat.viz._time import TimeAxis, draw_series
+from skelsplat.viz._time import TimeAxis, draw_series, finish
 
 COLOURS = {**_style.SIDES, "": _style.MIDDLE}
 # A panel shows at least this part of the length above and below it: what is rigid looks flat.
@@ -29,7 +27,7 @@ _LEFT_IN, _ACROSS_IN, _RIGHT_IN = 0.5, 0.5, 0.1
 
 
 @dataclass(frozen=True)
-class Bone:
+class Bone(ArrayFields):
     """One limb.
 
     Parameters
@@ -40,18 +38,21 @@ class Bone:
         In mm; NaN where an end is unknown.
     sure : (T,)
         Where the length counts; elsewhere it is drawn pale and may leave the panel.
-    median, deviation
-        Over the frames that count, in mm; NaN without any, the deviation also with one alone.
     """
 
     side: str
     lengths: Array
     sure: Mask
-    median: float
-    deviation: float
 
-    def __post_init__(self) -> None:
-        read_fields(self, "lengths")
+    @property
+    def median(self) -> float:
+        """Median in mm, NaN without a frame that counts."""
+        return float(np.median(self.lengths[self.sure])) if self.sure.any() else float("nan")
+
+    @property
+    def deviation(self) -> float:
+        """Standard deviation in mm, NaN with fewer than two frames that count."""
+        return float(np.std(self.lengths[self.sure])) if self.sure.sum() > 1 else float("nan")
 
 
 @dataclass(frozen=True)
@@ -62,35 +63,16 @@ class BonePanel:
     bones: Sequence[Bone]
 
 
-@dataclass(frozen=True)
-class BoneData:
-    """What the picture shows: a panel per limb or pair, when the frames were, and the words around it."""
-
-    panels: Sequence[BonePanel]
-    time: TimeAxis
-    title: str = ""
-    notes: Sequence[str] = ()
+def draw_bones(
+    panels: Sequence[BonePanel], time: TimeAxis, *, title: str = "", notes: Sequence[str] = ()
+) -> list[Figure]:
+    """Draw the panels in two columns, at most fourteen on a page, with a title above and notes below."""
+    most = _COLUMNS * _ROWS
+    return [_draw_page(panels[k : k + most], time, title, notes) for k in range(0, len(panels), most)]
 
 
-def write_bones(stem: Path, data: BoneData, *, formats: Sequence[str] = ("png",)) -> list[Path]:
-    """Draw the lengths and write them as ``stem.png`` (then ``stem_2.png`` …) or ``stem.pdf``.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be written.
-    """
-    return _style.write_pages(draw_bones(data), stem, formats)
-
-
-def draw_bones(data: BoneData) -> list[Figure]:
-    """Draw the panels in two columns, at most fourteen on a page."""
-    panels, most = list(data.panels), _COLUMNS * _ROWS
-    return [_draw_page(data, panels[k : k + most]) for k in range(0, len(panels), most)]
-
-
-def _draw_page(data: BoneData, panels: Sequence[BonePanel]) -> Figure:
-    lines = _style.note_lines(data.notes)
+def _draw_page(panels: Sequence[BonePanel], time: TimeAxis, title: str, notes: Sequence[str]) -> Figure:
+    lines = _style.note_lines(notes)
     foot = _FOOT_IN + _style.notes_height(lines)
     rows = -(-len(panels) // _COLUMNS)
     figure = _style.new_figure(foot + rows * (_AXES_IN + _TEXT_IN) + _HEAD_IN, _style.PRINT)
@@ -100,13 +82,12 @@ def _draw_page(data: BoneData, panels: Sequence[BonePanel]) -> Figure:
         left = _LEFT_IN + column * (width + _ACROSS_IN)
         bottom = foot + (rows - 1 - row) * (_AXES_IN + _TEXT_IN)
         axes = figure.add_axes(_style.box(figure, left, bottom, width, _AXES_IN))
-        _draw_panel(axes, panel, data.time)
+        _draw_panel(axes, panel, time)
         if k + _COLUMNS >= len(panels):
-            axes.set_xlabel(data.time.label, labelpad=2)
+            axes.set_xlabel(time.label, labelpad=2)
         else:
             axes.tick_params(labelbottom=False)
-    _style.heading(figure, data.title)
-    _style.draw_notes(figure, lines)
+    _style.write_around(figure, title, lines)
     return figure
 
 
@@ -118,17 +99,9 @@ def _draw_panel(axes: Axes, panel: BonePanel, time: TimeAxis) -> None:
         draw_series(axes, time, counted, color=colour, linewidth=0.8, label=bone.side)
         if np.isfinite(bone.median):
             axes.axhline(bone.median, color=colour, linewidth=0.6, linestyle=(0, (5, 3)), zorder=1.5)
-    _style.tidy(axes, _style.PRINT)
-    time.apply(axes)
-    axes.set_ylim(*_limits(panel.bones))
-    axes.yaxis.set_major_locator(MaxNLocator(3, steps=[1, 2, 5, 10]))
-    axes.ticklabel_format(axis="y", style="plain", useOffset=False)
+    known = any(np.isfinite(bone.lengths).any() for bone in panel.bones)
+    finish(axes, time, _limits(panel.bones), ticks=3, missing=None if known else "no length")
     axes.set_ylabel("mm", labelpad=1)
-    axes.grid(color="0.92", linewidth=0.5)
-    axes.set_axisbelow(True)
-    if not any(np.isfinite(bone.lengths).any() for bone in panel.bones):
-        axes.set_yticks([])
-        axes.text(0.5, 0.5, "no length", transform=axes.transAxes, ha="center", va="center", fontsize=7)
     _write_numbers(axes, panel)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter
 
-from skelsplat._arrays import Array, Mask, read_fields
+from skelsplat._arrays import Array, ArrayFields, Mask
 from skelsplat.viz import _style
 
 _PANEL_IN, _CAPTION_IN = 4.6, 0.5
@@ -24,7 +24,7 @@ _LOG_RATIO = 8.0
 
 
 @dataclass(frozen=True)
-class BarData:
+class BarData(ArrayFields):
     """What `write_bars` draws, from top to bottom.
 
     Parameters
@@ -47,9 +47,6 @@ class BarData:
     title: str
     axis: str
     caption: str = ""
-
-    def __post_init__(self) -> None:
-        read_fields(self, "values", "low", "high")
 
 
 def write_bars(path: str | os.PathLike[str], data: BarData) -> Path:

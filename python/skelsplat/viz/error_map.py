@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import Colormap, LinearSegmentedColormap
 from matplotlib.figure import Figure
 
-from skelsplat._arrays import Array, read_fields
+from skelsplat._arrays import Array, ArrayFields
 from skelsplat.viz import _style
 
 # One hue each, from white to dark, so that they can be read in greyscale; grey is nothing measured.
@@ -38,7 +37,7 @@ _LEAST_SHARE = 10.0
 
 
 @dataclass(frozen=True)
-class ErrorMapData:
+class ErrorMapData(ArrayFields):
     """What the picture shows.
 
     Parameters
@@ -62,9 +61,6 @@ class ErrorMapData:
     title: str = ""
     notes: Sequence[str] = ()
 
-    def __post_init__(self) -> None:
-        read_fields(self, "median_px", "rejected")
-
 
 @dataclass(frozen=True)
 class _Map:
@@ -75,17 +71,6 @@ class _Map:
     decimals: int
     colours: Colormap
     top: float
-
-
-def write_error_map(stem: Path, data: ErrorMapData, *, formats: Sequence[str] = ("png",)) -> list[Path]:
-    """Draw the two maps and write them as ``stem.png`` or ``stem.pdf``.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be written.
-    """
-    return _style.write_pages([draw_error_map(data)], stem, formats)
 
 
 def draw_error_map(data: ErrorMapData) -> Figure:
@@ -106,8 +91,7 @@ def draw_error_map(data: ErrorMapData) -> Figure:
         _name_cells(axes, joints if plan.stacked or k == 0 else [], cameras, upright=plan.upright)
         bar = figure.add_axes(_style.box(figure, x + plan.width + _BAR_GAP_IN, y, _BAR_IN, plan.map_in))
         _draw_bar(figure, bar, axes, chart)
-    _style.heading(figure, data.title)
-    _style.draw_notes(figure, lines)
+    _style.write_around(figure, data.title, lines)
     return figure
 
 

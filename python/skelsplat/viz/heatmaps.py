@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.lines import Line2D
 
-from skelsplat._arrays import Array, read_fields
+from skelsplat._arrays import Array, ArrayFields
 from skelsplat.viz import _style
 from skelsplat.viz._cameras import Window, aspect, person_window
 from skelsplat.viz._skeleton import Skeleton, draw_limbs
@@ -27,7 +27,7 @@ _HEAT = LinearSegmentedColormap.from_list("heat", ["#ffffff", "#d9d3ec", "#a996d
 
 
 @dataclass(frozen=True)
-class HeatmapRow:
+class HeatmapRow(ArrayFields):
     """One camera's row; all pixel coordinates are those of the two images.
 
     Parameters
@@ -48,9 +48,6 @@ class HeatmapRow:
     detections: Array
     reprojection: Array
     median_error_px: float
-
-    def __post_init__(self) -> None:
-        read_fields(self, "detections", "reprojection")
 
 
 def write_heatmaps(

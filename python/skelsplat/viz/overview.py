@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from skelsplat._arrays import Array, read_fields
+from skelsplat._arrays import Array, ArrayFields
 from skelsplat.viz import _style
 from skelsplat.viz._body import Body, draw_body
 from skelsplat.viz._cameras import CameraPanel, choose_panels, draw_panels, panel_heights, space_of
@@ -28,7 +28,7 @@ _MOST_NUMBERS = 8  # cameras for which the numbers fit between the bars
 
 
 @dataclass(frozen=True)
-class OverviewData:
+class OverviewData(ArrayFields):
     """What the overview shows.
 
     Parameters
@@ -54,9 +54,6 @@ class OverviewData:
     camera_names: Sequence[str]
     panels: Sequence[CameraPanel]
     caption: str
-
-    def __post_init__(self) -> None:
-        read_fields(self, "error_before", "error_after")
 
 
 def write_overview(path: str | os.PathLike[str], data: OverviewData, *, skeleton: Skeleton) -> Path:

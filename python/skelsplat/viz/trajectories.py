@@ -5,7 +5,6 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -13,12 +12,11 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from matplotlib.ticker import MaxNLocator
 
-from skelsplat._arrays import Array, Mask, read_fields
+from skelsplat._arrays import Array, ArrayFields
 from skelsplat.viz import _style
 from skelsplat.viz._skeleton import Skeleton
-from skelsplat.viz._time import MANY_FRAMES, TimeAxis, alone, draw_series
+from skelsplat.viz._time import MANY_FRAMES, TimeAxis, alone, draw_series, finish, neighbours
 
 # Number of standard deviations → how dark the band is; the wide one is drawn first.
 BANDS = {2: 0.18, 1: 0.32}
@@ -43,7 +41,7 @@ _LEGEND = {
 
 
 @dataclass(frozen=True)
-class TrajectoryData:
+class TrajectoryData(ArrayFields):
     """What the picture shows.
 
     Parameters
@@ -77,22 +75,6 @@ class TrajectoryData:
     title: str = ""
     notes: Sequence[str] = ()
 
-    def __post_init__(self) -> None:
-        read_fields(self, "pose", "sigma", "start")
-
-
-def write_trajectories(
-    stem: Path, data: TrajectoryData, *, skeleton: Skeleton, formats: Sequence[str] = ("png",)
-) -> list[Path]:
-    """Draw the trajectories and write them as ``stem.png`` (then ``stem_2.png`` …) or ``stem.pdf``.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be written.
-    """
-    return _style.write_pages(draw_trajectories(data, skeleton=skeleton), stem, formats)
-
 
 def draw_trajectories(data: TrajectoryData, *, skeleton: Skeleton) -> list[Figure]:
     """Draw x, y and z of each joint side by side, at most six joints on a page."""
@@ -124,10 +106,9 @@ def _draw_page(data: TrajectoryData, joints: Sequence[int], skeleton: Skeleton) 
                 axes.tick_params(labelbottom=False)
         middle, label = bottom + _ROW_IN / 2, "\n".join(names[row])
         _style.text(figure, _EDGE_IN, middle, label, size=_style.PRINT.label_pt, va="center", linespacing=1.1)
-    _style.heading(figure, data.title)
     entries = _legend_entries(data, joints, skeleton)
     _style.legend(figure, _EDGE_IN, height - 0.3, entries, _style.PRINT.small_pt, **_LEGEND)
-    _style.draw_notes(figure, lines)
+    _style.write_around(figure, data.title, lines)
     return figure
 
 
@@ -144,8 +125,9 @@ def _draw_panel(axes: Axes, data: TrajectoryData, place: tuple[int, int], colour
     style = {"color": colour, "zorder": 2.5}
     draw_series(axes, time, np.where(filled, np.nan, values), **style, linewidth=0.9, label="position")
     if filled.any():
+        meeting = filled | neighbours(filled)  # so that a line meets what it continues
         dots = {**style, "linewidth": 1.1, "linestyle": (0, (1, 1)), "label": "filled"}
-        draw_series(axes, time, np.where(_with_neighbours(filled), values, np.nan), **dots)
+        draw_series(axes, time, np.where(meeting, values, np.nan), **dots)
     for name, mark in MARKS.items():
         axes.broken_barh(
             time.runs(status == name),
@@ -156,18 +138,10 @@ def _draw_panel(axes: Axes, data: TrajectoryData, place: tuple[int, int], colour
             zorder=3,
             label=name,
         )
-    _style.tidy(axes, _style.PRINT)
-    time.apply(axes)
     low, high = _limits(values, data.sigma[:, joint, axis], data.start[:, joint, axis])
     room = 2 * _MARK_HEIGHT * (high - low) if np.isin(data.status[:, data.joints], list(MARKS)).any() else 0.0
-    axes.set_ylim(low - room, high)
-    axes.yaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 5, 10]))
-    axes.ticklabel_format(axis="y", style="plain", useOffset=False)
-    axes.grid(color="0.92", linewidth=0.5)
-    axes.set_axisbelow(True)
-    if not np.isfinite(values).any():
-        axes.set_yticks([])
-        axes.text(0.5, 0.5, "no position", transform=axes.transAxes, ha="center", va="center", fontsize=7)
+    missing = None if np.isfinite(values).any() else "no position"
+    finish(axes, time, (low - room, high), ticks=4, missing=missing)
 
 
 def _draw_bands(axes: Axes, time: TimeAxis, values: Array, spread: tuple[Array, str]) -> None:
@@ -192,14 +166,6 @@ def _draw_bands(axes: Axes, time: TimeAxis, values: Array, spread: tuple[Array, 
             axes.vlines(
                 x[single], low[single], high[single], color=colour, alpha=alpha + 0.1, linewidth=width
             )
-
-
-def _with_neighbours(mask: Mask) -> Mask:
-    """Return the mask and the frames next to it, so that a line meets what it continues."""
-    wide = mask.copy()
-    wide[1:] |= mask[:-1]
-    wide[:-1] |= mask[1:]
-    return wide
 
 
 def _limits(values: Array, sigma: Array, start: Array) -> tuple[float, float]:

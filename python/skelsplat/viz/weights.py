@@ -15,7 +15,7 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.image import AxesImage
 from matplotlib.ticker import MaxNLocator
 
-from skelsplat._arrays import Array, read_fields
+from skelsplat._arrays import Array, ArrayFields
 from skelsplat.viz import _style
 
 _LEFT_IN, _RIGHT_IN = 1.6, 1.5
@@ -32,7 +32,7 @@ _WEIGHT = LinearSegmentedColormap.from_list(
 
 
 @dataclass(frozen=True)
-class WeightData:
+class WeightData(ArrayFields):
     """What the picture shows.
 
     Parameters
@@ -52,9 +52,6 @@ class WeightData:
     camera_names: Sequence[str]
     joint_names: Sequence[str]
     rejected_below: float
-
-    def __post_init__(self) -> None:
-        read_fields(self, "weights")
 
 
 def write_weights(path: str | os.PathLike[str], data: WeightData) -> Path:

@@ -11,8 +11,8 @@ from typer.testing import CliRunner
 import skelsplat as sk
 from skelsplat import DatasetError, datasets, io, synthetic
 from skelsplat.cli import app
-from skelsplat.datasets import _synth_writer
-from skelsplat.datasets._synth_writer import write_simulated
+from skelsplat.datasets import synthetic as on_disk
+from skelsplat.datasets.synthetic import write_simulated
 
 NAME = "human36m-like-occ-2"
 TAKE = "S9/Directions"
@@ -122,7 +122,7 @@ def test_a_write_that_is_interrupted_leaves_nothing(tmp_path, made, monkeypatch)
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(_synth_writer, "_index", interrupted)
+    monkeypatch.setattr(on_disk, "_index_of", interrupted)
     with pytest.raises(KeyboardInterrupt):
         write_simulated(tmp_path / "data", made)
     assert list(tmp_path.iterdir()) == []

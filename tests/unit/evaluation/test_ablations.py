@@ -16,7 +16,7 @@ import skelsplat as sk
 from skelsplat import synthetic
 from skelsplat.cli import app
 from skelsplat.datasets import Dataset
-from skelsplat.datasets._synth_writer import write_simulated
+from skelsplat.datasets.synthetic import write_simulated
 from skelsplat.evaluation import ablations, protocols
 from skelsplat.evaluation.ablations import Choices, Simulated, Source, _source
 from skelsplat.evaluation.ablations._sample import Errors, difference, errors_of, sample

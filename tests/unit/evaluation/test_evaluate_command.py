@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from skelsplat import synthetic
 from skelsplat.cli import app
-from skelsplat.datasets._synth_writer import write_simulated
+from skelsplat.datasets.synthetic import write_simulated
 
 FILES = {"report.md", "report.csv", "report.json", "bars.png", "runs"}
 

@@ -11,8 +11,8 @@ import skelsplat as sk
 import takes
 from skelsplat.datasets import Dataset
 from skelsplat.evaluation import protocols
-from skelsplat.evaluation._protocol import with_cameras
 from skelsplat.evaluation.methods import without_lens
+from skelsplat.evaluation.protocols import with_cameras
 
 
 def human36m(*keys: str, frames: int = 200) -> Dataset:

@@ -19,7 +19,7 @@ import takes
 from skelsplat import synthetic
 from skelsplat.cli import app
 from skelsplat.datasets import Dataset
-from skelsplat.datasets._synth_writer import write_simulated
+from skelsplat.datasets.synthetic import write_simulated
 from skelsplat.evaluation import export, methods, protocols, report, runs
 
 DATA = takes.simulated(3)

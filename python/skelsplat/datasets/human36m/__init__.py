@@ -24,9 +24,7 @@ from typing import Any
 from skelsplat.datasets._files import Survey
 from skelsplat.datasets._model import Dataset
 from skelsplat.datasets.human36m import _adafuse, _authors, _karfly, _videopose3d
-from skelsplat.datasets.human36m._actions import ACTIONS
-from skelsplat.datasets.human36m._cameras import CAMERAS
-from skelsplat.datasets.human36m._options import Options, Reading
+from skelsplat.datasets.human36m._common import ACTIONS, CAMERAS, Options, Reading, with_separate
 from skelsplat.exceptions import DatasetError, InvalidInputError
 
 __all__ = ["ACTIONS", "CAMERAS", "DESCRIPTION", "FORMATS", "read", "survey"]
@@ -110,7 +108,10 @@ def survey(
 def read_layout(dataset: str, name: str, place: Path, options: Options, origin: str) -> Dataset:
     """Read a data set that lies at `place` in the layout `name`."""
     reading = Reading(origin=f"{origin}, {name} layout")
-    _LAYOUTS[name].read(place, options, reading)
+    takes = _LAYOUTS[name].takes(place, options, reading)
+    reading.takes += with_separate(takes, options, reading)
+    if name == _authors.NAME and options.monocular is not None:
+        reading.takes = [_authors.with_monocular(take, place, options.monocular) for take in reading.takes]
     return reading.dataset(dataset, place)
 
 

@@ -9,6 +9,7 @@ joints_2d is the projected truth, so without other detections the data are an or
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from skelsplat.datasets._detections import Wanted, as_detections
 from skelsplat.datasets._files import (
     Survey,
     as_numbers,
-    load_pickle,
+    load_records,
     require,
     shape_of,
     whole_number,
@@ -30,9 +31,7 @@ from skelsplat.datasets._files import (
 from skelsplat.datasets._model import FloatArray, Take
 from skelsplat.datasets._rig import build_rig, camera_at_centre
 from skelsplat.datasets._verify import body_size, is_human
-from skelsplat.datasets.human36m._actions import NUMBERED
-from skelsplat.datasets.human36m._cameras import CAMERAS, SIZES
-from skelsplat.datasets.human36m._options import Options, Reading, with_separate
+from skelsplat.datasets.human36m._common import CAMERAS, NUMBERED, SIZES, Options, Reading
 from skelsplat.exceptions import DatasetError
 from skelsplat.layouts import H36M17
 
@@ -53,25 +52,22 @@ def locate(root: Path) -> Path | None:
     return next((f for f in folders if (f / HAS).is_file() or (f / _TRAIN).is_file()), None)
 
 
-def read(root: Path, options: Options, reading: Reading) -> None:
-    """Read the takes in the pickles."""
+def takes(root: Path, options: Options, reading: Reading) -> Iterator[Take]:
+    """Give the takes in the pickles."""
     grouped: dict[tuple[str, str], tuple[Path, Frames]] = {}
     for path in _paths(root, options):
-        for place, record in enumerate(_records(path)):
+        for place, record in enumerate(load_records(path, "a list of records")):
             key, frame, view = _place(path, f"[{place}]", record)
             _, frames = grouped.setdefault(key, (path, defaultdict(dict)))
             if view in frames[frame]:
                 raise DatasetError(path, f"[{place}]", f"frame {frame} of {key} once per camera", "twice")
             frames[frame][view] = record
     subjects = options.chosen(root, {subject for subject, _ in grouped})
-    takes = (
-        _take(path, subject, activity, frames, reading)
-        for (subject, activity), (path, frames) in grouped.items()
-        if subject in subjects
-    )
     if options.detections is None:
         reading.detector = "gt"
-    reading.takes += with_separate(takes, options, reading)
+    for (subject, activity), (path, frames) in grouped.items():
+        if subject in subjects:
+            yield _take(path, subject, activity, frames, reading)
 
 
 def survey(root: Path, options: Options, found: Survey) -> None:
@@ -87,13 +83,6 @@ def _paths(root: Path, options: Options) -> list[Path]:
     wanted = set(options.subjects or ("S1", "S9"))
     paths = [root / HAS] if wanted & {"S9", "S11"} else []
     return [*paths, root / _TRAIN] if wanted - {"S9", "S11"} else paths
-
-
-def _records(path: Path) -> list[Any]:
-    records = load_pickle(path)
-    if not isinstance(records, list) or not records:
-        raise DatasetError(path, "pickle", "a list of records", type(records).__name__)
-    return records
 
 
 def _place(path: Path, field: str, record: Any) -> tuple[tuple[str, str], int, int]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -22,17 +23,19 @@ from skelsplat.datasets._detections import (
     first_key,
     load_poses,
     poses_file,
+    read_apart,
+    read_world,
 )
 from skelsplat.datasets._files import FloatArray, Survey, numbers
-from skelsplat.datasets._kept_apart import read_apart, read_world
 from skelsplat.datasets._model import Take
-from skelsplat.datasets.human36m._cameras import CAMERAS, find_cameras, read_rig
-from skelsplat.datasets.human36m._options import (
+from skelsplat.datasets.human36m._common import (
+    CAMERAS,
     Options,
     Reading,
+    find_cameras,
+    read_rig,
     take_of,
     wanted,
-    with_separate,
 )
 from skelsplat.exceptions import DatasetError
 from skelsplat.layouts import H36M17
@@ -52,21 +55,18 @@ def locate(root: Path) -> Path | None:
     return inside[0] if len(inside) == 1 else None
 
 
-def read(root: Path, options: Options, reading: Reading) -> None:
-    """Read the takes beneath `root`, which holds ``3d_gt``."""
+def takes(root: Path, options: Options, reading: Reading) -> Iterator[Take]:
+    """Give the takes beneath `root`, which holds ``3d_gt``."""
     cameras = find_cameras(root, options.cameras)
     subjects = options.chosen(root / _TRUTH, (path.name for path in _folders(root / _TRUTH)))
     rigs = {subject: read_rig(cameras, subject) for subject in subjects}
-    takes: Iterator[Take] = (
+    without: Iterator[Take] = (
         _take(folder, subject, rigs[subject], cameras)
         for subject in subjects
         for folder in _folders(root / _TRUTH / subject)
     )
-    if options.detections is None:
-        takes = _with_own(takes, root, options, reading)
-    else:
-        takes = with_separate(takes, options, reading)
-    reading.takes += [_with_monocular(take, root, options.monocular) for take in takes]
+    place = reading.choose(_detectors(root), options, root)
+    return without if place is None else reading.detected(without, partial(_with_own, place))
 
 
 def survey(root: Path, options: Options, found: Survey) -> None:
@@ -110,23 +110,13 @@ def _take(folder: Path, subject: str, rig: CameraRig, cameras: Path) -> Take:
     return take_of(subject, folder.name, rig, truth, {"truth": path, "cameras": cameras})
 
 
-def _with_own(takes: Iterator[Take], root: Path, options: Options, reading: Reading) -> Iterator[Take]:
-    """Add the detections in ``2d_<detector>``; leave out takes that have none."""
-    place = reading.choose(_detectors(root), options, root)
-    if place is None:
-        yield from takes
-        return
-    for take in takes:
-        folder = place / Path(take.key)
-        if not folder.is_dir():
-            reading.left_out.append(take.key)
-            continue
-        yield replace(
-            take,
-            detections=read_apart([(folder, ["poses"])], wanted(take), by_frame=False)[0],
-            monocular=_per_view(folder, take),
-            files={**take.files, "detections": folder},
-        )
+def _with_own(place: Path, take: Take) -> Take | None:
+    """Add the detections in ``2d_<detector>``; None if the take has none."""
+    folder = place / Path(take.key)
+    if not folder.is_dir():
+        return None
+    detections = read_apart([(folder, ["poses"])], wanted(take), by_frame=False)[0]
+    return take.with_detections(detections, folder, monocular=_per_view(folder, take))
 
 
 def _per_view(folder: Path, take: Take) -> FloatArray | None:
@@ -142,10 +132,8 @@ def _per_view(folder: Path, take: Take) -> FloatArray | None:
     return np.stack(views, axis=1)
 
 
-def _with_monocular(take: Take, root: Path, name: str | None) -> Take:
+def with_monocular(take: Take, root: Path, name: str) -> Take:
     """Add the poses of ``initial_guess/<name>``: one per view, or one in all that is fused already."""
-    if name is None:
-        return take
     folder = root / "initial_guess" / name / take.key
     shape, views = (len(take), H36M17.n_joints), [[view] for view in take.rig.names]
     poses = read_world(folder, ["poses"], shape, views, f"poses {name!r} of {take.key}")

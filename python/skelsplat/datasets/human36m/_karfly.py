@@ -18,9 +18,7 @@ from skelsplat.cameras import CameraRig
 from skelsplat.datasets._files import Survey, a_list, as_numbers, load_npy, numbers, require, shape_of, within
 from skelsplat.datasets._model import FloatArray, Take
 from skelsplat.datasets._rig import build_camera, build_rig
-from skelsplat.datasets.human36m._actions import action_of
-from skelsplat.datasets.human36m._cameras import CAMERAS, SIZES
-from skelsplat.datasets.human36m._options import Options, Reading, with_separate
+from skelsplat.datasets.human36m._common import CAMERAS, SIZES, Options, Reading, action_of
 from skelsplat.exceptions import DatasetError
 from skelsplat.layouts import H36M17
 
@@ -40,18 +38,14 @@ def locate(root: Path) -> Path | None:
     return min(found, key=lambda path: "GT" not in path.name, default=None)
 
 
-def read(path: Path, options: Options, reading: Reading) -> None:
-    """Read the takes in the file of labels."""
+def takes(path: Path, options: Options, _: Reading) -> Iterator[Take]:
+    """Give the takes in the file of labels."""
     labels = load_npy(path)
     names = [str(name) for name in _list(path, labels, "subject_names")]
     subjects = options.chosen(path, names)
     table = _table(path, labels)
-    takes = (
-        take
-        for subject in subjects
-        for take in _takes(path, labels, subject, table[table["subject_idx"] == names.index(subject)])
-    )
-    reading.takes += with_separate(takes, options, reading)
+    for subject in subjects:
+        yield from _takes(path, labels, subject, table[table["subject_idx"] == names.index(subject)])
 
 
 def survey(path: Path, _: Options, found: Survey) -> None:

@@ -9,7 +9,6 @@ cut off, as VideoPose3D does.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,14 +18,15 @@ from skelsplat.cameras import CameraRig
 from skelsplat.datasets._detections import Wanted, as_detections, detector_name
 from skelsplat.datasets._files import FloatArray, Survey, a_list, a_table, load_npz, numbers, require
 from skelsplat.datasets._model import Take
-from skelsplat.datasets.human36m._cameras import CAMERAS, find_cameras, read_rig
-from skelsplat.datasets.human36m._options import (
+from skelsplat.datasets.human36m._common import (
+    CAMERAS,
     Options,
     Reading,
     activity_of,
+    find_cameras,
+    read_rig,
     take_of,
     wanted,
-    with_separate,
 )
 from skelsplat.exceptions import DatasetError
 from skelsplat.layouts import H36M17
@@ -44,23 +44,20 @@ def locate(root: Path) -> Path | None:
     return next((folder for folder in (root, root / "data") if (folder / HAS).is_file()), None)
 
 
-def read(root: Path, options: Options, reading: Reading) -> None:
-    """Read the takes in the archives."""
+def takes(root: Path, options: Options, reading: Reading) -> Iterator[Take]:
+    """Give the takes in the archives."""
     path = root / HAS
     positions = _table(path, "positions_3d")
     subjects = options.chosen(path, map(str, positions))
     cameras = find_cameras(root, options.cameras)
     rigs = {subject: read_rig(cameras, subject) for subject in subjects}
-    takes: Iterator[Take] = (
+    without: Iterator[Take] = (
         _take(path, subject, str(activity), value, rigs[subject], cameras)
         for subject in subjects
         for activity, value in _activities(path, f"positions_3d.{subject}", positions[subject])
     )
-    if options.detections is None:
-        takes = _with_own(takes, root, options, reading)
-    else:
-        takes = with_separate(takes, options, reading)
-    reading.takes += takes
+    own = reading.choose(_detectors(root), options, root)
+    return without if own is None else _with_own(without, own, reading)
 
 
 def survey(root: Path, options: Options, found: Survey) -> None:
@@ -98,23 +95,22 @@ def _take(path: Path, subject: str, activity: str, value: Any, rig: CameraRig, c
     return take_of(subject, activity, rig, _MM * truth, {"truth": path, "cameras": cameras})
 
 
-def _with_own(takes: Iterator[Take], root: Path, options: Options, reading: Reading) -> Iterator[Take]:
+def _with_own(takes: Iterator[Take], path: Path, reading: Reading) -> Iterator[Take]:
     """Add the detections in ``data_2d_h36m_<detector>.npz``; leave out takes that have none."""
-    path = reading.choose(_detectors(root), options, root)
-    if path is None:
-        yield from takes
-        return
     positions, cut = _table(path, "positions_2d"), 0
-    for take in takes:
+
+    def detected(take: Take) -> Take | None:
+        nonlocal cut
         own = require(path, "positions_2d", positions, take.subject)
         views = a_table(path, f"positions_2d.{take.subject}", own).get(activity_of(take))
         if views is None:
-            reading.left_out.append(take.key)
-            continue
+            return None
         field = f"positions_2d.{take.subject}.{activity_of(take)}"
         detections, longer = _joined(path, field, a_list(path, field, views), wanted(take))
         cut += longer
-        yield replace(take, detections=detections, files={**take.files, "detections": path})
+        return take.with_detections(detections, path)
+
+    yield from reading.detected(takes, detected)
     if cut:
         reading.notes.append(f"{path.name}: {cut} views cut where the truth ends")
 

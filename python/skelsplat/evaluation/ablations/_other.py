@@ -9,7 +9,6 @@ from functools import partial
 import numpy as np
 
 from skelsplat import Refinement, metrics
-from skelsplat.evaluation.ablations._model import Claim, Outcome, Row, Table, quote, reported_rows
 from skelsplat.evaluation.ablations._sample import (
     Errors,
     FloatArray,
@@ -19,7 +18,15 @@ from skelsplat.evaluation.ablations._sample import (
     errors_of,
 )
 from skelsplat.evaluation.ablations._source import ANNEALED, PAPER, Source
-from skelsplat.evaluation.ablations._sweep import IN_THE_TEXT
+from skelsplat.evaluation.ablations._sweep import (
+    IN_THE_TEXT,
+    Claim,
+    Outcome,
+    Row,
+    Table,
+    quote,
+    reported_rows,
+)
 from skelsplat.evaluation.reported import reported
 
 INITIALISATION, COVERAGE = "tab:abl-initial-guess", "text:coverage"

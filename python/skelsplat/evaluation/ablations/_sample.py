@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import skelsplat as sk
 from skelsplat.datasets import Dataset, Take
-from skelsplat.evaluation.methods import without_lens
+from skelsplat.evaluation.methods import starting_poses, without_lens
 from skelsplat.evaluation.protocols import Protocol
 from skelsplat.exceptions import InvalidInputError
 
@@ -28,16 +28,6 @@ class Group:
 
     def __len__(self) -> int:
         return len(self.take)
-
-    def start(self, kind: Start) -> FloatArray:
-        """Return the initial poses (P, N, 3): unweighted triangulation, or fusion of the monocular poses."""
-        take = self.poses
-        assert take.detections is not None  # `sample` has checked it
-        if kind == "dlt":
-            return sk.triangulate(take.detections[..., :2], take.rig, method="dlt")
-        if take.monocular is None:
-            raise InvalidInputError("start: expected monocular poses to fuse, got a data set without")
-        return sk.fuse_monocular(take.monocular, take.detections, take.rig)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,7 +59,7 @@ class Sample:
 
     def starts(self, kind: Start) -> list[FloatArray]:
         """Return the initial poses of every group."""
-        return [group.start(kind) for group in self.groups]
+        return [starting_poses(group.poses, kind) for group in self.groups]
 
     def first_views(self, count: int) -> Sample:
         """Return the sample with the first `count` cameras of every rig, the only ones to estimate poses."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,11 +13,12 @@ import numpy as np
 import skelsplat as sk
 from skelsplat import datasets
 from skelsplat.datasets import Dataset, Take
-from skelsplat.datasets._registry import options_of
+from skelsplat.datasets._registry import detections_option, options_of
 from skelsplat.evaluation import protocols
 from skelsplat.evaluation.ablations._sample import Errors, FloatArray, Sample, Start, errors_of, sample
-from skelsplat.evaluation.methods import DEFAULT_INIT_SIGMA_MM
+from skelsplat.evaluation.methods import DEFAULT_INIT_SIGMA_MM, refined
 from skelsplat.evaluation.protocols import Protocol
+from skelsplat.evaluation.report import occlusion_of
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.synthetic import simulate_set
 
@@ -140,19 +140,7 @@ class Source(ABC):
                     self._progress(text, before + now, sample.n_poses)
 
             heard(0, len(group))
-            take = group.poses
-            assert take.detections is not None  # `sample` has checked it
-            sigma = None if init_sigma_mm is None else init_sigma_mm / take.rig.mm_per_unit
-            result = sk.refine(
-                start,
-                take.detections,
-                take.rig,
-                layout=sample.layout,
-                init_sigma=sigma,
-                config=config,
-                progress=heard,
-            )
-            results.append(result)
+            results.append(refined(group.poses, sample.layout, start, config, init_sigma_mm, heard))
             before += len(group)
         return results
 
@@ -245,8 +233,7 @@ class OnDisk(Source):
     def _read(self, detector: str | None, *, all_views: bool) -> Sample:
         options, known = dict(self._options), options_of(self._name)
         if detector is not None:
-            apart = Path(detector).exists() and "detections" in known
-            options["detections" if apart else "detector"] = detector
+            options |= detections_option(self._name, detector)
         if all_views and self._name in protocols.names and "views" in known:
             options.setdefault("views", max(protocols.get(self._name).view_sets, default=None))
         dataset = datasets.read(self._name, self._root, **options)
@@ -261,5 +248,5 @@ class OnDisk(Source):
 
 def _key(dataset: Dataset, protocol: Protocol) -> str:
     """Name of the data as in the paper's rows: the protocol's, with the occlusion behind it."""
-    variant = re.search(r"-occ-(2|3-hard|3)", f"{dataset.name} {dataset.source}", re.IGNORECASE)
-    return f"{protocol.name}-{variant[1]}" if variant and protocol.name == "human36m-occ" else protocol.name
+    variant = occlusion_of(dataset) if protocol.name == "human36m-occ" else None
+    return f"{protocol.name}-{variant}" if variant else protocol.name

@@ -8,10 +8,9 @@ from typing import Any
 import skelsplat as sk
 from skelsplat import synthetic
 from skelsplat.evaluation.ablations import _other as other
-from skelsplat.evaluation.ablations._model import Ablation
 from skelsplat.evaluation.ablations._sample import FloatArray, Sample
 from skelsplat.evaluation.ablations._source import ANNEALED, PAPER, Source
-from skelsplat.evaluation.ablations._sweep import IN_THE_TEXT, MOST, Check, Line, Sweep, Varied
+from skelsplat.evaluation.ablations._sweep import IN_THE_TEXT, MOST, Ablation, Check, Line, Sweep, Varied
 from skelsplat.exceptions import InvalidInputError
 
 ENCODING = Sweep(
@@ -221,10 +220,7 @@ names: tuple[str, ...] = tuple(_BY_NAME)
 def get(name: str) -> Ablation:
     """Return the ablation of that name.
 
-    Raises
-    ------
-    InvalidInputError
-        If there is none; the message lists them.
+    Raises `InvalidInputError` if there is none; the message lists them.
     """
     if name not in _BY_NAME:
         raise InvalidInputError(f"name: expected one of {', '.join(names)}, got {name!r}")

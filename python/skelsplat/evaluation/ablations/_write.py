@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from skelsplat._skelsplat import __version__
-from skelsplat.evaluation.ablations._model import Ablation, Outcome, Table
 from skelsplat.evaluation.ablations._source import Choices, Source
+from skelsplat.evaluation.ablations._sweep import Ablation, Outcome, Table
 from skelsplat.evaluation.ablations._table import get
 from skelsplat.evaluation.reported import reported
 from skelsplat.io._atomic import atomic_write_text
@@ -46,10 +46,7 @@ class Record:
 def run(name: str, source: Source, *, command: str = "") -> Record:
     """Run the ablation of that name; `command` is what the files say it is repeated with.
 
-    Raises
-    ------
-    InvalidInputError
-        If there is no such ablation, or the source lacks the poses that it needs.
+    Raises `InvalidInputError` if there is no such ablation, or the source lacks the poses that it needs.
     """
     ablation = get(name)
     outcome = ablation.run(source)
@@ -121,10 +118,7 @@ def as_dict(record: Record) -> dict[str, Any]:
 def write(folder: Path, record: Record) -> list[Path]:
     """Write ``NAME.md``, ``NAME.csv`` and ``NAME.json`` into a folder, which is made; return their paths.
 
-    Raises
-    ------
-    DatasetError
-        If a file cannot be written.
+    Raises `DatasetError` if a file cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
     out = []

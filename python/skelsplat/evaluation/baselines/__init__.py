@@ -6,8 +6,8 @@ fewer than two views see is NaN. Lens distortion is removed first, so every pixe
 the same K. OpenCV comes with ``pip install 'skelsplat[evaluation]'`` and is imported when needed.
 """
 
-from skelsplat.evaluation.baselines._linear import dlt, opencv_dlt
 from skelsplat.evaluation.baselines._minimise import cauchy
+from skelsplat.evaluation.baselines._observations import dlt, opencv_dlt
 from skelsplat.evaluation.baselines._ransac import ransac_adafuse, ransac_iskakov
 
 __all__ = ["cauchy", "dlt", "opencv_dlt", "ransac_adafuse", "ransac_iskakov"]

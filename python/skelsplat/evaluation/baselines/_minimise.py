@@ -15,17 +15,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skelsplat.evaluation.baselines._linear import rig_frame, solve
+from skelsplat._arrays import positive
 from skelsplat.evaluation.baselines._observations import (
     BoolArray,
     Cameras,
     FloatArray,
     IntArray,
-    Observations,
     homogeneous,
     observe,
-    positive,
     reproject,
+    rig_frame,
+    solve,
 )
 
 _MAX_STEPS = 200
@@ -85,7 +85,7 @@ def cauchy(detections: ArrayLike, cameras: Cameras, *, f_scale: float = 5.0) -> 
     positive("f_scale", f_scale)
     joints = observe(detections, cameras)
     weights = joints.seen.astype(np.float64)
-    problem = Reprojections.of(joints, weights, by_view=False)
+    problem = Reprojections(joints.pixels, joints.projections, weights, by_view=False)
     return joints.points(minimise(solve(joints, weights), problem, cauchy_loss(f_scale)))
 
 
@@ -97,11 +97,6 @@ class Reprojections:
     projections: FloatArray  # (M, 3, 4)
     scale: FloatArray  # (B, M): Factor on both coordinates; 0 for a view that takes no part
     by_view: bool  # A group is a view (2 numbers), else a coordinate (1 number)
-
-    @classmethod
-    def of(cls, joints: Observations, scale: FloatArray, *, by_view: bool) -> Reprojections:
-        """Take the pixels and cameras of `joints`."""
-        return cls(joints.pixels, joints.projections, scale, by_view)
 
     def part(self, which: IntArray) -> Reprojections:
         """Return the problem of some of the joints."""
@@ -152,7 +147,9 @@ def minimise(start: FloatArray, problem: Reprojections, loss: Loss) -> FloatArra
         level = better & (value[open_joints] - reached <= _LEVEL * value[open_joints])
         points[open_joints[better]] = trial[better]
         value[open_joints[better]] = reached[better]
-        damping[open_joints] = _next_damping(damping[open_joints], better)
+        damping[open_joints] = np.maximum(
+            np.where(better, damping[open_joints] / 10.0, damping[open_joints] * 10.0), _LEAST_DAMPING
+        )
         settled = level | (better & (moved <= _SETTLED_PX)) | (damping[open_joints] >= _MOST_DAMPING)
         open_joints = open_joints[~settled]
     return np.where(_ran_away(points, problem.projections)[:, None], start, points)
@@ -163,10 +160,6 @@ def _ran_away(points: FloatArray, projections: FloatArray) -> BoolArray:
     frame = rig_frame(projections)
     distance = np.linalg.norm(points - frame[:3, 3], axis=1)
     return np.asarray(distance > _FARTHEST * frame[0, 0])
-
-
-def _next_damping(damping: FloatArray, better: BoolArray) -> FloatArray:
-    return np.maximum(np.where(better, damping / 10.0, damping * 10.0), _LEAST_DAMPING)
 
 
 def _value(X: FloatArray, problem: Reprojections, loss: Loss) -> FloatArray:

@@ -19,8 +19,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skelsplat._arrays import numbers
-from skelsplat.evaluation.baselines._linear import solve
+from skelsplat._arrays import numbers, positive
 from skelsplat.evaluation.baselines._minimise import Reprojections, huber, minimise
 from skelsplat.evaluation.baselines._observations import (
     BoolArray,
@@ -28,8 +27,8 @@ from skelsplat.evaluation.baselines._observations import (
     FloatArray,
     Observations,
     observe,
-    positive,
     reproject,
+    solve,
 )
 from skelsplat.exceptions import InvalidInputError
 
@@ -75,13 +74,13 @@ def ransac_iskakov(
         Shapes that do not fit, a confidence outside [0, 1], a number that is not positive.
     """
     positive("epsilon", epsilon)
-    positive("n_iters", n_iters, kind="integer")
+    positive("n_iters", n_iters, "integer")
     joints = observe(detections, cameras)
     scale = _per_joint(crop_scale, joints)
     inliers = _largest_set(joints, 2.0 * epsilon * scale, n_iters, np.random.default_rng(seed), forced=True)
     points = solve(joints, inliers.astype(np.float64))
     if direct_optimization:
-        problem = Reprojections.of(joints, inliers * 0.5 / scale, by_view=True)
+        problem = Reprojections(joints.pixels, joints.projections, inliers * 0.5 / scale, by_view=True)
         points = minimise(points, problem, huber)
     return joints.points(points)
 
@@ -119,7 +118,7 @@ def ransac_adafuse(
         Shapes that do not fit, a confidence outside [0, 1], a number that is not positive.
     """
     positive("epsilon", epsilon)
-    positive("n_iters", n_iters, kind="integer")
+    positive("n_iters", n_iters, "integer")
     joints = observe(detections, cameras)
     tolerance = np.full(joints.seen.shape, float(epsilon))
     inliers = _largest_set(joints, tolerance, n_iters, np.random.default_rng(seed), forced=False)

@@ -16,22 +16,14 @@ from typing import Any
 import numpy as np
 
 import skelsplat as sk
+from skelsplat.cameras import MM_PER_UNIT, altered
 from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.findings import Finding, FindingWarning, Subject
 from skelsplat.io._atomic import atomic_write, atomic_write_text
 from skelsplat.io._files import of_file
-from skelsplat.io.calibration import (
-    _easymocap,
-    _human36m,
-    _openpose,
-    _own,
-    _panoptic,
-    _qualisys,
-    _toml,
-    _vicon,
-)
-from skelsplat.io.calibration._format import CalibrationFormat, RawCamera, Source
+from skelsplat.io.calibration import _json, _opencv, _toml, _xml
+from skelsplat.io.calibration._format import Array, CalibrationFormat, RawCamera, Source
 from skelsplat.io.calibration._rotation import nearest_rotation
-from skelsplat.io.calibration._unit import check_unit, convert_unit
 
 __all__ = ["FORMATS", "convert_unit", "find_format", "read_calibration", "write_calibration"]
 
@@ -39,14 +31,14 @@ __all__ = ["FORMATS", "convert_unit", "find_format", "read_calibration", "write_
 FORMATS: dict[str, CalibrationFormat] = {
     known.name: known
     for known in (
-        CalibrationFormat("npz", _own.is_npz, _own.parse_npz),
-        CalibrationFormat("json", _own.is_json, _own.parse_json),
-        CalibrationFormat("human36m", _human36m.matches, _human36m.parse, ("subject", "size")),
-        CalibrationFormat("panoptic", _panoptic.matches, _panoptic.parse, ("camera_type",)),
-        CalibrationFormat("qualisys", _qualisys.matches, _qualisys.parse, ("camera_type", "binning")),
-        CalibrationFormat("vicon", _vicon.matches, _vicon.parse, ("camera_type",)),
-        CalibrationFormat("openpose", _openpose.matches, _openpose.parse, ("size",)),
-        CalibrationFormat("easymocap", _easymocap.matches, _easymocap.parse, ("size",)),
+        CalibrationFormat("npz", _json.is_npz, _json.parse_npz),
+        CalibrationFormat("json", _json.is_json, _json.parse_json),
+        CalibrationFormat("human36m", _json.is_human36m, _json.parse_human36m, ("subject", "size")),
+        CalibrationFormat("panoptic", _json.is_panoptic, _json.parse_panoptic, ("camera_type",)),
+        CalibrationFormat("qualisys", _xml.is_qualisys, _xml.parse_qualisys, ("camera_type", "binning")),
+        CalibrationFormat("vicon", _xml.is_vicon, _xml.parse_vicon, ("camera_type",)),
+        CalibrationFormat("openpose", _opencv.is_openpose, _opencv.parse_openpose, ("size",)),
+        CalibrationFormat("easymocap", _opencv.is_easymocap, _opencv.parse_easymocap, ("size",)),
         CalibrationFormat("caliscope", _toml.is_caliscope, _toml.parse_caliscope),
         CalibrationFormat("anipose", _toml.is_anipose, _toml.parse_anipose),
     )
@@ -54,6 +46,10 @@ FORMATS: dict[str, CalibrationFormat] = {
 _WRITTEN = {".toml": "anipose", ".json": "json", ".npz": "npz"}
 # Qualisys writes six digits, EasyMocap six, Vicon's are exact: more is no rounding
 _ROTATION_DIGITS = 1e-3
+# from a macro rig on a table to a stadium; outside it the unit is wrong rather than the rig unusual
+_PLAUSIBLE_M = (0.05, 100.0)
+# cameras of a room stand about this far apart; the likely unit is the one that comes closest
+_TYPICAL_M = 4.0
 
 
 def read_calibration(
@@ -134,7 +130,7 @@ def read_calibration(
     _check_names(source.path, parsed.cameras)
     cameras = [_build(source.path, camera, _size(source.path, camera, size)) for camera in parsed.cameras]
     centres = [np.asarray(camera.centre) for camera in cameras]
-    known_unit = check_unit(source.path, centres, unit, stated=parsed.unit)
+    known_unit = _check_unit(source.path, centres, unit, stated=parsed.unit)
     return sk.CameraRig(cameras, unit=known_unit)
 
 
@@ -215,6 +211,58 @@ def _build(path: Path, raw: RawCamera, size: tuple[int, int]) -> sk.Camera:
         raise of_file(path, error) from error
 
 
+def _check_unit(path: Path, centres: Sequence[Array], unit: str | None, *, stated: str | None = None) -> str:
+    """Return the unit, given or `stated` by the file; warn if the cameras' spread makes it implausible."""
+    spread = _spread(centres)
+    if stated is not None:
+        if unit not in (None, stated):
+            raise InvalidInputError(f'unit: expected none or "{stated}", the unit of {path}, got {unit!r}')
+        unit = stated
+    if unit is None:
+        raise InvalidInputError(f'unit: expected "mm", "cm" or "m" for {path}, got none; {_hint(spread)}')
+    if unit not in MM_PER_UNIT:
+        raise InvalidInputError(f'unit: expected "mm", "cm" or "m", got {unit!r}')
+    metres = spread * MM_PER_UNIT[unit] / 1000.0
+    if spread > 0.0 and not _PLAUSIBLE_M[0] <= metres <= _PLAUSIBLE_M[1]:
+        numbers = {"metres": metres, "unit": unit, "spread": spread, "likely": _likely(spread)}
+        subject = Subject(files=(str(path),))
+        warnings.warn(FindingWarning(Finding("unit_implausible", "warning", subject, numbers)), stacklevel=3)
+    return unit
+
+
+def _spread(centres: Sequence[Array]) -> float:
+    """Largest distance between two camera centres, in the file's unit; 0 for one camera."""
+    points = np.stack(centres)
+    return float(np.linalg.norm(points[:, None] - points[None], axis=-1).max())
+
+
+def _hint(spread: float) -> str:
+    if spread == 0.0:
+        return "one camera gives no hint of it"
+    return (
+        f'the largest distance between cameras is {spread:.4g} in the file, so "{_likely(spread)}" is likely'
+    )
+
+
+def _likely(spread: float) -> str:
+    return min(MM_PER_UNIT, key=lambda name: abs(np.log(spread * MM_PER_UNIT[name] / 1000.0 / _TYPICAL_M)))
+
+
+def convert_unit(rig: sk.CameraRig, unit: str) -> sk.CameraRig:
+    """Return the same cameras with lengths in another unit.
+
+    Raises
+    ------
+    InvalidInputError
+        If the unit is not mm, cm or m.
+    """
+    if unit not in MM_PER_UNIT:
+        raise InvalidInputError(f'unit: expected "mm", "cm" or "m", got {unit!r}')
+    factor = rig.mm_per_unit / MM_PER_UNIT[unit]
+    cameras = [altered(camera, t=np.asarray(camera.t) * factor) for camera in rig]
+    return sk.CameraRig(cameras, unit=unit)
+
+
 def write_calibration(path: str | os.PathLike[str], rig: sk.CameraRig, *, format: str | None = None) -> None:
     """Write `rig` as Anipose TOML, which Pose2Sim, FreeMoCap and Caliscope also read, or as JSON or npz.
 
@@ -246,6 +294,6 @@ def write_calibration(path: str | os.PathLike[str], rig: sk.CameraRig, *, format
         raise InvalidInputError(f"format: expected {expected}, got {format or suffix or 'no suffix'!r}")
     if chosen == "npz":
         with atomic_write(path) as stream:
-            np.savez(stream, **_own.to_arrays(rig))
+            np.savez(stream, **_json.to_arrays(rig))
     else:
-        atomic_write_text(path, _own.to_json(rig) if chosen == "json" else _toml.to_toml(rig))
+        atomic_write_text(path, _json.to_json(rig) if chosen == "json" else _toml.to_toml(rig))

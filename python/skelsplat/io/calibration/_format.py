@@ -1,4 +1,4 @@
-"""What a calibration format is: how its files are opened, and what they are parsed into."""
+"""What a calibration format is: how its files are opened, into what they are parsed, what entries share."""
 
 from __future__ import annotations
 
@@ -13,12 +13,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from skelsplat.cameras import matrix_from_vector
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._fields import Field
 from skelsplat.io._files import load_json, opening, parse_toml, read_text
 
 Array = npt.NDArray[np.float64]
 
+PINHOLE_COUNTS = (4, 5, 8, 12, 14)
+_FISHEYE_COUNT = 4
+_MOST_PIXELS = 2**31 - 1
 _BINARY = (".npz", ".npy", ".pickle", ".pkl", ".h5", ".mat")
 
 
@@ -111,7 +115,7 @@ class Source:
         begins = self.start.startswith(("{", "[")) and self.suffix != ".toml"
         if not begins or _is_toml_header(self.start):
             return Field(self.path, "", None)
-        return Field(self.path, "", load_json(self.path, self.text, "a calibration"))
+        return Field(self.path, "", load_json(self.path, "a calibration", self.text))
 
     @cached_property
     def xml(self) -> ET.Element | None:
@@ -134,3 +138,54 @@ def _is_toml_header(start: str) -> bool:
     line = start.partition("\n")[0].partition("#")[0].strip()
     inside = line.removeprefix("[").removesuffix("]").strip()
     return line.startswith("[") and line.endswith("]") and inside[:1].isalpha()
+
+
+def camera_of(entry: Field, *, distortion: str, size: str, fisheye: bool = False) -> RawCamera:
+    """Return the camera of an entry with ``name``, ``K``, ``R``, ``t``, and these names for the rest."""
+    return RawCamera(
+        name=entry["name"].text(),
+        K=entry["K"].numbers((3, 3)),
+        R=entry["R"].numbers((3, 3)),
+        t=entry["t"].numbers((3,)),
+        distortion=lens_of(entry[distortion], fisheye=fisheye),
+        size=size_of(entry[size]),
+        fisheye=fisheye,
+    )
+
+
+def lens_of(field: Field, *, fisheye: bool = False) -> Array | None:
+    """Return lens coefficients in a number that OpenCV has; None if the file says null."""
+    if field.is_missing:  # a misspelt key must not pass for a camera without a lens
+        raise field.error("lens coefficients, zeros for no lens", "none")
+    if field.value is None:
+        return None
+    values = field.numbers(None)
+    # FreeMoCap pads the four fisheye coefficients with a zero
+    if fisheye and values.size == _FISHEYE_COUNT + 1 and values[-1] == 0.0:
+        values = values[:_FISHEYE_COUNT]
+    counts = (_FISHEYE_COUNT,) if fisheye else PINHOLE_COUNTS
+    if values.size not in counts:
+        expected = f"{' or '.join(map(str, counts))} {'fisheye' if fisheye else 'lens'} coefficients"
+        raise field.error(expected, f"{values.size} of them")
+    return values
+
+
+def rotation_of(field: Field) -> Array:
+    """Return the rotation that a field holds as a matrix or as a vector (Rodrigues, radians)."""
+    is_matrix = np.size(np.array(field.value, dtype=object)) == 9
+    return field.numbers((3, 3)) if is_matrix else matrix_from_vector(field.numbers((3,)))
+
+
+def size_of(field: Field) -> tuple[int, int]:
+    """Return a positive whole width and height."""
+    size = whole_size(*field.numbers((2,)))
+    if size is None:
+        raise field.error("a positive whole width and height in pixels", field.shown)
+    return size
+
+
+def whole_size(width: float, height: float) -> tuple[int, int] | None:
+    """Return a width and height that are positive, whole and those of some image; else None."""
+    if not all(1 <= length <= _MOST_PIXELS and float(length).is_integer() for length in (width, height)):
+        return None
+    return int(width), int(height)

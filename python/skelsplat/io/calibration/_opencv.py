@@ -1,4 +1,4 @@
-"""What OpenCV's ``FileStorage`` writes as YAML or XML, read without OpenCV.
+"""Calibrations in OpenCV's ``FileStorage``: EasyMocap (YAML) and OpenPose (XML), read without OpenCV.
 
 Its YAML is not what other parsers read: the header is ``%YAML:1.0`` and matrices carry the tag
 ``!!opencv-matrix``. Read here: numbers, texts, lists of texts (``- a`` lines or ``[a, b]``) and matrices, at
@@ -16,24 +16,35 @@ from typing import Any
 import numpy as np
 
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._files import whole_number
+from skelsplat.io._fields import Field
+from skelsplat.io._files import natural, read_text, whole_number
+from skelsplat.io.calibration._format import (
+    PINHOLE_COUNTS,
+    Array,
+    Parsed,
+    RawCamera,
+    Source,
+    lens_of,
+    rotation_of,
+    whole_size,
+)
 
 _KEY = re.compile(r"^([^\s:#%-][^:]*?)\s*:(?:\s+(.*))?$")
 _MATRIX = "!!opencv-matrix"
 
 
-def matrices_of_xml(path: Path, root: ET.Element) -> dict[str, list[list[float]]]:
+def _matrices_of_xml(path: Path, root: ET.Element) -> dict[str, list[list[float]]]:
     """Return the matrices beneath the root of an XML document, rows × columns."""
     parts = {node.tag: {child.tag: child.text or "" for child in node} for node in root if len(node)}
     return {key: _matrix(path, key, matrix) for key, matrix in parts.items()}
 
 
-def is_opencv_yaml(text: str) -> bool:
+def _is_opencv_yaml(text: str) -> bool:
     """Whether a text is what ``FileStorage`` writes: the header ``%YAML`` or a matrix with OpenCV's tag."""
     return text.lstrip().startswith("%YAML") or _MATRIX in text
 
 
-def parse_opencv_yaml(path: Path, text: str) -> dict[str, Any]:
+def _parse_opencv_yaml(path: Path, text: str) -> dict[str, Any]:
     """Return the top-level entries: matrices and lists as nested lists, numbers, texts."""
     entries: dict[str, Any] = {}
     for key, line, value, block in _blocks(path, text):
@@ -100,3 +111,144 @@ def _scalar(text: str) -> Any:
     if re.fullmatch(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", text) and not text.isdigit():
         return float(text)
     return text
+
+
+_ROOT = "opencv_storage"
+
+
+def is_openpose(source: Source) -> bool:
+    """Whether a folder has XML files, or a file has OpenCV's root."""
+    if source.is_folder:
+        return any(file.suffix.lower() == ".xml" for file in source.files)
+    return source.xml is not None and source.xml.tag == _ROOT
+
+
+def parse_openpose(source: Source) -> Parsed:
+    """Return the camera of every file of OpenPose's, 2.xml before 10.xml: one OpenCV XML each, metres.
+
+    ``CameraMatrix`` 3×4 is world → camera [R | t], ``Intrinsics`` 3×3, ``Distortion`` n×1 in OpenCV's order.
+    The camera's name is that of its file. The image size is not in the files.
+    """
+    files = [f for f in source.files if f.suffix.lower() == ".xml"] if source.is_folder else [source.path]
+    if not files:
+        raise DatasetError(source.path, "files", "one XML file per camera", "none")
+    files = sorted(files, key=lambda file: natural(file.stem))
+    return Parsed([_openpose_camera(Source(file)) for file in files], "m")
+
+
+def _openpose_camera(source: Source) -> RawCamera:
+    root = source.xml
+    if root is None or root.tag != _ROOT:
+        actual = "no XML" if root is None else f"<{root.tag}>"
+        raise DatasetError(source.path, "root", f"<{_ROOT}>, as OpenCV writes it", actual)
+    entry = Field(source.path, "", _matrices_of_xml(source.path, root))
+    pose = entry["CameraMatrix"].numbers((3, 4))
+    return RawCamera(
+        name=source.path.stem,
+        K=entry["Intrinsics"].numbers((3, 3)),
+        R=pose[:, :3],
+        t=pose[:, 3],
+        distortion=lens_of(entry["Distortion"]),
+        size=None,
+    )
+
+
+_PAIR = ("intri", "extri")
+_SUFFIXES = (".yml", ".yaml")
+# R_ and Rot_ are written with six decimals, and so may be one of dist_ and D_
+_SAME_ROTATION = 1e-4
+_SAME_LENS = 1e-6
+
+
+def is_easymocap(source: Source) -> bool:
+    """Whether a folder has either file, or a file is OpenCV's YAML."""
+    if source.is_folder:
+        return any(_in_folder(source, part) is not None for part in _PAIR)
+    return _is_opencv_yaml(source.text)
+
+
+def _in_folder(source: Source, part: str) -> Path | None:
+    return next((f for f in source.files if f.stem == part and f.suffix.lower() in _SUFFIXES), None)
+
+
+def parse_easymocap(source: Source) -> Parsed:
+    """Return the cameras that EasyMocap's pair of files has, ``intri.yml`` and ``extri.yml``.
+
+    ``names`` lists the cameras. ``intri.yml`` has ``K_NAME`` 3×3, ``dist_NAME``, ``D_NAME`` or both, and
+    often ``H_NAME`` and ``W_NAME``, the image's height and width; ``extri.yml`` has ``R_NAME`` (Rodrigues
+    vector), ``Rot_NAME`` 3×3 or both, and ``T_NAME``, world → camera. Given is the folder or either file; one
+    file that holds everything will do as well. The length unit is that of the board that was calibrated with.
+    """
+    intri, extri = _files(source)
+    listed = intri.value.get("names", [])
+    names = [str(name) for name in (listed if isinstance(listed, list) else [listed])]
+    names = names or [key.removeprefix("K_") for key in intri.value if key.startswith("K_")]
+    if not names:
+        raise intri["names"].error("the names of the cameras", "none")
+    return Parsed([_easymocap_camera(intri, extri, name) for name in names])
+
+
+def _files(source: Source) -> tuple[Field, Field]:
+    """Return intrinsics and extrinsics; the same file twice if it holds both."""
+    if source.is_folder:
+        intri, extri = (_in_folder(source, part) or source.path / f"{part}.yml" for part in _PAIR)
+        return _entries(intri), _entries(extri)
+    given = _entries(source.path)
+    has = [any(key.startswith(prefix) for key in given.value) for prefix in ("K_", "T_")]
+    if all(has):
+        return given, given
+    here, there = _PAIR if has[0] else _PAIR[::-1]
+    if not any(has) or here not in source.path.name:
+        expected = "K_NAME (intri.yml) or R_NAME and T_NAME (extri.yml) for each camera"
+        raise DatasetError(source.path, "keys", expected, ", ".join(given.value) or "none")
+    other = _entries(source.path.with_name(source.path.name.replace(here, there)))
+    return (given, other) if has[0] else (other, given)
+
+
+def _entries(path: Path) -> Field:
+    return Field(path, "", _parse_opencv_yaml(path, read_text(path)))
+
+
+def _easymocap_camera(intri: Field, extri: Field, name: str) -> RawCamera:
+    return RawCamera(
+        name=name,
+        K=intri[f"K_{name}"].numbers((3, 3)),
+        R=_rotation(extri, name),
+        t=extri[f"T_{name}"].numbers((3,)),
+        distortion=_lens(intri, name),
+        size=_size(intri, name),
+    )
+
+
+def _lens(intri: Field, name: str) -> Array | None:
+    """Return lens coefficients from ``dist_``, else ``D_``; both must say the same."""
+    fields = [intri[f"dist_{name}"], intri[f"D_{name}"]]
+    there = [field for field in fields if not field.is_missing] or fields[:1]
+    found = [lens_of(field) for field in there]
+    longest = max(PINHOLE_COUNTS)  # coefficients that are left out are 0
+    padded = [np.zeros(longest) if k is None else np.pad(k, (0, longest - k.size)) for k in found]
+    if np.abs(padded[-1] - padded[0]).max() > _SAME_LENS:
+        raise there[1].error(f"the coefficients of {there[0].place}", "others")
+    return found[0]
+
+
+def _rotation(extri: Field, name: str) -> Array:
+    """Return the rotation from ``Rot_``, else ``R_`` (vector or matrix); both must say the same."""
+    vector, matrix = extri[f"R_{name}"], extri[f"Rot_{name}"]
+    found = [] if matrix.is_missing else [matrix.numbers((3, 3))]
+    if not vector.is_missing or not found:
+        found.append(rotation_of(vector))
+    if np.abs(found[-1] - found[0]).max() > _SAME_ROTATION:
+        raise matrix.error(f"the rotation of {vector.place}", "another rotation")
+    return found[0]
+
+
+def _size(intri: Field, name: str) -> tuple[int, int] | None:
+    fields = intri[f"W_{name}"], intri[f"H_{name}"]
+    if all(field.is_missing for field in fields):
+        return None
+    width, height = (field.number() for field in fields)
+    size = whole_size(width, height)
+    if size is None:
+        raise fields[0].error("a positive whole width and height", f"{width:g} and {height:g}")
+    return size

@@ -1,4 +1,4 @@
-"""Rotation vectors (Rodrigues: axis times angle in radians), quaternions and matrices."""
+"""Rotations as quaternions, vectors and matrices."""
 
 from __future__ import annotations
 
@@ -8,20 +8,6 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 
 _FULL_PRECISION = 1e-12
-
-
-def matrix_from_vector(vector: Array) -> Array:
-    """Rotation matrix (3, 3) of a rotation vector (3,), radians.
-
-    R = I + sinc(θ)·[v]ₓ + ½·sinc²(θ/2)·[v]ₓ², which holds at θ = 0 without a special case.
-    """
-    angle = float(np.linalg.norm(vector))
-    x, y, z = vector
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    first = np.sinc(angle / np.pi)
-    second = 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2
-    rotation: Array = np.eye(3) + first * cross + second * (cross @ cross)
-    return rotation
 
 
 def matrix_from_quaternion(quaternion: Array) -> Array:

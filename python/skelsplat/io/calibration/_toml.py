@@ -19,11 +19,11 @@ import re
 import numpy as np
 
 import skelsplat as sk
+from skelsplat.cameras import matrix_from_vector
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._fields import Field
-from skelsplat.io.calibration._entries import lens_of, size_of
-from skelsplat.io.calibration._format import Parsed, RawCamera, Source
-from skelsplat.io.calibration._rotation import matrix_from_vector, vector_from_matrix
+from skelsplat.io.calibration._format import Parsed, RawCamera, Source, lens_of, rotation_of, size_of
+from skelsplat.io.calibration._rotation import vector_from_matrix
 
 _REQUIRED = ("matrix", "rotation", "translation")
 _LENS = ("distortion", "distortions")
@@ -104,13 +104,12 @@ def _caliscope_camera(entry: Field) -> RawCamera:
     if any(field.is_missing or field.value in (None, "null") for field in (rotation, translation)):
         expected = "a camera that is calibrated with the others, or ignore = true"
         raise rotation.error(expected, "no rotation and translation")
-    is_matrix = np.shape(rotation.value)[:1] == (3,) and np.ndim(rotation.value) == 2
     fisheye = entry["fisheye"].flag()
     number = "port" if "port" in entry and "cam_id" not in entry else "cam_id"
     return RawCamera(
         name=f"{'port' if number == 'port' else 'cam'}_{entry[number].text()}",  # as its videos are called
         K=entry["matrix"].numbers((3, 3)),
-        R=rotation.numbers((3, 3)) if is_matrix else matrix_from_vector(rotation.numbers((3,))),
+        R=rotation_of(rotation),
         t=translation.numbers((3,)),
         distortion=lens_of(entry["distortions"], fisheye=fisheye),
         size=size_of(entry["size"]),

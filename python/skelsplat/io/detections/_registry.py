@@ -10,20 +10,7 @@ from pathlib import Path
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._files import VIDEO_SUFFIXES
 from skelsplat.io._run_files import is_run
-from skelsplat.io.detections import (
-    coco,
-    deeplabcut,
-    easymocap,
-    freemocap,
-    metrabs,
-    mmpose,
-    openpose,
-    own_csv,
-    own_npz,
-    rtmlib,
-    sleap,
-    videopose3d,
-)
+from skelsplat.io.detections import _animals, _arrays, _csv, _json
 from skelsplat.io.detections._format import DetectionFormat
 from skelsplat.io.detections._sources import subfolders
 
@@ -31,28 +18,40 @@ from skelsplat.io.detections._sources import subfolders
 FORMATS: dict[str, DetectionFormat] = {
     form.name: form
     for form in (
-        DetectionFormat("openpose", (".json",), openpose.matches, folder=openpose.read_folder),
-        DetectionFormat("mmpose", (".json",), mmpose.matches, mmpose.read_file),
+        DetectionFormat("openpose", (".json",), _json.is_openpose, folder=_json.read_openpose),
+        DetectionFormat("mmpose", (".json",), _json.is_mmpose, _json.read_mmpose),
         DetectionFormat(
-            "alphapose", (".json",), coco.is_alphapose, coco.read_alphapose, cut=coco.cut_alphapose
+            "alphapose", (".json",), _json.is_alphapose, _json.read_alphapose, cut=_json.cut_alphapose
         ),
-        DetectionFormat("coco", (".json",), coco.is_coco, coco.read_coco),
-        DetectionFormat("rtmlib", (".npz", ".npy"), rtmlib.matches, rtmlib.read_file, rtmlib.read_folder),
-        DetectionFormat("metrabs", (".npz",), metrabs.matches, metrabs.read_file),
-        DetectionFormat("deeplabcut", (".h5",), deeplabcut.is_h5, deeplabcut.read_h5, cut=deeplabcut.cut),
+        DetectionFormat("coco", (".json",), _json.is_coco, _json.read_coco),
         DetectionFormat(
-            "deeplabcut_csv", (".csv",), deeplabcut.is_csv, deeplabcut.read_csv, cut=deeplabcut.cut
+            "rtmlib", (".npz", ".npy"), _arrays.is_rtmlib, _arrays.read_rtmlib, _arrays.read_rtmlib_folder
         ),
-        DetectionFormat("sleap", (".h5", ".hdf5"), sleap.matches, sleap.read_file, cut=sleap.cut),
-        DetectionFormat("freemocap", (".npy",), freemocap.matches, recording=freemocap.read_recording),
-        DetectionFormat("easymocap", (".json",), easymocap.matches, folder=easymocap.read_folder),
-        DetectionFormat("videopose3d", (".npz",), videopose3d.matches, recording=videopose3d.read_recording),
+        DetectionFormat("metrabs", (".npz",), _arrays.is_metrabs, _arrays.read_metrabs),
         DetectionFormat(
-            "npz", (".npz",), own_npz.matches, own_npz.read_file, recording=own_npz.read_recording
+            "deeplabcut",
+            (".h5",),
+            _animals.is_deeplabcut,
+            _animals.read_deeplabcut,
+            cut=_animals.cut_deeplabcut,
         ),
         DetectionFormat(
-            "csv", (".csv",), own_csv.matches, own_csv.read_file, recording=own_csv.read_recording
+            "deeplabcut_csv",
+            (".csv",),
+            _animals.is_deeplabcut_csv,
+            _animals.read_deeplabcut_csv,
+            cut=_animals.cut_deeplabcut,
         ),
+        DetectionFormat(
+            "sleap", (".h5", ".hdf5"), _animals.is_sleap, _animals.read_sleap, cut=_animals.cut_sleap
+        ),
+        DetectionFormat("freemocap", (".npy",), _arrays.is_freemocap, recording=_arrays.read_freemocap),
+        DetectionFormat("easymocap", (".json",), _json.is_easymocap, folder=_json.read_easymocap),
+        DetectionFormat("videopose3d", (".npz",), _arrays.is_videopose3d, recording=_arrays.read_videopose3d),
+        DetectionFormat(
+            "npz", (".npz",), _arrays.is_npz, _arrays.read_npz, recording=_arrays.read_npz_recording
+        ),
+        DetectionFormat("csv", (".csv",), _csv.is_csv, _csv.read_csv, recording=_csv.read_csv_recording),
     )
 }
 # files looked at per folder: enough for every camera of a dome, and never a folder of a million images

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import os
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -14,17 +16,20 @@ from skelsplat._optional import require
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._atomic import atomic_path
-from skelsplat.io._files import opening
-from skelsplat.io.poses._c3d_structure import check_structure
-from skelsplat.io.poses._markers import Y_UP, known_frame_rate
-from skelsplat.io.poses._markers import marker_names as named
-from skelsplat.io.poses._pose_data import Array, PoseData
+from skelsplat.io._files import parsing
+from skelsplat.io.poses._pose_data import Y_UP, Array, PoseData, known_frame_rate
+from skelsplat.io.poses._pose_data import marker_names as named
 
 # Frame numbers are 16-bit words that start at 1, and a residual is seven bits of a byte in whole units.
 MAX_FRAMES = 65535
 _MAX_RESIDUAL = 127
 _MISSING, _INTERPOLATED = -1.0, 0.0
 _GROUP = "SKELSPLAT"
+_BLOCK = 512
+_KEY = 0x50
+# Intel, DEC, MIPS: the order of the bytes of an integer, and which byte of a float has the sign
+_PROCESSORS = {84: ("<", 3), 85: ("<", 1), 86: (">", 0)}
+_TYPES = {-1: 1, 1: 1, 2: 2, 4: 4}  # of a parameter: bytes per value
 
 
 def write_c3d(
@@ -176,14 +181,9 @@ def c3d_is_y_up(path: str | os.PathLike[str]) -> bool:
 
 def _opened(source: Path) -> Any:
     ezc3d = require("ezc3d", "C3D files")
-    with opening(source, "a readable C3D file"):
-        check_structure(source, source.read_bytes())
-        try:
-            return ezc3d.c3d(str(source))
-        except OSError:
-            raise
-        except Exception as error:  # whatever the library meets in a file that is none
-            raise DatasetError(source, "file", "a C3D file", str(error)) from error
+    with parsing(source, "a complete C3D file"):
+        _check_structure(source, source.read_bytes())
+        return ezc3d.c3d(str(source))
 
 
 def _labels(path: Path, point: Any, count: int) -> tuple[str, ...]:
@@ -208,3 +208,70 @@ def _rate(path: Path, point: Any) -> float:
     if not (np.isfinite(rate) and rate > 0.0):
         raise DatasetError(path, "POINT:RATE", "frames per second, a positive number", rate)
     return rate
+
+
+def _check_structure(path: Path, content: bytes) -> None:
+    """Raise `DatasetError` unless header, parameters and data of a C3D file lie within ``content``.
+
+    A damaged file can send ezc3d into an endless loop or out of its memory, so every length and offset is
+    followed here first. The format: a header and parameter entries in blocks of 512 bytes, and the points
+    after them (https://www.c3d.org/docs/C3D_User_Guide.pdf).
+    """
+    if len(content) < 2 * _BLOCK or content[1] != _KEY or content[0] < 2:
+        raise DatasetError(path, "file", "a C3D file (its second byte is 80)", "something else")
+    start = _BLOCK * (content[0] - 1)
+    if start + 4 > len(content):
+        raise _cut(path, "parameters", start, content)
+    if content[start + 3] not in _PROCESSORS:
+        raise DatasetError(path, "processor type", "84, 85 or 86", content[start + 3])
+    order, sign = _PROCESSORS[content[start + 3]]
+    _check_parameters(path, content, start + 4, order)
+    _check_data(path, content, order, negative_scale=bool(content[12 + sign] & 0x80))
+
+
+def _cut(path: Path, what: str, end: int, content: bytes) -> DatasetError:
+    return DatasetError(path, what, f"them to end at byte {end}", f"a file of {len(content)} bytes")
+
+
+def _check_parameters(path: Path, content: bytes, at: int, order: str) -> None:
+    """Walk from entry to entry: length of the name, number, name, offset of the next, and what it holds."""
+    while True:
+        if at + 2 > len(content):
+            raise _cut(path, "parameters", at + 2, content)
+        name_length, number = struct.unpack_from("bb", content, at)
+        if name_length == 0:
+            return
+        at += 2 + abs(name_length)
+        if at + 2 > len(content):
+            raise _cut(path, "parameters", at + 2, content)
+        (offset,) = struct.unpack_from(f"{order}h", content, at)
+        end = at + offset if offset else len(content)
+        if not at + 2 < end <= len(content):
+            raise _cut(path, "parameters", end, content)
+        if number > 0:
+            _check_value(path, content[at + 2 : end])
+        if offset == 0:
+            return
+        at = end
+
+
+def _check_value(path: Path, entry: bytes) -> None:
+    kind, dimensions = struct.unpack_from("bB", entry.ljust(2, b"\0"))
+    sizes = entry[2 : 2 + dimensions]
+    if kind not in _TYPES or dimensions > 7 or len(sizes) != dimensions:
+        raise DatasetError(path, "parameters", "types and sizes of the format", "another entry")
+    end = 2 + dimensions + _TYPES[kind] * math.prod(sizes)
+    if end >= len(entry):
+        raise DatasetError(path, "parameters", f"an entry of more than {end} bytes", f"{len(entry)} bytes")
+
+
+def _check_data(path: Path, content: bytes, order: str, *, negative_scale: bool) -> None:
+    """Compare the length of the file with the frames that the header counts."""
+    points, analog, first, last = struct.unpack_from(f"{order}4H", content, 2)
+    (start,) = struct.unpack_from(f"{order}H", content, 16)
+    if start < 2 or last < first:
+        raise DatasetError(path, "header", "data after the parameters and ascending frames", "others")
+    size = 4 if negative_scale else 2  # floats, else 16-bit integers
+    end = _BLOCK * (start - 1) + (last - first + 1) * size * (4 * points + analog)
+    if last < MAX_FRAMES and end > len(content):  # longer recordings count their frames elsewhere
+        raise _cut(path, "frames", end, content)

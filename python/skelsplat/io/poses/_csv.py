@@ -10,14 +10,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 import skelsplat as sk
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._atomic import atomic_write_text
 from skelsplat.io._files import frame_number, read_text
-from skelsplat.io.poses._pose_data import Array, PoseData
+from skelsplat.io.poses._pose_data import PoseData, over_views
 
 _AXES, _DEVIATIONS = ("x", "y", "z"), ("sx", "sy", "sz")
 COLUMNS = (
@@ -40,7 +39,7 @@ def write_csv(path: str | os.PathLike[str], data: PoseData) -> None:
     DatasetError
         If the path cannot be written.
     """
-    n_views, errors = _over_views(data)
+    n_views, errors = over_views(data.reprojection_error)
     n_rejected = (data.view_weights < sk.REJECTED_WEIGHT).sum(axis=1)
     deviations = np.sqrt(np.diagonal(data.uncertainty, axis1=-2, axis2=-1))
     buffer = io.StringIO(newline="")
@@ -137,15 +136,6 @@ def _assemble(path: Path, rows: Sequence[_Row]) -> PoseData:
         unit=rows[0].unit,
         **arrays,
     )
-
-
-def _over_views(data: PoseData) -> tuple[npt.NDArray[np.int64], Array]:
-    """Count the views per joint (T, N) and average the reprojection error (T, N), NaN without a view."""
-    seen = np.isfinite(data.reprojection_error)
-    count = seen.sum(axis=1, dtype=np.int64)
-    total = np.where(seen, data.reprojection_error, 0.0).sum(axis=1)
-    mean: Array = np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
-    return count, mean
 
 
 def _field(value: float) -> str:

@@ -17,7 +17,7 @@ import skelsplat as sk
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._atomic import atomic_write_text
 from skelsplat.io._fields import Field
-from skelsplat.io._files import FRAME_LIMIT, of_file, read_json_file
+from skelsplat.io._files import FRAME_LIMIT, load_json, of_file
 from skelsplat.io.poses._pose_data import ARRAYS, PoseData, shape_of
 
 FORMAT, VERSION = "skelsplat-poses", 1
@@ -113,7 +113,7 @@ def read_json(path: str | os.PathLike[str]) -> PoseData:
         than it should; names the place, such as ``frames[3].pose[7]``.
     """
     source = Path(path)
-    document = Field(source, "", read_json_file(source))
+    document = Field(source, "", load_json(source, "an object with poses"))
     whole = isinstance(document.value, dict)
     if document["format"].value != FORMAT:
         got = f"format {document.value.get('format')!r}" if whole else type(document.value).__name__

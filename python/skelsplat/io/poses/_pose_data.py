@@ -1,4 +1,7 @@
-"""What the pose writers write: a refined sequence with the names and numbers that give it meaning."""
+"""What the pose writers write: a refined sequence with the names and numbers that give it meaning.
+
+And what marker files (TRC, C3D) have in common: names of the joints, axes, a frame rate.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +17,7 @@ import skelsplat as sk
 from skelsplat._arrays import flags, numbers, whole_numbers
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import InvalidInputError
+from skelsplat.layouts import BODY25
 
 Array = npt.NDArray[np.float64]
 # the axes of every array (T frames, M cameras, N joints) and the type of its entries
@@ -31,6 +35,10 @@ ARRAYS: dict[str, tuple[str, type[np.generic]]] = {
     "n_iter": ("T", np.int64),
     "stop_reason": ("T", np.str_),
 }
+MARKER_NAMES = ("skelsplat", "pose2sim")
+# the world's z axis up becomes the file's y axis up by this order of columns (Pose2Sim does the same)
+Y_UP = [1, 2, 0]
+_SIDES = {"left": "L", "right": "R"}
 
 
 @dataclass(frozen=True)
@@ -158,6 +166,15 @@ class PoseData:
         return replace(self, unit=unit, **lengths, **squares)
 
 
+def over_views(values: Array) -> tuple[npt.NDArray[np.int64], Array]:
+    """Count the views that have a number, of (T, M, N), and average them, (T, N); NaN without a view."""
+    seen = np.isfinite(values)
+    count = seen.sum(axis=1, dtype=np.int64)
+    total = np.where(seen, values, 0.0).sum(axis=1)
+    mean: Array = np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
+    return count, mean
+
+
 def check_frame_rate(rate: float) -> float:
     """Return a frame rate that is positive and finite, or raise `InvalidInputError`."""
     if not (math.isfinite(rate) and rate > 0.0):
@@ -169,3 +186,33 @@ def shape_of(name: str, steps: int, views: int, joints: int) -> tuple[int, ...]:
     """Return the shape of an array of `ARRAYS`."""
     sizes = {"T": steps, "M": views, "N": joints}
     return tuple(sizes[axis] if axis in sizes else int(axis) for axis in ARRAYS[name][0].split())
+
+
+def known_frame_rate(data: PoseData, given: float | None, kind: str) -> float:
+    """Return the frame rate that is given, or else that of the data; a file of this ``kind`` states one."""
+    rate = given if given is not None else data.frame_rate
+    if rate is None:
+        expected = f"one for a {kind} file (the poses state none)"
+        raise InvalidInputError(f"frame_rate: expected {expected}, got none")
+    return check_frame_rate(rate)
+
+
+def marker_names(joint_names: tuple[str, ...], convention: str) -> tuple[str, ...]:
+    """Return the joints' names in a convention of `MARKER_NAMES`.
+
+    The programs that read TRC and C3D go by names: Pose2Sim's filters, marker augmentation and OpenSim models
+    know ``RHip``, ``LBigToe``. Its root is ``CHip`` in BODY_25 and ``Hip`` in HALPE_26.
+    """
+    if convention not in MARKER_NAMES:
+        raise InvalidInputError(f"marker_names: expected {' or '.join(MARKER_NAMES)}, got {convention!r}")
+    if convention == "skelsplat":
+        return joint_names
+    root = "CHip" if joint_names == tuple(BODY25.joints) else "Hip"
+    return tuple(root if name == "pelvis" else _pose2sim(name) for name in joint_names)
+
+
+def _pose2sim(name: str) -> str:
+    side, _, rest = name.partition("_")
+    prefix = _SIDES.get(side, "") if rest else ""
+    words = (rest if prefix else name).split("_")
+    return prefix + "".join(word[:1].upper() + word[1:] for word in words)

@@ -18,9 +18,8 @@ from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._atomic import atomic_write_text
 from skelsplat.io._files import frame_number, read_text
-from skelsplat.io.poses._markers import Y_UP, known_frame_rate
-from skelsplat.io.poses._markers import marker_names as named
-from skelsplat.io.poses._pose_data import PoseData, check_frame_rate
+from skelsplat.io.poses._pose_data import Y_UP, PoseData, check_frame_rate, known_frame_rate
+from skelsplat.io.poses._pose_data import marker_names as named
 
 _HEADER = (
     "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames"
@@ -78,7 +77,8 @@ def write_trc(
     lines = _header(Path(path).name, data, rate, unit)
     for frame, pose in zip(data.frames.tolist(), points, strict=True):
         step = frame - start
-        fields = [_field(value, _DECIMALS[unit]) for value in pose.ravel().tolist()]
+        values = pose.ravel().tolist()
+        fields = [f"{value:.{_DECIMALS[unit]}f}" if math.isfinite(value) else "" for value in values]
         lines.append("\t".join([str(step + 1), f"{step / rate:.6f}", *fields, ""]))
     atomic_write_text(path, "\n".join(lines) + "\n")
 
@@ -94,10 +94,6 @@ def _header(file_name: str, data: PoseData, frame_rate: float, unit: str) -> lis
         "\t".join(["", "", *(f"X{n}\tY{n}\tZ{n}" for n in numbers), ""]),
         "",
     ]
-
-
-def _field(value: float, decimals: int) -> str:
-    return f"{value:.{decimals}f}" if math.isfinite(value) else ""
 
 
 def read_trc(path: str | os.PathLike[str]) -> PoseData:

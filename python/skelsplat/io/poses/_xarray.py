@@ -13,8 +13,8 @@ from skelsplat._optional import require
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._atomic import atomic_path
-from skelsplat.io._files import opening
-from skelsplat.io.poses._pose_data import Array, PoseData
+from skelsplat.io._files import parsing
+from skelsplat.io.poses._pose_data import Array, PoseData, over_views
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -98,13 +98,11 @@ def _attributes(data: PoseData, rate: float | None) -> dict[str, str | float]:
 
 def _confidence(data: PoseData) -> Array:
     """Return the mean weight over the views that detected the joint, (T, N)."""
-    confidence: Array = np.full(data.pose.shape[:2], np.nan)
-    if data.view_weights.size:
-        seen = np.isfinite(data.view_weights)
-        total, count = np.where(seen, data.view_weights, 0.0).sum(axis=1), seen.sum(axis=1)
-        np.divide(total, count, out=confidence, where=count > 0)
-        if data.joint_status.size:
-            confidence[data.joint_status != "ok"] = 0.0
+    if not data.view_weights.size:
+        return np.full(data.pose.shape[:2], np.nan)
+    confidence = over_views(data.view_weights)[1]
+    if data.joint_status.size:
+        confidence[data.joint_status != "ok"] = 0.0
     return confidence
 
 
@@ -148,14 +146,8 @@ def read_netcdf(path: str | os.PathLike[str]) -> PoseData:
         If the file cannot be read, is no such dataset or does not state its unit.
     """
     source, xarray = Path(path), _check_packages()
-    with opening(source, "a readable NetCDF file"):
-        try:
-            with source.open("rb"), xarray.open_dataset(source, engine="h5netcdf") as opened:
-                return _from_dataset(source, opened.load())
-        except (OSError, DatasetError):
-            raise
-        except Exception as error:  # whatever the libraries meet in a file that is none
-            raise DatasetError(source, "file", "a NetCDF file", str(error)) from error
+    with parsing(source, "a complete NetCDF file"), xarray.open_dataset(source, engine="h5netcdf") as opened:
+        return _from_dataset(source, opened.load())
 
 
 def _from_dataset(path: Path, dataset: xr.Dataset) -> PoseData:

@@ -11,6 +11,7 @@ from skelsplat.io._files import VIDEO_SUFFIXES, opening
 from skelsplat.io.detections._match import Candidates, cameras_called, match_by_name, match_by_order
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
+_CHOOSE = "or draw only the cameras that have one with --camera CAMERA, repeatable (in Python chosen=)"
 
 
 def find_videos(
@@ -57,7 +58,7 @@ def find_videos(
         labels: Mapping[str, str | None] = match_by_order(Candidates(root, kind, texts), wanted, order)
     else:
         every = Candidates(root, kind, texts, idle=texts.keys(), within=True)
-        labels = match_by_name(every, names, allow_missing=bool(chosen), otherwise=_choose)
+        labels = match_by_name(every, names, allow_missing=bool(chosen), otherwise=lambda _: _CHOOSE)
     missing = [name for name in wanted if labels[name] is None]
     if missing:
         expected = f"a {kind} for every chosen camera ({kind}s: {', '.join(found)})"
@@ -93,10 +94,6 @@ def images_in(folder: Path) -> list[Path]:
         )
     except OSError:
         return []
-
-
-def _choose(names: Sequence[str]) -> str:  # noqa: ARG001  the cameras that lack one are not those to choose
-    return "or draw only the cameras that have one with --camera CAMERA, repeatable (in Python chosen=)"
 
 
 def _camera_of(root: Path, kind: str, names: Sequence[str], wanted: Sequence[str]) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +11,7 @@ import skelsplat as sk
 from skelsplat._arrays import Array, Mask
 from skelsplat.io.video import Size
 from skelsplat.run.solve import rig_as_used
+from skelsplat.viz import Skeleton
 from skelsplat.viz.overlay import OverlayFrame
 
 if TYPE_CHECKING:
@@ -36,6 +36,7 @@ class Scene:
     def __init__(self, run: RunFolder) -> None:
         self.run = run
         self.cameras = list(rig_as_used(run.rig, undistort=run.undistorted))
+        self.skeleton = Skeleton(tuple(run.layout.limbs), tuple(run.layout.left_right))
         self._index = {int(number): t for t, number in enumerate(run.poses.frames)}
 
     def frame(self, view: int, number: int) -> OverlayFrame | None:
@@ -110,9 +111,7 @@ def follow(points: Array, size: Size) -> tuple[Size, npt.NDArray[np.int64]]:
     seen: Mask = np.any(inside, axis=1)
     if not seen.any():
         return size, np.zeros((len(points), 2), dtype=np.int64)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # frames without the person are NaN
-        low, high = np.nanmin(points, axis=1), np.nanmax(points, axis=1)
+    low, high = np.fmin.reduce(points, axis=1), np.fmax.reduce(points, axis=1)  # NaN without the person
     extent = np.quantile((high - low)[seen], 0.95, axis=0)
     wanted = np.maximum(extent * (1 + 2 * _MARGIN), np.maximum(_LEAST_PX, 0.25 * extent[::-1]))
     cut = np.minimum(np.ceil(wanted / 2) * 2, limit).astype(np.int64)

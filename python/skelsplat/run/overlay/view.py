@@ -4,24 +4,26 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from skelsplat._arrays import Array
+from skelsplat._opencv import opencv
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io.video import FrameSource, Image, Size, find_videos, open_source
 from skelsplat.run.frame_range import FrameRange
-from skelsplat.run.overlay.place import Place, fit_size
 from skelsplat.run.overlay.scene import Scene, follow
-from skelsplat.viz import Skeleton
 from skelsplat.viz.overlay import Shown, draw_label, draw_overlay
 
 Span = tuple[int, int]
 
 # More no encoder takes, and a frame would fill the memory.
 _MOST_PX = 16_384
+_SAME_SHAPE = 0.005  # of the ratio of width to height
+_PADDING_PX = 16  # codecs fill up to blocks of 16
 
 
 @dataclass(frozen=True)
@@ -71,33 +73,80 @@ class OverlayJob:
 
 
 @dataclass(frozen=True)
+class Place:
+    """From a video's frame to what is drawn on.
+
+    Parameters
+    ----------
+    fit : (2,)
+        Scale from the calibrated image to the frame.
+    size : (width, height)
+        Of what is cut out of the frame.
+    zoom
+        Scale from that to the output.
+    """
+
+    fit: Array
+    size: Size
+    zoom: float = 1.0
+
+    @property
+    def output(self) -> Size:
+        """Width and height of the output."""
+        return max(1, round(self.size[0] * self.zoom)), max(1, round(self.size[1] * self.zoom))
+
+    def cut(self, image: Image, corner: tuple[int, int]) -> Image:
+        """Return the part of ``image`` with this upper left corner (x, y) in the size of the output."""
+        (left, top), (width, height) = corner, self.size
+        part = image[top : top + height, left : left + width]
+        if self.output == self.size:
+            return part.copy()
+        method = opencv().INTER_AREA if self.zoom < 1 else opencv().INTER_LINEAR
+        resized: Image = opencv().resize(part, self.output, interpolation=method)
+        return resized
+
+    def transform(self, corner: tuple[int, int]) -> tuple[Array, Array]:
+        """Return scale and shift, (2,) each, from the calibrated image's pixels to those of the output.
+
+        A resize by s maps u to (u + ½)·s − ½ (docs/conventions.md).
+        """
+        zoom = np.array(self.output) / np.array(self.size)
+        scale: Array = self.fit * zoom
+        return scale, scale / 2 - 0.5 - np.array(corner) * zoom
+
+
+@dataclass(frozen=True)
 class View:
     """A camera that is ready to be drawn.
 
     Parameters
     ----------
-    scene, skeleton, shown
+    job, scene
         What is drawn.
-    index, name
+    index
         Which camera of the rig it is.
-    source, offset
-        Its frames, and what is to be added to their numbers to get the run's.
+    source
+        Its frames.
     place, corners
         Where the drawing goes; the upper left corner (T, 2) of the cut-out in each frame of the run.
-    labelled
-        With the camera's name and the frame's number.
     """
 
+    job: OverlayJob
     scene: Scene
-    skeleton: Skeleton
-    shown: Shown
     index: int
-    name: str
     source: FrameSource
-    offset: int
     place: Place
     corners: npt.NDArray[np.int64]
-    labelled: bool
+
+    @property
+    def name(self) -> str:
+        """Name of the camera."""
+        return self.scene.run.rig.names[self.index]
+
+    @property
+    def offset(self) -> int:
+        """What is to be added to the source's frame numbers to get the run's."""
+        return self.scene.run.offsets.get(self.name, 0)
 
     def frames(self, span: Span) -> Iterator[tuple[int, Image]]:
         """Yield (number, drawn image) of the frames in ``span`` that the source has, in the run's numbers."""
@@ -120,8 +169,9 @@ class View:
         canvas = self.place.cut(image, (left, top))
         frame = self.scene.frame(self.index, number)
         if frame is not None:
-            draw_overlay(canvas, frame.moved(*self.place.transform((left, top))), self.skeleton, self.shown)
-        if self.labelled:
+            moved = frame.moved(*self.place.transform((left, top)))
+            draw_overlay(canvas, moved, self.scene.skeleton, self.job.shown)
+        if self.job.legend:
             draw_label(canvas, self.label(number) + ("" if frame is not None else "   not in the run"))
         return canvas
 
@@ -148,32 +198,15 @@ def open_views(job: OverlayJob, scene: Scene, span: Span) -> list[View]:
     ]
 
 
-def with_zoom(view: View, zoom: float) -> View:
-    """Return the same view, drawn ``zoom`` times as large as its cut-out."""
-    return replace(view, place=replace(view.place, zoom=zoom))
-
-
 def _open(job: OverlayJob, scene: Scene, index: int, source: FrameSource, span: Span) -> View:
     run = scene.run
     name, camera = run.rig.names[index], run.rig[index]
-    fit = fit_size(source.path, name, source.size, camera.size)
+    fit = _fit_size(source.path, name, source.size, camera.size)
     size: Size = source.size
     corners = np.zeros((len(run.poses.frames), 2), dtype=np.int64)
     if job.crop:
         size, corners = follow((scene.outline(index) + 0.5) * fit - 0.5, source.size)
-    layout = run.layout
-    view = View(
-        scene=scene,
-        skeleton=Skeleton(limbs=tuple(layout.limbs), left_right=tuple(layout.left_right)),
-        shown=job.shown,
-        index=index,
-        name=name,
-        source=source,
-        offset=run.offsets.get(name, 0),
-        place=Place(fit, size, job.scale or 1.0),
-        corners=corners,
-        labelled=job.legend,
-    )
+    view = View(job, scene, index, source, Place(fit, size, job.scale or 1.0), corners)
     if max(view.place.output) > _MOST_PX:
         width, height = view.place.output
         expected = f"an output of at most {_MOST_PX} px in width and height"
@@ -187,6 +220,36 @@ def _open(job: OverlayJob, scene: Scene, index: int, source: FrameSource, span: 
         )
         warnings.warn(text, UserWarning, stacklevel=2)
     return view
+
+
+def _fit_size(path: Path, name: str, size: Size, expected: Size) -> Array:
+    """Return the scale (2,) from the camera's image to a video's frames; warn if that is doubtful.
+
+    Equal sizes fit. A difference of at most 16 px is what codecs fill up or cut off, at the right and lower
+    border: what is drawn stays where it is. Images of the same shape are copies in another size.
+
+    Raises
+    ------
+    DatasetError
+        If the sizes have nothing to do with each other, or width and height are exchanged.
+    """
+    (width, height), (wide, high) = size, expected
+    ones = np.ones(2)
+    if size == expected:
+        return ones
+    if size == (high, wide):
+        wanted = f"{wide}×{high} like the camera {name}"
+        advice = "is the video turned (a phone's metadata), or the calibration that of turned images?"
+        raise DatasetError(path, "size", wanted, f"{width}×{height}, width and height exchanged; {advice}")
+    if abs(width - wide) <= _PADDING_PX and abs(height - high) <= _PADDING_PX:
+        remark = f"{path}: {width}×{height}, but the camera {name} has {wide}×{high}: drawn without scaling"
+        warnings.warn(remark, UserWarning, stacklevel=2)
+        return ones
+    scale = np.array([width / wide, height / high])
+    if abs(scale[0] / scale[1] - 1) <= _SAME_SHAPE:
+        return scale
+    wanted = f"{wide}×{high} like the camera {name}, or a copy of it in another size"
+    raise DatasetError(path, "size", wanted, f"{width}×{height}")
 
 
 def _counted_from_one(view: View) -> bool:

@@ -5,22 +5,19 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from skelsplat.exceptions import DatasetError
 from skelsplat.io import read_run
-from skelsplat.io.video import Image, Mp4Sink, PngSink, Size
+from skelsplat.io.video import Image, Size, open_sink
 from skelsplat.run.folder import output_folder
 from skelsplat.run.overlay.scene import Scene
-from skelsplat.run.overlay.view import View, open_views, with_zoom
+from skelsplat.run.overlay.view import OverlayJob, Span, View, open_views
 from skelsplat.viz.overlay import Tiling, blank_tile, draw_label, legend_strip, tiling
-
-if TYPE_CHECKING:
-    from skelsplat.run.overlay.view import OverlayJob, Span
 
 _ASSUMED_FPS = 30.0
 _SCREEN: Size = (1920, 1080)
@@ -122,7 +119,7 @@ def _write(
     counts = dict.fromkeys((view.name for view in views), 0)
     legend = legend_strip(tiles.size[0], tiles.cell, job.shown) if job.legend else None
     rate, total = _rate(job, views), max(view.expected(span) for view in views)
-    with PngSink(target) if job.png else Mp4Sink(target, rate) as sink:
+    with open_sink(target, None if job.png else rate) as sink:
         for number, images in _together(views, span):
             whole = _joined(views, tiles, images, number)
             whole = whole if legend is None else np.concatenate([whole, legend])
@@ -140,7 +137,7 @@ def _fitted(views: list[View]) -> list[View]:
     """Return the views in the size in which all of them fit a screen; never enlarged."""
     width, height = tiling([view.place.output for view in views]).size
     zoom = min(1.0, _SCREEN[0] / width, _SCREEN[1] / height)
-    return [with_zoom(view, zoom) for view in views]
+    return [replace(view, place=replace(view.place, zoom=zoom)) for view in views]
 
 
 def _together(views: Sequence[View], span: Span) -> Iterator[tuple[int, list[Image | None]]]:

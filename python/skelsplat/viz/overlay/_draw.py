@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from skelsplat._arrays import Array, Mask, read_fields
+from skelsplat._arrays import Array, ArrayFields, Mask
 from skelsplat.viz._skeleton import Skeleton
-from skelsplat.viz.overlay import _look, _marks
-from skelsplat.viz.overlay._look import Colour, Sizes
-
-Image = npt.NDArray[np.uint8]
+from skelsplat.viz.overlay import _marks
+from skelsplat.viz.overlay._marks import Colour, Image, Sizes
 
 SIGMAS = 2.0
 
 
 @dataclass(frozen=True)
-class OverlayFrame:
+class OverlayFrame(ArrayFields):
     """What is drawn on one image, in its pixels; NaN where there is nothing.
 
     Parameters
@@ -47,18 +44,13 @@ class OverlayFrame:
     swapped: Mask
     before: Array
 
-    def __post_init__(self) -> None:
-        read_fields(self, "pose", "covariances", "detections", "weights", "before")
-
     def moved(self, scale: Array, shift: Array) -> OverlayFrame:
         """Return the same frame on an image whose pixels are ``scale`` · pixel + ``shift``, both (2,)."""
-        return OverlayFrame(
+        return replace(
+            self,
             pose=self.pose * scale + shift,
             covariances=self.covariances * np.outer(scale, scale),
-            reliable=self.reliable,
             detections=self.detections * scale + shift,
-            weights=self.weights,
-            swapped=self.swapped,
             before=self.before * scale + shift,
         )
 
@@ -79,14 +71,14 @@ def draw_overlay(image: Image, frame: OverlayFrame, skeleton: Skeleton, shown: S
     sizes = Sizes.of(image.shape[1], image.shape[0])
     if shown.before:
         for a, b in skeleton.limbs:
-            draw_limb(image, frame.before[[a, b]], _look.BEFORE, sizes, solid=False)
+            draw_limb(image, frame.before[[a, b]], _marks.BEFORE, sizes, solid=False)
     if shown.ellipses:
         for j, covariance in enumerate(frame.covariances):
             colour = _side(skeleton, j)
             _marks.ellipse(image, frame.pose[j], covariance, colour, sigmas=SIGMAS, width=sizes.thin)
     if shown.pose:
         for a, b in skeleton.limbs:
-            colour, ends = _look.bgr(skeleton.limb_colour((a, b))), frame.pose[[a, b]]
+            colour, ends = _marks.bgr(skeleton.limb_colour((a, b))), frame.pose[[a, b]]
             if frame.reliable[[a, b]].all():
                 draw_limb(image, ends, colour, sizes, solid=True)
             else:
@@ -102,45 +94,45 @@ def draw_overlay(image: Image, frame: OverlayFrame, skeleton: Skeleton, shown: S
 def draw_limb(image: Image, ends: Array, colour: Colour, sizes: Sizes, *, solid: bool) -> None:
     """Draw a limb (2, 2) with an edge in a lighter colour, or a thin line without; nothing for NaN."""
     if solid:
-        _marks.line(image, ends, _look.lighter(colour), sizes.limb + 2)
+        _marks.line(image, ends, _marks.lighter(colour), sizes.limb + 2)
     _marks.line(image, ends, colour, sizes.limb if solid else sizes.thin)
 
 
 def draw_joint(image: Image, at: Array, colour: Colour, sizes: Sizes, *, solid: bool) -> None:
     """Draw a joint: a dot with a light edge, or a light square with an edge, as discs are detections."""
     if solid:
-        _marks.dot(image, at, sizes.joint + sizes.edge, _look.LIGHT)
+        _marks.dot(image, at, sizes.joint + sizes.edge, _marks.LIGHT)
         _marks.dot(image, at, sizes.joint, colour)
         return
     _marks.square(image, at, sizes.hollow + sizes.limb, colour)
-    _marks.square(image, at, sizes.hollow, _look.LIGHT)
+    _marks.square(image, at, sizes.hollow, _marks.LIGHT)
 
 
 def draw_detection(image: Image, at: Array, weight: float, sizes: Sizes, *, rejected: bool) -> None:
     """Draw a disc in the colour of its weight (grey for NaN), or a cross if it is rejected."""
     if rejected:
-        _marks.cross(image, at, sizes.mark, _look.LIGHT, sizes.limb + 2)
-        _marks.cross(image, at, sizes.mark, _look.REJECTED, sizes.limb)
+        _marks.cross(image, at, sizes.mark, _marks.LIGHT, sizes.limb + 2)
+        _marks.cross(image, at, sizes.mark, _marks.REJECTED, sizes.limb)
         return
-    colour = _look.UNUSED if np.isnan(weight) else _look.weight_colour(weight)
-    _marks.dot(image, at, sizes.mark + sizes.edge, _look.DARK)
+    colour = _marks.UNUSED if np.isnan(weight) else _marks.weight_colour(weight)
+    _marks.dot(image, at, sizes.mark + sizes.edge, _marks.DARK)
     _marks.dot(image, at, sizes.mark, colour)
 
 
 def draw_swapped(image: Image, at: Array, sizes: Sizes) -> None:
     """Draw the diamond about a detection that was taken for the other side's joint."""
-    _marks.diamond(image, at, 2.0 * sizes.mark, _look.SWAPPED, sizes.limb)
+    _marks.diamond(image, at, 2.0 * sizes.mark, _marks.SWAPPED, sizes.limb)
 
 
 def _draw_detection(image: Image, frame: OverlayFrame, j: int, sizes: Sizes, shown: Shown) -> None:
     at, weight = frame.detections[j], float(frame.weights[j])
     rejected = weight < shown.rejected_below
     if rejected and not frame.swapped[j]:  # an exchanged one was meant for another joint
-        _marks.line(image, np.stack([at, frame.pose[j]]), _look.REJECTED, sizes.thin)
+        _marks.line(image, np.stack([at, frame.pose[j]]), _marks.REJECTED, sizes.thin)
     draw_detection(image, at, weight, sizes, rejected=rejected)
     if frame.swapped[j]:
         draw_swapped(image, at, sizes)
 
 
 def _side(skeleton: Skeleton, joint: int) -> Colour:
-    return _look.bgr(skeleton.colour(joint))
+    return _marks.bgr(skeleton.colour(joint))

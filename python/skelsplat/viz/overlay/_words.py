@@ -14,11 +14,10 @@ from PIL import ImageDraw, ImageFont
 
 from skelsplat._arrays import Array
 from skelsplat.viz import _style
-from skelsplat.viz.overlay import _look, _marks
+from skelsplat.viz.overlay import _marks
 from skelsplat.viz.overlay._draw import SIGMAS, Shown, draw_detection, draw_joint, draw_limb, draw_swapped
-from skelsplat.viz.overlay._look import DARK, LIGHT, Colour, Sizes
+from skelsplat.viz.overlay._marks import DARK, LIGHT, Colour, Image, Sizes
 
-Image = npt.NDArray[np.uint8]
 Symbol = Callable[[Image, Array], None]
 Entry = tuple[str, Symbol]
 
@@ -64,14 +63,14 @@ def legend_strip(width: int, size: tuple[int, int], shown: Shown) -> Image:
     sizes = Sizes.of(*size)
     row_height = 2 * sizes.text
     rows = _rows(_entries(sizes, shown), width, sizes)
-    strip = np.full((row_height * len(rows), width, 3), _look.LIGHT, dtype=np.uint8)
+    strip = np.full((row_height * len(rows), width, 3), _marks.LIGHT, dtype=np.uint8)
     for number, row in enumerate(rows):
         left, middle = sizes.text, (number + 0.5) * row_height
         for text, symbol in row:
             mask = text_mask(text, sizes.text)
             symbol(strip, np.array([left + sizes.text, middle]))
             top = round(middle - mask.shape[0] / 2)
-            draw_text(strip, left + _symbol_width(sizes), top, mask, _look.DARK)
+            draw_text(strip, left + _symbol_width(sizes), top, mask, _marks.DARK)
             left += _entry_width(text, sizes)
     return strip
 
@@ -99,39 +98,38 @@ def _rows(entries: Sequence[Entry], width: int, sizes: Sizes) -> list[list[Entry
 
 
 def _entries(sizes: Sizes, shown: Shown) -> list[Entry]:
+    middle, reach = _marks.bgr(_style.MIDDLE), np.array([sizes.text, 0.0])
+    shape = np.diag([sizes.text / 2, sizes.text / 4]) ** 2 * (2 / SIGMAS) ** 2
+
+    def limb(colour: Colour, *, solid: bool) -> Symbol:
+        return lambda image, at: draw_limb(
+            image, np.stack([at - reach, at + reach]), colour, sizes, solid=solid
+        )
+
+    def detection(weight: float, *, rejected: bool) -> Symbol:
+        return lambda image, at: draw_detection(image, at, weight, sizes, rejected=rejected)
+
+    def ellipse(image: Image, at: Array) -> None:
+        _marks.ellipse(image, at, shape, middle, sigmas=SIGMAS, width=sizes.thin)
+
     entries: list[Entry] = []
     if shown.pose:
-        entries += [
-            (name, _limb(_look.bgr(colour), sizes, solid=True)) for name, colour in _style.SIDES.items()
-        ]
-        entries.append(("weak or filled", _hollow(sizes)))
+        entries += [(name, limb(_marks.bgr(colour), solid=True)) for name, colour in _style.SIDES.items()]
+        entries.append(
+            ("weak or filled", lambda image, at: draw_joint(image, at, middle, sizes, solid=False))
+        )
     if shown.ellipses:
-        entries.append((f"error ellipse, {SIGMAS:g} σ", _ellipse(sizes)))
+        entries.append((f"error ellipse, {SIGMAS:g} σ", ellipse))
     if shown.before:
-        entries.append(("start", _limb(_look.BEFORE, sizes, solid=False)))
+        entries.append(("start", limb(_marks.BEFORE, solid=False)))
     if shown.detections:
         entries += [
             (f"detection, weight {shown.rejected_below:g} to 1", _weights(shown.rejected_below, sizes)),
-            ("rejected", _detection(0.0, sizes, rejected=True)),
-            ("not used", _detection(np.nan, sizes)),
+            ("rejected", detection(0.0, rejected=True)),
+            ("not used", detection(np.nan, rejected=False)),
             ("left and right exchanged", lambda image, at: draw_swapped(image, at, sizes)),
         ]
     return entries
-
-
-def _limb(colour: Colour, sizes: Sizes, *, solid: bool) -> Symbol:
-    reach = np.array([sizes.text, 0.0])
-    return lambda image, at: draw_limb(image, np.stack([at - reach, at + reach]), colour, sizes, solid=solid)
-
-
-def _hollow(sizes: Sizes) -> Symbol:
-    return lambda image, at: draw_joint(image, at, _look.bgr(_style.MIDDLE), sizes, solid=False)
-
-
-def _ellipse(sizes: Sizes) -> Symbol:
-    shape = np.diag([sizes.text / 2, sizes.text / 4]) ** 2 * (2 / SIGMAS) ** 2
-    colour = _look.bgr(_style.MIDDLE)
-    return lambda image, at: _marks.ellipse(image, at, shape, colour, sigmas=SIGMAS, width=sizes.thin)
 
 
 def _weights(lowest: float, sizes: Sizes) -> Symbol:
@@ -140,16 +138,12 @@ def _weights(lowest: float, sizes: Sizes) -> Symbol:
 
     def draw(image: Image, at: Array) -> None:
         left, middle = round(float(at[0])) - reach, round(float(at[1]))
-        colours = [_look.weight_colour(weight) for weight in np.linspace(lowest, 1.0, 2 * reach)]
+        colours = [_marks.weight_colour(weight) for weight in np.linspace(lowest, 1.0, 2 * reach)]
         framed = image[
             middle - high - edge : middle + high + edge, max(0, left - edge) : left + 2 * reach + edge
         ]
-        framed[:] = _look.DARK
+        framed[:] = _marks.DARK
         inner = image[middle - high : middle + high, left : left + 2 * reach]
         inner[:] = np.array(colours, dtype=np.uint8)[: inner.shape[1]]
 
     return draw
-
-
-def _detection(weight: float, sizes: Sizes, *, rejected: bool = False) -> Symbol:
-    return lambda image, at: draw_detection(image, at, weight, sizes, rejected=rejected)

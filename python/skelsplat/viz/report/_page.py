@@ -8,6 +8,7 @@ import json
 import math
 import os
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from html import escape
 from importlib.resources import files
 from pathlib import Path
@@ -17,18 +18,101 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skelsplat._arrays import Array
+from skelsplat._arrays import Array, ArrayFields
 from skelsplat._optional import require
 from skelsplat.viz import _style
 from skelsplat.viz._skeleton import not_ok_in_words
-from skelsplat.viz.report._data import KeyNumber, ProblemRow, ReportData, Table, TimeLine
-from skelsplat.viz.report._scene import as_text, frames_to_show, pack_scene, thin_line
+from skelsplat.viz.report._scene import (
+    CameraShapes,
+    Sequence3D,
+    as_text,
+    frames_to_show,
+    pack_scene,
+    thin_line,
+)
 
 Places = npt.NDArray[np.int64]
+Problem = tuple[int, int, str]
 
 _MOST_PROBLEMS = 500
 # One program in several files, in this order.
 _PROGRAMS = ("decode.js", "body.js", "view.js", "charts.js", "player.js")
+
+
+@dataclass(frozen=True)
+class Table:
+    """Cells as texts; the first of a row names it.
+
+    Columns are (head, what its numbers are in words); ``total`` is a last row for all.
+    """
+
+    columns: Sequence[tuple[str, str]]
+    rows: Sequence[Sequence[str]]
+    total: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
+class TimeLine(ArrayFields):
+    """A curve over the frames.
+
+    Parameters
+    ----------
+    title, unit
+        What the values are.
+    values : (T,)
+        NaN where there is none.
+    peaks
+        Of a sequence that is thinned out, keep the largest value between two frames shown.
+    beside : (T,), optional
+        A second curve in grey, called ``beside_name``.
+    """
+
+    title: str
+    unit: str
+    values: Array
+    peaks: bool = False
+    beside: Array | None = None
+    beside_name: str = ""
+
+
+@dataclass(frozen=True)
+class ReportData(ArrayFields):
+    """A whole report.
+
+    Parameters
+    ----------
+    title
+        What was refined.
+    facts
+        (name, value) pairs for the line below it.
+    warnings
+        Sentences; empty without any.
+    notes
+        Sentences on how to read the numbers and on what was done to the poses.
+    numbers
+        (label, text, remark) of the numbers worth a glance.
+    sequence, shapes, cameras, joints, lines
+        The parts of the page.
+    errors_px, rejected : (M, N)
+        By camera and joint: median error in px, and the part of the detections that is rejected; NaN where a
+        camera has no detection of a joint that is used.
+    problems
+        (first frame, last frame, words) of stretches of frames that have the same problem.
+    """
+
+    title: str
+    facts: Sequence[tuple[str, str]]
+    warnings: Sequence[str]
+    notes: Sequence[str]
+    numbers: Sequence[tuple[str, str, str]]
+    sequence: Sequence3D
+    shapes: CameraShapes
+    cameras: Table
+    joints: Table
+    errors_px: Array
+    rejected: Array
+    lines: Sequence[TimeLine]
+    problems: Sequence[Problem]
 
 
 def write_report(path: str | os.PathLike[str], data: ReportData) -> Path:
@@ -49,7 +133,7 @@ def build_page(data: ReportData) -> str:
     """Return the page's text."""
     plotly_js = require("plotly.offline", "report.html", "viz").get_plotlyjs()  # slow, and only needed here
     sequence = data.sequence
-    wanted = [number for row in data.problems for number in (row.first, row.last)]
+    wanted = [number for first, last, _ in data.problems for number in (first, last)]
     places, every = frames_to_show(sequence.frames, len(sequence.joint_names), wanted)
     content = {
         "scene": pack_scene(sequence, data.shapes, places),
@@ -60,7 +144,7 @@ def build_page(data: ReportData) -> str:
             "rejected": as_text(data.rejected, "<f4"),
         },
         "lines": [_line(line, places) for line in data.lines],
-        "problems": [[row.first, row.last, row.words] for row in data.problems],
+        "problems": [list(row) for row in data.problems],
         "colours": {"left": _style.LEFT, "right": _style.RIGHT},
     }
     programs = [plotly_js, "\n".join(_resource(name) for name in _PROGRAMS)]
@@ -159,20 +243,18 @@ def _notes(sentences: Sequence[str]) -> str:
     return f"<ul>\n{_items(sentences)}\n</ul>" if sentences else ""
 
 
-def _tiles(numbers: Iterable[KeyNumber]) -> str:
+def _tiles(numbers: Iterable[tuple[str, str, str]]) -> str:
     """Return the key numbers, each with its label and remark."""
     return "\n".join(
-        f"<div><dt>{escape(number.label)}</dt><dd>{escape(number.value)}</dd>"
-        f'<dd class="remark">{escape(number.remark)}</dd></div>'
-        for number in numbers
+        f'<div><dt>{escape(label)}</dt><dd>{escape(value)}</dd><dd class="remark">{escape(remark)}</dd></div>'
+        for label, value, remark in numbers
     )
 
 
 def _table(content: Table) -> str:
     """Return a table whose first column names the rows and whose heads are explained on hover."""
     heads = "".join(
-        f'<th scope="col" title="{escape(column.meaning)}">{escape(column.head)}</th>'
-        for column in content.columns
+        f'<th scope="col" title="{escape(meaning)}">{escape(head)}</th>' for head, meaning in content.columns
     )
     rows = "\n".join(_row(row) for row in content.rows)
     foot = f"<tfoot>{_row(content.total)}</tfoot>" if content.total else ""
@@ -181,21 +263,17 @@ def _table(content: Table) -> str:
 
 def _meanings(content: Table) -> str:
     """Return what the columns mean, for print and for readers without a pointer."""
-    explained = [
-        f"<b>{escape(column.head)}</b> {escape(column.meaning)}"
-        for column in content.columns
-        if column.meaning
-    ]
+    explained = [f"<b>{escape(head)}</b> {escape(meaning)}" for head, meaning in content.columns if meaning]
     return "; ".join(explained) + "."
 
 
-def _problems(rows: Sequence[ProblemRow]) -> str:
+def _problems(rows: Sequence[Problem]) -> str:
     """Return the frames with a problem, linked to the 3D view, the first `_MOST_PROBLEMS` rows of them."""
     if not rows:
         return "<p>None.</p>"
     shown = "\n".join(
-        f'<tr><th scope="row">{_frames(row)}</th><td>{escape(row.words)}</td></tr>'
-        for row in rows[:_MOST_PROBLEMS]
+        f'<tr><th scope="row">{_frames(first, last)}</th><td>{escape(words)}</td></tr>'
+        for first, last, words in rows[:_MOST_PROBLEMS]
     )
     more = len(rows) - _MOST_PROBLEMS
     rest = f"<p>{more:,} more rows are omitted here; report.json lists all frames.</p>" if more > 0 else ""
@@ -218,6 +296,6 @@ def _row(cells: Sequence[str]) -> str:
     return f'<tr><th scope="row">{escape(cells[0])}</th>{rest}</tr>'
 
 
-def _frames(row: ProblemRow) -> str:
-    numbers = [row.first] if row.first == row.last else [row.first, row.last]
+def _frames(first: int, last: int) -> str:
+    numbers = [first] if first == last else [first, last]
     return "–".join(f'<a href="#frame={number}">{number}</a>' for number in numbers)

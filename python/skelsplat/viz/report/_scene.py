@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skelsplat._arrays import Array
+from skelsplat._arrays import Array, ArrayFields
 from skelsplat.viz import _style
-from skelsplat.viz.report._data import CameraShapes, Sequence3D
+from skelsplat.viz._skeleton import Skeleton
 
 Places = npt.NDArray[np.int64]
 
@@ -31,6 +31,63 @@ MISSING = -32768
 _LARGEST = 32767
 # Ellipsoids are drawn up to this standard deviation, in mm: a body's height.
 _WIDEST_MM = 2000.0
+
+
+@dataclass(frozen=True)
+class CameraShapes(ArrayFields):
+    """The cameras as they are drawn.
+
+    Parameters
+    ----------
+    names
+        M names.
+    centres : (M, 3)
+        Their positions, in mm.
+    corners : (M, 4, 3)
+        From the centre to the image's corners (top left, top right, bottom right, bottom left), at depth 1.
+    """
+
+    names: Sequence[str]
+    centres: Array
+    corners: Array
+
+
+@dataclass(frozen=True)
+class Sequence3D(ArrayFields):
+    """The sequence that the page plays.
+
+    Parameters
+    ----------
+    start, refined : (T, N, 3)
+        Joint positions before and after, in mm; NaN where unknown.
+    uncertainty : (T, N, 3, 3)
+        Covariances of the refined joints, in mm²; NaN where unknown.
+    status : (T, N)
+        Joints whose status is not ``"ok"`` are drawn hollow.
+    frames : (T,)
+        Frame numbers.
+    frame_rate
+        Frames per second; None if unknown.
+    joint_names
+        N names.
+    skeleton
+        Limbs and sides.
+    up : (3,)
+        The vertical: an axis of the world or its opposite.
+    start_name
+        What ``start`` is, in words.
+    """
+
+    start: Array
+    refined: Array
+    uncertainty: Array
+    status: npt.NDArray[np.str_]
+    frames: npt.NDArray[np.int64]
+    frame_rate: float | None
+    joint_names: Sequence[str]
+    skeleton: Skeleton
+    up: Array
+    start_name: str
 
 
 def pack_scene(sequence: Sequence3D, shapes: CameraShapes, places: npt.NDArray[np.int64]) -> dict[str, Any]:
@@ -123,8 +180,7 @@ def thin_line(values: Array, places: Places, *, peaks: bool) -> Array:
     """Return the values at ``places``, or with ``peaks`` the largest from each place to the next."""
     if not peaks or not len(places):
         return values[places]
-    largest: Array = np.fmax.reduceat(values, places)
-    return largest
+    return np.fmax.reduceat(values, places)
 
 
 @dataclass(frozen=True)

@@ -1,14 +1,9 @@
-"""DeepLabCut results in h5 and csv, single- and multi-animal: one file per camera.
-
-A table with columns (scorer, [individuals,] bodyparts, coords), coords x, y in pixels and likelihood; the
-index is the frame number. Parts are matched to joints by name. In the csv the columns are three or four
-header lines, and an empty field is a missing value. The h5 holds the table under the key ``df_with_missing``
-and needs pandas and PyTables, which can run what a malicious file holds: open files of people you trust (the
-csv has the same numbers and no such risk).
-"""
+"""Detections of animals: DeepLabCut (h5, csv) and SLEAP (h5), one file per camera."""
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -19,10 +14,9 @@ import numpy as np
 
 from skelsplat._optional import require
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._arrays import Array, hdf5_mentions
-from skelsplat.io._files import frame_number, opening
+from skelsplat.io._arrays import Array, array_names, as_numbers, hdf5_mentions
+from skelsplat.io._files import csv_header, csv_lines, frame_number, parsing
 from skelsplat.io.detections._format import View, array_view, joints_of
-from skelsplat.io.detections._text import csv_header, csv_lines
 
 Columns = dict[str, dict[str, dict[str, int]]]  # by individual, part and coordinate
 
@@ -33,8 +27,14 @@ _UNIQUE = "single"
 _COORDS = ("x", "y", "likelihood")
 
 
-def read_h5(path: Path) -> View:
-    """Return the view of one camera from an h5 file."""
+def read_deeplabcut(path: Path) -> View:
+    """Return the view of one camera from DeepLabCut's h5, single- or multi-animal.
+
+    A table with columns (scorer, [individuals,] bodyparts, coords), coords x, y in pixels and likelihood; the
+    index is the frame number. Parts are matched to joints by name. The table is under the key
+    ``df_with_missing`` and needs pandas and PyTables, which can run what a malicious file holds: open files
+    of people you trust (the csv has the same numbers and no such risk).
+    """
     frame = _load(path)
     if not hasattr(frame, "columns") or not hasattr(frame.columns, "levels"):
         raise DatasetError(path, "header", "a table with several levels of columns", type(frame).__name__)
@@ -52,22 +52,19 @@ def _load(path: Path) -> Any:
     """Return the table; its file is closed again."""
     pandas = require("pandas", f"{path}: DeepLabCut's h5")
     require("tables", f"{path}: DeepLabCut's h5")
-    with opening(path):
-        path.open("rb").close()
-    try:
-        with pandas.HDFStore(path, mode="r") as store:
-            keys = [key.strip("/") for key in store.keys()]  # noqa: SIM118 - a store, not a dict
-            table = store[_KEY] if _KEY in keys else None
-    except Exception as error:  # PyTables raises nearly anything for a damaged file
-        reason = str(error).strip().splitlines() or [type(error).__name__]
-        raise DatasetError(path, "file", "a complete HDF5 file of pandas", reason[-1]) from error
+    with parsing(path, "a complete HDF5 file of pandas"), pandas.HDFStore(path, mode="r") as store:
+        keys = [key.strip("/") for key in store.keys()]  # noqa: SIM118 - a store, not a dict
+        table = store[_KEY] if _KEY in keys else None
     if table is None:
         raise DatasetError(path, _KEY, "a table under this key", f"keys {', '.join(keys) or 'none'}")
     return table
 
 
-def read_csv(path: Path) -> View:
-    """Return the view of one camera from a csv file."""
+def read_deeplabcut_csv(path: Path) -> View:
+    """Return the view of one camera from DeepLabCut's csv, the table of `read_deeplabcut`.
+
+    The columns are three or four header lines, and an empty field is a missing value.
+    """
     lines = [line for line in csv_lines(path) if line]
     names = [line[0] for line in lines[:4]]
     depth = 4 if len(names) > 1 and names[1] == "individuals" else 3
@@ -161,17 +158,92 @@ class _Table:
         return joints_of(self.path, "likelihood", xy, np.stack(likelihood, axis=1), clip=False)
 
 
-def is_h5(path: Path) -> bool:
+def is_deeplabcut(path: Path) -> bool:
     """Whether a file is HDF5 with DeepLabCut's key in it."""
     return hdf5_mentions(path, _KEY.encode())
 
 
-def is_csv(path: Path) -> bool:
+def is_deeplabcut_csv(path: Path) -> bool:
     """Whether the first line of a file is DeepLabCut's."""
     first = csv_header(path)
     return len(first) > 1 and first[0] == "scorer"
 
 
-def cut(stem: str) -> str:
+def cut_deeplabcut(stem: str) -> str:
     """Cut the name of the network off the name of a result: ``cam1DLC_resnet50_…`` → ``cam1``."""
     return stem.partition("DLC_")[0] or stem
+
+
+_AXES = ("track", "xy", "node", "frame")
+_TRACKS, _SCORES, _NAMES = "tracks", "point_scores", "node_names"
+
+
+def read_sleap(path: Path) -> View:
+    """Return the view of one camera from SLEAP's analysis file.
+
+    ``tracks`` (tracks, 2, nodes, frames) in pixels, NaN for missing, ``point_scores`` (tracks, nodes, frames)
+    and ``node_names``; frames count from 0. Newer files state the order of the axes in an attribute ``dims``.
+    A score is the peak of a confidence map: above 1 it counts as 1; a point without one was placed by hand
+    and counts as 1. Nodes are matched to joints by name. Needs h5py.
+    """
+    h5py = require("h5py", f"{path}: SLEAP's h5")
+    with parsing(path, "a complete HDF5 file"), h5py.File(path, "r") as file:
+        tracks, scores = (_dataset(path, file, key) for key in (_TRACKS, _SCORES))
+        order = _axes(path, tracks)
+        names = np.asarray(_dataset(path, file, _NAMES)[()])
+        pixels = as_numbers(path, _TRACKS, tracks[()])
+        sure = as_numbers(path, _SCORES, scores[()])
+    xy = _arranged(path, pixels, order, len(names))
+    confidence = _scores(path, sure, order, xy.shape[:3])
+    known = array_names(path, _NAMES, names, xy.shape[2])
+    return array_view(path, _TRACKS, joints_of(path, _TRACKS, xy, confidence, clip=True), names=known)
+
+
+def _dataset(path: Path, file: Any, key: str) -> Any:
+    if key not in file or not hasattr(file[key], "shape"):
+        raise DatasetError(path, key, "a dataset under this key", f"keys {', '.join(file) or 'none'}")
+    return file[key]
+
+
+def _axes(path: Path, tracks: Any) -> tuple[str, ...]:
+    """Return the names of the axes of `tracks`."""
+    stated = tracks.attrs.get("dims")
+    if stated is None:
+        return _AXES
+    try:
+        axes = tuple(str(axis) for axis in json.loads(stated))
+    except (TypeError, ValueError):
+        axes = ()
+    if sorted(axes) != sorted(_AXES):
+        raise DatasetError(path, f"{_TRACKS}.dims", f"an order of {', '.join(_AXES)}", repr(stated))
+    return axes
+
+
+def _arranged(path: Path, pixels: Array, order: tuple[str, ...], nodes: int) -> Array:
+    """Return pixels (T, P, K, 2)."""
+    sizes = dict(zip(order, pixels.shape, strict=False))
+    if pixels.ndim != len(order) or sizes["xy"] != 2 or sizes["node"] != nodes:
+        fixed = {"xy": "2", "node": str(nodes)}
+        expected = f"shape ({', '.join(fixed.get(axis, f'{axis}s') for axis in order)})"
+        raise DatasetError(path, _TRACKS, expected, pixels.shape)
+    return np.transpose(pixels, [order.index(axis) for axis in ("frame", "track", "node", "xy")])
+
+
+def _scores(path: Path, scores: Array, order: tuple[str, ...], shape: tuple[int, ...]) -> Array:
+    """Return scores (T, P, K), 1 where there is none."""
+    axes = [axis for axis in order if axis != "xy"]
+    expected = tuple(dict(zip(("frame", "track", "node"), shape, strict=True))[axis] for axis in axes)
+    if scores.shape != expected:
+        raise DatasetError(path, _SCORES, f"shape {expected} like the tracks", scores.shape)
+    arranged = np.transpose(scores, [axes.index(axis) for axis in ("frame", "track", "node")])
+    return np.where(np.isnan(arranged), 1.0, arranged)
+
+
+def is_sleap(path: Path) -> bool:
+    """Whether a file is HDF5 with SLEAP's names in it."""
+    return hdf5_mentions(path, b"node_names", b"track")
+
+
+def cut_sleap(stem: str) -> str:
+    """Cut SLEAP's own words off the name of a file."""
+    return re.sub(r"\.(analysis|predictions|slp)\b", "", stem)

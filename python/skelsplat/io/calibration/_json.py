@@ -1,6 +1,6 @@
-"""The package's own calibration files, JSON and npz: every field of a rig, and its unit.
+"""Calibrations in JSON: CMU Panoptic, Human3.6M and this package's own, which also comes as npz.
 
-JSON::
+Own JSON::
 
     {"format": "skelsplat-calibration", "version": 1, "unit": "mm",
      "cameras": [{"name": "cam_01", "size": [1920, 1080], "K": [[fx, 0, cx], [0, fy, cy], [0, 0, 1]],
@@ -22,11 +22,10 @@ from typing import Any
 import numpy as np
 
 import skelsplat as sk
-from skelsplat.exceptions import DatasetError
+from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._arrays import load_plain_npz
 from skelsplat.io._fields import Field
-from skelsplat.io.calibration._entries import camera_of
-from skelsplat.io.calibration._format import Array, Parsed, RawCamera, Source
+from skelsplat.io.calibration._format import Array, Parsed, RawCamera, Source, camera_of, lens_of
 
 _MARK = "skelsplat-calibration"
 _VERSION = 1
@@ -47,14 +46,10 @@ def parse_json(source: Source) -> Parsed:
         if document[key].value != known:
             raise document[key].error(shown, document[key].shown)
     unit = _checked_unit(document["unit"])
-    expected = "a list of at least one camera"
-    cameras = document["cameras"].entries(expected)
+    cameras = document["cameras"].entries("a list of at least one camera")
     if not cameras:
-        raise document["cameras"].error(expected, "an empty list")
-    for camera in cameras:
-        if not isinstance(camera.value, dict):
-            raise camera.error("an object with the fields of a camera", type(camera.value).__name__)
-    return Parsed([_camera(camera) for camera in cameras], unit)
+        raise document["cameras"].error("a list of at least one camera", "an empty list")
+    return Parsed([_camera(camera.table()) for camera in cameras], unit)
 
 
 def _camera(entry: Field) -> RawCamera:
@@ -156,3 +151,88 @@ def to_arrays(rig: sk.CameraRig) -> dict[str, Any]:
         "distortion": padded,
         "fisheye": np.array([camera.fisheye for camera in rig]),
     }
+
+
+_DEFAULT_TYPE = "hd"
+
+
+def is_panoptic(source: Source) -> bool:
+    """Whether a document has a list of cameras with Panoptic's name for the lens."""
+    cameras = source.json["cameras"].value
+    return (
+        isinstance(cameras, list)
+        and "format" not in source.json
+        and any(isinstance(camera, dict) and "distCoef" in camera for camera in cameras)
+    )
+
+
+def parse_panoptic(source: Source, camera_type: str | None) -> Parsed:
+    """Return the cameras of the type that is asked for, of CMU Panoptic's ``calibration_SEQUENCE.json``.
+
+    Centimetres, world → camera, y down in the world. ``cameras`` is a list of ``name`` (``"00_03"``),
+    ``type`` (``hd``, ``vga``, ``kinect-color``, …), ``resolution`` (width, height), ``K`` 3×3, ``distCoef``
+    (k1, k2, p1, p2, k3), ``R`` 3×3 and ``t`` 3×1.
+    """
+    wanted = camera_type or _DEFAULT_TYPE
+    cameras = [camera.table() for camera in source.json["cameras"].entries("a list of cameras")]
+    chosen = [camera for camera in cameras if wanted == "all" or camera["type"].text() == wanted]
+    if not chosen:
+        types = sorted({str(camera.value.get("type")) for camera in cameras})
+        actual = f"types {', '.join(types) or 'none'}"
+        raise DatasetError(source.path, "type", f"cameras of type {wanted}", actual)
+    return Parsed([camera_of(entry, distortion="distCoef", size="resolution") for entry in chosen], "cm")
+
+
+# (width, height) of the videos
+_SIZES = {
+    "54138969": (1000, 1002),
+    "55011271": (1000, 1000),
+    "58860488": (1000, 1000),
+    "60457274": (1000, 1002),
+}
+
+
+def is_human36m(source: Source) -> bool:
+    """Whether a document has the two tables."""
+    return "intrinsics" in source.json and "extrinsics" in source.json
+
+
+def parse_human36m(source: Source, subject: str | None) -> Parsed:
+    """Return the cameras of a subject of Human3.6M's ``camera-parameters.json``; mm, world → camera.
+
+    ``intrinsics`` has per camera ``calibration_matrix`` 3×3 and ``distortion`` (k1, k2, p1, p2, k3);
+    ``extrinsics`` has per subject and camera ``R`` 3×3 and ``t`` 3×1. The image sizes are those of the data
+    set: two cameras have 1002 lines, two 1000.
+    """
+    document = source.json
+    if not isinstance(document.value, dict):
+        raise document.error("intrinsics and extrinsics per camera", type(document.value).__name__)
+    intrinsics, extrinsics = document["intrinsics"].table(), document["extrinsics"].table()
+    poses = extrinsics[_subject(extrinsics, subject)].table()
+    if not poses.value:
+        raise poses.error("a camera", "none")
+    cameras = [_human36m_camera(intrinsics[name].table(), poses[name].table(), name) for name in poses.value]
+    return Parsed(cameras, "mm")
+
+
+def _subject(extrinsics: Field, subject: str | None) -> str:
+    """Return whose extrinsics: cameras were moved between subjects, so of several one must be named."""
+    known = list(extrinsics.value)
+    if subject is None and len(known) == 1:
+        return str(known[0])
+    if subject not in known:
+        got = "none" if subject is None else repr(subject)
+        expected = f"one of {', '.join(known)} for {extrinsics.path}"
+        raise InvalidInputError(f"subject: expected {expected}, got {got}")
+    return str(subject)
+
+
+def _human36m_camera(intrinsics: Field, pose: Field, name: str) -> RawCamera:
+    return RawCamera(
+        name=name,
+        K=intrinsics["calibration_matrix"].numbers((3, 3)),
+        R=pose["R"].numbers((3, 3)),
+        t=pose["t"].numbers((3,)),
+        distortion=lens_of(intrinsics["distortion"]),
+        size=_SIZES.get(name),
+    )

@@ -15,9 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._files import frame_number, whole_number
+from skelsplat.io._files import csv_header, csv_lines, frame_number, whole_number
 from skelsplat.io.detections._format import Person, Recording, View, joints_of, list_view
-from skelsplat.io.detections._text import csv_header, csv_lines
 
 # x, y, confidence by frame, person and joint of one camera
 Lines = dict[int, dict[str, dict[str, tuple[float, ...]]]]
@@ -27,7 +26,7 @@ _HIGHEST = 9999
 _KNOWN = (*_NEEDED, "confidence", "person", "camera")
 
 
-def read_recording(path: Path, _: str | None) -> Recording:
+def read_csv_recording(path: Path, _: str | None) -> Recording:
     """Return the views of a file of all cameras."""
     cameras, joints = _read(path)
     if "" in cameras:
@@ -36,7 +35,7 @@ def read_recording(path: Path, _: str | None) -> Recording:
     return Recording({name: _view(path, camera, joints) for name, camera in cameras.items()}, named=True)
 
 
-def read_file(path: Path) -> View:
+def read_csv(path: Path) -> View:
     """Return the view of the one camera of a file."""
     cameras, joints = _read(path)
     if len(cameras) > 1:
@@ -129,6 +128,6 @@ def _person(path: Path, where: str, person: dict[str, tuple[float, ...]], joints
     return Person(path, where, joints_of(path, where, rows[:, :2], rows[:, 2], clip=False))
 
 
-def matches(path: Path) -> bool:
+def is_csv(path: Path) -> bool:
     """Whether the first line of a file names the columns that are needed."""
     return set(_NEEDED) <= {name.strip().lower() for name in csv_header(path)}

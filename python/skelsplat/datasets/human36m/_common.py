@@ -1,21 +1,129 @@
-"""What a caller may choose, and what the layouts on disk share."""
+"""What the layouts on disk share: names of actions, the four cameras, and what a caller may choose.
+
+In the ``camera-parameters.json`` that is passed around, p1 and p2 are exchanged relative to VideoPose3D's
+list (at most 2.4 px in the images); it is read as it stands, and `skelsplat.datasets.check` says which fits
+the detections.
+"""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from skelsplat.cameras import CameraRig
-from skelsplat.datasets._detections import Wanted, choose_detector, detector_name
-from skelsplat.datasets._kept_apart import Separate
+from skelsplat.datasets._detections import Separate, Wanted, choose_detector, detector_name
 from skelsplat.datasets._model import Dataset, FloatArray, Take
-from skelsplat.datasets.human36m._actions import action_of, order, spelling, subject_order
+from skelsplat.datasets._rig import read_quietly
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.layouts import H36M17
+
+ACTIONS = (
+    "Directions",
+    "Discussion",
+    "Eating",
+    "Greeting",
+    "Phoning",
+    "Photo",
+    "Posing",
+    "Purchases",
+    "Sitting",
+    "SittingDown",
+    "Smoking",
+    "Waiting",
+    "WalkDog",
+    "Walking",
+    "WalkTogether",
+)
+"""In the order of the tables."""
+
+NUMBERED = {
+    2: "Directions",
+    3: "Discussion",
+    4: "Eating",
+    5: "Greeting",
+    6: "Phoning",
+    7: "Posing",
+    8: "Purchases",
+    9: "Sitting",
+    10: "SittingDown",
+    11: "Smoking",
+    12: "Photo",
+    13: "Waiting",
+    14: "Walking",
+    15: "WalkDog",
+    16: "WalkTogether",
+}
+"""Action by the number in file names such as ``s_09_act_05_subact_02``."""
+
+ALIASES = {"TakingPhoto": "Photo", "WalkingDog": "WalkDog", "WalkingTogether": "WalkTogether"}
+
+
+def action_of(activity: str) -> str:
+    """Return the action of a take: ``"TakingPhoto 1"`` → ``"Photo"``."""
+    stem = re.sub(r"[\s_-]*\d*$", "", activity.strip())
+    return ALIASES.get(stem, stem)
+
+
+def spelling(activity: str) -> str:
+    """Return what all spellings of a take's name have in common: ``"WalkingDog_1"`` → ``"walkdog 1"``.
+
+    ``"Greeting 1"`` (the name of the original file) and ``"Greeting-1"`` (its number among the two takes of
+    an action) stay different: they can mean different takes.
+    """
+    number = re.search(r"([\s_-]*)(\d+)$", activity.strip())
+    if number is None:
+        return action_of(activity).lower()
+    return f"{action_of(activity).lower()}{'-' if '-' in number[1] else ' '}{number[2]}"
+
+
+def order(activity: str) -> tuple[int, str]:
+    """Sort key: actions in the tables' order, then by name."""
+    action = action_of(activity)
+    return ACTIONS.index(action) if action in ACTIONS else len(ACTIONS), spelling(activity)
+
+
+def subject_order(subject: str) -> tuple[int, str]:
+    """Sort key of ``"S9"`` before ``"S11"``."""
+    digits = re.sub(r"\D", "", subject)
+    return int(digits) if digits else 0, subject
+
+
+CAMERAS = ("54138969", "55011271", "58860488", "60457274")
+"""In the order of every format."""
+
+FILE = "camera-parameters.json"
+
+SIZES = {name: (1000, 1002 if name in ("54138969", "60457274") else 1000) for name in CAMERAS}
+
+
+def find_cameras(root: Path, given: Path | None) -> Path:
+    """Return where the cameras' file is, or should be."""
+    if given is not None:
+        return given / FILE if given.is_dir() else given
+    places = [folder / FILE for folder in (root / "cameras", root, root.parent / "cameras", root.parent)]
+    return next((place for place in places if place.is_file()), places[0])
+
+
+def read_rig(path: Path, subject: str) -> CameraRig:
+    """Return the four cameras of ``camera-parameters.json`` as they stood for a subject, mm.
+
+    Raises `DatasetError` if the file is missing or malformed, or lacks the subject or a camera.
+    """
+    try:
+        rig = read_quietly(path, "human36m", subject=subject)
+    except InvalidInputError as error:
+        raise DatasetError(path, "extrinsics", f"the subject {subject}", error) from error
+    for name in CAMERAS:
+        if name not in rig.names:
+            raise DatasetError(
+                path, f"extrinsics.{subject}.{name}", "a camera", f"only {', '.join(rig.names)}"
+            )
+    return CameraRig([rig[name] for name in CAMERAS], rig.unit)
 
 
 @dataclass(frozen=True)
@@ -67,14 +175,25 @@ class Reading:
     def choose(self, there: dict[str, Path], options: Options, root: Path) -> Path | None:
         """Return where the chosen detector's detections lie, and note which it is; None if there are none.
 
-        Raises `DatasetError` if the wanted detector is not there.
+        None as well if other detections are given. Raises `DatasetError` if the wanted detector is not there.
         """
+        if options.detections is not None:
+            return None
         self.detector = choose_detector(there, options.detector, root)
         if self.detector is None:
             return None
         if len(there) > 1 and options.detector is None:
             self.notes.append(f"detector {self.detector} of {', '.join(sorted(there))}")
         return there[self.detector]
+
+    def detected(self, takes: Iterable[Take], add: Callable[[Take], Take | None]) -> Iterator[Take]:
+        """Give the takes with what `add` makes of them; leave out those of which it makes nothing."""
+        for take in takes:
+            found = add(take)
+            if found is None:
+                self.left_out.append(take.key)
+            else:
+                yield found
 
     def dataset(self, name: str, root: Path) -> Dataset:
         """Return the data set, takes in the order of the tables.
@@ -123,10 +242,9 @@ def with_separate(takes: Iterable[Take], options: Options, reading: Reading) -> 
         return
     source = Separate(options.detections, spelling)
     reading.detector = options.detector or detector_name(options.detections.stem)
-    for take in takes:
+
+    def detected(take: Take) -> Take | None:
         found = source.read(take.subject, activity_of(take), wanted(take))
-        if found is None:
-            reading.left_out.append(take.key)
-        else:
-            detections, path = found
-            yield replace(take, detections=detections, files={**take.files, "detections": path})
+        return None if found is None else take.with_detections(*found)
+
+    yield from reading.detected(takes, detected)

@@ -1,0 +1,325 @@
+"""Calibrations in XML: Qualisys Track Manager's ``.qca.txt`` and Vicon's ``.xcp``.
+
+Marker cameras have no images, so that both readers take video cameras alone unless told otherwise.
+"""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from skelsplat.exceptions import DatasetError
+from skelsplat.io.calibration._format import Array, Parsed, RawCamera, Source, whole_size
+from skelsplat.io.calibration._rotation import matrix_from_quaternion
+
+
+@dataclass(frozen=True)
+class Element:
+    """An XML element; `place` names it in messages."""
+
+    path: Path
+    place: str
+    node: ET.Element
+
+    def error(self, name: str, expected: str, actual: object) -> DatasetError:
+        """Return the error for one of its attributes or children."""
+        return DatasetError(self.path, f"{self.place}.{name}", expected, actual)
+
+    def child(self, tag: str) -> Element:
+        """Return the first element of that name beneath it."""
+        found = self.node.find(tag)
+        if found is None:
+            raise self.error(tag, f"an element <{tag.rpartition('/')[2]}>", "none")
+        return Element(self.path, f"{self.place}.{tag}", found)
+
+    def text(self, name: str) -> str:
+        """Return an attribute that must be there."""
+        value = self.node.get(name)
+        if value is None:
+            raise self.error(name, "an attribute", "nothing (it is missing)")
+        return value
+
+    def numbers(self, name: str, count: int) -> Array:
+        """Return `count` finite numbers of an attribute, separated by blanks."""
+        text = self.text(name)
+        try:
+            values = np.array([float(part) for part in text.split()])
+        except ValueError:
+            values = np.empty(0)
+        if values.size != count or not np.isfinite(values).all():
+            raise self.error(name, "a finite number" if count == 1 else f"{count} finite numbers", repr(text))
+        return values
+
+    def number(self, name: str) -> float:
+        """Return the one finite number of an attribute."""
+        return float(self.numbers(name, 1)[0])
+
+
+_SUBPIXELS = 64.0
+_FLIP = np.diag([1.0, -1.0, -1.0])
+# 1088 lines are called 1080p
+_SAME_LINES = 0.02
+
+
+def is_qualisys(source: Source) -> bool:
+    """Whether a document has Qualisys' cameras."""
+    root = source.xml
+    return root is not None and root.tag == "calibration" and root.find("cameras/camera") is not None
+
+
+def parse_qualisys(source: Source, camera_type: str | None, binning: float | None) -> Parsed:
+    """Return the video cameras that are active and calibrated, or all; millimetres.
+
+    * ``focalLengthU/V`` and ``centerPointU/V`` are in 1/64 px of the whole sensor. The image is the part of
+      it that ``fov_video`` names, so its left and top come off the principal point.
+    * ``radialDistortion1..3`` and ``tangentalDistortion1..2`` are OpenCV's k1, k2, k3, p1, p2. They have no
+      dimension and are *not* divided by 64 (Pose2Sim divides them, which makes them nothing).
+    * ``transform`` is the camera's position in the world and a rotation ``r11`` … ``r33`` whose rows are the
+      camera's axes x right, y up and z backward. World → camera is therefore diag(1, −1, −1)·r and
+      −R·position.
+    * A video of fewer lines than the sensor is binned or scaled; ``video_resolution`` says so, but not how.
+      The ``binning`` option does.
+
+    Marker cameras have no images, so that only video cameras are read (model ``…Video…``, or ``none`` in
+    files that other programs wrote), and of them those that are active and calibrated.
+    """
+    nodes = [] if source.xml is None else source.xml.findall("cameras/camera")
+    if not nodes:
+        raise DatasetError(source.path, "cameras", "at least one <camera> in <calibration>", "none")
+    chosen = [node for node in nodes if _is_wanted(node, camera_type)]
+    if not chosen:
+        models = sorted({node.get("model", "no model") for node in nodes})
+        expected = 'an active, calibrated video camera (camera_type="all" takes every camera)'
+        raise DatasetError(source.path, "model", expected, f"models {', '.join(models)}")
+    cameras = [Element(source.path, f"camera {n.get('serial', i)}", n) for i, n in enumerate(chosen)]
+    turned = [camera.place for camera in cameras if camera.node.get("viewrotation", "0") != "0"]
+    message = (
+        f"{source.path}: viewrotation: {', '.join(turned)} were rotated for display; the calibration is "
+        "for images as the sensor records them, so the detections must come from unrotated images"
+    )
+    read = [_qualisys_camera(camera, binning or _no_binning(camera)) for camera in cameras]
+    return Parsed(read, "mm", [message] if turned else [])
+
+
+def _is_wanted(node: ET.Element, camera_type: str | None) -> bool:
+    if node.get("active", "1") == "0" or node.get("calibrated", "true").lower() == "false":
+        return False
+    model = node.get("model", "none").lower()
+    return camera_type == "all" or "video" in model or model == "none"
+
+
+def _qualisys_camera(camera: Element, binning: float) -> RawCamera:
+    """Return a camera whose image has `binning` sensor pixels per pixel."""
+    left, top, right, bottom = _numbers(camera.child("fov_video"), "left", "top", "right", "bottom")
+    size = np.array([right - left + 1.0, bottom - top + 1.0]) / binning
+    if (size < 1.0).any() or np.abs(size - size.round()).max() > 1e-6:
+        expected = "right − left + 1 and bottom − top + 1 to be whole pixels"
+        raise camera.error("fov_video", expected, " by ".join(f"{length:g}" for length in size))
+    transform = camera.child("transform")
+    axes = _numbers(transform, *(f"r{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)))
+    rotation = _FLIP @ axes.reshape(3, 3)
+    intrinsic = camera.child("intrinsic")
+    return RawCamera(
+        name=camera.text("serial"),
+        K=_matrix(intrinsic, np.array([left, top]), binning),
+        R=rotation,
+        t=-rotation @ _numbers(transform, "x", "y", "z"),
+        distortion=_qualisys_lens(intrinsic),
+        size=(round(size[0]), round(size[1])),
+    )
+
+
+def _numbers(element: Element, *names: str) -> Array:
+    return np.array([element.number(name) for name in names])
+
+
+def _matrix(intrinsic: Element, corner: Array, binning: float) -> Array:
+    focal = _numbers(intrinsic, "focalLengthU", "focalLengthV") / _SUBPIXELS / binning
+    centre = _numbers(intrinsic, "centerPointU", "centerPointV") / _SUBPIXELS - corner
+    centre = (centre + 0.5) / binning - 0.5  # integers are pixel centres
+    if _optional(intrinsic, "skew") != 0.0:
+        raise intrinsic.error("skew", "0 (skew is not supported)", _optional(intrinsic, "skew"))
+    return np.array([[focal[0], 0.0, centre[0]], [0.0, focal[1], centre[1]], [0.0, 0.0, 1.0]])
+
+
+def _qualisys_lens(intrinsic: Element) -> Array:
+    k1, k2 = _numbers(intrinsic, "radialDistortion1", "radialDistortion2")
+    p1, p2 = _numbers(intrinsic, "tangentalDistortion1", "tangentalDistortion2")
+    return np.array([k1, k2, p1, p2, _optional(intrinsic, "radialDistortion3")])
+
+
+def _optional(intrinsic: Element, name: str) -> float:
+    return 0.0 if intrinsic.node.get(name) is None else intrinsic.number(name)
+
+
+def _no_binning(camera: Element) -> float:
+    """Return 1; it is an error if ``video_resolution`` is not the sensor's."""
+    resolution = camera.node.get("video_resolution", "")
+    lines = re.fullmatch(r"(\d+)p", resolution)
+    sensor = [camera.node.find(tag) for tag in ("fov_video_max", "fov_marker_max")]
+    ends = [float(node.get("bottom", "nan")) + 1.0 for node in sensor if node is not None]
+    if lines and ends and abs(float(lines[1]) / ends[0] - 1.0) > _SAME_LINES:
+        expected = f"the sensor's {ends[0]:.0f} lines, or the option binning (sensor px per image px)"
+        raise camera.error("video_resolution", expected, resolution)
+    return 1.0
+
+
+# a fit this good is lost in any detector's noise
+_GOOD_FIT_PX = 0.1
+_UNIT_NORM = 1e-3
+_GRID = 40
+
+
+def is_vicon(source: Source) -> bool:
+    """Whether a document has Vicon's root."""
+    return source.xml is not None and source.xml.tag == "Cameras"
+
+
+def parse_vicon(source: Source, camera_type: str | None) -> Parsed:
+    """Return the video cameras, or all; millimetres.
+
+    ``Camera`` has ``DEVICEID`` (the camera's name here), ``TYPE``, ``SENSOR_SIZE`` and
+    ``PIXEL_ASPECT_RATIO``; its first ``KeyFrame`` has ``FOCAL_LENGTH`` in px, ``PRINCIPAL_POINT``,
+    ``ORIENTATION``, a quaternion (x, y, z, w: scalar last) that turns world into camera, ``POSITION`` of the
+    camera in the world, and the lens as ``VICON_RADIAL2`` (model's name, centre x y, k1 k2 k3) or, in older
+    files, ``VICON_RADIAL`` (k1 k2 about the principal point); a camera with neither is refused.
+
+    Vicon maps a measured pixel to an ideal one, in pixels about a centre c of its own:
+
+        ideal = c + (1 + k1 r² + k2 r⁴ + k3 r⁶)·(measured − c),      r = |measured − c|
+
+    OpenCV maps ideal to measured, in multiples of the focal length about the principal point, so that the
+    coefficients cannot be copied: k1, k2, p1, p2, k3 and the thin-prism terms s1..s4 are fitted over the
+    image.
+
+    Marker cameras have no images: only cameras whose ``TYPE`` has "video" in it are read.
+    """
+    nodes = [] if source.xml is None else source.xml.findall("Camera")
+    if not nodes:
+        raise DatasetError(source.path, "Cameras", "at least one <Camera> in <Cameras>", "none")
+    chosen = [n for n in nodes if camera_type == "all" or "video" in n.get("TYPE", "").lower()]
+    if not chosen:
+        types = sorted({node.get("TYPE", "none") for node in nodes})
+        expected = 'a camera whose TYPE has "video" in it (camera_type="all" takes every camera)'
+        raise DatasetError(source.path, "TYPE", expected, f"types {', '.join(types)}")
+    warnings: list[str] = []
+    cameras = [Element(source.path, f"Camera {n.get('DEVICEID', i)}", n) for i, n in enumerate(chosen)]
+    return Parsed([_vicon_camera(camera, warnings) for camera in cameras], "mm", warnings)
+
+
+def _vicon_camera(camera: Element, warnings: list[str]) -> RawCamera:
+    width, height = camera.numbers("SENSOR_SIZE", 2)
+    size = whole_size(width, height)
+    if size is None:
+        raise camera.error("SENSOR_SIZE", "a positive whole width and height", f"{width:g} {height:g}")
+    aspect = _positive(camera, "PIXEL_ASPECT_RATIO")
+    if camera.node.get("SKEW") is not None and camera.number("SKEW") != 0.0:
+        raise camera.error("SKEW", "0 (skew is not supported)", camera.text("SKEW"))
+    frame = replace(camera.child("KeyFrames/KeyFrame"), place=camera.place)
+    focal, principal = _positive(frame, "FOCAL_LENGTH"), frame.numbers("PRINCIPAL_POINT", 2)
+    K = np.array([[focal, 0.0, principal[0]], [0.0, focal / aspect, principal[1]], [0.0, 0.0, 1.0]])
+    quaternion = frame.numbers("ORIENTATION", 4)
+    if abs(np.linalg.norm(quaternion) - 1.0) > _UNIT_NORM:
+        raise frame.error("ORIENTATION", "a quaternion of norm 1", quaternion)
+    R = matrix_from_quaternion(np.roll(quaternion, 1))
+    return RawCamera(
+        name=camera.text("DEVICEID"),
+        K=K,
+        R=R,
+        t=-R @ frame.numbers("POSITION", 3),
+        distortion=_vicon_lens(frame, K, size, aspect, warnings),
+        size=size,
+    )
+
+
+def _positive(element: Element, name: str) -> float:
+    value = element.number(name)
+    if not value > 0.0:
+        raise element.error(name, "a positive number", f"{value:g}")
+    return value
+
+
+def _vicon_lens(
+    frame: Element, K: Array, size: tuple[int, int], aspect: float, warnings: list[str]
+) -> Array | None:
+    """Return OpenCV's coefficients of the camera's radial model; None if they are zeros."""
+    centre, radial, field = _radial(frame, K[:2, 2])
+    if not radial.any():
+        return None
+    if not _is_plausible(size, centre, radial, aspect):
+        expected = "coefficients in 1/px², 1/px⁴ and 1/px⁶, as of a lens"
+        raise frame.error(field, expected, " ".join(f"{k:g}" for k in radial))
+    coefficients, error = _fit(K, size, centre, radial, aspect)
+    if error > _GOOD_FIT_PX:
+        warnings.append(
+            f"{frame.path}: {frame.place}.{field}: OpenCV's lens model follows Vicon's to {error:.2g} px at "
+            "worst (towards the corners of the image)"
+        )
+    return coefficients
+
+
+def _radial(frame: Element, principal: Array) -> tuple[Array, Array, str]:
+    """Return the centre (2,), the coefficients and the name of the attribute that they come from."""
+    text = frame.node.get("VICON_RADIAL2")
+    if text is None:
+        if frame.node.get("VICON_RADIAL") is None:  # a misspelt name must not pass for one without a lens
+            expected = "lens coefficients, here or in VICON_RADIAL, zeros for no lens"
+            raise frame.error("VICON_RADIAL2", expected, "none")
+        return principal, frame.numbers("VICON_RADIAL", 2), "VICON_RADIAL"
+    try:
+        values = np.array([float(part) for part in text.split()[1:]])
+    except ValueError:
+        values = np.empty(0)
+    if values.size != 5 or not np.isfinite(values).all():
+        raise frame.error("VICON_RADIAL2", "a name, then cx cy k1 k2 k3", repr(text))
+    return values[:2], values[2:], "VICON_RADIAL2"
+
+
+def ideal_pixels(pixels: Array, centre: Array, radial: Array, aspect: float) -> Array:
+    """Ideal pixels of measured ones (n, 2); `aspect` is that of a pixel."""
+    offset = (pixels - centre) * [1.0, aspect]
+    squared = (offset**2).sum(axis=1, keepdims=True)
+    scale = 1.0 + sum(k * squared ** (i + 1) for i, k in enumerate(radial))
+    ideal: Array = offset * scale / [1.0, aspect] + centre
+    return ideal
+
+
+def _is_plausible(size: tuple[int, int], centre: Array, radial: Array, aspect: float) -> bool:
+    """Whether the ideal radius grows with the measured one all over the image, and not beyond twice it."""
+    corners = np.array([[0.0, 0.0], [size[0], 0.0], [0.0, size[1]], [size[0], size[1]]])
+    most = np.linalg.norm((corners - centre) * [1.0, aspect], axis=1).max()
+    r = np.linspace(0.0, most, 200)
+    scale = 1.0 + sum(k * r ** (2 * i + 2) for i, k in enumerate(radial))
+    growth = 1.0 + sum((2 * i + 3) * k * r ** (2 * i + 2) for i, k in enumerate(radial))
+    return bool((np.asarray(growth) > 0.1).all() and (np.asarray(scale) < 2.0).all())
+
+
+def _fit(K: Array, size: tuple[int, int], centre: Array, radial: Array, aspect: float) -> tuple[Array, float]:
+    """Return OpenCV's 12 coefficients (k4 to k6 are 0) and the largest error of the fit in px.
+
+    A polynomial: the rational terms would fit a strong lens better, but with large coefficients that cancel.
+    """
+    axes = [np.linspace(0.0, length - 1.0, _GRID) for length in size]
+    pixels = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
+    focal, principal = np.array([K[0, 0], K[1, 1]]), K[:2, 2]
+    ideal = (ideal_pixels(pixels, centre, radial, aspect) - principal) / focal
+    terms = np.concatenate(list(_terms(ideal) * focal[:, None, None]))
+    right = (pixels - principal - ideal * focal).T.ravel()
+    solution = np.linalg.lstsq(terms, right, rcond=None)[0]
+    error = float(np.abs(terms @ solution - right).max())
+    k1, k2, p1, p2, k3, *s = solution
+    return np.array([k1, k2, p1, p2, k3, 0.0, 0.0, 0.0, *s]), error
+
+
+def _terms(ideal: Array) -> Array:
+    """Return what k1, k2, p1, p2, k3, s1, s2, s3, s4 multiply in x and in y, (2, n, 9)."""
+    x, y = ideal.T
+    r2 = x * x + y * y
+    r4, r6, zero = r2**2, r2**3, np.zeros_like(x)
+    along_x = [x * r2, x * r4, 2 * x * y, r2 + 2 * x * x, x * r6, r2, r4, zero, zero]
+    along_y = [y * r2, y * r4, r2 + 2 * y * y, 2 * x * y, y * r6, zero, zero, r2, r4]
+    return np.stack([np.stack(along_x, axis=1), np.stack(along_y, axis=1)])

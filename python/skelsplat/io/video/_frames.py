@@ -1,0 +1,243 @@
+"""Frames of one camera, one after the other: in from a video or a folder of images, out to either."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from skelsplat._opencv import opencv
+from skelsplat.exceptions import DatasetError
+from skelsplat.io._atomic import atomic_path, atomic_write
+from skelsplat.io._files import opening
+from skelsplat.io.detections._frames import frame_files
+from skelsplat.io.video._find import images_in
+
+Image = npt.NDArray[np.uint8]
+Size = tuple[int, int]
+
+# The only fast encoder in OpenCV's wheels that MP4 takes; H.264 is not in them.
+_CODEC = "mp4v"
+
+
+@dataclass(frozen=True)
+class FrameSource:
+    """Where a camera's frames come from.
+
+    Attributes
+    ----------
+    path : Path
+    size : (width, height)
+        Of the first frame, as it is decoded.
+    rate : float or None
+        Frames per second, if the source says so.
+    first, last : int
+        The camera's own numbers of its frames; the last of a video is what its header says.
+    images : dict
+        Files of a folder by the frame's number, ascending; none for a video.
+    """
+
+    path: Path
+    size: Size
+    rate: float | None
+    first: int
+    last: int
+    images: Mapping[int, Path] = field(default_factory=dict)
+
+    def frames(self, first: int, last: int) -> Iterator[tuple[int, Image]]:
+        """Yield (number, image (H, W, 3), blue first) of the frames `first` to `last` that can be read.
+
+        Raises
+        ------
+        DatasetError
+            If an image has another size than the first.
+        """
+        found = self._of_folder(first, last) if self.images else self._of_video(first, last)
+        for number, path, image in found:
+            if _size(image) != self.size:
+                expected = f"{self.size[0]}×{self.size[1]} like the others"
+                raise DatasetError(path, f"frame {number}", expected, f"{image.shape[1]}×{image.shape[0]}")
+            yield number, image
+
+    def _of_folder(self, first: int, last: int) -> Iterator[tuple[int, Path, Image]]:
+        for number, path in self.images.items():
+            image = _read_image(path) if first <= number <= last else None
+            if image is not None:
+                yield number, path, image
+
+    def _of_video(self, first: int, last: int) -> Iterator[tuple[int, Path, Image]]:
+        with _capture(self.path) as capture:
+            for number in range(self.first, last + 1):
+                if number < first:  # decoded and thrown away: seeking is not exact in all formats
+                    if not capture.grab():
+                        return
+                    continue
+                good, image = capture.read()
+                if not good:
+                    return
+                yield number, self.path, image
+
+
+def open_source(path: Path, first_frame: int = 0) -> FrameSource:
+    """Open a video, whose first frame has the number `first_frame`, or a folder of images.
+
+    Images are numbered by the last integer in their names. Frames are turned upright as the file's metadata
+    says, as detectors that read with OpenCV do.
+
+    Raises
+    ------
+    DatasetError
+        If it cannot be read, or an image's name has no number or that of another.
+    MissingPackageError
+        If OpenCV is not installed.
+    """
+    if path.is_dir():
+        return _open_images(path)
+    with _capture(path) as capture:
+        good, image = capture.read()
+        if not good:
+            raise DatasetError(path, "video", "frames that can be decoded", "none")
+        rate = float(capture.get(opencv().CAP_PROP_FPS))
+        count = max(1, int(capture.get(opencv().CAP_PROP_FRAME_COUNT)))
+    known = rate if math.isfinite(rate) and rate > 0 else None
+    return FrameSource(path, _size(image), known, first_frame, first_frame + count - 1)
+
+
+@contextmanager
+def _capture(path: Path) -> Iterator[Any]:
+    """Open a video for reading and close it again."""
+    if not path.is_file():
+        raise DatasetError(path, "video", "a readable file", "no such file")
+    capture = opencv().VideoCapture(str(path), opencv().CAP_FFMPEG)
+    try:
+        if not capture.isOpened():
+            raise DatasetError(path, "video", "a video that OpenCV can read", "none (is it damaged?)")
+        yield capture
+    finally:
+        capture.release()
+
+
+def _open_images(folder: Path) -> FrameSource:
+    suffixes = sorted({path.suffix for path in images_in(folder)})
+    if len(suffixes) > 1:
+        raise DatasetError(folder, "images", "files of one format", ", ".join(suffixes))
+    files = frame_files(folder, f"*{suffixes[0] if suffixes else '.png'}", "one image per frame")
+    for path in files.values():
+        image = _read_image(path)
+        if image is not None:
+            return FrameSource(folder, _size(image), None, min(files), max(files), files)
+    raise DatasetError(folder, "images", "images that OpenCV can read", f"{len(files)} that it cannot")
+
+
+def _read_image(path: Path) -> Image | None:
+    """Return an image, or None for a file that is none."""
+    with opening(path, field="image"):
+        data = np.fromfile(path, dtype=np.uint8)  # imread cannot open every path on Windows
+    if not data.size:
+        return None
+    image: Image | None = opencv().imdecode(data, opencv().IMREAD_COLOR)
+    return image
+
+
+def _size(image: Image) -> Size:
+    return image.shape[1], image.shape[0]
+
+
+class FrameSink(ABC):
+    """Where frames go.
+
+    Attributes
+    ----------
+    path : Path
+    count : int
+        Frames written so far.
+    size : (width, height)
+        Of the last frame as it was written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.count = 0
+        self.size = (0, 0)
+
+    @abstractmethod
+    def write(self, number: int, image: Image) -> None:
+        """Write a frame, or raise `DatasetError`."""
+
+
+@contextmanager
+def open_sink(path: Path, rate: float | None) -> Iterator[FrameSink]:
+    """Open a video of `rate` frames per second for writing, or without a rate a folder of PNG files.
+
+    The video, MP4 in MPEG-4 part 2, appears under its name when the block ends without an exception. All its
+    frames have the size of the first; a width or height that is odd is made even by repeating the last column
+    or row. One without frames is not written. PNG files are named by the frame's number; each is whole or not
+    there, and their folder is made with the first.
+    """
+    if rate is None:
+        yield _PngSink(path)
+        return
+    with ExitStack() as stack:
+        sink = _Mp4Sink(path, rate, stack)
+        try:
+            yield sink
+        finally:
+            sink.release()
+        sink.check()
+
+
+class _Mp4Sink(FrameSink):
+    def __init__(self, path: Path, rate: float, stack: ExitStack) -> None:
+        super().__init__(path)
+        self._rate = rate
+        self._stack = stack
+        self._temporary: Path | None = None
+        self._writer: Any = None
+
+    def write(self, number: int, image: Image) -> None:
+        del number  # a video counts by itself
+        even = np.pad(image, [(0, image.shape[0] % 2), (0, image.shape[1] % 2), (0, 0)], mode="edge")
+        if self._writer is None:
+            self._open(_size(even))
+        self._writer.write(even)
+        self.count += 1
+
+    def _open(self, size: Size) -> None:
+        self._temporary = self._stack.enter_context(atomic_path(self.path, ".mp4"))
+        code = opencv().VideoWriter_fourcc(*_CODEC)
+        writer = opencv().VideoWriter(str(self._temporary), opencv().CAP_FFMPEG, code, self._rate, size)
+        if not writer.isOpened():
+            expected = f"an {_CODEC} video of {size[0]}×{size[1]} at {self._rate:g} per second to be written"
+            raise DatasetError(self.path, "output", expected, "a refusal of OpenCV")
+        self._writer, self.size = writer, size
+
+    def release(self) -> None:
+        if self._writer is not None:
+            self._writer.release()
+
+    def check(self) -> None:
+        """Read the header back: a full disk is no error to OpenCV's writer."""
+        if self._temporary is None:
+            return
+        capture = opencv().VideoCapture(str(self._temporary), opencv().CAP_FFMPEG)
+        count = int(capture.get(opencv().CAP_PROP_FRAME_COUNT)) if capture.isOpened() else 0
+        capture.release()
+        if count != self.count:
+            raise DatasetError(self.path, "output", f"{self.count} frames to be written", f"{count}")
+
+
+class _PngSink(FrameSink):
+    def write(self, number: int, image: Image) -> None:
+        self.path.mkdir(parents=True, exist_ok=True)
+        _, data = opencv().imencode(".png", image)
+        with atomic_write(self.path / f"{number:06d}.png", durable=False) as stream:
+            stream.write(data.tobytes())
+        self.count += 1
+        self.size = _size(image)

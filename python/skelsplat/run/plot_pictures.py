@@ -1,0 +1,207 @@
+"""The pictures of `skelsplat.run.plots`: pages, a sentence on what they show, and numbers for ``--json``.
+
+Without pages, the sentence says why the picture is left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import skelsplat as sk
+from skelsplat import viz
+from skelsplat._arrays import Array, medians
+from skelsplat.io import PoseData
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from skelsplat.run.plots import Pairs, Source
+
+Picture = tuple[list["Figure"], str, Any]
+
+# Statuses of joints whose depth is open, or that were not measured.
+_UNSURE = ("weak", "filled")
+_SPREAD = "Median ± standard deviation over the frames (in brackets: relative to the median). Dashed: median."
+_PALE = "Pale: frames in which an end is weak or filled; they are not counted, and may lie outside the panel."
+_EQUAL = (
+    "The refinement kept {which} nearly equal on the left and right, so their difference means nothing; "
+    "to study it, refine with --symmetry-tier 0."
+)
+_KEPT_EQUAL = {1: "lower arms and legs", 2: "arms and legs", 3: "arms, legs and trunk"}  # by the tier
+_COUNTED = "All detections used are counted, including the rejected ones. Grey: no detection used."
+
+
+def trajectories(source: Source) -> Picture:
+    """Draw the chosen joints over time."""
+    poses, time = source.poses, viz.TimeAxis(source.poses.frames, source.poses.frame_rate, source.zero)
+    shape = poses.pose.shape
+    variance = np.diagonal(poses.uncertainty, axis1=-2, axis2=-1)
+    sigma = np.sqrt(np.maximum(variance, 0.0)) if len(poses.uncertainty) else np.full(shape, np.nan)
+    data = viz.TrajectoryData(
+        pose=poses.pose,
+        sigma=sigma,
+        start=poses.init_pose if len(poses.init_pose) else np.full(shape, np.nan),
+        status=poses.joint_status if len(poses.joint_status) else np.full(shape[:2], "", dtype="<U10"),
+        time=time,
+        joint_names=poses.joint_names,
+        joints=source.joints,
+        title=source.title,
+        notes=poses.processing,
+    )
+    pages = viz.draw_trajectories(data, skeleton=viz.Skeleton(source.limbs, source.left_right))
+    known = np.asarray(np.isfinite(poses.pose).all(axis=-1))
+    numbers = [
+        {
+            "joint": poses.joint_names[joint],
+            "frames_known": int(known[:, joint].sum()),
+            "sigma_median_mm": [_number(value) for value in medians(sigma[:, joint].T)],
+        }
+        for joint in source.joints
+    ]
+    words = f"{len(source.joints)} {'joint' if len(source.joints) == 1 else 'joints'}"
+    bars = "" if np.isfinite(sigma).any() else "; no error bands, the file has no error bars"
+    return pages, f"{words} over time{bars}.", numbers
+
+
+def bones(source: Source) -> Picture:
+    """Draw the lengths of all limbs over time."""
+    if not source.limbs:
+        return (
+            [],
+            "the joints match no built-in layout, so the limbs are unknown (--layout names the layout)",
+            None,
+        )
+    poses, time = source.poses, viz.TimeAxis(source.poses.frames, source.poses.frame_rate, source.zero)
+    panels = _limb_lengths(poses, source.limbs, source.left_right)
+    limbs = [(panel.title, bone) for panel in panels for bone in panel.bones]
+    unsure = any((np.isfinite(bone.lengths) & ~bone.sure).any() for _, bone in limbs)
+    which = _KEPT_EQUAL.get(source.symmetry_tier)
+    equal = [] if which is None else [_EQUAL.format(which=which)]
+    notes = (f"{_SPREAD} {_PALE}" if unsure else _SPREAD, *equal, *poses.processing)
+    numbers = [
+        {
+            "limb": name,
+            "side": bone.side or None,
+            "median_mm": _number(bone.median),
+            "sd_mm": _number(bone.deviation),
+            "frames_counted": int(bone.sure.sum()),
+        }
+        for name, bone in limbs
+    ]
+    return viz.draw_bones(panels, time, title=source.title, notes=notes), _about_bones(limbs), numbers
+
+
+def errors(source: Source) -> Picture:
+    """Draw the reprojection errors by camera and joint."""
+    poses = source.poses
+    if not (len(poses.reprojection_error) and len(poses.view_weights)):
+        return [], "the file has no errors per camera; the folder of a run and its pose.npz have them", None
+    median, share = _error_maps(poses, sk.REJECTED_WEIGHT)
+    data = viz.ErrorMapData(median, share, poses.camera_names, poses.joint_names, source.title, (_COUNTED,))
+    numbers = {
+        "median_px": _number(median[-1, -1]),
+        "rejected_share": _number(share[-1, -1]),
+        "cameras": _margin("camera", poses.camera_names, median[:-1, -1], share[:-1, -1]),
+        "joints": _margin("joint", poses.joint_names, median[-1, :-1], share[-1, :-1]),
+    }
+    return [viz.draw_error_map(data)], _about_errors(poses, median, share), numbers
+
+
+DRAW: dict[str, Callable[[Source], Picture]] = {
+    "trajectories": trajectories,
+    "bones": bones,
+    "errors": errors,
+}
+
+
+def _limb_lengths(poses: PoseData, limbs: Pairs, left_right: Pairs) -> list[viz.BonePanel]:
+    """Return the limbs in the order of the layout; a left one and its mirror image come together."""
+    mirror = {a: b for left, right in left_right for a, b in ((left, right), (right, left))}
+    left_joints = {left for left, _ in left_right}
+    rest = {frozenset(limb): limb for limb in limbs}
+    panels = []
+    for limb in limbs:
+        if rest.pop(frozenset(limb), None) is None:
+            continue
+        twin = rest.pop(frozenset(mirror.get(joint, joint) for joint in limb), None)
+        if twin is None:
+            name = " – ".join(poses.joint_names[joint].replace("_", " ") for joint in limb)
+            panels.append(viz.BonePanel(name, [_bone(poses, limb, "")]))
+            continue
+        left, right = (limb, twin) if left_joints & set(limb) else (twin, limb)
+        name = " – ".join(_without_side(poses.joint_names[joint]) for joint in left)
+        panels.append(viz.BonePanel(name, [_bone(poses, left, "left"), _bone(poses, right, "right")]))
+    return panels
+
+
+def _bone(poses: PoseData, limb: tuple[int, int], side: str) -> viz.Bone:
+    a, b = limb
+    lengths = np.linalg.norm(poses.pose[:, a] - poses.pose[:, b], axis=-1)
+    sure = np.isfinite(lengths)
+    if len(poses.joint_status):
+        sure &= ~np.isin(poses.joint_status[:, limb], _UNSURE).any(axis=1)
+    return viz.Bone(side, lengths, sure)
+
+
+def _without_side(name: str) -> str:
+    return " ".join(part for part in name.split("_") if part not in ("left", "right"))
+
+
+def _about_bones(limbs: Sequence[tuple[str, viz.Bone]]) -> str:
+    shares = {
+        f"{bone.side} {name}".strip(): 100 * bone.deviation / bone.median
+        for name, bone in limbs
+        if bone.median > 0 and np.isfinite(bone.deviation)
+    }
+    if not shares:
+        return "no limb has a reliable length in at least two frames."
+    worst = max(shares, key=lambda name: shares[name])
+    return (
+        f"standard deviation of the limbs' lengths {min(shares.values()):.1f} to {shares[worst]:.1f} %, "
+        f"median {np.median(list(shares.values())):.1f} %; largest: {worst}."
+    )
+
+
+def _error_maps(poses: PoseData, rejected_below: float) -> tuple[Array, Array]:
+    """Return median error in px and share rejected, each (M + 1, N + 1); last row and column: over all.
+
+    Both count the detections that were used, rejected ones among them; NaN where there is none.
+    """
+    errors, weights = poses.reprojection_error, poses.view_weights
+    _, views, joints = errors.shape
+    median, share = np.full((2, views + 1, joints + 1), np.nan)
+    for i in range(views + 1):
+        for j in range(joints + 1):
+            cell = np.s_[:, slice(None) if i == views else i, slice(None) if j == joints else j]
+            error, weight = (values[np.isfinite(values)] for values in (errors[cell], weights[cell]))
+            if len(error):
+                median[i, j] = np.median(error)
+            if len(weight):
+                share[i, j] = np.mean(weight < rejected_below)
+    return median, share
+
+
+def _about_errors(poses: PoseData, median: Array, share: Array) -> str:
+    if not np.isfinite(median[-1, -1]):
+        return "no detection was used."
+    camera = int(np.nanargmax(median[:-1, -1]))
+    joint = int(np.nanargmax(median[-1, :-1]))
+    rejected = "" if not np.isfinite(share[-1, -1]) else f", {100 * share[-1, -1]:.0f} % rejected"
+    return (
+        f"median {median[-1, -1]:.1f} px{rejected}; largest: {poses.camera_names[camera]} "
+        f"{median[camera, -1]:.1f} px, {poses.joint_names[joint]} {median[-1, joint]:.1f} px."
+    )
+
+
+def _margin(kind: str, names: Sequence[str], median: Array, share: Array) -> list[dict[str, Any]]:
+    return [
+        {kind: name, "median_px": _number(error), "rejected_share": _number(part)}
+        for name, error, part in zip(names, median, share, strict=True)
+    ]
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
