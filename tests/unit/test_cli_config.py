@@ -17,7 +17,6 @@ from skelsplat.cli._app import OneLineErrors
 from skelsplat.cli.command import Application
 from skelsplat.cli.config import entries_of
 from skelsplat.io import sample
-from skelsplat.run import folder as run_folder
 
 CONVENTIONS = Path(__file__).parents[2] / "docs" / "conventions.md"
 BASE = """
@@ -29,7 +28,7 @@ layout = "h36m17"
 
 @pytest.fixture(autouse=True)
 def no_pictures(monkeypatch):
-    monkeypatch.setattr(run_folder, "write_figures", lambda *_: [])
+    monkeypatch.setattr("skelsplat.run.figures.write_figures", lambda *_: [])
 
 
 @pytest.fixture

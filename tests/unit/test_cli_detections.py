@@ -14,7 +14,6 @@ from detection_cases import CASES
 from detection_files import Take
 from skelsplat.cli import app
 from skelsplat.io import read_npz, read_openpose
-from skelsplat.run import folder as run_folder
 
 OPTIONS = ["--unit", "mm", "--layout", "h36m17", "--fps", "50", "-q"]
 JOINTS = sk.layouts.H36M17.joints
@@ -22,7 +21,7 @@ JOINTS = sk.layouts.H36M17.joints
 
 @pytest.fixture(autouse=True)
 def no_pictures(monkeypatch):
-    monkeypatch.setattr(run_folder, "write_figures", lambda *_: [])
+    monkeypatch.setattr("skelsplat.run.figures.write_figures", lambda *_: [])
 
 
 def refine(folder, detections, *options):

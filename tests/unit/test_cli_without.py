@@ -13,7 +13,6 @@ from command_line import READ, assert_fails, invoke
 from detection_cases import CASES
 from detection_files import Take
 from skelsplat.io import read_npz, read_openpose, read_run
-from skelsplat.run import folder as run_folder
 
 OUT = "cam3"
 KEPT = ("cam1", "cam2", "cam4")
@@ -22,7 +21,7 @@ LEFT_OUT = ["--without", OUT, "--fps", "50", "-q"]
 
 @pytest.fixture(autouse=True)
 def no_pictures(monkeypatch):
-    monkeypatch.setattr(run_folder, "write_figures", lambda *_: [])
+    monkeypatch.setattr("skelsplat.run.figures.write_figures", lambda *_: [])
 
 
 def refine(folder, detections, *options):

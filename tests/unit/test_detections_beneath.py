@@ -57,7 +57,7 @@ def test_folders_of_results_are_not_proposed_but_what_lies_in_them(tmp_path):
 def test_of_many_folders_ten_are_named(tmp_path):
     for trial in range(12):
         write(tmp_path / f"trial{trial:02}", "openpose")
-    with pytest.raises(sk.DatasetError, match=r"\(trial00/, .*, trial09/, and 2 more\)$"):
+    with pytest.raises(sk.DatasetError, match=r"\(trial00/, .*, trial09/ and 2 more\)$"):
         read_detections(tmp_path, NAMES, layout=H36M)
 
 

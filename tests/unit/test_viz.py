@@ -27,16 +27,13 @@ def overview_data(before=None, after=None, uncertainty=None, status=None, frame=
     joints = after.shape[1]
     known = np.broadcast_to(np.diag([100.0, 400.0, 900.0]), (T, joints, 3, 3))
     rng = np.random.default_rng(0)
-    body = viz.Body(
-        before=after + 30.0 if before is None else before,
-        after=after,
-        uncertainty=known if uncertainty is None else uncertainty,
-        status=np.full((T, joints), "ok") if status is None else status,
-        up=UP,
-        frame=frame,
-    )
     data = {
-        "body": body,
+        "before": after + 30.0 if before is None else before,
+        "after": after,
+        "uncertainty": known if uncertainty is None else uncertainty,
+        "status": np.full((T, joints), "ok") if status is None else status,
+        "up": UP,
+        "frame": frame,
         "start": "plain triangulation",
         "error_before": rng.uniform(5, 20, (T, M, N)),
         "error_after": rng.uniform(1, 8, (T, M, N)),
@@ -277,7 +274,7 @@ def test_the_legend_names_the_statuses_of_the_joints_that_are_drawn(tmp_path, fi
 
 def test_views_are_front_and_side_only_where_the_vertical_and_the_heading_are_known(tmp_path, figures):
     known = overview_data()
-    tilted = replace(known, body=replace(known.body, up_known=False))
+    tilted = replace(known, up_known=False)
     viz.write_overview(tmp_path / "o.png", tilted, skeleton=SKELETON)
     alike = np.repeat(BODY[None], T, axis=0)
     alike[:, 1] = alike[:, 0]  # hips in one place: no left and right

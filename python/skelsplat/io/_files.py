@@ -16,7 +16,7 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 # frame numbers and offsets are below it, so that their sum fits into 64 bits
@@ -152,3 +152,9 @@ def parse_toml(path: Path, text: str) -> dict[str, Any]:
 def natural(name: str) -> tuple[tuple[int, str], ...]:
     """Sort key that puts 2 before 10."""
     return tuple((int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name))
+
+
+def listed(names: Sequence[str], most: int) -> str:
+    """Return names for a message: the first `most`, and how many more there are."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more

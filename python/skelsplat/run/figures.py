@@ -28,8 +28,15 @@ def write_figures(run: Run, folder: Path) -> list[str]:
     """Write ``overview.png`` and ``weights.png``, and heat maps where the method draws any; return names."""
     inputs, outcome, statistics = run.inputs, run.outcome, run.statistics
     frame, views = most_moved_frame(statistics.moved_mm), range(len(inputs.rig))
+    mm = inputs.rig.mm_per_unit
     data = viz.OverviewData(
-        body=_body(frame, inputs, outcome),
+        before=outcome.start * mm,
+        after=np.asarray(outcome.result.pose) * mm,
+        uncertainty=np.asarray(outcome.result.uncertainty) * mm**2,
+        status=np.asarray(outcome.result.joint_status),
+        up=world_up(inputs.rig),
+        up_known=vertical_known(inputs.rig),
+        frame=frame,
         start=outcome.start_name,
         error_before=statistics.error_before,
         error_after=statistics.error_after,
@@ -110,19 +117,6 @@ def _caption(frame: int, inputs: Inputs, outcome: Outcome, statistics: Statistic
     frames = {name: int((status == name).any(axis=1).sum()) for name in ("weak", "unobserved")}
     affected = ", ".join(f"{name} joints in {number}" for name, number in frames.items() if number)
     return f"{words}; {affected} of {count} frames" if affected else words
-
-
-def _body(frame: int, inputs: Inputs, outcome: Outcome) -> viz.Body:
-    mm = inputs.rig.mm_per_unit
-    return viz.Body(
-        before=outcome.start * mm,
-        after=np.asarray(outcome.result.pose) * mm,
-        uncertainty=np.asarray(outcome.result.uncertainty) * mm**2,
-        status=np.asarray(outcome.result.joint_status),
-        up=world_up(inputs.rig),
-        frame=frame,
-        up_known=vertical_known(inputs.rig),
-    )
 
 
 def _seen(view: int, frame: int, inputs: Inputs, outcome: Outcome) -> Array:

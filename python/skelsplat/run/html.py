@@ -18,7 +18,7 @@ from skelsplat._optional import can_draw
 from skelsplat._sentences.words import number
 from skelsplat.run.frames import rows_of
 from skelsplat.run.report import MEANINGS
-from skelsplat.run.summary import DOWN_WEIGHTED, finite_max, finite_median, frame_medians
+from skelsplat.run.summary import DOWN_WEIGHTED, error_maps, finite_max, finite_median, frame_medians
 
 if TYPE_CHECKING:
     import numpy.typing as npt
@@ -58,7 +58,8 @@ def write_html(run: Run, path: Path) -> None:
 
     inputs, statistics = run.inputs, run.statistics
     source = run.report["input"]["detections"]
-    used = np.isfinite(statistics.error_after).sum(axis=0)
+    weights = np.where(np.isfinite(statistics.error_after), run.result.view_weights, np.nan)
+    errors_px, rejected = error_maps(statistics.error_after, weights)
     data = page.ReportData(
         title="SkelSplat" if source is None else f"SkelSplat: {Path(source).name}",
         facts=facts_of(run.report),
@@ -69,8 +70,8 @@ def write_html(run: Run, path: Path) -> None:
         shapes=camera_shapes(inputs.rig),
         cameras=_camera_table(statistics),
         joints=_joint_table(inputs, statistics),
-        errors_px=np.apply_along_axis(finite_median, 0, statistics.error_after),
-        rejected=np.where(used > 0, statistics.rejected.sum(axis=0) / np.maximum(used, 1), np.nan),
+        errors_px=errors_px[:-1, :-1],
+        rejected=rejected[:-1, :-1],
         lines=_lines(run),
         problems=rows_of(run.frame_findings, inputs.frames.tolist()),
     )

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-import skelsplat as sk
 from skelsplat import viz
 from skelsplat._arrays import Array, medians
 from skelsplat.io import PoseData
+from skelsplat.run.summary import error_maps
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -99,7 +99,7 @@ def errors(source: Source) -> Picture:
     poses = source.poses
     if not (len(poses.reprojection_error) and len(poses.view_weights)):
         return [], "the file has no errors per camera; the folder of a run and its pose.npz have them", None
-    median, share = _error_maps(poses, sk.REJECTED_WEIGHT)
+    median, share = error_maps(poses.reprojection_error, poses.view_weights)
     data = viz.ErrorMapData(median, share, poses.camera_names, poses.joint_names, source.title, (_COUNTED,))
     numbers = {
         "median_px": _number(median[-1, -1]),
@@ -163,25 +163,6 @@ def _about_bones(limbs: Sequence[tuple[str, viz.Bone]]) -> str:
         f"standard deviation of the limbs' lengths {min(shares.values()):.1f} to {shares[worst]:.1f} %, "
         f"median {np.median(list(shares.values())):.1f} %; largest: {worst}."
     )
-
-
-def _error_maps(poses: PoseData, rejected_below: float) -> tuple[Array, Array]:
-    """Return median error in px and share rejected, each (M + 1, N + 1); last row and column: over all.
-
-    Both count the detections that were used, rejected ones among them; NaN where there is none.
-    """
-    errors, weights = poses.reprojection_error, poses.view_weights
-    _, views, joints = errors.shape
-    median, share = np.full((2, views + 1, joints + 1), np.nan)
-    for i in range(views + 1):
-        for j in range(joints + 1):
-            cell = np.s_[:, slice(None) if i == views else i, slice(None) if j == joints else j]
-            error, weight = (values[np.isfinite(values)] for values in (errors[cell], weights[cell]))
-            if len(error):
-                median[i, j] = np.median(error)
-            if len(weight):
-                share[i, j] = np.mean(weight < rejected_below)
-    return median, share
 
 
 def _about_errors(poses: PoseData, median: Array, share: Array) -> str:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import skelsplat as sk
+from skelsplat._arrays import medians
 from skelsplat.run.displaced import Shifts, camera_shifts, residuals
 from skelsplat.run.solve import rig_as_used
 
@@ -185,11 +186,25 @@ def finite_median(values: npt.ArrayLike) -> float:
 
 def frame_medians(values: Array) -> Array:
     """Return the median of what is finite in every frame of (T, …), NaN where there is nothing."""
-    frames = np.where(np.isfinite(values), values, np.nan).reshape(len(values), -1)
-    ordered = np.sort(frames, axis=1)  # NaN comes last
-    every, last = np.arange(len(frames)), np.maximum(np.isfinite(frames).sum(axis=1) - 1, 0)
-    medians: Array = (ordered[every, last // 2] + ordered[every, (last + 1) // 2]) / 2
-    return medians
+    return medians(values.reshape(len(values), -1))
+
+
+def error_maps(errors: Array, weights: Array) -> tuple[Array, Array]:
+    """Return median error in px and share rejected, each (M + 1, N + 1); last row and column: over all.
+
+    Of errors and weights (T, M, N) of the detections that were used; NaN where there is none.
+    """
+    _, views, joints = errors.shape
+    median, share = np.full((2, views + 1, joints + 1), np.nan)
+    for i in range(views + 1):
+        for j in range(joints + 1):
+            cell = np.s_[:, slice(None) if i == views else i, slice(None) if j == joints else j]
+            error, weight = (values[np.isfinite(values)] for values in (errors[cell], weights[cell]))
+            if len(error):
+                median[i, j] = np.median(error)
+            if len(weight):
+                share[i, j] = np.mean(weight < sk.REJECTED_WEIGHT)
+    return median, share
 
 
 def finite_max(values: npt.ArrayLike) -> float:

@@ -10,7 +10,6 @@ from skelsplat._optional import require
 require("matplotlib", "figures", "viz")  # before the modules below import it
 
 from skelsplat.viz import report
-from skelsplat.viz._body import Body
 from skelsplat.viz._cameras import CameraPanel
 from skelsplat.viz._skeleton import Skeleton, body_axes
 from skelsplat.viz._style import write_pages
@@ -25,7 +24,6 @@ from skelsplat.viz.weights import WeightData, write_weights
 
 __all__ = [
     "BarData",
-    "Body",
     "Bone",
     "BonePanel",
     "CameraPanel",

@@ -123,6 +123,11 @@ def notes_height(lines: Sequence[str]) -> float:
     return _EDGE_IN + _NOTE_IN * len(lines)
 
 
+def heading(figure: Figure, top_in: float, words: str) -> None:
+    """Write words at the left edge of a figure for the screen, the top of them at a height in inches."""
+    text(figure, 0.25, top_in, words, size=SCREEN.title_pt, va="top")
+
+
 def write_around(figure: Figure, title: str, lines: Sequence[str]) -> None:
     """Write a title into the upper left corner of a printed page, and lines of notes at its lower edge."""
     text(figure, _EDGE_IN, figure.get_figheight() - _EDGE_IN, title, size=PRINT.title_pt, va="top")

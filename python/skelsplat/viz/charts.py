@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import FuncFormatter
+from matplotlib.ticker import StrMethodFormatter
 
 from skelsplat._arrays import Array, ArrayFields, Mask
 from skelsplat.viz import _style
@@ -140,10 +140,6 @@ def write_panels(path: str | os.PathLike[str], panels: Sequence[Panel], *, capti
     return _style.save_png(figure, path)
 
 
-def _plain(value: float, _: object) -> str:
-    return f"{value:g}"
-
-
 def _draw(axes: Axes, panel: Panel) -> None:
     places = range(len(panel.places))
     for k, line in enumerate(panel.lines):
@@ -156,13 +152,12 @@ def _draw(axes: Axes, panel: Panel) -> None:
     known = [v for line in panel.lines for v in line.values if math.isfinite(v)]
     if known and min(known) > 0 and max(known) / min(known) > _LOG_RATIO:
         axes.set_yscale("log")
-        axes.yaxis.set_major_formatter(FuncFormatter(_plain))
-        axes.yaxis.set_minor_formatter(FuncFormatter(_plain))
+        axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axes.yaxis.set_minor_formatter(StrMethodFormatter("{x:g}"))
     elif known:
         axes.set_ylim(bottom=0)
     axes.set_xticks(list(places), list(panel.places))
     axes.set_title(panel.title, loc="left")
-    axes.set_xlabel(panel.x_label)
-    axes.set_ylabel(panel.y_label)
+    axes.set(xlabel=panel.x_label, ylabel=panel.y_label)
     _style.tidy(axes)
     axes.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), fontsize=_SMALL_PT, frameon=False)

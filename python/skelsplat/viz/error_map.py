@@ -82,7 +82,7 @@ def draw_error_map(data: ErrorMapData) -> Figure:
     joints = [_short(name).replace("_", " ") for name in (*data.joint_names, "all joints")]
     cameras = [_short(name) for name in (*data.camera_names, "all")]
     lines = _style.note_lines(data.notes)
-    plan = _plan(joints, cameras, _style.notes_height(lines) + 0.06)
+    plan = _Plan(joints, cameras, _style.notes_height(lines) + 0.06)
     figure = _style.new_figure(plan.height, _style.PRINT)
     for k, chart in enumerate(_maps(data)):
         x, y = plan.corner(k)
@@ -95,57 +95,30 @@ def draw_error_map(data: ErrorMapData) -> Figure:
     return figure
 
 
-@dataclass(frozen=True)
 class _Plan:
-    """Where the maps of ``rows`` × ``columns`` cells are, in inches.
+    """Where the maps are, in inches: cells as large as the page allows, with ``foot`` for the notes."""
 
-    ``cell`` is the height and width of one, ``left`` the width of the joints' names, ``below`` the height of
-    the cameras', which are ``upright`` where they are too long, and ``foot`` that of the notes.
-    """
-
-    rows: int
-    columns: int
-    cell: tuple[float, float]
-    stacked: bool
-    upright: bool
-    left: float
-    below: float
-    foot: float
-
-    @property
-    def map_in(self) -> float:
-        return self.rows * self.cell[0]
-
-    @property
-    def width(self) -> float:
-        return self.columns * self.cell[1]
-
-    @property
-    def height(self) -> float:
-        block = self.map_in + self.below + _TITLE_IN
-        return self.foot + _HEAD_IN + block + (block + _GAP_IN if self.stacked else 0.0)
+    def __init__(self, joints: Sequence[str], cameras: Sequence[str], foot: float) -> None:
+        rows, columns = len(joints), len(cameras)
+        self.stacked = columns > _BESIDE
+        across, blocks = (1, 2) if self.stacked else (2, 1)
+        self.left = _letters(joints) + 0.16
+        space = _style.PRINT.width_in - self.left - across * _BESIDE_MAP_IN
+        width = min(space / across / columns, max(_COLUMN_IN, _LEAST_MAP_IN / columns))
+        self.upright = _letters(cameras) > width  # the cameras' names are too long for their columns
+        below = (_letters(cameras) if self.upright else 0.1) + 0.14
+        free = _style.PRINT_HEIGHT_IN - foot - _HEAD_IN - (blocks - 1) * _GAP_IN
+        height = float(np.clip((free / blocks - below - _TITLE_IN) / rows, _LEAST_ROW_IN, _ROW_IN))
+        self.cell = (height, width)
+        self.map_in, self.width = rows * height, columns * width
+        self.bottom, self.block = foot + below, self.map_in + below + _TITLE_IN
+        self.height = foot + _HEAD_IN + self.block + (self.block + _GAP_IN if self.stacked else 0.0)
 
     def corner(self, k: int) -> tuple[float, float]:
         """Return the lower left corner of the first or second map."""
-        up, along = self.foot + self.below, k * (self.width + _BESIDE_MAP_IN)
-        if not self.stacked:
-            return self.left + along, up
-        return self.left, up + (1 - k) * (self.map_in + self.below + _TITLE_IN + _GAP_IN)
-
-
-def _plan(joints: Sequence[str], cameras: Sequence[str], foot: float) -> _Plan:
-    """Make the cells as large as the page allows."""
-    rows, columns = len(joints), len(cameras)
-    count, stacked = (1, True) if columns > _BESIDE else (2, False)
-    left = _letters(joints) + 0.16
-    space = _style.PRINT.width_in - left - count * _BESIDE_MAP_IN
-    width = min(space / count / columns, max(_COLUMN_IN, _LEAST_MAP_IN / columns))
-    upright = _letters(cameras) > width
-    below = (_letters(cameras) if upright else 0.1) + 0.14
-    blocks = 2 if stacked else 1
-    free = _style.PRINT_HEIGHT_IN - foot - _HEAD_IN - (blocks - 1) * _GAP_IN
-    height = float(np.clip((free / blocks - below - _TITLE_IN) / rows, _LEAST_ROW_IN, _ROW_IN))
-    return _Plan(rows, columns, (height, width), stacked, upright, left, below, foot)
+        if self.stacked:
+            return self.left, self.bottom + (1 - k) * (self.block + _GAP_IN)
+        return self.left + k * (self.width + _BESIDE_MAP_IN), self.bottom
 
 
 def _short(name: str) -> str:

@@ -108,10 +108,7 @@ def _draw_panel(axes: Axes, row: HeatmapRow, window: Window, skeleton: Skeleton,
     axes.scatter(
         detected[:, 0], detected[:, 1], s=20, marker="x", color=_style.DETECTION, linewidths=1.0, zorder=4
     )
-    axes.set_xlim(extent[0], extent[1])
-    axes.set_ylim(extent[2], extent[3])
-    axes.set_xlabel("u [px]")
-    axes.set_ylabel("v [px]")
+    axes.set(xlim=extent[:2], ylim=extent[2:], xlabel="u [px]", ylabel="v [px]")
     _style.tidy(axes)
     error = (
         f"median error {row.median_error_px:.1f} px" if np.isfinite(row.median_error_px) else "no detections"

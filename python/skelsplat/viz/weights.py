@@ -71,15 +71,9 @@ def write_weights(path: str | os.PathLike[str], data: WeightData) -> Path:
     _draw_frames(by_frame, data)
     bar = figure.add_axes(_style.box(figure, _style.SCREEN.width_in - 0.75, 0.7, 0.18, height))
     figure.colorbar(image, cax=bar, ticks=[0, data.rejected_below, 1])
-    _style.text(
-        figure,
-        0.25,
-        figure.get_figheight() - 0.2,
-        f"Mean weight of the detections, all frames: 1 trusted, below {data.rejected_below:g} rejected, "
-        "grey: no detection",
-        size=_style.SCREEN.title_pt,
-        va="top",
-    )
+    below = f"below {data.rejected_below:g} rejected"
+    words = f"Mean weight of the detections, all frames: 1 trusted, {below}, grey: no detection"
+    _style.heading(figure, figure.get_figheight() - 0.2, words)
     return _style.save_png(figure, path)
 
 

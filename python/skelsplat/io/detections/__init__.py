@@ -24,8 +24,7 @@ from skelsplat.io.detections._format import View
 from skelsplat.io.detections._frames import Clock, FrameMode, check_mode, check_offsets
 from skelsplat.io.detections._joints import arranged, check_mapping, choose_layout, places_of
 from skelsplat.io.detections._match import camera_called, cameras_called
-from skelsplat.io.detections._registry import FORMATS, find_format
-from skelsplat.io.detections._sources import Matching, Sources, open_sources
+from skelsplat.io.detections._registry import FORMATS, Matching, Sources, find_format, open_sources
 
 __all__ = ["FORMATS", "DetectionSet", "camera_called", "cameras_called", "read_detections", "read_openpose"]
 

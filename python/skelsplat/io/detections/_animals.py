@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -27,7 +26,7 @@ _UNIQUE = "single"
 _COORDS = ("x", "y", "likelihood")
 
 
-def read_deeplabcut(path: Path) -> View:
+def read_dlc(path: Path) -> View:
     """Return the view of one camera from DeepLabCut's h5, single- or multi-animal.
 
     A table with columns (scorer, [individuals,] bodyparts, coords), coords x, y in pixels and likelihood; the
@@ -60,8 +59,8 @@ def _load(path: Path) -> Any:
     return table
 
 
-def read_deeplabcut_csv(path: Path) -> View:
-    """Return the view of one camera from DeepLabCut's csv, the table of `read_deeplabcut`.
+def read_dlc_csv(path: Path) -> View:
+    """Return the view of one camera from DeepLabCut's csv, the table of `read_dlc`.
 
     The columns are three or four header lines, and an empty field is a missing value.
     """
@@ -158,20 +157,15 @@ class _Table:
         return joints_of(self.path, "likelihood", xy, np.stack(likelihood, axis=1), clip=False)
 
 
-def is_deeplabcut(path: Path) -> bool:
+def is_dlc(path: Path) -> bool:
     """Whether a file is HDF5 with DeepLabCut's key in it."""
     return hdf5_mentions(path, _KEY.encode())
 
 
-def is_deeplabcut_csv(path: Path) -> bool:
+def is_dlc_csv(path: Path) -> bool:
     """Whether the first line of a file is DeepLabCut's."""
     first = csv_header(path)
     return len(first) > 1 and first[0] == "scorer"
-
-
-def cut_deeplabcut(stem: str) -> str:
-    """Cut the name of the network off the name of a result: ``cam1DLC_resnet50_…`` → ``cam1``."""
-    return stem.partition("DLC_")[0] or stem
 
 
 _AXES = ("track", "xy", "node", "frame")
@@ -242,8 +236,3 @@ def _scores(path: Path, scores: Array, order: tuple[str, ...], shape: tuple[int,
 def is_sleap(path: Path) -> bool:
     """Whether a file is HDF5 with SLEAP's names in it."""
     return hdf5_mentions(path, b"node_names", b"track")
-
-
-def cut_sleap(stem: str) -> str:
-    """Cut SLEAP's own words off the name of a file."""
-    return re.sub(r"\.(analysis|predictions|slp)\b", "", stem)

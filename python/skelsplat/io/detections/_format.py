@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -81,8 +82,8 @@ class DetectionFormat:
         Reads the folder of one camera that holds one file per frame.
     recording : callable or None
         Reads one file of all cameras; its second argument names a sequence in it, or is None.
-    cut : callable
-        Cuts what the tool adds off the stem of a file's name, so that the camera's remains.
+    added : str
+        Regular expression for what the tool adds to the camera's name in that of a file.
     """
 
     name: str
@@ -91,7 +92,11 @@ class DetectionFormat:
     file: Callable[[Path], View] | None = None
     folder: Callable[[Path], View] | None = None
     recording: Callable[[Path, str | None], Recording] | None = None
-    cut: Callable[[str], str] = field(default=str)
+    added: str | None = None
+
+    def camera_part(self, stem: str) -> str:
+        """Return the stem of a file's name without what the tool added."""
+        return re.sub(self.added, "", stem) or stem if self.added else stem
 
 
 def joints_of(path: Path, where: str, xy: Array, confidence: Array | None, *, clip: bool) -> Array:

@@ -11,6 +11,7 @@ import numpy as np
 import skelsplat as sk
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._arrays import Array
+from skelsplat.io._files import listed
 from skelsplat.io.detections._format import Person, View
 
 Joint = str | int | None
@@ -39,12 +40,12 @@ def choose_layout(layout: str | sk.Layout | None, views: Iterable[View]) -> sk.L
         if len(named) == 1:
             return named[0]
         if view.joints and not view.own_order:
-            hint = f"{view.path} names {_listed(view.joints)}: {_named_layouts(view.joints)}"
+            hint = f"{view.path} names {listed(view.joints, _SHOWN)}: {_named_layouts(view.joints)}"
             break
         counted = _count(view)
         if counted:
             path, joints = counted
-            names = f"; it names {_listed(view.joints)}" if view.joints else ""
+            names = f"; it names {listed(view.joints, _SHOWN)}" if view.joints else ""
             hint = f"{path} has {joints} joints per person: {layouts_of(joints)}{names}{_advice_on(joints)}"
             break
     raise InvalidInputError(f"layout: expected the name of a joint layout, got none; {hint}")
@@ -119,7 +120,7 @@ def places_of(view: View, layout: sk.Layout, mapping: Mapping[str, Joint]) -> Pl
     missing = [joint for joint, places in named.items() if not places]
     if missing:
         advice = f'mapping={{"{missing[0]}": …}} (--map {missing[0]}=…) assigns it'
-        actual = f"none for {', '.join(missing)} among {_listed(view.joints)}; {advice}"
+        actual = f"none for {', '.join(missing)} among {listed(view.joints, _SHOWN)}; {advice}"
         raise _wrong(view, f"a name for every joint of {layout.name}", actual)
     return tuple(
         named[joint][0] if joint in named else _mapped(view, joint, mapping[joint]) for joint in layout.joints
@@ -154,13 +155,8 @@ def _mapped(view: View, joint: str, target: Joint) -> int | None:
         return target
     names = view.joints or ()
     if target not in names:
-        raise _wrong(view, f"{target!r} for {joint}", _listed(names))
+        raise _wrong(view, f"{target!r} for {joint}", listed(names, _SHOWN))
     return names.index(target)
-
-
-def _listed(names: Sequence[str]) -> str:
-    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
-    return ", ".join(names[:_SHOWN]) + more
 
 
 def _key(name: str) -> tuple[str, ...]:

@@ -176,11 +176,6 @@ def _has_image_id(path: Path, pattern: str) -> bool:
     return start.startswith("[") and re.search(rf'"image_id"\s*:\s*{pattern}', start) is not None
 
 
-def cut_alphapose(stem: str) -> str:
-    """Cut AlphaPose's own words off the name of a file."""
-    return re.sub(r"[-_ ]*alphapose[-_ ]results", "", stem) or stem
-
-
 def read_mmpose(path: Path) -> View:
     """Return the view of one camera from predictions of MMPose 1.x.
 

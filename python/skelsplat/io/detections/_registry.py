@@ -1,50 +1,40 @@
-"""The formats by name, and which of them a path holds."""
+"""The formats by name, which of them a path holds, and the views of the cameras there, opened."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+import shlex
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import chain, islice
 from pathlib import Path
 
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io._files import VIDEO_SUFFIXES
+from skelsplat.io._files import VIDEO_SUFFIXES, listed, opening
 from skelsplat.io._run_files import is_run
 from skelsplat.io.detections import _animals, _arrays, _csv, _json
-from skelsplat.io.detections._format import DetectionFormat
-from skelsplat.io.detections._sources import subfolders
+from skelsplat.io.detections._format import DetectionFormat, View
+from skelsplat.io.detections._match import Candidates, match_by_name, match_by_order
 
+# what tools add to the camera's name in that of a file; DeepLabCut also the name of the network
+_ALPHAPOSE = r"[-_ ]*alphapose[-_ ]results"
+_DLC = r"(?s)DLC_.*"
+_SLEAP = r"\.(analysis|predictions|slp)\b"
 # in the order in which a message lists them
 FORMATS: dict[str, DetectionFormat] = {
     form.name: form
     for form in (
         DetectionFormat("openpose", (".json",), _json.is_openpose, folder=_json.read_openpose),
         DetectionFormat("mmpose", (".json",), _json.is_mmpose, _json.read_mmpose),
-        DetectionFormat(
-            "alphapose", (".json",), _json.is_alphapose, _json.read_alphapose, cut=_json.cut_alphapose
-        ),
+        DetectionFormat("alphapose", (".json",), _json.is_alphapose, _json.read_alphapose, added=_ALPHAPOSE),
         DetectionFormat("coco", (".json",), _json.is_coco, _json.read_coco),
         DetectionFormat(
             "rtmlib", (".npz", ".npy"), _arrays.is_rtmlib, _arrays.read_rtmlib, _arrays.read_rtmlib_folder
         ),
         DetectionFormat("metrabs", (".npz",), _arrays.is_metrabs, _arrays.read_metrabs),
-        DetectionFormat(
-            "deeplabcut",
-            (".h5",),
-            _animals.is_deeplabcut,
-            _animals.read_deeplabcut,
-            cut=_animals.cut_deeplabcut,
-        ),
-        DetectionFormat(
-            "deeplabcut_csv",
-            (".csv",),
-            _animals.is_deeplabcut_csv,
-            _animals.read_deeplabcut_csv,
-            cut=_animals.cut_deeplabcut,
-        ),
-        DetectionFormat(
-            "sleap", (".h5", ".hdf5"), _animals.is_sleap, _animals.read_sleap, cut=_animals.cut_sleap
-        ),
+        DetectionFormat("deeplabcut", (".h5",), _animals.is_dlc, _animals.read_dlc, added=_DLC),
+        DetectionFormat("deeplabcut_csv", (".csv",), _animals.is_dlc_csv, _animals.read_dlc_csv, added=_DLC),
+        DetectionFormat("sleap", (".h5", ".hdf5"), _animals.is_sleap, _animals.read_sleap, added=_SLEAP),
         DetectionFormat("freemocap", (".npy",), _arrays.is_freemocap, recording=_arrays.read_freemocap),
         DetectionFormat("easymocap", (".json",), _json.is_easymocap, folder=_json.read_easymocap),
         DetectionFormat("videopose3d", (".npz",), _arrays.is_videopose3d, recording=_arrays.read_videopose3d),
@@ -56,12 +46,17 @@ FORMATS: dict[str, DetectionFormat] = {
 }
 # files looked at per folder: enough for every camera of a dome, and never a folder of a million images
 _MOST = 64
-# folders named in a message
+# files or folders named in a message
 _NAMED = 10
 # looked for beneath a folder: a session, a participant, a trial is Pose2Sim's deepest; never a whole disk
 _LEVELS = 3
 _FOLDERS = 200
 _ENTRIES = 10_000
+Order = str | Sequence[str]
+# what may belong to the cameras, and how one of them is opened by its label
+Offer = tuple[Candidates, Callable[[str], View]]
+
+_SOME_LEFT_OUT = "--without leaves out cameras (in Python without=)"
 
 
 def find_format(path: Path, name: str | None) -> DetectionFormat:
@@ -97,7 +92,8 @@ def _told(path: Path) -> str:
     """Say what is there if it is no detections: folders with some beneath it, or only videos."""
     deeper = folders_beneath(path, _has_detections)
     if deeper:
-        return f"folders with such detections beneath it: give one of them ({_names(path, deeper)})"
+        names = [f"{folder.relative_to(path).as_posix()}/" for folder in deeper]
+        return f"folders with such detections beneath it: give one of them ({listed(names, _NAMED)})"
     if any(one.suffix.lower() in VIDEO_SUFFIXES for one in chain([path], path.glob("*"), path.glob("*/*"))):
         return "videos; run a 2D keypoint detector on them first, and give the files that it writes"
     return "none that is recognised"
@@ -108,12 +104,6 @@ def _has_detections(folder: Path) -> bool:
         return not is_run(folder) and bool(_recognised(folder))
     except DatasetError:  # it cannot be read
         return False
-
-
-def _names(top: Path, folders: list[Path]) -> str:
-    names = [f"{folder.relative_to(top).as_posix()}/" for folder in folders]
-    more = [f"and {len(names) - _NAMED} more"] if len(names) > _NAMED else []
-    return ", ".join(names[:_NAMED] + more)
 
 
 def _samples(path: Path) -> Iterator[Path]:
@@ -153,3 +143,133 @@ def _inside(folder: Path) -> list[Path]:
             return sorted(Path(one.path) for one in shown if one.is_dir())
     except OSError:
         return []
+
+
+@dataclass(frozen=True)
+class Sources:
+    """The opened views.
+
+    `kind` is what belongs to a camera ("folder", "file" or "view" of a file), `labels` what each camera was
+    matched with, None for nothing; in `views` are the cameras that have detections.
+    """
+
+    kind: str
+    labels: Mapping[str, str | None]
+    views: Mapping[str, View]
+
+
+@dataclass(frozen=True)
+class Matching:
+    """How cameras are matched: by name, or by a stated order, and whether some may be without detections.
+
+    What belongs to a camera of `left_out` is passed over, whether it is there or not.
+    """
+
+    names: Sequence[str]
+    order: Order | None
+    allow_missing: bool
+    left_out: Collection[str] = ()
+
+    def match(self, candidates: Candidates) -> dict[str, str | None]:
+        """Return the label of every camera that is not left out."""
+        if self.order is not None:
+            return match_by_order(
+                candidates, self.names, self.order, left_out=self.left_out, otherwise=_SOME_LEFT_OUT
+            )
+        found = match_by_name(
+            candidates,
+            self.names,
+            allow_missing=self.allow_missing,
+            optional=self.left_out,
+            otherwise=self._leave_out,
+        )
+        return {name: label for name, label in found.items() if name not in self.left_out}
+
+    def _leave_out(self, missing: Sequence[str]) -> str:
+        if len(set(self.names) - set(missing) - set(self.left_out)) < 2:
+            return ""  # two must remain
+        options = " ".join(f"--without {shlex.quote(name)}" for name in missing)
+        return f"or leave out what was not recorded with {options} (in Python without=)"
+
+
+def open_sources(path: Path, form: DetectionFormat, matching: Matching, sequence: str | None) -> Sources:
+    """Match and open the views beneath `path`."""
+    if path.is_file():
+        candidates, open_one = _of_recording(path, form, sequence, ordered=matching.order is not None)
+    else:
+        candidates, open_one = _of_folder(path, form)
+    labels = matching.match(candidates)
+    views = {name: open_one(label) for name, label in labels.items() if label is not None}
+    return Sources(candidates.kind, labels, views)
+
+
+def _of_recording(path: Path, form: DetectionFormat, sequence: str | None, *, ordered: bool) -> Offer:
+    if form.recording is None:
+        raise DatasetError(path, "path", f"a folder ({form.name} has files per camera)", "a file")
+    recording = form.recording(path, sequence)
+    if not recording.named and not ordered:
+        places = ", ".join(recording.views)
+        expected = 'the order of its views (order= or --order: "sorted", or the place of each camera)'
+        raise DatasetError(path, "cameras", expected, f"none; it has no names, only views {places}")
+    return Candidates(path, "view", {label: label for label in recording.views}), recording.views.__getitem__
+
+
+def _of_folder(path: Path, form: DetectionFormat) -> Offer:
+    """Return the cameras' files, or their folders, with files of one frame each or with a single one."""
+    folders, read_file, read_folder = subfolders(path), form.file, form.folder
+    if read_file is not None and _has_files(path, folders, form):
+        return _file_candidates(path, form), lambda label: read_file(path / label)
+    if read_folder is not None:
+        return _folder_candidates(path, folders, form), lambda label: read_folder(path / label)
+    if read_file is not None and folders:
+        candidates = _folder_candidates(path, folders, form)
+        return candidates, lambda label: read_file(_the_file(path / label, form))
+    if read_file is not None:
+        expected = f"files of {form.name} ({', '.join(form.suffixes)})"
+        names = sorted(file.name for file in path.iterdir() if file.is_file())
+        raise DatasetError(path, "files", expected, listed(names, _NAMED) or "none")
+    there = ", ".join(file.name for file in _files(path, form)) or "a folder"
+    raise DatasetError(path, "path", f"the {form.name} file of all cameras itself", there)
+
+
+def _file_candidates(path: Path, form: DetectionFormat) -> Candidates:
+    """Return the files of a folder; one that is not recognised is still taken for a camera of its name."""
+    files = _files(path, form, recognised=False)
+    known = {file.name for file in _files(path, form)}
+    texts = {file.name: form.camera_part(file.stem) for file in files}
+    idle = texts.keys() - known if known else set()
+    return Candidates(path, "file", texts, idle, within=True)
+
+
+def _folder_candidates(path: Path, folders: list[Path], form: DetectionFormat) -> Candidates:
+    idle = [p.name for p in folders if not any(next(p.glob(f"*{suffix}"), None) for suffix in form.suffixes)]
+    return Candidates(path, "folder", {folder.name: folder.name for folder in folders}, idle)
+
+
+def _the_file(folder: Path, form: DetectionFormat) -> Path:
+    """Return the one file in a camera's folder."""
+    found = _files(folder, form) or _files(folder, form, recognised=False)
+    if len(found) != 1:
+        there = ", ".join(file.name for file in found) or "none"
+        raise DatasetError(folder, "files", f"one {form.name} file of the camera", there)
+    return found[0]
+
+
+def subfolders(path: Path) -> list[Path]:
+    """Folders beneath a folder, by name, without hidden ones and those that a run wrote."""
+    with opening(path, "a readable folder", "folder"):
+        shown = sorted(p for p in path.iterdir() if p.is_dir() and not p.name.startswith("."))
+    return [folder for folder in shown if not is_run(folder)]
+
+
+def _files(folder: Path, form: DetectionFormat, *, recognised: bool = True) -> list[Path]:
+    """Files in a folder with the format's suffix, by name; if `recognised`, only those of the format."""
+    found = [p for suffix in form.suffixes for p in folder.glob(f"*{suffix}") if p.is_file()]
+    shown = sorted(path for path in found if not path.name.startswith("."))
+    return [path for path in shown if form.matches(path)] if recognised else shown
+
+
+def _has_files(path: Path, folders: list[Path], form: DetectionFormat) -> bool:
+    """Say whether the cameras' files lie in the folder itself, not in one of its own each."""
+    beneath = any(_files(folder, form, recognised=False) for folder in folders)
+    return bool(_files(path, form)) or (bool(_files(path, form, recognised=False)) and not beneath)

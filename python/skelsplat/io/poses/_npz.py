@@ -23,23 +23,9 @@ _REQUIRED = ("pose", "joint_names", "frames", "unit")
 def write_npz(path: str | os.PathLike[str], data: PoseData) -> None:
     """Write all of `data` as a compressed npz file.
 
-    Keys: every attribute of `PoseData` under its name (tuples of names as string arrays, ``unit`` as a string
-    of shape ()), and ``version``, the version of this package. No key needs pickle to be read.
-
-    ============================================  ==============  ======================================
-    pose, init_pose                               (T, N, 3)       unit
-    uncertainty                                   (T, N, 3, 3)    posterior covariance, unit²
-    covariance                                    (T, N, 3, 3)    of the splats, unit²; no error bar
-    joint_status                                  (T, N)          ok, weak, unobserved, filled
-    view_weights                                  (T, M, N)       0 to 1; NaN without a detection
-    swapped                                       (T, M, N)       left and right exchanged
-    reprojection_error                            (T, M, N)       px
-    noise                                         (T,)            of the detections, unit
-    loss, n_iter, stop_reason, frames             (T,)
-    joint_names, camera_names                     (N,), (M,)
-    frame_rate                                    ()              frames per second; NaN if unknown
-    processing                                    any number      what was done over time, in words
-    ============================================  ==============  ======================================
+    Keys: every attribute of `PoseData` under its name, with the shape and unit that are described there, and
+    ``version``, the version of this package. Tuples of names are string arrays, ``unit`` is a string and
+    ``frame_rate`` a number of shape (), NaN if unknown. No key needs pickle to be read.
 
     Raises
     ------

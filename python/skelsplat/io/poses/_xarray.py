@@ -81,12 +81,7 @@ def to_xarray(
     }
     if data.uncertainty.size:
         coordinates[f"{space}_2"] = ["x", "y", "z"]
-    dataset: xr.Dataset = xarray.Dataset(variables, coordinates, _attributes(data, rate))
-    return dataset
-
-
-def _attributes(data: PoseData, rate: float | None) -> dict[str, str | float]:
-    return {
+    attributes: dict[str, str | float] = {
         "source_software": f"SkelSplat {sk.__version__}",
         "ds_type": "poses",
         "time_unit": "frames" if rate is None else "seconds",
@@ -94,6 +89,8 @@ def _attributes(data: PoseData, rate: float | None) -> dict[str, str | float]:
         "unit": data.unit,
         "processing": "\n".join(data.processing),
     }
+    dataset: xr.Dataset = xarray.Dataset(variables, coordinates, attributes)
+    return dataset
 
 
 def _confidence(data: PoseData) -> Array:
