@@ -14,6 +14,7 @@ from detection_cases import CASES
 from detection_files import Take
 from skelsplat import synthetic
 from skelsplat.io import read_npz, write_calibration
+from skelsplat.run import figures
 
 NAMES = ["54138969", "55011271", "58860488", "60457274"]
 T = 3
@@ -35,7 +36,7 @@ CALIBRATIONS = [
 
 @pytest.fixture(autouse=True)
 def no_pictures(monkeypatch):
-    monkeypatch.setattr("skelsplat.run.figures.write_figures", lambda *_: [])
+    monkeypatch.setattr(figures, "write_figures", lambda *_: [])
 
 
 @pytest.fixture

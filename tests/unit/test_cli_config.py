@@ -17,6 +17,7 @@ from skelsplat.cli._app import OneLineErrors
 from skelsplat.cli.command import Application
 from skelsplat.cli.config import entries_of
 from skelsplat.io import sample
+from skelsplat.run import figures
 
 CONVENTIONS = Path(__file__).parents[2] / "docs" / "conventions.md"
 BASE = """
@@ -28,7 +29,7 @@ layout = "h36m17"
 
 @pytest.fixture(autouse=True)
 def no_pictures(monkeypatch):
-    monkeypatch.setattr("skelsplat.run.figures.write_figures", lambda *_: [])
+    monkeypatch.setattr(figures, "write_figures", lambda *_: [])
 
 
 @pytest.fixture
