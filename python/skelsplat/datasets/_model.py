@@ -76,17 +76,18 @@ class Take:
 
     def select(self, keep: NDArray[np.bool_] | NDArray[np.int64] | slice) -> Take:
         """Return the take with only the frames `keep`."""
-
-        def some(value: NDArray[Any] | None) -> Any:
-            return None if value is None else value[keep]
-
         arrays = ("frames", "truth", "detections", "monocular", "boxes", "visible")
-        return replace(self, **{name: some(getattr(self, name)) for name in arrays})
+        return replace(self, **self._cut(arrays, keep))
+
+    def _cut(self, names: Sequence[str], *index: Any) -> dict[str, Any]:
+        values = {name: getattr(self, name) for name in names}
+        return {name: None if value is None else value[index] for name, value in values.items()}
 
     def with_detections(self, values: FloatArray, path: Path, monocular: FloatArray | None = None) -> Take:
-        """Return the take with detections (T, M, N, 3) from a file or folder, and monocular poses."""
+        """Return the take with detections (T, M, N, 3) from a file or folder, maybe with monocular poses."""
         files = {**self.files, "detections": path}
-        return replace(self, detections=values, monocular=monocular, files=files)
+        own = self.monocular if monocular is None else monocular
+        return replace(self, detections=values, monocular=own, files=files)
 
     def with_views(self, places: Sequence[int]) -> Take:
         """Return the take with only the cameras at these places, in this order.
@@ -96,19 +97,10 @@ class Take:
         chosen = list(places)
         if chosen == list(range(len(self.rig))):
             return self
-
-        def some(value: NDArray[Any] | None) -> Any:
-            return None if value is None else value[:, chosen]
-
         per_view = self.monocular is not None and self.monocular.shape[1] == len(self.rig)
-        return replace(
-            self,
-            rig=CameraRig([self.rig[i] for i in chosen], self.rig.unit),
-            detections=some(self.detections),
-            boxes=some(self.boxes),
-            visible=some(self.visible),
-            monocular=some(self.monocular) if per_view else self.monocular,
-        )
+        arrays = ("detections", "boxes", "visible", *(["monocular"] if per_view else []))
+        rig = CameraRig([self.rig[i] for i in chosen], self.rig.unit)
+        return replace(self, rig=rig, **self._cut(arrays, slice(None), chosen))
 
     @property
     def detected(self) -> float | None:

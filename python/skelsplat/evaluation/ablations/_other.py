@@ -220,7 +220,7 @@ _COSTLY = 1.2
 def time_of_tiers(source: Source, samples: Sequence[Sample]) -> Outcome:
     """Measure the time per iteration by symmetry tier."""
     few = samples[0].head(_TIMED)
-    whole = samples[0].starts(source.start_kind(samples[0], "fusion"))
+    whole = samples[0].starts(source.start_kind(samples[0]))
     starts = [start[: len(group)] for start, group in zip(whole, few.groups, strict=True)]
     ms: dict[str, list[float]] = {PAPER: [], ANNEALED: []}
     for tier in range(len(TIERS)):
@@ -262,7 +262,7 @@ def check_of_integration(source: Source, samples: Sequence[Sample]) -> Outcome:
     said = [f"At {INTEGRATED:g} the loss is integrated in closed form, which takes no pixels."]
     for sample in samples:
         few = sample.head(_CHECKED)
-        starts = few.starts(source.start_kind(few, "fusion"))
+        starts = few.starts(source.start_kind(few))
         pixels, integrated = (
             source.errors(PAPER, few, starts, "check", occlusion_factor=INTEGRATED, renderer=renderer)
             for renderer in ("raster", "closed_form")

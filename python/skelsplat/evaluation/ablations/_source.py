@@ -101,19 +101,20 @@ class Source(ABC):
         if text not in self.notes:
             self.notes.append(text)
 
-    def start_kind(self, sample: Sample, paper: Start) -> Start:
-        """Return how poses are initialised where the paper's experiment has `paper`."""
-        wanted: Start = paper if self.choices.start == "paper" else self.choices.start
-        if wanted == "fusion" and not sample.has_monocular:
-            if self.choices.start == "fusion":
-                raise InvalidInputError(f"start: expected monocular poses in {sample.name}, got none")
-            self.note(f"{sample.name}: no monocular poses, so DLT is refined instead of their fusion")
+    def start_kind(self, sample: Sample) -> Start:
+        """Return how poses are initialised: as chosen, or by fusion as in the paper's experiment."""
+        if self.choices.start == "dlt":
             return "dlt"
-        return wanted
+        if sample.has_monocular:
+            return "fusion"
+        if self.choices.start == "fusion":
+            raise InvalidInputError(f"start: expected monocular poses in {sample.name}, got none")
+        self.note(f"{sample.name}: no monocular poses, so DLT is refined instead of their fusion")
+        return "dlt"
 
-    def starts(self, sample: Sample, paper: Start = "fusion") -> list[FloatArray]:
-        """Return the initial poses where the paper's experiment has `paper`."""
-        kind = self.start_kind(sample, paper)
+    def starts(self, sample: Sample) -> list[FloatArray]:
+        """Return the initial poses of every group."""
+        kind = self.start_kind(sample)
         self.note(f"{sample.name}: start {_START_WORDS[kind]}")
         return sample.starts(kind)
 
