@@ -1,8 +1,8 @@
-"""What was found wrong, or worth a look: one type for runs, rigs and data sets.
+"""Findings: faults and doubts about runs, rigs and data sets, in one type.
 
 A `Finding` holds facts: its kind, what it concerns, the numbers and what helps against it. Its sentence,
-`Finding.text`, comes from `skelsplat._sentences`, so that programs need not read prose and every sentence
-stands in one place. Sentences name options as the command line writes them (``--without cam_03``); `Remedy`
+`Finding.text`, comes from `skelsplat._sentences`, so that programs need not parse prose and all sentences
+are in one place. Sentences spell options as on the command line (``--without cam_03``); `Remedy`
 is the form for programs.
 """
 
@@ -22,7 +22,7 @@ Severity = Literal["error", "warning", "note"]
 
 @dataclass(frozen=True)
 class Subject:
-    """What a finding concerns; an empty tuple stands for all of them.
+    """What a finding concerns; an empty tuple means all of them.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class Remedy:
     option : str
         Its name without dashes: ``"without"``.
     value : Any
-        Its value: ``"cam_03"``; True for an option without one, None where it is for the user to choose.
+        Its value: ``"cam_03"``; True for an option without one, None where the user chooses.
     """
 
     option: str
@@ -63,7 +63,7 @@ class Remedy:
 
 @dataclass(frozen=True)
 class Finding:
-    """Something that is wrong, probably wrong, or worth knowing.
+    """Something that is wrong, may be wrong, or is worth knowing.
 
     Attributes
     ----------
@@ -88,11 +88,11 @@ class Finding:
 
     @property
     def text(self) -> str:
-        """One or a few sentences for people."""
+        """The finding in words: one or a few sentences."""
         return _sentences.sentence(self)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the finding as values of JSON, with its text; of the subject, what is not empty."""
+        """Return the finding as values of JSON, with its text; empty parts of the subject are left out."""
         subject = {name: list(values) for name, values in asdict(self.subject).items() if values}
         return {
             "kind": self.kind,
@@ -105,7 +105,7 @@ class Finding:
 
     @classmethod
     def from_dict(cls, entry: Mapping[str, Any]) -> Finding:
-        """Return the finding of which `to_dict` made ``entry``."""
+        """Return the finding from which `to_dict` made ``entry``."""
         subject = Subject(**{name: tuple(values) for name, values in entry["subject"].items()})
         remedy = tuple(Remedy(**one) for one in entry["remedy"])
         return cls(entry["kind"], entry["severity"], subject, entry["numbers"], remedy)
@@ -120,13 +120,13 @@ class FindingWarning(UserWarning):
 
 
 def remark(text: str) -> Finding:
-    """Return a note whose sentence is given, such as the message of a warning."""
+    """Return a note with the given sentence, such as the message of a warning."""
     return Finding("remark", "note", numbers={"text": " ".join(text.split())})
 
 
 @contextlib.contextmanager
 def collected_warnings(tell: Callable[[Finding], None] | None = None) -> Iterator[list[Finding]]:
-    """Collect Python warnings as findings, each once, and ``tell`` each as it comes."""
+    """Collect Python warnings as findings, each once, and call ``tell`` with each as it occurs."""
     found: list[Finding] = []
 
     def show(

@@ -14,10 +14,11 @@ import pytest
 import skelsplat as sk
 from command_line import FAST, READ, RESULTS, assert_fails, invoke, read_report, texts
 from skelsplat import synthetic
+from skelsplat.association import take_people
 from skelsplat.io import PoseData, read_npz, read_trc, write_npz, write_pose
 from skelsplat.run import _run, solve
 from skelsplat.run import folder as run_folder
-from skelsplat.run.person import pick_person
+from skelsplat.run.person import pick_places
 
 T = 5
 NOISE_PX = 2.0
@@ -45,7 +46,7 @@ def test_the_printed_table_fits_80_columns_and_counts_missing_detections(argumen
     assert last_camera[7:9] == [str(16 * T), str(T)]
     assert len(last_camera) == 11
     assert 0.25 < float(last_camera[10]) <= 1.0
-    assert "Noise of the detections, estimated: " in result.stdout
+    assert "Estimated noise of the detections: " in result.stdout
     assert "Error bars, one standard deviation per axis: median " in result.stdout
     assert "5 frames of 17 joints, " in result.stdout
     assert "\x1b[" not in result.stdout
@@ -139,7 +140,7 @@ def test_y_up_turns_the_marker_file_only(recording, arguments):
         ([*READ, "--init", "a.npz", "--init-sigma-mm", "-4"], ["--init-sigma-mm", "positive", "-4"]),
         (
             [*READ, "--paper", "--init", "a.npz", "--init-sigma-mm", "40"],
-            ["--init-sigma-mm", "paper's method", "got 40"],
+            ["--init-sigma-mm", "method paper", "got 40"],
         ),
         ([*READ, "--symmetry-tier", "4"], ["--symmetry-tier: expected ", "3", "'4'"]),
         ([*READ, "--max-steps", "many"], ["--max-steps: expected ", "'many'"]),
@@ -320,7 +321,7 @@ def test_demo_refines_the_sample(tmp_path):
     # one camera is turned by less than the noise: hardly rejected, but all of its detections lie to one side
     (doubt,) = (doubt for doubt in texts(report) if "calibration" in doubt)
     assert doubt.startswith(
-        "cam_03's calibration or timing looks wrong: its detections lie 18 px to one side "
+        "cam_03's calibration or timing looks wrong: its detections are shifted by 18 px "
     )
     assert f"! {doubt}" in " ".join(result.stdout.split())
     assert html.escape(doubt) in (tmp_path / "demo" / "report.html").read_text(encoding="utf-8")
@@ -352,12 +353,13 @@ def test_pick_person_by_place_and_by_size():
     people[:, :, 0, :, :2] = [[10.0, 10.0], [20.0, 20.0], [30.0, 30.0]]
     people[:, :, 1, :, :2] = [[10.0, 10.0], [20.0, 20.0], [60.0, 60.0]]
     people[0, 0, 1] = np.nan
-    largest, unmatched = pick_person(people, rig, "largest")
+    index, unmatched = pick_places(people, rig, "largest")
+    largest = take_people(people, index)
     assert largest[1, 2, 2, 0] == 60.0
     assert largest[0, 0, 2, 0] == 30.0
     assert not unmatched.any()
-    numbered, unmatched = pick_person(people, rig, "0")
-    np.testing.assert_array_equal(numbered, people[:, :, 0])
+    index, unmatched = pick_places(people, rig, "0")
+    np.testing.assert_array_equal(take_people(people, index), people[:, :, 0])
     assert not unmatched.any()
 
 

@@ -294,7 +294,7 @@ def test_a_calibration_alone(room):
     result = invoke("check-cameras", room / "Calib.toml")
     assert result.exit_code == 0
     words = " ".join(result.stdout.split())
-    assert words.startswith("No fault found in the file itself: 4 cameras, mm. Only detections tell")
+    assert words.startswith("No fault found in the file itself: 4 cameras, mm. Whether it fits a recording")
     assert invoke("check-cameras", room / "Calib.toml", "-q").output == ""
 
 

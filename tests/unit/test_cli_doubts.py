@@ -9,8 +9,9 @@ import pytest
 
 import skelsplat as sk
 from skelsplat import synthetic
+from skelsplat.association import take_people
 from skelsplat.run.findings import find_cameras, find_unfit, find_whole, unfit_cameras
-from skelsplat.run.person import pick_person
+from skelsplat.run.person import pick_places
 from skelsplat.run.summary import Group
 
 
@@ -160,10 +161,10 @@ def test_a_camera_that_alone_sees_somebody_contradicts_nobody():
     noise = synthetic.DetectionNoise.good()
     seen = np.asarray(synthetic.simulate_detections(pose, rig, noise=noise, seed=2))
     seen[5:, 1:] = np.nan  # the others see the person in the first five frames alone
-    _, unmatched = pick_person(seen[:, :, None], rig, "consistent")
+    _, unmatched = pick_places(seen[:, :, None], rig, "consistent")
     assert not unmatched.any()
     seen[5:10, 1] = [0.0, 1000.0, 0.0] + [1.0, -1.0, 1.0] * seen[5:10, 0]  # upside down: of no such body
-    _, unmatched = pick_person(seen[:, :, None], rig, "consistent")
+    _, unmatched = pick_places(seen[:, :, None], rig, "consistent")
     assert unmatched.sum(axis=0).tolist() == [5, 5, 0, 0]
 
 
@@ -190,7 +191,8 @@ def simulated(noise):
 
 
 def unfit_of(rig, people):
-    chosen, unmatched = pick_person(people, rig, "consistent", sk.layouts.H36M17)
+    index, unmatched = pick_places(people, rig, "consistent", sk.layouts.H36M17)
+    chosen = take_people(people, index)
     return unfit_cameras(SimpleNamespace(detections=chosen, unmatched=unmatched, rig=rig))
 
 

@@ -68,7 +68,7 @@ def test_the_input_is_never_written_over(recording, arguments):
     assert invoke(*arguments, *READ, *FAST).exit_code == 0
     before = {path.name: path.read_bytes() for path in out.iterdir()}
     always = ["--layout", "h36m17", *FAST]
-    expected = ["--output: ", "expected a folder in which nothing that the run reads is written over"]
+    expected = ["--output: ", "expected a folder in which no input is overwritten"]
     calibration, detections, init = out / "cameras.json", out / "detections.npz", out / "pose.npz"
     given = (calibration, folder / "openpose")
     assert_fails(invoke("refine", *given, "-o", out, *always), 2, *expected, "cameras.json")
@@ -107,7 +107,7 @@ def test_one_file_in_each_cameras_folder_is_never_written_over(recording):
     refine = ["refine", folder / "Calib.toml", folder / "cams", *READ, *FAST, "--no-html"]
     own = folder / "cams" / rig.names[0]
     before = (own / "detections.npz").read_bytes()
-    assert_fails(invoke(*refine, "-o", own), 2, "--output: ", f"got that of {own / 'detections.npz'}")
+    assert_fails(invoke(*refine, "-o", own), 2, "--output: ", f"got the one of {own / 'detections.npz'}")
     assert [path.name for path in own.iterdir()] == ["detections.npz"]
     assert (own / "detections.npz").read_bytes() == before
     assert invoke(*refine, "-o", folder / "cams" / "out").exit_code == 0
@@ -149,7 +149,7 @@ def test_a_folder_in_the_place_of_a_result_is_known_before_the_work(recording, a
     out = recording[0] / "out"
     (out / "pose.csv").mkdir(parents=True)
     monkeypatch.setattr(_run, "refine_inputs", lambda *_, **__: pytest.fail("it refined"))
-    expected = "pose.csv: output: expected a file or nothing in the place of a result, got a folder"
+    expected = "pose.csv: output: expected a file, or nothing, with the name of a result, got a folder"
     assert_fails(invoke(*arguments, *READ, *FAST), 1, expected)
     assert [path.name for path in out.iterdir()] == ["pose.csv"]
 
@@ -181,9 +181,9 @@ def test_pictures_of_an_earlier_run_are_said_to_be_that(recording, arguments):
         (out / name).mkdir()
     assert "earlier run" not in invoke(*arguments, *READ, *FAST).stdout  # they are empty
     (out / "overlay" / "cam1.mp4").write_text("")
-    assert invoke(*arguments, *READ, *FAST).stdout.endswith("\n! overlay/ is of an earlier run\n")
+    assert invoke(*arguments, *READ, *FAST).stdout.endswith("\n! overlay/ is from an earlier run\n")
     (out / "plots" / "bones.png").write_text("")
     said = invoke(*arguments, *READ, *FAST).stdout
-    assert said.endswith("\n! plots/ and overlay/ are of an earlier run\n")
+    assert said.endswith("\n! plots/ and overlay/ are from an earlier run\n")
     assert "earlier run" not in invoke(*arguments, *READ, *FAST, "--json").output
     assert invoke(*arguments, *READ, *FAST, "--quiet").output == ""

@@ -141,12 +141,14 @@ def test_weak_joints_are_filled_when_asked(recording, arguments):
     left = invoke(*run)
     assert left.exit_code == 0
     assert read_npz(folder / "out" / "pose.npz").processing == ()  # there is no gap
-    assert "warning: weak (fewer than two views agree, " in left.stderr
+    assert "warning: Weak joints (fewer than two views agree, " in left.stderr
     assert read_npz(folder / "out" / "pose.npz").joint_status[2, 16] == "weak"
     filled = invoke(*run, "--fill-weak")
     assert filled.exit_code == 0
-    assert "warning: weak, now filled from neighbouring frames: right_wrist (frame 2)." in filled.stderr
-    assert "weak (fewer" not in filled.stderr
+    assert (
+        "warning: Weak joints, now filled from neighbouring frames: right_wrist (frame 2)." in filled.stderr
+    )
+    assert "Weak joints (fewer" not in filled.stderr
     written = read_npz(folder / "out" / "pose.npz")
     assert written.joint_status[2, 16] == "filled"
     np.testing.assert_allclose(written.pose[2, 16], written.pose[[1, 3], 16].mean(axis=0), rtol=1e-12)
@@ -167,7 +169,7 @@ def test_write_names_the_formats(recording, arguments):
 def test_options_of_marker_files_are_warned_of_where_there_is_none(arguments):
     always = [*arguments, *READ, *FPS, "--y-up", "--marker-names", "pose2sim"]
     said = invoke(*always, "--write", "csv").stderr.splitlines()
-    assert [line.partition(": not used; it is for pose.trc and pose.c3d")[0] for line in said] == [
+    assert [line.partition(" has no effect: it applies to pose.trc and pose.c3d")[0] for line in said] == [
         "warning: --y-up",
         "warning: --marker-names",
     ]

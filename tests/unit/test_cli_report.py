@@ -135,8 +135,8 @@ def test_exchanged_sides_are_counted_and_a_mirrored_camera_is_named(recording, a
     exchange_sides(folder, "cam2")
     result = invoke(*arguments, *READ, "--fps", 50, "--person", 0)
     text = " ".join(result.stdout.split())
-    assert "Exchanged left and right were corrected in" in text
-    assert "! cam2: left and right are exchanged in" in text
+    assert "Left–right swaps were corrected in" in text
+    assert "! cam2: left and right are swapped in" in text
     cameras = json.loads((folder / "out" / "report.json").read_text())["reprojection_error"]["cameras"]
     assert cameras[1]["swapped"] > 0
     assert cameras[0]["swapped"] == cameras[2]["swapped"] == 0
@@ -170,8 +170,8 @@ def test_a_layout_of_the_same_number_of_joints_is_doubted(arguments, preset):
     """H36M-17 read as COCO-17: the same number of joints in another order."""
     result = invoke(*arguments, "--unit", "mm", "--layout", "coco17", *FAST, *preset)
     text = " ".join(result.stdout.split())
-    assert "! Left and right differ, " in text
-    assert "is the layout right" in text
+    assert "! Left and right limbs differ in length, " in text
+    assert "Is the layout correct" in text
 
 
 def test_detections_of_other_cameras_are_doubted(recording, arguments):
@@ -186,7 +186,7 @@ def test_detections_of_other_cameras_are_doubted(recording, arguments):
     where = " and ".join(rig.names[:2])
     frames = f"in {T} of {T} and {T} of {T} of the frames"
     assert f"! In {where}, no person detected matches the other cameras, {frames}" in text
-    assert "has no detection that could be used" not in text  # that they fit nowhere says more
+    assert "has no usable detections" not in text  # that they fit nowhere says more
     cameras = json.loads((folder / "out" / "report.json").read_text())["reprojection_error"]["cameras"]
     assert [camera["not_chosen"] for camera in cameras] == [T * 17, T * 17, 0, 0]
     assert [camera["missing"] for camera in cameras] == [T * 17, T * 17, 0, T]

@@ -29,9 +29,12 @@ def one_view(recording):
 def test_it_is_said_to_have_none(one_view, arguments):
     result = invoke(*arguments, *READ, *FPS, "--filter", "one-euro")
     text = " ".join(result.stdout.split())
-    assert "! weak and without a position, as a single view detects them or views from one place: " in text
+    assert (
+        "! Weak joints without a position (detected in one view only, or in views from the same place): "
+        in text
+    )
     assert ": right_wrist (frame 2). --fill-gaps N interpolates them." in text
-    assert "weak (fewer" not in text
+    assert "Weak joints (fewer" not in text
     assert "left as it is" not in text  # of the filter: there is nothing to leave
     assert "; left out: too little confidence, or the joint has no position" in text
     data = read_npz(one_view / "pose.npz")
@@ -46,7 +49,7 @@ def test_it_is_said_to_have_none(one_view, arguments):
 def test_gaps_are_filled_at_it_and_have_no_error_bar(one_view, arguments):
     result = invoke(*arguments, *READ, *FPS, "--fill-gaps", 1)
     text = " ".join(result.stdout.split())
-    assert "! weak, now filled from neighbouring frames: right_wrist (frame 2)." in text
+    assert "! Weak joints, now filled from neighbouring frames: right_wrist (frame 2)." in text
     assert "without a position" not in text
     assert read_npz(one_view / "pose.npz").joint_status[2, 16] == "filled"
 
@@ -73,6 +76,6 @@ def test_a_filled_joint_does_not_count_among_the_error_bars(recording, arguments
 
 def test_that_there_was_nothing_to_fill_is_said_but_not_written(recording, arguments):
     result = invoke(*arguments, *READ, *FPS, "--fill-gaps", 3)
-    assert "No gap of at most 3 frames between others, so that none was filled." in result.stdout
+    assert "No gaps were filled: none of at most 3 frames lies between known positions." in result.stdout
     assert read_npz(recording[0] / "out" / "pose.npz").processing == ()
     assert "No gap" not in invoke(*arguments, *READ, *FPS).stdout

@@ -50,7 +50,7 @@ def walker(rig, noise=None, frames=FRAMES):
 
 
 def displaced_findings(people, rig, person="consistent"):
-    words = ("looks wrong", "to one side", "as a whole")
+    words = ("looks wrong", "from the pose", "the whole pose")
     return [doubt for doubt in findings_of(people, rig, person) if any(word in doubt for word in words)]
 
 
@@ -59,7 +59,7 @@ def test_a_turned_camera_is_named_with_its_shift():
     people = scattered(walker(rig), 8.0)
     (doubt,) = displaced_findings(people, turned(rig, 1, 1.5))  # whether or not its detections are rejected
     assert doubt.startswith("cam2")
-    assert re.search(r"ts detections lie \d+ px to one side of the pose \(\d+ px left", doubt), doubt
+    assert re.search(r"ts detections are shifted by \d+ px from the pose \(\d+ px left", doubt), doubt
     assert doubt.endswith("check-cameras looks for the cause; --without cam2 leaves it out.")
 
 
@@ -76,7 +76,7 @@ def test_a_rejected_camera_has_one_message():
     (doubt,) = (doubt for doubt in findings_of(walker(rig), wrong) if "cam2" in doubt)
     assert doubt.startswith("cam2 disagrees with the other cameras: ")
     lie = re.search(
-        r"\. Its detections lie (\d+) px to one side of the pose \(\1 px left\)\. The pose", doubt
+        r"\. Its detections are shifted by (\d+) px from the pose \(\1 px left\)\. The pose", doubt
     )
     assert lie is not None, doubt
     truth = synthetic.motion("walk", FRAMES, seed=3)  # where the other cameras keep the pose
@@ -92,7 +92,8 @@ def test_of_three_cameras_another_may_be_the_wrong_one():
     (finding,) = find_displaced(rig.names, shifts, [0, 1, 2])
     doubt = finding.text
     assert doubt.startswith(
-        "cam0's calibration or timing looks wrong, or that of another of the three: cam0's detections lie "
+        "cam0's calibration or timing looks wrong, or that of another of the three: "
+        "cam0's detections are shifted by "
     )
 
 
@@ -169,7 +170,7 @@ def test_the_shift_is_the_median_of_each_coordinate():
     assert shifts.count.tolist() == [55, 0]
     assert np.isnan(shifts.error[1])
     assert shifts.one_sided(np.array([1000.0, 1000.0])).tolist() == [True, False]
-    assert to_one_side(shift_of("ab", shifts, 0)) == "10 px to one side of the pose (8 px right, 6 px up)"
+    assert to_one_side(shift_of("ab", shifts, 0)) == "10 px from the pose (8 px right, 6 px up)"
     assert shifts.one_sided(np.array([3000.0, 1000.0])).tolist() == [False, False]  # less than 0.4 %
 
 
@@ -214,9 +215,10 @@ def test_the_worst_camera_is_first_and_rivals_are_named():
     assert found == [1, 2, 0]
     (finding,) = find_displaced(rig.names, shifts, found)
     assert finding.text == (
-        "cam2's calibration or timing looks wrong: its detections lie 30 px to one side of the pose (30 px "
-        "down), with a median error of 33.0 px; cam3's lie 16 px, cam1's 10 px to one side as well, so it "
-        "may be cam3 instead. skelsplat check-cameras looks for the cause; --without cam2 leaves it out."
+        "cam2's calibration or timing looks wrong: its detections are shifted by 30 px from the pose (30 px "
+        "down), with a median error of 33.0 px; those of cam3 by 16 px and those of cam1 by 10 px, "
+        "so cam3 may be the cause instead. skelsplat check-cameras looks for the cause; --without cam2 "
+        "leaves it out."
     )
     (finding,) = find_displaced(rig.names, shifts, found, {"cam2"})
     assert finding.text.endswith("looks for the cause.")
@@ -234,6 +236,6 @@ def test_where_detections_lie_is_said_of_the_camera_that_disagrees():
     (finding,) = find_cameras(statistics, sides={"a": side})
     doubt = finding.text
     assert (
-        "mean weight is 0.50. Its detections lie 9 px to one side of the pose (9 px up). The pose follows"
+        "mean weight is 0.50. Its detections are shifted by 9 px from the pose (9 px up). The pose follows"
         in doubt
     )

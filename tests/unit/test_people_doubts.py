@@ -92,10 +92,11 @@ def test_lengths_that_vary_are_named_by_the_limb_that_varies_most():
     assert list(find_lengths(alone, spread(0.11))) == []
     (doubt,) = (finding.text for finding in find_lengths(alone, spread(0.12)))
     assert doubt.startswith(
-        "Limb lengths vary by up to 80% over the recording; a body's do not. left_elbow to "
+        "Limb lengths vary by up to 80% over the recording, which is impossible for one body. left_elbow to "
     )
     assert (
-        "is 200 to 400 mm long (5th to 95th percentile), and 12% of the lengths of arms and legs are" in doubt
+        "is 200 to 400 mm long (5th to 95th percentile), and 12% of the lengths of arms and legs deviate"
+        in doubt
     )
     assert "Either the views show different people, or most views are wrong about these joints: " in doubt
     crowd = crowd_of(shuffled(seen(crossing(), RIG)), RIG, "0")
@@ -113,11 +114,12 @@ def test_somebody_else_in_some_views_is_told_without_a_crowd(rig, noise, views):
     assert not [doubt for doubt in findings_of(people[:, :, :1], rig, "0") if doubt.startswith("In ")]
     people[::2, views, 0] = people[::2, views, 1]
     (doubt,) = (doubt for doubt in findings_of(people[:, :, :1], rig, "0") if doubt.startswith("In "))
-    assert "% of the frames, the detections of a camera lie far from the pose as a whole (" in doubt
+    assert "% of the frames, one camera's detections are far from the whole pose (" in doubt
     if views == slice(0, 1) and len(rig) > 3:  # of two against two, nothing tells which are the others
         assert f"{rig.names[0]} in " in doubt
     assert (
-        "The cameras show different people or different moments there, or a calibration is wrong: " in doubt
+        "In these frames the cameras show different people or different moments, or a calibration is wrong: "
+        in doubt
     )
 
 

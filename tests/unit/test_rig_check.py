@@ -123,7 +123,7 @@ def test_a_camera_that_sees_something_else_disagrees():
     found[:, 5, :, :2] = np.random.default_rng(0).uniform(0, 1000, found[:, 5, :, :2].shape)
     finding = only(check_rig(rig("dome of 6"), found))
     assert (finding.kind, finding.subject.cameras) == ("camera_unexplained", ("hd05",))
-    assert "nothing that was tried explains it" in finding.text
+    assert "no tested cause explains it" in finding.text
 
 
 def test_two_cameras_can_disagree_but_nobody_knows_which():

@@ -186,7 +186,7 @@ def test_show_in_a_notebook_displays_the_page_below_the_cell(monkeypatch):
         ({"init_sigma_mm": 40.0}, "init_sigma_mm: requires init"),
         (
             {"init_sigma_mm": 40.0, "init": "a.npz", "config": sk.RefineConfig.paper()},
-            "init_sigma_mm: expected none with the paper's method",
+            "init_sigma_mm: expected none with the method paper",
         ),
         ({"fill_weak": True}, "fill_weak: requires fill_gaps"),
         ({"filter": "butterworth", "fps": None}, "filter: requires fps"),
@@ -213,7 +213,9 @@ def test_a_filter_is_tried_before_anything_is_read(job, monkeypatch):
 
 def test_results_never_replace_the_input(recording, job):
     folder, _, _ = recording
-    with pytest.raises(sk.InvalidInputError, match="output: expected a folder in which nothing that the run"):
+    with pytest.raises(
+        sk.InvalidInputError, match="output: expected a folder in which no input is overwritten"
+    ):
         run(job(output=folder / "openpose"))
 
 

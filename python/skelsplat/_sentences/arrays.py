@@ -1,4 +1,4 @@
-"""What ``refine`` warns of, whoever calls it."""
+"""Warnings of `skelsplat.refine`."""
 
 from __future__ import annotations
 
@@ -28,6 +28,6 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "implausible_size": _implausible_size,
     "start_contradicts": (
         "init_pose with init_sigma contradicts every detection of {percent:.0f} % of the joints: is it "
-        "another person or frame, is init_sigma (in the cameras' unit) too small?"
+        "of another person or frame, or is init_sigma (in the cameras' unit) too small?"
     ),
 }

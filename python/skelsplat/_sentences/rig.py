@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def _px(error: float | None, digits: int = 1) -> str:
-    return f"{error:.{digits}f} px" if error is not None and error < float("inf") else "beyond measure"
+    return f"{error:.{digits}f} px" if error is not None and error < float("inf") else "too large to measure"
 
 
 def _length(mm: float) -> str:
@@ -115,7 +115,7 @@ def _briefly(numbers: Numbers) -> str:
     if kind == "image_resized":
         return f"multiplying {name}'s detections by {numbers['factor']:.3g}"
     if kind == "image_changed":
-        return f"taking {name}'s images as {numbers['images']}"
+        return f"treating {name}'s images as {numbers['images']}"
     return _motion(numbers, name)
 
 
@@ -144,10 +144,10 @@ def _one_camera(describe: Callable[[Numbers, str], str]) -> Callable[[Finding], 
 def _disagrees(finding: Finding) -> str:
     numbers, (name,) = finding.numbers, finding.subject.cameras
     return (
-        f"{name} disagrees with the other cameras, and nothing that was tried explains it: "
+        f"{name} disagrees with the other cameras, and no tested cause explains it: "
         f"{percent(numbers['rejected'])} of its detections are rejected, {percent(numbers['others'])} of "
         f"theirs, and they lie {numbers['px']:.0f} px from where the others place them{_once(numbers)}. "
-        "Look at its images: what it sees, and whether its lens is the one in the calibration."
+        "Check its images: what is in view, and whether the lens is the one in the calibration."
     )
 
 
@@ -160,7 +160,7 @@ def _recording(finding: Finding) -> str:
     names = finding.subject.cameras
     return (
         "Calibration and detections probably do not belong together (another recording, another rig, or "
-        f"cameras that were set up again): {len(names)} of {finding.numbers['of']} cameras "
+        f"cameras that were moved): {len(names)} of {finding.numbers['of']} cameras "
         f"({', '.join(names)}) are not where the calibration places them. It is impossible to tell which "
         "cameras are right."
     )
@@ -169,8 +169,9 @@ def _recording(finding: Finding) -> str:
 def _apart(finding: Finding) -> str:
     names = finding.subject.cameras
     return (
-        f"{listed(names)} disagree: no point is nearer than {finding.numbers['px']:.1f} px to what they see. "
-        "With two cameras, it is impossible to tell which is wrong, and whether it is calibration or timing."
+        f"{listed(names)} disagree: every 3D point is at least {finding.numbers['px']:.1f} px from their "
+        "detections. "
+        "With two cameras, it is impossible to tell which is wrong, and whether calibration or timing is."
     )
 
 

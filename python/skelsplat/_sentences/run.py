@@ -1,8 +1,8 @@
-"""What runs find: cameras, joints and people to look at, and frames that stand out."""
+"""What runs find: cameras, joints and people to check, and unusual frames."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from skelsplat._optional import pip_line
@@ -11,11 +11,11 @@ from skelsplat._sentences.words import listed, options, percent
 if TYPE_CHECKING:
     from skelsplat.findings import Finding
 
-# Names and frame numbers that a sentence lists one by one; more are counted.
+# Names and frame numbers that a sentence lists; the rest are counted.
 _MOST_NAMES = _MOST_FRAMES = 6
 # A direction is named from this part of the shift on.
 _DIRECTION = 0.1
-_LOOK = "check-cameras looks for the cause"
+_LOOK = "skelsplat check-cameras looks for the cause"
 
 
 def _leaves_out(finding: Finding) -> str:
@@ -31,7 +31,7 @@ def _many_rejected(finding: Finding) -> str:
     first = "that all views show the same person (--person), then " if mixed else ""
     return (
         f"{percent(finding.numbers['rejected_share'])} of all detections are rejected: check {first}"
-        "that calibration, cameras and detections belong together, their timing, the unit and the layout."
+        "that calibration, cameras and detections belong together, and check timing, unit and layout."
     )
 
 
@@ -48,8 +48,8 @@ def _no_match(finding: Finding) -> str:
 
 def _unused(finding: Finding) -> str:
     return (
-        f"{finding.subject.cameras[0]} has no detection that could be used. Either it does not see the "
-        "person, or what it sees does not agree with the other views: --person chooses who is followed"
+        f"{finding.subject.cameras[0]} has no usable detections. Either the person is not in view, or its "
+        "detections do not agree with the other views: --person chooses the person to follow"
         f"{_leaves_out(finding)}."
     )
 
@@ -57,35 +57,35 @@ def _unused(finding: Finding) -> str:
 def _disagrees(finding: Finding) -> str:
     numbers, compared = finding.numbers, finding.numbers["compared_with"]
     theirs = f"those of {', '.join(compared)}" if compared else "theirs"
-    side = f"Its detections lie {to_one_side(numbers)}. " if "shift_px" in numbers else ""
+    side = f"Its detections are shifted by {to_one_side(numbers)}. " if "shift_px" in numbers else ""
     return (
         f"{finding.subject.cameras[0]} disagrees with the other cameras: "
         f"{percent(numbers['rejected_share'])} of its detections are rejected, "
         f"{percent(numbers['others_rejected_share'])} of {theirs}, and its mean weight is "
         f"{numbers['mean_weight']:.2f}. {side}The pose follows the others: check this camera's calibration "
-        f"and timing, and what it can see. {_LOOK}{_leaves_out(finding)}."
+        f"and timing, and what blocks its view. {_LOOK}{_leaves_out(finding)}."
     )
 
 
 def to_one_side(numbers: Mapping[str, Any]) -> str:
-    """Return where a camera's detections lie: "18 px to one side of the pose (…); cam_01's lie 13 px …"."""
+    """Return how far a camera's detections are shifted: "18 px from the pose (…); those of cam_01 by …"."""
     x, y = numbers["shift_px"]
     size = numbers["size_px"]
     words = ((x, "right" if x > 0 else "left"), (y, "down" if y > 0 else "up"))
     parts = [f"{abs(part):.0f} px {word}" for part, word in words if abs(part) >= _DIRECTION * size]
     error = numbers.get("median_error_px")
     with_error = "" if error is None else f", with a median error of {error:.1f} px"
-    text = f"{size:.0f} px to one side of the pose ({', '.join(parts)}){with_error}"
+    text = f"{size:.0f} px from the pose ({', '.join(parts)}){with_error}"
     return text + _also_displaced(numbers["also_displaced"])
 
 
 def _also_displaced(others: list[dict[str, Any]]) -> str:
     if not others:
         return ""
-    lie = [f"{o['camera']}'s {'lie ' * (k == 0)}{o['size_px']:.0f} px" for k, o in enumerate(others)]
+    shifts = listed([f"those of {other['camera']} by {other['size_px']:.0f} px" for other in others])
     rivals = [other["camera"] for other in others if other["may_be_the_cause"]]
-    may = f", so it may be {' or '.join(rivals)} instead" if rivals else ""
-    return f"; {', '.join(lie)} to one side as well{may}"
+    may = f", so {listed(rivals, 'or')} may be the cause instead" if rivals else ""
+    return f"; {shifts}{may}"
 
 
 def _displaced(finding: Finding) -> str:
@@ -93,14 +93,14 @@ def _displaced(finding: Finding) -> str:
     where = to_one_side(numbers)
     if numbers["cameras"] == 2:
         return (
-            f"The calibration or timing of one of the two cameras looks wrong: {name}'s detections lie "
-            f"{where}. It is impossible to tell which is wrong; skelsplat {_LOOK}."
+            f"The calibration or timing of one of the two cameras looks wrong: {name}'s detections "
+            f"are shifted by {where}. It is impossible to tell which is wrong; {_LOOK}."
         )
     other = ", or that of another of the three" if numbers["cameras"] == 3 else ""
-    whose = f"{name}'s" if other else "its"
+    owner = f"{name}'s" if other else "its"
     return (
-        f"{name}'s calibration or timing looks wrong{other}: {whose} detections lie {where}. "
-        f"skelsplat {_LOOK}{_leaves_out(finding)}."
+        f"{name}'s calibration or timing looks wrong{other}: {owner} detections are shifted by {where}. "
+        f"{_LOOK}{_leaves_out(finding)}."
     )
 
 
@@ -108,47 +108,52 @@ def _apart(finding: Finding) -> str:
     shares = zip(finding.subject.cameras, finding.numbers["share_of_frames"], strict=True)
     where = ", ".join(f"{name} in {percent(share)}" for name, share in shares)
     return (
-        f"In {percent(finding.numbers['any_share_of_frames'])} of the frames, the detections of a camera lie "
-        f"far from the pose as a whole ({where}). The cameras show different people or different moments "
-        "there, or a calibration is wrong: look at these frames; skelsplat check-cameras looks for a cause "
-        "in the cameras."
+        f"In {percent(finding.numbers['any_share_of_frames'])} of the frames, one camera's detections are "
+        f"far from the whole pose ({where}). In these frames the cameras show different people or different "
+        f"moments, or a calibration is wrong: inspect them. {_LOOK}."
     )
 
 
 def _mirrored(finding: Finding) -> str:
     share = percent(finding.numbers["swapped_share"])
     name = finding.subject.cameras[0]
-    return f"{name}: left and right are exchanged in {share} of its detections: is the image mirrored?"
+    return f"{name}: left and right are swapped in {share} of its detections. Is the image mirrored?"
 
 
 def _limbs_differ(finding: Finding) -> str:
     limbs = zip(finding.numbers["limbs"], finding.numbers["lengths_mm"], strict=True)
     sizes = " and ".join(f"{a} to {b} {size:.0f} mm" for (a, b), size in limbs)
     others = " and ".join(finding.numbers["layouts_of_as_many_joints"])
-    hint = f" ({others} has as many joints)" if others else ""
-    return f"Left and right differ, {sizes}: is the layout right{hint}?"
+    hint = f" ({others} has the same number of joints)" if others else ""
+    return f"Left and right limbs differ in length, {sizes}. Is the layout correct{hint}?"
 
 
 def _uncertain(finding: Finding) -> str:
     bars = zip(finding.subject.joints, finding.numbers["error_bar_mm"], strict=True)
-    named = ", ".join(f"{name} ({bar:.0f} mm)" for name, bar in bars)
-    return f"Error bars far above the median of {finding.numbers['median_error_bar_mm']:.0f} mm: {named}."
+    joints = _some([f"{name} ({bar:.0f} mm)" for name, bar in bars])
+    return f"Error bars far above the median of {finding.numbers['median_error_bar_mm']:.0f} mm: {joints}."
+
+
+def _some(joints: Sequence[str]) -> str:
+    """Return the joints, the first of many and the number of the others."""
+    more = len(joints) - _MOST_NAMES
+    return ", ".join(joints) if more <= 1 else f"{', '.join(joints[:_MOST_NAMES])} and {more} more joints"
 
 
 _STATUS = {
     "weak_joints": (
-        "weak",
-        " (fewer than two views agree, or as many agree on another place, so the position is not determined)",
-        " Weak joints are written as usual; --fill-gaps N --fill-weak interpolates them.",
+        "Weak joints",
+        " (fewer than two views agree, or equally many agree on another position)",
+        " They are written as usual; --fill-gaps N --fill-weak interpolates them.",
     ),
     "joints_without_position": (
-        "weak",
-        " and without a position, as a single view detects them or views from one place",
+        "Weak joints",
+        " without a position (detected in one view only, or in views from the same place)",
         " --fill-gaps N interpolates them.",
     ),
     "unobserved_joints": (
-        "unobserved",
-        " (no usable detection; a joint keeps its initial position, if it has one)",
+        "Unobserved joints",
+        " (no usable detection; they keep their initial position, if any)",
         "",
     ),
 }
@@ -157,10 +162,10 @@ _STATUS = {
 def _status(finding: Finding) -> str:
     label, meaning, remedy = _STATUS[finding.kind]
     frames = zip(finding.subject.joints, finding.numbers["frames"], strict=True)
-    places = ", ".join(f"{joint} ({_frames(numbers)})" for joint, numbers in frames)
+    joints = _some([f"{joint} ({_frames(numbers)})" for joint, numbers in frames])
     if finding.numbers["filled"]:
-        return f"{label}, now filled from neighbouring frames: {places}."
-    return f"{label}{meaning}: {places}.{remedy}"
+        return f"{label}, now filled from neighbouring frames: {joints}."
+    return f"{label}{meaning}: {joints}.{remedy}"
 
 
 def _frames(numbers: list[int]) -> str:
@@ -211,14 +216,13 @@ def _lengths(finding: Finding) -> str:
     cause = (
         "The detections probably mix people: --person consistent follows the person the views agree on"
         if finding.remedy
-        else "Either the views show different people, or most views are wrong about these joints: "
-        "check-cameras looks for a cause in the cameras"
+        else f"Either the views show different people, or most views are wrong about these joints: {_LOOK}"
     )
     return (
-        f"Limb lengths vary by up to {percent(numbers['relative_range'])} over the recording; a body's do "
-        f"not. {a} to {b} is {low:,.0f} to {high:,.0f} mm long (5th to 95th percentile), and "
-        f"{percent(numbers['off_share'])} of the lengths of arms and legs are off by more than error bars "
-        f"explain. {cause}."
+        f"Limb lengths vary by up to {percent(numbers['relative_range'])} over the recording, which is "
+        f"impossible for one body. {a} to {b} is {low:,.0f} to {high:,.0f} mm long (5th to 95th "
+        f"percentile), and {percent(numbers['off_share'])} of the lengths of arms and legs deviate by "
+        f"more than error bars explain. {cause}."
     )
 
 
@@ -229,14 +233,14 @@ def named(finding: Finding) -> str:
 
 
 SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
-    "option_unused": "{option}: not used; it is for pose.trc and pose.c3d, and --write names neither",
+    "option_unused": "{option} has no effect: it applies to pose.trc and pose.c3d, and --write lists neither",
     "times_assumed": lambda f: (
         f"--fps: not given; the times in {listed(f.subject.files)} assume {f.numbers['fps']:g} frames per "
         "second"
     ),
     "no_figures": f"figures need skelsplat[viz]: {pip_line('viz')}",
     "no_pictures": f"report.html and figures need skelsplat[viz]: {pip_line('viz')}",
-    "nothing_used": "No detection could be used: are they pixels of these cameras' images (not 0 to 1), "
+    "nothing_used": "No detection could be used. Are they in pixels of these cameras' images (not 0 to 1), "
     "x before y?",
     "many_rejected": _many_rejected,
     "further_than_start": "The refined pose lies further from the detections than its start (median "
@@ -248,7 +252,7 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "views_apart": _apart,
     "camera_mirrored": _mirrored,
     "limbs_differ": _limbs_differ,
-    "joints_rejected": "Most detections are rejected for {joints}.",
+    "joints_rejected": lambda f: f"Most detections are rejected for {_some(f.subject.joints)}.",
     "joints_uncertain": _uncertain,
     **dict.fromkeys(_STATUS, _status),
     "people_mixed": _mixed,
@@ -260,10 +264,10 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "frame_unobserved": lambda f: f"unobserved: {named(f)}",
     "frame_weak": lambda f: f"weak: {named(f)}",
     "frame_filled": lambda f: f"filled over time: {named(f)}",
-    "frame_swapped": lambda f: f"left and right exchanged in {named(f)}",
+    "frame_swapped": lambda f: f"left–right swap in {named(f)}",
     "frame_rejected": lambda f: f"{max(f.numbers['percent']):.0f}% of the detections rejected",
     "frame_error": lambda f: f"median reprojection error {max(f.numbers['median_px']):.1f} px",
     "frame_error_bar": lambda f: (
-        f"error bar far above the usual: {named(f)}, {max(f.numbers['error_bar_mm']):.0f} mm"
+        f"error bar far above normal: {named(f)}, {max(f.numbers['error_bar_mm']):.0f} mm"
     ),
 }

@@ -1,7 +1,8 @@
-"""Parts of sentences that several origins use."""
+"""Phrases that several modules of sentences use."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,11 @@ if TYPE_CHECKING:
 def listed(words: Sequence[str], last: str = "and") -> str:
     """Return "a, b and c"."""
     return f" {last} ".join(filter(None, (", ".join(words[:-1]), words[-1])))
+
+
+def number(value: float, digits: int = 1) -> str:
+    """Return a number as text, a dash if it is not finite."""
+    return f"{value:,.{digits}f}" if math.isfinite(value) else "–"
 
 
 def percent(share: float) -> str:

@@ -1,4 +1,4 @@
-"""The command line: one file per command. Commands speak; what they do stands in the rest of the package.
+"""The command line: one file per command. Commands parse and print; the rest of the package does the work.
 
 `demo` and `refine` are runs of `skelsplat.run`, printed by `table`; `overlay` and `plot` use `skelsplat.run`
 as well. What commands share is in `_app` (errors, exit status), `config`, `options` and `output`.

@@ -23,12 +23,12 @@ class OneLineErrors(TyperGroup):
     """A command group that ends with ``error: …`` on one line of stderr instead of a box or a traceback.
 
     Only errors that a user can act on are caught: wrong usage, `skelsplat.SkelSplatError` and `OSError`.
-    Anything else is a defect of the program and keeps its traceback. A reader of stdout that goes away is
-    status 1 without a word; every command writes its files before it prints.
+    Anything else is a defect of the program and keeps its traceback. If the reader of stdout is gone, the
+    status is 1 without a message; every command writes its files before it prints.
     """
 
     def invoke(self, ctx: typer.Context) -> Any:  # type: ignore[override, unused-ignore]
-        """Run the command; a reader of stdout that has gone away shows here, not when Python ends."""
+        """Run the command; flush stdout, so that a closed pipe is an error here and not at exit."""
         try:
             return super().invoke(ctx)
         finally:
@@ -75,7 +75,7 @@ def _describe(error: Exception) -> str:
 
 
 def _usage(error: Any) -> str:
-    """Return the message of an error of usage, beginning with the option's name, and where to read on."""
+    """Return the message of an error of usage, beginning with the option's name, and which --help to read."""
     context = getattr(error, "ctx", None)
     command = context.command_path if context is not None else "skelsplat"
     # older versions of click add the variable of the environment, even if there is none
@@ -87,7 +87,7 @@ def _usage(error: Any) -> str:
 
 
 def _with_value(message: str, cause: Any) -> str:
-    """Return the message of a value that is no number, or not in its range, in our words, with the value."""
+    """Return the message of a value that is no number, or not in its range, as "expected …, got …"."""
     if "Input should be " not in message or not hasattr(cause, "errors"):  # pydantic's, which typer asks
         return message
     expected = message.partition(", unable to parse")[0].replace("Input should be", "expected")
@@ -105,7 +105,7 @@ app = Application(
     name="skelsplat",
     cls=OneLineErrors,
     help="Multi-view 3D human pose from 2D keypoints, by differentiable Gaussian splatting.",
-    epilog="Every command has --help with examples, and takes its options from a file: --config FILE.toml. "
+    epilog="Every command has --help with examples, and reads options from a file with --config FILE.toml. "
     "Exit status: 0 ok, 1 failed, 2 bad usage, 130 interrupted.",
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
@@ -120,7 +120,7 @@ def _root(
     version: Annotated[
         bool,
         typer.Option(
-            "--version", metavar="", callback=_show_version, is_eager=True, help="Show the version and leave."
+            "--version", metavar="", callback=_show_version, is_eager=True, help="Show the version and exit."
         ),
     ] = False,
 ) -> None:

@@ -1,4 +1,4 @@
-"""``skelsplat check-cameras``: what is wrong with a calibration."""
+"""``skelsplat check-cameras``: the faults of a calibration."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from rich.console import Console
 from rich.table import Table
 
 import skelsplat as sk
+from skelsplat._sentences.words import number
+from skelsplat.association import take_people
 from skelsplat.cli import inputs, options
 from skelsplat.cli.output import print_json
 from skelsplat.cli.table import print_table
@@ -20,7 +22,7 @@ from skelsplat.findings import collected_warnings
 from skelsplat.io.detections import read_detections
 from skelsplat.rig_check import ReadAs, RigReport, check_rig
 from skelsplat.run.job import FRAME_MODES
-from skelsplat.run.person import pick_person
+from skelsplat.run.person import check_person, pick_places
 from skelsplat.run.read import leave_out, named_offsets, read_rig
 
 if TYPE_CHECKING:
@@ -35,16 +37,16 @@ _Detections = Annotated[
     typer.Argument(
         readable=False,
         metavar="DETECTIONS",
-        help="Detections of one person walking about. As refine reads them: a folder with one folder or file "
-        "per camera, named like the camera, or one file of all. Without them only the calibration itself is "
-        "checked.",
+        help="Detections of one person walking about. In any form that refine reads: a folder with one "
+        "folder or file per camera, named like the camera, or one file. Without them, only the calibration "
+        "itself is checked.",
         show_default=False,
     ),
 ]
 _LEGEND = (
-    "vs. others: distance from where the other cameras place the joints; --offset: value for refine "
-    "that corrects a camera that is out of step, and the error with it; DLT, robust: error vs. all cameras; "
-    "weight: how much the robust solver trusts each detection, 0 to 1; rejected: below 0.25"
+    "vs. others: error vs. the other cameras; --offset: value for refine that corrects an unsynchronised "
+    "camera, and the error with it; DLT, robust: error vs. all cameras; weight: how much the robust solver "
+    "trusts each detection, 0 to 1; rejected: weight below 0.25"
 )
 
 
@@ -72,12 +74,12 @@ def check_cameras(
     quiet: options.Quiet = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Find what is wrong with a calibration: unit, exchanged, rotated or late cameras.
+    """Find faults of a calibration: wrong unit, exchanged, rotated or late cameras.
 
     With the detections of one person walking about, every camera is compared
-    with the other cameras. All formats and options of refine's detections are
-    read. With --json, remedy of a finding are options of refine that correct it;
-    best_offset of a camera is by how many frames its numbers are too high,
+    with the other cameras. Detections are read like those of refine. With --json,
+    the remedy of a finding lists the options of refine that correct it; a
+    camera's best_offset is by how many frames its numbers are too high, and
     offset_option the value for --offset.
 
     [bold]Examples[/bold]
@@ -100,7 +102,7 @@ def check_cameras(
         "sequence": sequence,
         **inputs.detection_arguments(format, offset, order, joint_map),
     }
-    who = options.person(person)
+    check_person(person)
     read = inputs.calibration_arguments(unit, calibration_format, camera_type, subject, size, binning)
     with collected_warnings() as warnings:
         every = read_rig(source, **read)
@@ -109,7 +111,7 @@ def check_cameras(
         if detections is not None:
             found = read_detections(detections, every, without=without or (), **given)
         offsets = named_offsets(every, given["offsets"])
-        report = check_rig(rig) if found is None else _check(rig, found, who, offsets)
+        report = check_rig(rig) if found is None else _check(rig, found, person, offsets)
     report = _with_warnings(report, warnings)
     if as_json:
         print_json(_document(source, detections, rig, report))
@@ -122,13 +124,13 @@ def check_cameras(
 def _check(rig: sk.CameraRig, found: DetectionSet, person: str, offsets: dict[str, int]) -> RigReport:
     people, layout = found.people, sk.layouts.get(found.layout)
     if person != "consistent":  # whom `check_rig` finds on its own
-        people, _ = pick_person(people, rig, person, layout)
+        people = take_people(people, pick_places(people, rig, person, layout)[0])
     read_as = ReadAs(found.labels, offsets, found.uneven)
     return check_rig(rig, people, frames=found.frames, layout=layout, read_as=read_as)
 
 
 def _with_warnings(report: RigReport, warnings: list[Finding]) -> RigReport:
-    """Return the report with warnings of the files first; detections tell more of the unit than cameras."""
+    """Return the report with warnings of the files first; detections judge the unit better than cameras."""
     measured = any(finding.kind in ("unit_wrong", "unit_unknown", "body_size") for finding in report.findings)
     kept = [one for one in warnings if not (measured and one.kind == "unit_implausible")]
     return replace(report, findings=(*kept, *report.findings))
@@ -150,13 +152,13 @@ def _print(rig: sk.CameraRig, found: DetectionSet | None, report: RigReport, *, 
 
 
 def _nothing(rig: sk.CameraRig, found: DetectionSet | None) -> str:
-    """Say that nothing was found, and in what."""
+    """Return the sentence for a check without findings."""
     if found is not None:
         frames = len(found.frames)
         return f"No fault found: {len(rig)} cameras, {rig.unit}, {frames} frames of detections."
     return (
-        f"No fault found in the file itself: {len(rig)} cameras, {rig.unit}. Only detections tell whether it "
-        "fits a recording: skelsplat check-cameras CALIBRATION DETECTIONS."
+        f"No fault found in the file itself: {len(rig)} cameras, {rig.unit}. Whether it fits a recording "
+        "takes detections: skelsplat check-cameras CALIBRATION DETECTIONS."
     )
 
 
@@ -173,13 +175,9 @@ def _table(report: RigReport) -> Table:
     for row in report.cameras:
         offset = "" if row.offset_option is None else f"{row.offset_option}: {row.best_offset_px:.1f}"
         share = f"{100 * row.rejected:.0f}%" if math.isfinite(row.rejected) else "–"
-        cells = [_number(row.left_out_px), offset, _number(row.dlt_px), _number(row.robust_px)]
-        table.add_row(row.name, *cells, _number(row.weight, 2), share, str(row.used))
+        cells = [number(row.left_out_px), offset, number(row.dlt_px), number(row.robust_px)]
+        table.add_row(row.name, *cells, number(row.weight, 2), share, str(row.used))
     return table
-
-
-def _number(value: float, digits: int = 1) -> str:
-    return f"{value:.{digits}f}" if math.isfinite(value) else "–"
 
 
 def _document(source: Path, detections: Path | None, rig: sk.CameraRig, report: RigReport) -> dict[str, Any]:

@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
 _ALL = "skelsplat.help.all"
-# Arguments of the package whose parameter of a command has another name.
+# Arguments of the package that have another name as a command's parameter.
 _SPELT = {"offsets": "offset", "mapping": "joint_map"}
 
 
 class Application(typer.Typer):
-    """A typer application whose commands are `Command`; use it as `typer.Typer`."""
+    """A typer application with commands of type `Command`; use it as `typer.Typer`."""
 
     def command(
         self, name: str | None = None, *, common: Sequence[str] = (), **given: Any
@@ -112,12 +112,12 @@ class Command(TyperCommand):
         return parser
 
     def invoke(self, ctx: typer.Context) -> Any:  # type: ignore[override, unused-ignore]
-        """Run the command; what is wrong with an argument that is an option is an error of usage."""
+        """Run the command; an invalid argument that is an option becomes an error of usage."""
         try:
             return super().invoke(ctx)
         except InvalidInputError as error:
             name, _, message = str(error).partition(": ")
-            option = self._option(name)
+            option = self._option(name.removeprefix("config."))
             if option is None:
                 raise
             if isinstance(error, IncompleteJobError):
@@ -125,7 +125,7 @@ class Command(TyperCommand):
             raise typer.BadParameter(message, ctx=ctx, param_hint=option) from error
 
     def _option(self, argument: str) -> str | None:
-        """Return the option that stands for an argument of the package."""
+        """Return the option for an argument of the package."""
         name = _SPELT.get(argument, argument)
         spelt = [opt for param in self.params if param.name == name != "config" for opt in param.opts]
         return next((option for option in spelt if option.startswith("--")), None)

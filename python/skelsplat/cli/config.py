@@ -2,7 +2,7 @@
 
 The values become click's ``default_map``, so the command line wins and click checks them. Keys at the top are
 for every command that has the option; those in a table with a command's name, such as ``[refine]`` or
-``[datasets.check]``, are for that command and win over them. Relative paths begin at the file's folder.
+``[datasets.check]``, are for that command and win over them. Paths are relative to the file's folder.
 """
 
 from __future__ import annotations
@@ -26,8 +26,9 @@ NAME_OR_PATH = "name or path"
 """Marks a text option in its `Annotated`: a name, or a path where a file of that name exists."""
 _KEYS = "skelsplat.config.keys"
 _HELP = (
-    "Options and arguments from a file. Its lines are KEY = VALUE, such as min-confidence = 0.3 or paper = "
-    "true; paths begin at its folder. Command-line options win; --no-paper cancels paper = true."
+    "Read options and arguments from a file. Its lines are KEY = VALUE, such as min-confidence = 0.3 or "
+    "paper = true; paths are relative to its folder. Command-line options win; --no-paper cancels "
+    "paper = true."
 )
 # Metavars of options that take several names with commas between them.
 _WITH_COMMAS = ("A,B,…", "FORMATS", "FIGURES")
@@ -53,7 +54,7 @@ def origin(context: Any, label: str) -> str:
 
 
 def from_file(context: typer.Context, name: str) -> bool:
-    """Say whether a parameter's value comes from a file of options."""
+    """Whether a parameter's value comes from a configuration file."""
     return getattr(context.get_parameter_source(name), "name", "") == "DEFAULT_MAP"
 
 
@@ -131,7 +132,7 @@ def _normal(key: str) -> str:
 
 
 def _chosen(document: dict[str, Any], context: typer.Context) -> Iterator[tuple[str, Any]]:
-    """Yield keys, with the names of their tables, and values for a command; what wins comes later."""
+    """Yield keys, with the names of their tables, and values for a command; later ones win."""
     lineage: list[Any] = [context]
     while lineage[0].parent is not None:
         lineage.insert(0, lineage[0].parent)

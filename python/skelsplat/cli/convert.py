@@ -1,4 +1,4 @@
-"""``skelsplat convert``: from one file format to another; the input says what kind of file it is."""
+"""``skelsplat convert``: from one file format to another; the kind of file is found from the input."""
 
 from __future__ import annotations
 
@@ -138,12 +138,12 @@ def _kind(source: Path, *, named: bool) -> str:
         return "pose file"
     if find_format(source) is not None:  # an error of its own for a damaged file
         return "calibration"
-    expected = "a calibration in a known format, a file of poses, or the folder of a run"
-    raise DatasetError(source, "content", expected, "something else (convert --help has the formats)")
+    expected = "a calibration in a known format, a pose file, or the folder of a run"
+    raise DatasetError(source, "content", expected, "something else (convert --help lists the formats)")
 
 
 def _check(kind: str, target: Path, given: dict[str, Any]) -> None:
-    """Refuse an output that a kind of file cannot become, and options that it does not take."""
+    """Refuse an output suffix or options that do not apply to this kind of file."""
     suffixes, known = _KINDS[kind]
     if target.suffix.lower() not in suffixes:
         expected, got = f"a {kind} to be written as {', '.join(suffixes)}", target.suffix or "no suffix"
@@ -151,7 +151,7 @@ def _check(kind: str, target: Path, given: dict[str, Any]) -> None:
     for name in given:
         if name not in known:
             hint = "--" + name.replace("_", "-")
-            raise typer.BadParameter(f"expected none for a {kind}, got one", param_hint=hint)
+            raise typer.BadParameter(f"does not apply to a {kind}", param_hint=hint)
 
 
 def _poses(source: Path, target: Path, given: dict[str, Any]) -> tuple[str, dict[str, Any]]:

@@ -11,10 +11,7 @@ from skelsplat.io import sample
 from skelsplat.run import Job
 from skelsplat.run.folder import output_folder
 
-_NOTE = (
-    "The sample has no ground truth: these errors say how well the pose agrees with the "
-    "detections, not how far it is from the body."
-)
+_NOTE = "The sample has no ground truth: these errors measure agreement with the detections, not accuracy."
 
 
 def demo(
@@ -26,8 +23,8 @@ def demo(
 ) -> None:
     """Refine the recording that ships with the package: 4 cameras, 100 frames, OpenPose.
 
-    The input is put into FOLDER/input as the files a user would have
-    (calibration TOML, one folder of OpenPose JSON per camera) and read from
+    The input is copied to FOLDER/input, as the files of a typical recording
+    (calibration TOML, one folder of OpenPose JSON per camera), and read from
     there. The results are pose.npz, pose.csv, pose.trc, report.json, report.html,
     overview.png and weights.png, with --paper also heatmaps.png.
 

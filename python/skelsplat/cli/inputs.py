@@ -1,4 +1,4 @@
-"""Options that say how calibrations and detections are read, as arguments of their readers."""
+"""Options for reading calibrations and detections, as arguments of their readers."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def calibration_arguments(
 
 
 def width_and_height(text: str | None) -> tuple[int, int] | None:
-    """Return what ``--size`` says, or raise `typer.BadParameter`."""
+    """Return the width and height of ``--size``, or raise `typer.BadParameter`."""
     if text is None:
         return None
     found = re.fullmatch(r"(\d+)[x×](\d+)", text.strip())
@@ -113,14 +113,14 @@ def detection_arguments(
         "format": None if name is None else name.lower(),
         "offsets": {camera: _frames(text) for camera, text in _pairs("--offset", offset)},
         "order": order if order in (None, "sorted") else tuple(part.strip() for part in order.split(",")),
-        "mapping": {joint: _place(text) for joint, text in _pairs("--map", joint_map)},
+        "mapping": {joint: _source(text) for joint, text in _pairs("--map", joint_map)},
     }
 
 
 def refuse_detection_options(context: typer.Context) -> None:
-    """Refuse options on the command line that say how detections are read, where there are none.
+    """Refuse command-line options for reading detections, where there are none.
 
-    Those in a file of options may be meant for another command.
+    Those of a configuration file may be meant for another command.
 
     Raises
     ------
@@ -128,8 +128,8 @@ def refuse_detection_options(context: typer.Context) -> None:
         If there is one.
     """
     for param in context.command.params:
-        said = getattr(context.get_parameter_source(str(param.name)), "name", "") == "COMMANDLINE"
-        if said and param.opts[0] in _OF_DETECTIONS:
+        source = getattr(context.get_parameter_source(str(param.name)), "name", "")
+        if source == "COMMANDLINE" and param.opts[0] in _OF_DETECTIONS:
             raise typer.BadParameter("requires DETECTIONS", param_hint=param.opts[0])
 
 
@@ -151,6 +151,6 @@ def _frames(text: str) -> int:
     return int(text)
 
 
-def _place(text: str) -> str | int | None:
-    """Return what ``--map`` says of a joint: a place, nothing, or a name."""
+def _source(text: str) -> str | int | None:
+    """Return what ``--map`` gives for a joint: an index, None, or a name."""
     return int(text) if text.isdecimal() else None if text == "none" else text

@@ -40,16 +40,16 @@ def live(
     sigma_mm: options.Sigma = None,
     quiet: options.Quiet = False,
 ) -> None:
-    """Refine frame after frame: JSON lines of detections on stdin, of poses on stdout.
+    """Refine frame by frame: detections as JSON lines on stdin, poses on stdout.
 
     A line in is one frame of one person: for every camera of the calibration,
     in its order, the joints of the layout as x and y in pixels and confidence.
 
     {"frame": 7, "detections": [[[812.5, 400.1, 0.9], ...], ...]}
 
-    What is missing is null (a number, a joint or a camera), NaN, or of
-    confidence 0. "frame" is any value and comes back as it is; "reset": true
-    forgets the pose of the line before, from which the search starts otherwise.
+    Missing values are null (a number, a joint or a camera), NaN, or have
+    confidence 0. "frame" is any value and is returned unchanged; "reset": true
+    discards the previous pose, from which the search otherwise starts.
 
     A line out, flushed at once, has for every joint the position in the unit of
     the calibration, its standard deviation per axis, and the status.
@@ -57,12 +57,11 @@ def live(
     {"frame": 7, "pose": [[1.2, 0.4, 1.5], ...], "sigma": [[0.01, 0.02, 0.01],
     ...], "joint_status": ["ok", ...], "latency_ms": 0.2}
 
-    A joint without a position is null; an unobserved one stays where it was in
-    the line before. "latency_ms" is the time from having read the line to the
-    answer.
+    A joint without a position is null; an unobserved one keeps its previous
+    position. "latency_ms" is the time from reading the line to the answer.
 
     Malformed lines are skipped and reported on stderr with their numbers. At the
-    end stderr has the count of the lines and percentiles of the latency.
+    end, the number of lines and percentiles of the latency are printed on stderr.
 
     Input and output are JSON already: there is no --json.
 
@@ -88,20 +87,20 @@ def live(
         session = Session(rig, known, sk.RefineConfig(n_threads=1, **given))
         if not quiet:
             cameras, joints = f"{len(rig)} cameras ({', '.join(rig.names)})", f"{known.n_joints} joints"
-            _say(f"ready: {cameras}, {joints} ({known.name}), in {rig.unit}")
+            _print(f"ready: {cameras}, {joints} ({known.name}), in {rig.unit}")
         status = _serve(session, sys.stdin.buffer, sys.stdout.buffer)
     if not quiet:
-        _say(session.summary())
+        _print(session.summary())
     if status:
         sys.exit(status)
 
 
-def _say(text: str) -> None:
+def _print(text: str) -> None:
     typer.echo(text, err=True)
 
 
 def _numbered(source: BinaryIO) -> Iterator[tuple[int, bytes]]:
-    """Yield the lines with their numbers from 1; a fault of reading is told from one of writing."""
+    """Yield the lines with their numbers from 1; an error of reading becomes a `DatasetError`."""
     try:
         yield from enumerate(source, start=1)
     except OSError as error:
@@ -116,7 +115,7 @@ def _serve(session: Session, source: BinaryIO, target: BinaryIO) -> int:
             try:
                 answer = session.answer(line)
             except MalformedLineError as error:
-                _say(f"line {number}: skipped: {' '.join(str(error).split())}")
+                _print(f"line {number}: skipped: {' '.join(str(error).split())}")
                 continue
             if answer is not None:
                 target.write(answer)
@@ -126,7 +125,7 @@ def _serve(session: Session, source: BinaryIO, target: BinaryIO) -> int:
     except OSError as error:
         closed = isinstance(error, BrokenPipeError)
         got = "a closed pipe" if closed else (error.strerror or str(error)).lower()
-        _say(f"error: stdout: expected a reader, got {got}")
+        _print(f"error: stdout: expected a reader, got {got}")
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nothing is left to flush at exit
         return FAILED
     return 0

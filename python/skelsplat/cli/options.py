@@ -13,13 +13,12 @@ import typer
 
 from skelsplat import RefineConfig, layouts
 from skelsplat.io.detections import FORMATS
-from skelsplat.io.poses import POSE_FORMATS
 
 _INPUT, _METHOD, _TIME, _OUTPUT = "Input", "Method", "Over time", "Output"
 
 
 def option(panel: str, *names: str, metavar: str, help: str, default: str | None = None, **more: Any) -> Any:
-    """Return typer's option, in a panel of the help, with a default in words that stands for None."""
+    """Return typer's option, in a panel of the help; ``default`` is shown in place of None."""
     more |= {} if default is None else {"show_default": default}
     return typer.Option(*names, metavar=metavar, help=help, rich_help_panel=panel, **more)
 
@@ -67,7 +66,7 @@ LayoutName = Annotated[
         _INPUT,
         metavar="NAME",
         help=f"Joint layout, such as body25b. One of {', '.join(layouts.names)}.",
-        default="the one whose joints the files name",
+        default="found from the joint names in the files",
     ),
 ]
 RequiredLayout = Annotated[
@@ -93,7 +92,7 @@ Offset = Annotated[
     option(
         _INPUT,
         metavar="CAMERA=FRAMES",
-        help="Add to a camera's frame numbers. 3 if it started 3 frames late. Repeatable.",
+        help="Frames to add to a camera's frame numbers. 3 if it started 3 frames late. Repeatable.",
     ),
 ]
 Order = Annotated[
@@ -101,7 +100,7 @@ Order = Annotated[
     option(
         _INPUT,
         metavar="A,B,…",
-        help="Folder, file or place in the file of each camera, in the calibration's order, or sorted.",
+        help="Folder, file or index in the file of each camera, in the calibration's order; or sorted.",
         default="by name",
     ),
 ]
@@ -117,7 +116,7 @@ JointMap = Annotated[
         _INPUT,
         "--map",
         metavar="JOINT=NAME",
-        help="What the files call a joint of the layout: a name, a place from 0, or none. Repeatable.",
+        help="What a joint of the layout is in the files: a name, an index from 0, or none. Repeatable.",
     ),
 ]
 Sequence = Annotated[
@@ -129,8 +128,8 @@ Person = Annotated[
     option(
         _INPUT,
         metavar="WHO",
-        help="Whom to follow. consistent: the person the views agree on; largest: the largest in each image; "
-        "N: the one at place N of each file, from 0.",
+        help="Person to follow. consistent: the person the views agree on; largest: the largest in each "
+        "image; N: number N in each file, from 0.",
     ),
 ]
 Frames = Annotated[
@@ -138,8 +137,8 @@ Frames = Annotated[
     option(
         _INPUT,
         metavar="MODE",
-        help="What to do if cameras have different frames. strict refuses (except for formats that list only "
-        "people: alphapose, coco, csv), intersection keeps common frames, union all.",
+        help="What to do if cameras have different frames. strict: stop (except for formats that list only "
+        "people: alphapose, coco, csv); intersection: keep the common frames; union: keep all.",
     ),
 ]
 Init = Annotated[
@@ -175,13 +174,13 @@ Paper = Annotated[
     flag(
         _METHOD,
         "--paper",
-        help="Use the method of the paper. It renders pixels and optimises with Adam; the default is more "
-        "robust.",
+        help="Use the method paper, as published. It renders pixels and optimises with Adam; the default, "
+        "annealed, is more robust.",
     ),
 ]
 NoSwaps = Annotated[
     bool,
-    flag(_METHOD, "--no-swaps", help="Do not look for exchanged left and right sides; --paper never does."),
+    flag(_METHOD, "--no-swaps", help="Do not correct left–right swaps; --paper never does."),
 ]
 Sigma = Annotated[
     float | None, option(_METHOD, metavar="MM", help=_sentence("sigma_mm"), default=_default("sigma_mm"))
@@ -258,11 +257,9 @@ Write = Annotated[
 Fps = Annotated[float | None, option(_OUTPUT, metavar="HZ", help="Frame rate, for files and filters.")]
 YUp = Annotated[
     bool,
-    flag(
-        _OUTPUT, "--y-up", help="Write TRC and C3D y up, for OpenSim. The world of the calibration is z up."
-    ),
+    flag(_OUTPUT, "--y-up", help="Write TRC and C3D with y up, for OpenSim. The calibration must have z up."),
 ]
-NoHtml = Annotated[bool, flag(_OUTPUT, "--no-html", help="Do not write report.html. It takes 5 MB and more.")]
+NoHtml = Annotated[bool, flag(_OUTPUT, "--no-html", help="Do not write report.html. It takes 5 MB or more.")]
 MarkerNames = Annotated[
     str,
     option(
@@ -283,14 +280,14 @@ Range = Annotated[
         "Drawing",
         "--range",
         metavar="A-B",
-        help="Frames to draw, in the run's numbers; A- and -B leave one end open; A is one frame.",
+        help="Frames to draw, by the run's frame numbers; A- and -B are open ranges; A is one frame.",
         default="all",
     ),
 ]
 
 
 def one_of(option: str, value: str | None, choices: tuple[str, ...]) -> str:
-    """Return ``value`` if it is one of ``choices``; None means that a required option is missing."""
+    """Return ``value`` if it is one of ``choices``; None: a required option is missing."""
     if value in choices:
         return value
     got = "nothing (the files do not state it)" if value is None else repr(value)
@@ -312,17 +309,3 @@ def some_of(option: str, value: str, choices: tuple[str, ...]) -> tuple[str, ...
             expected = f"some of {', '.join(choices)}"
             raise typer.BadParameter(f"expected {expected}, got {name!r}", param_hint=option)
     return names
-
-
-def formats(value: str) -> tuple[str, ...]:
-    """Return npz, which every run writes, and the pose formats in a list with commas, each once."""
-    return tuple(dict.fromkeys(["npz", *some_of("--write", value, tuple(POSE_FORMATS))]))
-
-
-def person(value: str) -> str:
-    """Return a value of ``--person`` if it has one of its forms."""
-    if value in ("consistent", "largest") or value.isdecimal():
-        return value
-    raise typer.BadParameter(
-        f"expected consistent, largest or a number, got {value!r}", param_hint="--person"
-    )

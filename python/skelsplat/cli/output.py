@@ -1,4 +1,4 @@
-"""What commands print apart from tables: JSON on stdout, and the progress of long work on stderr."""
+"""JSON on stdout, and progress bars on stderr."""
 
 from __future__ import annotations
 

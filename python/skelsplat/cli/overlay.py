@@ -1,4 +1,4 @@
-"""``skelsplat overlay``: a run drawn on the videos that it came from."""
+"""``skelsplat overlay``: a run drawn on its videos."""
 
 from __future__ import annotations
 
@@ -16,21 +16,19 @@ from skelsplat.cli.table import tell
 from skelsplat.findings import collected_warnings
 
 EPILOG = (
-    "Videos are MP4 with MPEG-4 part 2 (mp4v), which VLC and most players show but browsers do not; ffmpeg "
+    "Videos are MP4 with MPEG-4 part 2 (mp4v), which VLC and most players play but browsers do not; ffmpeg "
     "-i cam01.mp4 -c:v libx264 web.mp4 converts them. Needs pip install 'skelsplat\\[video]'."
 )
 _INPUT, _DRAWING, _OUTPUT = "Input", "Drawing", "Output"
 
-_Run = Annotated[
-    Path, typer.Argument(readable=False, metavar="RUN", help="Folder that refine or demo wrote.")
-]
+_Run = Annotated[Path, typer.Argument(readable=False, metavar="RUN", help="Output folder of refine or demo.")]
 _Videos = Annotated[
     Path,
     typer.Argument(
         readable=False,
         metavar="VIDEOS",
         help="Folder with one video or one folder of images per camera, named like the camera; or one of "
-        "these.",
+        "them.",
     ),
 ]
 _Out = Annotated[
@@ -78,17 +76,20 @@ _NoLegend = Annotated[
         help="Leave out legend, camera name and frame number; the image keeps its size.",
     ),
 ]
-_Crop = Annotated[bool, options.flag(_DRAWING, "--crop", help="Cut out the person and follow it.")]
+_Crop = Annotated[bool, options.flag(_DRAWING, "--crop", help="Crop to the person.")]
 _Scale = Annotated[
     float | None,
     options.option(
-        _DRAWING, metavar="S", help="Size of the output, 0.5 for half.", default="1; --grid fits a screen"
+        _DRAWING, metavar="S", help="Scale of the output, such as 0.5.", default="1; --grid fits a screen"
     ),
 ]
 _Fps = Annotated[
     float | None,
     options.option(
-        _OUTPUT, metavar="HZ", help="Frame rate of the output.", default="that of the video, else of the run"
+        _OUTPUT,
+        metavar="HZ",
+        help="Frame rate of the output.",
+        default="that of the video, otherwise of the run",
     ),
 ]
 _Png = Annotated[bool, options.flag(_OUTPUT, "--png", help="Write a folder of PNG files instead of a video.")]
@@ -121,8 +122,8 @@ def overlay(
     """Draw a run on its videos: detections, reprojected skeleton, error ellipses.
 
     Detections are discs, from green (trusted) to crimson; rejected ones are
-    crosses, with a line to the joint of the pose; a diamond marks exchanged
-    left and right sides. Ellipses are drawn at 2 standard deviations.
+    crosses, with a line to the joint of the pose; a diamond marks a left–right
+    swap. Ellipses are drawn at 2 standard deviations.
 
     [bold]Examples[/bold]
 

@@ -1,4 +1,4 @@
-"""``skelsplat plot``: figures of a run or of a file of poses, in print size."""
+"""``skelsplat plot``: figures of a run or of a pose file, in print size."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from skelsplat.run.plots import PICTURES, Drawn, Source, read_source, write_plot
 EPILOG = (
     "trajectories: positions with bands of ±1 and ±2 standard deviations. bones: lengths of the limbs, left "
     "next to right. errors: median reprojection error and share of rejected detections, camera by joint. "
-    "Figures are 180 mm wide; further pages of PNG files are numbered. A file of poses is npz, csv, trc, "
-    "c3d, json or nc, and has what its format holds."
+    "Figures are 180 mm wide; further pages of PNG files are numbered. A pose file is npz, csv, trc, c3d, "
+    "json or nc; what can be drawn depends on what its format stores."
 )
 _FORMATS = ("png", "pdf")
 _ALL = ",".join(PICTURES)
@@ -25,9 +25,7 @@ _WHAT, _OUTPUT = "Drawing", "Output"
 
 _Run = Annotated[
     Path,
-    typer.Argument(
-        readable=False, metavar="RUN", help="Folder that refine or demo wrote, or a file of poses."
-    ),
+    typer.Argument(readable=False, metavar="RUN", help="Output folder of refine or demo, or a pose file."),
 ]
 _Output = Annotated[
     Path | None,
@@ -49,7 +47,7 @@ _Joints = Annotated[
     options.option(
         _WHAT,
         metavar="A,B,…",
-        help="Joints whose trajectories are drawn, or all.",
+        help="Joints for the trajectories, or all.",
         default="wrists and ankles, or the first four",
     ),
 ]
@@ -107,10 +105,10 @@ def plot(
     if as_json:
         print_json(_report(source, drawn))
     elif not quiet:
-        _tell(folder, drawn)
+        _print(folder, drawn)
 
 
-def _tell(folder: Path, drawn: list[Drawn]) -> None:
+def _print(folder: Path, drawn: list[Drawn]) -> None:
     console = Console(highlight=False, markup=False)
     for picture in drawn:
         console.print(

@@ -9,19 +9,19 @@ from rich.console import Console
 
 import skelsplat as sk
 from skelsplat.cli import inputs, options
-from skelsplat.cli.options import formats, positive
 from skelsplat.cli.output import counting, print_json
 from skelsplat.cli.table import print_files, print_run, tell
+from skelsplat.io.poses import POSE_FORMATS
 from skelsplat.run import Job, run
 
 if TYPE_CHECKING:
     from skelsplat.findings import Finding
 
 EPILOG = (
-    "Results in FOLDER: pose.npz, pose.csv and pose.trc (or what --write says), report.json, report.html, "
-    "overview.png and weights.png, with --paper also heatmaps.png; and the input as it was used, "
-    "cameras.json and detections.npz. What an earlier run wrote there is removed first; plots/ and overlay/ "
-    "stay."
+    "Results in FOLDER: pose.npz, pose.csv and pose.trc (or the formats of --write), report.json, "
+    "report.html, overview.png and weights.png, with --paper also heatmaps.png; and the input as used, "
+    "cameras.json and detections.npz. Files of an earlier run are removed first; plots/ and overlay/ are "
+    "kept."
 )
 COMMON = (
     *("output", "unit", "layout", "person", "without", "offset", "fps", "filter", "fill_gaps"),
@@ -84,8 +84,6 @@ def refine(
 
     skelsplat refine --config run.toml
     """
-    positive("--sigma-mm", sigma_mm)
-    positive("--occlusion-sigma-mm", occlusion_sigma_mm)
     given = {
         "sigma_mm": sigma_mm,
         "occlusion_sigma_mm": occlusion_sigma_mm,
@@ -117,7 +115,7 @@ def refine(
         fill_weak=fill_weak,
         filter=filter,
         output=output,
-        write=formats(write),
+        write=options.some_of("--write", write, tuple(POSE_FORMATS)),
         y_up=y_up,
         marker_names=marker_names,
         html=not no_html,
@@ -126,18 +124,18 @@ def refine(
 
 
 def run_and_print(job: Job, *, quiet: bool, as_json: bool) -> None:
-    """Do a job that names a folder, under a progress bar, and print what came out."""
-    told: list[Finding] = []
+    """Do a job that names a folder, under a progress bar, and print the results."""
+    printed: list[Finding] = []
 
     def tell_now(finding: Finding) -> None:
-        told.append(finding)
+        printed.append(finding)
         tell(finding)
 
     with counting("frames", shown=not quiet) as count:
         found = run(job, progress=lambda done, total: count("refining", done, total), tell=tell_now)
     if as_json or quiet:
         for finding in found.findings:
-            if finding not in told:
+            if finding not in printed:
                 tell(finding)
     if as_json:
         print_json(found.report)

@@ -13,18 +13,16 @@ from skelsplat.cli.output import print_json
 from skelsplat.datasets.synthetic import write_simulated
 
 Name = Annotated[str, typer.Argument(metavar="NAME", help=", ".join(synthetic.set_names) + ".")]
-Root = Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder to make; must not exist or be empty.")]
+Root = Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder to create; must not exist or be empty.")]
 Poses = Annotated[
     int | None,
-    typer.Option(min=1, metavar="N", help="Poses over all takes.", show_default="as the data set meant"),
+    typer.Option(min=1, metavar="N", help="Poses over all takes.", show_default="that of the data set"),
 ]
 Seed = Annotated[int, typer.Option(min=0, metavar="S", help="Same seed, same files.")]
 OpenPose = Annotated[
-    bool, typer.Option("--openpose", metavar="", help="Write OpenPose JSON too: many small files.")
+    bool, typer.Option("--openpose", metavar="", help="Also write OpenPose JSON: many small files.")
 ]
-Force = Annotated[
-    bool, typer.Option("--force", metavar="", help="Replace a simulated data set that is there.")
-]
+Force = Annotated[bool, typer.Option("--force", metavar="", help="Replace an existing simulated data set.")]
 
 
 def synth(
@@ -40,8 +38,8 @@ def synth(
     """Write a simulated data set: known poses, simulated detections of two detectors.
 
     Rig, joints, actions and number of poses are like those of the data set
-    in the name, but no camera saw anything: results on it are results on
-    simulated detections, and have to be called so.
+    in the name. Results on it are results on simulated detections, and must be
+    reported as such.
 
     [bold]Examples[/bold]
 

@@ -1,8 +1,7 @@
-"""What a run prints: a table for people, at most 80 columns wide."""
+"""What a run prints: tables and sentences, at most 80 columns wide."""
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,12 +11,13 @@ from rich.table import Table
 from rich.text import Text
 
 import skelsplat as sk
+from skelsplat._sentences.words import number
 from skelsplat.run.folder import left_of_earlier
 from skelsplat.run.solve import default_threads
 from skelsplat.run.summary import finite_max, finite_median
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
     from rich.console import Console
@@ -36,12 +36,12 @@ _REASONS = {
 
 
 def tell(finding: Finding) -> None:
-    """Print a finding on stderr, as it comes."""
+    """Print a finding on stderr."""
     typer.echo(f"warning: {finding.text}", err=True)
 
 
 def print_table(console: Console, table: Table) -> None:
-    """Print a table with all words whole, in its first column all names: wider than the console if need be.
+    """Print a table without breaking words, or names in its first column; wider than the console if needed.
 
     A first column that folds is broken between words.
     """
@@ -84,7 +84,7 @@ def _nothing_filled(gaps: dict[str, Any] | None) -> list[str]:
     """Return a sentence if gaps were to be filled and none was."""
     if gaps is None or gaps["filled"]:
         return []
-    return [f"No gap of at most {gaps['max_frames']} frames between others, so that none was filled."]
+    return [f"No gaps were filled: none of at most {gaps['max_frames']} frames lies between known positions."]
 
 
 def print_files(console: Console, folder: Path, names: Sequence[str]) -> None:
@@ -92,7 +92,7 @@ def print_files(console: Console, folder: Path, names: Sequence[str]) -> None:
     console.print(Text.assemble("Wrote to ", (f"{folder}/", "bold"), f": {', '.join(names)}"))
     folders = left_of_earlier(folder)
     if folders:
-        console.print(f"! {' and '.join(folders)} {'is' if len(folders) == 1 else 'are'} of an earlier run")
+        console.print(f"! {' and '.join(folders)} {'is' if len(folders) == 1 else 'are'} from an earlier run")
 
 
 def _cameras(run: Run) -> Table:
@@ -116,47 +116,45 @@ def _cameras(run: Run) -> Table:
 
 
 def _cells(group: Group, left_out: bool) -> list[str]:
-    median = f"{_number(group.before_px)} → {_number(group.after_px)}"
-    p90 = f"{_number(group.p90_before_px)} → {_number(group.p90_after_px)}"
+    median = f"{number(group.before_px)} → {number(group.after_px)}"
+    p90 = f"{number(group.p90_before_px)} → {number(group.p90_after_px)}"
     cells = [group.name, median, p90]
-    cells += [str(group.used), str(group.missing), str(group.rejected), _number(group.mean_weight, 2)]
+    cells += [str(group.used), str(group.missing), str(group.rejected), number(group.mean_weight, 2)]
     return [*cells, str(group.left_out)] if left_out else cells
-
-
-def _number(value: float, digits: int = 1) -> str:
-    return f"{value:.{digits}f}" if math.isfinite(value) else "–"
 
 
 def _legend(statistics: Statistics) -> str:
     left_out = "; left out: too little confidence, or the joint has no position"
     return (
-        "missing: no detection of the person followed; weight: how much the detections are trusted, "
-        f"0 to 1; rejected: below {sk.REJECTED_WEIGHT:g}{left_out if statistics.total.left_out else ''}"
+        "missing: no detection of the person followed; weight: how much the detections are trusted, 0 to 1; "
+        f"rejected: weight below {sk.REJECTED_WEIGHT:g}{left_out if statistics.total.left_out else ''}"
     )
 
 
 def _lines(run: Run) -> Iterator[str]:
-    """Yield what the run did and what came out, a sentence or two per line."""
+    """Yield what the run did and its results, a sentence or two per line."""
     outcome, statistics = run.outcome, run.statistics
     frames, joints = len(run.frames), run.layout.n_joints
     threads = default_threads(outcome.config)
     each = 1000 * outcome.seconds / frames
-    reasons = _listed(f"{n} {_REASONS.get(reason, reason)}" for reason, n in statistics.stop_reasons.items())
+    reasons = ", ".join(
+        f"{n} {_REASONS.get(reason, reason)}" for reason, n in statistics.stop_reasons.items()
+    )
     cores = f"{threads} thread{'s' * (threads != 1)}"
     yield f"{frames} frames of {joints} joints, {each:.{2 if each < 1 else 1}f} ms each ({cores})."
     yield f"Frames stopped: {reasons}."
-    moved = _number(finite_median(statistics.moved_mm))
-    yield f"The median joint is {moved} mm from the {outcome.start_name}."
+    moved = number(finite_median(statistics.moved_mm))
+    yield f"Median distance of the joints from the {outcome.start_name}: {moved} mm."
     yield (
-        f"Noise of the detections, estimated: {_number(statistics.noise_mm)} mm across the ray, "
-        f"{_number(statistics.noise_px)} px."
+        f"Estimated noise of the detections: {number(statistics.noise_mm)} mm across the ray, "
+        f"{number(statistics.noise_px)} px."
     )
     swapped = statistics.total.swapped
     if swapped:
-        found = _listed(f"{group.name} {group.swapped}" for group in statistics.cameras if group.swapped)
-        yield f"Exchanged left and right were corrected in {swapped} detections: {found}."
+        found = ", ".join(f"{group.name} {group.swapped}" for group in statistics.cameras if group.swapped)
+        yield f"Left–right swaps were corrected in {swapped} detections: {found}."
     yield ""
-    typical = _number(finite_median(statistics.error_bar_mm))
+    typical = number(finite_median(statistics.error_bar_mm))
     yield f"Error bars, one standard deviation per axis: median {typical} mm. The largest [mm]:"
 
 
@@ -172,9 +170,5 @@ def _joints(run: Run) -> Table:
     for j in [j for j in order if statistics.joints[j].name not in lacking][:_MOST_JOINTS]:
         group, largest = statistics.joints[j], finite_max(statistics.error_bar_mm[:, j])
         counts = (group.missing, group.rejected, group.used + group.missing + group.left_out)
-        table.add_row(f" {group.name}", _number(bars[j]), _number(largest), *map(str, counts))
+        table.add_row(f" {group.name}", number(bars[j]), number(largest), *map(str, counts))
     return table
-
-
-def _listed(parts: Iterable[str]) -> str:
-    return ", ".join(parts)

@@ -42,7 +42,7 @@ _ORDER = ("error", "warning", "note")
 
 @dataclass(frozen=True, repr=False)
 class Run:
-    """A refined sequence with everything that is known about it.
+    """A refined sequence with its input, statistics, findings and report.
 
     `skelsplat.run.run` makes one from files, `from_arrays` from a result of `skelsplat.refine`, and `open`
     from the folder of an earlier run. T frames, M cameras, N joints.
@@ -52,9 +52,9 @@ class Run:
     poses : PoseData
         The poses as they are written: gaps filled and filtered, if the job asks for it.
     findings : tuple of Finding
-        What to look at before trusting the run, errors first.
+        What to check before trusting the run, errors first.
     frame_findings : tuple of Finding
-        What stands out in single frames; numbers that are lists have a value for each frame of the subject.
+        What is unusual in single frames; numbers that are lists have a value for each frame of the subject.
     report : dict
         What ``report.json`` holds: settings, counts, errors, timing and the findings.
     statistics : Statistics
@@ -166,7 +166,7 @@ class Run:
         atomic_write_text(Path(path), to_text(self.report))
 
     def write_html(self, path: str | os.PathLike[str]) -> None:
-        """Write a page with everything that is known and the sequence in 3D; it opens offline."""
+        """Write a page with all numbers, the findings and the sequence in 3D; it opens offline."""
         write_html(self, Path(path))
 
     def write_figures(self, folder: str | os.PathLike[str]) -> list[str]:
@@ -197,7 +197,7 @@ class Run:
     ) -> list[str]:
         """Write everything, as ``skelsplat refine`` does; return the names of the files.
 
-        What an earlier run wrote there is removed first. The folder can be read by `open`, and drawn by
+        Files of an earlier run are removed first. The folder can be read by `open`, and drawn by
         ``skelsplat plot`` and ``skelsplat overlay``. ``options`` are those of `write_poses`.
 
         Raises
@@ -230,7 +230,7 @@ def run(
     progress: Progress | None = None,
     tell: Callable[[Finding], None] | None = None,
 ) -> Run:
-    """Do one job: read, refine, find what to distrust, and write the results if the job names a folder.
+    """Do one job: read, refine, check, and write the results if the job names a folder.
 
     Parameters
     ----------
@@ -238,7 +238,7 @@ def run(
     progress : callable, optional
         Called with (frames done, frames in all).
     tell : callable, optional
-        Called with each finding that is known before the poses are: warnings of the input.
+        Called with each finding on the input, before the poses are known.
 
     Returns
     -------
@@ -277,7 +277,7 @@ def _run(job: Job, progress: Progress | None, tell: Callable[[Finding], None] | 
 
 
 def summed_up(inputs: Inputs, outcome: Outcome, job: Job | None = None, notes: Sequence[Finding] = ()) -> Run:
-    """Count and judge a refined sequence; ``notes`` are findings from before."""
+    """Return the run with its statistics, findings and report; ``notes`` are earlier findings."""
     statistics = summarise(inputs, outcome)
     data = PoseData.from_refinement(
         outcome.result,
@@ -303,7 +303,7 @@ def summed_up(inputs: Inputs, outcome: Outcome, job: Job | None = None, notes: S
 
 
 def _opened(found: RunFolder) -> Run:
-    """Return the run of a folder; an error of Python if its report is not as runs write it."""
+    """Return the run of a folder; a built-in error if its report is malformed."""
     report, poses, settings = found.report, found.poses, found.report["settings"]
     mapping = report["input"]["mapping"] or {}
     inputs = Inputs(

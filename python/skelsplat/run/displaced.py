@@ -1,4 +1,4 @@
-"""Findings on detections that are off the pose: always to one side, or elsewhere in some frames."""
+"""Findings on detections that are shifted from the pose, always or in some frames."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     Array = npt.NDArray[np.float64]
     Mask = npt.NDArray[np.bool_]
 
-# Fewer frames are no habit.
+# Fewer frames may be chance.
 _LEAST_FRAMES = 3
 # A camera is named for a view that lies apart with this part of the frames of the camera that has most.
 _ALSO_APART = 0.5
@@ -48,7 +48,7 @@ _LEAST_JOINTS = 4
 
 
 def displaced_cameras(rig: sk.CameraRig, shifts: Shifts) -> list[int]:
-    """Return the cameras whose detections lie to one side of the pose, the largest shift first."""
+    """Return the cameras with detections shifted from the pose, the largest shift first."""
     diagonal = np.array([np.hypot(*camera.size) for camera in rig])
     found = np.flatnonzero(shifts.one_sided(diagonal))
     return sorted((int(i) for i in found), key=lambda i: -shifts.size[i] / diagonal[i])
@@ -57,7 +57,7 @@ def displaced_cameras(rig: sk.CameraRig, shifts: Shifts) -> list[int]:
 def find_displaced(
     names: Sequence[str], shifts: Shifts, displaced: Sequence[int], unfit: AbstractSet[str] = frozenset()
 ) -> Iterator[Finding]:
-    """Name the camera that is displaced most, and the others with it.
+    """Yield a finding on the camera that is displaced most, with the others.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def find_displaced(
     displaced
         What `displaced_cameras` returned.
     unfit
-        Cameras that another finding names, with the option that leaves them out.
+        Cameras with another finding whose remedy is to leave them out.
     """
     if not displaced:
         return
@@ -102,7 +102,7 @@ def shift_of(names: Sequence[str], shifts: Shifts, camera: int, others: Sequence
 
 
 def find_apart(rig: sk.CameraRig, statistics: Statistics, known: AbstractSet[int]) -> Iterator[Finding]:
-    """Say in how many frames some view as a whole lies elsewhere, but of cameras ``known`` for that."""
+    """Yield a finding if some views as a whole are far from the pose; cameras ``known`` are left out."""
     apart = views_apart(statistics.residual, gates_px(rig))
     apart[:, list(known)] = False
     frames = apart.any(axis=1)

@@ -1,4 +1,4 @@
-"""What a person should look at before trusting a run: findings on the whole recording."""
+"""Findings on the whole recording: what to check before trusting a run."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 # Most: at least this share.
 _MOSTLY = 0.5
 # Under normal noise hardly a detection is rejected (k < 1/4 at σ = 2 s has probability 4⁻⁸), and a detector's
-# outliers are a few per cent. A camera stands out with this share and this multiple of the other cameras'
+# outliers are a few per cent. A camera is unusual with this share and this multiple of the other cameras'
 # median,
 _CAMERA_SHARE, _CAMERA_RATIO = 0.1, 3.0
 # or with this share and this multiple of the best camera's, as two bad cameras raise the median;
@@ -49,7 +49,7 @@ _BAR_RATIO = 2.0
 def find_findings(
     inputs: Inputs, outcome: Outcome, statistics: Statistics, written: npt.NDArray[np.str_]
 ) -> list[Finding]:
-    """Return findings on people, on cameras that disagree and on joints that fit nowhere or are uncertain.
+    """Return findings on people, on cameras that disagree and on joints that are rejected or uncertain.
 
     ``written`` (T, N) is the status of the poses written, where joints may be filled over time.
     """
@@ -58,7 +58,7 @@ def find_findings(
         *find_people(inputs, outcome),
         *find_whole(statistics, mixed=are_mixed(inputs)),
         *find_unfit(inputs.rig.names, unfit),
-        *_places_in_images(inputs, statistics, unfit),
+        *_cameras(inputs, statistics, unfit),
         *_mirrored(statistics),
         *_limbs(inputs, outcome),
         *_joints(statistics),
@@ -67,7 +67,7 @@ def find_findings(
 
 
 def find_whole(statistics: Statistics, *, mixed: bool = False) -> Iterator[Finding]:
-    """Say whether hardly a detection is used or trusted, or the pose is further from them than its start."""
+    """Yield a finding if hardly any detection is used or trusted, or the pose is worse than its start."""
     total = statistics.total
     if total.used == 0:
         yield Finding("nothing_used", "error")
@@ -85,7 +85,7 @@ def find_whole(statistics: Statistics, *, mixed: bool = False) -> Iterator[Findi
 
 
 def _rest(statistics: Statistics) -> float:
-    """Return the rejected part of the detections of cameras and joints that are not named for theirs."""
+    """Return the share of rejected detections, without the cameras and joints that have their own finding."""
     bad = _bad_cameras(statistics.cameras)
     cameras = [group not in bad for group in statistics.cameras]
     joints = [group.rejected_share < _MOSTLY for group in statistics.joints]
@@ -95,10 +95,10 @@ def _rest(statistics: Statistics) -> float:
 
 
 def unfit_cameras(inputs: Inputs) -> dict[int, tuple[int, int]]:
-    """Return the cameras that see people, but mostly none who matches the others, with two numbers of frames.
+    """Return the cameras in which people are detected but mostly none matches the other cameras.
 
-    Those in which none matches, of those in which a camera and another detect people. Two cameras that are
-    exchanged share the blame unequally, so that after one, others are named sooner.
+    With two numbers of frames: those without a match, and those in which this and another camera detect
+    people. The effect of exchanging two cameras is unequal, so a lower share is enough once one is found.
     """
     people = inputs.unmatched | np.isfinite(inputs.detections[..., 0]).any(axis=2)
     count, seen = inputs.unmatched.sum(axis=0), people.sum(axis=0)
@@ -108,7 +108,7 @@ def unfit_cameras(inputs: Inputs) -> dict[int, tuple[int, int]]:
 
 
 def find_unfit(names: Sequence[str], unfit: Mapping[int, tuple[int, int]]) -> Iterator[Finding]:
-    """Name the cameras that `unfit_cameras` returned together; ``names`` are those of all cameras."""
+    """Yield one finding on the cameras of `unfit_cameras`; ``names`` are those of all cameras."""
     if not unfit:
         return
     cameras = tuple(names[i] for i in unfit)
@@ -121,10 +121,8 @@ def find_unfit(names: Sequence[str], unfit: Mapping[int, tuple[int, int]]) -> It
     yield Finding("no_match", "warning", Subject(cameras=cameras), numbers, remedy)
 
 
-def _places_in_images(
-    inputs: Inputs, statistics: Statistics, unfit: Mapping[int, object]
-) -> Iterator[Finding]:
-    """Name cameras without a use, that disagree or are displaced, and views that lie apart in some frames."""
+def _cameras(inputs: Inputs, statistics: Statistics, unfit: Mapping[int, object]) -> Iterator[Finding]:
+    """Yield findings on cameras that are unused, disagree or are displaced, and on views that lie apart."""
     names, shifts = inputs.rig.names, statistics.shifts
     unfit_names = {names[i] for i in unfit}
     if are_mixed(inputs):  # a finding of its own, which explains what lies elsewhere
@@ -145,9 +143,9 @@ def find_cameras(
     unfit: AbstractSet[str] = frozenset(),
     sides: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
 ) -> Iterator[Finding]:
-    """Name cameras without a use and those that disagree.
+    """Yield findings on unused cameras and on those that disagree.
 
-    Those that are ``unfit`` have a finding of their own; ``sides`` are the shifts of `shift_of` by name.
+    Those that are ``unfit`` have their own finding; ``sides`` are the shifts of `shift_of` by name.
     """
     bad = _bad_cameras(statistics.cameras)
     good = [group for group in statistics.cameras if group.used and group not in bad]
@@ -169,7 +167,7 @@ def find_cameras(
 
 
 def _bad_cameras(cameras: Sequence[Group]) -> list[Group]:
-    """Return the cameras whose share of rejected detections stands out; never all of them."""
+    """Return the cameras with an unusual share of rejected detections; never all of them."""
     used = [group for group in cameras if group.used]
     bad = []
     for group in used:
@@ -191,7 +189,7 @@ def _mirrored(statistics: Statistics) -> Iterator[Finding]:
 
 
 def _limbs(inputs: Inputs, outcome: Outcome) -> Iterator[Finding]:
-    """Name the pair of limbs whose lengths differ most between left and right, if no person has that."""
+    """Yield a finding on the limbs that differ most between left and right, if implausibly."""
     layout, joints = inputs.layout, inputs.layout.joints
     known = np.asarray(outcome.result.joint_status) == "ok"
     pose = np.where(known[..., None], outcome.result.pose, np.nan) * inputs.rig.mm_per_unit
@@ -229,7 +227,7 @@ def _joints(statistics: Statistics) -> Iterator[Finding]:
 
 
 def _statuses(inputs: Inputs, outcome: Outcome, written: npt.NDArray[np.str_]) -> Iterator[Finding]:
-    """Name the joints that are weak or unobserved, with their frames: first those that were not filled."""
+    """Yield findings on weak and unobserved joints with their frames, those not filled first."""
     status, filled = np.asarray(outcome.result.joint_status), written == "filled"
     placed = np.isfinite(outcome.result.pose).all(axis=-1)
     asked = np.array([joint not in inputs.lacking for joint in inputs.layout.joints])

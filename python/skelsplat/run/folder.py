@@ -1,4 +1,4 @@
-"""The folder of a run: checked before the work, cleared of an earlier run, its report written last."""
+"""The folder of a run: checked first, cleared of an earlier run, the report written last."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ _WITH_MARKERS = [kind for kind, entry in POSE_FORMATS.items() if "y_up" in entry
 
 @dataclass(frozen=True)
 class Writing:
-    """What is written into a run's folder besides its report, inputs and figures; fields as of `Job`."""
+    """What is written into a run's folder apart from its report, inputs and figures; fields as of `Job`."""
 
     formats: tuple[str, ...] = ("npz", "csv", "trc")
     y_up: bool = False
@@ -68,12 +68,12 @@ class Writing:
         return [name for name in _POSSIBLE if name in wanted]
 
     def check(self, frames: npt.NDArray[np.int64]) -> None:
-        """Raise what `skelsplat.io.poses.check_pose_format` does of each format."""
+        """Apply `skelsplat.io.poses.check_pose_format` to each format."""
         for kind in self.formats:
             check_pose_format(kind, frames)
 
     def notes(self, fps: float | None) -> list[Finding]:
-        """Say which options have no effect, which frame rate files assume, and what cannot be drawn."""
+        """Return notes: options without effect, an assumed frame rate, missing pictures."""
         timed = tuple(f"pose.{kind}" for kind in self.formats if kind in _WITH_MARKERS)
         given = {"--y-up": self.y_up, "--marker-names": self.marker_names != MARKER_NAMES[0]}
         unused = [option for option, value in given.items() if value and not timed]
@@ -143,21 +143,21 @@ def keep_input(job: Job, sources: Sequence[Path] = ()) -> None:
 
 
 def _in_the_way(path: Path) -> InvalidInputError:
-    expected = "a folder in which nothing that the run reads is written over or mixed with results"
-    return InvalidInputError(f"output: expected {expected}, got that of {path}")
+    expected = "a folder in which no input is overwritten or mixed with results"
+    return InvalidInputError(f"output: expected {expected}, got the one of {path}")
 
 
 def check_places(folder: Path, names: Sequence[str]) -> None:
-    """Raise `DatasetError` if a folder stands where a result goes, before the work."""
+    """Raise `DatasetError` if a folder has the name of a result."""
     for path in (folder / name for name in (*names, REPORT)):
         if path.is_dir():
-            raise DatasetError(path, "output", "a file or nothing in the place of a result", "a folder")
+            raise DatasetError(path, "output", "a file, or nothing, with the name of a result", "a folder")
 
 
 def begin_writing(folder: Path, report: dict[str, Any]) -> None:
-    """Write the report as that of an unfinished run, and then remove the files that an earlier run lists.
+    """Write the report as that of an unfinished run, then remove the files that an earlier run lists.
 
-    It lists what is there of the earlier run and what is not there yet: the rest no run has written so far.
+    It lists the files of the earlier run and those not there yet; any others are not from a run.
 
     Raises
     ------
@@ -174,19 +174,21 @@ def begin_writing(folder: Path, report: dict[str, Any]) -> None:
             path.unlink(missing_ok=True)
         except OSError as error:
             reason = (error.strerror or str(error)).lower()
-            raise DatasetError(path, "file", "one of an earlier run that can be removed", reason) from error
+            raise DatasetError(
+                path, "file", "a file of an earlier run that can be removed", reason
+            ) from error
 
 
 def left_of_earlier(folder: Path) -> list[str]:
-    """Return the folders there that show the run before, as other commands wrote them."""
+    """Return the folders that other commands wrote, which show an earlier run."""
     return [f"{name}/" for name in _OF_OTHERS if any((folder / name).glob("*"))]
 
 
 @contextlib.contextmanager
 def output_folder(folder: Path) -> Iterator[None]:
-    """Make a folder and write into it once, so that a bad one is known before the work.
+    """Make a folder and test that it can be written, before the work.
 
-    If the block fails, the folders that were made and are still empty go again.
+    If the block fails, the new folders that are still empty are removed.
 
     Raises
     ------

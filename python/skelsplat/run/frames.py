@@ -1,8 +1,8 @@
-"""Findings on single frames: what is missing, contradicted or far from the usual there."""
+"""Findings on single frames: what is missing, contradictory or unusual there."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
@@ -23,62 +23,48 @@ if TYPE_CHECKING:
 
     Array = npt.NDArray[np.float64]
     Mask = npt.NDArray[np.bool_]
+    # What is found in a frame: its index, the kind, whom it concerns, and numbers.
+    Case = tuple[int, str, Subject, dict[str, Any]]
 
-# What stands out of the recording: this multiple of the median over its frames,
+# Unusual for the recording: this multiple of the median over its frames,
 _RATIO = 3.0
 # of the share of rejected detections at least the first of these, and the second whatever the others are;
 _SHARE, _HIGH_SHARE = 0.1, 1 / 3
 # of a joint's error bar also this multiple of the median of all.
 _BAR_RATIO = 2.0
-# A way to stop that most frames share says nothing about one of them.
+# A stop reason that most frames share is not a finding on one of them.
 _MOSTLY = 0.5
-
-
-_ALL = Subject()
-
-
-@dataclass(frozen=True)
-class _Case:
-    """Something found in the frame of an index: a kind, what it concerns, and a number by its name."""
-
-    frame: int
-    kind: str
-    subject: Subject = _ALL
-    number: tuple[str, float] | None = None
-    of: int = 0
 
 
 def find_in_frames(
     inputs: Inputs, outcome: Outcome, statistics: Statistics, status: npt.NDArray[np.str_]
 ) -> list[Finding]:
-    """Return what stands out in single frames: a finding per kind and names, with its frames in order.
+    """Return what is unusual in single frames: a finding per kind and names, with its frames in order.
 
     Numbers are lists, one per frame. ``status`` (T, N) is that of the poses written, where joints may be
     filled over time. A joint that is unobserved in every frame, and a step limit that most frames reach,
-    belong to the recording and not to a frame: `find_findings` and the stop reasons tell them.
+    concern the recording and not a frame: see `find_findings` and the stop reasons.
     """
     empty = np.asarray(outcome.result.stop_reason) == "no_observations"
-    found: dict[tuple[str, Subject], list[_Case]] = {}
-    for case in (
+    found: dict[tuple[str, Subject], list[tuple[int, dict[str, Any]]]] = {}
+    for frame, kind, subject, numbers in (
         *_stops(outcome),
         *_statuses(status, empty, inputs.layout.joints),
-        *_swaps(statistics, np.asarray(outcome.result.swapped), inputs.rig.names),
+        *_named("frame_swapped", _swapped_views(outcome, statistics), "cameras", inputs.rig.names),
         *_rejected(statistics),
         *_errors(statistics),
         *_error_bars(statistics, status, inputs.layout.joints),
     ):
-        found.setdefault((case.kind, case.subject), []).append(case)
-    return [_finding(cases, inputs.frames) for cases in found.values()]
-
-
-def _finding(cases: Sequence[_Case], frames: npt.NDArray[np.int64]) -> Finding:
-    first = cases[0]
-    numbers: dict[str, Any] = {"of": first.of} if first.of else {}
-    values = [case.number for case in cases if case.number is not None]
-    if values:
-        numbers[values[0][0]] = [value for _, value in values]
-    subject = replace(first.subject, frames=tuple(int(frames[case.frame]) for case in cases))
-    return Finding(first.kind, "note", subject, numbers)
+        found.setdefault((kind, subject), []).append((int(inputs.frames[frame]), numbers))
+    findings = []
+    for (kind, subject), cases in found.items():
+        numbers = {
+            name: value if name == "of" else [own[name] for _, own in cases]
+            for name, value in cases[0][1].items()
+        }
+        named_frames = replace(subject, frames=tuple(frame for frame, _ in cases))
+        findings.append(Finding(kind, "note", named_frames, numbers))
+    return findings
 
 
 def rows_of(findings: Sequence[Finding], frames: Sequence[int]) -> list[tuple[int, int, str]]:
@@ -114,7 +100,7 @@ def _in_frames(places: Sequence[tuple[Finding, int]]) -> str:
     return replace(first, numbers=numbers).text
 
 
-def _stops(outcome: Outcome) -> Iterator[_Case]:
+def _stops(outcome: Outcome) -> Iterator[Case]:
     stops = np.asarray(outcome.result.stop_reason)
     for reason, kind in (
         ("no_observations", "frame_empty"),
@@ -123,54 +109,53 @@ def _stops(outcome: Outcome) -> Iterator[_Case]:
     ):
         where = stops == reason
         if reason != "max_steps" or where.mean() <= _MOSTLY:
-            yield from (_Case(int(t), kind) for t in np.flatnonzero(where))
+            yield from ((int(t), kind, Subject(), {}) for t in np.flatnonzero(where))
 
 
-def _statuses(status: npt.NDArray[np.str_], empty: Mask, joints: Sequence[str]) -> Iterator[_Case]:
+def _statuses(status: npt.NDArray[np.str_], empty: Mask, joints: Sequence[str]) -> Iterator[Case]:
     everywhere = (status == "unobserved").all(axis=0)
     unobserved = (status == "unobserved") & ~empty[:, None] & ~everywhere
-    yield from _of_joints("frame_unobserved", unobserved, joints)
+    yield from _named("frame_unobserved", unobserved, "joints", joints)
     for kind in ("weak", "filled"):
-        yield from _of_joints(f"frame_{kind}", status == kind, joints)
+        yield from _named(f"frame_{kind}", status == kind, "joints", joints)
 
 
-def _swaps(statistics: Statistics, swapped: Mask, cameras: Sequence[str]) -> Iterator[_Case]:
-    where: Mask = np.asarray((swapped & np.isfinite(statistics.error_after)).any(axis=2))
-    for t in np.flatnonzero(where.any(axis=1)):
-        subject = Subject(cameras=tuple(cameras[int(i)] for i in np.flatnonzero(where[t])))
-        yield _Case(int(t), "frame_swapped", subject, of=len(cameras))
+def _swapped_views(outcome: Outcome, statistics: Statistics) -> Mask:
+    """Return the views (T, M) with a left–right swap."""
+    used = np.isfinite(statistics.error_after)
+    return np.asarray((used & np.asarray(outcome.result.swapped)).any(axis=2))
 
 
-def _rejected(statistics: Statistics) -> Iterator[_Case]:
+def _rejected(statistics: Statistics) -> Iterator[Case]:
     used = np.isfinite(statistics.error_after).sum(axis=(1, 2))
     share = statistics.rejected.sum(axis=(1, 2)) / np.maximum(used, 1)
     usual = float(np.median(share[used > 0])) if used.any() else 0.0
     where = (share >= _HIGH_SHARE) | (share >= max(_SHARE, _RATIO * usual))
     for t in np.flatnonzero(where):
-        yield _Case(int(t), "frame_rejected", number=("percent", float(100 * share[t])))
+        yield int(t), "frame_rejected", Subject(), {"percent": float(100 * share[t])}
 
 
-def _errors(statistics: Statistics) -> Iterator[_Case]:
+def _errors(statistics: Statistics) -> Iterator[Case]:
     median = frame_medians(statistics.error_after)
     where = median > _RATIO * finite_median(median)  # False for NaN
     for t in np.flatnonzero(where):
-        yield _Case(int(t), "frame_error", number=("median_px", float(median[t])))
+        yield int(t), "frame_error", Subject(), {"median_px": float(median[t])}
 
 
 def _error_bars(
     statistics: Statistics, status: npt.NDArray[np.str_], joints: Sequence[str]
-) -> Iterator[_Case]:
-    """Name joints whose error bar is far above their own median; weak ones are named as such already."""
+) -> Iterator[Case]:
+    """Yield joints whose error bar is far above their own median; weak ones have their own case."""
     bars = np.where(status == "ok", statistics.error_bar_mm, np.nan)
     usual = np.array([finite_median(bar) for bar in bars.T])
     where = bars > np.maximum(_RATIO * usual, _BAR_RATIO * finite_median(bars))
-    for case in _of_joints("frame_error_bar", where, joints):
-        largest = float(bars[case.frame][where[case.frame]].max())
-        yield replace(case, number=("error_bar_mm", largest))
+    for t, kind, subject, numbers in _named("frame_error_bar", where, "joints", joints):
+        yield t, kind, subject, {**numbers, "error_bar_mm": float(bars[t][where[t]].max())}
 
 
-def _of_joints(kind: str, where: Mask, joints: Sequence[str]) -> Iterator[_Case]:
-    """Yield a case with the joints of every frame's True."""
+def _named(kind: str, where: Mask, part: str, names: Sequence[str]) -> Iterator[Case]:
+    """Yield a case for every frame with a True; its subject's ``part`` are the names of these."""
     for t in np.flatnonzero(where.any(axis=1)):
-        subject = Subject(joints=tuple(joints[int(j)] for j in np.flatnonzero(where[t])))
-        yield _Case(int(t), kind, subject, of=len(joints))
+        chosen = tuple(names[int(i)] for i in np.flatnonzero(where[t]))
+        subject = Subject(joints=chosen) if part == "joints" else Subject(cameras=chosen)
+        yield int(t), kind, subject, {"of": len(names)}

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import html
 import importlib
-import math
 import sys
 import tempfile
 import webbrowser
@@ -16,6 +15,7 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._optional import can_draw
+from skelsplat._sentences.words import number
 from skelsplat.run.frames import rows_of
 from skelsplat.run.report import MEANINGS
 from skelsplat.run.summary import DOWN_WEIGHTED, error_maps, finite_max, finite_median, frame_medians
@@ -53,7 +53,7 @@ _OF_JOINTS = (
 
 
 def write_html(run: Run, path: Path) -> None:
-    """Write a page that holds everything it shows."""
+    """Write the page as one file, which needs no other."""
     from skelsplat.viz import report as page  # matplotlib takes long to load, and --help does without
 
     inputs, statistics = run.inputs, run.statistics
@@ -95,8 +95,12 @@ def show_page(run: Run) -> None:
 def notebook_view(run: Run) -> str:
     """Return facts, numbers, findings and the overview as HTML, for the output of a notebook's cell."""
     rows = [*facts_of(run.report), *((name, f"{value} {remark}") for name, value, remark in key_numbers(run))]
-    cells = "".join(f"<tr><th>{_text(name)}</th><td>{_text(value)}</td></tr>" for name, value in rows)
-    found = "".join(f"<li>{_text(finding.severity)}: {_text(finding.text)}</li>" for finding in run.findings)
+    cells = "".join(
+        f"<tr><th>{html.escape(name)}</th><td>{html.escape(value)}</td></tr>" for name, value in rows
+    )
+    found = "".join(
+        f"<li>{html.escape(finding.severity)}: {html.escape(finding.text)}</li>" for finding in run.findings
+    )
     listed = f"<ul>{found}</ul>" if found else "<p>No findings.</p>"
     return f"<table>{cells}</table>{listed}{_picture(run) if can_draw() else ''}"
 
@@ -109,10 +113,6 @@ def _picture(run: Run) -> str:
         write_figures(run, Path(folder))
         picture = base64.b64encode((Path(folder) / "overview.png").read_bytes()).decode()
     return f'<img alt="overview" style="max-width: 100%" src="data:image/png;base64,{picture}">'
-
-
-def _text(value: str) -> str:
-    return html.escape(value)
 
 
 def camera_shapes(rig: sk.CameraRig) -> page.CameraShapes:
@@ -136,7 +136,10 @@ def facts_of(report: dict[str, Any]) -> list[tuple[str, str]]:
     source, errors = report["input"], report["reprojection_error"]
     first, last, rate = source["first_frame"], source["last_frame"], source["frame_rate_hz"]
     span = f"{source['frames']:,}, {first} to {last}" if source["frames"] > 1 else f"1, frame {first}"
-    files = [("calibration", f"{source['calibration']}"), ("detections", _detections(source))]
+    files = [
+        ("calibration", f"{source['calibration']}"),
+        ("detections", f"{source['detections']} ({source['format']})"),
+    ]
     return [
         *(files if source["calibration"] is not None else []),
         ("layout", f"{source['layout']}, {len(errors['joints'])} joints"),
@@ -149,31 +152,27 @@ def facts_of(report: dict[str, Any]) -> list[tuple[str, str]]:
     ]
 
 
-def _detections(source: dict[str, Any]) -> str:
-    return f"{source['detections']} ({source['format']})"
-
-
 def key_numbers(run: Run) -> list[tuple[str, str, str]]:
-    """Return the numbers worth a glance: name, value and remark."""
+    """Return the key numbers: name, value and remark."""
     statistics = run.statistics
     total = statistics.total
     frames = {frame for finding in run.frame_findings for frame in finding.subject.frames}
     return [
         (
             "median reprojection error",
-            f"{_number(total.before_px)} → {_number(total.after_px)} px",
+            f"{number(total.before_px)} → {number(total.after_px)} px",
             "start → refined",
         ),
         ("detections rejected", _share(total.rejected, total.used), f"of {total.used:,} used"),
         (
             "noise of the detections",
-            f"{_number(statistics.noise_px)} px",
-            f"{_number(statistics.noise_mm)} mm across the ray, estimated",
+            f"{number(statistics.noise_px)} px",
+            f"{number(statistics.noise_mm)} mm across the ray, estimated",
         ),
         (
             "median error bar",
-            f"{_number(finite_median(statistics.error_bar_mm))} mm",
-            f"largest {_number(finite_max(statistics.error_bar_mm), 0)} mm",
+            f"{number(finite_median(statistics.error_bar_mm))} mm",
+            f"largest {number(finite_max(statistics.error_bar_mm), 0)} mm",
         ),
         ("frames with a problem", f"{len(frames):,} of {len(run.frames):,}", "listed below"),
     ]
@@ -232,7 +231,7 @@ def _lines(run: Run) -> list[page.TimeLine]:
         ),
         TimeLine("Estimated noise of the detections", "mm", noise),
         TimeLine("Detections rejected", "", statistics.rejected.sum(axis=(1, 2)).astype(float), peaks=True),
-        TimeLine("Detections with left and right exchanged", "", swapped.astype(float), peaks=True),
+        TimeLine("Left–right swaps", "", swapped.astype(float), peaks=True),
         TimeLine("Largest error bar", "mm", bars, peaks=True),
     ]
 
@@ -257,8 +256,8 @@ def _joint_table(inputs: Inputs, statistics: Statistics) -> page.Table:
         views, bars = statistics.views_used[:, j], statistics.error_bar_mm[:, j]
         own = [
             f"{np.median(views):g} ({views.min()})",
-            f"{_number(finite_median(bars))} ({_number(finite_max(bars), 0)})",
-            _number(finite_median(statistics.moved_mm[:, j])),
+            f"{number(finite_median(bars))} ({number(finite_max(bars), 0)})",
+            number(finite_median(statistics.moved_mm[:, j])),
         ]
         rows.append([*_cells(group), *own])
     (views_used, meaning), *others = _OF_JOINTS
@@ -269,15 +268,15 @@ def _joint_table(inputs: Inputs, statistics: Statistics) -> page.Table:
 def _cells(group: Group) -> list[str]:
     return [
         group.name,
-        f"{_number(group.before_px)} → {_number(group.after_px)}",
-        f"{_number(group.p90_before_px)} → {_number(group.p90_after_px)}",
+        f"{number(group.before_px)} → {number(group.after_px)}",
+        f"{number(group.p90_before_px)} → {number(group.p90_after_px)}",
         f"{group.used:,}",
         f"{group.missing:,}",
         f"{group.not_chosen:,}",
         f"{group.left_out:,}",
         _share(group.down_weighted, group.used),
         _share(group.rejected, group.used),
-        _number(group.mean_weight, 2),
+        number(group.mean_weight, 2),
         f"{group.swapped:,}",
     ]
 
@@ -285,8 +284,3 @@ def _cells(group: Group) -> list[str]:
 def _share(count: int, of: int) -> str:
     """Return a part as a percentage, a dash if it is a part of nothing."""
     return f"{100 * count / of:.1f}%" if of else "–"
-
-
-def _number(value: float, digits: int = 1) -> str:
-    """Return a number as text, a dash if there is none."""
-    return f"{value:,.{digits}f}" if math.isfinite(value) else "–"

@@ -14,6 +14,7 @@ from skelsplat.io.detections import FORMATS
 from skelsplat.io.poses import POSE_FORMATS
 from skelsplat.io.poses._pose_data import MARKER_NAMES
 from skelsplat.run.over_time import Filter, parse_filter
+from skelsplat.run.person import check_person
 
 if TYPE_CHECKING:
     import os
@@ -47,10 +48,10 @@ class Job:
     unit, calibration_format, camera_type, subject, size, binning
         How to read the calibration, as for `skelsplat.io.read_calibration`; None: as the file states it.
     layout
-        Name of the joint layout of the detections; None: the one whose joints the files name.
+        Name of the joint layout of the detections; None: found from the joint names in the files.
     person
         ``"consistent"``: the person the views agree on; ``"largest"``: the largest in each image; a
-        number: the one at that place of each file, counted from 0.
+        number: the one at that index in each file, from 0.
     frames
         What to do with cameras of different frame counts: ``"strict"``, ``"intersection"`` or ``"union"``.
     format
@@ -60,16 +61,16 @@ class Job:
     order
         The source of each camera's detections, or ``"sorted"``; None to match by name.
     without
-        Names of cameras that are left out; they may be written loosely.
+        Names of cameras that are left out; case and separators may differ.
     mapping
-        By joint of the layout, its name or place in the files, where these differ; None: it is not there.
+        By joint of the layout, its name or index in the files, where these differ; None: missing there.
     sequence
         Which sequence of a file that has several.
     init
         A pose file to start from; None for triangulation.
     init_sigma_mm
         Standard deviation per axis of that pose in mm, if it is independent of the detections; None: it
-        is only where to begin.
+        is only the start of the search.
     config
         Settings of the method; None: the defaults of `skelsplat.RefineConfig`.
     fps
@@ -139,8 +140,7 @@ class Job:
         _one_of("layout", self.layout, (None, *sk.layouts.names))
         _one_of("format", self.format, (None, *FORMATS))
         _one_of("frames", self.frames, FRAME_MODES)
-        if self.person not in ("consistent", "largest") and not str(self.person).isdecimal():
-            raise InvalidInputError(f"person: expected consistent, largest or a number, got {self.person!r}")
+        check_person(self.person)
         self._check_start()
         _positive("fps", self.fps)
         _one_of("marker_names", self.marker_names, MARKER_NAMES)
@@ -156,7 +156,7 @@ class Job:
             raise IncompleteJobError("init_sigma_mm", "init")
         if self.settings.method == "paper":
             raise InvalidInputError(
-                "init_sigma_mm: expected none with the paper's method, whose start is no observation, "
+                "init_sigma_mm: expected none with the method paper, whose start is not an observation, "
                 f"got {self.init_sigma_mm:g}"
             )
 

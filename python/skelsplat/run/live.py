@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     Array = npt.NDArray[np.float64]
 
 _PERCENTILES = (50, 90, 99, 99.9)
-# more than any detector's score: a pixel in its place
+# more than any detector's score: probably a pixel coordinate
 _NO_SCORE = 100.0
 # characters of a line that a message shows
 _SHOWN = 40
@@ -90,7 +90,7 @@ class Session:
 
 
 class Frame(NamedTuple):
-    """One line of the input: its name, the detections (M, N, 2|3), and whether to forget the pose before."""
+    """One line of the input: its name, detections (M, N, 2|3), and whether to discard the previous pose."""
 
     name: Any
     detections: Array
@@ -141,7 +141,7 @@ def _detections(value: Any, cameras: int, joints: int) -> Array:
 
 
 def _without_nulls(value: Any, cameras: int, joints: int) -> list[list[list[float]]]:
-    """Return the nested lists with NaN in the place of null, or raise an error that says what is wrong."""
+    """Return the nested lists with NaN instead of null."""
     missing = [float("nan")] * 3
     views = []
     for i, view in enumerate(_listed(value, cameras, "detections", "cameras")):
@@ -189,7 +189,7 @@ def answer_text(frame: Frame, result: sk.Refinement) -> str:
     Raises
     ------
     MalformedLineError
-        If the frame's name is NaN or infinite, which JSON cannot say.
+        If the frame's name is NaN or infinite, which JSON cannot represent.
     """
     sigma = np.sqrt(np.diagonal(result.uncertainty, axis1=-2, axis2=-1))
     record = {

@@ -1,4 +1,4 @@
-"""Gaps and noise over time, as a job asks for it: applied, and described in words."""
+"""Gap filling and filtering over time, applied and described in words."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def parse_filter(text: str) -> Filter:
     Raises
     ------
     InvalidInputError
-        If the text names no filter, or something else than numbers follows the name.
+        If the text names no filter, or anything but numbers follows the name.
     """
     name, *values = text.strip().lower().split(":")
     try:
@@ -60,7 +60,7 @@ def parse_filter(text: str) -> Filter:
 
 
 def try_over_time(job: Job) -> None:
-    """Fill and filter three frames, so that a fault shows before the work.
+    """Fill and filter three frames, so that errors are raised before the work.
 
     Raises
     ------

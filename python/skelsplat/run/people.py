@@ -39,10 +39,13 @@ _LEAST_FRAMES = 10
 
 
 def find_people(inputs: Inputs, outcome: Outcome) -> Iterator[Finding]:
-    """Say whether people are mixed, whether others are as visible, and whether limbs vary in length."""
+    """Yield findings on mixed people, on others as visible, and on limbs of varying length."""
     if inputs.crowd is not None:
-        yield from _mixed(inputs.person, inputs.crowd)
-        yield from _others(inputs.person, inputs.crowd)
+        mixed = are_mixed(inputs)
+        if mixed:
+            yield _mixed(inputs.person, inputs.crowd)
+        if inputs.crowd.together.mean() >= _TOGETHER:
+            yield _others(inputs.person, inputs.crowd, mixed=mixed)
     yield from find_lengths(inputs, _spread(inputs, outcome))
 
 
@@ -51,36 +54,29 @@ def are_mixed(inputs: Inputs) -> bool:
     return inputs.crowd is not None and inputs.person != "consistent" and inputs.crowd.mixes
 
 
-def _mixed(person: str, crowd: Crowd) -> Iterator[Finding]:
-    """Name a choice that is not one person; the one that the views agree on is."""
-    if person == "consistent" or not crowd.mixes:
-        return
+def _mixed(person: str, crowd: Crowd) -> Finding:
     share = float(crowd.mixed.mean())
     if share >= MIXED:  # hardly a step is left to judge
         numbers = {"person": person, "different_people_share": share}
     else:
         numbers = {"person": person, "changes": crowd.changed, "steps": crowd.compared}
-    yield Finding("people_mixed", "warning", numbers=numbers, remedy=_CONSISTENT)
+    return Finding("people_mixed", "warning", numbers=numbers, remedy=_CONSISTENT)
 
 
-def _others(person: str, crowd: Crowd) -> Iterator[Finding]:
-    share = float(crowd.together.mean())
-    if share < _TOGETHER:
-        return
-    mixed = person != "consistent" and crowd.mixes
+def _others(person: str, crowd: Crowd, *, mixed: bool) -> Finding:
     choices = ("consistent",) if mixed else ("consistent", "largest")
     numbers = {
         "person": person,
         "people": max(2, crowd.visible),
-        "share_of_frames": share,
+        "share_of_frames": float(crowd.together.mean()),
         "mixed": mixed,
     }
     remedy = tuple(Remedy("person", choice) for choice in choices if choice != person)
-    yield Finding("people_visible", "warning", numbers=numbers, remedy=remedy)
+    return Finding("people_visible", "warning", numbers=numbers, remedy=remedy)
 
 
 def _spread(inputs: Inputs, outcome: Outcome) -> LimbSpread:
-    """Measure arms and legs, which both sides of a body have and no joint between bends."""
+    """Measure the segments of arms and legs, which have a fixed length."""
     result = outcome.result
     limbs = [limb for pair in inputs.layout.symmetric_pairs(2) for limb in pair]
     known = np.asarray(result.joint_status) == "ok"
@@ -88,7 +84,7 @@ def _spread(inputs: Inputs, outcome: Outcome) -> LimbSpread:
 
 
 def find_lengths(inputs: Inputs, spread: LimbSpread) -> Iterator[Finding]:
-    """Name the limb whose length varies most, if lengths vary by more than error bars explain."""
+    """Yield a finding on the limb that varies most, if lengths vary by more than error bars explain."""
     if spread.off <= _OFF_SHARE:
         return
     worst = int(np.argmax(spread.relative))

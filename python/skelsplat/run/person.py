@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     Index = npt.NDArray[np.int64]
     Mask = npt.NDArray[np.bool_]
 
-# A person counts as detected with so many joints of so much confidence; others take no part in the choice.
+# A person counts as detected with this many joints of this confidence; others are not considered.
 _MIN_JOINTS, _MIN_CONFIDENCE = 4, 0.2
-# Share of the frames with several people in two views or more from which these people are looked at.
+# Share of the frames with several people in two views or more from which these people are examined.
 _CROWDED = 0.1
 # Frames of a recording in which people are told apart: 5 ms each with four people in four views.
 _MOST_FRAMES = 200
@@ -43,44 +43,36 @@ _STEP = 0.5
 _NEARER = 3.0
 
 
-def pick_person(
-    people: Array, rig: sk.CameraRig, person: str, layout: sk.Layout | None = None
-) -> tuple[Array, Mask]:
-    """Return one person's detections (T, M, N, 3) among ``people`` (T, M, P, N, 3), and where none matched.
-
-    None matches, (T, M), in a view in which people are detected, and in another as well, but not the person
-    the views agree on. The largest person, or one chosen by number, always matches.
-
-    Parameters
-    ----------
-    people
-        Everybody's detections; NaN where missing. The order in P is the detector's.
-    rig
-        The M cameras.
-    person
-        ``"consistent"``: the person the views agree on; ``"largest"``: the largest in each image; a
-        number: the one at that place of each file, counted from 0.
-    layout
-        Finds a person in a view with left and right exchanged as well.
-
-    Raises
-    ------
-    InvalidInputError
-        If no file has a person at the place asked for.
-    """
-    index, unmatched = pick_places(people, rig, person, layout)
-    return association.take_people(people, index), unmatched
+def check_person(person: str | int) -> None:
+    """Raise `InvalidInputError` unless it is ``consistent``, ``largest`` or a number."""
+    if person not in ("consistent", "largest") and not str(person).isdecimal():
+        raise sk.InvalidInputError(f"person: expected consistent, largest or a number, got {person!r}")
 
 
 def pick_places(
     people: Array, rig: sk.CameraRig, person: str, layout: sk.Layout | None = None
 ) -> tuple[Index, Mask]:
-    """Return the places (T, M) in P of the person that `pick_person` returns, -1 for none, and the same mask.
+    """Return one person's indices (T, M) in P, -1 for none, and the mask (T, M) of views without a match.
+
+    None matches in a view in which people are detected, and in another as well, but not the person the views
+    agree on. The largest person, or one chosen by number, always matches.
+
+    Parameters
+    ----------
+    people : (T, M, P, N, 3)
+        All detections; NaN where missing. The order in P is the detector's.
+    rig
+        The M cameras.
+    person
+        ``"consistent"``: the person the views agree on; ``"largest"``: the largest in each image; a
+        number: the one at that index in each file, from 0.
+    layout
+        Also finds a person whose left and right are swapped in a view.
 
     Raises
     ------
     InvalidInputError
-        As `pick_person`.
+        If no file has a person at that index.
     """
     if person == "consistent":
         _, index = association.choose_person(
@@ -101,14 +93,14 @@ def pick_places(
 def look_around(
     people: Array, index: Index, rig: sk.CameraRig, person: str, layout: sk.Layout | None = None
 ) -> Crowd | None:
-    """Return who is visible besides the person at the places ``index`` (T, M), and whether these mix people.
+    """Return who is visible apart from the person of ``index`` (T, M), and whether this mixes people.
 
-    None where hardly a frame has several people in two views. Of a long recording some frames are looked at.
+    None where hardly any frame has several people in two views. Long recordings are sampled.
 
     Parameters
     ----------
     people, rig, person, layout
-        As for `pick_person`.
+        As for `pick_places`.
     """
     several = (count_people(people) >= 2).sum(axis=1) >= 2
     if several.mean() < _CROWDED:

@@ -47,7 +47,7 @@ class Inputs:
     format, calibration_format
         Names of the formats of the detections and of the calibration; None where it is not known.
     lacking
-        Joints that the files lack by the user's own word.
+        Joints that the user declared missing from the files.
     offsets
         By camera, frames that were added to its numbers, where the user gave them.
     without
@@ -119,7 +119,7 @@ def read_inputs(job: Job) -> Inputs:
         init_pose=None if job.init is None else _read_init(Path(job.init), rig, (len(found.frames), layout)),
         format=found.format,
         calibration_format=job.calibration_format or find_format(calibration),
-        lacking=frozenset(joint for joint, place in job.mapping.items() if place is None),
+        lacking=frozenset(joint for joint, name in job.mapping.items() if name is None),
         offsets=named_offsets(every, job.offsets),
         without=tuple(name for name in every.names if name not in rig.names),
         sources=tuple(path for path in found.sources if path is not None),
@@ -143,7 +143,7 @@ def read_rig(path: Path, *, calibration_format: str | None = None, **given: Any)
 
 
 def leave_out(rig: sk.CameraRig, without: Sequence[str]) -> sk.CameraRig:
-    """Return the rig without the cameras that are meant, whose names may be written loosely.
+    """Return the rig without these cameras; in names, case and separators may differ.
 
     Raises
     ------
@@ -159,7 +159,7 @@ def leave_out(rig: sk.CameraRig, without: Sequence[str]) -> sk.CameraRig:
 
 
 def named_offsets(rig: sk.CameraRig, offsets: Mapping[str, int]) -> dict[str, int]:
-    """Return offsets that were read with, by the calibration's own names."""
+    """Return the offsets by the calibration's own camera names."""
     return {camera_called(text, rig.names): frames for text, frames in offsets.items()}
 
 

@@ -30,9 +30,9 @@ MEANINGS = {
     "noise": "standard deviation of the detections' noise, estimated, median over the frames",
     "error_bar": "standard deviation of a joint: root mean square over the axes of the posterior covariance",
     "start": "what before_px and moved are measured from: the initial pose if one was given, else DLT",
-    "findings": "what a person should look at before trusting the run",
-    "frame_findings": "what stands out in single frames, whose numbers are the subject's frames; lists among "
-    "the numbers have a value for each of these",
+    "findings": "what to check before trusting the run",
+    "frame_findings": "unusual single frames: their numbers are the frames of the subject; lists among the "
+    "numbers have a value for each of them",
 }
 _MEANING = (
     "distance of the pose's projection from the detection in px of the original image, over the detections "
@@ -56,7 +56,7 @@ def build_report(
             "numpy": np.__version__,
             "platform": platform.platform(),
         },
-        "input": {**_source(inputs, job), **_recording(inputs, job)},
+        "input": _input(inputs, job),
         "start": outcome.start_name,
         "settings": outcome.config.to_dict(),
         "ground_truth": None,
@@ -65,7 +65,10 @@ def build_report(
         "noise": {"median_mm": statistics.noise_mm, "median_px": statistics.noise_px},
         "joint_statuses": statistics.statuses,
         "stop_reasons": statistics.stop_reasons,
-        "iterations": _iterations(outcome),
+        "iterations": {
+            "median": float(np.median(outcome.result.n_iter)),
+            "max": int(np.max(outcome.result.n_iter)),
+        },
         "timing": {
             "refine_s": outcome.seconds,
             "ms_per_frame": 1000 * outcome.seconds / len(inputs.frames),
@@ -78,8 +81,8 @@ def build_report(
     return cleaned
 
 
-def _source(inputs: Inputs, job: Job | None) -> dict[str, Any]:
-    """Return the files and how they were read; None without."""
+def _input(inputs: Inputs, job: Job | None) -> dict[str, Any]:
+    """Return the files, how they were read, and the recording; None for files without a job."""
     options = ("order", "mapping", "sequence", "init", "init_sigma_mm")
     given = {name: getattr(job, name, None) for name in ("calibration", "detections", *options)}
     given |= {
@@ -93,11 +96,6 @@ def _source(inputs: Inputs, job: Job | None) -> dict[str, Any]:
         "offsets": inputs.offsets,
         "without": list(inputs.without),
         **given,
-    }
-
-
-def _recording(inputs: Inputs, job: Job | None) -> dict[str, Any]:
-    return {
         "unit": inputs.rig.unit,
         "layout": inputs.layout.name,
         "person": inputs.person,
@@ -136,11 +134,6 @@ def _joints(statistics: Statistics) -> list[dict[str, Any]]:
         }
         for j, group in enumerate(statistics.joints)
     ]
-
-
-def _iterations(outcome: Outcome) -> dict[str, float]:
-    steps = np.asarray(outcome.result.n_iter)
-    return {"median": float(np.median(steps)), "max": int(steps.max())}
 
 
 def _group(group: Group) -> dict[str, Any]:

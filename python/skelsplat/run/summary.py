@@ -1,4 +1,4 @@
-"""What can be counted about a refined sequence without ground truth."""
+"""Counts and errors of a refined sequence, without ground truth."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class Group:
 
 @dataclass(frozen=True)
 class Statistics:
-    """All that the table, the report and the figures say in numbers.
+    """The numbers of the table, the report and the figures.
 
     Attributes
     ----------
@@ -138,19 +138,26 @@ def summarise(inputs: Inputs, outcome: Outcome) -> Statistics:
     result, mm = outcome.result, inputs.rig.mm_per_unit
     after = np.asarray(result.reprojection_error)
     used = np.isfinite(after)
-    before = np.where(used, _reprojection_error(outcome, inputs), np.nan)
-    poor_px = np.array([POOR_SHARE * np.hypot(*camera.size) for camera in inputs.rig])
-    every = _Detections(
-        before=before,
-        after=after,
-        there=np.isfinite(inputs.detections[..., :2]).all(axis=-1) & (inputs.detections[..., 2] > 0),
-        unmatched=np.broadcast_to(inputs.unmatched[..., None], used.shape),
-        weight=np.where(used, result.view_weights, np.nan),
-        swapped=used & np.asarray(result.swapped),
-        poor=used & (after > poor_px[:, None]),
+    start_error = np.linalg.norm(
+        _projected(outcome.start, inputs, outcome) - inputs.detections[..., :2], axis=-1
     )
+    before = np.where(used, start_error, np.nan)
+    poor_px = np.array([POOR_SHARE * np.hypot(*camera.size) for camera in inputs.rig])
+    every = {
+        "before": before,
+        "after": after,
+        "there": np.isfinite(inputs.detections[..., :2]).all(axis=-1) & (inputs.detections[..., 2] > 0),
+        "unmatched": np.broadcast_to(inputs.unmatched[..., None], used.shape),
+        "weight": np.where(used, result.view_weights, np.nan),
+        "swapped": used & np.asarray(result.swapped),
+        "poor": used & (after > poor_px[:, None]),
+    }
+
+    def group(name: str, part: Any) -> Group:
+        return _group(name, **{key: values[part] for key, values in every.items()})
+
     residual = np.where(used[..., None], _residuals(inputs, outcome), np.nan)
-    rejected = every.weight < sk.REJECTED_WEIGHT
+    rejected = every["weight"] < sk.REJECTED_WEIGHT
     variance = np.trace(result.uncertainty, axis1=-2, axis2=-1) / 3
     return Statistics(
         error_before=before,
@@ -164,9 +171,9 @@ def summarise(inputs: Inputs, outcome: Outcome) -> Statistics:
         noise_mm=finite_median(result.noise) * mm,
         noise_px=finite_median(np.asarray(result.noise) / _pixel_sizes(inputs, outcome)),
         poor_px=poor_px,
-        cameras=[_group(name, every.part(np.s_[:, i])) for i, name in enumerate(inputs.rig.names)],
-        joints=[_group(name, every.part(np.s_[..., j])) for j, name in enumerate(inputs.layout.joints)],
-        total=_group("all", every),
+        cameras=[group(name, np.s_[:, i]) for i, name in enumerate(inputs.rig.names)],
+        joints=[group(name, np.s_[..., j]) for j, name in enumerate(inputs.layout.joints)],
+        total=group("all", ...),
         stop_reasons=_count(result.stop_reason),
         statuses=_count(result.joint_status),
     )
@@ -205,13 +212,6 @@ def finite_max(values: npt.ArrayLike) -> float:
     return _percentile(np.asarray(values, dtype=np.float64), 100)
 
 
-def _reprojection_error(outcome: Outcome, inputs: Inputs) -> Array:
-    """Return the distances in px, (T, M, N), of the start from the detections as given."""
-    projected = _projected(outcome.start, inputs, outcome)
-    error: Array = np.linalg.norm(projected - inputs.detections[..., :2], axis=-1)
-    return error
-
-
 def _residuals(inputs: Inputs, outcome: Outcome) -> Array:
     """Return detection − refined pose in px, (T, M, N, 2)."""
     projected = _projected(outcome.result.pose, inputs, outcome)
@@ -237,28 +237,23 @@ def _pixel_sizes(inputs: Inputs, outcome: Outcome) -> Array:
     return mean
 
 
-@dataclass(frozen=True)
-class _Detections:
-    """Errors, whether a detection is there, its weight and what was found of it; (T, M, N) or a part."""
-
-    before: Array
-    after: Array
-    there: Mask
-    unmatched: Mask
-    weight: Array
-    swapped: Mask
-    poor: Mask
-
-    def part(self, index: Any) -> _Detections:
-        return _Detections(**{entry.name: getattr(self, entry.name)[index] for entry in fields(self)})
-
-
-def _group(name: str, detections: _Detections) -> Group:
-    used = np.isfinite(detections.after)
-    missing = ~detections.there & ~used
-    both = used & np.isfinite(detections.before)
-    before, after = detections.before[both], detections.after[both]
-    weights = detections.weight[np.isfinite(detections.weight)]
+def _group(
+    name: str,
+    *,
+    before: Array,
+    after: Array,
+    there: Mask,
+    unmatched: Mask,
+    weight: Array,
+    swapped: Mask,
+    poor: Mask,
+) -> Group:
+    """Count the detections of (T, M, N) or a part of it."""
+    used = np.isfinite(after)
+    missing = ~there & ~used
+    both = used & np.isfinite(before)
+    before, after = before[both], after[both]
+    weights = weight[np.isfinite(weight)]
     return Group(
         name=name,
         before_px=finite_median(before),
@@ -266,14 +261,14 @@ def _group(name: str, detections: _Detections) -> Group:
         p90_before_px=_percentile(before, 90),
         p90_after_px=_percentile(after, 90),
         used=int(used.sum()),
-        left_out=int((detections.there & ~used).sum()),
+        left_out=int((there & ~used).sum()),
         missing=int(missing.sum()),
-        not_chosen=int((missing & detections.unmatched).sum()),
+        not_chosen=int((missing & unmatched).sum()),
         down_weighted=int((weights < DOWN_WEIGHTED).sum()),
         rejected=int((weights < sk.REJECTED_WEIGHT).sum()),
-        swapped=int(detections.swapped.sum()),
+        swapped=int(swapped.sum()),
         mean_weight=float(weights.mean()) if weights.size else float("nan"),
-        poor=int(detections.poor.sum()),
+        poor=int(poor.sum()),
     )
 
 
