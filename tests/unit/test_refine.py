@@ -325,7 +325,9 @@ def test_refiner_takes_one_frame_of_the_same_joints(scene):
     with pytest.raises(sk.InvalidInputError, match=r"expected one frame \(M, N, 2\|3\), got 3 frames"):
         refiner.step(scene.detections)
     refiner.step(scene.detections[0])
-    with pytest.raises(sk.InvalidInputError, match=r"expected 17 joints, as in the previous frames .*, got 16"):
+    with pytest.raises(
+        sk.InvalidInputError, match=r"expected 17 joints, as in the previous frames .*, got 16"
+    ):
         refiner.step(scene.detections[0, :, :16])
 
 
