@@ -8,9 +8,10 @@ person is followed.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations, pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -22,12 +23,9 @@ from skelsplat.cameras import mm_per_unit
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.layouts import mirror_images
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    Array = npt.NDArray[np.float64]
-    Index = npt.NDArray[np.int64]
-    Mask = npt.NDArray[np.bool_]
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.int64]
+Mask = npt.NDArray[np.bool_]
 
 # bounds the memory of a step: distances held at once, 8 bytes each
 _CHUNK = 4_000_000

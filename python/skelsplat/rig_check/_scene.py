@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -13,9 +13,6 @@ import skelsplat as sk
 from skelsplat._arrays import median
 from skelsplat.association import choose_person, extents
 from skelsplat.cameras import altered
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]

@@ -15,8 +15,7 @@ import skelsplat as sk
 from skelsplat._optional import require
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io._atomic import atomic_path
-from skelsplat.io._files import parsing
+from skelsplat.io._files import atomic_path, parsing
 from skelsplat.io.poses._pose_data import Y_UP, Array, PoseData, known_frame_rate
 from skelsplat.io.poses._pose_data import marker_names as named
 

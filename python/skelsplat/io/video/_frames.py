@@ -15,11 +15,10 @@ import numpy.typing as npt
 
 from skelsplat._opencv import opencv
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._atomic import atomic_path, atomic_write
-from skelsplat.io._files import opening
+from skelsplat.io._files import atomic_path, atomic_write, opening
 from skelsplat.io.detections._frames import frame_files
-from skelsplat.io.video._find import images_in
 
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 Image = npt.NDArray[np.uint8]
 Size = tuple[int, int]
 
@@ -134,6 +133,18 @@ def _open_images(folder: Path) -> FrameSource:
         if image is not None:
             return FrameSource(folder, _size(image), None, min(files), max(files), files)
     raise DatasetError(folder, "images", "images that OpenCV can read", f"{len(files)} that it cannot")
+
+
+def images_in(folder: Path) -> list[Path]:
+    """Return the images in a folder, by name."""
+    try:
+        return sorted(
+            path
+            for path in folder.iterdir()
+            if path.suffix.lower() in IMAGE_SUFFIXES and not path.name.startswith(".")
+        )
+    except OSError:
+        return []
 
 
 def _read_image(path: Path) -> Image | None:
