@@ -20,6 +20,7 @@ import _one_core  # noqa: F401  before numpy
 import common
 import numpy as np
 import speed
+from opencv_dlt import opencv_dlt
 from scipy_cauchy import scipy_cauchy
 
 import skelsplat as sk
@@ -66,7 +67,7 @@ def others(scene: common.Scene, crop_scale: np.ndarray) -> dict[str, Method]:
     return {
         "DLT, NumPy": lambda f: baselines.dlt(found[f], rig),
         "DLT with confidence, NumPy": lambda f: baselines.dlt(found[f], rig, confidence=True),
-        "DLT of two views, OpenCV": lambda f: baselines.opencv_dlt(found[f], rig),
+        "DLT of two views, OpenCV": lambda f: opencv_dlt(found[f], rig),
         "RANSAC of AdaFuse": lambda f: baselines.ransac_adafuse(found[f], rig),
         "RANSAC of Iskakov et al.": lambda f: baselines.ransac_iskakov(
             found[f], rig, crop_scale=crop_scale[f]

@@ -22,43 +22,29 @@ from skelsplat.datasets._rig import read_quietly
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.layouts import H36M17
 
-ACTIONS = (
-    "Directions",
-    "Discussion",
-    "Eating",
-    "Greeting",
-    "Phoning",
-    "Photo",
-    "Posing",
-    "Purchases",
-    "Sitting",
-    "SittingDown",
-    "Smoking",
-    "Waiting",
-    "WalkDog",
-    "Walking",
-    "WalkTogether",
-)
+_NUMBER_IN_FILE_NAMES = {
+    "Directions": 2,
+    "Discussion": 3,
+    "Eating": 4,
+    "Greeting": 5,
+    "Phoning": 6,
+    "Photo": 12,
+    "Posing": 7,
+    "Purchases": 8,
+    "Sitting": 9,
+    "SittingDown": 10,
+    "Smoking": 11,
+    "Waiting": 13,
+    "WalkDog": 15,
+    "Walking": 14,
+    "WalkTogether": 16,
+}
+"""Number of each action in names such as ``s_09_act_05_subact_02``."""
+
+ACTIONS = tuple(_NUMBER_IN_FILE_NAMES)
 """In the order of the tables."""
 
-NUMBERED = {
-    2: "Directions",
-    3: "Discussion",
-    4: "Eating",
-    5: "Greeting",
-    6: "Phoning",
-    7: "Posing",
-    8: "Purchases",
-    9: "Sitting",
-    10: "SittingDown",
-    11: "Smoking",
-    12: "Photo",
-    13: "Waiting",
-    14: "Walking",
-    15: "WalkDog",
-    16: "WalkTogether",
-}
-"""Action by the number in file names such as ``s_09_act_05_subact_02``."""
+NUMBERED = {number: action for action, number in _NUMBER_IN_FILE_NAMES.items()}
 
 ALIASES = {"TakingPhoto": "Photo", "WalkingDog": "WalkDog", "WalkingTogether": "WalkTogether"}
 

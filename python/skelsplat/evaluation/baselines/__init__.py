@@ -1,13 +1,13 @@
-"""Triangulations that others use, in NumPy and OpenCV: what SkelSplat is measured against.
+"""Triangulations that others use, in NumPy: what SkelSplat is measured against.
 
 Each takes detections ``(T, M, N, 2|3)`` or ``(M, N, 2|3)`` and M cameras, and gives points ``(T, N, 3)`` or
 ``(N, 3)`` in the unit of the cameras. Missing detections (NaN, or confidence 0) take no part; a joint that
 fewer than two views see is NaN. Lens distortion is removed first, so every pixel below is an ideal pixel of
-the same K. OpenCV comes with ``pip install 'skelsplat[evaluation]'`` and is imported when needed.
+the same K.
 """
 
 from skelsplat.evaluation.baselines._minimise import cauchy
-from skelsplat.evaluation.baselines._observations import dlt, opencv_dlt
+from skelsplat.evaluation.baselines._observations import dlt
 from skelsplat.evaluation.baselines._ransac import ransac_adafuse, ransac_iskakov
 
-__all__ = ["cauchy", "dlt", "opencv_dlt", "ransac_adafuse", "ransac_iskakov"]
+__all__ = ["cauchy", "dlt", "ransac_adafuse", "ransac_iskakov"]

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skelsplat._arrays import numbers
-from skelsplat._optional import require
 from skelsplat._skelsplat import Camera
 from skelsplat.cameras import CameraRig
 from skelsplat.exceptions import InvalidInputError
@@ -182,40 +181,3 @@ def homogeneous_to_world(points: FloatArray) -> FloatArray:
     with np.errstate(divide="ignore", invalid="ignore"):
         divided = points[:, :3] / points[:, 3:]
     return np.where(np.isfinite(divided), divided, np.nan)
-
-
-def opencv_dlt(detections: ArrayLike, cameras: Cameras) -> FloatArray:
-    """Triangulate by ``cv2.triangulatePoints`` from the first two views that see the joint.
-
-    OpenCV triangulates from two views only, so this is the whole answer of a stereo rig; with more views the
-    others are not used. Joints are passed together for each pair of views.
-
-    Parameters
-    ----------
-    detections : (T, M, N, 2|3) or (M, N, 2|3) px
-    cameras : CameraRig or sequence of Camera
-
-    Returns
-    -------
-    (T, N, 3) or (N, 3)
-        NaN with fewer than two views.
-
-    Raises
-    ------
-    InvalidInputError
-        Shapes that do not fit, a confidence outside [0, 1].
-    MissingPackageError
-        If OpenCV is not installed.
-    """
-    cv2 = require("cv2", "OpenCV's triangulation", "evaluation")
-    joints = observe(detections, cameras)
-    points = np.full((len(joints.seen), 3), np.nan)
-    first_two = np.argsort(~joints.seen, axis=1, kind="stable")[:, :2]
-    determined = joints.determined
-    for a, b in np.unique(first_two[determined], axis=0):
-        own = determined & (first_two == (a, b)).all(axis=1)
-        found = cv2.triangulatePoints(
-            joints.projections[a], joints.projections[b], joints.pixels[own, a].T, joints.pixels[own, b].T
-        )
-        points[own] = homogeneous_to_world(found.T)
-    return joints.points(points)
