@@ -13,8 +13,9 @@ them on a straight line, however many there are. Cubic splines and the Butterwor
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -22,9 +23,6 @@ import numpy.typing as npt
 from skelsplat import _arrays
 from skelsplat._optional import require
 from skelsplat.exceptions import InvalidInputError
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]

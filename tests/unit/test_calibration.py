@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from skelsplat.cameras import matrix_from_vector
+from skelsplat.cameras import matrix_from_vector, vector_from_matrix
 from skelsplat.io import read_calibration, write_calibration
-from skelsplat.io.calibration._rotation import vector_from_matrix
 
 CAMERA = """[{key}]
 name = "{name}"

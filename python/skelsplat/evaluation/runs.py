@@ -22,7 +22,7 @@ from skelsplat._skelsplat import Layout
 from skelsplat.datasets import Take
 from skelsplat.evaluation.methods import Method, Options, Solution
 from skelsplat.evaluation.protocols import Case
-from skelsplat.io._atomic import atomic_write
+from skelsplat.io._files import atomic_write
 
 # Raise it when the meaning of a file or of a method's settings changes.
 _FORMAT = 1

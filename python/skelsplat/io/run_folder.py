@@ -21,9 +21,8 @@ import numpy.typing as npt
 import skelsplat as sk
 from skelsplat import layouts
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io._atomic import atomic_write
 from skelsplat.io._fields import Field
-from skelsplat.io._files import load_json
+from skelsplat.io._files import atomic_write, load_json
 from skelsplat.io._run_files import CAMERAS, DETECTIONS, POSES, REPORT, UNFINISHED
 from skelsplat.io.calibration import read_calibration, write_calibration
 from skelsplat.io.detections import read_detections

@@ -7,21 +7,17 @@ what the others are compared with, too.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 import skelsplat as sk
 from skelsplat.cameras import altered, matrix_from_vector
 from skelsplat.findings import Finding, Subject
-from skelsplat.rig_check._files import CHANGES, resizer
+from skelsplat.rig_check._files import CHANGES, Change, resizer
 from skelsplat.rig_check._scene import Array, Scene, named
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from skelsplat.rig_check._files import Change
 
 # A cause must make the cameras agree better by this much, over all and for the camera itself, and by more
 # than detectors' noise.

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
+import numpy.typing as npt
 
 import skelsplat as sk
 from skelsplat._arrays import median, numbers, whole_numbers
@@ -17,11 +18,6 @@ from skelsplat.rig_check._geometry import check_geometry
 from skelsplat.rig_check._report import CameraRow, ReadAs, RigReport, rows_of, with_remedies
 from skelsplat.rig_check._scene import Array, Index, Scene, follow, in_mm, named, scene_of
 from skelsplat.rig_check._world import check_unit, find_convention
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    import numpy.typing as npt
 
 # A camera whose detections are rejected this often, and this many times as often as the others', in so many
 # frames or more (less is somebody in the way); two cameras that miss each other by this share of a diagonal.

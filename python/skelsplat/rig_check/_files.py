@@ -5,21 +5,17 @@ Other images than the calibration's are resized, turned, mirrored, or have x and
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, permutations
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+import skelsplat as sk
 from skelsplat.findings import Finding, Subject
 from skelsplat.rig_check._scene import Array, Scene, gross_px, is_gross, judge, named, some_frames
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
-
-    import skelsplat as sk
-
-    Change = Callable[[Array, tuple[int, int]], Array]
+Change = Callable[[Array, tuple[int, int]], Array]
 
 # What is right leaves less than _BETTER of the disagreement; or less than _RATHER of it, if the exchanged
 # cameras themselves lose half. A rival leaves little more.

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from itertools import combinations
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+import skelsplat as sk
 from skelsplat.findings import Finding, Subject
 from skelsplat.rig_check._scene import Array, named
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    import skelsplat as sk
 
 # degrees: a long telephoto lens and a wide one without a fisheye model
 _VIEW_DEG = (3.0, 150.0)

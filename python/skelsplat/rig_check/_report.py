@@ -5,17 +5,13 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import median
-from skelsplat.findings import Remedy
+from skelsplat.findings import Finding, Remedy
 from skelsplat.rig_check._scene import Scene
-
-if TYPE_CHECKING:
-    from skelsplat.findings import Finding
 
 
 @dataclass(frozen=True)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -13,9 +13,6 @@ import skelsplat as sk
 from skelsplat._arrays import median
 from skelsplat.association import choose_person, extents
 from skelsplat.cameras import altered
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int64]
@@ -33,23 +30,12 @@ _LOST = 0.2
 
 @dataclass(frozen=True)
 class Scene:
-    """What a hypothesis changes: cameras in mm, and detections.
-
-    Attributes
-    ----------
-    cameras : tuple of M Camera
-    detections : (T, M, N, 2)
-        Pixels of all frames; NaN where missing.
-    frames : (T,)
-        Frame numbers, ascending.
-    shifts : (M,)
-        Frame f of the scene is frame f + shift of a camera's own count.
-    """
+    """What a hypothesis changes: cameras in mm, and detections."""
 
     cameras: tuple[sk.Camera, ...]
-    detections: Array
-    frames: Index
-    shifts: tuple[int, ...]
+    detections: Array  # (T, M, N, 2) pixels of all frames; NaN where missing
+    frames: Index  # (T,) ascending
+    shifts: tuple[int, ...]  # frame f of the scene is frame f + shift of a camera's own count
 
     @property
     def views(self) -> int:

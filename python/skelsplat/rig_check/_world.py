@@ -10,7 +10,7 @@ both           camera → world with these axes: R' = F Rᵀ, t' = −F Rᵀ t
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 import numpy as np
 
@@ -19,9 +19,6 @@ from skelsplat._arrays import median
 from skelsplat.cameras import MM_PER_UNIT, altered
 from skelsplat.findings import Finding
 from skelsplat.rig_check._scene import Array, in_mm, is_gross, judge, some_frames
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 # what is left of the disagreement when the convention is right
 _BETTER = 0.35
@@ -59,19 +56,8 @@ def find_convention(
 ) -> tuple[Finding | None, sk.CameraRig]:
     """Say in which convention the poses of all cameras are, if not in this package's; and correct it.
 
-    Parameters
-    ----------
-    rig
-        The M cameras.
-    people : (T, M, P, N, 2)
-        Everybody's detections.
-    layout
-        As for `check_rig`.
-
-    Returns
-    -------
-    finding, rig
-        None and the rig as given, or the finding and the rig with which the cameras agree.
+    Of the detections (T, M, P, N, 2) of everybody. Returns None and the rig as given, or the finding and the
+    rig with which the cameras agree.
     """
     some = people[some_frames(len(people))]
     before = judge(in_mm(rig), some, layout)

@@ -14,7 +14,7 @@ from skelsplat._json import to_text
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding, collected_warnings
 from skelsplat.io import PoseData
-from skelsplat.io._atomic import atomic_write_text
+from skelsplat.io._files import atomic_write_text
 from skelsplat.io._run_files import REPORT
 from skelsplat.io.run_folder import read_run
 from skelsplat.run import folder as folders

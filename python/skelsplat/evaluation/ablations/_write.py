@@ -15,7 +15,7 @@ from skelsplat.evaluation.ablations._source import Choices, Source
 from skelsplat.evaluation.ablations._sweep import Ablation, Outcome, Table
 from skelsplat.evaluation.ablations._table import get
 from skelsplat.evaluation.reported import reported
-from skelsplat.io._atomic import atomic_write_text
+from skelsplat.io._files import atomic_write_text
 
 _CSV = ("table", "unit", "method", "data", "origin", "column", "value")
 

@@ -19,11 +19,10 @@ import re
 import numpy as np
 
 import skelsplat as sk
-from skelsplat.cameras import matrix_from_vector
+from skelsplat.cameras import matrix_from_vector, vector_from_matrix
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._fields import Field
 from skelsplat.io.calibration._format import Parsed, RawCamera, Source, lens_of, rotation_of, size_of
-from skelsplat.io.calibration._rotation import vector_from_matrix
 
 _REQUIRED = ("matrix", "rotation", "translation")
 _LENS = ("distortion", "distortions")

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
+from skelsplat.cameras import matrix_from_quaternion
 from skelsplat.exceptions import DatasetError
 from skelsplat.io.calibration._format import Array, Parsed, RawCamera, Source, whole_size
-from skelsplat.io.calibration._rotation import matrix_from_quaternion
 
 
 @dataclass(frozen=True)

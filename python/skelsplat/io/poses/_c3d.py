@@ -15,8 +15,7 @@ import skelsplat as sk
 from skelsplat._optional import require
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io._atomic import atomic_path
-from skelsplat.io._files import parsing
+from skelsplat.io._files import atomic_path, parsing
 from skelsplat.io.poses._pose_data import Y_UP, Array, PoseData, known_frame_rate
 from skelsplat.io.poses._pose_data import marker_names as named
 
@@ -168,13 +167,7 @@ def read_c3d(path: str | os.PathLike[str]) -> PoseData:
 
 
 def c3d_is_y_up(path: str | os.PathLike[str]) -> bool:
-    """Tell whether a C3D file states, in ``POINT:Y_SCREEN``, that its y axis points up the screen.
-
-    Raises
-    ------
-    MissingPackageError, DatasetError
-        As `read_c3d`.
-    """
+    """Tell whether a C3D file states, in ``POINT:Y_SCREEN``, that its y axis points up the screen."""
     point = _opened(Path(path))["parameters"]["POINT"]
     return "Y_SCREEN" in point and [axis.strip() for axis in point["Y_SCREEN"]["value"]] == ["+Y"]
 

@@ -14,8 +14,7 @@ import numpy as np
 import skelsplat as sk
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._atomic import atomic_write_text
-from skelsplat.io._files import frame_number, read_text
+from skelsplat.io._files import atomic_write_text, frame_number, read_text
 from skelsplat.io.poses._pose_data import PoseData, over_views
 
 _AXES, _DEVIATIONS = ("x", "y", "z"), ("sx", "sy", "sz")

@@ -16,8 +16,7 @@ import numpy as np
 
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io._atomic import atomic_write_text
-from skelsplat.io._files import frame_number, read_text
+from skelsplat.io._files import atomic_write_text, frame_number, read_text
 from skelsplat.io.poses._pose_data import Y_UP, PoseData, check_frame_rate, known_frame_rate
 from skelsplat.io.poses._pose_data import marker_names as named
 

@@ -12,8 +12,7 @@ import skelsplat as sk
 from skelsplat._optional import require
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io._atomic import atomic_path
-from skelsplat.io._files import parsing
+from skelsplat.io._files import atomic_path, parsing
 from skelsplat.io.poses._pose_data import Array, PoseData, over_views
 
 if TYPE_CHECKING:

@@ -1,6 +1,97 @@
 """Videos and folders of images: which is whose camera's, frames in, frames out, one in memory at a time."""
 
-from skelsplat.io.video._find import find_videos
-from skelsplat.io.video._frames import FrameSource, Image, Size, open_sink, open_source
+from __future__ import annotations
+
+import os
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+
+from skelsplat.exceptions import DatasetError
+from skelsplat.io._files import VIDEO_SUFFIXES, opening
+from skelsplat.io.detections._match import Candidates, cameras_called, match_by_name, match_by_order
+from skelsplat.io.video._frames import (
+    IMAGE_SUFFIXES,
+    FrameSource,
+    Image,
+    Size,
+    images_in,
+    open_sink,
+    open_source,
+)
 
 __all__ = ["FrameSource", "Image", "Size", "find_videos", "open_sink", "open_source"]
+
+_CHOOSE = "or draw only the cameras that have one with --camera CAMERA, repeatable (in Python chosen=)"
+
+
+def find_videos(
+    path: str | os.PathLike[str],
+    names: Sequence[str],
+    *,
+    chosen: Collection[str] = (),
+    order: str | Sequence[str] | None = None,
+) -> dict[str, Path]:
+    """Return the video, or the folder of images, of every camera, in the order of `names`.
+
+    A path is a folder with one video, or one folder of images, per camera; what fits no camera is left alone.
+    Or it is one video or folder of images, whose camera is the chosen one, or the one of its name. `chosen`
+    are the cameras that are wanted, compared as loosely as the videos' names are; empty for all. `order` is
+    the file or folder of each camera (of the chosen ones, if there are any), or "sorted", instead of matching
+    by name.
+
+    Raises
+    ------
+    InvalidInputError
+        If a chosen camera is not there, or `order` does not fit.
+    DatasetError
+        If nothing is there, or a wanted camera has no video, or more than one.
+    """
+    root = Path(path)
+    meant = cameras_called(chosen, names, "camera")
+    wanted = [name for name in names if not meant or name in meant]
+    kind, found = _entries(root)
+    if root in found.values():
+        return {_camera_of(root, kind, names, wanted): root}
+    texts = {label: path.stem if kind == "file" else label for label, path in found.items()}
+    if order is not None:
+        labels: Mapping[str, str | None] = match_by_order(Candidates(root, kind, texts), wanted, order)
+    else:
+        every = Candidates(root, kind, texts, idle=texts.keys(), within=True)
+        labels = match_by_name(every, names, allow_missing=bool(chosen), otherwise=lambda _: _CHOOSE)
+    missing = [name for name in wanted if labels[name] is None]
+    if missing:
+        expected = f"a {kind} for every chosen camera ({kind}s: {', '.join(found)})"
+        raise DatasetError(root, "content", expected, f"none for {', '.join(missing)}")
+    return {name: found[label] for name in wanted if (label := labels[name]) is not None}
+
+
+def _entries(root: Path) -> tuple[str, dict[str, Path]]:
+    """Return what may belong to cameras and whether these are files or folders; `root` alone if it is one."""
+    if root.is_file():
+        return "file", {root.name: root}
+    with opening(root, "a readable folder or video", "content"):
+        there = sorted(path for path in root.iterdir() if not path.name.startswith("."))
+    videos = {path.name: path for path in there if path.suffix.lower() in VIDEO_SUFFIXES and path.is_file()}
+    if videos:
+        return "file", videos
+    if images_in(root):
+        return "folder", {root.name: root}
+    folders = {path.name: path for path in there if path.is_dir() and images_in(path)}
+    if not folders:
+        expected = f"videos ({', '.join(VIDEO_SUFFIXES)}) or folders of images ({', '.join(IMAGE_SUFFIXES)})"
+        raise DatasetError(root, "content", expected, ", ".join(path.name for path in there[:9]) or "nothing")
+    return "folder", folders
+
+
+def _camera_of(root: Path, kind: str, names: Sequence[str], wanted: Sequence[str]) -> str:
+    """Return the camera of a single video: the only one that is wanted, or the one of its name."""
+    if len(wanted) == 1:
+        return wanted[0]
+    path = root.absolute()  # "." has no name
+    one = Candidates(root, kind, {path.name: path.stem if kind == "file" else path.name}, within=True)
+    try:
+        labels = match_by_name(one, names, allow_missing=True)
+    except DatasetError as error:
+        expected = f"--camera to say which of {', '.join(wanted)} this {kind} is of"
+        raise DatasetError(root, f"{kind}", expected, "none, and its name does not say") from error
+    return next(name for name, label in labels.items() if label is not None)

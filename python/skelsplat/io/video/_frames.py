@@ -15,11 +15,10 @@ import numpy.typing as npt
 
 from skelsplat._opencv import opencv
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._atomic import atomic_path, atomic_write
-from skelsplat.io._files import opening
+from skelsplat.io._files import atomic_path, atomic_write, opening
 from skelsplat.io.detections._frames import frame_files
-from skelsplat.io.video._find import images_in
 
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 Image = npt.NDArray[np.uint8]
 Size = tuple[int, int]
 
@@ -29,26 +28,14 @@ _CODEC = "mp4v"
 
 @dataclass(frozen=True)
 class FrameSource:
-    """Where a camera's frames come from.
-
-    Attributes
-    ----------
-    path : Path
-    size : (width, height)
-        Of the first frame, as it is decoded.
-    rate : float or None
-        Frames per second, if the source says so.
-    first, last : int
-        The camera's own numbers of its frames; the last of a video is what its header says.
-    images : dict
-        Files of a folder by the frame's number, ascending; none for a video.
-    """
+    """Where a camera's frames come from."""
 
     path: Path
-    size: Size
-    rate: float | None
-    first: int
-    last: int
+    size: Size  # width and height of the first frame, as it is decoded
+    rate: float | None  # frames per second, if the source says so
+    first: int  # the camera's own numbers of its frames
+    last: int  # of a video what its header says
+    # files of a folder by the frame's number, ascending; none for a video
     images: Mapping[int, Path] = field(default_factory=dict)
 
     def frames(self, first: int, last: int) -> Iterator[tuple[int, Image]]:
@@ -136,6 +123,18 @@ def _open_images(folder: Path) -> FrameSource:
     raise DatasetError(folder, "images", "images that OpenCV can read", f"{len(files)} that it cannot")
 
 
+def images_in(folder: Path) -> list[Path]:
+    """Return the images in a folder, by name."""
+    try:
+        return sorted(
+            path
+            for path in folder.iterdir()
+            if path.suffix.lower() in IMAGE_SUFFIXES and not path.name.startswith(".")
+        )
+    except OSError:
+        return []
+
+
 def _read_image(path: Path) -> Image | None:
     """Return an image, or None for a file that is none."""
     with opening(path, field="image"):
@@ -151,21 +150,12 @@ def _size(image: Image) -> Size:
 
 
 class FrameSink(ABC):
-    """Where frames go.
-
-    Attributes
-    ----------
-    path : Path
-    count : int
-        Frames written so far.
-    size : (width, height)
-        Of the last frame as it was written.
-    """
+    """Where frames go."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.count = 0
-        self.size = (0, 0)
+        self.count = 0  # frames written so far
+        self.size = (0, 0)  # width and height of the last frame as it was written
 
     @abstractmethod
     def write(self, number: int, image: Image) -> None:
