@@ -272,14 +272,9 @@ def detections_of(
 
 
 class Separate:
-    """Detections that are kept apart from the truth.
+    """Detections that are kept apart from the truth, in a folder or a file.
 
-    Parameters
-    ----------
-    path : Path
-        A folder or a file, as the module's docstring says.
-    spelling : callable
-        Gives two names of the same activity the same text.
+    `spelling` gives two names of the same activity the same text.
     """
 
     def __init__(self, path: Path, spelling: Callable[[str], str]) -> None:

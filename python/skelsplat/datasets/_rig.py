@@ -8,15 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skelsplat._skelsplat import Camera
 from skelsplat.cameras import CameraRig
-from skelsplat.datasets._files import as_numbers, require, within
+from skelsplat.datasets._files import FloatArray, as_numbers, require, within
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io import read_calibration
-
-FloatArray = NDArray[np.float64]
 
 
 def build_camera(

@@ -216,17 +216,7 @@ def _frames(files: Mapping[str, Path], loaded: Mapping[str, Mapping[str, Any]]) 
 
 
 def _places(path: Path, names: Sequence[str], views: Views) -> list[int]:
-    """Places of the chosen cameras among `names`, in the order chosen.
-
-    `path` is the file that lists the cameras, for messages.
-
-    Raises
-    ------
-    InvalidInputError
-        If a camera is chosen twice, or none is.
-    DatasetError
-        If there are fewer cameras than chosen, or one is not there.
-    """
+    """Return the places of the chosen cameras among `names`, which `path` lists, in the order chosen."""
     if views is None:
         return list(range(len(names)))
     if isinstance(views, int):

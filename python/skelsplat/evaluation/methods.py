@@ -16,16 +16,15 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skelsplat._refine import Progress, Refinement, refine
 from skelsplat._skelsplat import Layout, RefineConfig, fuse_monocular, triangulate
 from skelsplat.cameras import CameraRig, without_distortion
 from skelsplat.datasets import Take
+from skelsplat.datasets._files import FloatArray
 from skelsplat.evaluation import baselines
 from skelsplat.exceptions import DatasetError, InvalidInputError
 
-FloatArray = NDArray[np.float64]
 Settings = Mapping[str, Any]
 Run = Callable[[Take, Layout, Settings, Progress | None], FloatArray]
 

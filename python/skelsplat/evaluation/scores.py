@@ -13,11 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 from skelsplat import metrics
 from skelsplat._arrays import numbers
 from skelsplat._skelsplat import Layout
+from skelsplat.datasets._files import FloatArray
 from skelsplat.evaluation.methods import Solution
 from skelsplat.evaluation.protocols import Case, Protocol
 from skelsplat.exceptions import DatasetError, InvalidInputError
-
-FloatArray = NDArray[np.float64]
 
 PCK_MM = (50, 100, 150)
 RESAMPLES = 2000
