@@ -28,19 +28,8 @@ def numbers(value: object, name: str) -> NDArray[np.float64]:
     """Return `value` as a C-ordered, aligned float64 array of this machine's byte order.
 
     It is `value` itself if that is one already, else a copy. Masked entries, ``None`` and ``pandas.NA``
-    become NaN. Integers and booleans are numbers; text, complex numbers, times and records are not.
-
-    Parameters
-    ----------
-    value : object
-        An array of any layout in memory, nested sequences, or anything that NumPy makes an array of.
-    name : str
-        The argument's name, for the message.
-
-    Raises
-    ------
-    InvalidInputError
-        If it is not an array of numbers.
+    become NaN. Integers and booleans are numbers; text, complex numbers, times and records are not, and what
+    NumPy makes no array of is not: an `InvalidInputError` that names the argument, `name`.
     """
     array: NDArray[np.float64]
     if type(value) is np.ndarray and value.dtype is _FLOAT64:

@@ -223,18 +223,14 @@ def _mirrored(layout: sk.Layout | None, joints: int) -> Index:
 class _Candidates:
     """Different ways to choose people, several per frame, in the order of their frames.
 
-    Attributes
-    ----------
-    step : (C,) index of the frame
-    index : (C, M) person per view, -1 for none
-    cost : (C,) unexplained views + median error as a part of the gate (below 1) + a little for being small
-    pose : (C, K, 3) world
+    A cost is the unexplained views + the median error as a part of the gate (below 1) + a little for being
+    small.
     """
 
-    step: Index
-    index: Index
-    cost: Array
-    pose: Array
+    step: Index  # (C,) of the frame
+    index: Index  # (C, M) person per view, -1 for none
+    cost: Array  # (C,)
+    pose: Array  # (C, K, 3) world
 
     def take(self, rows: Index) -> _Candidates:
         return _Candidates(self.step[rows], self.index[rows], self.cost[rows], self.pose[rows])
@@ -242,24 +238,14 @@ class _Candidates:
 
 @dataclass(frozen=True)
 class _Evidence:
-    """What it takes to weigh hypotheses.
+    """What it takes to weigh hypotheses."""
 
-    Attributes
-    ----------
-    people : (T, M, P, K, 3) usable detections
-    shares : (T, M, P) their extent as a part of the image's diagonal
-    cameras : M of them
-    gates : (M,) largest median reprojection error, px
-    min_joints : joints that must be in common for a comparison
-    mirrored : (K,) place of every joint's mirror image
-    """
-
-    people: Array
-    shares: Array
+    people: Array  # (T, M, P, K, 3) usable detections
+    shares: Array  # (T, M, P) their extent as a part of the image's diagonal
     cameras: sk.CameraRig | Sequence[sk.Camera]
-    gates: Array
-    min_joints: int
-    mirrored: Index
+    gates: Array  # (M,) largest median reprojection error, px
+    min_joints: int  # that must be in common for a comparison
+    mirrored: Index  # (K,) place of every joint's mirror image
 
     def candidates(self) -> _Candidates:
         """Weigh all hypotheses; of each frame the best few different ones are kept."""

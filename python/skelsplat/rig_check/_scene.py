@@ -30,23 +30,12 @@ _LOST = 0.2
 
 @dataclass(frozen=True)
 class Scene:
-    """What a hypothesis changes: cameras in mm, and detections.
-
-    Attributes
-    ----------
-    cameras : tuple of M Camera
-    detections : (T, M, N, 2)
-        Pixels of all frames; NaN where missing.
-    frames : (T,)
-        Frame numbers, ascending.
-    shifts : (M,)
-        Frame f of the scene is frame f + shift of a camera's own count.
-    """
+    """What a hypothesis changes: cameras in mm, and detections."""
 
     cameras: tuple[sk.Camera, ...]
-    detections: Array
-    frames: Index
-    shifts: tuple[int, ...]
+    detections: Array  # (T, M, N, 2) pixels of all frames; NaN where missing
+    frames: Index  # (T,) ascending
+    shifts: tuple[int, ...]  # frame f of the scene is frame f + shift of a camera's own count
 
     @property
     def views(self) -> int:

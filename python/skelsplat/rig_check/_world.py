@@ -56,19 +56,8 @@ def find_convention(
 ) -> tuple[Finding | None, sk.CameraRig]:
     """Say in which convention the poses of all cameras are, if not in this package's; and correct it.
 
-    Parameters
-    ----------
-    rig
-        The M cameras.
-    people : (T, M, P, N, 2)
-        Everybody's detections.
-    layout
-        As for `check_rig`.
-
-    Returns
-    -------
-    finding, rig
-        None and the rig as given, or the finding and the rig with which the cameras agree.
+    Of the detections (T, M, P, N, 2) of everybody. Returns None and the rig as given, or the finding and the
+    rig with which the cameras agree.
     """
     some = people[some_frames(len(people))]
     before = judge(in_mm(rig), some, layout)

@@ -28,25 +28,14 @@ _BINARY = (".npz", ".npy", ".pickle", ".pkl", ".h5", ".mat")
 
 @dataclass(frozen=True)
 class RawCamera:
-    """One camera as its file gives it, lengths in the file's unit.
-
-    Attributes
-    ----------
-    name : str
-    K : (3, 3) pixels
-    R : (3, 3) world → camera, to the digits of the file
-    t : (3,) world → camera
-    distortion : (n,) in OpenCV's order, or None
-    size : (width, height) pixels, or None if the format has no place for it
-    fisheye : bool
-    """
+    """One camera as its file gives it, lengths in the file's unit."""
 
     name: str
-    K: Array
-    R: Array
-    t: Array
-    distortion: Array | None
-    size: tuple[int, int] | None
+    K: Array  # (3, 3) pixels
+    R: Array  # (3, 3) world → camera, to the digits of the file
+    t: Array  # (3,) world → camera
+    distortion: Array | None  # (n,) in OpenCV's order
+    size: tuple[int, int] | None  # width and height in pixels; None if the format has no place for it
     fisheye: bool = False
 
 
@@ -74,13 +63,7 @@ class CalibrationFormat:
 
 
 class Source:
-    """One path; its text and what the text parses to are read once, when they are first asked for.
-
-    Attributes
-    ----------
-    path : Path
-    is_folder : bool
-    """
+    """One path; its text and what the text parses to are read once, when they are first asked for."""
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = Path(path)

@@ -27,34 +27,18 @@ class Person(NamedTuple):
 
 @dataclass(frozen=True)
 class View:
-    """What one camera saw.
+    """What one camera saw."""
 
-    Attributes
-    ----------
-    path : Path
-        The file, or the folder of a format with a file per frame.
-    frames : sequence of int
-        Frame numbers, ascending.
-    people : callable
-        From one of `frames` to the people in it; may read a file.
-    joints : tuple of str or None
-        Names of the K joints, if the format has them.
-    own_order : bool
-        The detector's layouts have a fixed order, which the names confirm (MMPose); otherwise the order is
-        free and names alone say what a joint is (DeepLabCut, SLEAP).
-    flat : bool
-        A person is one list of 3·K numbers in the file.
-    sparse : bool
-        Frames in which nobody was found are not listed.
-    """
-
-    path: Path
-    frames: Sequence[int]
+    path: Path  # the file, or the folder of a format with a file per frame
+    frames: Sequence[int]  # ascending
+    # from one of the frames to the people in it; may read a file
     people: Callable[[int], Sequence[Person]]
-    joints: tuple[str, ...] | None = None
+    joints: tuple[str, ...] | None = None  # names of the K joints, if the format has them
+    # The detector's layouts have a fixed order, which the names confirm (MMPose); otherwise the order is free
+    # and names alone say what a joint is (DeepLabCut, SLEAP).
     own_order: bool = False
-    flat: bool = False
-    sparse: bool = False
+    flat: bool = False  # a person is one list of 3·K numbers in the file
+    sparse: bool = False  # frames in which nobody was found are not listed
 
 
 @dataclass(frozen=True)
@@ -67,31 +51,18 @@ class Recording:
 
 @dataclass(frozen=True)
 class DetectionFormat:
-    """A registered format; of `file`, `folder` and `recording` there are those in which it comes.
-
-    Attributes
-    ----------
-    name : str
-    suffixes : tuple of str
-        Of its files.
-    matches : callable
-        Says from a look at a file's beginning whether it is of this format; never raises.
-    file : callable or None
-        Reads the one file of one camera.
-    folder : callable or None
-        Reads the folder of one camera that holds one file per frame.
-    recording : callable or None
-        Reads one file of all cameras; its second argument names a sequence in it, or is None.
-    added : str
-        Regular expression for what the tool adds to the camera's name in that of a file.
-    """
+    """A registered format; of `file`, `folder` and `recording` there are those in which it comes."""
 
     name: str
     suffixes: tuple[str, ...]
+    # says from a look at a file's beginning whether it is of this format; never raises
     matches: Callable[[Path], bool]
+    # read the one file of one camera; the folder of one camera that holds one file per frame; one file of all
+    # cameras, of which the second argument names a sequence, or is None
     file: Callable[[Path], View] | None = None
     folder: Callable[[Path], View] | None = None
     recording: Callable[[Path, str | None], Recording] | None = None
+    # regular expression for what the tool adds to the camera's name in that of a file
     added: str | None = None
 
     def camera_part(self, stem: str) -> str:

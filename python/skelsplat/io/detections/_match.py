@@ -44,27 +44,13 @@ def _words(name: str) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Candidates:
-    """What may belong to cameras.
+    """What may belong to cameras."""
 
-    Attributes
-    ----------
-    root : Path
-        Where they are, for messages.
-    kind : str
-        What they are: "folder", "file" or "view".
-    texts : dict
-        By label, as it is shown, the text to compare with a camera's name.
-    idle : set of str
-        Labels that may be left over; they are taken only where no other fits.
-    within : bool
-        The camera's words may stand among others in the text.
-    """
-
-    root: Path
-    kind: str
-    texts: Mapping[str, str]
-    idle: Collection[str] = ()
-    within: bool = False
+    root: Path  # where they are, for messages
+    kind: str  # "folder", "file" or "view"
+    texts: Mapping[str, str]  # by label, as it is shown, the text to compare with a camera's name
+    idle: Collection[str] = ()  # labels that may be left over; they are taken only where no other fits
+    within: bool = False  # the camera's words may stand among others in the text
 
     def error(self, expected: str, actual: str) -> DatasetError:
         """Return the error that they do not fit the cameras."""

@@ -29,22 +29,12 @@ from skelsplat.io.poses._xarray import read_netcdf, write_netcdf
 
 @dataclass(frozen=True)
 class PoseFormat:
-    """A kind of pose file.
-
-    Attributes
-    ----------
-    read, write : callable
-        path → `PoseData`; (path, `PoseData`, options) → None.
-    options : tuple of str
-        What ``write`` understands of the keywords of `write_pose`.
-    packages : tuple of str
-        Modules of the extra ``formats`` that it needs.
-    """
+    """A kind of pose file: how it is read from a path, and written to one with options."""
 
     read: Callable[[str | os.PathLike[str]], PoseData]
     write: Callable[..., None]
-    options: tuple[str, ...] = ()
-    packages: tuple[str, ...] = ()
+    options: tuple[str, ...] = ()  # what `write` understands of the keywords of `write_pose`
+    packages: tuple[str, ...] = ()  # modules of the extra "formats" that it needs
 
 
 POSE_FORMATS: dict[str, PoseFormat] = {
@@ -144,20 +134,9 @@ def convert_poses(
     The extensions name the formats. A format keeps what it can hold: npz and json everything; csv positions,
     standard deviations and status; trc and c3d positions; nc positions, uncertainty and status.
 
-    Parameters
-    ----------
-    source, target : str or Path
-    fps : float, optional
-        Frames per second; by default as the source states it.
-    unit : str, optional
-        Length unit to write: mm, cm or m; by default m in TRC, mm in C3D, else that of the source.
-    y_up : bool
-        Write a world with z up as y up (TRC, C3D).
-    marker_names : str, optional
-        Style of the joints' names (TRC, C3D), of `skelsplat.io.poses.MARKER_NAMES`; by default as in the
-        source.
-    singular : bool
-        Name the dimensions of a NetCDF file as movement does from version 0.17 on.
+    `fps` and `unit` are by default those of the source, but the unit is m in TRC and mm in C3D; `y_up` writes
+    a world with z up as y up and `marker_names` names the joints in a style of `MARKER_NAMES` (TRC, C3D);
+    `singular` names the dimensions of a NetCDF file as movement does from version 0.17 on.
 
     Raises
     ------

@@ -167,13 +167,7 @@ def read_c3d(path: str | os.PathLike[str]) -> PoseData:
 
 
 def c3d_is_y_up(path: str | os.PathLike[str]) -> bool:
-    """Tell whether a C3D file states, in ``POINT:Y_SCREEN``, that its y axis points up the screen.
-
-    Raises
-    ------
-    MissingPackageError, DatasetError
-        As `read_c3d`.
-    """
+    """Tell whether a C3D file states, in ``POINT:Y_SCREEN``, that its y axis points up the screen."""
     point = _opened(Path(path))["parameters"]["POINT"]
     return "Y_SCREEN" in point and [axis.strip() for axis in point["Y_SCREEN"]["value"]] == ["+Y"]
 

@@ -31,24 +31,13 @@ def find_videos(
     chosen: Collection[str] = (),
     order: str | Sequence[str] | None = None,
 ) -> dict[str, Path]:
-    """Return the video, or the folder of images, of every camera.
+    """Return the video, or the folder of images, of every camera, in the order of `names`.
 
-    Parameters
-    ----------
-    path : path
-        A folder with one video, or one folder of images, per camera; what fits no camera is left alone. Or
-        one video or folder of images, whose camera is the chosen one, or the one of its name.
-    names : sequence of str
-        All cameras.
-    chosen : collection of str
-        Those that are wanted, compared as loosely as the videos' names are; empty for all.
-    order : sequence of str or "sorted", optional
-        The file or folder of each camera (of the chosen ones, if there are any) instead of matching by name.
-
-    Returns
-    -------
-    dict
-        By name, in the order of `names`.
+    A path is a folder with one video, or one folder of images, per camera; what fits no camera is left alone.
+    Or it is one video or folder of images, whose camera is the chosen one, or the one of its name. `chosen`
+    are the cameras that are wanted, compared as loosely as the videos' names are; empty for all. `order` is
+    the file or folder of each camera (of the chosen ones, if there are any), or "sorted", instead of matching
+    by name.
 
     Raises
     ------

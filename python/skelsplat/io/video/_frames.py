@@ -28,26 +28,14 @@ _CODEC = "mp4v"
 
 @dataclass(frozen=True)
 class FrameSource:
-    """Where a camera's frames come from.
-
-    Attributes
-    ----------
-    path : Path
-    size : (width, height)
-        Of the first frame, as it is decoded.
-    rate : float or None
-        Frames per second, if the source says so.
-    first, last : int
-        The camera's own numbers of its frames; the last of a video is what its header says.
-    images : dict
-        Files of a folder by the frame's number, ascending; none for a video.
-    """
+    """Where a camera's frames come from."""
 
     path: Path
-    size: Size
-    rate: float | None
-    first: int
-    last: int
+    size: Size  # width and height of the first frame, as it is decoded
+    rate: float | None  # frames per second, if the source says so
+    first: int  # the camera's own numbers of its frames
+    last: int  # of a video what its header says
+    # files of a folder by the frame's number, ascending; none for a video
     images: Mapping[int, Path] = field(default_factory=dict)
 
     def frames(self, first: int, last: int) -> Iterator[tuple[int, Image]]:
@@ -162,21 +150,12 @@ def _size(image: Image) -> Size:
 
 
 class FrameSink(ABC):
-    """Where frames go.
-
-    Attributes
-    ----------
-    path : Path
-    count : int
-        Frames written so far.
-    size : (width, height)
-        Of the last frame as it was written.
-    """
+    """Where frames go."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.count = 0
-        self.size = (0, 0)
+        self.count = 0  # frames written so far
+        self.size = (0, 0)  # width and height of the last frame as it was written
 
     @abstractmethod
     def write(self, number: int, image: Image) -> None:
