@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
@@ -21,7 +19,7 @@ from skelsplat import datasets
 from skelsplat._optional import can_draw
 from skelsplat.cli import options
 from skelsplat.cli.datasets import Settings, reader_options
-from skelsplat.cli.output import bar_of, print_json
+from skelsplat.cli.output import described, print_json
 from skelsplat.cli.table import print_table, tell
 from skelsplat.evaluation import ablations
 from skelsplat.evaluation.ablations import Choices, OnDisk, Simulated, Source
@@ -113,7 +111,7 @@ def ablate(
         init_sigma_mm=init_sigma_mm,
         undistort=protocol == "undistorted",
     )
-    with _progress_bar(shown=not quiet) as progress:
+    with described("reading", shown=not quiet, time=TimeElapsedColumn()) as progress:
         source: Source
         if data is None:
             if detections or setting:
@@ -134,14 +132,6 @@ def ablate(
         _print_record(console, record)
         if files:
             console.print(f"{out}: {', '.join(file.name for file in files)}")
-
-
-@contextmanager
-def _progress_bar(*, shown: bool) -> Iterator[ablations.Progress]:
-    """Yield what an ablation reports to: a bar on stderr, if that is a terminal."""
-    with bar_of("poses", shown=shown, time=TimeElapsedColumn()) as bar:
-        task = bar.add_task("reading", total=None)
-        yield lambda text, done, total: bar.update(task, description=text, completed=done, total=total)
 
 
 def _print_record(console: Console, record: ablations.Record) -> None:

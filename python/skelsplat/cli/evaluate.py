@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -20,7 +19,7 @@ from skelsplat._optional import can_draw
 from skelsplat.cli import options
 from skelsplat.cli.config import NAME_OR_PATH
 from skelsplat.cli.datasets import Settings, reader_options
-from skelsplat.cli.output import bar_of, print_json
+from skelsplat.cli.output import described, print_json
 from skelsplat.cli.table import tell
 from skelsplat.datasets._registry import detections_option, options_of
 from skelsplat.evaluation import export, methods, protocols, report, tables
@@ -167,8 +166,8 @@ def evaluate(
         rules = protocols.get(data.name).with_options(n_views=views, every=every, counting=counting)
         folder = Path("skelsplat-evaluation") / data.name if out is None else out
         with output_folder(folder):
-            with _progress(shown=not quiet) as hear:
-                runs = folder / "runs"
+            with described("evaluating", shown=not quiet) as bar:
+                runs, hear = folder / "runs", lambda method, take, *count: bar(f"{method}, {take}", *count)
                 found = report.evaluate(data, names, chosen, protocol=rules, folder=runs, report=hear)
             files = _write_evaluation(folder, found)
     if as_json:
@@ -312,15 +311,3 @@ def _bars(evaluation: Evaluation) -> BarData:
         axis="absolute MPJPE, mm, with 95 % interval over takes",
         caption=f"{evaluation.dataset.source or evaluation.dataset.name}.{others}",
     )
-
-
-@contextmanager
-def _progress(*, shown: bool) -> Iterator[Callable[[str, str, int, int], None]]:
-    """Yield what `evaluate` reports to: a bar of poses on stderr, if that is a terminal."""
-    with bar_of("poses", shown=shown) as bar:
-        task = bar.add_task("evaluating", total=None)
-
-        def report(method: str, take: str, done: int, total: int) -> None:
-            bar.update(task, completed=done, total=total, description=f"{method}, {take}")
-
-        yield report

@@ -44,6 +44,16 @@ def bar_of(unit: str, *, shown: bool, time: ProgressColumn | None = None) -> Pro
 
 
 @contextlib.contextmanager
+def described(
+    first: str, *, shown: bool, time: ProgressColumn | None = None
+) -> Iterator[Callable[[str, int, int], None]]:
+    """Yield a function of (text, done, total) that draws one bar of poses, with that text before it."""
+    with bar_of("poses", shown=shown, time=time) as bar:
+        task = bar.add_task(first, total=None)
+        yield lambda text, done, total: bar.update(task, description=text, completed=done, total=total)
+
+
+@contextlib.contextmanager
 def counting(unit: str, *, shown: bool) -> Iterator[Callable[[str, int, int], None]]:
     """Yield a function of (name, done, total) that draws a bar for each name."""
     with bar_of(unit, shown=shown) as bar:

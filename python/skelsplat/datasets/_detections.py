@@ -1,5 +1,7 @@
 """Detections of any source as (T, M, N, 3), the files that hold them, and names of detectors.
 
+What is missing or does not fit is a `DatasetError` that names the file and the field.
+
 Detections and monocular poses that are kept apart from the truth are a folder
 ``<subject>/<activity>[/<camera>]/poses.npz|json`` (the authors' layout), one npz (``positions_2d`` as in
 VideoPose3D, or an array per key ``"S9/Directions 1"``) or one JSON (``{"S9": {"Directions 1": [...]}}``).
@@ -59,8 +61,6 @@ def as_detections(path: Path, field: str, value: Any, wanted: Wanted) -> FloatAr
 
     Takes pixels that are not finite, the pixel (0, 0) and a confidence of 0 as missing; a confidence above 1
     counts as 1.
-
-    Raises `DatasetError` if frames, views or joints are not those `wanted`.
     """
     array = as_numbers(path, field, value)
     if array.ndim != 4 or array.shape[-1] not in (2, 3):
@@ -91,10 +91,7 @@ PREFERRED = ("metrabs", "resnet152", "cpn", "resnet50")
 
 
 def choose_detector(there: dict[str, Path], wanted: str | None, folder: Path) -> str | None:
-    """Return the detector to read, None if there is none.
-
-    Raises `DatasetError` if the wanted one is not there.
-    """
+    """Return the detector to read, None if there is none."""
     if wanted is not None:
         if wanted not in there:
             raise DatasetError(
@@ -182,8 +179,6 @@ def read_apart(
     Returns
     -------
     detections (S, M, N, 3), places in `wanted.frames` (S,), file or folder
-
-    Raises `DatasetError` if there is nothing, a view is missing, or frames or joints do not fit.
     """
     for folder, stems in places:
         together = poses_file(folder, stems)
@@ -267,8 +262,6 @@ def detections_of(
     """Return ``2d_DETECTOR/S0`` of a data set whose only subject is S0, or the folder `given`, and DETECTOR.
 
     If no detector is named it is chosen as for Human3.6M; None if there is none.
-
-    Raises `DatasetError` if the folder is not there.
     """
     wanted = None if detector is None else detector_name(detector)
     if given is not None:
@@ -279,14 +272,9 @@ def detections_of(
 
 
 class Separate:
-    """Detections that are kept apart from the truth.
+    """Detections that are kept apart from the truth, in a folder or a file.
 
-    Parameters
-    ----------
-    path : Path
-        A folder or a file, as the module's docstring says.
-    spelling : callable
-        Gives two names of the same activity the same text.
+    `spelling` gives two names of the same activity the same text.
     """
 
     def __init__(self, path: Path, spelling: Callable[[str], str]) -> None:
@@ -299,10 +287,7 @@ class Separate:
             raise DatasetError(path, "detections", "a folder, an npz or a JSON file", "nothing in this place")
 
     def read(self, subject: str, activity: str, wanted: Wanted) -> tuple[FloatArray, Path] | None:
-        """Return the detections of a take and the file they are in, or None if it has none.
-
-        Raises `DatasetError` if a view is missing, or frames or joints are not those wanted.
-        """
+        """Return the detections of a take and the file they are in, or None if it has none."""
         if self._content is None:
             folder = self._named(self.path / subject, activity)
             if folder is None:

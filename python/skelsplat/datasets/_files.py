@@ -49,10 +49,7 @@ class Survey:
 
 
 def find(candidates: Sequence[Path], what: str) -> Path:
-    """Return the first of `candidates` that exists.
-
-    Raises `DatasetError` if none does; names all of them.
-    """
+    """Return the first of `candidates` that exists."""
     for path in candidates:
         if path.exists():
             return path
@@ -156,10 +153,7 @@ def within(field: str, key: Any) -> str:
 
 
 def as_numbers(path: Path, field: str, value: Any) -> FloatArray:
-    """Return `value` as a new array of float64, C order; None is NaN.
-
-    Raises `DatasetError` if there is something else than numbers, or rows have different lengths.
-    """
+    """Return `value` as a new array of float64, C order; None is NaN."""
     try:
         return np.array(value, dtype=np.float64, order="C")
     except (TypeError, ValueError) as error:
@@ -171,8 +165,6 @@ def numbers(path: Path, field: str, value: Any, shape: tuple[int | str, ...]) ->
 
     `shape` has an integer where the length is fixed and a letter where any is good; the same letter is the
     same length.
-
-    Raises `DatasetError` if the values are no numbers or the shape is another.
     """
     array = as_numbers(path, field, value)
     lengths: dict[str, int] = {}

@@ -54,10 +54,7 @@ def names() -> tuple[str, ...]:
 
 
 def reader(name: str) -> Reader:
-    """Return the reader of a data set.
-
-    Raises `InvalidInputError` if there is none of that name.
-    """
+    """Return the reader of a data set."""
     if name not in _MODULES:
         raise InvalidInputError(f"name: expected one of {', '.join(_MODULES)}, got {name!r}")
     module, _, inside = _MODULES[name].partition(":")
@@ -78,15 +75,7 @@ def detections_option(name: str, which: str) -> dict[str, Any]:
 
 
 def prepared(name: str, root: str | os.PathLike[str], options: dict[str, Any]) -> tuple[Reader, Path]:
-    """Return the reader and the root, both checked.
-
-    Raises
-    ------
-    InvalidInputError
-        If the name or an option is unknown.
-    DatasetError
-        If there is nothing at `root`.
-    """
+    """Return the reader and the root; refuse unknown names and options, and a root that is not there."""
     module = reader(name)
     known = options_of(name)
     for option in options:

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skelsplat._skelsplat import Camera
 from skelsplat.cameras import CameraRig
-from skelsplat.datasets._files import as_numbers, numbers, require, within
+from skelsplat.datasets._files import FloatArray, as_numbers, require, within
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io import read_calibration
-
-FloatArray = NDArray[np.float64]
 
 
 def build_camera(
@@ -83,17 +80,3 @@ def read_quietly(path: Path, format: str, **options: Any) -> CameraRig:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
         return read_calibration(path, format=format, **options)
-
-
-def component_reader(
-    path: Path, field: str, entry: Any
-) -> Callable[[str, tuple[int | str, ...]], FloatArray]:
-    """Return a function that gives the numbers of a key of `entry`, of a certain shape."""
-
-    def component(key: str, shape: tuple[int | str, ...]) -> FloatArray:
-        values = numbers(path, within(field, key), require(path, field, entry, key), shape)
-        if not np.isfinite(values).all():
-            raise DatasetError(path, within(field, key), "finite numbers", values.tolist())
-        return values
-
-    return component

@@ -156,10 +156,7 @@ def from_coco(detections: FloatArray) -> FloatArray:
 
 
 def read_actors(path: Path, n_joints: int) -> list[tuple[NDArray[np.int64], FloatArray]]:
-    """Return frames (T,), from 0, and joints (T, N, 3) mm of each actor, where it is labelled.
-
-    Raises `DatasetError` if SciPy, which reads the file, is not installed, or the file is not as described.
-    """
+    """Return frames (T,), from 0, and joints (T, N, 3) mm of each actor, where it is labelled."""
     content = _load(path)
     if "actor3D" not in content:
         there = ", ".join(key for key in content if not key.startswith("__")) or "nothing"

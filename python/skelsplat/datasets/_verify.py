@@ -55,10 +55,6 @@ class Sample:
         finite = values[np.isfinite(values)]
         return float(np.quantile(finite, 0.25)) if finite.size else float("nan")
 
-    def reprojected(self, rig: CameraRig) -> Sample:
-        """Return the same frames seen by other cameras."""
-        return Sample(self.take, self.truth, self.pixels, seen(self.truth, rig))
-
 
 def sample(take: Take) -> Sample:
     """Choose up to 24 frames of a take and project their truth."""
@@ -96,11 +92,6 @@ def sides(item: Sample, layout: Layout, view: int | slice = slice(None)) -> tupl
     return given, median(distance(projected[..., order, :], pixels)[..., paired])
 
 
-def joint_distances(item: Sample) -> FloatArray:
-    """Return the median distance of each projected joint from each detected one, (N, N)."""
-    return _medians(distance(item.projected[..., :, None, :], item.pixels[..., None, :, :]), (0, 1))
-
-
 @dataclass(frozen=True)
 class ViewError:
     """Medians of a camera over all takes, px; NaN without detections."""
@@ -127,11 +118,6 @@ def view_errors(samples: list[Sample], layout: Layout) -> tuple[ViewError, ...]:
 def view_distances(item: Sample) -> FloatArray:
     """Return the median distance of each view's detections from the projection into each camera, (M, M)."""
     return _medians(distance(item.projected[:, None, :], item.pixels[:, :, None]), (0, 3))
-
-
-def mean_over(tables: list[FloatArray]) -> FloatArray:
-    """Return the median of tables of the same shape, without NaN."""
-    return _medians(np.stack(tables), (0,))
 
 
 def _medians(values: FloatArray, axis: tuple[int, ...]) -> FloatArray:
@@ -212,10 +198,7 @@ def verify(dataset: Dataset, samples: list[Sample] | None = None) -> tuple[Findi
 
 
 def raise_errors(dataset: Dataset) -> None:
-    """Raise the first error that `verify` finds.
-
-    Raises `DatasetError`.
-    """
+    """Raise the first error that `verify` finds."""
     for finding in verify(dataset):
         if finding.severity == "error":
             raise DatasetError(Path(finding.subject.files[0]), *parts(finding))
@@ -293,15 +276,12 @@ def _camera_factor(item: Sample) -> float | None:
         return None
     errors = {}
     for factor in (1000.0, 100.0, 10.0, 0.1, 0.01, 0.001):
-        errors[factor] = item.reprojected(_scaled(rig, factor)).error()
+        scaled = CameraRig([altered(camera, t=factor * camera.t) for camera in rig], rig.unit)
+        errors[factor] = replace(item, projected=seen(item.truth, scaled)).error()
     best = min(errors, key=lambda factor: np.nan_to_num(errors[factor], nan=np.inf))
     if errors[best] < (0.2 * given if np.isfinite(given) else _LARGE_PX):
         return best
     return 1000.0 if nearest < _NEAR_MM and np.isnan(given) else None
-
-
-def _scaled(rig: CameraRig, factor: float) -> CameraRig:
-    return CameraRig([altered(camera, t=factor * camera.t) for camera in rig], rig.unit)
 
 
 def _clearly_less(better: float, given: float) -> bool:
@@ -320,7 +300,8 @@ def _joint_order(samples: list[Sample], layout: Layout) -> Iterator[Finding]:
     """Find joints of the truth that lie on another joint of the detections."""
     if not samples:
         return
-    table = mean_over([joint_distances(item) for item in samples])
+    each = [distance(s.projected[..., :, None, :], s.pixels[..., None, :, :]) for s in samples]
+    table = _medians(np.stack([_medians(apart, (0, 1)) for apart in each]), (0,))  # projected, detected
     names, pairs = layout.joints, []
     for joint, row in enumerate(table):
         if np.isfinite(row).all() and _clearly_less(row.min(), row[joint]):

@@ -272,11 +272,7 @@ class Table:
 
 
 def read_pickle(path: Path, views: Sequence[int]) -> Table:
-    """Read AdaFuse's pickle: one record per image, grouped here by subject, action, subaction and frame.
-
-    Raises `DatasetError` if a chosen camera is nowhere, the views of a frame have different truths, or a
-    record is malformed.
-    """
+    """Read AdaFuse's pickle: one record per image, grouped here by subject, action, subaction and frame."""
     records = load_records(path, "a list of records, one per image")
     groups: dict[tuple[int, ...], dict[int, int]] = {}
     for k, record in enumerate(records):
@@ -337,10 +333,7 @@ def _component(path: Path, k: int, record: Any, key: str, shape: tuple[int, ...]
 
 
 def read_arrays(folder: Path, cameras: Path, views: Sequence[int]) -> Table:
-    """Read one activity of the SkelSplat authors' layout: ``poses.npz`` and ``cameras.json`` by frame.
-
-    Raises `DatasetError` if a chosen camera is missing or the frames of both do not match.
-    """
+    """Read one activity of the SkelSplat authors' layout: ``poses.npz`` and ``cameras.json`` by frame."""
     path = folder / "poses.npz"
     key, truth, own = read_truth(path, N_JOINTS)
     by_frame = load_json(cameras)

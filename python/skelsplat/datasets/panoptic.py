@@ -202,10 +202,7 @@ def camera_name(number: int) -> str:
 
 
 def read_cameras(path: Path, chosen: Sequence[int]) -> CameraRig:
-    """Return the HD cameras with these numbers, in this order, mm.
-
-    Raises `DatasetError` if a camera is missing or its values make no camera.
-    """
+    """Return the HD cameras with these numbers, in this order, mm."""
     rig = convert_unit(read_quietly(path, "panoptic", camera_type="hd"), "mm")
     names = [camera_name(number) for number in chosen]
     for name in names:
@@ -231,8 +228,6 @@ def read_bodies(files: Mapping[int, Path], person: int | None) -> tuple[NDArray[
     """Return the frames (T,) with the person in them and the joints (T, 19, 3), mm; NaN where not measured.
 
     `person` None is the only body that there is.
-
-    Raises `DatasetError` if a file is malformed, or has several bodies and none is chosen.
     """
     bodies = {frame: _bodies(path) for frame, path in files.items()}
     seen = Counter(name for there in bodies.values() for name in there)

@@ -6,6 +6,7 @@ import json
 import secrets
 import shutil
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -18,7 +19,7 @@ from skelsplat.cameras import CameraRig
 from skelsplat.datasets._detections import frame_numbers
 from skelsplat.datasets._files import Survey, load_json, load_npz, numbers, require, within
 from skelsplat.datasets._model import Dataset, FloatArray, Take
-from skelsplat.datasets._rig import build_camera, build_rig, component_reader
+from skelsplat.datasets._rig import build_camera, build_rig
 from skelsplat.exceptions import DatasetError, InvalidInputError
 
 if TYPE_CHECKING:
@@ -117,7 +118,7 @@ def _rig(path: Path) -> CameraRig:
     cameras = []
     for k, entry in enumerate(require(path, "", document, "cameras")):
         field = f"cameras[{k}]"
-        component = component_reader(path, field, entry)
+        component = partial(_component, path, field, entry)
         width, height = component("size", (2,))
         camera = build_camera(
             path,
@@ -131,6 +132,13 @@ def _rig(path: Path) -> CameraRig:
         )
         cameras.append(camera)
     return build_rig(path, cameras, require(path, "", document, "unit"))
+
+
+def _component(path: Path, field: str, entry: Any, key: str, shape: tuple[int | str, ...]) -> FloatArray:
+    values = numbers(path, within(field, key), require(path, field, entry, key), shape)
+    if not np.isfinite(values).all():
+        raise DatasetError(path, within(field, key), "finite numbers", values.tolist())
+    return values
 
 
 def _folder(root: Path, path: Path, field: str, entry: Any) -> Path:
@@ -208,17 +216,7 @@ def _frames(files: Mapping[str, Path], loaded: Mapping[str, Mapping[str, Any]]) 
 
 
 def _places(path: Path, names: Sequence[str], views: Views) -> list[int]:
-    """Places of the chosen cameras among `names`, in the order chosen.
-
-    `path` is the file that lists the cameras, for messages.
-
-    Raises
-    ------
-    InvalidInputError
-        If a camera is chosen twice, or none is.
-    DatasetError
-        If there are fewer cameras than chosen, or one is not there.
-    """
+    """Return the places of the chosen cameras among `names`, which `path` lists, in the order chosen."""
     if views is None:
         return list(range(len(names)))
     if isinstance(views, int):

@@ -16,16 +16,15 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skelsplat._refine import Progress, Refinement, refine
 from skelsplat._skelsplat import Layout, RefineConfig, fuse_monocular, triangulate
 from skelsplat.cameras import CameraRig, without_distortion
 from skelsplat.datasets import Take
+from skelsplat.datasets._files import FloatArray
 from skelsplat.evaluation import baselines
 from skelsplat.exceptions import DatasetError, InvalidInputError
 
-FloatArray = NDArray[np.float64]
 Settings = Mapping[str, Any]
 Run = Callable[[Take, Layout, Settings, Progress | None], FloatArray]
 
@@ -72,15 +71,19 @@ class Solution:
     seconds: float
 
 
+def _lens(options: Options) -> dict[str, Any]:
+    return {"undistort": options.undistort}
+
+
 @dataclass(frozen=True)
 class Method:
     """A method of the registry."""
 
     name: str
     about: str
-    #: `Options` to everything that the poses depend on, as JSON values; ``"undistort"`` is among them.
-    settings: Callable[[Options], dict[str, Any]]
     run: Run  #: take, layout, settings and progress to poses (T, N, 3)
+    #: `Options` to everything that the poses depend on, as JSON values; ``"undistort"`` is among them.
+    settings: Callable[[Options], dict[str, Any]] = _lens
     #: Fields of `Take`; a start by fusion needs ``"monocular"`` as well.
     needs: tuple[str, ...] = ("detections",)
     by_pixels: bool = False  #: renders pixels and takes far longer than all others
@@ -185,18 +188,17 @@ def refined(
     )
 
 
-def _settings(**more: Any) -> Callable[[Options], dict[str, Any]]:
-    """Return settings of a method without a configuration."""
-    return lambda options: {"undistort": options.undistort, **more}
+def _weighted(options: Options) -> dict[str, Any]:
+    return {**_lens(options), "confidence": True}
 
 
 def _drawn(options: Options) -> dict[str, Any]:
-    return {"undistort": options.undistort, "seed": options.seed}
+    return {**_lens(options), "seed": options.seed}
 
 
 def _solver(options: Options, config: RefineConfig, start: str) -> dict[str, Any]:
     fields = config.replace(n_threads=options.n_threads).to_dict()
-    return {"undistort": options.undistort, "start": start, "config": fields}
+    return {**_lens(options), "start": start, "config": fields}
 
 
 def _annealed(options: Options) -> dict[str, Any]:
@@ -217,43 +219,28 @@ def _closed_form(options: Options) -> dict[str, Any]:
 
 
 _ALL = (
-    Method("dlt", "algebraic triangulation, unweighted", _settings(), _DLT),
-    Method(
-        "dlt-confidence",
-        "algebraic triangulation, rows weighted by confidence",
-        _settings(confidence=True),
-        _DLT,
-    ),
-    Method("ransac-iskakov", "RANSAC of Iskakov et al., with its Huber refinement", _drawn, _iskakov),
+    Method("dlt", "algebraic triangulation, unweighted", _DLT),
+    Method("dlt-confidence", "algebraic triangulation, rows weighted by confidence", _DLT, _weighted),
+    Method("ransac-iskakov", "RANSAC of Iskakov et al., with its Huber refinement", _iskakov, _drawn),
     Method(
         "ransac-adafuse",
         "RANSAC that AdaFuse is compared with",
-        _drawn,
         _by(lambda seen, rig, given: baselines.ransac_adafuse(seen, rig, seed=given["seed"])),
+        _drawn,
     ),
     Method(
-        "ransac",
-        "RANSAC of this package",
-        _settings(),
-        _by(lambda seen, rig, _: triangulate(seen, rig, method="ransac")),
+        "ransac", "RANSAC of this package", _by(lambda seen, rig, _: triangulate(seen, rig, method="ransac"))
     ),
     Method(
         "cauchy",
         "DLT, then the Cauchy loss of the reprojection residuals",
-        _settings(),
         _by(lambda seen, rig, _: baselines.cauchy(seen, rig)),
     ),
-    Method(
-        "fusion",
-        "multi-view fusion of monocular 3D poses",
-        _settings(),
-        _fusion,
-        ("detections", "monocular"),
-    ),
-    Method("annealed", "default: closed form, annealed Gauss–Newton", _annealed, _refine),
-    Method("annealed-prior", "annealed with the fused monocular poses as a Gaussian prior", _prior, _refine),
-    Method("paper-closed-form", "the paper's settings with the closed-form loss", _closed_form, _refine),
-    Method("paper", "the paper's settings: raster, Adam", _paper, _refine, by_pixels=True),
+    Method("fusion", "multi-view fusion of monocular 3D poses", _fusion, needs=("detections", "monocular")),
+    Method("annealed", "default: closed form, annealed Gauss–Newton", _refine, _annealed),
+    Method("annealed-prior", "annealed with the fused monocular poses as a Gaussian prior", _refine, _prior),
+    Method("paper-closed-form", "the paper's settings with the closed-form loss", _refine, _closed_form),
+    Method("paper", "the paper's settings: raster, Adam", _refine, _paper, by_pixels=True),
 )
 _BY_NAME = {method.name: method for method in _ALL}
 

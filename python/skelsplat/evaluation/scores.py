@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,11 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 from skelsplat import metrics
 from skelsplat._arrays import numbers
 from skelsplat._skelsplat import Layout
+from skelsplat.datasets._files import FloatArray
 from skelsplat.evaluation.methods import Solution
 from skelsplat.evaluation.protocols import Case, Protocol
 from skelsplat.exceptions import DatasetError, InvalidInputError
-
-FloatArray = NDArray[np.float64]
 
 PCK_MM = (50, 100, 150)
 RESAMPLES = 2000
@@ -136,7 +136,7 @@ def score(
         absolute=_estimate([e.absolute for e in errors], seed),
         relative=_estimate([e.relative for e in errors], seed),
         procrustes=_estimate([e.procrustes for e in errors], seed),
-        median=_median([e.absolute for e in errors]),
+        median=_mean([e.absolute for e in errors], np.median),
         pck={limit: _mean([e.pck[limit] for e in errors]) for limit in PCK_MM},
         pcp=_mean([np.array([g.pcp for g in columns.values()])]) if protocol.mean_of_columns else every.pcp,
         missing=_mean([e.missing for e in errors]),
@@ -198,20 +198,11 @@ def _estimate(values: Sequence[FloatArray], seed: int) -> Estimate:
     return Estimate(_mean(values), *mean_interval(sums, counts, seed=seed))
 
 
-def _mean(values: Sequence[FloatArray]) -> float:
+def _mean(values: Sequence[FloatArray], mean: Callable[[FloatArray], np.floating[Any]] = np.mean) -> float:
     """Mean of what is not NaN; NaN if nothing is."""
-    finite = _finite(values)
-    return float(finite.mean()) if finite.size else float("nan")
-
-
-def _median(values: Sequence[FloatArray]) -> float:
-    finite = _finite(values)
-    return float(np.median(finite)) if finite.size else float("nan")
-
-
-def _finite(values: Sequence[FloatArray]) -> FloatArray:
     flat: FloatArray = np.concatenate([np.zeros(0), *(np.ravel(v) for v in values)])
-    return flat[~np.isnan(flat)]
+    finite = flat[~np.isnan(flat)]
+    return float(mean(finite)) if finite.size else float("nan")
 
 
 def mean_interval(

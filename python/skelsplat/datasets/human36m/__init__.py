@@ -116,15 +116,7 @@ def read_layout(dataset: str, name: str, place: Path, options: Options, origin: 
 
 
 def find_format(root: Path, format: str | None) -> tuple[str, Path]:
-    """Return the layout on disk, and the folder or file that it begins at.
-
-    Raises
-    ------
-    InvalidInputError
-        If the format is unknown.
-    DatasetError
-        If no file of a known format is there, or files of several.
-    """
+    """Return the layout on disk, and the folder or file that it begins at; refuse none, or several."""
     if format is not None and format not in _LAYOUTS:
         raise InvalidInputError(f"format: expected one of {', '.join(_LAYOUTS)}, got {format!r}")
     wanted = _LAYOUTS if format is None else {format: _LAYOUTS[format]}

@@ -96,10 +96,7 @@ def find_cameras(root: Path, given: Path | None) -> Path:
 
 
 def read_rig(path: Path, subject: str) -> CameraRig:
-    """Return the four cameras of ``camera-parameters.json`` as they stood for a subject, mm.
-
-    Raises `DatasetError` if the file is missing or malformed, or lacks the subject or a camera.
-    """
+    """Return the four cameras of ``camera-parameters.json`` as they stood for a subject, mm."""
     try:
         rig = read_quietly(path, "human36m", subject=subject)
     except InvalidInputError as error:
@@ -137,10 +134,7 @@ class Options:
         return cls(**{key: parsers.get(key, lambda value: value)(value) for key, value in known.items()})
 
     def chosen(self, path: Path, there: Iterable[str]) -> list[str]:
-        """Return the subjects to read of those that are there.
-
-        Raises `DatasetError` if one of them is not there.
-        """
+        """Return the subjects to read of those that are there."""
         available = sorted(set(there), key=subject_order)
         for subject in self.subjects or ():
             if subject not in available:
@@ -182,10 +176,7 @@ class Reading:
                 yield found
 
     def dataset(self, name: str, root: Path) -> Dataset:
-        """Return the data set, takes in the order of the tables.
-
-        Raises `DatasetError` if there are none.
-        """
+        """Return the data set, takes in the order of the tables."""
         if not self.takes:
             raise DatasetError(root, "takes", "at least one", "none")
         keys = [take.key for take in self.takes]

@@ -83,8 +83,6 @@ def sample(
 
     `name` and `key` are `Sample.name` and `Sample.dataset`. Without `undistort` cameras lose their lens, so
     that detections are used with K alone.
-
-    Raises `InvalidInputError` if a take has no detections, or no pose is left.
     """
     takes = [case.take for case in protocol.cases(dataset) if case.absolute]
     total = sum(len(take) for take in takes)

@@ -84,9 +84,12 @@ class Source(ABC):
         occluded. A data set on disk is what it is, whatever kind is asked for.
         """
 
-    def _sample(self, dataset: Dataset, protocol: Protocol, *, name: str, key: str) -> Sample:
+    def _sample(self, dataset: Dataset, name: str, key: str = "", *, all_views: bool = True) -> Sample:
         """Take the poses that were chosen, and remember how many."""
-        chosen = self.choices
+        chosen, protocol = self.choices, protocols.get(dataset.name)
+        if all_views and protocol.view_sets:
+            protocol = protocol.with_options(n_views=max(protocol.view_sets))
+        key = key or _key(dataset, protocol)
         made = sample(dataset, protocol, chosen.poses, name=name, key=key, undistort=chosen.undistort)
         some = made.n_poses < made.n_available
         count = f"{made.n_poses} of {made.n_available}" if some else f"all {made.n_available}"
@@ -170,10 +173,7 @@ class Simulated(Source):
 
     def _made(self, name: str, key: str, detector: str) -> Sample:
         dataset = simulated(name, detector, self.choices.seed)
-        protocol = protocols.get(name)
-        if protocol.view_sets:
-            protocol = protocol.with_options(n_views=max(protocol.view_sets))
-        return self._sample(dataset, protocol, name=f"{name}, {detector}", key=key)
+        return self._sample(dataset, f"{name}, {detector}", key)
 
 
 def simulated(name: str, detector: str, seed: int) -> Dataset:
@@ -238,13 +238,10 @@ class OnDisk(Source):
         if all_views and self._name in protocols.names and "views" in known:
             options.setdefault("views", max(protocols.get(self._name).view_sets, default=None))
         dataset = datasets.read(self._name, self._root, **options)
-        protocol = protocols.get(dataset.name)
-        if all_views and protocol.view_sets:
-            protocol = protocol.with_options(n_views=max(protocol.view_sets))
         if dataset.source not in self._sources:
             self._sources.append(dataset.source)
         label = f"{dataset.name}, {dataset.detector}" if dataset.detector else dataset.name
-        return self._sample(dataset, protocol, name=label, key=_key(dataset, protocol))
+        return self._sample(dataset, label, all_views=all_views)
 
 
 def _key(dataset: Dataset, protocol: Protocol) -> str:

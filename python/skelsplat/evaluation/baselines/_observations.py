@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -40,13 +40,8 @@ class Observations:
 
     def take(self, joints: IntArray) -> Observations:
         """Return some of the joints; ``leading`` is then their number."""
-        return Observations(
-            self.pixels[joints],
-            self.seen[joints],
-            self.confidence[joints],
-            self.projections,
-            (len(joints),),
-        )
+        own = {name: getattr(self, name)[joints] for name in ("pixels", "seen", "confidence")}
+        return replace(self, leading=(len(joints),), **own)
 
     def points(self, values: FloatArray) -> FloatArray:
         """Give points (B, 3) the shape of the detections, (T, N, 3) or (N, 3)."""
@@ -54,11 +49,7 @@ class Observations:
 
 
 def observe(detections: ArrayLike, cameras: Cameras) -> Observations:
-    """Check the arguments of a baseline and remove lens distortion.
-
-    Raises `InvalidInputError` if the shape is not (T, M, N, 2|3) or (M, N, 2|3) with as many views as
-    cameras, or a confidence is outside [0, 1].
-    """
+    """Check the arguments of a baseline and remove lens distortion."""
     found = _checked(detections, len(cameras))
     single = found.ndim == 3
     frames = found[None] if single else found
