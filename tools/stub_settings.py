@@ -1,7 +1,7 @@
 """Write the settings of ``RefineConfig`` into the stub, from the core's table.
 
-``python tools/stub_settings.py``, after the module was built (``make develop``). A test compares the class's
-documentation and its properties with what the compiled module has.
+``python tools/stub_settings.py``, after the module was built (``maturin develop``). A test compares the
+class's documentation and its properties with what the compiled module has.
 """
 
 from __future__ import annotations

@@ -161,15 +161,13 @@ def take_people(people: Array, index: Index) -> Array:
 
 
 def _triangulated(people: Array, index: Index, cameras: sk.CameraRig | Sequence[sk.Camera]) -> Array:
-    pose: Array = np.asarray(sk.triangulate(take_people(people, index), cameras, method="dlt"))
-    return pose
+    return np.asarray(sk.triangulate(take_people(people, index), cameras, method="dlt"))
 
 
 def _same_body(pose: Array, other: Array) -> Mask:
     """Whether two people (T, K, 3) are one body, (T,); not where one of them is unknown."""
     apart = medians(np.linalg.norm(pose - other, axis=-1))
-    same: Mask = apart < _SAME_BODY * body_sizes(other)
-    return same
+    return apart < _SAME_BODY * body_sizes(other)
 
 
 def body_sizes(pose: npt.ArrayLike) -> Array:
@@ -187,8 +185,7 @@ def extents(people: npt.ArrayLike) -> Array:
         Pixels; NaN where missing.
     """
     box = _box(numbers(people, "people")[..., :2])
-    diagonals: Array = np.hypot(box[..., 0], box[..., 1])
-    return diagonals
+    return np.hypot(box[..., 0], box[..., 1])
 
 
 def _box(points: Array) -> Array:
@@ -294,8 +291,7 @@ class _Evidence:
         seen = np.full((len(pairs), self.people.shape[1], *self.people.shape[3:]), np.nan)
         seen[rows, i] = self.people[step, i, a]
         seen[rows, j] = self.people[step, j, b]
-        pose: Array = np.asarray(sk.triangulate(seen, self.cameras, method="dlt"))
-        return pose
+        return np.asarray(sk.triangulate(seen, self.cameras, method="dlt"))
 
     def _errors(self, step: Index, pose: Array) -> Array:
         """Median reprojection error as a part of the gate, (H, M, P); infinite without common joints."""
@@ -365,5 +361,4 @@ def _switch_costs(pose: Array, before: Index, now: Index, mm_per_unit: float) ->
     """Cost of going from each candidate of a frame to each of the next, (B, A)."""
     step = np.linalg.norm(pose[before][:, None] - pose[now][None], axis=-1) * mm_per_unit
     moved = np.nan_to_num(medians(step), nan=_SWITCH_MM)
-    costs: Array = _SWITCH_COST * np.minimum(moved / _SWITCH_MM, 1.0) ** 2
-    return costs
+    return _SWITCH_COST * np.minimum(moved / _SWITCH_MM, 1.0) ** 2

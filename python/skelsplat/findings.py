@@ -13,7 +13,7 @@ import shlex
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
-from typing import Any, Literal, TextIO
+from typing import Any, Literal
 
 from skelsplat import _sentences
 
@@ -129,14 +129,7 @@ def collected_warnings(tell: Callable[[Finding], None] | None = None) -> Iterato
     """Collect Python warnings as findings, each once, and call ``tell`` with each as it occurs."""
     found: list[Finding] = []
 
-    def show(
-        message: Warning | str,
-        category: type[Warning],  # noqa: ARG001  the signature is that of warnings.showwarning
-        filename: str,  # noqa: ARG001
-        lineno: int,  # noqa: ARG001
-        file: TextIO | None = None,  # noqa: ARG001
-        line: str | None = None,  # noqa: ARG001
-    ) -> None:
+    def show(message: Warning | str, *_: object, **__: object) -> None:
         finding = message.finding if isinstance(message, FindingWarning) else remark(str(message))
         if finding not in found:
             found.append(finding)

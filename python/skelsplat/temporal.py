@@ -81,9 +81,8 @@ def fill_gaps(
         filled[:, j] = _short_gaps(known[:, j], numbers, max_gap)
         at = filled[:, j]
         if at.any():
-            positions[at, j] = _interpolated(
-                numbers[known[:, j]], positions[known[:, j], j], numbers[at], method
-            )
+            there = known[:, j]
+            positions[at, j] = _interpolated(numbers[there], positions[there, j], numbers[at], method)
     return positions, filled
 
 
@@ -191,12 +190,9 @@ def one_euro(
         If a shape does not fit, a frequency is not positive or ``beta`` is negative.
     """
     positions, numbers = _checked(pose, frames)
-    for name, value in (
-        ("frame_rate", frame_rate),
-        ("min_cutoff", min_cutoff),
-        ("speed_cutoff", speed_cutoff),
-    ):
-        _arrays.positive(name, value)
+    _arrays.positive("frame_rate", frame_rate)
+    _arrays.positive("min_cutoff", min_cutoff)
+    _arrays.positive("speed_cutoff", speed_cutoff)
     if not (math.isfinite(beta) and beta >= 0.0):
         raise InvalidInputError(f"beta: expected a number of at least 0, got {beta}")
     speed_share = _smoothing(np.asarray(speed_cutoff), frame_rate)

@@ -121,9 +121,8 @@ def load_json(path: Path, document: str, text: str | None = None) -> Any:
         return json.loads(text, parse_int=whole_number)
     except json.JSONDecodeError as error:
         at = f"character {error.pos} of {len(text)}, at line {error.lineno}, column {error.colno}"
-        raise DatasetError(
-            path, "JSON", "a complete JSON document", f"{error.msg.lower()} at {at}"
-        ) from error
+        actual = f"{error.msg.lower()} at {at}"
+        raise DatasetError(path, "JSON", "a complete JSON document", actual) from error
     except RecursionError:
         raise DatasetError(path, "JSON", document, "lists nested too deeply") from None
 
@@ -171,12 +170,7 @@ def atomic_path(
     suffix or else the same; it is flushed to disk and then moved over `path` in one step. A reader never
     sees half a file, and on an exception an older file stays as it was. A symbolic link is followed. Without
     `durable` nothing waits for the disk: after a power failure the file may be empty or torn, so its reader
-    must check it.
-
-    Raises
-    ------
-    DatasetError
-        If the folder is missing or the path cannot be written.
+    must check it. A folder that is missing and a path that cannot be written are a `DatasetError`.
     """
     target = Path(os.path.realpath(path))
     temporary = target.with_name(f".{target.stem}.{secrets.token_hex(6)}{suffix or target.suffix}")

@@ -26,20 +26,10 @@ _EXPECTED = "NumPy arrays, numbers and builtin containers only"
 
 
 def unpickle(stream: IO[bytes], path: Path, field: str = "pickle") -> Any:
-    """Return the object that a pickle holds.
+    """Return the object of the pickle that begins here in a binary stream, the `field` of the file `path`.
 
-    Parameters
-    ----------
-    stream : binary stream at the start of the pickle
-    path : Path
-        File that it comes from, for messages.
-    field : str
-        Part of that file, for messages.
-
-    Raises
-    ------
-    DatasetError
-        If the pickle names a class or function that is not allowed (it is not imported), or is damaged.
+    One that names a class or function that is not allowed (it is not imported), or is damaged, is a
+    `DatasetError`.
     """
     try:
         return _Unpickler(stream, path, field).load()
@@ -63,9 +53,8 @@ class _Unpickler(pickle.Unpickler):
         try:
             return _ALLOWED[module, name]
         except KeyError:
-            raise DatasetError(
-                self._path, self._field, _EXPECTED, f"the class or function {module}.{name}"
-            ) from None
+            actual = f"the class or function {module}.{name}"
+            raise DatasetError(self._path, self._field, _EXPECTED, actual) from None
 
     def persistent_load(self, _: Any) -> Any:
         raise DatasetError(self._path, self._field, _EXPECTED, "a reference to something outside the file")
@@ -249,10 +238,7 @@ def npy_header(stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]
 def read_array(stream: IO[bytes], path: Path, field: str = "array") -> Any:
     """Read an array in NumPy's npy format; one of objects is unpickled with `unpickle`.
 
-    Raises
-    ------
-    DatasetError
-        If the data are no npy file, end too early, or hold what `unpickle` refuses.
+    No npy file, one that ends too early, and what `unpickle` refuses are a `DatasetError`.
     """
     try:
         shape, fortran, dtype = npy_header(stream)

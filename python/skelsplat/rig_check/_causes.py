@@ -59,11 +59,6 @@ class Cause:
     images: str = ""
     factor: float = 1.0
 
-    @property
-    def rank(self) -> int:
-        """Simpler causes first."""
-        return _ORDER.index(self.kind)
-
 
 def explain(scene: Scene, earlier: Sequence[Finding] = ()) -> tuple[list[Finding], Scene]:
     """Name the causes of disagreement one by one, and return the scene with all of them corrected.
@@ -159,7 +154,7 @@ def _fitting_shifts(scene: Scene, cause: Cause) -> list[int]:
 def _simplest_of_the_best(causes: Sequence[Cause]) -> Cause:
     least = min(cause.scene.disagreement for cause in causes)
     good = [cause for cause in causes if cause.scene.disagreement <= _AS_GOOD * least]
-    return min(good, key=lambda cause: (cause.rank, cause.scene.disagreement))
+    return min(good, key=lambda cause: (_ORDER.index(cause.kind), cause.scene.disagreement))
 
 
 def _rivals(chosen: Cause, causes: Sequence[Cause]) -> list[Cause]:
@@ -290,19 +285,9 @@ def _step(here: Array, pixels: Array, K: Array, *, move: bool) -> Array:
     focal = np.array([K[0, 0], K[1, 1]])
     residual = pixels - here[:, :2] / z[:, None] * focal - K[:2, 2]
     zero = np.zeros_like(z)
-    jacobian = np.stack(
-        [np.stack([1 / z, zero, -x / z**2], axis=1), np.stack([zero, 1 / z, -y / z**2], axis=1)], axis=1
-    )
-    jacobian *= focal[None, :, None]
+    jacobian = _per_point([[1 / z, zero, -x / z**2], [zero, 1 / z, -y / z**2]]) * focal[None, :, None]
     # d(exp(ω)p + δ) = −[p]ₓ ω + δ
-    cross = np.stack(
-        [
-            np.stack([zero, z, -y], axis=1),
-            np.stack([-z, zero, x], axis=1),
-            np.stack([y, -x, zero], axis=1),
-        ],
-        axis=1,
-    )
+    cross = _per_point([[zero, z, -y], [-z, zero, x], [y, -x, zero]])
     rows = np.concatenate([jacobian @ cross, jacobian], axis=2) if move else jacobian @ cross
     distance = np.linalg.norm(residual, axis=1)
     weight = np.exp(-0.5 * (distance / (2.0 * max(float(np.median(distance)), 1e-6))) ** 2)
@@ -311,6 +296,11 @@ def _step(here: Array, pixels: Array, K: Array, *, move: bool) -> Array:
     left = (rows * root[..., None]).reshape(-1, rows.shape[2]) / scale
     solution = np.linalg.lstsq(left, (residual * root).ravel(), rcond=1e-8)[0] / scale
     return np.concatenate([solution, np.zeros(6 - solution.size)])
+
+
+def _per_point(entries: list[list[Array]]) -> Array:
+    """Matrices (n, …) of entries (n,)."""
+    return np.ascontiguousarray(np.moveaxis(np.array(entries), -1, 0))
 
 
 def turn_between(one: sk.Camera, other: sk.Camera) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -170,15 +171,10 @@ def _left_over(scene: Scene, earlier: list[Finding]) -> list[Finding]:
         frames = np.isfinite(scene.seen(i)).any(axis=(1, 2)).sum()
         if frames >= _LEAST_FRAMES and row.rejected >= max(_REJECTED, _RATIO * usual):
             px = float(scene.left_out[i])
-            numbers = {
-                "rejected": row.rejected,
-                "others": usual,
-                "px": px,
-                **once_corrected(earlier, row.name),
-            }
-            findings.append(
-                Finding("camera_unexplained", subject=Subject(cameras=(row.name,)), numbers=numbers)
-            )
+            numbers: dict[str, Any] = {"rejected": row.rejected, "others": usual, "px": px}
+            numbers |= once_corrected(earlier, row.name)
+            subject = Subject(cameras=(row.name,))
+            findings.append(Finding("camera_unexplained", subject=subject, numbers=numbers))
     return findings
 
 

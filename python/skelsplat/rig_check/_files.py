@@ -101,11 +101,9 @@ def _better(images: Files, exchange: Files) -> Files:
     if rival.error_px >= _CLEAR * best.error_px:
         return best
     first, *rest = best.findings
+    shown = ("images", "folders")
     other = [
-        {
-            "kind": finding.kind,
-            **{key: finding.numbers[key] for key in ("images", "folders") if key in finding.numbers},
-        }
+        {"kind": finding.kind, **{key: value for key, value in finding.numbers.items() if key in shown}}
         for finding in rival.findings
     ]
     numbers = {**first.numbers, "rivals": [*first.numbers.get("rivals", []), other]}
@@ -187,16 +185,9 @@ def find_exchange(
     best, after = orders[ranked[0]], tried[ranked[0]].disagreement
     rivals = [orders[k] for k in ranked[1:] if tried[k].disagreement < _CLEAR * after]
     names = named(cameras)
-    numbers = {
-        "folders": _folders(names, best),
-        "before_px": before.disagreement,
-        "after_px": after,
-        **(
-            {"rivals": [[{"kind": "cameras_exchanged", "folders": _folders(names, rivals[0])}]]}
-            if rivals
-            else {}
-        ),
-    }
+    numbers = {"folders": _folders(names, best), "before_px": before.disagreement, "after_px": after}
+    if rivals:
+        numbers["rivals"] = [[{"kind": "cameras_exchanged", "folders": _folders(names, rivals[0])}]]
     moved = tuple(names[i] for i, folder in enumerate(best) if folder != i)
     return Finding("cameras_exchanged", "error", Subject(cameras=moved), numbers), best
 

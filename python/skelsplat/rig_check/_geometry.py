@@ -54,12 +54,8 @@ def _same_place(cameras: Sequence[sk.Camera], names: list[str]) -> Iterator[Find
     width = np.linalg.norm(centres[:, None] - centres, axis=-1).max()
     for i, j in combinations(range(len(cameras)), 2):
         if np.linalg.norm(centres[i] - centres[j]) <= _SAME_PLACE * width:
-            pair = (names[i], names[j])
-            yield Finding(
-                "same_place",
-                subject=Subject(cameras=pair),
-                numbers=dict(zip(("one", "other"), pair, strict=True)),
-            )
+            numbers = {"one": names[i], "other": names[j]}
+            yield Finding("same_place", subject=Subject(cameras=(names[i], names[j])), numbers=numbers)
 
 
 def _directions(cameras: Sequence[sk.Camera], names: list[str]) -> Iterator[Finding]:
@@ -70,9 +66,8 @@ def _directions(cameras: Sequence[sk.Camera], names: list[str]) -> Iterator[Find
     if cosine > np.cos(np.radians(_PARALLEL_DEG)):
         return
     point = meeting_point(centres, axes)
-    away = [
-        name for name, depth in zip(names, ((point - centres) * axes).sum(axis=1), strict=True) if depth < 0
-    ]
+    depths = ((point - centres) * axes).sum(axis=1)
+    away = [name for name, depth in zip(names, depths, strict=True) if depth < 0]
     if len(away) == len(cameras):
         yield Finding("all_look_away")
     elif away and len(away) <= len(cameras) // 2:
@@ -82,5 +77,4 @@ def _directions(cameras: Sequence[sk.Camera], names: list[str]) -> Iterator[Find
 def meeting_point(centres: Array, axes: Array) -> Array:
     """Point (3,) with the least sum of squared distances from the lines."""
     across = np.eye(3) - axes[:, :, None] * axes[:, None, :]
-    point: Array = np.linalg.solve(across.sum(axis=0), (across @ centres[:, :, None]).sum(axis=0)[:, 0])
-    return point
+    return np.linalg.solve(across.sum(axis=0), (across @ centres[:, :, None]).sum(axis=0)[:, 0])

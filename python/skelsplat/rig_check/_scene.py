@@ -52,8 +52,7 @@ class Scene:
         wanted = self.frames[self.judged] + (self.shifts[view] if shift is None else shift)
         place = np.searchsorted(self.frames, wanted).clip(max=len(self.frames) - 1)
         there = self.frames[place] == wanted
-        found: Array = np.where(there[:, None, None], self.detections[place, view], np.nan)
-        return found
+        return np.where(there[:, None, None], self.detections[place, view], np.nan)
 
     @cached_property
     def judged_detections(self) -> Array:
@@ -64,8 +63,7 @@ class Scene:
         """Triangulate the judged frames robustly without one camera, (J, N, 3) mm; NaN where unknown."""
         others = [i for i in range(self.views) if i != view]
         cameras = [self.cameras[i] for i in others]
-        points: Array = np.asarray(sk.triangulate(self.judged_detections[:, others], cameras))
-        return points
+        return np.asarray(sk.triangulate(self.judged_detections[:, others], cameras))
 
     @cached_property
     def residuals(self) -> Array:
@@ -180,5 +178,4 @@ def follow(cameras: Sequence[sk.Camera], people: Array, layout: sk.Layout | None
     found = (index >= 0).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
     fallback = np.take_along_axis(people, places[:, :, None, None, None], axis=2)[:, :, 0]
     lost = found < _LOST
-    followed: Array = np.where(lost[None, :, None, None], fallback, chosen)[..., :2]
-    return followed
+    return np.where(lost[None, :, None, None], fallback, chosen)[..., :2]

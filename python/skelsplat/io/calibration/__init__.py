@@ -135,10 +135,7 @@ def read_calibration(
 def find_format(path: str | os.PathLike[str]) -> str | None:
     """Return the key of the format that a file or folder has; None if it is no calibration.
 
-    Raises
-    ------
-    DatasetError
-        If the file cannot be read, or begins like JSON, XML or TOML and is broken.
+    A file that cannot be read, or begins like JSON, XML or TOML and is broken, is a `DatasetError`.
     """
     return _recognised(Source(path))
 

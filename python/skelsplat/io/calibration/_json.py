@@ -159,11 +159,9 @@ _DEFAULT_TYPE = "hd"
 def is_panoptic(source: Source) -> bool:
     """Whether a document has a list of cameras with Panoptic's name for the lens."""
     cameras = source.json["cameras"].value
-    return (
-        isinstance(cameras, list)
-        and "format" not in source.json
-        and any(isinstance(camera, dict) and "distCoef" in camera for camera in cameras)
-    )
+    if not isinstance(cameras, list) or "format" in source.json:
+        return False
+    return any(isinstance(camera, dict) and "distCoef" in camera for camera in cameras)
 
 
 def parse_panoptic(source: Source, camera_type: str | None) -> Parsed:

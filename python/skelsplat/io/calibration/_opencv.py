@@ -98,8 +98,7 @@ def _matrix(path: Path, key: str, parts: Mapping[str, str], *, closed: bool = Fa
     if (closed and not data.endswith("]")) or min(shape) < 0 or len(values) != shape[0] * shape[1]:
         expected = f"{shape[0]}×{shape[1]} numbers{' in a closed list' if closed else ''}"
         raise DatasetError(path, key, expected, f"{len(values)} numbers")
-    rows: list[list[float]] = np.reshape(values, shape).tolist()
-    return rows
+    return np.reshape(values, shape).tolist()
 
 
 def _scalar(text: str) -> Any:

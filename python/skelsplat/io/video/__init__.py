@@ -37,14 +37,8 @@ def find_videos(
     Or it is one video or folder of images, whose camera is the chosen one, or the one of its name. `chosen`
     are the cameras that are wanted, compared as loosely as the videos' names are; empty for all. `order` is
     the file or folder of each camera (of the chosen ones, if there are any), or "sorted", instead of matching
-    by name.
-
-    Raises
-    ------
-    InvalidInputError
-        If a chosen camera is not there, or `order` does not fit.
-    DatasetError
-        If nothing is there, or a wanted camera has no video, or more than one.
+    by name. A chosen camera that is not there and an `order` that does not fit are an `InvalidInputError`; a
+    path without videos and a wanted camera without one, or with more, are a `DatasetError`.
     """
     root = Path(path)
     meant = cameras_called(chosen, names, "camera")

@@ -41,10 +41,7 @@ class FrameSource:
     def frames(self, first: int, last: int) -> Iterator[tuple[int, Image]]:
         """Yield (number, image (H, W, 3), blue first) of the frames `first` to `last` that can be read.
 
-        Raises
-        ------
-        DatasetError
-            If an image has another size than the first.
+        An image of another size than the first is a `DatasetError`.
         """
         found = self._of_folder(first, last) if self.images else self._of_video(first, last)
         for number, path, image in found:
@@ -76,14 +73,8 @@ def open_source(path: Path, first_frame: int = 0) -> FrameSource:
     """Open a video, whose first frame has the number `first_frame`, or a folder of images.
 
     Images are numbered by the last integer in their names. Frames are turned upright as the file's metadata
-    says, as detectors that read with OpenCV do.
-
-    Raises
-    ------
-    DatasetError
-        If it cannot be read, or an image's name has no number or that of another.
-    MissingPackageError
-        If OpenCV is not installed.
+    says, as detectors that read with OpenCV do. What cannot be read, and an image whose name has no number or
+    that of another, is a `DatasetError`.
     """
     if path.is_dir():
         return _open_images(path)
