@@ -125,7 +125,7 @@ def test_a_filter_leaves_weak_joints_and_keeps_them_from_the_others(recording, a
     expected = temporal.one_euro(plain.pose, 50.0, min_cutoff=2.0, beta=0.01, weak=weak)
     np.testing.assert_array_equal(smooth.pose, expected)
     np.testing.assert_array_equal(smooth.pose[weak], plain.pose[weak])
-    assert "; 1 weak joint position is left as it is and does not pull on others." in smooth.processing[0]
+    assert "; 1 weak joint position is unchanged and does not influence other frames." in smooth.processing[0]
 
 
 def test_a_joint_that_a_filter_leaves_is_counted_once(recording, arguments):
