@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 import sys
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from collections.abc import Sequence
+from typing import Annotated, Any, NoReturn
 
 import typer
 from typer.core import TyperGroup
@@ -12,9 +13,6 @@ from typer.core import TyperGroup
 import skelsplat as sk
 from skelsplat.cli.command import Application
 from skelsplat.cli.config import origin
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 FAILED, BAD_USAGE, INTERRUPTED = 1, 2, 130
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 from rich import box
@@ -18,16 +18,13 @@ from skelsplat.association import take_people
 from skelsplat.cli import inputs, options
 from skelsplat.cli.output import print_json
 from skelsplat.cli.table import print_table
-from skelsplat.findings import collected_warnings
+from skelsplat.findings import Finding, collected_warnings
+from skelsplat.io import DetectionSet
 from skelsplat.io.detections import read_detections
 from skelsplat.rig_check import ReadAs, RigReport, check_rig
 from skelsplat.run.job import FRAME_MODES
 from skelsplat.run.person import check_person, pick_places
 from skelsplat.run.read import leave_out, named_offsets, read_rig
-
-if TYPE_CHECKING:
-    from skelsplat.findings import Finding
-    from skelsplat.io import DetectionSet
 
 EPILOG = "Exit status: 0 nothing found, 1 something found or a file is unreadable, 2 bad usage."
 COMMON = ("unit", "layout", "person", "frames", "without", "offset", "order", "joint_map", "quiet", "as_json")

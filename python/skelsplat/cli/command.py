@@ -5,7 +5,8 @@ from __future__ import annotations
 import functools
 import inspect
 import re
-from typing import TYPE_CHECKING, Annotated, Any
+from collections.abc import Callable, Sequence
+from typing import Annotated, Any
 
 import typer
 from typer.core import TyperCommand
@@ -13,9 +14,6 @@ from typer.core import TyperCommand
 from skelsplat.cli.config import Config
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.run.job import IncompleteJobError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
 
 _ALL = "skelsplat.help.all"
 # Arguments of the package that have another name as a command's parameter.

@@ -8,19 +8,17 @@ for every command that has the option; those in a table with a command's name, s
 from __future__ import annotations
 
 import inspect
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
 from types import UnionType
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 import typer
 
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._files import parse_toml, read_text
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
 
 NAME_OR_PATH = "name or path"
 """Marks a text option in its `Annotated`: a name, or a path where a file of that name exists."""

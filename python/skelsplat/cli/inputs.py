@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from skelsplat.cli import options
 from skelsplat.io.calibration import FORMATS
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 _PANEL = "Calibration"
 _OF_DETECTIONS = (

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import sys
-from typing import TYPE_CHECKING, BinaryIO
+from collections.abc import Iterator
+from typing import BinaryIO
 
 import typer
 
@@ -17,9 +18,6 @@ from skelsplat.exceptions import DatasetError
 from skelsplat.findings import collected_warnings
 from skelsplat.run.live import MalformedLineError, Session
 from skelsplat.run.read import read_rig
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 EPILOG = "Exit status: 0 at the end of the input, 1 failed, 2 bad usage, 130 interrupted."
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import typer
 from rich.console import Console
@@ -18,9 +19,6 @@ from rich.progress import (
 )
 
 from skelsplat._json import to_text
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
 
 
 def print_json(document: Any) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from rich.console import Console
 
@@ -11,11 +10,9 @@ import skelsplat as sk
 from skelsplat.cli import inputs, options
 from skelsplat.cli.output import counting, print_json
 from skelsplat.cli.table import print_files, print_run, tell
+from skelsplat.findings import Finding
 from skelsplat.io.poses import POSE_FORMATS
 from skelsplat.run import Job, run
-
-if TYPE_CHECKING:
-    from skelsplat.findings import Finding
 
 EPILOG = (
     "Results in FOLDER: pose.npz, pose.csv and pose.trc (or the formats of --write), report.json, "

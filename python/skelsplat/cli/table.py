@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,19 +14,14 @@ from rich.text import Text
 
 import skelsplat as sk
 from skelsplat._sentences.words import number
+from skelsplat.findings import Finding
+from skelsplat.run import Run
 from skelsplat.run.folder import left_of_earlier
 from skelsplat.run.solve import default_threads
-from skelsplat.run.summary import finite_max, finite_median
+from skelsplat.run.summary import Group, Statistics, finite_max, finite_median
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-    from pathlib import Path
-
     from rich.console import Console
-
-    from skelsplat.findings import Finding
-    from skelsplat.run import Run
-    from skelsplat.run.summary import Group, Statistics
 
 _MOST_JOINTS = 5
 _REASONS = {

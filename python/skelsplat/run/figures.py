@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 import skelsplat as sk
 from skelsplat import viz
 from skelsplat._arrays import Array
-from skelsplat.run.summary import finite_median, frame_medians
-
-if TYPE_CHECKING:
-    from skelsplat.run._run import Run
-    from skelsplat.run.read import Inputs
-    from skelsplat.run.solve import Outcome
-    from skelsplat.run.summary import Statistics
+from skelsplat.run._run import Run
+from skelsplat.run.read import Inputs
+from skelsplat.run.solve import Outcome
+from skelsplat.run.summary import Statistics, finite_median, frame_medians
 
 # Length of the cameras' mean upward direction below which they do not agree on a vertical: they look down.
 _AGREED_UP = 0.3

@@ -2,26 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Set as AbstractSet
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 import skelsplat as sk
 from skelsplat.findings import Finding, Remedy, Subject
 from skelsplat.run.displaced import displaced_cameras, find_apart, find_displaced, shift_of
 from skelsplat.run.people import are_mixed, find_people
-from skelsplat.run.summary import finite_median
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-    from collections.abc import Set as AbstractSet
-
-    import numpy.typing as npt
-
-    from skelsplat.run.read import Inputs
-    from skelsplat.run.solve import Outcome
-    from skelsplat.run.summary import Group, Statistics
+from skelsplat.run.read import Inputs
+from skelsplat.run.solve import Outcome
+from skelsplat.run.summary import Group, Statistics, finite_median
 
 # Most: at least this share.
 _MOSTLY = 0.5

@@ -2,29 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import groupby
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from skelsplat._sentences.run import named
 from skelsplat.findings import Finding, Subject
-from skelsplat.run.summary import finite_median, frame_medians
+from skelsplat.run.read import Inputs
+from skelsplat.run.solve import Outcome
+from skelsplat.run.summary import Statistics, finite_median, frame_medians
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    import numpy.typing as npt
-
-    from skelsplat.run.read import Inputs
-    from skelsplat.run.solve import Outcome
-    from skelsplat.run.summary import Statistics
-
-    Array = npt.NDArray[np.float64]
-    Mask = npt.NDArray[np.bool_]
-    # What is found in a frame: its index, the kind, whom it concerns, and numbers.
-    Case = tuple[int, str, Subject, dict[str, Any]]
+Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+# What is found in a frame: its index, the kind, whom it concerns, and numbers.
+Case = tuple[int, str, Subject, dict[str, Any]]
 
 # Unusual for the recording: this multiple of the median over its frames,
 _RATIO = 3.0

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import os
+from collections.abc import Iterable, Mapping
 from dataclasses import KW_ONLY, dataclass, field
-from typing import TYPE_CHECKING
 
 import skelsplat as sk
 from skelsplat import temporal
@@ -15,10 +15,6 @@ from skelsplat.io.poses import POSE_FORMATS
 from skelsplat.io.poses._pose_data import MARKER_NAMES
 from skelsplat.run.over_time import Filter, parse_filter
 from skelsplat.run.person import check_person
-
-if TYPE_CHECKING:
-    import os
-    from collections.abc import Iterable
 
 FRAME_MODES = ("strict", "intersection", "union")
 

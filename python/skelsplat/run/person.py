@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 import skelsplat as sk
 from skelsplat import association
 from skelsplat._arrays import medians
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    import numpy.typing as npt
-
-    Array = npt.NDArray[np.float64]
-    Index = npt.NDArray[np.int64]
-    Mask = npt.NDArray[np.bool_]
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.int64]
+Mask = npt.NDArray[np.bool_]
 
 # A person counts as detected with this many joints of this confidence; others are not considered.
 _MIN_JOINTS, _MIN_CONFIDENCE = 4, 0.2

@@ -13,12 +13,11 @@ import numpy as np
 from skelsplat import viz
 from skelsplat._arrays import Array, medians
 from skelsplat.io import PoseData
+from skelsplat.run.plots import Pairs, Source
 from skelsplat.run.summary import error_maps
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from skelsplat.run.plots import Pairs, Source
 
 Picture = tuple[list["Figure"], str, Any]
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 import skelsplat as sk
 from skelsplat.association import take_people
@@ -15,17 +17,10 @@ from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io import read_npz
 from skelsplat.io.calibration import find_format, read_calibration
 from skelsplat.io.detections import camera_called, cameras_called, read_detections
-from skelsplat.run.person import look_around, pick_places
+from skelsplat.run.job import Job
+from skelsplat.run.person import Crowd, look_around, pick_places
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    import numpy.typing as npt
-
-    from skelsplat.run.job import Job
-    from skelsplat.run.person import Crowd
-
-    Array = npt.NDArray[np.float64]
+Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

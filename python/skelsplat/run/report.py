@@ -4,20 +4,16 @@ from __future__ import annotations
 
 import platform
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 import skelsplat as sk
 from skelsplat._json import plain
-from skelsplat.run.solve import default_threads
-from skelsplat.run.summary import DOWN_WEIGHTED, POOR_SHARE, Statistics, finite_max, finite_median
-
-if TYPE_CHECKING:
-    from skelsplat.run.job import Job
-    from skelsplat.run.read import Inputs
-    from skelsplat.run.solve import Outcome
-    from skelsplat.run.summary import Group
+from skelsplat.run.job import Job
+from skelsplat.run.read import Inputs
+from skelsplat.run.solve import Outcome, default_threads
+from skelsplat.run.summary import DOWN_WEIGHTED, POOR_SHARE, Group, Statistics, finite_max, finite_median
 
 MEANINGS = {
     "missing": "no detection of the followed person: not detected, or not_chosen",

@@ -4,24 +4,19 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 import skelsplat as sk
 from skelsplat.cameras import without_distortion
+from skelsplat.run.job import Job
+from skelsplat.run.read import Inputs
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    import numpy.typing as npt
-
-    from skelsplat.run.job import Job
-    from skelsplat.run.read import Inputs
-
-    Array = npt.NDArray[np.float64]
-    Progress = Callable[[int, int], None]
+Array = npt.NDArray[np.float64]
+Progress = Callable[[int, int], None]
 
 PLAIN_START, GIVEN_START = "plain triangulation", "initial pose"
 

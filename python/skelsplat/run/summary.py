@@ -3,26 +3,21 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 import skelsplat as sk
 from skelsplat._arrays import medians
 from skelsplat.run.displaced import Shifts, camera_shifts, residuals
-from skelsplat.run.solve import rig_as_used
+from skelsplat.run.read import Inputs
+from skelsplat.run.solve import Outcome, rig_as_used
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    import numpy.typing as npt
-
-    from skelsplat.run.read import Inputs
-    from skelsplat.run.solve import Outcome
-
-    Array = npt.NDArray[np.float64]
-    Mask = npt.NDArray[np.bool_]
+Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
 
 # A detection is called poor beyond this share of the image's diagonal: 22 px at 1920 × 1080, some 40 mm on a
 # person who fills the longer side.

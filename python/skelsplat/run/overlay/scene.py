@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import numpy.typing as npt
 
 import skelsplat as sk
 from skelsplat._arrays import Array, Mask
+from skelsplat.io.run_folder import RunFolder
 from skelsplat.io.video import Size
 from skelsplat.run.solve import rig_as_used
 from skelsplat.viz import Skeleton
 from skelsplat.viz.overlay import OverlayFrame
-
-if TYPE_CHECKING:
-    from skelsplat.io.run_folder import RunFolder
 
 # Step of the central differences in parts of the distance to the camera: about a tenth of a pixel. What they
 # leave out is a millionth of the ellipse.
