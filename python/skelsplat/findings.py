@@ -91,6 +91,9 @@ class Finding:
         """The finding in words: one or a few sentences."""
         return _sentences.sentence(self)
 
+    def __str__(self) -> str:
+        return self.text
+
     def to_dict(self) -> dict[str, Any]:
         """Return the finding as values of JSON, with its text; empty parts of the subject are left out."""
         subject = {name: list(values) for name, values in asdict(self.subject).items() if values}

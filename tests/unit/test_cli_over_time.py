@@ -69,7 +69,7 @@ def test_the_filter_is_that_of_temporal_in_mm_and_is_stated_in_every_format_with
     expected = temporal.one_euro(plain, 50.0, min_cutoff=2.0, beta=0.01)
     sentence = (
         "Low-pass: one-euro filter, 2 Hz at rest and 0.01 Hz per mm/s, causal. Uncertainties, weights and "
-        "reprojection errors are those before it."
+        "reprojection errors are from before filtering."
     )
     readers = {"npz": read_npz, "json": read_json, "c3d": read_c3d, "nc": read_netcdf}
     for kind, read in readers.items():
@@ -95,7 +95,10 @@ def test_runs_too_short_for_butterworth_are_said_to_be_left(gap, arguments):
     # five frames are fewer than ten
     settings = {"name": "butterworth", "cutoff_hz": 6.0, "order": 4}
     assert report["filter"] == {**settings, "left_as_they_are": 84, "weak_left": 0}
-    assert "order 4, −3 dB at 6 Hz, both ways, no lag; 84 joint positions" in report["processing"][0]
+    assert (
+        "order 4, −3 dB at 6 Hz, zero-lag (forward and backward); 84 joint positions"
+        in report["processing"][0]
+    )
 
 
 def with_a_weak_joint(recording):

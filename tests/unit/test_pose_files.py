@@ -263,3 +263,8 @@ def test_view_weights_of_three_joints_are_no_positions(tmp_path):
     write_json(tmp_path / "pose.json", replace(sample(), view_weights=weights))
     document = json.loads((tmp_path / "pose.json").read_text(encoding="utf-8"))
     assert document["frames"][0]["view_weights"] == [[None] * N] * M
+
+
+def test_the_repr_of_poses_is_one_line():
+    data = PoseData(np.zeros((3, 2, 3)), ("head", "hip"), np.arange(3), "m")
+    assert repr(data) == "PoseData(3 frames, 2 joints, 0 cameras, unit 'm')"

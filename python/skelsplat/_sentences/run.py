@@ -63,7 +63,7 @@ def _disagrees(finding: Finding) -> str:
         f"{percent(numbers['rejected_share'])} of its detections are rejected, "
         f"{percent(numbers['others_rejected_share'])} of {theirs}, and its mean weight is "
         f"{numbers['mean_weight']:.2f}. {side}The pose follows the others: check this camera's calibration "
-        f"and timing, and what blocks its view. {_LOOK}{_leaves_out(finding)}."
+        f"and timing, and whether anything blocks its view. {_LOOK}{_leaves_out(finding)}."
     )
 
 

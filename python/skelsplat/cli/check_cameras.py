@@ -74,7 +74,7 @@ def check_cameras(
     quiet: options.Quiet = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Find faults of a calibration: wrong unit, exchanged, rotated or late cameras.
+    """Find faults in a calibration: wrong unit, swapped, rotated or unsynchronised cameras.
 
     With the detections of one person walking about, every camera is compared
     with the other cameras. Detections are read like those of refine. With --json,

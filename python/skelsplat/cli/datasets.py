@@ -20,7 +20,7 @@ from skelsplat.cli.output import print_json
 from skelsplat.cli.table import print_table
 from skelsplat.datasets import Dataset, Report
 from skelsplat.datasets import _registry as registry
-from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.exceptions import InvalidInputError
 from skelsplat.findings import Finding
 
 _MOST_FILES = 12
@@ -165,8 +165,10 @@ def _print_report(console: Console, report: Report) -> None:
     if report.dataset is not None:
         _print_dataset(console, report.dataset)
         _print_errors(console, report)
-    if report.error is not None:
-        _print_error(console, report.error)
+    if (error := report.error) is not None:
+        words = " ".join(f"{error.field}: expected {error.expected}, got {error.actual}".split())
+        console.print(f"✗ cannot be read: {words}", style="red")
+        console.print(f"  {error.path}", style="dim", soft_wrap=True)
     for finding in report.findings:
         _print_finding(console, finding)
     console.print(_verdict(report), style="green" if report.ok else "red")
@@ -234,12 +236,6 @@ def _print_finding(console: Console, finding: Finding) -> None:
     mark, style = ("✗", "red") if finding.severity == "error" else ("!", "yellow")
     console.print(f"{mark} {finding.text}", style=style)
     console.print(f"  {', '.join(finding.subject.files)}", style="dim", soft_wrap=True)
-
-
-def _print_error(console: Console, error: DatasetError) -> None:
-    words = " ".join(f"{error.field}: expected {error.expected}, got {error.actual}".split())
-    console.print(f"✗ cannot be read: {words}", style="red")
-    console.print(f"  {error.path}", style="dim", soft_wrap=True)
 
 
 def _verdict(report: Report) -> str:

@@ -174,7 +174,7 @@ Paper = Annotated[
     flag(
         _METHOD,
         "--paper",
-        help="Use the method paper, as published. It renders pixels and optimises with Adam; the default, "
+        help="Use the published method. It renders pixels and optimises with Adam; the default, "
         "annealed, is more robust.",
     ),
 ]
@@ -193,7 +193,7 @@ SymmetryTier = Annotated[
     option(
         _METHOD,
         metavar="0..3",
-        help=f"{_sentence('symmetry_tier')} 1: lower limbs, 2: also upper limbs, 3: also trunk.",
+        help=_sentence("symmetry_tier"),
         default=_default("symmetry_tier"),
         min=0,
         max=3,

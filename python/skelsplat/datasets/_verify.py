@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skelsplat._arrays import median
 from skelsplat._sentences.datasets import parts
@@ -75,17 +74,11 @@ def distance(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.norm(a - b, axis=-1))
 
 
-def exchanged_sides(layout: Layout) -> NDArray[np.int64]:
-    """Return the joint order (N,) with left and right exchanged."""
+def sides(item: Sample, layout: Layout, view: int | slice = slice(None)) -> tuple[float, float]:
+    """Return the median error of paired joints as given, and with left and right exchanged."""
     order = np.arange(layout.n_joints)
     for left, right in layout.left_right:
         order[[left, right]] = right, left
-    return order
-
-
-def sides(item: Sample, layout: Layout, view: int | slice = slice(None)) -> tuple[float, float]:
-    """Return the median error of paired joints as given, and with left and right exchanged."""
-    order = exchanged_sides(layout)
     paired = order != np.arange(len(order))
     projected, pixels = item.projected[:, view], item.pixels[:, view]
     given = median(distance(projected, pixels)[..., paired])

@@ -171,8 +171,10 @@ def actions(evaluation: Evaluation, metric: Metric = "absolute") -> Table:
             Row(others.name(row), tuple(others.value(row, key) for key in keys), reported=True)
             for row in others.table
         ]
+    rules = evaluation.protocol
+    kind = "actor" if rules.parts else "action" if rules.columns else "sequence"
     return Table(
-        f"{_subject(evaluation)}: {_TITLES[metric]}, per {_column_kind(evaluation)}",
+        f"{_subject(evaluation)}: {_TITLES[metric]}, per {kind}",
         "method",
         (*columns, Column("Avg", best=best)),
         tuple(rows),
@@ -204,6 +206,7 @@ def all_tables(evaluation: Evaluation) -> list[Table]:
 def notes(evaluation: Evaluation) -> tuple[str, ...]:
     """Return what goes under the first table: data, protocol, settings, what the columns mean."""
     options, rules = evaluation.options, evaluation.protocol
+    threads = options.n_threads or os.cpu_count() or 1
     lens = "removed from the detections" if options.undistort else "ignored, as the paper does (K alone)"
     lines = [
         f"Data: {evaluation.dataset.source or evaluation.dataset.name}.",
@@ -211,8 +214,8 @@ def notes(evaluation: Evaluation) -> tuple[str, ...]:
         f"Protocol: {rules.text} {_counted(evaluation)}",
         f"Lens distortion: {lens}. {_starts(evaluation)}",
         "95 % CI: of abs, by bootstrap over takes. Joints without a position (missing, %) are in no "
-        f"distance, and wrong in PCK. Time: the method alone, {_threads(options.n_threads)}; no 2D detector "
-        "or monocular estimator.",
+        f"distance, and wrong in PCK. Time: the method alone, compiled methods on {threads} "
+        f"thread{'s' * (threads != 1)}; no 2D detector or monocular estimator.",
     ]
     if evaluation.published is not None:
         table = evaluation.published.table
@@ -235,12 +238,6 @@ def _subject(evaluation: Evaluation) -> str:
     return f"{evaluation.dataset.name} ({detector}), {', '.join(map(str, sorted(views)))} views"
 
 
-def _column_kind(evaluation: Evaluation) -> str:
-    if evaluation.protocol.parts:
-        return "actor"
-    return "action" if evaluation.protocol.columns else "sequence"
-
-
 def _counted(evaluation: Evaluation) -> str:
     first = evaluation.scores[0]
     text = f"Poses: {first.absolute_poses} absolute, {first.poses} relative"
@@ -260,8 +257,3 @@ def _starts(evaluation: Evaluation) -> str:
             prior = "" if sigma is None else f" as a prior of {sigma:g} mm per axis"
             starts.append(f"{name} from {words[settings['start']]}{prior}")
     return f"Starts: {', '.join(starts)}." if starts else ""
-
-
-def _threads(chosen: int | None) -> str:
-    count = chosen or os.cpu_count() or 1
-    return f"compiled methods on {count} thread{'s' * (count != 1)}"

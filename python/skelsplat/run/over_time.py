@@ -110,7 +110,7 @@ def apply_over_time(data: PoseData, job: Job | None) -> tuple[PoseData, dict[str
 
 
 _METHODS = {"cubic": "cubic splines", "linear": "straight lines"}
-_UNTOUCHED = "Uncertainties, weights and reprojection errors are those before it."
+_UNTOUCHED = "Uncertainties, weights and reprojection errors are from before filtering."
 
 
 def _filled(data: PoseData, job: Job) -> tuple[PoseData, int]:
@@ -155,11 +155,12 @@ def _in_words(chosen: Filter, left: dict[str, int]) -> str:
         speed = f"{chosen.beta_hz_per_mm_s:g} Hz per mm/s"
         text = f"one-euro filter, {chosen.min_cutoff_hz:g} Hz at rest and {speed}, causal"
     else:
-        text = f"Butterworth of order {chosen.order}, −3 dB at {chosen.cutoff_hz:g} Hz, both ways, no lag"
+        text = f"Butterworth of order {chosen.order}, −3 dB at {chosen.cutoff_hz:g} Hz, "
+        text += "zero-lag (forward and backward)"
     if left["weak_left"] == 1:
-        text += "; 1 weak joint position is left as it is and does not pull on others"
+        text += "; 1 weak joint position is unchanged and does not influence other frames"
     elif left["weak_left"]:
-        text += f"; {left['weak_left']} weak joint positions are left as they are and do not pull on others"
+        text += f"; {left['weak_left']} weak joint positions are unchanged and do not influence other frames"
     if left["left_as_they_are"]:
         text += f"; {left['left_as_they_are']} joint positions in runs too short for it are unchanged"
     return text

@@ -54,7 +54,7 @@ def takes(root: Path, options: Options, reading: Reading) -> Iterator[Take]:
     without: Iterator[Take] = (
         _take(path, subject, str(activity), value, rigs[subject], cameras)
         for subject in subjects
-        for activity, value in _activities(path, f"positions_3d.{subject}", positions[subject])
+        for activity, value in a_table(path, f"positions_3d.{subject}", positions[subject]).items()
     )
     own = reading.choose(_detectors(root), options, root)
     return without if own is None else _with_own(without, own, reading)
@@ -79,10 +79,6 @@ def _detectors(root: Path) -> dict[str, Path]:
 def _table(path: Path, key: str) -> dict[Any, Any]:
     table = require(path, "", load_npz(path, (key,)), key)
     return a_table(path, key, table)
-
-
-def _activities(path: Path, field: str, value: Any) -> Iterator[tuple[Any, Any]]:
-    return iter(a_table(path, field, value).items())
 
 
 def _take(path: Path, subject: str, activity: str, value: Any, rig: CameraRig, cameras: Path) -> Take:

@@ -12,7 +12,7 @@ from typing import Any
 
 from skelsplat._skelsplat import __version__
 from skelsplat.evaluation.ablations._source import Choices, Source
-from skelsplat.evaluation.ablations._sweep import Ablation, Outcome, Table
+from skelsplat.evaluation.ablations._sweep import Ablation, Outcome
 from skelsplat.evaluation.ablations._table import get
 from skelsplat.evaluation.reported import reported
 from skelsplat.io._files import atomic_write_text
@@ -63,16 +63,13 @@ def to_markdown(record: Record) -> str:
     """Return the tables, each with its source, and the claims."""
     parts = [f"# {record.ablation.title}", f"`{record.command}` (skelsplat {__version__})"]
     for table in record.outcome.tables:
-        parts += [f"## {table.title} ({table.unit})", _grid(table), record.line]
+        rows = [(r.method, r.data, *(cell(value, table.digits) for value in r.values)) for r in table.rows]
+        grid = _lines((table.corner, "data", *table.columns), rows, numeric=len(table.columns))
+        parts += [f"## {table.title} ({table.unit})", grid, record.line]
     claims = [(c.claim, c.paper, c.measured, f"**{c.verdict}**") for c in record.outcome.claims]
     parts += ["## Claims", _lines(("claim", "reported", "here", ""), claims, numeric=0)]
     parts += ["\n".join(f"- {text}" for text in (*record.notes, *record.sources))]
     return "\n\n".join(parts) + "\n"
-
-
-def _grid(table: Table) -> str:
-    rows = [(r.method, r.data, *(cell(value, table.digits) for value in r.values)) for r in table.rows]
-    return _lines((table.corner, "data", *table.columns), rows, numeric=len(table.columns))
 
 
 def _lines(header: Sequence[str], rows: Sequence[Sequence[str]], *, numeric: int) -> str:

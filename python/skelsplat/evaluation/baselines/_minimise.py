@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike
 
 from skelsplat._arrays import positive
 from skelsplat.evaluation.baselines._observations import (
-    BoolArray,
     Cameras,
     FloatArray,
     IntArray,
@@ -152,14 +151,9 @@ def minimise(start: FloatArray, problem: Reprojections, loss: Loss) -> FloatArra
         )
         settled = level | (better & (moved <= _SETTLED_PX)) | (damping[open_joints] >= _MOST_DAMPING)
         open_joints = open_joints[~settled]
-    return np.where(_ran_away(points, problem.projections)[:, None], start, points)
-
-
-def _ran_away(points: FloatArray, projections: FloatArray) -> BoolArray:
-    """Whether points (B, 3) are further from the cameras' middle than any that could be seen."""
-    frame = rig_frame(projections)
-    distance = np.linalg.norm(points - frame[:3, 3], axis=1)
-    return np.asarray(distance > _FARTHEST * frame[0, 0])
+    frame = rig_frame(problem.projections)
+    ran_away = np.linalg.norm(points - frame[:3, 3], axis=1) > _FARTHEST * frame[0, 0]
+    return np.where(ran_away[:, None], start, points)
 
 
 def _value(X: FloatArray, problem: Reprojections, loss: Loss) -> FloatArray:

@@ -107,6 +107,10 @@ class PoseData:
     frame_rate: float | None = None
     processing: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        size = f"{self.pose.shape[0]} frames, {len(self.joint_names)} joints"
+        return f"PoseData({size}, {len(self.camera_names)} cameras, unit {self.unit!r})"
+
     def __post_init__(self) -> None:
         self._read_arrays()
         if self.unit not in MM_PER_UNIT:
