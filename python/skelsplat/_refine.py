@@ -190,14 +190,9 @@ def refine(
 
 def _refinement(out: dict[str, Any]) -> Refinement:
     reasons = np.array(out["stop_reason"])
-    single = out["pose"].ndim == 2
-    return Refinement(
-        **{
-            **out,
-            "joint_status": _STATUS[out["joint_status"]],
-            "stop_reason": reasons.reshape(()) if single else reasons,
-        }
-    )
+    stop_reason = reasons.reshape(()) if out["pose"].ndim == 2 else reasons
+    words = {"joint_status": _STATUS[out["joint_status"]], "stop_reason": stop_reason}
+    return Refinement(**{**out, **words})
 
 
 def _warn_before_the_work(

@@ -173,18 +173,14 @@ def _explains(scene: Scene, cause: Cause) -> bool:
     before, after = scene.left_out[cause.view], cause.scene.left_out[cause.view]
     after *= max(1.0, 1.0 / cause.factor)  # smaller images make smaller errors
     better = _ALL_BETTER if scene.views > 2 else _TWO_BETTER
+    halves = zip(scene.left_out_halves(cause.view), cause.scene.left_out_halves(cause.view), strict=True)
     return bool(
         cause.scene.disagreement <= better * scene.disagreement
         and after <= _ITSELF_BETTER * before
         and before - after >= _LEAST_PX
         and after <= _GOOD * np.hypot(*scene.cameras[cause.view].size)
-        and all(
-            # not a half in which the camera sees nothing
-            not new > _HALF_BETTER * old
-            for old, new in zip(
-                scene.left_out_halves(cause.view), cause.scene.left_out_halves(cause.view), strict=True
-            )
-        )
+        # NaN, a half in which the camera sees nothing, does not count
+        and all(not new > _HALF_BETTER * old for old, new in halves)
     )
 
 

@@ -72,10 +72,8 @@ def _frames(data: PoseData) -> Iterator[dict[str, Any]]:
     arrays = {name: getattr(data, name) for name in ARRAYS}
     present = {name: array for name, array in arrays.items() if array.shape[0] == len(data.frames)}
     for t, frame in enumerate(data.frames.tolist()):
-        yield {
-            "frame": frame,
-            **{name: to_json(array[t], by_joint=name in _BY_JOINT) for name, array in present.items()},
-        }
+        values = {name: to_json(array[t], by_joint=name in _BY_JOINT) for name, array in present.items()}
+        yield {"frame": frame, **values}
 
 
 def to_json(array: Any, *, by_joint: bool = False) -> Any:

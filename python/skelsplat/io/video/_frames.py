@@ -117,13 +117,10 @@ def _open_images(folder: Path) -> FrameSource:
 def images_in(folder: Path) -> list[Path]:
     """Return the images in a folder, by name."""
     try:
-        return sorted(
-            path
-            for path in folder.iterdir()
-            if path.suffix.lower() in IMAGE_SUFFIXES and not path.name.startswith(".")
-        )
+        shown = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
     except OSError:
         return []
+    return [path for path in shown if path.suffix.lower() in IMAGE_SUFFIXES]
 
 
 def _read_image(path: Path) -> Image | None:
