@@ -146,7 +146,7 @@ def refine(
     init_sigma : float, (N,), (N, 3, 3) or (T, N, 3, 3), optional
         How good an ``init_pose`` is that does *not* come from these detections (monocular, the last frame, a
         body model): its standard deviation per axis in the cameras' unit, one for all joints or one each, or
-        a covariance (unit²) per joint, for all frames or for each. It then counts as a measurement beside the
+        a covariance (unit²) per joint, for all frames or for each. It then counts as a measurement like the
         detections. Without it ``init_pose`` only places joints that fewer than two views see; a pose
         triangulated from the same detections must not have one, it would count them twice. It is a Gaussian
         and not robust: a start that is many of its standard deviations off outvotes the detections (a warning
@@ -164,7 +164,7 @@ def refine(
     ------
     InvalidInputError
         Shapes that do not fit, a confidence outside [0, 1], an unknown layout or one of another N, an
-        ``init_sigma`` that is not positive (definite), has no ``init_pose`` beside it or meets ``paper``.
+        ``init_sigma`` that is not positive (definite), is given without ``init_pose`` or with ``paper``.
 
     Warns
     -----
@@ -345,7 +345,7 @@ class Refiner:
         With the default the detections of this frame decide wherever two views see a joint, however far the
         person moved; the last pose gives the depth of a joint that one view sees and the place of one that
         none sees (status ``"weak"`` and ``"unobserved"``). With ``paper`` joints without a reliable position
-        are triangulated anew, and so is the whole pose if most joints no longer meet their detections.
+        are triangulated again, and so is the whole pose if most joints no longer meet their detections.
 
         Raises
         ------

@@ -54,7 +54,7 @@ Poses = Annotated[
     ),
 ]
 Full = Annotated[bool, _data("--full", metavar="", help="All poses.")]
-Seed = Annotated[int, _data(min=0, metavar="S", help="Of all that is drawn at random.")]
+Seed = Annotated[int, _data(min=0, metavar="S", help="Seed of all random numbers.")]
 Start = Annotated[
     Literal["paper", "dlt", "fusion"], _method(help="Initial poses; paper: as in the paper's experiment.")
 ]

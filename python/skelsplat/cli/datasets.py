@@ -103,7 +103,7 @@ def check(
     quiet: options.Quiet = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Say what is there, what is missing, and whether units, joints and cameras are right.
+    """Check a data set: what it contains, what is missing, and whether units, joints and cameras are right.
 
     The ground truth is projected onto the detections of up to 24 frames of
     every take. Exit status 1 if something is missing or cannot be used.

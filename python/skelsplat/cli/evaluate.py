@@ -98,7 +98,7 @@ Start = Annotated[
 InitSigma = Annotated[
     float, _method(metavar="MM", help="Standard deviation per axis of the fused start of annealed-prior.")
 ]
-Seed = Annotated[int, _method(min=0, metavar="S", help="Of the pairs RANSAC draws.")]
+Seed = Annotated[int, _method(min=0, metavar="S", help="Seed of the pairs that RANSAC draws.")]
 Out = Annotated[
     Path | None,
     _output(
@@ -133,10 +133,10 @@ def evaluate(
     quiet: options.Quiet = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Run methods on a data set with ground truth and print their errors beside published ones.
+    """Run methods on a data set with ground truth and print their errors with published ones.
 
-    An evaluation that was stopped goes on where it was when it is started
-    again with the same options; changed options or data are computed anew.
+    A stopped evaluation continues when it is started again with the same
+    options; after changes of options or data it is computed again.
 
     [bold]Examples[/bold]
 

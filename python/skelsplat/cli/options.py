@@ -180,7 +180,7 @@ Paper = Annotated[
 ]
 NoSwaps = Annotated[
     bool,
-    flag(_METHOD, "--no-swaps", help="Do not correct left–right swaps; --paper never does."),
+    flag(_METHOD, "--no-swaps", help="Do not correct left–right swaps."),
 ]
 Sigma = Annotated[
     float | None, option(_METHOD, metavar="MM", help=_sentence("sigma_mm"), default=_default("sigma_mm"))

@@ -1,4 +1,4 @@
-"""Shelf and Campus: several persons, few cameras, 14 joints; what both have in common.
+"""Shelf and Campus: several people, few cameras, 14 joints; what both have in common.
 
 - ``calibration_NAME.json`` as VoxelPose wrote it: {"0": {k, p, R, T, fx, fy, cx, cy}}, mm, x_cam = R (X − T);
 - truth ``actorsGT.mat``, key ``actor3D``: cells of actors, of frames, of (14, 3) **metres**, empty where an
@@ -42,7 +42,7 @@ class Scene:
     @property
     def DESCRIPTION(self) -> str:  # noqa: N802  as readers that are modules have it
         """One line for the list of data sets."""
-        return f"{self.name.capitalize()}: several persons in {self.n_cameras} cameras."
+        return f"{self.name.capitalize()}: several people in {self.n_cameras} cameras."
 
     def read(
         self, root: Path, *, detector: str | None = None, detections: Path | str | None = None
