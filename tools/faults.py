@@ -5,8 +5,8 @@
     python tools/faults.py run FOLDER [NAME ...]  # plant all in a copy of HEAD; results go to FOLDER
     python tools/faults.py table FOLDER           # print the table for docs/decisions.md
 
-A fault is an exact text of the source and its replacement (`planted.py`). The text must occur exactly once, in
-any source file. The tests expected to find the fault run first. If they pass, the rest of the short suite
+A fault is an exact text of the source and its replacement (`planted.py`). The text must occur exactly once,
+in any source file. The tests expected to find the fault run first. If they pass, the whole short suite
 (`make test`) runs, and then the sweeps, which only `make test-all` runs. `run` needs the environment that
 `make test` sets up, and cargo for faults in Rust.
 """
