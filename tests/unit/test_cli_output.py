@@ -96,7 +96,7 @@ def test_json_is_a_document_and_quiet_is_silence(cases, name):
     assert result.exit_code == 0, result.output
     document = json.loads(result.stdout, parse_constant=pytest.fail)
     assert keys <= document.keys()
-    force = ["--force"] if name == "synth" else []
+    force = ["--force"] if name in ("synth", "convert") else []
     quiet = invoke(*name.split(), *arguments, *force, "-q")
     assert (quiet.exit_code, quiet.stdout) == (0, "")
     assert all(line.startswith("warning: ") for line in quiet.stderr.splitlines())

@@ -28,7 +28,11 @@ from skelsplat.io.poses import convert_poses, is_pose_file
 def test_between_formats_that_hold_everything(tmp_path):
     write_npz(tmp_path / "a.npz", sample())
     assert_equal(convert_poses(tmp_path / "a.npz", tmp_path / "b.json"), sample())
+    before = (tmp_path / "b.json").read_bytes()
     result = invoke("convert", tmp_path / "a.npz", tmp_path / "b.json")
+    assert_fails(result, 1, "b.json: OUTPUT: expected no file of this name (--force replaces it), got one")
+    assert (tmp_path / "b.json").read_bytes() == before
+    result = invoke("convert", tmp_path / "a.npz", tmp_path / "b.json", "--force")
     assert result.stdout == f"Wrote 4 frames of 3 joints to {tmp_path / 'b.json'}.\n"
     convert_poses(tmp_path / "b.json", tmp_path / "c.npz")
     assert_equal(read_npz(tmp_path / "c.npz"), sample())
@@ -172,6 +176,6 @@ def test_axes_that_are_turned_once_more_are_a_warning(tmp_path):
         result = invoke("convert", tmp_path / "a.npz", turned, "--y-up")
         assert (result.exit_code, result.stderr) == (0, "")
         assert words in invoke("convert", turned, again, "--y-up").stderr.replace("\n", " ")
-        assert invoke("convert", turned, again).stderr == ""
+        assert invoke("convert", turned, again, "--force").stderr == ""
     invoke("convert", tmp_path / "a.npz", tmp_path / "up.c3d")
     assert invoke("convert", tmp_path / "up.c3d", tmp_path / "b.c3d", "--y-up").stderr == ""
