@@ -133,7 +133,9 @@ def test_a_detector_that_counts_from_one_is_suspected(tmp_path, videos):
     result = overlay(case, videos)
     said = " ".join(result.stderr.split())
     assert "cam01.mp4: frames 0 to 5, and the run has 1 to 6 of cam_01: if its detector counts from 1" in said
-    assert kinds(overlay(case, videos, "--json")) == ["video_one_frame_late"] * 2 + ["video_frames_missing"] * 2
+    assert (
+        kinds(overlay(case, videos, "--json")) == ["video_one_frame_late"] * 2 + ["video_frames_missing"] * 2
+    )
     shorter = write_run(tmp_path / "shorter", frames=[1, 2, 3, 4, 5, 7])  # or the detector saw other frames
     assert "counts from 1" not in overlay(shorter, videos).stderr
     for first in (0, 1):
