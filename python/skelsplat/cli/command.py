@@ -131,8 +131,7 @@ class Command(_FlagHelp, TyperCommand):
         try:
             return super().invoke(ctx)
         except InvalidInputError as error:
-            name, _, message = str(error).partition(": ")
-            option = self._option(name.removeprefix("config."))
+            option, message = self._option(error.argument.removeprefix("config.")), error.reason
             if option is None:
                 raise
             if isinstance(error, IncompleteJobError):

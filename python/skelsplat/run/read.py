@@ -132,8 +132,8 @@ def read_rig(path: Path, *, calibration_format: str | None = None, **given: Any)
     try:
         return read_calibration(path, format=calibration_format, **given)
     except InvalidInputError as error:
-        if str(error).startswith("format: "):
-            raise InvalidInputError(f"calibration_{error}") from error
+        if error.argument == "format":
+            raise error.of_argument("calibration_format") from error
         raise
 
 

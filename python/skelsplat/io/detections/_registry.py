@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from itertools import chain, islice
 from pathlib import Path
 
-from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.exceptions import DatasetError, one_of
 from skelsplat.io._files import VIDEO_SUFFIXES, listed, opening
 from skelsplat.io._run_files import is_run
 from skelsplat.io.detections import _animals, _arrays, _csv, _json
@@ -64,14 +64,13 @@ def find_format(path: Path, name: str | None) -> DetectionFormat:
 
     A path is a file, or a folder with files or folders of one camera each; their beginnings are looked at.
     """
-    known = ", ".join(FORMATS)
-    if name is not None and name not in FORMATS:
-        raise InvalidInputError(f"format: expected one of {known}, got {name!r}")
+    one_of("format", name, (None, *FORMATS))
     if name is not None:
         return FORMATS[name]
     found = _recognised(path)
     if not found:
-        raise DatasetError(path, "content", f"detections in a known format ({known})", _told(path))
+        expected = f"detections in a known format ({', '.join(FORMATS)})"
+        raise DatasetError(path, "content", expected, _told(path))
     if len(found) > 1:
         actual = ", ".join(f"{form} ({found[form].name})" for form in FORMATS if form in found)
         raise DatasetError(path, "content", "one format, or its name (format=, --format)", actual)

@@ -169,7 +169,7 @@ def convert_poses(
     try:
         write_pose(target, data, **given)
     except InvalidInputError as error:
-        if data.frame_rate is None and str(error).startswith("frame_rate"):
+        if data.frame_rate is None and error.argument == "frame_rate":
             expected = f"one for a .{kind} file (--fps)"
             raise DatasetError(source, "frame rate", expected, "none in the file") from error
         raise
