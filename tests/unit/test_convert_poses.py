@@ -178,4 +178,4 @@ def test_axes_that_are_turned_once_more_are_a_warning(tmp_path):
         assert words in invoke("convert", turned, again, "--y-up").stderr.replace("\n", " ")
         assert invoke("convert", turned, again, "--force").stderr == ""
     invoke("convert", tmp_path / "a.npz", tmp_path / "up.c3d")
-    assert invoke("convert", tmp_path / "up.c3d", tmp_path / "b.c3d", "--y-up").stderr == ""
+    assert invoke("convert", tmp_path / "up.c3d", tmp_path / "c.c3d", "--y-up").stderr == ""

@@ -48,7 +48,7 @@ def _sentence(name: str, *tables: Mapping[str, Any]) -> str:
 def _setting(
     panel: str, name: str, *tables: Mapping[str, Any], metavar: str, default: str | None = None, **more: Any
 ) -> Any:
-    """Return typer's option of a setting, with sentence and default of the methods that ``tables`` describe."""
+    """Return typer's option of a setting, with what the methods' ``tables`` say of it."""
     texts = [] if default else [f"{table[name].default:.4g}" for table in tables if name in table]
     shown = default or ", with --paper ".join(dict.fromkeys(texts))
     return option(panel, metavar=metavar, help=_sentence(name, *tables), default=shown, **more)
