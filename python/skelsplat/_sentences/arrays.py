@@ -36,8 +36,8 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
         "as the sensor records them, so the detections must come from unrotated images"
     ),
     "lens_approximated": (
-        "{files}: camera {cameras}: OpenCV's lens model follows Vicon's to {error_px:.2g} px at worst (towards "
-        "the corners of the image)"
+        "{files}: camera {cameras}: OpenCV's lens model follows Vicon's to {error_px:.2g} px at worst "
+        "(towards the corners of the image)"
     ),
     "axes_unknown": (
         "{files}: a TRC file does not state which axis is up; --y-up turns it once more if y is already"
