@@ -12,6 +12,7 @@ import skelsplat as sk
 from command_line import assert_fails, invoke
 from pose_sample import JOINTS, assert_equal, sample
 from skelsplat import synthetic
+from skelsplat.findings import collected_warnings
 from skelsplat.io import (
     read_json,
     read_npz,
@@ -176,6 +177,9 @@ def test_axes_that_are_turned_once_more_are_a_warning(tmp_path):
         result = invoke("convert", tmp_path / "a.npz", turned, "--y-up")
         assert (result.exit_code, result.stderr) == (0, "")
         assert words in invoke("convert", turned, again, "--y-up").stderr.replace("\n", " ")
+        with collected_warnings() as found:
+            convert_poses(turned, again, fps=50.0, y_up=True)
+        assert [one.kind for one in found] == ["axes_unknown" if kind == "trc" else "axes_turned"]
         assert invoke("convert", turned, again, "--force").stderr == ""
     invoke("convert", tmp_path / "a.npz", tmp_path / "up.c3d")
     assert invoke("convert", tmp_path / "up.c3d", tmp_path / "c.c3d", "--y-up").stderr == ""
