@@ -121,8 +121,8 @@ def read_calibration(
     options = {"camera_type": camera_type, "subject": subject, "size": size, "binning": binning}
     _check_options(chosen, options)
     parsed = chosen.parse(source, **{name: options[name] for name in chosen.options if name != "size"})
-    for text in parsed.warnings:
-        warnings.warn(text, UserWarning, stacklevel=2)
+    for finding in parsed.findings:
+        warnings.warn(FindingWarning(finding), stacklevel=2)
     if not parsed.cameras:
         raise DatasetError(source.path, "cameras", "at least one camera", "none")
     _check_names(source.path, parsed.cameras)
