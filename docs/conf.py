@@ -27,7 +27,6 @@ extensions = [
     "sphinx_design",
     "mathml",
     "commands",
-    "config_docstring",
 ]
 exclude_patterns = ["_ext", "figures"]
 nitpicky = True  # nothing is left out

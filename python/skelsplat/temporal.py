@@ -22,7 +22,7 @@ import numpy.typing as npt
 
 from skelsplat import _arrays
 from skelsplat._optional import require
-from skelsplat.exceptions import InvalidInputError
+from skelsplat.exceptions import InvalidInputError, one_of
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -72,8 +72,7 @@ def fill_gaps(
     positions, numbers = _checked(pose, frames)
     if max_gap < 1:
         raise InvalidInputError(f"max_gap: expected at least 1 frame, got {max_gap}")
-    if method not in METHODS:
-        raise InvalidInputError(f"method: expected one of {', '.join(METHODS)}, got {method!r}")
+    one_of("method", method, METHODS)
     known = _known(positions)
     known &= ~_marked("gaps", gaps, known.shape)
     filled = np.zeros_like(known)

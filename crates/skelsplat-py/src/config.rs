@@ -139,7 +139,8 @@ impl RefineConfig {
                     return refuse("config.method", format!("'{method}'"), repr(&value));
                 }
             } else if name != OCCLUSION_FACTOR.name {
-                let value = read(config.setting(&name)?, &value)?;
+                let line = config.setting(&name, &format_args!("{value:?}"))?;
+                let value = read(line, &value)?;
                 config.set(&name, &value)?;
             }
         }

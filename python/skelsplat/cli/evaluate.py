@@ -16,7 +16,7 @@ from skelsplat import datasets
 from skelsplat.cli import options
 from skelsplat.cli.config import NAME_OR_PATH
 from skelsplat.cli.datasets import Settings, reader_options
-from skelsplat.cli.output import described, print_json
+from skelsplat.cli.output import described, print_json, print_warning
 from skelsplat.cli.table import new_table, print_parts, tell, wide_console
 from skelsplat.datasets._registry import detections_option, options_of
 from skelsplat.evaluation import export, methods, protocols, report, tables
@@ -155,7 +155,7 @@ def evaluate(
     with collected_warnings(tell):
         data = datasets.read(dataset, root, **_reader_options(dataset, detections, views, setting or []))
         for finding in datasets.verify(data):
-            typer.echo(f"warning: {', '.join(finding.subject.files)}: {finding.text}", err=True)
+            print_warning(f"{', '.join(finding.subject.files)}: {finding.text}")
         rules = protocols.get(data.name).with_options(n_views=views, every=every, counting=counting)
         folder = Path("skelsplat-evaluation") / data.name if out is None else out
         with output_folder(folder):

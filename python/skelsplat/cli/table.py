@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import typer
 from rich import box
 from rich.console import Console
 from rich.table import Table
@@ -16,6 +15,7 @@ from rich.text import Text
 
 import skelsplat as sk
 from skelsplat._sentences.words import number
+from skelsplat.cli.output import print_warning
 from skelsplat.findings import Finding
 from skelsplat.run import Run
 from skelsplat.run.folder import left_of_earlier
@@ -34,7 +34,7 @@ _REASONS = {
 
 def tell(finding: Finding) -> None:
     """Print a finding on stderr."""
-    typer.echo(f"warning: {finding.text}", err=True)
+    print_warning(finding.text)
 
 
 def wide_console() -> Console:

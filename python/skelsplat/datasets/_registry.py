@@ -22,7 +22,7 @@ from typing import Any, Protocol, cast
 from skelsplat.datasets._files import Survey
 from skelsplat.datasets._model import Dataset
 from skelsplat.datasets._verify import ViewError, raise_errors, samples_of, verify, view_errors
-from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 from skelsplat.findings import Finding
 
 _MODULES = {
@@ -55,8 +55,7 @@ def names() -> tuple[str, ...]:
 
 def reader(name: str) -> Reader:
     """Return the reader of a data set."""
-    if name not in _MODULES:
-        raise InvalidInputError(f"name: expected one of {', '.join(_MODULES)}, got {name!r}")
+    one_of("name", name, _MODULES)
     module, _, inside = _MODULES[name].partition(":")
     found = import_module(module)
     return cast("Reader", getattr(found, inside) if inside else found)

@@ -17,7 +17,7 @@ from skelsplat.datasets._model import Dataset
 from skelsplat.datasets.human36m import find_format, read_layout
 from skelsplat.datasets.human36m import survey as survey_human36m
 from skelsplat.datasets.human36m._common import Options
-from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.exceptions import DatasetError, one_of
 
 __all__ = ["DESCRIPTION", "VARIANTS", "read", "survey"]
 
@@ -85,8 +85,7 @@ def _variant_of(name: str) -> str | None:
 def _locate(root: Path, variant: str | int | None) -> tuple[Path, str | None]:
     """Return the folder of the variant, and which it is (None if nothing says so)."""
     wanted = None if variant is None else str(variant).lower()
-    if wanted is not None and wanted not in VARIANTS:
-        raise InvalidInputError(f"variant: expected one of {', '.join(VARIANTS)}, got {variant!r}")
+    one_of("variant", wanted, (None, *VARIANTS))
     inside = {_variant_of(path.name): path for path in sorted(root.iterdir()) if path.is_dir()}
     folders = {name: path for name, path in inside.items() if name is not None}
     if (root / "3d_gt").is_dir() or not folders:

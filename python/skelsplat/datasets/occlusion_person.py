@@ -36,7 +36,7 @@ from skelsplat.datasets._files import (
 from skelsplat.datasets._model import Dataset, Take
 from skelsplat.datasets._rig import build_rig, camera_at_centre
 from skelsplat.datasets._verify import raise_errors, sample
-from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 from skelsplat.layouts import OCCLUSION_PERSON15
 
 DESCRIPTION = "Occlusion-Person: rendered persons behind furniture in 8 cameras."
@@ -137,8 +137,7 @@ def _cameras(views: int | Sequence[int]) -> tuple[int, ...]:
 
 
 def _format(root: Path, given: str | None) -> str:
-    if given not in (None, *_FORMATS):
-        raise InvalidInputError(f"format: expected one of {', '.join(_FORMATS)}, got {given!r}")
+    one_of("format", given, (None, *_FORMATS))
     return given or ("skelsplat" if (root / "3d_gt").is_dir() else "adafuse")
 
 

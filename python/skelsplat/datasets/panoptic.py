@@ -34,7 +34,7 @@ from skelsplat.datasets._detections import (
 from skelsplat.datasets._files import FloatArray, Survey, find, load_json, numbers, require, within
 from skelsplat.datasets._model import Dataset, Take
 from skelsplat.datasets._rig import read_quietly
-from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 from skelsplat.io import convert_unit
 from skelsplat.layouts import PANOPTIC19
 
@@ -153,8 +153,7 @@ def _calibrations(root: Path, sequence: str) -> list[Path]:
 
 
 def _truths(root: Path, sequence: str, n_views: int, format: str | None) -> list[Path]:
-    if format not in (None, *_FORMATS):
-        raise InvalidInputError(f"format: expected one of {', '.join(_FORMATS)}, got {format!r}")
+    one_of("format", format, (None, *_FORMATS))
     folder = root / "3d_gt" / "S0" / sequence
     arrays = [folder / f"poses_filtered_{n_views}.npz", folder / "poses.npz"]
     return {"toolbox": [], "skelsplat": arrays}.get(format or "", arrays) + (
@@ -164,8 +163,7 @@ def _truths(root: Path, sequence: str, n_views: int, format: str | None) -> list
 
 def _truth(path: Path, unit: str, person: int | None) -> tuple[NDArray[np.int64], FloatArray, Path]:
     """Frames (T,), joints (T, 19, 3) mm, and the file or folder they are from."""
-    if unit not in MM_PER_UNIT:
-        raise InvalidInputError(f"truth_unit: expected one of {', '.join(MM_PER_UNIT)}, got {unit!r}")
+    one_of("truth_unit", unit, MM_PER_UNIT)
     if path.is_dir():
         return (*read_bodies(truth_files(path), person), path)
     _, truth, frames = read_truth(path, PANOPTIC19.n_joints)

@@ -23,7 +23,7 @@ from skelsplat.cameras import CameraRig, without_distortion
 from skelsplat.datasets import Take
 from skelsplat.datasets._files import FloatArray
 from skelsplat.evaluation import baselines
-from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 
 Settings = Mapping[str, Any]
 Run = Callable[[Take, Layout, Settings, Progress | None], FloatArray]
@@ -56,9 +56,7 @@ class Options:
 
     def __post_init__(self) -> None:
         for name in ("start", "paper_start"):
-            value = getattr(self, name)
-            if value not in STARTS and not (value is None and name == "start"):
-                raise InvalidInputError(f"{name}: expected one of {', '.join(STARTS)}, got {value!r}")
+            one_of(name, getattr(self, name), (None, *STARTS) if name == "start" else STARTS)
         if not (np.isfinite(self.init_sigma_mm) and self.init_sigma_mm > 0):
             raise InvalidInputError(f"init_sigma_mm: expected a positive number, got {self.init_sigma_mm!r}")
 

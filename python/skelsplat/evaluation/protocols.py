@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from skelsplat.datasets import Dataset, Take, occlusion_person, panoptic
 from skelsplat.datasets.human36m import ACTIONS
 from skelsplat.datasets.human36m._common import ALIASES
-from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 
 Endpoint = int | tuple[int, ...]
 
@@ -287,6 +287,5 @@ def get(name: str) -> Protocol:
     Raises `InvalidInputError` if there is none of that name; the message lists all.
     """
     name = SIMULATED.get(name, name)
-    if name not in _BY_NAME:
-        raise InvalidInputError(f"protocol: expected one of {', '.join(names)}, got {name!r}")
+    one_of("protocol", name, names)
     return _BY_NAME[name]

@@ -52,9 +52,8 @@ def parsing(path: Path, expected: str) -> Iterator[None]:
 
 def of_file(path: Path, error: InvalidInputError) -> DatasetError:
     """Return the error for a file whose content was refused as an argument."""
-    field, _, rest = str(error).partition(": expected ")
-    expected, _, actual = rest.partition(", got ")
-    return DatasetError(path, field, expected, actual)
+    expected, _, actual = error.reason.removeprefix("expected ").partition(", got ")
+    return DatasetError(path, error.argument, expected, actual)
 
 
 def read_text(path: Path) -> str:

@@ -25,7 +25,7 @@ from skelsplat.datasets._files import Survey
 from skelsplat.datasets._model import Dataset
 from skelsplat.datasets.human36m import _adafuse, _authors, _karfly, _videopose3d
 from skelsplat.datasets.human36m._common import ACTIONS, CAMERAS, Options, Reading, with_separate
-from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.exceptions import DatasetError, one_of
 
 __all__ = ["ACTIONS", "CAMERAS", "DESCRIPTION", "FORMATS", "read", "survey"]
 
@@ -117,8 +117,7 @@ def read_layout(dataset: str, name: str, place: Path, options: Options, origin: 
 
 def find_format(root: Path, format: str | None) -> tuple[str, Path]:
     """Return the layout on disk, and the folder or file that it begins at; refuse none, or several."""
-    if format is not None and format not in _LAYOUTS:
-        raise InvalidInputError(f"format: expected one of {', '.join(_LAYOUTS)}, got {format!r}")
+    one_of("format", format, (None, *_LAYOUTS))
     wanted = _LAYOUTS if format is None else {format: _LAYOUTS[format]}
     places = {name: module.locate(root) for name, module in wanted.items()}
     found = [(name, place) for name, place in places.items() if place is not None]

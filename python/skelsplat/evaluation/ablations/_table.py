@@ -11,7 +11,7 @@ from skelsplat.evaluation.ablations import _other as other
 from skelsplat.evaluation.ablations._sample import FloatArray, Sample
 from skelsplat.evaluation.ablations._source import ANNEALED, PAPER, Source
 from skelsplat.evaluation.ablations._sweep import IN_THE_TEXT, MOST, Ablation, Check, Line, Sweep, Varied
-from skelsplat.exceptions import InvalidInputError
+from skelsplat.exceptions import one_of
 
 ENCODING = Sweep(
     label="tab:abl-encoding",
@@ -222,6 +222,5 @@ def get(name: str) -> Ablation:
 
     Raises `InvalidInputError` if there is none; the message lists them.
     """
-    if name not in _BY_NAME:
-        raise InvalidInputError(f"name: expected one of {', '.join(names)}, got {name!r}")
+    one_of("name", name, names)
     return _BY_NAME[name]

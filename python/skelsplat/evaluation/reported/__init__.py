@@ -17,7 +17,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from skelsplat.exceptions import InvalidInputError
+from skelsplat.exceptions import InvalidInputError, one_of
 
 __all__ = ["ReportedRow", "ReportedTable", "labels", "reported"]
 
@@ -48,8 +48,7 @@ class ReportedRow:
         InvalidInputError
             If there is no such column.
         """
-        if key not in self.keys:
-            raise InvalidInputError(f"key: expected one of {', '.join(self.keys)}, got {key!r}")
+        one_of("key", key, self.keys)
         return self.values[self.keys.index(key)]
 
 
@@ -114,8 +113,7 @@ def reported(label: str) -> ReportedTable:
         If there is no such table; the message lists them.
     """
     tables = _tables()
-    if label not in tables:
-        raise InvalidInputError(f"label: expected one of {', '.join(tables)}, got {label!r}")
+    one_of("label", label, tables)
     return tables[label]
 
 

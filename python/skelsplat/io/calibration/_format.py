@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from skelsplat.cameras import matrix_from_vector
 from skelsplat.exceptions import DatasetError
+from skelsplat.findings import Finding, Subject
 from skelsplat.io._fields import Field
 from skelsplat.io._files import load_json, opening, parse_toml, read_text
 
@@ -45,7 +46,12 @@ class Parsed:
 
     cameras: Sequence[RawCamera]
     unit: str | None = None
-    warnings: Sequence[str] = ()
+    findings: Sequence[Finding] = ()
+
+
+def noted(kind: str, path: Path, *cameras: str, **numbers: float) -> Finding:
+    """Return a note on cameras of a file."""
+    return Finding(kind, "note", Subject(cameras=cameras, files=(str(path),)), numbers)
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ import numpy.typing as npt
 import skelsplat as sk
 from skelsplat._arrays import flags, numbers, whole_numbers
 from skelsplat.cameras import MM_PER_UNIT
-from skelsplat.exceptions import InvalidInputError
+from skelsplat.exceptions import InvalidInputError, one_of
 from skelsplat.layouts import BODY25
 
 Array = npt.NDArray[np.float64]
@@ -113,8 +113,7 @@ class PoseData:
 
     def __post_init__(self) -> None:
         self._read_arrays()
-        if self.unit not in MM_PER_UNIT:
-            raise InvalidInputError(f'unit: expected "mm", "cm" or "m", got {self.unit!r}')
+        one_of("unit", self.unit, MM_PER_UNIT)
         if self.pose.ndim != 3 or self.pose.shape[2] != 3:
             raise InvalidInputError(f"pose: expected shape (T, N, 3), got {self.pose.shape}")
         if self.frame_rate is not None:
@@ -162,8 +161,7 @@ class PoseData:
 
     def in_unit(self, unit: str) -> PoseData:
         """Return the same poses with all lengths in ``unit``: "mm", "cm" or "m"."""
-        if unit not in MM_PER_UNIT:
-            raise InvalidInputError(f'unit: expected "mm", "cm" or "m", got {unit!r}')
+        one_of("unit", unit, MM_PER_UNIT)
         factor = MM_PER_UNIT[self.unit] / MM_PER_UNIT[unit]
         lengths = {name: getattr(self, name) * factor for name in ("pose", "init_pose", "noise")}
         squares = {name: getattr(self, name) * factor**2 for name in ("covariance", "uncertainty")}
@@ -207,8 +205,7 @@ def marker_names(joint_names: tuple[str, ...], convention: str) -> tuple[str, ..
     The programs that read TRC and C3D go by names: Pose2Sim's filters, marker augmentation and OpenSim models
     know ``RHip``, ``LBigToe``. Its root is ``CHip`` in BODY_25 and ``Hip`` in HALPE_26.
     """
-    if convention not in MARKER_NAMES:
-        raise InvalidInputError(f"marker_names: expected {' or '.join(MARKER_NAMES)}, got {convention!r}")
+    one_of("marker_names", convention, MARKER_NAMES)
     if convention == "skelsplat":
         return joint_names
     root = "CHip" if joint_names == tuple(BODY25.joints) else "Hip"
