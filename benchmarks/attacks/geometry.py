@@ -112,7 +112,7 @@ def _with_empty(n: int) -> str:
     return f"{100 * found:.1f} % found, mean {np.nanmean(error):.1f} mm, {100 * off:.1f} % ok and 100 mm off"
 
 
-@attack("3a", "arms exchanged in one of three views", "found")
+@attack("3a", "arms swapped in one of three views", "found")
 def exchange_in_three_views() -> str:
     return _with_empty(0)
 
@@ -189,7 +189,7 @@ def _far(pose: FloatArray, truth: FloatArray, status: np.ndarray, bars: FloatArr
     )
 
 
-@attack("8a", "two of four views show somebody else, each frame alone", "weak, within 3 σ")
+@attack("8a", "two of four views show another person, each frame alone", "weak, within 3 σ")
 def half_of_the_views_single() -> str:
     truth, detections, cameras = _two_people()
     result = sk.refine(None, detections, cameras, layout="h36m17")
