@@ -258,8 +258,8 @@ ANALYSIS = (
     Fault(
         "the bootstrap does not weight takes by their number of frames",
         "wrong statistics",
-        "means: FloatArray = (times @ sums) / (times @ counts)",
-        "means: FloatArray = (times @ (sums / counts)) / n",
+        "means = (times @ total[used]) / (times @ number[used])",
+        "means = (times @ (total[used] / number[used])) / n",
         (UNIT + "evaluation/test_bootstrap.py",),
     ),
     Fault(
