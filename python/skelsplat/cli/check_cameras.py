@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich import box
 from rich.console import Console
 from rich.table import Table
 
@@ -17,7 +16,7 @@ from skelsplat._sentences.words import number
 from skelsplat.association import take_people
 from skelsplat.cli import inputs, options
 from skelsplat.cli.output import print_json
-from skelsplat.cli.table import print_table
+from skelsplat.cli.table import new_table, print_table
 from skelsplat.findings import Finding, collected_warnings
 from skelsplat.io import DetectionSet
 from skelsplat.io.detections import read_detections
@@ -160,15 +159,8 @@ def _nothing(rig: sk.CameraRig, found: DetectionSet | None) -> str:
 
 
 def _table(report: RigReport) -> Table:
-    table = Table(
-        title="Distance of the detections from the person [px], medians",
-        title_justify="left",
-        box=box.SIMPLE_HEAD,
-        padding=(0, 1, 0, 0),
-    )
-    table.add_column("camera")
-    for name in ("vs.\nothers", "--offset", "DLT", "robust", "weight", "rejected", "detections"):
-        table.add_column(name, justify="right")
+    columns = ("vs.\nothers", "--offset", "DLT", "robust", "weight", "rejected", "detections")
+    table = new_table("Distance of the detections from the person [px], medians", "camera", columns)
     for row in report.cameras:
         offset = "" if row.offset_option is None else f"{row.offset_option}: {row.best_offset_px:.1f}"
         share = f"{100 * row.rejected:.0f}%" if math.isfinite(row.rejected) else "–"

@@ -46,9 +46,7 @@ _ToUnit = Annotated[
     ),
 ]
 _Fps = Annotated[float | None, options.option("Output", metavar="RATE", help="Poses: frames per second.")]
-_YUp = Annotated[
-    bool, typer.Option("--y-up", help="Poses: write a world with z up as y up.", rich_help_panel="Output")
-]
+_YUp = Annotated[bool, options.flag("Output", "--y-up", help="Poses: write a world with z up as y up.")]
 _MarkerNames = Annotated[
     str | None,
     options.option(
@@ -59,12 +57,9 @@ _MarkerNames = Annotated[
 ]
 _Singular = Annotated[
     bool,
-    typer.Option(
-        "--singular",
-        help="Poses in .nc: name the dimensions as movement 0.17 does.",
-        rich_help_panel="Output",
-    ),
+    options.flag("Output", "--singular", help="Poses in .nc: name the dimensions as movement 0.17 does."),
 ]
+_Force = Annotated[bool, options.flag("Output", "--force", help="Replace OUTPUT if it exists.")]
 
 
 def convert(
@@ -83,6 +78,7 @@ def convert(
     y_up: _YUp = False,
     marker_names: _MarkerNames = None,
     singular: _Singular = False,
+    force: _Force = False,
     quiet: options.Quiet = False,
     as_json: options.AsJson = False,
 ) -> None:
@@ -120,6 +116,8 @@ def convert(
     given = {name: value for name, value in every.items() if value is not None}
     kind = _kind(source, named=format is not None)
     _check(kind, target, given)
+    if target.exists() and not force and target.resolve() != source.resolve():
+        raise DatasetError(target, "OUTPUT", "no file of this name (--force replaces it)", "one that exists")
     with collected_warnings(tell):
         sentence, about = (_poses if kind == "pose file" else _calibration)(source, target, given)
     if as_json:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from skelsplat.evaluation.report import Evaluation
@@ -89,6 +89,22 @@ class Table:
                 self.notes if k == len(parts) - 1 else (),
             )
             for k, part in enumerate(parts)
+        ]
+
+    def by_figures(self) -> list[Table]:
+        """Return the table; if nothing is reported in some columns, the reported rows as a second one.
+
+        That has only the columns in which something is reported. Notes stay with the last table.
+        """
+        reported = [row for row in self.rows if row.reported]
+        known = [k for k in range(len(self.columns)) if any(row.cells[k] is not None for row in reported)]
+        if not reported or len(known) == len(self.columns):
+            return [self]
+        rows = tuple(replace(row, cells=tuple(row.cells[k] for k in known)) for row in reported)
+        measured = tuple(row for row in self.rows if not row.reported)
+        return [
+            replace(self, rows=measured, notes=()),
+            replace(self, title="", columns=tuple(self.columns[k] for k in known), rows=rows),
         ]
 
     def markdown(self) -> str:

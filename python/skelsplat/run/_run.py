@@ -347,11 +347,14 @@ def _seen(
 ) -> npt.NDArray[np.float64]:
     """Return detections (T, M, N, 3) of a result over T frames, confidence 1 where none is given."""
     seen, shape = numbers(detections, "detections"), result.view_weights.shape
+    given = np.ones(seen.shape[:-1]) if confidence is None else numbers(confidence, "confidence")
+    if confidence is not None and seen.shape[-1:] == (3,):
+        expected, actual = "only one source of confidences", "detections with a third channel as well"
+        raise InvalidInputError(f"confidence: expected {expected}, got {actual}")
+    if given.shape != seen.shape[:-1]:
+        raise InvalidInputError(f"confidence: expected shape {seen.shape[:-1]}, got shape {given.shape}")
     if seen.ndim == 3:
         seen = seen[None]
     if seen.shape[:-1] != shape or seen.shape[-1] not in (2, 3):
         raise InvalidInputError(f"detections: expected {shape} pixels like the result, got {seen.shape}")
-    if seen.shape[-1] == 3:
-        return seen
-    given = np.ones(shape) if confidence is None else numbers(confidence, "confidence").reshape(shape)
-    return np.concatenate([seen, given[..., None]], axis=-1)
+    return seen if seen.shape[-1] == 3 else np.concatenate([seen, given.reshape(shape)[..., None]], axis=-1)

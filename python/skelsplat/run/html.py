@@ -94,7 +94,10 @@ def show_page(run: Run) -> None:
 
 def notebook_view(run: Run) -> str:
     """Return facts, numbers, findings and the overview as HTML, for the output of a notebook's cell."""
-    rows = [*facts_of(run.report), *((name, f"{value} {remark}") for name, value, remark in key_numbers(run))]
+    rows = [
+        *facts_of(run.report),
+        *((name, f"{value} ({remark})") for name, value, remark in key_numbers(run)),
+    ]
     cells = "".join(
         f"<tr><th>{html.escape(name)}</th><td>{html.escape(value)}</td></tr>" for name, value in rows
     )
@@ -174,7 +177,11 @@ def key_numbers(run: Run) -> list[tuple[str, str, str]]:
             f"{number(finite_median(statistics.error_bar_mm))} mm",
             f"largest {number(finite_max(statistics.error_bar_mm), 0)} mm",
         ),
-        ("frames with a problem", f"{len(frames):,} of {len(run.frames):,}", "listed below"),
+        (
+            "frames with a problem",
+            f"{len(frames):,} of {len(run.frames):,}",
+            "weak, missing or unusual joints",
+        ),
     ]
 
 
@@ -190,7 +197,8 @@ def _notes(run: Run) -> list[str]:
         f"Weight: how much each detection is trusted, from 0 to 1; down-weighted below {DOWN_WEIGHTED:g}, "
         f"rejected below {sk.REJECTED_WEIGHT:g}. Error bar: one standard deviation per axis.",
         "The 3D view is in metres, in the axes of the calibration; ellipsoids are drawn at two standard "
-        f"deviations, and joints that are weak, filled or unobserved are hollow.{speed}",
+        "deviations, cut off 0.3 m from the joint, and joints that are weak, filled or unobserved are "
+        f"hollow.{speed}",
     ]
 
 

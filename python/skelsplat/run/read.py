@@ -111,7 +111,7 @@ def read_inputs(job: Job) -> Inputs:
         take_people(found.people, index),
         unmatched,
         found.frames,
-        init_pose=None if job.init is None else _read_init(Path(job.init), rig, (len(found.frames), layout)),
+        init_pose=None if job.init is None else _read_init(Path(job.init), rig, len(found.frames), layout),
         format=found.format,
         calibration_format=job.calibration_format or find_format(calibration),
         lacking=frozenset(joint for joint, name in job.mapping.items() if name is None),
@@ -158,10 +158,9 @@ def named_offsets(rig: sk.CameraRig, offsets: Mapping[str, int]) -> dict[str, in
     return {camera_called(text, rig.names): frames for text, frames in offsets.items()}
 
 
-def _read_init(path: Path, rig: sk.CameraRig, size: tuple[int, sk.Layout]) -> Array:
-    """Read an initial pose for ``size`` = (frames, layout), in the rig's unit."""
+def _read_init(path: Path, rig: sk.CameraRig, steps: int, layout: sk.Layout) -> Array:
+    """Read an initial pose of so many frames, in the rig's unit."""
     data = read_npz(path)
-    steps, layout = size
     expected = (steps, layout.n_joints, 3)
     if data.pose.shape != expected:
         raise DatasetError(path, "pose", f"shape {expected} like the detections", data.pose.shape)

@@ -27,6 +27,11 @@ class Row:
     values: tuple[float | None, ...]  # one per column; None where there is none
     origin: Literal["measured", "paper", "theory"] = "measured"
 
+    @property
+    def name(self) -> str:
+        """Method and data."""
+        return ", ".join(part for part in (self.method, self.data) if part)
+
 
 @dataclass(frozen=True, slots=True)
 class Table:

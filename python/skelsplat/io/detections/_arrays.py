@@ -190,6 +190,8 @@ def read_videopose3d(path: Path, sequence: str | None) -> Recording:
     layout = _layout(arrays.found.get("metadata"))
     names = None if layout is None else tuple(_LAYOUTS[layout].joints)
     if all(list(actions) == [_CUSTOM] for actions in table.values()):
+        if sequence is not None:
+            raise InvalidInputError(f"sequence: expected none for the videos in {path}, got {sequence!r}")
         views = {}
         for video, actions in table.items():
             part = _videos(path, f"{_POSITIONS}.{video}.custom", actions[_CUSTOM])[0]

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from itertools import chain, islice
 from pathlib import Path
 
-from skelsplat.exceptions import DatasetError, one_of
+from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 from skelsplat.io._files import VIDEO_SUFFIXES, listed, opening
 from skelsplat.io._run_files import is_run
 from skelsplat.io.detections import _animals, _arrays, _csv, _json
@@ -37,7 +37,13 @@ FORMATS: dict[str, DetectionFormat] = {
         DetectionFormat("sleap", (".h5", ".hdf5"), _animals.is_sleap, _animals.read_sleap, added=_SLEAP),
         DetectionFormat("freemocap", (".npy",), _arrays.is_freemocap, recording=_arrays.read_freemocap),
         DetectionFormat("easymocap", (".json",), _json.is_easymocap, folder=_json.read_easymocap),
-        DetectionFormat("videopose3d", (".npz",), _arrays.is_videopose3d, recording=_arrays.read_videopose3d),
+        DetectionFormat(
+            "videopose3d",
+            (".npz",),
+            _arrays.is_videopose3d,
+            recording=_arrays.read_videopose3d,
+            sequences=True,
+        ),
         DetectionFormat(
             "npz", (".npz",), _arrays.is_npz, _arrays.read_npz, recording=_arrays.read_npz_recording
         ),
@@ -193,6 +199,9 @@ class Matching:
 
 def open_sources(path: Path, form: DetectionFormat, matching: Matching, sequence: str | None) -> Sources:
     """Match and open the views beneath `path`."""
+    if sequence is not None and not form.sequences:
+        expected = f"none for the format {form.name}, whose files have one sequence"
+        raise InvalidInputError(f"sequence: expected {expected}, got {sequence!r}")
     if path.is_file():
         candidates, open_one = _of_recording(path, form, sequence, ordered=matching.order is not None)
     else:

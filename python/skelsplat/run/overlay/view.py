@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,6 +12,7 @@ import numpy.typing as npt
 from skelsplat._arrays import Array
 from skelsplat._opencv import opencv
 from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.findings import Finding, Subject, warn
 from skelsplat.io.video import FrameSource, Image, Size, find_videos, open_source
 from skelsplat.run.frame_range import FrameRange
 from skelsplat.run.overlay.scene import Scene, follow
@@ -214,11 +214,9 @@ def _open(job: OverlayJob, scene: Scene, index: int, source: FrameSource, span: 
     if not view.expected(span):
         raise _no_frame(view, span)
     if job.first_frame is None and _counted_from_one(view):
-        text = (
-            f"{source.path}: frames 0 to {source.last}, and the run has 1 to {source.last + 1} of {name}: if "
-            "its detector counts from 1, all is drawn one frame late; --first-frame 1 corrects that"
-        )
-        warnings.warn(text, UserWarning, stacklevel=2)
+        subject = Subject(cameras=(name,), files=(str(source.path),))
+        numbers = {"last": source.last, "last_of_run": source.last + 1}
+        warn(Finding("video_one_frame_late", "warning", subject, numbers))
     return view
 
 
@@ -242,8 +240,8 @@ def _fit_size(path: Path, name: str, size: Size, expected: Size) -> Array:
         advice = "is the video turned (a phone's metadata), or the calibration that of turned images?"
         raise DatasetError(path, "size", wanted, f"{width}×{height}, width and height exchanged; {advice}")
     if abs(width - wide) <= _PADDING_PX and abs(height - high) <= _PADDING_PX:
-        remark = f"{path}: {width}×{height}, but the camera {name} has {wide}×{high}: drawn without scaling"
-        warnings.warn(remark, UserWarning, stacklevel=2)
+        numbers = {"size": [width, height], "size_of_camera": [wide, high]}
+        warn(Finding("video_padded", "note", Subject(cameras=(name,), files=(str(path),)), numbers))
         return ones
     scale = np.array([width / wide, height / high])
     if abs(scale[0] / scale[1] - 1) <= _SAME_SHAPE:

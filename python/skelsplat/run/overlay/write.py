@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from skelsplat.exceptions import DatasetError
+from skelsplat.findings import Finding, Subject, warn
 from skelsplat.io import read_run
 from skelsplat.io.video import Image, Size, open_sink
 from skelsplat.run.folder import output_folder
@@ -176,17 +176,13 @@ def _rate(job: OverlayJob, views: Sequence[View]) -> float:
     known = [job.fps, *(view.source.rate for view in views), views[0].scene.run.poses.frame_rate]
     found = next((rate for rate in known if rate is not None), None)
     if found is None and not job.png:
-        text = "--fps: not given, and neither the images nor the run state it; assuming "
-        text += f"{_ASSUMED_FPS:g} frames per second"
-        warnings.warn(text, UserWarning, stacklevel=2)
+        warn(Finding("video_rate_assumed", "note", numbers={"fps": _ASSUMED_FPS}))
     return _ASSUMED_FPS if found is None else found
 
 
 def _warn_of_missing(view: View, span: Span, count: int) -> None:
     asked = span[1] - span[0] + 1
     if count < asked:
-        text = (
-            f"{view.source.path}: {asked - count} of the frames {span[0]} to {span[1]} of the run cannot be "
-            f"read or are not in it; {count} were drawn"
-        )
-        warnings.warn(text, UserWarning, stacklevel=2)
+        subject = Subject(cameras=(view.name,), files=(str(view.source.path),))
+        numbers = {"first": span[0], "last": span[1], "missing": asked - count, "drawn": count}
+        warn(Finding("video_frames_missing", "warning", subject, numbers))
