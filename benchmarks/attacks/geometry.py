@@ -76,7 +76,7 @@ def cameras_3_mm_apart() -> str:
     return _side_by_side(3.0)
 
 
-@attack("2d", "two cameras in exactly one place", "0 % ok")
+@attack("2d", "two cameras at exactly the same position", "0 % ok")
 def cameras_in_one_place() -> str:
     return _side_by_side(0.0)
 
@@ -127,7 +127,7 @@ def exchange_and_four_empty() -> str:
     return _with_empty(4)
 
 
-@attack("3d", "order of six to ten cameras, exchanges and outliers, 3,600 permutations", "0 differ")
+@attack("3d", "order of six to ten cameras, swaps and outliers, 3,600 permutations", "0 differ")
 def order_of_cameras() -> str:
     rng = np.random.default_rng(0)
     noise = synthetic.DetectionNoise(

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,13 +56,6 @@ def find(candidates: Sequence[Path], what: str) -> Path:
     raise DatasetError(candidates[0], "file", what, f"nothing there{', nor at ' if others else ''}{others}")
 
 
-@contextmanager
-def opened(path: Path) -> Iterator[IO[bytes]]:
-    """Open a file for reading; raises `DatasetError` if it cannot be opened or read."""
-    with opening(path), path.open("rb") as stream:
-        yield stream
-
-
 def load_json(path: Path) -> Any:
     """Return the value in a JSON file."""
     return parse_json_file(path, "values of moderate depth")
@@ -71,7 +63,7 @@ def load_json(path: Path) -> Any:
 
 def load_pickle(path: Path) -> Any:
     """Return the object in a pickle; only data, never code (`unpickle`)."""
-    with opened(path) as stream:
+    with opening(path), path.open("rb") as stream:
         return unpickle(stream, path)
 
 

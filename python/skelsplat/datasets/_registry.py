@@ -3,7 +3,8 @@
 A reader is a module, or an object in one (``"module:NAME"``), with
 
 - ``DESCRIPTION``: one line for ``skelsplat datasets list``;
-- ``read(root, **options) -> Dataset``: keyword-only options with defaults; raises `DatasetError`;
+- ``read(root, **options) -> Dataset``: keyword-only options with defaults, and those that ``OPTIONS``, if the
+  reader has it, names; raises `DatasetError`;
 - ``survey(root, **options) -> Survey``: the same options; which files are there, and which are missing and
   where they were expected. It opens nothing that is large and does not raise for what is missing.
 
@@ -63,8 +64,10 @@ def reader(name: str) -> Reader:
 
 def options_of(name: str) -> tuple[str, ...]:
     """Names of the options that `read` takes for a data set."""
-    parameters = inspect.signature(reader(name).read).parameters.values()
-    return tuple(p.name for p in parameters if p.kind is p.KEYWORD_ONLY)
+    module = reader(name)
+    parameters = inspect.signature(module.read).parameters.values()
+    own = tuple(p.name for p in parameters if p.kind is p.KEYWORD_ONLY)
+    return (*own, *getattr(module, "OPTIONS", ()))
 
 
 def detections_option(name: str, which: str) -> dict[str, Any]:

@@ -23,10 +23,11 @@ from skelsplat._optional import require
 from skelsplat._skelsplat import Layout
 from skelsplat.cameras import CameraRig
 from skelsplat.datasets._detections import Wanted, detections_of, read_apart
-from skelsplat.datasets._files import FloatArray, Survey, a_table, find, load_json, opened
+from skelsplat.datasets._files import FloatArray, Survey, a_table, find, load_json
 from skelsplat.datasets._model import Dataset, Take
 from skelsplat.datasets._rig import build_rig, camera_at_centre
 from skelsplat.exceptions import DatasetError
+from skelsplat.io._files import parsing
 from skelsplat.layouts import COCO17, SHELF14
 
 
@@ -175,13 +176,8 @@ def read_actors(path: Path, n_joints: int) -> list[tuple[NDArray[np.int64], Floa
 
 def _load(path: Path) -> dict[str, Any]:
     loadmat = require("scipy.io", str(path), "evaluation").loadmat
-    with opened(path) as stream:
-        try:
-            return dict(loadmat(stream))
-        except NotImplementedError as error:
-            raise DatasetError(path, "file", "a MATLAB file before version 7.3", error) from error
-        except Exception as error:  # a damaged file can make the reader raise nearly anything
-            raise DatasetError(path, "file", "a complete MATLAB file", error) from error
+    with parsing(path, "a complete MATLAB file before version 7.3"), path.open("rb") as stream:
+        return dict(loadmat(stream))
 
 
 def _is_cell(value: Any) -> bool:

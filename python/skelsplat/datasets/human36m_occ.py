@@ -6,20 +6,18 @@ The layout of the method's authors (`skelsplat.datasets.human36m`), one folder p
 
 from __future__ import annotations
 
-import os
 import re
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from skelsplat.datasets._files import Survey
 from skelsplat.datasets._model import Dataset
-from skelsplat.datasets.human36m import find_format, read_layout
+from skelsplat.datasets.human36m import OPTIONS, find_format, read_layout
 from skelsplat.datasets.human36m import survey as survey_human36m
 from skelsplat.datasets.human36m._common import Options
 from skelsplat.exceptions import DatasetError, one_of
 
-__all__ = ["DESCRIPTION", "VARIANTS", "read", "survey"]
+__all__ = ["DESCRIPTION", "OPTIONS", "VARIANTS", "read", "survey"]
 
 DESCRIPTION = "Human3.6M-Occ: occluded views; variants 2, 3, 3-hard; authors' layout"
 
@@ -30,11 +28,7 @@ def read(
     root: Path,
     *,
     variant: str | int | None = None,
-    subjects: Sequence[str] | None = ("S9", "S11"),
-    detector: str | None = None,
-    detections: str | os.PathLike[str] | None = None,
-    cameras: str | os.PathLike[str] | None = None,
-    monocular: str | None = None,
+    **options: Any,
 ) -> Dataset:
     """Read a variant of Human3.6M-Occ.
 
@@ -44,7 +38,7 @@ def read(
         The folder of the variant, or the folder that holds those of the variants.
     variant : {"2", "3", "3-hard"}, optional
         Needed if `root` holds several.
-    subjects, detector, detections, cameras, monocular
+    **options
         As for `skelsplat.datasets.human36m.read`.
 
     Raises
@@ -54,17 +48,11 @@ def read(
     DatasetError
         If files are missing or malformed, or `root` holds several variants and none is chosen.
     """
-    options = Options.parse(
-        subjects=subjects,
-        detector=detector,
-        detections=detections,
-        cameras=cameras,
-        monocular=monocular,
-    )
+    chosen = Options.parse(**options)
     folder, found = _locate(root, variant)
     name, place = find_format(folder, "skelsplat")
     origin = f"Human3.6M-Occ-{found}" if found else "Human3.6M-Occ, variant not said"
-    return read_layout("human36m-occ", name, place, options, origin)
+    return read_layout("human36m-occ", name, place, chosen, origin)
 
 
 def survey(root: Path, *, variant: str | int | None = None, **options: Any) -> Survey:

@@ -1,4 +1,4 @@
-"""An evaluation as Markdown, CSV and JSON."""
+"""An evaluation as Markdown, CSV, JSON and a chart."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ import numpy as np
 
 from skelsplat import _skelsplat
 from skelsplat._json import plain
+from skelsplat._optional import can_draw
 from skelsplat.evaluation.report import Evaluation
 from skelsplat.evaluation.scores import FIGURES
-from skelsplat.evaluation.tables import all_tables
+from skelsplat.evaluation.tables import all_tables, overall
 from skelsplat.io._files import atomic_write_text
 
 CSV_FIELDS = ("method", "reported", "group", "name", *FIGURES)
@@ -52,14 +53,37 @@ def to_json(evaluation: Evaluation) -> str:
 
 
 def write(folder: Path, evaluation: Evaluation) -> list[str]:
-    """Write ``report.md``, ``report.csv`` and ``report.json`` into a folder; return their names.
+    """Write ``report.md``, ``.csv``, ``.json`` and ``bars.png`` into a folder; return their names.
 
-    Raises `DatasetError` if a file cannot be written.
+    The chart needs the extra ``viz`` and is left out without it. Raises `DatasetError` if a file cannot be
+    written.
     """
     files = {"report.md": markdown, "report.csv": to_csv, "report.json": to_json}
     for name, text in files.items():
         atomic_write_text(folder / name, text(evaluation))
-    return list(files)
+    return [*files, _write_bars(folder / "bars.png", evaluation).name] if can_draw() else [*files]
+
+
+def _write_bars(path: Path, evaluation: Evaluation) -> Path:
+    from skelsplat import viz  # matplotlib takes long to load, and text does without
+
+    table = overall(evaluation)
+    rows = [row for row in table.rows if row.cells[0] is not None]
+    intervals = {s.method: (s.absolute.low, s.absolute.high) for s in evaluation.scores}
+    ends = np.array([(np.nan, np.nan) if row.reported else intervals[row.name] for row in rows])
+    real = " on the real data set" if evaluation.simulated else ""
+    others = f" Grey: reported{real}, not measured here." if evaluation.published else ""
+    data = viz.BarData(
+        names=tuple(row.name for row in rows),
+        values=np.array([row.cells[0] for row in rows], dtype=np.float64),
+        low=ends[:, 0],
+        high=ends[:, 1],
+        measured=np.array([not row.reported for row in rows]),
+        title=table.title.partition(":")[0],
+        axis="absolute MPJPE, mm, with 95 % interval over takes",
+        caption=f"{evaluation.dataset.source or evaluation.dataset.name}.{others}",
+    )
+    return viz.write_bars(path, data)
 
 
 def as_dict(evaluation: Evaluation) -> dict[str, Any]:

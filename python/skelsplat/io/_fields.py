@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skelsplat.exceptions import DatasetError
+from skelsplat import layouts
+from skelsplat._skelsplat import Layout
+from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._files import frame_number
 
 Array = npt.NDArray[np.float64]
@@ -79,6 +81,13 @@ class Field:
         if isinstance(self.value, bool) or not isinstance(self.value, str | int) or self.value == "":
             raise self.error("a text", self.shown)
         return str(self.value)
+
+    def layout(self) -> Layout:
+        """Return the joint layout of this name."""
+        try:
+            return layouts.get(self.value)
+        except (InvalidInputError, TypeError) as error:
+            raise self.error(f"one of {', '.join(layouts.names)}", self.shown) from error
 
     def flag(self) -> bool:
         """Return true or false; false if the key is missing."""

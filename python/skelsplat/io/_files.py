@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 import os
 import re
@@ -80,7 +81,7 @@ def csv_lines(path: Path) -> list[list[str]]:
     A quoted field may go on over several lines, so that a quote that is never closed swallows what follows:
     it is an error, of the line in which it opens.
     """
-    reader = csv.reader(read_text(path).splitlines(), strict=True)
+    reader = csv.reader(io.StringIO(read_text(path), newline=""), strict=True)
     lines: list[list[str]] = []
     first = 1
     try:

@@ -119,24 +119,14 @@ def find_apart(rig: sk.CameraRig, statistics: Statistics, known: AbstractSet[int
 
 @dataclass(frozen=True)
 class Shifts:
-    """How the detections of M cameras lie beside the reprojected pose over all frames.
+    """How the detections of M cameras lie beside the reprojected pose over all frames."""
 
-    Attributes
-    ----------
-    shift : (M, 2)
-        Median of detection − projection [px], x to the right and y down; NaN without detections.
-    error : (M,)
-        Median distance [px].
-    chance : (M,)
-        Probability of a shift like this if every joint's own offset points any way (`same_side`).
-    count : (M,) int
-        Detections.
-    """
-
+    # (M, 2) median of detection − projection [px], x to the right and y down; NaN without detections
     shift: Array
-    error: Array
+    error: Array  # (M,) median distance [px]
+    # (M,) probability of a shift like this if every joint's own offset points any way (`same_side`)
     chance: Array
-    count: npt.NDArray[np.int64]
+    count: npt.NDArray[np.int64]  # (M,) detections
 
     @property
     def size(self) -> Array:

@@ -13,7 +13,7 @@ from skelsplat._optional import can_draw
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding, Subject
 from skelsplat.io import PoseData, write_pose
-from skelsplat.io._files import atomic_write_text
+from skelsplat.io._files import atomic_write_text, opening
 from skelsplat.io._run_files import CAMERAS, DETECTIONS, REPORT, UNFINISHED, files_of_run
 from skelsplat.io.poses import POSE_FORMATS, check_pose_format
 from skelsplat.io.poses._pose_data import MARKER_NAMES
@@ -170,13 +170,8 @@ def begin_writing(folder: Path, report: dict[str, Any]) -> None:
     files = [name for name in _POSSIBLE if name in {*earlier, *new}]
     atomic_write_text(folder / REPORT, to_text({UNFINISHED: True, **report, "files": files}))
     for path in (folder / name for name in earlier):
-        try:
+        with opening(path, "a file of an earlier run that can be removed"):
             path.unlink(missing_ok=True)
-        except OSError as error:
-            reason = (error.strerror or str(error)).lower()
-            raise DatasetError(
-                path, "file", "a file of an earlier run that can be removed", reason
-            ) from error
 
 
 def left_of_earlier(folder: Path) -> list[str]:
@@ -197,13 +192,9 @@ def output_folder(folder: Path) -> Iterator[None]:
     """
     missing = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
-        try:
+        with opening(folder, "a folder that can be written", "output"):
             folder.mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryFile(dir=folder):
-                pass
-        except OSError as error:
-            reason = (error.strerror or str(error)).lower()
-            raise DatasetError(folder, "output", "a folder that can be written", reason) from error
+            tempfile.TemporaryFile(dir=folder).close()
         yield
     except BaseException:
         for path in missing:

@@ -197,7 +197,8 @@ def _notes(run: Run) -> list[str]:
         f"Weight: how much each detection is trusted, from 0 to 1; down-weighted below {DOWN_WEIGHTED:g}, "
         f"rejected below {sk.REJECTED_WEIGHT:g}. Error bar: one standard deviation per axis.",
         "The 3D view is in metres, in the axes of the calibration; ellipsoids are drawn at two standard "
-        f"deviations, and joints that are weak, filled or unobserved are hollow.{speed}",
+        "deviations, cut off 0.3 m from the joint, and joints that are weak, filled or unobserved are "
+        f"hollow.{speed}",
     ]
 
 

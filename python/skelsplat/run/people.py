@@ -94,23 +94,14 @@ def find_lengths(inputs: Inputs, spread: LimbSpread) -> Iterator[Finding]:
 
 @dataclass(frozen=True)
 class LimbSpread:
-    """How the lengths of limbs vary over the frames; of limbs that are known in ten frames or more.
+    """How the lengths of limbs vary over the frames; of limbs that are known in ten frames or more."""
 
-    Attributes
-    ----------
-    limbs : (B, 2) int
-        The joints of these limbs.
-    median, low, high : (B,)
-        Median, 5th and 95th percentile of the length, in the poses' unit.
-    off : float
-        Part of all lengths that differ from the limb's median by more than four standard deviations.
-    """
-
-    limbs: Index
+    limbs: Index  # (B, 2) the joints of these limbs
+    # (B,) median, 5th and 95th percentile of the length, in the poses' unit
     median: Array
     low: Array
     high: Array
-    off: float
+    off: float  # part of all lengths that differ from the limb's median by more than four standard deviations
 
     @property
     def relative(self) -> Array:

@@ -123,24 +123,15 @@ def count_people(people: Array) -> Index:
 
 @dataclass(frozen=True)
 class Crowd:
-    """The people whom the cameras see, and the one who was chosen among them.
+    """The people whom the cameras see, and the one who was chosen among them."""
 
-    Attributes
-    ----------
-    visible : int
-        People who are as visible as the one seen by the most views, that one among them.
-    together : (S,)
-        Frames in which two or more are.
-    mixed : (S,)
-        Frames in which a view shows somebody else than the other views, though the person is detected in it.
-    changed, compared : int
-        Steps from one frame to the next at which the chosen detections go over to another person, and the
-        steps that could be judged.
-    """
-
-    visible: int
-    together: Mask
+    visible: int  # people who are as visible as the one seen by the most views, that one among them
+    together: Mask  # (S,) frames in which two or more are
+    # (S,) frames in which a view shows somebody else than the other views, though the person is
+    # detected in it
     mixed: Mask
+    # steps from one frame to the next at which the chosen detections go over to another person, and the
+    # steps that could be judged
     changed: int
     compared: int
 

@@ -25,25 +25,15 @@ _LOG_RATIO = 8.0
 
 @dataclass(frozen=True)
 class BarData(ArrayFields):
-    """What `write_bars` draws, from top to bottom.
+    """What `write_bars` draws, from top to bottom."""
 
-    Parameters
-    ----------
-    names
-        One per bar.
-    values, low, high : (B,)
-        Length of each bar and its interval; NaN: no bar, no interval.
-    measured : (B,)
-        False for figures that others reported: another colour.
-    title, axis, caption
-        Text above, along the axis and below.
-    """
-
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # one per bar
+    # (B,) length of each bar and its interval; NaN: no bar, no interval
     values: Array
     low: Array
     high: Array
-    measured: Mask
+    measured: Mask  # (B,) false for figures that others reported: another colour
+    # text above, along the axis and below
     title: str
     axis: str
     caption: str = ""
@@ -104,20 +94,12 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """One chart.
-
-    Attributes
-    ----------
-    title, x_label, y_label : str
-    places : sequence of str
-        Labels of the places on the axis.
-    lines : sequence of Line
-    """
+    """One chart."""
 
     title: str
     x_label: str
     y_label: str
-    places: Sequence[str]
+    places: Sequence[str]  # labels of the places on the axis
     lines: Sequence[Line]
 
 

@@ -15,8 +15,7 @@ Take keys are ``"S9/Directions 1"`` where a format keeps the names of the origin
 
 from __future__ import annotations
 
-import os
-from collections.abc import Sequence
+from dataclasses import fields
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -27,7 +26,7 @@ from skelsplat.datasets.human36m import _adafuse, _authors, _karfly, _videopose3
 from skelsplat.datasets.human36m._common import ACTIONS, CAMERAS, Options, Reading, with_separate
 from skelsplat.exceptions import DatasetError, one_of
 
-__all__ = ["ACTIONS", "CAMERAS", "DESCRIPTION", "FORMATS", "read", "survey"]
+__all__ = ["ACTIONS", "CAMERAS", "DESCRIPTION", "FORMATS", "OPTIONS", "read", "survey"]
 
 DESCRIPTION = "Human3.6M: 4 cameras, 17 joints; formats skelsplat, karfly, adafuse, videopose3d"
 
@@ -35,17 +34,14 @@ _LAYOUTS: dict[str, ModuleType] = {
     module.NAME: module for module in (_videopose3d, _karfly, _adafuse, _authors)
 }
 FORMATS = tuple(_LAYOUTS)
+OPTIONS = tuple(entry.name for entry in fields(Options))
 
 
 def read(
     root: Path,
     *,
     format: str | None = None,
-    subjects: Sequence[str] | None = ("S9", "S11"),
-    detector: str | None = None,
-    detections: str | os.PathLike[str] | None = None,
-    cameras: str | os.PathLike[str] | None = None,
-    monocular: str | None = None,
+    **options: Any,
 ) -> Dataset:
     """Read Human3.6M.
 
@@ -55,18 +51,8 @@ def read(
         The folder, or the file of a format that is one file.
     format : str, optional
         One of `FORMATS`; found from the files when left out.
-    subjects : sequence of str or None
-        Default: the two that the method is tested on. None reads all.
-    detector : str, optional
-        Which of the detections that are there: ``"metrabs"``, ``"cpn"``, ``"resnet152"``, … Default: metrabs,
-        resnet152, cpn, resnet50 or another, the first that is there.
-    detections : path, optional
-        Detections that are kept apart from the data: a folder ``<subject>/<activity>[/<camera>]/poses.npz``
-        (or ``.json``), an npz or a JSON file. Takes without any there are left out.
-    cameras : path, optional
-        ``camera-parameters.json``, if it lies elsewhere.
-    monocular : str, optional
-        Format ``skelsplat``: the folder in ``initial_guess`` with 3D poses of monocular estimators.
+    **options
+        The attributes of `Options`.
 
     Raises
     ------
@@ -75,15 +61,9 @@ def read(
     DatasetError
         If a file is missing or malformed; it names the file and the field.
     """
-    options = Options.parse(
-        subjects=subjects,
-        detector=detector,
-        detections=detections,
-        cameras=cameras,
-        monocular=monocular,
-    )
+    chosen = Options.parse(**options)
     name, place = find_format(root, format)
-    return read_layout("human36m", name, place, options, "Human3.6M")
+    return read_layout("human36m", name, place, chosen, "Human3.6M")
 
 
 def survey(

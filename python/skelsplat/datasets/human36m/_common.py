@@ -111,7 +111,23 @@ def read_rig(path: Path, subject: str) -> CameraRig:
 
 @dataclass(frozen=True)
 class Options:
-    """The options of `skelsplat.datasets.human36m.read`, parsed."""
+    """The options of `skelsplat.datasets.human36m.read`, parsed.
+
+    Attributes
+    ----------
+    subjects : sequence of str or None
+        Default: the two that the method is tested on. None reads all.
+    detector : str, optional
+        Which of the detections that are there: ``"metrabs"``, ``"cpn"``, ``"resnet152"``, … Default: metrabs,
+        resnet152, cpn, resnet50 or another, the first that is there.
+    detections : path, optional
+        Detections that are kept apart from the data: a folder ``<subject>/<activity>[/<camera>]/poses.npz``
+        (or ``.json``), an npz or a JSON file. Takes without any there are left out.
+    cameras : path, optional
+        ``camera-parameters.json``, if it lies elsewhere.
+    monocular : str, optional
+        Format ``skelsplat``: the folder in ``initial_guess`` with 3D poses of monocular estimators.
+    """
 
     subjects: Sequence[str] | None = ("S9", "S11")
     detector: str | None = None

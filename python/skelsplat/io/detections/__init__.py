@@ -18,10 +18,10 @@ import numpy as np
 import numpy.typing as npt
 
 import skelsplat as sk
-from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 from skelsplat.io._arrays import Array
 from skelsplat.io.detections._format import View
-from skelsplat.io.detections._frames import Clock, FrameMode, check_mode, check_offsets
+from skelsplat.io.detections._frames import FRAME_MODES, Clock, FrameMode, check_offsets
 from skelsplat.io.detections._joints import arranged, check_mapping, choose_layout, places_of
 from skelsplat.io.detections._match import camera_called, cameras_called
 from skelsplat.io.detections._registry import FORMATS, Matching, Sources, find_format, open_sources
@@ -142,7 +142,7 @@ def read_detections(
     MissingPackageError
         If the format needs a package that is not installed.
     """
-    check_mode(frames)
+    one_of("frames", frames, FRAME_MODES)
     names = _camera_names(cameras, ordered=order is not None)
     shifts = check_offsets(offsets, names)
     left_out = cameras_called(without, names, "without")

@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
+from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._files import FRAME_LIMIT, frame_number
 from skelsplat.io.detections._match import camera_called
 
@@ -20,11 +20,6 @@ Frames = npt.NDArray[np.int64]
 
 FrameMode = Literal["strict", "intersection", "union"]
 FRAME_MODES = ("strict", "intersection", "union")
-
-
-def check_mode(mode: str) -> None:
-    """Raise `InvalidInputError` if `mode` is no `FrameMode`."""
-    one_of("frames", mode, FRAME_MODES)
 
 
 def check_offsets(offsets: Mapping[str, int] | None, names: Sequence[str]) -> dict[str, int]:

@@ -5,7 +5,6 @@ And what marker files (TRC, C3D) have in common: names of the joints, axes, a fr
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -14,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 import skelsplat as sk
-from skelsplat._arrays import flags, numbers, whole_numbers
+from skelsplat._arrays import flags, numbers, positive, whole_numbers
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import InvalidInputError, one_of
 from skelsplat.layouts import BODY25
@@ -117,7 +116,7 @@ class PoseData:
         if self.pose.ndim != 3 or self.pose.shape[2] != 3:
             raise InvalidInputError(f"pose: expected shape (T, N, 3), got {self.pose.shape}")
         if self.frame_rate is not None:
-            check_frame_rate(self.frame_rate)
+            positive("frame_rate", self.frame_rate)
         steps, joints, _ = self.pose.shape
         shapes: dict[str, tuple[int, ...]] = {"joint_names": (joints,), "frames": (steps,)}
         for name in ARRAYS:
@@ -177,13 +176,6 @@ def over_views(values: Array) -> tuple[npt.NDArray[np.int64], Array]:
     return count, mean
 
 
-def check_frame_rate(rate: float) -> float:
-    """Return a frame rate that is positive and finite, or raise `InvalidInputError`."""
-    if not (math.isfinite(rate) and rate > 0.0):
-        raise InvalidInputError(f"frame_rate: expected a positive number, got {rate}")
-    return rate
-
-
 def shape_of(name: str, steps: int, views: int, joints: int) -> tuple[int, ...]:
     """Return the shape of an array of `ARRAYS`."""
     sizes = {"T": steps, "M": views, "N": joints}
@@ -196,7 +188,8 @@ def known_frame_rate(data: PoseData, given: float | None, kind: str) -> float:
     if rate is None:
         expected = f"one for a {kind} file (the poses state none)"
         raise InvalidInputError(f"frame_rate: expected {expected}, got none")
-    return check_frame_rate(rate)
+    positive("frame_rate", rate)
+    return rate
 
 
 def marker_names(joint_names: tuple[str, ...], convention: str) -> tuple[str, ...]:

@@ -26,26 +26,13 @@ _GRID = "grid"
 
 @dataclass(frozen=True)
 class Written:
-    """A result.
+    """A result."""
 
-    Parameters
-    ----------
-    path
-        A video or a folder of PNG files.
-    size : (width, height)
-    frames
-        Number of frames written.
-    fps
-        Frames per second; None for PNG files.
-    cameras
-        By camera, the number of frames that its video had.
-    """
-
-    path: Path
-    size: Size
-    frames: int
-    fps: float | None
-    cameras: dict[str, int]
+    path: Path  # a video or a folder of PNG files
+    size: Size  # (width, height)
+    frames: int  # number of frames written
+    fps: float | None  # frames per second; None for PNG files
+    cameras: dict[str, int]  # by camera, the number of frames that its video had
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as values of JSON."""

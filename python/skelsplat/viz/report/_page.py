@@ -53,65 +53,36 @@ class Table:
 
 @dataclass(frozen=True)
 class TimeLine(ArrayFields):
-    """A curve over the frames.
+    """A curve over the frames."""
 
-    Parameters
-    ----------
-    title, unit
-        What the values are.
-    values : (T,)
-        NaN where there is none.
-    peaks
-        Of a sequence that is thinned out, keep the largest value between two frames shown.
-    beside : (T,), optional
-        A second curve in grey, called ``beside_name``.
-    """
-
+    # what the values are
     title: str
     unit: str
-    values: Array
-    peaks: bool = False
-    beside: Array | None = None
+    values: Array  # (T,) NaN where there is none
+    peaks: bool = False  # of a sequence that is thinned out, keep the largest value between two frames shown
+    beside: Array | None = None  # (T,) a second curve in grey, called `beside_name`
     beside_name: str = ""
 
 
 @dataclass(frozen=True)
 class ReportData(ArrayFields):
-    """A whole report.
+    """A whole report."""
 
-    Parameters
-    ----------
-    title
-        What was refined.
-    facts
-        (name, value) pairs for the line below it.
-    warnings
-        Sentences; empty without any.
-    notes
-        Sentences on how to read the numbers and on what was done to the poses.
-    numbers
-        (label, text, remark) of the numbers worth a glance.
-    sequence, shapes, cameras, joints, lines
-        The parts of the page.
-    errors_px, rejected : (M, N)
-        By camera and joint: median error in px, and the part of the detections that is rejected; NaN where a
-        camera has no detection of a joint that is used.
-    problems
-        (first frame, last frame, words) of stretches of frames that have the same problem.
-    """
-
-    title: str
-    facts: Sequence[tuple[str, str]]
-    warnings: Sequence[str]
-    notes: Sequence[str]
-    numbers: Sequence[tuple[str, str, str]]
+    title: str  # what was refined
+    facts: Sequence[tuple[str, str]]  # (name, value) pairs for the line below it
+    warnings: Sequence[str]  # sentences; empty without any
+    notes: Sequence[str]  # sentences on how to read the numbers and on what was done to the poses
+    numbers: Sequence[tuple[str, str, str]]  # (label, text, remark) of the numbers worth a glance
     sequence: Sequence3D
     shapes: CameraShapes
     cameras: Table
     joints: Table
+    # (M, N) by camera and joint: median error in px, and the part of the detections that is rejected;
+    # NaN where a camera has no detection of a joint that is used
     errors_px: Array
     rejected: Array
     lines: Sequence[TimeLine]
+    # (first frame, last frame, words) of stretches of frames that have the same problem
     problems: Sequence[Problem]
 
 
