@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from recordings import Take
 from scenarios import FloatArray
 
@@ -107,7 +108,8 @@ def smoothed(pose: FloatArray, covariance: FloatArray, fps: float, density: Floa
     process = density[:, None, None] * np.block(
         [[dt**3 / 3 * one, dt**2 / 2 * one], [dt**2 / 2 * one, dt * one]]
     )
-    known = np.asarray(np.isfinite(pose).all(axis=-1) & np.isfinite(covariance).all(axis=(-2, -1)))
+    finite: NDArray[np.bool_] = np.isfinite(pose).all(axis=-1)
+    known = finite & np.isfinite(covariance).all(axis=(-2, -1))
     state = np.zeros((n_joints, 6))
     state[:, :3] = _first_known(pose, known)
     spread = np.broadcast_to(np.diag([1e8] * 3 + [_ANY_SPEED**2] * 3), (n_joints, 6, 6)).copy()
@@ -119,22 +121,29 @@ def smoothed(pose: FloatArray, covariance: FloatArray, fps: float, density: Floa
             state = state @ step.T
             spread = step @ spread @ step.T + process
         predicted[t], predicted_spreads[t] = state, spread
+        states[t], spreads[t] = state, spread
         k = np.flatnonzero(known[t])
         gain = np.linalg.solve(spread[k, :3, :3] + covariance[t, k], spread[k, :3]).swapaxes(-1, -2)
-        state, spread = state.copy(), spread.copy()
-        state[k] += np.einsum("nij,nj->ni", gain, pose[t, k] - state[k, :3])
-        spread[k] -= gain @ spread[k, :3]
-        states[t], spreads[t] = state, spread
+        states[t, k] += np.einsum("nij,nj->ni", gain, pose[t, k] - state[k, :3])
+        spreads[t, k] = _remaining(gain, np.eye(3, 6), spread[k], covariance[t, k])
+        state, spread = states[t], spreads[t]
     for t in range(n_frames - 2, -1, -1):
-        back = np.linalg.solve(predicted_spreads[t + 1], step @ spreads[t]).swapaxes(-1, -2)
-        states[t] += np.einsum("nij,nj->ni", back, states[t + 1] - predicted[t + 1])
-        spreads[t] += back @ (spreads[t + 1] - predicted_spreads[t + 1]) @ back.swapaxes(-1, -2)
+        gain = np.linalg.solve(predicted_spreads[t + 1], step @ spreads[t]).swapaxes(-1, -2)
+        states[t] += np.einsum("nij,nj->ni", gain, states[t + 1] - predicted[t + 1])
+        spreads[t] = _remaining(gain, step, spreads[t], process + spreads[t + 1])
     never = ~known.any(axis=0)
     states[:, never], spreads[:, never] = np.nan, np.nan
     return Solved(states[..., :3], spreads[..., :3, :3])
 
 
-def _first_known(pose: FloatArray, known: np.ndarray) -> FloatArray:
+def _remaining(gain: FloatArray, seen: FloatArray, spread: FloatArray, noise: FloatArray) -> FloatArray:
+    """Return (1 − G H) P (1 − G H)ᵀ + G R Gᵀ, Joseph's form: symmetric and positive whatever the rounding."""
+    kept = np.eye(spread.shape[-1]) - gain @ seen
+    out: FloatArray = kept @ spread @ kept.swapaxes(-1, -2) + gain @ noise @ gain.swapaxes(-1, -2)
+    return (out + out.swapaxes(-1, -2)) / 2.0
+
+
+def _first_known(pose: FloatArray, known: NDArray[np.bool_]) -> FloatArray:
     """Return the first known position (N, 3) of every joint; zeros where there is none."""
     first = pose[known.argmax(axis=0), np.arange(pose.shape[1])]
     return np.where(known.any(axis=0)[:, None], first, 0.0)
