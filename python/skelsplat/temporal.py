@@ -21,11 +21,9 @@ import numpy as np
 import numpy.typing as npt
 
 from skelsplat import _arrays
+from skelsplat._arrays import Array, Mask
 from skelsplat._optional import require
 from skelsplat.exceptions import InvalidInputError, one_of
-
-Array = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
 
 METHODS = ("cubic", "linear")
 

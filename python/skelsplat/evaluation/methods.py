@@ -17,16 +17,16 @@ from typing import Any
 
 import numpy as np
 
+from skelsplat._arrays import Array
 from skelsplat._refine import Progress, Refinement, refine
 from skelsplat._skelsplat import Layout, RefineConfig, fuse_monocular, triangulate
 from skelsplat.cameras import CameraRig, without_distortion
 from skelsplat.datasets import Take
-from skelsplat.datasets._files import FloatArray
 from skelsplat.evaluation import baselines
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 
 Settings = Mapping[str, Any]
-Run = Callable[[Take, Layout, Settings, Progress | None], FloatArray]
+Run = Callable[[Take, Layout, Settings, Progress | None], Array]
 
 STARTS = ("dlt", "fusion", "none")
 
@@ -65,7 +65,7 @@ class Options:
 class Solution:
     """Poses (T, N, 3) in the rig's unit, and the wall time of the method alone, s."""
 
-    pose: FloatArray
+    pose: Array
     seconds: float
 
 
@@ -120,7 +120,7 @@ def without_lens(rig: CameraRig) -> CameraRig:
 _CROP_PX = 384.0
 
 
-def crop_scale(take: Take) -> FloatArray:
+def crop_scale(take: Take) -> Array:
     """Pixels of the image per pixel of a 384 px crop of the person's square box, (T, M); 1 without a box."""
     if take.boxes is None:
         return np.ones((len(take), len(take.rig)))
@@ -129,7 +129,7 @@ def crop_scale(take: Take) -> FloatArray:
     return np.where(known, sides / _CROP_PX, 1.0)
 
 
-def _by(run: Callable[[FloatArray, CameraRig, Settings], FloatArray]) -> Run:
+def _by(run: Callable[[Array, CameraRig, Settings], Array]) -> Run:
     """Return `run`, of detections, cameras and settings, as a method without layout and progress."""
     return lambda take, _layout, settings, _progress: run(_detections(take), take.rig, settings)
 
@@ -137,29 +137,29 @@ def _by(run: Callable[[FloatArray, CameraRig, Settings], FloatArray]) -> Run:
 _DLT = _by(lambda seen, rig, given: baselines.dlt(seen, rig, confidence=given.get("confidence", False)))
 
 
-def _iskakov(take: Take, _: Layout, settings: Settings, __: Progress | None) -> FloatArray:
+def _iskakov(take: Take, _: Layout, settings: Settings, __: Progress | None) -> Array:
     scale = crop_scale(take)
     return baselines.ransac_iskakov(_detections(take), take.rig, crop_scale=scale, seed=settings["seed"])
 
 
-def _fusion(take: Take, *_: object) -> FloatArray:
+def _fusion(take: Take, *_: object) -> Array:
     assert take.monocular is not None  # Method.check has seen to it
     return fuse_monocular(take.monocular, _detections(take), take.rig)
 
 
-def _detections(take: Take) -> FloatArray:
+def _detections(take: Take) -> Array:
     assert take.detections is not None  # likewise
     return take.detections
 
 
-def _refine(take: Take, layout: Layout, settings: Settings, progress: Progress | None) -> FloatArray:
+def _refine(take: Take, layout: Layout, settings: Settings, progress: Progress | None) -> Array:
     """Start as the settings say, and refine with their configuration."""
     start = None if settings["start"] == "none" else starting_poses(take, settings["start"])
     config = RefineConfig(**settings["config"])
     return refined(take, layout, start, config, settings.get("init_sigma_mm"), progress).pose
 
 
-def starting_poses(take: Take, start: str) -> FloatArray:
+def starting_poses(take: Take, start: str) -> Array:
     """Return initial poses (T, N, 3): the paper's triangulation, without confidences, or ``"fusion"``."""
     if start == "dlt":
         return triangulate(_detections(take)[..., :2], take.rig, method="dlt")
@@ -169,7 +169,7 @@ def starting_poses(take: Take, start: str) -> FloatArray:
 def refined(
     take: Take,
     layout: Layout,
-    start: FloatArray | None,
+    start: Array | None,
     config: RefineConfig,
     init_sigma_mm: float | None = None,
     progress: Progress | None = None,

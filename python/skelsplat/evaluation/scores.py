@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skelsplat import metrics
-from skelsplat._arrays import numbers
+from skelsplat._arrays import Array, numbers
 from skelsplat._skelsplat import Layout
-from skelsplat.datasets._files import FloatArray
 from skelsplat.evaluation.methods import Solution
 from skelsplat.evaluation.protocols import Case, Protocol
 from skelsplat.exceptions import DatasetError, InvalidInputError
@@ -87,12 +86,12 @@ FIGURES: Mapping[str, Callable[[Scores], float]] = {
 class _Errors:
     """Of one case: (T, N), parts (T, L); NaN where something does not count."""
 
-    absolute: FloatArray
-    relative: FloatArray
-    procrustes: FloatArray
-    missing: FloatArray
-    pck: Mapping[int, FloatArray]
-    parts: FloatArray
+    absolute: Array
+    relative: Array
+    procrustes: Array
+    missing: Array
+    pck: Mapping[int, Array]
+    parts: Array
 
 
 def score(
@@ -146,13 +145,13 @@ def score(
     )
 
 
-def _errors(case: Case, pose: FloatArray, layout: Layout, protocol: Protocol) -> _Errors:
+def _errors(case: Case, pose: Array, layout: Layout, protocol: Protocol) -> _Errors:
     take = case.take
     truth, found = take.truth * take.rig.mm_per_unit, pose * take.rig.mm_per_unit
     root = layout.root if protocol.root is None else protocol.root
     counts = _counted(take.key, take.visible, truth.shape[:2], protocol.min_visible_views)
 
-    def absolute(values: FloatArray) -> FloatArray:
+    def absolute(values: Array) -> Array:
         return np.where(counts & case.absolute, values, np.nan)
 
     parts = np.full((len(take), 1), np.nan)
@@ -192,15 +191,15 @@ def _group(errors: Sequence[_Errors], joint: int | None = None) -> Group:
     )
 
 
-def _estimate(values: Sequence[FloatArray], seed: int) -> Estimate:
+def _estimate(values: Sequence[Array], seed: int) -> Estimate:
     sums = [float(np.nansum(v)) for v in values]
     counts = [np.count_nonzero(~np.isnan(v)) for v in values]
     return Estimate(_mean(values), *mean_interval(sums, counts, seed=seed))
 
 
-def _mean(values: Sequence[FloatArray], mean: Callable[[FloatArray], np.floating[Any]] = np.mean) -> float:
+def _mean(values: Sequence[Array], mean: Callable[[Array], np.floating[Any]] = np.mean) -> float:
     """Mean of what is not NaN; NaN if nothing is."""
-    flat: FloatArray = np.concatenate([np.zeros(0), *(np.ravel(v) for v in values)])
+    flat: Array = np.concatenate([np.zeros(0), *(np.ravel(v) for v in values)])
     finite = flat[~np.isnan(flat)]
     return float(mean(finite)) if finite.size else float("nan")
 
@@ -251,10 +250,8 @@ def mean_interval(
     return float(low), float(high)
 
 
-def _resampled_means(
-    sums: FloatArray, counts: FloatArray, resamples: int, rng: np.random.Generator
-) -> FloatArray:
+def _resampled_means(sums: Array, counts: Array, resamples: int, rng: np.random.Generator) -> Array:
     n = len(sums)
     times = rng.multinomial(n, np.full(n, 1.0 / n), size=resamples)
-    means: FloatArray = (times @ sums) / (times @ counts)
+    means: Array = (times @ sums) / (times @ counts)
     return means

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 import skelsplat as sk
+from skelsplat._arrays import Array
 from skelsplat.association import take_people
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
@@ -19,8 +20,6 @@ from skelsplat.io.calibration import find_format, read_calibration
 from skelsplat.io.detections import camera_called, cameras_called, read_detections
 from skelsplat.run.job import Job
 from skelsplat.run.person import Crowd, look_around, pick_places
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

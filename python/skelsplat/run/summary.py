@@ -11,13 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 import skelsplat as sk
-from skelsplat._arrays import medians
+from skelsplat._arrays import Array, Mask, medians
 from skelsplat.run.displaced import Shifts, camera_shifts, residuals
 from skelsplat.run.read import Inputs
 from skelsplat.run.solve import Outcome, rig_as_used
-
-Array = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
 
 # A detection is called poor beyond this share of the image's diagonal: 22 px at 1920 × 1080, some 40 mm on a
 # person who fills the longer side.
