@@ -13,17 +13,18 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from skelsplat._arrays import Array
+from skelsplat._arrays import Array, positive
 from skelsplat._refine import Progress, Refinement, refine
 from skelsplat._skelsplat import Layout, RefineConfig, fuse_monocular, triangulate
 from skelsplat.cameras import CameraRig, without_distortion
 from skelsplat.datasets import Take
 from skelsplat.evaluation import baselines
-from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
+from skelsplat.exceptions import DatasetError, one_of
 
 Settings = Mapping[str, Any]
 Run = Callable[[Take, Layout, Settings, Progress | None], Array]
@@ -55,10 +56,9 @@ class Options:
     n_threads: int | None = None  #: of the compiled solver; None: all cores
 
     def __post_init__(self) -> None:
-        for name in ("start", "paper_start"):
-            one_of(name, getattr(self, name), (None, *STARTS) if name == "start" else STARTS)
-        if not (np.isfinite(self.init_sigma_mm) and self.init_sigma_mm > 0):
-            raise InvalidInputError(f"init_sigma_mm: expected a positive number, got {self.init_sigma_mm!r}")
+        one_of("start", self.start, (None, *STARTS))
+        one_of("paper_start", self.paper_start, STARTS)
+        positive("init_sigma_mm", self.init_sigma_mm)
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,10 +186,6 @@ def refined(
     )
 
 
-def _weighted(options: Options) -> dict[str, Any]:
-    return {**_lens(options), "confidence": True}
-
-
 def _drawn(options: Options) -> dict[str, Any]:
     return {**_lens(options), "seed": options.seed}
 
@@ -207,18 +203,19 @@ def _prior(options: Options) -> dict[str, Any]:
     return {**_solver(options, RefineConfig(), "fusion"), "init_sigma_mm": options.init_sigma_mm}
 
 
-def _paper(options: Options) -> dict[str, Any]:
-    config = RefineConfig.paper(**options.paper_fields)
+def _paper(options: Options, **fields: Any) -> dict[str, Any]:
+    config = RefineConfig.paper(**{**options.paper_fields, **fields})
     return _solver(options, config, options.start or options.paper_start)
-
-
-def _closed_form(options: Options) -> dict[str, Any]:
-    return _paper(replace(options, paper_fields={**options.paper_fields, "renderer": "closed_form"}))
 
 
 _ALL = (
     Method("dlt", "algebraic triangulation, unweighted", _DLT),
-    Method("dlt-confidence", "algebraic triangulation, rows weighted by confidence", _DLT, _weighted),
+    Method(
+        "dlt-confidence",
+        "algebraic triangulation, rows weighted by confidence",
+        _DLT,
+        lambda options: {**_lens(options), "confidence": True},
+    ),
     Method("ransac-iskakov", "RANSAC of Iskakov et al., with its Huber refinement", _iskakov, _drawn),
     Method(
         "ransac-adafuse",
@@ -237,7 +234,12 @@ _ALL = (
     Method("fusion", "multi-view fusion of monocular 3D poses", _fusion, needs=("detections", "monocular")),
     Method("annealed", "default: closed form, annealed Gauss–Newton", _refine, _annealed),
     Method("annealed-prior", "annealed with the fused monocular poses as a Gaussian prior", _refine, _prior),
-    Method("paper-closed-form", "the paper's settings with the closed-form loss", _refine, _closed_form),
+    Method(
+        "paper-closed-form",
+        "the paper's settings with the closed-form loss",
+        _refine,
+        partial(_paper, renderer="closed_form"),
+    ),
     Method("paper", "the paper's settings: raster, Adam", _refine, _paper, by_pixels=True),
 )
 _BY_NAME = {method.name: method for method in _ALL}
@@ -250,6 +252,5 @@ def get(name: str) -> Method:
 
     Raises `InvalidInputError` if there is none of that name; the message lists all.
     """
-    if name not in _BY_NAME:
-        raise InvalidInputError(f"methods: expected names among {', '.join(names)}, got {name!r}")
+    one_of("methods", name, names)
     return _BY_NAME[name]

@@ -8,10 +8,10 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from skelsplat import metrics
-from skelsplat._arrays import Array, numbers
+from skelsplat._arrays import Array, Mask, numbers
 from skelsplat._skelsplat import Layout
 from skelsplat.evaluation.methods import Solution
 from skelsplat.evaluation.protocols import Case, Protocol
@@ -168,9 +168,7 @@ def _errors(case: Case, pose: Array, layout: Layout, protocol: Protocol) -> _Err
     )
 
 
-def _counted(
-    key: str, visible: NDArray[np.bool_] | None, shape: tuple[int, ...], least: int
-) -> NDArray[np.bool_]:
+def _counted(key: str, visible: Mask | None, shape: tuple[int, ...], least: int) -> Mask:
     """Whether each joint (T, N) counts: at least `least` views see it unoccluded."""
     if least == 0:
         return np.ones(shape, dtype=np.bool_)
@@ -245,13 +243,8 @@ def mean_interval(
     used = number > 0
     if np.count_nonzero(used) < 2:
         return float("nan"), float("nan")
-    means = _resampled_means(total[used], number[used], resamples, np.random.default_rng(seed))
+    n = np.count_nonzero(used)
+    times = np.random.default_rng(seed).multinomial(n, np.full(n, 1.0 / n), size=resamples)
+    means = (times @ total[used]) / (times @ number[used])
     low, high = np.quantile(means, [(1.0 - level) / 2.0, (1.0 + level) / 2.0])
     return float(low), float(high)
-
-
-def _resampled_means(sums: Array, counts: Array, resamples: int, rng: np.random.Generator) -> Array:
-    n = len(sums)
-    times = rng.multinomial(n, np.full(n, 1.0 / n), size=resamples)
-    means: Array = (times @ sums) / (times @ counts)
-    return means
