@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 import skelsplat as sk
-from skelsplat._arrays import Array, Mask, medians
+from skelsplat._arrays import Array, Index, Mask, medians
 from skelsplat.run.displaced import Shifts, camera_shifts, residuals
 from skelsplat.run.read import Inputs
 from skelsplat.run.solve import Outcome, rig_as_used
@@ -103,7 +103,7 @@ class Statistics:
     residual: Array
     shifts: Shifts
     rejected: Mask
-    views_used: npt.NDArray[np.int64]
+    views_used: Index
     moved_mm: Array
     error_bar_mm: Array
     noise_mm: float
