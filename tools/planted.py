@@ -258,8 +258,8 @@ ANALYSIS = (
     Fault(
         "the bootstrap does not weight takes by their number of frames",
         "wrong statistics",
-        "means: FloatArray = (times @ sums) / (times @ counts)",
-        "means: FloatArray = (times @ (sums / counts)) / n",
+        "means = (times @ total[used]) / (times @ number[used])",
+        "means = (times @ (total[used] / number[used])) / n",
         (UNIT + "evaluation/test_bootstrap.py",),
     ),
     Fault(
@@ -289,8 +289,8 @@ FRONT = (
     Fault(
         "check-cameras exits with 0 despite findings",
         "wrong exit code",
-        "    if not report.ok:\n        raise typer.Exit(1)\n\n\ndef _check",
-        "    if not report.ok:\n        raise typer.Exit(0)\n\n\ndef _check",
+        "    if not found.report.ok:\n        raise typer.Exit(1)",
+        "    if not found.report.ok:\n        raise typer.Exit(0)",
         (UNIT + "test_cli_cameras.py",),
     ),
     Fault(

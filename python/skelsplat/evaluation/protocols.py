@@ -83,8 +83,7 @@ class Protocol:
 
         Raises `InvalidInputError` if the protocol has no such choice.
         """
-        if counting not in ("all", "adafuse"):
-            raise InvalidInputError(f"counting: expected all or adafuse, got {counting!r}")
+        one_of("counting", counting, ("all", "adafuse"))
         if every is not None and every < 1:
             raise InvalidInputError(f"every: expected an integer >= 1, got {every}")
         if n_views is not None and n_views not in self.view_sets:
@@ -178,8 +177,6 @@ def _has_every_view(take: Take) -> NDArray[np.bool_]:
     seen = np.isfinite(take.detections[..., :2]).all(axis=-1) & (take.detections[..., 2] > 0)
     return np.asarray(seen.any(axis=-1).all(axis=-1))
 
-
-__all__ = ["SIMULATED", "Case", "Protocol", "get", "names"]
 
 # How the paper's table abbreviates the actions.
 _ABBREVIATIONS = (

@@ -9,9 +9,9 @@ from functools import partial
 import numpy as np
 
 from skelsplat import Refinement, metrics
+from skelsplat._arrays import Array
 from skelsplat.evaluation.ablations._sample import (
     Errors,
-    FloatArray,
     Sample,
     Start,
     difference,
@@ -109,7 +109,7 @@ _SPLAT, _PLAIN, _POSTERIOR = (
 # How close "the same coverage" must come, percentage points.
 _NEAR = 10.0
 
-Shares = dict[str, FloatArray]
+Shares = dict[str, Array]
 """By kind of covariance, whether each joint lies within each k: (3, P, N), 1, 0, or NaN if unknown."""
 
 
@@ -162,7 +162,7 @@ def _covered(source: Source, sample: Sample) -> Shares:
     }
 
 
-def _percents(shares: FloatArray) -> tuple[float, ...]:
+def _percents(shares: Array) -> tuple[float, ...]:
     return tuple(100.0 * float(np.nanmean(share)) for share in shares)
 
 
@@ -193,7 +193,7 @@ def _near(
     return Claim(text, paper, measured, far <= _NEAR, ours)
 
 
-def _prone(sample: Sample, kind: str, shares: FloatArray) -> Claim:
+def _prone(sample: Sample, kind: str, shares: Array) -> Claim:
     prone = list(sample.layout.occlusion_prone)
     others = [j for j in range(sample.layout.n_joints) if j not in prone]
     low, high = (_percents(shares[:, :, joints])[0] for joints in (prone, others))

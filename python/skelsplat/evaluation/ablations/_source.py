@@ -12,10 +12,11 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat import datasets
+from skelsplat._arrays import Array
 from skelsplat.datasets import Dataset, Take
 from skelsplat.datasets._registry import detections_option, options_of
 from skelsplat.evaluation import protocols
-from skelsplat.evaluation.ablations._sample import Errors, FloatArray, Sample, Start, errors_of, sample
+from skelsplat.evaluation.ablations._sample import Errors, Sample, Start, errors_of, sample
 from skelsplat.evaluation.methods import DEFAULT_INIT_SIGMA_MM, refined
 from skelsplat.evaluation.protocols import Protocol
 from skelsplat.evaluation.report import occlusion_of
@@ -115,7 +116,7 @@ class Source(ABC):
         self.note(f"{sample.name}: no monocular poses, so DLT is refined instead of their fusion")
         return "dlt"
 
-    def starts(self, sample: Sample) -> list[FloatArray]:
+    def starts(self, sample: Sample) -> list[Array]:
         """Return the initial poses of every group."""
         kind = self.start_kind(sample)
         self.note(f"{sample.name}: start {_START_WORDS[kind]}")
@@ -125,7 +126,7 @@ class Source(ABC):
         self,
         method: str,
         sample: Sample,
-        starts: Sequence[FloatArray],
+        starts: Sequence[Array],
         doing: str,
         init_sigma_mm: float | None = None,
         **fields: Any,
@@ -149,7 +150,7 @@ class Source(ABC):
         return results
 
     def errors(
-        self, method: str, sample: Sample, starts: Sequence[FloatArray], doing: str, **fields: Any
+        self, method: str, sample: Sample, starts: Sequence[Array], doing: str, **fields: Any
     ) -> Errors:
         """Return the errors of `refined`."""
         results = self.refined(method, sample, starts, doing, **fields)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from skelsplat.evaluation.ablations._source import Choices, Source
 from skelsplat.evaluation.ablations._sweep import Ablation, Outcome, Row
 from skelsplat.evaluation.ablations._table import get
 from skelsplat.evaluation.reported import reported
+from skelsplat.evaluation.tables import grid
 from skelsplat.io._files import atomic_write_text
 
 _CSV = ("table", "unit", "method", "data", "origin", "column", "value")
@@ -66,17 +66,12 @@ def to_markdown(record: Record) -> str:
     parts = [f"# {record.ablation.title}", f"`{record.command}` (skelsplat {__version__})"]
     for table in record.outcome.tables:
         rows = [(r.method, r.data, *(cell(value, table.digits) for value in r.values)) for r in table.rows]
-        grid = _lines((table.corner, "data", *table.columns), rows, numeric=len(table.columns))
-        parts += [f"## {table.title} ({table.unit})", grid, record.line]
+        figures = grid((table.corner, "data", *table.columns), rows, numeric=len(table.columns))
+        parts += [f"## {table.title} ({table.unit})", figures, record.line]
     claims = [(c.claim, c.paper, c.measured, f"**{c.verdict}**") for c in record.outcome.claims]
-    parts += ["## Claims", _lines(("claim", "reported", "here", ""), claims, numeric=0)]
+    parts += ["## Claims", grid(("claim", "reported", "here", ""), claims, numeric=0)]
     parts += ["\n".join(f"- {text}" for text in (*record.notes, *record.sources))]
     return "\n\n".join(parts) + "\n"
-
-
-def _lines(header: Sequence[str], rows: Sequence[Sequence[str]], *, numeric: int) -> str:
-    rule = [*["---"] * (len(header) - numeric), *["---:"] * numeric]
-    return "\n".join("| " + " | ".join(row) + " |" for row in (header, rule, *rows))
 
 
 def to_csv(record: Record) -> str:

@@ -17,7 +17,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from skelsplat.exceptions import InvalidInputError, one_of
+from skelsplat.exceptions import one_of
 
 __all__ = ["ReportedRow", "ReportedTable", "labels", "reported"]
 
@@ -83,20 +83,6 @@ class ReportedTable:
             and (detector is None or row.detector == detector)
             and all(row.setting.get(name) == value for name, value in setting.items())
         )
-
-    def one(self, method: str | None = None, *, detector: str | None = None, **setting: str) -> ReportedRow:
-        """Return the only row that `select` finds.
-
-        Raises
-        ------
-        InvalidInputError
-            If there is none or more than one.
-        """
-        found = self.select(method, detector=detector, **setting)
-        if len(found) != 1:
-            asked = {"method": method, "detector": detector, **setting}
-            raise InvalidInputError(f"{self.label}: expected one row with {asked}, got {len(found)}")
-        return found[0]
 
 
 def reported(label: str) -> ReportedTable:
