@@ -8,15 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skelsplat._arrays import Array
 from skelsplat.exceptions import DatasetError
 from skelsplat.io import _arrays
 from skelsplat.io._files import load_json as parse_json_file
 from skelsplat.io._files import opening
 from skelsplat.io._unpickle import unpickle
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass
@@ -144,7 +142,7 @@ def within(field: str, key: Any) -> str:
     return f"{field}.{key}" if field else str(key)
 
 
-def as_numbers(path: Path, field: str, value: Any) -> FloatArray:
+def as_numbers(path: Path, field: str, value: Any) -> Array:
     """Return `value` as a new array of float64, C order; None is NaN."""
     try:
         return np.array(value, dtype=np.float64, order="C")
@@ -152,7 +150,7 @@ def as_numbers(path: Path, field: str, value: Any) -> FloatArray:
         raise DatasetError(path, field, "numbers in rows of the same length", error) from error
 
 
-def numbers(path: Path, field: str, value: Any, shape: tuple[int | str, ...]) -> FloatArray:
+def numbers(path: Path, field: str, value: Any, shape: tuple[int | str, ...]) -> Array:
     """Return `value` as an array of float64 with the given shape.
 
     `shape` has an integer where the length is fixed and a letter where any is good; the same letter is the

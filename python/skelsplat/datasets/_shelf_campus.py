@@ -17,13 +17,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skelsplat._arrays import Array, Index
 from skelsplat._optional import require
 from skelsplat._skelsplat import Layout
 from skelsplat.cameras import CameraRig
 from skelsplat.datasets._detections import Wanted, detections_of, read_apart
-from skelsplat.datasets._files import FloatArray, Survey, a_table, find, load_json
+from skelsplat.datasets._files import Survey, a_table, find, load_json
 from skelsplat.datasets._model import Dataset, Take
 from skelsplat.datasets._rig import build_rig, camera_at_centre
 from skelsplat.exceptions import DatasetError
@@ -121,7 +121,7 @@ def _rig(scene: Scene, path: Path) -> CameraRig:
 def _with_detections(take: Take, folder: Path) -> Take:
     spellings = [[name, f"cam{name}", f"Camera{name}"] for name in take.rig.names]
 
-    def found_as(layout: Layout) -> tuple[FloatArray, NDArray[np.int64], Path]:
+    def found_as(layout: Layout) -> tuple[Array, Index, Path]:
         wanted = Wanted(take.key, take.frames, take.rig.names, layout)
         places = [(folder / take.action, ["poses"]), (folder, [take.action])]
         return read_apart(places, wanted, spellings)
@@ -140,7 +140,7 @@ def _with_detections(take: Take, folder: Path) -> Take:
     return take.select(places).with_detections(values, path)
 
 
-def from_coco(detections: FloatArray) -> FloatArray:
+def from_coco(detections: Array) -> Array:
     """Return SHELF14 detections (…, 14, 3) of COCO-17 ones (…, 17, 3).
 
     The neck (bottom of the head) is half-way between the middles of shoulders and ears; the top of the head
@@ -156,7 +156,7 @@ def from_coco(detections: FloatArray) -> FloatArray:
     return np.concatenate([limbs, head], axis=-2)
 
 
-def read_actors(path: Path, n_joints: int) -> list[tuple[NDArray[np.int64], FloatArray]]:
+def read_actors(path: Path, n_joints: int) -> list[tuple[Index, Array]]:
     """Return frames (T,), from 0, and joints (T, N, 3) mm of each actor, where it is labelled."""
     content = _load(path)
     if "actor3D" not in content:
@@ -188,7 +188,7 @@ def _cells(value: Any) -> list[Any]:
     return list(value.ravel()) if _is_cell(value) else []
 
 
-def _actor(path: Path, field: str, cells: Any, n_joints: int) -> tuple[int, NDArray[np.int64], FloatArray]:
+def _actor(path: Path, field: str, cells: Any, n_joints: int) -> tuple[int, Index, Array]:
     frames, poses = [], []
     values = _cells(cells)
     for k, value in enumerate(values):

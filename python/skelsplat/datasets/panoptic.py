@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skelsplat._arrays import Array, Index, Mask
 from skelsplat.cameras import MM_PER_UNIT, CameraRig
 from skelsplat.datasets._detections import (
     Wanted,
@@ -31,7 +31,7 @@ from skelsplat.datasets._detections import (
     read_truth,
     read_world,
 )
-from skelsplat.datasets._files import FloatArray, Survey, find, load_json, numbers, require, within
+from skelsplat.datasets._files import Survey, find, load_json, numbers, require, within
 from skelsplat.datasets._model import Dataset, Take
 from skelsplat.datasets._rig import read_quietly
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
@@ -161,7 +161,7 @@ def _truths(root: Path, sequence: str, n_views: int, format: str | None) -> list
     )
 
 
-def _truth(path: Path, unit: str, person: int | None) -> tuple[NDArray[np.int64], FloatArray, Path]:
+def _truth(path: Path, unit: str, person: int | None) -> tuple[Index, Array, Path]:
     """Frames (T,), joints (T, 19, 3) mm, and the file or folder they are from."""
     one_of("truth_unit", unit, MM_PER_UNIT)
     if path.is_dir():
@@ -178,7 +178,7 @@ def _with_detections(take: Take, source: Path, guess: Path | None, *, filtered: 
     spellings = [_spellings(name) for name in take.rig.names]
     places = [(source / take.action, stems), *([] if filtered else [(source, [take.action])])]
     values, own, path = read_apart(places, wanted, spellings)
-    everywhere: NDArray[np.bool_] = np.all(np.any(values[..., 2] > 0, axis=2), axis=1)
+    everywhere: Mask = np.all(np.any(values[..., 2] > 0, axis=2), axis=1)
     world = None
     if guess is not None:
         world = read_world(guess, stems, (len(values), PANOPTIC19.n_joints), spellings)
@@ -222,7 +222,7 @@ def truth_files(folder: Path) -> dict[int, Path]:
     return dict(sorted(files.items()))
 
 
-def read_bodies(files: Mapping[int, Path], person: int | None) -> tuple[NDArray[np.int64], FloatArray]:
+def read_bodies(files: Mapping[int, Path], person: int | None) -> tuple[Index, Array]:
     """Return the frames (T,) with the person in them and the joints (T, 19, 3), mm; NaN where not measured.
 
     `person` None is the only body that there is.
@@ -246,7 +246,7 @@ def read_bodies(files: Mapping[int, Path], person: int | None) -> tuple[NDArray[
     return np.array(frames, dtype=np.int64), np.stack([bodies[frame][chosen] for frame in frames])
 
 
-def _bodies(path: Path) -> dict[int, FloatArray]:
+def _bodies(path: Path) -> dict[int, Array]:
     found = {}
     for k, body in enumerate(require(path, "", load_json(path), "bodies")):
         field = f"bodies[{k}]"

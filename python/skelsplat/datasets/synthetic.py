@@ -13,11 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skelsplat import io
+from skelsplat._arrays import Array
 from skelsplat._skelsplat import Camera, Layout
 from skelsplat.cameras import CameraRig
 from skelsplat.datasets._detections import frame_numbers
 from skelsplat.datasets._files import Survey, load_json, load_npz, numbers, require
-from skelsplat.datasets._model import Dataset, FloatArray, Take
+from skelsplat.datasets._model import Dataset, Take
 from skelsplat.datasets._rig import build_camera, build_rig
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._fields import Field
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
 FORMAT, FORMAT_VERSION = "skelsplat-simulated", 1
 INDEX = "dataset.json"
 
-Array = NDArray[Any]
 Views: TypeAlias = int | Sequence[int | str] | None
 """The first so many cameras, or some of them by place or name, or (None) all."""
 
@@ -149,7 +149,7 @@ def _take(root: Path, entry: Field, rigs: Mapping[str, CameraRig], layout: Layou
     frames = _frames(files, loaded)
     t, m, n = len(frames), len(rig), layout.n_joints
 
-    def part(name: str, key: str, shape: tuple[int, ...]) -> FloatArray:
+    def part(name: str, key: str, shape: tuple[int, ...]) -> Array:
         return numbers(files[name], key, require(files[name], "", loaded[name], key), shape)
 
     per_view = (loaded["truth"].get("boxes"), loaded["detections"].get("detections"))
@@ -328,10 +328,10 @@ def _camera(camera: Camera) -> dict[str, Any]:
 
 def _write_take(folder: Path, recording: Recording) -> None:
     folder.mkdir(parents=True)
-    truth: dict[str, Array] = {"poses": recording.truth, "boxes": recording.boxes}
+    truth: dict[str, NDArray[Any]] = {"poses": recording.truth, "boxes": recording.boxes}
     if recording.visible is not None:
         truth["visible"] = recording.visible
-    parts: dict[str, dict[str, Array]] = {
+    parts: dict[str, dict[str, NDArray[Any]]] = {
         "truth": truth,
         "monocular_simulated": {"poses": recording.monocular},
     }

@@ -17,13 +17,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from skelsplat._arrays import Array
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._files import frame_number, opening
 from skelsplat.io._unpickle import DAMAGED_NPY, npy_header, read_array
-
-Array = npt.NDArray[np.float64]
 
 # what zipfile and NumPy raise for an npz whose bytes are damaged, besides OSError and ValueError
 _DAMAGED_NPZ = (zipfile.BadZipFile, zlib.error, struct.error, EOFError, NotImplementedError, RuntimeError)

@@ -8,14 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from skelsplat import layouts
+from skelsplat._arrays import Array
 from skelsplat._skelsplat import Layout
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._files import frame_number
-
-Array = npt.NDArray[np.float64]
 
 _ABSENT = object()
 _MISSING = "nothing (the key is missing)"

@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 import skelsplat as sk
+from skelsplat._arrays import Array, Index
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._fields import Field
 from skelsplat.io._files import atomic_write, load_json
@@ -27,8 +27,6 @@ from skelsplat.io.calibration import read_calibration, write_calibration
 from skelsplat.io.detections import read_detections
 from skelsplat.io.poses._npz import read_npz
 from skelsplat.io.poses._pose_data import PoseData
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -69,7 +67,7 @@ class RunFolder:
 
 
 def write_run_inputs(
-    folder: Path, rig: sk.CameraRig, layout: sk.Layout, detections: Array, frames: npt.NDArray[np.int64]
+    folder: Path, rig: sk.CameraRig, layout: sk.Layout, detections: Array, frames: Index
 ) -> list[str]:
     """Write the cameras and the detections (T, M, N, 3) of one person; return the names of the files."""
     write_calibration(folder / CAMERAS, rig)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import skelsplat as sk
-from skelsplat._arrays import numbers
+from skelsplat._arrays import Array, Index, numbers
 from skelsplat._json import to_text
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding, collected_warnings
@@ -89,12 +89,12 @@ class Run:
         return self.inputs.layout
 
     @property
-    def detections(self) -> npt.NDArray[np.float64]:
+    def detections(self) -> Array:
         """The detections of the person followed (T, M, N, 3), pixels and confidence; NaN where missing."""
         return self.inputs.detections
 
     @property
-    def frames(self) -> npt.NDArray[np.int64]:
+    def frames(self) -> Index:
         """The frame numbers (T,)."""
         return self.inputs.frames
 
@@ -342,9 +342,7 @@ def _as_batch(result: sk.Refinement) -> sk.Refinement:
     return sk.Refinement(**parts)
 
 
-def _seen(
-    detections: npt.ArrayLike, confidence: npt.ArrayLike | None, result: sk.Refinement
-) -> npt.NDArray[np.float64]:
+def _seen(detections: npt.ArrayLike, confidence: npt.ArrayLike | None, result: sk.Refinement) -> Array:
     """Return detections (T, M, N, 3) of a result over T frames, confidence 1 where none is given."""
     seen, shape = numbers(detections, "detections"), result.view_weights.shape
     given = np.ones(seen.shape[:-1]) if confidence is None else numbers(confidence, "confidence")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skelsplat._arrays import medians
+from skelsplat._arrays import Array, Index, Mask, medians
 from skelsplat.findings import Finding, Remedy, Subject
 from skelsplat.layouts import mirror_images
 from skelsplat.run.person import MIXED, gates_px
@@ -17,13 +17,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from collections.abc import Set as AbstractSet
 
-    import numpy.typing as npt
-
     import skelsplat as sk
     from skelsplat.run.summary import Statistics
 
-    Array = npt.NDArray[np.float64]
-    Mask = npt.NDArray[np.bool_]
 
 # Fewer frames may be chance.
 _LEAST_FRAMES = 3
@@ -126,7 +122,7 @@ class Shifts:
     error: Array  # (M,) median distance [px]
     # (M,) probability of a shift like this if every joint's own offset points any way (`same_side`)
     chance: Array
-    count: npt.NDArray[np.int64]  # (M,) detections
+    count: Index  # (M,) detections
 
     @property
     def size(self) -> Array:

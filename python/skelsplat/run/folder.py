@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from skelsplat._arrays import Index
 from skelsplat._json import to_text
 from skelsplat._optional import can_draw
 from skelsplat.exceptions import DatasetError, InvalidInputError
@@ -22,9 +23,6 @@ from skelsplat.run.html import write_html
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
-
-    import numpy as np
-    import numpy.typing as npt
 
     from skelsplat.run._run import Run
     from skelsplat.run.job import Job
@@ -67,7 +65,7 @@ class Writing:
             wanted |= {PAGE} if self.html else set()
         return [name for name in _POSSIBLE if name in wanted]
 
-    def check(self, frames: npt.NDArray[np.int64]) -> None:
+    def check(self, frames: Index) -> None:
         """Apply `skelsplat.io.poses.check_pose_format` to each format."""
         for kind in self.formats:
             check_pose_format(kind, frames)

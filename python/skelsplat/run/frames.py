@@ -10,14 +10,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from skelsplat._arrays import Mask
 from skelsplat._sentences.run import named
 from skelsplat.findings import Finding, Subject
 from skelsplat.run.read import Inputs
 from skelsplat.run.solve import Outcome
 from skelsplat.run.summary import Statistics, finite_median, frame_medians
 
-Array = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
 # What is found in a frame: its index, the kind, whom it concerns, and numbers.
 Case = tuple[int, str, Subject, dict[str, Any]]
 

@@ -21,14 +21,11 @@ from skelsplat.run.report import MEANINGS
 from skelsplat.run.summary import DOWN_WEIGHTED, error_maps, finite_max, finite_median, frame_medians
 
 if TYPE_CHECKING:
-    import numpy.typing as npt
-
     from skelsplat.run._run import Run
     from skelsplat.run.read import Inputs
     from skelsplat.run.summary import Group, Statistics
     from skelsplat.viz import report as page
 
-    Array = npt.NDArray[np.float64]
 
 _SHARED = (
     ("median [px]", "median reprojection error, start → refined"),

@@ -6,16 +6,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from skelsplat._arrays import Array, Index, Mask
 from skelsplat.findings import Finding, Remedy, Subject
 from skelsplat.run.person import MIXED, Crowd
 from skelsplat.run.read import Inputs
 from skelsplat.run.solve import Outcome
-
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
-Mask = npt.NDArray[np.bool_]
 
 # No distribution has more than 1/9 beyond four standard deviations from its median: the median is within one
 # of the mean, and Chebyshev's inequality leaves 1/9 beyond three from the mean.

@@ -6,15 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 import skelsplat as sk
 from skelsplat import association
-from skelsplat._arrays import medians
-
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
-Mask = npt.NDArray[np.bool_]
+from skelsplat._arrays import Array, Index, Mask, medians
 
 # A person counts as detected with this many joints of this confidence; others are not considered.
 _MIN_JOINTS, _MIN_CONFIDENCE = 4, 0.2

@@ -7,10 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
 import skelsplat as sk
+from skelsplat._arrays import Array, Index, Mask
 from skelsplat.association import take_people
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
@@ -19,8 +17,6 @@ from skelsplat.io.calibration import find_format, read_calibration
 from skelsplat.io.detections import camera_called, cameras_called, read_detections
 from skelsplat.run.job import Job
 from skelsplat.run.person import Crowd, look_around, pick_places
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -60,8 +56,8 @@ class Inputs:
     rig: sk.CameraRig
     layout: sk.Layout
     detections: Array
-    unmatched: npt.NDArray[np.bool_]
-    frames: npt.NDArray[np.int64]
+    unmatched: Mask
+    frames: Index
     init_pose: Array | None = None
     format: str | None = None
     calibration_format: str | None = None

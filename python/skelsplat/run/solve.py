@@ -8,14 +8,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 import skelsplat as sk
+from skelsplat._arrays import Array
 from skelsplat.cameras import without_distortion
 from skelsplat.run.job import Job
 from skelsplat.run.read import Inputs
 
-Array = npt.NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
 PLAIN_START, GIVEN_START = "plain triangulation", "initial pose"

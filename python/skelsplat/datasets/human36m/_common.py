@@ -15,9 +15,10 @@ from typing import Any
 
 import numpy as np
 
+from skelsplat._arrays import Array
 from skelsplat.cameras import CameraRig
 from skelsplat.datasets._detections import Separate, Wanted, choose_detector, detector_name
-from skelsplat.datasets._model import Dataset, FloatArray, Take
+from skelsplat.datasets._model import Dataset, Take
 from skelsplat.datasets._rig import read_quietly
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.layouts import H36M17
@@ -217,7 +218,7 @@ def activity_of(take: Take) -> str:
     return take.key.partition("/")[2]
 
 
-def take_of(subject: str, activity: str, rig: CameraRig, truth: FloatArray, files: dict[str, Path]) -> Take:
+def take_of(subject: str, activity: str, rig: CameraRig, truth: Array, files: dict[str, Path]) -> Take:
     """Return a take, frames numbered from 0; `files` says where its truth and its cameras are from."""
     frames = np.arange(len(truth))
     return Take(f"{subject}/{activity}", subject, action_of(activity), rig, frames, truth, files=files)

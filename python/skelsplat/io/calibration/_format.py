@@ -11,15 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from skelsplat._arrays import Array
 from skelsplat.cameras import matrix_from_vector
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import Finding, Subject
 from skelsplat.io._fields import Field
 from skelsplat.io._files import load_json, opening, parse_toml, read_text
-
-Array = npt.NDArray[np.float64]
 
 PINHOLE_COUNTS = (4, 5, 8, 12, 14)
 _FISHEYE_COUNT = 4

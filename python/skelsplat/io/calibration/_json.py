@@ -22,10 +22,11 @@ from typing import Any
 import numpy as np
 
 import skelsplat as sk
+from skelsplat._arrays import Array
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._arrays import load_plain_npz
 from skelsplat.io._fields import Field
-from skelsplat.io.calibration._format import Array, Parsed, RawCamera, Source, camera_of, lens_of
+from skelsplat.io.calibration._format import Parsed, RawCamera, Source, camera_of, lens_of
 
 _MARK = "skelsplat-calibration"
 _VERSION = 1

@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
+from skelsplat._arrays import Array
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._fields import Field
 from skelsplat.io._files import natural, read_text, whole_number
 from skelsplat.io.calibration._format import (
     PINHOLE_COUNTS,
-    Array,
     Parsed,
     RawCamera,
     Source,

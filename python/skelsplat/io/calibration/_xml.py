@@ -13,11 +13,12 @@ from typing import Any
 
 import numpy as np
 
+from skelsplat._arrays import Array
 from skelsplat.cameras import matrix_from_quaternion
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import Finding
 from skelsplat.io._fields import Field
-from skelsplat.io.calibration._format import Array, Parsed, RawCamera, Source, noted, whole_size
+from skelsplat.io.calibration._format import Parsed, RawCamera, Source, noted, whole_size
 
 
 def _tree(node: ET.Element) -> dict[str, Any]:

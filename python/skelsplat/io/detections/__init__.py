@@ -18,8 +18,8 @@ import numpy as np
 import numpy.typing as npt
 
 import skelsplat as sk
+from skelsplat._arrays import Array, Index
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
-from skelsplat.io._arrays import Array
 from skelsplat.io.detections._format import View
 from skelsplat.io.detections._frames import FRAME_MODES, Clock, FrameMode, check_offsets
 from skelsplat.io.detections._joints import arranged, check_mapping, choose_layout, places_of
@@ -59,7 +59,7 @@ class DetectionSet:
     """
 
     people: npt.NDArray[np.float64]
-    frames: npt.NDArray[np.int64]
+    frames: Index
     camera_names: tuple[str, ...]
     sources: tuple[Path | None, ...]
     layout: str
@@ -68,10 +68,10 @@ class DetectionSet:
     uneven: bool = False
 
     @property
-    def people_per_frame(self) -> npt.NDArray[np.int64]:
+    def people_per_frame(self) -> Index:
         """Number of people with at least one joint, (T, M)."""
         there = np.isfinite(self.people[..., 0]).any(axis=-1)
-        count: npt.NDArray[np.int64] = there.sum(axis=-1, dtype=np.int64)
+        count: Index = there.sum(axis=-1, dtype=np.int64)
         return count
 
 
@@ -205,7 +205,7 @@ def _clock(root: Path, sources: Sources, shifts: Mapping[str, int]) -> Clock:
 
 
 def _read_view(
-    view: View, numbers: npt.NDArray[np.int64], layout: sk.Layout, mapping: Mapping[str, str | int | None]
+    view: View, numbers: Index, layout: sk.Layout, mapping: Mapping[str, str | int | None]
 ) -> list[list[Array]]:
     """People (N, 3) of each of the camera's own frame numbers; nobody in a frame that it lacks."""
     places = places_of(view, layout, mapping)

@@ -11,9 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from skelsplat._arrays import Array
 from skelsplat._optional import require
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._arrays import Array, array_names, as_numbers, hdf5_mentions
+from skelsplat.io._arrays import array_names, as_numbers, hdf5_mentions
 from skelsplat.io._files import csv_header, csv_lines, frame_number, parsing
 from skelsplat.io.detections._format import View, array_view, joints_of
 

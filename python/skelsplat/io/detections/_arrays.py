@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from skelsplat import layouts
+from skelsplat._arrays import Array
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io._arrays import Array, Arrays, as_numbers, load_npy, load_npz, npy_shape, npz_keys
+from skelsplat.io._arrays import Arrays, as_numbers, load_npy, load_npz, npy_shape, npz_keys
 from skelsplat.io.detections._format import Person, Recording, View, array_view, joints_of
 from skelsplat.io.detections._frames import frame_files
 

@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from skelsplat._arrays import Array
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._arrays import Array
 
 
 class Person(NamedTuple):

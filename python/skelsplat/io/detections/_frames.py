@@ -10,13 +10,11 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from skelsplat._arrays import Index
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._files import FRAME_LIMIT, frame_number
 from skelsplat.io.detections._match import camera_called
-
-Frames = npt.NDArray[np.int64]
 
 FrameMode = Literal["strict", "intersection", "union"]
 FRAME_MODES = ("strict", "intersection", "union")
@@ -60,7 +58,7 @@ class Clock:
         """Whether ``strict`` refuses the sources because they do not have the same frames."""
         return not self.sparse and len({frozenset(frames) for frames in self.frames.values()}) > 1
 
-    def shared(self, mode: str) -> Frames:
+    def shared(self, mode: str) -> Index:
         """Return the ascending frame numbers to read, (T,), in the common time.
 
         ``strict`` asks for the same numbers in all sources, before the offsets, and reads what they share

@@ -11,9 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-import numpy.typing as npt
-
+from skelsplat._arrays import Index
 from skelsplat._optional import require
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding, FindingWarning, Subject
@@ -61,7 +59,7 @@ def pose_format(path: str | os.PathLike[str]) -> str:
     return suffix
 
 
-def check_pose_format(kind: str, frames: npt.NDArray[np.int64] | None = None) -> None:
+def check_pose_format(kind: str, frames: Index | None = None) -> None:
     """Raise before long work if a file of this kind cannot be written.
 
     It may need a package that is not installed, or the frame numbers do not fit into such a file.

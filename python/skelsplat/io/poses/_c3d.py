@@ -9,14 +9,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 import skelsplat as sk
+from skelsplat._arrays import Array, Index
 from skelsplat._optional import require
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._files import atomic_path, parsing
-from skelsplat.io.poses._pose_data import Y_UP, Array, PoseData, known_frame_rate
+from skelsplat.io.poses._pose_data import Y_UP, PoseData, known_frame_rate
 from skelsplat.io.poses._pose_data import marker_names as named
 
 # Frame numbers are 16-bit words that start at 1, and a residual is seven bits of a byte in whole units.
@@ -101,7 +101,7 @@ def write_c3d(
         file.write(str(temporary))
 
 
-def check_c3d_frames(frames: npt.NDArray[np.int64]) -> None:
+def check_c3d_frames(frames: Index) -> None:
     """Raise `InvalidInputError` unless the frame numbers fit into one C3D file."""
     span = int(frames[-1] - frames[0]) + 1 if len(frames) else 0
     if not 1 <= span <= MAX_FRAMES:
@@ -112,7 +112,7 @@ def check_c3d_frames(frames: npt.NDArray[np.int64]) -> None:
         raise InvalidInputError("frame numbers: expected ascending numbers, got some that are not")
 
 
-def _shift(frames: npt.NDArray[np.int64]) -> int:
+def _shift(frames: Index) -> int:
     """Return what to add to the frame numbers so that the format can hold them."""
     fits = frames[0] >= 1 and frames[-1] <= MAX_FRAMES
     return 0 if fits else 1 - int(frames[0])

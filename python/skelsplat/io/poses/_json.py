@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 import skelsplat as sk
+from skelsplat._arrays import Mask
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._fields import Field
 from skelsplat.io._files import FRAME_LIMIT, atomic_write_text, load_json, of_file
@@ -84,7 +85,7 @@ def to_json(array: Any, *, by_joint: bool = False) -> Any:
     values = np.asarray(array)
     if values.dtype.kind != "f":
         return values.tolist()
-    finite: npt.NDArray[np.bool_] = np.isfinite(values)
+    finite: Mask = np.isfinite(values)
     if finite.all():
         return values.tolist()
     plain: Any = np.where(finite, values.astype(object), np.array(None)).tolist()

@@ -13,12 +13,11 @@ import numpy as np
 import numpy.typing as npt
 
 import skelsplat as sk
-from skelsplat._arrays import flags, numbers, positive, whole_numbers
+from skelsplat._arrays import Array, Index, Mask, flags, numbers, positive, whole_numbers
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import InvalidInputError, one_of
 from skelsplat.layouts import BODY25
 
-Array = npt.NDArray[np.float64]
 # the axes of every array (T frames, M cameras, N joints) and the type of its entries
 ARRAYS: dict[str, tuple[str, type[np.generic]]] = {
     "pose": ("T N 3", np.float64),
@@ -89,19 +88,19 @@ class PoseData:
 
     pose: Array
     joint_names: tuple[str, ...]
-    frames: npt.NDArray[np.int64]
+    frames: Index
     unit: str
     camera_names: tuple[str, ...] = ()
     init_pose: Array = field(default_factory=lambda: np.empty((0, 0, 3)))
     covariance: Array = field(default_factory=lambda: np.empty((0, 0, 3, 3)))
     uncertainty: Array = field(default_factory=lambda: np.empty((0, 0, 3, 3)))
     view_weights: Array = field(default_factory=lambda: np.empty((0, 0, 0)))
-    swapped: npt.NDArray[np.bool_] = field(default_factory=lambda: np.empty((0, 0, 0), dtype=np.bool_))
+    swapped: Mask = field(default_factory=lambda: np.empty((0, 0, 0), dtype=np.bool_))
     noise: Array = field(default_factory=lambda: np.empty(0))
     reprojection_error: Array = field(default_factory=lambda: np.empty((0, 0, 0)))
     joint_status: npt.NDArray[np.str_] = field(default_factory=lambda: np.empty((0, 0), dtype=np.str_))
     loss: Array = field(default_factory=lambda: np.empty(0))
-    n_iter: npt.NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    n_iter: Index = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     stop_reason: npt.NDArray[np.str_] = field(default_factory=lambda: np.empty(0, dtype=np.str_))
     frame_rate: float | None = None
     processing: tuple[str, ...] = ()
@@ -167,7 +166,7 @@ class PoseData:
         return replace(self, unit=unit, **lengths, **squares)
 
 
-def over_views(values: Array) -> tuple[npt.NDArray[np.int64], Array]:
+def over_views(values: Array) -> tuple[Index, Array]:
     """Count the views that have a number, of (T, M, N), and average them, (T, N); NaN without a view."""
     seen = np.isfinite(values)
     count = seen.sum(axis=1, dtype=np.int64)

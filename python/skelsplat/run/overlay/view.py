@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
-from skelsplat._arrays import Array
+from skelsplat._arrays import Array, Index
 from skelsplat._opencv import opencv
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding, Subject, warn
@@ -93,7 +92,7 @@ class View:
     source: FrameSource  # its frames
     # where the drawing goes; the upper left corner (T, 2) of the cut-out in each frame of the run
     place: Place
-    corners: npt.NDArray[np.int64]
+    corners: Index
 
     @property
     def name(self) -> str:

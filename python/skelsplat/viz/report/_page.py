@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skelsplat._arrays import Array, ArrayFields
+from skelsplat._arrays import Array, ArrayFields, Index
 from skelsplat._optional import require
 from skelsplat.viz import _style
 from skelsplat.viz._skeleton import not_ok_in_words
@@ -31,7 +31,6 @@ from skelsplat.viz.report._scene import (
     thin_line,
 )
 
-Places = npt.NDArray[np.int64]
 Problem = tuple[int, int, str]
 
 _MOST_PROBLEMS = 500
@@ -155,7 +154,7 @@ def _policy(programs: list[str]) -> str:
     )
 
 
-def _line(line: TimeLine, places: Places) -> dict[str, Any]:
+def _line(line: TimeLine, places: Index) -> dict[str, Any]:
     def packed(values: Array) -> str:
         return as_text(thin_line(values, places, peaks=line.peaks), "<f4")
 
