@@ -153,7 +153,8 @@ def _take(root: Path, entry: Field, rigs: Mapping[str, CameraRig], layout: Layou
         return numbers(files[name], key, require(files[name], "", loaded[name], key), shape)
 
     per_view = (loaded["truth"].get("boxes"), loaded["detections"].get("detections"))
-    views = {shape[1] if len(shape) > 1 else None for shape in map(np.shape, per_view)}
+    shapes = [np.asarray(array).shape for array in per_view]
+    views = {shape[1] if len(shape) > 1 else None for shape in shapes}
     if len(views) == 1 and views.isdisjoint({m, None}):  # boxes and detections agree with each other
         expected = f"{views.pop()} cameras, one per view of the takes"
         raise DatasetError(files["cameras"], "cameras", expected, m)
