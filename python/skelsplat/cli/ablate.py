@@ -16,7 +16,7 @@ from rich.text import Text
 
 from skelsplat import datasets
 from skelsplat.cli import options
-from skelsplat.cli.datasets import Settings, reader_options
+from skelsplat.cli.datasets import LENSES, InitSigma, Lens, Settings, reader_options
 from skelsplat.cli.output import described, print_json
 from skelsplat.cli.table import new_table, print_parts, print_table, tell, wide_console
 from skelsplat.evaluation import ablations
@@ -53,13 +53,6 @@ Full = Annotated[bool, _data("--full", metavar="", help="All poses.")]
 Seed = Annotated[int, _data(min=0, metavar="S", help="Seed of all random numbers.")]
 Start = Annotated[
     Literal["paper", "dlt", "fusion"], _method(help="Initial poses; paper: as in the paper's experiment.")
-]
-InitSigma = Annotated[
-    float,
-    _method(min=0.1, metavar="MM", help="Standard deviation per axis of fused poses where they are a prior."),
-]
-Lens = Annotated[
-    Literal["as-paper", "undistorted"], _method("--protocol", help="as-paper: lens distortion is ignored.")
 ]
 Out = Annotated[
     Path | None,
@@ -105,7 +98,7 @@ def ablate(
         seed=seed,
         start=start,
         init_sigma_mm=init_sigma_mm,
-        undistort=protocol == "undistorted",
+        undistort=LENSES[options.one_of("--protocol", protocol, tuple(LENSES))],
     )
     with described("reading", shown=not quiet, time=TimeElapsedColumn()) as progress:
         source: Source

@@ -52,6 +52,24 @@ Settings = Annotated[
         rich_help_panel="Data",
     ),
 ]
+LENSES = {"undistorted": True, "as-paper": False}
+Lens = Annotated[
+    str,
+    typer.Option(
+        "--protocol",
+        metavar="|".join(LENSES),
+        help="Remove lens distortion from detections, or ignore it as published evaluations do.",
+        rich_help_panel="Data",
+    ),
+]
+InitSigma = Annotated[
+    float,
+    typer.Option(
+        metavar="MM",
+        help="Standard deviation per axis of fused poses where they are a prior.",
+        rich_help_panel="Method",
+    ),
+]
 _NamesOnly = Annotated[
     bool,
     typer.Option("--quiet", "-q", metavar="", help="Only the names, a line each.", rich_help_panel="Output"),

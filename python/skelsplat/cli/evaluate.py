@@ -15,7 +15,7 @@ from rich.text import Text
 from skelsplat import datasets
 from skelsplat.cli import options
 from skelsplat.cli.config import NAME_OR_PATH
-from skelsplat.cli.datasets import Settings, reader_options
+from skelsplat.cli.datasets import LENSES, InitSigma, Lens, Settings, reader_options
 from skelsplat.cli.output import described, print_json, print_warning
 from skelsplat.cli.table import new_table, print_parts, tell, wide_console
 from skelsplat.datasets._registry import detections_option, options_of
@@ -30,7 +30,6 @@ EPILOG = (
     "FOLDER/runs, from where a stopped evaluation goes on. Exit status: 0 ok, 1 failed, 2 bad usage, 130 "
     "interrupted."
 )
-_LENSES = {"undistorted": True, "as-paper": False}
 _data, _method, _output = (
     partial(typer.Option, rich_help_panel=panel) for panel in ("Data", "Method", "Output")
 )
@@ -44,14 +43,6 @@ Detections = Annotated[
         metavar="WHICH",
         help="Name of a detector that the data set has, or a folder of detections.",
         show_default="the reader's choice",
-    ),
-]
-Lens = Annotated[
-    str,
-    _data(
-        "--protocol",
-        metavar="undistorted|as-paper",
-        help="Remove lens distortion from detections, or ignore it as published evaluations do.",
     ),
 ]
 Views = Annotated[
@@ -87,9 +78,6 @@ Start = Annotated[
         help="Where annealed, paper-closed-form and paper start.",
         show_default="none; the paper's for the last two",
     ),
-]
-InitSigma = Annotated[
-    float, _method(metavar="MM", help="Standard deviation per axis of the fused start of annealed-prior.")
 ]
 Seed = Annotated[int, _method(min=0, metavar="S", help="Seed of the pairs that RANSAC draws.")]
 Out = Annotated[
@@ -142,10 +130,9 @@ def evaluate(
     skelsplat evaluate panoptic data/panoptic --views 6 -m annealed,dlt
     """
     names = _method_names(method)
-    options.positive("--init-sigma-mm", init_sigma_mm)
     chosen = methods.Options(
-        undistort=_LENSES[options.one_of("--protocol", lens, tuple(_LENSES))],
-        start=None if start is None else options.one_of("--start", start, methods.STARTS),
+        undistort=LENSES[options.one_of("--protocol", lens, tuple(LENSES))],
+        start=start,
         init_sigma_mm=init_sigma_mm,
         seed=seed,
         n_threads=threads,

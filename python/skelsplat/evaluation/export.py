@@ -7,7 +7,7 @@ import io
 import json
 import math
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -37,14 +37,38 @@ def to_csv(evaluation: Evaluation) -> str:
     stream = io.StringIO(newline="")
     writer = csv.DictWriter(stream, CSV_FIELDS, restval="", lineterminator="\n")
     writer.writeheader()
+    for method, reported, group, name, figures in _lines(evaluation):
+        numbers = {
+            key: f"{value:{'d' if key == 'poses' else '.6g'}}"
+            for key, value in figures.items()
+            if value is not None and math.isfinite(value)
+        }
+        own = {"method": method, "reported": int(reported), "group": group, "name": name}
+        writer.writerow({**own, **numbers})
+    return stream.getvalue()
+
+
+def _lines(evaluation: Evaluation) -> Iterator[tuple[str, bool, str, str, Mapping[str, float | None]]]:
+    """Yield method, whether it is reported, group, name, figures; of reports the average and the actions."""
     for s in evaluation.scores:
-        writer.writerow(_line(s.method, "all", "", {key: read(s) for key, read in FIGURES.items()}))
+        yield s.method, False, "all", "", {key: read(s) for key, read in FIGURES.items()}
         for group, means in (("action", s.columns), ("joint", s.joints)):
             for name, g in means.items():
                 errors = {f"{kind}_mm": getattr(g, kind) for kind in ("absolute", "relative", "procrustes")}
-                writer.writerow(_line(s.method, group, name, {"poses": g.poses, **errors, "pcp": g.pcp}))
-    writer.writerows(_reported(evaluation))
-    return stream.getvalue()
+                yield s.method, False, group, name, {"poses": g.poses, **errors, "pcp": g.pcp}
+    others = evaluation.published
+    if others is None:
+        return
+    for row in others.table:
+        pcp = others.value(row, others.pcp)
+        average = {
+            "absolute_mm": others.value(row, others.absolute),
+            "pcp": None if pcp is None else pcp / 100,
+        }
+        yield others.name(row), True, "all", "", average
+        for key in evaluation.headers:
+            if key in others.table.keys:
+                yield others.name(row), True, "action", key, {"absolute_mm": others.value(row, key)}
 
 
 def to_json(evaluation: Evaluation) -> str:
@@ -119,35 +143,3 @@ def as_dict(evaluation: Evaluation) -> dict[str, Any]:
         "scores": [asdict(s) for s in evaluation.scores],
         "reported": None if others is None else asdict(others.table),
     }
-
-
-def _line(
-    method: str, group: str, name: str, figures: Mapping[str, float | None], *, reported: bool = False
-) -> dict[str, Any]:
-    numbers = {
-        key: ""
-        if value is None or not math.isfinite(value)
-        else f"{value:{'d' if key == 'poses' else '.6g'}}"
-        for key, value in figures.items()
-    }
-    return {"method": method, "reported": int(reported), "group": group, "name": name, **numbers}
-
-
-def _reported(evaluation: Evaluation) -> Sequence[dict[str, Any]]:
-    """Return the published rows: the average, and the actions if the table has them."""
-    others = evaluation.published
-    if others is None:
-        return []
-    lines = []
-    for row in others.table:
-        pcp = others.value(row, others.pcp)
-        average = {
-            "absolute_mm": others.value(row, others.absolute),
-            "pcp": None if pcp is None else pcp / 100,
-        }
-        lines.append(_line(others.name(row), "all", "", average, reported=True))
-        for key in evaluation.headers:
-            if key in others.table.keys:
-                error = {"absolute_mm": others.value(row, key)}
-                lines.append(_line(others.name(row), "action", key, error, reported=True))
-    return lines

@@ -126,22 +126,8 @@ def run(
 ) -> dict[str, list[Solution]]:
     """Run every method on every case, or take the result from the store.
 
-    Parameters
-    ----------
-    cases : sequence of Case
-    layout : Layout
-    methods : sequence of Method
-    options : Options
-    store : Store, optional
-        None: nothing is kept on disk.
-    report : callable, optional
-
-    Returns
-    -------
-    dict of method name to one Solution per case
-
-    Raises `DatasetError` if a take lacks what a method needs (before any work), or a result cannot be
-    written.
+    Returns one solution per case by the method's name. Without a store nothing is kept on disk. Raises
+    `DatasetError` if a take lacks what a method needs (before any work), or a result cannot be written.
     """
     settings = {method.name: method.settings(options) for method in methods}
     for method in methods:

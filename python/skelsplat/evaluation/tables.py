@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Literal
 
 from skelsplat.evaluation.report import Evaluation, Published
@@ -74,21 +74,11 @@ class Table:
 
         Notes stay with the last part.
         """
-        starts = range(0, len(self.columns), columns_per_part)
-        parts = [slice(start, start + columns_per_part) for start in starts]
+        columns = range(len(self.columns))
+        starts = columns[::columns_per_part]
         return [
-            Table(
-                self.title if k == 0 else "",
-                self.first,
-                self.columns[part],
-                tuple(
-                    Row(row.name, row.cells[part], row.reported)
-                    for row in self.rows
-                    if not row.reported or any(cell is not None for cell in row.cells[part])
-                ),
-                self.notes if k == len(parts) - 1 else (),
-            )
-            for k, part in enumerate(parts)
+            self._part(columns[k : k + columns_per_part], self.rows, k == starts[0], k == starts[-1])
+            for k in starts
         ]
 
     def by_figures(self) -> list[Table]:
@@ -96,16 +86,27 @@ class Table:
 
         That has only the columns in which something is reported. Notes stay with the last table.
         """
-        reported = [row for row in self.rows if row.reported]
-        known = [k for k in range(len(self.columns)) if any(row.cells[k] is not None for row in reported)]
-        if not reported or len(known) == len(self.columns):
+        columns = range(len(self.columns))
+        measured, reported = ([row for row in self.rows if row.reported == kind] for kind in (False, True))
+        known = [k for k in columns if any(row.cells[k] is not None for row in reported)]
+        if not reported or len(known) == len(columns):
             return [self]
-        rows = tuple(replace(row, cells=tuple(row.cells[k] for k in known)) for row in reported)
-        measured = tuple(row for row in self.rows if not row.reported)
-        return [
-            replace(self, rows=measured, notes=()),
-            replace(self, title="", columns=tuple(self.columns[k] for k in known), rows=rows),
-        ]
+        return [self._part(columns, measured, True, False), self._part(known, reported, False, True)]
+
+    def _part(self, columns: Sequence[int], rows: Sequence[Row], is_first: bool, is_last: bool) -> Table:
+        """Return some columns; the first part has the title, the last one the notes."""
+        cells = [(row, tuple(row.cells[k] for k in columns)) for row in rows]
+        return Table(
+            self.title if is_first else "",
+            self.first,
+            tuple(self.columns[k] for k in columns),
+            tuple(
+                Row(row.name, own, row.reported)
+                for row, own in cells
+                if not row.reported or any(cell is not None for cell in own)
+            ),
+            self.notes if is_last else (),
+        )
 
     def markdown(self) -> str:
         """Return the table as Markdown, best numbers in bold, reported rows in italics."""

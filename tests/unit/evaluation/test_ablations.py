@@ -156,6 +156,11 @@ def test_without_monocular_poses_the_start_is_dlt_and_says_so(monkeypatch: pytes
         (["nothing"], "NAME: expected one of encoding, accumulation"),
         (["noise", "--poses", "2", "--full"], "--poses: expected either a number of poses or --full"),
         (
+            ["noise", "--init-sigma-mm", "0"],
+            "--init-sigma-mm: expected a positive number, got 0",
+        ),
+        (["noise", "--protocol", "mine"], "--protocol: expected one of undistorted, as-paper, got 'mine'"),
+        (
             ["noise", "--detections", "cpn"],
             "--data: expected a data set for --detections and --set, got none",
         ),

@@ -12,7 +12,7 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat import datasets
-from skelsplat._arrays import Array
+from skelsplat._arrays import Array, positive
 from skelsplat.datasets import Dataset, Take
 from skelsplat.datasets._registry import detections_option, options_of
 from skelsplat.evaluation import protocols
@@ -54,16 +54,12 @@ class Choices:
     init_sigma_mm: float = DEFAULT_INIT_SIGMA_MM
     undistort: bool = True  # whether to take lens distortion out; the paper does not
 
+    def __post_init__(self) -> None:
+        positive("init_sigma_mm", self.init_sigma_mm)
+
 
 class Source(ABC):
-    """Samples for the experiments, and the two methods.
-
-    Parameters
-    ----------
-    choices : Choices
-    progress : callable, optional
-        Hears what is being measured.
-    """
+    """Samples for the experiments, and the two methods; `progress` hears what is being measured."""
 
     simulated: bool
 
@@ -199,15 +195,11 @@ class OnDisk(Source):
 
     Parameters
     ----------
-    choices : Choices
-    name, root : str and Path
+    name, root, options
         As in `skelsplat.datasets.read`.
     detectors : sequence of str
         One sample for each; a folder's path is taken for detections outside the root. Empty: the reader's
         own choice.
-    options : mapping
-        Further options of the reader.
-    progress : callable, optional
     """
 
     def __init__(
