@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from recordings import Take
 from scenarios import FloatArray
 
@@ -20,9 +21,11 @@ CUTOFF_HZ = 6.0
 _OF_NYQUIST = 0.8
 # Longest gap that is filled before filtering.
 _GAP_S = 0.5
-# Spectral density of the white acceleration of the Kalman smoother, mm²/s³: the lowest mean error over the
-# four conditions at 30 Hz of 1e4, 1e5, 3e5, 1e6, 3e6, 1e7, 3e7, 1e8.
-KALMAN_DENSITY = 1e6
+# Spectral density of the white acceleration of the Kalman smoother, mm²/s³, by the class of a joint: the
+# lowest mean error over the four conditions at 30 Hz of 1e5, 3e5, 1e6, 3e6, 1e7, 3e7, 1e8.
+KALMAN_DENSITY = {"ends": 1e7, "middle": 3e6, "trunk": 1e6}
+# What the name of a joint of the class contains; the first class that fits counts.
+_CLASSES = {"ends": ("wrist", "ankle"), "middle": ("elbow", "knee"), "trunk": ("",)}
 # Standard deviation of an unknown velocity, mm/s.
 _ANY_SPEED = 3000.0
 
@@ -36,6 +39,15 @@ class Solved:
 
 
 Method = Callable[[Take], Solved]
+
+
+def joint_classes(layout: str) -> dict[str, list[int]]:
+    """Return the joints of each class: ends and middles of the limbs, and the rest."""
+    classes: dict[str, list[int]] = {name: [] for name in _CLASSES}
+    for j, joint in enumerate(sk.layouts.get(layout).joints):
+        name = next(name for name, parts in _CLASSES.items() if any(part in joint for part in parts))
+        classes[name].append(j)
+    return classes
 
 
 def frames(take: Take) -> Solved:
@@ -70,25 +82,34 @@ def kalman(take: Take) -> Solved:
     """Frame by frame, then `smoothed` with its error bars as the covariance of the measurements."""
     result = frames(take)
     assert result.covariance is not None
-    return smoothed(result.pose, result.covariance, take.fps)
+    density = np.empty(result.pose.shape[1])
+    for name, joints in joint_classes(take.scene.layout).items():
+        density[joints] = KALMAN_DENSITY[name]
+    return smoothed(result.pose, result.covariance, take.fps, density)
 
 
-def smoothed(pose: FloatArray, covariance: FloatArray, fps: float, density: float = KALMAN_DENSITY) -> Solved:
+def smoothed(pose: FloatArray, covariance: FloatArray, fps: float, density: FloatArray) -> Solved:
     """Run a Kalman filter and the Rauch-Tung-Striebel smoother over every joint by itself.
 
-    The velocity is constant but for white acceleration of spectral density `density`, mm²/s³. A position that
-    is not finite, or has no finite covariance, is no measurement.
+    The velocity is constant but for white acceleration. A position that is not finite, or has no finite
+    covariance, is no measurement.
 
     Parameters
     ----------
     pose : (T, N, 3) mm
     covariance : (T, N, 3, 3) mm²
+    fps : float
+    density : (N,) mm²/s³
+        Spectral density of the acceleration.
     """
     n_frames, n_joints = pose.shape[:2]
     dt, one, zero = 1.0 / fps, np.eye(3), np.zeros((3, 3))
     step = np.block([[one, dt * one], [zero, one]])
-    process = density * np.block([[dt**3 / 3 * one, dt**2 / 2 * one], [dt**2 / 2 * one, dt * one]])
-    known = np.isfinite(pose).all(axis=-1) & np.isfinite(covariance).all(axis=(-2, -1))
+    process = density[:, None, None] * np.block(
+        [[dt**3 / 3 * one, dt**2 / 2 * one], [dt**2 / 2 * one, dt * one]]
+    )
+    finite: NDArray[np.bool_] = np.isfinite(pose).all(axis=-1)
+    known = finite & np.isfinite(covariance).all(axis=(-2, -1))
     state = np.zeros((n_joints, 6))
     state[:, :3] = _first_known(pose, known)
     spread = np.broadcast_to(np.diag([1e8] * 3 + [_ANY_SPEED**2] * 3), (n_joints, 6, 6)).copy()
@@ -100,22 +121,29 @@ def smoothed(pose: FloatArray, covariance: FloatArray, fps: float, density: floa
             state = state @ step.T
             spread = step @ spread @ step.T + process
         predicted[t], predicted_spreads[t] = state, spread
+        states[t], spreads[t] = state, spread
         k = np.flatnonzero(known[t])
         gain = np.linalg.solve(spread[k, :3, :3] + covariance[t, k], spread[k, :3]).swapaxes(-1, -2)
-        state, spread = state.copy(), spread.copy()
-        state[k] += np.einsum("nij,nj->ni", gain, pose[t, k] - state[k, :3])
-        spread[k] -= gain @ spread[k, :3]
-        states[t], spreads[t] = state, spread
+        states[t, k] += np.einsum("nij,nj->ni", gain, pose[t, k] - state[k, :3])
+        spreads[t, k] = _remaining(gain, np.eye(3, 6), spread[k], covariance[t, k])
+        state, spread = states[t], spreads[t]
     for t in range(n_frames - 2, -1, -1):
-        back = np.linalg.solve(predicted_spreads[t + 1], step @ spreads[t]).swapaxes(-1, -2)
-        states[t] += np.einsum("nij,nj->ni", back, states[t + 1] - predicted[t + 1])
-        spreads[t] += back @ (spreads[t + 1] - predicted_spreads[t + 1]) @ back.swapaxes(-1, -2)
+        gain = np.linalg.solve(predicted_spreads[t + 1], step @ spreads[t]).swapaxes(-1, -2)
+        states[t] += np.einsum("nij,nj->ni", gain, states[t + 1] - predicted[t + 1])
+        spreads[t] = _remaining(gain, step, spreads[t], process + spreads[t + 1])
     never = ~known.any(axis=0)
     states[:, never], spreads[:, never] = np.nan, np.nan
     return Solved(states[..., :3], spreads[..., :3, :3])
 
 
-def _first_known(pose: FloatArray, known: np.ndarray) -> FloatArray:
+def _remaining(gain: FloatArray, seen: FloatArray, spread: FloatArray, noise: FloatArray) -> FloatArray:
+    """Return (1 − G H) P (1 − G H)ᵀ + G R Gᵀ, Joseph's form: symmetric and positive whatever the rounding."""
+    kept = np.eye(spread.shape[-1]) - gain @ seen
+    out: FloatArray = kept @ spread @ kept.swapaxes(-1, -2) + gain @ noise @ gain.swapaxes(-1, -2)
+    return (out + out.swapaxes(-1, -2)) / 2.0
+
+
+def _first_known(pose: FloatArray, known: NDArray[np.bool_]) -> FloatArray:
     """Return the first known position (N, 3) of every joint; zeros where there is none."""
     first = pose[known.argmax(axis=0), np.arange(pose.shape[1])]
     return np.where(known.any(axis=0)[:, None], first, 0.0)

@@ -68,7 +68,8 @@ def placed(poses: FloatArray, cameras: sk.CameraRig, seed: int) -> FloatArray:
 
     def turned(angle: float) -> FloatArray:
         cos, sin = np.cos(angle), np.sin(angle)
-        return centred @ np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+        out: FloatArray = centred @ np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+        return out
 
     def seen(angle: float) -> float:
         some = turned(angle)[:: CAPTURE_HZ // 3]

@@ -27,10 +27,6 @@ import recordings
 from recordings import Take
 from scenarios import FloatArray
 
-import skelsplat as sk
-
-_CLASSES = {"ends": ("wrist", "ankle"), "middle": ("elbow", "knee"), "trunk": ("",)}
-
 
 @dataclass
 class Errors:
@@ -130,15 +126,6 @@ def without_confidence(take: Take) -> Take:
     return replace(take, scene=replace(take.scene, detections=detections))
 
 
-def joint_classes() -> dict[str, list[int]]:
-    """Return the joints of each class: ends and middles of the limbs, and the rest."""
-    classes: dict[str, list[int]] = {name: [] for name in _CLASSES}
-    for j, joint in enumerate(sk.layouts.H36M17.joints):
-        name = next(name for name, parts in _CLASSES.items() if any(part in joint for part in parts))
-        classes[name].append(j)
-    return classes
-
-
 def cells(figures: dict[str, float | None]) -> list[str]:
     """Return a row of the table: lengths and accelerations, coverages in per cent, share answered, time."""
     row = [f"{figures[key]:.1f}" for key in ("mean_mm", "median_mm", "p95_mm", "acceleration_m_s2")]
@@ -178,7 +165,7 @@ def show(condition: str, results: dict[str, Errors], chosen: argparse.Namespace,
     if chosen.joints:
         rows = [
             [f"{name}, {part}", *cells(errors.summary(joints))]
-            for part, joints in joint_classes().items()
+            for part, joints in over_time.joint_classes("h36m17").items()
             for name, errors in results.items()
         ]
         common.show(f"{condition}, by joints", ["", *columns], rows, markdown=chosen.markdown)
@@ -202,7 +189,9 @@ def main() -> None:
         report[condition] = {
             name: {
                 **errors.whole(),
-                "joints": {part: errors.summary(joints) for part, joints in joint_classes().items()},
+                "joints": {
+                    part: errors.summary(joints) for part, joints in over_time.joint_classes("h36m17").items()
+                },
             }
             for name, errors in results.items()
         }

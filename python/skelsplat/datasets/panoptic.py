@@ -26,7 +26,6 @@ from skelsplat.cameras import MM_PER_UNIT, CameraRig
 from skelsplat.datasets._detections import (
     Wanted,
     detections_of,
-    frame_numbers,
     read_apart,
     read_truth,
     read_world,
@@ -36,6 +35,7 @@ from skelsplat.datasets._model import Dataset, Take
 from skelsplat.datasets._rig import read_quietly
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 from skelsplat.io import convert_unit
+from skelsplat.io._arrays import frame_numbers
 from skelsplat.layouts import PANOPTIC19
 
 DESCRIPTION = "CMU Panoptic Studio: single-person sequences in HD cameras."

@@ -16,11 +16,11 @@ from skelsplat import io
 from skelsplat._arrays import Array
 from skelsplat._skelsplat import Camera, Layout
 from skelsplat.cameras import CameraRig
-from skelsplat.datasets._detections import frame_numbers
 from skelsplat.datasets._files import Survey, load_json, load_npz, numbers, require
 from skelsplat.datasets._model import Dataset, Take
 from skelsplat.datasets._rig import build_camera, build_rig
 from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.io._arrays import frame_numbers
 from skelsplat.io._fields import Field
 from skelsplat.io._files import opening
 
@@ -153,7 +153,11 @@ def _take(root: Path, entry: Field, rigs: Mapping[str, CameraRig], layout: Layou
         return numbers(files[name], key, require(files[name], "", loaded[name], key), shape)
 
     per_view = (loaded["truth"].get("boxes"), loaded["detections"].get("detections"))
-    _check_views(files["cameras"], m, [np.asarray(array).shape for array in per_view])
+    shapes = [np.asarray(array).shape for array in per_view]
+    views = {shape[1] if len(shape) > 1 else None for shape in shapes}
+    if len(views) == 1 and views.isdisjoint({m, None}):  # boxes and detections agree with each other
+        expected = f"{views.pop()} cameras, one per view of the takes"
+        raise DatasetError(files["cameras"], "cameras", expected, m)
     visible = loaded["truth"].get("visible")
     if visible is not None:
         visible = numbers(files["truth"], "visible", visible, (t, m, n)).astype(bool)
@@ -170,13 +174,6 @@ def _take(root: Path, entry: Field, rigs: Mapping[str, CameraRig], layout: Layou
         visible=visible,
         files=files,
     )
-
-
-def _check_views(cameras: Path, count: int, shapes: Sequence[tuple[int, ...]]) -> None:
-    """Raise if boxes and detections agree on another number of views than there are cameras."""
-    views = {shape[1] if len(shape) > 1 else None for shape in shapes}
-    if len(views) == 1 and views.isdisjoint({count, None}):
-        raise DatasetError(cameras, "cameras", f"{views.pop()} cameras, one per view of the takes", count)
 
 
 def _frames(files: Mapping[str, Path], loaded: Mapping[str, Mapping[str, Any]]) -> Any:
