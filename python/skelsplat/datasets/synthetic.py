@@ -54,10 +54,10 @@ def read(root: Path, *, detector: str = "good", views: Views = None) -> Dataset:
     """
     index = _index(root)
     layout = _layout(index)
-    known = _names(index["detectors"])
+    known = index["detectors"].names()
     if detector not in known:
         raise index["detectors"].error(f"the detector {detector!r}", ", ".join(known))
-    rigs = {name: _rig(root / "cameras" / f"{name}.json") for name in _names(index["cameras"])}
+    rigs = {name: _rig(root / "cameras" / f"{name}.json") for name in index["cameras"].names()}
     entries = index["takes"].entries("a list of takes")
     takes = [_take(root, entry, rigs, layout, detector) for entry in entries]
     name, seed = index["name"].text(), index.value.get("parameters", {}).get("seed")
@@ -78,7 +78,7 @@ def survey(root: Path, options: Mapping[str, Any]) -> Survey:
     if found.missing:
         return found
     index = _index(root)
-    for name in _names(index["cameras"]):
+    for name in index["cameras"].names():
         found.look([root / "cameras" / f"{name}.json"], "cameras")
     for entry in index["takes"].entries("a list of takes"):
         folder = _folder(root, entry)
@@ -95,13 +95,9 @@ def _index(root: Path) -> Field:
     return index
 
 
-def _names(field: Field) -> list[str]:
-    return [name.text() for name in field.entries("a list of names")]
-
-
 def _layout(index: Field) -> Layout:
     layout = index["layout"].layout()
-    joints = _names(index["joints"])
+    joints = index["joints"].names()
     if joints != list(layout.joints):
         raise index["joints"].error(f"those of {layout.name}", ", ".join(joints))
     return layout
