@@ -66,7 +66,7 @@ def head(path: Path) -> str:
 
 
 def csv_lines(path: Path) -> list[list[str]]:
-    """Return the fields of every line; of a blank line there are none.
+    """Return the fields of every line; of a blank line there are none. All others have as many as the first.
 
     A quoted field may go on over several lines, so that a quote that is never closed swallows what follows:
     it is an error, of the line in which it opens.
@@ -77,6 +77,9 @@ def csv_lines(path: Path) -> list[list[str]]:
     try:
         for line in reader:
             lines.append(line)
+            if line and len(line) != len(lines[0]):
+                expected, actual = f"{len(lines[0])} fields", f"{len(line)} fields"
+                raise DatasetError(path, f"line {first}", expected, actual)
             first = reader.line_num + 1
     except csv.Error as error:
         expected, actual = _csv_fault(error, reader.line_num - first)

@@ -88,8 +88,6 @@ class _Row(NamedTuple):
 
 
 def _parsed(path: Path, line: int, columns: Sequence[str], values: Sequence[str]) -> _Row:
-    if len(values) != len(columns):
-        raise DatasetError(path, f"line {line}", f"{len(columns)} fields", f"{len(values)} fields")
     fields = {name: value.strip() for name, value in zip(columns, values, strict=True)}
     try:
         frame = int(fields["frame"])
