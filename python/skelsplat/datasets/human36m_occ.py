@@ -7,6 +7,7 @@ The layout of the method's authors (`skelsplat.datasets.human36m`), one folder p
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -55,13 +56,13 @@ def read(
     return read_layout("human36m-occ", name, place, chosen, origin)
 
 
-def survey(root: Path, *, variant: str | int | None = None, **options: Any) -> Survey:
+def survey(root: Path, options: Mapping[str, Any]) -> Survey:
     """Say which files are there, and which are missing; options as for `read`."""
     try:
-        folder, _ = _locate(root, variant)
+        folder, _ = _locate(root, options["variant"])
     except DatasetError as error:
         return Survey(missing=[(error.path, error.expected)])
-    return survey_human36m(folder, format="skelsplat", **options)
+    return survey_human36m(folder, {**options, "format": "skelsplat"})
 
 
 def _variant_of(name: str) -> str | None:

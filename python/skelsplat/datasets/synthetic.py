@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from skelsplat import io
 from skelsplat._arrays import Array
+from skelsplat._atomic import opening
 from skelsplat._skelsplat import Camera, Layout
 from skelsplat.cameras import CameraRig
 from skelsplat.datasets._files import Survey, load_json, load_npz, numbers, require
@@ -22,7 +23,6 @@ from skelsplat.datasets._rig import build_camera, build_rig
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._arrays import frame_numbers
 from skelsplat.io._fields import Field
-from skelsplat.io._files import opening
 
 if TYPE_CHECKING:
     from skelsplat.synthetic.sets import Recording, RecordingSet
@@ -71,9 +71,8 @@ def read(root: Path, *, detector: str = "good", views: Views = None) -> Dataset:
     )
 
 
-def survey(root: Path, *, detector: str = "good", views: Views = None) -> Survey:
-    """Say which files are there."""
-    del views
+def survey(root: Path, options: Mapping[str, Any]) -> Survey:
+    """Say which files are there, with the options of `read`."""
     found = Survey()
     found.look([root / INDEX], "index of a simulated data set")
     if found.missing:
@@ -83,7 +82,7 @@ def survey(root: Path, *, detector: str = "good", views: Views = None) -> Survey
         found.look([root / "cameras" / f"{name}.json"], "cameras")
     for entry in index["takes"].entries("a list of takes"):
         folder = _folder(root, entry)
-        for stem in ("truth", f"detections_simulated_{detector}", "monocular_simulated"):
+        for stem in ("truth", f"detections_simulated_{options['detector']}", "monocular_simulated"):
             found.look([folder / f"{stem}.npz"], stem.replace("_", " "))
     return found
 

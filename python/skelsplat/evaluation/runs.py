@@ -18,11 +18,11 @@ from typing import Any
 import numpy as np
 
 from skelsplat import _skelsplat
+from skelsplat._atomic import atomic_write
 from skelsplat._skelsplat import Layout
 from skelsplat.datasets import Take
 from skelsplat.evaluation.methods import Method, Options, Solution
 from skelsplat.evaluation.protocols import Case
-from skelsplat.io._files import atomic_write
 
 # Raise it when the meaning of a file or of a method's settings changes.
 _FORMAT = 1

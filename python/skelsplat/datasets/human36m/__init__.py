@@ -15,6 +15,7 @@ Take keys are ``"S9/Directions 1"`` where a format keeps the names of the origin
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
 from types import ModuleType
@@ -66,16 +67,11 @@ def read(
     return read_layout("human36m", name, place, chosen, "Human3.6M")
 
 
-def survey(
-    root: Path,
-    *,
-    format: str | None = None,
-    **options: Any,
-) -> Survey:
+def survey(root: Path, options: Mapping[str, Any]) -> Survey:
     """Say which files of Human3.6M are there, and which are missing; options as for `read`."""
-    chosen = Options.parse(**options)
+    chosen = Options.parse(**{name: options[name] for name in OPTIONS if name in options})
     try:
-        name, place = find_format(root, format)
+        name, place = find_format(root, options["format"])
     except DatasetError as error:
         return Survey(missing=[(root, error.expected)])
     found = Survey(format=name)
