@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from skelsplat import io
 from skelsplat._arrays import Array
+from skelsplat._atomic import opening
 from skelsplat._skelsplat import Camera, Layout
 from skelsplat.cameras import CameraRig
 from skelsplat.datasets._files import Survey, load_json, load_npz, numbers, require
@@ -22,7 +23,6 @@ from skelsplat.datasets._rig import build_camera, build_rig
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._arrays import frame_numbers
 from skelsplat.io._fields import Field
-from skelsplat.io._files import opening
 
 if TYPE_CHECKING:
     from skelsplat.synthetic.sets import Recording, RecordingSet

@@ -19,8 +19,9 @@ from typing import Any
 import numpy as np
 
 from skelsplat._arrays import Array, Index
+from skelsplat._atomic import opening
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._files import frame_number, opening
+from skelsplat.io._files import frame_number
 from skelsplat.io._unpickle import DAMAGED_NPY, npy_header, read_array
 
 # what zipfile and NumPy raise for an npz whose bytes are damaged, besides OSError and ValueError

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from skelsplat._atomic import atomic_write_text
 from skelsplat._json import to_text
 from skelsplat._optional import can_draw
 from skelsplat._skelsplat import __version__
@@ -16,7 +17,6 @@ from skelsplat.evaluation.ablations._sweep import Ablation, Outcome, Row
 from skelsplat.evaluation.ablations._table import get
 from skelsplat.evaluation.reported import reported
 from skelsplat.evaluation.tables import grid
-from skelsplat.io._files import atomic_write_text
 
 _CSV = ("table", "unit", "method", "data", "origin", "column", "value")
 

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from itertools import chain, islice
 from pathlib import Path
 
+from skelsplat._atomic import opening
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
-from skelsplat.io._files import VIDEO_SUFFIXES, listed, opening
+from skelsplat.io._files import VIDEO_SUFFIXES, listed
 from skelsplat.io._run_files import is_run
 from skelsplat.io.detections import _animals, _arrays, _csv, _json
 from skelsplat.io.detections._format import DetectionFormat, View

@@ -15,9 +15,10 @@ import numpy.typing as npt
 
 import skelsplat as sk
 from skelsplat._arrays import Mask
+from skelsplat._atomic import atomic_write_text
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._fields import Field
-from skelsplat.io._files import FRAME_LIMIT, atomic_write_text, load_json, of_file
+from skelsplat.io._files import FRAME_LIMIT, load_json, of_file
 from skelsplat.io.poses._pose_data import ARRAYS, PoseData, shape_of
 
 FORMAT, VERSION = "skelsplat-poses", 1

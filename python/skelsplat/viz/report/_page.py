@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from skelsplat._arrays import Array, ArrayFields, Index
+from skelsplat._atomic import atomic_write_text
 from skelsplat._json import plain
 from skelsplat._optional import require
 from skelsplat.viz import _style
@@ -90,13 +91,9 @@ def write_report(path: str | os.PathLike[str], data: ReportData) -> Path:
 
     plotly.js is 4.8 MB of it; a sequence takes 33 bytes per joint and frame. One of more
     than `_scene.MOST_POSITIONS` is thinned out, and the page says so.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be written.
     """
-    return _style.write_whole(path, build_page(data).encode("utf-8"))
+    atomic_write_text(path, build_page(data))
+    return Path(path)
 
 
 def build_page(data: ReportData) -> str:
