@@ -22,7 +22,7 @@ LAYERS = (
     {"cameras", "layouts"},
     {"findings", "_sentences"},  # a finding has its sentence, which is made from its numbers
     {"_skelsplat"},
-    {"_arrays", "_opencv"},
+    {"_arrays", "_atomic", "_opencv"},
     {"_optional"},
     {"exceptions", "_json"},
 )

@@ -14,6 +14,7 @@ from skelsplat.cli.table import tell
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import collected_warnings
 from skelsplat.io import convert_unit, write_calibration
+from skelsplat.io._files import listed
 from skelsplat.io._run_files import POSES
 from skelsplat.io.calibration import find_format, read_calibration
 from skelsplat.io.poses import POSE_FORMATS, convert_poses, is_pose_file, pose_format
@@ -25,6 +26,7 @@ EPILOG = (
     ".c3d, .json and .nc."
 )
 _READ = frozenset({"unit", "format", "camera_type", "subject", "size", "binning"})
+_MOST_NAMES = 8
 # By kind of file: what OUTPUT may end in, and the options of the command that it takes.
 _KINDS = {
     "pose file": (
@@ -180,13 +182,7 @@ def _calibration(source: Path, target: Path, given: dict[str, Any]) -> tuple[str
         raise DatasetError(target, "target", "another file than the source", "the same")
     written = rig if unit is None else convert_unit(rig, unit)
     write_calibration(target, written)
-    cameras = f"{len(rig)} camera{'s' * (len(rig) != 1)} ({_listed(rig.names)})"
+    cameras = f"{len(rig)} camera{'s' * (len(rig) != 1)} ({listed(rig.names, _MOST_NAMES)})"
     about = {"format": given.get("format") or find_format(source), "cameras": list(rig.names)}
     sentence = f"Wrote {cameras} to {target}, lengths in {written.unit}."
     return sentence, {**about, "unit": {"input": rig.unit, "output": written.unit}}
-
-
-def _listed(names: tuple[str, ...], most: int = 8) -> str:
-    """Return names as a phrase, a long list cut short."""
-    rest = len(names) - most
-    return ", ".join(names) if rest <= 0 else f"{', '.join(names[:most])} and {rest} more"

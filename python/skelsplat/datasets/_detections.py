@@ -30,6 +30,7 @@ from skelsplat.datasets._files import (
     require,
 )
 from skelsplat.exceptions import DatasetError
+from skelsplat.io._arrays import frame_numbers
 
 KEYS_2D = ("poses", "poses2d")
 """Keys of 2D poses in the authors' files; the first that is there counts."""
@@ -73,10 +74,6 @@ def as_detections(path: Path, field: str, value: Any, wanted: Wanted) -> Array:
     for got, want, expected in counts:
         if got != want:
             raise DatasetError(path, field, expected, f"{got} (shape {array.shape})")
-    return _with_missing(array)
-
-
-def _with_missing(array: Array) -> Array:
     pixels = array[..., :2]
     confidence = np.nan_to_num(array[..., 2]) if array.shape[-1] == 3 else np.ones(array.shape[:-1])
     missing = ~np.isfinite(pixels).all(axis=-1) | (pixels == 0.0).all(axis=-1) | (confidence <= 0.0)
@@ -138,16 +135,6 @@ def read_truth(path: Path, n_joints: int) -> tuple[str, Array, Index | None]:
     key = next((key for key in KEYS_3D if key in content), KEYS_3D[-1])
     truth = numbers(path, key, require(path, "", content, key), ("T", n_joints, 3))
     return key, truth, frame_numbers(path, content["frames"]) if "frames" in content else None
-
-
-def frame_numbers(path: Path, value: Any, count: int | None = None) -> Index:
-    """Return frame numbers, which ascend; as many as `count`, if that is known."""
-    frames = np.asarray(value)
-    fits = frames.ndim == 1 and frames.dtype.kind in "iu" and count in (None, len(frames))
-    if not fits or (np.diff(frames) <= 0).any():
-        expected = f"{'' if count is None else f'{count} '}whole numbers that ascend"
-        raise DatasetError(path, "frames", expected, f"{frames.dtype} {frames.shape}")
-    return frames.astype(np.int64)
 
 
 Spellings = Sequence[Sequence[str]]

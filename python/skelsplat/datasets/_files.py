@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from skelsplat._arrays import Array
+from skelsplat._atomic import opening
 from skelsplat.exceptions import DatasetError
 from skelsplat.io import _arrays
 from skelsplat.io._files import load_json as parse_json_file
-from skelsplat.io._files import opening
 from skelsplat.io._unpickle import unpickle
 
 

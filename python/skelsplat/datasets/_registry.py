@@ -5,7 +5,7 @@ A reader is a module, or an object in one (``"module:NAME"``), with
 - ``DESCRIPTION``: one line for ``skelsplat datasets list``;
 - ``read(root, **options) -> Dataset``: keyword-only options with defaults, and those that ``OPTIONS``, if the
   reader has it, names; raises `DatasetError`;
-- ``survey(root, **options) -> Survey``: the same options; which files are there, and which are missing and
+- ``survey(root, options) -> Survey``: those options by name; which files are there, which are missing and
   where they were expected. It opens nothing that is large and does not raise for what is missing.
 
 Takes should say in ``Take.files`` where their parts come from, so that errors can name the file.
@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import inspect
 import os
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from importlib import import_module
 from pathlib import Path
@@ -28,7 +29,7 @@ from skelsplat.findings import Finding
 
 _MODULES = {
     "human36m": "skelsplat.datasets.human36m",
-    "human36m-occ": "skelsplat.datasets.human36m_occ",
+    "human36m-occ": "skelsplat.datasets.human36m:OCCLUDED",
     "panoptic": "skelsplat.datasets.panoptic",
     "occlusion-person": "skelsplat.datasets.occlusion_person",
     "shelf": "skelsplat.datasets._shelf_campus:SHELF",
@@ -45,7 +46,7 @@ class Reader(Protocol):
     def read(self, root: Path, **options: Any) -> Dataset:
         """Read the data set beneath `root`."""
 
-    def survey(self, root: Path, **options: Any) -> Survey:
+    def survey(self, root: Path, options: Mapping[str, Any]) -> Survey:
         """Say which files are there."""
 
 
@@ -65,9 +66,12 @@ def reader(name: str) -> Reader:
 def options_of(name: str) -> tuple[str, ...]:
     """Names of the options that `read` takes for a data set."""
     module = reader(name)
+    return (*_defaults(module), *getattr(module, "OPTIONS", ()))
+
+
+def _defaults(module: Reader) -> dict[str, Any]:
     parameters = inspect.signature(module.read).parameters.values()
-    own = tuple(p.name for p in parameters if p.kind is p.KEYWORD_ONLY)
-    return (*own, *getattr(module, "OPTIONS", ()))
+    return {p.name: p.default for p in parameters if p.kind is p.KEYWORD_ONLY}
 
 
 def detections_option(name: str, which: str) -> dict[str, Any]:
@@ -197,7 +201,7 @@ def check(name: str, root: str | os.PathLike[str], **options: Any) -> Report:
         If there is nothing at `root`.
     """
     module, path = prepared(name, root, options)
-    survey = module.survey(path, **options)
+    survey = module.survey(path, {**_defaults(module), **options})
     try:
         dataset = module.read(path, **options)
     except DatasetError as error:

@@ -12,6 +12,7 @@ Each actor is a take; frames are those in which it is labelled.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -79,14 +80,12 @@ class Scene:
         words = f"{self.name.capitalize()}, one take per actor, detections: {name or 'none'}"
         return Dataset(self.name, SHELF14, tuple(takes), name, words)
 
-    def survey(
-        self, root: Path, *, detector: str | None = None, detections: Path | str | None = None
-    ) -> Survey:
-        """Say which files are there."""
+    def survey(self, root: Path, options: Mapping[str, Any]) -> Survey:
+        """Say which files are there, with the options of `read`."""
         found = Survey()
         for what, places in self._files(root).items():
             found.look(places, what)
-        found.look_for_detections(root, detector, detections, "hrnet")
+        found.look_for_detections(root, options["detector"], options["detections"], "hrnet")
         return found
 
     def _files(self, root: Path) -> dict[str, list[Path]]:

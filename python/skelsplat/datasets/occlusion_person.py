@@ -12,7 +12,7 @@ cameras or one folder per camera.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -105,25 +105,16 @@ def read(
     return Dataset("occlusion-person", OCCLUSION_PERSON15, tuple(takes), name, words, tuple(notes))
 
 
-def survey(
-    root: Path,
-    *,
-    detector: str | None = None,
-    detections: Path | str | None = None,
-    views: int | Sequence[int] = N_CAMERAS,
-    format: str | None = None,
-    split: str = "validation",
-    **_: Any,
-) -> Survey:
-    """Say which files are there; what `read` takes beyond these options changes nothing."""
-    _cameras(views)
-    found = Survey(format=_format(root, format))
+def survey(root: Path, options: Mapping[str, Any]) -> Survey:
+    """Say which files are there, with the options of `read`."""
+    _cameras(options["views"])
+    found = Survey(format=_format(root, options["format"]))
     if found.format == "adafuse":
-        found.look(_pickles(root, split), f"annotation of the split {split}")
+        found.look(_pickles(root, options["split"]), f"annotation of the split {options['split']}")
     else:
         found.look([root / "cameras" / "cameras.json", root / "cameras.json"], "cameras by frame")
         found.look(sorted((root / "3d_gt" / "S0").glob("*/poses.npz")) or [root / "3d_gt" / "S0"], "truth")
-    found.look_for_detections(root, detector, detections, "resnet50")
+    found.look_for_detections(root, options["detector"], options["detections"], "resnet50")
     return found
 
 

@@ -26,7 +26,6 @@ from skelsplat.cameras import MM_PER_UNIT, CameraRig
 from skelsplat.datasets._detections import (
     Wanted,
     detections_of,
-    frame_numbers,
     read_apart,
     read_truth,
     read_world,
@@ -36,6 +35,7 @@ from skelsplat.datasets._model import Dataset, Take
 from skelsplat.datasets._rig import read_quietly
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 from skelsplat.io import convert_unit
+from skelsplat.io._arrays import frame_numbers
 from skelsplat.layouts import PANOPTIC19
 
 DESCRIPTION = "CMU Panoptic Studio: single-person sequences in HD cameras."
@@ -111,19 +111,11 @@ def read(
     return Dataset("panoptic", PANOPTIC19, tuple(takes), detector=name, source=words, notes=tuple(notes))
 
 
-def survey(
-    root: Path,
-    *,
-    detector: str | None = None,
-    detections: Path | str | None = None,
-    views: int | Sequence[int] = 4,
-    sequences: Sequence[str] = SEQUENCES,
-    format: str | None = None,
-    **_: Any,
-) -> Survey:
-    """Say which files are there; what `read` takes beyond these options changes nothing."""
-    found, count = Survey(format=format or ""), len(_cameras(views))
-    for sequence in sequences:
+def survey(root: Path, options: Mapping[str, Any]) -> Survey:
+    """Say which files are there, with the options of `read`."""
+    detector, detections, format = (options[name] for name in ("detector", "detections", "format"))
+    found, count = Survey(format=format or ""), len(_cameras(options["views"]))
+    for sequence in options["sequences"]:
         found.look(_calibrations(root, sequence), f"calibration of {sequence}")
         found.look(_truths(root, sequence, count, format), f"truth of {sequence}")
         if detections is not None or detector is not None:

@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 
 from skelsplat import io
 from skelsplat._arrays import Array
+from skelsplat._atomic import opening
 from skelsplat._skelsplat import Camera, Layout
 from skelsplat.cameras import CameraRig
-from skelsplat.datasets._detections import frame_numbers
 from skelsplat.datasets._files import Survey, load_json, load_npz, numbers, require
 from skelsplat.datasets._model import Dataset, Take
 from skelsplat.datasets._rig import build_camera, build_rig
 from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.io._arrays import frame_numbers
 from skelsplat.io._fields import Field
-from skelsplat.io._files import opening
 
 if TYPE_CHECKING:
     from skelsplat.synthetic.sets import Recording, RecordingSet
@@ -54,10 +54,10 @@ def read(root: Path, *, detector: str = "good", views: Views = None) -> Dataset:
     """
     index = _index(root)
     layout = _layout(index)
-    known = _names(index["detectors"])
+    known = index["detectors"].names()
     if detector not in known:
         raise index["detectors"].error(f"the detector {detector!r}", ", ".join(known))
-    rigs = {name: _rig(root / "cameras" / f"{name}.json") for name in _names(index["cameras"])}
+    rigs = {name: _rig(root / "cameras" / f"{name}.json") for name in index["cameras"].names()}
     entries = index["takes"].entries("a list of takes")
     takes = [_take(root, entry, rigs, layout, detector) for entry in entries]
     name, seed = index["name"].text(), index.value.get("parameters", {}).get("seed")
@@ -71,19 +71,18 @@ def read(root: Path, *, detector: str = "good", views: Views = None) -> Dataset:
     )
 
 
-def survey(root: Path, *, detector: str = "good", views: Views = None) -> Survey:
-    """Say which files are there."""
-    del views
+def survey(root: Path, options: Mapping[str, Any]) -> Survey:
+    """Say which files are there, with the options of `read`."""
     found = Survey()
     found.look([root / INDEX], "index of a simulated data set")
     if found.missing:
         return found
     index = _index(root)
-    for name in _names(index["cameras"]):
+    for name in index["cameras"].names():
         found.look([root / "cameras" / f"{name}.json"], "cameras")
     for entry in index["takes"].entries("a list of takes"):
         folder = _folder(root, entry)
-        for stem in ("truth", f"detections_simulated_{detector}", "monocular_simulated"):
+        for stem in ("truth", f"detections_simulated_{options['detector']}", "monocular_simulated"):
             found.look([folder / f"{stem}.npz"], stem.replace("_", " "))
     return found
 
@@ -96,13 +95,9 @@ def _index(root: Path) -> Field:
     return index
 
 
-def _names(field: Field) -> list[str]:
-    return [name.text() for name in field.entries("a list of names")]
-
-
 def _layout(index: Field) -> Layout:
     layout = index["layout"].layout()
-    joints = _names(index["joints"])
+    joints = index["joints"].names()
     if joints != list(layout.joints):
         raise index["joints"].error(f"those of {layout.name}", ", ".join(joints))
     return layout
@@ -153,7 +148,11 @@ def _take(root: Path, entry: Field, rigs: Mapping[str, CameraRig], layout: Layou
         return numbers(files[name], key, require(files[name], "", loaded[name], key), shape)
 
     per_view = (loaded["truth"].get("boxes"), loaded["detections"].get("detections"))
-    _check_views(files["cameras"], m, [np.asarray(array).shape for array in per_view])
+    shapes = [np.asarray(array).shape for array in per_view]
+    views = {shape[1] if len(shape) > 1 else None for shape in shapes}
+    if len(views) == 1 and views.isdisjoint({m, None}):  # boxes and detections agree with each other
+        expected = f"{views.pop()} cameras, one per view of the takes"
+        raise DatasetError(files["cameras"], "cameras", expected, m)
     visible = loaded["truth"].get("visible")
     if visible is not None:
         visible = numbers(files["truth"], "visible", visible, (t, m, n)).astype(bool)
@@ -170,13 +169,6 @@ def _take(root: Path, entry: Field, rigs: Mapping[str, CameraRig], layout: Layou
         visible=visible,
         files=files,
     )
-
-
-def _check_views(cameras: Path, count: int, shapes: Sequence[tuple[int, ...]]) -> None:
-    """Raise if boxes and detections agree on another number of views than there are cameras."""
-    views = {shape[1] if len(shape) > 1 else None for shape in shapes}
-    if len(views) == 1 and views.isdisjoint({count, None}):
-        raise DatasetError(cameras, "cameras", f"{views.pop()} cameras, one per view of the takes", count)
 
 
 def _frames(files: Mapping[str, Path], loaded: Mapping[str, Mapping[str, Any]]) -> Any:

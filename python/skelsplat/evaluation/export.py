@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 
 from skelsplat import _skelsplat
+from skelsplat._atomic import atomic_write_text
 from skelsplat._json import plain
 from skelsplat._optional import can_draw
 from skelsplat.evaluation.report import Evaluation
 from skelsplat.evaluation.scores import FIGURES
 from skelsplat.evaluation.tables import all_tables, overall
-from skelsplat.io._files import atomic_write_text
 
 CSV_FIELDS = ("method", "reported", "group", "name", *FIGURES)
 """Columns of the CSV: ``group`` is all, action or joint; shares are from 0 to 1; empty means no number."""

@@ -19,9 +19,10 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import Array, Index
+from skelsplat._atomic import atomic_write
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._fields import Field
-from skelsplat.io._files import atomic_write, load_json
+from skelsplat.io._files import load_json
 from skelsplat.io._run_files import CAMERAS, DETECTIONS, POSES, REPORT, UNFINISHED
 from skelsplat.io.calibration import read_calibration, write_calibration
 from skelsplat.io.detections import read_detections

@@ -10,11 +10,11 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import Array, Index, numbers
+from skelsplat._atomic import atomic_write_text
 from skelsplat._json import to_text
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding, collected_warnings
 from skelsplat.io import PoseData
-from skelsplat.io._files import atomic_write_text
 from skelsplat.io._run_files import REPORT
 from skelsplat.io.run_folder import read_run
 from skelsplat.run import folder as folders

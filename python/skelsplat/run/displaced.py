@@ -53,16 +53,9 @@ def displaced_cameras(rig: sk.CameraRig, shifts: Shifts) -> list[int]:
 def find_displaced(
     names: Sequence[str], shifts: Shifts, displaced: Sequence[int], unfit: AbstractSet[str] = frozenset()
 ) -> Iterator[Finding]:
-    """Yield a finding on the camera that is displaced most, with the others.
+    """Yield a finding on the first of ``displaced`` (as of `displaced_cameras`), with the others.
 
-    Parameters
-    ----------
-    names
-        All cameras.
-    displaced
-        What `displaced_cameras` returned.
-    unfit
-        Cameras with another finding whose remedy is to leave them out.
+    ``names`` are those of all cameras; ``unfit`` ones have another finding whose remedy is to leave them out.
     """
     if not displaced:
         return
@@ -144,13 +137,8 @@ class Shifts:
 def residuals(detections: Array, projected: Array, swapped: Mask, pairs: Sequence[tuple[int, int]]) -> Array:
     """Return detection − projection [px], (T, M, N, 2), of the joint that each detection was used for.
 
-    Parameters
-    ----------
-    detections, projected : (T, M, N, 2)
-    swapped : (T, M, N)
-        Detections that were used for the joint on the other side of the body.
-    pairs
-        These joints, (left, right).
+    That of ``swapped`` (T, M, N) detections is the joint on the other side of the body, by ``pairs`` (left,
+    right).
     """
     mirror = mirror_images(detections.shape[2], pairs)
     found: Array = detections - np.where(swapped[..., None], projected[:, :, mirror], projected)

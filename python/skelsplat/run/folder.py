@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from skelsplat._arrays import Index
+from skelsplat._atomic import atomic_write_text, opening
 from skelsplat._json import to_text
 from skelsplat._optional import can_draw
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding, Subject
 from skelsplat.io import PoseData, write_pose
-from skelsplat.io._files import atomic_write_text, opening
 from skelsplat.io._run_files import CAMERAS, DETECTIONS, REPORT, UNFINISHED, files_of_run
 from skelsplat.io.poses import POSE_FORMATS, check_pose_format
 from skelsplat.io.poses._pose_data import MARKER_NAMES

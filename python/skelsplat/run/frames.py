@@ -40,11 +40,12 @@ def find_in_frames(
     concern the recording and not a frame: see `find_findings` and the stop reasons.
     """
     empty = np.asarray(outcome.result.stop_reason) == "no_observations"
+    swapped = np.isfinite(statistics.error_after) & np.asarray(outcome.result.swapped)
     found: dict[tuple[str, Subject], list[tuple[int, dict[str, Any]]]] = {}
     for frame, kind, subject, numbers in (
         *_stops(outcome),
         *_statuses(status, empty, inputs.layout.joints),
-        *_named("frame_swapped", _swapped_views(outcome, statistics), "cameras", inputs.rig.names),
+        *_named("frame_swapped", np.asarray(swapped.any(axis=2)), "cameras", inputs.rig.names),
         *_rejected(statistics),
         *_errors(statistics),
         *_error_bars(statistics, status, inputs.layout.joints),
@@ -112,12 +113,6 @@ def _statuses(status: npt.NDArray[np.str_], empty: Mask, joints: Sequence[str]) 
     yield from _named("frame_unobserved", unobserved, "joints", joints)
     for kind in ("weak", "filled"):
         yield from _named(f"frame_{kind}", status == kind, "joints", joints)
-
-
-def _swapped_views(outcome: Outcome, statistics: Statistics) -> Mask:
-    """Return the views (T, M) with a left–right swap."""
-    used = np.isfinite(statistics.error_after)
-    return np.asarray((used & np.asarray(outcome.result.swapped)).any(axis=2))
 
 
 def _rejected(statistics: Statistics) -> Iterator[Case]:

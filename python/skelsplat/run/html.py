@@ -65,7 +65,11 @@ def write_html(run: Run, path: Path) -> None:
         numbers=key_numbers(run),
         sequence=_sequence(run),
         shapes=camera_shapes(inputs.rig),
-        cameras=_camera_table(statistics),
+        cameras=page.Table(
+            [("camera", ""), *_SHARED],
+            [_cells(group) for group in statistics.cameras],
+            _cells(statistics.total),
+        ),
         joints=_joint_table(inputs, statistics),
         errors_px=errors_px[:-1, :-1],
         rejected=rejected[:-1, :-1],
@@ -239,17 +243,6 @@ def _lines(run: Run) -> list[page.TimeLine]:
         TimeLine("Left–right swaps", "", swapped.astype(float), peaks=True),
         TimeLine("Largest error bar", "mm", bars, peaks=True),
     ]
-
-
-def _camera_table(statistics: Statistics) -> page.Table:
-    """Return a row per camera, and one for all."""
-    from skelsplat.viz.report import Table  # as in write_html
-
-    return Table(
-        columns=[("camera", ""), *_SHARED],
-        rows=[_cells(group) for group in statistics.cameras],
-        total=_cells(statistics.total),
-    )
 
 
 def _joint_table(inputs: Inputs, statistics: Statistics) -> page.Table:

@@ -109,16 +109,7 @@ def limb_spread(pose: Array, uncertainty: Array, known: Mask, limbs: Sequence[tu
     """Compare how limb lengths vary over the frames with the scatter that a constant length would have.
 
     The variance of a length is that of its two ends along the limb, and (5 % of the length)², as a detector
-    does not place joints at quite the same point of the body in every pose.
-
-    Parameters
-    ----------
-    pose, uncertainty : (T, N, 3), (T, N, 3, 3)
-        As of `skelsplat.Refinement`.
-    known : (T, N)
-        Joints that count.
-    limbs
-        Pairs of joints.
+    does not place joints at quite the same point of the body in every pose. Joints ``known`` (T, N) count.
     """
     kept, rows, off, count = [], [], 0, 0
     for a, b in limbs:

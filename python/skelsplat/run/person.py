@@ -86,12 +86,8 @@ def look_around(
 ) -> Crowd | None:
     """Return who is visible apart from the person of ``index`` (T, M), and whether this mixes people.
 
-    None where hardly any frame has several people in two views. Long recordings are sampled.
-
-    Parameters
-    ----------
-    people, rig, person, layout
-        As for `pick_places`.
+    None where hardly any frame has several people in two views. Long recordings are sampled. The other
+    arguments are those of `pick_places`.
     """
     several = (count_people(people) >= 2).sum(axis=1) >= 2
     if several.mean() < _CROWDED:
@@ -154,17 +150,9 @@ def describe(
 ) -> Crowd:
     """Compare the detections that were chosen with the people whom the views show.
 
-    Parameters
-    ----------
-    people : (S, M, P, K, 3)
-    chosen : (S, M)
-        Places in P, -1 for none.
-    found, poses : (Q, S, M), (Q, S, K, 3)
-        What `skelsplat.association.separate_people` returned.
-    apart_px : (M,)
-        Median distance from which two detections are of different people.
-    steps : (S,)
-        Numbers of the frames; those that follow each other are compared.
+    ``people`` (S, M, P, K, 3), ``chosen`` (S, M) are places in P, -1 for none; ``found`` (Q, S, M) and
+    ``poses`` (Q, S, K, 3) as of `skelsplat.association.separate_people`. Detections are of different people
+    from a median distance of ``apart_px`` (M,). Of ``steps`` (S,), those that follow each other are compared.
     """
     as_visible = visible_alike(found)
     mixed = mixed_frames(people, chosen, found, apart_px)
@@ -198,15 +186,8 @@ def mixed_frames(people: Array, chosen: Index, found: Index, apart_px: Array) ->
 def person_changes(person: Index, poses: Array, clear: Mask, steps: Index) -> tuple[int, int]:
     """Count the steps to the next frame at which the person becomes another, and those that could be judged.
 
-    Parameters
-    ----------
-    person : (S,)
-        Who of Q is followed, -1 for nobody.
-    poses : (Q, S, K, 3)
-    clear : (S,)
-        Frames to look at.
-    steps : (S,)
-        Numbers of the frames.
+    ``person`` (S,) is who of Q is followed, -1 for nobody; ``poses`` (Q, S, K, 3). Only frames that are
+    ``clear`` (S,), with numbers ``steps`` (S,), are compared.
     """
     centres = medians(np.moveaxis(poses, -1, -2))  # (Q, S, 3)
     sizes = np.array([association.body_sizes(pose) for pose in poses])

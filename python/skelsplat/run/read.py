@@ -21,53 +21,27 @@ from skelsplat.run.person import Crowd, look_around, pick_places
 
 @dataclass(frozen=True)
 class Inputs:
-    """What a run starts from.
+    """What a run starts from."""
 
-    Parameters
-    ----------
-    rig, layout
-        The cameras, and what the joints are.
-    detections : (T, M, N, 3)
-        One person's detections; NaN where missing.
-    unmatched : (T, M)
-        People are detected in this view and another, but none here matches: the person is missing.
-    frames : (T,)
-        Frame numbers of the files.
-    init_pose : (T, N, 3)
-        The start in the rig's unit, or None for triangulation.
-    format, calibration_format
-        Names of the formats of the detections and of the calibration; None where it is not known.
-    lacking
-        Joints that the user declared missing from the files.
-    offsets
-        By camera, frames that were added to its numbers, where the user gave them.
-    without
-        Cameras of the calibration that are left out.
-    sources
-        The files or folders that hold the cameras' detections.
-    person
-        The person to follow, as `Job.person`.
-    crowd
-        The people that the cameras see; None if they see one.
-    fps
-        Frames per second; None if unknown.
-    """
-
+    # the cameras, and what the joints are
     rig: sk.CameraRig
     layout: sk.Layout
-    detections: Array
+    detections: Array  # (T, M, N, 3) one person's detections; NaN where missing
+    # (T, M) people are detected in this view and another, but none here matches: the person is missing
     unmatched: Mask
-    frames: Index
-    init_pose: Array | None = None
+    frames: Index  # (T,) frame numbers of the files
+    init_pose: Array | None = None  # (T, N, 3) the start in the rig's unit, or None for triangulation
+    # names of the formats of the detections and of the calibration; None where it is not known
     format: str | None = None
     calibration_format: str | None = None
-    lacking: frozenset[str] = frozenset()
+    lacking: frozenset[str] = frozenset()  # joints that the user declared missing from the files
+    # by camera, frames that were added to its numbers, where the user gave them
     offsets: dict[str, int] = field(default_factory=dict)
-    without: tuple[str, ...] = ()
-    sources: tuple[Path, ...] = ()
-    person: str = "consistent"
-    crowd: Crowd | None = None
-    fps: float | None = None
+    without: tuple[str, ...] = ()  # cameras of the calibration that are left out
+    sources: tuple[Path, ...] = ()  # the files or folders that hold the cameras' detections
+    person: str = "consistent"  # the person to follow, as `Job.person`
+    crowd: Crowd | None = None  # the people that the cameras see; None if they see one
+    fps: float | None = None  # frames per second; None if unknown
 
 
 def read_inputs(job: Job) -> Inputs:

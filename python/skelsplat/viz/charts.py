@@ -43,11 +43,6 @@ def write_bars(path: str | os.PathLike[str], data: BarData) -> Path:
     """Write a chart of horizontal bars as PNG, whole or not at all.
 
     A bar much longer than the others is cut at the figure's edge, and its number gives its length.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be written.
     """
     count = len(data.names)
     figure = _style.new_figure(1.6 + 0.32 * count)
@@ -104,13 +99,7 @@ class Panel:
 
 
 def write_panels(path: str | os.PathLike[str], panels: Sequence[Panel], *, caption: str = "") -> Path:
-    """Draw the panels under one another and write them as a PNG.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be written.
-    """
+    """Draw the panels under one another and write them as a PNG."""
     height = _PANEL_IN * len(panels) + _CAPTION_IN
     figure = _style.new_figure(height)
     share = _CAPTION_IN / height

@@ -52,8 +52,6 @@ def write_heatmaps(
     ------
     ValueError
         If ``rows`` is empty.
-    OSError
-        If ``path`` cannot be written.
     """
     if not rows:
         raise ValueError("rows: expected at least one camera, got none")

@@ -61,13 +61,7 @@ class OverviewData(ArrayFields):
 
 
 def write_overview(path: str | os.PathLike[str], data: OverviewData, *, skeleton: Skeleton) -> Path:
-    """Draw the overview and write it to ``path``.
-
-    Raises
-    ------
-    OSError
-        If ``path`` cannot be written.
-    """
+    """Draw the overview and write it to ``path``."""
     panels = choose_panels(data.panels)
     heights = panel_heights(panels)
     below = space_of(heights) + _HEADER_IN if panels else 0.0

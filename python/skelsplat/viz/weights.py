@@ -44,13 +44,7 @@ class WeightData(ArrayFields):
 
 
 def write_weights(path: str | os.PathLike[str], data: WeightData) -> Path:
-    """Draw the mean weights and write them to ``path``.
-
-    Raises
-    ------
-    OSError
-        If ``path`` cannot be written.
-    """
+    """Draw the mean weights and write them to ``path``."""
     height = max(_ROW_IN * len(data.camera_names), _LEAST_IN)
     figure = _style.new_figure(2 * height + 3.05)
     width = _style.SCREEN.width_in - _LEFT_IN - _RIGHT_IN

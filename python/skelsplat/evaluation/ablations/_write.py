@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from skelsplat._atomic import atomic_write_text
+from skelsplat._json import to_text
 from skelsplat._optional import can_draw
 from skelsplat._skelsplat import __version__
 from skelsplat.evaluation.ablations._source import Choices, Source
@@ -16,7 +17,6 @@ from skelsplat.evaluation.ablations._sweep import Ablation, Outcome, Row
 from skelsplat.evaluation.ablations._table import get
 from skelsplat.evaluation.reported import reported
 from skelsplat.evaluation.tables import grid
-from skelsplat.io._files import atomic_write_text
 
 _CSV = ("table", "unit", "method", "data", "origin", "column", "value")
 
@@ -89,7 +89,7 @@ def to_csv(record: Record) -> str:
 
 def to_json(record: Record) -> str:
     """Return everything as a JSON object."""
-    return json.dumps(as_dict(record), indent=2, ensure_ascii=False) + "\n"
+    return to_text(as_dict(record))
 
 
 def as_dict(record: Record) -> dict[str, Any]:

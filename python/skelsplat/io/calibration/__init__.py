@@ -17,10 +17,11 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat._arrays import Array
+from skelsplat._atomic import atomic_write, atomic_write_text
 from skelsplat.cameras import MM_PER_UNIT, altered, nearest_rotation
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 from skelsplat.findings import Finding, FindingWarning, Subject
-from skelsplat.io._files import atomic_write, atomic_write_text, of_file
+from skelsplat.io._files import of_file
 from skelsplat.io.calibration import _json, _opencv, _toml, _xml
 from skelsplat.io.calibration._format import CalibrationFormat, RawCamera, Source
 

@@ -13,11 +13,12 @@ from typing import Any
 import numpy as np
 
 from skelsplat._arrays import Array
+from skelsplat._atomic import opening
 from skelsplat.cameras import matrix_from_vector
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import Finding, Subject
 from skelsplat.io._fields import Field
-from skelsplat.io._files import load_json, opening, parse_toml, read_text
+from skelsplat.io._files import load_json, parse_toml, read_text
 
 PINHOLE_COUNTS = (4, 5, 8, 12, 14)
 _FISHEYE_COUNT = 4

@@ -21,10 +21,10 @@ import skelsplat as sk
 from skelsplat._arrays import Array, Index
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 from skelsplat.io.detections._format import View
-from skelsplat.io.detections._frames import FRAME_MODES, Clock, FrameMode, check_offsets
+from skelsplat.io.detections._frames import FRAME_MODES, FrameMode, check_offsets
 from skelsplat.io.detections._joints import arranged, check_mapping, choose_layout, places_of
 from skelsplat.io.detections._match import camera_called, cameras_called
-from skelsplat.io.detections._registry import FORMATS, Matching, Sources, find_format, open_sources
+from skelsplat.io.detections._registry import FORMATS, Matching, find_format, open_sources
 
 __all__ = ["FORMATS", "DetectionSet", "camera_called", "cameras_called", "read_detections", "read_openpose"]
 
@@ -150,8 +150,7 @@ def read_detections(
     form = find_format(root, format)
     sources = open_sources(root, form, Matching(names, order, allow_missing, left_out), sequence)
     names = [name for name in names if name not in left_out]
-    clock = _clock(root, sources, shifts)
-    numbers = clock.shared(frames)
+    numbers = sources.shared(frames, shifts)
     chosen = choose_layout(layout, sources.views.values())
     joints = check_mapping(mapping, chosen)
     read = {
@@ -165,7 +164,7 @@ def read_detections(
         layout=chosen.name,
         format=form.name,
         labels=tuple(sources.labels[name] for name in names),
-        uneven=clock.uneven,
+        uneven=sources.uneven,
     )
 
 
@@ -191,17 +190,6 @@ def _camera_names(cameras: Sequence[sk.Camera] | Sequence[str], *, ordered: bool
     if isinstance(cameras, str) or not named or len(set(named)) < len(names):
         raise InvalidInputError(f"cameras: expected cameras with different names, got {names}")
     return named
-
-
-def _clock(root: Path, sources: Sources, shifts: Mapping[str, int]) -> Clock:
-    labels = {name: label for name, label in sources.labels.items() if label is not None}
-    return Clock(
-        root,
-        sources.kind,
-        frames={label: sources.views[name].frames for name, label in labels.items()},
-        offsets={label: shifts[name] for name, label in labels.items()},
-        sparse=any(view.sparse for view in sources.views.values()),
-    )
 
 
 def _read_view(

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import os
 import shlex
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain, islice
 from pathlib import Path
 
+from skelsplat._atomic import opening
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
-from skelsplat.io._files import VIDEO_SUFFIXES, listed, opening
+from skelsplat.io._files import VIDEO_SUFFIXES, listed
 from skelsplat.io._run_files import is_run
 from skelsplat.io.detections import _animals, _arrays, _csv, _json
 from skelsplat.io.detections._format import DetectionFormat, View
+from skelsplat.io.detections._frames import Sources
 from skelsplat.io.detections._match import Candidates, match_by_name, match_by_order
 
 # what tools add to the camera's name in that of a file; DeepLabCut also the name of the network
@@ -151,19 +153,6 @@ def _inside(folder: Path) -> list[Path]:
 
 
 @dataclass(frozen=True)
-class Sources:
-    """The opened views.
-
-    `kind` is what belongs to a camera ("folder", "file" or "view" of a file), `labels` what each camera was
-    matched with, None for nothing; in `views` are the cameras that have detections.
-    """
-
-    kind: str
-    labels: Mapping[str, str | None]
-    views: Mapping[str, View]
-
-
-@dataclass(frozen=True)
 class Matching:
     """How cameras are matched: by name, or by a stated order, and whether some may be without detections.
 
@@ -208,7 +197,7 @@ def open_sources(path: Path, form: DetectionFormat, matching: Matching, sequence
         candidates, open_one = _of_folder(path, form)
     labels = matching.match(candidates)
     views = {name: open_one(label) for name, label in labels.items() if label is not None}
-    return Sources(candidates.kind, labels, views)
+    return Sources(path, candidates.kind, labels, views)
 
 
 def _of_recording(path: Path, form: DetectionFormat, sequence: str | None, *, ordered: bool) -> Offer:

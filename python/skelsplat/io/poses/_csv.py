@@ -12,9 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import skelsplat as sk
+from skelsplat._atomic import atomic_write_text
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._files import atomic_write_text, csv_lines, frame_number
+from skelsplat.io._files import csv_lines, frame_number
 from skelsplat.io.poses._pose_data import PoseData, over_views
 
 _AXES, _DEVIATIONS = ("x", "y", "z"), ("sx", "sy", "sz")
@@ -87,8 +88,6 @@ class _Row(NamedTuple):
 
 
 def _parsed(path: Path, line: int, columns: Sequence[str], values: Sequence[str]) -> _Row:
-    if len(values) != len(columns):
-        raise DatasetError(path, f"line {line}", f"{len(columns)} fields", f"{len(values)} fields")
     fields = {name: value.strip() for name, value in zip(columns, values, strict=True)}
     try:
         frame = int(fields["frame"])

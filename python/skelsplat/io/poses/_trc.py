@@ -15,9 +15,10 @@ from pathlib import Path
 import numpy as np
 
 from skelsplat._arrays import positive
+from skelsplat._atomic import atomic_write_text
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io._files import atomic_write_text, frame_number, read_text
+from skelsplat.io._files import frame_number, read_text
 from skelsplat.io.poses._pose_data import Y_UP, PoseData, known_frame_rate
 from skelsplat.io.poses._pose_data import marker_names as named
 

@@ -66,8 +66,11 @@ def write_overlay(job: OverlayJob, progress: Callable[[str, int, int], None] | N
     groups = [views] if job.grid else [[view] for view in views]
     names = [_GRID] if job.grid else _file_names([view.name for view in views])
     targets = [job.out / (name if job.png else f"{name}.mp4") for name in names]
+    read = {view.source.path.resolve() for view in views}
     for target in targets:
-        _check_apart(target, views)
+        if target.resolve() in read:
+            expected = "a folder in which no result replaces a video that is read"
+            raise DatasetError(target, "--output", expected, "one of the videos")
     written = []
     with output_folder(job.out):
         for group, target in zip(groups, targets, strict=True):
@@ -83,13 +86,6 @@ def _file_names(cameras: Sequence[str]) -> list[str]:
     names = [re.sub(r'^\.+|[/\\:*?"<>|\x00-\x1f]', "_", camera) for camera in cameras]
     folded = [name.casefold() for name in names]  # some file systems do not tell a from A
     return [f"{name}_{k}" if folded.count(folded[k]) > 1 else name for k, name in enumerate(names)]
-
-
-def _check_apart(target: Path, views: Sequence[View]) -> None:
-    for view in views:
-        if target.resolve() == view.source.path.resolve():
-            expected = "a folder in which no result replaces a video that is read"
-            raise DatasetError(target, "--output", expected, "one of the videos")
 
 
 def _write(
