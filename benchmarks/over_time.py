@@ -22,8 +22,8 @@ _OF_NYQUIST = 0.8
 # Longest gap that is filled before filtering.
 _GAP_S = 0.5
 # Spectral density of the white acceleration of the Kalman smoother, mm²/s³, by the class of a joint: the
-# lowest mean error over the four conditions at 30 Hz of 1e5, 3e5, 1e6, 3e6, 1e7, 3e7, 1e8.
-KALMAN_DENSITY = {"ends": 1e7, "middle": 3e6, "trunk": 1e6}
+# lowest geometric mean of the errors in the four conditions at 30 Hz of 1e5, 3e5, 1e6, …, 1e8.
+KALMAN_DENSITY = {"ends": 1e6, "middle": 1e6, "trunk": 3e5}
 # What the name of a joint of the class contains; the first class that fits counts.
 _CLASSES = {"ends": ("wrist", "ankle"), "middle": ("elbow", "knee"), "trunk": ("",)}
 # Standard deviation of an unknown velocity, mm/s.

@@ -42,14 +42,14 @@ occluded(3, hard=True)  196.8  198.0
 ======================  =====  =====
 
 Those with memory are chosen so that `skelsplat.refine`, frame by frame and without the confidences, errs
-about as much as in the recordings of DESIGN §7. Mean error over 24 CMU takes, mm (first), and DESIGN's
-(second), from ``python benchmarks/sequences.py --takes 24 --methods frames``:
+about as much as in the recordings of DESIGN §7. Mean error over 92 CMU takes at 30 Hz, mm (first), and
+DESIGN's (second), from ``python benchmarks/sequences.py --methods frames``:
 
 =================================  =====  =====
-recording                           16.0   16.5
-recording_occluded(2)               23.6   27.3
-recording_occluded(3)               36.7   36.8
-recording_occluded(3, heavy=True)  115.1  120.0
+recording                           16.5   16.5
+recording_occluded(2)               26.1   27.3
+recording_occluded(3)               37.8   36.8
+recording_occluded(3, heavy=True)  113.1  120.0
 =================================  =====  =====
 """
 
