@@ -152,8 +152,8 @@ def _first_known(pose: FloatArray, known: NDArray[np.bool_]) -> FloatArray:
 def anipose(take: Take) -> Solved:
     """Aniposelib's `CameraGroup.triangulate_optim`, all bones of the layout constrained.
 
-    Its defaults but for the third derivative as in Anipose's own configuration, which is better here than
-    the first. It starts from DLT: from RANSAC (`init_ransac=True`) it is worse here and ten times slower.
+    Its defaults but for `n_deriv_smooth` and `reproj_error_threshold`, which are the best here of 1, 2, 3 and
+    2, 5, 15 px. It starts from DLT: from RANSAC (`init_ransac=True`) it takes ten times as long.
     """
     import cv2
     from aniposelib.cameras import Camera, CameraGroup
@@ -166,7 +166,8 @@ def anipose(take: Take) -> Solved:
     limbs = [list(limb) for limb in sk.layouts.get(scene.layout).limbs]
     with contextlib.redirect_stdout(io.StringIO()), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of Numba, about what it cannot compile
-        return Solved(np.asarray(group.triangulate_optim(points, constraints=limbs, n_deriv_smooth=3)))
+        pose = group.triangulate_optim(points, constraints=limbs, n_deriv_smooth=2, reproj_error_threshold=5)
+    return Solved(np.asarray(pose))
 
 
 METHODS: dict[str, Method] = {

@@ -126,6 +126,24 @@ def without_confidence(take: Take) -> Take:
     return replace(take, scene=replace(take.scene, detections=detections))
 
 
+def setbacks(results: dict[str, Errors], takes: list[Take]) -> list[str]:
+    """Return a line per method on the takes in which it is worse than frame by frame, by its mean error."""
+    if "frames" not in results:
+        return []
+    means = {
+        name: np.array([np.nanmean(part) for part in errors.distance]) for name, errors in results.items()
+    }
+    lines = []
+    for name in results:
+        if name == "frames":
+            continue
+        ratio = means[name] / means["frames"]
+        worst = int(ratio.argmax())
+        change = f"at worst {100 * (ratio[worst] - 1):+.0f} % ({takes[worst].name})"
+        lines.append(f"{name}: worse than frames in {(ratio > 1).sum()} of {len(takes)} takes, {change}")
+    return lines
+
+
 def cells(figures: dict[str, float | None]) -> list[str]:
     """Return a row of the table: lengths and accelerations, coverages in per cent, share answered, time."""
     row = [f"{figures[key]:.1f}" for key in ("mean_mm", "median_mm", "p95_mm", "acceleration_m_s2")]
@@ -141,7 +159,8 @@ def cells(figures: dict[str, float | None]) -> list[str]:
 def options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     known = recordings.CONDITIONS
-    parser.add_argument("--takes", type=int, metavar="K", help="a spread sample of the 94 takes (all)")
+    parser.add_argument("--takes", type=int, metavar="K", help="a spread sample of the 92 takes (all)")
+    parser.add_argument("--names", nargs="+", metavar="TAKE", help="these takes, such as 05_17, instead")
     parser.add_argument("--frames", type=int, metavar="F", help="the middle F frames of longer takes (all)")
     parser.add_argument("--views", type=int, default=4, choices=(2, 3, 4, 8), help="cameras (4)")
     parser.add_argument("--fps", type=int, default=30, choices=(10, 15, 30), help="frames per second (30)")
@@ -156,12 +175,14 @@ def options() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def show(condition: str, results: dict[str, Errors], chosen: argparse.Namespace, n_frames: int) -> None:
+def show(condition: str, results: dict[str, Errors], takes: list[Take], chosen: argparse.Namespace) -> None:
     """Print the tables of one condition."""
+    n_frames = sum(len(take.scene.truth) for take in takes)
     columns = ["mean mm", "median", "p95", "acc m/s²", "1 σ %", "2 σ %", "3 σ %"]
     title = f"{condition}: {chosen.views} views, {chosen.fps} Hz, {n_frames} frames, simulated detections"
     rows = [[name, *cells(errors.whole())] for name, errors in results.items()]
     common.show(title, ["", *columns, "answered %", "ms/frame"], rows, markdown=chosen.markdown)
+    print("\n".join([*setbacks(results, takes), ""]))
     if chosen.joints:
         rows = [
             [f"{name}, {part}", *cells(errors.summary(joints))]
@@ -180,6 +201,7 @@ def main() -> None:
         takes = recordings.takes(
             condition,
             count=chosen.takes,
+            names=chosen.names,
             n_views=chosen.views,
             fps=chosen.fps,
             seed=chosen.seed,
@@ -196,7 +218,7 @@ def main() -> None:
             for name, errors in results.items()
         }
         if not chosen.json:
-            show(condition, results, chosen, sum(len(take.scene.truth) for take in takes))
+            show(condition, results, takes, chosen)
     absent = [f"without {name}: {reason}" for name, reason in notes.items() if reason is not None]
     if over_time.cutoff(chosen.fps) < over_time.CUTOFF_HZ:
         absent.append(f"Butterworth filter at {over_time.cutoff(chosen.fps):g} Hz: 6 Hz needs more frames")

@@ -14,6 +14,10 @@ from sweeps import swept
 ROWS = {row.name: row for row in counts.folders()}
 
 
+def test_the_package_is_small() -> None:
+    assert ROWS["package"].lines <= 29_500
+
+
 def test_the_command_line_is_small() -> None:
     assert ROWS["package: cli"].files <= 26
     assert ROWS["package: cli"].lines <= 4500

@@ -58,6 +58,17 @@ def test_lower_frame_rates_show_the_same_motion_and_the_person_stays_in_view() -
         assert np.ptp(one.scene.truth[..., 2]) < 3000.0
 
 
+def test_breaks_of_the_capture_are_cut_out() -> None:
+    time = np.arange(100)[:, None, None] / 30.0
+    take = np.tile(1000.0 * time, (1, 17, 3))
+    take[0] += 500.0
+    take[40, 3] += 400.0
+    # The second differences that are too large hold frames 0 to 2 and 38 to 42.
+    np.testing.assert_array_equal(recordings.unbroken(take), take[43:])
+    take[40, 3] -= 400.0
+    np.testing.assert_array_equal(recordings.unbroken(take), take[3:])
+
+
 def test_the_benchmark_runs() -> None:
     small = ["--takes", "1", "--frames", "45", "--views", "3", "--fps", "15", "--json"]
     methods = ["--methods", "frames", "butterworth", "kalman"]

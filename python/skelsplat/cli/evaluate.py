@@ -21,7 +21,7 @@ from skelsplat.cli.table import new_table, print_parts, tell, wide_console
 from skelsplat.datasets._registry import detections_option, options_of
 from skelsplat.evaluation import export, methods, protocols, report, tables
 from skelsplat.evaluation.report import Evaluation
-from skelsplat.evaluation.tables import Row, Table
+from skelsplat.evaluation.tables import Table
 from skelsplat.findings import Finding, collected_warnings
 from skelsplat.run.folder import output_folder
 
@@ -209,10 +209,7 @@ def _drawn(table: Table) -> Drawn:
             drawn.add_section()
             drawn.add_row(Text("reported:", style="dim"))
         reported = row.reported
-        drawn.add_row(*_cells(table, row), style="italic" if reported else "")
+        styles = ["bold" if table.is_best(row, k) else "" for k in range(len(table.columns))]
+        cells = [Text(table.text(row, k), style) for k, style in enumerate(styles)]
+        drawn.add_row(Text(row.name), *cells, style="italic" if reported else "")
     return drawn
-
-
-def _cells(table: Table, row: Row) -> list[Text]:
-    styles = ["bold" if table.is_best(row, k) else "" for k in range(len(table.columns))]
-    return [Text(row.name), *(Text(table.text(row, k), style) for k, style in enumerate(styles))]

@@ -29,7 +29,7 @@ from skelsplat.findings import Finding
 
 _MODULES = {
     "human36m": "skelsplat.datasets.human36m",
-    "human36m-occ": "skelsplat.datasets.human36m_occ",
+    "human36m-occ": "skelsplat.datasets.human36m:OCCLUDED",
     "panoptic": "skelsplat.datasets.panoptic",
     "occlusion-person": "skelsplat.datasets.occlusion_person",
     "shelf": "skelsplat.datasets._shelf_campus:SHELF",

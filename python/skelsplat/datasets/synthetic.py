@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from skelsplat import io
 from skelsplat._arrays import Array
 from skelsplat._atomic import opening
-from skelsplat._skelsplat import Camera, Layout
+from skelsplat._skelsplat import Layout
 from skelsplat.cameras import CameraRig
 from skelsplat.datasets._files import Survey, load_json, load_npz, numbers, require
 from skelsplat.datasets._model import Dataset, Take
@@ -23,6 +23,7 @@ from skelsplat.datasets._rig import build_camera, build_rig
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._arrays import frame_numbers
 from skelsplat.io._fields import Field
+from skelsplat.io.calibration._json import to_entry
 
 if TYPE_CHECKING:
     from skelsplat.synthetic.sets import Recording, RecordingSet
@@ -54,10 +55,10 @@ def read(root: Path, *, detector: str = "good", views: Views = None) -> Dataset:
     """
     index = _index(root)
     layout = _layout(index)
-    known = _names(index["detectors"])
+    known = index["detectors"].names()
     if detector not in known:
         raise index["detectors"].error(f"the detector {detector!r}", ", ".join(known))
-    rigs = {name: _rig(root / "cameras" / f"{name}.json") for name in _names(index["cameras"])}
+    rigs = {name: _rig(root / "cameras" / f"{name}.json") for name in index["cameras"].names()}
     entries = index["takes"].entries("a list of takes")
     takes = [_take(root, entry, rigs, layout, detector) for entry in entries]
     name, seed = index["name"].text(), index.value.get("parameters", {}).get("seed")
@@ -78,7 +79,7 @@ def survey(root: Path, options: Mapping[str, Any]) -> Survey:
     if found.missing:
         return found
     index = _index(root)
-    for name in _names(index["cameras"]):
+    for name in index["cameras"].names():
         found.look([root / "cameras" / f"{name}.json"], "cameras")
     for entry in index["takes"].entries("a list of takes"):
         folder = _folder(root, entry)
@@ -95,13 +96,9 @@ def _index(root: Path) -> Field:
     return index
 
 
-def _names(field: Field) -> list[str]:
-    return [name.text() for name in field.entries("a list of names")]
-
-
 def _layout(index: Field) -> Layout:
     layout = index["layout"].layout()
-    joints = _names(index["joints"])
+    joints = index["joints"].names()
     if joints != list(layout.joints):
         raise index["joints"].error(f"those of {layout.name}", ", ".join(joints))
     return layout
@@ -307,19 +304,10 @@ def _write_rigs(folder: Path, rigs: Mapping[str, CameraRig]) -> None:
     folder.mkdir()
     for name, rig in rigs.items():
         io.write_calibration(folder / f"{name}.toml", rig)
-        document = {"unit": rig.unit, "cameras": [_camera(camera) for camera in rig]}
+        entries = [{"name": camera.name, **to_entry(camera)} for camera in rig]
+        cameras = [{**entry, "distortion": entry["distortion"] or []} for entry in entries]
+        document = {"unit": rig.unit, "cameras": cameras}
         (folder / f"{name}.json").write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
-
-
-def _camera(camera: Camera) -> dict[str, Any]:
-    return {
-        "name": camera.name,
-        "size": list(camera.size),
-        "K": camera.K.tolist(),
-        "R": camera.R.tolist(),
-        "t": camera.t.tolist(),
-        "distortion": [] if camera.distortion is None else camera.distortion.tolist(),
-    }
 
 
 def _write_take(folder: Path, recording: Recording) -> None:

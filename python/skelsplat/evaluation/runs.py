@@ -33,16 +33,10 @@ Report = Callable[[str, str, int, int], None]
 
 @dataclass(frozen=True)
 class Store:
-    """Results on disk: ``<folder>/<method>-<hash of settings>/<take>.npz``.
-
-    Parameters
-    ----------
-    folder : Path
-    source : mapping
-        What else the results depend on, as JSON values: data set, layout, detector, protocol.
-    """
+    """Results on disk: ``<folder>/<method>-<hash of settings>/<take>.npz``."""
 
     folder: Path
+    #: What else the results depend on, as JSON values: data set, layout, detector, protocol.
     source: Mapping[str, Any]
 
     def path(self, method: Method, settings: Mapping[str, Any], take: Take) -> Path:

@@ -103,20 +103,9 @@ def score(
     *,
     seed: int = 0,
 ) -> Scores:
-    """Score the poses of one method, one solution per case.
+    """Score the poses of one method, one solution per case; `seed` is that of the bootstrap.
 
-    Parameters
-    ----------
-    method : str
-        Name for the table.
-    cases, solutions, layout, protocol
-    seed : int
-        Of the bootstrap.
-
-    Raises
-    ------
-    DatasetError
-        If the protocol counts visible joints and a take does not say which are.
+    Raises `DatasetError` if the protocol counts visible joints and a take does not say which are.
     """
     errors = [
         _errors(case, solution.pose, layout, protocol)
@@ -228,10 +217,7 @@ def mean_interval(
     -------
     (low, high), both NaN with fewer than two takes.
 
-    Raises
-    ------
-    InvalidInputError
-        Shapes that differ, a level not between 0 and 1, no resamples.
+    Raises `InvalidInputError` for shapes that differ, a level not between 0 and 1, or no resamples.
     """
     total, number = numbers(sums, "sums"), numbers(counts, "counts")
     if total.ndim != 1 or total.shape != number.shape:

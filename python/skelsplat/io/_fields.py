@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -95,7 +96,7 @@ class Field:
 
     def number(self) -> float:
         """Return a finite number."""
-        if not _is_number(self.value) or not _is_finite(self.value):
+        if not _is_number(self.value) or not abs(self.value) <= sys.float_info.max:
             raise self.error("a finite number", self.shown)
         return float(self.value)
 
@@ -127,6 +128,13 @@ class Field:
             raise self.error("finite numbers", self.shown)
         return array
 
+    def names(self) -> list[str]:
+        """Return the texts of a list."""
+        values = self._list("a list of strings")
+        if not all(isinstance(value, str) for value in values):
+            raise self.error("a list of strings", self.shown)
+        return values
+
     def row(self) -> Array:
         """Return a list of numbers (n,); NaN is a number here, infinity and text are not."""
         values = self._list("a list of numbers")
@@ -152,13 +160,6 @@ class Field:
 
 def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _is_finite(value: float) -> bool:
-    try:
-        return math.isfinite(value)
-    except OverflowError:  # a whole number beyond any float
-        return False
 
 
 def _is_numeric(value: object) -> bool:

@@ -43,10 +43,7 @@ class ReportedRow:
     def value(self, key: str) -> float | None:
         """Return the number in the column `key`; None if the table leaves it out.
 
-        Raises
-        ------
-        InvalidInputError
-            If there is no such column.
+        Raises `InvalidInputError` if there is no such column.
         """
         one_of("key", key, self.keys)
         return self.values[self.keys.index(key)]
@@ -86,17 +83,9 @@ class ReportedTable:
 
 
 def reported(label: str) -> ReportedTable:
-    """Return a published table: ``reported("tab:h36m")``.
+    """Return the published table with one of the `labels`: ``reported("tab:h36m")``.
 
-    Parameters
-    ----------
-    label : str
-        One of `labels`.
-
-    Raises
-    ------
-    InvalidInputError
-        If there is no such table; the message lists them.
+    Raises `InvalidInputError` if there is none; the message lists them.
     """
     tables = _tables()
     one_of("label", label, tables)
