@@ -349,8 +349,8 @@ LEFT_OUT = (
     Fault(
         "figures are saved at half their size",
         "wrong picture",
-        'figure.savefig(buffer, format="png", dpi=figure.dpi,',
-        'figure.savefig(buffer, format="png", dpi=figure.dpi / 2,',
+        'figure.savefig(stream, format="png", dpi=figure.dpi,',
+        'figure.savefig(stream, format="png", dpi=figure.dpi / 2,',
         (UNIT + "test_viz.py", UNIT + "test_viz_print.py"),
     ),
     Fault(

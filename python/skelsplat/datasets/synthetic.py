@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from skelsplat import io
 from skelsplat._arrays import Array
 from skelsplat._atomic import opening
-from skelsplat._skelsplat import Camera, Layout
+from skelsplat._skelsplat import Layout
 from skelsplat.cameras import CameraRig
 from skelsplat.datasets._files import Survey, load_json, load_npz, numbers, require
 from skelsplat.datasets._model import Dataset, Take
@@ -23,6 +23,7 @@ from skelsplat.datasets._rig import build_camera, build_rig
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._arrays import frame_numbers
 from skelsplat.io._fields import Field
+from skelsplat.io.calibration._json import to_entry
 
 if TYPE_CHECKING:
     from skelsplat.synthetic.sets import Recording, RecordingSet
@@ -303,19 +304,10 @@ def _write_rigs(folder: Path, rigs: Mapping[str, CameraRig]) -> None:
     folder.mkdir()
     for name, rig in rigs.items():
         io.write_calibration(folder / f"{name}.toml", rig)
-        document = {"unit": rig.unit, "cameras": [_camera(camera) for camera in rig]}
+        entries = [{"name": camera.name, **to_entry(camera)} for camera in rig]
+        cameras = [{**entry, "distortion": entry["distortion"] or []} for entry in entries]
+        document = {"unit": rig.unit, "cameras": cameras}
         (folder / f"{name}.json").write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
-
-
-def _camera(camera: Camera) -> dict[str, Any]:
-    return {
-        "name": camera.name,
-        "size": list(camera.size),
-        "K": camera.K.tolist(),
-        "R": camera.R.tolist(),
-        "t": camera.t.tolist(),
-        "distortion": [] if camera.distortion is None else camera.distortion.tolist(),
-    }
 
 
 def _write_take(folder: Path, recording: Recording) -> None:
