@@ -208,6 +208,13 @@ def test_a_table_keeps_names_and_words_whole_on_a_narrow_console(width):
     assert console.width == width
 
 
+def test_a_title_has_the_width_of_the_console():
+    table = Table("a", title="a title that is wider than the table")
+    console = Console(file=StringIO(), width=80)
+    print_table(console, table)
+    assert console.file.getvalue().startswith("a title that is wider than the table\n")
+
+
 def test_warnings_are_wrapped_on_a_terminal_alone(monkeypatch, capsys):
     words = "word " * 30
     print_warning(words.strip())

@@ -57,10 +57,13 @@ def new_table(title: str | None, first: str, columns: Sequence[str] = ()) -> Tab
 def print_table(console: Console, table: Table) -> None:
     """Print a table without breaking words, or names in its first column; wider than the console if needed.
 
-    A first column that folds is broken between words.
+    A first column that folds is broken between words. The title may be wider than the table.
     """
     own = console.width
     console.width = max(own, _least_width(console, table))
+    if table.title:
+        console.print(table.title, style="table.title")
+        table.title = None
     console.print(table, crop=False)
     console.width = own
 
