@@ -137,7 +137,7 @@ def main() -> None:
     rows, said = measure(options.poses, options.rate)
     title = "skelsplat live, 4 views, 17 joints, simulated detections 'good', one core"
     common.show(title, ["what", "measured", "wanted"], rows, markdown=options.markdown)
-    print(f"the process about its second run: {said}")
+    print(f"second run, as reported by the process: {said}")
     print(common.circumstances())
 
 

@@ -6,10 +6,11 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skelsplat.evaluation.baselines._observations import Cameras, FloatArray, homogeneous_to_world, observe
+from skelsplat._arrays import Array
+from skelsplat.evaluation.baselines._observations import Cameras, homogeneous_to_world, observe
 
 
-def opencv_dlt(detections: ArrayLike, cameras: Cameras) -> FloatArray:
+def opencv_dlt(detections: ArrayLike, cameras: Cameras) -> Array:
     """Triangulate by ``cv2.triangulatePoints`` from the first two views that see the joint.
 
     OpenCV triangulates from two views only, so this is the whole answer of a stereo rig; with more views the

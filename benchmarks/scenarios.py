@@ -22,6 +22,7 @@ FloatArray = NDArray[np.float64]
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 CMU = DATA / "cmu_mocap" / "cmu_s01_to_s12_10hz.npz"
+CMU_30HZ = DATA / "cmu_mocap" / "cmu_s01_to_s12_30hz.npz"
 MVOR = DATA / "mvor" / "mvor_days12.npz"
 
 NOISES = {
@@ -86,17 +87,18 @@ def pose_source() -> str:
 
 
 @cache
-def _cmu_takes() -> tuple[FloatArray, ...]:
-    """All takes as (F, 17, 3) mm."""
-    with np.load(CMU) as archive:
+def cmu_takes(path: Path = CMU) -> dict[str, FloatArray]:
+    """All takes by name, each (F, 17, 3) mm; `CMU` has 10 frames per second, `CMU_30HZ` 30."""
+    with np.load(path) as archive:
         order = [list(archive["joint_names"]).index(name) for name in _CMU_JOINTS]
-        takes = [
-            archive[name][:, order].astype(np.float64) for name in archive.files if name != "joint_names"
-        ]
-    for take in takes:
-        take *= 1000.0
+        takes = {
+            name: 1000.0 * archive[name][:, order].astype(np.float64)
+            for name in archive.files
+            if name != "joint_names"
+        }
+    for take in takes.values():
         take[:, _NOSE] += _NOSE_OFFSET_MM
-    return tuple(takes)
+    return takes
 
 
 def cmu_poses(n: int, seed: int) -> FloatArray:
@@ -106,7 +108,7 @@ def cmu_poses(n: int, seed: int) -> FloatArray:
     """
     rng = np.random.default_rng(seed)
     if CMU.is_file():
-        takes = _cmu_takes()
+        takes = list(cmu_takes().values())
         order = np.resize(rng.permutation(len(takes)), n)
         poses = np.stack([takes[k][rng.integers(len(takes[k]))] for k in order])
     else:

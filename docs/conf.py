@@ -1,7 +1,7 @@
 """Sphinx settings of the documentation: ``sphinx-build -W -n --keep-going docs site``.
 
 The site needs no network, neither to be built nor to be read: mathematics becomes MathML at build time, and
-theme, styles and scripts are files beside the pages.
+theme, styles and scripts are files of the site.
 """
 
 from __future__ import annotations
@@ -27,7 +27,6 @@ extensions = [
     "sphinx_design",
     "mathml",
     "commands",
-    "config_docstring",
 ]
 exclude_patterns = ["_ext", "figures"]
 nitpicky = True  # nothing is left out

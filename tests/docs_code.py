@@ -1,15 +1,15 @@
-"""Running the code blocks of a page: what README and docs show is what happens.
+"""Run the code blocks of a page, so that README and docs show what really happens.
 
 Blocks run in the order of the page, in one folder and with one namespace for Python:
 
-``python``    is executed. What ``print(…)  # text`` promises must be printed; a ``text`` block that follows
-              directly is all that the block prints.
-``console``   lines that begin with ``$`` are run and must succeed, or leave with the status that a last
-              comment states (``# exit status 1``). Lines below a command are its whole output.
-``toml``      must be TOML; a first line ``# name.toml`` puts it into the folder under that name.
+``python``    is executed. The text in ``print(…)  # text`` must be printed; a ``text`` block that follows
+              directly is the whole output of the block.
+``console``   lines that begin with ``$`` are run and must succeed, or exit with the status in a trailing
+              comment (``# exit status 1``). Lines below a command are its whole output.
+``toml``      must be valid TOML; with a first line ``# name.toml`` it is saved in the folder under that name.
 
-In what is promised … stands for any text, and on a line of its own for any lines. Other blocks (``sh``,
-``text``) are for reading.
+In expected output, … matches any text, and on a separate line any lines. Other blocks (``sh``, ``text``) are
+not run.
 """
 
 from __future__ import annotations

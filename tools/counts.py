@@ -1,10 +1,10 @@
-"""How large the code is, and where: what docs/decisions.md compares.
+"""The size of the code by folder, its long functions, and how deep a call goes, for docs/decisions.md.
 
     python tools/counts.py [--markdown]
 
-Lines are those of ``wc -l``. A function's length is that from its name to its end without its docstring;
-above `LONGEST` lines it needs a reason, a comment ``# long: …`` right above it. Rust is counted without the
-tests at the end of its files.
+Lines are those of ``wc -l``. The length of a function excludes its docstring; above `LONGEST` lines it needs
+a reason, a comment ``# long: …`` right above it. Functions in the tests at the end of a Rust file are not
+counted. `ROOMS` is checked against the source: every function must exist and call the next one.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import ast
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 from import_circles import circles, python_graph, rust_graph
@@ -24,12 +25,14 @@ CORE = ROOT / "crates" / "skelsplat-core"
 BINDING = ROOT / "crates" / "skelsplat-py" / "src"
 LONGEST = 45
 
+MOST_ROOMS = 9
+
 _RUST_FUNCTION = re.compile(r"^[ \t]*(?:pub(?:\([^)]*\))? )?(?:const )?fn (\w+)", re.MULTILINE)
 
 
 @dataclass(frozen=True)
 class Folder:
-    """One row: files, lines, and the longest file."""
+    """A row of the table: files, lines and the longest file."""
 
     name: str
     files: int
@@ -39,26 +42,78 @@ class Folder:
 
 @dataclass(frozen=True)
 class Function:
-    """A function that is longer than `LONGEST` lines."""
+    """A function longer than `LONGEST` lines."""
 
     where: str
     lines: int
     reason: str | None
 
 
+@dataclass(frozen=True)
+class Room:
+    """A function that a call passes through; `closure` is a parameter with code of the calling function."""
+
+    file: str
+    name: str
+    closure: str = ""
+
+    def bodies(self) -> list[str]:
+        """Return the code of the file's functions of this name, without comments, strings and docstrings."""
+        text = (ROOT / self.file).read_text(encoding="utf-8")
+        if self.file.endswith(".rs"):
+            lines = _blanked(text).splitlines()
+            found = [part for part in _rust_functions(text) if part[0] == self.name]
+            return ["\n".join(lines[first : first + length - 1]) for _, first, length in found]
+        nodes = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.FunctionDef)]
+        found_here = [node for node in nodes if node.name == self.name]
+        return ["\n".join(map(ast.unparse, _without_docstring(node))) for node in found_here]
+
+
+_CORE = "crates/skelsplat-core/src"
+# One pose with default settings, from `sk.refine` to the loop over the rays of a joint.
+ROOMS = (
+    Room("python/skelsplat/_refine.py", "refine"),
+    Room("crates/skelsplat-py/src/refine.rs", "refine"),
+    Room("crates/skelsplat-py/src/watch.rs", "run", closure="work"),
+    Room(f"{_CORE}/batch.rs", "refine_batch"),
+    Room(f"{_CORE}/refine/refiner.rs", "refine_under"),
+    Room(f"{_CORE}/annealed/frame.rs", "solve"),
+    Room(f"{_CORE}/annealed/frame.rs", "find"),
+    Room(f"{_CORE}/annealed/solver.rs", "solve"),
+    Room(f"{_CORE}/annealed/solver.rs", "linearise"),
+)
+
+
+def broken_rooms(rooms: tuple[Room, ...] = ROOMS) -> list[str]:
+    """Return what is wrong with a list of rooms: functions that do not exist, calls that are not made."""
+    broken = [f"{room.file}: no function {room.name}" for room in rooms if not room.bodies()]
+    calls = []
+    for place, (room, following) in enumerate(pairwise(rooms)):
+        calls.append((rooms[place - 1] if room.closure else room, following.name))
+        calls += [(room, room.closure)] if room.closure else []
+    for caller, called in calls:
+        if not any(re.search(rf"\b{called}\(", body) for body in caller.bodies()):
+            broken.append(f"{caller.file}: {caller.name} does not call {called}")
+    return broken
+
+
+def _without_docstring(node: ast.FunctionDef) -> list[ast.stmt]:
+    return node.body[ast.get_docstring(node) is not None :]
+
+
 def lines_of(path: Path) -> int:
-    """Return what ``wc -l`` says."""
+    """Return the number of lines as ``wc -l`` counts them."""
     return path.read_bytes().count(b"\n")
 
 
 def folder(name: str, paths: list[Path]) -> Folder:
-    """Count some files."""
+    """Return the row for some files."""
     longest = max(paths, key=lines_of)
     return Folder(name, len(paths), sum(map(lines_of, paths)), f"{longest.name} {lines_of(longest)}")
 
 
 def folders() -> list[Folder]:
-    """Count the package, its folders, the core, the binding and the tests."""
+    """Return the rows for the package, its folders, the core, the binding and the tests."""
     python = sorted(PACKAGE.rglob("*.py"))
     rows = [folder("package", python)]
     for inner in sorted(path for path in PACKAGE.iterdir() if list(path.rglob("*.py"))):
@@ -71,12 +126,12 @@ def folders() -> list[Folder]:
 
 
 def binding_ratio() -> float:
-    """Return the lines of the binding, without its stub, as a part of those of the core."""
+    """Return the lines of the binding, without its stub, divided by those of the core."""
     return lines_in(BINDING) / lines_in(CORE / "src")
 
 
 def lines_in(path: Path) -> int:
-    """Return the lines of Rust in a folder."""
+    """Return the number of lines of Rust in a folder."""
     return sum(map(lines_of, path.rglob("*.rs")))
 
 
@@ -102,8 +157,8 @@ def _python_functions(text: str) -> Iterator[tuple[str, int, int]]:
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
             first = node.body[0]
-            said = ast.get_docstring(node) is not None
-            docstring = (first.end_lineno or 0) - first.lineno + 1 if said else 0
+            documented = ast.get_docstring(node) is not None
+            docstring = (first.end_lineno or 0) - first.lineno + 1 if documented else 0
             begin = min([node.lineno, *(part.lineno for part in node.decorator_list)])
             yield node.name, begin, (node.end_lineno or 0) - node.lineno + 1 - docstring
 
@@ -117,13 +172,13 @@ def _rust_functions(text: str) -> Iterator[tuple[str, int, int]]:
 
 
 def _blanked(code: str) -> str:
-    """Return Rust with blanks for comments, strings and braces as characters; lines stay where they are."""
+    """Return Rust with comments, strings and brace characters blanked; line numbers stay the same."""
     quiet = r'//[^\n]*|"(?:\\.|[^"\\])*"|\'[{}]\''
     return re.sub(quiet, lambda match: re.sub(r"[^\n]", " ", match[0]), code)
 
 
 def _closing(code: str, begin: int) -> int:
-    """Return the place of the brace that ends the body of a function, or of the ; of one without."""
+    """Return the position of the brace that closes a function's body, or of the ; if it has none."""
     depth = 0
     for at in range(begin, len(code)):
         if code[at] == ";" and depth == 0:
@@ -135,7 +190,7 @@ def _closing(code: str, begin: int) -> int:
 
 
 def _reason(lines: list[str], first: int) -> str | None:
-    """Return what the comment above a function gives as the reason for its length."""
+    """Return the reason for a function's length from the comment above it."""
     above = first - 2
     while above >= 0 and re.match(r"\s*(///|#\[|//|#)", lines[above]):
         if match := re.match(r"\s*(?://|#) long: (.+)", lines[above]):
@@ -163,6 +218,11 @@ def main() -> None:
     print(f"{dash}binding / core: {binding_ratio():.3f}")
     met = [*circles(rust_graph()), *circles(python_graph())]
     print(f"{dash}import circles: {len(met)}")
+    print(f"{dash}functions from sk.refine to the loop over the rays: {len(ROOMS)} (at most {MOST_ROOMS})")
+    for room in ROOMS:
+        print(f"{'  * ' if mark else '  '}{room.file}: {room.name}")
+    for line in broken_rooms():
+        print(f"{'  * ' if mark else '  '}wrong: {line}")
     without = [function for function in functions if function.reason is None]
     print(
         f"{dash}functions above {LONGEST} lines: {len(functions)}, of which without a reason: {len(without)}"

@@ -1,14 +1,14 @@
-"""Plant faults one by one, and tell which tests find them.
+"""Plant faults one by one and report which tests find them.
 
-    python tools/faults.py check                  # whether the text of every fault stands in one place
-    python tools/faults.py plant NAME             # plants one in this checkout, to look at
-    python tools/faults.py run FOLDER [NAME ...]  # all of them in a copy of HEAD; FOLDER has the results
-    python tools/faults.py table FOLDER           # the table for docs/decisions.md
+    python tools/faults.py check                  # every fault's text occurs exactly once
+    python tools/faults.py plant NAME             # plant one in this checkout, to inspect it
+    python tools/faults.py run FOLDER [NAME ...]  # plant all in a copy of HEAD; results go to FOLDER
+    python tools/faults.py table FOLDER           # print the table for docs/decisions.md
 
-A fault is one exact text of the source and what takes its place (`planted.py`). The text must stand in one
-place of the source, wherever that file lies. The tests that are expected to find the fault run first; if they
-do not, the whole short suite (`make test`) does, and at last the sweeps (`make test-all`), of which the short
-suite is a part. `run` needs what `make test` has set up, and builds with cargo for faults in Rust.
+A fault is an exact text of the source and its replacement (`planted.py`). The text must occur exactly once,
+in any source file. The tests expected to find the fault run first. If they pass, the whole short suite
+(`make test`) runs, and then the sweeps, which only `make test-all` runs. `run` needs the environment that
+`make test` sets up, and cargo for faults in Rust.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ CARGO_TEST = ["cargo", "test", "--quiet", "-p", "skelsplat-core"]
 
 @dataclass(frozen=True)
 class Outcome:
-    """What found a fault; `suite` is "expected", "short", "long" or "none", `test` the first that failed."""
+    """Result for a fault; `suite` is "expected", "short", "long" or "none", `test` the first that failed."""
 
     fault: str
     suite: str
@@ -53,7 +53,7 @@ class Outcome:
 
 
 def place_of(fault: Fault, root: Path) -> Path:
-    """Return the one file that holds the fault's text."""
+    """Return the file that contains the fault's text."""
     texts = {path: _text(path) for pattern in SOURCES for path in sorted(root.glob(pattern))}
     found = [(path, text.count(fault.old)) for path, text in texts.items() if fault.old in text]
     if sum(count for _, count in found) != 1:
@@ -82,7 +82,7 @@ class Copy:
     """A copy of HEAD in which faults are planted one after the other."""
 
     def __init__(self, folder: Path) -> None:
-        """Copy what git knows, and build the module."""
+        """Copy the files tracked by git and build the module."""
         self.root = folder / "tree"
         if self.root.exists():
             shutil.rmtree(self.root)
@@ -105,7 +105,7 @@ class Copy:
         self.sound = (self.root / MODULE).read_bytes()
 
     def run(self, command: list[str]) -> tuple[bool, str]:
-        """Run a command in the tree; return whether it succeeded, and what it said."""
+        """Run a command in the tree; return whether it succeeded, and its output."""
         done = subprocess.run(
             command, cwd=self.root, env=self.environment, capture_output=True, text=True, check=False
         )
@@ -122,7 +122,7 @@ class Copy:
         shutil.copyfile(library, self.root / MODULE)
 
     def find(self, fault: Fault) -> Outcome:
-        """Plant a fault, let the tests look for it, and take it out again."""
+        """Plant a fault, run the tests, and remove the fault."""
         path = place_of(fault, self.root)
         text = path.read_text(encoding="utf-8")
         plant(fault, self.root)
@@ -165,7 +165,7 @@ def _first_failure(said: str) -> str:
 
 
 def run(folder: Path, names: list[str]) -> None:
-    """Let the tests look for faults; those that have a result in `folder` already are left out."""
+    """Run the tests on every fault; without `names`, skip those with a result in `folder`."""
     folder.mkdir(parents=True, exist_ok=True)
     results = folder / "found.jsonl"
     known = {outcome.fault for outcome in read(results)} if not names else set()
@@ -200,10 +200,10 @@ def table(folder: Path) -> str:
 
 
 def main() -> None:
-    """Do what is asked for."""
+    """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else None)
     commands = parser.add_subparsers(dest="command", required=True)
-    commands.add_parser("check", help="whether the text of every fault stands in one place")
+    commands.add_parser("check", help="check that the text of every fault occurs exactly once")
     commands.add_parser("plant").add_argument("name")
     running = commands.add_parser("run")
     running.add_argument("folder", type=Path)

@@ -1,14 +1,14 @@
-"""Freeze the results of a set of runs, and compare two such sets: what a change of the code must not change.
+"""Freeze the results of a set of runs, and compare two such sets to show that a change does not alter them.
 
     python tools/freeze.py make A --python OLD/bin/python       # the runs of one version, 4 minutes
     python tools/freeze.py make B --python NEW/bin/python --inputs A
     python tools/freeze.py compare A B                          # status 1 if they differ
 
-`--only NAME` (repeatable) makes or compares a part; NAME is one of those that `list` prints. Arrays are
-compared bit for bit, tables and marker files byte for byte, JSON number by number. What depends on
-the clock or the machine (times, threads, versions, paths), words, pictures and pages are left out. Keys of
-JSON may be renamed and added; a number that is gone is a difference. Folders of results may be
-renamed. Lists of settings are not compared: what follows from them is.
+`--only NAME` (repeatable) makes or compares a part; `list` prints the names. Arrays are compared bit for bit,
+tables and marker files byte for byte, JSON number by number. What depends on the clock or the machine (times,
+threads, versions, paths) is left out, as are words, pictures and pages. JSON keys may be renamed or added; a
+missing number is a difference. Result folders may be renamed. Lists of settings are not compared, only their
+results.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
 """Modules that import each other in a circle, in the core crate and in the Python package.
 
-    python tools/import_circles.py      # prints every circle; status 1 if there is one
+    python tools/import_circles.py      # prints every circle; status 1 if there are any
 
 A module is a file. An import is followed through re-exports (``pub use``, the names of an ``__init__.py``) to
-the file that defines the name; the re-export itself is none. What only tests or type checkers see, and what
-a function imports when it is called, does not count.
+the file that defines the name; the re-export itself does not count, nor do imports seen only by tests or type
+checkers, or made inside functions.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def _rust_name(path: Path, root: Path) -> Name:
 
 
 def _rust_code(path: Path) -> str:
-    """Return a file without comments and without its tests, which stand at the end."""
+    """Return a file without comments and without the tests at its end."""
     text = re.sub(r"//[^\n]*", "", path.read_text(encoding="utf-8"))
     return text.partition("#[cfg(test)]\nmod ")[0]
 

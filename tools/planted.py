@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Fault:
-    """One fault: what is wrong in words, of which kind, the text that it changes, and who should find it.
+    """A fault: its description and kind, the text that it replaces, and the tests expected to find it.
 
-    A finder is a file of tests, or some of the core's own tests as arguments of ``cargo test``.
+    A finder is a test file, or arguments of ``cargo test`` for the core's own tests.
     """
 
     name: str
@@ -23,7 +23,7 @@ UNIT = "tests/unit/"
 
 CORE = (
     Fault(
-        "the gradient's share through the depth has the wrong sign",
+        "the depth term of the gradient has the wrong sign",
         "sign in a gradient",
         "-(g.x * p.x + g.y * p.y) / p.z",
         "(g.x * p.x + g.y * p.y) / p.z",
@@ -37,7 +37,7 @@ CORE = (
         ("cargo --test overlap",),
     ),
     Fault(
-        "coupled limbs push their joints the wrong way in Woodbury's identity",
+        "coupled limbs move their joints in the wrong direction (Woodbury's identity)",
         "sign in a solver",
         "self.steps[*j] -= self.inverse[*j] * g * *push;",
         "self.steps[*j] += self.inverse[*j] * g * *push;",
@@ -51,98 +51,98 @@ CORE = (
         ("cargo --test camera",),
     ),
     Fault(
-        "exchanging a pair of joints exchanges another view's detection",
+        "swapping a pair of joints swaps a detection of another view",
         "swapped index",
         "self.rays.swap(a * self.n_views + i, b * self.n_views + i);",
         "self.rays.swap(a * self.n_views + i, b * self.n_views);",
         ("tests/parity/test_annealed.py", UNIT + "test_refine.py", UNIT + "test_cli_report.py"),
     ),
     Fault(
-        "a ray's weight is the view's without the detection's confidence",
+        "a ray's weight omits the detection's confidence",
         "dropped confidence",
         "weight: confidence * view_weight,",
         "weight: view_weight + 0.0 * confidence,",
         ("tests/parity/test_annealed.py", UNIT + "test_confidence.py"),
     ),
     Fault(
-        "a centimetre counts as 100 mm",
+        "a centimetre is converted to 100 mm",
         "wrong unit",
         "Self::Centimetre => 10.0,",
         "Self::Centimetre => 100.0,",
         (UNIT + "test_invariance.py", UNIT + "test_refine.py"),
     ),
     Fault(
-        "the learning rate's decay counts steps from one",
+        "the learning-rate decay counts steps from one",
         "off by one",
         "self.initial * self.decay.powf(t / self.steps)",
         "self.initial * self.decay.powf((t + 1.0) / self.steps)",
         ("cargo --lib",),
     ),
     Fault(
-        "a window of losses is one step longer",
+        "the window of the stopping rule is one step too long",
         "off by one",
         "if self.count < self.window {",
         "if self.count <= self.window {",
         ("cargo --lib",),
     ),
     Fault(
-        "detections are used as they lie in the distorted image",
+        "lens distortion is not removed from the detections",
         "dropped undistortion",
         "if self.config.undistort { kept.undistorted(&self.cameras) } else { kept }",
         "if self.config.undistort && false { kept.undistorted(&self.cameras) } else { kept }",
         (UNIT + "test_refine.py", UNIT + "test_invariance.py"),
     ),
     Fault(
-        "the view's field of view is widened twice as far",
+        "the margin of the field of view is doubled",
         "wrong constant",
         "const FIELD_OF_VIEW_MARGIN: f64 = 0.15;",
         "const FIELD_OF_VIEW_MARGIN: f64 = 0.30;",
         ("tests/parity/test_projection.py",),
     ),
     Fault(
-        "limbs may differ by half as much again",
+        "the default tolerance for limb symmetry is half as large again",
         "wrong default",
         "pub const SYMMETRY_SIGMA: f64 = 15.0;",
         "pub const SYMMETRY_SIGMA: f64 = 22.0;",
         (UNIT + "test_config.py", "tests/parity/test_annealed.py"),
     ),
     Fault(
-        "error bars count rejected detections in full",
+        "error bars count rejected detections fully",
         "wrong covariance",
         "(ray.weight * k / variance)",
         "(ray.weight * (1.0 + 0.0 * k) / variance)",
         ("tests/parity/test_annealed.py", UNIT + "test_reliability.py"),
     ),
     Fault(
-        "a joint whose depth nothing fixes is called ok",
+        "a joint of undetermined depth has status ok",
         "wrong status",
         "_ if !deep[j] => JointStatus::Weak,",
         "_ if !deep[j] => JointStatus::Ok,",
         ("cargo --test annealed",),
     ),
     Fault(
-        "the frames of a batch come in reverse where threads share them",
+        "a batch on several threads returns its frames in reverse order",
         "threads",
         "frames.par_iter().map(|frame| one(frame, false)).collect();",
         "frames.par_iter().rev().map(|frame| one(frame, false)).collect();",
         ("cargo --test determinism",),
     ),
     Fault(
-        "the pool of threads of the parent is used after a fork",
+        "the parent's thread pool is used after a fork",
         "threads",
         "kept.as_ref().filter(|k| k.process == process)",
         "kept.as_ref().filter(|k| k.process > 0)",
         (UNIT + "test_processes.py",),
     ),
     Fault(
-        "short calls keep the interpreter locked",
+        "short calls do not release the interpreter",
         "interpreter not released",
         "return Ok(py.detach(|| work(&Progress::default()))?);",
         "return Ok(work(&Progress::default())?);",
         (UNIT + "test_threads.py",),
     ),
     Fault(
-        "Ctrl-C leaves the work going on in its thread",
+        "after Ctrl-C the work continues in its thread",
         "lost cancellation",
         "            progress.cancel();\n            return Err(stop.into());",
         "            return Err(stop.into());",
@@ -152,21 +152,21 @@ CORE = (
 
 READERS = (
     Fault(
-        "a camera's offset is added where it has to be taken away",
+        "a camera's frame offset is added instead of subtracted",
         "sign of an offset",
         "_read_view(view, numbers - shifts[name], chosen, joints)",
         "_read_view(view, numbers + shifts[name], chosen, joints)",
         (UNIT + "test_detections.py",),
     ),
     Fault(
-        "the frame number is the first integer of a file's name",
+        "the frame number is the first integer in a file name instead of the last",
         "off by one in a reader",
         'frame_number(path, "file name", digits[-1])',
         'frame_number(path, "file name", digits[0])',
         (UNIT + "test_detections.py", UNIT + "test_openpose.py"),
     ),
     Fault(
-        "cameras come in the order of the folders",
+        "cameras are in the order of the folders, not of the calibration",
         "order of cameras",
         "people=_stack([read.get(name, []) for name in names]",
         "people=_stack([read.get(name, []) for name in sorted(names)]",
@@ -183,42 +183,42 @@ READERS = (
 
 POSE_FILES = (
     Fault(
-        "a file is written in place, so that a stop leaves half of it",
+        "a file is written in place, so that an interruption leaves half of it",
         "half-written file",
         'with atomic_path(path, ".tmp", durable=durable) as temporary, temporary.open("wb") as stream:',
         'with Path(path).open("wb") as stream:',
         (UNIT + "test_writers.py", UNIT + "test_pose_files.py"),
     ),
     Fault(
-        "y up turns the axes the other way round",
+        "y-up rotates the axes in the wrong direction",
         "axis of a marker file",
         "Y_UP = [1, 2, 0]",
         "Y_UP = [2, 0, 1]",
         (UNIT + "test_pose_c3d.py", UNIT + "test_writers.py"),
     ),
     Fault(
-        "C3D keeps the rig's unit and says mm",
+        "C3D coordinates stay in the rig's unit but are labelled mm",
         "wrong unit",
         "    position = data.pose * MM_PER_UNIT[data.unit]\n",
         "    position = data.pose\n",
         (UNIT + "test_pose_c3d.py",),
     ),
     Fault(
-        "a C3D file begins one frame late",
+        "a C3D file starts one frame late",
         "off by one",
         "= int(data.frames[0]) + shift - 1",
         "= int(data.frames[0]) + shift",
         (UNIT + "test_pose_c3d.py",),
     ),
     Fault(
-        "TRC counts its rows from zero",
+        "TRC rows are numbered from zero",
         "off by one",
         '[str(step + 1), f"{step / rate:.6f}", *fields, ""]',
         '[str(step), f"{step / rate:.6f}", *fields, ""]',
         (UNIT + "test_writers.py", UNIT + "test_trc_readers.py"),
     ),
     Fault(
-        "CSV has variances in the place of standard deviations",
+        "CSV contains variances instead of standard deviations",
         "covariance not scaled",
         "deviations = np.sqrt(np.diagonal(data.uncertainty, axis1=-2, axis2=-1))",
         "deviations = np.array(np.diagonal(data.uncertainty, axis1=-2, axis2=-1))",
@@ -228,56 +228,56 @@ POSE_FILES = (
 
 ANALYSIS = (
     Fault(
-        "a Butterworth filter damps twice at its cutoff",
+        "the Butterworth cutoff is not corrected for two passes",
         "filter with the wrong cutoff",
         "angle = math.tan(math.pi * cutoff / frame_rate) / (math.sqrt(2.0) - 1.0) ** (1.0 / (2 * order))",
         "angle = math.tan(math.pi * cutoff / frame_rate)",
         (UNIT + "test_temporal.py",),
     ),
     Fault(
-        "a gap of one frame too many is filled",
+        "gaps one frame too long are filled",
         "off by one",
         "numbers[after] - numbers[before] - 1 <= max_gap",
         "numbers[after] - numbers[before] - 2 <= max_gap",
         (UNIT + "test_temporal.py",),
     ),
     Fault(
-        "the alignment of PA-MPJPE may mirror",
+        "the alignment of PA-MPJPE allows reflections",
         "wrong metric",
         "np.where(np.linalg.det(u @ vt) < 0, -1.0, 1.0)",
         "np.where(np.linalg.det(u @ vt) < 0, 1.0, 1.0)",
         (UNIT + "test_metrics.py",),
     ),
     Fault(
-        "a joint that was not predicted is left out of PCK",
+        "PCK ignores joints without a prediction",
         "wrong metric",
         "return result(_correct(errors <= threshold_mm, present(truth)), reduce)",
         "return result(_correct(errors <= threshold_mm, present(truth) & present(predicted)), reduce)",
         (UNIT + "test_metrics.py",),
     ),
     Fault(
-        "takes are not weighted by their frames in the bootstrap",
+        "the bootstrap does not weight takes by their number of frames",
         "wrong statistics",
-        "means: FloatArray = (times @ sums) / (times @ counts)",
-        "means: FloatArray = (times @ (sums / counts)) / n",
+        "means = (times @ total[used]) / (times @ number[used])",
+        "means = (times @ (total[used] / number[used])) / n",
         (UNIT + "evaluation/test_bootstrap.py",),
     ),
     Fault(
-        "Human3.6M is evaluated on every 32nd frame",
+        "Human3.6M is evaluated on every 32nd frame instead of every 64th",
         "wrong protocol",
         '    subjects=("S9", "S11"),\n    every=64,',
         '    subjects=("S9", "S11"),\n    every=32,',
         (UNIT + "evaluation/test_protocols.py",),
     ),
     Fault(
-        "a camera without detections is not named",
+        "a camera without detections is not reported",
         "lost finding",
         'findings.append(Finding("camera_blind", subject=subject))',
         "pass",
         (UNIT + "test_rig_check.py",),
     ),
     Fault(
-        "exchanged left and right is not looked for when a person is followed",
+        "following a person does not consider left–right swaps",
         "lost hypothesis",
         "min(min_joints, joints), _mirrored(layout, joints)",
         "min(min_joints, joints), _mirrored(None, joints)",
@@ -287,28 +287,28 @@ ANALYSIS = (
 
 FRONT = (
     Fault(
-        "check-cameras leaves with 0 though it found something",
+        "check-cameras exits with 0 despite findings",
         "wrong exit code",
-        "    if not report.ok:\n        raise typer.Exit(1)\n\n\ndef _check",
-        "    if not report.ok:\n        raise typer.Exit(0)\n\n\ndef _check",
+        "    if not found.report.ok:\n        raise typer.Exit(1)",
+        "    if not found.report.ok:\n        raise typer.Exit(0)",
         (UNIT + "test_cli_cameras.py",),
     ),
     Fault(
-        "a message of the operating system does not name the file",
+        "an error from the operating system does not name the file",
         "broken message",
         "return f\"{error.filename}: {(error.strerror or 'cannot be used').lower()}\"",
         "return f\"{(error.strerror or 'cannot be used').lower()}\"",
         (UNIT + "test_cli.py",),
     ),
     Fault(
-        "the page of the report has the curves of no frame",
+        "the HTML report contains no curves",
         "HTML without data",
         '"lines": [_line(line, places) for line in data.lines],',
         '"lines": [],',
         (UNIT + "test_html_report.py", UNIT + "test_report_browser.py"),
     ),
     Fault(
-        "left and right have each other's colours in the report",
+        "the colours of left and right are swapped in the report",
         "swapped colours",
         '"colours": {"left": _style.LEFT, "right": _style.RIGHT},',
         '"colours": {"left": _style.RIGHT, "right": _style.LEFT},',
@@ -316,45 +316,45 @@ FRONT = (
     ),
 )
 
-# Near what the short suite leaves to the sweeps, and what it does not paint.
+# Close to what only the sweeps test, and to figures that the suite does not draw.
 LEFT_OUT = (
     Fault(
-        "a fault of a rig has to explain twice as much to be named",
+        "a rig fault must explain twice as much to be reported",
         "lost finding",
         "_ALL_BETTER, _ITSELF_BETTER, _LEAST_PX = 0.85, 0.7, 1.0",
         "_ALL_BETTER, _ITSELF_BETTER, _LEAST_PX = 0.4, 0.3, 1.0",
         (UNIT + "test_rig_check_causes.py",),
     ),
     Fault(
-        "cameras set up anew are called turned or moved one by one",
+        "cameras rearranged since calibration are reported as rotated or moved one by one",
         "wrong finding",
         "_FAR_DEG, _FAR_MM = 2.5, 150.0",
         "_FAR_DEG, _FAR_MM = 25.0, 1500.0",
         (UNIT + "test_rig_check.py",),
     ),
     Fault(
-        "of exchanged cameras only pairs are tried",
+        "swapped cameras are only searched in pairs",
         "lost hypothesis",
         "yield from list(permutations(range(count)))[1:]",
         "yield from (o for o in permutations(range(count)) if sum(i != k for i, k in enumerate(o)) == 2)",
         (UNIT + "test_rig_check_files.py",),
     ),
     Fault(
-        "Huber's loss weighs outliers by the inverse square of their distance",
+        "Huber's loss weights outliers by the inverse square of their distance",
         "wrong derivative",
         "return np.where(inside, s, 2.0 * root - 1.0), 1.0 / root, inside.astype(np.float64)",
         "return np.where(inside, s, 2.0 * root - 1.0), 1.0 / root**2, inside.astype(np.float64)",
         (UNIT + "test_robust_minimum.py",),
     ),
     Fault(
-        "figures are painted at half of their size",
+        "figures are saved at half their size",
         "wrong picture",
-        'figure.savefig(buffer, format="png", dpi=figure.dpi,',
-        'figure.savefig(buffer, format="png", dpi=figure.dpi / 2,',
+        'figure.savefig(stream, format="png", dpi=figure.dpi,',
+        'figure.savefig(stream, format="png", dpi=figure.dpi / 2,',
         (UNIT + "test_viz.py", UNIT + "test_viz_print.py"),
     ),
     Fault(
-        "the overview has distorted detections beside ideal reprojections",
+        "the overview compares distorted detections with ideal reprojections",
         "dropped undistortion",
         "        seen[:, :2] = inputs.rig[view].undistort(seen[:, :2])\n",
         "        pass\n",

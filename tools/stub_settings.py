@@ -1,7 +1,7 @@
 """Write the settings of ``RefineConfig`` into the stub, from the core's table.
 
-``python tools/stub_settings.py``, after the module was built (``maturin develop``). A test compares the
-class's documentation and its properties with what the compiled module has.
+Run ``python tools/stub_settings.py`` after building the module (``maturin develop``). A test compares the
+class's documentation and properties in the stub with those of the compiled module.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from skelsplat import RefineConfig, _skelsplat
 
 STUB = Path(__file__).parents[1] / "python" / "skelsplat" / "_skelsplat.pyi"
 
-# What the stub calls the types of the table.
+# The table's types, as written in the stub.
 _TYPES = {
     "float": "float",
     "int": "int",

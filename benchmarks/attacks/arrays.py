@@ -189,7 +189,7 @@ def pickled_rig() -> str:
     return _copies(_RIG)
 
 
-@attack("11e", "Refiner: pickle protocols after which it goes on alike", "6 of 6")
+@attack("11e", "Refiner: pickle protocols after which it continues identically", "6 of 6")
 def pickled_refiner() -> str:
     refiner = sk.Refiner(_RIG, layout=_LAYOUT)
     refiner.step(_SEEN[0])

@@ -69,7 +69,7 @@ def _findings(rig: sk.CameraRig, calibrated: sk.CameraRig) -> str:
     return f"exit {status}; {', '.join(first) or 'no finding'}"
 
 
-@attack("7f", "a camera turned by 1.5°, simulated: finding", f"{_TURNED} is named")
+@attack("7f", "a camera rotated by 1.5°, simulated: finding", f"{_TURNED} is named")
 def turned_camera() -> str:
     rig = synthetic.human36m_like()
     return _findings(rig, _turned(rig))

@@ -76,7 +76,7 @@ def cameras_3_mm_apart() -> str:
     return _side_by_side(3.0)
 
 
-@attack("2d", "two cameras in exactly one place", "0 % ok")
+@attack("2d", "two cameras at exactly the same position", "0 % ok")
 def cameras_in_one_place() -> str:
     return _side_by_side(0.0)
 
@@ -112,7 +112,7 @@ def _with_empty(n: int) -> str:
     return f"{100 * found:.1f} % found, mean {np.nanmean(error):.1f} mm, {100 * off:.1f} % ok and 100 mm off"
 
 
-@attack("3a", "arms exchanged in one of three views", "found")
+@attack("3a", "arms swapped in one of three views", "found")
 def exchange_in_three_views() -> str:
     return _with_empty(0)
 
@@ -127,7 +127,7 @@ def exchange_and_four_empty() -> str:
     return _with_empty(4)
 
 
-@attack("3d", "order of six to ten cameras, exchanges and outliers, 3,600 permutations", "0 differ")
+@attack("3d", "order of six to ten cameras, swaps and outliers, 3,600 permutations", "0 differ")
 def order_of_cameras() -> str:
     rng = np.random.default_rng(0)
     noise = synthetic.DetectionNoise(
@@ -189,7 +189,7 @@ def _far(pose: FloatArray, truth: FloatArray, status: np.ndarray, bars: FloatArr
     )
 
 
-@attack("8a", "two of four views show somebody else, each frame alone", "weak, within 3 σ")
+@attack("8a", "two of four views show another person, each frame alone", "weak, within 3 σ")
 def half_of_the_views_single() -> str:
     truth, detections, cameras = _two_people()
     result = sk.refine(None, detections, cameras, layout="h36m17")

@@ -1,7 +1,7 @@
 """``.. skelsplat-commands::``: the command line's reference, from the program itself.
 
-Every command gets a section with what its ``--help`` says: the text, the examples, and an ``option`` entry
-for every argument and option, which pages can link to (``{option}`refine --unit```).
+Every command gets a section with the content of its ``--help``: the text, the examples, and an ``option``
+entry for every argument and option, which pages can link to (``{option}`refine --unit```).
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def _section(path: str, command: Any) -> Lines:
 
 
 def _text(text: str) -> Lines:
-    """Yield the help's paragraphs as reStructuredText; commands and JSON stand in blocks of their own."""
+    """Yield the help's paragraphs as reStructuredText; commands and JSON go into separate blocks."""
     lines = [line.strip() for line in text.replace("\b", "").splitlines()]
     paragraphs = [part.strip() for part in re.split(r"\n{2,}", "\n".join(lines)) if part.strip()]
     for verbatim, group in groupby(paragraphs, key=lambda part: bool(_VERBATIM.match(part))):

@@ -1,4 +1,4 @@
-"""Mathematics as MathML, made when the site is built: no script, no fonts from elsewhere."""
+"""Mathematics as MathML, generated when the site is built: no scripts and no external fonts."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from sphinx.application import Sphinx
     from sphinx.writers.html5 import HTML5Translator
 
-# capital Greek letters stand upright, as LaTeX sets them
+# capital Greek letters are upright, as in LaTeX
 _UPRIGHT = re.compile(r"<mi>(&#x0039[1-9A-F];|&#x003A[0-9];)</mi>")
 
 
@@ -27,7 +27,7 @@ def visit_block(self: HTML5Translator, node: nodes.math_block) -> None:
 
 
 def _mathml(latex: str, display: str) -> str:
-    """Return MathML; a macro that is not known would be shown as text, so that it is refused."""
+    """Return MathML; refuse unknown macros, which would be shown as text."""
     made = convert(" ".join(latex.split()), display=display)
     if unknown := re.findall(r"<m[a-z]+[^>]*>\\[A-Za-z]+", made):
         raise ValueError(f"mathematics: {latex!r}: {unknown[0]} is not known")

@@ -122,7 +122,7 @@ def _starts(axis: Axes) -> None:
     detections = synthetic.simulate_detections(truth, rig, noise=noise, seed=0)
     for config, label, colour in (
         (sk.RefineConfig.paper(), "paper", ORANGE),
-        (sk.RefineConfig(), "default", BLUE),
+        (sk.RefineConfig(), "annealed", BLUE),
     ):
         errors = []
         for sigma in STARTS:

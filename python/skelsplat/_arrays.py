@@ -16,6 +16,7 @@ from skelsplat.exceptions import InvalidInputError
 
 Array: TypeAlias = NDArray[np.float64]
 Mask: TypeAlias = NDArray[np.bool_]
+Index: TypeAlias = NDArray[np.int64]
 
 _FLOAT64 = np.dtype(np.float64)
 # NumPy makes a float64 of these: it parses text, drops the imaginary part, drops the unit.

@@ -244,7 +244,7 @@ class RefineConfig:
 
     Other Parameters
     ----------------
-    For ``annealed``, accepted by ``RefineConfig(...)``:
+    For annealed, accepted by RefineConfig(...):
 
     sigma_mm : float, mm, default 30
         Largest final σ of a joint's kernel, unless the noise turns out to be larger.
@@ -267,7 +267,7 @@ class RefineConfig:
         Converged when the kernels have reached their final width and no joint moves by more than this
         fraction of the noise.
 
-    For ``paper``, accepted by ``RefineConfig.paper(...)``:
+    For paper, accepted by RefineConfig.paper(...):
 
     sigma_mm : float, mm, default 20.09
         Initial standard deviation σ₀ of every joint's splat.

@@ -17,15 +17,11 @@ import numpy as np
 import numpy.typing as npt
 
 import skelsplat as sk
-from skelsplat._arrays import medians, numbers
+from skelsplat._arrays import Array, Index, Mask, medians, numbers
 from skelsplat._skelsplat import check_people
 from skelsplat.cameras import mm_per_unit
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.layouts import mirror_images
-
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
-Mask = npt.NDArray[np.bool_]
 
 # bounds the memory of a step: distances held at once, 8 bytes each
 _CHUNK = 4_000_000

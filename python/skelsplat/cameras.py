@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skelsplat._skelsplat import Camera
-from skelsplat.exceptions import InvalidInputError
+from skelsplat.exceptions import InvalidInputError, one_of
 
 MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 # of a rotation: entries of RRᵀ − I
@@ -51,8 +51,7 @@ class CameraRig(Sequence[Camera]):
         twice = sorted({n for n in names if names.count(n) > 1})
         if twice:
             raise InvalidInputError(f"cameras: expected different names, got '{twice[0]}' twice")
-        if unit not in MM_PER_UNIT:
-            raise InvalidInputError(f"unit: expected one of mm, cm, m, got {unit!r}")
+        one_of("unit", unit, MM_PER_UNIT)
 
     @property
     def unit(self) -> str:

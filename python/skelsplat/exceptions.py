@@ -5,6 +5,7 @@ Every message is one line: the argument or file, what was expected, what came.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 
@@ -13,7 +14,29 @@ class SkelSplatError(Exception):
 
 
 class InvalidInputError(SkelSplatError, ValueError):
-    """An argument has the wrong shape, type or value; the message names it."""
+    """An argument has the wrong shape, type or value; the message begins with its name and a colon."""
+
+    @property
+    def argument(self) -> str:
+        """Name of the argument."""
+        return str(self).partition(": ")[0]
+
+    @property
+    def reason(self) -> str:
+        """The message without the argument: what was expected, and what came."""
+        return str(self).partition(": ")[2]
+
+    def of_argument(self, name: str) -> InvalidInputError:
+        """Return the same error with another argument name, that of an outer caller."""
+        return InvalidInputError(f"{name}: {self.reason}")
+
+
+def one_of(argument: str, value: object, choices: Iterable[object]) -> None:
+    """Raise `InvalidInputError` unless `value` is among `choices`; None, if it is one, is not listed."""
+    known = list(choices)
+    if value not in known:
+        listed = ", ".join(str(choice) for choice in known if choice is not None)
+        raise InvalidInputError(f"{argument}: expected one of {listed}, got {value!r}")
 
 
 class DegenerateGeometryError(SkelSplatError):

@@ -122,6 +122,11 @@ class FindingWarning(UserWarning):
         self.finding = finding
 
 
+def warn(finding: Finding) -> None:
+    """Warn of a finding, as of the line that called the caller."""
+    warnings.warn(FindingWarning(finding), stacklevel=3)
+
+
 def remark(text: str) -> Finding:
     """Return a note with the given sentence, such as the message of a warning."""
     return Finding("remark", "note", numbers={"text": " ".join(text.split())})

@@ -21,11 +21,9 @@ import numpy as np
 import numpy.typing as npt
 
 from skelsplat import _arrays
+from skelsplat._arrays import Array, Index, Mask
 from skelsplat._optional import require
-from skelsplat.exceptions import InvalidInputError
-
-Array = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
+from skelsplat.exceptions import InvalidInputError, one_of
 
 METHODS = ("cubic", "linear")
 
@@ -72,8 +70,7 @@ def fill_gaps(
     positions, numbers = _checked(pose, frames)
     if max_gap < 1:
         raise InvalidInputError(f"max_gap: expected at least 1 frame, got {max_gap}")
-    if method not in METHODS:
-        raise InvalidInputError(f"method: expected one of {', '.join(METHODS)}, got {method!r}")
+    one_of("method", method, METHODS)
     known = _known(positions)
     known &= ~_marked("gaps", gaps, known.shape)
     filled = np.zeros_like(known)
@@ -215,7 +212,7 @@ def one_euro(
     return positions
 
 
-def _checked(pose: npt.ArrayLike, frames: npt.ArrayLike | None) -> tuple[Array, npt.NDArray[np.int64]]:
+def _checked(pose: npt.ArrayLike, frames: npt.ArrayLike | None) -> tuple[Array, Index]:
     """Return a copy of the poses in which a joint has three numbers or none, and the frame numbers."""
     positions = _arrays.numbers(pose, "pose").copy()
     if positions.ndim != 3 or positions.shape[2] != 3:
@@ -241,7 +238,7 @@ def _known(positions: Array) -> Mask:
     return np.asarray(np.isfinite(positions).all(axis=-1))
 
 
-def _short_gaps(known: Mask, numbers: npt.NDArray[np.int64], max_gap: int) -> Mask:
+def _short_gaps(known: Mask, numbers: Index, max_gap: int) -> Mask:
     """Mark the frames (T,) that lie in a gap of at most ``max_gap`` between two known frames."""
     there = np.flatnonzero(known)
     short = np.zeros_like(known)
@@ -269,7 +266,7 @@ def _single_pass(cutoff: float, frame_rate: float, order: int) -> float:
     return 2.0 / math.pi * math.atan(angle)
 
 
-def _runs(positions: Array, numbers: npt.NDArray[np.int64]) -> Iterator[tuple[int, slice]]:
+def _runs(positions: Array, numbers: Index) -> Iterator[tuple[int, slice]]:
     """Yield (joint, slice of frames) for every run of consecutive frames in which the joint is known."""
     follows = np.diff(numbers) == 1
     for j in range(positions.shape[1]):

@@ -182,7 +182,7 @@ def test_the_likely_unit_follows_the_distance_between_cameras(write, factor, lik
 
 
 def test_an_unknown_unit(write):
-    with pytest.raises(sk.InvalidInputError, match=r"unit: expected \"mm\", \"cm\" or \"m\", got 'inch'"):
+    with pytest.raises(sk.InvalidInputError, match="unit: expected one of mm, cm, m, got 'inch'"):
         read_calibration(write(VALID), unit="inch")
 
 

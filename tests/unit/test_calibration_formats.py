@@ -82,8 +82,9 @@ def test_vicons_older_lens_has_two_coefficients_about_the_principal_point(tmp_pa
 
 def test_a_lens_that_opencv_cannot_follow_is_a_warning(tmp_path):
     views = files.reference(NAMES, distortion=False)
-    with pytest.warns(UserWarning, match=r"Camera \d+\.VICON_RADIAL2: OpenCV's lens model follows .* px at"):
+    with pytest.warns(UserWarning, match=r"camera \d+: OpenCV's lens model follows .* px at") as caught:
         read_calibration(files.vicon(tmp_path, views, "-2.4e-7 0 4e-19"))
+    assert 0.1 < caught[0].message.finding.numbers["error_px"] < 2.0
 
 
 # Camera 1 of Pose2Sim's demo (BSD-3-Clause): the .qca.txt from which its Calib.toml, our sample, was made.
@@ -131,8 +132,12 @@ def test_a_video_of_fewer_lines_than_the_sensor_needs_the_binning(tmp_path, view
 def test_a_turned_view_is_a_warning(tmp_path, views):
     path = files.qualisys(tmp_path, views)
     path.write_text(path.read_text().replace('viewrotation="0"><fov', 'viewrotation="90"><fov'))
-    with pytest.warns(UserWarning, match=r"viewrotation: camera 54138969, .* were rotated for display"):
+    with pytest.warns(
+        UserWarning, match=r"viewrotation: images of 54138969, .* were rotated for display"
+    ) as caught:
         read_calibration(path)
+    assert caught[0].message.finding.kind == "view_rotated"
+    assert caught[0].message.finding.subject.cameras[0] == "54138969"
 
 
 def test_marker_cameras_are_read_when_asked_for(tmp_path, views):

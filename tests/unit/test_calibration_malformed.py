@@ -263,7 +263,7 @@ MALFORMED = {
         ),
         "no frame": (
             lambda p: _edit(p, "<KeyFrame ", "<Frame "),
-            rf"Camera {N}\.KeyFrames/KeyFrame: expected an element",
+            rf"Camera {N}\.KeyFrames\.KeyFrame: expected an element",
         ),
         "three numbers": (
             lambda p: _edit(p, 'ORIENTATION="', 'ORIENTATION="1 '),

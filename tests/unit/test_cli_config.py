@@ -335,6 +335,7 @@ ROOT = typer.main.get_command(app)
 def test_every_command_has_it_and_no_option_is_called_like_a_command(path):
     text = " ".join(invoke(*path, "--help").stdout.replace("│", " ").split())
     assert "--config FILE.toml Read options and arguments from a file" in text
+    assert "<bool>" not in text
     command = dict(commands(ROOT))[path]
     assert not entries_of(command).keys() & {name for parts, _ in commands(ROOT) for name in parts}
     parameters = {param.name for param in command.params} - {"config", "help_all"}

@@ -17,6 +17,7 @@ from command_line import assert_fails, invoke
 from skelsplat import datasets, synthetic
 from skelsplat._json import plain
 from skelsplat.cli import app, refine
+from skelsplat.cli.output import print_warning
 from skelsplat.cli.table import print_table
 from skelsplat.datasets.synthetic import write_simulated
 
@@ -96,7 +97,7 @@ def test_json_is_a_document_and_quiet_is_silence(cases, name):
     assert result.exit_code == 0, result.output
     document = json.loads(result.stdout, parse_constant=pytest.fail)
     assert keys <= document.keys()
-    force = ["--force"] if name == "synth" else []
+    force = ["--force"] if name in ("synth", "convert") else []
     quiet = invoke(*name.split(), *arguments, *force, "-q")
     assert (quiet.exit_code, quiet.stdout) == (0, "")
     assert all(line.startswith("warning: ") for line in quiet.stderr.splitlines())
@@ -205,3 +206,15 @@ def test_a_table_keeps_names_and_words_whole_on_a_narrow_console(width):
         said = said.replace(words, "", 1)
     assert "…" not in said
     assert console.width == width
+
+
+def test_warnings_are_wrapped_on_a_terminal_alone(monkeypatch, capsys):
+    words = "word " * 30
+    print_warning(words.strip())
+    assert capsys.readouterr().err == f"warning: {words.strip()}\n"
+    monkeypatch.setenv("COLUMNS", "60")
+    monkeypatch.setenv("FORCE_COLOR", "1")  # rich's way to say that it is a terminal
+    print_warning(f"{words}/a/path/{'of-many-parts/' * 6}")
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[-1].startswith("/a/path/of-many-parts/of-many-parts")  # whole, to be copied
+    assert 50 < max(map(len, lines[:-1])) <= 60

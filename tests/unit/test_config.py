@@ -47,7 +47,9 @@ def test_a_setting_of_the_other_method_is_refused(make, other):
 def test_old_names_name_the_new_ones():
     with pytest.raises(sk.InvalidInputError, match=r"config.sigma: expected the name 'sigma_mm'"):
         sk.RefineConfig(sigma=30.0)
-    with pytest.raises(sk.InvalidInputError, match=r"expected RefineConfig\(\) .* or RefineConfig.paper\(\)"):
+    with pytest.raises(
+        sk.InvalidInputError, match=r"expected RefineConfig\(\) .* or RefineConfig.paper\(\) .*, got 'adam'$"
+    ):
         sk.RefineConfig(optimizer="adam")
 
 

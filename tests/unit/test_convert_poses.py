@@ -12,6 +12,7 @@ import skelsplat as sk
 from command_line import assert_fails, invoke
 from pose_sample import JOINTS, assert_equal, sample
 from skelsplat import synthetic
+from skelsplat.findings import collected_warnings
 from skelsplat.io import (
     read_json,
     read_npz,
@@ -28,7 +29,11 @@ from skelsplat.io.poses import convert_poses, is_pose_file
 def test_between_formats_that_hold_everything(tmp_path):
     write_npz(tmp_path / "a.npz", sample())
     assert_equal(convert_poses(tmp_path / "a.npz", tmp_path / "b.json"), sample())
+    before = (tmp_path / "b.json").read_bytes()
     result = invoke("convert", tmp_path / "a.npz", tmp_path / "b.json")
+    assert_fails(result, 1, "b.json: OUTPUT: expected no file of this name (--force replaces it), got one")
+    assert (tmp_path / "b.json").read_bytes() == before
+    result = invoke("convert", tmp_path / "a.npz", tmp_path / "b.json", "--force")
     assert result.stdout == f"Wrote 4 frames of 3 joints to {tmp_path / 'b.json'}.\n"
     convert_poses(tmp_path / "b.json", tmp_path / "c.npz")
     assert_equal(read_npz(tmp_path / "c.npz"), sample())
@@ -172,6 +177,9 @@ def test_axes_that_are_turned_once_more_are_a_warning(tmp_path):
         result = invoke("convert", tmp_path / "a.npz", turned, "--y-up")
         assert (result.exit_code, result.stderr) == (0, "")
         assert words in invoke("convert", turned, again, "--y-up").stderr.replace("\n", " ")
-        assert invoke("convert", turned, again).stderr == ""
+        with collected_warnings() as found:
+            convert_poses(turned, again, fps=50.0, y_up=True)
+        assert [one.kind for one in found] == ["axes_unknown" if kind == "trc" else "axes_turned"]
+        assert invoke("convert", turned, again, "--force").stderr == ""
     invoke("convert", tmp_path / "a.npz", tmp_path / "up.c3d")
-    assert invoke("convert", tmp_path / "up.c3d", tmp_path / "b.c3d", "--y-up").stderr == ""
+    assert invoke("convert", tmp_path / "up.c3d", tmp_path / "c.c3d", "--y-up").stderr == ""

@@ -168,7 +168,7 @@ MALFORMED = {
             lambda b: b.text("bodyparts", "parts"),
             r"header: expected scorer/bodyparts/coords or .*got scorer/parts/coords",
         ),
-        "text": (lambda b: b.text("\n0,", "\n0,a"), r"line 4: expected a number or an empty field, got 'a"),
+        "text": (lambda b: b.text("\n0,", "\n0,a"), r"line 4: expected a number or nothing, got 'a"),
         "labels": (lambda b: b.text("\n0,", "\nimg0.png,"), r"line 4: expected a frame number"),
         "frame of 20 digits": (
             lambda b: b.text("\n0,", f"\n{10**19},"),
@@ -218,7 +218,10 @@ MALFORMED = {
             lambda b: b.file.write_text(b.file.read_text() + b.file.read_text().splitlines()[1]),
             r"line 206, joint: expected a joint, once per person, got 'pelvis'",
         ),
-        "frame": (lambda b: b.text("camA,0,", "camA,0.5,"), r"line 2, frame: expected a whole number from 0"),
+        "frame": (
+            lambda b: b.text("camA,0,", "camA,0.5,"),
+            r"line 2, frame: expected a frame number, a whole number from 0",
+        ),
         "frame of 5000 digits": (
             lambda b: b.text("camA,0,", f"camA,{5000 * '9'},"),
             r"line 2, frame: expected a frame number below 2\^62, got 999",

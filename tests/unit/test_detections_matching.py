@@ -278,6 +278,20 @@ def test_a_sequence_is_named_if_there_are_several(tmp_path):
         read_detections(path, NAMES, sequence="S1/Walking", **options)
 
 
+@pytest.mark.parametrize(
+    ("case", "expected"),
+    [
+        ("openpose", "none for the format openpose, whose files have one sequence"),
+        ("csv", "none for the format csv, whose files have one sequence"),
+        ("videopose3d_custom", "none for the videos in .*data_2d_custom_walk.npz"),
+    ],
+)
+def test_a_sequence_is_refused_where_there_is_only_one(tmp_path, case, expected):
+    path = write(tmp_path, case)
+    with pytest.raises(sk.InvalidInputError, match=f"^sequence: expected {expected}, got 'S9/Walking'"):
+        read_detections(path, NAMES, layout=H36M, sequence="S9/Walking")
+
+
 # What newer and older versions of the tools write.
 
 

@@ -185,6 +185,16 @@ def test_refine(case, scene):
     with pytest.raises(sk.InvalidInputError, match=message) as caught:
         sk.refine(**(valid | change(scene)))
     assert isinstance(caught.value, ValueError)
+    assert str(caught.value) == f"{caught.value.argument}: {caught.value.reason}"
+
+
+def test_an_error_knows_its_argument():
+    with pytest.raises(sk.InvalidInputError) as of_core:
+        sk.RefineConfig(sigma_mm=-1.0)
+    assert of_core.value.argument == "config.sigma_mm"
+    renamed = of_core.value.of_argument("sigma")
+    assert str(renamed) == f"sigma: {of_core.value.reason}"
+    assert renamed.argument == "sigma"
 
 
 CONFIG = {

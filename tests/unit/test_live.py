@@ -259,3 +259,11 @@ def test_a_full_disk_is_one_line_and_status_1(tmp_path, detections):
     said = process.stderr.decode().splitlines()
     assert said[1] == "error: stdout: expected a reader, got no space left on device"
     assert len(said) == 3
+
+
+def test_help_is_of_the_method_that_runs():
+    text = " ".join(invoke("live", "--help").stdout.replace("│", " ").split())
+    assert (
+        "--sigma-mm MM Largest final σ of a joint's kernel, unless the noise turns out to be larger." in text
+    )
+    assert "--paper" not in text

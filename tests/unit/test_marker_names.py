@@ -56,7 +56,7 @@ def test_names_of_ones_own_keep_their_letters(tmp_path):
 
 @pytest.mark.parametrize("write", [write_trc, write_c3d])
 def test_an_unknown_style_is_refused(tmp_path, write):
-    with pytest.raises(sk.InvalidInputError, match="marker_names: expected skelsplat or pose2sim, got"):
+    with pytest.raises(sk.InvalidInputError, match="marker_names: expected one of skelsplat, pose2sim, got"):
         write(tmp_path / "a", poses("coco17"), marker_names="opensim")
     assert not list(tmp_path.iterdir())
 

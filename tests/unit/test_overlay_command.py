@@ -172,7 +172,8 @@ def test_the_grid_holds_all_cameras_and_says_where_an_image_is_missing(case, tmp
     assert len(frames) == FRAMES
     assert [level(image[: SIZE[1]]) for image in frames] == list(range(FRAMES))
     assert document["files"][0]["cameras"] == {"cam_01": 6, "cam_02": 4}
-    assert "2 of the frames 0 to 5" in document["warnings"][0]
+    assert [finding["kind"] for finding in document["findings"]] == ["video_frames_missing"]
+    assert "2 of the frames 0 to 5" in document["findings"][0]["text"]
     assert (document["files"][0]["height"], document["files"][0]["width"]) == frames[0].shape[:2]
 
 

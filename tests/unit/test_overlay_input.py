@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 
 import numpy as np
@@ -33,12 +34,17 @@ def overlay(case, videos, *args):
     return invoke("overlay", case.folder, videos, "-o", case.folder.parent / "out", *args)
 
 
+def kinds(result):
+    return [finding["kind"] for finding in json.loads(result.stdout)["findings"]]
+
+
 def test_codec_padding_is_drawn_with_a_warning(case, tmp_path):
     for name in ("cam01", "cam02"):
         write_video(tmp_path / "videos" / f"{name}.mp4", size=(SIZE[0], SIZE[1] - 8))
     result = overlay(case, tmp_path / "videos")
     assert result.exit_code == 0
     assert "320×232, but the camera cam_01 has 320×240: drawn without scaling" in result.stderr
+    assert kinds(overlay(case, tmp_path / "videos", "--json")) == ["video_padded"] * 2
 
 
 @pytest.mark.parametrize(
@@ -127,6 +133,9 @@ def test_a_detector_that_counts_from_one_is_suspected(tmp_path, videos):
     result = overlay(case, videos)
     said = " ".join(result.stderr.split())
     assert "cam01.mp4: frames 0 to 5, and the run has 1 to 6 of cam_01: if its detector counts from 1" in said
+    assert (
+        kinds(overlay(case, videos, "--json")) == ["video_one_frame_late"] * 2 + ["video_frames_missing"] * 2
+    )
     shorter = write_run(tmp_path / "shorter", frames=[1, 2, 3, 4, 5, 7])  # or the detector saw other frames
     assert "counts from 1" not in overlay(shorter, videos).stderr
     for first in (0, 1):
@@ -172,6 +181,7 @@ def test_images_without_a_frame_rate(case, tmp_path):
         "--fps: not given, and neither the images nor the run state it; assuming 30 frames per second"
         in result.stderr
     )
+    assert kinds(overlay(case, tmp_path / "images", "--json")) == ["video_rate_assumed"]
     assert read_video(case.folder.parent / "out" / "cam_01.mp4")[1] == pytest.approx(30.0)
     assert_fails(overlay(case, tmp_path / "images", "--first-frame", 3), 2, "--first-frame: expected videos")
 

@@ -81,7 +81,7 @@ MALFORMED_JSON = {
     "a newer version": (lambda d: {**d, "version": 2}, "version: expected 1, got 2"),
     "no names": (without("joint_names"), "joint_names: expected a list of strings, got nothing"),
     "no unit": (without("unit"), "unit: expected mm, cm or m, got nothing"),
-    "inches": (lambda d: {**d, "unit": "in"}, 'unit: expected "mm", "cm" or "m", got \'in\''),
+    "inches": (lambda d: {**d, "unit": "in"}, "unit: expected one of mm, cm, m, got 'in'"),
     "a rate in words": (
         lambda d: {**d, "frame_rate": "50"},
         "frame_rate: expected a number or null, got '50'",
@@ -164,7 +164,7 @@ MALFORMED_CSV = {
     ),
     "a field too few": (
         lambda lines: [*lines[:3], lines[3].rpartition(",")[0], *lines[4:]],
-        "line 4: expected as many fields as line 1",
+        "line 4: expected 13 fields, got 12 fields",
     ),
     "a frame of 20 digits": (
         lambda lines: [lines[0], 10 * "10" + lines[1], *lines[2:]],

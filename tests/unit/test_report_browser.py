@@ -136,6 +136,19 @@ def test_the_pose_before_and_the_ellipsoids_can_be_chosen(visit):
     assert near(picture(page), COLOURS.start) > near(refined, COLOURS.start) + 50
 
 
+def test_the_ellipsoid_of_an_undetermined_joint_is_cut_off_and_says_so(visit):
+    walk = sequence()
+    wide = walk.uncertainty.copy()
+    wide[:, 1] = np.diag([900.0, 20.0, 20.0]) ** 2
+    page = visit(report_data(replace(walk, uncertainty=wide)))
+    middle, own = page.evaluate("[joint(scene.refined, 0, 1), ellipsoids(0)]")
+    corners = np.stack([own[axis] for axis in "xyz"], axis=-1).reshape(-1, 42, 3)[1] - middle
+    assert np.linalg.norm(corners, axis=1).max() == pytest.approx(0.3, abs=1e-6)
+    assert np.sort(np.ptp(corners, axis=0))[:2].max() < 0.1  # as thin as it is across
+    assert "<br>error bar 520 mm, ok<br>ellipsoid cut off at 300 mm" in page.evaluate("tell(0, 1)")
+    assert "cut off" not in page.evaluate("tell(0, 0)")
+
+
 def test_frame_numbers_may_be_time_stamps(visit):
     stamps = 1_636_212_345_678 + 33 * np.arange(40)
     page = visit(report_data(replace(sequence(), frames=stamps), problems=[]), f"#frame={stamps[7]}")

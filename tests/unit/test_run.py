@@ -144,11 +144,31 @@ def test_detections_of_another_shape_than_the_result_are_refused():
         Run.from_arrays(result, rig, pixels[:5], LAYOUT)
 
 
+@pytest.mark.parametrize(
+    ("channels", "shape", "message"),
+    [
+        (2, (6, 4, 16), r"confidence: expected shape \(6, 4, 17\), got shape \(6, 4, 16\)"),
+        (2, (4, 17), r"confidence: expected shape \(6, 4, 17\), got shape \(4, 17\)"),
+        (3, (6, 4, 17), "confidence: expected only one source of confidences, got detections with a third"),
+    ],
+)
+def test_confidences_are_refused_as_by_refine(channels, shape, message):
+    pixels, rig = scene()
+    seen = np.concatenate([pixels, np.ones((*pixels.shape[:-1], channels - 2))], axis=-1)
+    confidence, result = np.ones(shape), sk.refine(None, pixels, rig, layout=LAYOUT)
+    with pytest.raises(sk.InvalidInputError, match=message):
+        sk.refine(None, seen, rig, layout=LAYOUT, confidence=confidence)
+    with pytest.raises(sk.InvalidInputError, match=message):
+        Run.from_arrays(result, rig, seen, LAYOUT, confidence=confidence)
+
+
 def test_a_notebook_shows_facts_findings_and_the_overview():
     pixels, rig = scene()
     found = Run.from_arrays(sk.refine(None, pixels, rig, layout=LAYOUT), rig, pixels, LAYOUT)
     view = found._repr_html_()
     assert "<th>layout</th><td>h36m17, 17 joints</td>" in view
+    assert " of 6 (weak, missing or unusual joints)</td>" in view
+    assert " mm across the ray, estimated)</td>" in view
     assert f"<li>warning: {rig.names[1]} disagrees with the other cameras" in view
     assert '<img alt="overview"' in view
 

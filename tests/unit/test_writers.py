@@ -10,8 +10,8 @@ import pytest
 
 import skelsplat as sk
 from pose_sample import assert_equal
+from skelsplat._atomic import atomic_write, atomic_write_text
 from skelsplat.io import PoseData, read_npz, read_trc, write_csv, write_npz, write_trc
-from skelsplat.io._files import atomic_write, atomic_write_text
 
 T, N, M = 3, 2, 2
 

@@ -25,20 +25,22 @@ fn rotation() -> Matrix3<f64> {
     *Rotation3::new(Vector3::new(0.3, -0.2, 0.1)).matrix()
 }
 
-fn camera(coefficients: &[f64], fisheye: bool) -> Camera {
-    let lens = Distortion::from_coefficients(coefficients, fisheye).unwrap();
+/// A constructor of a lens from its coefficients.
+type Model = fn(&[f64]) -> Result<Distortion, Error>;
+
+fn camera(lens: Result<Distortion, Error>) -> Camera {
     let t = Vector3::new(50.0, -80.0, 3000.0);
-    Camera::new(&k(), &rotation(), &t, [1920, 1080]).unwrap().with_distortion(lens)
+    Camera::new(&k(), &rotation(), &t, [1920, 1080]).unwrap().with_distortion(lens.unwrap())
 }
 
 fn lenses() -> Vec<Camera> {
-    let general = [4, 5, 8, 12, 14].map(|n| camera(&C[..n], false));
+    let general = [4, 5, 8, 12, 14].map(|n| camera(Distortion::brown_conrady(&C[..n])));
     let others = [
-        camera(&[], false),
-        camera(&WIDE, false),
-        camera(&PINCUSHION, false),
-        camera(&FISHEYE, true),
-        camera(&[0.0; 4], true),
+        camera(Distortion::brown_conrady(&[])),
+        camera(Distortion::brown_conrady(&WIDE)),
+        camera(Distortion::brown_conrady(&PINCUSHION)),
+        camera(Distortion::fisheye(&FISHEYE)),
+        camera(Distortion::fisheye(&[0.0; 4])),
     ];
     general.into_iter().chain(others).collect()
 }
@@ -77,17 +79,17 @@ fn converged(camera: &Camera, pixel: Vector2<f64>) -> Vector2<f64> {
 #[rustfmt::skip]
 fn pixels_are_those_of_opencv() {
     let points = [[100.0, 200.0, 300.0], [-900.0, 400.0, -200.0], [1200.0, -700.0, 500.0], [0.0; 3]];
-    type Lens = (&'static [f64], bool, [[f64; 2]; 4]);
+    type Lens = (Model, &'static [f64], [[f64; 2]; 4]);
     let golden: [Lens; 6] = [
-        (&C[..4], false, [[1002.7402153456, 528.6247514885], [638.4244098783, 639.7685684791], [1365.1943825912, 267.8102679245], [998.8326209565, 491.4508627593]]),
-        (&C[..5], false, [[1002.7402153457, 528.6247514886], [638.4038077844, 639.7757605808], [1365.2936905859, 267.7450722486], [998.8326209574, 491.4508627579]]),
-        (&C[..8], false, [[1002.7380256973, 528.6239270340], [645.7881335495, 637.1979244521], [1352.0596203102, 276.4332363678], [998.8288146500, 491.4568421207]]),
-        (&C[..12], false, [[1002.7390570865, 528.6233701111], [646.0142249600, 637.0772506277], [1352.4179922453, 276.2434508934], [998.8309894526, 491.4556678488]]),
-        (&C[..14], false, [[1002.7695001878, 528.6640164524], [647.4632711151, 636.2193443606], [1352.9997428440, 276.2152324193], [998.8288574717, 491.4705369663]]),
-        (&FISHEYE, true, [[1002.7362456955, 528.6224743565], [653.8039957638, 634.2981595211], [1340.3047167249, 284.0382854900], [998.8269317047, 491.4600563766]]),
+        (Distortion::brown_conrady, &C[..4], [[1002.7402153456, 528.6247514885], [638.4244098783, 639.7685684791], [1365.1943825912, 267.8102679245], [998.8326209565, 491.4508627593]]),
+        (Distortion::brown_conrady, &C[..5], [[1002.7402153457, 528.6247514886], [638.4038077844, 639.7757605808], [1365.2936905859, 267.7450722486], [998.8326209574, 491.4508627579]]),
+        (Distortion::brown_conrady, &C[..8], [[1002.7380256973, 528.6239270340], [645.7881335495, 637.1979244521], [1352.0596203102, 276.4332363678], [998.8288146500, 491.4568421207]]),
+        (Distortion::brown_conrady, &C[..12], [[1002.7390570865, 528.6233701111], [646.0142249600, 637.0772506277], [1352.4179922453, 276.2434508934], [998.8309894526, 491.4556678488]]),
+        (Distortion::brown_conrady, &C[..14], [[1002.7695001878, 528.6640164524], [647.4632711151, 636.2193443606], [1352.9997428440, 276.2152324193], [998.8288574717, 491.4705369663]]),
+        (Distortion::fisheye, &FISHEYE, [[1002.7362456955, 528.6224743565], [653.8039957638, 634.2981595211], [1340.3047167249, 284.0382854900], [998.8269317047, 491.4600563766]]),
     ];
-    for (coefficients, fisheye, expected) in golden {
-        let camera = camera(coefficients, fisheye);
+    for (model, coefficients, expected) in golden {
+        let camera = camera(model(coefficients));
         for (x, px) in points.iter().zip(expected) {
             let got = camera.project(&Vector3::from(*x)).unwrap();
             // half a unit of the last printed digit, and rounding of 1e3 px in double precision
@@ -157,13 +159,18 @@ fn at_radius(r: f64) -> Vector2<f64> {
 #[test]
 fn pixels_beyond_the_fold_are_out_of_range() {
     // r (1 - 0.3 r²) turns at r = 1/√0.9 = 1.0541 with 0.70273; r/(1 + r²/2) at √2 with 0.70711; θ ends at π/2 = 1.5708
-    let cases: [(&[f64], bool, f64, f64); 3] = [
-        (&[-0.3, 0.0, 0.0, 0.0], false, 0.70273, 1.0541),
-        (&[0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0], false, FRAC_1_SQRT_2, SQRT_2),
-        (&[0.0; 4], true, FRAC_PI_2, f64::INFINITY),
+    let cases: [(Model, &[f64], f64, f64); 3] = [
+        (Distortion::brown_conrady, &[-0.3, 0.0, 0.0, 0.0], 0.70273, 1.0541),
+        (
+            Distortion::brown_conrady,
+            &[0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0],
+            FRAC_1_SQRT_2,
+            SQRT_2,
+        ),
+        (Distortion::fisheye, &[0.0; 4], FRAC_PI_2, f64::INFINITY),
     ];
-    for (coefficients, fisheye, edge, turn) in cases {
-        let camera = camera(coefficients, fisheye);
+    for (model, coefficients, edge, turn) in cases {
+        let camera = camera(model(coefficients));
         let inside = converged(&camera, at_radius(edge - 1e-4));
         assert!((inside.x - 980.5) / 1100.0 < turn, "{coefficients:?}: {inside:?}");
         assert_eq!(camera.undistort(at_radius(edge + 1e-4)), Undistorted::OutOfRange);
@@ -173,7 +180,7 @@ fn pixels_beyond_the_fold_are_out_of_range() {
 #[test]
 fn the_fold_counts_with_tangential_terms_too() {
     // p1 moves the fold by some 1e-3 only: 0.68 lies before it, 0.73 beyond, in every direction.
-    let camera = camera(&[-0.3, 0.0, 0.001, -0.001], false);
+    let camera = camera(Distortion::brown_conrady(&[-0.3, 0.0, 0.001, -0.001]));
     for degrees in 0..36 {
         let (s, c) = f64::to_radians(10.0 * f64::from(degrees)).sin_cos();
         let at = |r: f64| Vector2::new(980.5 + 1100.0 * r * c, 520.25 + 1080.0 * r * s);
@@ -187,7 +194,7 @@ fn the_fold_counts_with_tangential_terms_too() {
 #[test]
 fn a_pole_bounds_the_range() {
     // r/(1 - r²/2) goes to infinity at √2, so every pixel is reached from before it
-    let camera = camera(&[0.0, 0.0, 0.0, 0.0, 0.0, -0.5, 0.0, 0.0], false);
+    let camera = camera(Distortion::brown_conrady(&[0.0, 0.0, 0.0, 0.0, 0.0, -0.5, 0.0, 0.0]));
     let ideal = converged(&camera, at_radius(50.0));
     assert!(ideal.x > 980.5 && ideal.x < 980.5 + 1100.0 * SQRT_2);
 }
@@ -195,7 +202,7 @@ fn a_pole_bounds_the_range() {
 /// Around the inflection of this polynomial plain Newton oscillates for ever.
 #[test]
 fn an_inflection_does_not_trap_the_solver() {
-    let camera = camera(&[0.018, 0.0286, 0.0834, -0.041], true);
+    let camera = camera(Distortion::fisheye(&[0.018, 0.0286, 0.0834, -0.041]));
     for step in 1..4000 {
         let ideal = at_radius(0.001 * f64::from(step));
         let found = converged(&camera, camera.distort(&ideal));
@@ -208,7 +215,7 @@ fn an_inflection_does_not_trap_the_solver() {
 fn beyond_the_horizon_of_a_tilted_sensor_nothing_is_in_range() {
     let mut tilted = [0.0; 14];
     tilted[13] = 0.5;
-    let camera = camera(&tilted, false);
+    let camera = camera(Distortion::brown_conrady(&tilted));
     // rays at right angles to the axis end at x = 1/sin τy = 2.086 on the side that leans away
     let edge = 1.0 / 0.5_f64.sin();
     converged(&camera, at_radius(-3.0));
@@ -241,15 +248,15 @@ fn points_at_or_behind_the_near_plane_are_not_seen() {
 #[test]
 fn coefficients_come_back_as_given() {
     for n in [0, 4, 5, 8, 12, 14] {
-        let lens = Distortion::from_coefficients(&C[..n], false).unwrap();
+        let lens = Distortion::brown_conrady(&C[..n]).unwrap();
         assert_eq!(lens.coefficients(), C[..n]);
         assert_eq!(lens.is_none(), n == 0);
     }
-    let fisheye = Distortion::from_coefficients(&FISHEYE, true).unwrap();
+    let fisheye = Distortion::fisheye(&FISHEYE).unwrap();
     assert_eq!((fisheye.coefficients(), fisheye.is_fisheye()), (FISHEYE.to_vec(), true));
-    assert!(Distortion::from_coefficients(&[0.0; 5], false).unwrap().is_none());
+    assert!(Distortion::brown_conrady(&[0.0; 5]).unwrap().is_none());
     // an equidistant lens is not a pinhole
-    assert!(!Distortion::from_coefficients(&[0.0; 4], true).unwrap().is_none());
+    assert!(!Distortion::fisheye(&[0.0; 4]).unwrap().is_none());
 }
 
 #[test]
@@ -262,7 +269,7 @@ fn a_scaled_camera_sees_the_resized_image() {
             assert!((scaled.project(&x).unwrap() - expected).amax() < 1e-11);
         }
     }
-    let pinhole = camera(&[], false);
+    let pinhole = camera(Distortion::brown_conrady(&[]));
     assert_eq!(pinhole.scaled(0.3).unwrap().size(), [576, 324]);
     assert_eq!(pinhole.scaled(1e-9).unwrap().size(), [1, 1]);
     for factor in [0.0, -1.0, f64::NAN, f64::INFINITY] {
@@ -274,7 +281,7 @@ fn a_scaled_camera_sees_the_resized_image() {
 #[test]
 fn another_unit_of_length_leaves_the_pixels() {
     let x = Vector3::new(100.0, -200.0, 300.0);
-    let metres = camera(&C, false);
+    let metres = camera(Distortion::brown_conrady(&C));
     let millimetres = metres.clone().with_length_scale(1000.0);
     let moved = millimetres.project(&(x * 1000.0)).unwrap() - metres.project(&x).unwrap();
     assert!(moved.amax() < 1e-11);
@@ -346,22 +353,21 @@ fn a_rotation_of_file_precision_is_kept_as_given() {
 
 #[test]
 fn broken_coefficients_are_refused_and_errors_can_name_the_camera() {
-    let refusal = |c: &[f64], fisheye| {
-        let error =
-            Distortion::from_coefficients(c, fisheye).map_err(for_camera("left")).unwrap_err();
+    let refusal = |lens: Result<Distortion, Error>| {
+        let error = lens.map_err(for_camera("left")).unwrap_err();
         assert!(matches!(error, Error::InvalidInput { .. }), "{error:?}");
         error.to_string()
     };
     assert_eq!(
-        refusal(&[0.1; 6], false),
+        refusal(Distortion::brown_conrady(&[0.1; 6])),
         "distortion of camera 'left': expected 4, 5, 8, 12 or 14 coefficients, got 6 coefficients"
     );
     assert_eq!(
-        refusal(&[0.1; 5], true),
+        refusal(Distortion::fisheye(&[0.1; 5])),
         "distortion of camera 'left': expected 4 fisheye coefficients, got 5 coefficients"
     );
     assert_eq!(
-        refusal(&[0.1, f64::NAN, 0.0, 0.0], false),
+        refusal(Distortion::brown_conrady(&[0.1, f64::NAN, 0.0, 0.0])),
         "distortion of camera 'left': expected finite values, got NaN"
     );
 }

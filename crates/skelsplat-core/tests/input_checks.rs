@@ -159,6 +159,10 @@ fn a_setting_of_the_other_method_is_refused() {
         set(RefineConfig::default(), "sigma"),
         "config.sigma: expected the name 'sigma_mm', which includes the unit, got 'sigma'"
     );
+    assert_eq!(
+        set(RefineConfig::default(), "optimizer"),
+        "config.optimizer: expected RefineConfig() for 'annealed' or RefineConfig.paper() for 'paper', got 1"
+    );
     let unknown = RefineConfig::default().get("pace").unwrap_err().to_string();
     assert!(
         unknown.starts_with("config: unknown name 'pace', expected one of sigma_mm, max_steps")

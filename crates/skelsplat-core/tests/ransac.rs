@@ -178,7 +178,7 @@ fn a_camera_that_looks_away_does_not_agree() {
 
 #[test]
 fn errors_are_judged_behind_the_lens() {
-    let lens = Distortion::from_coefficients(&[-0.25, 0.1, 1e-3, -2e-3], false).unwrap();
+    let lens = Distortion::brown_conrady(&[-0.25, 0.1, 1e-3, -2e-3]).unwrap();
     let cameras: Vec<_> = room(4).into_iter().map(|c| c.with_distortion(lens.clone())).collect();
     // Off the optical axes, where the lens moves a point by some 40 px.
     let points = [Vector3::new(600.0, -500.0, 2200.0), Vector3::new(-900.0, 800.0, 100.0)];

@@ -77,7 +77,7 @@ fn exact_detections_give_the_points_back() {
 
 #[test]
 fn the_lens_is_undone_first() {
-    let lens = Distortion::from_coefficients(&[-0.2, 0.08, 1e-3, -2e-3, -0.01], false).unwrap();
+    let lens = Distortion::brown_conrady(&[-0.2, 0.08, 1e-3, -2e-3, -0.01]).unwrap();
     let cameras: Vec<_> = room().into_iter().map(|c| c.with_distortion(lens.clone())).collect();
     let detections = detect(&cameras, &joints());
     let found =

@@ -99,7 +99,8 @@ impl Camera {
         size: Size,
         name: Option<Name>,
     ) -> Result<Self> {
-        let lens = distortion.map(|c| Distortion::from_coefficients(&c.0.values, fisheye));
+        let model = if fisheye { Distortion::fisheye } else { Distortion::brown_conrady };
+        let lens = distortion.map(|c| model(&c.0.values));
         let [k, r] = [K.0, R.0].map(|m| Matrix3::from_row_slice(&m.values));
         let camera = Core::new(&k, &r, &Vector3::from_column_slice(&t.0.values), size.0)
             .and_then(|camera| Ok(camera.with_distortion(lens.unwrap_or(Ok(Distortion::None))?)));

@@ -139,7 +139,8 @@ impl RefineConfig {
                     return refuse("config.method", format!("'{method}'"), repr(&value));
                 }
             } else if name != OCCLUSION_FACTOR.name {
-                let value = read(config.setting(&name)?, &value)?;
+                let line = config.setting(&name, &format_args!("{value:?}"))?;
+                let value = read(line, &value)?;
                 config.set(&name, &value)?;
             }
         }
@@ -311,9 +312,10 @@ fn documentation(py: Python<'_>) -> Result<String> {
         table(&annealed, Core::SETTINGS)?,
         entry(&OCCLUSION_FACTOR, None)?,
         "\nOther Parameters\n----------------\n".to_owned(),
-        "For ``annealed``, accepted by ``RefineConfig(...)``:\n\n".to_owned(),
+        // Without code marks: Sphinx prints these headings as plain text.
+        "For annealed, accepted by RefineConfig(...):\n\n".to_owned(),
         table(&annealed, annealed.method.settings())?,
-        "\nFor ``paper``, accepted by ``RefineConfig.paper(...)``:\n\n".to_owned(),
+        "\nFor paper, accepted by RefineConfig.paper(...):\n\n".to_owned(),
         table(&paper, paper.method.settings())?,
         format!("\n{RAISES}"),
     ]

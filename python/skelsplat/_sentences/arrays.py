@@ -1,4 +1,4 @@
-"""Warnings of `skelsplat.refine`."""
+"""Warnings of `skelsplat.refine`, and of the readers of calibrations and poses."""
 
 from __future__ import annotations
 
@@ -30,4 +30,17 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
         "init_pose with init_sigma contradicts every detection of {percent:.0f} % of the joints: is it "
         "of another person or frame, or is init_sigma (in the cameras' unit) too small?"
     ),
+    "lens_assumed": "{files}: no distortions for {cameras}: assumed to have no lens distortion",
+    "view_rotated": (
+        "{files}: viewrotation: images of {cameras} were rotated for display; the calibration is for images "
+        "as the sensor records them, so the detections must come from unrotated images"
+    ),
+    "lens_approximated": (
+        "{files}: camera {cameras}: OpenCV's lens model follows Vicon's to {error_px:.2g} px at worst "
+        "(towards the corners of the image)"
+    ),
+    "axes_unknown": (
+        "{files}: a TRC file does not state which axis is up; --y-up turns it once more if y is already"
+    ),
+    "axes_turned": "{files}: y is up in it already (POINT:Y_SCREEN); --y-up turns its axes once more",
 }

@@ -238,6 +238,14 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
         f"--fps: not given; the times in {listed(f.subject.files)} assume {f.numbers['fps']:g} frames per "
         "second"
     ),
+    "video_one_frame_late": "{files}: frames 0 to {last}, and the run has 1 to {last_of_run} of {cameras}: "
+    "if its detector counts from 1, all is drawn one frame late; --first-frame 1 corrects that",
+    "video_padded": "{files}: {size[0]}×{size[1]}, but the camera {cameras} has "
+    "{size_of_camera[0]}×{size_of_camera[1]}: drawn without scaling",
+    "video_rate_assumed": "--fps: not given, and neither the images nor the run state it; assuming {fps:g} "
+    "frames per second",
+    "video_frames_missing": "{files}: {missing} of the frames {first} to {last} of the run cannot be read or "
+    "are not in it; {drawn} were drawn",
     "no_figures": f"figures need skelsplat[viz]: {pip_line('viz')}",
     "no_pictures": f"report.html and figures need skelsplat[viz]: {pip_line('viz')}",
     "nothing_used": "No detection could be used. Are they in pixels of these cameras' images (not 0 to 1), "

@@ -8,16 +8,15 @@ from collections.abc import Sequence
 from typing import Annotated, Any, NoReturn
 
 import typer
-from typer.core import TyperGroup
 
 import skelsplat as sk
-from skelsplat.cli.command import Application
+from skelsplat.cli.command import Application, Group
 from skelsplat.cli.config import origin
 
 FAILED, BAD_USAGE, INTERRUPTED = 1, 2, 130
 
 
-class OneLineErrors(TyperGroup):
+class OneLineErrors(Group):
     """A command group that ends with ``error: …`` on one line of stderr instead of a box or a traceback.
 
     Only errors that a user can act on are caught: wrong usage, `skelsplat.SkelSplatError` and `OSError`.

@@ -9,18 +9,16 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
-from rich import box
 from rich.console import Console
 from rich.progress import TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
 
 from skelsplat import datasets
-from skelsplat._optional import can_draw
 from skelsplat.cli import options
-from skelsplat.cli.datasets import Settings, reader_options
+from skelsplat.cli.datasets import LENSES, InitSigma, Lens, Settings, reader_options
 from skelsplat.cli.output import described, print_json
-from skelsplat.cli.table import print_table, tell
+from skelsplat.cli.table import new_table, print_parts, print_table, tell, wide_console
 from skelsplat.evaluation import ablations
 from skelsplat.evaluation.ablations import Choices, OnDisk, Simulated, Source
 from skelsplat.evaluation.methods import DEFAULT_INIT_SIGMA_MM
@@ -29,9 +27,7 @@ from skelsplat.findings import Finding
 _data, _method, _output = (
     partial(typer.Option, rich_help_panel=panel) for panel in ("Data", "Method", "Output")
 )
-# Of tables that go into a file or a pipe.
-_WIDTH = 100
-# Beyond so many settings they become rows, for 80 columns.
+# Beyond so many settings they become rows.
 _MOST_COLUMNS = 6
 _STYLES = {"measured": "bold", "paper": "dim", "theory": "dim"}
 
@@ -57,13 +53,6 @@ Full = Annotated[bool, _data("--full", metavar="", help="All poses.")]
 Seed = Annotated[int, _data(min=0, metavar="S", help="Seed of all random numbers.")]
 Start = Annotated[
     Literal["paper", "dlt", "fusion"], _method(help="Initial poses; paper: as in the paper's experiment.")
-]
-InitSigma = Annotated[
-    float,
-    _method(min=0.1, metavar="MM", help="Standard deviation per axis of fused poses where they are a prior."),
-]
-Lens = Annotated[
-    Literal["as-paper", "undistorted"], _method("--protocol", help="as-paper: lens distortion is ignored.")
 ]
 Out = Annotated[
     Path | None,
@@ -109,7 +98,7 @@ def ablate(
         seed=seed,
         start=start,
         init_sigma_mm=init_sigma_mm,
-        undistort=protocol == "undistorted",
+        undistort=LENSES[options.one_of("--protocol", protocol, tuple(LENSES))],
     )
     with described("reading", shown=not quiet, time=TimeElapsedColumn()) as progress:
         source: Source
@@ -124,11 +113,13 @@ def ablate(
             settings = reader_options(setting or (), dataset)
             source = OnDisk(choices, dataset, data[1], detections or (), settings, progress)
         record = ablations.run(name, source, command=shlex.join(["skelsplat", *sys.argv[1:]]))
-    files = [] if out is None else [*ablations.write(out, record), *_draw(out, record)]
+    files = [] if out is None else ablations.write(out, record)
+    if files and files[-1].suffix != ".png":
+        tell(Finding("no_figures", "note"))
     if as_json:
         print_json(ablations.as_dict(record))
     elif not quiet:
-        console = Console(highlight=False, markup=False, width=None if sys.stdout.isatty() else _WIDTH)
+        console = wide_console()
         _print_record(console, record)
         if files:
             console.print(f"{out}: {', '.join(file.name for file in files)}")
@@ -137,7 +128,7 @@ def ablate(
 def _print_record(console: Console, record: ablations.Record) -> None:
     """Print tables, each with its source under it, claims and notes."""
     for table in record.outcome.tables:
-        print_table(console, _shown(table))
+        _print_figures(console, table)
         console.print(record.line, style="yellow" if record.simulated else "")
         console.print()
     _print_claims(console, record)
@@ -145,65 +136,35 @@ def _print_record(console: Console, record: ablations.Record) -> None:
         console.print(f"· {note}", style="dim")
 
 
-def _shown(table: ablations.Table) -> Table:
-    """Return a table whose rows are methods; or its columns, if there are too many settings for the width."""
-    shown = Table(title=f"{table.title} ({table.unit})", box=box.SIMPLE_HEAD, title_justify="left")
-    names = [_name(row) for row in table.rows]
-    cells = [[ablations.cell(value, table.digits) for value in row.values] for row in table.rows]
+def _print_figures(console: Console, table: ablations.Table) -> None:
+    """Print a table whose rows are methods; or its columns, if there are too many settings for the width."""
+    lines = [[ablations.cell(value, table.digits) for value in row.values] for row in table.rows]
     styles = [_STYLES[row.origin] for row in table.rows]
-    if len(table.columns) <= _MOST_COLUMNS:
-        shown.add_column(table.corner, overflow="fold")
-        for column in table.columns:
-            shown.add_column(column, justify="right")
-        for name, row, style in zip(names, cells, styles, strict=True):
-            shown.add_row(name, *row, style=style)
-    else:
-        shown.add_column(table.corner)
-        for name, style in zip(names, styles, strict=True):
-            shown.add_column(name.replace(", ", ",\n"), justify="right", style=style)
-        for column, *figures in zip(table.columns, *cells, strict=True):
-            shown.add_row(column, *figures)
-    return shown
+    heads, names = list(table.columns), [row.name for row in table.rows]
+    turned = len(heads) > _MOST_COLUMNS
+    if turned:
+        heads, names = [name.replace(", ", ",\n") for name in names], heads
+        lines = [list(line) for line in zip(*lines, strict=True)]
 
+    def part(start: int, size: int) -> Table:
+        title = None if start else f"{table.title} ({table.unit})"
+        shown = new_table(title, table.corner, heads[start : start + size])
+        for k, column in enumerate(shown.columns[1:] if turned else (), start):
+            column.style = styles[k]
+        for k, (name, line) in enumerate(zip(names, lines, strict=True)):
+            shown.add_row(name, *line[start : start + size], style=None if turned else styles[k])
+        return shown
 
-def _name(row: ablations.Row) -> str:
-    return ", ".join(part for part in (row.method, row.data) if part)
+    print_parts(console, len(heads), lambda size: [part(k, size) for k in range(0, len(heads), size)])
 
 
 def _print_claims(console: Console, record: ablations.Record) -> None:
     """Print what became of the paper's claims."""
-    shown = Table(title="Claims of the paper", box=box.SIMPLE_HEAD, title_justify="left")
-    for column in ("claim", "reported", "here", ""):
-        shown.add_column(column, overflow="fold")
+    shown = new_table("Claims of the paper", "claim")
+    shown.columns[0].overflow = "fold"
+    for column in ("reported", "here", ""):
+        shown.add_column(column, no_wrap=not column)
     for claim in record.outcome.claims:
         outcome = Text(claim.verdict, "green" if claim.reproduced else "red")
         shown.add_row(claim.claim, claim.paper, claim.measured, outcome)
-    console.print(shown)
-
-
-def _draw(folder: Path, record: ablations.Record) -> list[Path]:
-    """Write the chart ``NAME.png``; without the extra ``viz`` say what it needs."""
-    if not can_draw():
-        tell(Finding("no_figures", "note"))
-        return []
-    from skelsplat import viz  # matplotlib takes long to load, and --help does without
-
-    panels = [
-        viz.Panel(
-            table.title,
-            table.corner,
-            table.unit,
-            table.columns,
-            [
-                viz.Line(
-                    _name(row),
-                    [float("nan") if value is None else value for value in row.values],
-                    row.origin != "measured",
-                )
-                for row in table.rows
-            ],
-        )
-        for table in record.outcome.tables
-        if table.chart
-    ]
-    return [viz.write_panels(folder / f"{record.ablation.name}.png", panels, caption=record.line)]
+    print_table(console, shown)

@@ -3,28 +3,24 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich import box
 from rich.console import Console
 from rich.table import Table
 
 import skelsplat as sk
 from skelsplat._sentences.words import number
-from skelsplat.association import take_people
 from skelsplat.cli import inputs, options
 from skelsplat.cli.output import print_json
-from skelsplat.cli.table import print_table
-from skelsplat.findings import Finding, collected_warnings
+from skelsplat.cli.table import new_table, print_table
 from skelsplat.io import DetectionSet
-from skelsplat.io.detections import read_detections
-from skelsplat.rig_check import ReadAs, RigReport, check_rig
+from skelsplat.rig_check import RigReport
+from skelsplat.run.check import CameraCheck
+from skelsplat.run.check import check_cameras as check
 from skelsplat.run.job import FRAME_MODES
-from skelsplat.run.person import check_person, pick_places
-from skelsplat.run.read import leave_out, named_offsets, read_rig
 
 EPILOG = "Exit status: 0 nothing found, 1 something found or a file is unreadable, 2 bad usage."
 COMMON = ("unit", "layout", "person", "frames", "without", "offset", "order", "joint_map", "quiet", "as_json")
@@ -99,42 +95,18 @@ def check_cameras(
         "sequence": sequence,
         **inputs.detection_arguments(format, offset, order, joint_map),
     }
-    check_person(person)
     read = inputs.calibration_arguments(unit, calibration_format, camera_type, subject, size, binning)
-    with collected_warnings() as warnings:
-        every = read_rig(source, **read)
-        rig = leave_out(every, tuple(without or ()))
-        found = None
-        if detections is not None:
-            found = read_detections(detections, every, without=without or (), **given)
-        offsets = named_offsets(every, given["offsets"])
-        report = check_rig(rig) if found is None else _check(rig, found, person, offsets)
-    report = _with_warnings(report, warnings)
+    found = check(source, detections, read=read, without=without or (), person=person, **given)
     if as_json:
-        print_json(_document(source, detections, rig, report))
+        print_json(_document(source, detections, found))
     else:
-        _print(rig, found, report, quiet=quiet)
-    if not report.ok:
+        _print(found, quiet=quiet)
+    if not found.report.ok:
         raise typer.Exit(1)
 
 
-def _check(rig: sk.CameraRig, found: DetectionSet, person: str, offsets: dict[str, int]) -> RigReport:
-    people, layout = found.people, sk.layouts.get(found.layout)
-    if person != "consistent":  # whom `check_rig` finds on its own
-        people = take_people(people, pick_places(people, rig, person, layout)[0])
-    read_as = ReadAs(found.labels, offsets, found.uneven)
-    return check_rig(rig, people, frames=found.frames, layout=layout, read_as=read_as)
-
-
-def _with_warnings(report: RigReport, warnings: list[Finding]) -> RigReport:
-    """Return the report with warnings of the files first; detections judge the unit better than cameras."""
-    measured = any(finding.kind in ("unit_wrong", "unit_unknown", "body_size") for finding in report.findings)
-    kept = [one for one in warnings if not (measured and one.kind == "unit_implausible")]
-    return replace(report, findings=(*kept, *report.findings))
-
-
-def _print(rig: sk.CameraRig, found: DetectionSet | None, report: RigReport, *, quiet: bool) -> None:
-    console = Console(highlight=False, markup=False)
+def _print(found: CameraCheck, *, quiet: bool) -> None:
+    console, report = Console(highlight=False, markup=False), found.report
     if report.cameras and not quiet:
         print_table(console, _table(report))
         console.print(_LEGEND, style="dim")
@@ -145,7 +117,7 @@ def _print(rig: sk.CameraRig, found: DetectionSet | None, report: RigReport, *, 
         if remedy:
             typer.echo(f"  {remedy}")  # on one line, however long, to be pasted
     if report.ok and not quiet:
-        console.print(_nothing(rig, found))
+        console.print(_nothing(found.rig, found.detections))
 
 
 def _nothing(rig: sk.CameraRig, found: DetectionSet | None) -> str:
@@ -160,15 +132,8 @@ def _nothing(rig: sk.CameraRig, found: DetectionSet | None) -> str:
 
 
 def _table(report: RigReport) -> Table:
-    table = Table(
-        title="Distance of the detections from the person [px], medians",
-        title_justify="left",
-        box=box.SIMPLE_HEAD,
-        padding=(0, 1, 0, 0),
-    )
-    table.add_column("camera")
-    for name in ("vs.\nothers", "--offset", "DLT", "robust", "weight", "rejected", "detections"):
-        table.add_column(name, justify="right")
+    columns = ("vs.\nothers", "--offset", "DLT", "robust", "weight", "rejected", "detections")
+    table = new_table("Distance of the detections from the person [px], medians", "camera", columns)
     for row in report.cameras:
         offset = "" if row.offset_option is None else f"{row.offset_option}: {row.best_offset_px:.1f}"
         share = f"{100 * row.rejected:.0f}%" if math.isfinite(row.rejected) else "–"
@@ -177,12 +142,12 @@ def _table(report: RigReport) -> Table:
     return table
 
 
-def _document(source: Path, detections: Path | None, rig: sk.CameraRig, report: RigReport) -> dict[str, Any]:
+def _document(source: Path, detections: Path | None, found: CameraCheck) -> dict[str, Any]:
     return {
         "calibration": str(source),
         "detections": None if detections is None else str(detections),
-        "unit": rig.unit,
-        "ok": report.ok,
-        "findings": [finding.to_dict() for finding in report.findings],
-        "cameras": [asdict(row) for row in report.cameras],
+        "unit": found.rig.unit,
+        "ok": found.report.ok,
+        "findings": [finding.to_dict() for finding in found.report.findings],
+        "cameras": [asdict(row) for row in found.report.cameras],
     }

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperCommand
+from typer.core import TyperCommand, TyperGroup
 
 from skelsplat.cli.config import Config
 from skelsplat.exceptions import InvalidInputError
@@ -20,8 +20,25 @@ _ALL = "skelsplat.help.all"
 _SPELT = {"offsets": "offset", "mapping": "joint_map"}
 
 
+class _FlagHelp:
+    """A command or group whose ``--help`` is shown like its other flags, without a type."""
+
+    def get_help_option(self, ctx: Any) -> Any:
+        """Return the option ``--help``."""
+        option = super().get_help_option(ctx)  # type: ignore[misc]
+        option.metavar = ""
+        return option
+
+
+class Group(_FlagHelp, TyperGroup):
+    """A group of commands."""
+
+
 class Application(typer.Typer):
     """A typer application with commands of type `Command`; use it as `typer.Typer`."""
+
+    def __init__(self, *, cls: type[Group] = Group, **given: Any) -> None:
+        super().__init__(cls=cls, **given)
 
     def command(
         self, name: str | None = None, *, common: Sequence[str] = (), **given: Any
@@ -71,7 +88,7 @@ _HelpAll = Annotated[
 ]
 
 
-class Command(TyperCommand):
+class Command(_FlagHelp, TyperCommand):
     """A command in which ``--no-NAME`` cancels ``--NAME``, and ``--NAME`` cancels ``--no-NAME``.
 
     `common` are the parameters that ``--help`` shows, in short; all of them, if it is empty.
@@ -114,8 +131,7 @@ class Command(TyperCommand):
         try:
             return super().invoke(ctx)
         except InvalidInputError as error:
-            name, _, message = str(error).partition(": ")
-            option = self._option(name.removeprefix("config."))
+            option, message = self._option(error.argument.removeprefix("config.")), error.reason
             if option is None:
                 raise
             if isinstance(error, IncompleteJobError):

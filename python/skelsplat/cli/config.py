@@ -24,9 +24,8 @@ NAME_OR_PATH = "name or path"
 """Marks a text option in its `Annotated`: a name, or a path where a file of that name exists."""
 _KEYS = "skelsplat.config.keys"
 _HELP = (
-    "Read options and arguments from a file. Its lines are KEY = VALUE, such as min-confidence = 0.3 or "
-    "paper = true; paths are relative to its folder. Command-line options win; --no-paper cancels "
-    "paper = true."
+    "Read options and arguments from a file. Its lines are OPTION = VALUE, of a flag FLAG = true; paths are "
+    "relative to its folder. Command-line options win; --no-FLAG cancels FLAG = true."
 )
 # Metavars of options that take several names with commas between them.
 _WITH_COMMAS = ("A,B,…", "FORMATS", "FIGURES")

@@ -14,6 +14,7 @@ from skelsplat.cli.table import tell
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import collected_warnings
 from skelsplat.io import convert_unit, write_calibration
+from skelsplat.io._files import listed
 from skelsplat.io._run_files import POSES
 from skelsplat.io.calibration import find_format, read_calibration
 from skelsplat.io.poses import POSE_FORMATS, convert_poses, is_pose_file, pose_format
@@ -25,6 +26,7 @@ EPILOG = (
     ".c3d, .json and .nc."
 )
 _READ = frozenset({"unit", "format", "camera_type", "subject", "size", "binning"})
+_MOST_NAMES = 8
 # By kind of file: what OUTPUT may end in, and the options of the command that it takes.
 _KINDS = {
     "pose file": (
@@ -46,9 +48,7 @@ _ToUnit = Annotated[
     ),
 ]
 _Fps = Annotated[float | None, options.option("Output", metavar="RATE", help="Poses: frames per second.")]
-_YUp = Annotated[
-    bool, typer.Option("--y-up", help="Poses: write a world with z up as y up.", rich_help_panel="Output")
-]
+_YUp = Annotated[bool, options.flag("Output", "--y-up", help="Poses: write a world with z up as y up.")]
 _MarkerNames = Annotated[
     str | None,
     options.option(
@@ -59,12 +59,9 @@ _MarkerNames = Annotated[
 ]
 _Singular = Annotated[
     bool,
-    typer.Option(
-        "--singular",
-        help="Poses in .nc: name the dimensions as movement 0.17 does.",
-        rich_help_panel="Output",
-    ),
+    options.flag("Output", "--singular", help="Poses in .nc: name the dimensions as movement 0.17 does."),
 ]
+_Force = Annotated[bool, options.flag("Output", "--force", help="Replace OUTPUT if it exists.")]
 
 
 def convert(
@@ -83,6 +80,7 @@ def convert(
     y_up: _YUp = False,
     marker_names: _MarkerNames = None,
     singular: _Singular = False,
+    force: _Force = False,
     quiet: options.Quiet = False,
     as_json: options.AsJson = False,
 ) -> None:
@@ -120,6 +118,8 @@ def convert(
     given = {name: value for name, value in every.items() if value is not None}
     kind = _kind(source, named=format is not None)
     _check(kind, target, given)
+    if target.exists() and not force and target.resolve() != source.resolve():
+        raise DatasetError(target, "OUTPUT", "no file of this name (--force replaces it)", "one that exists")
     with collected_warnings(tell):
         sentence, about = (_poses if kind == "pose file" else _calibration)(source, target, given)
     if as_json:
@@ -161,8 +161,8 @@ def _poses(source: Path, target: Path, given: dict[str, Any]) -> tuple[str, dict
     try:
         data = convert_poses(path, target, unit=given.pop("to_unit", None), **given)
     except InvalidInputError as error:
-        if str(error).startswith("unit: "):
-            raise InvalidInputError(f"to_{error}") from error
+        if error.argument == "unit":
+            raise error.of_argument("to_unit") from error
         raise
     frames, joints = data.pose.shape[:2]
     about = {"format": pose_format(path), "frames": frames, "joints": list(data.joint_names)}
@@ -182,13 +182,7 @@ def _calibration(source: Path, target: Path, given: dict[str, Any]) -> tuple[str
         raise DatasetError(target, "target", "another file than the source", "the same")
     written = rig if unit is None else convert_unit(rig, unit)
     write_calibration(target, written)
-    cameras = f"{len(rig)} camera{'s' * (len(rig) != 1)} ({_listed(rig.names)})"
+    cameras = f"{len(rig)} camera{'s' * (len(rig) != 1)} ({listed(rig.names, _MOST_NAMES)})"
     about = {"format": given.get("format") or find_format(source), "cameras": list(rig.names)}
     sentence = f"Wrote {cameras} to {target}, lengths in {written.unit}."
     return sentence, {**about, "unit": {"input": rig.unit, "output": written.unit}}
-
-
-def _listed(names: tuple[str, ...], most: int = 8) -> str:
-    """Return names as a phrase, a long list cut short."""
-    rest = len(names) - most
-    return ", ".join(names) if rest <= 0 else f"{', '.join(names[:most])} and {rest} more"

@@ -8,16 +8,14 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich import box
 from rich.console import Console
-from rich.table import Table
 from rich.text import Text
 
 from skelsplat import datasets
 from skelsplat.cli import options
 from skelsplat.cli.command import Application
 from skelsplat.cli.output import print_json
-from skelsplat.cli.table import print_table
+from skelsplat.cli.table import new_table, print_table
 from skelsplat.datasets import Dataset, Report
 from skelsplat.datasets import _registry as registry
 from skelsplat.exceptions import InvalidInputError
@@ -52,6 +50,24 @@ Settings = Annotated[
         metavar="KEY=VALUE",
         help="An option of the data set's reader: format=karfly, subjects=S9,S11. Repeatable.",
         rich_help_panel="Data",
+    ),
+]
+LENSES = {"undistorted": True, "as-paper": False}
+Lens = Annotated[
+    str,
+    typer.Option(
+        "--protocol",
+        metavar="|".join(LENSES),
+        help="Remove lens distortion from detections, or ignore it as published evaluations do.",
+        rich_help_panel="Data",
+    ),
+]
+InitSigma = Annotated[
+    float,
+    typer.Option(
+        metavar="MM",
+        help="Standard deviation per axis of fused poses where they are a prior.",
+        rich_help_panel="Method",
     ),
 ]
 _NamesOnly = Annotated[
@@ -149,8 +165,7 @@ def reader_options(given: Sequence[str], dataset: str) -> dict[str, Any]:
 
 def _print_list(console: Console, entries: Sequence[dict[str, Any]]) -> None:
     """Print the data sets, what they are and their options."""
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    table.add_column("data set", style="bold", no_wrap=True)
+    table = new_table(None, "data set")
     table.add_column("what it is, and the options of its reader")
     for entry in entries:
         table.add_row(entry["name"], f"{entry['description']}\n{', '.join(entry['options'])}")
@@ -185,9 +200,7 @@ def _print_files(console: Console, report: Report) -> None:
 
 
 def _print_dataset(console: Console, dataset: Dataset) -> None:
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
-    for name in ("subject", "takes", "frames", "views", "joints", "detected", "truth"):
-        table.add_column(name, justify="left" if name == "subject" else "right")
+    table = new_table(None, "subject", ("takes", "frames", "views", "joints", "detected", "truth"))
     for subject in dict.fromkeys(take.subject for take in dataset):
         takes = [take for take in dataset if take.subject == subject]
         views = sorted({len(take.rig) for take in takes})
@@ -217,15 +230,8 @@ def _print_errors(console: Console, report: Report) -> None:
     if not rows:
         console.print("No detections: units and cameras are judged by the truth alone.")
         return
-    table = Table(
-        title="Truth projected onto the detections, median error [px]",
-        title_justify="left",
-        box=box.SIMPLE_HEAD,
-        pad_edge=False,
-    )
-    table.add_column("camera")
-    for name in ("as given", "left/right exchanged", "best other camera"):
-        table.add_column(name, justify="right")
+    columns = ("as given", "left/right exchanged", "best other camera")
+    table = new_table("Truth projected onto the detections, median error [px]", "camera", columns)
     for row in rows:
         values = (row.as_given, row.sides_exchanged, row.best_other_camera)
         table.add_row(row.camera, *(f"{px:.1f}" if math.isfinite(px) else "–" for px in values))

@@ -35,7 +35,7 @@ def live(
     size: inputs.Size = None,
     binning: inputs.Binning = None,
     no_swaps: options.NoSwaps = False,
-    sigma_mm: options.Sigma = None,
+    sigma_mm: options.SigmaOfAnnealed = None,
     quiet: options.Quiet = False,
 ) -> None:
     """Refine frame by frame: detections as JSON lines on stdin, poses on stdout.

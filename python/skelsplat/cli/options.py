@@ -6,6 +6,7 @@ Each option is the annotated type of a parameter.
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -28,26 +29,29 @@ def flag(panel: str, *names: str, help: str) -> Any:
     return typer.Option(*names, metavar="", help=help, rich_help_panel=panel)
 
 
-_ANNEALED, _OF_PAPER = (
+_METHODS = tuple(
     {setting.name: setting for setting in RefineConfig.settings(method)} for method in ("annealed", "paper")
 )
 
 
-def _sentence(name: str) -> str:
+def _sentence(name: str, *tables: Mapping[str, Any]) -> str:
     """Return what a setting does, in the core's words, with options instead of settings."""
     sentences = [
         re.sub(r"`(\w+)`", lambda found: "--" + found[1].replace("_", "-"), table[name].sentence)
-        for table in (_ANNEALED, _OF_PAPER)
+        for table in tables
         if name in table
     ]
     both = [text.partition("; None:")[0].rstrip(".") + "." for text in dict.fromkeys(sentences)]
     return " With --paper: ".join([both[0], *(text[0].lower() + text[1:] for text in both[1:])])
 
 
-def _default(name: str) -> str:
-    """Return the default of a setting, with that of the paper's method if it is another."""
-    texts = [f"{table[name].default:.4g}" for table in (_ANNEALED, _OF_PAPER) if name in table]
-    return ", with --paper ".join(dict.fromkeys(texts))
+def _setting(
+    panel: str, name: str, *tables: Mapping[str, Any], metavar: str, default: str | None = None, **more: Any
+) -> Any:
+    """Return typer's option of a setting, with what the methods' ``tables`` say of it."""
+    texts = [] if default else [f"{table[name].default:.4g}" for table in tables if name in table]
+    shown = default or ", with --paper ".join(dict.fromkeys(texts))
+    return option(panel, metavar=metavar, help=_sentence(name, *tables), default=shown, **more)
 
 
 Detections = Annotated[
@@ -157,15 +161,7 @@ InitSigma = Annotated[
     ),
 ]
 MinConfidence = Annotated[
-    float | None,
-    option(
-        _INPUT,
-        metavar="C",
-        help=_sentence("min_confidence"),
-        default=_default("min_confidence"),
-        min=0,
-        max=1,
-    ),
+    float | None, _setting(_INPUT, "min_confidence", *_METHODS, metavar="C", min=0, max=1)
 ]
 NoUndistort = Annotated[bool, flag(_INPUT, "--no-undistort", help="Ignore lens distortion.")]
 
@@ -182,30 +178,26 @@ NoSwaps = Annotated[
     bool,
     flag(_METHOD, "--no-swaps", help="Do not correct left–right swaps."),
 ]
-Sigma = Annotated[
-    float | None, option(_METHOD, metavar="MM", help=_sentence("sigma_mm"), default=_default("sigma_mm"))
-]
+Sigma = Annotated[float | None, _setting(_METHOD, "sigma_mm", *_METHODS, metavar="MM")]
+SigmaOfAnnealed = Annotated[float | None, _setting(_METHOD, "sigma_mm", _METHODS[0], metavar="MM")]
 OcclusionSigma = Annotated[
-    float | None, option(_METHOD, metavar="MM", help=_sentence("occlusion_sigma_mm"), default="as --sigma-mm")
+    float | None,
+    _setting(_METHOD, "occlusion_sigma_mm", *_METHODS, metavar="MM", default="as --sigma-mm"),
 ]
 SymmetryTier = Annotated[
+    int | None, _setting(_METHOD, "symmetry_tier", *_METHODS, metavar="0..3", min=0, max=3)
+]
+MaxSteps = Annotated[int | None, _setting(_METHOD, "max_steps", *_METHODS, metavar="N", min=0)]
+Threads = Annotated[
     int | None,
     option(
         _METHOD,
-        metavar="0..3",
-        help=_sentence("symmetry_tier"),
-        default=_default("symmetry_tier"),
-        min=0,
-        max=3,
+        "--threads",
+        metavar="N",
+        help=_sentence("n_threads", *_METHODS),
+        default="all cores",
+        min=1,
     ),
-]
-MaxSteps = Annotated[
-    int | None,
-    option(_METHOD, metavar="N", help=_sentence("max_steps"), default=_default("max_steps"), min=0),
-]
-Threads = Annotated[
-    int | None,
-    option(_METHOD, "--threads", metavar="N", help=_sentence("n_threads"), default="all cores", min=1),
 ]
 
 FillGaps = Annotated[

@@ -1,8 +1,9 @@
-"""JSON on stdout, and progress bars on stderr."""
+"""JSON on stdout, warnings and progress bars on stderr."""
 
 from __future__ import annotations
 
 import contextlib
+import textwrap
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -24,6 +25,14 @@ from skelsplat._json import to_text
 def print_json(document: Any) -> None:
     """Print a document on stdout; a number that does not exist is null."""
     typer.echo(to_text(document), nl=False)
+
+
+def print_warning(text: str) -> None:
+    """Print a warning on stderr: wrapped between words on a terminal, else one line, to be searched for."""
+    console, text = Console(stderr=True), f"warning: {text}"
+    if console.is_terminal:
+        text = textwrap.fill(text, console.width, break_long_words=False, break_on_hyphens=False)
+    typer.echo(text, err=True)
 
 
 def bar_of(unit: str, *, shown: bool, time: ProgressColumn | None = None) -> Progress:

@@ -162,11 +162,11 @@ def overlay(
         png=png,
         grid=grid,
     )
-    with collected_warnings(tell) as remarks, counting("frames", shown=not quiet) as progress:
+    with collected_warnings(tell) as found, counting("frames", shown=not quiet) as progress:
         written = write_overlay(job, progress)
     if as_json:
-        files, texts = [one.to_dict() for one in written], [remark.text for remark in remarks]
-        print_json({"run": str(run), "videos": str(videos), "files": files, "warnings": texts})
+        files, findings = ([one.to_dict() for one in several] for several in (written, found))
+        print_json({"run": str(run), "videos": str(videos), "files": files, "findings": findings})
     elif not quiet:
         for one in written:
             typer.echo(f"{one.path}: {one.frames} frames of {one.size[0]}×{one.size[1]}")

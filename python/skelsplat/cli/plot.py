@@ -9,7 +9,7 @@ import typer
 from rich.console import Console
 
 from skelsplat.cli import options
-from skelsplat.cli.output import counting, print_json
+from skelsplat.cli.output import counting, print_json, print_warning
 from skelsplat.run.frame_range import FrameRange
 from skelsplat.run.plots import PICTURES, Drawn, Source, read_source, write_plots
 
@@ -101,7 +101,7 @@ def plot(
         drawn = write_plots(source, folder, only=pictures, formats=formats, progress=progress)
     for picture in drawn:
         if not picture.files and (quiet or as_json):
-            typer.echo(f"warning: {picture.name} left out: {picture.sentence}", err=True)
+            print_warning(f"{picture.name} left out: {picture.sentence}")
     if as_json:
         print_json(_report(source, drawn))
     elif not quiet:

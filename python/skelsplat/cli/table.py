@@ -1,28 +1,28 @@
-"""What a run prints: tables and sentences, at most 80 columns wide."""
+"""Tables on the console, none of which breaks a name; and what a run prints, at most 80 columns wide."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import os
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-import typer
 from rich import box
+from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 import skelsplat as sk
 from skelsplat._sentences.words import number
+from skelsplat.cli.output import print_warning
 from skelsplat.findings import Finding
 from skelsplat.run import Run
 from skelsplat.run.folder import left_of_earlier
 from skelsplat.run.solve import default_threads
 from skelsplat.run.summary import Group, Statistics, finite_max, finite_median
 
-if TYPE_CHECKING:
-    from rich.console import Console
-
+_WIDEST = 100  # columns of tables with more than fits 80
 _MOST_JOINTS = 5
 _REASONS = {
     "converged": "converged",
@@ -34,7 +34,24 @@ _REASONS = {
 
 def tell(finding: Finding) -> None:
     """Print a finding on stderr."""
-    typer.echo(f"warning: {finding.text}", err=True)
+    print_warning(finding.text)
+
+
+def wide_console() -> Console:
+    """Return a console of at most 100 columns: those of the terminal or of ``COLUMNS``; 100 into a file."""
+    console = Console(highlight=False, markup=False)
+    known = console.is_terminal or "COLUMNS" in os.environ
+    console.width = min(console.width, _WIDEST) if known else _WIDEST
+    return console
+
+
+def new_table(title: str | None, first: str, columns: Sequence[str] = ()) -> Table:
+    """Return a table of names, headed `first`, with these columns of numbers."""
+    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.add_column(first)
+    for name in columns:
+        table.add_column(name, justify="right")
+    return table
 
 
 def print_table(console: Console, table: Table) -> None:
@@ -42,16 +59,47 @@ def print_table(console: Console, table: Table) -> None:
 
     A first column that folds is broken between words.
     """
-    own, first = console.width, table.columns[0]
-    console.width = 10_000  # to measure what it would take
-    for column in table.columns:
-        words = [console.measure(cell) for cell in (column.header, *column.cells)]
-        whole = column is first and first.overflow != "fold"
-        column.no_wrap = whole
-        column.min_width = max(size.maximum if whole else size.minimum for size in words)
-    console.width = max(own, console.measure(table).minimum)
+    own = console.width
+    console.width = max(own, _least_width(console, table))
     console.print(table, crop=False)
     console.width = own
+
+
+def print_parts(console: Console, columns: int, split: Callable[[int], list[Table]]) -> None:
+    """Print a table of so many columns in the fewest parts that fit, each with all of the names.
+
+    ``split`` returns the tables of at most so many columns each.
+    """
+    parts: list[Table] = []
+    for count in range(1, columns + 1):
+        parts = split(-(-columns // count))
+        if all(_least_width(console, part) <= console.width for part in parts):
+            break
+    for part in parts:
+        print_table(console, part)
+
+
+def _least_width(console: Console, table: Table) -> int:
+    """Set the columns' widths so that no word breaks, nor a name in the first column; return the least sum.
+
+    What the console has beyond that goes to the columns that want more, in proportion to how much.
+    """
+    own, first = console.width, table.columns[0]
+    console.width = 10_000  # to measure what it would take
+    wanted = []
+    for column in table.columns:
+        words = [console.measure(cell) for cell in (column.header, *column.cells)]
+        column.no_wrap = whole = column.no_wrap or (column is first and first.overflow != "fold")
+        most = max(size.maximum for size in words)
+        column.min_width = most if whole else max(size.minimum for size in words)
+        wanted.append(most - column.min_width)
+    size = console.measure(table)
+    console.width = own
+    if size.maximum > own:  # rich itself would take from all columns alike, and go beyond the width
+        share = max(0, own - size.minimum) / max(1, sum(wanted))
+        for column, more in zip(table.columns, wanted, strict=True):
+            column.width = (column.min_width or 0) + int(share * more)
+    return size.minimum
 
 
 def print_run(console: Console, run: Run) -> None:
@@ -94,18 +142,10 @@ def print_files(console: Console, folder: Path, names: Sequence[str]) -> None:
 
 def _cameras(run: Run) -> Table:
     statistics = run.statistics
-    table = Table(
-        title=f"Reprojection error [px], {run.outcome.start_name} → refined, and detections",
-        title_justify="left",
-        box=box.SIMPLE_HEAD,
-        padding=(0, 1, 0, 0),
-    )
-    table.add_column("camera")
-    for name in ("median", "90th percentile", "used", "missing", "rejected", "weight"):
-        table.add_column(name, justify="right")
     left_out = statistics.total.left_out > 0
-    if left_out:
-        table.add_column("left\nout", justify="right")
+    columns = ["median", "90th percentile", "used", "missing", "rejected", "weight"]
+    title = f"Reprojection error [px], {run.outcome.start_name} → refined, and detections"
+    table = new_table(title, "camera", [*columns, "left\nout"] if left_out else columns)
     for group in statistics.cameras:
         table.add_row(*_cells(group, left_out), end_section=group is statistics.cameras[-1])
     table.add_row(*_cells(statistics.total, left_out), style="bold")

@@ -17,11 +17,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skelsplat._arrays import Array, Index
 from skelsplat._skelsplat import Layout
 from skelsplat.datasets._files import (
-    FloatArray,
     a_table,
     as_numbers,
     find,
@@ -31,6 +30,7 @@ from skelsplat.datasets._files import (
     require,
 )
 from skelsplat.exceptions import DatasetError
+from skelsplat.io._arrays import frame_numbers
 
 KEYS_2D = ("poses", "poses2d")
 """Keys of 2D poses in the authors' files; the first that is there counts."""
@@ -44,7 +44,7 @@ class Wanted:
     """What the detections of a take must fit: its frames, the names of its views, its joints."""
 
     key: str
-    frames: NDArray[np.int64]
+    frames: Index
     views: tuple[str, ...]
     layout: Layout
 
@@ -56,7 +56,7 @@ def detector_name(text: str) -> str:
     return re.sub(r"[^a-z0-9_]", "", name)
 
 
-def as_detections(path: Path, field: str, value: Any, wanted: Wanted) -> FloatArray:
+def as_detections(path: Path, field: str, value: Any, wanted: Wanted) -> Array:
     """Return (T, M, N, 3) from pixels with or without confidence; missing = NaN, NaN, 0.
 
     Takes pixels that are not finite, the pixel (0, 0) and a confidence of 0 as missing; a confidence above 1
@@ -74,10 +74,6 @@ def as_detections(path: Path, field: str, value: Any, wanted: Wanted) -> FloatAr
     for got, want, expected in counts:
         if got != want:
             raise DatasetError(path, field, expected, f"{got} (shape {array.shape})")
-    return _with_missing(array)
-
-
-def _with_missing(array: FloatArray) -> FloatArray:
     pixels = array[..., :2]
     confidence = np.nan_to_num(array[..., 2]) if array.shape[-1] == 3 else np.ones(array.shape[:-1])
     missing = ~np.isfinite(pixels).all(axis=-1) | (pixels == 0.0).all(axis=-1) | (confidence <= 0.0)
@@ -123,7 +119,7 @@ def first_key(path: Path, content: dict[str, Any], keys: Sequence[str]) -> tuple
     raise DatasetError(path, keys[0], f"one of the keys {', '.join(keys)}", f"only {there}")
 
 
-def with_scores(path: Path, array: FloatArray, content: dict[str, Any]) -> FloatArray:
+def with_scores(path: Path, array: Array, content: dict[str, Any]) -> Array:
     """Return pixels (…, 2) with the ``scores`` of their file as confidence, if it has them."""
     if "scores" not in content or array.shape[-1:] != (2,):
         return array
@@ -133,22 +129,12 @@ def with_scores(path: Path, array: FloatArray, content: dict[str, Any]) -> Float
     return np.concatenate([array, scores.reshape(*array.shape[:-1], 1)], axis=-1)
 
 
-def read_truth(path: Path, n_joints: int) -> tuple[str, FloatArray, NDArray[np.int64] | None]:
+def read_truth(path: Path, n_joints: int) -> tuple[str, Array, Index | None]:
     """Return key and values of the joints (T, N, 3) of a file, and its ``frames`` (T,), if it has them."""
     content = load_npz(path)
     key = next((key for key in KEYS_3D if key in content), KEYS_3D[-1])
     truth = numbers(path, key, require(path, "", content, key), ("T", n_joints, 3))
     return key, truth, frame_numbers(path, content["frames"]) if "frames" in content else None
-
-
-def frame_numbers(path: Path, value: Any, count: int | None = None) -> NDArray[np.int64]:
-    """Return frame numbers, which ascend; as many as `count`, if that is known."""
-    frames = np.asarray(value)
-    fits = frames.ndim == 1 and frames.dtype.kind in "iu" and count in (None, len(frames))
-    if not fits or (np.diff(frames) <= 0).any():
-        expected = f"{'' if count is None else f'{count} '}whole numbers that ascend"
-        raise DatasetError(path, "frames", expected, f"{frames.dtype} {frames.shape}")
-    return frames.astype(np.int64)
 
 
 Spellings = Sequence[Sequence[str]]
@@ -161,7 +147,7 @@ def read_apart(
     spellings: Spellings | None = None,
     *,
     by_frame: bool = True,
-) -> tuple[FloatArray, NDArray[np.int64], Path]:
+) -> tuple[Array, Index, Path]:
     """Read the detections of a take.
 
     Parameters
@@ -215,7 +201,7 @@ def _of_views(folder: Path, stems: Sequence[str], spellings: Spellings) -> list[
     ]
 
 
-def _one_file(path: Path, wanted: Wanted, *, by_frame: bool) -> tuple[FloatArray, NDArray[np.int64]]:
+def _one_file(path: Path, wanted: Wanted, *, by_frame: bool) -> tuple[Array, Index]:
     """Return the detections of a file and their places in the take's frames."""
     content = load_poses(path)
     key, value = first_key(path, content, (*KEYS_2D, "detections"))
@@ -240,7 +226,7 @@ def read_world(
     shape: tuple[int, int],
     spellings: Spellings,
     what: str = "world poses",
-) -> FloatArray:
+) -> Array:
     """Read world poses (T, V, N, 3): one per view, or one in all that is fused already (V = 1).
 
     `shape` is (T, N); `what` names them if they are missing; else as for `read_apart`.
@@ -286,7 +272,7 @@ class Separate:
         elif not path.is_dir():
             raise DatasetError(path, "detections", "a folder, an npz or a JSON file", "nothing in this place")
 
-    def read(self, subject: str, activity: str, wanted: Wanted) -> tuple[FloatArray, Path] | None:
+    def read(self, subject: str, activity: str, wanted: Wanted) -> tuple[Array, Path] | None:
         """Return the detections of a take and the file they are in, or None if it has none."""
         if self._content is None:
             folder = self._named(self.path / subject, activity)

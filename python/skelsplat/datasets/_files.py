@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skelsplat._arrays import Array
+from skelsplat._atomic import opening
 from skelsplat.exceptions import DatasetError
 from skelsplat.io import _arrays
 from skelsplat.io._files import load_json as parse_json_file
-from skelsplat.io._files import opening
 from skelsplat.io._unpickle import unpickle
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass
@@ -57,13 +54,6 @@ def find(candidates: Sequence[Path], what: str) -> Path:
     raise DatasetError(candidates[0], "file", what, f"nothing there{', nor at ' if others else ''}{others}")
 
 
-@contextmanager
-def opened(path: Path) -> Iterator[IO[bytes]]:
-    """Open a file for reading; raises `DatasetError` if it cannot be opened or read."""
-    with opening(path), path.open("rb") as stream:
-        yield stream
-
-
 def load_json(path: Path) -> Any:
     """Return the value in a JSON file."""
     return parse_json_file(path, "values of moderate depth")
@@ -71,7 +61,7 @@ def load_json(path: Path) -> Any:
 
 def load_pickle(path: Path) -> Any:
     """Return the object in a pickle; only data, never code (`unpickle`)."""
-    with opened(path) as stream:
+    with opening(path), path.open("rb") as stream:
         return unpickle(stream, path)
 
 
@@ -152,7 +142,7 @@ def within(field: str, key: Any) -> str:
     return f"{field}.{key}" if field else str(key)
 
 
-def as_numbers(path: Path, field: str, value: Any) -> FloatArray:
+def as_numbers(path: Path, field: str, value: Any) -> Array:
     """Return `value` as a new array of float64, C order; None is NaN."""
     try:
         return np.array(value, dtype=np.float64, order="C")
@@ -160,7 +150,7 @@ def as_numbers(path: Path, field: str, value: Any) -> FloatArray:
         raise DatasetError(path, field, "numbers in rows of the same length", error) from error
 
 
-def numbers(path: Path, field: str, value: Any, shape: tuple[int | str, ...]) -> FloatArray:
+def numbers(path: Path, field: str, value: Any, shape: tuple[int | str, ...]) -> Array:
     """Return `value` as an array of float64 with the given shape.
 
     `shape` has an integer where the length is fixed and a letter where any is good; the same letter is the

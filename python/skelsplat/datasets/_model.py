@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skelsplat._arrays import Array, Index, Mask
 from skelsplat._skelsplat import Layout
 from skelsplat.cameras import CameraRig
 from skelsplat.exceptions import DatasetError
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,12 +48,12 @@ class Take:
     subject: str
     action: str
     rig: CameraRig
-    frames: NDArray[np.int64]
-    truth: FloatArray
-    detections: FloatArray | None = None
-    monocular: FloatArray | None = None
-    boxes: FloatArray | None = None
-    visible: NDArray[np.bool_] | None = None
+    frames: Index
+    truth: Array
+    detections: Array | None = None
+    monocular: Array | None = None
+    boxes: Array | None = None
+    visible: Mask | None = None
     files: Mapping[str, Path] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -74,7 +73,7 @@ class Take:
     def __len__(self) -> int:
         return len(self.frames)
 
-    def select(self, keep: NDArray[np.bool_] | NDArray[np.int64] | slice) -> Take:
+    def select(self, keep: Mask | Index | slice) -> Take:
         """Return the take with only the frames `keep`."""
         arrays = ("frames", "truth", "detections", "monocular", "boxes", "visible")
         return replace(self, **self._cut(arrays, keep))
@@ -83,7 +82,7 @@ class Take:
         values = {name: getattr(self, name) for name in names}
         return {name: None if value is None else value[index] for name, value in values.items()}
 
-    def with_detections(self, values: FloatArray, path: Path, monocular: FloatArray | None = None) -> Take:
+    def with_detections(self, values: Array, path: Path, monocular: Array | None = None) -> Take:
         """Return the take with detections (T, M, N, 3) from a file or folder, maybe with monocular poses."""
         files = {**self.files, "detections": path}
         own = self.monocular if monocular is None else monocular

@@ -3,8 +3,9 @@
 A reader is a module, or an object in one (``"module:NAME"``), with
 
 - ``DESCRIPTION``: one line for ``skelsplat datasets list``;
-- ``read(root, **options) -> Dataset``: keyword-only options with defaults; raises `DatasetError`;
-- ``survey(root, **options) -> Survey``: the same options; which files are there, and which are missing and
+- ``read(root, **options) -> Dataset``: keyword-only options with defaults, and those that ``OPTIONS``, if the
+  reader has it, names; raises `DatasetError`;
+- ``survey(root, options) -> Survey``: those options by name; which files are there, which are missing and
   where they were expected. It opens nothing that is large and does not raise for what is missing.
 
 Takes should say in ``Take.files`` where their parts come from, so that errors can name the file.
@@ -14,6 +15,7 @@ from __future__ import annotations
 
 import inspect
 import os
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from importlib import import_module
 from pathlib import Path
@@ -22,12 +24,12 @@ from typing import Any, Protocol, cast
 from skelsplat.datasets._files import Survey
 from skelsplat.datasets._model import Dataset
 from skelsplat.datasets._verify import ViewError, raise_errors, samples_of, verify, view_errors
-from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 from skelsplat.findings import Finding
 
 _MODULES = {
     "human36m": "skelsplat.datasets.human36m",
-    "human36m-occ": "skelsplat.datasets.human36m_occ",
+    "human36m-occ": "skelsplat.datasets.human36m:OCCLUDED",
     "panoptic": "skelsplat.datasets.panoptic",
     "occlusion-person": "skelsplat.datasets.occlusion_person",
     "shelf": "skelsplat.datasets._shelf_campus:SHELF",
@@ -44,7 +46,7 @@ class Reader(Protocol):
     def read(self, root: Path, **options: Any) -> Dataset:
         """Read the data set beneath `root`."""
 
-    def survey(self, root: Path, **options: Any) -> Survey:
+    def survey(self, root: Path, options: Mapping[str, Any]) -> Survey:
         """Say which files are there."""
 
 
@@ -55,8 +57,7 @@ def names() -> tuple[str, ...]:
 
 def reader(name: str) -> Reader:
     """Return the reader of a data set."""
-    if name not in _MODULES:
-        raise InvalidInputError(f"name: expected one of {', '.join(_MODULES)}, got {name!r}")
+    one_of("name", name, _MODULES)
     module, _, inside = _MODULES[name].partition(":")
     found = import_module(module)
     return cast("Reader", getattr(found, inside) if inside else found)
@@ -64,8 +65,13 @@ def reader(name: str) -> Reader:
 
 def options_of(name: str) -> tuple[str, ...]:
     """Names of the options that `read` takes for a data set."""
-    parameters = inspect.signature(reader(name).read).parameters.values()
-    return tuple(p.name for p in parameters if p.kind is p.KEYWORD_ONLY)
+    module = reader(name)
+    return (*_defaults(module), *getattr(module, "OPTIONS", ()))
+
+
+def _defaults(module: Reader) -> dict[str, Any]:
+    parameters = inspect.signature(module.read).parameters.values()
+    return {p.name: p.default for p in parameters if p.kind is p.KEYWORD_ONLY}
 
 
 def detections_option(name: str, which: str) -> dict[str, Any]:
@@ -195,7 +201,7 @@ def check(name: str, root: str | os.PathLike[str], **options: Any) -> Report:
         If there is nothing at `root`.
     """
     module, path = prepared(name, root, options)
-    survey = module.survey(path, **options)
+    survey = module.survey(path, {**_defaults(module), **options})
     try:
         dataset = module.read(path, **options)
     except DatasetError as error:

@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from skelsplat._arrays import Array
 from skelsplat._skelsplat import Camera
 from skelsplat.cameras import CameraRig
-from skelsplat.datasets._files import FloatArray, as_numbers, require, within
+from skelsplat.datasets._files import as_numbers, require, within
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io import read_calibration
 
@@ -20,10 +21,10 @@ def build_camera(
     path: Path,
     field: str,
     *,
-    K: FloatArray,
-    R: FloatArray,
-    t: FloatArray,
-    distortion: Sequence[float] | FloatArray | None,
+    K: Array,
+    R: Array,
+    t: Array,
+    distortion: Sequence[float] | Array | None,
     size: Sequence[int],
     name: str,
 ) -> Camera:
@@ -44,7 +45,7 @@ def camera_at_centre(path: Path, field: str, entry: Any, *, size: Sequence[int],
     Numbers may be wrapped in arrays of any shape with as many values; ``k`` are three and ``p`` two.
     """
 
-    def values(key: str, count: int) -> FloatArray:
+    def values(key: str, count: int) -> Array:
         given = as_numbers(path, within(field, key), require(path, field, entry, key)).ravel()
         if given.shape != (count,) or not np.isfinite(given).all():
             raise DatasetError(path, within(field, key), f"{count} finite numbers", given.tolist())

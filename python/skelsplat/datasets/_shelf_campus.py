@@ -12,21 +12,23 @@ Each actor is a take; frames are those in which it is labelled.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skelsplat._arrays import Array, Index
 from skelsplat._optional import require
 from skelsplat._skelsplat import Layout
 from skelsplat.cameras import CameraRig
 from skelsplat.datasets._detections import Wanted, detections_of, read_apart
-from skelsplat.datasets._files import FloatArray, Survey, a_table, find, load_json, opened
+from skelsplat.datasets._files import Survey, a_table, find, load_json
 from skelsplat.datasets._model import Dataset, Take
 from skelsplat.datasets._rig import build_rig, camera_at_centre
 from skelsplat.exceptions import DatasetError
+from skelsplat.io._files import parsing
 from skelsplat.layouts import COCO17, SHELF14
 
 
@@ -78,14 +80,12 @@ class Scene:
         words = f"{self.name.capitalize()}, one take per actor, detections: {name or 'none'}"
         return Dataset(self.name, SHELF14, tuple(takes), name, words)
 
-    def survey(
-        self, root: Path, *, detector: str | None = None, detections: Path | str | None = None
-    ) -> Survey:
-        """Say which files are there."""
+    def survey(self, root: Path, options: Mapping[str, Any]) -> Survey:
+        """Say which files are there, with the options of `read`."""
         found = Survey()
         for what, places in self._files(root).items():
             found.look(places, what)
-        found.look_for_detections(root, detector, detections, "hrnet")
+        found.look_for_detections(root, options["detector"], options["detections"], "hrnet")
         return found
 
     def _files(self, root: Path) -> dict[str, list[Path]]:
@@ -120,7 +120,7 @@ def _rig(scene: Scene, path: Path) -> CameraRig:
 def _with_detections(take: Take, folder: Path) -> Take:
     spellings = [[name, f"cam{name}", f"Camera{name}"] for name in take.rig.names]
 
-    def found_as(layout: Layout) -> tuple[FloatArray, NDArray[np.int64], Path]:
+    def found_as(layout: Layout) -> tuple[Array, Index, Path]:
         wanted = Wanted(take.key, take.frames, take.rig.names, layout)
         places = [(folder / take.action, ["poses"]), (folder, [take.action])]
         return read_apart(places, wanted, spellings)
@@ -139,7 +139,7 @@ def _with_detections(take: Take, folder: Path) -> Take:
     return take.select(places).with_detections(values, path)
 
 
-def from_coco(detections: FloatArray) -> FloatArray:
+def from_coco(detections: Array) -> Array:
     """Return SHELF14 detections (…, 14, 3) of COCO-17 ones (…, 17, 3).
 
     The neck (bottom of the head) is half-way between the middles of shoulders and ears; the top of the head
@@ -155,7 +155,7 @@ def from_coco(detections: FloatArray) -> FloatArray:
     return np.concatenate([limbs, head], axis=-2)
 
 
-def read_actors(path: Path, n_joints: int) -> list[tuple[NDArray[np.int64], FloatArray]]:
+def read_actors(path: Path, n_joints: int) -> list[tuple[Index, Array]]:
     """Return frames (T,), from 0, and joints (T, N, 3) mm of each actor, where it is labelled."""
     content = _load(path)
     if "actor3D" not in content:
@@ -175,13 +175,8 @@ def read_actors(path: Path, n_joints: int) -> list[tuple[NDArray[np.int64], Floa
 
 def _load(path: Path) -> dict[str, Any]:
     loadmat = require("scipy.io", str(path), "evaluation").loadmat
-    with opened(path) as stream:
-        try:
-            return dict(loadmat(stream))
-        except NotImplementedError as error:
-            raise DatasetError(path, "file", "a MATLAB file before version 7.3", error) from error
-        except Exception as error:  # a damaged file can make the reader raise nearly anything
-            raise DatasetError(path, "file", "a complete MATLAB file", error) from error
+    with parsing(path, "a complete MATLAB file before version 7.3"), path.open("rb") as stream:
+        return dict(loadmat(stream))
 
 
 def _is_cell(value: Any) -> bool:
@@ -192,7 +187,7 @@ def _cells(value: Any) -> list[Any]:
     return list(value.ravel()) if _is_cell(value) else []
 
 
-def _actor(path: Path, field: str, cells: Any, n_joints: int) -> tuple[int, NDArray[np.int64], FloatArray]:
+def _actor(path: Path, field: str, cells: Any, n_joints: int) -> tuple[int, Index, Array]:
     frames, poses = [], []
     values = _cells(cells)
     for k, value in enumerate(values):

@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from skelsplat._arrays import median
+from skelsplat._arrays import Array, median
 from skelsplat._sentences.datasets import parts
 from skelsplat._skelsplat import Camera, Layout, project
 from skelsplat.cameras import MM_PER_UNIT, CameraRig, altered, without_distortion
-from skelsplat.datasets._model import Dataset, FloatArray, Take
+from skelsplat.datasets._model import Dataset, Take
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import Finding, Severity, Subject
 
@@ -37,9 +37,9 @@ class Sample:
     """A few frames of a take, evenly spread."""
 
     take: Take
-    truth: FloatArray  # (t, N, 3)
-    pixels: FloatArray  # (t, M, N, 2): Detections; NaN where missing
-    projected: FloatArray  # (t, M, N, 2): The truth in all views
+    truth: Array  # (t, N, 3)
+    pixels: Array  # (t, M, N, 2): Detections; NaN where missing
+    projected: Array  # (t, M, N, 2): The truth in all views
 
     def error(self) -> float:
         """Median distance of truth and detections, px."""
@@ -64,12 +64,12 @@ def sample(take: Take) -> Sample:
     return Sample(take, truth, pixels, seen(truth, take.rig))
 
 
-def seen(truth: FloatArray, rig: CameraRig) -> FloatArray:
+def seen(truth: Array, rig: CameraRig) -> Array:
     """Project (t, N, 3) to (t, M, N, 2)."""
     return np.asarray(project(truth, rig), dtype=np.float64).swapaxes(0, 1)
 
 
-def distance(a: FloatArray, b: FloatArray) -> FloatArray:
+def distance(a: Array, b: Array) -> Array:
     """Return ‖a − b‖ over the last axis."""
     return np.asarray(np.linalg.norm(a - b, axis=-1))
 
@@ -108,12 +108,12 @@ def view_errors(samples: list[Sample], layout: Layout) -> tuple[ViewError, ...]:
     return tuple(ViewError(name, *values) for name, values in medians.items())
 
 
-def view_distances(item: Sample) -> FloatArray:
+def view_distances(item: Sample) -> Array:
     """Return the median distance of each view's detections from the projection into each camera, (M, M)."""
     return _medians(distance(item.projected[:, None, :], item.pixels[:, :, None]), (0, 3))
 
 
-def _medians(values: FloatArray, axis: tuple[int, ...]) -> FloatArray:
+def _medians(values: Array, axis: tuple[int, ...]) -> Array:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # an empty slice is NaN, which is meant
         return np.asarray(np.nanmedian(values, axis=axis))
@@ -229,7 +229,7 @@ def _found(
     return Finding(f"dataset_{kind}", severity, subject, numbers)
 
 
-def body_size(poses: FloatArray) -> float:
+def body_size(poses: Array) -> float:
     """Return the median diagonal of the boxes round the poses (…, N, 3) that are complete; NaN if none is."""
     flat = poses.reshape(-1, *poses.shape[-2:])
     whole = flat[np.isfinite(flat).all(axis=(1, 2))]

@@ -12,17 +12,16 @@ cameras or one folder per camera.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skelsplat._arrays import Array, Index, Mask
 from skelsplat.datasets._detections import Wanted, detections_of, read_apart, read_truth
 from skelsplat.datasets._files import (
-    FloatArray,
     Survey,
     as_numbers,
     find,
@@ -36,7 +35,7 @@ from skelsplat.datasets._files import (
 from skelsplat.datasets._model import Dataset, Take
 from skelsplat.datasets._rig import build_rig, camera_at_centre
 from skelsplat.datasets._verify import raise_errors, sample
-from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 from skelsplat.layouts import OCCLUSION_PERSON15
 
 DESCRIPTION = "Occlusion-Person: rendered persons behind furniture in 8 cameras."
@@ -106,25 +105,16 @@ def read(
     return Dataset("occlusion-person", OCCLUSION_PERSON15, tuple(takes), name, words, tuple(notes))
 
 
-def survey(
-    root: Path,
-    *,
-    detector: str | None = None,
-    detections: Path | str | None = None,
-    views: int | Sequence[int] = N_CAMERAS,
-    format: str | None = None,
-    split: str = "validation",
-    **_: Any,
-) -> Survey:
-    """Say which files are there; what `read` takes beyond these options changes nothing."""
-    _cameras(views)
-    found = Survey(format=_format(root, format))
+def survey(root: Path, options: Mapping[str, Any]) -> Survey:
+    """Say which files are there, with the options of `read`."""
+    _cameras(options["views"])
+    found = Survey(format=_format(root, options["format"]))
     if found.format == "adafuse":
-        found.look(_pickles(root, split), f"annotation of the split {split}")
+        found.look(_pickles(root, options["split"]), f"annotation of the split {options['split']}")
     else:
         found.look([root / "cameras" / "cameras.json", root / "cameras.json"], "cameras by frame")
         found.look(sorted((root / "3d_gt" / "S0").glob("*/poses.npz")) or [root / "3d_gt" / "S0"], "truth")
-    found.look_for_detections(root, detector, detections, "resnet50")
+    found.look_for_detections(root, options["detector"], options["detections"], "resnet50")
     return found
 
 
@@ -137,8 +127,7 @@ def _cameras(views: int | Sequence[int]) -> tuple[int, ...]:
 
 
 def _format(root: Path, given: str | None) -> str:
-    if given not in (None, *_FORMATS):
-        raise InvalidInputError(f"format: expected one of {', '.join(_FORMATS)}, got {given!r}")
+    one_of("format", given, (None, *_FORMATS))
     return given or ("skelsplat" if (root / "3d_gt").is_dir() else "adafuse")
 
 
@@ -169,9 +158,7 @@ def _tables(root: Path, format: str | None, split: str, views: Sequence[int]) ->
     ]
 
 
-def _detections(
-    folder: Path, activity: str, table: Table, views: Sequence[int]
-) -> tuple[FloatArray, NDArray[np.int64], Path]:
+def _detections(folder: Path, activity: str, table: Table, views: Sequence[int]) -> tuple[Array, Index, Path]:
     """Return detections (S, M, N, 3) of the chosen cameras, their rows in the table and their place."""
     names = tuple(str(view) for view in range(N_CAMERAS))
     place = folder / activity
@@ -186,9 +173,9 @@ def _detections(
 
 def _takes(
     table: Table,
-    rows: NDArray[np.int64],
+    rows: Index,
     views: Sequence[int],
-    detections: FloatArray | None,
+    detections: Array | None,
     source: Path | None,
 ) -> list[Take]:
     """Group rows of the same activity and cameras into takes."""
@@ -230,7 +217,7 @@ def _signature(path: Path, field: str, entry: Any) -> bytes:
     return b"".join(as_numbers(path, f"{field}.{key}", entry[key]).tobytes() for key in keys)
 
 
-def _check_annotation(table: Table, rows: NDArray[np.int64], views: Sequence[int]) -> None:
+def _check_annotation(table: Table, rows: Index, views: Sequence[int]) -> None:
     """Refuse cameras, units or sides with which the truth does not meet its own projections."""
     assert table.annotated is not None
     annotated = table.annotated[rows]
@@ -261,13 +248,13 @@ class Table:
     path: Path
     cameras_path: Path
     activities: list[str]  # of each frame; names a take
-    frames: NDArray[np.int64]  # (G,) int64: Numbers within the activity
-    truth: FloatArray  # (G, N, 3) mm
+    frames: Index  # (G,) int64: Numbers within the activity
+    truth: Array  # (G, N, 3) mm
     # list of G lists of M (field, table): What the source says of each camera, and where.
     cameras: list[list[tuple[str, Any]]]
-    visible: NDArray[np.bool_] | None  # (G, M, N) bool or None
-    boxes: FloatArray | None  # (G, M, 4) px or None
-    annotated: FloatArray | None  # (G, M, N, 2) px or None: The truth in the images, as the source has it
+    visible: Mask | None  # (G, M, N) bool or None
+    boxes: Array | None  # (G, M, 4) px or None
+    annotated: Array | None  # (G, M, N, 2) px or None: The truth in the images, as the source has it
     notes: list[str]
 
 
@@ -295,7 +282,7 @@ def _table(
     if not rows:
         raise DatasetError(path, "camera_id", "a frame that is in every camera", "none")
 
-    def stacked(key: str, shape: tuple[int, ...]) -> FloatArray:
+    def stacked(key: str, shape: tuple[int, ...]) -> Array:
         return np.stack([[_component(path, k, records[k], key, shape) for k in places] for _, places in rows])
 
     truth = stacked("joints_gt", (N_JOINTS, 3))
@@ -322,7 +309,7 @@ def _table(
     )
 
 
-def _component(path: Path, k: int, record: Any, key: str, shape: tuple[int, ...]) -> FloatArray:
+def _component(path: Path, k: int, record: Any, key: str, shape: tuple[int, ...]) -> Array:
     """Return the numbers of a record's key; flags may be repeated along a last axis, a scale be one."""
     value = np.asarray(require(path, f"[{k}]", record, key))
     if key == "joints_vis_2d" and value.ndim == 2:

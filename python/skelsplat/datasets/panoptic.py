@@ -20,22 +20,22 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skelsplat._arrays import Array, Index, Mask
 from skelsplat.cameras import MM_PER_UNIT, CameraRig
 from skelsplat.datasets._detections import (
     Wanted,
     detections_of,
-    frame_numbers,
     read_apart,
     read_truth,
     read_world,
 )
-from skelsplat.datasets._files import FloatArray, Survey, find, load_json, numbers, require, within
+from skelsplat.datasets._files import Survey, find, load_json, numbers, require, within
 from skelsplat.datasets._model import Dataset, Take
 from skelsplat.datasets._rig import read_quietly
-from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 from skelsplat.io import convert_unit
+from skelsplat.io._arrays import frame_numbers
 from skelsplat.layouts import PANOPTIC19
 
 DESCRIPTION = "CMU Panoptic Studio: single-person sequences in HD cameras."
@@ -111,19 +111,11 @@ def read(
     return Dataset("panoptic", PANOPTIC19, tuple(takes), detector=name, source=words, notes=tuple(notes))
 
 
-def survey(
-    root: Path,
-    *,
-    detector: str | None = None,
-    detections: Path | str | None = None,
-    views: int | Sequence[int] = 4,
-    sequences: Sequence[str] = SEQUENCES,
-    format: str | None = None,
-    **_: Any,
-) -> Survey:
-    """Say which files are there; what `read` takes beyond these options changes nothing."""
-    found, count = Survey(format=format or ""), len(_cameras(views))
-    for sequence in sequences:
+def survey(root: Path, options: Mapping[str, Any]) -> Survey:
+    """Say which files are there, with the options of `read`."""
+    detector, detections, format = (options[name] for name in ("detector", "detections", "format"))
+    found, count = Survey(format=format or ""), len(_cameras(options["views"]))
+    for sequence in options["sequences"]:
         found.look(_calibrations(root, sequence), f"calibration of {sequence}")
         found.look(_truths(root, sequence, count, format), f"truth of {sequence}")
         if detections is not None or detector is not None:
@@ -153,8 +145,7 @@ def _calibrations(root: Path, sequence: str) -> list[Path]:
 
 
 def _truths(root: Path, sequence: str, n_views: int, format: str | None) -> list[Path]:
-    if format not in (None, *_FORMATS):
-        raise InvalidInputError(f"format: expected one of {', '.join(_FORMATS)}, got {format!r}")
+    one_of("format", format, (None, *_FORMATS))
     folder = root / "3d_gt" / "S0" / sequence
     arrays = [folder / f"poses_filtered_{n_views}.npz", folder / "poses.npz"]
     return {"toolbox": [], "skelsplat": arrays}.get(format or "", arrays) + (
@@ -162,10 +153,9 @@ def _truths(root: Path, sequence: str, n_views: int, format: str | None) -> list
     )
 
 
-def _truth(path: Path, unit: str, person: int | None) -> tuple[NDArray[np.int64], FloatArray, Path]:
+def _truth(path: Path, unit: str, person: int | None) -> tuple[Index, Array, Path]:
     """Frames (T,), joints (T, 19, 3) mm, and the file or folder they are from."""
-    if unit not in MM_PER_UNIT:
-        raise InvalidInputError(f"truth_unit: expected one of {', '.join(MM_PER_UNIT)}, got {unit!r}")
+    one_of("truth_unit", unit, MM_PER_UNIT)
     if path.is_dir():
         return (*read_bodies(truth_files(path), person), path)
     _, truth, frames = read_truth(path, PANOPTIC19.n_joints)
@@ -180,7 +170,7 @@ def _with_detections(take: Take, source: Path, guess: Path | None, *, filtered: 
     spellings = [_spellings(name) for name in take.rig.names]
     places = [(source / take.action, stems), *([] if filtered else [(source, [take.action])])]
     values, own, path = read_apart(places, wanted, spellings)
-    everywhere: NDArray[np.bool_] = np.all(np.any(values[..., 2] > 0, axis=2), axis=1)
+    everywhere: Mask = np.all(np.any(values[..., 2] > 0, axis=2), axis=1)
     world = None
     if guess is not None:
         world = read_world(guess, stems, (len(values), PANOPTIC19.n_joints), spellings)
@@ -224,7 +214,7 @@ def truth_files(folder: Path) -> dict[int, Path]:
     return dict(sorted(files.items()))
 
 
-def read_bodies(files: Mapping[int, Path], person: int | None) -> tuple[NDArray[np.int64], FloatArray]:
+def read_bodies(files: Mapping[int, Path], person: int | None) -> tuple[Index, Array]:
     """Return the frames (T,) with the person in them and the joints (T, 19, 3), mm; NaN where not measured.
 
     `person` None is the only body that there is.
@@ -248,7 +238,7 @@ def read_bodies(files: Mapping[int, Path], person: int | None) -> tuple[NDArray[
     return np.array(frames, dtype=np.int64), np.stack([bodies[frame][chosen] for frame in frames])
 
 
-def _bodies(path: Path) -> dict[int, FloatArray]:
+def _bodies(path: Path) -> dict[int, Array]:
     found = {}
     for k, body in enumerate(require(path, "", load_json(path), "bodies")):
         field = f"bodies[{k}]"

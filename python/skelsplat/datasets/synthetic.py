@@ -6,21 +6,24 @@ import json
 import secrets
 import shutil
 from collections.abc import Mapping, Sequence
-from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skelsplat import io, layouts
-from skelsplat._skelsplat import Camera, Layout
+from skelsplat import io
+from skelsplat._arrays import Array
+from skelsplat._atomic import opening
+from skelsplat._skelsplat import Layout
 from skelsplat.cameras import CameraRig
-from skelsplat.datasets._detections import frame_numbers
-from skelsplat.datasets._files import Survey, load_json, load_npz, numbers, require, within
-from skelsplat.datasets._model import Dataset, FloatArray, Take
+from skelsplat.datasets._files import Survey, load_json, load_npz, numbers, require
+from skelsplat.datasets._model import Dataset, Take
 from skelsplat.datasets._rig import build_camera, build_rig
 from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.io._arrays import frame_numbers
+from skelsplat.io._fields import Field
+from skelsplat.io.calibration._json import to_entry
 
 if TYPE_CHECKING:
     from skelsplat.synthetic.sets import Recording, RecordingSet
@@ -28,7 +31,6 @@ if TYPE_CHECKING:
 FORMAT, FORMAT_VERSION = "skelsplat-simulated", 1
 INDEX = "dataset.json"
 
-Array = NDArray[Any]
 Views: TypeAlias = int | Sequence[int | str] | None
 """The first so many cameras, or some of them by place or name, or (None) all."""
 
@@ -51,20 +53,15 @@ def read(root: Path, *, detector: str = "good", views: Views = None) -> Dataset:
     DatasetError
         If a file is missing or malformed; names the file and the field.
     """
-    index_path, index = _index(root)
-    layout = _layout(index_path, index)
-    known = require(index_path, "", index, "detectors")
+    index = _index(root)
+    layout = _layout(index)
+    known = index["detectors"].names()
     if detector not in known:
-        raise DatasetError(index_path, "detectors", f"the detector {detector!r}", ", ".join(known))
-    rigs = {
-        name: _rig(root / "cameras" / f"{name}.json") for name in require(index_path, "", index, "cameras")
-    }
-    takes = tuple(
-        _take(root, index_path, f"takes[{k}]", entry, rigs, layout, detector)
-        for k, entry in enumerate(require(index_path, "", index, "takes"))
-    )
-    name = str(require(index_path, "", index, "name"))
-    seed = index.get("parameters", {}).get("seed")
+        raise index["detectors"].error(f"the detector {detector!r}", ", ".join(known))
+    rigs = {name: _rig(root / "cameras" / f"{name}.json") for name in index["cameras"].names()}
+    entries = index["takes"].entries("a list of takes")
+    takes = [_take(root, entry, rigs, layout, detector) for entry in entries]
+    name, seed = index["name"].text(), index.value.get("parameters", {}).get("seed")
     source = f"simulated poses and detections ({name}, detector {detector!r}, seed {seed}); no image was seen"
     return Dataset(
         name,
@@ -75,93 +72,69 @@ def read(root: Path, *, detector: str = "good", views: Views = None) -> Dataset:
     )
 
 
-def survey(root: Path, *, detector: str = "good", views: Views = None) -> Survey:
-    """Say which files are there."""
-    del views
+def survey(root: Path, options: Mapping[str, Any]) -> Survey:
+    """Say which files are there, with the options of `read`."""
     found = Survey()
     found.look([root / INDEX], "index of a simulated data set")
     if found.missing:
         return found
-    path, index = _index(root)
-    for name in require(path, "", index, "cameras"):
+    index = _index(root)
+    for name in index["cameras"].names():
         found.look([root / "cameras" / f"{name}.json"], "cameras")
-    for k, entry in enumerate(require(path, "", index, "takes")):
-        folder = _folder(root, path, f"takes[{k}]", entry)
-        for stem in ("truth", f"detections_simulated_{detector}", "monocular_simulated"):
+    for entry in index["takes"].entries("a list of takes"):
+        folder = _folder(root, entry)
+        for stem in ("truth", f"detections_simulated_{options['detector']}", "monocular_simulated"):
             found.look([folder / f"{stem}.npz"], stem.replace("_", " "))
     return found
 
 
-def _index(root: Path) -> tuple[Path, Mapping[str, Any]]:
-    path = root / INDEX
-    index = load_json(path)
-    if require(path, "", index, "format") != FORMAT:
-        raise DatasetError(path, "format", FORMAT, index["format"])
-    if require(path, "", index, "format_version") != FORMAT_VERSION:
-        raise DatasetError(path, "format_version", FORMAT_VERSION, index["format_version"])
-    return path, index
+def _index(root: Path) -> Field:
+    index = Field(root / INDEX, "", load_json(root / INDEX))
+    for key, known in (("format", FORMAT), ("format_version", FORMAT_VERSION)):
+        if index[key].value != known:
+            raise index[key].error(known, index[key].shown)
+    return index
 
 
-def _layout(path: Path, index: Mapping[str, Any]) -> Layout:
-    name = require(path, "", index, "layout")
-    try:
-        layout = layouts.get(name)
-    except (InvalidInputError, TypeError) as error:
-        raise DatasetError(path, "layout", f"one of {', '.join(layouts.names)}", repr(name)) from error
-    if list(require(path, "", index, "joints")) != list(layout.joints):
-        raise DatasetError(path, "joints", f"those of {name}", ", ".join(map(str, index["joints"])))
+def _layout(index: Field) -> Layout:
+    layout = index["layout"].layout()
+    joints = index["joints"].names()
+    if joints != list(layout.joints):
+        raise index["joints"].error(f"those of {layout.name}", ", ".join(joints))
     return layout
 
 
 def _rig(path: Path) -> CameraRig:
-    document = load_json(path)
+    document = Field(path, "", load_json(path))
     cameras = []
-    for k, entry in enumerate(require(path, "", document, "cameras")):
-        field = f"cameras[{k}]"
-        component = partial(_component, path, field, entry)
-        width, height = component("size", (2,))
+    for entry in document["cameras"].entries("a list of cameras"):
+        width, height = entry["size"].numbers((2,))
         camera = build_camera(
             path,
-            field,
-            K=component("K", (3, 3)),
-            R=component("R", (3, 3)),
-            t=component("t", (3,)),
-            distortion=component("distortion", ("n",)),
+            entry.place,
+            K=entry["K"].numbers((3, 3)),
+            R=entry["R"].numbers((3, 3)),
+            t=entry["t"].numbers((3,)),
+            distortion=entry["distortion"].numbers(None),
             size=(int(width), int(height)),
-            name=str(require(path, field, entry, "name")),
+            name=entry["name"].text(),
         )
         cameras.append(camera)
-    return build_rig(path, cameras, require(path, "", document, "unit"))
+    return build_rig(path, cameras, document["unit"].text())
 
 
-def _component(path: Path, field: str, entry: Any, key: str, shape: tuple[int | str, ...]) -> FloatArray:
-    values = numbers(path, within(field, key), require(path, field, entry, key), shape)
-    if not np.isfinite(values).all():
-        raise DatasetError(path, within(field, key), "finite numbers", values.tolist())
-    return values
-
-
-def _folder(root: Path, path: Path, field: str, entry: Any) -> Path:
-    key = PurePosixPath(str(require(path, field, entry, "key")))
+def _folder(root: Path, entry: Field) -> Path:
+    key = PurePosixPath(entry["key"].text())
     if key.is_absolute() or ".." in key.parts:
-        raise DatasetError(path, within(field, "key"), "a folder beneath takes", key)
+        raise entry["key"].error("a folder beneath takes", key)
     return root / "takes" / key
 
 
-def _take(
-    root: Path,
-    index: Path,
-    field: str,
-    entry: Any,
-    rigs: Mapping[str, CameraRig],
-    layout: Layout,
-    detector: str,
-) -> Take:
-    key, subject, action, cameras = (
-        require(index, field, entry, name) for name in ("key", "subject", "action", "cameras")
-    )
-    rig = require(index, "cameras", dict(rigs), cameras)
-    folder = _folder(root, index, field, entry)
+def _take(root: Path, entry: Field, rigs: Mapping[str, CameraRig], layout: Layout, detector: str) -> Take:
+    key, subject, action, cameras = (entry[name].text() for name in ("key", "subject", "action", "cameras"))
+    if cameras not in rigs:
+        raise entry["cameras"].error(f"one of {', '.join(rigs)}", cameras)
+    rig, folder = rigs[cameras], _folder(root, entry)
     files = {
         "truth": folder / "truth.npz",
         "detections": folder / f"detections_simulated_{detector}.npz",
@@ -172,18 +145,22 @@ def _take(
     frames = _frames(files, loaded)
     t, m, n = len(frames), len(rig), layout.n_joints
 
-    def part(name: str, key: str, shape: tuple[int, ...]) -> FloatArray:
+    def part(name: str, key: str, shape: tuple[int, ...]) -> Array:
         return numbers(files[name], key, require(files[name], "", loaded[name], key), shape)
 
     per_view = (loaded["truth"].get("boxes"), loaded["detections"].get("detections"))
-    _check_views(files["cameras"], m, [np.asarray(array).shape for array in per_view])
+    shapes = [np.asarray(array).shape for array in per_view]
+    views = {shape[1] if len(shape) > 1 else None for shape in shapes}
+    if len(views) == 1 and views.isdisjoint({m, None}):  # boxes and detections agree with each other
+        expected = f"{views.pop()} cameras, one per view of the takes"
+        raise DatasetError(files["cameras"], "cameras", expected, m)
     visible = loaded["truth"].get("visible")
     if visible is not None:
         visible = numbers(files["truth"], "visible", visible, (t, m, n)).astype(bool)
     return Take(
-        key=str(key),
-        subject=str(subject),
-        action=str(action),
+        key=key,
+        subject=subject,
+        action=action,
         rig=rig,
         frames=frames,
         truth=part("truth", "poses", (t, n, 3)),
@@ -193,13 +170,6 @@ def _take(
         visible=visible,
         files=files,
     )
-
-
-def _check_views(cameras: Path, count: int, shapes: Sequence[tuple[int, ...]]) -> None:
-    """Raise if boxes and detections agree on another number of views than there are cameras."""
-    views = {shape[1] if len(shape) > 1 else None for shape in shapes}
-    if len(views) == 1 and views.isdisjoint({count, None}):
-        raise DatasetError(cameras, "cameras", f"{views.pop()} cameras, one per view of the takes", count)
 
 
 def _frames(files: Mapping[str, Path], loaded: Mapping[str, Mapping[str, Any]]) -> Any:
@@ -260,19 +230,18 @@ def write_simulated(root: Path, data: RecordingSet, *, openpose: bool = False, f
     _check_free(root, force=force)
     temporary = root.with_name(f".{root.name}.{secrets.token_hex(6)}.tmp")
     try:
-        temporary.mkdir(parents=True)
-        _write_rigs(temporary / "cameras", data.rigs)
-        for recording in data.recordings:
-            _write_take(temporary / "takes" / recording.key, recording)
-            if openpose:
-                _write_openpose(temporary / "takes" / recording.key, recording, data.rigs[recording.rig_name])
-        # The index comes last: without it a folder is no data set.
-        text = json.dumps(_index_of(data), indent=1, ensure_ascii=False)
-        (temporary / INDEX).write_text(text + "\n", encoding="utf-8")
-        _move(temporary, root)
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise DatasetError(root, "output", "a folder that can be written", reason) from error
+        with opening(root, "a folder that can be written", "output"):
+            temporary.mkdir(parents=True)
+            _write_rigs(temporary / "cameras", data.rigs)
+            for recording in data.recordings:
+                take = temporary / "takes" / recording.key
+                _write_take(take, recording)
+                if openpose:
+                    _write_openpose(take, recording, data.rigs[recording.rig_name])
+            # The index comes last: without it a folder is no data set.
+            text = json.dumps(_index_of(data), indent=1, ensure_ascii=False)
+            (temporary / INDEX).write_text(text + "\n", encoding="utf-8")
+            _move(temporary, root)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
 
@@ -335,27 +304,18 @@ def _write_rigs(folder: Path, rigs: Mapping[str, CameraRig]) -> None:
     folder.mkdir()
     for name, rig in rigs.items():
         io.write_calibration(folder / f"{name}.toml", rig)
-        document = {"unit": rig.unit, "cameras": [_camera(camera) for camera in rig]}
+        entries = [{"name": camera.name, **to_entry(camera)} for camera in rig]
+        cameras = [{**entry, "distortion": entry["distortion"] or []} for entry in entries]
+        document = {"unit": rig.unit, "cameras": cameras}
         (folder / f"{name}.json").write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
-
-
-def _camera(camera: Camera) -> dict[str, Any]:
-    return {
-        "name": camera.name,
-        "size": list(camera.size),
-        "K": camera.K.tolist(),
-        "R": camera.R.tolist(),
-        "t": camera.t.tolist(),
-        "distortion": [] if camera.distortion is None else camera.distortion.tolist(),
-    }
 
 
 def _write_take(folder: Path, recording: Recording) -> None:
     folder.mkdir(parents=True)
-    truth: dict[str, Array] = {"poses": recording.truth, "boxes": recording.boxes}
+    truth: dict[str, NDArray[Any]] = {"poses": recording.truth, "boxes": recording.boxes}
     if recording.visible is not None:
         truth["visible"] = recording.visible
-    parts: dict[str, dict[str, Array]] = {
+    parts: dict[str, dict[str, NDArray[Any]]] = {
         "truth": truth,
         "monocular_simulated": {"poses": recording.monocular},
     }

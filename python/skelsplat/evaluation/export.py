@@ -1,4 +1,4 @@
-"""An evaluation as Markdown, CSV and JSON."""
+"""An evaluation as Markdown, CSV, JSON and a chart."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import io
 import json
 import math
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -15,11 +15,12 @@ from typing import Any
 import numpy as np
 
 from skelsplat import _skelsplat
+from skelsplat._atomic import atomic_write_text
 from skelsplat._json import plain
+from skelsplat._optional import can_draw
 from skelsplat.evaluation.report import Evaluation
 from skelsplat.evaluation.scores import FIGURES
-from skelsplat.evaluation.tables import all_tables
-from skelsplat.io._files import atomic_write_text
+from skelsplat.evaluation.tables import all_tables, overall
 
 CSV_FIELDS = ("method", "reported", "group", "name", *FIGURES)
 """Columns of the CSV: ``group`` is all, action or joint; shares are from 0 to 1; empty means no number."""
@@ -36,14 +37,38 @@ def to_csv(evaluation: Evaluation) -> str:
     stream = io.StringIO(newline="")
     writer = csv.DictWriter(stream, CSV_FIELDS, restval="", lineterminator="\n")
     writer.writeheader()
+    for method, reported, group, name, figures in _lines(evaluation):
+        numbers = {
+            key: f"{value:{'d' if key == 'poses' else '.6g'}}"
+            for key, value in figures.items()
+            if value is not None and math.isfinite(value)
+        }
+        own = {"method": method, "reported": int(reported), "group": group, "name": name}
+        writer.writerow({**own, **numbers})
+    return stream.getvalue()
+
+
+def _lines(evaluation: Evaluation) -> Iterator[tuple[str, bool, str, str, Mapping[str, float | None]]]:
+    """Yield method, whether it is reported, group, name, figures; of reports the average and the actions."""
     for s in evaluation.scores:
-        writer.writerow(_line(s.method, "all", "", {key: read(s) for key, read in FIGURES.items()}))
+        yield s.method, False, "all", "", {key: read(s) for key, read in FIGURES.items()}
         for group, means in (("action", s.columns), ("joint", s.joints)):
             for name, g in means.items():
                 errors = {f"{kind}_mm": getattr(g, kind) for kind in ("absolute", "relative", "procrustes")}
-                writer.writerow(_line(s.method, group, name, {"poses": g.poses, **errors, "pcp": g.pcp}))
-    writer.writerows(_reported(evaluation))
-    return stream.getvalue()
+                yield s.method, False, group, name, {"poses": g.poses, **errors, "pcp": g.pcp}
+    others = evaluation.published
+    if others is None:
+        return
+    for row in others.table:
+        pcp = others.value(row, others.pcp)
+        average = {
+            "absolute_mm": others.value(row, others.absolute),
+            "pcp": None if pcp is None else pcp / 100,
+        }
+        yield others.name(row), True, "all", "", average
+        for key in evaluation.headers:
+            if key in others.table.keys:
+                yield others.name(row), True, "action", key, {"absolute_mm": others.value(row, key)}
 
 
 def to_json(evaluation: Evaluation) -> str:
@@ -52,14 +77,37 @@ def to_json(evaluation: Evaluation) -> str:
 
 
 def write(folder: Path, evaluation: Evaluation) -> list[str]:
-    """Write ``report.md``, ``report.csv`` and ``report.json`` into a folder; return their names.
+    """Write ``report.md``, ``.csv``, ``.json`` and ``bars.png`` into a folder; return their names.
 
-    Raises `DatasetError` if a file cannot be written.
+    The chart needs the extra ``viz`` and is left out without it. Raises `DatasetError` if a file cannot be
+    written.
     """
     files = {"report.md": markdown, "report.csv": to_csv, "report.json": to_json}
     for name, text in files.items():
         atomic_write_text(folder / name, text(evaluation))
-    return list(files)
+    return [*files, _write_bars(folder / "bars.png", evaluation).name] if can_draw() else [*files]
+
+
+def _write_bars(path: Path, evaluation: Evaluation) -> Path:
+    from skelsplat import viz  # matplotlib takes long to load, and text does without
+
+    table = overall(evaluation)
+    rows = [row for row in table.rows if row.cells[0] is not None]
+    intervals = {s.method: (s.absolute.low, s.absolute.high) for s in evaluation.scores}
+    ends = np.array([(np.nan, np.nan) if row.reported else intervals[row.name] for row in rows])
+    real = " on the real data set" if evaluation.simulated else ""
+    others = f" Grey: reported{real}, not measured here." if evaluation.published else ""
+    data = viz.BarData(
+        names=tuple(row.name for row in rows),
+        values=np.array([row.cells[0] for row in rows], dtype=np.float64),
+        low=ends[:, 0],
+        high=ends[:, 1],
+        measured=np.array([not row.reported for row in rows]),
+        title=table.title.partition(":")[0],
+        axis="absolute MPJPE, mm, with 95 % interval over takes",
+        caption=f"{evaluation.dataset.source or evaluation.dataset.name}.{others}",
+    )
+    return viz.write_bars(path, data)
 
 
 def as_dict(evaluation: Evaluation) -> dict[str, Any]:
@@ -95,35 +143,3 @@ def as_dict(evaluation: Evaluation) -> dict[str, Any]:
         "scores": [asdict(s) for s in evaluation.scores],
         "reported": None if others is None else asdict(others.table),
     }
-
-
-def _line(
-    method: str, group: str, name: str, figures: Mapping[str, float | None], *, reported: bool = False
-) -> dict[str, Any]:
-    numbers = {
-        key: ""
-        if value is None or not math.isfinite(value)
-        else f"{value:{'d' if key == 'poses' else '.6g'}}"
-        for key, value in figures.items()
-    }
-    return {"method": method, "reported": int(reported), "group": group, "name": name, **numbers}
-
-
-def _reported(evaluation: Evaluation) -> Sequence[dict[str, Any]]:
-    """Return the published rows: the average, and the actions if the table has them."""
-    others = evaluation.published
-    if others is None:
-        return []
-    lines = []
-    for row in others.table:
-        pcp = others.value(row, others.pcp)
-        average = {
-            "absolute_mm": others.value(row, others.absolute),
-            "pcp": None if pcp is None else pcp / 100,
-        }
-        lines.append(_line(others.name(row), "all", "", average, reported=True))
-        for key in evaluation.headers:
-            if key in others.table.keys:
-                error = {"absolute_mm": others.value(row, key)}
-                lines.append(_line(others.name(row), "action", key, error, reported=True))
-    return lines

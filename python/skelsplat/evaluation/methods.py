@@ -13,20 +13,21 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from skelsplat._arrays import Array, positive
 from skelsplat._refine import Progress, Refinement, refine
 from skelsplat._skelsplat import Layout, RefineConfig, fuse_monocular, triangulate
 from skelsplat.cameras import CameraRig, without_distortion
 from skelsplat.datasets import Take
-from skelsplat.datasets._files import FloatArray
 from skelsplat.evaluation import baselines
-from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.exceptions import DatasetError, one_of
 
 Settings = Mapping[str, Any]
-Run = Callable[[Take, Layout, Settings, Progress | None], FloatArray]
+Run = Callable[[Take, Layout, Settings, Progress | None], Array]
 
 STARTS = ("dlt", "fusion", "none")
 
@@ -55,19 +56,16 @@ class Options:
     n_threads: int | None = None  #: of the compiled solver; None: all cores
 
     def __post_init__(self) -> None:
-        for name in ("start", "paper_start"):
-            value = getattr(self, name)
-            if value not in STARTS and not (value is None and name == "start"):
-                raise InvalidInputError(f"{name}: expected one of {', '.join(STARTS)}, got {value!r}")
-        if not (np.isfinite(self.init_sigma_mm) and self.init_sigma_mm > 0):
-            raise InvalidInputError(f"init_sigma_mm: expected a positive number, got {self.init_sigma_mm!r}")
+        one_of("start", self.start, (None, *STARTS))
+        one_of("paper_start", self.paper_start, STARTS)
+        positive("init_sigma_mm", self.init_sigma_mm)
 
 
 @dataclass(frozen=True, slots=True)
 class Solution:
     """Poses (T, N, 3) in the rig's unit, and the wall time of the method alone, s."""
 
-    pose: FloatArray
+    pose: Array
     seconds: float
 
 
@@ -122,7 +120,7 @@ def without_lens(rig: CameraRig) -> CameraRig:
 _CROP_PX = 384.0
 
 
-def crop_scale(take: Take) -> FloatArray:
+def crop_scale(take: Take) -> Array:
     """Pixels of the image per pixel of a 384 px crop of the person's square box, (T, M); 1 without a box."""
     if take.boxes is None:
         return np.ones((len(take), len(take.rig)))
@@ -131,7 +129,7 @@ def crop_scale(take: Take) -> FloatArray:
     return np.where(known, sides / _CROP_PX, 1.0)
 
 
-def _by(run: Callable[[FloatArray, CameraRig, Settings], FloatArray]) -> Run:
+def _by(run: Callable[[Array, CameraRig, Settings], Array]) -> Run:
     """Return `run`, of detections, cameras and settings, as a method without layout and progress."""
     return lambda take, _layout, settings, _progress: run(_detections(take), take.rig, settings)
 
@@ -139,29 +137,29 @@ def _by(run: Callable[[FloatArray, CameraRig, Settings], FloatArray]) -> Run:
 _DLT = _by(lambda seen, rig, given: baselines.dlt(seen, rig, confidence=given.get("confidence", False)))
 
 
-def _iskakov(take: Take, _: Layout, settings: Settings, __: Progress | None) -> FloatArray:
+def _iskakov(take: Take, _: Layout, settings: Settings, __: Progress | None) -> Array:
     scale = crop_scale(take)
     return baselines.ransac_iskakov(_detections(take), take.rig, crop_scale=scale, seed=settings["seed"])
 
 
-def _fusion(take: Take, *_: object) -> FloatArray:
+def _fusion(take: Take, *_: object) -> Array:
     assert take.monocular is not None  # Method.check has seen to it
     return fuse_monocular(take.monocular, _detections(take), take.rig)
 
 
-def _detections(take: Take) -> FloatArray:
+def _detections(take: Take) -> Array:
     assert take.detections is not None  # likewise
     return take.detections
 
 
-def _refine(take: Take, layout: Layout, settings: Settings, progress: Progress | None) -> FloatArray:
+def _refine(take: Take, layout: Layout, settings: Settings, progress: Progress | None) -> Array:
     """Start as the settings say, and refine with their configuration."""
     start = None if settings["start"] == "none" else starting_poses(take, settings["start"])
     config = RefineConfig(**settings["config"])
     return refined(take, layout, start, config, settings.get("init_sigma_mm"), progress).pose
 
 
-def starting_poses(take: Take, start: str) -> FloatArray:
+def starting_poses(take: Take, start: str) -> Array:
     """Return initial poses (T, N, 3): the paper's triangulation, without confidences, or ``"fusion"``."""
     if start == "dlt":
         return triangulate(_detections(take)[..., :2], take.rig, method="dlt")
@@ -171,7 +169,7 @@ def starting_poses(take: Take, start: str) -> FloatArray:
 def refined(
     take: Take,
     layout: Layout,
-    start: FloatArray | None,
+    start: Array | None,
     config: RefineConfig,
     init_sigma_mm: float | None = None,
     progress: Progress | None = None,
@@ -186,10 +184,6 @@ def refined(
         config=config,
         progress=progress if progress is not None else False,
     )
-
-
-def _weighted(options: Options) -> dict[str, Any]:
-    return {**_lens(options), "confidence": True}
 
 
 def _drawn(options: Options) -> dict[str, Any]:
@@ -209,18 +203,19 @@ def _prior(options: Options) -> dict[str, Any]:
     return {**_solver(options, RefineConfig(), "fusion"), "init_sigma_mm": options.init_sigma_mm}
 
 
-def _paper(options: Options) -> dict[str, Any]:
-    config = RefineConfig.paper(**options.paper_fields)
+def _paper(options: Options, **fields: Any) -> dict[str, Any]:
+    config = RefineConfig.paper(**{**options.paper_fields, **fields})
     return _solver(options, config, options.start or options.paper_start)
-
-
-def _closed_form(options: Options) -> dict[str, Any]:
-    return _paper(replace(options, paper_fields={**options.paper_fields, "renderer": "closed_form"}))
 
 
 _ALL = (
     Method("dlt", "algebraic triangulation, unweighted", _DLT),
-    Method("dlt-confidence", "algebraic triangulation, rows weighted by confidence", _DLT, _weighted),
+    Method(
+        "dlt-confidence",
+        "algebraic triangulation, rows weighted by confidence",
+        _DLT,
+        lambda options: {**_lens(options), "confidence": True},
+    ),
     Method("ransac-iskakov", "RANSAC of Iskakov et al., with its Huber refinement", _iskakov, _drawn),
     Method(
         "ransac-adafuse",
@@ -239,7 +234,12 @@ _ALL = (
     Method("fusion", "multi-view fusion of monocular 3D poses", _fusion, needs=("detections", "monocular")),
     Method("annealed", "default: closed form, annealed Gauss–Newton", _refine, _annealed),
     Method("annealed-prior", "annealed with the fused monocular poses as a Gaussian prior", _refine, _prior),
-    Method("paper-closed-form", "the paper's settings with the closed-form loss", _refine, _closed_form),
+    Method(
+        "paper-closed-form",
+        "the paper's settings with the closed-form loss",
+        _refine,
+        partial(_paper, renderer="closed_form"),
+    ),
     Method("paper", "the paper's settings: raster, Adam", _refine, _paper, by_pixels=True),
 )
 _BY_NAME = {method.name: method for method in _ALL}
@@ -252,6 +252,5 @@ def get(name: str) -> Method:
 
     Raises `InvalidInputError` if there is none of that name; the message lists all.
     """
-    if name not in _BY_NAME:
-        raise InvalidInputError(f"methods: expected names among {', '.join(names)}, got {name!r}")
+    one_of("methods", name, names)
     return _BY_NAME[name]

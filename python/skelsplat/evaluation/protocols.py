@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from skelsplat.datasets import Dataset, Take, occlusion_person, panoptic
 from skelsplat.datasets.human36m import ACTIONS
 from skelsplat.datasets.human36m._common import ALIASES
-from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 
 Endpoint = int | tuple[int, ...]
 
@@ -83,8 +83,7 @@ class Protocol:
 
         Raises `InvalidInputError` if the protocol has no such choice.
         """
-        if counting not in ("all", "adafuse"):
-            raise InvalidInputError(f"counting: expected all or adafuse, got {counting!r}")
+        one_of("counting", counting, ("all", "adafuse"))
         if every is not None and every < 1:
             raise InvalidInputError(f"every: expected an integer >= 1, got {every}")
         if n_views is not None and n_views not in self.view_sets:
@@ -178,8 +177,6 @@ def _has_every_view(take: Take) -> NDArray[np.bool_]:
     seen = np.isfinite(take.detections[..., :2]).all(axis=-1) & (take.detections[..., 2] > 0)
     return np.asarray(seen.any(axis=-1).all(axis=-1))
 
-
-__all__ = ["SIMULATED", "Case", "Protocol", "get", "names"]
 
 # How the paper's table abbreviates the actions.
 _ABBREVIATIONS = (
@@ -287,6 +284,5 @@ def get(name: str) -> Protocol:
     Raises `InvalidInputError` if there is none of that name; the message lists all.
     """
     name = SIMULATED.get(name, name)
-    if name not in _BY_NAME:
-        raise InvalidInputError(f"protocol: expected one of {', '.join(names)}, got {name!r}")
+    one_of("protocol", name, names)
     return _BY_NAME[name]

@@ -98,7 +98,13 @@ def evaluate(
         options or Options(), paper_fields=dict(rules.paper_fields), paper_start=start_of_paper(rules, cases)
     )
     picked = select(names, cases, chosen)
-    store = None if folder is None else runs.Store(folder, _source(dataset, rules))
+    source = {
+        "dataset": dataset.name,
+        "detector": dataset.detector,
+        "layout": dataset.layout.name,
+        "protocol": rules.name,
+    }
+    store = None if folder is None else runs.Store(folder, source)
     solutions = runs.run(cases, dataset.layout, picked, chosen, store=store, report=report)
     return Evaluation(
         dataset=dataset,
@@ -135,15 +141,6 @@ def start_of_paper(protocol: Protocol, cases: Sequence[Case]) -> str:
     """Return where the paper's presets start: as in the paper, or by DLT if there are no monocular poses."""
     fused = protocol.paper_start == "fusion" and all(case.take.monocular is not None for case in cases)
     return "fusion" if fused else "dlt"
-
-
-def _source(dataset: Dataset, protocol: Protocol) -> dict[str, Any]:
-    return {
-        "dataset": dataset.name,
-        "detector": dataset.detector,
-        "layout": dataset.layout.name,
-        "protocol": protocol.name,
-    }
 
 
 def occlusion_of(dataset: Dataset) -> str | None:

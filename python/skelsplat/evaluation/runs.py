@@ -18,11 +18,11 @@ from typing import Any
 import numpy as np
 
 from skelsplat import _skelsplat
+from skelsplat._atomic import atomic_write
 from skelsplat._skelsplat import Layout
 from skelsplat.datasets import Take
 from skelsplat.evaluation.methods import Method, Options, Solution
 from skelsplat.evaluation.protocols import Case
-from skelsplat.io._files import atomic_write
 
 # Raise it when the meaning of a file or of a method's settings changes.
 _FORMAT = 1
@@ -33,16 +33,10 @@ Report = Callable[[str, str, int, int], None]
 
 @dataclass(frozen=True)
 class Store:
-    """Results on disk: ``<folder>/<method>-<hash of settings>/<take>.npz``.
-
-    Parameters
-    ----------
-    folder : Path
-    source : mapping
-        What else the results depend on, as JSON values: data set, layout, detector, protocol.
-    """
+    """Results on disk: ``<folder>/<method>-<hash of settings>/<take>.npz``."""
 
     folder: Path
+    #: What else the results depend on, as JSON values: data set, layout, detector, protocol.
     source: Mapping[str, Any]
 
     def path(self, method: Method, settings: Mapping[str, Any], take: Take) -> Path:
@@ -126,22 +120,8 @@ def run(
 ) -> dict[str, list[Solution]]:
     """Run every method on every case, or take the result from the store.
 
-    Parameters
-    ----------
-    cases : sequence of Case
-    layout : Layout
-    methods : sequence of Method
-    options : Options
-    store : Store, optional
-        None: nothing is kept on disk.
-    report : callable, optional
-
-    Returns
-    -------
-    dict of method name to one Solution per case
-
-    Raises `DatasetError` if a take lacks what a method needs (before any work), or a result cannot be
-    written.
+    Returns one solution per case by the method's name. Without a store nothing is kept on disk. Raises
+    `DatasetError` if a take lacks what a method needs (before any work), or a result cannot be written.
     """
     settings = {method.name: method.settings(options) for method in methods}
     for method in methods:

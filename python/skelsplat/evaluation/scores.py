@@ -8,12 +8,11 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from skelsplat import metrics
-from skelsplat._arrays import numbers
+from skelsplat._arrays import Array, Mask, numbers
 from skelsplat._skelsplat import Layout
-from skelsplat.datasets._files import FloatArray
 from skelsplat.evaluation.methods import Solution
 from skelsplat.evaluation.protocols import Case, Protocol
 from skelsplat.exceptions import DatasetError, InvalidInputError
@@ -87,12 +86,12 @@ FIGURES: Mapping[str, Callable[[Scores], float]] = {
 class _Errors:
     """Of one case: (T, N), parts (T, L); NaN where something does not count."""
 
-    absolute: FloatArray
-    relative: FloatArray
-    procrustes: FloatArray
-    missing: FloatArray
-    pck: Mapping[int, FloatArray]
-    parts: FloatArray
+    absolute: Array
+    relative: Array
+    procrustes: Array
+    missing: Array
+    pck: Mapping[int, Array]
+    parts: Array
 
 
 def score(
@@ -104,20 +103,9 @@ def score(
     *,
     seed: int = 0,
 ) -> Scores:
-    """Score the poses of one method, one solution per case.
+    """Score the poses of one method, one solution per case; `seed` is that of the bootstrap.
 
-    Parameters
-    ----------
-    method : str
-        Name for the table.
-    cases, solutions, layout, protocol
-    seed : int
-        Of the bootstrap.
-
-    Raises
-    ------
-    DatasetError
-        If the protocol counts visible joints and a take does not say which are.
+    Raises `DatasetError` if the protocol counts visible joints and a take does not say which are.
     """
     errors = [
         _errors(case, solution.pose, layout, protocol)
@@ -146,13 +134,13 @@ def score(
     )
 
 
-def _errors(case: Case, pose: FloatArray, layout: Layout, protocol: Protocol) -> _Errors:
+def _errors(case: Case, pose: Array, layout: Layout, protocol: Protocol) -> _Errors:
     take = case.take
     truth, found = take.truth * take.rig.mm_per_unit, pose * take.rig.mm_per_unit
     root = layout.root if protocol.root is None else protocol.root
     counts = _counted(take.key, take.visible, truth.shape[:2], protocol.min_visible_views)
 
-    def absolute(values: FloatArray) -> FloatArray:
+    def absolute(values: Array) -> Array:
         return np.where(counts & case.absolute, values, np.nan)
 
     parts = np.full((len(take), 1), np.nan)
@@ -169,9 +157,7 @@ def _errors(case: Case, pose: FloatArray, layout: Layout, protocol: Protocol) ->
     )
 
 
-def _counted(
-    key: str, visible: NDArray[np.bool_] | None, shape: tuple[int, ...], least: int
-) -> NDArray[np.bool_]:
+def _counted(key: str, visible: Mask | None, shape: tuple[int, ...], least: int) -> Mask:
     """Whether each joint (T, N) counts: at least `least` views see it unoccluded."""
     if least == 0:
         return np.ones(shape, dtype=np.bool_)
@@ -192,15 +178,15 @@ def _group(errors: Sequence[_Errors], joint: int | None = None) -> Group:
     )
 
 
-def _estimate(values: Sequence[FloatArray], seed: int) -> Estimate:
+def _estimate(values: Sequence[Array], seed: int) -> Estimate:
     sums = [float(np.nansum(v)) for v in values]
     counts = [np.count_nonzero(~np.isnan(v)) for v in values]
     return Estimate(_mean(values), *mean_interval(sums, counts, seed=seed))
 
 
-def _mean(values: Sequence[FloatArray], mean: Callable[[FloatArray], np.floating[Any]] = np.mean) -> float:
+def _mean(values: Sequence[Array], mean: Callable[[Array], np.floating[Any]] = np.mean) -> float:
     """Mean of what is not NaN; NaN if nothing is."""
-    flat: FloatArray = np.concatenate([np.zeros(0), *(np.ravel(v) for v in values)])
+    flat: Array = np.concatenate([np.zeros(0), *(np.ravel(v) for v in values)])
     finite = flat[~np.isnan(flat)]
     return float(mean(finite)) if finite.size else float("nan")
 
@@ -231,10 +217,7 @@ def mean_interval(
     -------
     (low, high), both NaN with fewer than two takes.
 
-    Raises
-    ------
-    InvalidInputError
-        Shapes that differ, a level not between 0 and 1, no resamples.
+    Raises `InvalidInputError` for shapes that differ, a level not between 0 and 1, or no resamples.
     """
     total, number = numbers(sums, "sums"), numbers(counts, "counts")
     if total.ndim != 1 or total.shape != number.shape:
@@ -246,15 +229,8 @@ def mean_interval(
     used = number > 0
     if np.count_nonzero(used) < 2:
         return float("nan"), float("nan")
-    means = _resampled_means(total[used], number[used], resamples, np.random.default_rng(seed))
+    n = np.count_nonzero(used)
+    times = np.random.default_rng(seed).multinomial(n, np.full(n, 1.0 / n), size=resamples)
+    means = (times @ total[used]) / (times @ number[used])
     low, high = np.quantile(means, [(1.0 - level) / 2.0, (1.0 + level) / 2.0])
     return float(low), float(high)
-
-
-def _resampled_means(
-    sums: FloatArray, counts: FloatArray, resamples: int, rng: np.random.Generator
-) -> FloatArray:
-    n = len(sums)
-    times = rng.multinomial(n, np.full(n, 1.0 / n), size=resamples)
-    means: FloatArray = (times @ sums) / (times @ counts)
-    return means

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
-from skelsplat.evaluation.report import Evaluation
+from skelsplat.evaluation.report import Evaluation, Published
 from skelsplat.evaluation.scores import FIGURES, PCK_MM, Estimate
 
 Cell = float | str | None
@@ -74,40 +74,59 @@ class Table:
 
         Notes stay with the last part.
         """
-        starts = range(0, len(self.columns), columns_per_part)
-        parts = [slice(start, start + columns_per_part) for start in starts]
+        columns = range(len(self.columns))
+        starts = columns[::columns_per_part]
         return [
-            Table(
-                self.title if k == 0 else "",
-                self.first,
-                self.columns[part],
-                tuple(
-                    Row(row.name, row.cells[part], row.reported)
-                    for row in self.rows
-                    if not row.reported or any(cell is not None for cell in row.cells[part])
-                ),
-                self.notes if k == len(parts) - 1 else (),
-            )
-            for k, part in enumerate(parts)
+            self._part(columns[k : k + columns_per_part], self.rows, k == starts[0], k == starts[-1])
+            for k in starts
         ]
+
+    def by_figures(self) -> list[Table]:
+        """Return the table; if nothing is reported in some columns, the reported rows as a second one.
+
+        That has only the columns in which something is reported. Notes stay with the last table.
+        """
+        columns = range(len(self.columns))
+        measured, reported = ([row for row in self.rows if row.reported == kind] for kind in (False, True))
+        known = [k for k in columns if any(row.cells[k] is not None for row in reported)]
+        if not reported or len(known) == len(columns):
+            return [self]
+        return [self._part(columns, measured, True, False), self._part(known, reported, False, True)]
+
+    def _part(self, columns: Sequence[int], rows: Sequence[Row], is_first: bool, is_last: bool) -> Table:
+        """Return some columns; the first part has the title, the last one the notes."""
+        cells = [(row, tuple(row.cells[k] for k in columns)) for row in rows]
+        return Table(
+            self.title if is_first else "",
+            self.first,
+            tuple(self.columns[k] for k in columns),
+            tuple(
+                Row(row.name, own, row.reported)
+                for row, own in cells
+                if not row.reported or any(cell is not None for cell in own)
+            ),
+            self.notes if is_last else (),
+        )
 
     def markdown(self) -> str:
         """Return the table as Markdown, best numbers in bold, reported rows in italics."""
-        lines = [f"### {self.title}", ""] if self.title else []
-        lines.append(_line([self.first, *(column.header for column in self.columns)]))
-        lines.append(_line(["---", *["---:"] * len(self.columns)]))
+        rows = []
         for row in self.rows:
             cells = [
                 f"**{self.text(row, k)}**" if self.is_best(row, k) else self.text(row, k)
                 for k in range(len(self.columns))
             ]
-            lines.append(_line([f"*{row.name}*" if row.reported else row.name, *cells]))
-        lines += [line for note in self.notes for line in ("", note)]
-        return "\n".join(lines) + "\n"
+            rows.append([f"*{row.name}*" if row.reported else row.name, *cells])
+        header = [self.first, *(column.header for column in self.columns)]
+        title = [f"### {self.title}"] if self.title else []
+        return "\n\n".join([*title, grid(header, rows, numeric=len(self.columns)), *self.notes]) + "\n"
 
 
-def _line(cells: Sequence[str]) -> str:
-    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+def grid(header: Sequence[str], rows: Iterable[Sequence[str]], *, numeric: int) -> str:
+    """Return a table in Markdown, whose last `numeric` columns are aligned to the right."""
+    rule = [*["---"] * (len(header) - numeric), *["---:"] * numeric]
+    lines = [[cell.replace("|", "\\|") for cell in cells] for cells in (header, rule, *rows)]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
 _INTERVAL = "interval"
@@ -141,10 +160,7 @@ def overall(evaluation: Evaluation) -> Table:
     others = evaluation.published
     if others is not None:
         columns = {"absolute_mm": others.absolute, "pcp": others.pcp}
-        rows += [
-            Row(others.name(row), tuple(others.value(row, columns.get(key)) for key in shown), reported=True)
-            for row in others.table
-        ]
+        rows += _reported(others, [columns.get(key) for key in shown])
     return Table(
         f"{_subject(evaluation)}: MPJPE in mm (absolute, root-relative, Procrustes), shares in %",
         "method",
@@ -166,11 +182,7 @@ def actions(evaluation: Evaluation, metric: Metric = "absolute") -> Table:
         rows.append(Row(s.method, (*values, share * average)))
     others = evaluation.published
     if others is not None and metric == "absolute" and set(evaluation.headers) <= set(others.table.keys):
-        keys = (*evaluation.headers, others.absolute)
-        rows += [
-            Row(others.name(row), tuple(others.value(row, key) for key in keys), reported=True)
-            for row in others.table
-        ]
+        rows += _reported(others, (*evaluation.headers, others.absolute))
     rules = evaluation.protocol
     kind = "actor" if rules.parts else "action" if rules.columns else "sequence"
     return Table(
@@ -179,6 +191,13 @@ def actions(evaluation: Evaluation, metric: Metric = "absolute") -> Table:
         (*columns, Column("Avg", best=best)),
         tuple(rows),
     )
+
+
+def _reported(others: Published, keys: Sequence[str | None]) -> list[Row]:
+    return [
+        Row(others.name(row), tuple(others.value(row, key) for key in keys), reported=True)
+        for row in others.table
+    ]
 
 
 def joints(evaluation: Evaluation, metric: Literal["absolute", "relative"] = "absolute") -> Table:

@@ -17,13 +17,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from skelsplat._arrays import Array, Index
+from skelsplat._atomic import opening
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._files import frame_number, opening
+from skelsplat.io._files import frame_number
 from skelsplat.io._unpickle import DAMAGED_NPY, npy_header, read_array
-
-Array = npt.NDArray[np.float64]
 
 # what zipfile and NumPy raise for an npz whose bytes are damaged, besides OSError and ValueError
 _DAMAGED_NPZ = (zipfile.BadZipFile, zlib.error, struct.error, EOFError, NotImplementedError, RuntimeError)
@@ -48,16 +47,21 @@ class Arrays:
         """Return the `count` ascending whole numbers under ``frames``; None if they are not there."""
         if "frames" not in self.found:
             return None
-        array = np.asarray(self.found["frames"])
-        whole = array.shape == (count,) and array.dtype.kind in "iu"
-        if not whole or (np.diff(array.astype(np.int64)) <= 0).any():
-            expected = f"{count} whole numbers that ascend"
-            raise DatasetError(self.path, "frames", expected, f"{array.dtype} of shape {array.shape}")
-        return [frame_number(self.path, "frames", int(number)) for number in array]
+        return list(map(int, frame_numbers(self.path, self.found["frames"], count)))
 
     def names(self, key: str, count: int) -> tuple[str, ...] | None:
         """Return the `count` different names under a key; None if they are not there."""
         return array_names(self.path, key, self.found[key], count) if key in self.found else None
+
+
+def frame_numbers(path: Path, value: object, count: int | None = None) -> Index:
+    """Return frame numbers, which ascend; as many as `count`, if that is known."""
+    array = np.asarray(value)
+    fits = array.ndim == 1 and array.dtype.kind in "iu" and count in (None, len(array))
+    if not fits or (np.diff(array.astype(np.int64)) <= 0).any():
+        expected = f"{'' if count is None else f'{count} '}whole numbers that ascend"
+        raise DatasetError(path, "frames", expected, f"{array.dtype} of shape {array.shape}")
+    return np.array([frame_number(path, "frames", int(number)) for number in array], dtype=np.int64)
 
 
 def array_names(path: Path, field: str, value: object, count: int) -> tuple[str, ...]:

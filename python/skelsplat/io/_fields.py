@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from skelsplat.exceptions import DatasetError
+from skelsplat import layouts
+from skelsplat._arrays import Array
+from skelsplat._skelsplat import Layout
+from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._files import frame_number
-
-Array = npt.NDArray[np.float64]
 
 _ABSENT = object()
 _MISSING = "nothing (the key is missing)"
@@ -80,6 +81,13 @@ class Field:
             raise self.error("a text", self.shown)
         return str(self.value)
 
+    def layout(self) -> Layout:
+        """Return the joint layout of this name."""
+        try:
+            return layouts.get(self.value)
+        except (InvalidInputError, TypeError) as error:
+            raise self.error(f"one of {', '.join(layouts.names)}", self.shown) from error
+
     def flag(self) -> bool:
         """Return true or false; false if the key is missing."""
         if not self.is_missing and not isinstance(self.value, bool):
@@ -88,7 +96,7 @@ class Field:
 
     def number(self) -> float:
         """Return a finite number."""
-        if not _is_number(self.value) or not _is_finite(self.value):
+        if not _is_number(self.value) or not abs(self.value) <= sys.float_info.max:
             raise self.error("a finite number", self.shown)
         return float(self.value)
 
@@ -120,6 +128,13 @@ class Field:
             raise self.error("finite numbers", self.shown)
         return array
 
+    def names(self) -> list[str]:
+        """Return the texts of a list."""
+        values = self._list("a list of strings")
+        if not all(isinstance(value, str) for value in values):
+            raise self.error("a list of strings", self.shown)
+        return values
+
     def row(self) -> Array:
         """Return a list of numbers (n,); NaN is a number here, infinity and text are not."""
         values = self._list("a list of numbers")
@@ -145,13 +160,6 @@ class Field:
 
 def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _is_finite(value: float) -> bool:
-    try:
-        return math.isfinite(value)
-    except OverflowError:  # a whole number beyond any float
-        return False
 
 
 def _is_numeric(value: object) -> bool:

@@ -1,18 +1,18 @@
-"""Opening files, and writing them whole or not at all, with the package's errors."""
+"""Reading files, with the package's errors."""
 
 from __future__ import annotations
 
 import csv
+import io
 import json
-import os
 import re
-import secrets
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
+from skelsplat._atomic import opening
 from skelsplat.exceptions import DatasetError, InvalidInputError
 
 if sys.version_info >= (3, 11):
@@ -25,15 +25,6 @@ FRAME_LIMIT = 2**62
 _HEAD = 65_536  # bytes
 _FIELDS = "comma-separated fields, every quote closed"
 VIDEO_SUFFIXES = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".mts", ".wmv")
-
-
-@contextmanager
-def opening(path: Path, expected: str = "a readable file", field: str = "file") -> Iterator[None]:
-    """Raise `DatasetError` for what the system says against opening or reading `path` in this block."""
-    try:
-        yield
-    except OSError as error:
-        raise DatasetError(path, field, expected, (error.strerror or str(error)).lower()) from error
 
 
 @contextmanager
@@ -52,9 +43,8 @@ def parsing(path: Path, expected: str) -> Iterator[None]:
 
 def of_file(path: Path, error: InvalidInputError) -> DatasetError:
     """Return the error for a file whose content was refused as an argument."""
-    field, _, rest = str(error).partition(": expected ")
-    expected, _, actual = rest.partition(", got ")
-    return DatasetError(path, field, expected, actual)
+    expected, _, actual = error.reason.removeprefix("expected ").partition(", got ")
+    return DatasetError(path, error.argument, expected, actual)
 
 
 def read_text(path: Path) -> str:
@@ -76,17 +66,20 @@ def head(path: Path) -> str:
 
 
 def csv_lines(path: Path) -> list[list[str]]:
-    """Return the fields of every line; of a blank line there are none.
+    """Return the fields of every line; of a blank line there are none. All others have as many as the first.
 
     A quoted field may go on over several lines, so that a quote that is never closed swallows what follows:
     it is an error, of the line in which it opens.
     """
-    reader = csv.reader(read_text(path).splitlines(), strict=True)
+    reader = csv.reader(io.StringIO(read_text(path), newline=""), strict=True)
     lines: list[list[str]] = []
     first = 1
     try:
         for line in reader:
             lines.append(line)
+            if line and len(line) != len(lines[0]):
+                expected, actual = f"{len(lines[0])} fields", f"{len(line)} fields"
+                raise DatasetError(path, f"line {first}", expected, actual)
             first = reader.line_num + 1
     except csv.Error as error:
         expected, actual = _csv_fault(error, reader.line_num - first)
@@ -158,44 +151,3 @@ def listed(names: Sequence[str], most: int) -> str:
     """Return names for a message: the first `most`, and how many more there are."""
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + more
-
-
-@contextmanager
-def atomic_path(
-    path: str | os.PathLike[str], suffix: str | None = None, *, durable: bool = True
-) -> Iterator[Path]:
-    """Give the path of an empty file that takes the place of `path` when the block ends without an exception.
-
-    For libraries that open a path themselves. The file is a temporary one in the same folder, with the given
-    suffix or else the same; it is flushed to disk and then moved over `path` in one step. A reader never
-    sees half a file, and on an exception an older file stays as it was. A symbolic link is followed. Without
-    `durable` nothing waits for the disk: after a power failure the file may be empty or torn, so its reader
-    must check it. A folder that is missing and a path that cannot be written are a `DatasetError`.
-    """
-    target = Path(os.path.realpath(path))
-    temporary = target.with_name(f".{target.stem}.{secrets.token_hex(6)}{suffix or target.suffix}")
-    with opening(Path(path), "a path that can be written", "output"):
-        try:
-            temporary.open("xb").close()
-            yield temporary
-            if durable:
-                with temporary.open("rb+") as stream:
-                    os.fsync(stream.fileno())
-            temporary.replace(target)
-        except BaseException:
-            with suppress(OSError):  # the folder cannot be reached: what led here is the one to report
-                temporary.unlink(missing_ok=True)
-            raise
-
-
-@contextmanager
-def atomic_write(path: str | os.PathLike[str], *, durable: bool = True) -> Iterator[BinaryIO]:
-    """Open a binary file that takes the place of `path` as `atomic_path` does."""
-    with atomic_path(path, ".tmp", durable=durable) as temporary, temporary.open("wb") as stream:
-        yield stream
-
-
-def atomic_write_text(path: str | os.PathLike[str], text: str) -> None:
-    """Write `text` as UTF-8 to `path` with `atomic_write`; line ends are written as given."""
-    with atomic_write(path) as stream:
-        stream.write(text.encode("utf-8"))

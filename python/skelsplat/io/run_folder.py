@@ -16,20 +16,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 import skelsplat as sk
-from skelsplat import layouts
-from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat._arrays import Array, Index
+from skelsplat._atomic import atomic_write
+from skelsplat.exceptions import DatasetError
 from skelsplat.io._fields import Field
-from skelsplat.io._files import atomic_write, load_json
+from skelsplat.io._files import load_json
 from skelsplat.io._run_files import CAMERAS, DETECTIONS, POSES, REPORT, UNFINISHED
 from skelsplat.io.calibration import read_calibration, write_calibration
 from skelsplat.io.detections import read_detections
 from skelsplat.io.poses._npz import read_npz
 from skelsplat.io.poses._pose_data import PoseData
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -70,7 +68,7 @@ class RunFolder:
 
 
 def write_run_inputs(
-    folder: Path, rig: sk.CameraRig, layout: sk.Layout, detections: Array, frames: npt.NDArray[np.int64]
+    folder: Path, rig: sk.CameraRig, layout: sk.Layout, detections: Array, frames: Index
 ) -> list[str]:
     """Write the cameras and the detections (T, M, N, 3) of one person; return the names of the files."""
     write_calibration(folder / CAMERAS, rig)
@@ -97,7 +95,7 @@ def read_run(path: str | os.PathLike[str]) -> RunFolder:
         got = "a folder without it" if folder.is_dir() else "no such folder"
         raise DatasetError(folder, REPORT, "the folder of a run of skelsplat refine", got)
     report = _read_report(folder / REPORT)
-    layout = _layout(folder / REPORT, report)
+    layout = report["input"]["layout"].layout()
     rig = read_calibration(folder / CAMERAS)
     poses = read_npz(folder / POSES)
     found = read_detections(folder / DETECTIONS, list(rig.names), layout=layout, format="npz")
@@ -110,10 +108,10 @@ def read_run(path: str | os.PathLike[str]) -> RunFolder:
         if expected != actual:
             same = f"those of the same run ({_short(expected)})"
             raise DatasetError(folder / POSES, name, same, _short(actual))
-    return RunFolder(folder, rig, layout, found.people[:, :, 0], poses, report)
+    return RunFolder(folder, rig, layout, found.people[:, :, 0], poses, report.value)
 
 
-def _read_report(path: Path) -> dict[str, Any]:
+def _read_report(path: Path) -> Field:
     report = Field(path, "", load_json(path, "the report of a run"))
     if UNFINISHED in report and report[UNFINISHED].value:
         expected = "the report of a run that has written all its files"
@@ -130,16 +128,7 @@ def _read_report(path: Path) -> dict[str, Any]:
     for name, offset in by_camera.items():
         if not isinstance(offset, int) or isinstance(offset, bool):
             raise offsets[name].error("a whole number of frames", offset)
-    whole: dict[str, Any] = report.value
-    return whole
-
-
-def _layout(path: Path, report: dict[str, Any]) -> sk.Layout:
-    name = report["input"].get("layout")
-    try:
-        return layouts.get(name)
-    except (InvalidInputError, TypeError, AttributeError) as error:
-        raise DatasetError(path, "input.layout", f"one of {', '.join(layouts.names)}", name) from error
+    return report
 
 
 def _short(value: Any) -> str:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 
-from skelsplat.io._files import opening
+from skelsplat._atomic import opening
 
 LAYOUT = "body25b"
 UNIT = "m"

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from skelsplat._arrays import Array, Mask, numbers
-from skelsplat.exceptions import InvalidInputError
+from skelsplat.exceptions import InvalidInputError, one_of
 
 PartialReduce: TypeAlias = Literal["per_joint", "per_pose", "none"]
 Reduce: TypeAlias = Literal["mean", "per_joint", "per_pose", "none"]
@@ -83,8 +83,7 @@ def reduced(values: Array, reduce: Reduce) -> Array:
         "per_pose": (values.ndim - 1,),
         "none": (),
     }
-    if reduce not in axes:
-        raise InvalidInputError(f"reduce: expected one of {', '.join(axes)}, got {reduce!r}")
+    one_of("reduce", reduce, axes)
     if reduce == "none":
         return values
     valid = ~np.isnan(values)

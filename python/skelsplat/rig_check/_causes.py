@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 
 import skelsplat as sk
+from skelsplat._arrays import Array
 from skelsplat.cameras import altered, matrix_from_vector
 from skelsplat.findings import Finding, Subject
 from skelsplat.rig_check._files import CHANGES, Change, resizer
-from skelsplat.rig_check._scene import Array, Scene, named
+from skelsplat.rig_check._scene import Scene, named
 
 # A cause must make the cameras agree better by this much, over all and for the camera itself, and by more
 # than detectors' noise.

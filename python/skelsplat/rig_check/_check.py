@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 import skelsplat as sk
-from skelsplat._arrays import median, numbers, whole_numbers
+from skelsplat._arrays import Array, Index, median, numbers, whole_numbers
 from skelsplat._skelsplat import check_people
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.findings import Finding, Subject
@@ -17,7 +17,7 @@ from skelsplat.rig_check._causes import explain, once_corrected
 from skelsplat.rig_check._files import correct_files
 from skelsplat.rig_check._geometry import check_geometry
 from skelsplat.rig_check._report import CameraRow, ReadAs, RigReport, rows_of, with_remedies
-from skelsplat.rig_check._scene import Array, Index, Scene, follow, in_mm, named, scene_of
+from skelsplat.rig_check._scene import Scene, follow, in_mm, named, scene_of
 from skelsplat.rig_check._world import check_unit, find_convention
 
 # A camera whose detections are rejected this often, and this many times as often as the others', in so many

@@ -12,8 +12,9 @@ from itertools import combinations, permutations
 import numpy as np
 
 import skelsplat as sk
+from skelsplat._arrays import Array
 from skelsplat.findings import Finding, Subject
-from skelsplat.rig_check._scene import Array, Scene, gross_px, is_gross, judge, named, some_frames
+from skelsplat.rig_check._scene import Scene, gross_px, is_gross, judge, named, some_frames
 
 Change = Callable[[Array, tuple[int, int]], Array]
 

@@ -8,8 +8,9 @@ from itertools import combinations
 import numpy as np
 
 import skelsplat as sk
+from skelsplat._arrays import Array
 from skelsplat.findings import Finding, Subject
-from skelsplat.rig_check._scene import Array, named
+from skelsplat.rig_check._scene import named
 
 # degrees: a long telephoto lens and a wide one without a fisheye model
 _VIEW_DEG = (3.0, 150.0)

@@ -7,15 +7,11 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 import skelsplat as sk
-from skelsplat._arrays import median
+from skelsplat._arrays import Array, Index, median
 from skelsplat.association import choose_person, extents
 from skelsplat.cameras import altered
-
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
 
 # frames that are judged, spread over the recording; more tell nothing new
 _FRAMES = 120

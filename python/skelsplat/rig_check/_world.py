@@ -15,10 +15,10 @@ from collections.abc import Callable
 import numpy as np
 
 import skelsplat as sk
-from skelsplat._arrays import median
+from skelsplat._arrays import Array, median
 from skelsplat.cameras import MM_PER_UNIT, altered
 from skelsplat.findings import Finding
-from skelsplat.rig_check._scene import Array, in_mm, is_gross, judge, some_frames
+from skelsplat.rig_check._scene import in_mm, is_gross, judge, some_frames
 
 # what is left of the disagreement when the convention is right
 _BETTER = 0.35

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import skelsplat as sk
-from skelsplat._arrays import numbers
+from skelsplat._arrays import Array, Index, numbers
+from skelsplat._atomic import atomic_write_text
 from skelsplat._json import to_text
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding, collected_warnings
 from skelsplat.io import PoseData
-from skelsplat.io._files import atomic_write_text
 from skelsplat.io._run_files import REPORT
 from skelsplat.io.run_folder import read_run
 from skelsplat.run import folder as folders
@@ -89,12 +89,12 @@ class Run:
         return self.inputs.layout
 
     @property
-    def detections(self) -> npt.NDArray[np.float64]:
+    def detections(self) -> Array:
         """The detections of the person followed (T, M, N, 3), pixels and confidence; NaN where missing."""
         return self.inputs.detections
 
     @property
-    def frames(self) -> npt.NDArray[np.int64]:
+    def frames(self) -> Index:
         """The frame numbers (T,)."""
         return self.inputs.frames
 
@@ -342,16 +342,17 @@ def _as_batch(result: sk.Refinement) -> sk.Refinement:
     return sk.Refinement(**parts)
 
 
-def _seen(
-    detections: npt.ArrayLike, confidence: npt.ArrayLike | None, result: sk.Refinement
-) -> npt.NDArray[np.float64]:
+def _seen(detections: npt.ArrayLike, confidence: npt.ArrayLike | None, result: sk.Refinement) -> Array:
     """Return detections (T, M, N, 3) of a result over T frames, confidence 1 where none is given."""
     seen, shape = numbers(detections, "detections"), result.view_weights.shape
+    given = np.ones(seen.shape[:-1]) if confidence is None else numbers(confidence, "confidence")
+    if confidence is not None and seen.shape[-1:] == (3,):
+        expected, actual = "only one source of confidences", "detections with a third channel as well"
+        raise InvalidInputError(f"confidence: expected {expected}, got {actual}")
+    if given.shape != seen.shape[:-1]:
+        raise InvalidInputError(f"confidence: expected shape {seen.shape[:-1]}, got shape {given.shape}")
     if seen.ndim == 3:
         seen = seen[None]
     if seen.shape[:-1] != shape or seen.shape[-1] not in (2, 3):
         raise InvalidInputError(f"detections: expected {shape} pixels like the result, got {seen.shape}")
-    if seen.shape[-1] == 3:
-        return seen
-    given = np.ones(shape) if confidence is None else numbers(confidence, "confidence").reshape(shape)
-    return np.concatenate([seen, given[..., None]], axis=-1)
+    return seen if seen.shape[-1] == 3 else np.concatenate([seen, given.reshape(shape)[..., None]], axis=-1)

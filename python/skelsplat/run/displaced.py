@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from skelsplat._arrays import medians
+from skelsplat._arrays import Array, Index, Mask, medians
 from skelsplat.findings import Finding, Remedy, Subject
 from skelsplat.layouts import mirror_images
 from skelsplat.run.person import MIXED, gates_px
@@ -17,13 +17,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from collections.abc import Set as AbstractSet
 
-    import numpy.typing as npt
-
     import skelsplat as sk
     from skelsplat.run.summary import Statistics
 
-    Array = npt.NDArray[np.float64]
-    Mask = npt.NDArray[np.bool_]
 
 # Fewer frames may be chance.
 _LEAST_FRAMES = 3
@@ -57,16 +53,9 @@ def displaced_cameras(rig: sk.CameraRig, shifts: Shifts) -> list[int]:
 def find_displaced(
     names: Sequence[str], shifts: Shifts, displaced: Sequence[int], unfit: AbstractSet[str] = frozenset()
 ) -> Iterator[Finding]:
-    """Yield a finding on the camera that is displaced most, with the others.
+    """Yield a finding on the first of ``displaced`` (as of `displaced_cameras`), with the others.
 
-    Parameters
-    ----------
-    names
-        All cameras.
-    displaced
-        What `displaced_cameras` returned.
-    unfit
-        Cameras with another finding whose remedy is to leave them out.
+    ``names`` are those of all cameras; ``unfit`` ones have another finding whose remedy is to leave them out.
     """
     if not displaced:
         return
@@ -119,24 +108,14 @@ def find_apart(rig: sk.CameraRig, statistics: Statistics, known: AbstractSet[int
 
 @dataclass(frozen=True)
 class Shifts:
-    """How the detections of M cameras lie beside the reprojected pose over all frames.
+    """How the detections of M cameras lie beside the reprojected pose over all frames."""
 
-    Attributes
-    ----------
-    shift : (M, 2)
-        Median of detection − projection [px], x to the right and y down; NaN without detections.
-    error : (M,)
-        Median distance [px].
-    chance : (M,)
-        Probability of a shift like this if every joint's own offset points any way (`same_side`).
-    count : (M,) int
-        Detections.
-    """
-
+    # (M, 2) median of detection − projection [px], x to the right and y down; NaN without detections
     shift: Array
-    error: Array
+    error: Array  # (M,) median distance [px]
+    # (M,) probability of a shift like this if every joint's own offset points any way (`same_side`)
     chance: Array
-    count: npt.NDArray[np.int64]
+    count: Index  # (M,) detections
 
     @property
     def size(self) -> Array:
@@ -158,13 +137,8 @@ class Shifts:
 def residuals(detections: Array, projected: Array, swapped: Mask, pairs: Sequence[tuple[int, int]]) -> Array:
     """Return detection − projection [px], (T, M, N, 2), of the joint that each detection was used for.
 
-    Parameters
-    ----------
-    detections, projected : (T, M, N, 2)
-    swapped : (T, M, N)
-        Detections that were used for the joint on the other side of the body.
-    pairs
-        These joints, (left, right).
+    That of ``swapped`` (T, M, N) detections is the joint on the other side of the body, by ``pairs`` (left,
+    right).
     """
     mirror = mirror_images(detections.shape[2], pairs)
     found: Array = detections - np.where(swapped[..., None], projected[:, :, mirror], projected)

@@ -8,12 +8,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from skelsplat._arrays import Index
+from skelsplat._atomic import atomic_write_text, opening
 from skelsplat._json import to_text
 from skelsplat._optional import can_draw
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding, Subject
 from skelsplat.io import PoseData, write_pose
-from skelsplat.io._files import atomic_write_text
 from skelsplat.io._run_files import CAMERAS, DETECTIONS, REPORT, UNFINISHED, files_of_run
 from skelsplat.io.poses import POSE_FORMATS, check_pose_format
 from skelsplat.io.poses._pose_data import MARKER_NAMES
@@ -22,9 +23,6 @@ from skelsplat.run.html import write_html
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
-
-    import numpy as np
-    import numpy.typing as npt
 
     from skelsplat.run._run import Run
     from skelsplat.run.job import Job
@@ -67,7 +65,7 @@ class Writing:
             wanted |= {PAGE} if self.html else set()
         return [name for name in _POSSIBLE if name in wanted]
 
-    def check(self, frames: npt.NDArray[np.int64]) -> None:
+    def check(self, frames: Index) -> None:
         """Apply `skelsplat.io.poses.check_pose_format` to each format."""
         for kind in self.formats:
             check_pose_format(kind, frames)
@@ -170,13 +168,8 @@ def begin_writing(folder: Path, report: dict[str, Any]) -> None:
     files = [name for name in _POSSIBLE if name in {*earlier, *new}]
     atomic_write_text(folder / REPORT, to_text({UNFINISHED: True, **report, "files": files}))
     for path in (folder / name for name in earlier):
-        try:
+        with opening(path, "a file of an earlier run that can be removed"):
             path.unlink(missing_ok=True)
-        except OSError as error:
-            reason = (error.strerror or str(error)).lower()
-            raise DatasetError(
-                path, "file", "a file of an earlier run that can be removed", reason
-            ) from error
 
 
 def left_of_earlier(folder: Path) -> list[str]:
@@ -197,13 +190,9 @@ def output_folder(folder: Path) -> Iterator[None]:
     """
     missing = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
-        try:
+        with opening(folder, "a folder that can be written", "output"):
             folder.mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryFile(dir=folder):
-                pass
-        except OSError as error:
-            reason = (error.strerror or str(error)).lower()
-            raise DatasetError(folder, "output", "a folder that can be written", reason) from error
+            tempfile.TemporaryFile(dir=folder).close()
         yield
     except BaseException:
         for path in missing:

@@ -5,9 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-import numpy as np
-import numpy.typing as npt
-
+from skelsplat._arrays import Index
 from skelsplat.exceptions import InvalidInputError
 
 
@@ -34,7 +32,7 @@ class FrameRange:
         ends = (first, last) if dash else (first, first)
         return cls(*(int(end) if end else None for end in ends))
 
-    def within(self, frames: npt.NDArray[np.int64]) -> tuple[int, int]:
+    def within(self, frames: Index) -> tuple[int, int]:
         """Return the first and the last number to draw of a run's ascending ``frames``.
 
         Raises

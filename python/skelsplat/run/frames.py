@@ -10,14 +10,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from skelsplat._arrays import Mask
 from skelsplat._sentences.run import named
 from skelsplat.findings import Finding, Subject
 from skelsplat.run.read import Inputs
 from skelsplat.run.solve import Outcome
 from skelsplat.run.summary import Statistics, finite_median, frame_medians
 
-Array = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
 # What is found in a frame: its index, the kind, whom it concerns, and numbers.
 Case = tuple[int, str, Subject, dict[str, Any]]
 
@@ -41,11 +40,12 @@ def find_in_frames(
     concern the recording and not a frame: see `find_findings` and the stop reasons.
     """
     empty = np.asarray(outcome.result.stop_reason) == "no_observations"
+    swapped = np.isfinite(statistics.error_after) & np.asarray(outcome.result.swapped)
     found: dict[tuple[str, Subject], list[tuple[int, dict[str, Any]]]] = {}
     for frame, kind, subject, numbers in (
         *_stops(outcome),
         *_statuses(status, empty, inputs.layout.joints),
-        *_named("frame_swapped", _swapped_views(outcome, statistics), "cameras", inputs.rig.names),
+        *_named("frame_swapped", np.asarray(swapped.any(axis=2)), "cameras", inputs.rig.names),
         *_rejected(statistics),
         *_errors(statistics),
         *_error_bars(statistics, status, inputs.layout.joints),
@@ -113,12 +113,6 @@ def _statuses(status: npt.NDArray[np.str_], empty: Mask, joints: Sequence[str]) 
     yield from _named("frame_unobserved", unobserved, "joints", joints)
     for kind in ("weak", "filled"):
         yield from _named(f"frame_{kind}", status == kind, "joints", joints)
-
-
-def _swapped_views(outcome: Outcome, statistics: Statistics) -> Mask:
-    """Return the views (T, M) with a left–right swap."""
-    used = np.isfinite(statistics.error_after)
-    return np.asarray((used & np.asarray(outcome.result.swapped)).any(axis=2))
 
 
 def _rejected(statistics: Statistics) -> Iterator[Case]:

@@ -21,14 +21,11 @@ from skelsplat.run.report import MEANINGS
 from skelsplat.run.summary import DOWN_WEIGHTED, error_maps, finite_max, finite_median, frame_medians
 
 if TYPE_CHECKING:
-    import numpy.typing as npt
-
     from skelsplat.run._run import Run
     from skelsplat.run.read import Inputs
     from skelsplat.run.summary import Group, Statistics
     from skelsplat.viz import report as page
 
-    Array = npt.NDArray[np.float64]
 
 _SHARED = (
     ("median [px]", "median reprojection error, start → refined"),
@@ -68,7 +65,11 @@ def write_html(run: Run, path: Path) -> None:
         numbers=key_numbers(run),
         sequence=_sequence(run),
         shapes=camera_shapes(inputs.rig),
-        cameras=_camera_table(statistics),
+        cameras=page.Table(
+            [("camera", ""), *_SHARED],
+            [_cells(group) for group in statistics.cameras],
+            _cells(statistics.total),
+        ),
         joints=_joint_table(inputs, statistics),
         errors_px=errors_px[:-1, :-1],
         rejected=rejected[:-1, :-1],
@@ -94,7 +95,10 @@ def show_page(run: Run) -> None:
 
 def notebook_view(run: Run) -> str:
     """Return facts, numbers, findings and the overview as HTML, for the output of a notebook's cell."""
-    rows = [*facts_of(run.report), *((name, f"{value} {remark}") for name, value, remark in key_numbers(run))]
+    rows = [
+        *facts_of(run.report),
+        *((name, f"{value} ({remark})") for name, value, remark in key_numbers(run)),
+    ]
     cells = "".join(
         f"<tr><th>{html.escape(name)}</th><td>{html.escape(value)}</td></tr>" for name, value in rows
     )
@@ -174,7 +178,11 @@ def key_numbers(run: Run) -> list[tuple[str, str, str]]:
             f"{number(finite_median(statistics.error_bar_mm))} mm",
             f"largest {number(finite_max(statistics.error_bar_mm), 0)} mm",
         ),
-        ("frames with a problem", f"{len(frames):,} of {len(run.frames):,}", "listed below"),
+        (
+            "frames with a problem",
+            f"{len(frames):,} of {len(run.frames):,}",
+            "weak, missing or unusual joints",
+        ),
     ]
 
 
@@ -190,7 +198,8 @@ def _notes(run: Run) -> list[str]:
         f"Weight: how much each detection is trusted, from 0 to 1; down-weighted below {DOWN_WEIGHTED:g}, "
         f"rejected below {sk.REJECTED_WEIGHT:g}. Error bar: one standard deviation per axis.",
         "The 3D view is in metres, in the axes of the calibration; ellipsoids are drawn at two standard "
-        f"deviations, and joints that are weak, filled or unobserved are hollow.{speed}",
+        "deviations, cut off 0.3 m from the joint, and joints that are weak, filled or unobserved are "
+        f"hollow.{speed}",
     ]
 
 
@@ -234,17 +243,6 @@ def _lines(run: Run) -> list[page.TimeLine]:
         TimeLine("Left–right swaps", "", swapped.astype(float), peaks=True),
         TimeLine("Largest error bar", "mm", bars, peaks=True),
     ]
-
-
-def _camera_table(statistics: Statistics) -> page.Table:
-    """Return a row per camera, and one for all."""
-    from skelsplat.viz.report import Table  # as in write_html
-
-    return Table(
-        columns=[("camera", ""), *_SHARED],
-        rows=[_cells(group) for group in statistics.cameras],
-        total=_cells(statistics.total),
-    )
 
 
 def _joint_table(inputs: Inputs, statistics: Statistics) -> page.Table:

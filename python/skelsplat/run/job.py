@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field
 
 import skelsplat as sk
 from skelsplat import temporal
 from skelsplat.cameras import MM_PER_UNIT
-from skelsplat.exceptions import InvalidInputError
+from skelsplat.exceptions import InvalidInputError, one_of
 from skelsplat.io.detections import FORMATS
 from skelsplat.io.poses import POSE_FORMATS
 from skelsplat.io.poses._pose_data import MARKER_NAMES
@@ -132,16 +132,16 @@ class Job:
     note: str = ""
 
     def __post_init__(self) -> None:
-        _one_of("unit", self.unit, (None, *MM_PER_UNIT))
-        _one_of("layout", self.layout, (None, *sk.layouts.names))
-        _one_of("format", self.format, (None, *FORMATS))
-        _one_of("frames", self.frames, FRAME_MODES)
+        one_of("unit", self.unit, (None, *MM_PER_UNIT))
+        one_of("layout", self.layout, (None, *sk.layouts.names))
+        one_of("format", self.format, (None, *FORMATS))
+        one_of("frames", self.frames, FRAME_MODES)
         check_person(self.person)
         self._check_start()
         _positive("fps", self.fps)
-        _one_of("marker_names", self.marker_names, MARKER_NAMES)
+        one_of("marker_names", self.marker_names, MARKER_NAMES)
         for kind in self.write:
-            _one_of("write", kind, tuple(POSE_FORMATS))
+            one_of("write", kind, tuple(POSE_FORMATS))
         self._check_over_time()
 
     def _check_start(self) -> None:
@@ -157,7 +157,7 @@ class Job:
             )
 
     def _check_over_time(self) -> None:
-        _one_of("fill_method", self.fill_method, (None, *temporal.METHODS))
+        one_of("fill_method", self.fill_method, (None, *temporal.METHODS))
         for option in ("fill_weak", "fill_method"):
             if getattr(self, option) and not self.fill_gaps:
                 raise IncompleteJobError(option, "fill_gaps")
@@ -183,12 +183,6 @@ class Job:
     def pose_formats(self) -> tuple[str, ...]:
         """The pose files to write: npz, and those of ``write``, each once."""
         return tuple(dict.fromkeys(["npz", *self.write]))
-
-
-def _one_of(option: str, value: str | None, choices: Iterable[str | None]) -> None:
-    if value not in choices:
-        expected = ", ".join(choice for choice in choices if choice is not None)
-        raise InvalidInputError(f"{option}: expected one of {expected}, got {value!r}")
 
 
 def _positive(option: str, value: float | None) -> None:

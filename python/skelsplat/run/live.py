@@ -12,12 +12,10 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 import skelsplat as sk
+from skelsplat._arrays import Array
 from skelsplat.io.poses._json import to_json
-
-Array = npt.NDArray[np.float64]
 
 _PERCENTILES = (50, 90, 99, 99.9)
 # more than any detector's score: probably a pixel coordinate

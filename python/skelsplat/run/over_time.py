@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from skelsplat import temporal
+from skelsplat._arrays import Array, Mask
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import InvalidInputError
 
@@ -131,13 +132,13 @@ def _filled(data: PoseData, job: Job) -> tuple[PoseData, int]:
 
 
 def _filtered(
-    pose: temporal.Array,
+    pose: Array,
     frames: Any,
-    weak: temporal.Mask,
+    weak: Mask,
     chosen: Filter | None,
     fps: float | None,
     mm: float,
-) -> tuple[temporal.Array, int]:
+) -> tuple[Array, int]:
     """Filter poses whose unit is ``mm`` millimetres; also return how many were in runs too short for it."""
     if isinstance(chosen, Butterworth) and fps is not None:
         result, left = temporal.butterworth(

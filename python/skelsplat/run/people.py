@@ -6,16 +6,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from skelsplat._arrays import Array, Index, Mask
 from skelsplat.findings import Finding, Remedy, Subject
 from skelsplat.run.person import MIXED, Crowd
 from skelsplat.run.read import Inputs
 from skelsplat.run.solve import Outcome
-
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
-Mask = npt.NDArray[np.bool_]
 
 # No distribution has more than 1/9 beyond four standard deviations from its median: the median is within one
 # of the mean, and Chebyshev's inequality leaves 1/9 beyond three from the mean.
@@ -94,23 +90,14 @@ def find_lengths(inputs: Inputs, spread: LimbSpread) -> Iterator[Finding]:
 
 @dataclass(frozen=True)
 class LimbSpread:
-    """How the lengths of limbs vary over the frames; of limbs that are known in ten frames or more.
+    """How the lengths of limbs vary over the frames; of limbs that are known in ten frames or more."""
 
-    Attributes
-    ----------
-    limbs : (B, 2) int
-        The joints of these limbs.
-    median, low, high : (B,)
-        Median, 5th and 95th percentile of the length, in the poses' unit.
-    off : float
-        Part of all lengths that differ from the limb's median by more than four standard deviations.
-    """
-
-    limbs: Index
+    limbs: Index  # (B, 2) the joints of these limbs
+    # (B,) median, 5th and 95th percentile of the length, in the poses' unit
     median: Array
     low: Array
     high: Array
-    off: float
+    off: float  # part of all lengths that differ from the limb's median by more than four standard deviations
 
     @property
     def relative(self) -> Array:
@@ -122,16 +109,7 @@ def limb_spread(pose: Array, uncertainty: Array, known: Mask, limbs: Sequence[tu
     """Compare how limb lengths vary over the frames with the scatter that a constant length would have.
 
     The variance of a length is that of its two ends along the limb, and (5 % of the length)², as a detector
-    does not place joints at quite the same point of the body in every pose.
-
-    Parameters
-    ----------
-    pose, uncertainty : (T, N, 3), (T, N, 3, 3)
-        As of `skelsplat.Refinement`.
-    known : (T, N)
-        Joints that count.
-    limbs
-        Pairs of joints.
+    does not place joints at quite the same point of the body in every pose. Joints ``known`` (T, N) count.
     """
     kept, rows, off, count = [], [], 0, 0
     for a, b in limbs:

@@ -6,15 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 import skelsplat as sk
 from skelsplat import association
-from skelsplat._arrays import medians
-
-Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int64]
-Mask = npt.NDArray[np.bool_]
+from skelsplat._arrays import Array, Index, Mask, medians
 
 # A person counts as detected with this many joints of this confidence; others are not considered.
 _MIN_JOINTS, _MIN_CONFIDENCE = 4, 0.2
@@ -91,12 +86,8 @@ def look_around(
 ) -> Crowd | None:
     """Return who is visible apart from the person of ``index`` (T, M), and whether this mixes people.
 
-    None where hardly any frame has several people in two views. Long recordings are sampled.
-
-    Parameters
-    ----------
-    people, rig, person, layout
-        As for `pick_places`.
+    None where hardly any frame has several people in two views. Long recordings are sampled. The other
+    arguments are those of `pick_places`.
     """
     several = (count_people(people) >= 2).sum(axis=1) >= 2
     if several.mean() < _CROWDED:
@@ -123,24 +114,15 @@ def count_people(people: Array) -> Index:
 
 @dataclass(frozen=True)
 class Crowd:
-    """The people whom the cameras see, and the one who was chosen among them.
+    """The people whom the cameras see, and the one who was chosen among them."""
 
-    Attributes
-    ----------
-    visible : int
-        People who are as visible as the one seen by the most views, that one among them.
-    together : (S,)
-        Frames in which two or more are.
-    mixed : (S,)
-        Frames in which a view shows somebody else than the other views, though the person is detected in it.
-    changed, compared : int
-        Steps from one frame to the next at which the chosen detections go over to another person, and the
-        steps that could be judged.
-    """
-
-    visible: int
-    together: Mask
+    visible: int  # people who are as visible as the one seen by the most views, that one among them
+    together: Mask  # (S,) frames in which two or more are
+    # (S,) frames in which a view shows somebody else than the other views, though the person is
+    # detected in it
     mixed: Mask
+    # steps from one frame to the next at which the chosen detections go over to another person, and the
+    # steps that could be judged
     changed: int
     compared: int
 
@@ -168,17 +150,9 @@ def describe(
 ) -> Crowd:
     """Compare the detections that were chosen with the people whom the views show.
 
-    Parameters
-    ----------
-    people : (S, M, P, K, 3)
-    chosen : (S, M)
-        Places in P, -1 for none.
-    found, poses : (Q, S, M), (Q, S, K, 3)
-        What `skelsplat.association.separate_people` returned.
-    apart_px : (M,)
-        Median distance from which two detections are of different people.
-    steps : (S,)
-        Numbers of the frames; those that follow each other are compared.
+    ``people`` (S, M, P, K, 3), ``chosen`` (S, M) are places in P, -1 for none; ``found`` (Q, S, M) and
+    ``poses`` (Q, S, K, 3) as of `skelsplat.association.separate_people`. Detections are of different people
+    from a median distance of ``apart_px`` (M,). Of ``steps`` (S,), those that follow each other are compared.
     """
     as_visible = visible_alike(found)
     mixed = mixed_frames(people, chosen, found, apart_px)
@@ -212,15 +186,8 @@ def mixed_frames(people: Array, chosen: Index, found: Index, apart_px: Array) ->
 def person_changes(person: Index, poses: Array, clear: Mask, steps: Index) -> tuple[int, int]:
     """Count the steps to the next frame at which the person becomes another, and those that could be judged.
 
-    Parameters
-    ----------
-    person : (S,)
-        Who of Q is followed, -1 for nobody.
-    poses : (Q, S, K, 3)
-    clear : (S,)
-        Frames to look at.
-    steps : (S,)
-        Numbers of the frames.
+    ``person`` (S,) is who of Q is followed, -1 for nobody; ``poses`` (Q, S, K, 3). Only frames that are
+    ``clear`` (S,), with numbers ``steps`` (S,), are compared.
     """
     centres = medians(np.moveaxis(poses, -1, -2))  # (Q, S, 3)
     sizes = np.array([association.body_sizes(pose) for pose in poses])

@@ -29,30 +29,16 @@ _DISTAL, _FEW = ("wrist", "ankle"), 4
 
 @dataclass(frozen=True)
 class Source:
-    """Poses and how their joints are connected.
+    """Poses and how their joints are connected."""
 
-    Parameters
-    ----------
-    path
-        Where they come from.
-    poses
-        In mm, the chosen frames alone.
-    limbs, left_right
-        Pairs of joint indices; no limbs where no layout is known.
-    joints
-        Those whose trajectories are drawn.
-    zero
-        The first frame number of the whole recording, where time begins.
-    symmetry_tier
-        Which limbs the run kept equal left and right (`RefineConfig.symmetry_tier`); 0 if it is not known.
-    """
-
-    path: Path
-    poses: PoseData
+    path: Path  # where they come from
+    poses: PoseData  # in mm, the chosen frames alone
+    # pairs of joint indices; no limbs where no layout is known
     limbs: Pairs
     left_right: Pairs
-    joints: tuple[int, ...]
-    zero: int
+    joints: tuple[int, ...]  # those whose trajectories are drawn
+    zero: int  # the first frame number of the whole recording, where time begins
+    # which limbs the run kept equal left and right (`RefineConfig.symmetry_tier`); 0 if it is not known
     symmetry_tier: int = 0
 
     @property

@@ -7,10 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
 import skelsplat as sk
+from skelsplat._arrays import Array, Index, Mask
 from skelsplat.association import take_people
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
@@ -20,58 +18,30 @@ from skelsplat.io.detections import camera_called, cameras_called, read_detectio
 from skelsplat.run.job import Job
 from skelsplat.run.person import Crowd, look_around, pick_places
 
-Array = npt.NDArray[np.float64]
-
 
 @dataclass(frozen=True)
 class Inputs:
-    """What a run starts from.
+    """What a run starts from."""
 
-    Parameters
-    ----------
-    rig, layout
-        The cameras, and what the joints are.
-    detections : (T, M, N, 3)
-        One person's detections; NaN where missing.
-    unmatched : (T, M)
-        People are detected in this view and another, but none here matches: the person is missing.
-    frames : (T,)
-        Frame numbers of the files.
-    init_pose : (T, N, 3)
-        The start in the rig's unit, or None for triangulation.
-    format, calibration_format
-        Names of the formats of the detections and of the calibration; None where it is not known.
-    lacking
-        Joints that the user declared missing from the files.
-    offsets
-        By camera, frames that were added to its numbers, where the user gave them.
-    without
-        Cameras of the calibration that are left out.
-    sources
-        The files or folders that hold the cameras' detections.
-    person
-        The person to follow, as `Job.person`.
-    crowd
-        The people that the cameras see; None if they see one.
-    fps
-        Frames per second; None if unknown.
-    """
-
+    # the cameras, and what the joints are
     rig: sk.CameraRig
     layout: sk.Layout
-    detections: Array
-    unmatched: npt.NDArray[np.bool_]
-    frames: npt.NDArray[np.int64]
-    init_pose: Array | None = None
+    detections: Array  # (T, M, N, 3) one person's detections; NaN where missing
+    # (T, M) people are detected in this view and another, but none here matches: the person is missing
+    unmatched: Mask
+    frames: Index  # (T,) frame numbers of the files
+    init_pose: Array | None = None  # (T, N, 3) the start in the rig's unit, or None for triangulation
+    # names of the formats of the detections and of the calibration; None where it is not known
     format: str | None = None
     calibration_format: str | None = None
-    lacking: frozenset[str] = frozenset()
+    lacking: frozenset[str] = frozenset()  # joints that the user declared missing from the files
+    # by camera, frames that were added to its numbers, where the user gave them
     offsets: dict[str, int] = field(default_factory=dict)
-    without: tuple[str, ...] = ()
-    sources: tuple[Path, ...] = ()
-    person: str = "consistent"
-    crowd: Crowd | None = None
-    fps: float | None = None
+    without: tuple[str, ...] = ()  # cameras of the calibration that are left out
+    sources: tuple[Path, ...] = ()  # the files or folders that hold the cameras' detections
+    person: str = "consistent"  # the person to follow, as `Job.person`
+    crowd: Crowd | None = None  # the people that the cameras see; None if they see one
+    fps: float | None = None  # frames per second; None if unknown
 
 
 def read_inputs(job: Job) -> Inputs:
@@ -111,7 +81,7 @@ def read_inputs(job: Job) -> Inputs:
         take_people(found.people, index),
         unmatched,
         found.frames,
-        init_pose=None if job.init is None else _read_init(Path(job.init), rig, (len(found.frames), layout)),
+        init_pose=None if job.init is None else _read_init(Path(job.init), rig, len(found.frames), layout),
         format=found.format,
         calibration_format=job.calibration_format or find_format(calibration),
         lacking=frozenset(joint for joint, name in job.mapping.items() if name is None),
@@ -132,8 +102,8 @@ def read_rig(path: Path, *, calibration_format: str | None = None, **given: Any)
     try:
         return read_calibration(path, format=calibration_format, **given)
     except InvalidInputError as error:
-        if str(error).startswith("format: "):
-            raise InvalidInputError(f"calibration_{error}") from error
+        if error.argument == "format":
+            raise error.of_argument("calibration_format") from error
         raise
 
 
@@ -158,10 +128,9 @@ def named_offsets(rig: sk.CameraRig, offsets: Mapping[str, int]) -> dict[str, in
     return {camera_called(text, rig.names): frames for text, frames in offsets.items()}
 
 
-def _read_init(path: Path, rig: sk.CameraRig, size: tuple[int, sk.Layout]) -> Array:
-    """Read an initial pose for ``size`` = (frames, layout), in the rig's unit."""
+def _read_init(path: Path, rig: sk.CameraRig, steps: int, layout: sk.Layout) -> Array:
+    """Read an initial pose of so many frames, in the rig's unit."""
     data = read_npz(path)
-    steps, layout = size
     expected = (steps, layout.n_joints, 3)
     if data.pose.shape != expected:
         raise DatasetError(path, "pose", f"shape {expected} like the detections", data.pose.shape)

@@ -8,14 +8,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 import skelsplat as sk
+from skelsplat._arrays import Array
 from skelsplat.cameras import without_distortion
 from skelsplat.run.job import Job
 from skelsplat.run.read import Inputs
 
-Array = npt.NDArray[np.float64]
 Progress = Callable[[int, int], None]
 
 PLAIN_START, GIVEN_START = "plain triangulation", "initial pose"
@@ -23,26 +22,17 @@ PLAIN_START, GIVEN_START = "plain triangulation", "initial pose"
 
 @dataclass(frozen=True)
 class Outcome:
-    """A refined sequence and what it is compared with.
+    """A refined sequence and what it is compared with."""
 
-    Parameters
-    ----------
-    result, config
-        What `skelsplat.refine` returned, and its settings.
-    start : (T, N, 3)
-        The initial pose if the user gave one, otherwise the plain triangulation (DLT) of the detections. The
-        default method begins with a robust triangulation, which would hide what robustness changes.
-    start_name
-        What ``start`` is, in words.
-    seconds
-        Wall time of `skelsplat.refine` alone; NaN if unknown.
-    """
-
+    # what `skelsplat.refine` returned, and its settings
     result: sk.Refinement
     config: sk.RefineConfig
+    # (T, N, 3) the initial pose if the user gave one, otherwise the plain triangulation (DLT) of the
+    # detections. The default method begins with a robust triangulation, which would hide what
+    # robustness changes.
     start: Array
-    start_name: str = PLAIN_START
-    seconds: float = float("nan")
+    start_name: str = PLAIN_START  # what ``start`` is, in words
+    seconds: float = float("nan")  # wall time of `skelsplat.refine` alone; NaN if unknown
 
     @classmethod
     def of(

@@ -11,13 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 import skelsplat as sk
-from skelsplat._arrays import medians
+from skelsplat._arrays import Array, Index, Mask, medians
 from skelsplat.run.displaced import Shifts, camera_shifts, residuals
 from skelsplat.run.read import Inputs
 from skelsplat.run.solve import Outcome, rig_as_used
-
-Array = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
 
 # A detection is called poor beyond this share of the image's diagonal: 22 px at 1920 × 1080, some 40 mm on a
 # person who fills the longer side.
@@ -106,7 +103,7 @@ class Statistics:
     residual: Array
     shifts: Shifts
     rejected: Mask
-    views_used: npt.NDArray[np.int64]
+    views_used: Index
     moved_mm: Array
     error_bar_mm: Array
     noise_mm: float

@@ -6,6 +6,7 @@
 """
 
 from skelsplat.synthetic.detections import simulate_detections
+from skelsplat.synthetic.memory import Memory
 from skelsplat.synthetic.motions import motion, motion_names
 from skelsplat.synthetic.noise import DetectionNoise
 from skelsplat.synthetic.occluders import Occluders, draw_occluders
@@ -16,6 +17,7 @@ from skelsplat.synthetic.skeleton import forward_kinematics, in_layout
 
 __all__ = [
     "DetectionNoise",
+    "Memory",
     "Occluders",
     "dome",
     "draw_occluders",

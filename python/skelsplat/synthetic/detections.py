@@ -12,6 +12,7 @@ from skelsplat._arrays import Array, Mask, numbers
 from skelsplat._skelsplat import Camera, Layout, project
 from skelsplat.cameras import CameraRig
 from skelsplat.exceptions import InvalidInputError
+from skelsplat.synthetic.memory import Numbers
 from skelsplat.synthetic.noise import DetectionNoise
 from skelsplat.synthetic.occluders import (
     Occluders,
@@ -30,6 +31,9 @@ _JOINT_FACTORS = {
     0.7: ("nose", "eye"),
     0.8: ("head", "neck", "thorax"),
 }
+
+# Standard deviation of the drift of a wrong guess with memory, as a share of the disc's radius.
+_GUESS_DRIFT = 0.1
 
 
 def simulate_detections(
@@ -120,10 +124,13 @@ def corrupt(
             f"layout: expected one of {n_joints} joints, got {layout.name!r} with {len(layout.joints)}"
         )
     first, *streams = streams_of(seed, n_views)
-    occluded = occluded_views(n_frames, n_views, noise, first) if occluders is None else occluders.views
     views = []
+    if occluders is None:
+        occluded, stays = occluded_views(n_frames, n_views, noise, first)
+    else:
+        occluded = occluders.views
     for i, stream in enumerate(streams):
-        discs = None if occluders is None else (occluders.centres[:, i], occluders.radii[:, i])
+        discs = stays[:, i] if occluders is None else (occluders.centres[:, i], occluders.radii[:, i])
         views.append(_one_view(true[:, i], occluded[:, i], noise, layout, stream, discs))
     return np.stack(views, axis=1)
 
@@ -134,43 +141,63 @@ def _one_view(
     noise: DetectionNoise,
     layout: Layout | None,
     rng: np.random.Generator,
-    discs: tuple[Array, Array] | None,
+    discs: tuple[Array, Array] | Numbers,
 ) -> Array:
-    """Turn the true projections (T, N, 2) of one view into detections (T, N, 3)."""
+    """Turn the true projections (T, N, 2) of one view into detections (T, N, 3).
+
+    `discs` are the occluders' centres and radii, or the numbers (T,) of the stays for which to draw them.
+    """
     shape = true.shape[:2]
     factors = np.ones(shape[1]) if layout is None else np.array([_joint_factor(j) for j in layout.joints])
-    pixels = true + noise.sigma_px * factors[:, None] * _jitter(true.shape, noise.correlation, rng)
+    pixels = true + noise.sigma_px * factors[:, None] * _jitter(true.shape, noise, rng)
     confidence = rng.beta(18.0, 2.0, size=shape)
 
-    outlier = rng.random(shape) < noise.outlier_rate
-    length = rng.exponential(noise.outlier_px, size=shape)
-    pixels += np.where(outlier, length, 0.0)[..., None] * _directions(shape, rng)
+    outlier, offset = _outliers(shape, noise, rng)
+    pixels += offset
     confidence = np.where(outlier, rng.beta(6.0, 4.0, size=shape), confidence)
 
     if layout is not None:
         for chain in _one_sided_chains(layout.left_right, layout.limbs):
-            _swap(pixels, confidence, chain, _happens(noise.limb_swap_rate, shape[0], rng))
-        _swap(pixels, confidence, layout.left_right, _happens(noise.view_swap_rate, shape[0], rng))
+            _swap(pixels, confidence, chain, _swapped(noise.limb_swap_rate, shape[0], noise, rng))
+        every = _swapped(noise.view_swap_rate, shape[0], noise, rng)
+        _swap(pixels, confidence, layout.left_right, every)
+    if not isinstance(discs, tuple):
+        discs = draw_discs(true, noise.n_discs, noise.disc_radius, discs, rng)
     hidden, guess = _hidden_guess(true, noise, rng, discs)
     hidden &= occluded[:, None]
     pixels = np.where(hidden[..., None], guess, pixels)
     confidence = np.where(hidden, rng.beta(4.0, 6.0, size=shape), confidence)
 
-    miss_rate = np.where(hidden, noise.hidden_missing_rate, noise.miss_rate)
-    missing = (rng.random(shape) < miss_rate) | np.isnan(pixels).any(axis=-1)
+    missing = _missing(hidden, noise, rng) | np.isnan(pixels).any(axis=-1)
     pixels[missing] = np.nan
     confidence[missing] = 0.0
     return np.concatenate([pixels, confidence[..., None]], axis=-1)
 
 
-def _jitter(shape: tuple[int, ...], correlation: float, rng: np.random.Generator) -> Array:
-    """Draw unit normal noise (T, …), so correlated from one frame to the next (stationary AR(1))."""
-    noise = rng.standard_normal(shape)
-    if correlation > 0:
-        fresh = np.sqrt(1.0 - correlation**2)
+def _jitter(shape: tuple[int, int, int], noise: DetectionNoise, rng: np.random.Generator) -> Array:
+    """Draw unit normal noise (T, N, 2): white, a stationary AR(1) in frames, or with the noise's memory."""
+    if noise.memory is not None:
+        return noise.memory.jitter(shape, rng)
+    unit = rng.standard_normal(shape)
+    if noise.correlation > 0:
+        fresh = np.sqrt(1.0 - noise.correlation**2)
         for frame in range(1, shape[0]):
-            noise[frame] = correlation * noise[frame - 1] + fresh * noise[frame]
-    return noise
+            unit[frame] = noise.correlation * unit[frame - 1] + fresh * unit[frame]
+    return unit
+
+
+def _outliers(shape: tuple[int, int], noise: DetectionNoise, rng: np.random.Generator) -> tuple[Mask, Array]:
+    """Draw which joints (T, N) are outliers, and by how much (T, N, 2) px they are off."""
+    memory = noise.memory
+    if memory is None:
+        outlier = rng.random(shape) < noise.outlier_rate
+        length = rng.exponential(noise.outlier_px, size=shape)
+        return outlier, np.where(outlier, length, 0.0)[..., None] * _directions(shape, rng)
+    burst = memory.episodes(*shape, noise.outlier_rate, memory.burst_s, rng)
+    count = burst.max(initial=0) + 1
+    offset = rng.exponential(noise.outlier_px, size=(count, 1)) * _directions((count,), rng)
+    offset[0] = 0.0  # outside the bursts
+    return burst > 0, offset[burst]
 
 
 def _directions(shape: tuple[int, ...], rng: np.random.Generator) -> Array:
@@ -201,9 +228,23 @@ def _one_sided_chains(
     return list(chains.values())
 
 
-def _happens(rate: float, n_frames: int, rng: np.random.Generator) -> Mask:
-    """In which frames (T,) an event of that probability happens."""
-    return np.asarray(rng.random(n_frames) < rate)
+def _swapped(rate: float, n_frames: int, noise: DetectionNoise, rng: np.random.Generator) -> Mask:
+    """Draw in which frames (T,) a swap of that rate happens."""
+    if noise.memory is None:
+        return np.asarray(rng.random(n_frames) < rate)
+    return np.asarray(noise.memory.episodes(n_frames, 1, rate, noise.memory.swap_s, rng)[:, 0] > 0)
+
+
+def _missing(hidden: Mask, noise: DetectionNoise, rng: np.random.Generator) -> Mask:
+    """Draw which joints (T, N) are not detected, of which some are hidden."""
+    memory = noise.memory
+    if memory is None:
+        rate = np.where(hidden, noise.hidden_missing_rate, noise.miss_rate)
+        return np.asarray(rng.random(hidden.shape) < rate)
+    n_frames, n_joints = hidden.shape
+    seen = memory.episodes(n_frames, n_joints, noise.miss_rate, memory.burst_s, rng)
+    behind = memory.episodes(n_frames, n_joints, noise.hidden_missing_rate, memory.guess_s, rng)
+    return np.asarray(np.where(hidden, behind, seen) > 0)
 
 
 def _joint_factor(joint: str) -> float:
@@ -212,20 +253,40 @@ def _joint_factor(joint: str) -> float:
 
 
 def _hidden_guess(
-    true: Array,
-    noise: DetectionNoise,
-    rng: np.random.Generator,
-    discs: tuple[Array, Array] | None,
+    true: Array, noise: DetectionNoise, rng: np.random.Generator, discs: tuple[Array, Array]
 ) -> tuple[Mask, Array]:
     """Joints (T, N) that an occluder hides, and the pixels (T, N, 2) where a detector would report them."""
     shape = true.shape[:2]
-    if discs is None:
-        discs = draw_discs(true, noise.n_discs, noise.disc_radius, noise.occluder_frames, rng)
-    centres, radii = discs
-    hidden, centre, radius = covering_disc(true, centres, radii)
-    share = np.sqrt(rng.random(shape))  # of the radius, for places uniform in the disc
-    guess = centre + radius[..., None] * (share[..., None] * _directions(shape, rng))
-    other = true[np.arange(shape[0])[:, None], rng.integers(shape[1], size=shape)]
-    near_other = other + noise.sigma_px * rng.standard_normal(true.shape)
-    drawn = (rng.random(shape) < noise.hidden_drawn_rate) & ~np.isnan(other).any(axis=-1)
-    return hidden, np.where(drawn[..., None], near_other, guess)
+    hidden, centre, radius = covering_disc(true, *discs)
+    place, joint, offset, drawn = _guesses(shape, noise, rng)
+    guess = centre + radius[..., None] * place
+    other = true[np.arange(shape[0])[:, None], joint]
+    drawn &= ~np.isnan(other).any(axis=-1)
+    guess = np.where(drawn[..., None], other + noise.sigma_px * offset, guess)
+    if noise.memory is not None:
+        guess += noise.memory.guess_jitter * noise.sigma_px * rng.standard_normal(true.shape)
+    return hidden, guess
+
+
+def _guesses(
+    shape: tuple[int, int], noise: DetectionNoise, rng: np.random.Generator
+) -> tuple[Array, Numbers, Array, Mask]:
+    """Draw where hidden joints (T, N) are reported.
+
+    Returns places in the unit disc (T, N, 2), other joints (T, N) and offsets from these (T, N, 2), and
+    which of both it is: True = near the other joint.
+    """
+    memory = noise.memory
+    drawn_from: tuple[int, ...] = shape
+    if memory is not None:
+        held = memory.episodes(*shape, 1.0, memory.guess_s, rng)
+        drawn_from = (int(held.max(initial=0)) + 1,)
+    share = np.sqrt(rng.random(drawn_from))  # of the radius, for places uniform in the disc
+    place = share[..., None] * _directions(drawn_from, rng)
+    joint = rng.integers(shape[1], size=drawn_from)
+    offset = rng.standard_normal((*drawn_from, 2))
+    drawn = rng.random(drawn_from) < noise.hidden_drawn_rate
+    if memory is None:
+        return place, joint, offset, drawn
+    drift = _GUESS_DRIFT * memory.slow((*shape, 2), rng)
+    return place[held] + drift, joint[held], offset[held], drawn[held]

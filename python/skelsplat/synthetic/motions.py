@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skelsplat._arrays import Array
-from skelsplat.exceptions import InvalidInputError
+from skelsplat.exceptions import InvalidInputError, one_of
 from skelsplat.synthetic.skeleton import (
     ANKLE_HEIGHT_MM,
     JOINT_NAMES,
@@ -246,8 +246,7 @@ def motion(
     InvalidInputError
         If the name is unknown, or a number is not positive.
     """
-    if name not in _MOTIONS:
-        raise InvalidInputError(f"name: expected one of {', '.join(_MOTIONS)}, got {name!r}")
+    one_of("name", name, _MOTIONS)
     if n_frames < 1:
         raise InvalidInputError(f"n_frames: expected at least 1, got {n_frames!r}")
     if not (np.isfinite(fps) and fps > 0):

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from skelsplat._arrays import Array, Mask, numbers
 from skelsplat.exceptions import InvalidInputError
+from skelsplat.synthetic.memory import Numbers
 from skelsplat.synthetic.noise import DetectionNoise
 
 
@@ -47,7 +48,7 @@ def draw_occluders(
     pixels : (T, M, N, 2) px
         True projections; NaN = not in the image.
     noise : DetectionNoise
-        Of which `occluded_views`, `n_discs`, `disc_radius` and `occluder_frames` are used.
+        Of which `occluded_views`, `n_discs`, `disc_radius`, `occluder_frames` and `memory` are used.
     seed : int or numpy Generator
 
     Raises
@@ -57,9 +58,9 @@ def draw_occluders(
     """
     true = projections(pixels)
     first, *streams = streams_of(seed, true.shape[1])
-    views = occluded_views(true.shape[0], true.shape[1], noise, first)
+    views, stays = occluded_views(true.shape[0], true.shape[1], noise, first)
     discs = [
-        draw_discs(true[:, i], noise.n_discs, noise.disc_radius, noise.occluder_frames, stream)
+        draw_discs(true[:, i], noise.n_discs, noise.disc_radius, stays[:, i], stream)
         for i, stream in enumerate(streams)
     ]
     centres, radii = (np.stack(part, axis=1) for part in zip(*discs, strict=True))
@@ -80,14 +81,21 @@ def streams_of(seed: int | np.random.Generator, n_views: int) -> list[np.random.
     return [np.random.default_rng(one) for one in seeds]
 
 
-def occluded_views(n_frames: int, n_views: int, noise: DetectionNoise, rng: np.random.Generator) -> Mask:
-    """Which views have an occluder in which frame, (T, M)."""
+def occluded_views(
+    n_frames: int, n_views: int, noise: DetectionNoise, rng: np.random.Generator
+) -> tuple[Mask, Numbers]:
+    """Which views have an occluder in which frame, (T, M), and the number of its stay there, from 0."""
     count = n_views if noise.occluded_views is None else noise.occluded_views
     if count > n_views:
         raise InvalidInputError(f"noise.occluded_views: expected at most {n_views} (views), got {count}")
+    if noise.memory is not None:
+        numbers = noise.memory.occluded(n_frames, n_views, count, rng)
+        stays = [np.unique(one, return_inverse=True)[1] for one in numbers.T]
+        return numbers > 0, np.stack(stays, axis=1)
+    block = np.arange(n_frames) // noise.occluder_frames
     n_blocks = -(-n_frames // noise.occluder_frames)
     rank = rng.random((n_blocks, n_views)).argsort(axis=1).argsort(axis=1)
-    return np.repeat(rank < count, noise.occluder_frames, axis=0)[:n_frames]
+    return (rank < count)[block], np.repeat(block[:, None], n_views, axis=1)
 
 
 def _body_box(pixels: Array) -> tuple[Array, Array]:
@@ -100,17 +108,16 @@ def _body_box(pixels: Array) -> tuple[Array, Array]:
 
 
 def draw_discs(
-    pixels: Array, n_discs: int, radius_range: tuple[float, float], hold: int, rng: np.random.Generator
+    pixels: Array, n_discs: int, radius_range: tuple[float, float], stays: Numbers, rng: np.random.Generator
 ) -> tuple[Array, Array]:
     """Occluders over the body: centres (T, D, 2) px uniform in its box, radii (T, D) px.
 
-    Radii are uniform in `radius_range` × the box's longer side. Place and size relative to the box stay for
-    `hold` frames.
+    Radii are uniform in `radius_range` × the box's longer side. Place and size relative to the box stay the
+    same in all frames with the same number in `stays` (T,).
     """
-    n_frames = len(pixels)
-    n_blocks = -(-n_frames // hold)
-    where = np.repeat(rng.random((n_blocks, n_discs, 2)), hold, axis=0)[:n_frames]
-    share = np.repeat(rng.uniform(*radius_range, size=(n_blocks, n_discs)), hold, axis=0)[:n_frames]
+    n_stays = int(stays.max(initial=-1)) + 1
+    where = rng.random((n_stays, n_discs, 2))[stays]
+    share = rng.uniform(*radius_range, size=(n_stays, n_discs))[stays]
     low, size = _body_box(pixels)
     centres: Array = low[:, None] + where * size[:, None]
     return centres, share * size.max(axis=-1, keepdims=True)

@@ -19,7 +19,7 @@ from skelsplat import layouts
 from skelsplat._arrays import Array, Mask
 from skelsplat._skelsplat import Camera, Layout
 from skelsplat.cameras import CameraRig
-from skelsplat.exceptions import InvalidInputError
+from skelsplat.exceptions import InvalidInputError, one_of
 from skelsplat.synthetic import rigs
 from skelsplat.synthetic.detections import corrupt, true_pixels
 from skelsplat.synthetic.motions import motion, motion_names
@@ -185,8 +185,7 @@ def simulate_set(name: str, *, poses: int | None = None, seed: int = 0) -> Recor
     InvalidInputError
         If the name is unknown, the seed negative or there are fewer poses than takes.
     """
-    if name not in _SETS:
-        raise InvalidInputError(f"name: expected one of {', '.join(_SETS)}, got {name!r}")
+    one_of("name", name, _SETS)
     if seed < 0:
         raise InvalidInputError(f"seed: expected an integer >= 0, got {seed!r}")
     return _SETS[name](name, poses, seed)

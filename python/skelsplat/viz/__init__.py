@@ -1,8 +1,8 @@
 """Figures and pages of refined poses and of measurements: arrays in, PNG, PDF and HTML files out.
 
-A leaf of the package: it computes no pose and no rendering, and only the command line imports it. Figures are
-drawn on matplotlib's Agg canvas through its object interface, so no display and no global state is involved.
-matplotlib and plotly come with the extra ``viz``.
+A leaf of the package: it computes no pose and no rendering, and only runs, evaluations and commands import
+it. Figures are drawn on matplotlib's Agg canvas through its object interface, so no display and no global
+state is involved. matplotlib and plotly come with the extra ``viz``.
 """
 
 from skelsplat._optional import require

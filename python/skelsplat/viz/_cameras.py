@@ -27,27 +27,15 @@ _MIN_CROP_PX = 40.0
 
 @dataclass(frozen=True)
 class CameraPanel(ArrayFields):
-    """One camera in one frame; pixel coordinates are ideal ones, without lens distortion.
+    """One camera in one frame; pixel coordinates are ideal ones, without lens distortion."""
 
-    Parameters
-    ----------
-    name
-        The camera's name.
-    size
-        Width and height of its image.
-    detections, reprojection : (N, 2)
-        Detected joints and the refined pose projected; NaN where there is none.
-    covariances : (N, 2, 2)
-        Covariances of the projected joints, px²; NaN where unknown.
-    rejected, swapped : (N,)
-        Detections that hardly pull on the pose, and those taken for the other side of the body.
-    """
-
-    name: str
-    size: tuple[int, int]
+    name: str  # the camera's name
+    size: tuple[int, int]  # width and height of its image
+    # (N, 2) detected joints and the refined pose projected; NaN where there is none
     detections: Array
     reprojection: Array
-    covariances: Array
+    covariances: Array  # (N, 2, 2) covariances of the projected joints, px²; NaN where unknown
+    # (N,) detections that hardly pull on the pose, and those taken for the other side of the body
     rejected: Mask
     swapped: Mask
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import io
 import os
-import tempfile
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,6 +15,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+
+from skelsplat._atomic import atomic_write
 
 # Okabe and Ito's palette: distinguishable with the common colour-vision deficiencies.
 BEFORE = "#8c8c8c"
@@ -137,32 +137,22 @@ def write_around(figure: Figure, title: str, lines: Sequence[str]) -> None:
 
 
 def save_png(figure: Figure, path: str | os.PathLike[str]) -> Path:
-    """Write ``figure`` as a PNG, whole or not at all (`write_whole`).
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be written.
-    """
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=figure.dpi, metadata={"Software": "skelsplat"})
-    return write_whole(path, buffer.getvalue())
+    """Write ``figure`` as a PNG, whole or not at all; `DatasetError` if the folder cannot be written."""
+    with atomic_write(path) as stream:
+        figure.savefig(stream, format="png", dpi=figure.dpi, metadata={"Software": "skelsplat"})
+    return Path(path)
 
 
 def write_pages(pages: Sequence[Figure], stem: Path, formats: Sequence[str]) -> list[Path]:
     """Write pages as ``stem.png``, ``stem_2.png`` … and as one ``stem.pdf``; each file whole or not at all.
 
     Pages of an earlier, longer series of PNG files are removed.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be written.
     """
     written = []
     for kind in formats:
         if kind == "pdf":
-            written.append(write_whole(stem.with_name(f"{stem.name}.pdf"), _pdf(pages)))
+            written.append(stem.with_name(f"{stem.name}.pdf"))
+            _write_pdf(written[-1], pages)
             continue
         written += [save_png(page, _numbered(stem, number)) for number, page in enumerate(pages, 1)]
         number = len(pages) + 1
@@ -176,37 +166,9 @@ def _numbered(stem: Path, number: int) -> Path:
     return stem.with_name(f"{stem.name}.png" if number == 1 else f"{stem.name}_{number}.png")
 
 
-def _pdf(pages: Sequence[Figure]) -> bytes:
-    buffer = io.BytesIO()
+def _write_pdf(path: Path, pages: Sequence[Figure]) -> None:
     # Type 42 fonts: text can be selected and edited, and publishers take it. No date: same data, same file.
-    with rc_context({"pdf.fonttype": 42}), PdfPages(buffer, metadata=_ABOUT) as document:
+    fonts = rc_context({"pdf.fonttype": 42})
+    with atomic_write(path) as stream, fonts, PdfPages(stream, metadata=_ABOUT) as document:
         for page in pages:
             document.savefig(page, dpi=page.dpi)
-    return buffer.getvalue()
-
-
-def write_whole(path: str | os.PathLike[str], content: bytes) -> Path:
-    """Write a file whole or not at all.
-
-    The bytes go to a temporary file in the same folder, which then takes its name: an interrupted run leaves
-    the former file.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be written.
-    """
-    target = Path(path)
-    try:
-        handle, temporary = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
-        try:
-            with os.fdopen(handle, "wb") as stream:
-                stream.write(content)
-            Path(temporary).chmod(0o644)
-            Path(temporary).replace(target)
-        except BaseException:
-            Path(temporary).unlink(missing_ok=True)
-            raise
-    except OSError as error:  # of a full disk it names no file, of others the temporary one
-        raise OSError(error.errno, error.strerror, str(target)) from error
-    return target

@@ -20,21 +20,11 @@ _LARGE = 100_000
 
 @dataclass(frozen=True)
 class TimeAxis:
-    """When the frames were.
+    """When the frames were."""
 
-    Parameters
-    ----------
-    frames : (T,) int
-        Ascending frame numbers, T at least 1.
-    frame_rate
-        Frames per second; None if unknown: the axis then counts frames.
-    zero
-        The frame number at 0 s, and from which large frame numbers are counted.
-    """
-
-    frames: npt.NDArray[np.int64]
-    frame_rate: float | None = None
-    zero: int = 0
+    frames: npt.NDArray[np.int64]  # (T,) ascending frame numbers, T at least 1
+    frame_rate: float | None = None  # frames per second; None if unknown: the axis then counts frames
+    zero: int = 0  # the frame number at 0 s, and from which large frame numbers are counted
 
     @property
     def values(self) -> Array:

@@ -28,21 +28,11 @@ _LEFT_IN, _ACROSS_IN, _RIGHT_IN = 0.5, 0.5, 0.1
 
 @dataclass(frozen=True)
 class Bone(ArrayFields):
-    """One limb.
+    """One limb."""
 
-    Parameters
-    ----------
-    side
-        ``"left"``, ``"right"`` or ``""``.
-    lengths : (T,)
-        In mm; NaN where an end is unknown.
-    sure : (T,)
-        Where the length counts; elsewhere it is drawn pale and may leave the panel.
-    """
-
-    side: str
-    lengths: Array
-    sure: Mask
+    side: str  # ``"left"``, ``"right"`` or ``""``
+    lengths: Array  # (T,) in mm; NaN where an end is unknown
+    sure: Mask  # (T,) where the length counts; elsewhere it is drawn pale and may leave the panel
 
     @property
     def median(self) -> float:

@@ -25,25 +25,15 @@ _LOG_RATIO = 8.0
 
 @dataclass(frozen=True)
 class BarData(ArrayFields):
-    """What `write_bars` draws, from top to bottom.
+    """What `write_bars` draws, from top to bottom."""
 
-    Parameters
-    ----------
-    names
-        One per bar.
-    values, low, high : (B,)
-        Length of each bar and its interval; NaN: no bar, no interval.
-    measured : (B,)
-        False for figures that others reported: another colour.
-    title, axis, caption
-        Text above, along the axis and below.
-    """
-
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # one per bar
+    # (B,) length of each bar and its interval; NaN: no bar, no interval
     values: Array
     low: Array
     high: Array
-    measured: Mask
+    measured: Mask  # (B,) false for figures that others reported: another colour
+    # text above, along the axis and below
     title: str
     axis: str
     caption: str = ""
@@ -53,11 +43,6 @@ def write_bars(path: str | os.PathLike[str], data: BarData) -> Path:
     """Write a chart of horizontal bars as PNG, whole or not at all.
 
     A bar much longer than the others is cut at the figure's edge, and its number gives its length.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be written.
     """
     count = len(data.names)
     figure = _style.new_figure(1.6 + 0.32 * count)
@@ -104,31 +89,17 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """One chart.
-
-    Attributes
-    ----------
-    title, x_label, y_label : str
-    places : sequence of str
-        Labels of the places on the axis.
-    lines : sequence of Line
-    """
+    """One chart."""
 
     title: str
     x_label: str
     y_label: str
-    places: Sequence[str]
+    places: Sequence[str]  # labels of the places on the axis
     lines: Sequence[Line]
 
 
 def write_panels(path: str | os.PathLike[str], panels: Sequence[Panel], *, caption: str = "") -> Path:
-    """Draw the panels under one another and write them as a PNG.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be written.
-    """
+    """Draw the panels under one another and write them as a PNG."""
     height = _PANEL_IN * len(panels) + _CAPTION_IN
     figure = _style.new_figure(height)
     share = _CAPTION_IN / height

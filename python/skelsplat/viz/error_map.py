@@ -38,28 +38,17 @@ _LEAST_SHARE = 10.0
 
 @dataclass(frozen=True)
 class ErrorMapData(ArrayFields):
-    """What the picture shows.
+    """What the picture shows."""
 
-    Parameters
-    ----------
-    median_px : (M + 1, N + 1)
-        Median reprojection error per camera and joint; the last row and column are over all cameras and all
-        joints. NaN where there is no detection.
-    rejected : (M + 1, N + 1)
-        Share of the detections that is rejected, 0 to 1; likewise.
-    camera_names, joint_names : (M,) and (N,)
-    title
-        What was recorded.
-    notes
-        Sentences below.
-    """
-
+    # (M + 1, N + 1) median reprojection error per camera and joint; the last row and column are over
+    # all cameras and all joints. NaN where there is no detection.
     median_px: Array
-    rejected: Array
+    rejected: Array  # (M + 1, N + 1) share of the detections that is rejected, 0 to 1; likewise
+    # (M,) and (N,)
     camera_names: Sequence[str]
     joint_names: Sequence[str]
-    title: str = ""
-    notes: Sequence[str] = ()
+    title: str = ""  # what was recorded
+    notes: Sequence[str] = ()  # sentences below
 
 
 @dataclass(frozen=True)

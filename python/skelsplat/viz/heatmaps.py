@@ -28,26 +28,16 @@ _HEAT = LinearSegmentedColormap.from_list("heat", ["#ffffff", "#d9d3ec", "#a996d
 
 @dataclass(frozen=True)
 class HeatmapRow(ArrayFields):
-    """One camera's row; all pixel coordinates are those of the two images.
+    """One camera's row; all pixel coordinates are those of the two images."""
 
-    Parameters
-    ----------
-    name
-        The camera's name.
-    pseudo, rendering : (H, W)
-        Pseudo ground truth and rendering, each summed over the joints.
-    detections, reprojection : (N, 2)
-        Detected joints and the refined pose projected; NaN where there is none.
-    median_error_px
-        Median distance of the two in this frame, in px; NaN without detections.
-    """
-
-    name: str
+    name: str  # the camera's name
+    # (H, W) pseudo ground truth and rendering, each summed over the joints
     pseudo: npt.NDArray[np.float32]
     rendering: npt.NDArray[np.float32]
+    # (N, 2) detected joints and the refined pose projected; NaN where there is none
     detections: Array
     reprojection: Array
-    median_error_px: float
+    median_error_px: float  # median distance of the two in this frame, in px; NaN without detections
 
 
 def write_heatmaps(
@@ -62,8 +52,6 @@ def write_heatmaps(
     ------
     ValueError
         If ``rows`` is empty.
-    OSError
-        If ``path`` cannot be written.
     """
     if not rows:
         raise ValueError("rows: expected at least one camera, got none")

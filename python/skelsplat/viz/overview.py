@@ -37,58 +37,31 @@ _MOST_NUMBERS = 8  # cameras for which the numbers fit between the bars
 
 @dataclass(frozen=True)
 class OverviewData(ArrayFields):
-    """What the overview shows.
+    """What the overview shows."""
 
-    Parameters
-    ----------
-    before, after : (T, N, 3)
-        Joint positions at the start and refined, in mm; NaN where unknown.
-    uncertainty : (T, N, 3, 3)
-        Covariances of the refined joints, in mm²; NaN where unknown.
-    status : (T, N)
-        ``"ok"``, ``"weak"`` or ``"unobserved"``; joints that are not ``"ok"`` are drawn hollow.
-    up : (3,)
-        The vertical of the world, of unit length.
-    frame
-        Index of the frame that is drawn.
-    start
-        What the pose before is, for the legend.
-    error_before, error_after : (T, M, N)
-        Reprojection errors in px; NaN where there is no detection.
-    camera_names : (M,)
-        Names in the order of the cameras.
-    panels
-        What the cameras see in the frame that is drawn; of many, those with most rejected detections.
-    caption
-        What the frame is and why it was chosen.
-    up_known
-        False if the world's vertical is not known: then ``up`` is an axis of the world, and the two views are
-        not called front and side.
-    """
-
+    # (T, N, 3) joint positions at the start and refined, in mm; NaN where unknown
     before: Array
     after: Array
-    uncertainty: Array
+    uncertainty: Array  # (T, N, 3, 3) covariances of the refined joints, in mm²; NaN where unknown
+    # (T, N) ``"ok"``, ``"weak"`` or ``"unobserved"``; joints that are not ``"ok"`` are drawn hollow
     status: npt.NDArray[np.str_]
-    up: Array
-    frame: int
-    start: str
+    up: Array  # (3,) the vertical of the world, of unit length
+    frame: int  # index of the frame that is drawn
+    start: str  # what the pose before is, for the legend
+    # (T, M, N) reprojection errors in px; NaN where there is no detection
     error_before: Array
     error_after: Array
-    camera_names: Sequence[str]
+    camera_names: Sequence[str]  # (M,) names in the order of the cameras
+    # what the cameras see in the frame that is drawn; of many, those with most rejected detections
     panels: Sequence[CameraPanel]
-    caption: str
+    caption: str  # what the frame is and why it was chosen
+    # false if the world's vertical is not known: then ``up`` is an axis of the world, and the two views
+    # are not called front and side
     up_known: bool = True
 
 
 def write_overview(path: str | os.PathLike[str], data: OverviewData, *, skeleton: Skeleton) -> Path:
-    """Draw the overview and write it to ``path``.
-
-    Raises
-    ------
-    OSError
-        If ``path`` cannot be written.
-    """
+    """Draw the overview and write it to ``path``."""
     panels = choose_panels(data.panels)
     heights = panel_heights(panels)
     below = space_of(heights) + _HEADER_IN if panels else 0.0

@@ -42,38 +42,19 @@ _LEGEND = {
 
 @dataclass(frozen=True)
 class TrajectoryData(ArrayFields):
-    """What the picture shows.
+    """What the picture shows."""
 
-    Parameters
-    ----------
-    pose : (T, N, 3)
-        Positions in mm; NaN where unknown.
-    sigma : (T, N, 3)
-        Standard deviations along the axes in mm; NaN where unknown, and there no band is drawn.
-    start : (T, N, 3)
-        Where the refinement began, in mm; NaN where unknown.
-    status : (T, N)
-        ``"ok"``, ``"weak"``, ``"unobserved"`` or ``"filled"``; ``""`` where unknown.
-    time
-        When the frames were.
-    joint_names : (N,)
-    joints
-        Indices of the joints to draw, from top to bottom.
-    title
-        What was recorded.
-    notes
-        Sentences below: what was done to the poses.
-    """
-
-    pose: Array
+    pose: Array  # (T, N, 3) positions in mm; NaN where unknown
+    # (T, N, 3) standard deviations along the axes in mm; NaN where unknown, and there no band is drawn
     sigma: Array
-    start: Array
+    start: Array  # (T, N, 3) where the refinement began, in mm; NaN where unknown
+    # (T, N) ``"ok"``, ``"weak"``, ``"unobserved"`` or ``"filled"``; ``""`` where unknown
     status: npt.NDArray[np.str_]
-    time: TimeAxis
-    joint_names: Sequence[str]
-    joints: Sequence[int]
-    title: str = ""
-    notes: Sequence[str] = ()
+    time: TimeAxis  # when the frames were
+    joint_names: Sequence[str]  # (N,)
+    joints: Sequence[int]  # indices of the joints to draw, from top to bottom
+    title: str = ""  # what was recorded
+    notes: Sequence[str] = ()  # sentences below: what was done to the poses
 
 
 def draw_trajectories(data: TrajectoryData, *, skeleton: Skeleton) -> list[Figure]:

@@ -33,35 +33,18 @@ _WEIGHT = LinearSegmentedColormap.from_list(
 
 @dataclass(frozen=True)
 class WeightData(ArrayFields):
-    """What the picture shows.
+    """What the picture shows."""
 
-    Parameters
-    ----------
-    weights : (T, M, N)
-        Weights k of the detections; NaN where there is none.
-    frames : (T,)
-        Frame numbers.
-    camera_names, joint_names : (M,) and (N,)
-        Labels.
-    rejected_below
-        The weight below which a detection counts as rejected.
-    """
-
-    weights: Array
-    frames: npt.NDArray[np.int64]
+    weights: Array  # (T, M, N) weights k of the detections; NaN where there is none
+    frames: npt.NDArray[np.int64]  # (T,) frame numbers
+    # (M,) and (N,) labels
     camera_names: Sequence[str]
     joint_names: Sequence[str]
-    rejected_below: float
+    rejected_below: float  # the weight below which a detection counts as rejected
 
 
 def write_weights(path: str | os.PathLike[str], data: WeightData) -> Path:
-    """Draw the mean weights and write them to ``path``.
-
-    Raises
-    ------
-    OSError
-        If ``path`` cannot be written.
-    """
+    """Draw the mean weights and write them to ``path``."""
     height = max(_ROW_IN * len(data.camera_names), _LEAST_IN)
     figure = _style.new_figure(2 * height + 3.05)
     width = _style.SCREEN.width_in - _LEFT_IN - _RIGHT_IN

@@ -150,13 +150,16 @@ def test_an_unknown_detector_is_refused(root):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda index: index.update(format="other"), "format: expected skelsplat-simulated, got other"),
+        (lambda index: index.update(format="other"), "format: expected skelsplat-simulated, got 'other'"),
         (lambda index: index.update(format_version=2), "format_version: expected 1, got 2"),
         (lambda index: index.update(layout="h36m18"), "layout: expected one of .* got 'h36m18'"),
         (lambda index: index["joints"].reverse(), "joints: expected those of h36m17"),
-        (lambda index: index.pop("takes"), "takes: expected a value under this key"),
-        (lambda index: index["takes"][1].pop("subject"), r"takes\[1\].subject: expected a value"),
-        (lambda index: index["takes"][1].update(cameras="hall"), "cameras.hall: expected a value"),
+        (lambda index: index.pop("takes"), "takes: expected a list of takes, got nothing"),
+        (lambda index: index["takes"][1].pop("subject"), r"takes\[1\].subject: expected a text, got nothing"),
+        (
+            lambda index: index["takes"][1].update(cameras="hall"),
+            r"takes\[1\].cameras: expected one of room",
+        ),
         (
             lambda index: index["takes"][1].update(key="../x"),
             r"takes\[1\].key: expected a folder beneath takes",
@@ -213,7 +216,7 @@ def test_a_missing_camera_value_is_refused(root):
         datasets.read("synthetic", root)
     del document["cameras"][2]["K"]
     path.write_text(json.dumps(document))
-    with pytest.raises(DatasetError, match=r"room.json: cameras\[2\].K: expected a value under this key"):
+    with pytest.raises(DatasetError, match=r"room.json: cameras\[2\].K: expected 3×3 numbers, got nothing"):
         datasets.read("synthetic", root)
 
 

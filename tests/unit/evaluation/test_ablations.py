@@ -42,14 +42,41 @@ def small_sets(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Source, "refined", short)
 
 
-def run(*arguments: object) -> str:
-    result = CliRunner().invoke(app, ["ablate", *map(str, arguments)], catch_exceptions=False)
+def run(*arguments: object, columns: int | None = None) -> str:
+    """Run it with ``COLUMNS``, if given, and the output piped."""
+    env = {"COLUMNS": None if columns is None else str(columns)}
+    result = CliRunner().invoke(app, ["ablate", *map(str, arguments)], catch_exceptions=False, env=env)
     assert result.exit_code == 0, result.output
     return result.output
 
 
 def human36m(detector: str = "good") -> Dataset:
     return _source.simulated("human36m-like", detector, seed=0)
+
+
+def whole(lines: list[str], table: dict[str, Any]) -> bool:
+    """Whether each name of a row stands on one line with figures, and no word in the heads is broken."""
+    names = [", ".join(part for part in (row["method"], row["data"]) if part) for row in table["rows"]]
+    first, heads = names, table["columns"]
+    if len(heads) > 6:  # then the rows of the record are columns
+        first, heads = heads, names
+    words = {word for line in lines for word in line.split()}
+    return all(any(line.startswith(f" {name} ") for line in lines) for name in first) and all(
+        word in words for head in heads for word in head.split()
+    )
+
+
+@pytest.mark.parametrize("name", ablations.names)
+def test_no_table_of_an_ablation_is_wider_than_the_console_or_breaks_a_name(
+    name: str, tmp_path: Path
+) -> None:
+    for columns in (80, 160, None):
+        output = run(name, "--poses", 2, "-o", tmp_path, columns=columns).splitlines()
+        lines = [line for line in output if str(tmp_path) not in line]  # a path is not broken
+        written = json.loads((tmp_path / f"{name}.json").read_text(encoding="utf-8"))
+        assert max(map(len, lines)) <= min(columns or 100, 100)
+        assert all(whole(lines, table) for table in written["tables"])
+        assert not any("tab:" in line or "text:" in line for line in lines)
 
 
 @pytest.mark.parametrize("name", ablations.names)
@@ -128,6 +155,11 @@ def test_without_monocular_poses_the_start_is_dlt_and_says_so(monkeypatch: pytes
     [
         (["nothing"], "NAME: expected one of encoding, accumulation"),
         (["noise", "--poses", "2", "--full"], "--poses: expected either a number of poses or --full"),
+        (
+            ["noise", "--init-sigma-mm", "0"],
+            "--init-sigma-mm: expected a positive number, got 0",
+        ),
+        (["noise", "--protocol", "mine"], "--protocol: expected one of undistorted, as-paper, got 'mine'"),
         (
             ["noise", "--detections", "cpn"],
             "--data: expected a data set for --detections and --set, got none",

@@ -10,9 +10,11 @@ import pytest
 from matplotlib.image import imread
 from typer.testing import CliRunner
 
-from skelsplat import synthetic
+from skelsplat import layouts, synthetic
 from skelsplat.cli import app
 from skelsplat.datasets.synthetic import write_simulated
+from skelsplat.evaluation.report import Published
+from skelsplat.evaluation.reported import reported
 
 FILES = {"report.md", "report.csv", "report.json", "bars.png", "runs"}
 
@@ -31,8 +33,10 @@ def room(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return root
 
 
-def run(*arguments: object, status: int = 0):
-    result = CliRunner().invoke(app, ["evaluate", *map(str, arguments)])
+def run(*arguments: object, status: int = 0, columns: int | None = None):
+    """Run it with ``COLUMNS``, if given, and the output piped."""
+    env = {"COLUMNS": None if columns is None else str(columns)}
+    result = CliRunner().invoke(app, ["evaluate", *map(str, arguments)], env=env)
     assert result.exit_code == status, result.output
     return result
 
@@ -59,6 +63,25 @@ def test_wide_tables_are_cut_not_squeezed(room: Path, tmp_path: Path) -> None:
     assert next(h for h in headers if "Dir." in h)[-1] == "Purch."
     assert next(h for h in headers if "Avg" in h)[1] == "Sit"
     assert any(line.startswith(" right_wrist") for line in lines)
+
+
+@pytest.mark.parametrize("columns", [60, 80, 120, None])
+def test_no_name_is_broken(room: Path, tmp_path: Path, columns: int | None) -> None:
+    methods = ("dlt", "ransac-iskakov", "annealed")
+    found = run("synthetic", room, "-o", tmp_path, "-m", ",".join(methods), "--per-joint", columns=columns)
+    lines = found.stdout.splitlines()
+    assert max(map(len, lines)) <= min(columns or 100, 100)
+    others = Published(reported("tab:h36m"), "average")
+    names = {*methods, *layouts.H36M17.joints, *map(others.name, others.table)}
+    assert "RANSAC (as in Iskakov et al.)" in names
+    broken = [name for name in names if not any(line.startswith(f" {name} ") for line in lines)]
+    assert broken == []
+    assert any(all(name in line for name in methods) for line in lines)  # heads of the table of joints
+
+
+def test_a_reported_row_has_no_column_in_which_nothing_is_reported(room: Path, tmp_path: Path) -> None:
+    lines = run("synthetic", room, "-o", tmp_path, "-m", "dlt").stdout.splitlines()
+    assert next(line for line in lines if line.startswith(" AdaFuse ")).split() == ["AdaFuse", "24.3"]
 
 
 def test_views_are_those_asked_for(dome: Path, tmp_path: Path) -> None:

@@ -142,7 +142,7 @@ def test_what_a_take_lacks_is_named(name: str, options, lost: str, message: str)
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: methods.get("magic"), "methods: expected names among dlt, .*, got 'magic'"),
+        (lambda: methods.get("magic"), "methods: expected one of dlt, .*, got 'magic'"),
         (lambda: methods.Options(start="here"), "start: expected one of dlt, fusion, none, got 'here'"),
         (lambda: methods.Options(init_sigma_mm=0.0), r"init_sigma_mm: expected a positive number, got 0\.0"),
     ],

@@ -56,6 +56,18 @@ def test_a_part_of_a_table_has_the_rows_that_say_something() -> None:
     assert (first.notes, second.notes) == ((), ("A note.",))
 
 
+def test_reported_rows_that_lack_figures_become_a_table_of_their_own() -> None:
+    measured, reported = by_hand().by_figures()
+    assert [row.name for row in measured.rows] == ["a", "b", "c"]
+    assert len(measured.columns) == 3
+    assert [(row.name, row.cells) for row in reported.rows] == [("d", (0.1,))]
+    assert [column.header for column in reported.columns] == ["low"]
+    assert (measured.title, reported.title) == ("Title", "")
+    assert (measured.notes, reported.notes) == ((), ("A note.",))
+    assert measured.by_figures() == [measured]
+    assert reported.by_figures() == [reported]
+
+
 def test_the_overall_table_has_what_was_measured_and_what_was_reported(evaluation: report.Evaluation) -> None:
     table = tables.overall(evaluation)
     assert [row.name for row in table.rows if not row.reported] == NAMES

@@ -65,7 +65,7 @@ impl NormalEquations {
         self.couplings.clear();
     }
 
-    /// Keeps only the couplings for whose joints `keep` holds.
+    /// Keeps the couplings for which `keep` returns true, given their joints.
     pub fn retain_couplings(&mut self, keep: impl Fn(&[usize; 4]) -> bool) {
         self.couplings.retain(|c| keep(&c.joints));
     }

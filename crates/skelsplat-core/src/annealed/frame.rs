@@ -109,7 +109,10 @@ impl Frame<'_> {
     pub fn solve(&self) -> Annealed {
         let rays = Rays::new(self.detections, self.cameras, self.view_weights);
         let Informed { given, mut found } = match self.before.as_ref().and_then(Before::priors) {
-            None => self.without_priors(rays),
+            None => {
+                let given = Given::without_priors(self.annealing.clone());
+                Informed { found: self.find(rays, &given), given }
+            }
             Some(priors) => self.with_priors(priors, &rays),
         };
         let n_joints = self.detections.n_joints();
@@ -139,7 +142,7 @@ impl Frame<'_> {
     pub fn error_bars(&self, points: &[Vector3<f64>]) -> ErrorBars {
         let rays = Rays::new(self.detections, self.cameras, self.view_weights);
         let annealing = Annealing { max_steps: 0, ..self.annealing.clone() };
-        let given = Given { priors: None, annealing, widening: Widening::NONE };
+        let given = Given::without_priors(annealing);
         let problem = self.problem(&rays, &given, Widening::NONE);
         let mut solution = solve(&problem, points, &given.annealing.end);
         let bars = error_bars(&problem, &mut solution);
@@ -151,13 +154,6 @@ impl Frame<'_> {
             false => JointStatus::Weak,
         });
         ErrorBars { status: status.collect(), ..bars }
-    }
-
-    fn without_priors(&self, rays: Rays) -> Informed<'static> {
-        let annealing = self.annealing.clone();
-        let given = Given { priors: None, annealing, widening: Widening::NONE };
-        let found = self.find(rays, &given);
-        Informed { given, found }
     }
 
     /// The pose with priors. The noise is estimated without them, so that a wrong prior is not mistaken for detection noise.

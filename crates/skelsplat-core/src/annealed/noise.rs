@@ -72,8 +72,8 @@ impl NoiseModel {
     /// The prior of the estimate.
     pub const PRIOR_PX: f64 = 3.0;
 
-    /// s², mm², from the joints' residuals under a kernel of standard deviation `sigma`, in a frame of this
-    /// `scale`, by whose mean weight the residuals are multiplied.
+    /// s², mm², from the joints' residuals under a kernel of standard deviation `sigma` in a frame of this `scale`;
+    /// like the residuals, it is multiplied by the frame's mean weight.
     pub(super) fn variance(
         self,
         residuals: impl Iterator<Item = Residuals> + Clone,

@@ -40,6 +40,12 @@ pub(super) struct Given<'a> {
     pub(super) widening: Widening,
 }
 
+impl Given<'_> {
+    pub(super) fn without_priors(annealing: Annealing) -> Self {
+        Self { priors: None, annealing, widening: Widening::NONE }
+    }
+}
+
 /// Kernel under which positions compete where the past decides, in multiples of the final one: two views that agree
 /// somewhat less well than two others are not outvoted by them.
 const PAST_KERNEL: f64 = 2.0;

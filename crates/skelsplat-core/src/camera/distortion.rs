@@ -20,28 +20,32 @@ pub enum Distortion {
 }
 
 impl Distortion {
-    /// From `OpenCV`'s coefficients: `k1,k2,p1,p2[,k3[,k4,k5,k6[,s1..s4[,τx,τy]]]]`, or the fisheye's `k1..k4`.
+    /// From the coefficients of `OpenCV`'s general model: `k1,k2,p1,p2[,k3[,k4,k5,k6[,s1..s4[,τx,τy]]]]`.
     /// No coefficients: a pinhole.
     ///
     /// # Errors
-    /// [`Error::InvalidInput`] naming `distortion`: a count other than 0, 4, 5, 8, 12, 14 (fisheye: 0, 4)
-    /// or a value that is not finite or beyond ±1e9.
-    pub fn from_coefficients(c: &[f64], fisheye: bool) -> Result<Self> {
+    /// [`Error::InvalidInput`] naming `distortion`: a count other than 0, 4, 5, 8, 12 or 14, or a value that is not
+    /// finite or beyond ±1e9.
+    pub fn brown_conrady(c: &[f64]) -> Result<Self> {
         checks::distortion(c)?;
-        match (c.len(), fisheye) {
-            (0, _) => Ok(Self::None),
-            (4, true) => Ok(Self::Fisheye(Fisheye::new([c[0], c[1], c[2], c[3]]))),
-            (4 | 5 | 8 | 12 | 14, false) => Ok(Self::Brown(Box::new(BrownConrady::new(c)))),
-            (n, true) => Err(Error::invalid(
-                "distortion",
-                "4 fisheye coefficients",
-                format!("{n} coefficients"),
-            )),
-            (n, false) => Err(Error::invalid(
-                "distortion",
-                "4, 5, 8, 12 or 14 coefficients",
-                format!("{n} coefficients"),
-            )),
+        match c.len() {
+            0 => Ok(Self::None),
+            4 | 5 | 8 | 12 | 14 => Ok(Self::Brown(Box::new(BrownConrady::new(c)))),
+            n => Err(wrong_count("4, 5, 8, 12 or 14 coefficients", n)),
+        }
+    }
+
+    /// From the coefficients of `OpenCV`'s fisheye model, `k1..k4`. No coefficients: a pinhole.
+    ///
+    /// # Errors
+    /// [`Error::InvalidInput`] naming `distortion`: a count other than 0 or 4, or a value that is not finite or beyond
+    /// ±1e9.
+    pub fn fisheye(c: &[f64]) -> Result<Self> {
+        checks::distortion(c)?;
+        match c {
+            [] => Ok(Self::None),
+            &[k1, k2, k3, k4] => Ok(Self::Fisheye(Fisheye::new([k1, k2, k3, k4]))),
+            _ => Err(wrong_count("4 fisheye coefficients", c.len())),
         }
     }
 
@@ -95,10 +99,14 @@ impl Distortion {
     }
 }
 
+fn wrong_count(expected: &str, n: usize) -> Error {
+    Error::invalid("distortion", expected, format!("{n} coefficients"))
+}
+
 /// `OpenCV`'s general model: the lens (radial, tangential, thin prism) and then the tilt of the sensor.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BrownConrady {
-    /// k1,k2,p1,p2,k3,k4,k5,k6,s1..s4,τx,τy, those not given being 0.
+    /// k1,k2,p1,p2,k3,k4,k5,k6,s1..s4,τx,τy; 0 if not given.
     all: [f64; 14],
     count: usize,
     /// Homography of the tilt and its inverse.
@@ -107,7 +115,7 @@ pub struct BrownConrady {
 }
 
 impl BrownConrady {
-    /// From finite coefficients, whose number (4, 5, 8, 12 or 14) the caller has checked.
+    /// From 4, 5, 8, 12 or 14 finite coefficients; the caller checks both.
     fn new(c: &[f64]) -> Self {
         let mut all = [0.0; 14];
         all[..c.len()].copy_from_slice(c);

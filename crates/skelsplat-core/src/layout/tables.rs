@@ -143,7 +143,7 @@ fn limbs(joints: &[String]) -> Vec<[usize; 2]> {
     middle.chain(sides).collect()
 }
 
-/// The pelvis, or else the two hips, whose mean it is.
+/// The joints whose mean is the pelvis: itself, or the two hips if the layout has no pelvis.
 fn root(joints: &[String]) -> Vec<usize> {
     match find(joints, "pelvis") {
         Some(i) => vec![i],

@@ -94,11 +94,13 @@ pub fn bytes<'a>(splats: impl Iterator<Item = &'a Splat>) -> u128 {
     (CANVASES * size_of::<f64>()) as u128 * rows.len() as u128 * columns.len() as u128
 }
 
-/// Calls `visit(v, span, a)` for every covered row of `splat` with its values cut at 0.99 (if `clamp`), until `cancel`.
+/// Calls `visit(v, span, a)` for every covered row of `splat` with its values, cut at 0.99 if `clamp`, until `cancel` is
+/// set. `line` is the buffer for the values.
 fn each_row(
     splat: &Splat,
     clamp: bool,
-    (line, cancel): (&mut Vec<f64>, &AtomicBool),
+    line: &mut Vec<f64>,
+    cancel: &AtomicBool,
     mut visit: impl FnMut(i32, Span, &[f64]),
 ) {
     let table = RowTable::new(splat.conic[(0, 0)]);
@@ -124,7 +126,7 @@ impl Composite {
         let (rows, columns) = hull(heats.iter());
         out.pseudo.reset(rows, columns, 0.0);
         for heat in heats {
-            each_row(heat, false, (&mut out.line, cancel), |v, span, values| {
+            each_row(heat, false, &mut out.line, cancel, |v, span, values| {
                 let target = out.pseudo.line(v, span);
                 target.iter_mut().zip(values).for_each(|(t, p)| *t += p);
             });
@@ -180,7 +182,7 @@ impl Composite {
         self.transmittance.reset(rows, columns, 1.0);
         self.behind.reset(rows, columns, 0.0);
         for splat in splats {
-            each_row(splat, true, (&mut self.line, cancel), |v, span, values| {
+            each_row(splat, true, &mut self.line, cancel, |v, span, values| {
                 let colour = self.difference.line(v, span).iter_mut();
                 let light = self.transmittance.line(v, span).iter_mut();
                 for ((c, t), a) in colour.zip(light).zip(values) {
@@ -201,7 +203,7 @@ impl Composite {
     ) {
         for (k, splat) in splats.iter().enumerate().rev() {
             let mut moments = Moments::default();
-            each_row(splat, true, (&mut self.line, cancel), |v, span, values| {
+            each_row(splat, true, &mut self.line, cancel, |v, span, values| {
                 let difference = self.difference.line(v, span).iter();
                 let light = self.transmittance.line(v, span).iter_mut();
                 let behind = self.behind.line(v, span).iter_mut();

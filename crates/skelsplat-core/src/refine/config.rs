@@ -1,6 +1,8 @@
 //! Every setting of `refine`: those shared by all methods, and the method with its own. These tables (here,
 //! `annealed/settings.rs` and `paper/settings.rs`) are the only definition of the defaults.
 
+use std::fmt::Display;
+
 use crate::annealed::{AnnealedSettings, Annealing};
 use crate::error::{Error, Result};
 use crate::paper::{PaperSettings, Renderer};
@@ -161,7 +163,7 @@ impl RefineConfig {
             Method::Annealed(settings) => settings.value(name),
             Method::Paper(settings) => settings.value(name),
         };
-        own.or_else(|| self.value(name)).ok_or_else(|| self.unknown(name))
+        own.or_else(|| self.value(name)).ok_or_else(|| self.unknown(name, &name))
     }
 
     /// Sets a setting; [`Self::validate`] checks whether the value lies in its domain.
@@ -170,7 +172,7 @@ impl RefineConfig {
     /// [`Error::UnknownName`], or [`Error::InvalidInput`] if it belongs to the other method or the value has the wrong
     /// kind.
     pub fn set(&mut self, name: &str, value: &Value) -> Result<()> {
-        let setting = self.setting(name)?;
+        let setting = self.setting(name, value)?;
         let own = match &mut self.method {
             Method::Annealed(settings) => settings.set_value(name, value),
             Method::Paper(settings) => settings.set_value(name, value),
@@ -182,15 +184,16 @@ impl RefineConfig {
         Err(Error::invalid(field, setting.kind.expected(), value.to_string()))
     }
 
-    /// The table row of a setting of this configuration.
+    /// The table row of a setting of this configuration; `given`, the value to be set, appears in errors.
     ///
     /// # Errors
     /// [`Error::UnknownName`], or [`Error::InvalidInput`] if it belongs to the other method.
-    pub fn setting(&self, name: &str) -> Result<&'static Setting> {
-        self.settings().find(|setting| setting.name == name).ok_or_else(|| self.unknown(name))
+    pub fn setting(&self, name: &str, given: &dyn Display) -> Result<&'static Setting> {
+        let mut known = self.settings();
+        known.find(|setting| setting.name == name).ok_or_else(|| self.unknown(name, given))
     }
 
-    fn unknown(&self, name: &str) -> Error {
+    fn unknown(&self, name: &str, given: &dyn Display) -> Error {
         let field = format!("config.{name}");
         let other = self.method.other();
         if other.settings().iter().any(|setting| setting.name == name) {
@@ -201,7 +204,7 @@ impl RefineConfig {
         match RENAMED.iter().find(|(old, _)| *old == name) {
             Some((_, "method")) => {
                 let expected = "RefineConfig() for 'annealed' or RefineConfig.paper() for 'paper'";
-                Error::invalid(field, expected, "optimizer")
+                Error::invalid(field, expected, given.to_string())
             }
             Some((_, new)) => Error::invalid(
                 field,

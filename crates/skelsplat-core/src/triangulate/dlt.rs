@@ -15,10 +15,10 @@ const AT_INFINITY: f64 = 1e-9;
 ///
 /// Every detection gives the rows c·(u P₃ − P₁) and c·(v P₃ − P₂) with its confidence c and the rows P of K [R | t],
 /// and the point is their right null vector: the algebraic method of learnable triangulation, in which a row weighs
-/// c times a focal length times the point's depth. World coordinates are first moved and scaled to the cameras whose
-/// detections are used (origin at their mean centre, its RMS distance as unit), so that the unit-norm constraint, and with
-/// it the result on noisy data, depends neither on the unit of length, nor on the world's origin, nor on cameras without
-/// used detections.
+/// c times a focal length times the point's depth. World coordinates are first normalised to the cameras
+/// in use (origin at their mean centre, RMS distance from it as unit), so that the unit-norm constraint, and with it the
+/// result on noisy data, depends neither on the unit of length, nor on the world's origin, nor on cameras without usable
+/// detections.
 ///
 /// NaN where fewer than two views detect the joint, where the rays are parallel or coincide,
 /// and where the point lies behind every camera that detects it.

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skelsplat._arrays import Array
 from skelsplat._skelsplat import project
 from skelsplat.cameras import CameraRig
 from skelsplat.datasets._detections import Wanted, as_detections
@@ -28,7 +29,7 @@ from skelsplat.datasets._files import (
     whole_number,
     within,
 )
-from skelsplat.datasets._model import FloatArray, Take
+from skelsplat.datasets._model import Take
 from skelsplat.datasets._rig import build_rig, camera_at_centre
 from skelsplat.datasets._verify import body_size, is_human
 from skelsplat.datasets.human36m._common import CAMERAS, NUMBERED, SIZES, Options, Reading
@@ -132,7 +133,7 @@ def _take(path: Path, subject: str, activity: str, frames: Frames, reading: Read
     )
 
 
-def _stack(path: Path, key: str, rows: list[list[Record]], name: str, axes: int) -> FloatArray:
+def _stack(path: Path, key: str, rows: list[list[Record]], name: str, axes: int) -> Array:
     """Return (T, M, 17, axes) of the records."""
     joints = H36M17.n_joints
     for records in rows:
@@ -144,7 +145,7 @@ def _stack(path: Path, key: str, rows: list[list[Record]], name: str, axes: int)
     return as_numbers(path, f"{key}, {name}", [[record[name] for record in records] for records in rows])
 
 
-def _detections(path: Path, key: str, rows: list[list[Record]], frames: Any) -> FloatArray:
+def _detections(path: Path, key: str, rows: list[list[Record]], frames: Any) -> Array:
     pixels = _stack(path, key, rows, "joints_2d", 2)
     seen: NDArray[Any] = np.ones(pixels.shape[:3])
     if all("joints_vis" in record for records in rows for record in records):
@@ -155,7 +156,7 @@ def _detections(path: Path, key: str, rows: list[list[Record]], frames: Any) -> 
     return as_detections(path, f"{key}, joints_2d", value, Wanted(key, frames, CAMERAS, H36M17))
 
 
-def _world(path: Path, key: str, given: FloatArray, pixels: FloatArray, rig: CameraRig) -> FloatArray:
+def _world(path: Path, key: str, given: Array, pixels: Array, rig: CameraRig) -> Array:
     """Return the poses (T, 17, 3) in the world from those in the records (T, M, 17, 3)."""
     moved = np.stack([(given[:, v] - c.t) @ c.R for v, c in enumerate(rig)], axis=1)
     in_camera, in_world = (_misfit(poses, pixels, rig) for poses in (moved, given))
@@ -167,7 +168,7 @@ def _world(path: Path, key: str, given: FloatArray, pixels: FloatArray, rig: Cam
     return np.ascontiguousarray(poses[:, 0])
 
 
-def _misfit(poses: FloatArray, pixels: FloatArray, rig: CameraRig) -> float:
+def _misfit(poses: Array, pixels: Array, rig: CameraRig) -> float:
     """Return the median distance of projected poses (T, M, 17, 3) from the pixels; infinite without any."""
     apart = [
         np.linalg.norm(project(poses[:, v], [camera])[0] - pixels[:, v], axis=-1)
@@ -177,7 +178,7 @@ def _misfit(poses: FloatArray, pixels: FloatArray, rig: CameraRig) -> float:
     return float(np.median(seen)) if seen.size else float("inf")
 
 
-def _boxes(path: Path, key: str, rows: list[list[Record]]) -> FloatArray | None:
+def _boxes(path: Path, key: str, rows: list[list[Record]]) -> Array | None:
     """Return left, top, right, bottom, if the records have them."""
     boxes = [[record.get("box") for record in records] for records in rows]
     if any(shape_of(box) != (4,) for row in boxes for box in row):

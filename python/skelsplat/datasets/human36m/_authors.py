@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from skelsplat._arrays import Array
 from skelsplat.cameras import CameraRig
 from skelsplat.datasets._detections import (
     KEYS_3D,
@@ -26,7 +27,7 @@ from skelsplat.datasets._detections import (
     read_apart,
     read_world,
 )
-from skelsplat.datasets._files import FloatArray, Survey, numbers
+from skelsplat.datasets._files import Survey, numbers
 from skelsplat.datasets._model import Take
 from skelsplat.datasets.human36m._common import (
     CAMERAS,
@@ -119,7 +120,7 @@ def _with_own(place: Path, take: Take) -> Take | None:
     return take.with_detections(detections, folder, monocular=_per_view(folder, take))
 
 
-def _per_view(folder: Path, take: Take) -> FloatArray | None:
+def _per_view(folder: Path, take: Take) -> Array | None:
     """Return the world poses of a monocular estimator that lie beside its pixels, (T, M, N, 3), if any do."""
     views = []
     for name in take.rig.names:

@@ -15,9 +15,10 @@ from typing import Any
 
 import numpy as np
 
+from skelsplat._arrays import Array
 from skelsplat.cameras import CameraRig
 from skelsplat.datasets._detections import Separate, Wanted, choose_detector, detector_name
-from skelsplat.datasets._model import Dataset, FloatArray, Take
+from skelsplat.datasets._model import Dataset, Take
 from skelsplat.datasets._rig import read_quietly
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.layouts import H36M17
@@ -111,7 +112,23 @@ def read_rig(path: Path, subject: str) -> CameraRig:
 
 @dataclass(frozen=True)
 class Options:
-    """The options of `skelsplat.datasets.human36m.read`, parsed."""
+    """The options of `skelsplat.datasets.human36m.read`, parsed.
+
+    Attributes
+    ----------
+    subjects : sequence of str or None
+        Default: the two that the method is tested on. None reads all.
+    detector : str, optional
+        Which of the detections that are there: ``"metrabs"``, ``"cpn"``, ``"resnet152"``, … Default: metrabs,
+        resnet152, cpn, resnet50 or another, the first that is there.
+    detections : path, optional
+        Detections that are kept apart from the data: a folder ``<subject>/<activity>[/<camera>]/poses.npz``
+        (or ``.json``), an npz or a JSON file. Takes without any there are left out.
+    cameras : path, optional
+        ``camera-parameters.json``, if it lies elsewhere.
+    monocular : str, optional
+        Format ``skelsplat``: the folder in ``initial_guess`` with 3D poses of monocular estimators.
+    """
 
     subjects: Sequence[str] | None = ("S9", "S11")
     detector: str | None = None
@@ -201,7 +218,7 @@ def activity_of(take: Take) -> str:
     return take.key.partition("/")[2]
 
 
-def take_of(subject: str, activity: str, rig: CameraRig, truth: FloatArray, files: dict[str, Path]) -> Take:
+def take_of(subject: str, activity: str, rig: CameraRig, truth: Array, files: dict[str, Path]) -> Take:
     """Return a take, frames numbered from 0; `files` says where its truth and its cameras are from."""
     frames = np.arange(len(truth))
     return Take(f"{subject}/{activity}", subject, action_of(activity), rig, frames, truth, files=files)

@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from skelsplat._arrays import Array
 from skelsplat.cameras import CameraRig
 from skelsplat.datasets._files import Survey, a_list, as_numbers, load_npy, numbers, require, shape_of, within
-from skelsplat.datasets._model import FloatArray, Take
+from skelsplat.datasets._model import Take
 from skelsplat.datasets._rig import build_camera, build_rig
 from skelsplat.datasets.human36m._common import CAMERAS, SIZES, Options, Reading, action_of
 from skelsplat.exceptions import DatasetError
@@ -128,11 +129,11 @@ def _rig(path: Path, labels: Any, subject: str) -> CameraRig:
     return build_rig(path, built, "mm")
 
 
-def _flat(path: Path, field: str, entry: Any, key: str) -> FloatArray:
+def _flat(path: Path, field: str, entry: Any, key: str) -> Array:
     return as_numbers(path, within(field, key), require(path, field, entry, key)).ravel()
 
 
-def _boxes(path: Path, rows: NDArray[Any], views: list[int]) -> FloatArray | None:
+def _boxes(path: Path, rows: NDArray[Any], views: list[int]) -> Array | None:
     """Return left, top, right, bottom from top, left, bottom, right; NaN where the view is missing."""
     field = "bbox_by_camera_tlbr"
     if field not in (rows.dtype.names or ()):

@@ -14,9 +14,10 @@ from typing import Any
 
 import numpy as np
 
+from skelsplat._arrays import Array
 from skelsplat.cameras import CameraRig
 from skelsplat.datasets._detections import Wanted, as_detections, detector_name
-from skelsplat.datasets._files import FloatArray, Survey, a_list, a_table, load_npz, numbers, require
+from skelsplat.datasets._files import Survey, a_list, a_table, load_npz, numbers, require
 from skelsplat.datasets._model import Take
 from skelsplat.datasets.human36m._common import (
     CAMERAS,
@@ -111,7 +112,7 @@ def _with_own(takes: Iterator[Take], path: Path, reading: Reading) -> Iterator[T
         reading.notes.append(f"{path.name}: {cut} views cut where the truth ends")
 
 
-def _joined(path: Path, field: str, views: list[Any], fits: Wanted) -> tuple[FloatArray, int]:
+def _joined(path: Path, field: str, views: list[Any], fits: Wanted) -> tuple[Array, int]:
     """Return (T, M, N, 3) from one (T or more, N, 2) per camera, and how many were longer."""
     if len(views) != len(CAMERAS):
         raise DatasetError(path, field, f"{len(CAMERAS)} cameras ({', '.join(CAMERAS)})", len(views))

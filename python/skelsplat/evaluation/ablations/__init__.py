@@ -8,20 +8,15 @@ differences between settings are paired.
 >>> [(claim.claim, claim.verdict) for claim in record.outcome.claims]                      # doctest: +SKIP
 """
 
-from skelsplat.evaluation.ablations._source import Choices, OnDisk, Progress, Simulated, Source
-from skelsplat.evaluation.ablations._sweep import Ablation, Claim, Outcome, Row, Table
+from skelsplat.evaluation.ablations._source import Choices, OnDisk, Simulated, Source
+from skelsplat.evaluation.ablations._sweep import Table
 from skelsplat.evaluation.ablations._table import get, names
 from skelsplat.evaluation.ablations._write import Record, as_dict, cell, run, write
 
 __all__ = [
-    "Ablation",
     "Choices",
-    "Claim",
     "OnDisk",
-    "Outcome",
-    "Progress",
     "Record",
-    "Row",
     "Simulated",
     "Source",
     "Table",

@@ -9,9 +9,9 @@ from functools import partial
 import numpy as np
 
 from skelsplat import Refinement, metrics
+from skelsplat._arrays import Array
 from skelsplat.evaluation.ablations._sample import (
     Errors,
-    FloatArray,
     Sample,
     Start,
     difference,
@@ -109,7 +109,7 @@ _SPLAT, _PLAIN, _POSTERIOR = (
 # How close "the same coverage" must come, percentage points.
 _NEAR = 10.0
 
-Shares = dict[str, FloatArray]
+Shares = dict[str, Array]
 """By kind of covariance, whether each joint lies within each k: (3, P, N), 1, 0, or NaN if unknown."""
 
 
@@ -122,14 +122,14 @@ def coverage(source: Source) -> Outcome:
         rows += [Row(name, sample.name, _percents(share)) for name, share in shares.items()]
         tables.append(_by_joint(sample, shares))
         if _PLAIN not in shares:
-            figures = tuple(value for value in theirs[0].values if value is not None)
+            figures = [value for value in theirs[0].values if value is not None]
             text = f"The truth of 57, 92, 98 % lies within 1, 2, 3 σ of the splat (to {_NEAR:g} points)"
             quoted = quote(COVERAGE, [f"{k}" for k in _SIGMAS])
-            claims.append(_near(text, quoted, sample, _SPLAT, shares, figures))
+            claims.append(Claim(text, quoted, *_near(sample, _SPLAT, shares, figures)))
         claims += [_prone(sample, kind, shares[kind]) for kind in (_SPLAT, _PLAIN) if kind in shares]
         text = f"`uncertainty` covers as a Gaussian would (within {_NEAR:g} points)"
         quoted = f"not the paper's claim; a Gaussian {_list(_IDEAL)} %"
-        claims.append(_near(text, quoted, sample, _POSTERIOR, shares, _IDEAL, ours=True))
+        claims.append(Claim(text, quoted, *_near(sample, _POSTERIOR, shares, _IDEAL), ours=True))
     columns = tuple(f"{k} σ" for k in _SIGMAS)
     all_rows = (*rows, *theirs, Row("Gaussian in 3D", "", _IDEAL, "theory"))
     notes = (
@@ -162,7 +162,7 @@ def _covered(source: Source, sample: Sample) -> Shares:
     }
 
 
-def _percents(shares: FloatArray) -> tuple[float, ...]:
+def _percents(shares: Array) -> tuple[float, ...]:
     return tuple(100.0 * float(np.nanmean(share)) for share in shares)
 
 
@@ -177,23 +177,14 @@ def _by_joint(sample: Sample, shares: Shares) -> Table:
     return Table(title, "joint", columns, rows, "%", chart=False)
 
 
-def _near(
-    text: str,
-    paper: str,
-    sample: Sample,
-    kind: str,
-    shares: Shares,
-    expected: Sequence[float],
-    *,
-    ours: bool = False,
-) -> Claim:
+def _near(sample: Sample, kind: str, shares: Shares, expected: Sequence[float]) -> tuple[str, bool]:
+    """Return what is measured, in words, and whether it is near to what is expected."""
     here = _percents(shares[kind])
     far = max(abs(a - b) for a, b in zip(here, expected, strict=True))
-    measured = f"{kind}, {sample.name}: {_list(here)} %; furthest {far:.1f} points"
-    return Claim(text, paper, measured, far <= _NEAR, ours)
+    return f"{kind}, {sample.name}: {_list(here)} %; furthest {far:.1f} points", far <= _NEAR
 
 
-def _prone(sample: Sample, kind: str, shares: FloatArray) -> Claim:
+def _prone(sample: Sample, kind: str, shares: Array) -> Claim:
     prone = list(sample.layout.occlusion_prone)
     others = [j for j in range(sample.layout.n_joints) if j not in prone]
     low, high = (_percents(shares[:, :, joints])[0] for joints in (prone, others))

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 import skelsplat as sk
+from skelsplat._arrays import Array
 from skelsplat.datasets import Dataset, Take
 from skelsplat.evaluation.methods import starting_poses, without_lens
 from skelsplat.evaluation.protocols import Protocol
 from skelsplat.exceptions import InvalidInputError
 
-FloatArray = NDArray[np.float64]
 Start = Literal["dlt", "fusion"]
 
 
@@ -57,7 +57,7 @@ class Sample:
         """Whether all poses come with monocular estimates."""
         return all(group.poses.monocular is not None for group in self.groups)
 
-    def starts(self, kind: Start) -> list[FloatArray]:
+    def starts(self, kind: Start) -> list[Array]:
         """Return the initial poses of every group."""
         return [starting_poses(group.poses, kind) for group in self.groups]
 
@@ -138,7 +138,7 @@ def _joined(part: Sequence[tuple[int, Take]]) -> Group:
 class Errors:
     """Joint errors of one setting."""
 
-    joints: FloatArray  # (P, N) mm: NaN where there is no truth or no prediction
+    joints: Array  # (P, N) mm: NaN where there is no truth or no prediction
     take: NDArray[np.int64]  # (P,) int: Which take each pose is from
     steps: float = float("nan")  # mean number of optimisation steps; NaN if nothing was optimised
 
@@ -148,16 +148,16 @@ class Errors:
         return float(np.nanmean(self.joints))
 
     @property
-    def poses(self) -> FloatArray:
+    def poses(self) -> Array:
         """Mean error (P,) of each pose, mm."""
         known = np.isfinite(self.joints)
         count = known.sum(axis=1)
         total = np.where(known, self.joints, 0.0).sum(axis=1)
-        mean: FloatArray = np.divide(total, count, out=np.full(len(total), np.nan), where=count > 0)
+        mean: Array = np.divide(total, count, out=np.full(len(total), np.nan), where=count > 0)
         return mean
 
 
-def errors_of(sample: Sample, poses: Sequence[FloatArray], steps: float = float("nan")) -> Errors:
+def errors_of(sample: Sample, poses: Sequence[Array], steps: float = float("nan")) -> Errors:
     """Return the errors of predicted `poses`, one array (P, N, 3) per group of the sample."""
     joints = [
         group.poses.rig.mm_per_unit * np.linalg.norm(pose - group.poses.truth, axis=-1)

@@ -12,10 +12,11 @@ import numpy as np
 
 import skelsplat as sk
 from skelsplat import datasets
+from skelsplat._arrays import Array, positive
 from skelsplat.datasets import Dataset, Take
 from skelsplat.datasets._registry import detections_option, options_of
 from skelsplat.evaluation import protocols
-from skelsplat.evaluation.ablations._sample import Errors, FloatArray, Sample, Start, errors_of, sample
+from skelsplat.evaluation.ablations._sample import Errors, Sample, Start, errors_of, sample
 from skelsplat.evaluation.methods import DEFAULT_INIT_SIGMA_MM, refined
 from skelsplat.evaluation.protocols import Protocol
 from skelsplat.evaluation.report import occlusion_of
@@ -53,16 +54,12 @@ class Choices:
     init_sigma_mm: float = DEFAULT_INIT_SIGMA_MM
     undistort: bool = True  # whether to take lens distortion out; the paper does not
 
+    def __post_init__(self) -> None:
+        positive("init_sigma_mm", self.init_sigma_mm)
+
 
 class Source(ABC):
-    """Samples for the experiments, and the two methods.
-
-    Parameters
-    ----------
-    choices : Choices
-    progress : callable, optional
-        Hears what is being measured.
-    """
+    """Samples for the experiments, and the two methods; `progress` hears what is being measured."""
 
     simulated: bool
 
@@ -115,7 +112,7 @@ class Source(ABC):
         self.note(f"{sample.name}: no monocular poses, so DLT is refined instead of their fusion")
         return "dlt"
 
-    def starts(self, sample: Sample) -> list[FloatArray]:
+    def starts(self, sample: Sample) -> list[Array]:
         """Return the initial poses of every group."""
         kind = self.start_kind(sample)
         self.note(f"{sample.name}: start {_START_WORDS[kind]}")
@@ -125,7 +122,7 @@ class Source(ABC):
         self,
         method: str,
         sample: Sample,
-        starts: Sequence[FloatArray],
+        starts: Sequence[Array],
         doing: str,
         init_sigma_mm: float | None = None,
         **fields: Any,
@@ -149,7 +146,7 @@ class Source(ABC):
         return results
 
     def errors(
-        self, method: str, sample: Sample, starts: Sequence[FloatArray], doing: str, **fields: Any
+        self, method: str, sample: Sample, starts: Sequence[Array], doing: str, **fields: Any
     ) -> Errors:
         """Return the errors of `refined`."""
         results = self.refined(method, sample, starts, doing, **fields)
@@ -198,15 +195,11 @@ class OnDisk(Source):
 
     Parameters
     ----------
-    choices : Choices
-    name, root : str and Path
+    name, root, options
         As in `skelsplat.datasets.read`.
     detectors : sequence of str
         One sample for each; a folder's path is taken for detections outside the root. Empty: the reader's
         own choice.
-    options : mapping
-        Further options of the reader.
-    progress : callable, optional
     """
 
     def __init__(

@@ -9,7 +9,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from skelsplat.evaluation.ablations._sample import Errors, FloatArray, Sample, difference, errors_of
+from skelsplat._arrays import Array
+from skelsplat.evaluation.ablations._sample import Errors, Sample, difference, errors_of
 from skelsplat.evaluation.ablations._source import PAPER, Kind, Source
 from skelsplat.evaluation.reported import ReportedRow, reported
 from skelsplat.exceptions import InvalidInputError
@@ -26,6 +27,11 @@ class Row:
     data: str
     values: tuple[float | None, ...]  # one per column; None where there is none
     origin: Literal["measured", "paper", "theory"] = "measured"
+
+    @property
+    def name(self) -> str:
+        """Method and data."""
+        return ", ".join(part for part in (self.method, self.data) if part)
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +118,7 @@ IN_THE_TEXT = "stated in the text, without figures"
 MOST = "most"
 """In a `Check`: the largest value that was measured."""
 
-Varied = Callable[[Any], tuple[Sample, list[FloatArray]]]
+Varied = Callable[[Any], tuple[Sample, list[Array]]]
 """A value of the setting → the poses and starts that it is measured on."""
 
 

@@ -7,11 +7,12 @@ from typing import Any
 
 import skelsplat as sk
 from skelsplat import synthetic
+from skelsplat._arrays import Array
 from skelsplat.evaluation.ablations import _other as other
-from skelsplat.evaluation.ablations._sample import FloatArray, Sample
+from skelsplat.evaluation.ablations._sample import Sample
 from skelsplat.evaluation.ablations._source import ANNEALED, PAPER, Source
 from skelsplat.evaluation.ablations._sweep import IN_THE_TEXT, MOST, Ablation, Check, Line, Sweep, Varied
-from skelsplat.exceptions import InvalidInputError
+from skelsplat.exceptions import one_of
 
 ENCODING = Sweep(
     label="tab:abl-encoding",
@@ -47,7 +48,7 @@ ACCUMULATION = Sweep(
 
 
 def _first_views(_: Source, sample: Sample) -> Varied:
-    def varied(count: int) -> tuple[Sample, list[FloatArray]]:
+    def varied(count: int) -> tuple[Sample, list[Array]]:
         seen = sample.first_views(count)
         return seen, seen.starts("dlt")
 
@@ -78,7 +79,7 @@ def _perturbed(source: Source, sample: Sample) -> Varied:
     """Start by DLT plus the same draw at every level, scaled."""
     clean = sample.starts("dlt")
 
-    def varied(level: int) -> tuple[Sample, list[FloatArray]]:
+    def varied(level: int) -> tuple[Sample, list[Array]]:
         return sample, [
             synthetic.perturb(start, level / group.poses.rig.mm_per_unit, seed=source.choices.seed + 1 + k)
             for k, (group, start) in enumerate(zip(sample.groups, clean, strict=True))
@@ -222,6 +223,5 @@ def get(name: str) -> Ablation:
 
     Raises `InvalidInputError` if there is none; the message lists them.
     """
-    if name not in _BY_NAME:
-        raise InvalidInputError(f"name: expected one of {', '.join(names)}, got {name!r}")
+    one_of("name", name, names)
     return _BY_NAME[name]

@@ -1,21 +1,22 @@
-"""Running an ablation, and its Markdown, CSV and JSON."""
+"""Running an ablation, and its Markdown, CSV, JSON and chart."""
 
 from __future__ import annotations
 
 import csv
 import io
-import json
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from skelsplat._atomic import atomic_write_text
+from skelsplat._json import to_text
+from skelsplat._optional import can_draw
 from skelsplat._skelsplat import __version__
 from skelsplat.evaluation.ablations._source import Choices, Source
-from skelsplat.evaluation.ablations._sweep import Ablation, Outcome
+from skelsplat.evaluation.ablations._sweep import Ablation, Outcome, Row
 from skelsplat.evaluation.ablations._table import get
 from skelsplat.evaluation.reported import reported
-from skelsplat.io._files import atomic_write_text
+from skelsplat.evaluation.tables import grid
 
 _CSV = ("table", "unit", "method", "data", "origin", "column", "value")
 
@@ -33,8 +34,9 @@ class Record:
 
     @property
     def sources(self) -> tuple[str, ...]:
-        """Where the paper's rows are from."""
-        return tuple(f"{label}: {reported(label).source}" for label in self.ablation.labels)
+        """What the paper's rows are, and where they are from."""
+        tables = map(reported, self.ablation.labels)
+        return tuple(f"Reported: {table.title}; {table.source}" for table in tables)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -64,17 +66,12 @@ def to_markdown(record: Record) -> str:
     parts = [f"# {record.ablation.title}", f"`{record.command}` (skelsplat {__version__})"]
     for table in record.outcome.tables:
         rows = [(r.method, r.data, *(cell(value, table.digits) for value in r.values)) for r in table.rows]
-        grid = _lines((table.corner, "data", *table.columns), rows, numeric=len(table.columns))
-        parts += [f"## {table.title} ({table.unit})", grid, record.line]
+        figures = grid((table.corner, "data", *table.columns), rows, numeric=len(table.columns))
+        parts += [f"## {table.title} ({table.unit})", figures, record.line]
     claims = [(c.claim, c.paper, c.measured, f"**{c.verdict}**") for c in record.outcome.claims]
-    parts += ["## Claims", _lines(("claim", "reported", "here", ""), claims, numeric=0)]
+    parts += ["## Claims", grid(("claim", "reported", "here", ""), claims, numeric=0)]
     parts += ["\n".join(f"- {text}" for text in (*record.notes, *record.sources))]
     return "\n\n".join(parts) + "\n"
-
-
-def _lines(header: Sequence[str], rows: Sequence[Sequence[str]], *, numeric: int) -> str:
-    rule = [*["---"] * (len(header) - numeric), *["---:"] * numeric]
-    return "\n".join("| " + " | ".join(row) + " |" for row in (header, rule, *rows))
 
 
 def to_csv(record: Record) -> str:
@@ -92,7 +89,7 @@ def to_csv(record: Record) -> str:
 
 def to_json(record: Record) -> str:
     """Return everything as a JSON object."""
-    return json.dumps(as_dict(record), indent=2, ensure_ascii=False) + "\n"
+    return to_text(as_dict(record))
 
 
 def as_dict(record: Record) -> dict[str, Any]:
@@ -113,13 +110,29 @@ def as_dict(record: Record) -> dict[str, Any]:
 
 
 def write(folder: Path, record: Record) -> list[Path]:
-    """Write ``NAME.md``, ``NAME.csv`` and ``NAME.json`` into a folder, which is made; return their paths.
+    """Write ``NAME.md``, ``.csv``, ``.json`` and ``.png`` into a folder, which is made; return their paths.
 
-    Raises `DatasetError` if a file cannot be written.
+    The chart needs the extra ``viz`` and is left out without it. Raises `DatasetError` if a file cannot be
+    written.
     """
     folder.mkdir(parents=True, exist_ok=True)
     out = []
     for suffix, text in (("md", to_markdown), ("csv", to_csv), ("json", to_json)):
         out.append(folder / f"{record.ablation.name}.{suffix}")
         atomic_write_text(out[-1], text(record))
-    return out
+    return [*out, _write_chart(folder / f"{record.ablation.name}.png", record)] if can_draw() else out
+
+
+def _write_chart(path: Path, record: Record) -> Path:
+    from skelsplat import viz  # matplotlib takes long to load, and text does without
+
+    def line(row: Row) -> viz.Line:
+        values = [float("nan") if value is None else value for value in row.values]
+        return viz.Line(row.name, values, row.origin != "measured")
+
+    panels = [
+        viz.Panel(table.title, table.corner, table.unit, table.columns, list(map(line, table.rows)))
+        for table in record.outcome.tables
+        if table.chart
+    ]
+    return viz.write_panels(path, panels, caption=record.line)

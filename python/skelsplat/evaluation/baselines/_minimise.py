@@ -13,13 +13,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from skelsplat._arrays import positive
+from skelsplat._arrays import Array, positive
 from skelsplat.evaluation.baselines._observations import (
     Cameras,
-    FloatArray,
-    IntArray,
     homogeneous,
     observe,
     reproject,
@@ -36,11 +34,11 @@ _LEVEL = 1e-13
 _FARTHEST = 100.0
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e-9, 1e9
 
-Loss = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
+Loss = Callable[[Array], tuple[Array, Array, Array]]
 """s → ρ(s), ρ′(s) and max(0, ρ′(s) + 2 s ρ″(s))."""
 
 
-def huber(s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def huber(s: Array) -> tuple[Array, Array, Array]:
     """Huber's loss of threshold 1: s up to 1, then 2√s − 1."""
     inside = s <= 1.0
     root = np.sqrt(np.maximum(s, 1.0))
@@ -51,14 +49,14 @@ def cauchy_loss(f_scale: float) -> Loss:
     """Return Cauchy's loss f² ln(1 + s/f²)."""
     f2 = f_scale**2
 
-    def loss(s: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def loss(s: Array) -> tuple[Array, Array, Array]:
         slope = 1.0 / (1.0 + s / f2)
         return f2 * np.log1p(s / f2), slope, np.maximum(0.0, (1.0 - s / f2) * slope**2)
 
     return loss
 
 
-def cauchy(detections: ArrayLike, cameras: Cameras, *, f_scale: float = 5.0) -> FloatArray:
+def cauchy(detections: ArrayLike, cameras: Cameras, *, f_scale: float = 5.0) -> Array:
     """Triangulate by DLT, then minimise the Cauchy loss of the reprojection residuals.
 
     The minimum of ½ Σ f² ln(1 + r²/f²) over the 2·M residuals û − u, v̂ − v of a joint, as
@@ -70,16 +68,6 @@ def cauchy(detections: ArrayLike, cameras: Cameras, *, f_scale: float = 5.0) -> 
     cameras : CameraRig or sequence of Camera
     f_scale : float
         f in px, beyond which a residual counts as an outlier; about twice the detector's jitter.
-
-    Returns
-    -------
-    (T, N, 3) or (N, 3)
-        NaN with fewer than two views.
-
-    Raises
-    ------
-    InvalidInputError
-        Shapes that do not fit, a confidence outside [0, 1], an ``f_scale`` that is not positive.
     """
     positive("f_scale", f_scale)
     joints = observe(detections, cameras)
@@ -92,22 +80,22 @@ def cauchy(detections: ArrayLike, cameras: Cameras, *, f_scale: float = 5.0) -> 
 class Reprojections:
     """Residuals scale · (π(X) − u) of B joints in M views, and their derivatives."""
 
-    pixels: FloatArray  # (B, M, 2) px
-    projections: FloatArray  # (M, 3, 4)
-    scale: FloatArray  # (B, M): Factor on both coordinates; 0 for a view that takes no part
+    pixels: Array  # (B, M, 2) px
+    projections: Array  # (M, 3, 4)
+    scale: Array  # (B, M): Factor on both coordinates; 0 for a view that takes no part
     by_view: bool  # A group is a view (2 numbers), else a coordinate (1 number)
 
-    def part(self, which: IntArray) -> Reprojections:
+    def part(self, which: NDArray[np.intp]) -> Reprojections:
         """Return the problem of some of the joints."""
         return Reprojections(self.pixels[which], self.projections, self.scale[which], self.by_view)
 
-    def residuals(self, X: FloatArray) -> FloatArray:
+    def residuals(self, X: Array) -> Array:
         """Return the residuals (B, G, D) of points X (B, 3); not finite on a camera's focal plane."""
         offsets = reproject(X, self.projections) - self.pixels
         used = self.scale[..., None] > 0
         return self._grouped(np.where(used, self.scale[..., None] * offsets, 0.0))
 
-    def slopes(self, X: FloatArray) -> FloatArray:
+    def slopes(self, X: Array) -> Array:
         """Differentiate `residuals`, (B, G, D, 3): ∂(p₁/p₃) = (∂p₁ − û ∂p₃) / p₃."""
         image = homogeneous(X, self.projections)
         depth = image[..., 2:, None]
@@ -116,14 +104,14 @@ class Reprojections:
         slopes = (rows[:, :2] - reprojected * rows[:, 2:]) / depth
         return self._grouped(slopes * self.scale[..., None, None])
 
-    def _grouped(self, values: FloatArray) -> FloatArray:
+    def _grouped(self, values: Array) -> Array:
         """(B, M, 2, …) → (B, M, 2, …) or (B, 2M, 1, …)."""
         if self.by_view:
             return values
         return values.reshape(len(values), -1, 1, *values.shape[3:])
 
 
-def minimise(start: FloatArray, problem: Reprojections, loss: Loss) -> FloatArray:
+def minimise(start: Array, problem: Reprojections, loss: Loss) -> Array:
     """Minimise every joint's F from `start` (B, 3); a start that is NaN stays so.
 
     Joints leave the batch when a step moves no reprojection, or F cannot be lowered in double precision.
@@ -156,16 +144,14 @@ def minimise(start: FloatArray, problem: Reprojections, loss: Loss) -> FloatArra
     return np.where(ran_away[:, None], start, points)
 
 
-def _value(X: FloatArray, problem: Reprojections, loss: Loss) -> FloatArray:
+def _value(X: Array, problem: Reprojections, loss: Loss) -> Array:
     """F of every joint, (B,); infinite where a residual is not finite."""
     squares = np.sum(problem.residuals(X) ** 2, axis=-1)
     value = 0.5 * loss(np.where(np.isfinite(squares), squares, 0.0))[0].sum(axis=-1)
     return np.where(np.isfinite(squares).all(axis=-1), value, np.inf)
 
 
-def _step(
-    X: FloatArray, problem: Reprojections, loss: Loss, damping: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def _step(X: Array, problem: Reprojections, loss: Loss, damping: Array) -> tuple[Array, Array]:
     """Return the damped step (B, 3) and by how many weighted px it moves the reprojections, (B,)."""
     r, J = problem.residuals(X), problem.slopes(X)
     s = np.sum(r**2, axis=-1)
@@ -183,21 +169,21 @@ def _step(
     return step, np.sqrt(np.maximum(squared, 0.0))
 
 
-def _solved(matrices: FloatArray, right: FloatArray) -> FloatArray:
+def _solved(matrices: Array, right: Array) -> Array:
     """Solve 3×3 systems (B, 3, 3) by cofactors; no step where a matrix is singular."""
     a, b, c = matrices[:, 0], matrices[:, 1], matrices[:, 2]
     cofactors = np.stack([_cross(b, c), _cross(c, a), _cross(a, b)], axis=-1)
     determinant = np.sum(a * cofactors[..., 0], axis=-1)
     solution = (cofactors @ right[..., None])[..., 0]
     usable = determinant > 0
-    found: FloatArray = np.divide(
+    found: Array = np.divide(
         solution, determinant[:, None], out=np.zeros_like(solution), where=usable[:, None]
     )
     return found
 
 
-def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+def _cross(a: Array, b: Array) -> Array:
     """Cross products (B, 3); `numpy.cross` takes longer than all else on few joints."""
     first, second = [1, 2, 0], [2, 0, 1]
-    product: FloatArray = a[:, first] * b[:, second] - a[:, second] * b[:, first]
+    product: Array = a[:, first] * b[:, second] - a[:, second] * b[:, first]
     return product

@@ -8,13 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from skelsplat._arrays import numbers
+from skelsplat._arrays import Array, Mask, numbers
 from skelsplat._skelsplat import Camera
 from skelsplat.cameras import CameraRig
 from skelsplat.exceptions import InvalidInputError
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.intp]
 Cameras = CameraRig | Sequence[Camera]
 
@@ -26,16 +24,16 @@ _FARTHEST = 1e50
 class Observations:
     """B = T·N joints, each seen by some of M views."""
 
-    pixels: FloatArray  # (B, M, 2) px: Ideal pixels; 0 where the joint is missing
-    seen: BoolArray  # (B, M)
-    confidence: FloatArray  # (B, M): In [0, 1]; 0 where the joint is missing, 1 where none was given
-    projections: FloatArray  # (M, 3, 4): K [R | t], from the unit of the cameras to px
+    pixels: Array  # (B, M, 2) px: Ideal pixels; 0 where the joint is missing
+    seen: Mask  # (B, M)
+    confidence: Array  # (B, M): In [0, 1]; 0 where the joint is missing, 1 where none was given
+    projections: Array  # (M, 3, 4): K [R | t], from the unit of the cameras to px
     leading: tuple[int, ...]  # (T, N), or (N,) for one frame
 
     @property
-    def determined(self) -> BoolArray:
+    def determined(self) -> Mask:
         """Whether at least two views see the joint, (B,)."""
-        enough: BoolArray = self.seen.sum(axis=1) >= 2
+        enough: Mask = self.seen.sum(axis=1) >= 2
         return enough
 
     def take(self, joints: IntArray) -> Observations:
@@ -43,7 +41,7 @@ class Observations:
         own = {name: getattr(self, name)[joints] for name in ("pixels", "seen", "confidence")}
         return replace(self, leading=(len(joints),), **own)
 
-    def points(self, values: FloatArray) -> FloatArray:
+    def points(self, values: Array) -> Array:
         """Give points (B, 3) the shape of the detections, (T, N, 3) or (N, 3)."""
         return values.reshape(*self.leading, 3)
 
@@ -56,7 +54,7 @@ def observe(detections: ArrayLike, cameras: Cameras) -> Observations:
     n_frames, n_views, n_joints, channels = frames.shape
     ideal = np.stack([c.undistort(frames[:, i, :, :2]) for i, c in enumerate(cameras)], axis=2)
     pixels = ideal.reshape(n_frames * n_joints, n_views, 2)
-    seen: BoolArray = np.asarray(np.isfinite(pixels).all(axis=-1))
+    seen: Mask = np.asarray(np.isfinite(pixels).all(axis=-1))
     confidence = np.ones(seen.shape)
     if channels == 3:
         confidence = np.swapaxes(frames[..., 2], 1, 2).reshape(seen.shape)
@@ -70,7 +68,7 @@ def observe(detections: ArrayLike, cameras: Cameras) -> Observations:
     )
 
 
-def _checked(detections: ArrayLike, n_views: int) -> FloatArray:
+def _checked(detections: ArrayLike, n_views: int) -> Array:
     """Return the detections as float64 of a shape and with confidences that make sense."""
     found = numbers(detections, "detections")
     if found.ndim not in (3, 4) or found.shape[-1] not in (2, 3):
@@ -95,22 +93,22 @@ def _checked(detections: ArrayLike, n_views: int) -> FloatArray:
     return found
 
 
-def reproject(points: FloatArray, projections: FloatArray) -> FloatArray:
+def reproject(points: Array, projections: Array) -> Array:
     """Project points (B, 3) into every view: (B, M, 2) px; not finite on a camera's focal plane."""
     image = homogeneous(points, projections)
     with np.errstate(divide="ignore", invalid="ignore"):
-        pixels: FloatArray = image[..., :2] / image[..., 2:]
+        pixels: Array = image[..., :2] / image[..., 2:]
     return pixels
 
 
-def homogeneous(points: FloatArray, projections: FloatArray) -> FloatArray:
+def homogeneous(points: Array, projections: Array) -> Array:
     """Return P X of points (B, 3) in every view, (B, M, 3)."""
     rows = projections.reshape(-1, 4)
-    image: FloatArray = (points @ rows[:, :3].T + rows[:, 3]).reshape(len(points), -1, 3)
+    image: Array = (points @ rows[:, :3].T + rows[:, 3]).reshape(len(points), -1, 3)
     return image
 
 
-def dlt(detections: ArrayLike, cameras: Cameras, *, confidence: bool = False) -> FloatArray:
+def dlt(detections: ArrayLike, cameras: Cameras, *, confidence: bool = False) -> Array:
     """Triangulate every joint by the direct linear transform (Hartley & Zisserman, §12.2).
 
     A view that sees the joint at (u, v) gives the rows u·P₃ − P₁ and v·P₃ − P₂ of A; the point is the
@@ -125,23 +123,13 @@ def dlt(detections: ArrayLike, cameras: Cameras, *, confidence: bool = False) ->
     confidence : bool
         Multiply the rows by the confidence (algebraic triangulation with weights); False tells from it only
         what is missing.
-
-    Returns
-    -------
-    (T, N, 3) or (N, 3)
-        NaN with fewer than two views.
-
-    Raises
-    ------
-    InvalidInputError
-        Shapes that do not fit, a confidence outside [0, 1].
     """
     joints = observe(detections, cameras)
     weights = joints.confidence if confidence else joints.seen.astype(np.float64)
     return joints.points(solve(joints, weights))
 
 
-def solve(joints: Observations, weights: FloatArray) -> FloatArray:
+def solve(joints: Observations, weights: Array) -> Array:
     """Triangulate (B, 3) with the rows of view i of joint b multiplied by ``weights[b, i]``."""
     frame = rig_frame(joints.projections)
     projections = joints.projections @ frame
@@ -157,7 +145,7 @@ def solve(joints: Observations, weights: FloatArray) -> FloatArray:
     return points
 
 
-def rig_frame(projections: FloatArray) -> FloatArray:
+def rig_frame(projections: Array) -> Array:
     """Similarity (4, 4) to the world from a frame at the mean camera centre, of the cameras' RMS distance."""
     centres = -np.linalg.solve(projections[:, :, :3], projections[:, :, 3:])[..., 0]
     middle = centres.mean(axis=0)
@@ -167,7 +155,7 @@ def rig_frame(projections: FloatArray) -> FloatArray:
     return frame
 
 
-def homogeneous_to_world(points: FloatArray) -> FloatArray:
+def homogeneous_to_world(points: Array) -> Array:
     """Divide (B, 4) by the fourth coordinate; NaN for a point at infinity."""
     with np.errstate(divide="ignore", invalid="ignore"):
         divided = points[:, :3] / points[:, 3:]

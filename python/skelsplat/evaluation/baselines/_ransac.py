@@ -19,12 +19,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skelsplat._arrays import numbers, positive
+from skelsplat._arrays import Array, Mask, numbers, positive
 from skelsplat.evaluation.baselines._minimise import Reprojections, huber, minimise
 from skelsplat.evaluation.baselines._observations import (
-    BoolArray,
     Cameras,
-    FloatArray,
     Observations,
     observe,
     reproject,
@@ -42,7 +40,7 @@ def ransac_iskakov(
     n_iters: int = 10,
     direct_optimization: bool = True,
     seed: int | np.random.Generator = 0,
-) -> FloatArray:
+) -> Array:
     """Triangulate by the RANSAC of "Learnable Triangulation of Human Pose" (Iskakov et al., ICCV 2019).
 
     Parameters
@@ -62,16 +60,6 @@ def ransac_iskakov(
         After the DLT of the largest set, minimise the Huber loss of ½ · the distances in its views.
     seed : int or numpy Generator
         Same seed and same batch, same result.
-
-    Returns
-    -------
-    (T, N, 3) or (N, 3)
-        NaN with fewer than two views.
-
-    Raises
-    ------
-    InvalidInputError
-        Shapes that do not fit, a confidence outside [0, 1], a number that is not positive.
     """
     positive("epsilon", epsilon)
     positive("n_iters", n_iters, "integer")
@@ -92,8 +80,10 @@ def ransac_adafuse(
     epsilon: float = 20.0,
     n_iters: int = 10,
     seed: int | np.random.Generator = 0,
-) -> FloatArray:
+) -> Array:
     """Triangulate by the RANSAC that AdaFuse (Zhang et al., IJCV 2021) is compared with.
+
+    The result is the unweighted DLT of the largest set, or of all views if fewer than two agree.
 
     Parameters
     ----------
@@ -105,17 +95,6 @@ def ransac_adafuse(
         Pairs drawn at most, with replacement; a joint is done once all its views agree.
     seed : int or numpy Generator
         Same seed and same batch, same result.
-
-    Returns
-    -------
-    (T, N, 3) or (N, 3)
-        Unweighted DLT of the largest set, of all views if fewer than two agree. NaN where fewer than two
-        views see the joint.
-
-    Raises
-    ------
-    InvalidInputError
-        Shapes that do not fit, a confidence outside [0, 1], a number that is not positive.
     """
     positive("epsilon", epsilon)
     positive("n_iters", n_iters, "integer")
@@ -128,8 +107,8 @@ def ransac_adafuse(
 
 
 def _largest_set(
-    joints: Observations, tolerance: FloatArray, n_iters: int, rng: np.random.Generator, *, forced: bool
-) -> BoolArray:
+    joints: Observations, tolerance: Array, n_iters: int, rng: np.random.Generator, *, forced: bool
+) -> Mask:
     """Return for each joint the largest set of agreeing views (B, M) that a drawn pair leads to.
 
     The first of several largest sets stays. A joint whose set holds every view that sees it is done: no other
@@ -151,7 +130,7 @@ def _largest_set(
     return best
 
 
-def sample_pairs(seen: BoolArray, rng: np.random.Generator) -> BoolArray:
+def sample_pairs(seen: Mask, rng: np.random.Generator) -> Mask:
     """Draw two of the views that see each joint, uniformly: (B, M) with two True per row."""
     order = np.argsort(np.where(seen, rng.random(seen.shape), np.inf), axis=1)
     pair = np.zeros_like(seen)
@@ -159,13 +138,13 @@ def sample_pairs(seen: BoolArray, rng: np.random.Generator) -> BoolArray:
     return pair
 
 
-def _distances(joints: Observations, points: FloatArray) -> FloatArray:
+def _distances(joints: Observations, points: Array) -> Array:
     """Reprojection distance (B, M) px; infinite where the joint is missing or the point is at infinity."""
     distance = np.linalg.norm(reproject(points, joints.projections) - joints.pixels, axis=-1)
     return np.where(joints.seen & np.isfinite(distance), distance, np.inf)
 
 
-def _per_joint(crop_scale: ArrayLike, joints: Observations) -> FloatArray:
+def _per_joint(crop_scale: ArrayLike, joints: Observations) -> Array:
     """Spread ``crop_scale`` over the joints, (B, M)."""
     scale = numbers(crop_scale, "crop_scale")
     *frames, n_joints = joints.leading
@@ -177,5 +156,4 @@ def _per_joint(crop_scale: ArrayLike, joints: Observations) -> FloatArray:
     if not (np.isfinite(scale).all() and (scale > 0).all()):
         raise InvalidInputError("crop_scale: expected finite numbers > 0, got others")
     per_frame = np.broadcast_to(scale, (*frames, n_views))[..., None, :]
-    spread = np.broadcast_to(per_frame, (*frames, n_joints, n_views))
-    return np.ascontiguousarray(spread).reshape(-1, n_views)
+    return np.broadcast_to(per_frame, (*frames, n_joints, n_views)).reshape(-1, n_views)

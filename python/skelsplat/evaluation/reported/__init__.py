@@ -17,7 +17,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from skelsplat.exceptions import InvalidInputError
+from skelsplat.exceptions import one_of
 
 __all__ = ["ReportedRow", "ReportedTable", "labels", "reported"]
 
@@ -43,13 +43,9 @@ class ReportedRow:
     def value(self, key: str) -> float | None:
         """Return the number in the column `key`; None if the table leaves it out.
 
-        Raises
-        ------
-        InvalidInputError
-            If there is no such column.
+        Raises `InvalidInputError` if there is no such column.
         """
-        if key not in self.keys:
-            raise InvalidInputError(f"key: expected one of {', '.join(self.keys)}, got {key!r}")
+        one_of("key", key, self.keys)
         return self.values[self.keys.index(key)]
 
 
@@ -85,37 +81,14 @@ class ReportedTable:
             and all(row.setting.get(name) == value for name, value in setting.items())
         )
 
-    def one(self, method: str | None = None, *, detector: str | None = None, **setting: str) -> ReportedRow:
-        """Return the only row that `select` finds.
-
-        Raises
-        ------
-        InvalidInputError
-            If there is none or more than one.
-        """
-        found = self.select(method, detector=detector, **setting)
-        if len(found) != 1:
-            asked = {"method": method, "detector": detector, **setting}
-            raise InvalidInputError(f"{self.label}: expected one row with {asked}, got {len(found)}")
-        return found[0]
-
 
 def reported(label: str) -> ReportedTable:
-    """Return a published table: ``reported("tab:h36m")``.
+    """Return the published table with one of the `labels`: ``reported("tab:h36m")``.
 
-    Parameters
-    ----------
-    label : str
-        One of `labels`.
-
-    Raises
-    ------
-    InvalidInputError
-        If there is no such table; the message lists them.
+    Raises `InvalidInputError` if there is none; the message lists them.
     """
     tables = _tables()
-    if label not in tables:
-        raise InvalidInputError(f"label: expected one of {', '.join(tables)}, got {label!r}")
+    one_of("label", label, tables)
     return tables[label]
 
 

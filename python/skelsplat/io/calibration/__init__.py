@@ -16,12 +16,14 @@ from typing import Any
 import numpy as np
 
 import skelsplat as sk
+from skelsplat._arrays import Array
+from skelsplat._atomic import atomic_write, atomic_write_text
 from skelsplat.cameras import MM_PER_UNIT, altered, nearest_rotation
-from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 from skelsplat.findings import Finding, FindingWarning, Subject
-from skelsplat.io._files import atomic_write, atomic_write_text, of_file
+from skelsplat.io._files import of_file
 from skelsplat.io.calibration import _json, _opencv, _toml, _xml
-from skelsplat.io.calibration._format import Array, CalibrationFormat, RawCamera, Source
+from skelsplat.io.calibration._format import CalibrationFormat, RawCamera, Source
 
 __all__ = ["FORMATS", "convert_unit", "find_format", "read_calibration", "write_calibration"]
 
@@ -121,8 +123,8 @@ def read_calibration(
     options = {"camera_type": camera_type, "subject": subject, "size": size, "binning": binning}
     _check_options(chosen, options)
     parsed = chosen.parse(source, **{name: options[name] for name in chosen.options if name != "size"})
-    for text in parsed.warnings:
-        warnings.warn(text, UserWarning, stacklevel=2)
+    for finding in parsed.findings:
+        warnings.warn(FindingWarning(finding), stacklevel=2)
     if not parsed.cameras:
         raise DatasetError(source.path, "cameras", "at least one camera", "none")
     _check_names(source.path, parsed.cameras)
@@ -145,13 +147,13 @@ def _recognised(source: Source) -> str | None:
 
 
 def _find(source: Source, name: str | None) -> CalibrationFormat:
-    known = ", ".join(sorted(FORMATS))
-    if name is not None and name not in FORMATS:
-        raise InvalidInputError(f"format: expected one of {known}, got {name!r}")
+    known = sorted(FORMATS)
+    one_of("format", name, (None, *known))
     found = name or _recognised(source)
     if found is None:
         actual = "a folder without one" if source.is_folder else "something else"
-        raise DatasetError(source.path, "content", f"a calibration in a known format ({known})", actual)
+        expected = f"a calibration in a known format ({', '.join(known)})"
+        raise DatasetError(source.path, "content", expected, actual)
     return FORMATS[found]
 
 
@@ -215,8 +217,7 @@ def _check_unit(path: Path, centres: Sequence[Array], unit: str | None, *, state
         unit = stated
     if unit is None:
         raise InvalidInputError(f'unit: expected "mm", "cm" or "m" for {path}, got none; {_hint(spread)}')
-    if unit not in MM_PER_UNIT:
-        raise InvalidInputError(f'unit: expected "mm", "cm" or "m", got {unit!r}')
+    one_of("unit", unit, MM_PER_UNIT)
     metres = spread * MM_PER_UNIT[unit] / 1000.0
     if spread > 0.0 and not _PLAUSIBLE_M[0] <= metres <= _PLAUSIBLE_M[1]:
         numbers = {"metres": metres, "unit": unit, "spread": spread, "likely": _likely(spread)}
@@ -251,8 +252,7 @@ def convert_unit(rig: sk.CameraRig, unit: str) -> sk.CameraRig:
     InvalidInputError
         If the unit is not mm, cm or m.
     """
-    if unit not in MM_PER_UNIT:
-        raise InvalidInputError(f'unit: expected "mm", "cm" or "m", got {unit!r}')
+    one_of("unit", unit, MM_PER_UNIT)
     factor = rig.mm_per_unit / MM_PER_UNIT[unit]
     cameras = [altered(camera, t=np.asarray(camera.t) * factor) for camera in rig]
     return sk.CameraRig(cameras, unit=unit)

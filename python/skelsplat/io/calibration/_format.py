@@ -11,14 +11,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from skelsplat._arrays import Array
+from skelsplat._atomic import opening
 from skelsplat.cameras import matrix_from_vector
 from skelsplat.exceptions import DatasetError
+from skelsplat.findings import Finding, Subject
 from skelsplat.io._fields import Field
-from skelsplat.io._files import load_json, opening, parse_toml, read_text
-
-Array = npt.NDArray[np.float64]
+from skelsplat.io._files import load_json, parse_toml, read_text
 
 PINHOLE_COUNTS = (4, 5, 8, 12, 14)
 _FISHEYE_COUNT = 4
@@ -45,7 +45,12 @@ class Parsed:
 
     cameras: Sequence[RawCamera]
     unit: str | None = None
-    warnings: Sequence[str] = ()
+    findings: Sequence[Finding] = ()
+
+
+def noted(kind: str, path: Path, *cameras: str, **numbers: float) -> Finding:
+    """Return a note on cameras of a file."""
+    return Finding(kind, "note", Subject(cameras=cameras, files=(str(path),)), numbers)
 
 
 @dataclass(frozen=True)

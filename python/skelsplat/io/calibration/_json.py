@@ -22,10 +22,11 @@ from typing import Any
 import numpy as np
 
 import skelsplat as sk
+from skelsplat._arrays import Array
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._arrays import load_plain_npz
 from skelsplat.io._fields import Field
-from skelsplat.io.calibration._format import Array, Parsed, RawCamera, Source, camera_of, lens_of
+from skelsplat.io.calibration._format import Parsed, RawCamera, Source, camera_of, lens_of
 
 _MARK = "skelsplat-calibration"
 _VERSION = 1
@@ -65,19 +66,22 @@ def _checked_unit(unit: Field) -> str:
 def to_json(rig: sk.CameraRig) -> str:
     """Return the rig as JSON text; numbers have all their digits."""
     cameras = [
-        {
-            "name": name,
-            "size": list(camera.size),
-            "K": np.asarray(camera.K).tolist(),
-            "R": np.asarray(camera.R).tolist(),
-            "t": np.asarray(camera.t).tolist(),
-            "distortion": None if camera.distortion is None else np.asarray(camera.distortion).tolist(),
-            "fisheye": camera.fisheye,
-        }
+        {"name": name, **to_entry(camera), "fisheye": camera.fisheye}
         for name, camera in zip(rig.names, rig, strict=True)
     ]
     document = {"format": _MARK, "version": _VERSION, "unit": rig.unit, "cameras": cameras}
     return json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def to_entry(camera: sk.Camera) -> dict[str, Any]:
+    """Return the size, the matrices and the distortion of a camera as values of JSON."""
+    return {
+        "size": list(camera.size),
+        "K": camera.K.tolist(),
+        "R": camera.R.tolist(),
+        "t": camera.t.tolist(),
+        "distortion": None if camera.distortion is None else camera.distortion.tolist(),
+    }
 
 
 def is_npz(source: Source) -> bool:

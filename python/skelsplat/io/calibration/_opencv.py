@@ -8,19 +8,18 @@ the top level; of XML the matrices.
 from __future__ import annotations
 
 import re
-import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from skelsplat._arrays import Array
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._fields import Field
 from skelsplat.io._files import natural, read_text, whole_number
 from skelsplat.io.calibration._format import (
     PINHOLE_COUNTS,
-    Array,
     Parsed,
     RawCamera,
     Source,
@@ -31,17 +30,6 @@ from skelsplat.io.calibration._format import (
 
 _KEY = re.compile(r"^([^\s:#%-][^:]*?)\s*:(?:\s+(.*))?$")
 _MATRIX = "!!opencv-matrix"
-
-
-def _matrices_of_xml(path: Path, root: ET.Element) -> dict[str, list[list[float]]]:
-    """Return the matrices beneath the root of an XML document, rows × columns."""
-    parts = {node.tag: {child.tag: child.text or "" for child in node} for node in root if len(node)}
-    return {key: _matrix(path, key, matrix) for key, matrix in parts.items()}
-
-
-def _is_opencv_yaml(text: str) -> bool:
-    """Whether a text is what ``FileStorage`` writes: the header ``%YAML`` or a matrix with OpenCV's tag."""
-    return text.lstrip().startswith("%YAML") or _MATRIX in text
 
 
 def _parse_opencv_yaml(path: Path, text: str) -> dict[str, Any]:
@@ -140,7 +128,9 @@ def _openpose_camera(source: Source) -> RawCamera:
     if root is None or root.tag != _ROOT:
         actual = "no XML" if root is None else f"<{root.tag}>"
         raise DatasetError(source.path, "root", f"<{_ROOT}>, as OpenCV writes it", actual)
-    entry = Field(source.path, "", _matrices_of_xml(source.path, root))
+    parts = {node.tag: {child.tag: child.text or "" for child in node} for node in root if len(node)}
+    matrices = {key: _matrix(source.path, key, part) for key, part in parts.items()}
+    entry = Field(source.path, "", matrices)
     pose = entry["CameraMatrix"].numbers((3, 4))
     return RawCamera(
         name=source.path.stem,
@@ -160,10 +150,10 @@ _SAME_LENS = 1e-6
 
 
 def is_easymocap(source: Source) -> bool:
-    """Whether a folder has either file, or a file is OpenCV's YAML."""
+    """Whether a folder has either file, or a file has the header or a matrix of OpenCV's YAML."""
     if source.is_folder:
         return any(_in_folder(source, part) is not None for part in _PAIR)
-    return _is_opencv_yaml(source.text)
+    return source.start.startswith("%YAML") or _MATRIX in source.text
 
 
 def _in_folder(source: Source, part: str) -> Path | None:

@@ -22,7 +22,7 @@ import skelsplat as sk
 from skelsplat.cameras import matrix_from_vector, vector_from_matrix
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._fields import Field
-from skelsplat.io.calibration._format import Parsed, RawCamera, Source, lens_of, rotation_of, size_of
+from skelsplat.io.calibration._format import Parsed, RawCamera, Source, lens_of, noted, rotation_of, size_of
 
 _REQUIRED = ("matrix", "rotation", "translation")
 _LENS = ("distortion", "distortions")
@@ -47,10 +47,10 @@ def parse_anipose(source: Source) -> Parsed:
         expected = "at least one camera table with matrix, rotation and translation"
         raise DatasetError(source.path, "cameras", expected, f"tables {', '.join(source.toml) or 'none'}")
     bare = [str(one.value.get("name", one.place)) for one in cameras if one.value.keys().isdisjoint(_LENS)]
-    text = f"{source.path}: no distortions for {', '.join(bare)}: assumed to have no lens distortion"
     unit = document["metadata"]["unit"].value
     known = unit if unit in ("mm", "cm", "m") else None
-    return Parsed([_anipose_camera(one) for one in cameras], known, [text] if bare else [])
+    found = [noted("lens_assumed", source.path, *bare)] if bare else []
+    return Parsed([_anipose_camera(one) for one in cameras], known, found)
 
 
 def _is_camera(entry: Field) -> bool:

@@ -7,56 +7,57 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
-from dataclasses import dataclass, replace
-from pathlib import Path
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
+from skelsplat._arrays import Array
 from skelsplat.cameras import matrix_from_quaternion
 from skelsplat.exceptions import DatasetError
-from skelsplat.io.calibration._format import Array, Parsed, RawCamera, Source, whole_size
+from skelsplat.findings import Finding
+from skelsplat.io._fields import Field
+from skelsplat.io.calibration._format import Parsed, RawCamera, Source, noted, whole_size
 
 
-@dataclass(frozen=True)
-class Element:
-    """An XML element; `place` names it in messages."""
+def _tree(node: ET.Element) -> dict[str, Any]:
+    """Return an XML element as a table: its attributes, and the first element of each name beneath it."""
+    return {**{child.tag: _tree(child) for child in reversed(node)}, **node.attrib}
 
-    path: Path
-    place: str
-    node: ET.Element
 
-    def error(self, name: str, expected: str, actual: object) -> DatasetError:
-        """Return the error for one of its attributes or children."""
-        return DatasetError(self.path, f"{self.place}.{name}", expected, actual)
+def _child(entry: Field, tag: str) -> Field:
+    """Return an element that must be there."""
+    return entry.member(tag, f"an element <{tag}>")
 
-    def child(self, tag: str) -> Element:
-        """Return the first element of that name beneath it."""
-        found = self.node.find(tag)
-        if found is None:
-            raise self.error(tag, f"an element <{tag.rpartition('/')[2]}>", "none")
-        return Element(self.path, f"{self.place}.{tag}", found)
 
-    def text(self, name: str) -> str:
-        """Return an attribute that must be there."""
-        value = self.node.get(name)
-        if value is None:
-            raise self.error(name, "an attribute", "nothing (it is missing)")
-        return value
+def _numbers(entry: Field, name: str, count: int) -> Array:
+    """Return `count` finite numbers of an attribute, separated by blanks."""
+    text = entry.member(name, "an attribute").value
+    values = _parsed(text.split())
+    if values.size != count or not np.isfinite(values).all():
+        expected = "a finite number" if count == 1 else f"{count} finite numbers"
+        raise entry[name].error(expected, repr(text))
+    return values
 
-    def numbers(self, name: str, count: int) -> Array:
-        """Return `count` finite numbers of an attribute, separated by blanks."""
-        text = self.text(name)
-        try:
-            values = np.array([float(part) for part in text.split()])
-        except ValueError:
-            values = np.empty(0)
-        if values.size != count or not np.isfinite(values).all():
-            raise self.error(name, "a finite number" if count == 1 else f"{count} finite numbers", repr(text))
-        return values
 
-    def number(self, name: str) -> float:
-        """Return the one finite number of an attribute."""
-        return float(self.numbers(name, 1)[0])
+def _number(entry: Field, name: str, default: float | None = None) -> float:
+    """Return the one finite number of an attribute; if it is missing, the default, if there is one."""
+    if default is not None and name not in entry:
+        return default
+    return float(_numbers(entry, name, 1)[0])
+
+
+def _row(entry: Field, *names: str) -> Array:
+    return np.array([_number(entry, name) for name in names])
+
+
+def _parsed(words: Sequence[str]) -> Array:
+    """Return numbers; none of them if a word is no number."""
+    try:
+        return np.array([float(word) for word in words])
+    except ValueError:
+        return np.empty(0)
 
 
 _SUBPIXELS = 64.0
@@ -95,14 +96,10 @@ def parse_qualisys(source: Source, camera_type: str | None, binning: float | Non
         models = sorted({node.get("model", "no model") for node in nodes})
         expected = 'an active, calibrated video camera (camera_type="all" takes every camera)'
         raise DatasetError(source.path, "model", expected, f"models {', '.join(models)}")
-    cameras = [Element(source.path, f"camera {n.get('serial', i)}", n) for i, n in enumerate(chosen)]
-    turned = [camera.place for camera in cameras if camera.node.get("viewrotation", "0") != "0"]
-    message = (
-        f"{source.path}: viewrotation: {', '.join(turned)} were rotated for display; the calibration is "
-        "for images as the sensor records them, so the detections must come from unrotated images"
-    )
+    cameras = [Field(source.path, f"camera {n.get('serial', i)}", _tree(n)) for i, n in enumerate(chosen)]
+    turned = [one.value.get("serial", "") for one in cameras if one.value.get("viewrotation", "0") != "0"]
     read = [_qualisys_camera(camera, binning or _no_binning(camera)) for camera in cameras]
-    return Parsed(read, "mm", [message] if turned else [])
+    return Parsed(read, "mm", [noted("view_rotated", source.path, *turned)] if turned else [])
 
 
 def _is_wanted(node: ET.Element, camera_type: str | None) -> bool:
@@ -112,59 +109,47 @@ def _is_wanted(node: ET.Element, camera_type: str | None) -> bool:
     return camera_type == "all" or "video" in model or model == "none"
 
 
-def _qualisys_camera(camera: Element, binning: float) -> RawCamera:
+def _qualisys_camera(camera: Field, binning: float) -> RawCamera:
     """Return a camera whose image has `binning` sensor pixels per pixel."""
-    left, top, right, bottom = _numbers(camera.child("fov_video"), "left", "top", "right", "bottom")
+    left, top, right, bottom = _row(_child(camera, "fov_video"), "left", "top", "right", "bottom")
     size = np.array([right - left + 1.0, bottom - top + 1.0]) / binning
     if (size < 1.0).any() or np.abs(size - size.round()).max() > 1e-6:
         expected = "right − left + 1 and bottom − top + 1 to be whole pixels"
-        raise camera.error("fov_video", expected, " by ".join(f"{length:g}" for length in size))
-    transform = camera.child("transform")
-    axes = _numbers(transform, *(f"r{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)))
+        raise camera["fov_video"].error(expected, " by ".join(f"{length:g}" for length in size))
+    transform = _child(camera, "transform")
+    axes = _row(transform, *(f"r{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)))
     rotation = _FLIP @ axes.reshape(3, 3)
-    intrinsic = camera.child("intrinsic")
+    intrinsic = _child(camera, "intrinsic")
+    k1, k2 = _row(intrinsic, "radialDistortion1", "radialDistortion2")
+    p1, p2 = _row(intrinsic, "tangentalDistortion1", "tangentalDistortion2")
     return RawCamera(
-        name=camera.text("serial"),
+        name=camera.member("serial", "an attribute").value,
         K=_matrix(intrinsic, np.array([left, top]), binning),
         R=rotation,
-        t=-rotation @ _numbers(transform, "x", "y", "z"),
-        distortion=_qualisys_lens(intrinsic),
+        t=-rotation @ _row(transform, "x", "y", "z"),
+        distortion=np.array([k1, k2, p1, p2, _number(intrinsic, "radialDistortion3", 0.0)]),
         size=(round(size[0]), round(size[1])),
     )
 
 
-def _numbers(element: Element, *names: str) -> Array:
-    return np.array([element.number(name) for name in names])
-
-
-def _matrix(intrinsic: Element, corner: Array, binning: float) -> Array:
-    focal = _numbers(intrinsic, "focalLengthU", "focalLengthV") / _SUBPIXELS / binning
-    centre = _numbers(intrinsic, "centerPointU", "centerPointV") / _SUBPIXELS - corner
+def _matrix(intrinsic: Field, corner: Array, binning: float) -> Array:
+    focal = _row(intrinsic, "focalLengthU", "focalLengthV") / _SUBPIXELS / binning
+    centre = _row(intrinsic, "centerPointU", "centerPointV") / _SUBPIXELS - corner
     centre = (centre + 0.5) / binning - 0.5  # integers are pixel centres
-    if _optional(intrinsic, "skew") != 0.0:
-        raise intrinsic.error("skew", "0 (skew is not supported)", _optional(intrinsic, "skew"))
+    if _number(intrinsic, "skew", 0.0) != 0.0:
+        raise intrinsic["skew"].error("0 (skew is not supported)", intrinsic["skew"].value)
     return np.array([[focal[0], 0.0, centre[0]], [0.0, focal[1], centre[1]], [0.0, 0.0, 1.0]])
 
 
-def _qualisys_lens(intrinsic: Element) -> Array:
-    k1, k2 = _numbers(intrinsic, "radialDistortion1", "radialDistortion2")
-    p1, p2 = _numbers(intrinsic, "tangentalDistortion1", "tangentalDistortion2")
-    return np.array([k1, k2, p1, p2, _optional(intrinsic, "radialDistortion3")])
-
-
-def _optional(intrinsic: Element, name: str) -> float:
-    return 0.0 if intrinsic.node.get(name) is None else intrinsic.number(name)
-
-
-def _no_binning(camera: Element) -> float:
+def _no_binning(camera: Field) -> float:
     """Return 1; it is an error if ``video_resolution`` is not the sensor's."""
-    resolution = camera.node.get("video_resolution", "")
+    resolution = camera.value.get("video_resolution", "")
     lines = re.fullmatch(r"(\d+)p", resolution)
-    sensor = [camera.node.find(tag) for tag in ("fov_video_max", "fov_marker_max")]
-    ends = [float(node.get("bottom", "nan")) + 1.0 for node in sensor if node is not None]
+    sensor = [camera[tag] for tag in ("fov_video_max", "fov_marker_max") if tag in camera]
+    ends = [float(area.value.get("bottom", "nan")) + 1.0 for area in sensor]
     if lines and ends and abs(float(lines[1]) / ends[0] - 1.0) > _SAME_LINES:
         expected = f"the sensor's {ends[0]:.0f} lines, or the option binning (sensor px per image px)"
-        raise camera.error("video_resolution", expected, resolution)
+        raise camera["video_resolution"].error(expected, resolution)
     return 1.0
 
 
@@ -206,76 +191,68 @@ def parse_vicon(source: Source, camera_type: str | None) -> Parsed:
         types = sorted({node.get("TYPE", "none") for node in nodes})
         expected = 'a camera whose TYPE has "video" in it (camera_type="all" takes every camera)'
         raise DatasetError(source.path, "TYPE", expected, f"types {', '.join(types)}")
-    warnings: list[str] = []
-    cameras = [Element(source.path, f"Camera {n.get('DEVICEID', i)}", n) for i, n in enumerate(chosen)]
-    return Parsed([_vicon_camera(camera, warnings) for camera in cameras], "mm", warnings)
+    findings: list[Finding] = []
+    cameras = [Field(source.path, f"Camera {n.get('DEVICEID', i)}", _tree(n)) for i, n in enumerate(chosen)]
+    return Parsed([_vicon_camera(camera, findings) for camera in cameras], "mm", findings)
 
 
-def _vicon_camera(camera: Element, warnings: list[str]) -> RawCamera:
-    width, height = camera.numbers("SENSOR_SIZE", 2)
+def _vicon_camera(camera: Field, findings: list[Finding]) -> RawCamera:
+    width, height = _numbers(camera, "SENSOR_SIZE", 2)
     size = whole_size(width, height)
     if size is None:
-        raise camera.error("SENSOR_SIZE", "a positive whole width and height", f"{width:g} {height:g}")
+        raise camera["SENSOR_SIZE"].error("a positive whole width and height", f"{width:g} {height:g}")
     aspect = _positive(camera, "PIXEL_ASPECT_RATIO")
-    if camera.node.get("SKEW") is not None and camera.number("SKEW") != 0.0:
-        raise camera.error("SKEW", "0 (skew is not supported)", camera.text("SKEW"))
-    frame = replace(camera.child("KeyFrames/KeyFrame"), place=camera.place)
-    focal, principal = _positive(frame, "FOCAL_LENGTH"), frame.numbers("PRINCIPAL_POINT", 2)
+    if _number(camera, "SKEW", 0.0) != 0.0:
+        raise camera["SKEW"].error("0 (skew is not supported)", camera["SKEW"].value)
+    frame = replace(_child(_child(camera, "KeyFrames"), "KeyFrame"), place=camera.place)
+    focal, principal = _positive(frame, "FOCAL_LENGTH"), _numbers(frame, "PRINCIPAL_POINT", 2)
     K = np.array([[focal, 0.0, principal[0]], [0.0, focal / aspect, principal[1]], [0.0, 0.0, 1.0]])
-    quaternion = frame.numbers("ORIENTATION", 4)
+    quaternion = _numbers(frame, "ORIENTATION", 4)
     if abs(np.linalg.norm(quaternion) - 1.0) > _UNIT_NORM:
-        raise frame.error("ORIENTATION", "a quaternion of norm 1", quaternion)
-    R = matrix_from_quaternion(np.roll(quaternion, 1))
+        raise frame["ORIENTATION"].error("a quaternion of norm 1", quaternion)
+    R, name = matrix_from_quaternion(np.roll(quaternion, 1)), camera.member("DEVICEID", "an attribute").value
+    distortion, error = _vicon_lens(frame, K, size, aspect)
+    if error > _GOOD_FIT_PX:
+        findings.append(noted("lens_approximated", camera.path, name, error_px=error))
     return RawCamera(
-        name=camera.text("DEVICEID"),
+        name=name,
         K=K,
         R=R,
-        t=-R @ frame.numbers("POSITION", 3),
-        distortion=_vicon_lens(frame, K, size, aspect, warnings),
+        t=-R @ _numbers(frame, "POSITION", 3),
+        distortion=distortion,
         size=size,
     )
 
 
-def _positive(element: Element, name: str) -> float:
-    value = element.number(name)
+def _positive(entry: Field, name: str) -> float:
+    value = _number(entry, name)
     if not value > 0.0:
-        raise element.error(name, "a positive number", f"{value:g}")
+        raise entry[name].error("a positive number", f"{value:g}")
     return value
 
 
-def _vicon_lens(
-    frame: Element, K: Array, size: tuple[int, int], aspect: float, warnings: list[str]
-) -> Array | None:
-    """Return OpenCV's coefficients of the camera's radial model; None if they are zeros."""
+def _vicon_lens(frame: Field, K: Array, size: tuple[int, int], aspect: float) -> tuple[Array | None, float]:
+    """Return OpenCV's coefficients of the camera's radial model, None if they are zeros, and their error."""
     centre, radial, field = _radial(frame, K[:2, 2])
     if not radial.any():
-        return None
+        return None, 0.0
     if not _is_plausible(size, centre, radial, aspect):
         expected = "coefficients in 1/px², 1/px⁴ and 1/px⁶, as of a lens"
-        raise frame.error(field, expected, " ".join(f"{k:g}" for k in radial))
-    coefficients, error = _fit(K, size, centre, radial, aspect)
-    if error > _GOOD_FIT_PX:
-        warnings.append(
-            f"{frame.path}: {frame.place}.{field}: OpenCV's lens model follows Vicon's to {error:.2g} px at "
-            "worst (towards the corners of the image)"
-        )
-    return coefficients
+        raise frame[field].error(expected, " ".join(f"{k:g}" for k in radial))
+    return _fit(K, size, centre, radial, aspect)
 
 
-def _radial(frame: Element, principal: Array) -> tuple[Array, Array, str]:
+def _radial(frame: Field, principal: Array) -> tuple[Array, Array, str]:
     """Return the centre (2,), the coefficients and the name of the attribute that they come from."""
-    text = frame.node.get("VICON_RADIAL2")
+    text = frame.value.get("VICON_RADIAL2")
     if text is None:
-        if frame.node.get("VICON_RADIAL") is None:  # a misspelt name must not pass for one without a lens
+        if "VICON_RADIAL" not in frame:  # a misspelt name must not pass for one without a lens
             expected = "lens coefficients, here or in VICON_RADIAL, zeros for no lens"
-            raise frame.error("VICON_RADIAL2", expected, "none")
-        return principal, frame.numbers("VICON_RADIAL", 2), "VICON_RADIAL"
-    try:
-        values = np.array([float(part) for part in text.split()[1:]])
-    except ValueError:
-        values = np.empty(0)
+            raise frame["VICON_RADIAL2"].error(expected, "none")
+        return principal, _numbers(frame, "VICON_RADIAL", 2), "VICON_RADIAL"
+    values = _parsed(text.split()[1:])
     if values.size != 5 or not np.isfinite(values).all():
-        raise frame.error("VICON_RADIAL2", "a name, then cx cy k1 k2 k3", repr(text))
+        raise frame["VICON_RADIAL2"].error("a name, then cx cy k1 k2 k3", repr(text))
     return values[:2], values[2:], "VICON_RADIAL2"
 
 

@@ -18,13 +18,13 @@ import numpy as np
 import numpy.typing as npt
 
 import skelsplat as sk
-from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io._arrays import Array
+from skelsplat._arrays import Array, Index
+from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 from skelsplat.io.detections._format import View
-from skelsplat.io.detections._frames import Clock, FrameMode, check_mode, check_offsets
+from skelsplat.io.detections._frames import FRAME_MODES, FrameMode, check_offsets
 from skelsplat.io.detections._joints import arranged, check_mapping, choose_layout, places_of
 from skelsplat.io.detections._match import camera_called, cameras_called
-from skelsplat.io.detections._registry import FORMATS, Matching, Sources, find_format, open_sources
+from skelsplat.io.detections._registry import FORMATS, Matching, find_format, open_sources
 
 __all__ = ["FORMATS", "DetectionSet", "camera_called", "cameras_called", "read_detections", "read_openpose"]
 
@@ -59,7 +59,7 @@ class DetectionSet:
     """
 
     people: npt.NDArray[np.float64]
-    frames: npt.NDArray[np.int64]
+    frames: Index
     camera_names: tuple[str, ...]
     sources: tuple[Path | None, ...]
     layout: str
@@ -68,10 +68,10 @@ class DetectionSet:
     uneven: bool = False
 
     @property
-    def people_per_frame(self) -> npt.NDArray[np.int64]:
+    def people_per_frame(self) -> Index:
         """Number of people with at least one joint, (T, M)."""
         there = np.isfinite(self.people[..., 0]).any(axis=-1)
-        count: npt.NDArray[np.int64] = there.sum(axis=-1, dtype=np.int64)
+        count: Index = there.sum(axis=-1, dtype=np.int64)
         return count
 
 
@@ -142,7 +142,7 @@ def read_detections(
     MissingPackageError
         If the format needs a package that is not installed.
     """
-    check_mode(frames)
+    one_of("frames", frames, FRAME_MODES)
     names = _camera_names(cameras, ordered=order is not None)
     shifts = check_offsets(offsets, names)
     left_out = cameras_called(without, names, "without")
@@ -150,8 +150,7 @@ def read_detections(
     form = find_format(root, format)
     sources = open_sources(root, form, Matching(names, order, allow_missing, left_out), sequence)
     names = [name for name in names if name not in left_out]
-    clock = _clock(root, sources, shifts)
-    numbers = clock.shared(frames)
+    numbers = sources.shared(frames, shifts)
     chosen = choose_layout(layout, sources.views.values())
     joints = check_mapping(mapping, chosen)
     read = {
@@ -165,7 +164,7 @@ def read_detections(
         layout=chosen.name,
         format=form.name,
         labels=tuple(sources.labels[name] for name in names),
-        uneven=clock.uneven,
+        uneven=sources.uneven,
     )
 
 
@@ -193,19 +192,8 @@ def _camera_names(cameras: Sequence[sk.Camera] | Sequence[str], *, ordered: bool
     return named
 
 
-def _clock(root: Path, sources: Sources, shifts: Mapping[str, int]) -> Clock:
-    labels = {name: label for name, label in sources.labels.items() if label is not None}
-    return Clock(
-        root,
-        sources.kind,
-        frames={label: sources.views[name].frames for name, label in labels.items()},
-        offsets={label: shifts[name] for name, label in labels.items()},
-        sparse=any(view.sparse for view in sources.views.values()),
-    )
-
-
 def _read_view(
-    view: View, numbers: npt.NDArray[np.int64], layout: sk.Layout, mapping: Mapping[str, str | int | None]
+    view: View, numbers: Index, layout: sk.Layout, mapping: Mapping[str, str | int | None]
 ) -> list[list[Array]]:
     """People (N, 3) of each of the camera's own frame numbers; nobody in a frame that it lacks."""
     places = places_of(view, layout, mapping)

@@ -11,10 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from skelsplat._arrays import Array
 from skelsplat._optional import require
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._arrays import Array, array_names, as_numbers, hdf5_mentions
+from skelsplat.io._arrays import array_names, as_numbers, hdf5_mentions
 from skelsplat.io._files import csv_header, csv_lines, frame_number, parsing
+from skelsplat.io.detections._csv import frame_in, number_in
 from skelsplat.io.detections._format import View, array_view, joints_of
 
 Columns = dict[str, dict[str, dict[str, int]]]  # by individual, part and coordinate
@@ -68,29 +70,12 @@ def read_dlc_csv(path: Path) -> View:
     names = [line[0] for line in lines[:4]]
     depth = 4 if len(names) > 1 and names[1] == "individuals" else 3
     _check_levels(path, tuple(names[:depth]))
-    width = len(lines[0])
-    for place, line in enumerate(lines):
-        if len(line) != width:
-            raise DatasetError(path, f"line {place + 1}", f"{width} fields", f"{len(line)} fields")
     columns = list(zip(*(line[1:] for line in lines[:depth]), strict=True))
     body = list(enumerate(lines[depth:], start=depth + 1))
-    frames = [_frame(path, number, line[0]) for number, line in body]
-    values = [[_value(path, number, text) for text in line[1:]] for number, line in body]
-    array = np.array(values, dtype=np.float64).reshape(len(body), width - 1)
+    frames = [frame_in(path, f"line {number}", line[0]) for number, line in body]
+    values = [[number_in(path, f"line {number}", text) for text in line[1:]] for number, line in body]
+    array = np.array(values, dtype=np.float64).reshape(len(body), len(columns))
     return _Table(path, columns, frames, array).view()
-
-
-def _frame(path: Path, line: int, text: str) -> int:
-    if not text.isdecimal():
-        raise DatasetError(path, f"line {line}", "a frame number (results of a video)", repr(text))
-    return frame_number(path, f"line {line}", text)
-
-
-def _value(path: Path, line: int, text: str) -> float:
-    try:
-        return float(text) if text.strip() else float("nan")
-    except ValueError:
-        raise DatasetError(path, f"line {line}", "a number or an empty field", repr(text)) from None
 
 
 def _check_levels(path: Path, levels: tuple[str, ...]) -> None:

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from skelsplat import layouts
+from skelsplat._arrays import Array
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io._arrays import Array, Arrays, as_numbers, load_npy, load_npz, npy_shape, npz_keys
+from skelsplat.io._arrays import Arrays, as_numbers, load_npy, load_npz, npy_shape, npz_keys
 from skelsplat.io.detections._format import Person, Recording, View, array_view, joints_of
 from skelsplat.io.detections._frames import frame_files
 
@@ -190,6 +191,8 @@ def read_videopose3d(path: Path, sequence: str | None) -> Recording:
     layout = _layout(arrays.found.get("metadata"))
     names = None if layout is None else tuple(_LAYOUTS[layout].joints)
     if all(list(actions) == [_CUSTOM] for actions in table.values()):
+        if sequence is not None:
+            raise InvalidInputError(f"sequence: expected none for the videos in {path}, got {sequence!r}")
         views = {}
         for video, actions in table.items():
             part = _videos(path, f"{_POSITIONS}.{video}.custom", actions[_CUSTOM])[0]

@@ -52,11 +52,9 @@ def _read(path: Path) -> tuple[dict[str, Lines], tuple[str, ...]]:
     for number, line in enumerate(lines[1:], start=2):
         if not line:
             continue
-        if len(line) != len(lines[0]):
-            raise DatasetError(path, f"line {number}", f"{len(lines[0])} fields", f"{len(line)} fields")
         cell = {name: line[place].strip() for name, place in columns.items()}
         camera = cameras.setdefault(cell.get("camera", ""), {})
-        frame = camera.setdefault(_frame(path, number, cell["frame"]), {})
+        frame = camera.setdefault(frame_in(path, f"line {number}, frame", cell["frame"]), {})
         person = frame.setdefault(cell.get("person", ""), {})
         if not cell["joint"] or cell["joint"] in person:
             expected = "a joint, once per person"
@@ -77,28 +75,32 @@ def _columns(path: Path, header: Sequence[str]) -> dict[str, int]:
     return {name: names.index(name) for name in _KNOWN if name in names}
 
 
-def _frame(path: Path, line: int, text: str) -> int:
+def frame_in(path: Path, field: str, text: str) -> int:
+    """Return the frame number that a field of a line holds."""
     if not text.isdecimal():
-        raise DatasetError(path, f"line {line}, frame", "a whole number from 0", repr(text))
-    return frame_number(path, f"line {line}, frame", text)
+        raise DatasetError(path, field, "a frame number, a whole number from 0", repr(text))
+    return frame_number(path, field, text)
 
 
 def _values(path: Path, line: int, cell: dict[str, str]) -> tuple[float, ...]:
     """Return x, y and the confidence, which is that of a detection only where x and y are there."""
-    x, y, sure = (_number(path, line, name, cell.get(name, "1")) for name in ("x", "y", "confidence"))
+    x, y, sure = (
+        number_in(path, f"line {line}, {name}", cell.get(name, "1")) for name in ("x", "y", "confidence")
+    )
     if not np.isnan([x, y, sure]).any() and not 0.0 <= sure <= 1.0:
         expected, actual = "a confidence in [0, 1]", cell["confidence"]
         raise DatasetError(path, f"line {line}, confidence", expected, actual)
     return x, y, sure
 
 
-def _number(path: Path, line: int, column: str, text: str) -> float:
+def number_in(path: Path, field: str, text: str) -> float:
+    """Return the number that a field of a line holds; NaN for an empty one."""
     try:
-        value = float(text) if text else float("nan")
+        value = float(text) if text.strip() else float("nan")
     except ValueError:
-        raise DatasetError(path, f"line {line}, {column}", "a number or nothing", repr(text)) from None
+        value = float("inf")
     if np.isinf(value):
-        raise DatasetError(path, f"line {line}, {column}", "a number or nothing", text)
+        raise DatasetError(path, field, "a number or nothing", repr(text))
     return value
 
 

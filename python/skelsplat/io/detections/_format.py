@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from skelsplat._arrays import Array
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._arrays import Array
 
 
 class Person(NamedTuple):
@@ -62,6 +62,8 @@ class DetectionFormat:
     file: Callable[[Path], View] | None = None
     folder: Callable[[Path], View] | None = None
     recording: Callable[[Path, str | None], Recording] | None = None
+    # whether a recording may have several sequences
+    sequences: bool = False
     # regular expression for what the tool adds to the camera's name in that of a file
     added: str | None = None
 

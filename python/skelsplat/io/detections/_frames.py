@@ -10,22 +10,15 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from skelsplat._arrays import Index
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._files import FRAME_LIMIT, frame_number
+from skelsplat.io.detections._format import View
 from skelsplat.io.detections._match import camera_called
-
-Frames = npt.NDArray[np.int64]
 
 FrameMode = Literal["strict", "intersection", "union"]
 FRAME_MODES = ("strict", "intersection", "union")
-
-
-def check_mode(mode: str) -> None:
-    """Raise `InvalidInputError` if `mode` is no `FrameMode`."""
-    if mode not in FRAME_MODES:
-        raise InvalidInputError(f"frames: expected one of {', '.join(FRAME_MODES)}, got {mode!r}")
 
 
 def check_offsets(offsets: Mapping[str, int] | None, names: Sequence[str]) -> dict[str, int]:
@@ -47,42 +40,50 @@ def check_offsets(offsets: Mapping[str, int] | None, names: Sequence[str]) -> di
 
 
 @dataclass(frozen=True)
-class Clock:
-    """The frames of the sources of one recording, and how they go together.
+class Sources:
+    """The opened views of one recording, and the frames that they share.
 
-    `kind` is what the sources are ("folder", "file" or "view"), `frames` and `offsets` are by a source's
-    label: its own frame numbers, and what is to be added to them to get the common time. In a `sparse`
-    format, frames in which nobody was found are not listed.
+    `kind` is what belongs to a camera ("folder", "file" or "view" of a file), `labels` what each camera was
+    matched with, None for nothing; in `views` are the cameras that have detections.
     """
 
     root: Path
     kind: str
-    frames: Mapping[str, Sequence[int]]
-    offsets: Mapping[str, int]
-    sparse: bool = False
+    labels: Mapping[str, str | None]
+    views: Mapping[str, View]
+
+    @property
+    def sparse(self) -> bool:
+        """Whether frames in which nobody was found are not listed."""
+        return any(view.sparse for view in self.views.values())
 
     @property
     def uneven(self) -> bool:
-        """Whether ``strict`` refuses the sources because they do not have the same frames."""
-        return not self.sparse and len({frozenset(frames) for frames in self.frames.values()}) > 1
+        """Whether ``strict`` refuses the views because they do not have the same frames."""
+        return not self.sparse and len({frozenset(view.frames) for view in self.views.values()}) > 1
 
-    def shared(self, mode: str) -> Frames:
+    def shared(self, mode: str, offsets: Mapping[str, int]) -> Index:
         """Return the ascending frame numbers to read, (T,), in the common time.
 
-        ``strict`` asks for the same numbers in all sources, before the offsets, and reads what they share
-        after them. Of a sparse format it reads every frame that is listed anywhere.
+        `offsets` are by camera: what is to be added to its own numbers to get the common time. ``strict``
+        asks for the same numbers in all views, before the offsets, and reads what they share after them. Of
+        a sparse format it reads every frame that is listed anywhere.
         """
-        own = {label: set(frames) for label, frames in self.frames.items()}
+        own = {str(self.labels[name]): set(view.frames) for name, view in self.views.items()}
         if mode == "strict" and self.uneven:
             raise DatasetError(self.root, "frames", f"the same frames in every {self.kind}", _difference(own))
-        common = {label: {n + self.offsets[label] for n in frames} for label, frames in own.items()}
+        added = [offsets[name] for name in self.views]
+        common = {
+            label: {n + offset for n in frames}
+            for (label, frames), offset in zip(own.items(), added, strict=True)
+        }
         union, shared = set.union(*common.values()), set.intersection(*common.values())
         if mode == "strict" and self.sparse:
             shared = set() if any(_alone(label, common) for label in common) else union
         if mode != "union" and union and not shared:
-            shifts = any(self.offsets.values())
-            expected = f"frames that all {self.kind}s have" + (" after the offsets" if shifts else "")
-            raise DatasetError(self.root, "frames", expected, _counts(common, ranges=shifts or self.sparse))
+            expected = f"frames that all {self.kind}s have" + (" after the offsets" if any(added) else "")
+            counts = _counts(common, ranges=any(added) or self.sparse)
+            raise DatasetError(self.root, "frames", expected, counts)
         return np.array(sorted(union if mode == "union" else shared), dtype=np.int64)
 
 

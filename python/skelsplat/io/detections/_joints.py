@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 import skelsplat as sk
+from skelsplat._arrays import Array
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io._arrays import Array
 from skelsplat.io._files import listed
 from skelsplat.io.detections._format import Person, View
 

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import os
 import shlex
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain, islice
 from pathlib import Path
 
-from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io._files import VIDEO_SUFFIXES, listed, opening
+from skelsplat._atomic import opening
+from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
+from skelsplat.io._files import VIDEO_SUFFIXES, listed
 from skelsplat.io._run_files import is_run
 from skelsplat.io.detections import _animals, _arrays, _csv, _json
 from skelsplat.io.detections._format import DetectionFormat, View
+from skelsplat.io.detections._frames import Sources
 from skelsplat.io.detections._match import Candidates, match_by_name, match_by_order
 
 # what tools add to the camera's name in that of a file; DeepLabCut also the name of the network
@@ -37,7 +39,13 @@ FORMATS: dict[str, DetectionFormat] = {
         DetectionFormat("sleap", (".h5", ".hdf5"), _animals.is_sleap, _animals.read_sleap, added=_SLEAP),
         DetectionFormat("freemocap", (".npy",), _arrays.is_freemocap, recording=_arrays.read_freemocap),
         DetectionFormat("easymocap", (".json",), _json.is_easymocap, folder=_json.read_easymocap),
-        DetectionFormat("videopose3d", (".npz",), _arrays.is_videopose3d, recording=_arrays.read_videopose3d),
+        DetectionFormat(
+            "videopose3d",
+            (".npz",),
+            _arrays.is_videopose3d,
+            recording=_arrays.read_videopose3d,
+            sequences=True,
+        ),
         DetectionFormat(
             "npz", (".npz",), _arrays.is_npz, _arrays.read_npz, recording=_arrays.read_npz_recording
         ),
@@ -64,14 +72,13 @@ def find_format(path: Path, name: str | None) -> DetectionFormat:
 
     A path is a file, or a folder with files or folders of one camera each; their beginnings are looked at.
     """
-    known = ", ".join(FORMATS)
-    if name is not None and name not in FORMATS:
-        raise InvalidInputError(f"format: expected one of {known}, got {name!r}")
+    one_of("format", name, (None, *FORMATS))
     if name is not None:
         return FORMATS[name]
     found = _recognised(path)
     if not found:
-        raise DatasetError(path, "content", f"detections in a known format ({known})", _told(path))
+        expected = f"detections in a known format ({', '.join(FORMATS)})"
+        raise DatasetError(path, "content", expected, _told(path))
     if len(found) > 1:
         actual = ", ".join(f"{form} ({found[form].name})" for form in FORMATS if form in found)
         raise DatasetError(path, "content", "one format, or its name (format=, --format)", actual)
@@ -146,19 +153,6 @@ def _inside(folder: Path) -> list[Path]:
 
 
 @dataclass(frozen=True)
-class Sources:
-    """The opened views.
-
-    `kind` is what belongs to a camera ("folder", "file" or "view" of a file), `labels` what each camera was
-    matched with, None for nothing; in `views` are the cameras that have detections.
-    """
-
-    kind: str
-    labels: Mapping[str, str | None]
-    views: Mapping[str, View]
-
-
-@dataclass(frozen=True)
 class Matching:
     """How cameras are matched: by name, or by a stated order, and whether some may be without detections.
 
@@ -194,13 +188,16 @@ class Matching:
 
 def open_sources(path: Path, form: DetectionFormat, matching: Matching, sequence: str | None) -> Sources:
     """Match and open the views beneath `path`."""
+    if sequence is not None and not form.sequences:
+        expected = f"none for the format {form.name}, whose files have one sequence"
+        raise InvalidInputError(f"sequence: expected {expected}, got {sequence!r}")
     if path.is_file():
         candidates, open_one = _of_recording(path, form, sequence, ordered=matching.order is not None)
     else:
         candidates, open_one = _of_folder(path, form)
     labels = matching.match(candidates)
     views = {name: open_one(label) for name, label in labels.items() if label is not None}
-    return Sources(candidates.kind, labels, views)
+    return Sources(path, candidates.kind, labels, views)
 
 
 def _of_recording(path: Path, form: DetectionFormat, sequence: str | None, *, ordered: bool) -> Offer:

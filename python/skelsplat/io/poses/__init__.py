@@ -11,11 +11,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-import numpy.typing as npt
-
+from skelsplat._arrays import Index
 from skelsplat._optional import require
 from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.findings import Finding, FindingWarning, Subject
 from skelsplat.io._arrays import npz_keys
 from skelsplat.io._files import head
 from skelsplat.io.poses._c3d import c3d_is_y_up, check_c3d_frames, read_c3d, write_c3d
@@ -60,7 +59,7 @@ def pose_format(path: str | os.PathLike[str]) -> str:
     return suffix
 
 
-def check_pose_format(kind: str, frames: npt.NDArray[np.int64] | None = None) -> None:
+def check_pose_format(kind: str, frames: Index | None = None) -> None:
     """Raise before long work if a file of this kind cannot be written.
 
     It may need a package that is not installed, or the frame numbers do not fit into such a file.
@@ -169,7 +168,7 @@ def convert_poses(
     try:
         write_pose(target, data, **given)
     except InvalidInputError as error:
-        if data.frame_rate is None and str(error).startswith("frame_rate"):
+        if data.frame_rate is None and error.argument == "frame_rate":
             expected = f"one for a .{kind} file (--fps)"
             raise DatasetError(source, "frame rate", expected, "none in the file") from error
         raise
@@ -191,10 +190,7 @@ def is_pose_file(path: Path) -> bool:
 def _warn_if_turned(source: Path) -> None:
     """Warn if the axes of a motion-capture file may have been turned before, or were."""
     kind = pose_format(source)
-    if kind == "trc":
-        text = "a TRC file does not state which axis is up; --y-up turns it once more if y is already"
-    elif kind == "c3d" and c3d_is_y_up(source):
-        text = "y is up in it already (POINT:Y_SCREEN); --y-up turns its axes once more"
-    else:
-        return
-    warnings.warn(f"{source}: {text}", UserWarning, stacklevel=3)
+    if kind == "trc" or (kind == "c3d" and c3d_is_y_up(source)):
+        finding = "axes_unknown" if kind == "trc" else "axes_turned"
+        note = Finding(finding, "note", Subject(files=(str(source),)))
+        warnings.warn(FindingWarning(note), stacklevel=3)

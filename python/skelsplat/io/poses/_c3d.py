@@ -9,14 +9,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 import skelsplat as sk
+from skelsplat._arrays import Array, Index
+from skelsplat._atomic import atomic_path
 from skelsplat._optional import require
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io._files import atomic_path, parsing
-from skelsplat.io.poses._pose_data import Y_UP, Array, PoseData, known_frame_rate
+from skelsplat.io._files import parsing
+from skelsplat.io.poses._pose_data import Y_UP, PoseData, known_frame_rate
 from skelsplat.io.poses._pose_data import marker_names as named
 
 # Frame numbers are 16-bit words that start at 1, and a residual is seven bits of a byte in whole units.
@@ -72,7 +73,8 @@ def write_c3d(
     labels = named(data.joint_names, marker_names)
     rate = known_frame_rate(data, frame_rate, "C3D")
     check_c3d_frames(data.frames)
-    shift = _shift(data.frames)
+    fits = data.frames[0] >= 1 and data.frames[-1] <= MAX_FRAMES
+    shift = 0 if fits else 1 - int(data.frames[0])  # added to the frame numbers so that C3D can hold them
     rows = data.frames - data.frames[0]
     points = np.full((4, len(data.joint_names), int(rows[-1]) + 1), np.nan)
     points[3] = 1.0
@@ -101,7 +103,7 @@ def write_c3d(
         file.write(str(temporary))
 
 
-def check_c3d_frames(frames: npt.NDArray[np.int64]) -> None:
+def check_c3d_frames(frames: Index) -> None:
     """Raise `InvalidInputError` unless the frame numbers fit into one C3D file."""
     span = int(frames[-1] - frames[0]) + 1 if len(frames) else 0
     if not 1 <= span <= MAX_FRAMES:
@@ -110,12 +112,6 @@ def check_c3d_frames(frames: npt.NDArray[np.int64]) -> None:
         )
     if (np.diff(frames) < 1).any():
         raise InvalidInputError("frame numbers: expected ascending numbers, got some that are not")
-
-
-def _shift(frames: npt.NDArray[np.int64]) -> int:
-    """Return what to add to the frame numbers so that the format can hold them."""
-    fits = frames[0] >= 1 and frames[-1] <= MAX_FRAMES
-    return 0 if fits else 1 - int(frames[0])
 
 
 def _residuals(data: PoseData) -> Array:

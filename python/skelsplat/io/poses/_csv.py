@@ -12,9 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import skelsplat as sk
+from skelsplat._atomic import atomic_write_text
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._files import atomic_write_text, frame_number, read_text
+from skelsplat.io._files import csv_lines, frame_number
 from skelsplat.io.poses._pose_data import PoseData, over_views
 
 _AXES, _DEVIATIONS = ("x", "y", "z"), ("sx", "sy", "sz")
@@ -68,16 +69,11 @@ def read_csv(path: str | os.PathLike[str]) -> PoseData:
         no number; names the line.
     """
     source = Path(path)
-    reader = csv.DictReader(io.StringIO(read_text(source), newline=""), strict=True)
-    try:
-        columns = reader.fieldnames or []
-        missing = [name for name in _REQUIRED if name not in columns]
-        if missing:
-            raise DatasetError(source, "line 1", f"a column {missing[0]}", ", ".join(columns) or "nothing")
-        rows = [_parsed(source, reader.line_num, row) for row in reader]
-    except csv.Error as error:
-        line = f"line {reader.reader.line_num}"
-        raise DatasetError(source, line, "comma-separated fields", error) from error
+    columns, *lines = csv_lines(source) or [[]]
+    missing = [name for name in _REQUIRED if name not in columns]
+    if missing:
+        raise DatasetError(source, "line 1", f"a column {missing[0]}", ", ".join(columns) or "nothing")
+    rows = [_parsed(source, k, columns, line) for k, line in enumerate(lines, start=2) if line]
     return _assemble(source, rows)
 
 
@@ -91,10 +87,8 @@ class _Row(NamedTuple):
     status: str
 
 
-def _parsed(path: Path, line: int, row: dict[str, str | None]) -> _Row:
-    if None in row or None in row.values():
-        raise DatasetError(path, f"line {line}", "as many fields as line 1", "another number")
-    fields = {name: str(value).strip() for name, value in row.items()}
+def _parsed(path: Path, line: int, columns: Sequence[str], values: Sequence[str]) -> _Row:
+    fields = {name: value.strip() for name, value in zip(columns, values, strict=True)}
     try:
         frame = int(fields["frame"])
         position, deviation = (

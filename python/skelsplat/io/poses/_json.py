@@ -14,9 +14,11 @@ import numpy as np
 import numpy.typing as npt
 
 import skelsplat as sk
+from skelsplat._arrays import Mask
+from skelsplat._atomic import atomic_write_text
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._fields import Field
-from skelsplat.io._files import FRAME_LIMIT, atomic_write_text, load_json, of_file
+from skelsplat.io._files import FRAME_LIMIT, load_json, of_file
 from skelsplat.io.poses._pose_data import ARRAYS, PoseData, shape_of
 
 FORMAT, VERSION = "skelsplat-poses", 1
@@ -84,7 +86,7 @@ def to_json(array: Any, *, by_joint: bool = False) -> Any:
     values = np.asarray(array)
     if values.dtype.kind != "f":
         return values.tolist()
-    finite: npt.NDArray[np.bool_] = np.isfinite(values)
+    finite: Mask = np.isfinite(values)
     if finite.all():
         return values.tolist()
     plain: Any = np.where(finite, values.astype(object), np.array(None)).tolist()
@@ -117,10 +119,9 @@ def read_json(path: str | os.PathLike[str]) -> PoseData:
         raise DatasetError(source, "format", f'an object with "format": "{FORMAT}"', got)
     if document["version"].value != VERSION:
         raise document["version"].error(VERSION, document["version"].shown)
-    joints = _names(document["joint_names"])
-    cameras, processing = (
-        () if document[key].is_missing else _names(document[key]) for key in ("camera_names", "processing")
-    )
+    joints = tuple(document["joint_names"].names())
+    further = (document["camera_names"], document["processing"])
+    cameras, processing = (() if field.is_missing else tuple(field.names()) for field in further)
     frames = document["frames"].entries("a list of objects")
     if not all(isinstance(frame.value, dict) for frame in frames):
         raise document["frames"].error("a list of objects", "list")
@@ -139,13 +140,6 @@ def read_json(path: str | os.PathLike[str]) -> PoseData:
         return PoseData(unit=unit.value, frame_rate=known, **arrays)
     except InvalidInputError as error:
         raise of_file(source, error) from error
-
-
-def _names(field: Field) -> tuple[str, ...]:
-    names = field.value
-    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        raise field.error("a list of strings", field.shown)
-    return tuple(names)
 
 
 def _array(frames: Sequence[Field], name: str, shape: tuple[int, ...], kind: Any) -> npt.NDArray[Any]:

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 import skelsplat as sk
+from skelsplat._atomic import atomic_write
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._arrays import Arrays, load_plain_npz
-from skelsplat.io._files import atomic_write
 from skelsplat.io.poses._pose_data import PoseData
 
 _KEYS = tuple(entry.name for entry in fields(PoseData))

@@ -5,7 +5,6 @@ And what marker files (TRC, C3D) have in common: names of the joints, axes, a fr
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -14,12 +13,11 @@ import numpy as np
 import numpy.typing as npt
 
 import skelsplat as sk
-from skelsplat._arrays import flags, numbers, whole_numbers
+from skelsplat._arrays import Array, Index, Mask, flags, numbers, positive, whole_numbers
 from skelsplat.cameras import MM_PER_UNIT
-from skelsplat.exceptions import InvalidInputError
+from skelsplat.exceptions import InvalidInputError, one_of
 from skelsplat.layouts import BODY25
 
-Array = npt.NDArray[np.float64]
 # the axes of every array (T frames, M cameras, N joints) and the type of its entries
 ARRAYS: dict[str, tuple[str, type[np.generic]]] = {
     "pose": ("T N 3", np.float64),
@@ -90,19 +88,19 @@ class PoseData:
 
     pose: Array
     joint_names: tuple[str, ...]
-    frames: npt.NDArray[np.int64]
+    frames: Index
     unit: str
     camera_names: tuple[str, ...] = ()
     init_pose: Array = field(default_factory=lambda: np.empty((0, 0, 3)))
     covariance: Array = field(default_factory=lambda: np.empty((0, 0, 3, 3)))
     uncertainty: Array = field(default_factory=lambda: np.empty((0, 0, 3, 3)))
     view_weights: Array = field(default_factory=lambda: np.empty((0, 0, 0)))
-    swapped: npt.NDArray[np.bool_] = field(default_factory=lambda: np.empty((0, 0, 0), dtype=np.bool_))
+    swapped: Mask = field(default_factory=lambda: np.empty((0, 0, 0), dtype=np.bool_))
     noise: Array = field(default_factory=lambda: np.empty(0))
     reprojection_error: Array = field(default_factory=lambda: np.empty((0, 0, 0)))
     joint_status: npt.NDArray[np.str_] = field(default_factory=lambda: np.empty((0, 0), dtype=np.str_))
     loss: Array = field(default_factory=lambda: np.empty(0))
-    n_iter: npt.NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    n_iter: Index = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     stop_reason: npt.NDArray[np.str_] = field(default_factory=lambda: np.empty(0, dtype=np.str_))
     frame_rate: float | None = None
     processing: tuple[str, ...] = ()
@@ -113,12 +111,11 @@ class PoseData:
 
     def __post_init__(self) -> None:
         self._read_arrays()
-        if self.unit not in MM_PER_UNIT:
-            raise InvalidInputError(f'unit: expected "mm", "cm" or "m", got {self.unit!r}')
+        one_of("unit", self.unit, MM_PER_UNIT)
         if self.pose.ndim != 3 or self.pose.shape[2] != 3:
             raise InvalidInputError(f"pose: expected shape (T, N, 3), got {self.pose.shape}")
         if self.frame_rate is not None:
-            check_frame_rate(self.frame_rate)
+            positive("frame_rate", self.frame_rate)
         steps, joints, _ = self.pose.shape
         shapes: dict[str, tuple[int, ...]] = {"joint_names": (joints,), "frames": (steps,)}
         for name in ARRAYS:
@@ -162,28 +159,20 @@ class PoseData:
 
     def in_unit(self, unit: str) -> PoseData:
         """Return the same poses with all lengths in ``unit``: "mm", "cm" or "m"."""
-        if unit not in MM_PER_UNIT:
-            raise InvalidInputError(f'unit: expected "mm", "cm" or "m", got {unit!r}')
+        one_of("unit", unit, MM_PER_UNIT)
         factor = MM_PER_UNIT[self.unit] / MM_PER_UNIT[unit]
         lengths = {name: getattr(self, name) * factor for name in ("pose", "init_pose", "noise")}
         squares = {name: getattr(self, name) * factor**2 for name in ("covariance", "uncertainty")}
         return replace(self, unit=unit, **lengths, **squares)
 
 
-def over_views(values: Array) -> tuple[npt.NDArray[np.int64], Array]:
+def over_views(values: Array) -> tuple[Index, Array]:
     """Count the views that have a number, of (T, M, N), and average them, (T, N); NaN without a view."""
     seen = np.isfinite(values)
     count = seen.sum(axis=1, dtype=np.int64)
     total = np.where(seen, values, 0.0).sum(axis=1)
     mean: Array = np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
     return count, mean
-
-
-def check_frame_rate(rate: float) -> float:
-    """Return a frame rate that is positive and finite, or raise `InvalidInputError`."""
-    if not (math.isfinite(rate) and rate > 0.0):
-        raise InvalidInputError(f"frame_rate: expected a positive number, got {rate}")
-    return rate
 
 
 def shape_of(name: str, steps: int, views: int, joints: int) -> tuple[int, ...]:
@@ -198,7 +187,8 @@ def known_frame_rate(data: PoseData, given: float | None, kind: str) -> float:
     if rate is None:
         expected = f"one for a {kind} file (the poses state none)"
         raise InvalidInputError(f"frame_rate: expected {expected}, got none")
-    return check_frame_rate(rate)
+    positive("frame_rate", rate)
+    return rate
 
 
 def marker_names(joint_names: tuple[str, ...], convention: str) -> tuple[str, ...]:
@@ -207,8 +197,7 @@ def marker_names(joint_names: tuple[str, ...], convention: str) -> tuple[str, ..
     The programs that read TRC and C3D go by names: Pose2Sim's filters, marker augmentation and OpenSim models
     know ``RHip``, ``LBigToe``. Its root is ``CHip`` in BODY_25 and ``Hip`` in HALPE_26.
     """
-    if convention not in MARKER_NAMES:
-        raise InvalidInputError(f"marker_names: expected {' or '.join(MARKER_NAMES)}, got {convention!r}")
+    one_of("marker_names", convention, MARKER_NAMES)
     if convention == "skelsplat":
         return joint_names
     root = "CHip" if joint_names == tuple(BODY25.joints) else "Hip"

@@ -14,10 +14,12 @@ from pathlib import Path
 
 import numpy as np
 
+from skelsplat._arrays import positive
+from skelsplat._atomic import atomic_write_text
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io._files import atomic_write_text, frame_number, read_text
-from skelsplat.io.poses._pose_data import Y_UP, PoseData, check_frame_rate, known_frame_rate
+from skelsplat.io._files import frame_number, read_text
+from skelsplat.io.poses._pose_data import Y_UP, PoseData, known_frame_rate
 from skelsplat.io.poses._pose_data import marker_names as named
 
 _HEADER = (
@@ -117,7 +119,12 @@ def read_trc(path: str | os.PathLike[str]) -> PoseData:
     if str(len(markers)) != stated[3].strip():
         expected = f"the {stated[3]} marker names that line 3 states"
         raise DatasetError(source, "line 4", expected, len(markers))
-    rate = _read_rate(source, stated[0])
+    try:
+        rate = float(stated[0])
+        positive("frame_rate", rate)
+    except ValueError as error:
+        expected = "frames per second, a positive number"
+        raise DatasetError(source, "line 3 DataRate", expected, repr(stated[0])) from error
     body = [(number, line) for number, line in enumerate(lines[5:], start=6) if line.strip()]
     rows = [_read_row(source, number, line, 3 * len(markers)) for number, line in body]
     if stated[2].strip() != str(len(rows)):  # a file cut between two rows looks whole
@@ -127,14 +134,6 @@ def read_trc(path: str | os.PathLike[str]) -> PoseData:
     points = np.array([values for _, values in rows], dtype=np.float64)
     pose = points.reshape(len(rows), len(markers), 3)
     return PoseData(pose, markers, frames, stated[4], frame_rate=rate)
-
-
-def _read_rate(path: Path, text: str) -> float:
-    try:
-        return check_frame_rate(float(text))
-    except ValueError as error:
-        expected = "frames per second, a positive number"
-        raise DatasetError(path, "line 3 DataRate", expected, repr(text)) from error
 
 
 def _read_row(path: Path, number: int, line: str, count: int) -> tuple[int, list[float]]:

@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import skelsplat as sk
+from skelsplat._arrays import Array
+from skelsplat._atomic import atomic_path
 from skelsplat._optional import require
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io._files import atomic_path, parsing
-from skelsplat.io.poses._pose_data import Array, PoseData, over_views
+from skelsplat.io._files import parsing
+from skelsplat.io.poses._pose_data import PoseData, over_views
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -6,8 +6,9 @@ import os
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
+from skelsplat._atomic import opening
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._files import VIDEO_SUFFIXES, opening
+from skelsplat.io._files import VIDEO_SUFFIXES
 from skelsplat.io.detections._match import Candidates, cameras_called, match_by_name, match_by_order
 from skelsplat.io.video._frames import (
     IMAGE_SUFFIXES,

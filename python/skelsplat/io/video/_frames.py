@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from skelsplat._atomic import atomic_path, atomic_write, opening
 from skelsplat._opencv import opencv
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._files import atomic_path, atomic_write, opening
 from skelsplat.io.detections._frames import frame_files
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 import skelsplat as sk
-from skelsplat._arrays import Array, Mask
+from skelsplat._arrays import Array, Index, Mask
 from skelsplat.io.run_folder import RunFolder
 from skelsplat.io.video import Size
 from skelsplat.run.solve import rig_as_used
@@ -84,7 +83,7 @@ def _known(values: Array, shape: tuple[int, ...]) -> Array:
     return values if len(values) else np.full(shape, np.nan)
 
 
-def follow(points: Array, size: Size) -> tuple[Size, npt.NDArray[np.int64]]:
+def follow(points: Array, size: Size) -> tuple[Size, Index]:
     """Return the size of the cut-out, and its upper left corner in each frame.
 
     Parameters

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
-from skelsplat._arrays import Array
+from skelsplat._arrays import Array, Index
 from skelsplat._opencv import opencv
 from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.findings import Finding, Subject, warn
 from skelsplat.io.video import FrameSource, Image, Size, find_videos, open_source
 from skelsplat.run.frame_range import FrameRange
 from skelsplat.run.overlay.scene import Scene, follow
@@ -28,67 +27,34 @@ _PADDING_PX = 16  # codecs fill up to blocks of 16
 
 @dataclass(frozen=True)
 class OverlayJob:
-    """One overlay.
+    """One overlay."""
 
-    Parameters
-    ----------
-    run, videos, out
-        The folder of the run, the videos or images, the folder for the results.
-    shown
-        Which layers are drawn.
-    cameras
-        The cameras to draw; empty for all.
-    order
-        The video of each camera, or ``"sorted"``; None to match by name.
-    first_frame
-        The camera's own number of a video's first frame; None for 0.
-    frames
-        The frames to draw.
-    fps
-        Frames per second of the output; None for those of the video.
-    scale
-        Of the output; None for 1, or with ``grid`` for what fits a screen.
-    legend
-        With the legend below the image, and camera and frame in its corner.
-    crop
-        Cut out the person.
-    png, grid
-        PNG files instead of videos; all cameras in one image.
-    """
-
+    # the folder of the run, the videos or images, the folder for the results
     run: Path
     videos: Path
     out: Path
-    shown: Shown
-    cameras: tuple[str, ...] = ()
+    shown: Shown  # which layers are drawn
+    cameras: tuple[str, ...] = ()  # the cameras to draw; empty for all
+    # the video of each camera, or ``"sorted"``; None to match by name
     order: str | tuple[str, ...] | None = None
-    first_frame: int | None = None
-    frames: FrameRange = field(default_factory=FrameRange)
-    fps: float | None = None
-    scale: float | None = None
-    legend: bool = True
-    crop: bool = False
+    first_frame: int | None = None  # the camera's own number of a video's first frame; None for 0
+    frames: FrameRange = field(default_factory=FrameRange)  # the frames to draw
+    fps: float | None = None  # frames per second of the output; None for those of the video
+    scale: float | None = None  # of the output; None for 1, or with ``grid`` for what fits a screen
+    legend: bool = True  # with the legend below the image, and camera and frame in its corner
+    crop: bool = False  # cut out the person
+    # PNG files instead of videos; all cameras in one image
     png: bool = False
     grid: bool = False
 
 
 @dataclass(frozen=True)
 class Place:
-    """From a video's frame to what is drawn on.
+    """From a video's frame to what is drawn on."""
 
-    Parameters
-    ----------
-    fit : (2,)
-        Scale from the calibrated image to the frame.
-    size : (width, height)
-        Of what is cut out of the frame.
-    zoom
-        Scale from that to the output.
-    """
-
-    fit: Array
-    size: Size
-    zoom: float = 1.0
+    fit: Array  # (2,) scale from the calibrated image to the frame
+    size: Size  # (width, height) of what is cut out of the frame
+    zoom: float = 1.0  # scale from that to the output
 
     @property
     def output(self) -> Size:
@@ -117,26 +83,16 @@ class Place:
 
 @dataclass(frozen=True)
 class View:
-    """A camera that is ready to be drawn.
+    """A camera that is ready to be drawn."""
 
-    Parameters
-    ----------
-    job, scene
-        What is drawn.
-    index
-        Which camera of the rig it is.
-    source
-        Its frames.
-    place, corners
-        Where the drawing goes; the upper left corner (T, 2) of the cut-out in each frame of the run.
-    """
-
+    # what is drawn
     job: OverlayJob
     scene: Scene
-    index: int
-    source: FrameSource
+    index: int  # which camera of the rig it is
+    source: FrameSource  # its frames
+    # where the drawing goes; the upper left corner (T, 2) of the cut-out in each frame of the run
     place: Place
-    corners: npt.NDArray[np.int64]
+    corners: Index
 
     @property
     def name(self) -> str:
@@ -214,11 +170,9 @@ def _open(job: OverlayJob, scene: Scene, index: int, source: FrameSource, span: 
     if not view.expected(span):
         raise _no_frame(view, span)
     if job.first_frame is None and _counted_from_one(view):
-        text = (
-            f"{source.path}: frames 0 to {source.last}, and the run has 1 to {source.last + 1} of {name}: if "
-            "its detector counts from 1, all is drawn one frame late; --first-frame 1 corrects that"
-        )
-        warnings.warn(text, UserWarning, stacklevel=2)
+        subject = Subject(cameras=(name,), files=(str(source.path),))
+        numbers = {"last": source.last, "last_of_run": source.last + 1}
+        warn(Finding("video_one_frame_late", "warning", subject, numbers))
     return view
 
 
@@ -242,8 +196,8 @@ def _fit_size(path: Path, name: str, size: Size, expected: Size) -> Array:
         advice = "is the video turned (a phone's metadata), or the calibration that of turned images?"
         raise DatasetError(path, "size", wanted, f"{width}×{height}, width and height exchanged; {advice}")
     if abs(width - wide) <= _PADDING_PX and abs(height - high) <= _PADDING_PX:
-        remark = f"{path}: {width}×{height}, but the camera {name} has {wide}×{high}: drawn without scaling"
-        warnings.warn(remark, UserWarning, stacklevel=2)
+        numbers = {"size": [width, height], "size_of_camera": [wide, high]}
+        warn(Finding("video_padded", "note", Subject(cameras=(name,), files=(str(path),)), numbers))
         return ones
     scale = np.array([width / wide, height / high])
     if abs(scale[0] / scale[1] - 1) <= _SAME_SHAPE:

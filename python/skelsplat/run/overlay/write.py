@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from skelsplat.exceptions import DatasetError
+from skelsplat.findings import Finding, Subject, warn
 from skelsplat.io import read_run
 from skelsplat.io.video import Image, Size, open_sink
 from skelsplat.run.folder import output_folder
@@ -26,26 +26,13 @@ _GRID = "grid"
 
 @dataclass(frozen=True)
 class Written:
-    """A result.
+    """A result."""
 
-    Parameters
-    ----------
-    path
-        A video or a folder of PNG files.
-    size : (width, height)
-    frames
-        Number of frames written.
-    fps
-        Frames per second; None for PNG files.
-    cameras
-        By camera, the number of frames that its video had.
-    """
-
-    path: Path
-    size: Size
-    frames: int
-    fps: float | None
-    cameras: dict[str, int]
+    path: Path  # a video or a folder of PNG files
+    size: Size  # (width, height)
+    frames: int  # number of frames written
+    fps: float | None  # frames per second; None for PNG files
+    cameras: dict[str, int]  # by camera, the number of frames that its video had
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as values of JSON."""
@@ -79,8 +66,11 @@ def write_overlay(job: OverlayJob, progress: Callable[[str, int, int], None] | N
     groups = [views] if job.grid else [[view] for view in views]
     names = [_GRID] if job.grid else _file_names([view.name for view in views])
     targets = [job.out / (name if job.png else f"{name}.mp4") for name in names]
+    read = {view.source.path.resolve() for view in views}
     for target in targets:
-        _check_apart(target, views)
+        if target.resolve() in read:
+            expected = "a folder in which no result replaces a video that is read"
+            raise DatasetError(target, "--output", expected, "one of the videos")
     written = []
     with output_folder(job.out):
         for group, target in zip(groups, targets, strict=True):
@@ -96,13 +86,6 @@ def _file_names(cameras: Sequence[str]) -> list[str]:
     names = [re.sub(r'^\.+|[/\\:*?"<>|\x00-\x1f]', "_", camera) for camera in cameras]
     folded = [name.casefold() for name in names]  # some file systems do not tell a from A
     return [f"{name}_{k}" if folded.count(folded[k]) > 1 else name for k, name in enumerate(names)]
-
-
-def _check_apart(target: Path, views: Sequence[View]) -> None:
-    for view in views:
-        if target.resolve() == view.source.path.resolve():
-            expected = "a folder in which no result replaces a video that is read"
-            raise DatasetError(target, "--output", expected, "one of the videos")
 
 
 def _write(
@@ -176,17 +159,13 @@ def _rate(job: OverlayJob, views: Sequence[View]) -> float:
     known = [job.fps, *(view.source.rate for view in views), views[0].scene.run.poses.frame_rate]
     found = next((rate for rate in known if rate is not None), None)
     if found is None and not job.png:
-        text = "--fps: not given, and neither the images nor the run state it; assuming "
-        text += f"{_ASSUMED_FPS:g} frames per second"
-        warnings.warn(text, UserWarning, stacklevel=2)
+        warn(Finding("video_rate_assumed", "note", numbers={"fps": _ASSUMED_FPS}))
     return _ASSUMED_FPS if found is None else found
 
 
 def _warn_of_missing(view: View, span: Span, count: int) -> None:
     asked = span[1] - span[0] + 1
     if count < asked:
-        text = (
-            f"{view.source.path}: {asked - count} of the frames {span[0]} to {span[1]} of the run cannot be "
-            f"read or are not in it; {count} were drawn"
-        )
-        warnings.warn(text, UserWarning, stacklevel=2)
+        subject = Subject(cameras=(view.name,), files=(str(view.source.path),))
+        numbers = {"first": span[0], "last": span[1], "missing": asked - count, "drawn": count}
+        warn(Finding("video_frames_missing", "warning", subject, numbers))

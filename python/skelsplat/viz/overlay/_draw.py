@@ -16,33 +16,15 @@ SIGMAS = 2.0
 
 @dataclass(frozen=True)
 class OverlayFrame(ArrayFields):
-    """What is drawn on one image, in its pixels; NaN where there is nothing.
+    """What is drawn on one image, in its pixels; NaN where there is nothing."""
 
-    Parameters
-    ----------
-    pose : (N, 2)
-        The refined joints where the camera sees them, lens distortion included.
-    covariances : (N, 2, 2)
-        Their error bars in the image, px².
-    reliable : (N,) bool
-        Joints drawn solid; the others are hollow, and their limbs dashed.
-    detections : (N, 2)
-        As the detector gave them.
-    weights : (N,)
-        How much each detection is trusted, in [0, 1]; NaN for one that was not used.
-    swapped : (N,) bool
-        Detections that were taken for the joint on the other side of the body.
-    before : (N, 2)
-        The pose that the refinement started from.
-    """
-
-    pose: Array
-    covariances: Array
-    reliable: Mask
-    detections: Array
-    weights: Array
-    swapped: Mask
-    before: Array
+    pose: Array  # (N, 2) the refined joints where the camera sees them, lens distortion included
+    covariances: Array  # (N, 2, 2) their error bars in the image, px²
+    reliable: Mask  # (N,) joints drawn solid; the others are hollow, and their limbs dashed
+    detections: Array  # (N, 2) as the detector gave them
+    weights: Array  # (N,) how much each detection is trusted, in [0, 1]; NaN for one that was not used
+    swapped: Mask  # (N,) detections that were taken for the joint on the other side of the body
+    before: Array  # (N, 2) the pose that the refinement started from
 
     def moved(self, scale: Array, shift: Array) -> OverlayFrame:
         """Return the same frame on an image whose pixels are ``scale`` · pixel + ``shift``, both (2,)."""

@@ -59,28 +59,18 @@ def weight_colour(weight: float) -> Colour:
 
 @dataclass(frozen=True)
 class Sizes:
-    """Line widths (whole pixels) and radii.
+    """Line widths (whole pixels) and radii."""
 
-    Parameters
-    ----------
-    thin, limb
-        Widths of ellipses, and of limbs.
-    joint, hollow, edge
-        Radius of a joint's dot, half the side of the square of one that is not ``"ok"``, and width of the
-        edge of dots and discs.
-    mark
-        Radius of a detection's disc or cross.
-    text
-        Height of text.
-    """
-
+    # widths of ellipses, and of limbs
     thin: int
     limb: int
+    # radius of a joint's dot, half the side of the square of one that is not ``"ok"``, and width of the
+    # edge of dots and discs
     joint: float
     hollow: float
     edge: float
-    mark: float
-    text: int
+    mark: float  # radius of a detection's disc or cross
+    text: int  # height of text
 
     @classmethod
     def of(cls, width: int, height: int) -> Sizes:

@@ -17,21 +17,11 @@ _ASPECT = 16 / 9  # of a screen
 
 @dataclass(frozen=True)
 class Tiling:
-    """Equal cells in rows, one per image, each image in the middle of its cell.
+    """Equal cells in rows, one per image, each image in the middle of its cell."""
 
-    Parameters
-    ----------
-    columns
-        Cells in a row.
-    cell : (width, height)
-        Of the largest images.
-    count
-        Number of images.
-    """
-
-    columns: int
-    cell: Size
-    count: int
+    columns: int  # cells in a row
+    cell: Size  # (width, height) of the largest images
+    count: int  # number of images
 
     @property
     def rows(self) -> int:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
-import math
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -18,7 +17,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skelsplat._arrays import Array, ArrayFields
+from skelsplat._arrays import Array, ArrayFields, Index
+from skelsplat._atomic import atomic_write_text
+from skelsplat._json import plain
 from skelsplat._optional import require
 from skelsplat.viz import _style
 from skelsplat.viz._skeleton import not_ok_in_words
@@ -31,7 +32,6 @@ from skelsplat.viz.report._scene import (
     thin_line,
 )
 
-Places = npt.NDArray[np.int64]
 Problem = tuple[int, int, str]
 
 _MOST_PROBLEMS = 500
@@ -53,65 +53,36 @@ class Table:
 
 @dataclass(frozen=True)
 class TimeLine(ArrayFields):
-    """A curve over the frames.
+    """A curve over the frames."""
 
-    Parameters
-    ----------
-    title, unit
-        What the values are.
-    values : (T,)
-        NaN where there is none.
-    peaks
-        Of a sequence that is thinned out, keep the largest value between two frames shown.
-    beside : (T,), optional
-        A second curve in grey, called ``beside_name``.
-    """
-
+    # what the values are
     title: str
     unit: str
-    values: Array
-    peaks: bool = False
-    beside: Array | None = None
+    values: Array  # (T,) NaN where there is none
+    peaks: bool = False  # of a sequence that is thinned out, keep the largest value between two frames shown
+    beside: Array | None = None  # (T,) a second curve in grey, called `beside_name`
     beside_name: str = ""
 
 
 @dataclass(frozen=True)
 class ReportData(ArrayFields):
-    """A whole report.
+    """A whole report."""
 
-    Parameters
-    ----------
-    title
-        What was refined.
-    facts
-        (name, value) pairs for the line below it.
-    warnings
-        Sentences; empty without any.
-    notes
-        Sentences on how to read the numbers and on what was done to the poses.
-    numbers
-        (label, text, remark) of the numbers worth a glance.
-    sequence, shapes, cameras, joints, lines
-        The parts of the page.
-    errors_px, rejected : (M, N)
-        By camera and joint: median error in px, and the part of the detections that is rejected; NaN where a
-        camera has no detection of a joint that is used.
-    problems
-        (first frame, last frame, words) of stretches of frames that have the same problem.
-    """
-
-    title: str
-    facts: Sequence[tuple[str, str]]
-    warnings: Sequence[str]
-    notes: Sequence[str]
-    numbers: Sequence[tuple[str, str, str]]
+    title: str  # what was refined
+    facts: Sequence[tuple[str, str]]  # (name, value) pairs for the line below it
+    warnings: Sequence[str]  # sentences; empty without any
+    notes: Sequence[str]  # sentences on how to read the numbers and on what was done to the poses
+    numbers: Sequence[tuple[str, str, str]]  # (label, text, remark) of the numbers worth a glance
     sequence: Sequence3D
     shapes: CameraShapes
     cameras: Table
     joints: Table
+    # (M, N) by camera and joint: median error in px, and the part of the detections that is rejected;
+    # NaN where a camera has no detection of a joint that is used
     errors_px: Array
     rejected: Array
     lines: Sequence[TimeLine]
+    # (first frame, last frame, words) of stretches of frames that have the same problem
     problems: Sequence[Problem]
 
 
@@ -120,13 +91,9 @@ def write_report(path: str | os.PathLike[str], data: ReportData) -> Path:
 
     plotly.js is 4.8 MB of it; a sequence takes 33 bytes per joint and frame. One of more
     than `_scene.MOST_POSITIONS` is thinned out, and the page says so.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be written.
     """
-    return _style.write_whole(path, build_page(data).encode("utf-8"))
+    atomic_write_text(path, build_page(data))
+    return Path(path)
 
 
 def build_page(data: ReportData) -> str:
@@ -152,10 +119,12 @@ def build_page(data: ReportData) -> str:
         policy=_policy(programs),
         title=escape(data.title),
         style=_resource("style.css"),
-        facts=_facts_line(data.facts),
-        warnings=_warnings(data.warnings),
+        facts="\n".join(
+            f"<div><dt>{escape(name)}</dt><dd>{escape(value)}</dd></div>" for name, value in data.facts
+        ),
+        warnings=_bullets(data.warnings) or "<p>None. Frames with a problem are listed below.</p>",
         warnings_kind="loud" if data.warnings else "quiet",
-        notes=_notes([*data.notes, *_thinned(len(sequence.frames), len(places), every)]),
+        notes=_bullets([*data.notes, *_thinned(len(sequence.frames), len(places), every)]),
         numbers=_tiles(data.numbers),
         cameras=_table(data.cameras),
         joints=_table(data.joints),
@@ -184,7 +153,7 @@ def _policy(programs: list[str]) -> str:
     )
 
 
-def _line(line: TimeLine, places: Places) -> dict[str, Any]:
+def _line(line: TimeLine, places: Index) -> dict[str, Any]:
     def packed(values: Array) -> str:
         return as_text(thin_line(values, places, peaks=line.peaks), "<f4")
 
@@ -209,38 +178,12 @@ def _thinned(count: int, shown: int, every: int) -> list[str]:
 
 def _json(content: dict[str, Any]) -> str:
     """Return JSON that cannot end its element: ``<``, ``>`` and ``&`` are escaped."""
-    text = json.dumps(_finite(content), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    text = json.dumps(plain(content), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
-
-
-def _finite(value: Any) -> Any:
-    """Return nested values with None for NaN and infinity."""
-    if isinstance(value, dict):
-        return {key: _finite(entry) for key, entry in value.items()}
-    if isinstance(value, list):
-        return [_finite(entry) for entry in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _resource(name: str) -> str:
     return (files("skelsplat.viz.report") / name).read_text(encoding="utf-8")
-
-
-def _facts_line(facts: Iterable[tuple[str, str]]) -> str:
-    """Return name and value pairs as a description list."""
-    return "\n".join(f"<div><dt>{escape(name)}</dt><dd>{escape(value)}</dd></div>" for name, value in facts)
-
-
-def _warnings(sentences: Sequence[str]) -> str:
-    """Return warnings as a list, or that there are none."""
-    if not sentences:
-        return "<p>None. Frames with a problem are listed below.</p>"
-    return f"<ul>\n{_items(sentences)}\n</ul>"
-
-
-def _notes(sentences: Sequence[str]) -> str:
-    """Return sentences as a list."""
-    return f"<ul>\n{_items(sentences)}\n</ul>" if sentences else ""
 
 
 def _tiles(numbers: Iterable[tuple[str, str, str]]) -> str:
@@ -287,8 +230,10 @@ def _hollow_key(status: npt.NDArray[np.str_]) -> str:
     return f'<span class="hollow">{escape(words)}</span>' if words else ""
 
 
-def _items(sentences: Iterable[str]) -> str:
-    return "\n".join(f"<li>{escape(sentence)}</li>" for sentence in sentences)
+def _bullets(sentences: Sequence[str]) -> str:
+    """Return sentences as a list; nothing without any."""
+    items = "\n".join(f"<li>{escape(sentence)}</li>" for sentence in sentences)
+    return f"<ul>\n{items}\n</ul>" if items else ""
 
 
 def _row(cells: Sequence[str]) -> str:

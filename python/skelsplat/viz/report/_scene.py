@@ -10,11 +10,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from skelsplat._arrays import Array, ArrayFields
+from skelsplat._arrays import Array, ArrayFields, Index
 from skelsplat.viz import _style
 from skelsplat.viz._skeleton import Skeleton
-
-Places = npt.NDArray[np.int64]
 
 # Around the joints, in mm; the start may lie outside them.
 _MARGIN_MM = 1500.0
@@ -35,62 +33,33 @@ _WIDEST_MM = 2000.0
 
 @dataclass(frozen=True)
 class CameraShapes(ArrayFields):
-    """The cameras as they are drawn.
+    """The cameras as they are drawn."""
 
-    Parameters
-    ----------
-    names
-        M names.
-    centres : (M, 3)
-        Their positions, in mm.
-    corners : (M, 4, 3)
-        From the centre to the image's corners (top left, top right, bottom right, bottom left), at depth 1.
-    """
-
-    names: Sequence[str]
-    centres: Array
+    names: Sequence[str]  # M names
+    centres: Array  # (M, 3) their positions, in mm
+    # (M, 4, 3) from the centre to the image's corners (top left, top right, bottom right, bottom left),
+    # at depth 1
     corners: Array
 
 
 @dataclass(frozen=True)
 class Sequence3D(ArrayFields):
-    """The sequence that the page plays.
+    """The sequence that the page plays."""
 
-    Parameters
-    ----------
-    start, refined : (T, N, 3)
-        Joint positions before and after, in mm; NaN where unknown.
-    uncertainty : (T, N, 3, 3)
-        Covariances of the refined joints, in mm²; NaN where unknown.
-    status : (T, N)
-        Joints whose status is not ``"ok"`` are drawn hollow.
-    frames : (T,)
-        Frame numbers.
-    frame_rate
-        Frames per second; None if unknown.
-    joint_names
-        N names.
-    skeleton
-        Limbs and sides.
-    up : (3,)
-        The vertical: an axis of the world or its opposite.
-    start_name
-        What ``start`` is, in words.
-    """
-
+    # (T, N, 3) joint positions before and after, in mm; NaN where unknown
     start: Array
     refined: Array
-    uncertainty: Array
-    status: npt.NDArray[np.str_]
-    frames: npt.NDArray[np.int64]
-    frame_rate: float | None
-    joint_names: Sequence[str]
-    skeleton: Skeleton
-    up: Array
-    start_name: str
+    uncertainty: Array  # (T, N, 3, 3) covariances of the refined joints, in mm²; NaN where unknown
+    status: npt.NDArray[np.str_]  # (T, N) joints whose status is not ``"ok"`` are drawn hollow
+    frames: Index  # (T,) frame numbers
+    frame_rate: float | None  # frames per second; None if unknown
+    joint_names: Sequence[str]  # N names
+    skeleton: Skeleton  # limbs and sides
+    up: Array  # (3,) the vertical: an axis of the world or its opposite
+    start_name: str  # what ``start`` is, in words
 
 
-def pack_scene(sequence: Sequence3D, shapes: CameraShapes, places: npt.NDArray[np.int64]) -> dict[str, Any]:
+def pack_scene(sequence: Sequence3D, shapes: CameraShapes, places: Index) -> dict[str, Any]:
     """Return the sequence at ``places`` for the page: axes turned so that the third points up."""
     turn, axes = upright(sequence.up)
     refined = sequence.refined[places] @ turn.T
@@ -160,7 +129,7 @@ def _cameras(shapes: CameraShapes, turn: Array, middle: Array) -> list[dict[str,
     ]
 
 
-def frames_to_show(frames: npt.NDArray[np.int64], joints: int, wanted: Sequence[int]) -> tuple[Places, int]:
+def frames_to_show(frames: Index, joints: int, wanted: Sequence[int]) -> tuple[Index, int]:
     """Return the places of the frames to show and k: every k-th frame is shown, and the numbers ``wanted``.
 
     All frames while they hold at most `MOST_POSITIONS` joint positions.
@@ -176,7 +145,7 @@ def frames_to_show(frames: npt.NDArray[np.int64], joints: int, wanted: Sequence[
     return np.flatnonzero(kept | np.isin(frames, some)), every
 
 
-def thin_line(values: Array, places: Places, *, peaks: bool) -> Array:
+def thin_line(values: Array, places: Index, *, peaks: bool) -> Array:
     """Return the values at ``places``, or with ``peaks`` the largest from each place to the next."""
     if not peaks or not len(places):
         return values[places]

@@ -3,6 +3,7 @@
 
 const SIDES = ["left", "right", "middle"];
 const SIGMAS = 2;
+const MOST_M = 0.3; // from a joint to where its ellipsoid is cut off: that of an undetermined one would fill the scene
 const SPHERE = sphere();
 
 function coordinates() {
@@ -55,7 +56,9 @@ function statusOf(t, j) {
 function tell(t, j) {
   const bar = errorBar(t, j);
   const width = bar === null ? "no error bar" : `error bar ${(1000 * bar).toFixed(0)} mm`;
-  return `${escaped(scene.joints[j])}<br>${width}, ${statusOf(t, j)}`;
+  const cut = bar !== null && surface(spread(t, j)).some(([, share]) => share < 1);
+  const note = cut ? `<br>ellipsoid cut off at ${1000 * MOST_M} mm` : "";
+  return `${escaped(scene.joints[j])}<br>${width}, ${statusOf(t, j)}${note}`;
 }
 
 // Plotly reads a few tags in texts.
@@ -78,19 +81,24 @@ function errorBar(t, j) {
   return Math.sqrt((xx * xx + yy * yy + zz * zz + 2 * (xy * xy + xz * xz + yz * yz)) / 3);
 }
 
+// The corners of an ellipsoid round its centre, and the share of each one's distance that is drawn.
+function surface(root) {
+  const [xx, xy, xz, yy, yz, zz] = root.map((value) => SIGMAS * value);
+  return SPHERE.corners.map(([x, y, z]) => {
+    const corner = [xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z];
+    const share = Math.min(1, MOST_M / Math.hypot(...corner));
+    return [corner.map((value) => share * value), share];
+  });
+}
+
 // The corners of all ellipsoids of a frame; one that is not known has all corners in one point.
 function ellipsoids(t) {
   const corners = coordinates();
   for (let j = 0; j < scene.joints.length; j += 1) {
     const centre = joint(scene.refined, t, j);
     const root = centre ? spread(t, j) : null;
-    const [xx, xy, xz, yy, yz, zz] = (root ?? [0, 0, 0, 0, 0, 0]).map((value) => SIGMAS * value);
     const [cx, cy, cz] = centre ?? scene.origin;
-    for (const [x, y, z] of SPHERE.corners) {
-      corners.x.push(cx + xx * x + xy * y + xz * z);
-      corners.y.push(cy + xy * x + yy * y + yz * z);
-      corners.z.push(cz + xz * x + yz * y + zz * z);
-    }
+    for (const [[x, y, z]] of surface(root ?? [0, 0, 0, 0, 0, 0])) push(corners, [cx + x, cy + y, cz + z]);
   }
   return corners;
 }

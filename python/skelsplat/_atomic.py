@@ -1,0 +1,62 @@
+"""Files written whole or not at all, with the package's errors."""
+
+from __future__ import annotations
+
+import os
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import BinaryIO
+
+from skelsplat.exceptions import DatasetError
+
+
+@contextmanager
+def opening(path: Path, expected: str = "a readable file", field: str = "file") -> Iterator[None]:
+    """Raise `DatasetError` for what the system says against opening or reading `path` in this block."""
+    try:
+        yield
+    except OSError as error:
+        raise DatasetError(path, field, expected, (error.strerror or str(error)).lower()) from error
+
+
+@contextmanager
+def atomic_path(
+    path: str | os.PathLike[str], suffix: str | None = None, *, durable: bool = True
+) -> Iterator[Path]:
+    """Give the path of an empty file that takes the place of `path` when the block ends without an exception.
+
+    For libraries that open a path themselves. The file is a temporary one in the same folder, with the given
+    suffix or else the same; it is flushed to disk and then moved over `path` in one step. A reader never
+    sees half a file, and on an exception an older file stays as it was. A symbolic link is followed. Without
+    `durable` nothing waits for the disk: after a power failure the file may be empty or torn, so its reader
+    must check it. A folder that is missing and a path that cannot be written are a `DatasetError`.
+    """
+    target = Path(os.path.realpath(path))
+    temporary = target.with_name(f".{target.stem}.{secrets.token_hex(6)}{suffix or target.suffix}")
+    with opening(Path(path), "a path that can be written", "output"):
+        try:
+            temporary.open("xb").close()
+            yield temporary
+            if durable:
+                with temporary.open("rb+") as stream:
+                    os.fsync(stream.fileno())
+            temporary.replace(target)
+        except BaseException:
+            with suppress(OSError):  # the folder cannot be reached: what led here is the one to report
+                temporary.unlink(missing_ok=True)
+            raise
+
+
+@contextmanager
+def atomic_write(path: str | os.PathLike[str], *, durable: bool = True) -> Iterator[BinaryIO]:
+    """Open a binary file that takes the place of `path` as `atomic_path` does."""
+    with atomic_path(path, ".tmp", durable=durable) as temporary, temporary.open("wb") as stream:
+        yield stream
+
+
+def atomic_write_text(path: str | os.PathLike[str], text: str) -> None:
+    """Write `text` as UTF-8 to `path` with `atomic_write`; line ends are written as given."""
+    with atomic_write(path) as stream:
+        stream.write(text.encode("utf-8"))

@@ -1,0 +1,77 @@
+"""From the files of a calibration, and detections that it fits or not, to what is wrong with the cameras."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import skelsplat as sk
+from skelsplat.association import take_people
+from skelsplat.findings import collected_warnings
+from skelsplat.io import DetectionSet
+from skelsplat.io.detections import read_detections
+from skelsplat.rig_check import ReadAs, RigReport, check_rig
+from skelsplat.run.person import check_person, pick_places
+from skelsplat.run.read import leave_out, named_offsets, read_rig
+
+
+@dataclass(frozen=True)
+class CameraCheck:
+    """Cameras, the detections that they were compared with (None: the calibration alone), and the report."""
+
+    rig: sk.CameraRig
+    detections: DetectionSet | None
+    report: RigReport
+
+
+def check_cameras(
+    calibration: Path,
+    detections: Path | None = None,
+    *,
+    read: Mapping[str, Any] | None = None,
+    without: Sequence[str] = (),
+    person: str = "consistent",
+    **given: Any,
+) -> CameraCheck:
+    """Read a calibration, and detections if there are any, and find what is wrong with the cameras.
+
+    Parameters
+    ----------
+    calibration, detections
+        As of `skelsplat.run.Job`; without detections only the calibration itself is checked.
+    read
+        The arguments of `skelsplat.run.read.read_rig`.
+    without, person
+        As of `skelsplat.run.Job`.
+    **given
+        Further arguments of `skelsplat.io.detections.read_detections`.
+
+    Returns
+    -------
+    CameraCheck
+        Its report begins with the warnings of the files.
+
+    Raises
+    ------
+    DatasetError, InvalidInputError
+        If a file is missing or malformed, or files and options do not fit each other; the message names it.
+    """
+    check_person(person)
+    with collected_warnings() as warnings:
+        every = read_rig(calibration, **(read or {}))
+        rig, found = leave_out(every, tuple(without)), None
+        if detections is None:
+            report = check_rig(rig)
+        else:
+            found = read_detections(detections, every, without=without, **given)
+            read_as = ReadAs(found.labels, named_offsets(every, given.get("offsets", {})), found.uneven)
+            people, layout = found.people, sk.layouts.get(found.layout)
+            if person != "consistent":  # whom `check_rig` finds on its own
+                people = take_people(people, pick_places(people, rig, person, layout)[0])
+            report = check_rig(rig, people, frames=found.frames, layout=layout, read_as=read_as)
+    # detections judge the unit better than cameras
+    measured = any(one.kind in ("unit_wrong", "unit_unknown", "body_size") for one in report.findings)
+    kept = [one for one in warnings if not (measured and one.kind == "unit_implausible")]
+    return CameraCheck(rig, found, replace(report, findings=(*kept, *report.findings)))

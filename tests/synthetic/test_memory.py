@@ -1,0 +1,227 @@
+"""Simulated detections whose errors last: shares of the variance, autocorrelation and durations as stated."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from skelsplat import synthetic
+from skelsplat.exceptions import InvalidInputError
+from skelsplat.synthetic import DetectionNoise, Memory
+from skelsplat.synthetic.detections import corrupt
+
+LAYOUT = sk.layouts.H36M17
+SILENT = DetectionNoise(sigma_px=0.0, memory=Memory())
+RATES = (15.0, 60.0)
+
+
+def still(n_frames, n_views=4, seed=0):
+    """Return pixels (T, M, 17, 2) of a body that does not move."""
+    one = np.random.default_rng(seed).uniform(100, 900, (1, n_views, 17, 2))
+    return np.broadcast_to(one, (n_frames, n_views, 17, 2))
+
+
+def at_rate(noise, frame_rate):
+    return replace(noise, memory=replace(noise.memory, frame_rate=frame_rate))
+
+
+@cache
+def jitter(frame_rate, **memory):
+    """Return 60 s of unit jitter (T, 1 360 series)."""
+    shape = (round(60 * frame_rate), 680, 2)
+    noise = Memory(frame_rate=frame_rate, **memory).jitter(shape, np.random.default_rng(1))
+    return noise.reshape(len(noise), -1)
+
+
+def stays(on):
+    """Return the durations, in frames, of the runs of True in (T, series), without those cut by an end."""
+    padded = np.pad(on, ((1, 1), (0, 0)))
+    durations = []
+    for series in padded.T:
+        edge = np.flatnonzero(np.diff(series.astype(int)))
+        runs = edge.reshape(-1, 2)
+        durations += [stop - start for start, stop in runs if start > 0 and stop < len(on)]
+    return np.array(durations)
+
+
+@pytest.mark.parametrize("frame_rate", RATES)
+def test_the_shares_of_the_variance_are_those_stated(frame_rate):
+    error = jitter(frame_rate)
+    # 1 360 series: 4 standard errors of a variance of 0.4 between their means are 4·0.4·√(2/1360) = 0.061.
+    # The slow part adds 0.25·2τ/60 s = 0.003 to the variance of a mean.
+    assert error.mean(axis=0).var() == pytest.approx(0.4, abs=0.064)
+    # Within a series: 0.6 in all, of which neighbours 0.2 s apart and more share the slow part only.
+    assert error.var(axis=0).mean() == pytest.approx(0.6, abs=0.02)
+    white = 0.5 * (np.diff(error, axis=0) ** 2).mean()
+    step = 1.0 / frame_rate
+    slow = 0.25 * (1.0 - mean_correlation(step))
+    assert white - slow == pytest.approx(0.35, abs=0.01)
+
+
+def mean_correlation(lag):
+    """Return exp(−t/τ) averaged over the time constants."""
+    return np.exp(-lag / np.linspace(0.2, 0.5, 1001)).mean()
+
+
+@pytest.mark.parametrize("frame_rate", RATES)
+@pytest.mark.parametrize("lag", [0.1, 0.3, 1.0])
+def test_the_autocorrelation_depends_on_the_time_and_not_on_the_frame_rate(frame_rate, lag):
+    error = jitter(frame_rate)
+    steps = round(lag * frame_rate)
+    got = (error[steps:] * error[:-steps]).mean()
+    # The constant part alone has a standard error of 0.4·√(2/1360) = 0.015; four of them.
+    assert got == pytest.approx(0.4 + 0.25 * mean_correlation(steps / frame_rate), abs=0.062)
+    slow = jitter(frame_rate, constant_share=0.0, slow_share=1.0)
+    # 1 360 series of 60 s have some 1 360·60/0.7 = 117 000 independent values: 4/√117 000 = 0.012.
+    between = (slow[steps:] * slow[:-steps]).mean()
+    assert between == pytest.approx(mean_correlation(steps / frame_rate), abs=0.012)
+
+
+def test_every_view_has_jitter_of_its_own():
+    pixels = still(300, 8)
+    error = corrupt(pixels, noise=DetectionNoise(sigma_px=3.0, memory=Memory()))[..., :2] - pixels
+    # 272 series whose constant part has variance 0.4·9: 4·9·0.4·√(2/272) = 1.24.
+    assert (error**2).mean() == pytest.approx(9.0, abs=1.3)
+    views = np.corrcoef(error.mean(axis=0).reshape(8, -1)) - np.eye(8)
+    # 28 correlations of 34 numbers.
+    assert np.abs(views).mean() < 0.25
+
+
+@pytest.mark.parametrize("frame_rate", RATES)
+def test_outliers_come_in_bursts_with_one_offset(frame_rate):
+    noise = at_rate(replace(SILENT, outlier_rate=0.05), frame_rate)
+    pixels = still(round(60 * frame_rate), 8)
+    error = corrupt(pixels, noise=noise, seed=2)[..., :2] - pixels
+    off = (np.abs(error).max(axis=-1) > 1e-9).reshape(len(pixels), -1)
+    # 136 series of 60 s: 0.05·8160 s/0.3 s = 1 360 bursts; 4 standard errors: 4·0.05·√(1.2/1360) = 0.006.
+    assert off.mean() == pytest.approx(0.05, abs=0.006)
+    seconds = stays(off) / frame_rate
+    # Two bursts that meet are one here: about 1 %.
+    assert seconds.mean() == pytest.approx(0.3, abs=0.03)
+    assert 0.1 - 1 / frame_rate <= seconds.min()
+    assert np.mean(seconds > 0.5 + 1 / frame_rate) < 0.03
+    flat = error.reshape(len(pixels), -1, 2)
+    inside = off[1:] & off[:-1]
+    moved = np.linalg.norm(np.diff(flat, axis=0), axis=-1)[inside]
+    assert np.mean(moved > 1e-9) < 0.01
+    assert np.linalg.norm(flat, axis=-1)[off].mean() == pytest.approx(noise.outlier_px, rel=0.15)
+
+
+def test_a_recording_may_begin_and_end_inside_an_episode():
+    noise = replace(SILENT, outlier_rate=0.3)
+    pixels = still(30, 200)
+    off = np.abs(corrupt(pixels, noise=noise)[..., :2] - pixels).max(axis=-1).reshape(30, -1) > 1e-9
+    # 3 400 series: 4·√(0.21/3400) = 0.031 in every frame.
+    assert np.abs(off.mean(axis=1) - 0.3).max() < 0.031
+
+
+def test_misses_and_swaps_last():
+    missing = np.isnan(corrupt(still(1800), noise=replace(SILENT, miss_rate=0.05))[..., 0]).reshape(1800, -1)
+    assert missing.mean() == pytest.approx(0.05, abs=0.012)
+    assert (stays(missing) / 30.0).mean() == pytest.approx(0.3, abs=0.06)
+    pixels = still(1800, 8)
+    noise = replace(SILENT, limb_swap_rate=0.1)
+    swapped = np.abs(corrupt(pixels, noise=noise, layout=LAYOUT)[..., :2] - pixels).max(axis=-1) > 0
+    arm = swapped[:, :, LAYOUT.joints.index("left_wrist")]
+    # 8 views of 60 s: 80 swaps; 4·0.1·√(1.3/80) = 0.05 on the share, 4·0.23/√80 = 0.1 s on the mean.
+    assert arm.mean() == pytest.approx(0.1, abs=0.05)
+    assert (stays(arm) / 30.0).mean() == pytest.approx(0.6, abs=0.11)
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 3, 4])
+def test_occluders_stay_and_there_are_always_as_many(count):
+    memory = Memory(frame_rate=30.0)
+    numbers = memory.occluded(3000, 4, count, np.random.default_rng(count))
+    assert ((numbers > 0).sum(axis=1) == count).all()
+    ends = (
+        [np.flatnonzero(numbers == k) for k in np.unique(numbers[numbers > 0])[count:-count]] if count else []
+    )
+    seconds = np.array([len(one) for one in ends]) / 30.0
+    if count:
+        # 100 s: at least 75 stays of mean 1.25 s and standard deviation 0.43 s.
+        assert seconds.mean() == pytest.approx(1.25, abs=0.2)
+        assert seconds.min() >= 0.46
+        assert seconds.max() <= 2.04
+
+
+def test_wrong_guesses_stay_drift_and_jump():
+    noise = replace(SILENT, occluded_views=None, disc_radius=(2.0, 2.0))
+    pixels = still(1800)
+    detections = corrupt(pixels, noise=noise, seed=3)
+    size = np.ptp(pixels[0], axis=1).max(axis=-1)
+    guess = detections[..., :2] - pixels
+    step = np.linalg.norm(np.diff(guess, axis=0), axis=-1) / (2.0 * size[None, :, None])
+    # In units of the disc's radius. A jump within the unit disc is 0.9 long on average; guesses last 0.6 s
+    # and occluders, which take the guess with them, 1.25 s: 1/0.6 + 1/1.25 = 2.5 jumps per second, of which
+    # a tenth is too short to count.
+    jumps = step > 0.3
+    assert 30.0 * jumps.mean() == pytest.approx(2.2, abs=0.5)
+    # Between them the drift of standard deviation 0.1 with τ about 0.33 s: √(2·2/(30·0.33))·0.1 = 0.06.
+    assert 0.02 < np.median(step[~jumps]) < 0.08
+
+
+def test_hidden_joints_that_are_missing_stay_so():
+    noise = replace(SILENT, occluded_views=None, disc_radius=(2.0, 2.0), hidden_missing_rate=0.2)
+    missing = np.isnan(corrupt(still(1800), noise=noise)[..., 0]).reshape(1800, -1)
+    assert missing.mean() == pytest.approx(0.2, abs=0.03)
+    assert (stays(missing) / 30.0).mean() > 0.5
+
+
+@pytest.mark.parametrize(
+    "noise", [DetectionNoise.recording(), DetectionNoise.recording_occluded(3, heavy=True, frame_rate=15.0)]
+)
+def test_the_seed_decides(noise):
+    pixels = still(60)
+    first = corrupt(pixels, noise=noise, layout=LAYOUT, seed=5)
+    np.testing.assert_array_equal(first, corrupt(pixels, noise=noise, layout=LAYOUT, seed=5))
+    other = corrupt(pixels, noise=noise, layout=LAYOUT, seed=6)
+    assert (np.abs(first - other)[..., 0] > 0).mean() > 0.9
+
+
+def test_detectors_can_share_occluders_with_memory():
+    noise = DetectionNoise.recording_occluded(2)
+    pixels = still(90)
+    occluders = synthetic.draw_occluders(pixels, noise=noise, seed=1)
+    assert (occluders.views.sum(axis=1) == 2).all()
+    hidden = occluders.hidden(pixels)
+    seen = corrupt(pixels, noise=replace(noise, outlier_rate=0.0), seed=2, occluders=occluders)
+    error = np.linalg.norm(seen[..., :2] - pixels, axis=-1)
+    assert np.nanmedian(error[hidden]) > 10 * np.median(error[~hidden])
+
+
+def test_one_frame_and_none():
+    noise = DetectionNoise.recording_occluded(2)
+    assert corrupt(still(1), noise=noise).shape == (1, 4, 17, 3)
+    assert corrupt(still(1)[:0], noise=noise).shape == (0, 4, 17, 3)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: Memory(frame_rate=0.0), "frame_rate: expected a positive number, got 0.0"),
+        (lambda: Memory(slow_share=-0.1), "slow_share: expected a number from 0 to 1, got -0.1"),
+        (
+            lambda: Memory(slow_share=0.7),
+            r"slow_share \+ constant_share: expected at most 1, got 0.7 \+ 0.4",
+        ),
+        (lambda: Memory(burst_s=(0.0, 1.0)), r"burst_s: expected 0 < low <= high, got \(0.0, 1.0\)"),
+        (lambda: Memory(guess_jitter=-1.0), "guess_jitter: expected a number of at least 0, got -1.0"),
+        (
+            lambda: DetectionNoise(correlation=0.5, memory=Memory()),
+            "correlation: expected 0.0 together with memory, got 0.5",
+        ),
+        (
+            lambda: DetectionNoise(occluder_frames=3, memory=Memory()),
+            "occluder_frames: expected 1 together with memory, got 3",
+        ),
+        (
+            lambda: corrupt(still(2), noise=DetectionNoise.recording_occluded(5)),
+            r"noise.occluded_views: expected at most 4 \(views\), got 5",
+        ),
+    ],
+)
+def test_bad_values_are_named(call, message):
+    with pytest.raises(InvalidInputError, match=message):
+        call()

@@ -1,0 +1,84 @@
+"""The benchmark of recordings runs, and its Kalman smoother is the exact posterior of its model."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import over_time
+import recordings
+
+SCRIPT = Path(__file__).parents[2] / "benchmarks" / "sequences.py"
+
+
+def test_the_smoother_agrees_with_one_dense_solution() -> None:
+    rng = np.random.default_rng(0)
+    n_frames, fps, density = 9, 20.0, 4.0e5
+    pose = 1000.0 + 100.0 * rng.standard_normal((n_frames, 1, 3))
+    root = rng.standard_normal((n_frames, 1, 3, 3))
+    covariance = 200.0 * (root @ root.swapaxes(-1, -2) + np.eye(3))
+    pose[4] = np.nan
+    got = over_time.smoothed(pose, covariance, fps, np.array([density]))
+
+    # Unknowns: position and velocity of every frame, one Gaussian with the same terms.
+    dt, one = 1.0 / fps, np.eye(3)
+    step = np.block([[one, dt * one], [np.zeros((3, 3)), one]])
+    process = np.linalg.inv(density * np.kron([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]], one))
+    hessian, right = np.zeros((6 * n_frames, 6 * n_frames)), np.zeros(6 * n_frames)
+    start = np.diag([1e-8] * 3 + [3000.0**-2] * 3)
+    hessian[:6, :6] += start
+    right[:6] += start @ np.concatenate([pose[0, 0], np.zeros(3)])
+    for t in range(n_frames):
+        if np.isfinite(pose[t]).all():
+            information = np.linalg.inv(covariance[t, 0])
+            hessian[6 * t : 6 * t + 3, 6 * t : 6 * t + 3] += information
+            right[6 * t : 6 * t + 3] += information @ pose[t, 0]
+        if t > 0:
+            both = np.hstack([-step, np.eye(6)])
+            hessian[6 * t - 6 : 6 * t + 6, 6 * t - 6 : 6 * t + 6] += both.T @ process @ both
+    posterior = np.linalg.inv(hessian)
+    mean = (posterior @ right).reshape(n_frames, 6)[:, :3]
+    # The wide start, 1e8 mm², costs the covariances of the filter eight digits.
+    np.testing.assert_allclose(got.pose[:, 0], mean, atol=1e-4)
+    for t in range(n_frames):
+        np.testing.assert_allclose(
+            got.covariance[t, 0], posterior[6 * t : 6 * t + 3, 6 * t : 6 * t + 3], rtol=1e-4, atol=1e-3
+        )
+
+
+def test_lower_frame_rates_show_the_same_motion_and_the_person_stays_in_view() -> None:
+    whole, third = (recordings.takes("good", count=3, fps=fps, seed=2) for fps in (30, 10))
+    for one, other in zip(whole, third, strict=True):
+        assert one.name == other.name
+        assert len(other.scene.truth) == -(-len(one.scene.truth) // 3)
+        assert one.scene.detected.mean() > 0.9
+        assert np.ptp(one.scene.truth[..., 2]) < 3000.0
+
+
+def test_breaks_of_the_capture_are_cut_out() -> None:
+    time = np.arange(100)[:, None, None] / 30.0
+    take = np.tile(1000.0 * time, (1, 17, 3))
+    take[0] += 500.0
+    take[40, 3] += 400.0
+    # The second differences that are too large hold frames 0 to 2 and 38 to 42.
+    np.testing.assert_array_equal(recordings.unbroken(take), take[43:])
+    take[40, 3] -= 400.0
+    np.testing.assert_array_equal(recordings.unbroken(take), take[3:])
+
+
+def test_the_benchmark_runs() -> None:
+    longest = max(recordings.motions().items(), key=lambda take: len(take[1]))[0]
+    small = ["--names", longest, "--frames", "45", "--views", "3", "--fps", "15", "--json"]
+    methods = ["--methods", "frames", "butterworth", "kalman"]
+    command = [sys.executable, str(SCRIPT), *small, *methods]
+    report = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+    assert list(report["conditions"]) == list(recordings.CONDITIONS[:4])
+    good = report["conditions"]["good"]
+    assert 5.0 < good["kalman"]["mean_mm"] < good["frames"]["mean_mm"] + 5.0 < 40.0
+    assert good["butterworth"]["acceleration_m_s2"] < good["frames"]["acceleration_m_s2"]
+    assert good["butterworth"]["within_1_sigma"] is None
+    assert set(good["kalman"]["joints"]) == {"ends", "middle", "trunk"}
+    assert report["circumstances"].splitlines()[1].endswith("kalman")
