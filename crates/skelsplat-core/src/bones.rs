@@ -1,6 +1,6 @@
 //! Lengths of bones: the residual (‖x_a − x_b‖ − l)/σ under a robust kernel, with value, gradient and Gauss–Newton block.
 //!
-//! With d = x_a − x_b, u = d/‖d‖ and r = ‖d‖ − l the term κ(r) is a Welsch loss of reach c = 3σ,
+//! With d = x_a − x_b, u = d/‖d‖ and r = ‖d‖ − l the term κ(r) is a Welsch loss of reach c = 6σ,
 //!
 //! ```text
 //! E = c²/σ² (1 − exp(−r²/2c²))      ∂E/∂x_a = k r/σ² u = −∂E/∂x_b      k = exp(−r²/2c²)
@@ -13,7 +13,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 /// Reach of the kernel, in standard deviations.
-const REACH: f64 = 3.0;
+const REACH: f64 = 6.0;
 
 /// The expected length of a bone.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,8 +41,13 @@ pub struct Pull {
 
 impl Pull {
     /// No term: an unknown length, or ends that coincide.
-    pub const NONE: Self =
-        Self { loss: 0.0, along: Vector3::new(0.0, 0.0, 0.0), slope: 0.0, stiffness: 0.0, bend: 0.0 };
+    pub const NONE: Self = Self {
+        loss: 0.0,
+        along: Vector3::new(0.0, 0.0, 0.0),
+        slope: 0.0,
+        stiffness: 0.0,
+        bend: 0.0,
+    };
 
     /// The term of a bone from `b` to `a`.
     #[inline]

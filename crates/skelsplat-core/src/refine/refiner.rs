@@ -6,6 +6,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::config::{Method, RefineConfig};
 use super::result::Refinement;
+use crate::annealed::rays::Rays;
 use crate::annealed::swaps::{Chain, chains};
 use crate::annealed::{self, AnnealedSettings, Before, Prior};
 use crate::camera::Camera;
@@ -15,7 +16,6 @@ use crate::gaussian::Gaussian;
 use crate::layout::Layout;
 use crate::outcome::{ErrorBars, Outcome};
 use crate::paper::{self, LossAndGradient, PaperSettings, Renderer, Shapes};
-use crate::annealed::rays::Rays;
 use crate::projection::View;
 use crate::sequence::tracks::Alone;
 use crate::symmetry::LimbPair;

@@ -39,6 +39,13 @@ pub struct Band {
     pub after: Matrix3<f64>,
 }
 
+impl Band {
+    /// Multiplies all blocks.
+    pub fn scale(&mut self, factor: f64) {
+        [&mut self.own, &mut self.next, &mut self.after].into_iter().for_each(|m| *m *= factor);
+    }
+}
+
 /// What second differences of weights `w` (one per frame, at its centre) add to the diagonal at `t`.
 #[inline]
 #[must_use]

@@ -1,14 +1,14 @@
 //! Error bars of a recording.
 //!
-//! The detections of a joint have errors with a constant part c that no number of frames averages out, and one of which f
-//! frames make up an independent detection. With the information D_t of a frame's detections, the motion's stiffness K and the
-//! mean D̄_t of the information around t,
+//! The detections of a joint have errors with a constant part c that no number of frames averages out; of the rest, f(n) among n
+//! frames make up an independent detection ([`Memory`]). With the information D_t of a frame's detections, the motion's stiffness
+//! K and the mean D̄_t of the information around t,
 //!
 //! ```text
-//! C_t = [(D/((1−c) f) + K)⁻¹]_tt + c D̄_t⁻¹
+//! C_t = (1 − c) f(n_t) S_t + c D̄_t⁻¹        S = (D + K)⁻¹        n_t = 3 / tr(S_t D_t)
 //! ```
 //!
-//! where the first term is a block of the selected inverse of the joint's chain. Bones then act on each frame: a joint that
+//! where S_t is a block of the selected inverse of the joint's chain, and n_t the number of frames that it averages over. Bones then act on each frame: a joint that
 //! is known to C_n is a measurement along the bone u of variance σ_b² + uᵀ C_n u of its neighbour. These messages pass from
 //! joint to joint, never back to where they come from, so that no information counts twice. An error of a bone's length
 //! lasts as well: it is not averaged over the frames.
@@ -23,6 +23,9 @@ use super::tracks::Tracks;
 
 /// Half of the time over which the information of a joint's detections is averaged, s.
 const AROUND: f64 = 0.5;
+/// Share of the residuals' variance that is noise; the rest are wrong detections that the kernel lets through (measured,
+/// docs/decisions.md).
+const SHARE: f64 = 0.93;
 /// Sweeps of the bones' messages: to joints two bones away.
 const SWEEPS: usize = 3;
 
@@ -37,21 +40,20 @@ pub struct Posterior {
     pub of_velocities: Vec<Matrix3<f64>>,
 }
 
-/// The selected inverse of joint `j`'s chain at the solution, with detections worth one `fewer`-th; a joint lies within `reach`
-/// (see [`Common`]) of the body's other joints.
+/// The selected inverse of joint `j`'s chain at the solution; a joint lies within `reach` (see [`Common`]) of the body's centre.
 #[must_use]
-pub fn bands(run: &Run<'_>, common: &Common, j: usize, fewer: f64) -> Vec<Band> {
+pub fn bands(run: &Run<'_>, common: &Common, j: usize) -> Vec<Band> {
     let of = run.system.of(j);
     let blocks = &run.system.blocks[of.clone()];
     let reach = Matrix3::from_diagonal_element(common.reach.powi(-2));
     let mut chain = Chain::default();
-    chain.factorise(&run.system.weights[of], |t| blocks[t] / fewer + reach);
+    chain.factorise(&run.system.weights[of], |t| blocks[t] + reach);
     chain.selected_inverse()
 }
 
 /// The posterior at the solution.
 #[must_use]
-pub fn posterior(run: &Run<'_>, tracks: &Tracks, common: &Common, memory: Memory) -> Posterior {
+pub fn posterior(run: &Run<'_>, tracks: &Tracks, common: &Common, memory: &Memory) -> Posterior {
     let (n, t) = (tracks.joints, tracks.frames);
     let unknown = Matrix3::repeat(f64::NAN);
     let mut out = Posterior {
@@ -60,7 +62,11 @@ pub fn posterior(run: &Run<'_>, tracks: &Tracks, common: &Common, memory: Memory
         of_velocities: vec![unknown; n * t],
     };
     for j in 0..n {
-        let bands = bands(run, common, j, (1.0 - memory.constant) * memory.frames);
+        let mut bands = bands(run, common, j);
+        bands.iter_mut().zip(&run.system.blocks[run.system.of(j)]).for_each(|(band, block)| {
+            let frames = 3.0 / (band.own * block).trace().clamp(1e-3, 3.0);
+            band.scale(SHARE * (1.0 - memory.constant) * memory.frames(frames));
+        });
         let lasting = lasting(run, tracks, common, memory, j);
         for k in (0..t).filter(|k| tracks.active[j * t + k]) {
             out.positions[j * t + k] = bands[k].own + lasting[k];
@@ -78,7 +84,7 @@ fn lasting(
     run: &Run<'_>,
     tracks: &Tracks,
     common: &Common,
-    memory: Memory,
+    memory: &Memory,
     j: usize,
 ) -> Vec<Matrix3<f64>> {
     let (t, own) = (tracks.frames, j * tracks.frames);
@@ -96,7 +102,7 @@ fn lasting(
     let of_frame = |k: usize| {
         let (first, last) = (&sums[k.saturating_sub(around)], &sums[(k + around + 1).min(t)]);
         let mean = (last.0 - first.0) / (last.1 - first.1).max(1.0);
-        inverse(&(mean + reach)) * memory.constant
+        inverse(&(mean + reach)) * (SHARE * memory.constant)
     };
     (0..t).map(of_frame).collect()
 }
@@ -131,9 +137,8 @@ impl Posterior {
 /// Passes the bones' messages of frame `k` and adds what they tell.
 fn share(run: &Run<'_>, tracks: &Tracks, common: &Common, k: usize, spread: &mut [Matrix3<f64>]) {
     let t = tracks.frames;
-    let alone: Vec<Matrix3<f64>> = (0..tracks.joints)
-        .map(|j| inverse(&spread[j * t + k]))
-        .collect();
+    let alone: Vec<Matrix3<f64>> =
+        (0..tracks.joints).map(|j| inverse(&spread[j * t + k])).collect();
     // Information along the bone that its first joint has from the second, and the second from the first.
     let mut messages = vec![[0.0; 2]; common.bones.len()];
     let told = |messages: &[[f64; 2]], j: usize, without: usize| {

@@ -5,7 +5,7 @@ use std::ops::Range;
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
-use super::learn::{self, Memory, median};
+use super::learn::{self, Memory, Noise, median};
 use super::posterior::{Posterior, posterior};
 use super::solver::{ANNEAL, Common, Run, SETTLE, frames_in};
 use super::swaps::{self, Swap};
@@ -61,11 +61,19 @@ pub fn refine_sequence(
     progress: &Progress,
 ) -> Result<Sequence> {
     if !(fps.is_finite() && fps > 0.0) {
-        return Err(Error::invalid("fps", "a positive number of frames per second", fps.to_string()));
+        return Err(Error::invalid(
+            "fps",
+            "a positive number of frames per second",
+            fps.to_string(),
+        ));
     }
     if !matches!(refiner.config().method, Method::Annealed(_)) {
         let name = refiner.config().method.name();
-        return Err(Error::invalid("config.method", "'annealed' for a sequence", format!("'{name}'")));
+        return Err(Error::invalid(
+            "config.method",
+            "'annealed' for a sequence",
+            format!("'{name}'"),
+        ));
     }
     let recording = Recording { refiner, frames, fps, progress };
     threads::install(refiner.config().n_threads, |_| recording.solve())
@@ -193,11 +201,9 @@ impl Recording<'_> {
         common.lengths = learn::lengths(&path.tracks, &path.points, &common.bones);
         let mut run = Run::new(&path.tracks, &common, Some(std::mem::take(&mut path.points)));
         run.anneal(SETTLE, &self.check())?;
-        let memory = Memory::of(&run, &path.tracks, &common);
-        let variance = match self.refiner.config().detection_sigma_px {
-            None => learn::variance(&run, &path.tracks, &common, weight),
-            Some(_) => common.variance.clone(),
-        };
+        let Noise { variance, memory } = Noise::of(&run, &path.tracks, &common, weight);
+        let given = self.refiner.config().detection_sigma_px.is_some();
+        let variance = if given { common.variance.clone() } else { variance };
         path.steps += run.n_iter;
         path.points = run.points;
         Ok((Learnt { common: Common { variance, ..common }, memory, weight }, path))
@@ -243,7 +249,7 @@ impl Recording<'_> {
         }
         let mut run = Run::new(&tracks, &learnt.common, Some(points));
         run.anneal(SETTLE, &self.check())?;
-        let found = posterior(&run, &tracks, &learnt.common, learnt.memory);
+        let found = posterior(&run, &tracks, &learnt.common, &learnt.memory);
         let errors = errors(&run, &found, &tracks, &learnt.common);
         let steps = steps + run.n_iter;
         let state = State { run: &run, tracks: &tracks, learnt, posterior: &found };
@@ -264,7 +270,8 @@ impl Recording<'_> {
         used_for: Vec<usize>,
         n_iter: usize,
     ) -> SolvedFrame {
-        let joints: Vec<Joint> = (0..alone.points.len()).map(|j| state.joint(j, t, alone)).collect();
+        let joints: Vec<Joint> =
+            (0..alone.points.len()).map(|j| state.joint(j, t, alone)).collect();
         let mm = self.refiner.unit().millimetres();
         let status: Vec<JointStatus> = joints.iter().map(|joint| joint.status).collect();
         let observed = status.iter().any(|s| *s != JointStatus::Unobserved);
@@ -291,7 +298,9 @@ impl Recording<'_> {
         SolvedFrame {
             refinement: self.refiner.result(&frame.detections, outcome, &bars),
             velocity: n.clone().map(|j| state.posterior.velocities[of(j)] / mm).collect(),
-            velocity_covariance: n.map(|j| state.posterior.of_velocities[of(j)] / (mm * mm)).collect(),
+            velocity_covariance: n
+                .map(|j| state.posterior.of_velocities[of(j)] / (mm * mm))
+                .collect(),
         }
     }
 }
@@ -345,7 +354,8 @@ impl State<'_> {
         let ranges = offsets().flatten().map(|(ray, o)| o.range.abs() * ray.pixel);
         let pixel = ranges.clone().sum::<f64>() / ranges.count().max(1) as f64;
         let variance = common.variance[j] / (pixel * pixel);
-        let fixed = agreeing > 1 && determine(rays, &at, variance, self.learnt.weight, |i| believed[i]);
+        let fixed =
+            agreeing > 1 && determine(rays, &at, variance, self.learnt.weight, |i| believed[i]);
         let widest = covariance.symmetric_eigenvalues().max().sqrt();
         let status = match (active, fixed) {
             (false, _) => alone.status[j],

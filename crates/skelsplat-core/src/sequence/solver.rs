@@ -40,9 +40,11 @@ pub const SETTLE: &Schedule = &[(1.0, 6)];
 const ROUNDS: usize = 8;
 const ACCURACY: f64 = 0.05;
 /// Reach of the kernel of accelerations, in standard deviations.
-const MOTION_REACH: f64 = 2.0;
+const MOTION_REACH: f64 = 4.0;
 /// Half of the time over which an acceleration is measured for its kernel.
 const MOTION_SPAN: f64 = 0.05;
+/// Half of the time over which the weights of a view's detections of a joint are averaged.
+const TRUST_SPAN: f64 = 0.1;
 /// Damping of a step.
 const DAMPING: f64 = 320.0;
 /// Longest step of a joint.
@@ -70,6 +72,9 @@ pub struct Run<'a> {
     pub system: System,
     /// Steps taken.
     pub n_iter: usize,
+    /// k of the rays of one joint `(T, M)`, and their running sums.
+    kept: Vec<f64>,
+    sums: Vec<f64>,
 }
 
 impl<'a> Run<'a> {
@@ -79,7 +84,8 @@ impl<'a> Run<'a> {
         let system = System::new(tracks.frames, tracks.joints, &common.bones);
         let smooth = points.is_none();
         let points = points.unwrap_or_else(|| vec![Vector3::zeros(); tracks.active.len()]);
-        let mut run = Self { tracks, common, points, system, n_iter: 0 };
+        let mut run =
+            Self { tracks, common, points, system, n_iter: 0, kept: Vec::new(), sums: Vec::new() };
         if smooth {
             (0..tracks.joints).for_each(|j| run.smooth(j));
         }
@@ -128,35 +134,64 @@ impl<'a> Run<'a> {
         (squares / step.len() as f64).sqrt()
     }
 
-    /// The detections of joint `j`: Σ c k (I − d dᵀ)/ŝ² and −Σ c k e/ŝ². Where three views agree on a position, their weights do
-    /// not fall below those at this position: the other frames never outvote them.
+    /// The detections of joint `j`: Σ c k k̄ (I − d dᵀ)/ŝ² and −Σ c k k̄ e/ŝ², where k̄ is the mean of k over the frames around:
+    /// errors that are not noise last. Where three views agree on a position and none disagrees, k and k̄ do not fall below their
+    /// values at this position: the other frames never outvote them.
     fn see(&mut self, j: usize, wider: f64) {
         let sigma = self.common.sigma[j] * wider;
         let precision = 1.0 / self.common.variance[j];
-        let of = self.system.of(j);
+        self.weigh(j, sigma);
+        let (views, of) = (self.tracks.views, self.system.of(j));
+        let around = frames_in(TRUST_SPAN, self.common.fps);
         let system = &mut self.system;
         let own = system.blocks[of.clone()].iter_mut().zip(&mut system.pulls[of.clone()]);
         for (t, (block, pull)) in own.enumerate() {
-            let k = of.start + t;
             (*block, *pull) = (Matrix3::identity(), Vector3::zeros());
-            if !self.tracks.active[k] {
+            if !self.tracks.active[of.start + t] {
                 continue;
             }
-            let x = &self.points[k];
+            let x = &self.points[of.start + t];
+            let (first, last) =
+                (t.saturating_sub(around), (t + around + 1).min(self.tracks.frames));
             let (mut weight, mut outer) = (0.0, [0.0; 6]);
-            let rays = self.tracks.rays(j, t).iter().zip(self.tracks.held(j, t));
-            for (ray, held) in rays.filter(|(ray, _)| ray.is_there()) {
-                let offset = ray.offset(x);
-                let w = ray.weight * offset.weight(sigma).max(*held) * precision;
+            let rays = self.tracks.rays(j, t).iter().zip(self.tracks.held(j, t)).enumerate();
+            for (i, (ray, held)) in rays.filter(|(_, (ray, _))| ray.is_there()) {
+                let sum =
+                    |k: usize| self.sums[last * 2 * views + k] - self.sums[first * 2 * views + k];
+                let mean = (sum(2 * i) / sum(2 * i + 1)).max(*held);
+                let w = ray.weight * self.kept[t * views + i] * mean * precision;
                 let (d, wd) = (&ray.direction, ray.direction * w);
-                let parts = [wd.x * d.x, wd.x * d.y, wd.x * d.z, wd.y * d.y, wd.y * d.z, wd.z * d.z];
+                let parts =
+                    [wd.x * d.x, wd.x * d.y, wd.x * d.z, wd.y * d.y, wd.y * d.z, wd.z * d.z];
                 outer.iter_mut().zip(parts).for_each(|(sum, part)| *sum += part);
                 weight += w;
-                *pull -= offset.across * w;
+                *pull -= ray.offset(x).across * w;
             }
             let [xx, xy, xz, yy, yz, zz] = outer;
             let (x, y, z) = (weight - xx, weight - yy, weight - zz);
             *block = Matrix3::new(x, -xy, -xz, -xy, y, -yz, -xz, -yz, z);
+        }
+    }
+
+    /// k of every ray of joint `j`, at least the held weight, and the running sums of k and of the rays' number.
+    fn weigh(&mut self, j: usize, sigma: f64) {
+        let (views, own) = (self.tracks.views, j * self.tracks.frames);
+        self.kept.clear();
+        self.sums.clear();
+        self.sums.resize(2 * views, 0.0);
+        for t in 0..self.tracks.frames {
+            let rays = self.tracks.rays(j, t).iter().zip(self.tracks.held(j, t)).enumerate();
+            for (i, (ray, held)) in rays {
+                let there = ray.is_there() && self.tracks.active[own + t];
+                let k = match there {
+                    true => ray.offset(&self.points[own + t]).weight(sigma).max(*held),
+                    false => 0.0,
+                };
+                self.kept.push(k);
+                let before = 2 * (t * views + i);
+                self.sums.push(self.sums[before] + k);
+                self.sums.push(self.sums[before + 1] + if there { 1.0 } else { 0.0 });
+            }
         }
     }
 
@@ -169,7 +204,8 @@ impl<'a> Run<'a> {
         let dt = 1.0 / self.common.fps;
         let q = self.common.agility[j];
         let h = frames_in(MOTION_SPAN, self.common.fps);
-        let usual = |h: usize| 3.0 * q * (h as f64 * dt).powi(3) * if h > 1 { 2.0 / 3.0 } else { 1.0 };
+        let usual =
+            |h: usize| 3.0 * q * (h as f64 * dt).powi(3) * if h > 1 { 2.0 / 3.0 } else { 1.0 };
         let w = &mut self.system.weights[of];
         w.fill(0.0);
         for t in 1..n.saturating_sub(1) {
@@ -243,7 +279,8 @@ impl<'a> Run<'a> {
                 precision[t] / (1.0 + square / SMOOTHING_REACH[usize::from(sure[t])])
             };
             let blocks: Vec<Matrix3<f64>> = (0..x.len()).map(block).collect();
-            let pull = |t: usize| if known(t) { times(&blocks[t], &alone[t]) } else { Vector3::zeros() };
+            let pull =
+                |t: usize| if known(t) { times(&blocks[t], &alone[t]) } else { Vector3::zeros() };
             let mut next: Vec<Vector3<f64>> = (0..x.len()).map(pull).collect();
             chain.factorise(&self.system.weights[of.clone()], |t| blocks[t]);
             chain.solve(&mut next);
@@ -258,9 +295,9 @@ fn interpolate(known: &[Vector3<f64>], active: &[bool], out: &mut [Vector3<f64>]
         (0..known.len()).filter(|t| active[*t] && known[*t].x.is_finite()).collect();
     there.iter().for_each(|t| out[*t] = known[*t]);
     for pair in there.windows(2) {
-        for t in pair[0] + 1..pair[1] {
-            let share = (t - pair[0]) as f64 / (pair[1] - pair[0]) as f64;
-            out[t] = known[pair[0]] * (1.0 - share) + known[pair[1]] * share;
+        let (first, last, gap) = (known[pair[0]], known[pair[1]], pair[1] - pair[0]);
+        for (k, x) in out[pair[0]..pair[1]].iter_mut().enumerate() {
+            *x = first + (last - first) * (k as f64 / gap as f64);
         }
     }
 }

@@ -35,10 +35,13 @@ pub(super) fn find(
     for (chain, pairs) in chains.iter().enumerate() {
         for view in 0..tracks.views {
             let gains: Vec<f64> = (0..tracks.frames)
-                .map(|t| pairs.iter().map(|pair| gain(tracks, points, common, view, t, *pair)).sum())
+                .map(|t| {
+                    pairs.iter().map(|pair| gain(tracks, points, common, view, t, *pair)).sum()
+                })
                 .collect();
             for (frame, own) in gains.iter().enumerate().filter(|(_, g)| **g >= OWN_GAIN * unit) {
-                let near = &gains[frame.saturating_sub(around)..(frame + around + 1).min(gains.len())];
+                let near =
+                    &gains[frame.saturating_sub(around)..(frame + around + 1).min(gains.len())];
                 if near.iter().sum::<f64>() >= MEAN_GAIN * unit * near.len() as f64 && *own > 0.0 {
                     found.push(Swap { frame, view, chain });
                 }
@@ -63,7 +66,11 @@ fn gain(
     }
     let agrees = |ray_of: usize, x_of: usize| {
         let ray = &tracks.rays(ray_of, t)[view];
-        let k = if ray.is_there() { ray.offset(&points[at(x_of)]).weight(common.sigma[x_of]) } else { 0.0 };
+        let k = if ray.is_there() {
+            ray.offset(&points[at(x_of)]).weight(common.sigma[x_of])
+        } else {
+            0.0
+        };
         ray.weight * k
     };
     agrees(l, r) + agrees(r, l) - agrees(l, l) - agrees(r, r)

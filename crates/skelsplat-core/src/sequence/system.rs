@@ -6,8 +6,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::small::times;
 use super::chain::{Chain, second_difference, stiffness};
+use super::small::times;
 use crate::bones::Pull;
 
 /// The step's system; buffers are reused.

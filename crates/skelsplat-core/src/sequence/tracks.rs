@@ -6,6 +6,9 @@ use crate::annealed::consensus::REJECTED;
 use crate::annealed::rays::{Ray, Rays};
 use crate::outcome::JointStatus;
 
+/// Weight of rays that agree closely.
+const CLOSE: f64 = 0.7;
+
 /// One frame solved alone.
 #[derive(Debug, Clone)]
 pub struct Alone {
@@ -42,7 +45,7 @@ pub struct Tracks {
     pub active: Vec<bool>,
     /// Whether three views, or both of two, agree on the position of the frame alone `(N, T)`.
     pub sure: Vec<bool>,
-    /// Least weight of every ray `(N, T, M)`: its weight at a position on which three agree, else 0.
+    /// Least weight of every ray `(N, T, M)`: its weight at a position on which all of at least three agree closely, else 0.
     held: Vec<f64>,
 }
 
@@ -107,7 +110,8 @@ impl Tracks {
             let n = rays.iter().filter(|ray| ray.is_there()).count();
             let agree = rays.iter().filter(|ray| weight(ray) >= REJECTED).count();
             self.sure[k] = agree >= 3 || (n == 2 && agree == 2);
-            if agree >= 3 {
+            let close = rays.iter().filter(|ray| weight(ray) >= CLOSE).count();
+            if close >= 3 && close == n {
                 let held = &mut self.held[k * m..(k + 1) * m];
                 held.iter_mut().zip(rays).for_each(|(held, ray)| *held = weight(ray));
             }
