@@ -7,6 +7,7 @@ import io
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -149,11 +150,11 @@ def _first_known(pose: FloatArray, known: NDArray[np.bool_]) -> FloatArray:
     return np.where(known.any(axis=0)[:, None], first, 0.0)
 
 
-def anipose(take: Take) -> Solved:
+def anipose(take: Take, *, ransac: bool = False) -> Solved:
     """Aniposelib's `CameraGroup.triangulate_optim`, all bones of the layout constrained.
 
     Its defaults but for `n_deriv_smooth` and `reproj_error_threshold`, which are the best here of 1, 2, 3 and
-    2, 5, 15 px. It starts from DLT: from RANSAC (`init_ransac=True`) it takes ten times as long.
+    2, 5, 15 px from DLT. From its RANSAC it is far better where views are occluded, and ten times slower.
     """
     import cv2
     from aniposelib.cameras import Camera, CameraGroup
@@ -166,7 +167,9 @@ def anipose(take: Take) -> Solved:
     limbs = [list(limb) for limb in sk.layouts.get(scene.layout).limbs]
     with contextlib.redirect_stdout(io.StringIO()), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of Numba, about what it cannot compile
-        pose = group.triangulate_optim(points, constraints=limbs, n_deriv_smooth=2, reproj_error_threshold=5)
+        pose = group.triangulate_optim(
+            points, init_ransac=ransac, constraints=limbs, n_deriv_smooth=2, reproj_error_threshold=5
+        )
     return Solved(np.asarray(pose))
 
 
@@ -175,6 +178,7 @@ METHODS: dict[str, Method] = {
     "butterworth": butterworth,
     "kalman": kalman,
     "anipose": anipose,
+    "anipose-ransac": partial(anipose, ransac=True),
     "sequence": sequence,
 }
 
@@ -183,7 +187,7 @@ def absent(name: str) -> str | None:
     """Return why a method is not available here, or None."""
     if name == "sequence" and not hasattr(sk, "refine_sequence"):
         return "this version of skelsplat has no refine_sequence"
-    if name == "anipose":
+    if name.startswith("anipose"):
         try:
             import aniposelib  # noqa: F401
         except ImportError as error:

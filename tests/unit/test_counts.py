@@ -27,6 +27,10 @@ def test_the_binding_is_thin() -> None:
     assert counts.binding_ratio() <= 0.22
 
 
+def test_long_functions_have_a_reason() -> None:
+    assert [function for function in counts.long_functions() if function.reason is None] == []
+
+
 def test_nine_functions_lie_between_the_argument_and_the_inner_loop() -> None:
     assert counts.broken_rooms() == []
     assert len(counts.ROOMS) <= counts.MOST_ROOMS == 9

@@ -43,7 +43,6 @@ _LEGEND = (
 )
 
 
-# long: a parameter per option
 def check_cameras(
     context: typer.Context,
     source: inputs.Calibration,

@@ -64,6 +64,7 @@ _Singular = Annotated[
 _Force = Annotated[bool, options.flag("Output", "--force", help="Replace OUTPUT if it exists.")]
 
 
+# long: a parameter per option
 def convert(
     context: typer.Context,
     source: _Input,
