@@ -61,17 +61,17 @@ def refine_sequence(
 ) -> SequenceRefinement:
     """Refine the frames of one motion together: bones keep their length, joints move smoothly.
 
-    To the terms of ``refine`` come one for the length of every limb of the layout and one for the acceleration
-    of every joint, all in one robust solve. How long the bones are, how fast the joints move and how large and
-    lasting the errors of the detector are is learnt from the recording: nothing has to be set, and the body
-    need not be human. Gaps of up to a second are bridged; where three views agree on a joint, the other frames
-    never outvote them. docs/method.md has the mathematics.
+    One robust solve has the terms of ``refine``, the length of every limb of the layout, and the acceleration
+    of every joint. It learns from the recording how long the bones are, how fast the joints move, and how
+    large and lasting the detector's errors are: nothing has to be set, and the body need not be human. Gaps of
+    up to a second are bridged. Where all of at least three views agree on a joint, the other frames never
+    outvote them. docs/method.md has the mathematics.
 
     Parameters
     ----------
     detections : (T, M, N, 2|3)
-        As in ``refine``: frames of one motion in order, at a constant rate. A frame without detections is NaN,
-        not left out.
+        As in ``refine``: the frames of one motion in order, at a constant rate. A frame without detections is
+        NaN, not left out.
     cameras, layout, confidence, config, progress
         As in ``refine``; ``annealed`` only. Without a layout, or with one that has no limbs, there are no
         bones.
