@@ -63,8 +63,8 @@ def refine_sequence(
 
     One robust solve has the terms of ``refine``, the length of every limb of the layout, and the acceleration
     of every joint. It learns from the recording how long the bones are, how fast the joints move, and how
-    large and lasting the detector's errors are: nothing has to be set, and the body need not be human. Gaps of
-    up to a second are bridged. Where all of at least three views agree on a joint, the other frames never
+    large and lasting the detector's errors are: nothing has to be set, and the body need not be human. Gaps
+    of up to a second are bridged. Where all of at least three views agree on a joint, the other frames never
     outvote them. docs/method.md has the mathematics.
 
     Parameters

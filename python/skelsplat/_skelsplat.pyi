@@ -551,7 +551,7 @@ class Refiner:
         confidence: ArrayLike | None = None,
         progress: Callable[[int, int], Any] | None = None,
     ) -> dict[str, Any]:
-        """Return the fields of ``skelsplat.SequenceRefinement``; the status as codes into ``JOINT_STATUS``."""
+        """Return the fields of ``skelsplat.SequenceRefinement``; the status as codes."""
 
     def follow(
         self, past: ArrayLike | None, detections: ArrayLike, *, confidence: ArrayLike | None = None

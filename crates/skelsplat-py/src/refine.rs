@@ -86,7 +86,7 @@ impl PyRefiner {
         results(py, &frames, &done)
     }
 
-    /// Return the fields of ``skelsplat.SequenceRefinement``; the status as codes into ``JOINT_STATUS``.
+    /// Return the fields of ``skelsplat.SequenceRefinement``; the status as codes.
     #[pyo3(signature = (init_pose, detections, fps, *, confidence=None, progress=None))]
     fn refine_sequence<'py>(
         &self,
