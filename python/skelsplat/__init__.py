@@ -6,6 +6,7 @@ Gaussian at the 2D detection. The public names are the ones listed in ``__all__`
 
 from skelsplat import layouts, metrics, synthetic
 from skelsplat._refine import LossAndGradient, Refinement, Refiner, loss_and_gradient, refine
+from skelsplat._sequence import SequenceRefinement, refine_sequence
 from skelsplat._skelsplat import (
     REJECTED_WEIGHT,
     Camera,
@@ -41,6 +42,7 @@ __all__ = [
     "RefineConfig",
     "Refinement",
     "Refiner",
+    "SequenceRefinement",
     "SkelSplatError",
     "__version__",
     "fuse_monocular",
@@ -51,6 +53,7 @@ __all__ = [
     "project_gaussians",
     "pseudo_ground_truth",
     "refine",
+    "refine_sequence",
     "render",
     "synthetic",
     "triangulate",

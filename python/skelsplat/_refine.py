@@ -176,23 +176,24 @@ def refine(
     by_pixels = config is not None and config.method == "paper" and config.renderer == "raster"
     if by_pixels:
         _warn_before_the_work(init_pose, detections, cameras, layout)
-    with _reporter(progress) as report:
+    with reporter(progress) as report:
         out = prepared.refine(
             init_pose, detections, confidence=confidence, init_sigma=init_sigma, progress=report
         )
     if not by_pixels:
-        _warn_of_unit(out["pose"], cameras, layout)
-    result = _refinement(out)
+        warn_of_unit(out["pose"], cameras, layout)
+    result = Refinement(**refinement_fields(out))
     if init_sigma is not None:
         _warn_of_prior(result)
     return result
 
 
-def _refinement(out: dict[str, Any]) -> Refinement:
+def refinement_fields(out: dict[str, Any]) -> dict[str, Any]:
+    """Return the fields of a result with its codes as words."""
     reasons = np.array(out["stop_reason"])
     stop_reason = reasons.reshape(()) if out["pose"].ndim == 2 else reasons
     words = {"joint_status": _STATUS[out["joint_status"]], "stop_reason": stop_reason}
-    return Refinement(**{**out, **words})
+    return {**out, **words}
 
 
 def _warn_before_the_work(
@@ -209,10 +210,10 @@ def _warn_before_the_work(
     except (TypeError, ValueError):
         return  # the core names what is wrong with it
     if poses.ndim in (2, 3) and poses.shape[-1] == 3 and poses.size:
-        _warn_of_unit(poses, cameras, layout, depth=4)
+        warn_of_unit(poses, cameras, layout, depth=4)
 
 
-def _warn_of_unit(
+def warn_of_unit(
     poses: NDArray[np.float64], cameras: Cameras, layout: str | Layout | None, *, depth: int = 3
 ) -> None:
     some = poses[:: max(1, len(poses) // _FRAMES_TO_JUDGE)] if poses.ndim == 3 else poses[None]
@@ -237,7 +238,7 @@ def _warn(kind: str, numbers: dict[str, Any], depth: int) -> None:
 
 
 @contextmanager
-def _reporter(progress: bool | Progress) -> Iterator[Progress | None]:
+def reporter(progress: bool | Progress) -> Iterator[Progress | None]:
     """Yield the callable that the core reports to: None, the user's own, or a progress bar."""
     if progress is False:
         yield None
@@ -353,8 +354,8 @@ class Refiner:
             If ``detections`` is not one frame, or has another number of joints than the frames before.
         """
         out, past = self._prepared.follow(self._last, detections, confidence=confidence)
-        result = _refinement(out)
+        result = Refinement(**refinement_fields(out))
         if self._last is None:
-            _warn_of_unit(result.pose, self._cameras, self._layout)
+            warn_of_unit(result.pose, self._cameras, self._layout)
         self._last = past
         return result

@@ -542,6 +542,17 @@ class Refiner:
     ) -> dict[str, Any]:
         """Return the fields of ``skelsplat.Refinement``; ``joint_status`` as codes into ``JOINT_STATUS``."""
 
+    def refine_sequence(
+        self,
+        init_pose: ArrayLike | None,
+        detections: ArrayLike,
+        fps: float,
+        *,
+        confidence: ArrayLike | None = None,
+        progress: Callable[[int, int], Any] | None = None,
+    ) -> dict[str, Any]:
+        """Return the fields of ``skelsplat.SequenceRefinement``; the status as codes."""
+
     def follow(
         self, past: ArrayLike | None, detections: ArrayLike, *, confidence: ArrayLike | None = None
     ) -> tuple[dict[str, Any], NDArray[np.float64]]:

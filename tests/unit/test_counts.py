@@ -14,8 +14,13 @@ from sweeps import swept
 ROWS = {row.name: row for row in counts.folders()}
 
 
+# Lines of the package without what came later, and what each later capability may add.
+HOUSE = 29_500
+LATER = {"sequences": 1_000}
+
+
 def test_the_package_is_small() -> None:
-    assert ROWS["package"].lines <= 29_500
+    assert ROWS["package"].lines <= HOUSE + sum(LATER.values())
 
 
 def test_the_command_line_is_small() -> None:

@@ -18,6 +18,7 @@ LAYERS = (
     {"datasets"},  # writes the sets that `synthetic` makes
     {"io", "viz", "rig_check", "synthetic"},
     {"association", "temporal"},
+    {"_sequence"},
     {"_refine", "metrics"},
     {"cameras", "layouts"},
     {"findings", "_sentences"},  # a finding has its sentence, which is made from its numbers

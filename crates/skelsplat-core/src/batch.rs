@@ -22,6 +22,11 @@ impl Progress {
         self.done.load(Ordering::Relaxed)
     }
 
+    /// Counts a finished frame.
+    pub(crate) fn advance(&self) {
+        self.done.fetch_add(1, Ordering::Relaxed);
+    }
+
     /// Stops the batch at each frame's next step.
     pub fn cancel(&self) {
         self.cancel.store(true, Ordering::Relaxed);

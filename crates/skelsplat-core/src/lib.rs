@@ -62,6 +62,7 @@
 
 mod annealed;
 mod batch;
+mod bones;
 mod camera;
 mod detections;
 mod error;
@@ -74,6 +75,7 @@ mod overlap;
 mod paper;
 mod projection;
 mod refine;
+mod sequence;
 mod settings;
 mod symmetry;
 #[cfg(feature = "testing")]
@@ -95,6 +97,7 @@ pub use nalgebra;
 pub use outcome::{JointStatus, Loss, StopReason};
 pub use paper::{Encoding, LossAndGradient, PaperSettings, PositionLearningRate, Renderer};
 pub use refine::{Control, Frame, Method, RefineConfig, Refinement, Refiner};
+pub use sequence::{Sequence, refine_sequence};
 pub use settings::{Domain, Kind, Setting, Value};
 pub use triangulate::{Triangulated, fuse_monocular};
 pub use triangulation::{TriangulationMethod, triangulate};
@@ -118,6 +121,7 @@ macro_rules! parts {
 
 parts! {
     annealed: "Annealed splatting, the default method.",
+    bones: "Lengths of bones.",
     camera: "Cameras and lenses.",
     detections: "2D detections of one frame.",
     gaussian: "The skeleton of Gaussians.",
@@ -128,6 +132,7 @@ parts! {
     paper: "The published method.",
     projection: "Gaussians projected into a view.",
     refine: "Settings, the refiner and its result.",
+    sequence: "A recording as a whole.",
     symmetry: "The limb-symmetry loss.",
     triangulate: "Algebraic triangulation.",
     unit: "Units of length.",

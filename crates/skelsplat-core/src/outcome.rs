@@ -39,6 +39,8 @@ pub enum JointStatus {
     Weak,
     /// No usable detection: the joint keeps its initial position, NaN if it has none.
     Unobserved,
+    /// Determined by its bones and by the frames around it, not by two views of this frame.
+    Inferred,
 }
 
 impl JointStatus {
@@ -49,6 +51,7 @@ impl JointStatus {
             Self::Ok => "ok",
             Self::Weak => "weak",
             Self::Unobserved => "unobserved",
+            Self::Inferred => "inferred",
         }
     }
 }

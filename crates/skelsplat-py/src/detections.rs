@@ -75,6 +75,14 @@ impl Frames {
         (0..self.count).map(one).collect()
     }
 
+    /// The frames of a recording.
+    pub(crate) fn recording(self) -> Result<Self> {
+        if self.batch {
+            return Ok(self);
+        }
+        refuse("detections", "the frames of a recording (T, M, N, 2|3)", "one frame")
+    }
+
     /// The only frame.
     pub(crate) fn only(&self) -> Result<Detections> {
         if self.batch {

@@ -9,7 +9,8 @@ use pyo3::types::PyDict;
 use skelsplat_core::study::gaussian::is_symmetric;
 use skelsplat_core::study::unit::implausible_extent as core_extent;
 use skelsplat_core::{
-    Follower, Frame, JointStatus, Method, Progress, Refinement, Refiner, refine_batch,
+    Follower, Frame, JointStatus, Method, Progress, Refinement, Refiner, Sequence, refine_batch,
+    refine_sequence,
 };
 
 use crate::args::{Array, Confidence, InitPose, InitSigma, Out, Poses, place};
@@ -21,8 +22,8 @@ use crate::layout::Layout;
 use crate::watch;
 
 /// Statuses in the order of the codes returned by `refine`.
-pub(crate) const JOINT_STATUS: [JointStatus; 3] =
-    [JointStatus::Ok, JointStatus::Weak, JointStatus::Unobserved];
+pub(crate) const JOINT_STATUS: [JointStatus; 4] =
+    [JointStatus::Ok, JointStatus::Weak, JointStatus::Unobserved, JointStatus::Inferred];
 
 /// Smallest standard deviation of an initial pose: the inverse of its square is well within the range of a double.
 const FINEST: f64 = 1e-15;
@@ -83,6 +84,30 @@ impl PyRefiner {
             _ => watch::watched(py, total, progress.as_ref(), work)?,
         };
         results(py, &frames, &done)
+    }
+
+    /// Return the fields of ``skelsplat.SequenceRefinement``; the status as codes.
+    #[pyo3(signature = (init_pose, detections, fps, *, confidence=None, progress=None))]
+    fn refine_sequence<'py>(
+        &self,
+        py: Python<'py>,
+        init_pose: Option<InitPose>,
+        detections: Frames,
+        fps: f64,
+        confidence: Option<Confidence>,
+        progress: Option<Bound<'py, PyAny>>,
+    ) -> Result<Bound<'py, PyDict>> {
+        let frames = detections.with(confidence)?.recording()?;
+        let poses = initial_poses(init_pose, &frames)?;
+        let jobs = frames.detections()?.into_iter().zip(poses);
+        let jobs: Vec<Frame> =
+            jobs.map(|(detections, init_pose)| Frame { init_pose, ..detections.into() }).collect();
+        let (refiner, total) = (Arc::clone(&self.0), jobs.len());
+        let work = move |progress: &Progress| refine_sequence(&refiner, &jobs, fps, progress);
+        let done = watch::watched(py, total, progress.as_ref(), work)?;
+        let out = results(py, &frames, &done.frames)?;
+        over_time(&out, &frames, &done)?;
+        Ok(out)
     }
 
     /// Return the fields of the frame that follows ``past`` (N, 3), and the past of the next frame.
@@ -209,6 +234,21 @@ fn results<'py>(
     out.set_item("stop_reason", reasons)?;
     out.set_item("loss_history", all.of(&[steps], history))?;
     Ok(out)
+}
+
+/// Adds what a sequence has beside its frames.
+fn over_time(out: &Bound<'_, PyDict>, frames: &Frames, done: &Sequence) -> Result<()> {
+    let (n, bones) = (frames.n_joints, done.bones.len());
+    let velocity = done.velocity.iter().flatten().flatten().copied().collect();
+    let covariance = done.velocity_covariance.iter().flatten().flatten().copied().collect();
+    let (mean, sigma) = done.lengths.iter().map(|l| (l.mean, l.sigma)).unzip();
+    out.set_item("velocity", frames.out(velocity, &[n, 3]))?;
+    out.set_item("velocity_uncertainty", frames.out(covariance, &[n, 3, 3]))?;
+    let ends = done.bones.iter().flatten().map(|j| *j as i64).collect();
+    out.set_item("bones", Out(ends, vec![bones, 2]))?;
+    out.set_item("bone_lengths", Out(mean, vec![bones]))?;
+    out.set_item("bone_length_sigma", Out(sigma, vec![bones]))?;
+    Ok(())
 }
 
 /// The results of all frames.

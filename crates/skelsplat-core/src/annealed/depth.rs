@@ -53,6 +53,19 @@ pub fn is_fixed(rays: &[Ray], j: usize, solution: &Solution, k: &[f64]) -> bool 
     over_infinity(rays, &solution.points[j], variance, |i| k[i]) >= DISTINCT
 }
 
+/// Whether rays with weights `k` determine the depth of `x`; `variance` is that of a detection of weight 1, px², and `weight` the
+/// mean weight of a detection, whose noise is at least the usual one.
+#[must_use]
+pub fn determine(
+    rays: &[Ray],
+    x: &Vector3<f64>,
+    variance: f64,
+    weight: f64,
+    k: impl Fn(usize) -> f64,
+) -> bool {
+    over_infinity(rays, x, variance.max(USUAL_PX * USUAL_PX * weight), k) >= DISTINCT
+}
+
 /// Whether two rays are far enough from parallel to determine the depth of their meeting point.
 #[must_use]
 pub fn have_parallax(a: &Ray, b: &Ray) -> bool {

@@ -40,7 +40,7 @@ pub struct Offset {
 
 impl Ray {
     /// A missing detection.
-    const NONE: Self = Self {
+    pub const NONE: Self = Self {
         centre: Vector3::new(0.0, 0.0, 0.0),
         direction: Vector3::new(0.0, 0.0, 0.0),
         weight: 0.0,
@@ -113,6 +113,12 @@ impl Rays {
             }
         }
         Self { n_views: m, rays }
+    }
+
+    /// From rays `(N, M)`.
+    #[must_use]
+    pub fn of(rays: Vec<Ray>, n_views: usize) -> Self {
+        Self { n_views, rays }
     }
 
     /// Number of views M.

@@ -6,6 +6,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::config::{Method, RefineConfig};
 use super::result::Refinement;
+use crate::annealed::rays::Rays;
 use crate::annealed::swaps::{Chain, chains};
 use crate::annealed::{self, AnnealedSettings, Before, Prior};
 use crate::camera::Camera;
@@ -13,9 +14,10 @@ use crate::detections::Detections;
 use crate::error::{Error, Result};
 use crate::gaussian::Gaussian;
 use crate::layout::Layout;
-use crate::outcome::Outcome;
+use crate::outcome::{ErrorBars, Outcome};
 use crate::paper::{self, LossAndGradient, PaperSettings, Renderer, Shapes};
 use crate::projection::View;
+use crate::sequence::tracks::Alone;
 use crate::symmetry::LimbPair;
 use crate::threads;
 use crate::unit::Unit;
@@ -69,6 +71,7 @@ pub struct Refiner {
     views: Vec<View>,
     pairs: Vec<LimbPair>,
     chains: Vec<Chain>,
+    bones: Vec<[usize; 2]>,
     occlusion_prone: Vec<usize>,
     n_joints: Option<usize>,
     /// Settings of the rendering loss: those of `paper`, or for `annealed` its closed form.
@@ -116,6 +119,7 @@ impl Refiner {
             views: scaled?.iter().map(View::new).collect(),
             pairs: pairs.unwrap_or_default(),
             chains: layout.filter(|_| find_swaps).map(chains).unwrap_or_default(),
+            bones: layout.map(|l| l.limbs.clone()).unwrap_or_default(),
             occlusion_prone: layout.map(|l| l.occlusion_prone.clone()).unwrap_or_default(),
             n_joints: layout.map(|l| l.joints.len()),
             cameras,
@@ -163,8 +167,58 @@ impl Refiner {
                 (outcome, bars)
             }
         };
-        let errors = self.reprojection_error(&frame.detections, &outcome);
-        Ok(Refinement::new(outcome, &bars, errors, self.unit))
+        Ok(self.result(&frame.detections, outcome, &bars))
+    }
+
+    /// The frame solved alone, with the rays that it used.
+    pub(crate) fn alone(&self, frame: &Frame) -> Result<Alone> {
+        self.check(frame)?;
+        let used = self.usable(&frame.detections);
+        let problem = self.annealed(&used, self.before(frame));
+        let annealed::Annealed { outcome, bars } = problem.solve();
+        let mut rays = Rays::new(&used, &self.cameras, problem.view_weights);
+        let n = used.n_joints();
+        let swapped = outcome.used_for.iter().enumerate().filter(|(k, j)| k % n < **j);
+        swapped.for_each(|(k, j)| rays.swap(k / n, k % n, *j));
+        Ok(Alone {
+            rays,
+            used_for: outcome.used_for,
+            points: outcome.points,
+            spread: bars.covariances,
+            status: bars.status,
+            noise: bars.noise,
+        })
+    }
+
+    /// Final kernels of `n` joints where the detections have this `noise`, mm.
+    pub(crate) fn final_kernels(&self, n: usize, noise: f64) -> Vec<f64> {
+        let per_noise = match &self.config.method {
+            Method::Annealed(own) => own.sigma_per_noise,
+            Method::Paper(_) => None,
+        };
+        let share = per_noise.map_or(1.0, |k| (k * noise / self.config.sigma_mm()).min(1.0));
+        self.sigmas(n).into_iter().map(|sigma| sigma * share).collect()
+    }
+
+    /// Joints at both ends of every bone.
+    pub(crate) fn bones(&self) -> &[[usize; 2]] {
+        &self.bones
+    }
+
+    /// Joints that a detector may swap together.
+    pub(crate) fn chains(&self) -> &[Chain] {
+        &self.chains
+    }
+
+    /// The result for these `detections`.
+    pub(crate) fn result(
+        &self,
+        detections: &Detections,
+        outcome: Outcome,
+        bars: &ErrorBars,
+    ) -> Refinement {
+        let errors = self.reprojection_error(detections, &outcome);
+        Refinement::new(outcome, bars, errors, self.unit)
     }
 
     /// Loss over all views and its gradient for any Gaussians `(N)`, in doubles, for study and tests: the paper's with

@@ -1,0 +1,95 @@
+//! Lengths of bones: the residual (‖x_a − x_b‖ − l)/σ under a robust kernel, with value, gradient and Gauss–Newton block.
+//!
+//! With d = x_a − x_b, u = d/‖d‖ and r = ‖d‖ − l the term κ(r) is a Welsch loss of reach c = 6σ,
+//!
+//! ```text
+//! E = c²/σ² (1 − exp(−r²/2c²))      ∂E/∂x_a = k r/σ² u = −∂E/∂x_b      k = exp(−r²/2c²)
+//! H = k/σ² (u uᵀ + (r₊/‖d‖) (I − u uᵀ))
+//! ```
+//!
+//! H is the block of x_a and x_b each, −H the one between them. The second term is the positive part of r ∇²r: without it,
+//! a joint whose only ray is at right angles to its bone always overshoots.
+
+use nalgebra::{Matrix3, Vector3};
+
+/// Reach of the kernel, in standard deviations.
+const REACH: f64 = 6.0;
+
+/// The expected length of a bone.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Length {
+    /// l, mm.
+    pub mean: f64,
+    /// σ, mm.
+    pub sigma: f64,
+}
+
+/// A bone's term at two positions, linearised.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pull {
+    /// E.
+    pub loss: f64,
+    /// u.
+    pub along: Vector3<f64>,
+    /// ∂E/∂x_a along u.
+    pub slope: f64,
+    /// k/σ², the block along u.
+    pub stiffness: f64,
+    /// k r₊/(σ² ‖d‖), the block across u.
+    pub bend: f64,
+}
+
+impl Pull {
+    /// No term: an unknown length, or ends that coincide.
+    pub const NONE: Self = Self {
+        loss: 0.0,
+        along: Vector3::new(0.0, 0.0, 0.0),
+        slope: 0.0,
+        stiffness: 0.0,
+        bend: 0.0,
+    };
+
+    /// The term of a bone from `b` to `a`.
+    #[inline]
+    #[must_use]
+    pub fn new(a: &Vector3<f64>, b: &Vector3<f64>, length: Length) -> Self {
+        let d = a - b;
+        let long = d.norm();
+        if !(long > 0.0 && length.sigma.is_finite()) {
+            return Self::NONE;
+        }
+        let r = long - length.mean;
+        let variance = length.sigma * length.sigma;
+        let kept = (-0.5 * r * r / (REACH * REACH * variance)).exp();
+        let stiffness = kept / variance;
+        Self {
+            loss: REACH * REACH * (1.0 - kept),
+            along: d / long,
+            slope: stiffness * r,
+            stiffness,
+            bend: stiffness * r.max(0.0) / long,
+        }
+    }
+
+    /// ∂E/∂x_a = −∂E/∂x_b.
+    #[inline]
+    #[must_use]
+    pub fn gradient(&self) -> Vector3<f64> {
+        self.along * self.slope
+    }
+
+    /// H times a vector.
+    #[inline]
+    #[must_use]
+    pub fn times(&self, v: &Vector3<f64>) -> Vector3<f64> {
+        self.along * ((self.stiffness - self.bend) * self.along.dot(v)) + v * self.bend
+    }
+
+    /// H.
+    #[inline]
+    #[must_use]
+    pub fn block(&self) -> Matrix3<f64> {
+        self.along * (self.along * (self.stiffness - self.bend)).transpose()
+            + Matrix3::from_diagonal_element(self.bend)
+    }
+}

@@ -1,0 +1,171 @@
+//! Error bars of a recording.
+//!
+//! The detections of a joint have errors with a constant part c that no number of frames averages out; of the rest, f(n) among n
+//! frames make up an independent detection ([`Memory`]). With the information D_t of a frame's detections, the motion's stiffness
+//! K and the mean D̄_t of the information around t,
+//!
+//! ```text
+//! C_t = (1 − c) f(n_t) S_t + c D̄_t⁻¹        S = (D + K)⁻¹        n_t = 3 / tr(S_t D_t)
+//! ```
+//!
+//! where S_t is a block of the selected inverse of the joint's chain, and n_t the number of frames that it averages over. Bones then act on each frame: a joint that
+//! is known to C_n is a measurement along the bone u of variance σ_b² + uᵀ C_n u of its neighbour. These messages pass from
+//! joint to joint, never back to where they come from, so that no information counts twice. An error of a bone's length
+//! lasts as well: it is not averaged over the frames.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::chain::{Band, Chain};
+use super::learn::Memory;
+use super::small::{inverse, times};
+use super::solver::{Common, Run, frames_in};
+use super::tracks::Tracks;
+
+/// Half of the time over which the information of a joint's detections is averaged, s.
+const AROUND: f64 = 0.5;
+/// Share of the residuals' variance that is noise; the rest are wrong detections that the kernel lets through (measured,
+/// docs/decisions.md).
+const SHARE: f64 = 0.93;
+/// Sweeps of the bones' messages: to joints two bones away.
+const SWEEPS: usize = 3;
+
+/// Posterior of positions and velocities.
+#[derive(Debug, Clone)]
+pub struct Posterior {
+    /// Covariances of the positions `(N, T)`, mm²; NaN where inactive.
+    pub positions: Vec<Matrix3<f64>>,
+    /// Velocities `(N, T)`, mm/s; NaN at the ends.
+    pub velocities: Vec<Vector3<f64>>,
+    /// Their covariances `(N, T)`, (mm/s)².
+    pub of_velocities: Vec<Matrix3<f64>>,
+}
+
+/// The selected inverse of joint `j`'s chain at the solution; a joint lies within `reach` (see [`Common`]) of the body's centre.
+#[must_use]
+pub fn bands(run: &Run<'_>, common: &Common, j: usize) -> Vec<Band> {
+    let of = run.system.of(j);
+    let blocks = &run.system.blocks[of.clone()];
+    let reach = Matrix3::from_diagonal_element(common.reach.powi(-2));
+    let mut chain = Chain::default();
+    chain.factorise(&run.system.weights[of], |t| blocks[t] + reach);
+    chain.selected_inverse()
+}
+
+/// The posterior at the solution.
+#[must_use]
+pub fn posterior(run: &Run<'_>, tracks: &Tracks, common: &Common, memory: &Memory) -> Posterior {
+    let (n, t) = (tracks.joints, tracks.frames);
+    let unknown = Matrix3::repeat(f64::NAN);
+    let mut out = Posterior {
+        positions: vec![unknown; n * t],
+        velocities: vec![Vector3::repeat(f64::NAN); n * t],
+        of_velocities: vec![unknown; n * t],
+    };
+    for j in 0..n {
+        let mut bands = bands(run, common, j);
+        bands.iter_mut().zip(&run.system.blocks[run.system.of(j)]).for_each(|(band, block)| {
+            let frames = 3.0 / (band.own * block).trace().clamp(1e-3, 3.0);
+            band.scale(SHARE * (1.0 - memory.constant) * memory.frames(frames));
+        });
+        let lasting = lasting(run, tracks, common, memory, j);
+        for k in (0..t).filter(|k| tracks.active[j * t + k]) {
+            out.positions[j * t + k] = bands[k].own + lasting[k];
+        }
+        out.velocities(run, tracks, common, &bands, j);
+    }
+    for k in 0..t {
+        share(run, tracks, common, k, &mut out.positions);
+    }
+    out
+}
+
+/// c D̄⁻¹ of joint `j` in every frame.
+fn lasting(
+    run: &Run<'_>,
+    tracks: &Tracks,
+    common: &Common,
+    memory: &Memory,
+    j: usize,
+) -> Vec<Matrix3<f64>> {
+    let (t, own) = (tracks.frames, j * tracks.frames);
+    let around = frames_in(AROUND, common.fps);
+    let reach = Matrix3::from_diagonal_element(common.reach.powi(-2));
+    let mut sums = vec![(Matrix3::zeros(), 0.0)];
+    for k in 0..t {
+        let (mut sum, mut n): (Matrix3<f64>, f64) = sums[k];
+        if tracks.active[own + k] {
+            sum += run.system.blocks[own + k];
+            n += 1.0;
+        }
+        sums.push((sum, n));
+    }
+    let of_frame = |k: usize| {
+        let (first, last) = (&sums[k.saturating_sub(around)], &sums[(k + around + 1).min(t)]);
+        let mean = (last.0 - first.0) / (last.1 - first.1).max(1.0);
+        inverse(&(mean + reach)) * (SHARE * memory.constant)
+    };
+    (0..t).map(of_frame).collect()
+}
+
+impl Posterior {
+    fn velocities(
+        &mut self,
+        run: &Run<'_>,
+        tracks: &Tracks,
+        common: &Common,
+        bands: &[Band],
+        j: usize,
+    ) {
+        let t = tracks.frames;
+        let own = j * t;
+        for k in 0..t {
+            let there = |k: usize| tracks.active[own + k];
+            let (a, b) = (k.saturating_sub(1), (k + 1).min(t - 1));
+            let (a, b) = (if there(a) { a } else { k }, if there(b) { b } else { k });
+            if !there(k) || a == b {
+                continue;
+            }
+            let rate = common.fps / (b - a) as f64;
+            let cross = if b - a == 2 { bands[a].after } else { bands[a].next };
+            let spread = bands[a].own + bands[b].own - cross - cross.transpose();
+            self.velocities[own + k] = (run.points[own + b] - run.points[own + a]) * rate;
+            self.of_velocities[own + k] = spread * (rate * rate);
+        }
+    }
+}
+
+/// Passes the bones' messages of frame `k` and adds what they tell.
+fn share(run: &Run<'_>, tracks: &Tracks, common: &Common, k: usize, spread: &mut [Matrix3<f64>]) {
+    let t = tracks.frames;
+    let alone: Vec<Matrix3<f64>> =
+        (0..tracks.joints).map(|j| inverse(&spread[j * t + k])).collect();
+    // Information along the bone that its first joint has from the second, and the second from the first.
+    let mut messages = vec![[0.0; 2]; common.bones.len()];
+    let told = |messages: &[[f64; 2]], j: usize, without: usize| {
+        let mut information = alone[j];
+        for (b, bone) in common.bones.iter().enumerate().filter(|(b, _)| *b != without) {
+            if let Some(end) = bone.iter().position(|of| *of == j) {
+                let u = run.system.lengths[b * t + k].along;
+                information += u * u.transpose() * messages[b][end];
+            }
+        }
+        information
+    };
+    for _ in 0..SWEEPS {
+        for (b, [head, tail]) in common.bones.iter().enumerate() {
+            let pull = &run.system.lengths[b * t + k];
+            if pull.stiffness <= 0.0 {
+                continue;
+            }
+            let from = |j: usize, messages: &[[f64; 2]]| {
+                let known = inverse(&told(messages, j, b));
+                let variance = pull.along.dot(&times(&known, &pull.along));
+                if variance > 0.0 { 1.0 / (1.0 / pull.stiffness + variance) } else { 0.0 }
+            };
+            messages[b] = [from(*tail, &messages), from(*head, &messages)];
+        }
+    }
+    for j in (0..tracks.joints).filter(|j| tracks.active[j * t + k]) {
+        spread[j * t + k] = inverse(&told(&messages, j, usize::MAX));
+    }
+}

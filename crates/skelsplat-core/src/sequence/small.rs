@@ -1,0 +1,48 @@
+//! Products of 3×3 matrices, written out: the library's general ones are not inlined everywhere, and take several times as long.
+
+use nalgebra::{Matrix3, Vector3};
+
+/// A v.
+#[inline(always)]
+pub(super) fn times(a: &Matrix3<f64>, v: &Vector3<f64>) -> Vector3<f64> {
+    Vector3::new(
+        a.m11 * v.x + a.m12 * v.y + a.m13 * v.z,
+        a.m21 * v.x + a.m22 * v.y + a.m23 * v.z,
+        a.m31 * v.x + a.m32 * v.y + a.m33 * v.z,
+    )
+}
+
+/// Aᵀ v.
+#[inline(always)]
+pub(super) fn transposed_times(a: &Matrix3<f64>, v: &Vector3<f64>) -> Vector3<f64> {
+    Vector3::new(
+        a.m11 * v.x + a.m21 * v.y + a.m31 * v.z,
+        a.m12 * v.x + a.m22 * v.y + a.m32 * v.z,
+        a.m13 * v.x + a.m23 * v.y + a.m33 * v.z,
+    )
+}
+
+/// A B.
+#[inline(always)]
+pub(super) fn product(a: &Matrix3<f64>, b: &Matrix3<f64>) -> Matrix3<f64> {
+    let column = |x: f64, y: f64, z: f64| times(a, &Vector3::new(x, y, z));
+    let (x, y, z) =
+        (column(b.m11, b.m21, b.m31), column(b.m12, b.m22, b.m32), column(b.m13, b.m23, b.m33));
+    Matrix3::new(x.x, y.x, z.x, x.y, y.y, z.y, x.z, y.z, z.z)
+}
+
+/// The inverse of a symmetric positive definite matrix; zero where it has none, so that nothing moves.
+#[inline(always)]
+pub(super) fn inverse(m: &Matrix3<f64>) -> Matrix3<f64> {
+    let (a, b, c, d, e, f) = (m.m11, m.m12, m.m13, m.m22, m.m23, m.m33);
+    let (p, q, r) = (d * f - e * e, c * e - b * f, b * e - c * d);
+    let (s, t, u) = (a * f - c * c, b * c - a * e, a * d - b * b);
+    let determinant = a * p + b * q + c * r;
+    if determinant.is_nan() || determinant <= 0.0 {
+        return Matrix3::zeros();
+    }
+    let scale = 1.0 / determinant;
+    let (p, q, r) = (p * scale, q * scale, r * scale);
+    let (s, t, u) = (s * scale, t * scale, u * scale);
+    Matrix3::new(p, q, r, q, s, t, r, t, u)
+}

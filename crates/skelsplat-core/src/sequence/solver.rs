@@ -1,0 +1,303 @@
+//! The loop over a stretch of frames: weights, one sparse system, a step, a narrower kernel.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::chain::{Chain, second_difference};
+use super::small::{inverse, times};
+use super::system::System;
+use super::tracks::Tracks;
+use crate::bones::{Length, Pull};
+use crate::error::Result;
+
+/// What is common to all frames of a recording; lengths are mm, times s.
+#[derive(Debug, Clone)]
+pub struct Common {
+    /// Frames per second.
+    pub fps: f64,
+    /// Joints at both ends of every bone.
+    pub bones: Vec<[usize; 2]>,
+    /// Their lengths.
+    pub lengths: Vec<Length>,
+    /// Spectral density q of the acceleration of each joint, mm²/s³.
+    pub agility: Vec<f64>,
+    /// Variance of a detection of weight 1 of each joint, mm².
+    pub variance: Vec<f64>,
+    /// Final kernel of each joint, mm.
+    pub sigma: Vec<f64>,
+    /// Root mean square distance of the joints from the body's centre, mm: no joint is unknown beyond it.
+    pub reach: f64,
+}
+
+/// Kernels in multiples of the final ones, the widest first, with the maximum number of steps under each.
+pub type Schedule = [(f64, usize)];
+
+/// From wide kernels down to the final ones.
+pub const ANNEAL: &Schedule = &[(8.0, 1), (4.0, 1), (2.0, 1), (1.0, 3)];
+/// Under the final kernels only.
+pub const SETTLE: &Schedule = &[(1.0, 6)];
+
+/// Rounds of conjugate gradients per step, and their relative accuracy.
+const ROUNDS: usize = 8;
+const ACCURACY: f64 = 0.05;
+/// Reach of the kernel of accelerations, in standard deviations.
+const MOTION_REACH: f64 = 4.0;
+/// Half of the time over which an acceleration is measured for its kernel.
+const MOTION_SPAN: f64 = 0.05;
+/// Half of the time over which the weights of a view's detections of a joint are averaged.
+const TRUST_SPAN: f64 = 0.1;
+/// Damping of a step.
+const DAMPING: f64 = 320.0;
+/// Longest step of a joint.
+const LONGEST: f64 = 300.0;
+/// Steps that are shorter than this share of the noise, root mean square, end the work under a kernel.
+const SMALL: f64 = 0.01;
+/// Rounds of the smoothing from which the annealing starts, and squares of the reach of its kernel, in standard deviations, for
+/// positions on which three views agree and for others.
+const SMOOTHING: usize = 5;
+const SMOOTHING_REACH: [f64; 2] = [9.0, 400.0];
+
+/// Number of frames in `seconds`, at least one.
+#[must_use]
+pub fn frames_in(seconds: f64, fps: f64) -> usize {
+    ((seconds * fps).round() as usize).max(1)
+}
+
+/// The state of a run over one stretch.
+pub struct Run<'a> {
+    tracks: &'a Tracks,
+    common: &'a Common,
+    /// Positions `(N, T)`; zero where inactive.
+    pub points: Vec<Vector3<f64>>,
+    /// The system, filled by [`Run::linearise`].
+    pub system: System,
+    /// Steps taken.
+    pub n_iter: usize,
+    /// k of the rays of one joint `(T, M)`, and their running sums.
+    kept: Vec<f64>,
+    sums: Vec<f64>,
+}
+
+impl<'a> Run<'a> {
+    /// A run that starts at `points` `(N, T)`, or at the smoothed positions of the frames alone.
+    #[must_use]
+    pub fn new(tracks: &'a Tracks, common: &'a Common, points: Option<Vec<Vector3<f64>>>) -> Self {
+        let system = System::new(tracks.frames, tracks.joints, &common.bones);
+        let smooth = points.is_none();
+        let points = points.unwrap_or_else(|| vec![Vector3::zeros(); tracks.active.len()]);
+        let mut run =
+            Self { tracks, common, points, system, n_iter: 0, kept: Vec::new(), sums: Vec::new() };
+        if smooth {
+            (0..tracks.joints).for_each(|j| run.smooth(j));
+        }
+        run
+    }
+
+    /// Anneals along `schedule`; `check` is called before every step and ends the run with its error.
+    ///
+    /// # Errors
+    /// The error of `check`.
+    pub fn anneal(&mut self, schedule: &Schedule, check: &impl Fn() -> Result<()>) -> Result<()> {
+        let variance = self.common.variance.iter().copied().fold(f64::INFINITY, f64::min);
+        for (wider, steps) in schedule {
+            for _ in 0..*steps {
+                check()?;
+                self.linearise(*wider);
+                self.n_iter += 1;
+                if self.step() < SMALL * variance.sqrt() {
+                    break;
+                }
+            }
+        }
+        self.linearise(1.0);
+        Ok(())
+    }
+
+    /// Fills the system at the present positions under kernels `wider` than the final ones.
+    pub fn linearise(&mut self, wider: f64) {
+        for j in 0..self.tracks.joints {
+            self.couple(j, MOTION_REACH);
+            self.see(j, wider);
+            self.pull_of_motion(j);
+        }
+        self.pull_of_bones();
+    }
+
+    /// One step; returns the root mean square movement, mm.
+    fn step(&mut self) -> f64 {
+        let step = self.system.solve(DAMPING.powi(-2), ACCURACY, ROUNDS);
+        let mut squares = 0.0;
+        for (x, step) in self.points.iter_mut().zip(&step) {
+            let length = step.norm();
+            *x += if length > LONGEST { step * (LONGEST / length) } else { *step };
+            squares += length * length;
+        }
+        (squares / step.len() as f64).sqrt()
+    }
+
+    /// The detections of joint `j`: Σ c k k̄ (I − d dᵀ)/ŝ² and −Σ c k k̄ e/ŝ², where k̄ is the mean of k over the frames around:
+    /// errors that are not noise last. Where three views agree on a position and none disagrees, k and k̄ do not fall below their
+    /// values at this position: the other frames never outvote them.
+    fn see(&mut self, j: usize, wider: f64) {
+        let sigma = self.common.sigma[j] * wider;
+        let precision = 1.0 / self.common.variance[j];
+        self.weigh(j, sigma);
+        let (views, of) = (self.tracks.views, self.system.of(j));
+        let around = frames_in(TRUST_SPAN, self.common.fps);
+        let system = &mut self.system;
+        let own = system.blocks[of.clone()].iter_mut().zip(&mut system.pulls[of.clone()]);
+        for (t, (block, pull)) in own.enumerate() {
+            (*block, *pull) = (Matrix3::identity(), Vector3::zeros());
+            if !self.tracks.active[of.start + t] {
+                continue;
+            }
+            let x = &self.points[of.start + t];
+            let (first, last) =
+                (t.saturating_sub(around), (t + around + 1).min(self.tracks.frames));
+            let (mut weight, mut outer) = (0.0, [0.0; 6]);
+            let rays = self.tracks.rays(j, t).iter().zip(self.tracks.held(j, t)).enumerate();
+            for (i, (ray, held)) in rays.filter(|(_, (ray, _))| ray.is_there()) {
+                let sum =
+                    |k: usize| self.sums[last * 2 * views + k] - self.sums[first * 2 * views + k];
+                let mean = (sum(2 * i) / sum(2 * i + 1)).max(*held);
+                let w = ray.weight * self.kept[t * views + i] * mean * precision;
+                let (d, wd) = (&ray.direction, ray.direction * w);
+                let parts =
+                    [wd.x * d.x, wd.x * d.y, wd.x * d.z, wd.y * d.y, wd.y * d.z, wd.z * d.z];
+                outer.iter_mut().zip(parts).for_each(|(sum, part)| *sum += part);
+                weight += w;
+                *pull -= ray.offset(x).across * w;
+            }
+            let [xx, xy, xz, yy, yz, zz] = outer;
+            let (x, y, z) = (weight - xx, weight - yy, weight - zz);
+            *block = Matrix3::new(x, -xy, -xz, -xy, y, -yz, -xz, -yz, z);
+        }
+    }
+
+    /// k of every ray of joint `j`, at least the held weight, and the running sums of k and of the rays' number.
+    fn weigh(&mut self, j: usize, sigma: f64) {
+        let (views, own) = (self.tracks.views, j * self.tracks.frames);
+        self.kept.clear();
+        self.sums.clear();
+        self.sums.resize(2 * views, 0.0);
+        for t in 0..self.tracks.frames {
+            let rays = self.tracks.rays(j, t).iter().zip(self.tracks.held(j, t)).enumerate();
+            for (i, (ray, held)) in rays {
+                let there = ray.is_there() && self.tracks.active[own + t];
+                let k = match there {
+                    true => ray.offset(&self.points[own + t]).weight(sigma).max(*held),
+                    false => 0.0,
+                };
+                self.kept.push(k);
+                let before = 2 * (t * views + i);
+                self.sums.push(self.sums[before] + k);
+                self.sums.push(self.sums[before + 1] + if there { 1.0 } else { 0.0 });
+            }
+        }
+    }
+
+    /// The weights of joint `j`'s second differences, 1/(q dt³), less where the acceleration is larger than usual: it is measured
+    /// over [`MOTION_SPAN`], so that the frame rate does not matter.
+    fn couple(&mut self, j: usize, reach: f64) {
+        let of = self.system.of(j);
+        let (x, active) = (&self.points[of.clone()], &self.tracks.active[of.clone()]);
+        let n = x.len();
+        let dt = 1.0 / self.common.fps;
+        let q = self.common.agility[j];
+        let h = frames_in(MOTION_SPAN, self.common.fps);
+        let usual =
+            |h: usize| 3.0 * q * (h as f64 * dt).powi(3) * if h > 1 { 2.0 / 3.0 } else { 1.0 };
+        let w = &mut self.system.weights[of];
+        w.fill(0.0);
+        for t in 1..n.saturating_sub(1) {
+            if !(active[t - 1] && active[t] && active[t + 1]) {
+                continue;
+            }
+            let wide = t >= h && t + h < n && active[t - h] && active[t + h];
+            let h = if wide { h } else { 1 };
+            let d = x[t - h] - 2.0 * x[t] + x[t + h];
+            let kept = 1.0 / (1.0 + d.norm_squared() / (usual(h) * reach * reach));
+            w[t] = kept / (q * dt.powi(3));
+        }
+    }
+
+    fn pull_of_motion(&mut self, j: usize) {
+        let of = self.system.of(j);
+        let (x, w) = (&self.points[of.clone()], &self.system.weights[of.clone()]);
+        let pulls = &mut self.system.pulls[of];
+        for t in 1..x.len().saturating_sub(1) {
+            if w[t] > 0.0 {
+                let d = second_difference(x, t) * w[t];
+                pulls[t - 1] -= d;
+                pulls[t] += 2.0 * d;
+                pulls[t + 1] -= d;
+            }
+        }
+    }
+
+    fn pull_of_bones(&mut self) {
+        let frames = self.tracks.frames;
+        let bones = self.common.bones.iter().zip(&self.common.lengths);
+        for (b, ([head, tail], length)) in bones.enumerate() {
+            for t in 0..frames {
+                let (h, l) = (head * frames + t, tail * frames + t);
+                let both = self.tracks.active[h] && self.tracks.active[l];
+                let pull = match both {
+                    true => Pull::new(&self.points[h], &self.points[l], *length),
+                    false => Pull::NONE,
+                };
+                let gradient = pull.gradient();
+                self.system.pulls[h] -= gradient;
+                self.system.pulls[l] += gradient;
+                self.system.lengths[b * frames + t] = pull;
+            }
+        }
+    }
+
+    /// Fills in and smooths the positions that the frames alone give joint `j`: the same motion term, and a Gaussian per frame with
+    /// its covariance under a Cauchy kernel.
+    fn smooth(&mut self, j: usize) {
+        let of = self.system.of(j);
+        let alone = &self.tracks.alone[of.clone()];
+        let (active, sure) = (&self.tracks.active[of.clone()], &self.tracks.sure[of.clone()]);
+        interpolate(alone, active, &mut self.points[of.clone()]);
+        let spread = &self.tracks.spread[of.clone()];
+        let known = |t: usize| active[t] && alone[t].x.is_finite();
+        let precision: Vec<Matrix3<f64>> = (0..alone.len())
+            .map(|t| if known(t) { inverse(&spread[t]) } else { Matrix3::zeros() })
+            .collect();
+        let mut chain = Chain::default();
+        for _ in 0..SMOOTHING {
+            self.couple(j, f64::INFINITY);
+            let x = &self.points[of.clone()];
+            let block = |t: usize| {
+                if !known(t) {
+                    let still = if active[t] { DAMPING.powi(-4) } else { 1.0 };
+                    return Matrix3::from_diagonal_element(still);
+                }
+                let off = alone[t] - x[t];
+                let square = off.dot(&(precision[t] * off));
+                precision[t] / (1.0 + square / SMOOTHING_REACH[usize::from(sure[t])])
+            };
+            let blocks: Vec<Matrix3<f64>> = (0..x.len()).map(block).collect();
+            let pull =
+                |t: usize| if known(t) { times(&blocks[t], &alone[t]) } else { Vector3::zeros() };
+            let mut next: Vec<Vector3<f64>> = (0..x.len()).map(pull).collect();
+            chain.factorise(&self.system.weights[of.clone()], |t| blocks[t]);
+            chain.solve(&mut next);
+            self.points[of.clone()].copy_from_slice(&next);
+        }
+    }
+}
+
+/// Linear interpolation of `known` over the active frames between known positions; `out` stays where inactive.
+fn interpolate(known: &[Vector3<f64>], active: &[bool], out: &mut [Vector3<f64>]) {
+    let there: Vec<usize> =
+        (0..known.len()).filter(|t| active[*t] && known[*t].x.is_finite()).collect();
+    there.iter().for_each(|t| out[*t] = known[*t]);
+    for pair in there.windows(2) {
+        let (first, last, gap) = (known[pair[0]], known[pair[1]], pair[1] - pair[0]);
+        for (k, x) in out[pair[0]..pair[1]].iter_mut().enumerate() {
+            *x = first + (last - first) * (k as f64 / gap as f64);
+        }
+    }
+}

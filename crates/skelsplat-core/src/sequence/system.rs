@@ -1,0 +1,180 @@
+//! The sparse system of one Gauss–Newton step, and its solution by preconditioned conjugate gradients.
+//!
+//! H = D + bones + motion couples the joints of a frame along the bones and each joint over five frames. Its part per joint, with
+//! the bones' diagonal blocks, is a [`Chain`], solved exactly in linear time: it takes up the stiff coupling in time, and
+//! the eigenvalues of the preconditioned system lie in (0, 2). Vectors hold joint after joint, each over all frames.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::chain::{Chain, second_difference, stiffness};
+use super::small::times;
+use crate::bones::Pull;
+
+/// The step's system; buffers are reused.
+#[derive(Debug, Clone)]
+pub struct System {
+    /// Number of frames T.
+    pub frames: usize,
+    /// Joints at both ends of every bone.
+    pub bones: Vec<[usize; 2]>,
+    /// D `(N, T)`.
+    pub blocks: Vec<Matrix3<f64>>,
+    /// Minus the gradient `(N, T)`.
+    pub pulls: Vec<Vector3<f64>>,
+    /// Weight of the second difference at each frame `(N, T)`; 0 where it has none.
+    pub weights: Vec<f64>,
+    /// The bones' terms `(B, T)`.
+    pub lengths: Vec<Pull>,
+    chains: Vec<Chain>,
+    residual: Vec<Vector3<f64>>,
+    direction: Vec<Vector3<f64>>,
+    image: Vec<Vector3<f64>>,
+    preconditioned: Vec<Vector3<f64>>,
+}
+
+impl System {
+    /// An empty system.
+    #[must_use]
+    pub fn new(frames: usize, joints: usize, bones: &[[usize; 2]]) -> Self {
+        let zero = || vec![Vector3::zeros(); frames * joints];
+        Self {
+            frames,
+            bones: bones.to_vec(),
+            blocks: vec![Matrix3::zeros(); frames * joints],
+            pulls: zero(),
+            weights: vec![0.0; frames * joints],
+            lengths: vec![Pull::NONE; frames * bones.len()],
+            chains: vec![Chain::default(); joints],
+            residual: zero(),
+            direction: zero(),
+            image: zero(),
+            preconditioned: zero(),
+        }
+    }
+
+    /// Joint `j`'s part of a vector.
+    #[must_use]
+    pub fn of(&self, j: usize) -> std::ops::Range<usize> {
+        j * self.frames..(j + 1) * self.frames
+    }
+
+    /// H v into `out`.
+    pub fn times(&self, v: &[Vector3<f64>], out: &mut [Vector3<f64>]) {
+        for ((out, block), v) in out.iter_mut().zip(&self.blocks).zip(v) {
+            *out = times(block, v);
+        }
+        for j in 0..self.chains.len() {
+            let (w, v, out) = (&self.weights[self.of(j)], &v[self.of(j)], &mut out[self.of(j)]);
+            for t in 1..self.frames.saturating_sub(1) {
+                if w[t] > 0.0 {
+                    let d = second_difference(v, t) * w[t];
+                    out[t - 1] += d;
+                    out[t] -= 2.0 * d;
+                    out[t + 1] += d;
+                }
+            }
+        }
+        for (b, [head, tail]) in self.bones.iter().enumerate() {
+            for t in 0..self.frames {
+                let pull = &self.lengths[b * self.frames + t];
+                if pull.stiffness > 0.0 {
+                    let (h, l) = (head * self.frames + t, tail * self.frames + t);
+                    let q = pull.times(&(v[h] - v[l]));
+                    out[h] += q;
+                    out[l] -= q;
+                }
+            }
+        }
+    }
+
+    /// Factors of the preconditioner, with damping `mu`.
+    pub fn factorise(&mut self, mu: f64) {
+        let t = self.frames;
+        let mut diagonal = self.blocks.clone();
+        for (b, ends) in self.bones.iter().enumerate() {
+            for (k, pull) in self.lengths[b * t..(b + 1) * t].iter().enumerate() {
+                if pull.stiffness > 0.0 {
+                    let block = pull.block();
+                    ends.iter().for_each(|j| diagonal[j * t + k] += block);
+                }
+            }
+        }
+        let damping = Matrix3::from_diagonal_element(mu);
+        for (j, chain) in self.chains.iter_mut().enumerate() {
+            let of = j * t..(j + 1) * t;
+            let blocks = &diagonal[of.clone()];
+            chain.factorise(&self.weights[of], |k| blocks[k] + damping);
+        }
+    }
+
+    fn precondition(&mut self) {
+        self.preconditioned.copy_from_slice(&self.residual);
+        for (j, chain) in self.chains.iter().enumerate() {
+            let of = j * self.frames..(j + 1) * self.frames;
+            chain.solve(&mut self.preconditioned[of]);
+        }
+    }
+
+    /// The step (H + μI)⁻¹ (−∇), to a relative accuracy `tolerance` in the norm of the preconditioner, in at most `most` rounds.
+    pub fn solve(&mut self, mu: f64, tolerance: f64, most: usize) -> Vec<Vector3<f64>> {
+        self.factorise(mu);
+        let mut step = vec![Vector3::zeros(); self.pulls.len()];
+        self.residual.copy_from_slice(&self.pulls);
+        self.precondition();
+        self.direction.copy_from_slice(&self.preconditioned);
+        let mut square = dot(&self.residual, &self.preconditioned);
+        let enough = square * tolerance * tolerance;
+        for _ in 0..most {
+            if square <= enough || square <= f64::MIN_POSITIVE {
+                break;
+            }
+            let mut image = std::mem::take(&mut self.image);
+            self.times(&self.direction, &mut image);
+            image.iter_mut().zip(&self.direction).for_each(|(i, d)| *i += d * mu);
+            let along = dot(&self.direction, &image);
+            let length = square / along;
+            for (((s, d), r), i) in
+                step.iter_mut().zip(&self.direction).zip(&mut self.residual).zip(&image)
+            {
+                *s += d * length;
+                *r -= i * length;
+            }
+            self.image = image;
+            self.precondition();
+            let next = dot(&self.residual, &self.preconditioned);
+            let ratio = next / square;
+            square = next;
+            for (d, z) in self.direction.iter_mut().zip(&self.preconditioned) {
+                *d = z + *d * ratio;
+            }
+        }
+        step
+    }
+
+    /// H without damping as a dense row-major matrix, for study and tests.
+    #[must_use]
+    pub fn dense(&self) -> Vec<f64> {
+        let n = self.pulls.len();
+        let mut out = vec![0.0; 9 * n * n];
+        let (mut unit, mut column) = (vec![Vector3::zeros(); n], vec![Vector3::zeros(); n]);
+        for k in 0..3 * n {
+            unit[k / 3][k % 3] = 1.0;
+            self.times(&unit, &mut column);
+            unit[k / 3][k % 3] = 0.0;
+            for (row, v) in column.iter().flat_map(|v| v.iter()).enumerate() {
+                out[row * 3 * n + k] = *v;
+            }
+        }
+        out
+    }
+
+    /// The stiffness of the second differences at frame `t` of joint `j`.
+    #[must_use]
+    pub fn stiffness(&self, j: usize, t: usize) -> f64 {
+        stiffness(&self.weights[self.of(j)], t)
+    }
+}
+
+fn dot(a: &[Vector3<f64>], b: &[Vector3<f64>]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a.dot(b)).sum()
+}

@@ -1,0 +1,156 @@
+//! What a stretch of a recording gives: rays and the poses of each frame alone, joint after joint.
+
+use nalgebra::{Matrix3, Vector3};
+
+use crate::annealed::consensus::REJECTED;
+use crate::annealed::rays::{Ray, Rays};
+use crate::outcome::JointStatus;
+
+/// Weight of rays that agree closely.
+const CLOSE: f64 = 0.7;
+
+/// One frame solved alone.
+#[derive(Debug, Clone)]
+pub struct Alone {
+    /// Its rays, with left and right as they were used.
+    pub rays: Rays,
+    /// The joint for which each detection `(M, N)` was used.
+    pub used_for: Vec<usize>,
+    /// Positions `(N)`, mm; NaN where unknown.
+    pub points: Vec<Vector3<f64>>,
+    /// Posterior covariances `(N)`, mm².
+    pub spread: Vec<Matrix3<f64>>,
+    /// Status of every joint.
+    pub status: Vec<JointStatus>,
+    /// Standard deviation of the detection noise, mm; NaN without detections.
+    pub noise: f64,
+}
+
+/// Rays and positions of T frames; `(N, T)` means joint after joint, each over all frames.
+#[derive(Debug, Clone)]
+pub struct Tracks {
+    /// T.
+    pub frames: usize,
+    /// N.
+    pub joints: usize,
+    /// M.
+    pub views: usize,
+    /// Rays `(N, T, M)`.
+    rays: Vec<Ray>,
+    /// Positions of each frame alone `(N, T)`, mm; NaN where unknown.
+    pub alone: Vec<Vector3<f64>>,
+    /// Their covariances `(N, T)`, mm².
+    pub spread: Vec<Matrix3<f64>>,
+    /// Whether the joint is estimated in the frame `(N, T)`.
+    pub active: Vec<bool>,
+    /// Whether three views, or both of two, agree on the position of the frame alone `(N, T)`.
+    pub sure: Vec<bool>,
+    /// Least weight of every ray `(N, T, M)`: its weight at a position on which all of at least three agree closely, else 0.
+    held: Vec<f64>,
+}
+
+impl Tracks {
+    /// The tracks of `stretches` of consecutive frames, one after the other; motion does not connect them.
+    ///
+    /// A joint is estimated between frames that give it a position, over gaps of at most `longest` frames. `sigma` is the kernel
+    /// under which views agree.
+    #[must_use]
+    pub fn new(stretches: &[&[Alone]], longest: usize, sigma: f64) -> Self {
+        let first = &stretches[0][0];
+        let (n, m) = (first.points.len(), first.rays.n_views());
+        let own: usize = stretches.iter().map(|s| s.len()).sum();
+        let t = own + stretches.len() - 1;
+        let mut tracks = Self {
+            frames: t,
+            joints: n,
+            views: m,
+            rays: vec![Ray::NONE; n * t * m],
+            alone: vec![Vector3::repeat(f64::NAN); n * t],
+            spread: vec![Matrix3::repeat(f64::NAN); n * t],
+            active: vec![false; n * t],
+            sure: vec![false; n * t],
+            held: vec![0.0; n * t * m],
+        };
+        let mut begin = 0;
+        for stretch in stretches {
+            for (k, frame) in stretch.iter().enumerate() {
+                (0..n).for_each(|j| tracks.place(j, begin + k, frame));
+            }
+            for j in 0..n {
+                tracks.activate(j, begin..begin + stretch.len(), longest);
+            }
+            begin += stretch.len() + 1;
+        }
+        tracks.judge(sigma);
+        tracks
+    }
+
+    fn place(&mut self, j: usize, t: usize, frame: &Alone) {
+        let k = j * self.frames + t;
+        self.rays[k * self.views..(k + 1) * self.views].copy_from_slice(frame.rays.of_joint(j));
+        (self.alone[k], self.spread[k]) = (frame.points[j], frame.spread[j]);
+    }
+
+    fn activate(&mut self, j: usize, frames: std::ops::Range<usize>, longest: usize) {
+        let own = j * self.frames;
+        let placed = |t: &usize| self.alone[own + t].x.is_finite() && self.is_seen(j, *t);
+        let there: Vec<usize> = frames.filter(placed).collect();
+        there.iter().for_each(|t| self.active[own + t] = true);
+        for pair in there.windows(2).filter(|pair| pair[1] - pair[0] <= longest) {
+            self.active[own + pair[0]..own + pair[1]].fill(true);
+        }
+    }
+
+    /// Marks positions on which the views agree within `sigma`.
+    fn judge(&mut self, sigma: f64) {
+        let m = self.views;
+        for (k, x) in self.alone.iter().enumerate().filter(|(_, x)| x.x.is_finite()) {
+            let rays = &self.rays[k * m..(k + 1) * m];
+            let weight = |ray: &Ray| if ray.is_there() { ray.offset(x).weight(sigma) } else { 0.0 };
+            let n = rays.iter().filter(|ray| ray.is_there()).count();
+            let agree = rays.iter().filter(|ray| weight(ray) >= REJECTED).count();
+            self.sure[k] = agree >= 3 || (n == 2 && agree == 2);
+            let close = rays.iter().filter(|ray| weight(ray) >= CLOSE).count();
+            if close >= 3 && close == n {
+                let held = &mut self.held[k * m..(k + 1) * m];
+                held.iter_mut().zip(rays).for_each(|(held, ray)| *held = weight(ray));
+            }
+        }
+    }
+
+    /// The rays of joint `j` in frame `t`, one per view.
+    #[inline]
+    #[must_use]
+    pub fn rays(&self, j: usize, t: usize) -> &[Ray] {
+        let k = (j * self.frames + t) * self.views;
+        &self.rays[k..k + self.views]
+    }
+
+    /// The least weights of these rays.
+    #[inline]
+    #[must_use]
+    pub fn held(&self, j: usize, t: usize) -> &[f64] {
+        let k = (j * self.frames + t) * self.views;
+        &self.held[k..k + self.views]
+    }
+
+    /// The frame's rays.
+    #[must_use]
+    pub fn rays_of_frame(&self, t: usize) -> Rays {
+        Rays::of((0..self.joints).flat_map(|j| self.rays(j, t)).copied().collect(), self.views)
+    }
+
+    /// Whether any view detects joint `j` in frame `t`.
+    #[must_use]
+    pub fn is_seen(&self, j: usize, t: usize) -> bool {
+        self.rays(j, t).iter().any(Ray::is_there)
+    }
+
+    /// Swaps the detections of joints `a` and `b` in view `i` of frame `t`; they are no longer held.
+    pub fn swap(&mut self, i: usize, t: usize, a: usize, b: usize) {
+        let at = |j: usize| (j * self.frames + t) * self.views + i;
+        let (a, b) = (at(a), at(b));
+        self.rays.swap(a, b);
+        (self.held[a], self.held[b]) = (0.0, 0.0);
+    }
+}

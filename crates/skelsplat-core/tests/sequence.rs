@@ -1,0 +1,245 @@
+//! Sequences: the parts against dense algebra and central differences, and whole recordings.
+
+use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use skelsplat_core::study::bones::{Length, Pull};
+use skelsplat_core::study::sequence::chain::{Chain, second_difference, stiffness};
+use skelsplat_core::study::sequence::system::System;
+use skelsplat_core::testing::differences::{central_differences, relative_error};
+use skelsplat_core::testing::scenes::{Noise, noisy_detections, room, standing};
+use skelsplat_core::{
+    Detections, Frame, JointStatus, Layout, Progress, RefineConfig, Refiner, Sequence, Unit,
+    refine_sequence,
+};
+
+fn some_block(noise: &mut Noise) -> Matrix3<f64> {
+    let a = Matrix3::from_fn(|_, _| noise.normal());
+    a * a.transpose() + 0.1 * Matrix3::identity()
+}
+
+/// Weights of second differences of `n` frames, some of which are missing.
+fn some_weights(n: usize, noise: &mut Noise) -> Vec<f64> {
+    (0..n).map(|t| if t == 0 || t + 1 == n || t % 7 == 3 { 0.0 } else { noise.uniform() }).collect()
+}
+
+/// The chain's matrix, from the second differences themselves.
+fn dense(blocks: &[Matrix3<f64>], w: &[f64]) -> DMatrix<f64> {
+    let n = blocks.len();
+    let mut a = DMatrix::zeros(3 * n, 3 * n);
+    for (t, block) in blocks.iter().enumerate() {
+        a.view_mut((3 * t, 3 * t), (3, 3)).copy_from(block);
+    }
+    for t in 1..n - 1 {
+        for (p, cp) in [(t - 1, 1.0), (t, -2.0), (t + 1, 1.0)] {
+            for (q, cq) in [(t - 1, 1.0), (t, -2.0), (t + 1, 1.0)] {
+                (0..3).for_each(|k| a[(3 * p + k, 3 * q + k)] += w[t] * cp * cq);
+            }
+        }
+    }
+    a
+}
+
+#[test]
+fn a_chain_is_solved_and_inverted_like_its_dense_matrix() {
+    let mut noise = Noise::new(3);
+    for n in [1, 2, 3, 20] {
+        let blocks: Vec<_> = (0..n).map(|_| some_block(&mut noise)).collect();
+        let w = if n > 2 { some_weights(n, &mut noise) } else { vec![0.0; n] };
+        let a = if n > 2 { dense(&blocks, &w) } else { dense_of_blocks(&blocks) };
+        let mut chain = Chain::default();
+        chain.factorise(&w, |t| blocks[t]);
+        let b: Vec<Vector3<f64>> = (0..n).map(|_| noise.vector(1.0)).collect();
+        let mut x = b.clone();
+        chain.solve(&mut x);
+        let flat = |v: &[Vector3<f64>]| DVector::from_iterator(3 * n, v.iter().flatten().copied());
+        assert!((&a * flat(&x) - flat(&b)).amax() < 1e-9);
+        let inverse = a.try_inverse().unwrap();
+        for (t, band) in chain.selected_inverse().iter().enumerate() {
+            let block = |k: usize| inverse.fixed_view::<3, 3>(3 * t, 3 * k).into_owned();
+            assert!((band.own - block(t)).amax() < 1e-9);
+            if t + 1 < n {
+                assert!((band.next - block(t + 1)).amax() < 1e-9);
+            }
+            if t + 2 < n {
+                assert!((band.after - block(t + 2)).amax() < 1e-9);
+            }
+        }
+        let v = flat(&x);
+        let bent: f64 =
+            (1..n.max(2) - 1).map(|t| w[t] * second_difference(&x, t).norm_squared()).sum();
+        let own: f64 = (0..n).map(|t| x[t].dot(&(blocks[t] * x[t]))).sum();
+        assert!((v.dot(&flat(&b)) - own - bent).abs() < 1e-9);
+        assert!(w.is_empty() || stiffness(&w, 0) >= 0.0);
+    }
+}
+
+fn dense_of_blocks(blocks: &[Matrix3<f64>]) -> DMatrix<f64> {
+    let n = blocks.len();
+    let mut a = DMatrix::zeros(3 * n, 3 * n);
+    for (t, block) in blocks.iter().enumerate() {
+        a.view_mut((3 * t, 3 * t), (3, 3)).copy_from(block);
+    }
+    a
+}
+
+#[test]
+fn a_bone_pulls_along_the_gradient_of_its_loss() {
+    let length = Length { mean: 300.0, sigma: 12.0 };
+    let b = Vector3::new(10.0, -20.0, 900.0);
+    for a in [Vector3::new(200.0, 100.0, 1100.0), Vector3::new(100.0, 50.0, 1080.0)] {
+        let pull = Pull::new(&a, &b, length);
+        let loss = |x: &[f64]| {
+            let (a, b) = (Vector3::from_column_slice(&x[..3]), Vector3::from_column_slice(&x[3..]));
+            Pull::new(&a, &b, length).loss
+        };
+        let x: Vec<f64> = a.iter().chain(&b).copied().collect();
+        let g = pull.gradient();
+        let analytic: Vec<f64> = g.iter().copied().chain((-g).iter().copied()).collect();
+        assert!(relative_error(&analytic, &central_differences(&x, 1e-3, loss)) < 1e-7);
+        // The block is the derivative of the gradient under the kernel's present weight, for a stretched bone.
+        let kept = pull.stiffness;
+        let frozen = |x: &[f64], axis: usize| {
+            let d = Vector3::from_column_slice(x) - b;
+            kept * (d.norm() - length.mean) * d[axis] / d.norm()
+        };
+        if (a - b).norm() > length.mean {
+            for axis in 0..3 {
+                let row = central_differences(a.as_slice(), 1e-3, |x| frozen(x, axis));
+                let block: Vec<f64> = pull.block().row(axis).iter().copied().collect();
+                assert!(relative_error(&block, &row) < 1e-6);
+            }
+        } else {
+            assert!((pull.block() - kept * pull.along * pull.along.transpose()).amax() < 1e-15);
+        }
+        let v = Vector3::new(0.3, -0.7, 0.2);
+        assert!((pull.times(&v) - pull.block() * v).amax() < 1e-12);
+    }
+    assert_eq!(Pull::new(&b, &b, length), Pull::NONE);
+}
+
+#[test]
+fn conjugate_gradients_solve_the_dense_system() {
+    let (frames, joints) = (20, 4);
+    let mut noise = Noise::new(11);
+    let mut system = System::new(frames, joints, &[[0, 1], [1, 2], [1, 3]]);
+    for k in 0..frames * joints {
+        system.blocks[k] = some_block(&mut noise);
+        system.pulls[k] = noise.vector(1.0);
+    }
+    for j in 0..joints {
+        let of = system.of(j);
+        system.weights[of].copy_from_slice(&some_weights(frames, &mut noise));
+    }
+    let length = Length { mean: 1.0, sigma: 0.3 };
+    for pull in &mut system.lengths {
+        *pull = Pull::new(&noise.vector(1.0), &noise.vector(1.0), length);
+    }
+    let n = 3 * frames * joints;
+    let h = DMatrix::from_row_slice(n, n, &system.dense());
+    assert!((&h - h.transpose()).amax() < 1e-12);
+    let mu = 0.01;
+    let b = DVector::from_iterator(n, system.pulls.iter().flatten().copied());
+    let expected = (h + DMatrix::identity(n, n) * mu).cholesky().unwrap().solve(&b);
+    let step = system.solve(mu, 1e-12, 500);
+    let step = DVector::from_iterator(n, step.iter().flatten().copied());
+    assert!((step - &expected).amax() < 1e-8 * expected.amax());
+}
+
+/// A person who sways and turns, seen by four cameras with noise.
+fn recording(frames: usize, sigma: f64, seed: u64) -> (Vec<Vec<Vector3<f64>>>, Vec<Detections>) {
+    let (cameras, mut noise) = (room(4), Noise::new(seed));
+    let pose = |t: usize| -> Vec<Vector3<f64>> {
+        let (sin, cos) = (0.02 * t as f64).sin_cos();
+        let shift = Vector3::new(400.0 * sin, 300.0 * cos, 0.0);
+        let turn =
+            |p: &Vector3<f64>| Vector3::new(cos * p.x - sin * p.y, sin * p.x + cos * p.y, p.z);
+        standing().iter().map(|p| turn(p) + shift).collect()
+    };
+    let poses: Vec<_> = (0..frames).map(pose).collect();
+    let seen = poses.iter().map(|p| noisy_detections(p, &cameras, sigma, &mut noise)).collect();
+    (poses, seen)
+}
+
+fn solved(detections: &[Detections], config: RefineConfig) -> Sequence {
+    let layout = Layout::by_name("h36m17").unwrap();
+    let refiner = Refiner::new(&room(4), Unit::Millimetre, Some(&layout), config).unwrap();
+    let frames: Vec<Frame> = detections.iter().cloned().map(Frame::from).collect();
+    refine_sequence(&refiner, &frames, 30.0, &Progress::default()).unwrap()
+}
+
+fn mean_error(found: &Sequence, truth: &[Vec<Vector3<f64>>]) -> f64 {
+    let pairs = found.frames.iter().zip(truth).flat_map(|(f, t)| f.pose.iter().zip(t));
+    let errors: Vec<f64> = pairs.map(|(a, b)| (a - b).norm()).collect();
+    errors.iter().sum::<f64>() / errors.len() as f64
+}
+
+#[test]
+fn a_sequence_is_more_accurate_than_its_frames_alone() {
+    let (truth, detections) = recording(120, 4.0, 5);
+    let found = solved(&detections, RefineConfig::default());
+    let alone = Sequence { frames: found.frames.clone(), ..found.clone() };
+    let alone_error = {
+        let pairs = alone.frames.iter().zip(&truth).flat_map(|(f, t)| f.init_pose.iter().zip(t));
+        let errors: Vec<f64> = pairs.map(|(a, b)| (a - b).norm()).collect();
+        errors.iter().sum::<f64>() / errors.len() as f64
+    };
+    assert!(mean_error(&found, &truth) < 0.6 * alone_error);
+    for ([a, b], length) in found.bones.iter().zip(&found.lengths) {
+        let true_length = (truth[0][*a] - truth[0][*b]).norm();
+        assert!((length.mean - true_length).abs() < 5.0 * length.sigma + 2.0);
+    }
+}
+
+#[test]
+fn any_number_of_threads_gives_the_same_bits() {
+    let (_, detections) = recording(1900, 4.0, 6);
+    let with = |n: usize| {
+        solved(&detections, RefineConfig { n_threads: Some(n), ..RefineConfig::default() })
+    };
+    let (one, two) = (with(1), with(2));
+    let bits = |s: &Sequence| -> Vec<u64> {
+        let poses = s.frames.iter().flat_map(|f| f.pose.iter().flatten().copied());
+        let bars = s.frames.iter().flat_map(|f| f.uncertainty.iter().flatten().copied());
+        poses.chain(bars).map(f64::to_bits).collect()
+    };
+    assert_eq!(bits(&one), bits(&two));
+}
+
+#[test]
+fn a_gap_is_bridged_and_a_long_one_is_not() {
+    let (truth, mut detections) = recording(200, 2.0, 7);
+    let missing = Detections::new(4, 17, &[f64::NAN; 2 * 4 * 17], None).unwrap();
+    (50..62).chain(100..160).for_each(|t| detections[t] = missing.clone());
+    let found = solved(&detections, RefineConfig::default());
+    for t in 50..62 {
+        assert_eq!(found.frames[t].joint_status, [JointStatus::Inferred; 17]);
+        for (x, y) in found.frames[t].pose.iter().zip(&truth[t]) {
+            assert!((x - y).norm() < 60.0);
+        }
+        let bar = |t: usize| found.frames[t].uncertainty[16].trace();
+        assert!(bar(56) > 2.0 * bar(45));
+    }
+    for t in 100..160 {
+        assert_eq!(found.frames[t].joint_status, [JointStatus::Unobserved; 17]);
+        assert!(found.frames[t].pose.iter().all(|x| x.x.is_nan()));
+    }
+    let seen = found.frames.iter().enumerate().filter(|(t, _)| !(50..62).contains(t));
+    assert!(seen.filter(|(t, _)| !(100..160).contains(t)).all(|(_, f)| f.pose[0].x.is_finite()));
+}
+
+#[test]
+fn nothing_and_one_frame_are_answered_and_a_wrong_rate_is_named() {
+    assert!(solved(&[], RefineConfig::default()).frames.is_empty());
+    let (truth, detections) = recording(1, 2.0, 8);
+    let one = solved(&detections, RefineConfig::default());
+    assert!(mean_error(&one, &truth) < 20.0);
+    assert!(one.velocity[0].iter().all(|v| v.x.is_nan()));
+    let refiner = Refiner::new(&room(4), Unit::Millimetre, None, RefineConfig::default()).unwrap();
+    for fps in [0.0, -5.0, f64::NAN, f64::INFINITY] {
+        let text =
+            refine_sequence(&refiner, &[], fps, &Progress::default()).unwrap_err().to_string();
+        assert!(text.starts_with("fps: expected a positive number"), "{text}");
+    }
+    let paper = Refiner::new(&room(4), Unit::Millimetre, None, RefineConfig::paper()).unwrap();
+    let text = refine_sequence(&paper, &[], 30.0, &Progress::default()).unwrap_err().to_string();
+    assert!(text.starts_with("config.method: expected 'annealed'"), "{text}");
+}

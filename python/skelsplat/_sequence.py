@@ -1,0 +1,105 @@
+"""``refine_sequence``: the frames of a recording in one solve. All computation is in the compiled core."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from skelsplat import _skelsplat
+from skelsplat._arrays import positive
+from skelsplat._refine import Cameras, Progress, Refinement, refinement_fields, reporter, warn_of_unit
+from skelsplat._skelsplat import Layout, RefineConfig
+
+
+@dataclass(frozen=True, slots=True)
+class SequenceRefinement(Refinement):
+    """What ``refine_sequence`` returns: a `Refinement` of T frames, and what they show together.
+
+    Of the fields of `Refinement`, ``init_pose`` is the pose of each frame alone, as ``refine`` finds it,
+    ``noise`` is that of the whole recording, and ``joint_status`` has one more value: ``"inferred"``, a joint
+    that its bones and the frames around it determine, not two views of its own frame.
+
+    Attributes
+    ----------
+    velocity : (T, N, 3) float64
+        Units of the cameras per second; NaN where a neighbouring frame is missing.
+    velocity_uncertainty : (T, N, 3, 3) float64
+        Its posterior covariance.
+    bones : (B, 2) int64
+        Joints at both ends of every limb of the layout.
+    bone_lengths : (B,) float64
+        Their lengths, one for the whole recording; NaN for a bone that is never seen.
+    bone_length_sigma : (B,) float64
+        Standard errors of the lengths; infinite for a bone that is never seen.
+    """
+
+    velocity: NDArray[np.float64]
+    velocity_uncertainty: NDArray[np.float64]
+    bones: NDArray[np.int64]
+    bone_lengths: NDArray[np.float64]
+    bone_length_sigma: NDArray[np.float64]
+
+    def __repr__(self) -> str:
+        # A slots dataclass has no zero-argument super().
+        frames = Refinement.__repr__(self).removeprefix("Refinement(")
+        return f"SequenceRefinement({len(self.bones)} bones, {frames}"
+
+
+def refine_sequence(
+    detections: ArrayLike,
+    cameras: Cameras,
+    *,
+    fps: float,
+    layout: str | Layout | None = None,
+    init_pose: ArrayLike | None = None,
+    confidence: ArrayLike | None = None,
+    config: RefineConfig | None = None,
+    progress: bool | Progress = False,
+) -> SequenceRefinement:
+    """Refine the frames of one motion together: bones keep their length, joints move smoothly.
+
+    One robust solve has the terms of ``refine``, the length of every limb of the layout, and the acceleration
+    of every joint. It learns from the recording how long the bones are, how fast the joints move, and how
+    large and lasting the detector's errors are: nothing has to be set, and the body need not be human. Gaps
+    of up to a second are bridged. Where all of at least three views agree on a joint, the other frames never
+    outvote them. docs/method.md has the mathematics.
+
+    Parameters
+    ----------
+    detections : (T, M, N, 2|3)
+        As in ``refine``: the frames of one motion in order, at a constant rate. A frame without detections is
+        NaN, not left out.
+    cameras, layout, confidence, config, progress
+        As in ``refine``; ``annealed`` only. Without a layout, or with one that has no limbs, there are no
+        bones.
+    fps : float
+        Frames per second.
+    init_pose : (T, N, 3), optional
+        As in ``refine``: it places joints that fewer than two views see.
+
+    Returns
+    -------
+    SequenceRefinement
+
+    Raises
+    ------
+    InvalidInputError
+        As ``refine``, and if ``fps`` is not a positive number, ``detections`` is a single frame or the method
+        is ``paper``.
+
+    Warns
+    -----
+    UserWarning
+        As ``refine``.
+    """
+    positive("fps", fps)
+    prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
+    with reporter(progress) as report:
+        out: dict[str, Any] = prepared.refine_sequence(
+            init_pose, detections, float(fps), confidence=confidence, progress=report
+        )
+    warn_of_unit(out["pose"], cameras, layout)
+    return SequenceRefinement(**refinement_fields(out))
