@@ -11,7 +11,8 @@ import numpy as np
 import over_time
 import recordings
 
-SCRIPT = Path(__file__).parents[2] / "benchmarks" / "sequences.py"
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+SCRIPT = BENCHMARKS / "sequences.py"
 
 
 def test_the_smoother_agrees_with_one_dense_solution() -> None:
@@ -82,3 +83,18 @@ def test_the_benchmark_runs() -> None:
     assert good["butterworth"]["within_1_sigma"] is None
     assert set(good["kalman"]["joints"]) == {"ends", "middle", "trunk"}
     assert report["circumstances"].splitlines()[1].endswith("kalman")
+
+
+def test_every_camera_of_the_sample_is_predicted_from_the_others() -> None:
+    command = [sys.executable, str(BENCHMARKS / "leave_one_out.py"), "--markdown"]
+    lines = subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()
+    figures = {}
+    for line in lines[lines.index("cam_03 rotated by 1.33°") :]:
+        if line.startswith("| cam_0"):
+            name, _, middle, most, *_ = (cell.strip() for cell in line.strip("|").split("|"))
+            figures[name] = np.array([float(middle), float(most)])
+    assert len(figures) == 12
+    for view in range(1, 5):
+        in_time, alone = (figures[f"cam_0{view}, {name}"] for name in ("sequence", "frames"))
+        assert (in_time <= alone).all()
+        assert (alone < [20.0, 40.0]).all()
