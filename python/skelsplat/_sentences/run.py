@@ -270,6 +270,7 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "frame_diverged": "diverged",
     "frame_max_steps": "stopped at the step limit",
     "frame_unobserved": lambda f: f"unobserved: {named(f)}",
+    "frame_inferred": lambda f: f"inferred: {named(f)}",
     "frame_weak": lambda f: f"weak: {named(f)}",
     "frame_filled": lambda f: f"filled over time: {named(f)}",
     "frame_swapped": lambda f: f"left–right swap in {named(f)}",

@@ -51,7 +51,7 @@ def find_findings(
     unfit = unfit_cameras(inputs)
     return [
         *find_people(inputs, outcome),
-        *find_whole(statistics, mixed=are_mixed(inputs)),
+        *find_whole(statistics, mixed=are_mixed(inputs), in_time=outcome.sequence is not None),
         *find_unfit(inputs.rig.names, unfit),
         *_cameras(inputs, statistics, unfit),
         *_mirrored(statistics),
@@ -61,7 +61,7 @@ def find_findings(
     ]
 
 
-def find_whole(statistics: Statistics, *, mixed: bool = False) -> Iterator[Finding]:
+def find_whole(statistics: Statistics, *, mixed: bool = False, in_time: bool = False) -> Iterator[Finding]:
     """Yield a finding if hardly any detection is used or trusted, or the pose is worse than its start."""
     total = statistics.total
     if total.used == 0:
@@ -71,12 +71,23 @@ def find_whole(statistics: Statistics, *, mixed: bool = False) -> Iterator[Findi
         yield Finding(
             "many_rejected", "warning", numbers={"rejected_share": total.rejected_share}, remedy=remedy
         )
-    elif total.after_px > max(_FURTHER * total.before_px, total.before_px + _FURTHER_PX):
+    elif total.after_px > max(
+        _FURTHER * _follows(statistics, in_time=in_time) * total.before_px, total.before_px + _FURTHER_PX
+    ):
         yield Finding(
             "further_than_start",
             "warning",
             numbers={"before_px": total.before_px, "after_px": total.after_px},
         )
+
+
+def _follows(statistics: Statistics, *, in_time: bool) -> float:
+    """Return how much nearer to its own detections a pose of one frame is than the true one.
+
+    With V views it follows 3 of their 2V numbers, noise and all; a pose in time follows hardly any.
+    """
+    views = max(2.0, finite_median(statistics.views_used))
+    return float(np.sqrt(2 * views / (2 * views - 3))) if in_time else 1.0
 
 
 def _rest(statistics: Statistics) -> float:
