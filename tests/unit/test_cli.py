@@ -319,10 +319,11 @@ def test_demo_refines_the_sample(tmp_path):
         "of all detections are rejected",
     ):  # the bystander is in two views
         assert not any(words in doubt for doubt in texts(report))
-    # one camera is turned: all of its detections lie to one side
+    # one camera is turned by less than the noise: hardly rejected, but all of its detections lie to one side
     (doubt,) = (doubt for doubt in texts(report) if "calibration" in doubt)
-    assert doubt.startswith("cam_03 disagrees with the other cameras: ")
-    assert "Its detections are shifted by 19 px from the pose (13 px right, 14 px down). " in doubt
+    assert doubt.startswith(
+        "cam_03's calibration or timing looks wrong: its detections are shifted by 18 px "
+    )
     assert f"! {doubt}" in " ".join(result.stdout.split())
     assert html.escape(doubt) in (tmp_path / "demo" / "report.html").read_text(encoding="utf-8")
     lines = result.stdout.splitlines()
