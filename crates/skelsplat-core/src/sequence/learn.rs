@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 
+use super::small::median;
 use super::solver::frames_in;
 use super::tracks::Tracks;
 use crate::bones::Length;
@@ -25,16 +26,6 @@ const LEAST: usize = 12;
 const LEAST_SPREAD: f64 = 6.0;
 const LEAST_SHARE: f64 = 0.02;
 
-/// The median; NaN of nothing.
-#[must_use]
-pub fn median(mut values: Vec<f64>) -> f64 {
-    if values.is_empty() {
-        return f64::NAN;
-    }
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
-}
-
 /// The spectral density q of the acceleration of every joint, mm²/s³, for data of these variances, mm².
 ///
 /// For white acceleration of density q the second difference over the time h has the variance ⅔ q h³ per axis, and for white noise
@@ -50,7 +41,8 @@ pub fn agility(tracks: &Tracks, fps: f64, variance: &[f64]) -> Vec<f64> {
     let bounded = |((q, white), variance): (&(f64, f64), &f64)| {
         let q = if q.is_finite() { *q } else { shared };
         let at = |f: f64| (std::f64::consts::TAU * f).powi(4) * variance / fps;
-        (AGILITY * q * variance / white).clamp(at(SLOWEST), at(FASTEST * fps))
+        let fastest = FASTEST * fps;
+        (AGILITY * q * variance / white).clamp(at(SLOWEST.min(fastest)), at(fastest))
     };
     own.iter().zip(variance).map(bounded).collect()
 }

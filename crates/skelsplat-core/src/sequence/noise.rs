@@ -1,6 +1,6 @@
 //! The detections' errors in a recording: how large they are, and how long they last.
 
-use super::learn::median;
+use super::small::median;
 use super::solver::{Common, Run, frames_in};
 use super::tracks::Tracks;
 use crate::annealed::consensus::REJECTED;
@@ -39,12 +39,12 @@ pub struct Noise {
 }
 
 impl Noise {
-    /// From the residuals of `run`; `weight` is the mean weight of a detection.
+    /// From the residuals of `run`.
     ///
     /// Residuals have 2 Σ k degrees of freedom less those that the position takes up: 3 of errors that last, tr(S D) of white ones,
     /// with the covariance S of the smoothed position. They are scaled up accordingly, by a_l and a_w.
     #[must_use]
-    pub fn of(run: &Run<'_>, tracks: &Tracks, common: &Common, weight: f64) -> Self {
+    pub fn of(run: &Run<'_>, tracks: &Tracks, common: &Common) -> Self {
         let sums: Vec<Sums> =
             (0..tracks.joints).map(|j| Sums::of(run, tracks, common, j)).collect();
         let all = sums.iter().fold(Sums::default(), Sums::plus);
@@ -58,7 +58,7 @@ impl Noise {
         let own = |(sums, sigma): (&Sums, &f64)| {
             let shrunk =
                 (growth * sums.squares + SHARED_DOF * shared) / (sums.freedom + SHARED_DOF);
-            shrunk / (1.0 - shrunk / (2.0 * weight * sigma * sigma)).max(0.25)
+            shrunk / (1.0 - shrunk / (2.0 * common.weight * sigma * sigma)).max(0.25)
         };
         let variance = sums.iter().zip(&common.sigma).map(own).collect();
         Self { variance, memory: rho.memory(common.fps, of_lasting / growth) }

@@ -110,7 +110,9 @@ impl Posterior {
         for k in 0..t {
             let there = |k: usize| tracks.active[own + k];
             let (a, b) = (k.saturating_sub(1), (k + 1).min(t - 1));
-            let (a, b) = (if there(a) { a } else { k }, if there(b) { b } else { k });
+            let joined =
+                |k: usize, end: usize| there(end) && !tracks.is_cut(k.min(end), k.max(end));
+            let (a, b) = (if joined(k, a) { a } else { k }, if joined(k, b) { b } else { k });
             if !there(k) || a == b {
                 continue;
             }
