@@ -11,6 +11,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::consensus::{REJECTED, TIE, rivals};
 use super::depth::is_fixed;
+use super::proportions::other_place;
 use super::rays::{Ray, Rays};
 use super::solver::{Problem, Solution};
 use crate::outcome::{ErrorBars, JointStatus};
@@ -24,6 +25,8 @@ const PLACED: f64 = 1.5;
 const BODY: f64 = 2.0;
 /// Minimum spread of a body, in multiples of the noise: closer joints cannot be distinguished from one point.
 const LEAST_SPREAD: f64 = 2.0;
+/// Largest standard deviation of a joint that its bones place, as a share of the body's spread.
+const INFERRED: f64 = 0.25;
 /// Minimum number of joints of a body.
 const LEAST_JOINTS: usize = 3;
 
@@ -50,6 +53,25 @@ pub fn error_bars(problem: &Problem<'_>, solution: &mut Solution) -> ErrorBars {
             let off = rival.at - x;
             covariances[j] += off * off.transpose() * rival.share;
             status[j] = JointStatus::Weak;
+        }
+    }
+    if !problem.bones.is_empty() {
+        let spread = Body::of(&solution.points, &deep).map_or(0.0, |b| b.square_spread.sqrt());
+        for j in (0..n).filter(|j| problem.bones.iter().any(|b| b.joints.contains(j))) {
+            if k(j).iter().filter(|k| **k >= REJECTED).count() > 1 || status[j] != JointStatus::Weak
+            {
+                continue;
+            }
+            if let Some(other) = other_place(problem, solution, j) {
+                let off = other.at - solution.points[j];
+                covariances[j] += off * off.transpose() * other.share;
+            }
+            let of_joint = problem.bones.iter().filter(|b| b.joints.contains(&j));
+            let ends = of_joint.flat_map(|b| b.joints).filter(|end| *end != j);
+            let held = ends.into_iter().any(|end| status[end] == JointStatus::Ok);
+            if held && covariances[j].symmetric_eigenvalues().max().sqrt() <= INFERRED * spread {
+                status[j] = JointStatus::Inferred;
+            }
         }
     }
     // Without detections the noise is that of the prior, not a measurement.
@@ -104,9 +126,9 @@ fn posterior(
     }
     // Equal limbs allow two positions on the ray of a joint that one view sees, which is not a normal distribution.
     let residuals = &solution.residuals;
-    solution
-        .equations
-        .retain_couplings(|joints| joints.iter().all(|j| residuals[*j].support >= PLACED));
+    solution.equations.retain_couplings(|c| {
+        c.is_bone() || c.joints.iter().all(|j| residuals[*j].support >= PLACED)
+    });
     solution.equations.factorise(|_| 0.0);
     let known = |m: Matrix3<f64>| {
         if m.trace() > 0.0 { positive(m) } else { Matrix3::repeat(f64::NAN) }

@@ -10,6 +10,8 @@
 //! H is the block of x_a and x_b each, −H the one between them. The second term is the positive part of r ∇²r: without it,
 //! a joint whose only ray is at right angles to its bone always overshoots.
 
+pub mod population;
+
 use nalgebra::{Matrix3, Vector3};
 
 /// Reach of the kernel, in standard deviations.
