@@ -9,7 +9,8 @@ confidences: simulated ones know too well what is hidden.
 mean, median, p95: distance to the truth, mm, of the joints that at least two views detect; `answered` is the
 share of these with a position. acc: mean length of the error's second difference times fps², m/s². 1 σ, 2 σ,
 3 σ: share of the errors inside the error bars (Mahalanobis distance); 19.9, 73.9 and 97.1 % are meant. One
-core; the time includes the frame-by-frame solution where a method starts from it.
+core; the time includes the frame-by-frame solution where a method starts from it. `--joints` adds a table of
+the ends and middles of the limbs and the trunk, and of the joints that truly move and accelerate the most.
 """
 
 from __future__ import annotations
@@ -24,8 +25,13 @@ import common
 import numpy as np
 import over_time
 import recordings
+from numpy.typing import NDArray
 from recordings import Take
 from scenarios import FloatArray
+
+Masks = list[NDArray[np.bool_]]
+# The joints of a take that belong to the extremes: this share of all joints and frames.
+EXTREME = 0.01
 
 
 @dataclass
@@ -68,11 +74,13 @@ class Errors:
         self.answered += int(np.isfinite(error[..., 0]).sum())
         self.seconds += seconds
 
-    def summary(self, joints: list[int] | slice = slice(None)) -> dict[str, float | None]:
-        """Return the figures of some joints; None where there are none."""
-        distance, acceleration = (
-            np.concatenate([part[:, joints].ravel() for part in parts])
-            for parts in (self.distance, self.acceleration)
+    def summary(self, masks: Masks | None = None) -> dict[str, float | None]:
+        """Return the figures of the joints under masks (T, N), one per take; None where there are none."""
+        if masks is None:
+            masks = [np.ones(part.shape, dtype=bool) for part in self.distance]
+        distance = np.concatenate([part[mask] for part, mask in zip(self.distance, masks, strict=True)])
+        acceleration = np.concatenate(
+            [part[mask[1:-1]] for part, mask in zip(self.acceleration, masks, strict=True)]
         )
         figures: dict[str, float | None] = {
             "mean_mm": float(np.nanmean(distance)),
@@ -80,7 +88,7 @@ class Errors:
             "p95_mm": float(np.nanpercentile(distance, 95)),
             "acceleration_m_s2": float(np.nanmean(acceleration)),
         }
-        bars = [part[:, joints].ravel() for part in self.mahalanobis]
+        bars = [part[mask] for part, mask in zip(self.mahalanobis, masks, strict=False)]
         inside = np.concatenate(bars) if bars else np.array([])
         inside = inside[np.isfinite(inside)]
         for sigmas in (1, 2, 3):
@@ -124,6 +132,24 @@ def without_confidence(take: Take) -> Take:
     detections = take.scene.detections.copy()
     detections[..., 2] = np.where(take.scene.detected, 1.0, 0.0)
     return replace(take, scene=replace(take.scene, detections=detections))
+
+
+def parts(takes: list[Take]) -> dict[str, Masks]:
+    """Return the joints of each class, and those of the largest true speeds and accelerations, as masks."""
+    shapes = [take.scene.truth.shape[:2] for take in takes]
+    masks = {}
+    for name, joints in over_time.joint_classes("h36m17").items():
+        masks[name] = [np.zeros(shape, dtype=bool) for shape in shapes]
+        for mask in masks[name]:
+            mask[:, joints] = True
+    for order, name in ((1, "fastest"), (2, "hardest")):
+        motion = [
+            np.pad(np.linalg.norm(np.diff(t.scene.truth, n=order, axis=0), axis=-1), ((1, order - 1), (0, 0)))
+            for t in takes
+        ]
+        least = np.quantile(np.concatenate(motion), 1.0 - EXTREME)
+        masks[f"{name} {100 * EXTREME:.0f} %"] = [part >= least for part in motion]
+    return masks
 
 
 def setbacks(results: dict[str, Errors], takes: list[Take]) -> list[str]:
@@ -186,8 +212,8 @@ def show(condition: str, results: dict[str, Errors], takes: list[Take], chosen: 
     print("\n".join([*setbacks(results, takes), ""]))
     if chosen.joints:
         rows = [
-            [f"{name}, {part}", *cells(errors.summary(joints))]
-            for part, joints in over_time.joint_classes("h36m17").items()
+            [f"{name}, {part}", *cells(errors.summary(masks))]
+            for part, masks in parts(takes).items()
             for name, errors in results.items()
         ]
         common.show(f"{condition}, by joints", ["", *columns], rows, markdown=chosen.markdown)
@@ -197,7 +223,7 @@ def main() -> None:
     chosen = options()
     notes = {name: over_time.absent(name) for name in chosen.methods}
     names = [name for name, reason in notes.items() if reason is None]
-    report = {}
+    report, worse = {}, {}
     for condition in chosen.conditions:
         takes = recordings.takes(
             condition,
@@ -212,12 +238,11 @@ def main() -> None:
         report[condition] = {
             name: {
                 **errors.whole(),
-                "joints": {
-                    part: errors.summary(joints) for part, joints in over_time.joint_classes("h36m17").items()
-                },
+                "joints": {part: errors.summary(masks) for part, masks in parts(takes).items()},
             }
             for name, errors in results.items()
         }
+        worse[condition] = setbacks(results, takes)
         if not chosen.json:
             show(condition, results, takes, chosen)
     absent = [f"without {name}: {reason}" for name, reason in notes.items() if reason is not None]
@@ -225,7 +250,11 @@ def main() -> None:
         absent.append(f"Butterworth filter at {over_time.cutoff(chosen.fps):g} Hz: 6 Hz needs more frames")
     if chosen.json:
         machine = common.circumstances()
-        print(json.dumps({"circumstances": machine, "notes": absent, "conditions": report}, indent=2))
+        print(
+            json.dumps(
+                {"circumstances": machine, "notes": absent, "conditions": report, "setbacks": worse}, indent=2
+            )
+        )
         return
     print("\n".join([*absent, common.circumstances()]))
 

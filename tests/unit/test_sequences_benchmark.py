@@ -11,7 +11,8 @@ import numpy as np
 import over_time
 import recordings
 
-SCRIPT = Path(__file__).parents[2] / "benchmarks" / "sequences.py"
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+SCRIPT = BENCHMARKS / "sequences.py"
 
 
 def test_the_smoother_agrees_with_one_dense_solution() -> None:
@@ -80,5 +81,21 @@ def test_the_benchmark_runs() -> None:
     assert 5.0 < good["kalman"]["mean_mm"] < good["frames"]["mean_mm"] + 5.0 < 40.0
     assert good["butterworth"]["acceleration_m_s2"] < good["frames"]["acceleration_m_s2"]
     assert good["butterworth"]["within_1_sigma"] is None
-    assert set(good["kalman"]["joints"]) == {"ends", "middle", "trunk"}
+    assert list(good["kalman"]["joints"]) == ["ends", "middle", "trunk", "fastest 1 %", "hardest 1 %"]
     assert report["circumstances"].splitlines()[1].endswith("kalman")
+
+
+def test_every_camera_of_the_sample_is_predicted_from_the_others() -> None:
+    command = [sys.executable, str(BENCHMARKS / "leave_one_out.py"), "--markdown"]
+    lines = subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()
+    figures = {}
+    corrected = next(k for k, line in enumerate(lines) if line.startswith("cam_03 rotated by"))
+    for line in lines[corrected:]:
+        if line.startswith("| cam_0"):
+            name, _, middle, most, *_ = (cell.strip() for cell in line.strip("|").split("|"))
+            figures[name] = np.array([float(middle), float(most)])
+    assert len(figures) == 12
+    for view in range(1, 5):
+        in_time, alone = (figures[f"cam_0{view}, {name}"] for name in ("sequence", "frames"))
+        assert (in_time <= alone).all()
+        assert (alone < [20.0, 40.0]).all()

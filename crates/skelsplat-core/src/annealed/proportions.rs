@@ -29,6 +29,9 @@ const WIDE: f64 = 160.0;
 /// Least standard deviation of a bone's length, mm: detectors and tables mean different points.
 const LEAST_SPREAD: f64 = 20.0;
 
+/// By how much the objective of another solution has to be lower than that of the nearest one.
+const CLEARLY: f64 = 1.0;
+
 /// How many views agree on every joint at a solution, and how many see it.
 struct Votes {
     agree: Vec<usize>,
@@ -95,7 +98,7 @@ pub fn with_bones(
     let variance = here.variance;
     let mut best = here;
     for other in [solve(&problem, &points, &wide), solve(&problem, &guess, &narrow)] {
-        if objective(&problem, &other, variance) < objective(&problem, &best, variance) {
+        if objective(&problem, &other, variance) + CLEARLY < objective(&problem, &best, variance) {
             best = other;
         }
     }
@@ -297,11 +300,15 @@ fn place(rays: &Rays, bones: &[Bone], points: &mut [Vector3<f64>]) {
     }
 }
 
-/// F of the detections and bones at a solution, all under one variance.
+/// F of the detections, priors and bones at a solution, all under one variance.
 fn objective(problem: &Problem<'_>, solution: &Solution, variance: f64) -> f64 {
     let mut sum = 0.0;
     for (j, x) in solution.points.iter().enumerate().filter(|(_, x)| x.x.is_finite()) {
         sum += cost_of_rays(problem, j, x, problem.annealing.end[j], variance);
+        if let Some(prior) = problem.priors.map(|priors| &priors[j]) {
+            let off = x - prior.mean;
+            sum += 0.5 * off.dot(&(prior.precision * off));
+        }
     }
     let at = |j: usize| &solution.points[j];
     let bones =

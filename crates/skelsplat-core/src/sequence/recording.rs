@@ -1,15 +1,18 @@
 //! A recording in windows: what is common to all is learnt from a sample of them, then each is solved.
 
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
-use super::learn::{self, Memory, Noise, median};
+use super::learn;
+use super::noise::{Memory, Noise};
 use super::posterior::{Posterior, posterior};
+use super::small::median;
 use super::solver::{ANNEAL, Common, Run, SETTLE, frames_in};
 use super::swaps::{self, Swap};
-use super::tracks::{Alone, Tracks};
+use super::tracks::Tracks;
+use crate::annealed::Alone;
 use crate::annealed::consensus::REJECTED;
 use crate::annealed::depth::determine;
 use crate::batch::Progress;
@@ -19,6 +22,8 @@ use crate::outcome::{ErrorBars, JointStatus, Loss, Outcome, Splats, StopReason};
 use crate::refine::{Frame, Method, Refinement, Refiner};
 use crate::threads;
 
+/// Frames per second that can be computed with.
+const RATES: RangeInclusive<f64> = 1e-3..=1e6;
 /// Longest gap over which a joint is bridged, s.
 const BRIDGE: f64 = 1.0;
 /// Overlap of windows on either side, s, and the least number of frames.
@@ -52,7 +57,7 @@ pub struct Sequence {
 /// Refines the frames of one motion, recorded `fps` times per second, in order and without leaving frames out.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] if views or joints do not match, if `fps` is not positive, or for another method than `annealed`;
+/// [`Error::InvalidInput`] if views or joints do not match, if `fps` is not from 1e-3 to 1e6, or for another method than `annealed`;
 /// [`Error::Cancelled`] once cancelled.
 pub fn refine_sequence(
     refiner: &Refiner,
@@ -66,6 +71,9 @@ pub fn refine_sequence(
             "a positive number of frames per second",
             fps.to_string(),
         ));
+    }
+    if !RATES.contains(&fps) {
+        return Err(Error::invalid("fps", "a number from 1e-3 to 1e6", format!("{fps:e}")));
     }
     if !matches!(refiner.config().method, Method::Annealed(_)) {
         let name = refiner.config().method.name();
@@ -90,8 +98,6 @@ struct Recording<'a> {
 struct Learnt {
     common: Common,
     memory: Memory,
-    /// Mean weight of the detections.
-    weight: f64,
 }
 
 /// Tracks with their sides corrected, and the path found in them.
@@ -193,29 +199,31 @@ impl Recording<'_> {
             lengths: learn::lengths(&tracks, &tracks.alone, &bones),
             agility: learn::agility(&tracks, self.fps, &vec![noise * noise; tracks.joints]),
             bones,
+            weight,
             variance: vec![noise * noise * weight; tracks.joints],
             sigma,
             reach: if spread > LEAST_SPREAD * noise { spread } else { USUAL_SPREAD },
         };
-        let mut path = self.path(tracks, &common, weight)?;
+        let mut path = self.path(tracks, &common)?;
         common.lengths = learn::lengths(&path.tracks, &path.points, &common.bones);
         let mut run = Run::new(&path.tracks, &common, Some(std::mem::take(&mut path.points)));
         run.anneal(SETTLE, &self.check())?;
-        let Noise { variance, memory } = Noise::of(&run, &path.tracks, &common, weight);
+        let Noise { variance, memory } = Noise::of(&run, &path.tracks, &common);
         let given = self.refiner.config().detection_sigma_px.is_some();
         let variance = if given { common.variance.clone() } else { variance };
         path.steps += run.n_iter;
         path.points = run.points;
-        Ok((Learnt { common: Common { variance, ..common }, memory, weight }, path))
+        Ok((Learnt { common: Common { variance, ..common }, memory }, path))
     }
 
     /// The path from wide kernels down to the final ones, and the sides that it shows to be swapped.
-    fn path(&self, mut tracks: Tracks, common: &Common, weight: f64) -> Result<Path> {
+    fn path(&self, mut tracks: Tracks, common: &Common) -> Result<Path> {
+        tracks.find_cuts(common.fps, &common.agility);
         let chains = self.refiner.chains();
         let mut run = Run::new(&tracks, common, None);
         run.anneal(ANNEAL, &self.check())?;
         let (points, steps) = (run.points, run.n_iter);
-        let swapped = swaps::find(&tracks, chains, &points, common, weight);
+        let swapped = swaps::find(&tracks, chains, &points, common);
         for swap in &swapped {
             for [l, r] in &chains[swap.chain] {
                 tracks.swap(swap.view, swap.frame, *l, *r);
@@ -227,7 +235,7 @@ impl Recording<'_> {
     fn window(&self, window: &Window, learnt: &Learnt) -> Result<Solved> {
         let alone = self.alone(&window.all)?;
         let tracks = self.tracks(&[&alone], learnt.common.sigma[0]);
-        let path = self.path(tracks, &learnt.common, learnt.weight)?;
+        let path = self.path(tracks, &learnt.common)?;
         self.finish(window, &alone, path, learnt)
     }
 
@@ -290,7 +298,7 @@ impl Recording<'_> {
         let bars = ErrorBars {
             covariances: joints.iter().map(|joint| joint.covariance).collect(),
             believed: joints.iter().flat_map(|joint| joint.believed.iter().copied()).collect(),
-            noise: if observed { (variance / state.learnt.weight).sqrt() } else { f64::NAN },
+            noise: if observed { (variance / state.learnt.common.weight).sqrt() } else { f64::NAN },
             status,
         };
         let of = |j: usize| j * state.tracks.frames + t;
@@ -354,8 +362,7 @@ impl State<'_> {
         let ranges = offsets().flatten().map(|(ray, o)| o.range.abs() * ray.pixel);
         let pixel = ranges.clone().sum::<f64>() / ranges.count().max(1) as f64;
         let variance = common.variance[j] / (pixel * pixel);
-        let fixed =
-            agreeing > 1 && determine(rays, &at, variance, self.learnt.weight, |i| believed[i]);
+        let fixed = agreeing > 1 && determine(rays, &at, variance, common.weight, |i| believed[i]);
         let widest = covariance.symmetric_eigenvalues().max().sqrt();
         let status = match (active, fixed) {
             (false, _) => alone.status[j],

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::chain::{Chain, second_difference};
+use super::chain::{Band, Chain, second_difference};
 use super::small::{inverse, times};
 use super::system::System;
 use super::tracks::Tracks;
@@ -20,6 +20,8 @@ pub struct Common {
     pub lengths: Vec<Length>,
     /// Spectral density q of the acceleration of each joint, mm²/s³.
     pub agility: Vec<f64>,
+    /// Mean weight of the detections.
+    pub weight: f64,
     /// Variance of a detection of weight 1 of each joint, mm².
     pub variance: Vec<f64>,
     /// Final kernel of each joint, mm.
@@ -97,13 +99,14 @@ impl<'a> Run<'a> {
     /// # Errors
     /// The error of `check`.
     pub fn anneal(&mut self, schedule: &Schedule, check: &impl Fn() -> Result<()>) -> Result<()> {
-        let variance = self.common.variance.iter().copied().fold(f64::INFINITY, f64::min);
+        let least = self.common.variance.iter().copied().fold(f64::INFINITY, f64::min);
+        let noise = (least / self.common.weight).sqrt();
         for (wider, steps) in schedule {
             for _ in 0..*steps {
                 check()?;
                 self.linearise(*wider);
                 self.n_iter += 1;
-                if self.step() < SMALL * variance.sqrt() {
+                if self.step() < SMALL * noise {
                     break;
                 }
             }
@@ -120,6 +123,17 @@ impl<'a> Run<'a> {
             self.pull_of_motion(j);
         }
         self.pull_of_bones();
+    }
+
+    /// The selected inverse of joint `j`'s chain; a joint lies within `reach` (see [`Common`]) of the body's centre.
+    #[must_use]
+    pub fn bands(&self, j: usize) -> Vec<Band> {
+        let of = self.system.of(j);
+        let blocks = &self.system.blocks[of.clone()];
+        let reach = Matrix3::from_diagonal_element(self.common.reach.powi(-2));
+        let mut chain = Chain::default();
+        chain.factorise(&self.system.weights[of], |t| blocks[t] + reach);
+        chain.selected_inverse()
     }
 
     /// One step; returns the root mean square movement, mm.
@@ -196,7 +210,7 @@ impl<'a> Run<'a> {
     }
 
     /// The weights of joint `j`'s second differences, 1/(q dt³), less where the acceleration is larger than usual: it is measured
-    /// over [`MOTION_SPAN`], so that the frame rate does not matter.
+    /// over [`MOTION_SPAN`], so that the frame rate does not matter. There is none across a cut.
     fn couple(&mut self, j: usize, reach: f64) {
         let of = self.system.of(j);
         let (x, active) = (&self.points[of.clone()], &self.tracks.active[of.clone()]);
@@ -209,10 +223,11 @@ impl<'a> Run<'a> {
         let w = &mut self.system.weights[of];
         w.fill(0.0);
         for t in 1..n.saturating_sub(1) {
-            if !(active[t - 1] && active[t] && active[t + 1]) {
+            let joined = |h: usize| !self.tracks.is_cut(t - h, t + h);
+            if !(active[t - 1] && active[t] && active[t + 1] && joined(1)) {
                 continue;
             }
-            let wide = t >= h && t + h < n && active[t - h] && active[t + h];
+            let wide = t >= h && t + h < n && active[t - h] && active[t + h] && joined(h);
             let h = if wide { h } else { 1 };
             let d = x[t - h] - 2.0 * x[t] + x[t + h];
             let kept = 1.0 / (1.0 + d.norm_squared() / (usual(h) * reach * reach));

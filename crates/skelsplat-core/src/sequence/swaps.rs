@@ -22,14 +22,14 @@ pub(super) struct Swap {
     pub(super) chain: usize,
 }
 
-/// The swaps that the path `points` `(N, T)` shows; `unit` is the mean weight of a detection.
+/// The swaps that the path `points` `(N, T)` shows.
 pub(super) fn find(
     tracks: &Tracks,
     chains: &[Chain],
     points: &[Vector3<f64>],
     common: &Common,
-    unit: f64,
 ) -> Vec<Swap> {
+    let unit = common.weight;
     let around = frames_in(AROUND, common.fps);
     let mut found = Vec::new();
     for (chain, pairs) in chains.iter().enumerate() {

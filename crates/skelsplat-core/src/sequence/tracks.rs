@@ -2,29 +2,18 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::small::median;
+use crate::annealed::Alone;
 use crate::annealed::consensus::REJECTED;
 use crate::annealed::rays::{Ray, Rays};
-use crate::outcome::JointStatus;
 
 /// Weight of rays that agree closely.
 const CLOSE: f64 = 0.7;
-
-/// One frame solved alone.
-#[derive(Debug, Clone)]
-pub struct Alone {
-    /// Its rays, with left and right as they were used.
-    pub rays: Rays,
-    /// The joint for which each detection `(M, N)` was used.
-    pub used_for: Vec<usize>,
-    /// Positions `(N)`, mm; NaN where unknown.
-    pub points: Vec<Vector3<f64>>,
-    /// Posterior covariances `(N)`, mm².
-    pub spread: Vec<Matrix3<f64>>,
-    /// Status of every joint.
-    pub status: Vec<JointStatus>,
-    /// Standard deviation of the detection noise, mm; NaN without detections.
-    pub noise: f64,
-}
+/// Root mean square deviation, in standard deviations, of the joints from a steady motion that shows a cut.
+const JUMP: f64 = 2.0;
+/// Least number of joints that show it, and their least share of those that are estimated.
+const LEAST_JOINTS: usize = 3;
+const LEAST_SHARE: f64 = 0.5;
 
 /// Rays and positions of T frames; `(N, T)` means joint after joint, each over all frames.
 #[derive(Debug, Clone)]
@@ -47,6 +36,8 @@ pub struct Tracks {
     pub sure: Vec<bool>,
     /// Least weight of every ray `(N, T, M)`: its weight at a position on which all of at least three agree closely, else 0.
     held: Vec<f64>,
+    /// Number of cuts before each frame and at it `(T)`: a cut lies between a frame and the one before.
+    cuts: Vec<usize>,
 }
 
 impl Tracks {
@@ -70,6 +61,7 @@ impl Tracks {
             active: vec![false; n * t],
             sure: vec![false; n * t],
             held: vec![0.0; n * t * m],
+            cuts: vec![0; t],
         };
         let mut begin = 0;
         for stretch in stretches {
@@ -116,6 +108,56 @@ impl Tracks {
                 held.iter_mut().zip(rays).for_each(|(held, ray)| *held = weight(ray));
             }
         }
+    }
+
+    /// Looks for cuts: frames between which the body jumps, in the median of the joints whose positions are sure. Wrong
+    /// positions are those of single joints. `agility` is the spectral density of every joint's acceleration, mm²/s³.
+    pub fn find_cuts(&mut self, fps: f64, agility: &[f64]) {
+        let mut cuts = 0;
+        for t in 0..self.frames {
+            let both = |j: &usize| t > 0 && [t - 1, t].iter().all(|t| self.active[self.at(*j, *t)]);
+            let asked = (0..self.joints).filter(both).count();
+            let jumps = (0..self.joints).filter_map(|j| self.jump(j, t, agility[j] / fps.powi(3)));
+            let jumps: Vec<f64> = jumps.collect();
+            let enough = jumps.len() as f64 >= LEAST_SHARE * asked as f64;
+            if jumps.len() >= LEAST_JOINTS && enough && median(jumps) > JUMP * JUMP {
+                cuts += 1;
+            }
+            self.cuts[t] = cuts;
+        }
+    }
+
+    /// How far joint `j` moves before frame `t` beyond what its velocity before and after explains: the square over the
+    /// variance of errors of the positions and of white acceleration, which adds `moved` mm² to a second difference. `None`
+    /// where positions are not sure.
+    fn jump(&self, j: usize, t: usize, moved: f64) -> Option<f64> {
+        let at = |t: usize| Some(self.at(j, t)).filter(|k| t < self.frames && self.sure[*k]);
+        let (b, c) = (at(t.checked_sub(1)?)?, at(t)?);
+        let (a, d) = (t.checked_sub(2).and_then(at), at(t + 1));
+        let x = |k: usize| self.alone[k];
+        // Weights of the positions at a, b, c and d.
+        let (weights, motion) = match (a, d) {
+            (Some(_), Some(_)) => ([0.5, -1.5, 1.5, -0.5], 0.25),
+            (Some(_), None) => ([1.0, -2.0, 1.0, 0.0], 2.0 / 3.0),
+            (None, Some(_)) => ([0.0, -1.0, 2.0, -1.0], 2.0 / 3.0),
+            (None, None) => return None,
+        };
+        let of = [a.unwrap_or(b), b, c, d.unwrap_or(c)];
+        let terms = || weights.iter().zip(of);
+        let off: Vector3<f64> = terms().map(|(w, k)| x(k) * *w).sum();
+        let noise: f64 = terms().map(|(w, k)| w * w * self.spread[k].trace()).sum();
+        Some(off.norm_squared() / (noise + 3.0 * motion * moved)).filter(|jump| jump.is_finite())
+    }
+
+    /// Whether there is a cut between frames `a` < `b`.
+    #[inline]
+    #[must_use]
+    pub fn is_cut(&self, a: usize, b: usize) -> bool {
+        self.cuts[b] > self.cuts[a]
+    }
+
+    fn at(&self, j: usize, t: usize) -> usize {
+        j * self.frames + t
     }
 
     /// The rays of joint `j` in frame `t`, one per view.

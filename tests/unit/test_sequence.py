@@ -1,0 +1,354 @@
+"""`refine_sequence`: what it accepts and refuses, gaps and cuts, few views, all scales, swaps that last."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+import re
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from skelsplat import synthetic
+from skelsplat.synthetic import DetectionNoise
+from sweeps import swept
+
+FPS = 30.0
+RIG = synthetic.human36m_like()
+NOISE = DetectionNoise.recording(FPS)
+OCCLUDED = DetectionNoise.recording_occluded(2)
+JOINTS = tuple(f"j{k}" for k in range(17))
+
+
+def seen(pose: np.ndarray, noise: DetectionNoise = NOISE, seed: int = 0, rig: Any = RIG) -> np.ndarray:
+    """Detect a motion (T, N, 3), with errors that last: (T, M, N, 3)."""
+    return synthetic.simulate_detections(pose, rig, noise=noise, seed=seed)
+
+
+def recorded(
+    name: str = "walk", n_frames: int = 90, noise: DetectionNoise = NOISE, seed: int = 1
+) -> tuple[np.ndarray, np.ndarray]:
+    """Give a motion (T, 17, 3) and its detections."""
+    pose = synthetic.motion(name, n_frames, fps=FPS, seed=seed)
+    return pose, seen(pose, noise, seed)
+
+
+def solve(detections: np.ndarray, rig: Any = RIG, **given: Any) -> sk.SequenceRefinement:
+    """Refine in time, as Human3.6M's skeleton unless another layout is given."""
+    return sk.refine_sequence(detections, rig, **{"fps": FPS, "layout": "h36m17", **given})
+
+
+def errors(found: np.ndarray, truth: np.ndarray) -> np.ndarray:
+    """Distances (T, N)."""
+    return np.linalg.norm(found - truth, axis=-1)
+
+
+# what is refused
+
+
+def test_the_frame_rate_must_be_given():
+    _, detections = recorded(n_frames=3)
+    with pytest.raises(TypeError, match="fps"):
+        sk.refine_sequence(detections, RIG)  # type: ignore[call-arg]
+
+
+@pytest.mark.parametrize("fps", [0, -25.0, np.nan, np.inf])
+def test_a_frame_rate_is_positive(fps):
+    with pytest.raises(sk.InvalidInputError, match=f"^fps: expected a positive number, got {fps}$"):
+        solve(recorded(n_frames=3)[1], fps=fps)
+
+
+@pytest.mark.parametrize("fps", [1e-4, 1e300])
+def test_a_frame_rate_can_be_computed_with(fps):
+    with pytest.raises(sk.InvalidInputError, match=r"^fps: expected a number from 1e-3 to 1e6, got "):
+        solve(recorded(n_frames=3)[1], fps=fps)
+
+
+REFUSED: dict[str, tuple[Callable[[np.ndarray], dict[str, Any]], str]] = {
+    "frame": (
+        lambda d: {"detections": d[0]},
+        "detections: expected the frames of a recording (T, M, N, 2|3), got one frame",
+    ),
+    "views": (lambda d: {"detections": d[:, :2]}, "detections: expected one view per camera (4), got 2"),
+    "joints": (
+        lambda d: {"detections": d[:, :, :5]},
+        "detections: expected the layout's 17 joints, got 5 joints",
+    ),
+    "last": (lambda d: {"detections": d[..., :1]}, "detections: expected shape (M, N, 2), (M, N, 3)"),
+    "start": (lambda d: {"init_pose": d[:2, 0]}, "init_pose: expected shape (3, 17, 3)"),
+    "confidence": (
+        lambda d: {"detections": d[..., :2], "confidence": np.ones((4, 17, 2))},
+        "confidence: expected shape",
+    ),
+    "paper": (lambda _: {"config": sk.RefineConfig.paper()}, "config.method: expected 'annealed'"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_does_not_match_is_named(case):
+    change, text = REFUSED[case]
+    detections = recorded(n_frames=3)[1]
+    with pytest.raises(sk.InvalidInputError, match=f"^{re.escape(text)}"):
+        solve(**{"detections": detections, **change(detections)})
+
+
+# short recordings, gaps, joints that are not seen
+
+
+@pytest.mark.parametrize("n_frames", [0, 1, 2, 3])
+def test_a_short_recording_is_answered(n_frames):
+    pose, detections = recorded(n_frames=3)
+    found = solve(detections[:n_frames])
+    assert found.pose.shape == (n_frames, 17, 3)
+    assert found.velocity_uncertainty.shape == (n_frames, 17, 3, 3)
+    assert (errors(found.pose, pose[:n_frames]) < 100.0).all()
+    assert np.isfinite(found.uncertainty).all()
+    assert np.isfinite(found.velocity).all() == (n_frames != 1)
+    assert np.isfinite(found.bone_lengths).all() == (n_frames > 0)
+
+
+def test_nobody_is_an_outcome():
+    found = solve(np.full((20, 4, 17, 2), np.nan))
+    assert np.isnan(found.pose).all()
+    assert (found.joint_status == "unobserved").all()
+    assert np.isnan(found.bone_lengths).all()
+    assert np.isinf(found.bone_length_sigma).all()
+    assert list(np.unique(found.stop_reason)) == ["no_observations"]
+
+
+def test_both_sides_of_an_absence_are_solved():
+    pose, detections = recorded(n_frames=150)
+    detections[50:100] = np.nan
+    found = solve(detections)
+    away = slice(50, 100)
+    assert (found.joint_status[away] == "unobserved").all()
+    assert np.isnan(found.pose[away]).all()
+    assert np.isnan(found.velocity[away]).all()
+    for part in (slice(0, 50), slice(100, 150)):
+        assert errors(found.pose, pose)[part].mean() < errors(found.init_pose, pose)[part].mean()
+        assert np.isfinite(found.velocity[part]).all()
+
+
+def test_a_joint_that_is_never_seen_leaves_the_others_as_they_are():
+    pose, detections = recorded()
+    whole = solve(detections)
+    detections[:, :, 16] = np.nan
+    found = solve(detections)
+    assert (found.joint_status[:, 16] == "unobserved").all()
+    assert np.isnan(found.pose[:, 16]).all()
+    assert np.isnan(found.uncertainty[:, 16]).all()
+    bone = np.flatnonzero((found.bones == 16).any(axis=1))
+    assert np.isinf(found.bone_length_sigma[bone]).all()
+    assert np.isnan(found.bone_lengths[bone]).all()
+    mean = errors(found.pose, pose)[:, :16].mean()
+    assert mean < 1.05 * errors(whole.pose, pose)[:, :16].mean()
+
+
+@pytest.mark.parametrize("frames", [slice(40, 60), slice(None)])
+def test_a_joint_that_one_view_sees_is_never_as_good_as_a_seen_one(frames):
+    pose, detections = recorded(seed=2)
+    detections[frames, 1:, 16] = np.nan
+    found = solve(detections)
+    assert set(found.joint_status[frames, 16]) <= {"inferred", "weak"}
+    off = (found.pose - pose)[frames, 16]
+    known = np.isfinite(off).all(axis=1)
+    assert known.all() or frames == slice(None)
+    bars = found.uncertainty[frames, 16]
+    square = np.einsum("ti,tij,tj->t", off[known], np.linalg.inv(bars[known]), off[known])
+    assert np.count_nonzero(square < 16.0) >= 0.9 * len(square)
+    usual = np.trace(found.uncertainty[:, 13], axis1=1, axis2=2).mean()
+    assert (np.trace(bars[known], axis1=1, axis2=2) > usual).all()
+
+
+# layouts and scales
+
+
+def test_without_limbs_there_is_the_motion_alone():
+    pose, detections = recorded()
+    found = solve(detections, layout=None)
+    bare = solve(detections, layout=sk.Layout("bare", JOINTS))
+    assert found.bones.shape == bare.bones.shape == (0, 2)
+    assert found.bone_lengths.shape == (0,)
+    assert errors(found.pose, pose).mean() < errors(found.init_pose, pose).mean()
+    np.testing.assert_array_equal(found.pose, bare.pose)
+
+
+def test_a_limb_that_changes_its_length_does_no_harm():
+    pose, detections = recorded("reach")
+    free = solve(detections, layout=sk.Layout("bare", JOINTS))
+    # From a wrist to an ankle: no bone.
+    layout = sk.Layout("odd", JOINTS, limbs=[("j0", "j1"), ("j13", "j6")])
+    found = solve(detections, layout=layout)
+    assert errors(found.pose, pose).mean() < 1.02 * errors(free.pose, pose).mean()
+    rigid, odd = found.bone_lengths
+    length = np.linalg.norm(pose[:, 0] - pose[:, 1], axis=-1).mean()
+    assert rigid == pytest.approx(length, abs=25.0)
+    assert odd > 300.0
+
+
+@pytest.mark.filterwarnings("ignore:the skeleton measures")
+@pytest.mark.parametrize("layout", [None, "h36m17"])
+def test_on_the_table_it_is_the_same(layout):
+    body = synthetic.motion("reach", 90, fps=FPS, seed=1)
+    hand = (body - body.mean(axis=(0, 1))) * (180.0 / 1750.0)
+    rig = synthetic.table()
+    found = solve(seen(hand, rig=rig), rig, layout=layout)
+    assert errors(found.pose, hand).mean() < 0.85 * errors(found.init_pose, hand).mean() < 3.0
+
+
+def test_the_unit_does_not_matter():
+    detections = recorded(noise=OCCLUDED)[1]
+    metres = sk.CameraRig([sk.Camera(c.K, c.R, c.t / 1000, size=c.size) for c in RIG], unit="m")
+    mm, m = solve(detections), solve(detections, metres)
+    for name, power in {
+        "pose": 1,
+        "velocity": 1,
+        "uncertainty": 2,
+        "velocity_uncertainty": 2,
+        "bone_lengths": 1,
+        "bone_length_sigma": 1,
+    }.items():
+        np.testing.assert_allclose(getattr(m, name) * 1000.0**power, getattr(mm, name), rtol=1e-9, atol=1e-9)
+    np.testing.assert_array_equal(m.joint_status, mm.joint_status)
+
+
+@pytest.mark.parametrize("fps", [1e-3, 1.0, 1e6])
+def test_every_frame_rate_is_computed_with(fps):
+    pose, detections = recorded(n_frames=30)
+    found = solve(detections, fps=fps)
+    assert errors(found.pose, pose).mean() < 1.05 * errors(found.init_pose, pose).mean()
+
+
+# views and confidences
+
+
+@pytest.mark.parametrize("noise", [NOISE, swept(OCCLUDED)])
+@pytest.mark.parametrize("n_views", [2, 3])
+def test_few_views_gain_as_well(n_views, noise):
+    pose, detections = recorded(noise=noise, n_frames=150)
+    found = solve(detections[:, :n_views], sk.CameraRig(RIG[:n_views]))
+    both = np.isfinite(found.init_pose)
+    assert np.isfinite(found.pose).mean() >= both.mean()
+    error, alone = errors(found.pose, pose), errors(found.init_pose, pose)
+    assert np.nanmean(error) < 0.85 * np.nanmean(alone)
+
+
+def test_one_view_knows_no_depth():
+    found = solve(recorded()[1][:, :1], [RIG[0]])
+    assert not (found.joint_status == "ok").any()
+
+
+def test_confidences_come_either_way_and_their_scale_is_free():
+    detections = recorded(noise=OCCLUDED)[1]
+    found = solve(detections)
+    apart = solve(detections[..., :2], confidence=detections[..., 2])
+    np.testing.assert_array_equal(found.pose, apart.pose)
+    np.testing.assert_array_equal(found.uncertainty, apart.uncertainty)
+    scaled = solve(detections * [1.0, 1.0, 0.1])
+    np.testing.assert_allclose(scaled.pose, found.pose, atol=1e-6)
+    np.testing.assert_allclose(scaled.uncertainty, found.uncertainty, rtol=1e-6, atol=1e-6)
+    without = solve(detections[..., :2])
+    assert np.isfinite(without.pose).all()
+
+
+def test_the_start_is_that_of_each_frame_alone():
+    pose, detections = recorded()
+    alone = sk.refine(None, detections, RIG, layout="h36m17")
+    found = solve(detections)
+    np.testing.assert_allclose(found.init_pose, alone.pose, atol=1e-9)
+    near = solve(detections, init_pose=pose)
+    assert errors(near.pose, found.pose).max() < 50.0
+
+
+# the result, progress, Ctrl-C
+
+
+def test_the_result_is_copied_and_pickled():
+    found = solve(recorded(n_frames=5)[1])
+    for other in (pickle.loads(pickle.dumps(found)), copy.copy(found), copy.deepcopy(found)):
+        assert type(other) is sk.SequenceRefinement
+        for name in type(found).__dataclass_fields__:
+            np.testing.assert_array_equal(getattr(other, name), getattr(found, name))
+    assert repr(found).startswith("SequenceRefinement(16 bones, pose (5, 17, 3), joints: ")
+
+
+def test_progress_counts_frames_to_the_end():
+    said: list[tuple[int, int]] = []
+    solve(recorded()[1], progress=lambda done, total: said.append((done, total)))
+    assert said[-1] == (90, 90)
+    assert said == sorted(said)
+
+
+def test_an_error_in_the_callback_ends_the_work():
+    def stop(_done: int, _total: int) -> None:
+        raise LookupError("enough")
+
+    with pytest.raises(LookupError, match="enough"):
+        solve(np.tile(recorded()[1], (40, 1, 1, 1)), progress=stop)
+
+
+# motions that are not smooth
+
+
+@pytest.mark.parametrize(
+    ("step_mm", "noise"), [(100.0, NOISE), (1000.0, NOISE), swept(300.0, OCCLUDED), (1000.0, OCCLUDED)]
+)
+def test_a_jump_is_followed_and_does_not_blur(step_mm, noise):
+    """Around it the error is no larger than frame by frame; neither is the velocity measured across it."""
+    before, in_time, alone = slice(20, 40), [], []
+    for seed in range(3):
+        pose = synthetic.motion("walk", 90, fps=FPS, seed=seed)
+        pose -= pose.mean(axis=(0, 1)) * [1.0, 1.0, 0.0]
+        speed = np.linalg.norm(np.diff(pose, axis=0), axis=-1).max() * FPS
+        pose[45:, :, 0] += step_mm
+        found = solve(seen(pose, noise, seed))
+        in_time.append(errors(found.pose, pose))
+        alone.append(errors(found.init_pose, pose))
+        assert np.nanmax(np.linalg.norm(found.velocity[43:47], axis=-1)) < 1.5 * speed
+    error, single = np.array(in_time), np.array(alone)
+    assert np.nanmean(error[:, 44:46]) < 1.05 * np.nanmean(single[:, 44:46])
+    assert np.nanmean(error[:, 42:48]) < np.nanmean(single[:, 42:48])
+    assert np.nanmean(error[:, 44:46]) < 1.5 * np.nanmean(error[:, before])
+
+
+def turned(pose: np.ndarray, axis: int, angle: np.ndarray, about: np.ndarray) -> np.ndarray:
+    """Turn every frame of a motion (T, N, 3) about a point, by an angle per frame."""
+    matrices = np.zeros((len(angle), 3, 3))
+    i, k = (axis + 1) % 3, (axis + 2) % 3
+    matrices[:, axis, axis] = 1.0
+    matrices[:, i, i] = matrices[:, k, k] = np.cos(angle)
+    matrices[:, i, k], matrices[:, k, i] = -np.sin(angle), np.sin(angle)
+    return np.einsum("tij,tnj->tni", matrices, pose - about) + about
+
+
+def pirouette(seed: int) -> tuple[np.ndarray, slice]:
+    """Give a motion that is spun twice a second, and the frames in which it is."""
+    pose = synthetic.motion("wave", 120, fps=FPS, seed=seed)
+    seconds = np.arange(120) / FPS
+    speed = 2.0 * np.pi * np.interp(seconds, [0.0, 1.0, 1.6, 3.0], [0.0, 0.0, 2.0, 2.0])
+    middle = pose.mean(axis=(0, 1)) * [1.0, 1.0, 0.0]
+    return turned(pose, 2, np.cumsum(speed) / FPS, middle), slice(30, 120)
+
+
+def fall(seed: int) -> tuple[np.ndarray, slice]:
+    """Give a body that tips over within a second and hits the floor, and the frames of the fall."""
+    pose = synthetic.motion("wave", 120, fps=FPS, seed=seed)
+    seconds = np.arange(120) / FPS
+    angle = np.clip(0.02 * np.exp(4.0 * (seconds - 1.0)), 0.0, 1.5)
+    feet = pose[:, [3, 6]].mean(axis=(0, 1)) * [1.0, 1.0, 0.0]
+    landed = int(np.argmax(angle >= 1.5))
+    return turned(pose, 1, angle, feet), slice(landed - 20, landed + 20)
+
+
+@pytest.mark.parametrize("noise", [NOISE, swept(OCCLUDED)])
+@pytest.mark.parametrize("motion", [pirouette, fall])
+def test_fast_motion_is_no_worse_than_frame_by_frame(motion, noise):
+    for seed in range(2):
+        pose, fast = motion(seed)
+        found = solve(seen(pose, noise, seed))
+        error, alone = errors(found.pose, pose)[fast], errors(found.init_pose, pose)[fast]
+        assert error.mean() < 0.95 * alone.mean()
+        assert np.percentile(error, 95) < np.percentile(alone, 95)
