@@ -264,8 +264,9 @@ class RefineConfig:
     find_swaps : bool, default True
         Find and correct detections with left and right swapped.
     bones : {"population", "free"}, default "population"
-        Lengths of bones for joints on which fewer than three views agree: ``population``, with the
-        proportions of people (built-in layouts only) and a stature found in the frame, or ``free``, none.
+        Lengths of bones for joints on which neither three views agree nor all that see them: ``population``,
+        with the proportions of people (built-in layouts only) and a stature found in the frame, or ``free``,
+        none.
     step_tolerance : float, default 0.01
         Converged when the kernels have reached their final width and no joint moves by more than this
         fraction of the noise.

@@ -6,11 +6,12 @@ use super::evidence::evidence;
 use super::locate::{anywhere, locate};
 use super::noise::NoiseModel;
 use super::posterior::error_bars;
-use super::proportions::{Bone, with_bones};
+use super::proportions::with_bones;
 use super::rays::Rays;
 use super::solver::{Annealing, Prior, Problem, Solution, Widening, solve};
 use super::starts::{Before, Given, Start, start};
 use super::swaps::{self, Chain, Swap};
+use crate::bones::Bone;
 use crate::bones::population::Proportion;
 use crate::camera::Camera;
 use crate::detections::Detections;
@@ -213,7 +214,8 @@ impl Frame<'_> {
         let problem = self.problem(&rays, given, widening, &[]);
         let solution = solve(&problem, &points, &sigma);
         let (solution, bones) =
-            with_bones(&problem, self.proportions, &solution).unwrap_or((solution, Vec::new()));
+            with_bones(&problem, self.proportions, &solution, self.before.is_none())
+                .unwrap_or((solution, Vec::new()));
         Found { rays, init, solution, widening, bones }
     }
 

@@ -1,6 +1,6 @@
 //! The population's proportions in one frame: bones for joints that too few views see.
 //!
-//! Where fewer than three views agree on a joint, the lengths of its bones take part: l_b = s ρ_b (1 + ε_b) with the population's
+//! Where fewer than three views agree on a joint, and not all that see it, the lengths of its bones take part: l_b = s ρ_b (1 + ε_b) with the population's
 //! ratio ρ_b and spread ε_b ([`crate::bones::population`]) and a stature s of the person, which the frame's other bones
 //! show. The frame is then solved twice with the bones' terms, from where it was and from wide kernels; the solution with the lower
 //! objective counts. A joint that one view sees starts where its bone meets the ray.
@@ -11,19 +11,12 @@ use super::consensus::{REJECTED, Rival, meeting_point, settled};
 use super::rays::{Ray, Rays};
 use super::solver::{Problem, Solution, solve};
 use crate::bones::population::{Proportion, STATURE};
-use crate::bones::{Length, Pull};
-
-/// A bone with its expected length.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Bone {
-    /// Its joints.
-    pub joints: [usize; 2],
-    /// l and σ, mm.
-    pub length: Length,
-}
+use crate::bones::{Bone, Length, Pull};
 
 /// Views that have to agree on a joint for it not to need its bones.
 const ENOUGH: usize = 3;
+/// Least number of joints on which two views agree: others have nothing to hold on to.
+const LEAST_ANCHORS: usize = 3;
 /// Kernel of the joints that do, in the search from wide kernels, mm.
 const WIDE: f64 = 160.0;
 /// Least standard deviation of a bone's length, mm: detectors and tables mean different points.
@@ -55,54 +48,71 @@ impl Votes {
     }
 
     fn needs_bones(&self, j: usize) -> bool {
-        self.seen[j] > 0 && self.agree[j] < ENOUGH
+        let all = self.agree[j] == self.seen[j] && self.agree[j] > 1;
+        self.seen[j] > 0 && self.agree[j] < ENOUGH && !all
     }
 }
 
-/// A better solution of `problem` with the bones that its `solution` needs, and these bones; `None` if it needs none.
+/// A better solution of `problem` with the bones that its `solution` needs, and these bones; `None` if it needs none. Without `search`
+/// it is the nearest one.
 #[must_use]
 pub fn with_bones(
     problem: &Problem<'_>,
     proportions: &[Proportion],
     solution: &Solution,
+    search: bool,
 ) -> Option<(Solution, Vec<Bone>)> {
-    let rays = problem.rays;
-    let votes = Votes::of(rays, solution);
-    if proportions.iter().all(|p| p.joints.iter().all(|j| !votes.needs_bones(*j))) {
-        return None;
-    }
-    let stature = stature(proportions, solution, &votes);
-    let needed = |p: &&Proportion| {
-        p.joints.iter().any(|j| votes.needs_bones(*j))
-            && p.joints.iter().all(|j| votes.seen[*j] > 0)
-    };
-    let bone = |p: &Proportion| Bone { joints: p.joints, length: length(p, stature) };
-    let bones: Vec<Bone> = proportions.iter().filter(needed).map(bone).collect();
-    if bones.is_empty() {
-        return None;
-    }
+    let votes = Votes::of(problem.rays, solution);
+    let bones = needed(proportions, solution, &votes)?;
     let mut points = solution.points.clone();
-    place(rays, &bones, &mut points);
+    place(problem.rays, &bones, &mut points);
     let problem = Problem { bones: &bones, ..*problem };
-    let end = &problem.annealing.end;
-    let narrow: Vec<f64> =
-        solution.sigma.iter().zip(end).map(|(s, e)| if s.is_finite() { *s } else { *e }).collect();
-    let wide: Vec<f64> = (0..points.len())
-        .map(|j| if votes.needs_bones(j) { narrow[j].max(WIDE) } else { narrow[j] })
-        .collect();
+    let end = problem.annealing.end.iter();
+    let sigmas = solution.sigma.iter().zip(end);
+    let narrow: Vec<f64> = sigmas.map(|(s, e)| if s.is_finite() { *s } else { *e }).collect();
     let here = solve(&problem, &points, &narrow);
-    let doubtful: Vec<bool> = (0..points.len()).map(|j| votes.needs_bones(j)).collect();
-    let placed = (0..points.len()).map(|j| votes.agree[j] > 1).collect();
-    let search = Search { points: &points, doubtful, placed };
-    let guess = most_likely(&problem, &search, here.variance);
+    let best = if search { searched(&problem, &points, &narrow, here, &votes) } else { here };
+    Some((best, bones))
+}
+
+/// The bones that take part, if any: those of joints that need them.
+fn needed(proportions: &[Proportion], solution: &Solution, votes: &Votes) -> Option<Vec<Bone>> {
+    let anchors = votes.agree.iter().filter(|n| **n > 1).count();
+    let needs = |p: &Proportion| p.joints.iter().any(|j| votes.needs_bones(*j));
+    if anchors < LEAST_ANCHORS || !proportions.iter().any(needs) {
+        return None;
+    }
+    let stature = stature(proportions, solution, votes);
+    let seen = |p: &Proportion| p.joints.iter().all(|j| votes.seen[*j] > 0);
+    let some = proportions.iter().filter(|p| needs(p) && seen(p));
+    let bones: Vec<Bone> =
+        some.map(|p| Bone { joints: p.joints, length: length(p, stature) }).collect();
+    (!bones.is_empty()).then_some(bones)
+}
+
+/// The best of the solution `here`, the one from wide kernels, and the one from the most likely combination of places.
+fn searched(
+    problem: &Problem<'_>,
+    points: &[Vector3<f64>],
+    narrow: &[f64],
+    here: Solution,
+    votes: &Votes,
+) -> Solution {
+    let joints = 0..points.len();
+    let doubtful: Vec<bool> = joints.clone().map(|j| votes.needs_bones(j)).collect();
+    let kernel = |j: usize| if doubtful[j] { narrow[j].max(WIDE) } else { narrow[j] };
+    let wide: Vec<f64> = joints.clone().map(kernel).collect();
+    let placed = joints.map(|j| votes.agree[j] > 1).collect();
     let variance = here.variance;
+    let search = Search { points, doubtful, placed };
+    let guess = most_likely(problem, &search, variance);
     let mut best = here;
-    for other in [solve(&problem, &points, &wide), solve(&problem, &guess, &narrow)] {
-        if objective(&problem, &other, variance) + CLEARLY < objective(&problem, &best, variance) {
+    for other in [solve(problem, points, &wide), solve(problem, &guess, narrow)] {
+        if objective(problem, &other, variance) + CLEARLY < objective(problem, &best, variance) {
             best = other;
         }
     }
-    Some((best, bones))
+    best
 }
 
 /// Where the search begins.
@@ -127,8 +137,8 @@ struct Place {
 fn most_likely(problem: &Problem<'_>, search: &Search<'_>, variance: f64) -> Vec<Vector3<f64>> {
     let points = search.points;
     let mut places: Vec<Vec<Place>> = Vec::with_capacity(points.len());
-    for j in 0..points.len() {
-        let mut found = vec![points[j]];
+    for (j, x) in points.iter().enumerate() {
+        let mut found = vec![*x];
         if search.doubtful[j] {
             hypotheses(problem, search, j, &mut found);
         }

@@ -23,7 +23,7 @@ settings! {
         find_swaps: bool = true, Domain::Any, "",
             "Find and correct detections with left and right swapped.";
         bones: Bones = Bones::Population, Domain::Any, "",
-            "Lengths of bones for joints on which fewer than three views agree: `population`, with the proportions of people \
+            "Lengths of bones for joints on which neither three views agree nor all that see them: `population`, with the proportions of people \
              (built-in layouts only) and a stature found in the frame, or `free`, none.";
         step_tolerance: f64 = 0.01, Domain::Positive, "",
             "Converged when the kernels have reached their final width and no joint moves by more than this fraction of the \

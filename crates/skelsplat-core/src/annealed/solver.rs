@@ -4,9 +4,8 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::equations::{Coupling, NormalEquations};
 use super::noise::{NoiseModel, Residuals, Scale, pixel_size};
-use super::proportions::Bone;
 use super::rays::{Ray, Rays};
-use crate::bones::Pull;
+use crate::bones::{Bone, Pull};
 use crate::symmetry::LimbPair;
 
 /// A Gaussian prior of one joint.

@@ -26,6 +26,15 @@ pub struct Length {
     pub sigma: f64,
 }
 
+/// A bone with its expected length.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bone {
+    /// Its joints.
+    pub joints: [usize; 2],
+    /// l and σ, mm.
+    pub length: Length,
+}
+
 /// A bone's term at two positions, linearised.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pull {
