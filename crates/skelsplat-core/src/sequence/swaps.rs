@@ -2,6 +2,9 @@
 //!
 //! The frames alone have corrected what three views show. Along the path that all frames agree on, two views suffice, and
 //! since a swap lasts for some frames, a frame's neighbours vote as well.
+//!
+//! Where as many views are swapped as are not, the frames alone may have exchanged the sides in the wrong half. Then the chain
+//! jumps to the other side and back, and the sides are those with which it goes on as it was.
 
 use super::solver::{Common, frames_in};
 use super::tracks::Tracks;
@@ -20,6 +23,79 @@ pub(super) struct Swap {
     pub(super) frame: usize,
     pub(super) view: usize,
     pub(super) chain: usize,
+}
+
+/// Cost of a jump of a chain to the other side, and of a view whose sides are exchanged, per second.
+const JUMP: f64 = 10.0;
+const EXCHANGED: f64 = 7.5;
+/// Longest gap, s, over which a chain goes on as it was.
+const GAP: f64 = 0.3;
+
+/// The swaps in all views of the frames that have exchanged the sides of a chain wrongly.
+pub(super) fn exchanged(tracks: &Tracks, chains: &[Chain], fps: f64) -> Vec<Swap> {
+    let mut found = Vec::new();
+    for (chain, pairs) in chains.iter().enumerate() {
+        let sides = sides(tracks, pairs, fps);
+        for frame in (0..tracks.frames).filter(|t| sides[*t]) {
+            found.extend((0..tracks.views).map(|view| Swap { frame, view, chain }));
+        }
+    }
+    found
+}
+
+/// Exchanges all that the frames of these swaps in all views have of both sides.
+pub(super) fn exchange(tracks: &mut Tracks, chains: &[Chain], swaps: &[Swap]) {
+    for swap in swaps.iter().filter(|swap| swap.view == 0) {
+        chains[swap.chain].iter().for_each(|[l, r]| tracks.exchange(swap.frame, *l, *r));
+    }
+}
+
+/// Whether the sides of a chain are exchanged in each frame: the cheapest sequence, by dynamic programming.
+fn sides(tracks: &Tracks, pairs: &Chain, fps: f64) -> Vec<bool> {
+    let places = |t: usize| {
+        let at = move |j: usize| tracks.alone[j * tracks.frames + t];
+        pairs.iter().map(move |[l, r]| [at(*l), at(*r)])
+    };
+    let is_known = |p: [Vector3<f64>; 2]| p.iter().all(|x| x.x.is_finite());
+    let known: Vec<usize> = (0..tracks.frames).filter(|t| places(*t).any(is_known)).collect();
+    let (mut costs, mut from) = ([0.0; 2], Vec::with_capacity(known.len()));
+    for (k, t) in known.iter().enumerate() {
+        let before = k.checked_sub(1).map(|k| known[k]);
+        let near = before.filter(|b| t - b <= frames_in(GAP, fps) && !tracks.is_cut(*b, *t));
+        let crossed = near.and_then(|b| crossing(places(b), places(*t))).unwrap_or(0.5);
+        let stay = |s: usize| costs[s] + JUMP * crossed;
+        let turn = |s: usize| costs[1 - s] + JUMP * (1.0 - crossed);
+        let kept = [0, 1].map(|s| stay(s) <= turn(s));
+        let [n, all] = tracks.turned(*t, pairs);
+        let own = [n, all - n].map(|n| EXCHANGED / fps * n as f64);
+        costs = [0, 1].map(|s| if kept[s] { stay(s) } else { turn(s) } + own[s]);
+        from.push(kept);
+    }
+    let mut out = vec![false; tracks.frames];
+    let mut side = usize::from(costs[1] < costs[0]);
+    for (t, kept) in known.iter().zip(&from).rev() {
+        out[*t] = side == 1;
+        side = if kept[side] { side } else { 1 - side };
+    }
+    out
+}
+
+/// How little farther the sides move if they cross, from 0 (much farther) to 1 (they do cross): the mean over the pairs that
+/// are known in both frames.
+fn crossing(
+    before: impl Iterator<Item = [Vector3<f64>; 2]>,
+    after: impl Iterator<Item = [Vector3<f64>; 2]>,
+) -> Option<f64> {
+    let (mut sum, mut n) = (0.0, 0.0);
+    for ([l, r], [to_l, to_r]) in before.zip(after) {
+        let as_is = (to_l - l).norm_squared() + (to_r - r).norm_squared();
+        let crossed = (to_r - l).norm_squared() + (to_l - r).norm_squared();
+        let share = as_is / (as_is + crossed);
+        if share.is_finite() {
+            (sum, n) = (sum + share, n + 1.0);
+        }
+    }
+    (n > 0.0).then(|| sum / n)
 }
 
 /// The swaps that the path `points` `(N, T)` shows.
