@@ -216,7 +216,7 @@ impl Recording<'_> {
     /// The path from wide kernels down to the final ones, and the sides that it shows to be swapped.
     fn path(&self, mut tracks: Tracks, common: &Common) -> Result<Path> {
         let chains = self.refiner.chains();
-        let mut swapped = swaps::exchanged(&tracks, chains, common.fps);
+        let mut swapped = swaps::exchanged(&tracks, chains, common);
         swaps::exchange(&mut tracks, chains, &swapped);
         tracks.find_cuts(common.fps, &common.agility);
         let mut run = Run::new(&tracks, common, None);

@@ -32,10 +32,10 @@ const EXCHANGED: f64 = 7.5;
 const GAP: f64 = 0.3;
 
 /// The swaps in all views of the frames that have exchanged the sides of a chain wrongly.
-pub(super) fn exchanged(tracks: &Tracks, chains: &[Chain], fps: f64) -> Vec<Swap> {
+pub(super) fn exchanged(tracks: &Tracks, chains: &[Chain], common: &Common) -> Vec<Swap> {
     let mut found = Vec::new();
     for (chain, pairs) in chains.iter().enumerate() {
-        let sides = sides(tracks, pairs, fps);
+        let sides = sides(tracks, pairs, common);
         for frame in (0..tracks.frames).filter(|t| sides[*t]) {
             found.extend((0..tracks.views).map(|view| Swap { frame, view, chain }));
         }
@@ -51,9 +51,13 @@ pub(super) fn exchange(tracks: &mut Tracks, chains: &[Chain], swaps: &[Swap]) {
 }
 
 /// Whether the sides of a chain are exchanged in each frame: the cheapest sequence, by dynamic programming.
-fn sides(tracks: &Tracks, pairs: &Chain, fps: f64) -> Vec<bool> {
+fn sides(tracks: &Tracks, pairs: &Chain, common: &Common) -> Vec<bool> {
     let places = |t: usize| {
-        let at = move |j: usize| tracks.alone[j * tracks.frames + t];
+        let unsure = Vector3::repeat(f64::NAN);
+        let at = move |j: usize| {
+            let k = j * tracks.frames + t;
+            if tracks.sure[k] { tracks.alone[k] } else { unsure }
+        };
         pairs.iter().map(move |[l, r]| [at(*l), at(*r)])
     };
     let is_known = |p: [Vector3<f64>; 2]| p.iter().all(|x| x.x.is_finite());
@@ -61,13 +65,12 @@ fn sides(tracks: &Tracks, pairs: &Chain, fps: f64) -> Vec<bool> {
     let (mut costs, mut from) = ([0.0; 2], Vec::with_capacity(known.len()));
     for (k, t) in known.iter().enumerate() {
         let before = k.checked_sub(1).map(|k| known[k]);
-        let near = before.filter(|b| t - b <= frames_in(GAP, fps) && !tracks.is_cut(*b, *t));
+        let near = before.filter(|b| t - b <= frames_in(GAP, common.fps) && !tracks.is_cut(*b, *t));
         let crossed = near.and_then(|b| crossing(places(b), places(*t))).unwrap_or(0.5);
         let stay = |s: usize| costs[s] + JUMP * crossed;
         let turn = |s: usize| costs[1 - s] + JUMP * (1.0 - crossed);
         let kept = [0, 1].map(|s| stay(s) <= turn(s));
-        let [n, all] = tracks.turned(*t, pairs);
-        let own = [n, all - n].map(|n| EXCHANGED / fps * n as f64);
+        let own = against(tracks, pairs, common, *t).map(|views| EXCHANGED / common.fps * views);
         costs = [0, 1].map(|s| if kept[s] { stay(s) } else { turn(s) } + own[s]);
         from.push(kept);
     }
@@ -78,6 +81,28 @@ fn sides(tracks: &Tracks, pairs: &Chain, fps: f64) -> Vec<bool> {
         side = if kept[side] { side } else { 1 - side };
     }
     out
+}
+
+/// Number of views that, with sides as they are detected, agree with the other side's position: if the frame is as it is, and
+/// if it is exchanged.
+fn against(tracks: &Tracks, pairs: &Chain, common: &Common, t: usize) -> [f64; 2] {
+    let mut views = [0.0; 2];
+    for i in 0..tracks.views {
+        let turned = tracks.is_turned(t, pairs, i);
+        for [l, r] in pairs {
+            let k = |ray_of: usize, x_of: usize| {
+                let ray = &tracks.rays(ray_of, t)[i];
+                let x = &tracks.alone[x_of * tracks.frames + t];
+                if ray.is_there() { ray.offset(x).weight(common.sigma[x_of]) } else { 0.0 }
+            };
+            let (own, other) = (k(*l, *l) + k(*r, *r), k(*l, *r) + k(*r, *l));
+            let against = if turned { [own, other] } else { [other, own] };
+            for (sum, k) in views.iter_mut().zip(against) {
+                *sum += if k.is_finite() { k } else { 0.0 };
+            }
+        }
+    }
+    views.map(|sum| sum / (2 * pairs.len()) as f64)
 }
 
 /// How little farther the sides move if they cross, from 0 (much farther) to 1 (they do cross): the mean over the pairs that

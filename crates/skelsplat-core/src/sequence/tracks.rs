@@ -212,15 +212,10 @@ impl Tracks {
         self.rays(j, t).iter().any(Ray::is_there)
     }
 
-    /// Number of views in which the frame alone has exchanged the sides of these pairs of joints, and number of those that
-    /// detect any of them.
+    /// Whether frame `t` alone has exchanged the sides of these pairs of joints in view `i`.
     #[must_use]
-    pub fn turned(&self, t: usize, pairs: &[[usize; 2]]) -> [usize; 2] {
-        let shows = |i: usize| pairs.iter().flatten().any(|j| self.rays(*j, t)[i].is_there());
-        let is_turned =
-            |i: &usize| pairs.iter().any(|[j, _]| self.turned[self.at(*j, t) * self.views + i]);
-        let seen: Vec<usize> = (0..self.views).filter(|i| shows(*i)).collect();
-        [seen.iter().filter(|i| is_turned(i)).count(), seen.len()]
+    pub fn is_turned(&self, t: usize, pairs: &[[usize; 2]], i: usize) -> bool {
+        pairs.iter().any(|[j, _]| self.turned[self.at(*j, t) * self.views + i])
     }
 
     /// Exchanges all that frame `t` has of joints `a` and `b`.
