@@ -10,11 +10,12 @@ from import_circles import circles, python_graph, rust_graph
 LAYERS = [
     {"error"},
     {"memory", "camera", "layout", "settings", "threads"},
-    {"detections", "unit", "gaussian", "overlap", "projection", "symmetry", "outcome"},
+    {"detections", "unit", "gaussian", "overlap", "projection", "symmetry", "outcome", "bones"},
     {"triangulate"},
     {"annealed", "paper"},
     {"refine", "triangulation"},
     {"batch"},
+    {"sequence"},
     {"follow"},
 ]
 

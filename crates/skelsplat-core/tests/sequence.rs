@@ -28,10 +28,10 @@ fn dense(blocks: &[Matrix3<f64>], w: &[f64]) -> DMatrix<f64> {
     for (t, block) in blocks.iter().enumerate() {
         a.view_mut((3 * t, 3 * t), (3, 3)).copy_from(block);
     }
-    for t in 1..n - 1 {
+    for (t, w) in w.iter().enumerate().take(n - 1).skip(1) {
         for (p, cp) in [(t - 1, 1.0), (t, -2.0), (t + 1, 1.0)] {
             for (q, cq) in [(t - 1, 1.0), (t, -2.0), (t + 1, 1.0)] {
-                (0..3).for_each(|k| a[(3 * p + k, 3 * q + k)] += w[t] * cp * cq);
+                (0..3).for_each(|k| a[(3 * p + k, 3 * q + k)] += w * cp * cq);
             }
         }
     }
@@ -214,9 +214,9 @@ fn a_gap_is_bridged_and_a_long_one_is_not() {
     let missing = Detections::new(4, 17, &[f64::NAN; 2 * 4 * 17], None).unwrap();
     (50..62).chain(100..160).for_each(|t| detections[t] = missing.clone());
     let found = solved(&detections, RefineConfig::default());
-    for t in 50..62 {
+    for (t, truth) in truth.iter().enumerate().take(62).skip(50) {
         assert_eq!(found.frames[t].joint_status, [JointStatus::Inferred; 17]);
-        for (x, y) in found.frames[t].pose.iter().zip(&truth[t]) {
+        for (x, y) in found.frames[t].pose.iter().zip(truth) {
             assert!((x - y).norm() < 60.0);
         }
         let bar = |t: usize| found.frames[t].uncertainty[16].trace();

@@ -21,7 +21,7 @@ from skelsplat.viz._time import MANY_FRAMES, TimeAxis, alone, draw_series, finis
 # Number of standard deviations → how dark the band is; the wide one is drawn first.
 BANDS = {2: 0.18, 1: 0.32}
 # Status → colour of its mark at the foot of a panel: dark, middle and light also in greyscale.
-MARKS = {"unobserved": "#222222", "filled": "#009e73", "weak": "#e69f00"}
+MARKS = {"unobserved": "#222222", "inferred": "#7a3e9d", "filled": "#009e73", "weak": "#e69f00"}
 _WORDS = {"filled": "filled (dotted)"}  # where the name of a status needs more
 _MARK_HEIGHT = 0.055  # of a panel
 
@@ -48,7 +48,7 @@ class TrajectoryData(ArrayFields):
     # (T, N, 3) standard deviations along the axes in mm; NaN where unknown, and there no band is drawn
     sigma: Array
     start: Array  # (T, N, 3) where the refinement began, in mm; NaN where unknown
-    # (T, N) ``"ok"``, ``"weak"``, ``"unobserved"`` or ``"filled"``; ``""`` where unknown
+    # (T, N) ``"ok"``, ``"inferred"``, ``"weak"``, ``"unobserved"`` or ``"filled"``; ``""`` where unknown
     status: npt.NDArray[np.str_]
     time: TimeAxis  # when the frames were
     joint_names: Sequence[str]  # (N,)

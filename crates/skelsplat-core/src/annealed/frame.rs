@@ -14,7 +14,7 @@ use crate::camera::Camera;
 use crate::detections::Detections;
 use crate::outcome::{ErrorBars, JointStatus, Loss, Outcome, Splats, StopReason, as_given};
 use crate::symmetry::{LimbPair, symmetry};
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 /// One frame, before sides are assigned; lengths are mm.
 #[derive(Debug, Clone)]
@@ -42,6 +42,23 @@ pub struct Annealed {
     pub outcome: Outcome,
     /// Its error bars.
     pub bars: ErrorBars,
+}
+
+/// One frame solved alone.
+#[derive(Debug, Clone)]
+pub struct Alone {
+    /// Its rays, with left and right as they were used.
+    pub rays: Rays,
+    /// The joint for which each detection `(M, N)` was used.
+    pub used_for: Vec<usize>,
+    /// Positions `(N)`, mm; NaN where unknown.
+    pub points: Vec<Vector3<f64>>,
+    /// Posterior covariances `(N)`, mm².
+    pub spread: Vec<Matrix3<f64>>,
+    /// Status of every joint.
+    pub status: Vec<JointStatus>,
+    /// Standard deviation of the detection noise, mm; NaN without detections.
+    pub noise: f64,
 }
 
 /// A solution for one assignment of left and right.

@@ -17,6 +17,7 @@
 
 pub mod chain;
 pub mod learn;
+pub mod noise;
 pub mod posterior;
 mod recording;
 mod small;

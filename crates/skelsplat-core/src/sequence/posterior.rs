@@ -15,8 +15,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::chain::{Band, Chain};
-use super::learn::Memory;
+use super::chain::Band;
+use super::noise::Memory;
 use super::small::{inverse, times};
 use super::solver::{Common, Run, frames_in};
 use super::tracks::Tracks;
@@ -40,17 +40,6 @@ pub struct Posterior {
     pub of_velocities: Vec<Matrix3<f64>>,
 }
 
-/// The selected inverse of joint `j`'s chain at the solution; a joint lies within `reach` (see [`Common`]) of the body's centre.
-#[must_use]
-pub fn bands(run: &Run<'_>, common: &Common, j: usize) -> Vec<Band> {
-    let of = run.system.of(j);
-    let blocks = &run.system.blocks[of.clone()];
-    let reach = Matrix3::from_diagonal_element(common.reach.powi(-2));
-    let mut chain = Chain::default();
-    chain.factorise(&run.system.weights[of], |t| blocks[t] + reach);
-    chain.selected_inverse()
-}
-
 /// The posterior at the solution.
 #[must_use]
 pub fn posterior(run: &Run<'_>, tracks: &Tracks, common: &Common, memory: &Memory) -> Posterior {
@@ -62,7 +51,7 @@ pub fn posterior(run: &Run<'_>, tracks: &Tracks, common: &Common, memory: &Memor
         of_velocities: vec![unknown; n * t],
     };
     for j in 0..n {
-        let mut bands = bands(run, common, j);
+        let mut bands = run.bands(j);
         bands.iter_mut().zip(&run.system.blocks[run.system.of(j)]).for_each(|(band, block)| {
             let frames = 3.0 / (band.own * block).trace().clamp(1e-3, 3.0);
             band.scale(SHARE * (1.0 - memory.constant) * memory.frames(frames));

@@ -5,11 +5,14 @@ use std::ops::{Range, RangeInclusive};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
-use super::learn::{self, Memory, Noise, median};
+use super::learn;
+use super::noise::{Memory, Noise};
 use super::posterior::{Posterior, posterior};
+use super::small::median;
 use super::solver::{ANNEAL, Common, Run, SETTLE, frames_in};
 use super::swaps::{self, Swap};
-use super::tracks::{Alone, Tracks};
+use super::tracks::Tracks;
+use crate::annealed::Alone;
 use crate::annealed::consensus::REJECTED;
 use crate::annealed::depth::determine;
 use crate::batch::Progress;

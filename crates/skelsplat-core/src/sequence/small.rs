@@ -1,4 +1,4 @@
-//! Products of 3×3 matrices, written out: the library's general ones are not inlined everywhere, and take several times as long.
+//! Small arithmetic: medians, and products of 3×3 matrices, written out: the library's general ones are not inlined everywhere, and take several times as long.
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -45,4 +45,13 @@ pub(super) fn inverse(m: &Matrix3<f64>) -> Matrix3<f64> {
     let (p, q, r) = (p * scale, q * scale, r * scale);
     let (s, t, u) = (s * scale, t * scale, u * scale);
     Matrix3::new(p, q, r, q, s, t, r, t, u)
+}
+
+/// The median; NaN of nothing.
+pub(super) fn median(mut values: Vec<f64>) -> f64 {
+    if values.is_empty() {
+        return f64::NAN;
+    }
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }

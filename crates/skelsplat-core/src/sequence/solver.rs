@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::chain::{Chain, second_difference};
+use super::chain::{Band, Chain, second_difference};
 use super::small::{inverse, times};
 use super::system::System;
 use super::tracks::Tracks;
@@ -123,6 +123,17 @@ impl<'a> Run<'a> {
             self.pull_of_motion(j);
         }
         self.pull_of_bones();
+    }
+
+    /// The selected inverse of joint `j`'s chain; a joint lies within `reach` (see [`Common`]) of the body's centre.
+    #[must_use]
+    pub fn bands(&self, j: usize) -> Vec<Band> {
+        let of = self.system.of(j);
+        let blocks = &self.system.blocks[of.clone()];
+        let reach = Matrix3::from_diagonal_element(self.common.reach.powi(-2));
+        let mut chain = Chain::default();
+        chain.factorise(&self.system.weights[of], |t| blocks[t] + reach);
+        chain.selected_inverse()
     }
 
     /// One step; returns the root mean square movement, mm.

@@ -2,10 +2,10 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::learn::median;
+use super::small::median;
+use crate::annealed::Alone;
 use crate::annealed::consensus::REJECTED;
 use crate::annealed::rays::{Ray, Rays};
-use crate::outcome::JointStatus;
 
 /// Weight of rays that agree closely.
 const CLOSE: f64 = 0.7;
@@ -14,23 +14,6 @@ const JUMP: f64 = 2.0;
 /// Least number of joints that show it, and their least share of those that are estimated.
 const LEAST_JOINTS: usize = 3;
 const LEAST_SHARE: f64 = 0.5;
-
-/// One frame solved alone.
-#[derive(Debug, Clone)]
-pub struct Alone {
-    /// Its rays, with left and right as they were used.
-    pub rays: Rays,
-    /// The joint for which each detection `(M, N)` was used.
-    pub used_for: Vec<usize>,
-    /// Positions `(N)`, mm; NaN where unknown.
-    pub points: Vec<Vector3<f64>>,
-    /// Posterior covariances `(N)`, mm².
-    pub spread: Vec<Matrix3<f64>>,
-    /// Status of every joint.
-    pub status: Vec<JointStatus>,
-    /// Standard deviation of the detection noise, mm; NaN without detections.
-    pub noise: f64,
-}
 
 /// Rays and positions of T frames; `(N, T)` means joint after joint, each over all frames.
 #[derive(Debug, Clone)]

@@ -1,0 +1,201 @@
+//! The detections' errors in a recording: how large they are, and how long they last.
+
+use super::small::median;
+use super::solver::{Common, Run, frames_in};
+use super::tracks::Tracks;
+use crate::annealed::consensus::REJECTED;
+
+/// Weight of the recording's noise for one joint, in degrees of freedom.
+const SHARED_DOF: f64 = 50.0;
+/// Times, s, up to which errors have a memory, and from which those that remain count as constant.
+const MEMORY: [f64; 2] = [0.7, 0.6];
+/// Shortest recording, s, whose errors show their memory.
+const LEAST_SECONDS: f64 = 3.0;
+/// Where it does not: the constant share, the slow share of the rest and its time constant, s, as measured on real recordings.
+const USUAL_CONSTANT: f64 = 0.4;
+const USUAL_SLOW: f64 = 0.42;
+const USUAL_SECONDS: f64 = 0.35;
+/// Least sum of weights of a frame that shows the noise: two views.
+const LEAST_SUPPORT: f64 = 1.6;
+/// Largest constant share.
+const MOST_CONSTANT: f64 = 0.8;
+
+/// How long the errors of detections last.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Memory {
+    /// Share of the variance that does not change within seconds.
+    pub constant: f64,
+    /// Autocorrelation of the rest, from lag 1 on, frame by frame.
+    pub rest: Vec<f64>,
+}
+
+/// What the residuals at the solution tell about the detections.
+#[derive(Debug, Clone)]
+pub struct Noise {
+    /// Variance of a detection of weight 1 of every joint, mm².
+    pub variance: Vec<f64>,
+    /// How long the errors last.
+    pub memory: Memory,
+}
+
+impl Noise {
+    /// From the residuals of `run`.
+    ///
+    /// Residuals have 2 Σ k degrees of freedom less those that the position takes up: 3 of errors that last, tr(S D) of white ones,
+    /// with the covariance S of the smoothed position. They are scaled up accordingly, by a_l and a_w.
+    #[must_use]
+    pub fn of(run: &Run<'_>, tracks: &Tracks, common: &Common) -> Self {
+        let sums: Vec<Sums> =
+            (0..tracks.joints).map(|j| Sums::of(run, tracks, common, j)).collect();
+        let all = sums.iter().fold(Sums::default(), Sums::plus);
+        let rho = Correlation::of(run, tracks, common);
+        let lasting = if rho.at.len() > 1 { rho.at[1].clamp(0.0, 1.0) } else { USUAL_CONSTANT };
+        let scale = |taken: f64| all.freedom / (all.freedom - taken).max(0.1 * all.freedom);
+        let (of_lasting, of_white) = (scale(3.0 * all.frames), scale(all.taken));
+        let growth = lasting * of_lasting + (1.0 - lasting) * of_white;
+        let before = median(common.variance.clone());
+        let shared = (growth * all.squares + SHARED_DOF * before) / (all.freedom + SHARED_DOF);
+        let own = |(sums, sigma): (&Sums, &f64)| {
+            let shrunk =
+                (growth * sums.squares + SHARED_DOF * shared) / (sums.freedom + SHARED_DOF);
+            shrunk / (1.0 - shrunk / (2.0 * common.weight * sigma * sigma)).max(0.25)
+        };
+        let variance = sums.iter().zip(&common.sigma).map(own).collect();
+        Self { variance, memory: rho.memory(common.fps, of_lasting / growth) }
+    }
+}
+
+/// Sums over the frames of a joint that two views see.
+#[derive(Debug, Clone, Copy, Default)]
+struct Sums {
+    frames: f64,
+    /// Σ c k |e|², mm².
+    squares: f64,
+    /// 2 Σ k.
+    freedom: f64,
+    /// tr(S D).
+    taken: f64,
+}
+
+impl Sums {
+    fn of(run: &Run<'_>, tracks: &Tracks, common: &Common, j: usize) -> Self {
+        let bands = run.bands(j);
+        let mut sums = Self::default();
+        for (t, band) in bands.iter().enumerate() {
+            let k = j * tracks.frames + t;
+            let (mut support, mut squares) = (0.0, 0.0);
+            for ray in tracks.rays(j, t).iter().filter(|ray| ray.is_there() && tracks.active[k]) {
+                let offset = ray.offset(&run.points[k]);
+                let kept = offset.weight(common.sigma[j]);
+                support += kept;
+                squares += ray.weight * kept * offset.across.norm_squared();
+            }
+            if support > LEAST_SUPPORT {
+                sums.frames += 1.0;
+                sums.squares += squares;
+                sums.freedom += 2.0 * support;
+                sums.taken += (band.own * run.system.blocks[k]).trace().clamp(0.0, 3.0);
+            }
+        }
+        sums
+    }
+
+    fn plus(self, other: &Self) -> Self {
+        Self {
+            frames: self.frames + other.frames,
+            squares: self.squares + other.squares,
+            freedom: self.freedom + other.freedom,
+            taken: self.taken + other.taken,
+        }
+    }
+}
+
+impl Memory {
+    /// The memory of errors of which nothing is known.
+    #[must_use]
+    pub fn usual(fps: f64) -> Self {
+        let longest = frames_in(MEMORY[0], fps);
+        let after = |lag: usize| USUAL_SLOW * (-(lag as f64) / (USUAL_SECONDS * fps)).exp();
+        Self { constant: USUAL_CONSTANT, rest: (1..=longest).map(after).collect() }
+    }
+
+    /// The number of frames among `n` that make up an independent detection, apart from the constant share: the mean of `n` errors
+    /// has the variance of one times (1 + 2 Σ_h (1 − h/n) ρ_h)/n.
+    #[must_use]
+    pub fn frames(&self, n: f64) -> f64 {
+        let lags = self.rest.iter().enumerate().map(|(k, rho)| ((k + 1) as f64, rho));
+        1.0 + 2.0
+            * lags.take_while(|(h, _)| *h < n).map(|(h, rho)| (1.0 - h / n) * rho).sum::<f64>()
+    }
+}
+
+/// Autocorrelation of the residuals of believed detections.
+struct Correlation {
+    /// Lags, frames; the first is 0.
+    lags: Vec<usize>,
+    /// The correlation at each; empty if the recording is too short to show it.
+    at: Vec<f64>,
+}
+
+impl Correlation {
+    fn of(run: &Run<'_>, tracks: &Tracks, common: &Common) -> Self {
+        let longest = frames_in(MEMORY[0], common.fps);
+        let stride = (longest / 12).max(1);
+        let lags: Vec<usize> = (0..=longest).filter(|h| *h < 8 || h % stride == 0).collect();
+        if (tracks.frames as f64) < LEAST_SECONDS * common.fps {
+            return Self { lags, at: Vec::new() };
+        }
+        let mut sums = vec![(0.0, 0.0); lags.len()];
+        let mut residuals = vec![None; tracks.frames];
+        for (j, i) in (0..tracks.joints).flat_map(|j| (0..tracks.views).map(move |i| (j, i))) {
+            for (t, residual) in residuals.iter_mut().enumerate() {
+                let k = j * tracks.frames + t;
+                let ray = &tracks.rays(j, t)[i];
+                let offset = ray.offset(&run.points[k]);
+                let kept = tracks.active[k]
+                    && ray.is_there()
+                    && offset.weight(common.sigma[j]) >= REJECTED;
+                *residual = kept.then_some(offset.across);
+            }
+            for (sum, lag) in sums.iter_mut().zip(&lags) {
+                for (a, b) in residuals.iter().zip(residuals.get(*lag..).unwrap_or_default()) {
+                    if let (Some(a), Some(b)) = (a, b) {
+                        *sum = (sum.0 + a.dot(b), sum.1 + 1.0);
+                    }
+                }
+            }
+        }
+        let square = sums[0].0 / sums[0].1;
+        let at: Vec<f64> = sums.iter().map(|(sum, n)| sum / n / square).collect();
+        let known = at.iter().all(|rho| rho.is_finite());
+        Self { lags, at: if known { at } else { Vec::new() } }
+    }
+
+    /// The memory of errors whose correlation is that of the residuals times `scale`: at the longest lags it is the constant share c,
+    /// and (ρ − c)/(1 − c) is that of the rest.
+    fn memory(&self, fps: f64, scale: f64) -> Memory {
+        let late = frames_in(MEMORY[1], fps);
+        let last: Vec<f64> = self
+            .lags
+            .iter()
+            .zip(&self.at)
+            .filter(|(lag, _)| **lag >= late)
+            .map(|(_, r)| *r)
+            .collect();
+        if last.is_empty() {
+            return Memory::usual(fps);
+        }
+        let mean = scale * last.iter().sum::<f64>() / last.len() as f64;
+        let constant = mean.clamp(0.0, MOST_CONSTANT);
+        let rest = |k: usize| ((scale * self.at[k] - constant) / (1.0 - constant)).max(0.0);
+        let between = |lag: usize| {
+            let k = self.lags.partition_point(|h| *h < lag).clamp(2, self.lags.len() - 1);
+            let share =
+                (lag as f64 - self.lags[k - 1] as f64) / (self.lags[k] - self.lags[k - 1]) as f64;
+            rest(k - 1) * (1.0 - share) + rest(k) * share
+        };
+        let longest = *self.lags.last().unwrap_or(&0);
+        let of_lag = |lag: usize| if lag == 1 { rest(1) } else { between(lag) };
+        Memory { constant, rest: (1..=longest).map(of_lag).collect() }
+    }
+}
