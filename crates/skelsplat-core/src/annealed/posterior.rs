@@ -46,6 +46,7 @@ pub fn error_bars(problem: &Problem<'_>, solution: &mut Solution) -> ErrorBars {
         _ => JointStatus::Ok,
     };
     let mut status: Vec<JointStatus> = (0..n).map(of_joint).collect();
+    let mut inferred = Vec::new();
     for j in (0..n).filter(|j| k(*j).iter().any(|k| *k < REJECTED)) {
         let x = &solution.points[j];
         for rival in rivals(rays.of_joint(j), x, solution.sigma[j], TIE) {
@@ -55,29 +56,39 @@ pub fn error_bars(problem: &Problem<'_>, solution: &mut Solution) -> ErrorBars {
             status[j] = JointStatus::Weak;
         }
     }
-    if !problem.bones.is_empty() {
-        let spread = Body::of(&solution.points, &deep).map_or(0.0, |b| b.square_spread.sqrt());
-        for j in (0..n).filter(|j| problem.bones.iter().any(|b| b.joints.contains(j))) {
-            if k(j).iter().filter(|k| **k >= REJECTED).count() > 1 || status[j] != JointStatus::Weak
-            {
-                continue;
-            }
-            if let Some(other) = other_place(problem, solution, j) {
-                let off = other.at - solution.points[j];
-                covariances[j] += off * off.transpose() * other.share;
-            }
-            let of_joint = problem.bones.iter().filter(|b| b.joints.contains(&j));
-            let ends = of_joint.flat_map(|b| b.joints).filter(|end| *end != j);
-            let held = ends.into_iter().any(|end| status[end] == JointStatus::Ok);
-            if held && covariances[j].symmetric_eigenvalues().max().sqrt() <= INFERRED * spread {
-                status[j] = JointStatus::Inferred;
-            }
+    let spread = Body::of(&solution.points, &deep).map_or(0.0, |b| b.square_spread.sqrt());
+    let by_bones = |j: &usize| problem.bones.iter().any(|b| b.joints.contains(j));
+    let lacks_views = |j: &usize| k(*j).iter().filter(|k| **k >= REJECTED).count() < 2;
+    for j in (0..n).filter(|j| by_bones(j) && lacks_views(j) && status[*j] == JointStatus::Weak) {
+        covariances[j] += second_moment(problem, solution, j);
+        if is_held(problem, &status, j) && widest(&covariances[j]) <= INFERRED * spread {
+            inferred.push(j);
         }
     }
+    inferred.iter().for_each(|j| status[*j] = JointStatus::Inferred);
     // Without detections the noise is that of the prior, not a measurement.
     let is_seen = status.iter().any(|s| *s != JointStatus::Unobserved);
     let noise = if is_seen { solution.noise } else { f64::NAN };
     ErrorBars { covariances, noise, believed, status }
+}
+
+/// What the other place on the only ray of joint `j` adds to its covariance, see [`other_place`].
+fn second_moment(problem: &Problem<'_>, solution: &Solution, j: usize) -> Matrix3<f64> {
+    other_place(problem, solution, j).map_or_else(Matrix3::zeros, |other| {
+        let off = other.at - solution.points[j];
+        off * off.transpose() * other.share
+    })
+}
+
+/// Whether views determine a joint at the other end of a bone of joint `j`.
+fn is_held(problem: &Problem<'_>, status: &[JointStatus], j: usize) -> bool {
+    let bones = problem.bones.iter().filter(|bone| bone.joints.contains(&j));
+    bones.flat_map(|bone| bone.joints).any(|end| end != j && status[end] == JointStatus::Ok)
+}
+
+/// The largest standard deviation along any axis.
+fn widest(covariance: &Matrix3<f64>) -> f64 {
+    covariance.symmetric_eigenvalues().max().sqrt()
 }
 
 /// k of every ray `(N, M)` at the solution; NaN where missing.
