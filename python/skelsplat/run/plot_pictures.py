@@ -52,6 +52,7 @@ def trajectories(source: Source) -> Picture:
         joints=source.joints,
         title=source.title,
         notes=poses.processing,
+        **({"start_name": "frame by frame"} if len(poses.velocity) else {}),
     )
     pages = viz.draw_trajectories(data, skeleton=viz.Skeleton(source.limbs, source.left_right))
     known = np.asarray(np.isfinite(poses.pose).all(axis=-1))

@@ -54,6 +54,7 @@ class TrajectoryData(ArrayFields):
     joint_names: Sequence[str]  # (N,)
     joints: Sequence[int]  # indices of the joints to draw, from top to bottom
     title: str = ""  # what was recorded
+    start_name: str = "start of the refinement"
     notes: Sequence[str] = ()  # sentences below: what was done to the poses
 
 
@@ -184,7 +185,7 @@ def _legend_entries(data: TrajectoryData, joints: Sequence[int], skeleton: Skele
         dark = {2: BANDS[2], 1: BANDS[1] + BANDS[2]}
         entries += [Patch(color="0.2", alpha=dark[n], linewidth=0, label=f"±{n} σ") for n in (1, 2)]
     if np.isfinite(data.start[:, joints]).any():
-        entries.append(_style.entry(_style.BEFORE, "start of the refinement", linewidth=0.8))
+        entries.append(_style.entry(_style.BEFORE, data.start_name, linewidth=0.8))
     for name, colour in MARKS.items():
         if (data.status[:, joints] == name).any():
             entries.append(Patch(color=colour, linewidth=0, label=_WORDS.get(name, name)))

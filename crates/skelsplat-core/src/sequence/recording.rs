@@ -218,17 +218,20 @@ impl Recording<'_> {
 
     /// The path from wide kernels down to the final ones, and the sides that it shows to be swapped.
     fn path(&self, mut tracks: Tracks, common: &Common) -> Result<Path> {
-        tracks.find_cuts(common.fps, &common.agility);
         let chains = self.refiner.chains();
+        let mut swapped = swaps::exchanged(&tracks, chains, common);
+        swaps::exchange(&mut tracks, chains, &swapped);
+        tracks.find_cuts(common.fps, &common.agility);
         let mut run = Run::new(&tracks, common, None);
         run.anneal(ANNEAL, &self.check())?;
         let (points, steps) = (run.points, run.n_iter);
-        let swapped = swaps::find(&tracks, chains, &points, common);
-        for swap in &swapped {
+        let found = swaps::find(&tracks, chains, &points, common);
+        for swap in &found {
             for [l, r] in &chains[swap.chain] {
                 tracks.swap(swap.view, swap.frame, *l, *r);
             }
         }
+        swapped.extend(found);
         Ok(Path { tracks, swapped, points, steps })
     }
 
@@ -351,7 +354,7 @@ impl State<'_> {
         let rays = self.tracks.rays(j, t);
         let active = self.tracks.active[k];
         let (at, covariance) = match active {
-            true => (self.run.points[k], self.posterior.positions[k]),
+            true => (self.run.points[k], self.posterior.positions[k] + self.undecided(j, t, alone)),
             false => (alone.points[j], alone.spread[j]),
         };
         let offsets = || rays.iter().map(|ray| ray.is_there().then(|| (ray, ray.offset(&at))));
@@ -374,6 +377,17 @@ impl State<'_> {
         let terms = rays.iter().zip(&believed).filter(|(ray, k)| ray.is_there() && k.is_finite());
         let loss = terms.map(|(ray, k)| ray.weight * scale * (1.0 - k)).sum();
         Joint { at, covariance, believed, status, loss }
+    }
+
+    /// What a joint's covariance in its frame alone adds where no frame around shows it to enough views: its bone then allows two
+    /// places on the ray, and all frames may have taken the wrong one.
+    fn undecided(&self, j: usize, t: usize, alone: &Alone) -> Matrix3<f64> {
+        let around = frames_in(BRIDGE, self.learnt.common.fps);
+        let (first, last) = (t.saturating_sub(around), (t + around + 1).min(self.tracks.frames));
+        let of_joint = j * self.tracks.frames..(j + 1) * self.tracks.frames;
+        let shown = self.tracks.sure[of_joint][first..last].iter().any(|sure| *sure);
+        let spread = alone.spread[j];
+        if shown || !spread[(0, 0)].is_finite() { Matrix3::zeros() } else { spread }
     }
 
     fn loss(&self, joints: &[Joint]) -> Loss {
