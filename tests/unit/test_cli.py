@@ -110,7 +110,8 @@ def test_an_initial_pose_is_read_in_its_own_unit(recording, arguments):
     folder, rig, pose = recording
     start = PoseData(pose / 1000.0, tuple(sk.layouts.H36M17.joints), np.arange(T), "m")
     write_npz(folder / "start.npz", start)
-    result = invoke(*arguments, *READ, "--fps", 50, "--max-steps", 0, "--init", folder / "start.npz")
+    alone = ["--fps", 50, "--frame-by-frame", "--max-steps", 0]
+    result = invoke(*arguments, *READ, *alone, "--init", folder / "start.npz")
     assert result.exit_code == 0, result.output
     written = read_npz(folder / "out" / "pose.npz")
     np.testing.assert_allclose(written.init_pose, pose, rtol=1e-12)  # one division and one product
@@ -240,7 +241,7 @@ def test_ctrl_c_is_status_130_and_keeps_finished_work(recording, arguments, monk
     def interrupted(*_args, **_kwargs):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(solve.sk, "refine", interrupted)
+    monkeypatch.setattr(solve.sk, "refine_sequence", interrupted)
     result = invoke(*arguments, *READ, *FAST)
     assert result.exit_code == 130
     assert result.stderr.splitlines()[-1] == "interrupted; files already written are complete"

@@ -14,7 +14,7 @@ from skelsplat import temporal
 from skelsplat.io import read_c3d, read_json, read_netcdf, read_npz, read_trc
 from skelsplat.run import _run
 
-FPS = ["--fps", "50", "-q"]
+FPS = ["--fps", "50", "--frame-by-frame", "-q"]
 
 
 @pytest.fixture
@@ -41,7 +41,7 @@ def test_nothing_is_filled_or_filtered_by_default(gap, arguments):
 def test_a_gap_is_filled_and_marked(gap, arguments):
     assert invoke(*arguments, *READ, *FPS).exit_code == 0
     plain = read_npz(gap / "out" / "pose.npz")
-    result = invoke(*arguments, *READ, "--fps", 50, "--fill-gaps", 1)
+    result = invoke(*arguments, *READ, "--fps", 50, "--frame-by-frame", "--fill-gaps", 1)
     assert result.exit_code == 0, result.output
     written = read_npz(gap / "out" / "pose.npz")
     expected, filled = temporal.fill_gaps(plain.pose, 1)

@@ -63,7 +63,9 @@ def test_without_undistortion_the_start_is_measured_with_ideal_lenses_too(tmp_pa
     rig = synthetic.human36m_like(distortion=True)
     pose = synthetic.motion("walk", T, seed=3)
     ideal = sk.CameraRig([without_distortion(camera) for camera in rig])
-    errors = noise_free(tmp_path, rig, sk.project(pose, ideal), "--no-undistort")["reprojection_error"]
+    errors = noise_free(tmp_path, rig, sk.project(pose, ideal), "--no-undistort", "--frame-by-frame")[
+        "reprojection_error"
+    ]
     assert errors["all"]["before_px"] < 1e-6
     assert max(joint["moved_median_mm"] for joint in errors["joints"]) < 1e-3
 

@@ -17,7 +17,7 @@ from skelsplat.run import figures
 
 OUT = "cam3"
 KEPT = ("cam1", "cam2", "cam4")
-LEFT_OUT = ["--without", OUT, "--fps", "50", "-q"]
+LEFT_OUT = ["--without", OUT, "--fps", "50", "--frame-by-frame", "-q"]
 
 
 @pytest.fixture(autouse=True)

@@ -131,7 +131,7 @@ def test_report_json_has_the_facts_of_the_page(recording, arguments):
     for camera in rig.names:
         path = folder / "openpose" / camera / "000002_keypoints.json"
         path.write_text(json.dumps({"people": []}))
-    result = invoke(*arguments, *READ, "--fps", 50, "-q")
+    result = invoke(*arguments, *READ, "--fps", 50, "--frame-by-frame", "-q")
     assert result.exit_code == 0, result.output
     report = read_report(folder / "out")
     (finding,) = report["frame_findings"]

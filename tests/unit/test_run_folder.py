@@ -22,7 +22,7 @@ def test_what_went_in_and_what_came_out_is_read(run_folder, recording):
     assert read.undistorted
     np.testing.assert_array_equal(read.poses.pose, read_npz(run_folder / "pose.npz").pose)
     assert np.isnan(read.detections[:, -1, 3]).all()  # never seen
-    again = sk.refine(None, read.detections, read.rig, layout=read.layout)
+    again = sk.refine_sequence(read.detections, read.rig, fps=50, layout=read.layout)
     np.testing.assert_array_equal(again.pose, read.poses.pose)
 
 

@@ -6,6 +6,7 @@ import copy
 import pickle
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -352,3 +353,38 @@ def test_fast_motion_is_no_worse_than_frame_by_frame(motion, noise):
         error, alone = errors(found.pose, pose)[fast], errors(found.init_pose, pose)[fast]
         assert error.mean() < 0.95 * alone.mean()
         assert np.percentile(error, 95) < np.percentile(alone, 95)
+
+
+# left and right
+
+
+def swapped_in(detections: np.ndarray, pose: np.ndarray) -> np.ndarray:
+    """Find the detections (T, M, N) that are nearer to the joint of the other side."""
+    pixels = sk.project(pose, RIG).swapaxes(0, 1)
+    out = np.zeros(detections.shape[:3], dtype=bool)
+    for left, right in sk.layouts.get("h36m17").left_right:
+        pair, crossed = detections[:, :, [left, right], :2], detections[:, :, [right, left], :2]
+        true = pixels[:, :, [left, right]]
+        own, other = (np.linalg.norm(d - true, axis=-1).sum(axis=-1) for d in (pair, crossed))
+        out[:, :, left] = out[:, :, right] = other < own - 40.0
+    return out
+
+
+@pytest.mark.parametrize("rate", ["limb_swap_rate", "view_swap_rate"])
+def test_swaps_that_last_are_found_where_frames_alone_cannot_tell(rate):
+    """In two of four views at once it is impossible to tell for a single frame, which then errs in both."""
+    found, alone, wrong, error, error_alone = [], [], [], [], []
+    for seed, name in enumerate(("walk", "turn", "crouch", "wave")):
+        pose, detections = recorded(name, 150, replace(NOISE, **{rate: 0.1}), seed)
+        truth = swapped_in(detections, pose)
+        in_time, single = solve(detections), sk.refine(None, detections, RIG, layout="h36m17")
+        found.append(in_time.swapped[truth])
+        alone.append(single.swapped[truth])
+        wrong.append(np.count_nonzero(in_time.swapped & ~truth) < np.count_nonzero(single.swapped & ~truth))
+        error.append(errors(in_time.pose, pose))
+        error_alone.append(errors(single.pose, pose))
+    share, share_alone = np.concatenate(found).mean(), np.concatenate(alone).mean()
+    assert share > 0.97
+    assert share > share_alone + 0.03
+    assert np.mean(error) < 14.0 < 0.75 * np.mean(error_alone)
+    assert any(wrong)

@@ -253,6 +253,9 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "many_rejected": _many_rejected,
     "further_than_start": "The refined pose lies further from the detections than its start (median "
     "{before_px:.1f} to {after_px:.1f} px): check the layout, the unit and the calibration.",
+    "further_in_time": "In time, the pose lies much further from the detections than frame by frame (median "
+    "{before_px:.1f} to {after_px:.1f} px): check that the frames are in order and --fps is their rate; "
+    "--frame-by-frame solves each frame alone.",
     "no_match": _no_match,
     "camera_unused": _unused,
     "camera_disagrees": _disagrees,
@@ -270,6 +273,7 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "frame_diverged": "diverged",
     "frame_max_steps": "stopped at the step limit",
     "frame_unobserved": lambda f: f"unobserved: {named(f)}",
+    "frame_inferred": lambda f: f"inferred: {named(f)}",
     "frame_weak": lambda f: f"weak: {named(f)}",
     "frame_filled": lambda f: f"filled over time: {named(f)}",
     "frame_swapped": lambda f: f"left–right swap in {named(f)}",

@@ -17,6 +17,7 @@ _NOTE = "The sample has no ground truth: these errors measure agreement with the
 def demo(
     output: options.Out = Path("skelsplat-demo"),
     paper: options.Paper = False,
+    frame_by_frame: options.FrameByFrame = False,
     threads: options.Threads = None,
     quiet: options.Quiet = False,
     as_json: options.AsJson = False,
@@ -45,6 +46,7 @@ def demo(
         unit=sample.UNIT,
         layout=sample.LAYOUT,
         fps=sample.FRAME_RATE_HZ,
+        frame_by_frame=frame_by_frame,
         config=sk.RefineConfig.paper(**settings) if paper else sk.RefineConfig(**settings),
         output=output,
         note=_NOTE,

@@ -234,6 +234,14 @@ Filter = Annotated[
         default="none",
     ),
 ]
+FrameByFrame = Annotated[
+    bool,
+    flag(
+        _TIME,
+        "--frame-by-frame",
+        help="Solve each frame alone, even if the frame rate is known. --paper always does.",
+    ),
+]
 
 Out = Annotated[Path, option(_OUTPUT, "-o", "--output", metavar="FOLDER", help="Folder for the results.")]
 Write = Annotated[
@@ -246,7 +254,16 @@ Write = Annotated[
         "movement.",
     ),
 ]
-Fps = Annotated[float | None, option(_OUTPUT, metavar="HZ", help="Frame rate, for files and filters.")]
+Fps = Annotated[
+    float | None,
+    option(
+        _TIME,
+        metavar="HZ",
+        help="Frame rate; solves in time. If it is known, all frames are solved together: bones keep their "
+        "length and joints move smoothly.",
+        default="as the files state it, or unknown",
+    ),
+]
 YUp = Annotated[
     bool,
     flag(_OUTPUT, "--y-up", help="Write TRC and C3D with y up, for OpenSim. The calibration must have z up."),

@@ -57,13 +57,14 @@ def refine(
     symmetry_tier: options.SymmetryTier = None,
     max_steps: options.MaxSteps = None,
     threads: options.Threads = None,
+    fps: options.Fps = None,
+    frame_by_frame: options.FrameByFrame = False,
     fill_gaps: options.FillGaps = None,
     fill_method: options.FillMethod = None,
     fill_weak: options.FillWeak = False,
     filter: options.Filter = None,
     output: options.Out,
     write: options.Write = "csv,trc",
-    fps: options.Fps = None,
     y_up: options.YUp = False,
     marker_names: options.MarkerNames = "skelsplat",
     no_html: options.NoHtml = False,
@@ -77,7 +78,7 @@ def refine(
     skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b
 
     skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b --fps 60
-    --filter butterworth:6 --fill-gaps 10 --write trc,c3d
+    --write trc,c3d
 
     skelsplat refine --config run.toml
     """
@@ -107,6 +108,7 @@ def refine(
         init_sigma_mm=init_sigma_mm,
         config=sk.RefineConfig.paper(**settings) if paper else sk.RefineConfig(**settings),
         fps=fps,
+        frame_by_frame=frame_by_frame,
         fill_gaps=fill_gaps or 0,
         fill_method=fill_method,
         fill_weak=fill_weak,

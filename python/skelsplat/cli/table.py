@@ -19,6 +19,7 @@ from skelsplat.cli.output import print_warning
 from skelsplat.findings import Finding
 from skelsplat.run import Run
 from skelsplat.run.folder import left_of_earlier
+from skelsplat.run.report import solved_in_words
 from skelsplat.run.solve import default_threads
 from skelsplat.run.summary import Group, Statistics, finite_max, finite_median
 
@@ -182,6 +183,7 @@ def _lines(run: Run) -> Iterator[str]:
     )
     cores = f"{threads} thread{'s' * (threads != 1)}"
     yield f"{frames} frames of {joints} joints, {each:.{2 if each < 1 else 1}f} ms each ({cores})."
+    yield from solved_in_words(run.report)
     yield f"Frames stopped: {reasons}."
     moved = number(finite_median(statistics.moved_mm))
     yield f"Median distance of the joints from the {outcome.start_name}: {moved} mm."

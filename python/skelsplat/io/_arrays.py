@@ -49,6 +49,16 @@ class Arrays:
             return None
         return list(map(int, frame_numbers(self.path, self.found["frames"], count)))
 
+    def rate(self) -> float | None:
+        """Return the positive number under ``frame_rate``; None if it is NaN or not there."""
+        value = self.found.get("frame_rate", np.array(np.nan))
+        if value.shape != () or value.dtype.kind not in "fiu":
+            raise DatasetError(self.path, "frame_rate", "one number", f"{value.dtype} of shape {value.shape}")
+        rate = float(value)
+        if not (np.isnan(rate) or 0 < rate < np.inf):
+            raise DatasetError(self.path, "frame_rate", "a positive number", f"{rate:g}")
+        return None if np.isnan(rate) else rate
+
     def names(self, key: str, count: int) -> tuple[str, ...] | None:
         """Return the `count` different names under a key; None if they are not there."""
         return array_names(self.path, key, self.found[key], count) if key in self.found else None

@@ -68,7 +68,12 @@ class RunFolder:
 
 
 def write_run_inputs(
-    folder: Path, rig: sk.CameraRig, layout: sk.Layout, detections: Array, frames: Index
+    folder: Path,
+    rig: sk.CameraRig,
+    layout: sk.Layout,
+    detections: Array,
+    frames: Index,
+    frame_rate: float | None = None,
 ) -> list[str]:
     """Write the cameras and the detections (T, M, N, 3) of one person; return the names of the files."""
     write_calibration(folder / CAMERAS, rig)
@@ -76,8 +81,11 @@ def write_run_inputs(
         "camera_names": np.array(rig.names, dtype=np.str_),
         "joint_names": np.array(layout.joints, dtype=np.str_),
     }
+    rate = np.array(np.nan if frame_rate is None else frame_rate)
     with atomic_write(folder / DETECTIONS) as stream:
-        np.savez_compressed(stream, allow_pickle=False, detections=detections, frames=frames, **names)
+        np.savez_compressed(
+            stream, allow_pickle=False, detections=detections, frames=frames, frame_rate=rate, **names
+        )
     return [CAMERAS, DETECTIONS]
 
 

@@ -44,8 +44,8 @@ _ORDER = ("error", "warning", "note")
 class Run:
     """A refined sequence with its input, statistics, findings and report.
 
-    `skelsplat.run.run` makes one from files, `from_arrays` from a result of `skelsplat.refine`, and `open`
-    from the folder of an earlier run. T frames, M cameras, N joints.
+    `skelsplat.run.run` makes one from files, `from_arrays` from a result of `skelsplat.refine` or
+    `refine_sequence`, and `open` from the folder of an earlier run. T frames, M cameras, N joints.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class Run:
     inputs : Inputs
         What the run started from.
     outcome : Outcome
-        What `skelsplat.refine` returned, and what it is compared with.
+        What the refinement returned, and what it is compared with.
     """
 
     poses: PoseData
@@ -130,7 +130,7 @@ class Run:
         config: sk.RefineConfig | None = None,
         fps: float | None = None,
     ) -> Run:
-        """Return the run of a result of `skelsplat.refine`.
+        """Return the run of a result of `skelsplat.refine` or `refine_sequence`.
 
         Parameters
         ----------
@@ -268,7 +268,7 @@ def _run(job: Job, progress: Progress | None, tell: Callable[[Finding], None] | 
             folders.keep_input(job, inputs.sources)
             writing = folders.Writing.of(job)
             writing.check(inputs.frames)
-            for note in writing.notes(job.fps):
+            for note in writing.notes(inputs.fps):
                 notes.append(note)
                 if tell is not None:
                     tell(note)
@@ -312,7 +312,7 @@ def _opened(found: RunFolder) -> Run:
         found.detections,
         np.zeros(found.detections.shape[:2], dtype=np.bool_),
         poses.frames,
-        init_pose=poses.init_pose if report["start"] == GIVEN_START else None,
+        init_pose=poses.init_pose if report["start"] == GIVEN_START and not len(poses.velocity) else None,
         lacking=frozenset(joint for joint, name in mapping.items() if name is None),
         fps=poses.frame_rate,
     )
@@ -327,11 +327,11 @@ def _opened(found: RunFolder) -> Run:
 
 def _refinement(poses: PoseData) -> sk.Refinement:
     """Return the refinement that a pose file holds; what it does not hold is NaN or empty."""
-    steps = len(poses.pose)
-    held = {entry.name: getattr(poses, entry.name, None) for entry in fields(sk.Refinement)}
+    steps, kind = len(poses.pose), sk.SequenceRefinement if len(poses.velocity) else sk.Refinement
+    held = {entry.name: getattr(poses, entry.name, None) for entry in fields(kind)}
     unknown = {name: np.full(steps, np.nan) for name in ("loss_render", "loss_symmetry")}
     parts: dict[str, Any] = {**held, **unknown, "loss_history": np.empty((steps, 0))}
-    return sk.Refinement(**parts)
+    return kind(**parts)
 
 
 def _as_batch(result: sk.Refinement) -> sk.Refinement:

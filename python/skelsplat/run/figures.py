@@ -110,7 +110,7 @@ def _caption(frame: int, inputs: Inputs, outcome: Outcome, statistics: Statistic
         words += f", with the largest change: {change} (all frames: {typical:.0f} mm)"
     else:
         words += f": {change}"
-    frames = {name: int((status == name).any(axis=1).sum()) for name in ("weak", "unobserved")}
+    frames = {name: int((status == name).any(axis=1).sum()) for name in ("inferred", "weak", "unobserved")}
     affected = ", ".join(f"{name} joints in {number}" for name, number in frames.items() if number)
     return f"{words}; {affected} of {count} frames" if affected else words
 

@@ -15,8 +15,8 @@ from skelsplat.findings import Finding, Remedy, Subject
 from skelsplat.run.displaced import displaced_cameras, find_apart, find_displaced, shift_of
 from skelsplat.run.people import are_mixed, find_people
 from skelsplat.run.read import Inputs
-from skelsplat.run.solve import Outcome
-from skelsplat.run.summary import Group, Statistics, finite_median
+from skelsplat.run.solve import Outcome, frame_by_frame
+from skelsplat.run.summary import Group, Statistics, finite_median, summarise
 
 # Most: at least this share.
 _MOSTLY = 0.5
@@ -30,6 +30,7 @@ _BAD_SHARE, _BEST_RATIO = 0.2, 2.0
 _WHOLE_SHARE, _REST_SHARE = 1 / 3, 0.2
 # A robust fit may leave the median where it was; a tenth more is further away.
 _FURTHER, _FURTHER_PX = 1.1, 0.1  # less is the rounding of the detections
+_FURTHER_IN_TIME = 1.25
 # No person that a camera detects matches the other cameras, in this share of the frames at least; if that is
 # so for another camera in most frames, this share of the frames with people is enough.
 _SOME, _ALSO_UNFIT = 0.1, 0.25
@@ -46,17 +47,21 @@ def find_findings(
 ) -> list[Finding]:
     """Return findings on people, on cameras that disagree and on joints that are rejected or uncertain.
 
-    ``written`` (T, N) is the status of the poses written, where joints may be filled over time.
+    ``written`` (T, N) is the status of the poses written, where joints may be filled over time. Cameras and
+    people are judged frame by frame.
     """
     unfit = unfit_cameras(inputs)
+    alone = frame_by_frame(inputs, outcome)
+    counted = statistics if alone is outcome else summarise(inputs, alone)
     return [
-        *find_people(inputs, outcome),
-        *find_whole(statistics, mixed=are_mixed(inputs)),
+        *find_people(inputs, alone),
+        *find_whole(counted, mixed=are_mixed(inputs)),
+        *_in_time(statistics, counted),
         *find_unfit(inputs.rig.names, unfit),
-        *_cameras(inputs, statistics, unfit),
-        *_mirrored(statistics),
-        *_limbs(inputs, outcome),
-        *_joints(statistics),
+        *_cameras(inputs, counted, unfit),
+        *_mirrored(counted),
+        *_limbs(inputs, alone),
+        *_joints(counted, statistics),
         *_statuses(inputs, outcome, written),
     ]
 
@@ -77,6 +82,19 @@ def find_whole(statistics: Statistics, *, mixed: bool = False) -> Iterator[Findi
             "warning",
             numbers={"before_px": total.before_px, "after_px": total.after_px},
         )
+
+
+def _in_time(statistics: Statistics, alone: Statistics) -> Iterator[Finding]:
+    """Yield a finding if the poses in time leave the detections further than those frame by frame explain.
+
+    From V views a frame alone follows 3 of 2V numbers, noise and all; in time hardly any are followed.
+    """
+    views = max(2.0, finite_median(statistics.views_used))
+    before, after = alone.total.after_px, statistics.total.after_px
+    allowed = _FURTHER_IN_TIME * np.sqrt(2 * views / (2 * views - 3)) * before
+    if after > max(allowed, before + _FURTHER_PX):
+        numbers = {"before_px": before, "after_px": after}
+        yield Finding("further_in_time", "warning", numbers=numbers, remedy=(Remedy("frame_by_frame"),))
 
 
 def _rest(statistics: Statistics) -> float:
@@ -208,9 +226,9 @@ def _limbs(inputs: Inputs, outcome: Outcome) -> Iterator[Finding]:
         yield Finding("limbs_differ", "warning", Subject(joints=named), numbers, (Remedy("layout", None),))
 
 
-def _joints(statistics: Statistics) -> Iterator[Finding]:
-    rejected = tuple(group.name for group in statistics.joints if group.rejected_share >= _MOSTLY)
-    if 0 < len(rejected) <= _MOSTLY * len(statistics.joints):  # of more, the whole recording is in doubt
+def _joints(alone: Statistics, statistics: Statistics) -> Iterator[Finding]:
+    rejected = tuple(group.name for group in alone.joints if group.rejected_share >= _MOSTLY)
+    if 0 < len(rejected) <= _MOSTLY * len(alone.joints):  # of more, the whole recording is in doubt
         yield Finding("joints_rejected", "warning", Subject(joints=rejected))
     typical = finite_median(statistics.error_bar_mm)
     bars = [finite_median(bar) for bar in statistics.error_bar_mm.T]

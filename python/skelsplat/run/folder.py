@@ -100,7 +100,7 @@ def write_folder(run: Run, folder: Path, writing: Writing) -> Run:
     run = replace(run, report={**run.report, "files": writing.names(run.outcome.config.method)})
     begin_writing(folder, run.report)
     write_poses(folder, run.poses, writing)
-    write_run_inputs(folder, run.cameras, run.layout, run.detections, run.frames)
+    write_run_inputs(folder, run.cameras, run.layout, run.detections, run.frames, run.poses.frame_rate)
     if can_draw():
         from skelsplat.run.figures import write_figures  # matplotlib takes long to load
 

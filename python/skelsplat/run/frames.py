@@ -111,7 +111,7 @@ def _statuses(status: npt.NDArray[np.str_], empty: Mask, joints: Sequence[str]) 
     everywhere = (status == "unobserved").all(axis=0)
     unobserved = (status == "unobserved") & ~empty[:, None] & ~everywhere
     yield from _named("frame_unobserved", unobserved, "joints", joints)
-    for kind in ("weak", "filled"):
+    for kind in ("inferred", "weak", "filled"):
         yield from _named(f"frame_{kind}", status == kind, "joints", joints)
 
 

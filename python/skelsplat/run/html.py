@@ -17,7 +17,7 @@ import skelsplat as sk
 from skelsplat._optional import can_draw
 from skelsplat._sentences.words import number
 from skelsplat.run.frames import rows_of
-from skelsplat.run.report import MEANINGS
+from skelsplat.run.report import MEANINGS, solved_in_words
 from skelsplat.run.summary import DOWN_WEIGHTED, error_maps, finite_max, finite_median, frame_medians
 
 if TYPE_CHECKING:
@@ -75,6 +75,7 @@ def write_html(run: Run, path: Path) -> None:
         rejected=rejected[:-1, :-1],
         lines=_lines(run),
         problems=rows_of(run.frame_findings, inputs.frames.tolist()),
+        bones=_bones(run),
     )
     page.write_report(path, data)
 
@@ -150,7 +151,7 @@ def facts_of(report: dict[str, Any]) -> list[tuple[str, str]]:
         ("cameras", str(len(errors["cameras"]))),
         ("frames", span),
         ("frame rate", "unknown" if rate is None else f"{rate:g} per second"),
-        ("method", report["settings"]["method"]),
+        ("method", f"{report['settings']['method']}, {report['solution']['method']}"),
         ("unit of the calibration", source["unit"]),
         ("skelsplat", report["versions"]["skelsplat"]),
     ]
@@ -191,6 +192,7 @@ def _notes(run: Run) -> list[str]:
     speed = "" if rate is not None else " The frame rate is unknown: speed 1 × plays 30 frames per second."
     return [
         *([note] if note else []),
+        *solved_in_words(run.report),
         *run.poses.processing,
         f"The start is the {run.outcome.start_name}; the refined poses are those in the pose files. "
         "Reprojection errors are distances from the detections used, in pixels of the original images: they "
@@ -198,8 +200,8 @@ def _notes(run: Run) -> list[str]:
         f"Weight: how much each detection is trusted, from 0 to 1; down-weighted below {DOWN_WEIGHTED:g}, "
         f"rejected below {sk.REJECTED_WEIGHT:g}. Error bar: one standard deviation per axis.",
         "The 3D view is in metres, in the axes of the calibration; ellipsoids are drawn at two standard "
-        "deviations, cut off 0.3 m from the joint, and joints that are weak, filled or unobserved are "
-        f"hollow.{speed}",
+        "deviations, cut off 0.3 m from the joint, and joints that are weak, inferred, filled or "
+        f"unobserved are hollow.{speed}",
     ]
 
 
@@ -207,7 +209,7 @@ def _sequence(run: Run) -> page.Sequence3D:
     from skelsplat.run.figures import skeleton_of, world_up  # as in write_html
     from skelsplat.viz.report import Sequence3D
 
-    mm, poses = run.cameras.mm_per_unit, run.poses
+    mm, poses, found = run.cameras.mm_per_unit, run.poses, run.outcome.sequence
     return Sequence3D(
         start=run.outcome.start * mm,
         refined=poses.pose * mm,
@@ -219,7 +221,18 @@ def _sequence(run: Run) -> page.Sequence3D:
         skeleton=skeleton_of(run.layout),
         up=world_up(run.cameras),
         start_name=run.outcome.start_name,
+        alone=None if found is None else np.asarray(found.init_pose) * mm,
+        speed=None if found is None else np.linalg.norm(found.velocity, axis=-1) * mm,
     )
+
+
+def _bones(run: Run) -> list[tuple[int, int, float, float]]:
+    """Return the bones of a solution in time with their lengths and standard errors in mm."""
+    found, mm = run.outcome.sequence, run.cameras.mm_per_unit
+    if found is None:
+        return []
+    sizes = zip(found.bones.tolist(), found.bone_lengths * mm, found.bone_length_sigma * mm, strict=True)
+    return [(a, b, float(length), float(sigma)) for (a, b), length, sigma in sizes]
 
 
 def _lines(run: Run) -> list[page.TimeLine]:

@@ -70,7 +70,9 @@ class Job:
     config
         Settings of the method; None: the defaults of `skelsplat.RefineConfig`.
     fps
-        Frames per second of the recording; None if unknown.
+        Frames per second of the recording; None: as the files state it, or unknown.
+    frame_by_frame
+        Solve each frame alone even if the frame rate is known, instead of all in time (`Outcome.sequence`).
     fill_gaps
         Longest gap to fill, in frames; 0: none.
     fill_method
@@ -120,6 +122,7 @@ class Job:
     init_sigma_mm: float | None = None
     config: sk.RefineConfig | None = None
     fps: float | None = None
+    frame_by_frame: bool = False
     fill_gaps: int = 0
     fill_method: str | None = None
     fill_weak: bool = False

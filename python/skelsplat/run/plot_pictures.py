@@ -21,10 +21,13 @@ if TYPE_CHECKING:
 
 Picture = tuple[list["Figure"], str, Any]
 
-# Statuses of joints whose depth is open, or that were not measured.
-_UNSURE = ("weak", "filled")
+# Statuses of joints whose depth is open, or that were not measured in their own frame.
+_UNSURE = ("weak", "inferred", "filled")
 _SPREAD = "Median ± standard deviation over the frames (in brackets: relative to the median). Dashed: median."
-_PALE = "Pale: frames in which an end is weak or filled; they are not counted, and may lie outside the panel."
+_PALE = (
+    "Pale: frames in which an end is weak, inferred or filled; they are not counted, and may lie outside the "
+    "panel."
+)
 _EQUAL = (
     "The refinement kept {which} nearly equal on the left and right, so their difference means nothing; "
     "to study it, refine with --symmetry-tier 0."
@@ -49,6 +52,7 @@ def trajectories(source: Source) -> Picture:
         joints=source.joints,
         title=source.title,
         notes=poses.processing,
+        **({"start_name": "frame by frame"} if len(poses.velocity) else {}),
     )
     pages = viz.draw_trajectories(data, skeleton=viz.Skeleton(source.limbs, source.left_right))
     known = np.asarray(np.isfinite(poses.pose).all(axis=-1))

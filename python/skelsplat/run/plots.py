@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,7 @@ import skelsplat as sk
 from skelsplat._optional import require
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io import PoseData, read_pose, read_run
+from skelsplat.io.poses._pose_data import ARRAYS
 from skelsplat.run.folder import output_folder
 from skelsplat.run.frame_range import FrameRange
 
@@ -130,10 +131,8 @@ def _connections(layout: sk.Layout | None, joints: tuple[str, ...]) -> tuple[Pai
 def _between(poses: PoseData, first: int, last: int) -> PoseData:
     """Return the frames from ``first`` to ``last`` alone; an array that was left out stays empty."""
     keep = (poses.frames >= first) & (poses.frames <= last)
-    held = {entry.name: getattr(poses, entry.name) for entry in fields(poses)}
-    arrays: dict[str, Any] = {
-        name: value for name, value in held.items() if isinstance(value, np.ndarray) and len(value)
-    }
+    held = {name: getattr(poses, name) for name in (*ARRAYS, "frames")}
+    arrays: dict[str, Any] = {name: value for name, value in held.items() if len(value)}
     return replace(poses, **{name: array[keep] for name, array in arrays.items()})
 
 

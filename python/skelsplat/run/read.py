@@ -75,13 +75,16 @@ def read_inputs(job: Job) -> Inputs:
     )
     layout = sk.layouts.get(found.layout)
     index, unmatched = pick_places(found.people, rig, person, layout)
+    init, rate_of_init = None, None
+    if job.init is not None:
+        init, rate_of_init = _read_init(Path(job.init), rig, len(found.frames), layout)
     return Inputs(
         rig,
         layout,
         take_people(found.people, index),
         unmatched,
         found.frames,
-        init_pose=None if job.init is None else _read_init(Path(job.init), rig, len(found.frames), layout),
+        init_pose=init,
         format=found.format,
         calibration_format=job.calibration_format or find_format(calibration),
         lacking=frozenset(joint for joint, name in job.mapping.items() if name is None),
@@ -90,7 +93,7 @@ def read_inputs(job: Job) -> Inputs:
         sources=tuple(path for path in found.sources if path is not None),
         person=person,
         crowd=look_around(found.people, index, rig, person, layout),
-        fps=job.fps,
+        fps=job.fps or found.frame_rate or rate_of_init,
     )
 
 
@@ -128,8 +131,8 @@ def named_offsets(rig: sk.CameraRig, offsets: Mapping[str, int]) -> dict[str, in
     return {camera_called(text, rig.names): frames for text, frames in offsets.items()}
 
 
-def _read_init(path: Path, rig: sk.CameraRig, steps: int, layout: sk.Layout) -> Array:
-    """Read an initial pose of so many frames, in the rig's unit."""
+def _read_init(path: Path, rig: sk.CameraRig, steps: int, layout: sk.Layout) -> tuple[Array, float | None]:
+    """Read an initial pose of so many frames, in the rig's unit, and its frame rate."""
     data = read_npz(path)
     expected = (steps, layout.n_joints, 3)
     if data.pose.shape != expected:
@@ -137,4 +140,4 @@ def _read_init(path: Path, rig: sk.CameraRig, steps: int, layout: sk.Layout) -> 
     if data.joint_names != tuple(layout.joints):
         raise DatasetError(path, "joint_names", f"the joints of {layout.name}", ", ".join(data.joint_names))
     scaled: Array = data.pose * (MM_PER_UNIT[data.unit] / rig.mm_per_unit)
-    return scaled
+    return scaled, data.frame_rate

@@ -12,7 +12,7 @@ import skelsplat as sk
 from skelsplat._json import plain
 from skelsplat.run.job import Job
 from skelsplat.run.read import Inputs
-from skelsplat.run.solve import Outcome, default_threads
+from skelsplat.run.solve import ASKED, NO_RATE, PRIOR, SPARSE, Outcome, default_threads
 from skelsplat.run.summary import DOWN_WEIGHTED, POOR_SHARE, Group, Statistics, finite_max, finite_median
 
 MEANINGS = {
@@ -25,10 +25,18 @@ MEANINGS = {
     "views_used": "views per frame with a detection of the joint that is used and not rejected",
     "noise": "standard deviation of the detections' noise, estimated, median over the frames",
     "error_bar": "standard deviation of a joint: root mean square over the axes of the posterior covariance",
+    "solution": "in time: all frames together, with one length per bone and smooth motion; or frame by frame",
+    "inferred": "joint positions that bones and neighbouring frames determine, not two views of their frame",
     "start": "what before_px and moved are measured from: the initial pose if one was given, else DLT",
     "findings": "what to check before trusting the run",
     "frame_findings": "unusual single frames: their numbers are the frames of the subject; lists among the "
     "numbers have a value for each of them",
+}
+_ALONE = {
+    ASKED: "Solved frame by frame (--frame-by-frame).",
+    PRIOR: "Solved frame by frame: --init-sigma-mm is for single frames.",
+    NO_RATE: "Solved frame by frame: the frame rate is unknown. --fps HZ solves in time.",
+    SPARSE: "Solved frame by frame: most frames are missing.",
 }
 _MEANING = (
     "distance of the pose's projection from the detection in px of the original image, over the detections "
@@ -54,6 +62,7 @@ def build_report(
         },
         "input": _input(inputs, job),
         "start": outcome.start_name,
+        "solution": _solution(inputs, outcome),
         "settings": outcome.config.to_dict(),
         "ground_truth": None,
         "meanings": MEANINGS,
@@ -75,6 +84,33 @@ def build_report(
     }
     cleaned: dict[str, Any] = plain(report)
     return cleaned
+
+
+def _solution(inputs: Inputs, outcome: Outcome) -> dict[str, Any]:
+    """Return how the frames were solved, and the lengths of the bones if in time."""
+    found, joints, mm = outcome.sequence, inputs.layout.joints, inputs.rig.mm_per_unit
+    if found is None:
+        return {"method": "frame by frame", "reason": outcome.alone or None}
+    lengths = zip(found.bones.tolist(), found.bone_lengths, found.bone_length_sigma, strict=True)
+    bones = [
+        {"joints": [joints[a], joints[b]], "length_mm": length * mm, "sigma_mm": sigma * mm}
+        for (a, b), length, sigma in lengths
+    ]
+    inferred = int((np.asarray(found.joint_status) == "inferred").sum())
+    return {"method": "in time", "fps": inputs.fps, "inferred": inferred, "bones": bones}
+
+
+def solved_in_words(report: dict[str, Any]) -> list[str]:
+    """Return how the frames were solved, in sentences; none where nothing else was possible."""
+    solution = report["solution"]
+    if solution["method"] == "frame by frame":
+        return [_ALONE[solution["reason"]]] if solution["reason"] in _ALONE else []
+    rate = "" if solution["fps"] is None else f" at {solution['fps']:g} frames per second"
+    found = [f"Solved in time{rate}: constant bone lengths, smooth motion."]
+    if count := solution["inferred"]:
+        what = "1 joint position is" if count == 1 else f"{count:,} joint positions are"
+        found.append(f"{what} inferred from bones and neighbouring frames.")
+    return found
 
 
 def _input(inputs: Inputs, job: Job | None) -> dict[str, Any]:

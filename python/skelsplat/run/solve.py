@@ -1,16 +1,17 @@
-"""From inputs to refined poses, and the plain triangulation that they are compared with."""
+"""From inputs to refined poses, in time or frame by frame, and the plain triangulation beside them."""
 
 from __future__ import annotations
 
 import os
 import time
+import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 import skelsplat as sk
-from skelsplat._arrays import Array
+from skelsplat._arrays import Array, Index
 from skelsplat.cameras import without_distortion
 from skelsplat.run.job import Job
 from skelsplat.run.read import Inputs
@@ -19,12 +20,21 @@ Progress = Callable[[int, int], None]
 
 PLAIN_START, GIVEN_START = "plain triangulation", "initial pose"
 
+# Why a recording was solved frame by frame, for `Outcome.alone`.
+ASKED, PAPER, PRIOR, ONE_FRAME = "asked", "paper", "prior", "one frame"
+NO_RATE, SPARSE = "no rate", "sparse"
+# A longer gap between frames says no more than one of so many seconds: nothing is bridged over it.
+_APART_S = 2.0
+# Of frame numbers that leave out more than this multiple of those that are there, most are far apart.
+_MOST_EMPTY = 8
+_OF_BONES = ("bones", "bone_lengths", "bone_length_sigma")
+
 
 @dataclass(frozen=True)
 class Outcome:
     """A refined sequence and what it is compared with."""
 
-    # what `skelsplat.refine` returned, and its settings
+    # what `skelsplat.refine_sequence` or `skelsplat.refine` returned, and its settings
     result: sk.Refinement
     config: sk.RefineConfig
     # (T, N, 3) the initial pose if the user gave one, otherwise the plain triangulation (DLT) of the
@@ -32,24 +42,44 @@ class Outcome:
     # robustness changes.
     start: Array
     start_name: str = PLAIN_START  # what ``start`` is, in words
-    seconds: float = float("nan")  # wall time of `skelsplat.refine` alone; NaN if unknown
+    seconds: float = float("nan")  # wall time of the refinement alone; NaN if unknown
+    alone: str = ""  # why it was solved frame by frame, such as `NO_RATE`; "" in time or if unknown
 
     @classmethod
     def of(
-        cls, result: sk.Refinement, config: sk.RefineConfig, inputs: Inputs, seconds: float = float("nan")
+        cls,
+        result: sk.Refinement,
+        config: sk.RefineConfig,
+        inputs: Inputs,
+        seconds: float = float("nan"),
+        alone: str = "",
     ) -> Outcome:
         """Return a result with what it is compared with."""
         if inputs.init_pose is None:
-            return cls(result, config, _plain(inputs, config), seconds=seconds)
-        return cls(result, config, np.asarray(result.init_pose), GIVEN_START, seconds)
+            return cls(result, config, _plain(inputs, config), PLAIN_START, seconds, alone)
+        start = np.asarray(result.init_pose)
+        if isinstance(result, sk.SequenceRefinement):
+            start = np.where(np.isfinite(inputs.init_pose), inputs.init_pose, start)
+        return cls(result, config, start, GIVEN_START, seconds, alone)
+
+    @property
+    def sequence(self) -> sk.SequenceRefinement | None:
+        """The result, if it was solved in time."""
+        return self.result if isinstance(self.result, sk.SequenceRefinement) else None
 
 
 def refine_inputs(inputs: Inputs, job: Job, progress: Progress | None = None) -> Outcome:
-    """Refine all frames; ``progress`` is called with (frames done, frames in all)."""
-    sigma_mm, config = job.init_sigma_mm, job.settings
+    """Refine all frames, in time if that is possible and not refused.
+
+    ``progress`` is called with (frames done, frames in all).
+    """
+    sigma_mm, config, alone = job.init_sigma_mm, job.settings, why_alone(inputs, job)
     if progress is not None:
         progress(0, len(inputs.frames))
     begin = time.perf_counter()
+    if not alone:
+        result: sk.Refinement = _in_time(inputs, config, progress)
+        return Outcome.of(result, config, inputs, time.perf_counter() - begin)
     result = sk.refine(
         inputs.init_pose,
         inputs.detections,
@@ -59,7 +89,79 @@ def refine_inputs(inputs: Inputs, job: Job, progress: Progress | None = None) ->
         config=config,
         progress=progress if progress is not None else False,
     )
-    return Outcome.of(result, config, inputs, time.perf_counter() - begin)
+    return Outcome.of(result, config, inputs, time.perf_counter() - begin, alone)
+
+
+def why_alone(inputs: Inputs, job: Job) -> str:
+    """Return why the frames have to be solved one by one, "" if they are solved in time."""
+    reasons = {
+        PAPER: job.settings.method == "paper",
+        ASKED: job.frame_by_frame,
+        ONE_FRAME: len(inputs.frames) < 2,
+        PRIOR: job.init_sigma_mm is not None,
+        NO_RATE: inputs.fps is None,
+    }
+    found = next((reason for reason, holds in reasons.items() if holds), "")
+    return found or (SPARSE if _places(inputs)[0][-1] >= _MOST_EMPTY * len(inputs.frames) else "")
+
+
+def _places(inputs: Inputs) -> tuple[Index, float]:
+    """Return the frames' places on an even clock, from 0, and the rate of that clock, Hz.
+
+    Of frame numbers that are all so many apart, as every tenth, that is a slower clock.
+    """
+    if inputs.fps is None:
+        raise TypeError("the frame rate is needed")
+    gaps = np.diff(inputs.frames)
+    step = int(np.gcd.reduce(gaps))
+    rate = inputs.fps / step
+    most = max(1, int(np.ceil(_APART_S * rate)))
+    return np.concatenate([[0], np.cumsum(np.minimum(gaps // step, most))]), rate
+
+
+def _in_time(inputs: Inputs, config: sk.RefineConfig, progress: Progress | None) -> sk.SequenceRefinement:
+    """Refine the frames together; those missing between them are solved as well, and left out again."""
+    places, rate = _places(inputs)
+    count, steps = int(places[-1]) + 1, len(places)
+
+    def spread(values: Array) -> Array:
+        whole = np.full((count, *values.shape[1:]), np.nan)
+        whole[places] = values
+        return whole
+
+    def told(done: int, total: int) -> None:
+        if progress is not None:
+            progress(done * steps // total, steps)
+
+    result = sk.refine_sequence(
+        spread(inputs.detections),
+        inputs.rig,
+        fps=rate,
+        layout=inputs.layout,
+        init_pose=None if inputs.init_pose is None else spread(inputs.init_pose),
+        config=config,
+        progress=False if progress is None else told,
+    )
+    parts = {entry.name: getattr(result, entry.name) for entry in fields(result)}
+    return sk.SequenceRefinement(
+        **{name: value if name in _OF_BONES else value[places] for name, value in parts.items()}
+    )
+
+
+def frame_by_frame(inputs: Inputs, outcome: Outcome) -> Outcome:
+    """Return the same frames solved one by one, from which cameras and people are judged.
+
+    There an offset shows undisturbed, while in time it turns into rejected detections, and limbs keep their
+    length in any case.
+    """
+    if outcome.sequence is None:
+        return outcome
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # those of the result were given already
+        result = sk.refine(
+            inputs.init_pose, inputs.detections, inputs.rig, layout=inputs.layout, config=outcome.config
+        )
+    return Outcome(result, outcome.config, outcome.start, outcome.start_name)
 
 
 def _plain(inputs: Inputs, config: sk.RefineConfig) -> Array:

@@ -52,7 +52,7 @@ class Skeleton:
 
 def not_ok_in_words(status: npt.NDArray[np.str_]) -> str:
     """Return which statuses other than ``"ok"`` occur, for a legend, such as ``"weak"``."""
-    return ", ".join(name for name in ("weak", "filled", "unobserved") if (status == name).any())
+    return ", ".join(name for name in ("inferred", "weak", "filled", "unobserved") if (status == name).any())
 
 
 def body_axes(

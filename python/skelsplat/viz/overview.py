@@ -43,7 +43,7 @@ class OverviewData(ArrayFields):
     before: Array
     after: Array
     uncertainty: Array  # (T, N, 3, 3) covariances of the refined joints, in mm²; NaN where unknown
-    # (T, N) ``"ok"``, ``"weak"`` or ``"unobserved"``; joints that are not ``"ok"`` are drawn hollow
+    # (T, N) ``"ok"``, ``"inferred"``, ``"weak"`` or ``"unobserved"``; those not ``"ok"`` are drawn hollow
     status: npt.NDArray[np.str_]
     up: Array  # (3,) the vertical of the world, of unit length
     frame: int  # index of the frame that is drawn

@@ -21,7 +21,7 @@ from skelsplat.viz._time import MANY_FRAMES, TimeAxis, alone, draw_series, finis
 # Number of standard deviations → how dark the band is; the wide one is drawn first.
 BANDS = {2: 0.18, 1: 0.32}
 # Status → colour of its mark at the foot of a panel: dark, middle and light also in greyscale.
-MARKS = {"unobserved": "#222222", "filled": "#009e73", "weak": "#e69f00"}
+MARKS = {"unobserved": "#222222", "inferred": "#7a3e9d", "filled": "#009e73", "weak": "#e69f00"}
 _WORDS = {"filled": "filled (dotted)"}  # where the name of a status needs more
 _MARK_HEIGHT = 0.055  # of a panel
 
@@ -48,12 +48,13 @@ class TrajectoryData(ArrayFields):
     # (T, N, 3) standard deviations along the axes in mm; NaN where unknown, and there no band is drawn
     sigma: Array
     start: Array  # (T, N, 3) where the refinement began, in mm; NaN where unknown
-    # (T, N) ``"ok"``, ``"weak"``, ``"unobserved"`` or ``"filled"``; ``""`` where unknown
+    # (T, N) ``"ok"``, ``"inferred"``, ``"weak"``, ``"unobserved"`` or ``"filled"``; ``""`` where unknown
     status: npt.NDArray[np.str_]
     time: TimeAxis  # when the frames were
     joint_names: Sequence[str]  # (N,)
     joints: Sequence[int]  # indices of the joints to draw, from top to bottom
     title: str = ""  # what was recorded
+    start_name: str = "start of the refinement"
     notes: Sequence[str] = ()  # sentences below: what was done to the poses
 
 
@@ -184,7 +185,7 @@ def _legend_entries(data: TrajectoryData, joints: Sequence[int], skeleton: Skele
         dark = {2: BANDS[2], 1: BANDS[1] + BANDS[2]}
         entries += [Patch(color="0.2", alpha=dark[n], linewidth=0, label=f"±{n} σ") for n in (1, 2)]
     if np.isfinite(data.start[:, joints]).any():
-        entries.append(_style.entry(_style.BEFORE, "start of the refinement", linewidth=0.8))
+        entries.append(_style.entry(_style.BEFORE, data.start_name, linewidth=0.8))
     for name, colour in MARKS.items():
         if (data.status[:, joints] == name).any():
             entries.append(Patch(color=colour, linewidth=0, label=_WORDS.get(name, name)))

@@ -217,17 +217,20 @@ impl Recording<'_> {
 
     /// The path from wide kernels down to the final ones, and the sides that it shows to be swapped.
     fn path(&self, mut tracks: Tracks, common: &Common) -> Result<Path> {
-        tracks.find_cuts(common.fps, &common.agility);
         let chains = self.refiner.chains();
+        let mut swapped = swaps::exchanged(&tracks, chains, common);
+        swaps::exchange(&mut tracks, chains, &swapped);
+        tracks.find_cuts(common.fps, &common.agility);
         let mut run = Run::new(&tracks, common, None);
         run.anneal(ANNEAL, &self.check())?;
         let (points, steps) = (run.points, run.n_iter);
-        let swapped = swaps::find(&tracks, chains, &points, common);
-        for swap in &swapped {
+        let found = swaps::find(&tracks, chains, &points, common);
+        for swap in &found {
             for [l, r] in &chains[swap.chain] {
                 tracks.swap(swap.view, swap.frame, *l, *r);
             }
         }
+        swapped.extend(found);
         Ok(Path { tracks, swapped, points, steps })
     }
 

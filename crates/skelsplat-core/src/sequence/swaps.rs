@@ -2,6 +2,9 @@
 //!
 //! The frames alone have corrected what three views show. Along the path that all frames agree on, two views suffice, and
 //! since a swap lasts for some frames, a frame's neighbours vote as well.
+//!
+//! Where as many views are swapped as are not, the frames alone may have exchanged the sides in the wrong half. Then the chain
+//! jumps to the other side and back, and the sides are those with which it goes on as it was.
 
 use super::solver::{Common, frames_in};
 use super::tracks::Tracks;
@@ -20,6 +23,104 @@ pub(super) struct Swap {
     pub(super) frame: usize,
     pub(super) view: usize,
     pub(super) chain: usize,
+}
+
+/// Cost of a jump of a chain to the other side, and of a view whose sides are exchanged, per second.
+const JUMP: f64 = 10.0;
+const EXCHANGED: f64 = 7.5;
+/// Longest gap, s, over which a chain goes on as it was.
+const GAP: f64 = 0.3;
+
+/// The swaps in all views of the frames that have exchanged the sides of a chain wrongly.
+pub(super) fn exchanged(tracks: &Tracks, chains: &[Chain], common: &Common) -> Vec<Swap> {
+    let mut found = Vec::new();
+    for (chain, pairs) in chains.iter().enumerate() {
+        let sides = sides(tracks, pairs, common);
+        for frame in (0..tracks.frames).filter(|t| sides[*t]) {
+            found.extend((0..tracks.views).map(|view| Swap { frame, view, chain }));
+        }
+    }
+    found
+}
+
+/// Exchanges all that the frames of these swaps in all views have of both sides.
+pub(super) fn exchange(tracks: &mut Tracks, chains: &[Chain], swaps: &[Swap]) {
+    for swap in swaps.iter().filter(|swap| swap.view == 0) {
+        chains[swap.chain].iter().for_each(|[l, r]| tracks.exchange(swap.frame, *l, *r));
+    }
+}
+
+/// Whether the sides of a chain are exchanged in each frame: the cheapest sequence, by dynamic programming.
+fn sides(tracks: &Tracks, pairs: &Chain, common: &Common) -> Vec<bool> {
+    let places = |t: usize| {
+        let unsure = Vector3::repeat(f64::NAN);
+        let at = move |j: usize| {
+            let k = j * tracks.frames + t;
+            if tracks.sure[k] { tracks.alone[k] } else { unsure }
+        };
+        pairs.iter().map(move |[l, r]| [at(*l), at(*r)])
+    };
+    let is_known = |p: [Vector3<f64>; 2]| p.iter().all(|x| x.x.is_finite());
+    let known: Vec<usize> = (0..tracks.frames).filter(|t| places(*t).any(is_known)).collect();
+    let (mut costs, mut from) = ([0.0; 2], Vec::with_capacity(known.len()));
+    for (k, t) in known.iter().enumerate() {
+        let before = k.checked_sub(1).map(|k| known[k]);
+        let near = before.filter(|b| t - b <= frames_in(GAP, common.fps) && !tracks.is_cut(*b, *t));
+        let crossed = near.and_then(|b| crossing(places(b), places(*t))).unwrap_or(0.5);
+        let stay = |s: usize| costs[s] + JUMP * crossed;
+        let turn = |s: usize| costs[1 - s] + JUMP * (1.0 - crossed);
+        let kept = [0, 1].map(|s| stay(s) <= turn(s));
+        let own = against(tracks, pairs, common, *t).map(|views| EXCHANGED / common.fps * views);
+        costs = [0, 1].map(|s| if kept[s] { stay(s) } else { turn(s) } + own[s]);
+        from.push(kept);
+    }
+    let mut out = vec![false; tracks.frames];
+    let mut side = usize::from(costs[1] < costs[0]);
+    for (t, kept) in known.iter().zip(&from).rev() {
+        out[*t] = side == 1;
+        side = if kept[side] { side } else { 1 - side };
+    }
+    out
+}
+
+/// Number of views that, with sides as they are detected, agree with the other side's position: if the frame is as it is, and
+/// if it is exchanged.
+fn against(tracks: &Tracks, pairs: &Chain, common: &Common, t: usize) -> [f64; 2] {
+    let mut views = [0.0; 2];
+    for i in 0..tracks.views {
+        let turned = tracks.is_turned(t, pairs, i);
+        for [l, r] in pairs {
+            let k = |ray_of: usize, x_of: usize| {
+                let ray = &tracks.rays(ray_of, t)[i];
+                let x = &tracks.alone[x_of * tracks.frames + t];
+                if ray.is_there() { ray.offset(x).weight(common.sigma[x_of]) } else { 0.0 }
+            };
+            let (own, other) = (k(*l, *l) + k(*r, *r), k(*l, *r) + k(*r, *l));
+            let against = if turned { [own, other] } else { [other, own] };
+            for (sum, k) in views.iter_mut().zip(against) {
+                *sum += if k.is_finite() { k } else { 0.0 };
+            }
+        }
+    }
+    views.map(|sum| sum / (2 * pairs.len()) as f64)
+}
+
+/// How little farther the sides move if they cross, from 0 (much farther) to 1 (they do cross): the mean over the pairs that
+/// are known in both frames.
+fn crossing(
+    before: impl Iterator<Item = [Vector3<f64>; 2]>,
+    after: impl Iterator<Item = [Vector3<f64>; 2]>,
+) -> Option<f64> {
+    let (mut sum, mut n) = (0.0, 0.0);
+    for ([l, r], [to_l, to_r]) in before.zip(after) {
+        let as_is = (to_l - l).norm_squared() + (to_r - r).norm_squared();
+        let crossed = (to_r - l).norm_squared() + (to_l - r).norm_squared();
+        let share = as_is / (as_is + crossed);
+        if share.is_finite() {
+            (sum, n) = (sum + share, n + 1.0);
+        }
+    }
+    (n > 0.0).then(|| sum / n)
 }
 
 /// The swaps that the path `points` `(N, T)` shows.

@@ -36,6 +36,8 @@ pub struct Tracks {
     pub sure: Vec<bool>,
     /// Least weight of every ray `(N, T, M)`: its weight at a position on which all of at least three agree closely, else 0.
     held: Vec<f64>,
+    /// Whether the frame alone has exchanged the ray's side `(N, T, M)`.
+    turned: Vec<bool>,
     /// Number of cuts before each frame and at it `(T)`: a cut lies between a frame and the one before.
     cuts: Vec<usize>,
 }
@@ -61,6 +63,7 @@ impl Tracks {
             active: vec![false; n * t],
             sure: vec![false; n * t],
             held: vec![0.0; n * t * m],
+            turned: vec![false; n * t * m],
             cuts: vec![0; t],
         };
         let mut begin = 0;
@@ -72,6 +75,7 @@ impl Tracks {
                 tracks.activate(j, begin..begin + stretch.len(), longest);
             }
             begin += stretch.len() + 1;
+            tracks.cuts[(begin - 1).min(t)..].iter_mut().for_each(|cuts| *cuts += 1);
         }
         tracks.judge(sigma);
         tracks
@@ -81,6 +85,9 @@ impl Tracks {
         let k = j * self.frames + t;
         self.rays[k * self.views..(k + 1) * self.views].copy_from_slice(frame.rays.of_joint(j));
         (self.alone[k], self.spread[k]) = (frame.points[j], frame.spread[j]);
+        for i in 0..self.views {
+            self.turned[k * self.views + i] = frame.used_for[i * self.joints + j] != j;
+        }
     }
 
     fn activate(&mut self, j: usize, frames: std::ops::Range<usize>, longest: usize) {
@@ -123,7 +130,7 @@ impl Tracks {
             if jumps.len() >= LEAST_JOINTS && enough && median(jumps) > JUMP * JUMP {
                 cuts += 1;
             }
-            self.cuts[t] = cuts;
+            self.cuts[t] += cuts;
         }
     }
 
@@ -186,6 +193,25 @@ impl Tracks {
     #[must_use]
     pub fn is_seen(&self, j: usize, t: usize) -> bool {
         self.rays(j, t).iter().any(Ray::is_there)
+    }
+
+    /// Whether frame `t` alone has exchanged the sides of these pairs of joints in view `i`.
+    #[must_use]
+    pub fn is_turned(&self, t: usize, pairs: &[[usize; 2]], i: usize) -> bool {
+        pairs.iter().any(|[j, _]| self.turned[self.at(*j, t) * self.views + i])
+    }
+
+    /// Exchanges all that frame `t` has of joints `a` and `b`.
+    pub fn exchange(&mut self, t: usize, a: usize, b: usize) {
+        let (a, b, m) = (self.at(a, t), self.at(b, t), self.views);
+        for i in 0..m {
+            self.rays.swap(a * m + i, b * m + i);
+            self.held.swap(a * m + i, b * m + i);
+        }
+        self.alone.swap(a, b);
+        self.spread.swap(a, b);
+        self.active.swap(a, b);
+        self.sure.swap(a, b);
     }
 
     /// Swaps the detections of joints `a` and `b` in view `i` of frame `t`; they are no longer held.

@@ -56,6 +56,8 @@ class DetectionSet:
         The folder, file or place in the file of each camera, as ``order`` of `read_detections` takes it.
     uneven : bool
         Cameras have different frames in the files, which ``frames="strict"`` refuses.
+    frame_rate : float or None
+        Frames per second, if the files state one, the same for all cameras.
     """
 
     people: npt.NDArray[np.float64]
@@ -66,6 +68,7 @@ class DetectionSet:
     format: str = ""
     labels: tuple[str | None, ...] = ()
     uneven: bool = False
+    frame_rate: float | None = None
 
     @property
     def people_per_frame(self) -> Index:
@@ -156,6 +159,7 @@ def read_detections(
     read = {
         name: _read_view(view, numbers - shifts[name], chosen, joints) for name, view in sources.views.items()
     }
+    rates = {view.rate for view in sources.views.values()}
     return DetectionSet(
         people=_stack([read.get(name, []) for name in names], len(numbers), chosen.n_joints),
         frames=numbers,
@@ -165,6 +169,7 @@ def read_detections(
         format=form.name,
         labels=tuple(sources.labels[name] for name in names),
         uneven=sources.uneven,
+        frame_rate=rates.pop() if len(rates) == 1 else None,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,8 @@ _TAIL = f"_{_KEYPOINTS}.npy"
 def _view(arrays: Arrays, key: str, people: Array) -> View:
     """Return the view of joints (T, P, K, 3), with the numbers of the frames and names that the file has."""
     frames, names = arrays.frames(len(people)), arrays.names("joint_names", people.shape[2])
-    return array_view(arrays.path, key, people, frames=frames, names=names)
+    view = array_view(arrays.path, key, people, frames=frames, names=names)
+    return replace(view, rate=arrays.rate())
 
 
 def read_rtmlib_folder(folder: Path) -> View:
@@ -256,7 +258,7 @@ def is_videopose3d(path: Path) -> bool:
 
 
 _OWN = "detections"
-_OWN_KEYS = (_OWN, "confidence", "camera_names", "frames", "joint_names")
+_OWN_KEYS = (_OWN, "confidence", "camera_names", "frames", "joint_names", "frame_rate")
 
 
 def read_npz_recording(path: Path, _: str | None) -> Recording:
@@ -271,6 +273,7 @@ def read_npz_recording(path: Path, _: str | None) -> Recording:
     camera_names      (M,)                    of a file of all cameras; else their order must be stated
     frames            (T,)                    ascending; else from 0
     joint_names       (K,)                    else the layout that is asked for has to have K joints
+    frame_rate        ()                      frames per second; NaN, or no such key, if unknown
     ================  ======================  ===========================================================
     """
     arrays = load_npz(path, _OWN_KEYS)

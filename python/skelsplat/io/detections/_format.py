@@ -39,6 +39,7 @@ class View:
     own_order: bool = False
     flat: bool = False  # a person is one list of 3·K numbers in the file
     sparse: bool = False  # frames in which nobody was found are not listed
+    rate: float | None = None  # frames per second, if the file states it
 
 
 @dataclass(frozen=True)

@@ -19,10 +19,13 @@ from skelsplat._atomic import atomic_write_text
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._fields import Field
 from skelsplat.io._files import FRAME_LIMIT, load_json, of_file
-from skelsplat.io.poses._pose_data import ARRAYS, PoseData, shape_of
+from skelsplat.io.poses._pose_data import ARRAYS, BONES, PoseData, shape_of
 
 FORMAT, VERSION = "skelsplat-poses", 1
-_BY_JOINT = ("pose", "init_pose", "uncertainty", "covariance")
+_BY_JOINT = (
+    *("pose", "init_pose", "uncertainty", "covariance"),
+    *("velocity", "velocity_uncertainty"),
+)
 # what an entry of an array may be in JSON, and how messages call it
 _KINDS: dict[Any, tuple[tuple[type, ...], str]] = {
     np.float64: ((int, float), "number or null"),
@@ -38,10 +41,11 @@ def write_json(path: str | os.PathLike[str], data: PoseData) -> None:
 
     Its keys are ``format`` ("skelsplat-poses"), ``version`` (1), ``written_by``, ``unit``, ``frame_rate``
     (null if unknown), ``joint_names`` (N), ``camera_names`` (M), ``processing`` (sentences) and ``frames``, a
-    list of objects. Each of these has ``frame``, the number of the frame, ``pose``, N times [x, y, z] in
-    ``unit``, and of the other arrays of `PoseData` those that the data have, under their names and without
-    their first axis: ``uncertainty`` N times 3 × 3, ``joint_status`` N, ``view_weights`` M times N, ``noise``
-    one number, and so on.
+    list of objects; of a refinement in time also ``bones`` (B × 2 joint indices, from 0), ``bone_lengths``
+    and ``bone_length_sigma``. Each of the frames has ``frame``, the number of the frame, ``pose``, N times
+    [x, y, z] in ``unit``, and of the other arrays of `PoseData` those that the data have, under their names
+    and without their first axis: ``uncertainty`` N times 3 × 3, ``joint_status`` N, ``view_weights`` M times
+    N, ``noise`` one number, and so on.
 
     What does not exist is null: a number, or a whole joint in ``pose`` and the covariances. NaN, which is no
     JSON, does not occur.
@@ -60,6 +64,7 @@ def write_json(path: str | os.PathLike[str], data: PoseData) -> None:
         "joint_names": list(data.joint_names),
         "camera_names": list(data.camera_names),
         "processing": list(data.processing),
+        **({name: to_json(getattr(data, name)) for name in BONES} if len(data.bones) else {}),
     }
     lines = [f"{json.dumps(key)}: {_dumps(value)}," for key, value in head.items()]
     frames = ",\n".join(_dumps(frame) for frame in _frames(data))
@@ -129,6 +134,10 @@ def read_json(path: str | os.PathLike[str]) -> PoseData:
     for name, (_, kind) in ARRAYS.items():
         if name == "pose" or (frames and name in frames[0]):
             arrays[name] = _array(frames, name, shape_of(name, 1, len(cameras), len(joints))[1:], kind)
+    if not document["bones"].is_missing:
+        count = len(document["bones"].entries("a list of pairs"))
+        for name, (axes, kind) in BONES.items():
+            arrays[name] = _array([document], name, (count, 2) if axes == "B 2" else (count,), kind)[0]
     unit, rate = document["unit"], document["frame_rate"]
     if not isinstance(unit.value, str):
         raise unit.error("mm, cm or m", unit.shown)

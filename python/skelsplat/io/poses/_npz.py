@@ -58,11 +58,7 @@ def read_npz(path: str | os.PathLike[str]) -> PoseData:
     for key in _NAMES:
         if key in arrays:
             arrays[key] = tuple(np.atleast_1d(arrays[key]).tolist())
-    rate = arrays.pop("frame_rate", np.array(np.nan))
-    if rate.shape != () or rate.dtype.kind not in "fiu":
-        raise DatasetError(source, "frame_rate", "one number", f"{rate.dtype} of shape {rate.shape}")
-    if not np.isnan(rate):
-        arrays["frame_rate"] = float(rate)
+    arrays["frame_rate"] = read.rate()
     try:
         return PoseData(**arrays)
     except InvalidInputError as error:

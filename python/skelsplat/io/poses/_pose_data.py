@@ -32,7 +32,17 @@ ARRAYS: dict[str, tuple[str, type[np.generic]]] = {
     "loss": ("T", np.float64),
     "n_iter": ("T", np.int64),
     "stop_reason": ("T", np.str_),
+    "velocity": ("T N 3", np.float64),
+    "velocity_uncertainty": ("T N 3 3", np.float64),
 }
+# those of the whole sequence (B bones)
+BONES: dict[str, tuple[str, type[np.generic]]] = {
+    "bones": ("B 2", np.int64),
+    "bone_lengths": ("B", np.float64),
+    "bone_length_sigma": ("B", np.float64),
+}
+_LENGTHS = ("pose", "init_pose", "noise", "velocity", "bone_lengths", "bone_length_sigma")
+_SQUARES = ("covariance", "uncertainty", "velocity_uncertainty")
 MARKER_NAMES = ("skelsplat", "pose2sim")
 # the world's z axis up becomes the file's y axis up by this order of columns (Pose2Sim does the same)
 Y_UP = [1, 2, 0]
@@ -55,7 +65,7 @@ class PoseData:
     unit : "mm", "cm" or "m"
     camera_names : tuple of str, M
     init_pose : (T, N, 3)
-        The poses that the refinement started from, in `unit`.
+        The poses that the refinement started from, in `unit`; of one in time, the poses of each frame alone.
     covariance : (T, N, 3, 3)
         Splat covariances, in `unit` squared: the shape of the splats, no error bars.
     uncertainty : (T, N, 3, 3)
@@ -70,10 +80,22 @@ class PoseData:
     reprojection_error : (T, M, N)
         Pixels of the original images; NaN where there is no detection.
     joint_status : (T, N) str
-        "ok", "weak" or "unobserved" as in `skelsplat.Refinement`; "filled": interpolated over a gap in time.
+        "ok", "weak" or "unobserved" as in `skelsplat.Refinement`, "inferred" as in
+        `skelsplat.SequenceRefinement`; "filled": interpolated over a gap in time.
     loss : (T,)
     n_iter : (T,) int
     stop_reason : (T,) str
+    velocity : (T, N, 3)
+        Velocities of the joints, in `unit` per second. These and what follows are those of a refinement in
+        time (`skelsplat.refine_sequence`), and empty for one frame by frame.
+    velocity_uncertainty : (T, N, 3, 3)
+        Their posterior covariances.
+    bones : (B, 2) int
+        The joints at both ends of each bone.
+    bone_lengths : (B,)
+        Their lengths, one for the whole sequence, in `unit`; NaN for a bone that is never seen.
+    bone_length_sigma : (B,)
+        Standard errors of the lengths, in `unit`; infinite for a bone that is never seen.
     frame_rate : float or None
         Frames per second; None if unknown.
     processing : tuple of str
@@ -102,6 +124,11 @@ class PoseData:
     loss: Array = field(default_factory=lambda: np.empty(0))
     n_iter: Index = field(default_factory=lambda: np.empty(0, dtype=np.int64))
     stop_reason: npt.NDArray[np.str_] = field(default_factory=lambda: np.empty(0, dtype=np.str_))
+    velocity: Array = field(default_factory=lambda: np.empty((0, 0, 3)))
+    velocity_uncertainty: Array = field(default_factory=lambda: np.empty((0, 0, 3, 3)))
+    bones: Index = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
+    bone_lengths: Array = field(default_factory=lambda: np.empty(0))
+    bone_length_sigma: Array = field(default_factory=lambda: np.empty(0))
     frame_rate: float | None = None
     processing: tuple[str, ...] = ()
 
@@ -121,6 +148,8 @@ class PoseData:
         for name in ARRAYS:
             if np.shape(getattr(self, name))[:1] != (0,):
                 shapes[name] = shape_of(name, steps, len(self.camera_names), joints)
+        shapes |= {"bones": (len(self.bones), 2)}
+        shapes |= {name: (len(self.bones),) for name in BONES if name != "bones"}
         for name, shape in shapes.items():
             actual = np.shape(getattr(self, name))
             if actual != shape:
@@ -129,7 +158,7 @@ class PoseData:
     def _read_arrays(self) -> None:
         """Take arrays of any kind: NaN for what is masked."""
         read = {np.float64: numbers, np.int64: whole_numbers, np.bool_: flags}
-        for name, (_, kind) in {**ARRAYS, "frames": ("T", np.int64)}.items():
+        for name, (_, kind) in {**ARRAYS, **BONES, "frames": ("T", np.int64)}.items():
             if kind in read:
                 object.__setattr__(self, name, read[kind](getattr(self, name), name))
 
@@ -144,8 +173,9 @@ class PoseData:
         unit: str,
         frame_rate: float | None = None,
     ) -> PoseData:
-        """Collect the result of `skelsplat.refine` over T frames with its names; arrays are not copied."""
-        arrays: dict[str, Any] = {name: getattr(refinement, name) for name in ARRAYS}
+        """Collect the result of a refinement over T frames with its names; arrays are not copied."""
+        held = (name for name in (*ARRAYS, *BONES) if hasattr(refinement, name))
+        arrays: dict[str, Any] = {name: getattr(refinement, name) for name in held}
         for name in ("joint_status", "stop_reason"):
             arrays[name] = np.asarray(arrays[name], dtype=np.str_)
         return cls(
@@ -161,8 +191,8 @@ class PoseData:
         """Return the same poses with all lengths in ``unit``: "mm", "cm" or "m"."""
         one_of("unit", unit, MM_PER_UNIT)
         factor = MM_PER_UNIT[self.unit] / MM_PER_UNIT[unit]
-        lengths = {name: getattr(self, name) * factor for name in ("pose", "init_pose", "noise")}
-        squares = {name: getattr(self, name) * factor**2 for name in ("covariance", "uncertainty")}
+        lengths = {name: getattr(self, name) * factor for name in _LENGTHS}
+        squares = {name: getattr(self, name) * factor**2 for name in _SQUARES}
         return replace(self, unit=unit, **lengths, **squares)
 
 

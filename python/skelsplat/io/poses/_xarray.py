@@ -37,7 +37,7 @@ def to_xarray(
     position       (time, space, keypoints, individuals)          in ``attrs["unit"]``
     confidence     (time, keypoints, individuals)                 0 to 1
     uncertainty    (time, space, space_2, keypoints, individuals) posterior covariance, unit²; if known
-    status         (time, keypoints, individuals)                 ok, weak, unobserved, filled; if known
+    status         (time, keypoints, individuals)                 ok, inferred, weak, unobserved, filled
     ============== ============================================== ======================================
 
     ``confidence`` is the mean weight of the joint's detections, how far they are believed. It is 0 for a

@@ -116,7 +116,7 @@ def _entries(sizes: Sizes, shown: Shown) -> list[Entry]:
     if shown.pose:
         entries += [(name, limb(_marks.bgr(colour), solid=True)) for name, colour in _style.SIDES.items()]
         entries.append(
-            ("weak or filled", lambda image, at: draw_joint(image, at, middle, sizes, solid=False))
+            ("weak, inferred or filled", lambda image, at: draw_joint(image, at, middle, sizes, solid=False))
         )
     if shown.ellipses:
         entries.append((f"error ellipse, {SIGMAS:g} σ", ellipse))

@@ -36,7 +36,19 @@ Problem = tuple[int, int, str]
 
 _MOST_PROBLEMS = 500
 # One program in several files, in this order.
-_PROGRAMS = ("decode.js", "body.js", "view.js", "charts.js", "player.js")
+_PROGRAMS = ("decode.js", "body.js", "view.js", "charts.js", "panels.js", "player.js")
+
+
+_ALONE_CHOICE = '<label><input type="radio" name="pose" value="alone"> frame by frame</label>'
+_IN_TIME = """<section aria-labelledby="bones-title">
+<h2 id="bones-title">Bone lengths [mm]</h2>
+<p class="hint">Thin: frame by frame; thick: in time; band: length for all frames ± its standard error.</p>
+<div id="bones" role="img" aria-label="Lengths of the bones over the frames"></div>
+</section>
+<section aria-labelledby="speeds-title">
+<h2 id="speeds-title">Speeds [m/s]</h2>
+<div id="speeds" role="img" aria-label="Speeds of the joints over the frames"></div>
+</section>"""
 
 
 @dataclass(frozen=True)
@@ -84,13 +96,15 @@ class ReportData(ArrayFields):
     lines: Sequence[TimeLine]
     # (first frame, last frame, words) of stretches of frames that have the same problem
     problems: Sequence[Problem]
+    # (joint, joint, length, standard error) of the bones of a solution in time, in mm; NaN where unknown
+    bones: Sequence[tuple[int, int, float, float]] = ()
 
 
 def write_report(path: str | os.PathLike[str], data: ReportData) -> Path:
     """Write a report as one HTML file that needs no network, whole or not at all.
 
-    plotly.js is 4.8 MB of it; a sequence takes 33 bytes per joint and frame. One of more
-    than `_scene.MOST_POSITIONS` is thinned out, and the page says so.
+    plotly.js is 4.8 MB of it; a sequence takes 33 bytes per joint and frame, in time 44.
+    One of more than `_scene.MOST_POSITIONS` is thinned out, and the page says so.
     """
     atomic_write_text(path, build_page(data))
     return Path(path)
@@ -112,6 +126,7 @@ def build_page(data: ReportData) -> str:
         },
         "lines": [_line(line, places) for line in data.lines],
         "problems": [list(row) for row in data.problems],
+        "bones": None if sequence.alone is None else [_bone(bone) for bone in data.bones],
         "colours": {"left": _style.LEFT, "right": _style.RIGHT},
     }
     programs = [plotly_js, "\n".join(_resource(name) for name in _PROGRAMS)]
@@ -131,6 +146,10 @@ def build_page(data: ReportData) -> str:
         meanings=_meanings(data.joints),
         problems=_problems(data.problems),
         start=escape(sequence.start_name),
+        refined=sequence.refined_name,
+        grey=escape(sequence.grey),
+        alone="" if sequence.alone is None else _ALONE_CHOICE,
+        in_time="" if sequence.alone is None else _IN_TIME,
         hollow=_hollow_key(sequence.status),
         plotly=programs[0],
         program=programs[1],
@@ -164,6 +183,11 @@ def _line(line: TimeLine, places: Index) -> dict[str, Any]:
         "beside": None if line.beside is None else packed(line.beside),
         "beside_name": line.beside_name,
     }
+
+
+def _bone(bone: tuple[int, int, float, float]) -> dict[str, Any]:
+    a, b, length, sigma = bone
+    return {"ends": [a, b], "length_mm": length, "sigma_mm": sigma}
 
 
 def _thinned(count: int, shown: int, every: int) -> list[str]:

@@ -57,6 +57,20 @@ class Sequence3D(ArrayFields):
     skeleton: Skeleton  # limbs and sides
     up: Array  # (3,) the vertical: an axis of the world or its opposite
     start_name: str  # what ``start`` is, in words
+    # of a solution in time: (T, N, 3) the joint positions of each frame alone in mm, and (T, N) the speeds in
+    # mm/s, NaN where unknown
+    alone: Array | None = None
+    speed: Array | None = None
+
+    @property
+    def refined_name(self) -> str:
+        """What ``refined`` is, in words."""
+        return "refined" if self.alone is None else "in time"
+
+    @property
+    def grey(self) -> str:
+        """What is drawn in grey next to it."""
+        return self.start_name if self.alone is None else "frame by frame"
 
 
 def pack_scene(sequence: Sequence3D, shapes: CameraShapes, places: Index) -> dict[str, Any]:
@@ -76,7 +90,10 @@ def pack_scene(sequence: Sequence3D, shapes: CameraShapes, places: Index) -> dic
         "limbs": [[a, b, _SIDES[skeleton.limb_colour((a, b))]] for a, b in skeleton.limbs],
         "grid": {"origin": grid.origin.tolist(), "step_mm": grid.step},
         "start": grid.pack(sequence.start[places] @ turn.T),
-        "start_name": sequence.start_name,
+        "grey": sequence.grey,
+        "refined_name": sequence.refined_name,
+        "alone": None if sequence.alone is None else grid.pack(sequence.alone[places] @ turn.T),
+        "speed": None if sequence.speed is None else pack_speeds(sequence.speed[places]),
         "refined": grid.pack(refined),
         "spread": pack_spreads(turn @ sequence.uncertainty[places] @ turn.T),
         "status": pack_labels(sequence.status[places]),
@@ -184,6 +201,13 @@ def pack_spreads(covariances: Array) -> dict[str, Any]:
     step = max(float(np.abs(six).max(initial=0.0)), 1.0) / _LARGEST
     numbers = np.where(known[..., None], np.rint(six / step), MISSING)
     return {"step_mm": step, "numbers": as_text(numbers, "<i2")}
+
+
+def pack_speeds(speeds: Array) -> dict[str, Any]:
+    """Return speeds (T, N) in mm/s as whole numbers."""
+    known = np.isfinite(speeds)
+    step = max(float(np.max(speeds, where=known, initial=0.0)), 1.0) / _LARGEST
+    return {"step_mm_s": step, "numbers": as_text(np.where(known, np.rint(speeds / step), MISSING), "<i2")}
 
 
 def pack_labels(labels: npt.NDArray[np.str_]) -> dict[str, Any]:

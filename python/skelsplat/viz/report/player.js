@@ -126,7 +126,9 @@ function listen() {
     view.held = false;
     if (player.wanted !== null) show(player.wanted);
   });
-  charts.lines.on("plotly_click", ({ points }) => goTo(placeOf(points[0].x)));
+  for (const div of [charts.lines, trajectory.div, inTime.bones, inTime.speeds]) {
+    div?.on?.("plotly_click", ({ points }) => goTo(placeOf(points[0].x)));
+  }
   charts.lines.on("plotly_relayout", () => moveCursor(scene.frames[view.at]));
   window.addEventListener("hashchange", followAddress);
   window.addEventListener("resize", () => { drawMarks(); moveCursor(scene.frames[view.at]); });
@@ -136,13 +138,13 @@ function listenToChoices() {
   for (const choice of document.querySelectorAll("input[name=pose]")) {
     choice.addEventListener("change", async () => {
       view.pose = choice.value;
-      await setShown("ellipsoids", view.ellipsoids && view.pose !== "start");
+      await setShown("ellipsoids", view.ellipsoids && hasErrors());
       show(view.at);
     });
   }
   get("ellipsoids").addEventListener("change", async (event) => {
     view.ellipsoids = event.target.checked;
-    await setShown("ellipsoids", view.ellipsoids && view.pose !== "start");
+    await setShown("ellipsoids", view.ellipsoids && hasErrors());
     show(view.at);
   });
   get("cameras").addEventListener("change", async (event) => {
@@ -165,6 +167,7 @@ async function recolour() {
   await setCamera(camera);
   await drawHeat(document.querySelector("input[name=heat]:checked").value);
   await drawLines();
+  await drawAllPanels();
   drawMarks();
 }
 
@@ -172,6 +175,8 @@ async function open() {
   await openView();
   await drawHeat("errors");
   await drawLines();
+  chooseJoint();
+  await drawAllPanels();
   listen();
   drawMarks();
   tellFrame(0);

@@ -25,15 +25,20 @@ const MOVING = ["left", "right", "middle", "before", "ok", "other", "ellipsoids"
 const FIXED = ["floor", "axes", "path", "cameras", "names"];
 
 function moving(t) {
-  const pose = view.pose === "start" ? scene.start : scene.refined;
-  const errors = view.ellipsoids && view.pose !== "start";
+  const pose = scene[view.pose === "both" ? "refined" : view.pose];
+  const errors = view.ellipsoids && hasErrors();
   return [
     ...SIDES.map((_, side) => bones(pose, t, side)),
-    view.pose === "both" ? bones(scene.start, t, null) : EMPTY,
+    view.pose === "both" ? bones(scene.alone ?? scene.start, t, null) : EMPTY,
     joints(pose, t, true),
     joints(pose, t, false),
     errors ? ellipsoids(t) : null,
   ];
+}
+
+// Whether the pose that is shown is the one with error bars.
+function hasErrors() {
+  return view.pose === "refined" || view.pose === "both";
 }
 
 function traces(t) {
