@@ -391,7 +391,7 @@ class Refiner:
         With ``fps`` the depth of a joint that one view sees comes from the prediction and from its bones, and
         a joint that none sees is bridged for up to half a second: status ``"inferred"``, or ``"weak"`` where
         the error bar is wide. Then it is ``"unobserved"`` and keeps the position at which it was last seen.
-        ``init_pose`` is the pose of the frame alone. A frame without any detection counts: do not leave it out.
+        ``init_pose`` is the pose of the frame alone. Do not leave out frames without detections.
 
         Raises
         ------

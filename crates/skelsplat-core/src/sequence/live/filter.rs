@@ -140,6 +140,18 @@ impl Motion {
         bounded(q, white, self.variance, fps)
     }
 
+    /// Variance per axis by which the joint leaves a straight path within so many frames, mm²: that of the second differences
+    /// over the time, of which the longer ones are extrapolated with its third power. A swinging arm leaves it by more than
+    /// white acceleration does.
+    #[must_use]
+    pub fn leaves(&self, frames: f64) -> f64 {
+        let longest = 1 << self.squares.len().saturating_sub(1);
+        let at = spans(longest).position(|h| h as f64 >= frames);
+        let k = at.unwrap_or(self.squares.len().saturating_sub(1));
+        let (h, square) = ((1 << k) as f64, self.squares.get(k).copied().unwrap_or(0.0));
+        square * (frames / h).powi(3)
+    }
+
     pub(super) fn exchange(&mut self, tape: &mut Tape) {
         tape.list(&mut self.past, Vector3::zeros(), |x, tape| tape.vector(x));
         tape.list(&mut self.squares, 0.0, |x, tape| tape.number(x));

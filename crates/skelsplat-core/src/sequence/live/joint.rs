@@ -150,17 +150,8 @@ impl Joint {
         off.dot(&times(&inverse(&total), &off))
     }
 
-    /// Where the views determine a position.
-    fn follow(
-        &mut self,
-        state: Option<State>,
-        seen: &Seen<'_>,
-        ties: &[Tie],
-        fps: f64,
-        memory: &Memory,
-    ) -> Answer {
-        self.unseen = 0.0;
-        let alone = &seen.alone;
+    /// The state that a position continues, `None` after a jump.
+    fn gate(&mut self, state: Option<State>, alone: &Answer) -> Option<State> {
         let kept = self.aside.take();
         let fits = |state: &State| self.distance(state, alone) <= GATE;
         let (state, aside) = match (state, kept) {
@@ -172,6 +163,21 @@ impl Joint {
             }
         };
         self.aside = aside;
+        state
+    }
+
+    /// Where the views determine a position.
+    fn follow(
+        &mut self,
+        state: Option<State>,
+        seen: &Seen<'_>,
+        ties: &[Tie],
+        fps: f64,
+        memory: &Memory,
+    ) -> Answer {
+        self.unseen = 0.0;
+        let alone = &seen.alone;
+        let state = self.gate(state, alone);
         let of_frame = inverse(&alone.covariance);
         let first = self.information.trace() <= 0.0;
         let share = if first { 1.0 } else { 1.0 / (AROUND * fps).max(1.0) };
@@ -198,7 +204,8 @@ impl Joint {
         let frames = 3.0 / product(&spread, &of_frame).trace().clamp(1e-3, 3.0);
         let covariance = spread * ((1.0 - memory.constant) * memory.frames(frames))
             + inverse(&self.information) * memory.constant;
-        self.excess = covariance - spread;
+        let excess = covariance - spread;
+        self.excess = if excess.cholesky().is_some() { excess } else { Matrix3::zeros() };
         self.state = Some(state);
         Answer { at, covariance, status: JointStatus::Ok }
     }
@@ -235,7 +242,8 @@ impl Joint {
         }
         self.state = Some(state);
         let rejected = n / f64::max(weight, LEAST_WEIGHT);
-        let covariance = (spread + self.excess) * f64::max(rejected, 1.0);
+        let away = Matrix3::from_diagonal_element(self.motion.leaves(self.unseen * fps));
+        let covariance = (spread + self.excess) * f64::max(rejected, 1.0) + away;
         let widest = covariance.symmetric_eigenvalues().max().sqrt();
         let is_known = n == 0.0 || widest <= INFERRED * seen.reach;
         let status = if is_known { JointStatus::Inferred } else { JointStatus::Weak };
