@@ -30,9 +30,11 @@ use self::joint::{Answer, Joint, STEPS, Seen};
 use self::tape::Tape;
 use self::window::Window;
 use super::noise::Memory;
-use super::recording::{LEAST_SPREAD, USUAL_SPREAD, check, spread};
+use super::recording::{LEAST_SPREAD, Learnt, USUAL_SPREAD, check, spread};
+use super::solver::Common;
 use crate::annealed::Alone;
 use crate::batch::Progress;
+use crate::bones::Length;
 use crate::detections::Detections;
 use crate::error::{Error, Result};
 use crate::outcome::{ErrorBars, JointStatus, Loss, Outcome, Splats, StopReason};
@@ -116,7 +118,8 @@ impl Live {
             None => Ok(self.refinement(refiner, &frame.detections, alone, &answers)),
             Some(mut window) => {
                 window.push(alone, frame.detections, answers);
-                let lagging = window.answer(self, refiner);
+                let learnt = self.learnt(refiner, window.last());
+                let lagging = window.answer(&learnt, refiner);
                 self.window = Some(window);
                 Ok(lagging)
             }
@@ -213,6 +216,22 @@ impl Live {
             known.then_some(Tie { to, length })
         };
         self.bones.iter().zip(bones).filter_map(tie).collect()
+    }
+
+    /// What the frames so far tell a recording.
+    fn learnt(&self, refiner: &Refiner, last: &Alone) -> Learnt {
+        let unknown = Length { mean: 0.0, sigma: f64::INFINITY };
+        let common = Common {
+            fps: self.fps,
+            bones: refiner.bones().to_vec(),
+            lengths: self.bones.iter().map(|bone| bone.length().unwrap_or(unknown)).collect(),
+            agility: self.joints.iter().map(|joint| joint.agility(self.fps)).collect(),
+            weight: last.rays.mean_weight(),
+            variance: vec![self.variance(); self.joints.len()],
+            sigma: self.kernels(refiner, last),
+            reach: self.reach(),
+        };
+        Learnt { common, memory: self.memory.clone() }
     }
 
     fn refinement(

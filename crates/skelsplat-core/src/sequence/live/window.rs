@@ -2,18 +2,16 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::Live;
 use super::joint::Answer;
 use super::tape::Tape;
 use crate::annealed::Alone;
 use crate::annealed::rays::{Ray, Rays};
-use crate::bones::Length;
 use crate::detections::Detections;
 use crate::outcome::{ErrorBars, JointStatus, Loss, Outcome, Splats, StopReason, as_given};
 use crate::refine::{Refinement, Refiner};
 use crate::sequence::posterior::posterior;
 use crate::sequence::recording::{BRIDGE, Learnt, State};
-use crate::sequence::solver::{Common, Run, Schedule, frames_in};
+use crate::sequence::solver::{Run, Schedule, frames_in};
 use crate::sequence::tracks::Tracks;
 
 /// Time before the answered frame that is solved along, s, and the largest number of frames.
@@ -63,38 +61,31 @@ impl Window {
         self.rest.push(Rest { detections, answers, points });
     }
 
+    /// The last frame.
+    pub(super) fn last(&self) -> &Alone {
+        &self.alone[self.alone.len() - 1]
+    }
+
     /// The frame `lag` frames before the last.
-    pub(super) fn answer(&mut self, live: &Live, refiner: &Refiner) -> Refinement {
+    pub(super) fn answer(&mut self, learnt: &Learnt, refiner: &Refiner) -> Refinement {
         let Some(t) = self.alone.len().checked_sub(self.lag + 1) else {
             return self.nothing(refiner);
         };
-        let last = &self.alone[self.alone.len() - 1];
-        let sigma = live.kernels(refiner, last);
-        let (n, frames) = (last.points.len(), self.alone.len());
-        let nothing = Length { mean: 0.0, sigma: f64::INFINITY };
-        let common = Common {
-            fps: live.fps,
-            bones: refiner.bones().to_vec(),
-            lengths: live.bones.iter().map(|b| b.length().unwrap_or(nothing)).collect(),
-            agility: live.joints.iter().map(|joint| joint.agility(live.fps)).collect(),
-            weight: last.rays.mean_weight(),
-            variance: vec![live.variance(); n],
-            sigma,
-            reach: live.reach(),
-        };
-        let mut tracks = Tracks::new(&[&self.alone], frames_in(BRIDGE, live.fps), common.sigma[0]);
-        tracks.find_cuts(live.fps, &common.agility);
+        let common = &learnt.common;
+        let (n, frames) = (common.sigma.len(), self.alone.len());
+        let mut tracks =
+            Tracks::new(&[&self.alone], frames_in(BRIDGE, common.fps), common.sigma[0]);
+        tracks.find_cuts(common.fps, &common.agility);
         let at = |k: usize| self.rest[k % frames].points[k / frames];
         let known = |k: usize| if at(k).x.is_finite() { at(k) } else { Vector3::zeros() };
         let start = (0..n * frames).map(known).collect();
-        let mut run = Run::new(&tracks, &common, Some(start));
+        let mut run = Run::new(&tracks, common, Some(start));
         let _ = run.anneal(SETTLE, &|| Ok(()));
         for (k, x) in run.points.iter().enumerate().filter(|(k, _)| tracks.active[*k]) {
             self.rest[k % frames].points[k / frames] = *x;
         }
-        let found = posterior(&run, &tracks, &common, &live.memory);
-        let learnt = Learnt { common: common.clone(), memory: live.memory.clone() };
-        let state = State { run: &run, tracks: &tracks, learnt: &learnt, posterior: &found };
+        let found = posterior(&run, &tracks, common, &learnt.memory);
+        let state = State { run: &run, tracks: &tracks, learnt, posterior: &found };
         let (alone, rest) = (&self.alone[t], &self.rest[t]);
         let filtered = Alone {
             points: rest.answers.iter().map(|answer| answer.at).collect(),
