@@ -56,6 +56,7 @@ class Refinement:
         ``"ok"``; ``"weak"``: the position is not determined. Fewer than two views agree on it (the splat
         meets its detection; ``annealed``: k ≥ ¼), or these are so close together that a point at infinity
         fits as well, or as many views agree on another place (``uncertainty`` then covers both);
+        ``"inferred"``: fewer than two views agree, but the length of a bone places it;
         ``"unobserved"``: no usable detection, the joint keeps its initial position.
     loss, loss_render, loss_symmetry : (…) float64
         L_opt, L_render and the unweighted L_sym (mm²) of the returned pose over all views. For ``annealed``
