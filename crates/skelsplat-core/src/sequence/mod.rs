@@ -26,4 +26,4 @@ mod swaps;
 pub mod system;
 pub mod tracks;
 
-pub use recording::{Sequence, refine_sequence};
+pub use recording::{Sequence, equations, refine_in_windows, refine_sequence};
