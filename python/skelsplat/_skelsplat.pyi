@@ -264,6 +264,10 @@ class RefineConfig:
         Weight of each of the M views, multiplied by the confidence; 0 ignores a view; None: 1 for all.
     find_swaps : bool, default True
         Find and correct detections with left and right swapped.
+    bones : {"population", "free"}, default "population"
+        Lengths of bones for joints on which neither three views agree nor all that see them: ``population``,
+        with the proportions of people (built-in layouts only) and a stature found in the frame, or ``free``,
+        none.
     step_tolerance : float, default 0.01
         Converged when the kernels have reached their final width and no joint moves by more than this
         fraction of the noise.
@@ -347,6 +351,8 @@ class RefineConfig:
     def view_weights(self) -> tuple[float, ...] | None: ...
     @property
     def find_swaps(self) -> bool: ...
+    @property
+    def bones(self) -> str: ...
     @property
     def step_tolerance(self) -> float: ...
     @property

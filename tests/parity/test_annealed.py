@@ -114,7 +114,7 @@ def statuses(rays: Rays, solution: annealed.Solution, body: Mask) -> Array:
 def refine(detections: Array, views: list[View], start: Array | None, **settings: Any) -> sk.Refinement:
     """Refine without the search for exchanged sides."""
     arguments = {name: settings.pop(name) for name in ("layout", "init_sigma") if name in settings}
-    config = sk.RefineConfig(find_swaps=False, **settings)
+    config = sk.RefineConfig(find_swaps=False, bones="free", **settings)
     return sk.refine(start, detections, rig(views), config=config, **arguments)
 
 

@@ -11,7 +11,7 @@ import pytest
 from command_line import READ, invoke
 from skelsplat.io import read_npz
 
-FPS = ["--fps", "50", "--frame-by-frame"]
+FPS = ["--fps", "50", "--frame-by-frame", "--free-bones"]
 
 
 @pytest.fixture

@@ -270,3 +270,63 @@ def test_names_from_files_are_shown_as_they_are(visit):
     assert page.inner_text("h1") == name
     assert page.locator("img").count() == 0
     picture(page)
+
+
+def in_time():
+    """Build a report of a solution in time: each frame alone has knees that jump up and down."""
+    walk = sequence()
+    jumps = np.zeros_like(walk.refined)
+    jumps[::2, 1:, 2] = 60.0
+    speed = np.full(walk.refined.shape[:2], 1500.0)
+    speed[0, 0] = np.nan
+    walk = replace(walk, alone=walk.refined + jumps, speed=speed)
+    return report_data(walk, bones=[(0, 1, 474.0, 5.0), (0, 2, 474.0, np.nan)])
+
+
+def curves(page, div):
+    """Return the y values of the lines in an element, and the titles of its panels."""
+    drawn = "trace.mode !== 'lines' || trace.line.width > 0"
+    lines = page.evaluate(
+        f"document.getElementById('{div}').data.filter((trace) => {drawn}).map(({{ y }}) => y)"
+    )
+    titles = page.evaluate(f"document.getElementById('{div}').layout.annotations.map(({{ text }}) => text)")
+    return [np.array(line, dtype=float) for line in lines], titles
+
+
+def test_in_time_and_frame_by_frame_can_be_compared(visit):
+    page = visit(in_time())
+    refined = picture(page)
+    names = page.locator("fieldset").first.locator("label").all_inner_texts()
+    assert [name.strip() for name in names] == [
+        *("in time", "frame by frame", "start: plain triangulation", "in time and frame by frame"),
+    ]
+    page.check("input[name=pose][value=alone]")
+    assert np.abs(picture(page) - refined).max() > 0.1
+    page.check("input[name=pose][value=both]")
+    assert near(picture(page), COLOURS.start) > near(refined, COLOURS.start) + 50
+
+
+def test_bone_lengths_and_speeds_are_drawn_by_name_with_both_sides(visit):
+    page = visit(in_time())
+    lengths, titles = curves(page, "bones")
+    assert titles == ["hip – knee"]
+    assert len(lengths) == 4  # frame by frame and in time, left and right
+    np.testing.assert_allclose(lengths[1], np.hypot(150.0, 450.0), atol=0.5)
+    assert np.ptp(lengths[0]) > 40.0
+    speeds, titles = curves(page, "speeds")
+    assert titles == ["hip", "knee"]
+    assert np.isnan(speeds[0][0])
+    np.testing.assert_allclose(speeds[1], 1.5, rtol=1e-4)
+
+
+@pytest.mark.parametrize("data", [in_time, report_data])
+def test_the_trajectory_of_the_chosen_joint_has_its_band(visit, data):
+    page = visit(data())
+    page.select_option("#trajectory-joint", label="right knee")
+    found, titles = curves(page, "trajectory")
+    assert titles == ["x [mm]", "y [mm]", "z [mm]"]
+    np.testing.assert_allclose(found[1], np.linspace(0.0, 3000.0, 40), atol=0.5)
+    bands = "document.getElementById('trajectory').data.filter((trace) => trace.line.width === 0)"
+    low, high, *_ = page.evaluate(f"{bands}.map(({{ y }}) => y[3])")
+    assert high - low == pytest.approx(80.0, abs=0.5)  # ±2 standard deviations of 20 mm
+    assert page.locator("#bones").count() == (data is in_time)

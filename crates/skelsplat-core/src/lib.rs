@@ -85,7 +85,7 @@ mod triangulate;
 mod triangulation;
 mod unit;
 
-pub use annealed::AnnealedSettings;
+pub use annealed::{AnnealedSettings, Bones};
 pub use batch::{Progress, refine_batch};
 pub use camera::{BrownConrady, Camera, Distortion, Fisheye, Undistorted};
 pub use detections::Detections;

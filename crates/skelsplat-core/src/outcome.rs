@@ -39,7 +39,7 @@ pub enum JointStatus {
     Weak,
     /// No usable detection: the joint keeps its initial position, NaN if it has none.
     Unobserved,
-    /// Determined by its bones and by the frames around it, not by two views of this frame.
+    /// Determined by its bones or by the frames around it, not by two views of this frame.
     Inferred,
 }
 

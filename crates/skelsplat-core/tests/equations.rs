@@ -64,6 +64,7 @@ impl Linearised {
         let problem = Problem {
             rays: &rays,
             pairs: &pairs,
+            bones: &[],
             priors: Some(&priors),
             annealing: &annealing,
             widening: Widening::NONE,

@@ -35,6 +35,7 @@ def live(
     size: inputs.Size = None,
     binning: inputs.Binning = None,
     no_swaps: options.NoSwaps = False,
+    free_bones: options.FreeBones = False,
     sigma_mm: options.SigmaOfAnnealed = None,
     quiet: options.Quiet = False,
 ) -> None:
@@ -76,6 +77,7 @@ def live(
         "sigma_mm": sigma_mm,
         "undistort": False if no_undistort else None,
         "find_swaps": False if no_swaps else None,
+        "bones": "free" if free_bones else None,
     }
     given = {name: value for name, value in settings.items() if value is not None}
     with collected_warnings(tell):

@@ -174,6 +174,14 @@ Paper = Annotated[
         "annealed, is more robust.",
     ),
 ]
+FreeBones = Annotated[
+    bool,
+    flag(
+        _METHOD,
+        "--free-bones",
+        help="Do not use the proportions of people for joints that few views see.",
+    ),
+]
 NoSwaps = Annotated[
     bool,
     flag(_METHOD, "--no-swaps", help="Do not correct left–right swaps."),

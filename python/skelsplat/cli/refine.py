@@ -52,6 +52,7 @@ def refine(
     binning: inputs.Binning = None,
     paper: options.Paper = False,
     no_swaps: options.NoSwaps = False,
+    free_bones: options.FreeBones = False,
     sigma_mm: options.Sigma = None,
     occlusion_sigma_mm: options.OcclusionSigma = None,
     symmetry_tier: options.SymmetryTier = None,
@@ -91,6 +92,7 @@ def refine(
         "n_threads": threads,
         "undistort": False if no_undistort else None,
         "find_swaps": False if no_swaps and not paper else None,
+        "bones": "free" if free_bones and not paper else None,
     }
     settings = {name: value for name, value in given.items() if value is not None}
     read = inputs.calibration_arguments(unit, calibration_format, camera_type, subject, size, binning)

@@ -110,7 +110,7 @@ pub fn rivals(rays: &[Ray], x: &Vector3<f64>, sigma: f64, slack: f64) -> Vec<Riv
 }
 
 /// `x` after two weighted steps: x itself has converged under the kernel, so its rivals have to converge as well.
-fn settled(rays: &[Ray], x: Vector3<f64>, sigma: f64) -> Vector3<f64> {
+pub(super) fn settled(rays: &[Ray], x: Vector3<f64>, sigma: f64) -> Vector3<f64> {
     let step = |x: Vector3<f64>| {
         let weight = |_: usize, ray: &Ray| ray.weight * ray.offset(&x).weight(sigma);
         nearest_point(rays, weight).unwrap_or(x)
@@ -120,7 +120,7 @@ fn settled(rays: &[Ray], x: Vector3<f64>, sigma: f64) -> Vector3<f64> {
 
 /// The midpoint of two rays where they pass each other in front of both cameras, if they do so within 2σ and are not too
 /// nearly parallel to determine it.
-fn meeting_point(a: &Ray, b: &Ray, sigma: f64) -> Option<Vector3<f64>> {
+pub(super) fn meeting_point(a: &Ray, b: &Ray, sigma: f64) -> Option<Vector3<f64>> {
     if !have_parallax(a, b) {
         return None;
     }

@@ -10,6 +10,8 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use crate::bones::Pull;
+
 /// A scalar residual r of four joints.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Coupling {
@@ -21,6 +23,27 @@ pub struct Coupling {
     pub residual: f64,
     /// Λ, its inverse variance.
     pub precision: f64,
+}
+
+impl Coupling {
+    /// The residual of a bone between two joints.
+    #[must_use]
+    pub fn of_bone([a, b]: [usize; 2], pull: &Pull) -> Self {
+        let none = Vector3::zeros();
+        let residual = if pull.stiffness > 0.0 { pull.slope / pull.stiffness } else { 0.0 };
+        Self {
+            joints: [a, b, a, b],
+            gradient: [pull.along, -pull.along, none, none],
+            residual,
+            precision: pull.stiffness,
+        }
+    }
+
+    /// Whether it is that of a bone.
+    #[must_use]
+    pub fn is_bone(&self) -> bool {
+        self.gradient[2] == Vector3::zeros()
+    }
 }
 
 /// Normal equations of ½ Σ |residual|², refilled for every step; buffers are reused.
@@ -66,8 +89,8 @@ impl NormalEquations {
     }
 
     /// Keeps the couplings for which `keep` returns true, given their joints.
-    pub fn retain_couplings(&mut self, keep: impl Fn(&[usize; 4]) -> bool) {
-        self.couplings.retain(|c| keep(&c.joints));
+    pub fn retain_couplings(&mut self, keep: impl Fn(&Coupling) -> bool) {
+        self.couplings.retain(keep);
     }
 
     /// Adds a coupling, unless its precision is zero.
@@ -83,6 +106,9 @@ impl NormalEquations {
     /// term vanishes along the ray, and a step without the second always overshoots. `length(a, b)` is that of a limb.
     pub fn bend(&mut self, length: impl Fn(usize, usize) -> f64) {
         for c in &self.couplings {
+            if c.is_bone() && c.residual <= 0.0 {
+                continue;
+            }
             let longer = if c.residual > 0.0 { 0 } else { 2 };
             let (ends, u) = ([c.joints[longer], c.joints[longer + 1]], c.gradient[longer]);
             let strength = 2.0 * c.precision * c.residual.abs() / length(ends[0], ends[1]);

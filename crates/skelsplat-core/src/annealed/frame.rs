@@ -6,10 +6,13 @@ use super::evidence::evidence;
 use super::locate::{anywhere, locate};
 use super::noise::NoiseModel;
 use super::posterior::error_bars;
+use super::proportions::with_bones;
 use super::rays::Rays;
 use super::solver::{Annealing, Prior, Problem, Solution, Widening, solve};
 use super::starts::{Before, Given, Start, start};
 use super::swaps::{self, Chain, Swap};
+use crate::bones::Bone;
+use crate::bones::population::Proportion;
 use crate::camera::Camera;
 use crate::detections::Detections;
 use crate::outcome::{ErrorBars, JointStatus, Loss, Outcome, Splats, StopReason, as_given};
@@ -29,6 +32,8 @@ pub struct Frame<'a> {
     pub pairs: &'a [LimbPair],
     /// Joints that a detector may swap together.
     pub chains: &'a [Chain],
+    /// The population's proportions; none: bones are free.
+    pub proportions: &'a [Proportion],
     /// The annealing schedule.
     pub annealing: Annealing,
     /// Initial pose and prior.
@@ -67,6 +72,8 @@ struct Found {
     init: Vec<Vector3<f64>>,
     solution: Solution,
     widening: Widening,
+    /// Bones that took part.
+    bones: Vec<Bone>,
 }
 
 /// A pose with priors, and the noise used to find it.
@@ -160,7 +167,7 @@ impl Frame<'_> {
         let rays = Rays::new(self.detections, self.cameras, self.view_weights);
         let annealing = Annealing { max_steps: 0, ..self.annealing.clone() };
         let given = Given::without_priors(annealing);
-        let problem = self.problem(&rays, &given, Widening::NONE);
+        let problem = self.problem(&rays, &given, Widening::NONE, &[]);
         let mut solution = solve(&problem, points, &given.annealing.end);
         let bars = error_bars(&problem, &mut solution);
         // Its splats are wider than these kernels: detections rejected here may still determine the depth.
@@ -204,8 +211,12 @@ impl Frame<'_> {
 
     fn find(&self, rays: Rays, given: &Given<'_>) -> Found {
         let Start { init, points, sigma, widening } = start(self.before.as_ref(), &rays, given);
-        let solution = solve(&self.problem(&rays, given, widening), &points, &sigma);
-        Found { rays, init, solution, widening }
+        let problem = self.problem(&rays, given, widening, &[]);
+        let solution = solve(&problem, &points, &sigma);
+        let (solution, bones) =
+            with_bones(&problem, self.proportions, &solution, self.before.is_none())
+                .unwrap_or((solution, Vec::new()));
+        Found { rays, init, solution, widening, bones }
     }
 
     fn problem<'b>(
@@ -213,14 +224,15 @@ impl Frame<'_> {
         rays: &'b Rays,
         given: &'b Given<'b>,
         widening: Widening,
+        bones: &'b [Bone],
     ) -> Problem<'b> {
         let Given { priors, annealing, .. } = given;
-        Problem { rays, pairs: self.pairs, priors: *priors, annealing, widening }
+        Problem { rays, pairs: self.pairs, bones, priors: *priors, annealing, widening }
     }
 
     fn outcome(&self, given: &Given<'_>, found: Found, used_for: Vec<usize>) -> Annealed {
-        let Found { rays, init, mut solution, widening } = found;
-        let problem = self.problem(&rays, given, widening);
+        let Found { rays, init, mut solution, widening, bones } = found;
+        let problem = self.problem(&rays, given, widening, &bones);
         let bars = error_bars(&problem, &mut solution);
         let loss = loss(&problem, &solution);
         let known = |(x, status): (&Vector3<f64>, &JointStatus)| {

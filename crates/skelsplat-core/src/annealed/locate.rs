@@ -136,7 +136,7 @@ fn located(rays: &Rays, annealing: &Annealing, widening: Widening) -> Located {
 
 /// Anneals every joint from least squares down to its final kernel, or from a better position if there is one.
 fn under(rays: &Rays, annealing: &Annealing, widening: Widening) -> Solution {
-    let problem = Problem { rays, pairs: &[], priors: None, annealing, widening };
+    let problem = Problem { rays, pairs: &[], bones: &[], priors: None, annealing, widening };
     let n = rays.n_joints();
     let start: Vec<Vector3<f64>> = (0..n).map(|j| nearest_to_all(rays, j)).collect();
     let mut solution = solve(&problem, &start, &vec![f64::INFINITY; n]);

@@ -11,6 +11,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::consensus::{REJECTED, TIE, rivals};
 use super::depth::is_fixed;
+use super::proportions::other_place;
 use super::rays::{Ray, Rays};
 use super::solver::{Problem, Solution};
 use crate::outcome::{ErrorBars, JointStatus};
@@ -24,6 +25,8 @@ const PLACED: f64 = 1.5;
 const BODY: f64 = 2.0;
 /// Minimum spread of a body, in multiples of the noise: closer joints cannot be distinguished from one point.
 const LEAST_SPREAD: f64 = 2.0;
+/// Largest standard deviation of a joint that its bones place, as a share of the body's spread.
+const INFERRED: f64 = 0.25;
 /// Minimum number of joints of a body.
 const LEAST_JOINTS: usize = 3;
 
@@ -43,6 +46,7 @@ pub fn error_bars(problem: &Problem<'_>, solution: &mut Solution) -> ErrorBars {
         _ => JointStatus::Ok,
     };
     let mut status: Vec<JointStatus> = (0..n).map(of_joint).collect();
+    let mut inferred = Vec::new();
     for j in (0..n).filter(|j| k(*j).iter().any(|k| *k < REJECTED)) {
         let x = &solution.points[j];
         for rival in rivals(rays.of_joint(j), x, solution.sigma[j], TIE) {
@@ -52,10 +56,39 @@ pub fn error_bars(problem: &Problem<'_>, solution: &mut Solution) -> ErrorBars {
             status[j] = JointStatus::Weak;
         }
     }
+    let spread = Body::of(&solution.points, &deep).map_or(0.0, |b| b.square_spread.sqrt());
+    let by_bones = |j: &usize| problem.bones.iter().any(|b| b.joints.contains(j));
+    let lacks_views = |j: &usize| k(*j).iter().filter(|k| **k >= REJECTED).count() < 2;
+    for j in (0..n).filter(|j| by_bones(j) && lacks_views(j) && status[*j] == JointStatus::Weak) {
+        covariances[j] += second_moment(problem, solution, j);
+        if is_held(problem, &status, j) && widest(&covariances[j]) <= INFERRED * spread {
+            inferred.push(j);
+        }
+    }
+    inferred.iter().for_each(|j| status[*j] = JointStatus::Inferred);
     // Without detections the noise is that of the prior, not a measurement.
     let is_seen = status.iter().any(|s| *s != JointStatus::Unobserved);
     let noise = if is_seen { solution.noise } else { f64::NAN };
     ErrorBars { covariances, noise, believed, status }
+}
+
+/// What the other place on the only ray of joint `j` adds to its covariance, see [`other_place`].
+fn second_moment(problem: &Problem<'_>, solution: &Solution, j: usize) -> Matrix3<f64> {
+    other_place(problem, solution, j).map_or_else(Matrix3::zeros, |other| {
+        let off = other.at - solution.points[j];
+        off * off.transpose() * other.share
+    })
+}
+
+/// Whether views determine a joint at the other end of a bone of joint `j`.
+fn is_held(problem: &Problem<'_>, status: &[JointStatus], j: usize) -> bool {
+    let bones = problem.bones.iter().filter(|bone| bone.joints.contains(&j));
+    bones.flat_map(|bone| bone.joints).any(|end| end != j && status[end] == JointStatus::Ok)
+}
+
+/// The largest standard deviation along any axis.
+fn widest(covariance: &Matrix3<f64>) -> f64 {
+    covariance.symmetric_eigenvalues().max().sqrt()
 }
 
 /// k of every ray `(N, M)` at the solution; NaN where missing.
@@ -104,9 +137,9 @@ fn posterior(
     }
     // Equal limbs allow two positions on the ray of a joint that one view sees, which is not a normal distribution.
     let residuals = &solution.residuals;
-    solution
-        .equations
-        .retain_couplings(|joints| joints.iter().all(|j| residuals[*j].support >= PLACED));
+    solution.equations.retain_couplings(|c| {
+        c.is_bone() || c.joints.iter().all(|j| residuals[*j].support >= PLACED)
+    });
     solution.equations.factorise(|_| 0.0);
     let known = |m: Matrix3<f64>| {
         if m.trace() > 0.0 { positive(m) } else { Matrix3::repeat(f64::NAN) }

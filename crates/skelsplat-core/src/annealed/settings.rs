@@ -2,7 +2,7 @@
 
 use super::noise::NoiseModel;
 use super::solver::Annealing;
-use crate::settings::{Domain, settings};
+use crate::settings::{Domain, Kind, Parameter, Value, settings};
 
 settings! {
     /// Settings of annealed splatting, the default method.
@@ -22,9 +22,42 @@ settings! {
             "Weight of each of the M views, multiplied by the confidence; 0 ignores a view; None: 1 for all.";
         find_swaps: bool = true, Domain::Any, "",
             "Find and correct detections with left and right swapped.";
+        bones: Bones = Bones::Population, Domain::Any, "",
+            "Lengths of bones for joints on which neither three views agree nor all that see them: `population`, with the proportions of people \
+             (built-in layouts only) and a stature found in the frame, or `free`, none.";
         step_tolerance: f64 = 0.01, Domain::Positive, "",
             "Converged when the kernels have reached their final width and no joint moves by more than this fraction of the \
              noise.";
+    }
+}
+
+/// What is known of the lengths of bones in a single frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Bones {
+    /// The population's proportions.
+    Population,
+    /// Nothing.
+    Free,
+}
+
+impl Bones {
+    /// `"population"` or `"free"`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Population => "population",
+            Self::Free => "free",
+        }
+    }
+}
+
+impl Parameter for Bones {
+    const KIND: Kind = Kind::Name(&["population", "free"]);
+    fn to_value(&self) -> Value {
+        Value::Name(self.name())
+    }
+    fn of_value(value: &Value) -> Option<Self> {
+        [Self::Population, Self::Free].into_iter().find(|bones| *value == bones.to_value())
     }
 }
 

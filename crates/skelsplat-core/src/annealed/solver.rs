@@ -5,6 +5,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::equations::{Coupling, NormalEquations};
 use super::noise::{NoiseModel, Residuals, Scale, pixel_size};
 use super::rays::{Ray, Rays};
+use crate::bones::{Bone, Pull};
 use crate::symmetry::LimbPair;
 
 /// A Gaussian prior of one joint.
@@ -58,6 +59,8 @@ pub struct Problem<'a> {
     pub rays: &'a Rays,
     /// Limbs of equal length.
     pub pairs: &'a [LimbPair],
+    /// Bones of known length.
+    pub bones: &'a [Bone],
     /// Prior of each joint `(N)`, if any.
     pub priors: Option<&'a [Prior]>,
     /// Settings.
@@ -233,7 +236,8 @@ impl<'a> Run<'a> {
     fn new(problem: &'a Problem<'a>, points: &[Vector3<f64>], sigma: &[f64]) -> Self {
         let mut joints: Vec<JointState> =
             (0..points.len()).map(|j| joint(problem, j, points[j], sigma[j])).collect();
-        for j in problem.pairs.iter().flat_map(|(l, r)| l.iter().chain(r)) {
+        let of_pairs = problem.pairs.iter().flat_map(|(l, r)| l.iter().chain(r));
+        for j in of_pairs.chain(problem.bones.iter().flat_map(|bone| &bone.joints)) {
             joints[*j].coupled = true;
         }
         let mut run = Self {
@@ -297,6 +301,19 @@ impl<'a> Run<'a> {
                     precision: kept / (sigma * sigma),
                 });
             }
+        }
+        self.couple_bones();
+    }
+
+    /// Bones as scalar residuals r = ‖x_a − x_b‖ − l.
+    fn couple_bones(&mut self) {
+        for bone in self.problem.bones {
+            let [a, b] = bone.joints.map(|j| &self.joints[j]);
+            if [a, b].iter().any(|joint| !joint.active || joint.sigma.is_infinite()) {
+                continue;
+            }
+            let pull = Pull::new(&a.at, &b.at, bone.length);
+            self.equations.couple(Coupling::of_bone(bone.joints, &pull));
         }
     }
 

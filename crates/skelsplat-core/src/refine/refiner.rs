@@ -8,7 +8,8 @@ use super::config::{Method, RefineConfig};
 use super::result::Refinement;
 use crate::annealed::rays::Rays;
 use crate::annealed::swaps::{Chain, chains};
-use crate::annealed::{self, Alone, AnnealedSettings, Before, Prior};
+use crate::annealed::{self, Alone, AnnealedSettings, Before, Bones, Prior};
+use crate::bones::population::{Proportion, proportions};
 use crate::camera::Camera;
 use crate::detections::Detections;
 use crate::error::{Error, Result};
@@ -71,6 +72,7 @@ pub struct Refiner {
     pairs: Vec<LimbPair>,
     chains: Vec<Chain>,
     bones: Vec<[usize; 2]>,
+    proportions: Vec<Proportion>,
     occlusion_prone: Vec<usize>,
     n_joints: Option<usize>,
     /// Settings of the rendering loss: those of `paper`, or for `annealed` its closed form.
@@ -94,12 +96,13 @@ impl Refiner {
         if cameras.is_empty() {
             return Err(Error::invalid("cameras", "at least one camera", "none"));
         }
-        let (paper, view_weights, find_swaps) = match &config.method {
-            Method::Paper(settings) => (settings.clone(), None, false),
+        let (paper, view_weights, find_swaps, population) = match &config.method {
+            Method::Paper(settings) => (settings.clone(), None, false, false),
             Method::Annealed(settings) => (
                 PaperSettings { renderer: Renderer::ClosedForm, ..PaperSettings::default() },
                 settings.view_weights.as_ref(),
                 settings.find_swaps,
+                settings.bones == Bones::Population,
             ),
         };
         if let Some(w) = view_weights.filter(|w| w.len() != cameras.len()) {
@@ -119,6 +122,7 @@ impl Refiner {
             pairs: pairs.unwrap_or_default(),
             chains: layout.filter(|_| find_swaps).map(chains).unwrap_or_default(),
             bones: layout.map(|l| l.limbs.clone()).unwrap_or_default(),
+            proportions: layout.filter(|_| population).map(proportions).unwrap_or_default(),
             occlusion_prone: layout.map(|l| l.occlusion_prone.clone()).unwrap_or_default(),
             n_joints: layout.map(|l| l.joints.len()),
             cameras,
@@ -328,6 +332,7 @@ impl Refiner {
             view_weights: weights.unwrap_or_default(),
             pairs: &self.pairs,
             chains: &self.chains,
+            proportions: &self.proportions,
             annealing,
             before,
         }

@@ -370,7 +370,7 @@ impl State<'_> {
         let rays = self.tracks.rays(j, t);
         let active = self.tracks.active[k];
         let (at, covariance) = match active {
-            true => (self.run.points[k], self.posterior.positions[k]),
+            true => (self.run.points[k], self.posterior.positions[k] + self.undecided(j, t, alone)),
             false => (alone.points[j], alone.spread[j]),
         };
         let offsets = || rays.iter().map(|ray| ray.is_there().then(|| (ray, ray.offset(&at))));
@@ -393,6 +393,17 @@ impl State<'_> {
         let terms = rays.iter().zip(&believed).filter(|(ray, k)| ray.is_there() && k.is_finite());
         let loss = terms.map(|(ray, k)| ray.weight * scale * (1.0 - k)).sum();
         Joint { at, covariance, believed, status, loss }
+    }
+
+    /// What a joint's covariance in its frame alone adds where no frame around shows it to enough views: its bone then allows two
+    /// places on the ray, and all frames may have taken the wrong one.
+    fn undecided(&self, j: usize, t: usize, alone: &Alone) -> Matrix3<f64> {
+        let around = frames_in(BRIDGE, self.learnt.common.fps);
+        let (first, last) = (t.saturating_sub(around), (t + around + 1).min(self.tracks.frames));
+        let of_joint = j * self.tracks.frames..(j + 1) * self.tracks.frames;
+        let shown = self.tracks.sure[of_joint][first..last].iter().any(|sure| *sure);
+        let spread = alone.spread[j];
+        if shown || !spread[(0, 0)].is_finite() { Matrix3::zeros() } else { spread }
     }
 
     fn loss(&self, joints: &[Joint]) -> Loss {

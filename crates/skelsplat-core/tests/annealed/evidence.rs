@@ -25,7 +25,8 @@ const IN_ORDER: [usize; 4] = [0, 1, 2, 3];
 fn narrow_and_wide(rays: &Rays) -> [Solution; 2] {
     let annealing = Annealing::of_joints(17);
     [Widening::NONE, Widening::FREE].map(|widening| {
-        let problem = Problem { rays, pairs: &[], priors: None, annealing: &annealing, widening };
+        let problem =
+            Problem { rays, pairs: &[], bones: &[], priors: None, annealing: &annealing, widening };
         solve(&problem, &standing(), &[f64::INFINITY; 17])
     })
 }

@@ -57,6 +57,7 @@ fn linearised(
     let problem = Problem {
         rays,
         pairs: &LIMBS,
+        bones: &[],
         priors: Some(priors),
         annealing: &annealing,
         widening: Widening::NONE,

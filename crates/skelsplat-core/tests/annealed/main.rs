@@ -24,8 +24,8 @@ use skelsplat_core::testing::scenes::{
     Noise, exact_detections, look_at, noisy_detections, perturbed, room, standing,
 };
 use skelsplat_core::{
-    AnnealedSettings, Camera, Detections, Frame, JointStatus, Layout, Progress, RefineConfig,
-    Refinement, Refiner, StopReason, Unit, refine_batch,
+    AnnealedSettings, Bones, Camera, Detections, Frame, JointStatus, Layout, Progress,
+    RefineConfig, Refinement, Refiner, StopReason, Unit, refine_batch,
 };
 
 const WRIST: usize = 13;
@@ -47,12 +47,13 @@ fn largest(a: &[Vector3<f64>], b: &[Vector3<f64>]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).norm()).fold(0.0, f64::max)
 }
 
-/// The default without symmetry: slightly unequal limbs would move exact data.
+/// The default without symmetry and bones: slightly unequal limbs would move exact data.
 fn free() -> RefineConfig {
     freely(AnnealedSettings::default())
 }
 
 fn freely(settings: AnnealedSettings) -> RefineConfig {
+    let settings = AnnealedSettings { bones: Bones::Free, ..settings };
     RefineConfig { symmetry_tier: 0, ..RefineConfig::from(settings) }
 }
 

@@ -35,10 +35,10 @@ fn an_unseen_joint_with_a_prior_is_its_prior() {
 }
 
 #[test]
-fn a_joint_with_one_view_and_no_start_stays_nan_and_weak() {
+fn without_bones_a_joint_with_one_view_and_no_start_stays_nan_and_weak() {
     let cameras = room(4);
     let detections = without(&exact_detections(&standing(), &cameras), |i, j| j == WRIST && i > 0);
-    let out = refine(&cameras, &from(detections, None), RefineConfig::default());
+    let out = refine(&cameras, &from(detections, None), free());
     assert_eq!(out.joint_status[WRIST], JointStatus::Weak);
     assert!(out.pose[WRIST].iter().all(|v| v.is_nan()));
     assert!(out.uncertainty[WRIST].iter().all(|v| v.is_nan()));

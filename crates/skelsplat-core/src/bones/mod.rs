@@ -10,6 +10,8 @@
 //! H is the block of x_a and x_b each, −H the one between them. The second term is the positive part of r ∇²r: without it,
 //! a joint whose only ray is at right angles to its bone always overshoots.
 
+pub mod population;
+
 use nalgebra::{Matrix3, Vector3};
 
 /// Reach of the kernel, in standard deviations.
@@ -22,6 +24,15 @@ pub struct Length {
     pub mean: f64,
     /// σ, mm.
     pub sigma: f64,
+}
+
+/// A bone with its expected length.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bone {
+    /// Its joints.
+    pub joints: [usize; 2],
+    /// l and σ, mm.
+    pub length: Length,
 }
 
 /// A bone's term at two positions, linearised.

@@ -1,0 +1,153 @@
+//! Population bones in single frames.
+
+use nalgebra::Vector3;
+use skelsplat_core::study::bones::population::proportions;
+use skelsplat_core::testing::scenes::{Noise, exact_detections, noisy_detections, room, standing};
+use skelsplat_core::{
+    AnnealedSettings, Bones, Camera, Detections, Frame, JointStatus, Layout, LayoutSpec,
+    RefineConfig, Refinement, Refiner, Unit,
+};
+
+const WRIST: usize = 13;
+const ELBOW: usize = 12;
+
+fn refine(
+    cameras: &[Camera],
+    detections: &Detections,
+    bones: Bones,
+    layout: &Layout,
+) -> Refinement {
+    let config = RefineConfig::from(AnnealedSettings { bones, ..AnnealedSettings::default() });
+    let refiner = Refiner::new(cameras, Unit::Millimetre, Some(layout), config).unwrap();
+    refiner.refine(&Frame::from(detections.clone())).unwrap()
+}
+
+fn human() -> Layout {
+    Layout::by_name("h36m17").unwrap()
+}
+
+/// `detections` with those that `keep(view, joint)` does not keep moved by `shift` pixels, or removed.
+fn damaged(
+    detections: &Detections,
+    keep: impl Fn(usize, usize) -> bool,
+    shift: Option<[f64; 2]>,
+) -> Detections {
+    let (m, n) = (detections.n_views(), detections.n_joints());
+    let mut pixels = Vec::new();
+    for (i, j) in (0..m).flat_map(|i| (0..n).map(move |j| (i, j))) {
+        let (p, _) = detections.get(i, j).unwrap();
+        pixels.extend(match (keep(i, j), shift) {
+            (true, _) => [p.x, p.y],
+            (false, Some([u, v])) => [p.x + u, p.y + v],
+            (false, None) => [f64::NAN; 2],
+        });
+    }
+    Detections::new(m, n, &pixels, None).unwrap()
+}
+
+#[test]
+fn every_human_layout_has_the_long_bones_and_others_have_none() {
+    for name in Layout::NAMES {
+        let layout = Layout::by_name(name).unwrap();
+        let bones = proportions(&layout);
+        let joint = |name: &str| layout.joints.iter().position(|j| j == name).unwrap();
+        for (a, b, ratio) in
+            [("left_elbow", "left_wrist", 0.146), ("right_hip", "right_knee", 0.245)]
+        {
+            let ends = [joint(a), joint(b)];
+            let bone = bones.iter().find(|bone| ends.iter().all(|j| bone.joints.contains(j)));
+            assert!((bone.unwrap().ratio - ratio).abs() < 1e-12, "{name}");
+        }
+        let own = Layout::new(LayoutSpec { name: "own".to_owned(), ..(*layout).clone() }).unwrap();
+        assert!(proportions(&own).is_empty());
+    }
+}
+
+#[test]
+fn a_joint_that_one_view_sees_lies_on_its_ray_at_the_end_of_its_bone() {
+    let cameras = room(4);
+    let truth = standing();
+    for view in 0..4 {
+        let seen =
+            damaged(&exact_detections(&truth, &cameras), |i, j| j != WRIST || i == view, None);
+        let found = refine(&cameras, &seen, Bones::Population, &human());
+        let at = found.pose[WRIST];
+        let pixel = cameras[view].project(&at).unwrap();
+        assert!((pixel - seen.get(view, WRIST).unwrap().0).norm() < 1.0);
+        let long = (at - found.pose[ELBOW]).norm();
+        assert!((long - (truth[WRIST] - truth[ELBOW]).norm()).abs() < 60.0, "{long}");
+        assert_ne!(found.joint_status[WRIST], JointStatus::Ok);
+        // The error bar covers both places on the ray.
+        let off: Vector3<f64> = truth[WRIST] - at;
+        let square = off.dot(&(found.uncertainty[WRIST].try_inverse().unwrap() * off));
+        assert!(square < 9.0, "view {view}: {} sigma", square.sqrt());
+        let alone = refine(&cameras, &seen, Bones::Free, &human());
+        assert!(alone.pose[WRIST].x.is_nan());
+        assert_eq!(alone.joint_status[WRIST], JointStatus::Weak);
+    }
+}
+
+#[test]
+fn bones_decide_between_two_pairs_of_views() {
+    let (cameras, mut noise) = (room(4), Noise::new(4));
+    let truth = standing();
+    let (mut with, mut without) = (0.0, 0.0);
+    for _ in 0..20 {
+        let seen = noisy_detections(&truth, &cameras, 2.0, &mut noise);
+        // Views 2 and 3 agree on another place, half a metre above the wrist.
+        let mut other = truth.clone();
+        other[WRIST].z += 500.0;
+        let wrong = exact_detections(&other, &cameras);
+        let pixels: Vec<f64> = (0..4)
+            .flat_map(|i| (0..17).map(move |j| (i, j)))
+            .flat_map(|(i, j)| {
+                let from = if j == WRIST && i > 1 { &wrong } else { &seen };
+                let p = from.get(i, j).unwrap().0;
+                [p.x, p.y]
+            })
+            .collect();
+        let seen = Detections::new(4, 17, &pixels, None).unwrap();
+        let error = |bones| {
+            let found = refine(&cameras, &seen, bones, &human());
+            (found.pose[WRIST] - truth[WRIST]).norm()
+        };
+        with += error(Bones::Population) / 20.0;
+        without += error(Bones::Free) / 20.0;
+    }
+    assert!(with < 40.0 && without > 2.0 * with, "{with} mm with bones, {without} mm without");
+}
+
+#[test]
+fn where_three_views_agree_bones_change_nothing() {
+    let (cameras, mut noise) = (room(4), Noise::new(9));
+    for _ in 0..20 {
+        let seen = noisy_detections(&standing(), &cameras, 2.0, &mut noise);
+        let (a, b) = (
+            refine(&cameras, &seen, Bones::Population, &human()),
+            refine(&cameras, &seen, Bones::Free, &human()),
+        );
+        assert_eq!(a.pose, b.pose);
+        assert_eq!(a.uncertainty, b.uncertainty);
+    }
+}
+
+#[test]
+fn a_child_and_a_tall_person_are_not_pulled_to_the_average() {
+    let (cameras, mut noise) = (room(4), Noise::new(12));
+    for scale in [0.5, 1.2] {
+        let truth: Vec<Vector3<f64>> = standing().iter().map(|x| x * scale).collect();
+        let (mut with, mut without) = (0.0, 0.0);
+        for k in 0..20 {
+            let seen = noisy_detections(&truth, &cameras, 2.0, &mut noise);
+            let hidden = [WRIST, ELBOW, 3, 6, 15][k % 5];
+            let seen = damaged(&seen, |i, j| j != hidden || i < 2, Some([60.0, -40.0]));
+            let error = |bones| {
+                let found = refine(&cameras, &seen, bones, &human());
+                (found.pose[hidden] - truth[hidden]).norm()
+            };
+            with += error(Bones::Population);
+            without += error(Bones::Free);
+        }
+        assert!(with <= without + 1.0, "scale {scale}: {with} with bones, {without} without");
+    }
+}

@@ -1,0 +1,272 @@
+"""Runs in time: when, what is written of them, and what is said where the frames are solved one by one."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from command_line import READ, assert_fails, invoke, read_report
+from skelsplat import synthetic
+from skelsplat.io import PoseData, read_detections, read_json, read_npz, write_json, write_npz
+from skelsplat.run import Job, Run, run, solve
+
+LAYOUT, FPS = "h36m17", 50.0
+
+
+@pytest.fixture
+def job(recording):
+    """Return the job of the recording's files, with what a test changes."""
+    folder, _, _ = recording
+
+    def make(**options):
+        given = {"unit": "mm", "layout": LAYOUT, "fps": FPS, **options}
+        return Job(folder / "Calib.toml", folder / "openpose", **given)
+
+    return make
+
+
+def walk(frames=60, views=4, seed=1):
+    """Return true poses, noisy detections and the rig of a simulated walk at 50 Hz."""
+    rig = sk.CameraRig(list(synthetic.human36m_like())[:views], unit="mm")
+    pose = synthetic.motion("walk", frames, seed=seed)
+    noise = synthetic.DetectionNoise.good()
+    return pose, synthetic.simulate_detections(pose, rig, noise=noise, seed=0), rig
+
+
+def test_a_known_frame_rate_solves_in_time(job):
+    found = run(job())
+    expected = sk.refine_sequence(found.detections, found.cameras, fps=FPS, layout=LAYOUT)
+    assert found.outcome.sequence is found.result
+    for entry in fields(sk.SequenceRefinement):
+        actual = getattr(found.result, entry.name)
+        np.testing.assert_array_equal(actual, getattr(expected, entry.name), err_msg=entry.name)
+    solution = found.report["solution"]
+    assert (solution["method"], solution["fps"], solution["inferred"]) == ("in time", FPS, 0)
+    bone = solution["bones"][0]
+    ends = [found.layout.joints[joint] for joint in expected.bones[0]]
+    assert (bone["joints"], bone["length_mm"]) == (ends, expected.bone_lengths[0])
+    assert bone["sigma_mm"] == expected.bone_length_sigma[0]
+
+
+def test_frame_by_frame_is_as_without_a_rate(job):
+    asked, unknown = run(job(frame_by_frame=True)), run(job(fps=None))
+    expected = sk.refine(None, asked.detections, asked.cameras, layout=LAYOUT).pose
+    for found, reason in ((asked, "asked"), (unknown, "no rate")):
+        np.testing.assert_array_equal(found.poses.pose, expected)
+        assert found.outcome.sequence is None
+        assert found.report["solution"] == {"method": "frame by frame", "reason": reason}
+        assert not len(found.poses.velocity)
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        (["--fps", 50], "Solved in time at 50 frames per second: constant bone lengths, smooth motion."),
+        (["--fps", 50, "--frame-by-frame"], "Solved frame by frame (--frame-by-frame)."),
+        ([], "Solved frame by frame: the frame rate is unknown. --fps HZ solves in time."),
+        (["--fps", 50, "--paper", "--max-steps", 1], None),
+    ],
+)
+def test_the_console_states_how_the_frames_were_solved(arguments, options, sentence):
+    result = invoke(*arguments, *READ, *options, "--no-html")
+    assert result.exit_code == 0, result.output
+    assert [line for line in result.stdout.splitlines() if line.startswith("Solved")] == (
+        [] if sentence is None else [sentence]
+    )
+
+
+def test_an_independent_start_is_for_single_frames(recording, job):
+    folder, _, pose = recording
+    write_npz(folder / "start.npz", PoseData(pose, sk.layouts.H36M17.joints, np.arange(len(pose)), "mm"))
+    found = run(job(init=folder / "start.npz", init_sigma_mm=20.0))
+    assert found.report["solution"] == {"method": "frame by frame", "reason": "prior"}
+    assert run(job(init=folder / "start.npz")).outcome.sequence is not None
+
+
+def test_of_one_frame_there_is_no_motion(recording, job):
+    folder, _, _ = recording
+    for path in folder.glob("openpose/*/*[1-4]_keypoints.json"):
+        path.unlink()
+    found = run(job())
+    assert found.frames.tolist() == [0]
+    assert found.report["solution"] == {"method": "frame by frame", "reason": "one frame"}
+
+
+@pytest.mark.parametrize("value", [0.0, -25.0, float("nan"), float("inf")])
+def test_a_frame_rate_is_positive(job, arguments, value):
+    with pytest.raises(sk.InvalidInputError, match="fps: expected a positive number, got"):
+        job(fps=value)
+    assert_fails(invoke(*arguments, *READ, f"--fps={value}"), 2, "--fps: expected a positive number, got")
+
+
+def inputs_of(job, frames):
+    """Return the inputs of a job with other frame numbers."""
+    return replace(solve_inputs(job), frames=np.asarray(frames))
+
+
+def solve_inputs(job):
+    from skelsplat.run.read import read_inputs
+
+    return read_inputs(job)
+
+
+def test_missing_frames_are_solved_and_left_out_again(job):
+    inputs = inputs_of(job(), [0, 1, 4, 5, 6])
+    found = solve.refine_inputs(inputs, job()).sequence
+    whole = np.full((7, *inputs.detections.shape[1:]), np.nan)
+    whole[[0, 1, 4, 5, 6]] = inputs.detections
+    expected = sk.refine_sequence(whole, inputs.rig, fps=FPS, layout=LAYOUT)
+    np.testing.assert_array_equal(found.pose, expected.pose[[0, 1, 4, 5, 6]])
+    np.testing.assert_array_equal(found.velocity, expected.velocity[[0, 1, 4, 5, 6]])
+    np.testing.assert_array_equal(found.bone_lengths, expected.bone_lengths)
+
+
+def test_every_tenth_frame_is_a_slower_clock(job):
+    inputs = inputs_of(job(), 1000 + 10 * np.arange(5))
+    found = solve.refine_inputs(inputs, job()).sequence
+    expected = sk.refine_sequence(inputs.detections, inputs.rig, fps=FPS / 10, layout=LAYOUT)
+    np.testing.assert_array_equal(found.pose, expected.pose)
+
+
+def test_a_long_break_costs_no_more_than_a_short_one(job):
+    stamps = [0, 1, 2, 10**12, 10**12 + 1]
+    found, near = (inputs_of(job(), frames) for frames in (stamps, [0, 1, 2, 102, 103]))
+    assert solve.why_alone(found, job()) == solve.SPARSE
+    rates = [replace(inputs, fps=2.0) for inputs in (found, near)]
+    poses = [solve.refine_inputs(inputs, job()).result.pose for inputs in rates]
+    np.testing.assert_array_equal(*poses)
+
+
+def test_progress_counts_the_frames_of_the_files(job):
+    seen = []
+    inputs = inputs_of(job(), [0, 1, 4, 5, 6])
+    solve.refine_inputs(inputs, job(), lambda done, total: seen.append((done, total)))
+    assert (seen[0], seen[-1]) == ((0, 5), (5, 5))
+    assert {total for _, total in seen} == {5}
+
+
+def test_the_files_of_a_run_state_their_rate(recording, job, tmp_path):
+    folder, rig, _ = recording
+    first = run(job(output=tmp_path / "out", html=False))
+    stored = tmp_path / "out" / "detections.npz"
+    assert read_detections(stored, rig, layout=LAYOUT).frame_rate == FPS
+    again = run(Job(folder / "Calib.toml", stored, unit="mm", layout=LAYOUT))
+    assert again.report["input"]["frame_rate_hz"] == FPS
+    np.testing.assert_array_equal(again.poses.pose, first.poses.pose)
+    other = run(Job(folder / "Calib.toml", stored, unit="mm", layout=LAYOUT, fps=25))
+    assert other.report["solution"]["fps"] == 25
+    init = run(job(fps=None, init=tmp_path / "out" / "pose.npz"))
+    assert init.report["solution"]["fps"] == FPS
+
+
+@pytest.mark.parametrize(
+    ("rate", "got"),
+    [(np.zeros(2), r"float64 of shape \(2,\)"), (np.array(-3.0), "a positive number, got -3")],
+)
+def test_a_rate_in_a_file_is_one_positive_number(recording, tmp_path, rate, got):
+    _, rig, _ = recording
+    path = tmp_path / "seen.npz"
+    np.savez(path, detections=np.ones((3, len(rig), 17, 2)), camera_names=rig.names, frame_rate=rate)
+    with pytest.raises(sk.DatasetError, match=rf"seen\.npz: frame_rate: expected .*{got}"):
+        read_detections(path, rig, layout=LAYOUT)
+
+
+def test_files_hold_velocities_and_bones_in_their_unit(job, tmp_path):
+    found = run(job(output=tmp_path / "out", write=("npz", "json"), html=False))
+    result = found.outcome.sequence
+    for read, path in ((read_npz, "pose.npz"), (read_json, "pose.json")):
+        poses = read(tmp_path / "out" / path)
+        np.testing.assert_array_equal(poses.velocity, result.velocity)
+        np.testing.assert_array_equal(poses.velocity_uncertainty, result.velocity_uncertainty)
+        np.testing.assert_array_equal(poses.bones, result.bones)
+        np.testing.assert_array_equal(poses.bone_lengths, result.bone_lengths)
+        np.testing.assert_array_equal(poses.bone_length_sigma, result.bone_length_sigma)
+        metres = poses.in_unit("m")
+        np.testing.assert_allclose(metres.velocity, poses.velocity / 1000)
+        np.testing.assert_allclose(metres.velocity_uncertainty, poses.velocity_uncertainty / 1e6)
+        np.testing.assert_allclose(metres.bone_lengths, poses.bone_lengths / 1000)
+    opened = Run.open(tmp_path / "out")
+    np.testing.assert_array_equal(opened.outcome.sequence.bone_lengths, result.bone_lengths)
+    assert opened.report["solution"]["method"] == "in time"
+    assert opened.statistics.total.after_px == pytest.approx(found.statistics.total.after_px)
+
+
+def test_an_unseen_bone_has_no_length_in_a_file(job, tmp_path):
+    poses = run(job()).poses
+    lengths, sigma = poses.bone_lengths.copy(), poses.bone_length_sigma.copy()
+    lengths[0], sigma[0] = np.nan, np.inf
+    write_json(tmp_path / "p.json", replace(poses, bone_lengths=lengths, bone_length_sigma=sigma))
+    read = read_json(tmp_path / "p.json")
+    assert np.isnan([read.bone_lengths[0], read.bone_length_sigma[0]]).all()
+    with pytest.raises(sk.InvalidInputError, match=r"bone_lengths: expected shape \(16,\), got \(3,\)"):
+        replace(poses, bone_lengths=lengths[:3])
+
+
+@pytest.fixture
+def hidden(recording):
+    """Take joint 16 out of all views of frame 2."""
+    folder, rig, _ = recording
+    for name in rig.names:
+        path = folder / "openpose" / name / "000002_keypoints.json"
+        document = json.loads(path.read_text())
+        document["people"][0]["pose_keypoints_2d"][48:51] = [0.0, 0.0, 0.0]
+        path.write_text(json.dumps(document))
+    return folder
+
+
+def test_an_inferred_joint_is_marked_everywhere(hidden, arguments):
+    result = invoke(*arguments, *READ, "--fps", 50)
+    assert result.exit_code == 0, result.output
+    assert "1 joint position is inferred from bones and neighbouring frames." in result.stdout
+    assert "Weak" not in result.stdout
+    with (hidden / "out" / "pose.csv").open(newline="") as stream:
+        rows = {(row["frame"], row["joint"]): row for row in csv.DictReader(stream)}
+    row = rows["2", "right_wrist"]
+    assert (row["status"], row["n_views"], bool(row["x"])) == ("inferred", "0", True)
+    neighbour = rows["1", "right_wrist"]
+    assert float(row["sx"]) > float(neighbour["sx"])
+    report = read_report(hidden / "out")
+    assert report["solution"]["inferred"] == report["joint_statuses"]["inferred"] == 1
+    (finding,) = report["frame_findings"]
+    assert (finding["kind"], finding["text"]) == ("frame_inferred", "inferred: right_wrist")
+    page = (hidden / "out" / "report.html").read_text(encoding="utf-8")
+    assert '<span class="hollow">inferred</span>' in page
+    assert '<a href="#frame=2">2</a></th><td>inferred: right_wrist</td>' in page
+
+
+def test_a_filter_runs_on_top(job):
+    plain, filtered = run(job()), run(job(filter="one-euro:2:0.01"))
+    np.testing.assert_array_equal(filtered.result.pose, plain.poses.pose)
+    assert not np.array_equal(filtered.poses.pose, plain.poses.pose)
+    assert filtered.poses.processing[0].startswith("Low-pass: one-euro filter")
+
+
+def test_poses_in_time_that_leave_the_detections_are_a_finding():
+    _, detections, rig = walk()
+    result = sk.refine_sequence(detections, rig, fps=FPS, layout=LAYOUT)
+    away = replace(result, reprojection_error=3 * result.reprojection_error)
+    (finding,) = Run.from_arrays(away, rig, detections, LAYOUT, fps=FPS).findings
+    assert (finding.kind, finding.severity) == ("further_in_time", "warning")
+    assert "check that the frames are in order" in finding.text
+    assert [remedy.text for remedy in finding.remedy] == ["--frame-by-frame"]
+
+
+def test_frames_out_of_order_are_no_worse_than_alone():
+    pose, detections, rig = walk()
+    order = np.random.default_rng(0).permutation(len(pose))
+    result = sk.refine_sequence(detections[order], rig, fps=FPS, layout=LAYOUT)
+    assert sk.metrics.mpjpe(result.pose, pose[order]) <= sk.metrics.mpjpe(result.init_pose, pose[order])
+
+
+@pytest.mark.parametrize("views", [2, 3, 4])
+def test_smooth_poses_are_no_finding_however_few_views_there_are(views):
+    pose, detections, rig = walk(views=views)
+    result = sk.refine_sequence(detections, rig, fps=FPS, layout=LAYOUT)
+    found = Run.from_arrays(result, rig, detections, LAYOUT, fps=FPS)
+    assert [finding.kind for finding in found.findings] == []
+    assert sk.metrics.mpjpe(result.pose, pose) < 0.5 * sk.metrics.mpjpe(result.init_pose, pose)
