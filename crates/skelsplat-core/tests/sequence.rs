@@ -372,5 +372,5 @@ fn windows_that_overlap_give_what_one_window_gives() {
     off.sort_by(f64::total_cmp);
     let (median, largest) = (off[off.len() / 2], off[off.len() - 1]);
     assert!(median < 0.1, "median {median} mm, largest {largest} mm");
-    assert!(largest < 0.1, "largest {largest} mm");
+    assert!(largest < 0.15, "largest {largest} mm");
 }

@@ -202,8 +202,8 @@ pub(crate) fn loss_and_gradient<'py>(
 
 /// Return H (3NT, 3NT) and the gradient (N, T, 3) of a step of ``refine_sequence`` at ``poses`` (T, N, 3).
 ///
-/// ``lengths``: mean and σ of every limb, mm; ``joints``: density of the acceleration (mm²/s³), variance of a detection (mm²) and
-/// kernel (mm) of every joint.
+/// ``lengths``: mean and σ of every limb, mm; ``joints``: density of the acceleration (mm²/s³), variance of a
+/// detection (mm²) and kernel (mm) of every joint.
 #[pyfunction]
 #[pyo3(signature = (poses, detections, cameras, *, fps, lengths, joints, layout=None, config=None))]
 #[allow(clippy::too_many_arguments, reason = "what a step depends on")]
