@@ -11,6 +11,7 @@ import pytest
 
 import skelsplat as sk
 from command_line import READ, assert_fails, invoke, read_report
+from overlay_case import write_video
 from skelsplat import synthetic
 from skelsplat.io import PoseData, read_detections, read_json, read_npz, write_json, write_npz
 from skelsplat.run import Job, Run, run, solve
@@ -270,3 +271,24 @@ def test_smooth_poses_are_no_finding_however_few_views_there_are(views):
     found = Run.from_arrays(result, rig, detections, LAYOUT, fps=FPS)
     assert [finding.kind for finding in found.findings] == []
     assert sk.metrics.mpjpe(result.pose, pose) < 0.5 * sk.metrics.mpjpe(result.init_pose, pose)
+
+
+@pytest.mark.parametrize("place", ["openpose", "videos"])
+def test_videos_state_the_rate(recording, job, arguments, place):
+    pytest.importorskip("cv2", reason="opencv-python-headless is not installed: pip install 'skelsplat[dev]'")
+    folder, rig, _ = recording
+    (folder / place).mkdir(exist_ok=True)
+    for name in rig.names:
+        write_video(folder / place / f"{name}.mp4", count=5, rate=25.0)
+    found = run(job(fps=None))
+    assert (found.report["solution"]["fps"], found.report["solution"]["fps_from"]) == (25.0, "videos")
+    printed = invoke(*arguments, *READ, "--no-html").stdout
+    assert "Solved in time at 25 frames per second, as the videos state." in printed
+    assert run(job()).report["solution"]["fps_from"] is None  # the option wins
+    short = folder / place / f"{rig.names[1]}.mp4"
+    write_video(short, count=3, rate=25.0)
+    assert run(job(fps=None)).outcome.sequence is None
+    write_video(short, count=5, rate=24.0)
+    assert run(job(fps=None)).outcome.sequence is None
+    short.unlink()
+    assert run(job(fps=None)).outcome.sequence is None

@@ -269,7 +269,7 @@ Fps = Annotated[
         metavar="HZ",
         help="Frame rate; solves in time. If it is known, all frames are solved together: bones keep their "
         "length and joints move smoothly.",
-        default="as the files state it, or unknown",
+        default="as files or videos state it",
     ),
 ]
 YUp = Annotated[

@@ -70,7 +70,7 @@ class Job:
     config
         Settings of the method; None: the defaults of `skelsplat.RefineConfig`.
     fps
-        Frames per second of the recording; None: as the files state it, or unknown.
+        Frames per second of the recording; None: as the files, or videos next to them, state it.
     frame_by_frame
         Solve each frame alone even if the frame rate is known, instead of all in time (`Outcome.sequence`).
     fill_gaps

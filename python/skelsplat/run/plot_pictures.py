@@ -32,6 +32,7 @@ _EQUAL = (
     "The refinement kept {which} nearly equal on the left and right, so their difference means nothing; "
     "to study it, refine with --symmetry-tier 0."
 )
+_IN_TIME = "Solved in time, where bones keep their length: how they vary frame by frame is in report.html."
 _KEPT_EQUAL = {1: "lower arms and legs", 2: "arms and legs", 3: "arms, legs and trunk"}  # by the tier
 _COUNTED = "All detections used are counted, including the rejected ones. Grey: no detection used."
 
@@ -83,7 +84,8 @@ def bones(source: Source) -> Picture:
     unsure = any((np.isfinite(bone.lengths) & ~bone.sure).any() for _, bone in limbs)
     which = _KEPT_EQUAL.get(source.symmetry_tier)
     equal = [] if which is None else [_EQUAL.format(which=which)]
-    notes = (f"{_SPREAD} {_PALE}" if unsure else _SPREAD, *equal, *poses.processing)
+    in_time = [_IN_TIME] if len(poses.velocity) else []
+    notes = (f"{_SPREAD} {_PALE}" if unsure else _SPREAD, *in_time, *equal, *poses.processing)
     numbers = [
         {
             "limb": name,

@@ -11,12 +11,15 @@ import skelsplat as sk
 from skelsplat._arrays import Array, Index, Mask
 from skelsplat.association import take_people
 from skelsplat.cameras import MM_PER_UNIT
-from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.exceptions import DatasetError, InvalidInputError, SkelSplatError
 from skelsplat.io import read_npz
 from skelsplat.io.calibration import find_format, read_calibration
 from skelsplat.io.detections import camera_called, cameras_called, read_detections
+from skelsplat.io.video import find_videos, open_source
 from skelsplat.run.job import Job
 from skelsplat.run.person import Crowd, look_around, pick_places
+
+_SAME_RATE = 5e-4  # by which videos of one recording may differ in rate; 29.97 and 30 differ by twice that
 
 
 @dataclass(frozen=True)
@@ -42,6 +45,7 @@ class Inputs:
     person: str = "consistent"  # the person to follow, as `Job.person`
     crowd: Crowd | None = None  # the people that the cameras see; None if they see one
     fps: float | None = None  # frames per second; None if unknown
+    fps_source: str = ""  # what states the rate, if the user did not: "files" or "videos"
 
 
 def read_inputs(job: Job) -> Inputs:
@@ -75,9 +79,13 @@ def read_inputs(job: Job) -> Inputs:
     )
     layout = sk.layouts.get(found.layout)
     index, unmatched = pick_places(found.people, rig, person, layout)
-    init, rate_of_init = None, None
+    rate, stated, init, rate_of_init = job.fps, "", None, None
     if job.init is not None:
         init, rate_of_init = _read_init(Path(job.init), rig, len(found.frames), layout)
+    if rate is None and (rate := found.frame_rate or rate_of_init) is not None:
+        stated = "files"
+    elif rate is None and (rate := _rate_of_videos(Path(job.detections), rig, found.frames)) is not None:
+        stated = "videos"
     return Inputs(
         rig,
         layout,
@@ -93,7 +101,8 @@ def read_inputs(job: Job) -> Inputs:
         sources=tuple(path for path in found.sources if path is not None),
         person=person,
         crowd=look_around(found.people, index, rig, person, layout),
-        fps=job.fps or found.frame_rate or rate_of_init,
+        fps=rate,
+        fps_source=stated,
     )
 
 
@@ -129,6 +138,23 @@ def leave_out(rig: sk.CameraRig, without: Sequence[str]) -> sk.CameraRig:
 def named_offsets(rig: sk.CameraRig, offsets: Mapping[str, int]) -> dict[str, int]:
     """Return the offsets by the calibration's own camera names."""
     return {camera_called(text, rig.names): frames for text, frames in offsets.items()}
+
+
+def _rate_of_videos(detections: Path, rig: sk.CameraRig, frames: Index) -> float | None:
+    """Return the rate that all cameras' videos state, with the detections or in ``videos`` next to them.
+
+    None if a camera has no video, one has fewer frames than the detections, or their rates differ.
+    """
+    for folder in (detections, detections.parent / "videos"):
+        try:
+            videos = [open_source(path) for path in find_videos(folder, rig.names).values()]
+        except SkelSplatError:
+            continue
+        rates = [video.rate or 0.0 for video in videos]
+        long_enough = all(frames[-1] <= video.last + 1 for video in videos)  # detectors count from 0 or 1
+        if long_enough and 0.0 < max(rates) <= (1 + _SAME_RATE) * min(rates):
+            return rates[0]
+    return None
 
 
 def _read_init(path: Path, rig: sk.CameraRig, steps: int, layout: sk.Layout) -> tuple[Array, float | None]:

@@ -97,7 +97,8 @@ def _solution(inputs: Inputs, outcome: Outcome) -> dict[str, Any]:
         for (a, b), length, sigma in lengths
     ]
     inferred = int((np.asarray(found.joint_status) == "inferred").sum())
-    return {"method": "in time", "fps": inputs.fps, "inferred": inferred, "bones": bones}
+    rate = {"fps": inputs.fps, "fps_from": inputs.fps_source or None}
+    return {"method": "in time", **rate, "inferred": inferred, "bones": bones}
 
 
 def solved_in_words(report: dict[str, Any]) -> list[str]:
@@ -106,7 +107,9 @@ def solved_in_words(report: dict[str, Any]) -> list[str]:
     if solution["method"] == "frame by frame":
         return [_ALONE[solution["reason"]]] if solution["reason"] in _ALONE else []
     rate = "" if solution["fps"] is None else f" at {solution['fps']:g} frames per second"
-    found = [f"Solved in time{rate}: constant bone lengths, smooth motion."]
+    source = solution.get("fps_from")
+    stated = f", as the {source} state" if source else ": constant bone lengths, smooth motion"
+    found = [f"Solved in time{rate}{stated}."]
     if count := solution["inferred"]:
         what = "1 joint position is" if count == 1 else f"{count:,} joint positions are"
         found.append(f"{what} inferred from bones and neighbouring frames.")

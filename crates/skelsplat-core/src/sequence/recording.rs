@@ -25,7 +25,7 @@ use crate::threads;
 /// Frames per second that can be computed with.
 const RATES: RangeInclusive<f64> = 1e-3..=1e6;
 /// Longest gap over which a joint is bridged, s.
-const BRIDGE: f64 = 1.0;
+pub(super) const BRIDGE: f64 = 1.0;
 /// Overlap of windows on either side, s, and the least number of frames.
 const OVERLAP: f64 = 2.0;
 const LEAST_OVERLAP: usize = 30;
@@ -34,10 +34,10 @@ const WINDOW: usize = 15;
 /// Number of windows from which is learnt.
 const SAMPLE: usize = 3;
 /// Largest standard deviation of an inferred joint, as a share of the body's spread.
-const INFERRED: f64 = 0.25;
+pub(super) const INFERRED: f64 = 0.25;
 /// Least spread of a body in multiples of the noise, and the spread where nothing is known, mm.
-const LEAST_SPREAD: f64 = 2.0;
-const USUAL_SPREAD: f64 = 500.0;
+pub(super) const LEAST_SPREAD: f64 = 2.0;
+pub(super) const USUAL_SPREAD: f64 = 500.0;
 
 /// A refined recording, in the unit of the cameras.
 #[derive(Debug, Clone, PartialEq)]
@@ -80,27 +80,26 @@ pub fn refine_in_windows(
     [length, overlap]: [usize; 2],
     progress: &Progress,
 ) -> Result<Sequence> {
+    check(refiner, fps, "'annealed' for a sequence")?;
+    let windows = windows(frames.len(), length, overlap);
+    let recording = Recording { refiner, frames, fps, windows, progress };
+    threads::install(refiner.config().n_threads, |_| recording.solve())
+}
+
+/// Rejects a rate that is none, and another method than the `expected` one.
+pub(super) fn check(refiner: &Refiner, fps: f64, expected: &str) -> Result<()> {
     if !(fps.is_finite() && fps > 0.0) {
-        return Err(Error::invalid(
-            "fps",
-            "a positive number of frames per second",
-            fps.to_string(),
-        ));
+        let expected = "a positive number of frames per second";
+        return Err(Error::invalid("fps", expected, fps.to_string()));
     }
     if !RATES.contains(&fps) {
         return Err(Error::invalid("fps", "a number from 1e-3 to 1e6", format!("{fps:e}")));
     }
     if !matches!(refiner.config().method, Method::Annealed(_)) {
         let name = refiner.config().method.name();
-        return Err(Error::invalid(
-            "config.method",
-            "'annealed' for a sequence",
-            format!("'{name}'"),
-        ));
+        return Err(Error::invalid("config.method", expected, format!("'{name}'")));
     }
-    let windows = windows(frames.len(), length, overlap);
-    let recording = Recording { refiner, frames, fps, windows, progress };
-    threads::install(refiner.config().n_threads, |_| recording.solve())
+    Ok(())
 }
 
 struct Recording<'a> {
@@ -112,9 +111,9 @@ struct Recording<'a> {
 }
 
 /// What is learnt from the sample.
-struct Learnt {
-    common: Common,
-    memory: Memory,
+pub(super) struct Learnt {
+    pub(super) common: Common,
+    pub(super) memory: Memory,
 }
 
 /// Tracks with their sides corrected, and the path found in them.
@@ -297,31 +296,10 @@ impl Recording<'_> {
         used_for: Vec<usize>,
         n_iter: usize,
     ) -> SolvedFrame {
-        let joints: Vec<Joint> =
-            (0..alone.points.len()).map(|j| state.joint(j, t, alone)).collect();
         let mm = self.refiner.unit().millimetres();
-        let status: Vec<JointStatus> = joints.iter().map(|joint| joint.status).collect();
-        let observed = status.iter().any(|s| *s != JointStatus::Unobserved);
-        let outcome = Outcome {
-            points: joints.iter().map(|joint| joint.at).collect(),
-            splats: Splats::Round(state.learnt.common.sigma.clone()),
-            init: alone.points.clone(),
-            status: status.clone(),
-            used_for,
-            loss: state.loss(&joints),
-            loss_history: Vec::new(),
-            n_iter,
-            stop_reason: if observed { StopReason::Converged } else { StopReason::NoObservations },
-        };
-        let variance = median(state.learnt.common.variance.clone());
-        let bars = ErrorBars {
-            covariances: joints.iter().map(|joint| joint.covariance).collect(),
-            believed: joints.iter().flat_map(|joint| joint.believed.iter().copied()).collect(),
-            noise: if observed { (variance / state.learnt.common.weight).sqrt() } else { f64::NAN },
-            status,
-        };
+        let (outcome, bars) = state.outcome(t, alone, used_for, n_iter);
         let of = |j: usize| j * state.tracks.frames + t;
-        let n = 0..joints.len();
+        let n = 0..alone.points.len();
         SolvedFrame {
             refinement: self.refiner.result(&frame.detections, outcome, &bars),
             velocity: n.clone().map(|j| state.posterior.velocities[of(j)] / mm).collect(),
@@ -346,11 +324,11 @@ impl Sequence {
 }
 
 /// A solved window.
-struct State<'a> {
-    run: &'a Run<'a>,
-    tracks: &'a Tracks,
-    learnt: &'a Learnt,
-    posterior: &'a Posterior,
+pub(super) struct State<'a> {
+    pub(super) run: &'a Run<'a>,
+    pub(super) tracks: &'a Tracks,
+    pub(super) learnt: &'a Learnt,
+    pub(super) posterior: &'a Posterior,
 }
 
 /// A joint of a frame.
@@ -364,6 +342,38 @@ struct Joint {
 }
 
 impl State<'_> {
+    /// Frame `t`, and its error bars.
+    pub(super) fn outcome(
+        &self,
+        t: usize,
+        alone: &Alone,
+        used_for: Vec<usize>,
+        n_iter: usize,
+    ) -> (Outcome, ErrorBars) {
+        let joints: Vec<Joint> = (0..alone.points.len()).map(|j| self.joint(j, t, alone)).collect();
+        let status: Vec<JointStatus> = joints.iter().map(|joint| joint.status).collect();
+        let observed = status.iter().any(|s| *s != JointStatus::Unobserved);
+        let outcome = Outcome {
+            points: joints.iter().map(|joint| joint.at).collect(),
+            splats: Splats::Round(self.learnt.common.sigma.clone()),
+            init: alone.points.clone(),
+            status: status.clone(),
+            used_for,
+            loss: self.loss(&joints),
+            loss_history: Vec::new(),
+            n_iter,
+            stop_reason: if observed { StopReason::Converged } else { StopReason::NoObservations },
+        };
+        let variance = median(self.learnt.common.variance.clone());
+        let bars = ErrorBars {
+            covariances: joints.iter().map(|joint| joint.covariance).collect(),
+            believed: joints.iter().flat_map(|joint| joint.believed.iter().copied()).collect(),
+            noise: if observed { (variance / self.learnt.common.weight).sqrt() } else { f64::NAN },
+            status,
+        };
+        (outcome, bars)
+    }
+
     fn joint(&self, j: usize, t: usize, alone: &Alone) -> Joint {
         let k = j * self.tracks.frames + t;
         let common = &self.learnt.common;
@@ -440,7 +450,7 @@ fn errors(run: &Run<'_>, found: &Posterior, tracks: &Tracks, common: &Common) ->
 }
 
 /// Root mean square distance of the joints from their centre; `None` with fewer than three.
-fn spread(points: &[Vector3<f64>]) -> Option<f64> {
+pub(super) fn spread(points: &[Vector3<f64>]) -> Option<f64> {
     let known: Vec<&Vector3<f64>> = points.iter().filter(|x| x.x.is_finite()).collect();
     let n = known.len() as f64;
     let middle = known.iter().copied().sum::<Vector3<f64>>() / n;
