@@ -51,10 +51,10 @@ def joint_classes(layout: str) -> dict[str, list[int]]:
     return classes
 
 
-def frames(take: Take) -> Solved:
+def frames(take: Take, *, bones: str = "population") -> Solved:
     """`sk.refine`, every frame by itself."""
     scene = take.scene
-    config = sk.RefineConfig(n_threads=1)
+    config = sk.RefineConfig(n_threads=1, bones=bones)
     result = sk.refine(None, scene.detections, scene.rig, layout=scene.layout, config=config)
     return Solved(result.pose, result.uncertainty)
 
@@ -67,9 +67,9 @@ def sequence(take: Take) -> Solved:
     return Solved(result.pose, result.uncertainty)
 
 
-def butterworth(take: Take) -> Solved:
+def butterworth(take: Take, *, bones: str = "population") -> Solved:
     """Frame by frame, gaps filled linearly, then a zero-lag Butterworth filter of 6 Hz."""
-    pose = frames(take).pose
+    pose = frames(take, bones=bones).pose
     filled, _ = temporal.fill_gaps(pose, max(1, round(_GAP_S * take.fps)), method="linear")
     return Solved(temporal.butterworth(filled, take.fps, cutoff(take.fps))[0])
 
@@ -174,6 +174,8 @@ def anipose(take: Take, *, ransac: bool = False) -> Solved:
 
 
 METHODS: dict[str, Method] = {
+    "free": partial(frames, bones="free"),
+    "free-butterworth": partial(butterworth, bones="free"),
     "frames": frames,
     "butterworth": butterworth,
     "kalman": kalman,
