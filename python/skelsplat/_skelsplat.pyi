@@ -27,6 +27,7 @@ __all__ = [
     "project_gaussians",
     "pseudo_ground_truth",
     "render",
+    "sequence_equations",
     "triangulate",
 ]
 
@@ -524,6 +525,23 @@ def loss_and_gradient(
     target_covariances: ArrayLike | None = None,
 ) -> dict[str, Any]:
     """Return the fields of ``skelsplat.LossAndGradient``."""
+
+def sequence_equations(
+    poses: ArrayLike,
+    detections: ArrayLike,
+    cameras: _Cameras,
+    *,
+    fps: float,
+    lengths: Sequence[Sequence[float]],
+    joints: Sequence[Sequence[float]],
+    layout: str | Layout | None = None,
+    config: RefineConfig | None = None,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return H (3NT, 3NT) and the gradient (N, T, 3) of a step of ``refine_sequence`` at ``poses`` (T, N, 3).
+
+    ``lengths``: mean and σ of every limb, mm; ``joints``: density of the acceleration (mm²/s³), variance of a
+    detection (mm²) and kernel (mm) of every joint.
+    """
 
 @final
 class Refiner:

@@ -34,7 +34,9 @@ mod _skelsplat {
     #[pymodule_export]
     use crate::refine::{PyLive, PyRefiner, implausible_extent};
     #[pymodule_export]
-    use crate::study::{loss_and_gradient, project_gaussians, pseudo_ground_truth, render};
+    use crate::study::{
+        loss_and_gradient, project_gaussians, pseudo_ground_truth, render, sequence_equations,
+    };
 
     #[pymodule_init]
     fn init(m: &Bound<'_, PyModule>) -> PyResult<()> {

@@ -28,4 +28,4 @@ pub mod system;
 pub mod tracks;
 
 pub use live::Live;
-pub use recording::{Sequence, refine_sequence};
+pub use recording::{Sequence, equations, refine_in_windows, refine_sequence};

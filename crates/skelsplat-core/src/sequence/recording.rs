@@ -65,8 +65,24 @@ pub fn refine_sequence(
     fps: f64,
     progress: &Progress,
 ) -> Result<Sequence> {
+    let overlap = frames_in(OVERLAP, fps).max(LEAST_OVERLAP);
+    refine_in_windows(refiner, frames, fps, [WINDOW.saturating_mul(overlap), overlap], progress)
+}
+
+/// [`refine_sequence`] in windows of at most this length, which overlap by so many frames on either side.
+///
+/// # Errors
+/// As [`refine_sequence`].
+pub fn refine_in_windows(
+    refiner: &Refiner,
+    frames: &[Frame],
+    fps: f64,
+    [length, overlap]: [usize; 2],
+    progress: &Progress,
+) -> Result<Sequence> {
     check(refiner, fps, "'annealed' for a sequence")?;
-    let recording = Recording { refiner, frames, fps, progress };
+    let windows = windows(frames.len(), length, overlap);
+    let recording = Recording { refiner, frames, fps, windows, progress };
     threads::install(refiner.config().n_threads, |_| recording.solve())
 }
 
@@ -90,6 +106,7 @@ struct Recording<'a> {
     refiner: &'a Refiner,
     frames: &'a [Frame],
     fps: f64,
+    windows: Vec<Window>,
     progress: &'a Progress,
 }
 
@@ -131,17 +148,16 @@ struct SolvedFrame {
 impl Recording<'_> {
     fn solve(&self) -> Result<Sequence> {
         let bones = self.refiner.bones().to_vec();
-        let windows = windows(self.frames.len(), frames_in(OVERLAP, self.fps).max(LEAST_OVERLAP));
-        if windows.is_empty() {
+        if self.windows.is_empty() {
             return Ok(Sequence::empty(bones));
         }
-        let sample = spread_out(&windows);
-        let alone: Result<Vec<Vec<Alone>>> = sample.iter().map(|w| self.alone(&w.all)).collect();
+        let sample = spread_out(&self.windows);
+        let alone: Result<Vec<Vec<Alone>>> = sample.iter().map(|range| self.alone(range)).collect();
         let alone = alone?;
         let (learnt, path) = self.learn(&alone)?;
-        let solved: Result<Vec<Solved>> = match windows.as_slice() {
+        let solved: Result<Vec<Solved>> = match self.windows.as_slice() {
             [window] => self.finish(window, &alone[0], path, &learnt).map(|solved| vec![solved]),
-            _ => windows.par_iter().map(|window| self.window(window, &learnt)).collect(),
+            _ => self.windows.par_iter().map(|window| self.window(window, &learnt)).collect(),
         };
         Ok(self.joined(solved?, &learnt))
     }
@@ -442,9 +458,29 @@ pub(super) fn spread(points: &[Vector3<f64>]) -> Option<f64> {
     (known.len() > 2).then(|| square.sqrt())
 }
 
-/// Windows over `n` frames that overlap by `overlap` on either side.
-fn windows(n: usize, overlap: usize) -> Vec<Window> {
-    let count = n.div_ceil(WINDOW * overlap);
+/// The equations of one step at `points` `(N, T)` under kernels `wider` than the final ones: H, row-major, and minus the gradient
+/// `(N, T)`, joint after joint. `common` is used with the bones of the refiner.
+///
+/// # Errors
+/// [`Error::InvalidInput`] if a frame does not match the refiner.
+pub fn equations(
+    refiner: &Refiner,
+    frames: &[Frame],
+    points: Vec<Vector3<f64>>,
+    mut common: Common,
+    wider: f64,
+) -> Result<(Vec<f64>, Vec<Vector3<f64>>)> {
+    let alone: Result<Vec<Alone>> = frames.iter().map(|frame| refiner.alone(frame)).collect();
+    let tracks = Tracks::new(&[&alone?], frames_in(BRIDGE, common.fps), common.sigma[0]);
+    common.bones = refiner.bones().to_vec();
+    let mut run = Run::new(&tracks, &common, Some(points));
+    run.linearise(wider);
+    Ok((run.system.dense(), run.system.pulls))
+}
+
+/// Windows over `n` frames of at most `length`, that overlap by `overlap` on either side.
+fn windows(n: usize, length: usize, overlap: usize) -> Vec<Window> {
+    let count = n.div_ceil(length);
     let cut = |k: usize| k * n / count;
     let window = |k: usize| {
         let own = cut(k)..cut(k + 1);
@@ -454,8 +490,16 @@ fn windows(n: usize, overlap: usize) -> Vec<Window> {
     (0..count).map(window).collect()
 }
 
-/// At most [`SAMPLE`] windows, evenly spread.
-fn spread_out(windows: &[Window]) -> Vec<Window> {
+/// The frames of at most [`SAMPLE`] windows, evenly spread; those that overlap in one.
+fn spread_out(windows: &[Window]) -> Vec<Range<usize>> {
     let n = windows.len().min(SAMPLE);
-    (0..n).map(|k| windows[(2 * k + 1) * windows.len() / (2 * n)].clone()).collect()
+    let mut out: Vec<Range<usize>> = Vec::new();
+    for k in 0..n {
+        let next = &windows[(2 * k + 1) * windows.len() / (2 * n)].all;
+        match out.last_mut() {
+            Some(last) if next.start <= last.end => last.end = next.end,
+            _ => out.push(next.clone()),
+        }
+    }
+    out
 }
