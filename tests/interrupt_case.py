@@ -63,6 +63,12 @@ def batch() -> None:
     sk.refine(None, np.array([frame()] * 2), RIG, layout="h36m17", config=config)
 
 
+def sequence() -> None:
+    """Refine a recording of a quarter of an hour in time, with views that agree on nothing."""
+    detections, cameras = views(12, 20_000, 17)
+    sk.refine_sequence(detections, cameras, fps=25.0)
+
+
 def triangulate() -> None:
     """Triangulate many views, of which no two agree."""
     detections, cameras = views(200, 2000, 20)
@@ -119,6 +125,7 @@ CASES = [
     one_closed_form_frame,
     one_step,
     batch,
+    sequence,
     triangulate,
     render,
     pseudo_ground_truth,

@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skelsplat import _skelsplat
-from skelsplat._arrays import numbers
+from skelsplat._arrays import numbers, positive
 from skelsplat._skelsplat import Camera, Layout, RefineConfig
 from skelsplat.cameras import CameraRig
+from skelsplat.exceptions import InvalidInputError
 
 Cameras = CameraRig | Sequence[Camera]
 Progress = Callable[[int, int], None]
@@ -56,6 +57,8 @@ class Refinement:
         ``"ok"``; ``"weak"``: the position is not determined. Fewer than two views agree on it (the splat
         meets its detection; ``annealed``: k ≥ ¼), or these are so close together that a point at infinity
         fits as well, or as many views agree on another place (``uncertainty`` then covers both);
+        ``"inferred"``: the length of a bone or, with ``Refiner(fps=…)``, the frames before determine it,
+        not two views of its own frame;
         ``"unobserved"``: no usable detection, the joint keeps its initial position.
     loss, loss_render, loss_symmetry : (…) float64
         L_opt, L_render and the unweighted L_sym (mm²) of the returned pose over all views. For ``annealed``
@@ -300,7 +303,7 @@ def loss_and_gradient(
 
 
 class Refiner:
-    """Refine frame after frame, each from the last pose: a live loop with any detector.
+    """Refine frame after frame as they arrive: a live loop with any detector.
 
     ``examples/live_loop.py`` is a whole one in twenty lines; ``skelsplat live`` is the same for programs in
     other languages. ``config=sk.RefineConfig(n_threads=1)`` keeps to one core.
@@ -309,12 +312,28 @@ class Refiner:
     ----------
     cameras, layout, config
         As in ``refine``, for every frame.
+    fps : float, optional
+        Frames per second, all of which are given to ``step``: the past then predicts. Each joint moves on at
+        its velocity, and the prediction weighs as much as its covariance allows, so that noise is averaged.
+        Where it contradicts a position on which two views agree, it does not count: a jump is followed at
+        once. The limbs of the layout keep the lengths they are seen to have. ``annealed`` only.
+    lag : int
+        With ``fps``: return the pose of the frame that lies this many frames before the last one. It is
+        solved together with the frames before and after it, much like in ``refine_sequence``, and better than
+        without a lag. The first ``lag`` steps return a pose of NaN; as many steps without any detection (NaN)
+        at the end return the last poses. A step takes one to a few milliseconds.
 
     Examples
     --------
-    >>> refiner = sk.Refiner(rig, layout="coco17")                                       # doctest: +SKIP
+    >>> refiner = sk.Refiner(rig, layout="coco17", fps=30)                               # doctest: +SKIP
     >>> for detections in camera_loop():                                                 # doctest: +SKIP
     ...     pose = refiner.step(detections).pose
+
+    Raises
+    ------
+    InvalidInputError
+        As ``refine``; ``fps`` is not a positive number, or given with ``paper``; ``lag`` is not a whole
+        number of at least 0, or given without ``fps``.
     """
 
     def __init__(
@@ -322,23 +341,45 @@ class Refiner:
         cameras: Cameras,
         *,
         layout: str | Layout | None = None,
+        fps: float | None = None,
+        lag: int = 0,
         config: RefineConfig | None = None,
     ) -> None:
-        self._prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
+        if fps is not None:
+            positive("fps", fps)
+        if not isinstance(lag, int | np.integer) or lag < 0:
+            raise InvalidInputError(f"lag: expected a whole number of at least 0, got {lag!r}")
+        if lag and fps is None:
+            raise InvalidInputError("lag: expected fps as well, got none")
         self._cameras, self._layout = cameras, layout
         self._config = config
+        self._fps, self._lag = fps, lag
         self._last: NDArray[np.float64] | None = None
+        self._begun = False
+        self._prepare(None)
+
+    def _prepare(self, state: NDArray[np.float64] | None) -> None:
+        self._prepared = _skelsplat.Refiner(self._cameras, layout=self._layout, config=self._config)
+        self._live: _skelsplat.Live | None = None
+        if self._fps is not None:
+            self._live = _skelsplat.Live(self._prepared, float(self._fps), lag=self._lag, state=state)
 
     def __getstate__(self) -> dict[str, Any]:
-        return {name: value for name, value in self.__dict__.items() if name != "_prepared"}
+        compiled = ("_prepared", "_live")
+        state = {name: value for name, value in self.__dict__.items() if name not in compiled}
+        return {**state, "_state": None if self._live is None else self._live.state()}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
+        numbers = state.pop("_state")
         self.__dict__.update(state)
-        self._prepared = _skelsplat.Refiner(self._cameras, layout=self._layout, config=self._config)
+        self._prepare(numbers)
 
     def reset(self) -> None:
-        """Forget the last pose: the next frame is triangulated."""
+        """Forget all frames: the next one is triangulated. With a lag, poses not yet returned are lost."""
         self._last = None
+        self._begun = False
+        if self._live is not None:
+            self._live.reset()
 
     def step(self, detections: ArrayLike, confidence: ArrayLike | None = None) -> Refinement:
         """Refine one frame ``(M, N, 2|3)``.
@@ -348,14 +389,23 @@ class Refiner:
         none sees (status ``"weak"`` and ``"unobserved"``). With ``paper`` joints without a reliable position
         are triangulated again, and so is the whole pose if most joints no longer meet their detections.
 
+        With ``fps`` the depth of a joint that one view sees comes from the prediction and from its bones, and
+        a joint that none sees is bridged for up to half a second: status ``"inferred"``, or ``"weak"`` where
+        the error bar is wide. Then it is ``"unobserved"`` and keeps the position at which it was last seen.
+        ``init_pose`` is the pose of the frame alone. Do not leave out frames without detections.
+
         Raises
         ------
         InvalidInputError
             If ``detections`` is not one frame, or has another number of joints than the frames before.
         """
-        out, past = self._prepared.follow(self._last, detections, confidence=confidence)
+        if self._live is None:
+            out, past = self._prepared.follow(self._last, detections, confidence=confidence)
+        else:
+            out, past = self._live.step(detections, confidence=confidence), None
         result = Refinement(**refinement_fields(out))
-        if self._last is None:
+        if not self._begun:
             warn_of_unit(result.pose, self._cameras, self._layout)
         self._last = past
+        self._begun = not self._lag or self._begun or bool(np.isfinite(result.pose).any())
         return result

@@ -14,6 +14,7 @@ __all__ = [
     "REJECTED_WEIGHT",
     "Camera",
     "Layout",
+    "Live",
     "RefineConfig",
     "Refiner",
     "Setting",
@@ -26,6 +27,7 @@ __all__ = [
     "project_gaussians",
     "pseudo_ground_truth",
     "render",
+    "sequence_equations",
     "triangulate",
 ]
 
@@ -524,6 +526,23 @@ def loss_and_gradient(
 ) -> dict[str, Any]:
     """Return the fields of ``skelsplat.LossAndGradient``."""
 
+def sequence_equations(
+    poses: ArrayLike,
+    detections: ArrayLike,
+    cameras: _Cameras,
+    *,
+    fps: float,
+    lengths: Sequence[Sequence[float]],
+    joints: Sequence[Sequence[float]],
+    layout: str | Layout | None = None,
+    config: RefineConfig | None = None,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return H (3NT, 3NT) and the gradient (N, T, 3) of a step of ``refine_sequence`` at ``poses`` (T, N, 3).
+
+    ``lengths``: mean and σ of every limb, mm; ``joints``: density of the acceleration (mm²/s³), variance of a
+    detection (mm²) and kernel (mm) of every joint.
+    """
+
 @final
 class Refiner:
     """Cameras, layout and settings, prepared for any number of frames.
@@ -563,6 +582,28 @@ class Refiner:
         self, past: ArrayLike | None, detections: ArrayLike, *, confidence: ArrayLike | None = None
     ) -> tuple[dict[str, Any], NDArray[np.float64]]:
         """Return the fields of the frame that follows ``past`` (N, 3), and the past of the next frame."""
+
+@final
+class Live:
+    """The frames of a live loop at a known rate, with the state between them.
+
+    Raises
+    ------
+    InvalidInputError
+        ``fps`` is not positive, the method is ``paper``, or ``state`` is not what ``state()`` returned.
+    """
+
+    def __new__(
+        cls, refiner: Refiner, fps: float, *, lag: int = 0, state: NDArray[np.float64] | None = None
+    ) -> Live: ...
+    def step(self, detections: ArrayLike, *, confidence: ArrayLike | None = None) -> dict[str, Any]:
+        """Return the fields of ``skelsplat.Refinement``; ``joint_status`` as codes."""
+
+    def reset(self) -> None:
+        """Forget all frames."""
+
+    def state(self) -> NDArray[np.float64]:
+        """Return the state as numbers."""
 
 def implausible_extent(
     poses: ArrayLike, cameras: _Cameras, *, layout: str | Layout | None = None

@@ -5,6 +5,8 @@ from __future__ import annotations
 import copy
 import pickle
 import re
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -388,3 +390,30 @@ def test_swaps_that_last_are_found_where_frames_alone_cannot_tell(rate):
     assert share > share_alone + 0.03
     assert np.mean(error) < 14.0 < 0.75 * np.mean(error_alone)
     assert any(wrong)
+
+
+# long recordings
+
+
+LONG = """
+import resource, sys
+import numpy as np, skelsplat as sk
+from skelsplat import synthetic
+rig = synthetic.human36m_like()
+pose = synthetic.motion("walk", 500, fps=30.0, seed=1)
+seen = synthetic.simulate_detections(pose, rig, noise=synthetic.DetectionNoise.recording(30.0), seed=1)
+seen = np.tile(seen.astype(np.float32), (int(sys.argv[1]) // 500, 1, 1, 1))
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+found = sk.refine_sequence(seen, rig, fps=30.0, layout="h36m17")
+assert np.isfinite(found.pose).all()
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="others count memory in other units")
+@pytest.mark.parametrize("n_frames", [swept(20_000)])
+def test_memory_grows_with_the_results_alone(n_frames):
+    """20 kB a frame of 17 joints and 4 views, 100 MB for the windows at work."""
+    command = [sys.executable, "-c", LONG, str(n_frames)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert int(done.stdout) < 100_000 + 20 * n_frames

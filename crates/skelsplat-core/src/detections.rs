@@ -22,7 +22,7 @@ pub fn too_far(values: &[f64]) -> Option<usize> {
 /// One frame's detections, `(M, N)`: pixel and confidence of joint `j` in view `i`.
 ///
 /// A detection is missing when a coordinate is not finite or its confidence is 0.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Detections {
     n_views: usize,
     n_joints: usize,

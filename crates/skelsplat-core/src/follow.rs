@@ -7,6 +7,7 @@ use crate::detections::Detections;
 use crate::error::{Error, Result};
 use crate::outcome::JointStatus;
 use crate::refine::{Frame, Method, Refinement, Refiner};
+use crate::sequence::Live;
 
 /// Upper limit of a joint's movement between frames, mm: 7.5 m/s at 25 frames per second.
 const LEAP_MM: f64 = 300.0;
@@ -15,11 +16,13 @@ const LEAP_MM: f64 = 300.0;
 ///
 /// With `annealed` the detections determine every joint that two views see; the past provides the depth of a joint that one
 /// view sees and the position of one that no view sees, and breaks ties. With `paper`, joints without a reliable position
-/// are triangulated again, and so is the whole pose if most joints no longer match their detections.
+/// are triangulated again, and so is the whole pose if most joints no longer match their detections. At a known frame rate
+/// ([`Follower::at_rate`]) the past predicts as well ([`Live`]).
 #[derive(Debug, Clone)]
 pub struct Follower<'a> {
     refiner: &'a Refiner,
     past: Option<Vec<Vector3<f64>>>,
+    live: Option<Live>,
 }
 
 impl<'a> Follower<'a> {
@@ -27,10 +30,19 @@ impl<'a> Follower<'a> {
     /// only.
     #[must_use]
     pub fn new(refiner: &'a Refiner, past: Option<Vec<Vector3<f64>>>) -> Self {
-        Self { refiner, past }
+        Self { refiner, past, live: None }
     }
 
-    /// The last known positions `(N)`.
+    /// Starts without a past, of frames that come `fps` times per second: the past predicts. The answer is the frame `lag`
+    /// frames before the last.
+    ///
+    /// # Errors
+    /// As [`Live::new`].
+    pub fn at_rate(refiner: &'a Refiner, fps: f64, lag: usize) -> Result<Self> {
+        Ok(Self { refiner, past: None, live: Some(Live::new(refiner, fps, lag)?) })
+    }
+
+    /// The last known positions `(N)`; `None` at a known frame rate.
     #[must_use]
     pub fn past(&self) -> Option<&[Vector3<f64>]> {
         self.past.as_deref()
@@ -39,6 +51,7 @@ impl<'a> Follower<'a> {
     /// Discards the past: the next frame starts from its detections only.
     pub fn reset(&mut self) {
         self.past = None;
+        self.live.iter_mut().for_each(Live::reset);
     }
 
     /// Refines the next frame.
@@ -46,6 +59,9 @@ impl<'a> Follower<'a> {
     /// # Errors
     /// As [`refine_batch`], and [`Error::InvalidInput`] if the number of joints differs from the previous frames.
     pub fn step(&mut self, detections: Detections, progress: &Progress) -> Result<Refinement> {
+        if let Some(live) = &mut self.live {
+            return live.step(self.refiner, detections, progress);
+        }
         let n = detections.n_joints();
         if let Some(past) = self.past.as_ref().filter(|past| past.len() != n) {
             let expected =

@@ -97,7 +97,7 @@ pub use nalgebra;
 pub use outcome::{JointStatus, Loss, StopReason};
 pub use paper::{Encoding, LossAndGradient, PaperSettings, PositionLearningRate, Renderer};
 pub use refine::{Control, Frame, Method, RefineConfig, Refinement, Refiner};
-pub use sequence::{Sequence, refine_sequence};
+pub use sequence::{Live, Sequence, refine_sequence};
 pub use settings::{Domain, Kind, Setting, Value};
 pub use triangulate::{Triangulated, fuse_monocular};
 pub use triangulation::{TriangulationMethod, triangulate};

@@ -1,9 +1,15 @@
 //! Sequences: the parts against dense algebra and central differences, and whole recordings.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use skelsplat_core::study::annealed::{Alone, Ray, Rays};
 use skelsplat_core::study::bones::{Length, Pull};
 use skelsplat_core::study::sequence::chain::{Chain, second_difference, stiffness};
+use skelsplat_core::study::sequence::noise::Memory;
+use skelsplat_core::study::sequence::posterior::posterior;
+use skelsplat_core::study::sequence::refine_in_windows;
+use skelsplat_core::study::sequence::solver::{Common, Run};
 use skelsplat_core::study::sequence::system::System;
+use skelsplat_core::study::sequence::tracks::Tracks;
 use skelsplat_core::testing::differences::{central_differences, relative_error};
 use skelsplat_core::testing::scenes::{Noise, noisy_detections, room, standing};
 use skelsplat_core::{
@@ -272,4 +278,99 @@ fn nothing_and_one_frame_are_answered_and_a_wrong_rate_is_named() {
     let paper = Refiner::new(&room(4), Unit::Millimetre, None, RefineConfig::paper()).unwrap();
     let text = refine_sequence(&paper, &[], 30.0, &Progress::default()).unwrap_err().to_string();
     assert!(text.starts_with("config.method: expected 'annealed'"), "{text}");
+}
+
+#[test]
+fn bones_tell_a_frame_what_the_dense_inverse_tells() {
+    // A tree of four joints, of which the third is seen by one view only: its messages need two sweeps.
+    let joints =
+        [[0.0, 0.0, 0.0], [200.0, 50.0, 30.0], [350.0, -40.0, 210.0], [180.0, 260.0, -60.0]];
+    let joints = joints.map(Vector3::from);
+    let bones = vec![[0, 1], [1, 2], [1, 3]];
+    let lengths: Vec<Length> = bones
+        .iter()
+        .map(|[a, b]: &[usize; 2]| Length { mean: (joints[*a] - joints[*b]).norm(), sigma: 9.0 })
+        .collect();
+    let centres = [[3000.0, 0.0, 500.0], [-800.0, 2800.0, 900.0], [-900.0, -2700.0, 300.0]]
+        .map(Vector3::from);
+    let ray = |j: usize, i: usize| {
+        let direction = (joints[j] - centres[i]).normalize();
+        match (j, i) {
+            (2, 1 | 2) => Ray::NONE,
+            _ => Ray { centre: centres[i], direction, weight: 1.0, pixel: 1e-3 },
+        }
+    };
+    let rays = (0..4).flat_map(|j| (0..3).map(move |i| ray(j, i))).collect();
+    let alone = Alone {
+        rays: Rays::of(rays, 3),
+        used_for: (0..3).flat_map(|_| 0..4).collect(),
+        points: joints.to_vec(),
+        spread: vec![Matrix3::identity() * 100.0; 4],
+        status: vec![JointStatus::Ok; 4],
+        noise: 10.0,
+    };
+    let common = Common {
+        fps: 30.0,
+        bones: bones.clone(),
+        lengths,
+        agility: vec![1e6; 4],
+        weight: 1.0,
+        variance: vec![120.0, 90.0, 100.0, 150.0],
+        sigma: vec![30.0; 4],
+        reach: 400.0,
+    };
+    let tracks = Tracks::new(&[std::slice::from_ref(&alone)], 30, 30.0);
+    let mut run = Run::new(&tracks, &common, Some(joints.to_vec()));
+    run.linearise(1.0);
+    let white = Memory { constant: 0.0, rest: Vec::new() };
+    let found = posterior(&run, &tracks, &common, &white);
+    // What the joints know by themselves, up to the share of the residuals that is noise, which takes out of the trace.
+    let mut without = common.clone();
+    without.bones.clear();
+    let mut own = Run::new(&tracks, &without, Some(joints.to_vec()));
+    own.linearise(1.0);
+    let alone = posterior(&own, &tracks, &without, &white);
+    let share = alone.positions[0].trace() / own.bands(0)[0].own.trace();
+    assert!((0.5..=1.0).contains(&share));
+    let mut information = DMatrix::zeros(12, 12);
+    for j in 0..4 {
+        let known = alone.positions[j].try_inverse().unwrap();
+        information.view_mut((3 * j, 3 * j), (3, 3)).copy_from(&known);
+    }
+    for (b, [a, c]) in bones.iter().enumerate() {
+        let pull = &run.system.lengths[b];
+        let block = pull.along * pull.along.transpose() * pull.stiffness;
+        for (p, q, sign) in [(a, a, 1.0), (c, c, 1.0), (a, c, -1.0), (c, a, -1.0)] {
+            let mut part = information.view_mut((3 * p, 3 * q), (3, 3));
+            part += block * sign;
+        }
+    }
+    let dense = information.try_inverse().unwrap();
+    for j in 0..4 {
+        let expected = dense.fixed_view::<3, 3>(3 * j, 3 * j).into_owned();
+        let error = (found.positions[j] - expected).amax() / expected.amax();
+        assert!(error < 1e-9, "joint {j}: {error}");
+    }
+    assert!(found.positions[2].trace() < 0.1 * alone.positions[2].trace());
+}
+
+#[test]
+fn windows_that_overlap_give_what_one_window_gives() {
+    let (_, detections) = recording(400, 4.0, 10);
+    let layout = Layout::by_name("h36m17").unwrap();
+    let refiner =
+        Refiner::new(&room(4), Unit::Millimetre, Some(&layout), RefineConfig::default()).unwrap();
+    let frames: Vec<Frame> = detections.iter().cloned().map(Frame::from).collect();
+    let solved = |windows| {
+        refine_in_windows(&refiner, &frames, 30.0, windows, &Progress::default()).unwrap()
+    };
+    // Three windows of 133 frames and one of 400: what is learnt is the same.
+    let (whole, parts) = (solved([400, 60]), solved([134, 60]));
+    let pairs =
+        whole.frames.iter().zip(&parts.frames).flat_map(|(a, b)| a.pose.iter().zip(&b.pose));
+    let mut off: Vec<f64> = pairs.map(|(a, b)| (a - b).norm()).collect();
+    off.sort_by(f64::total_cmp);
+    let (median, largest) = (off[off.len() / 2], off[off.len() - 1]);
+    assert!(median < 0.1, "median {median} mm, largest {largest} mm");
+    assert!(largest < 0.15, "largest {largest} mm");
 }

@@ -32,9 +32,11 @@ mod _skelsplat {
     #[pymodule_export]
     use crate::layout::Layout;
     #[pymodule_export]
-    use crate::refine::{PyRefiner, implausible_extent};
+    use crate::refine::{PyLive, PyRefiner, implausible_extent};
     #[pymodule_export]
-    use crate::study::{loss_and_gradient, project_gaussians, pseudo_ground_truth, render};
+    use crate::study::{
+        loss_and_gradient, project_gaussians, pseudo_ground_truth, render, sequence_equations,
+    };
 
     #[pymodule_init]
     fn init(m: &Bound<'_, PyModule>) -> PyResult<()> {

@@ -1,7 +1,7 @@
 //! `refine`, for one frame or many.
 
 use std::iter::repeat;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use nalgebra::{Matrix3, Vector3};
 use pyo3::prelude::*;
@@ -9,8 +9,8 @@ use pyo3::types::PyDict;
 use skelsplat_core::study::gaussian::is_symmetric;
 use skelsplat_core::study::unit::implausible_extent as core_extent;
 use skelsplat_core::{
-    Follower, Frame, JointStatus, Method, Progress, Refinement, Refiner, Sequence, refine_batch,
-    refine_sequence,
+    Follower, Frame, JointStatus, Live, Method, Progress, Refinement, Refiner, Sequence,
+    refine_batch, refine_sequence,
 };
 
 use crate::args::{Array, Confidence, InitPose, InitSigma, Out, Poses, place};
@@ -46,6 +46,7 @@ pub(crate) fn refiner(
 /// InvalidInputError
 ///     No camera, an unknown layout, or settings that do not match the cameras.
 #[pyclass(frozen, module = "skelsplat._skelsplat", name = "Refiner")]
+#[derive(Clone)]
 pub(crate) struct PyRefiner(Arc<Refiner>);
 
 #[pymethods]
@@ -129,6 +130,63 @@ impl PyRefiner {
         })?;
         let past = Out::points(&past, vec![frames.n_joints, 3]);
         Ok((results(py, &frames, &[done])?, past))
+    }
+}
+
+/// The frames of a live loop at a known rate, with the state between them.
+///
+/// Raises
+/// ------
+/// InvalidInputError
+///     ``fps`` is not positive, the method is ``paper``, or ``state`` is not what ``state()`` returned.
+#[pyclass(frozen, module = "skelsplat._skelsplat", name = "Live")]
+pub(crate) struct PyLive {
+    refiner: PyRefiner,
+    live: Arc<Mutex<Live>>,
+}
+
+#[pymethods]
+impl PyLive {
+    #[new]
+    #[pyo3(signature = (refiner, fps, *, lag=0, state=None))]
+    fn new(refiner: &PyRefiner, fps: f64, lag: usize, state: Option<Vec<f64>>) -> Result<Self> {
+        let mut live = Live::new(&refiner.0, fps, lag)?;
+        if let Some(numbers) = state {
+            live = live.restored(numbers)?;
+        }
+        Ok(Self { refiner: refiner.clone(), live: Arc::new(Mutex::new(live)) })
+    }
+
+    /// Return the fields of ``skelsplat.Refinement``; ``joint_status`` as codes.
+    #[pyo3(signature = (detections, *, confidence=None))]
+    fn step<'py>(
+        &self,
+        py: Python<'py>,
+        detections: Frames,
+        confidence: Option<Confidence>,
+    ) -> Result<Bound<'py, PyDict>> {
+        let frames = detections.with(confidence)?;
+        let given = frames.only()?;
+        let (refiner, live) = (Arc::clone(&self.refiner.0), Arc::clone(&self.live));
+        let done = watch::run(py, self.refiner.is_short(&frames), move |progress| {
+            let mut live = live.lock().unwrap_or_else(PoisonError::into_inner);
+            live.step(&refiner, given, progress)
+        })?;
+        results(py, &frames, &[done])
+    }
+
+    /// Forget all frames.
+    fn reset(&self) {
+        self.live.lock().unwrap_or_else(PoisonError::into_inner).reset();
+    }
+
+    /// Return the state as numbers.
+    fn state(&self, py: Python<'_>) -> Out<f64> {
+        let live = Arc::clone(&self.live);
+        let numbers =
+            py.detach(move || live.lock().unwrap_or_else(PoisonError::into_inner).numbers());
+        let n = numbers.len();
+        Out(numbers, vec![n])
     }
 }
 

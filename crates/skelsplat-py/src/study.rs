@@ -6,13 +6,15 @@ use nalgebra::{Matrix3, Vector2, Vector3, Vector4};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use skelsplat_core::Result as CoreResult;
+use skelsplat_core::study::bones::Length;
 use skelsplat_core::study::gaussian::check_covariances;
 use skelsplat_core::study::paper::render::{self as core, Images, Seen};
 use skelsplat_core::study::projection::View;
-use skelsplat_core::{Control, Encoding, Gaussian, GaussianGradient, PaperSettings};
+use skelsplat_core::study::sequence::{equations, solver::Common};
+use skelsplat_core::{Control, Encoding, Frame, Gaussian, GaussianGradient, PaperSettings};
 
 use crate::args::{
-    Array, Covariances, Keypoints, LogScales, Means, Out, Quaternions, TargetCovariances,
+    Array, Covariances, Keypoints, LogScales, Means, Out, Poses, Quaternions, TargetCovariances,
     TargetMeans,
 };
 use crate::camera::{Camera, Cameras};
@@ -196,4 +198,44 @@ pub(crate) fn loss_and_gradient<'py>(
     out.set_item("d_log_scales", rows(|g| g.log_scales))?;
     out.set_item("d_quaternions", Out(turns, vec![n, 4]))?;
     Ok(out)
+}
+
+/// Return H (3NT, 3NT) and the gradient (N, T, 3) of a step of ``refine_sequence`` at ``poses`` (T, N, 3).
+///
+/// ``lengths``: mean and σ of every limb, mm; ``joints``: density of the acceleration (mm²/s³), variance of a
+/// detection (mm²) and kernel (mm) of every joint.
+#[pyfunction]
+#[pyo3(signature = (poses, detections, cameras, *, fps, lengths, joints, layout=None, config=None))]
+#[allow(clippy::too_many_arguments, reason = "what a step depends on")]
+pub(crate) fn sequence_equations(
+    poses: Poses,
+    detections: Frames,
+    cameras: Cameras,
+    fps: f64,
+    lengths: Vec<[f64; 2]>,
+    joints: Vec<[f64; 3]>,
+    layout: Option<Layout>,
+    config: Option<RefineConfig>,
+) -> Result<(Out<f64>, Out<f64>)> {
+    let (t, n) = (poses.0.shape[0], poses.0.shape[1]);
+    let refiner = refiner(&cameras, layout, config)?;
+    let frames: Vec<Frame> = detections.detections()?.into_iter().map(Frame::from).collect();
+    let given = poses.0.points();
+    let points = (0..n * t).map(|k| given[k % t * n + k / t]).collect();
+    let common = Common {
+        fps,
+        bones: Vec::new(),
+        lengths: lengths
+            .iter()
+            .map(|[mean, sigma]| Length { mean: *mean, sigma: *sigma })
+            .collect(),
+        agility: joints.iter().map(|j| j[0]).collect(),
+        weight: 1.0,
+        variance: joints.iter().map(|j| j[1]).collect(),
+        sigma: joints.iter().map(|j| j[2]).collect(),
+        reach: 1.0,
+    };
+    let (hessian, pulls) = equations(&refiner, &frames, points, common, 1.0)?;
+    let gradient: Vec<Vector3<f64>> = pulls.iter().map(|pull| -pull).collect();
+    Ok((Out(hessian, vec![3 * n * t, 3 * n * t]), Out::points(&gradient, vec![n, t, 3])))
 }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +12,9 @@ from skelsplat._arrays import Array, Index, Mask
 from skelsplat.association import take_people
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError, SkelSplatError
-from skelsplat.io import read_npz
+from skelsplat.io import PoseData, read_npz
 from skelsplat.io.calibration import find_format, read_calibration
-from skelsplat.io.detections import camera_called, cameras_called, read_detections
+from skelsplat.io.detections import DetectionSet, camera_called, cameras_called, read_detections
 from skelsplat.io.video import find_videos, open_source
 from skelsplat.run.job import Job
 from skelsplat.run.person import Crowd, look_around, pick_places
@@ -79,20 +79,15 @@ def read_inputs(job: Job) -> Inputs:
     )
     layout = sk.layouts.get(found.layout)
     index, unmatched = pick_places(found.people, rig, person, layout)
-    rate, stated, init, rate_of_init = job.fps, "", None, None
-    if job.init is not None:
-        init, rate_of_init = _read_init(Path(job.init), rig, len(found.frames), layout)
-    if rate is None and (rate := found.frame_rate or rate_of_init) is not None:
-        stated = "files"
-    elif rate is None and (rate := _rate_of_videos(Path(job.detections), rig, found.frames)) is not None:
-        stated = "videos"
+    init = None if job.init is None else _read_init(Path(job.init), rig, len(found.frames), layout)
+    rate, stated = _known_rate(job, found, init, rig)
     return Inputs(
         rig,
         layout,
         take_people(found.people, index),
         unmatched,
         found.frames,
-        init_pose=init,
+        init_pose=None if init is None else init.pose,
         format=found.format,
         calibration_format=job.calibration_format or find_format(calibration),
         lacking=frozenset(joint for joint, name in job.mapping.items() if name is None),
@@ -140,6 +135,19 @@ def named_offsets(rig: sk.CameraRig, offsets: Mapping[str, int]) -> dict[str, in
     return {camera_called(text, rig.names): frames for text, frames in offsets.items()}
 
 
+def _known_rate(
+    job: Job, found: DetectionSet, init: PoseData | None, rig: sk.CameraRig
+) -> tuple[float | None, str]:
+    """Return the frame rate, None if unknown, and what states it if the job does not."""
+    if job.fps is not None:
+        return job.fps, ""
+    of_files = found.frame_rate or (None if init is None else init.frame_rate)
+    if of_files is not None:
+        return of_files, "files"
+    of_videos = _rate_of_videos(Path(job.detections), rig, found.frames)
+    return of_videos, "" if of_videos is None else "videos"
+
+
 def _rate_of_videos(detections: Path, rig: sk.CameraRig, frames: Index) -> float | None:
     """Return the rate that all cameras' videos state, with the detections or in ``videos`` next to them.
 
@@ -157,13 +165,12 @@ def _rate_of_videos(detections: Path, rig: sk.CameraRig, frames: Index) -> float
     return None
 
 
-def _read_init(path: Path, rig: sk.CameraRig, steps: int, layout: sk.Layout) -> tuple[Array, float | None]:
-    """Read an initial pose of so many frames, in the rig's unit, and its frame rate."""
+def _read_init(path: Path, rig: sk.CameraRig, steps: int, layout: sk.Layout) -> PoseData:
+    """Read an initial pose of so many frames, in the rig's unit."""
     data = read_npz(path)
     expected = (steps, layout.n_joints, 3)
     if data.pose.shape != expected:
         raise DatasetError(path, "pose", f"shape {expected} like the detections", data.pose.shape)
     if data.joint_names != tuple(layout.joints):
         raise DatasetError(path, "joint_names", f"the joints of {layout.name}", ", ".join(data.joint_names))
-    scaled: Array = data.pose * (MM_PER_UNIT[data.unit] / rig.mm_per_unit)
-    return scaled, data.frame_rate
+    return replace(data, pose=data.pose * (MM_PER_UNIT[data.unit] / rig.mm_per_unit))

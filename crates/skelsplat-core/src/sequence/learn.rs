@@ -8,13 +8,13 @@ use super::tracks::Tracks;
 use crate::bones::Length;
 
 /// Longest time over which an acceleration is measured, s: half of the second difference's span.
-const SPAN: f64 = 0.4;
+pub(super) const SPAN: f64 = 0.4;
 /// Multiple of the noise at which a span shows motion.
 const CLEAR: f64 = 2.0;
 /// Least share of white noise in the variance of the detections.
-const LEAST_WHITE: f64 = 0.1;
+pub(super) const LEAST_WHITE: f64 = 0.1;
 /// Agility of joints of which too little is known, mm²/s³: 5 m/s² for a tenth of a second.
-const USUAL_AGILITY: f64 = 2.5e6;
+pub(super) const USUAL_AGILITY: f64 = 2.5e6;
 /// Bounds of the frequency up to which motion is told from noise, Hz and share of the frame rate.
 const SLOWEST: f64 = 0.5;
 const FASTEST: f64 = 0.5;
@@ -23,8 +23,8 @@ const AGILITY: f64 = 0.5;
 /// Frames needed for an estimate.
 const LEAST: usize = 12;
 /// Least standard deviation of a bone's length, mm and share of its length.
-const LEAST_SPREAD: f64 = 6.0;
-const LEAST_SHARE: f64 = 0.02;
+pub(super) const LEAST_SPREAD: f64 = 6.0;
+pub(super) const LEAST_SHARE: f64 = 0.02;
 
 /// The spectral density q of the acceleration of every joint, mm²/s³, for data of these variances, mm².
 ///
@@ -38,13 +38,30 @@ pub fn agility(tracks: &Tracks, fps: f64, variance: &[f64]) -> Vec<f64> {
         (0..tracks.joints).map(|j| of_joint(tracks, fps, j, variance[j])).collect();
     let known = own.iter().map(|(q, _)| *q).filter(|q| q.is_finite());
     let shared = Some(median(known.collect())).filter(|q| q.is_finite()).unwrap_or(USUAL_AGILITY);
-    let bounded = |((q, white), variance): (&(f64, f64), &f64)| {
-        let q = if q.is_finite() { *q } else { shared };
-        let at = |f: f64| (std::f64::consts::TAU * f).powi(4) * variance / fps;
-        let fastest = FASTEST * fps;
-        (AGILITY * q * variance / white).clamp(at(SLOWEST.min(fastest)), at(fastest))
+    let of_its_own = |((q, white), variance): (&(f64, f64), &f64)| {
+        bounded(if q.is_finite() { *q } else { shared }, *white, *variance, fps)
     };
-    own.iter().zip(variance).map(bounded).collect()
+    own.iter().zip(variance).map(of_its_own).collect()
+}
+
+/// q for data of this variance, of which `white` is white, within the bounds.
+pub(super) fn bounded(q: f64, white: f64, variance: f64, fps: f64) -> f64 {
+    let at = |f: f64| (std::f64::consts::TAU * f).powi(4) * variance / fps;
+    let fastest = FASTEST * fps;
+    (AGILITY * q * variance / white).clamp(at(SLOWEST.min(fastest)), at(fastest))
+}
+
+/// q by the variances of second differences over spans of h frames, for noise of the variance `white`: the first span in which
+/// motion outweighs the noise counts. NaN of nothing.
+pub(super) fn density(squares: impl Iterator<Item = (usize, f64)>, white: f64, fps: f64) -> f64 {
+    let mut q = f64::NAN;
+    for (h, square) in squares {
+        q = 1.5 * (square - 6.0 * white).max(0.6 * white) / (h as f64 / fps).powi(3);
+        if square > CLEAR * 6.0 * white {
+            break;
+        }
+    }
+    q
 }
 
 /// q (NaN if too little is known) and the variance of the white noise.
@@ -53,19 +70,10 @@ fn of_joint(tracks: &Tracks, fps: f64, j: usize, variance: f64) -> (f64, f64) {
     let sure = tracks.alone[of.clone()].iter().zip(&tracks.sure[of]);
     let unknown = Vector3::repeat(f64::NAN);
     let x: Vec<Vector3<f64>> = sure.map(|(x, sure)| if *sure { *x } else { unknown }).collect();
-    let mut white = variance;
-    let mut q = f64::NAN;
-    for h in 1..=frames_in(SPAN, fps) {
-        let Some(square) = second_moment(&x, h) else { break };
-        if h == 1 {
-            white = (square / 6.0).clamp(LEAST_WHITE * variance, variance);
-        }
-        q = 1.5 * (square - 6.0 * white).max(0.6 * white) / (h as f64 / fps).powi(3);
-        if square > CLEAR * 6.0 * white {
-            break;
-        }
-    }
-    (q, white)
+    let Some(first) = second_moment(&x, 1) else { return (f64::NAN, variance) };
+    let white = (first / 6.0).clamp(LEAST_WHITE * variance, variance);
+    let longer = (2..=frames_in(SPAN, fps)).map_while(|h| Some((h, second_moment(&x, h)?)));
+    (density(std::iter::once((1, first)).chain(longer), white, fps), white)
 }
 
 /// Variance per axis of the second differences over `h` frames, without the largest tenth: rest and motion both count, jumps do

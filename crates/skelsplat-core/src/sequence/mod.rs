@@ -17,6 +17,7 @@
 
 pub mod chain;
 pub mod learn;
+pub mod live;
 pub mod noise;
 pub mod posterior;
 mod recording;
@@ -26,4 +27,5 @@ mod swaps;
 pub mod system;
 pub mod tracks;
 
-pub use recording::{Sequence, refine_sequence};
+pub use live::Live;
+pub use recording::{Sequence, equations, refine_in_windows, refine_sequence};

@@ -25,7 +25,7 @@ use crate::threads;
 /// Frames per second that can be computed with.
 const RATES: RangeInclusive<f64> = 1e-3..=1e6;
 /// Longest gap over which a joint is bridged, s.
-const BRIDGE: f64 = 1.0;
+pub(super) const BRIDGE: f64 = 1.0;
 /// Overlap of windows on either side, s, and the least number of frames.
 const OVERLAP: f64 = 2.0;
 const LEAST_OVERLAP: usize = 30;
@@ -34,10 +34,10 @@ const WINDOW: usize = 15;
 /// Number of windows from which is learnt.
 const SAMPLE: usize = 3;
 /// Largest standard deviation of an inferred joint, as a share of the body's spread.
-const INFERRED: f64 = 0.25;
+pub(super) const INFERRED: f64 = 0.25;
 /// Least spread of a body in multiples of the noise, and the spread where nothing is known, mm.
-const LEAST_SPREAD: f64 = 2.0;
-const USUAL_SPREAD: f64 = 500.0;
+pub(super) const LEAST_SPREAD: f64 = 2.0;
+pub(super) const USUAL_SPREAD: f64 = 500.0;
 
 /// A refined recording, in the unit of the cameras.
 #[derive(Debug, Clone, PartialEq)]
@@ -65,39 +65,55 @@ pub fn refine_sequence(
     fps: f64,
     progress: &Progress,
 ) -> Result<Sequence> {
+    let overlap = frames_in(OVERLAP, fps).max(LEAST_OVERLAP);
+    refine_in_windows(refiner, frames, fps, [WINDOW.saturating_mul(overlap), overlap], progress)
+}
+
+/// [`refine_sequence`] in windows of at most this length, which overlap by so many frames on either side.
+///
+/// # Errors
+/// As [`refine_sequence`].
+pub fn refine_in_windows(
+    refiner: &Refiner,
+    frames: &[Frame],
+    fps: f64,
+    [length, overlap]: [usize; 2],
+    progress: &Progress,
+) -> Result<Sequence> {
+    check(refiner, fps, "'annealed' for a sequence")?;
+    let windows = windows(frames.len(), length, overlap);
+    let recording = Recording { refiner, frames, fps, windows, progress };
+    threads::install(refiner.config().n_threads, |_| recording.solve())
+}
+
+/// Rejects a rate that is none, and another method than the `expected` one.
+pub(super) fn check(refiner: &Refiner, fps: f64, expected: &str) -> Result<()> {
     if !(fps.is_finite() && fps > 0.0) {
-        return Err(Error::invalid(
-            "fps",
-            "a positive number of frames per second",
-            fps.to_string(),
-        ));
+        let expected = "a positive number of frames per second";
+        return Err(Error::invalid("fps", expected, fps.to_string()));
     }
     if !RATES.contains(&fps) {
         return Err(Error::invalid("fps", "a number from 1e-3 to 1e6", format!("{fps:e}")));
     }
     if !matches!(refiner.config().method, Method::Annealed(_)) {
         let name = refiner.config().method.name();
-        return Err(Error::invalid(
-            "config.method",
-            "'annealed' for a sequence",
-            format!("'{name}'"),
-        ));
+        return Err(Error::invalid("config.method", expected, format!("'{name}'")));
     }
-    let recording = Recording { refiner, frames, fps, progress };
-    threads::install(refiner.config().n_threads, |_| recording.solve())
+    Ok(())
 }
 
 struct Recording<'a> {
     refiner: &'a Refiner,
     frames: &'a [Frame],
     fps: f64,
+    windows: Vec<Window>,
     progress: &'a Progress,
 }
 
 /// What is learnt from the sample.
-struct Learnt {
-    common: Common,
-    memory: Memory,
+pub(super) struct Learnt {
+    pub(super) common: Common,
+    pub(super) memory: Memory,
 }
 
 /// Tracks with their sides corrected, and the path found in them.
@@ -132,17 +148,16 @@ struct SolvedFrame {
 impl Recording<'_> {
     fn solve(&self) -> Result<Sequence> {
         let bones = self.refiner.bones().to_vec();
-        let windows = windows(self.frames.len(), frames_in(OVERLAP, self.fps).max(LEAST_OVERLAP));
-        if windows.is_empty() {
+        if self.windows.is_empty() {
             return Ok(Sequence::empty(bones));
         }
-        let sample = spread_out(&windows);
-        let alone: Result<Vec<Vec<Alone>>> = sample.iter().map(|w| self.alone(&w.all)).collect();
+        let sample = spread_out(&self.windows);
+        let alone: Result<Vec<Vec<Alone>>> = sample.iter().map(|range| self.alone(range)).collect();
         let alone = alone?;
         let (learnt, path) = self.learn(&alone)?;
-        let solved: Result<Vec<Solved>> = match windows.as_slice() {
+        let solved: Result<Vec<Solved>> = match self.windows.as_slice() {
             [window] => self.finish(window, &alone[0], path, &learnt).map(|solved| vec![solved]),
-            _ => windows.par_iter().map(|window| self.window(window, &learnt)).collect(),
+            _ => self.windows.par_iter().map(|window| self.window(window, &learnt)).collect(),
         };
         Ok(self.joined(solved?, &learnt))
     }
@@ -281,31 +296,10 @@ impl Recording<'_> {
         used_for: Vec<usize>,
         n_iter: usize,
     ) -> SolvedFrame {
-        let joints: Vec<Joint> =
-            (0..alone.points.len()).map(|j| state.joint(j, t, alone)).collect();
         let mm = self.refiner.unit().millimetres();
-        let status: Vec<JointStatus> = joints.iter().map(|joint| joint.status).collect();
-        let observed = status.iter().any(|s| *s != JointStatus::Unobserved);
-        let outcome = Outcome {
-            points: joints.iter().map(|joint| joint.at).collect(),
-            splats: Splats::Round(state.learnt.common.sigma.clone()),
-            init: alone.points.clone(),
-            status: status.clone(),
-            used_for,
-            loss: state.loss(&joints),
-            loss_history: Vec::new(),
-            n_iter,
-            stop_reason: if observed { StopReason::Converged } else { StopReason::NoObservations },
-        };
-        let variance = median(state.learnt.common.variance.clone());
-        let bars = ErrorBars {
-            covariances: joints.iter().map(|joint| joint.covariance).collect(),
-            believed: joints.iter().flat_map(|joint| joint.believed.iter().copied()).collect(),
-            noise: if observed { (variance / state.learnt.common.weight).sqrt() } else { f64::NAN },
-            status,
-        };
+        let (outcome, bars) = state.outcome(t, alone, used_for, n_iter);
         let of = |j: usize| j * state.tracks.frames + t;
-        let n = 0..joints.len();
+        let n = 0..alone.points.len();
         SolvedFrame {
             refinement: self.refiner.result(&frame.detections, outcome, &bars),
             velocity: n.clone().map(|j| state.posterior.velocities[of(j)] / mm).collect(),
@@ -330,11 +324,11 @@ impl Sequence {
 }
 
 /// A solved window.
-struct State<'a> {
-    run: &'a Run<'a>,
-    tracks: &'a Tracks,
-    learnt: &'a Learnt,
-    posterior: &'a Posterior,
+pub(super) struct State<'a> {
+    pub(super) run: &'a Run<'a>,
+    pub(super) tracks: &'a Tracks,
+    pub(super) learnt: &'a Learnt,
+    pub(super) posterior: &'a Posterior,
 }
 
 /// A joint of a frame.
@@ -348,6 +342,38 @@ struct Joint {
 }
 
 impl State<'_> {
+    /// Frame `t`, and its error bars.
+    pub(super) fn outcome(
+        &self,
+        t: usize,
+        alone: &Alone,
+        used_for: Vec<usize>,
+        n_iter: usize,
+    ) -> (Outcome, ErrorBars) {
+        let joints: Vec<Joint> = (0..alone.points.len()).map(|j| self.joint(j, t, alone)).collect();
+        let status: Vec<JointStatus> = joints.iter().map(|joint| joint.status).collect();
+        let observed = status.iter().any(|s| *s != JointStatus::Unobserved);
+        let outcome = Outcome {
+            points: joints.iter().map(|joint| joint.at).collect(),
+            splats: Splats::Round(self.learnt.common.sigma.clone()),
+            init: alone.points.clone(),
+            status: status.clone(),
+            used_for,
+            loss: self.loss(&joints),
+            loss_history: Vec::new(),
+            n_iter,
+            stop_reason: if observed { StopReason::Converged } else { StopReason::NoObservations },
+        };
+        let variance = median(self.learnt.common.variance.clone());
+        let bars = ErrorBars {
+            covariances: joints.iter().map(|joint| joint.covariance).collect(),
+            believed: joints.iter().flat_map(|joint| joint.believed.iter().copied()).collect(),
+            noise: if observed { (variance / self.learnt.common.weight).sqrt() } else { f64::NAN },
+            status,
+        };
+        (outcome, bars)
+    }
+
     fn joint(&self, j: usize, t: usize, alone: &Alone) -> Joint {
         let k = j * self.tracks.frames + t;
         let common = &self.learnt.common;
@@ -424,7 +450,7 @@ fn errors(run: &Run<'_>, found: &Posterior, tracks: &Tracks, common: &Common) ->
 }
 
 /// Root mean square distance of the joints from their centre; `None` with fewer than three.
-fn spread(points: &[Vector3<f64>]) -> Option<f64> {
+pub(super) fn spread(points: &[Vector3<f64>]) -> Option<f64> {
     let known: Vec<&Vector3<f64>> = points.iter().filter(|x| x.x.is_finite()).collect();
     let n = known.len() as f64;
     let middle = known.iter().copied().sum::<Vector3<f64>>() / n;
@@ -432,9 +458,29 @@ fn spread(points: &[Vector3<f64>]) -> Option<f64> {
     (known.len() > 2).then(|| square.sqrt())
 }
 
-/// Windows over `n` frames that overlap by `overlap` on either side.
-fn windows(n: usize, overlap: usize) -> Vec<Window> {
-    let count = n.div_ceil(WINDOW * overlap);
+/// The equations of one step at `points` `(N, T)` under kernels `wider` than the final ones: H, row-major, and minus the gradient
+/// `(N, T)`, joint after joint. `common` is used with the bones of the refiner.
+///
+/// # Errors
+/// [`Error::InvalidInput`] if a frame does not match the refiner.
+pub fn equations(
+    refiner: &Refiner,
+    frames: &[Frame],
+    points: Vec<Vector3<f64>>,
+    mut common: Common,
+    wider: f64,
+) -> Result<(Vec<f64>, Vec<Vector3<f64>>)> {
+    let alone: Result<Vec<Alone>> = frames.iter().map(|frame| refiner.alone(frame)).collect();
+    let tracks = Tracks::new(&[&alone?], frames_in(BRIDGE, common.fps), common.sigma[0]);
+    common.bones = refiner.bones().to_vec();
+    let mut run = Run::new(&tracks, &common, Some(points));
+    run.linearise(wider);
+    Ok((run.system.dense(), run.system.pulls))
+}
+
+/// Windows over `n` frames of at most `length`, that overlap by `overlap` on either side.
+fn windows(n: usize, length: usize, overlap: usize) -> Vec<Window> {
+    let count = n.div_ceil(length);
     let cut = |k: usize| k * n / count;
     let window = |k: usize| {
         let own = cut(k)..cut(k + 1);
@@ -444,8 +490,16 @@ fn windows(n: usize, overlap: usize) -> Vec<Window> {
     (0..count).map(window).collect()
 }
 
-/// At most [`SAMPLE`] windows, evenly spread.
-fn spread_out(windows: &[Window]) -> Vec<Window> {
+/// The frames of at most [`SAMPLE`] windows, evenly spread; those that overlap in one.
+fn spread_out(windows: &[Window]) -> Vec<Range<usize>> {
     let n = windows.len().min(SAMPLE);
-    (0..n).map(|k| windows[(2 * k + 1) * windows.len() / (2 * n)].clone()).collect()
+    let mut out: Vec<Range<usize>> = Vec::new();
+    for k in 0..n {
+        let next = &windows[(2 * k + 1) * windows.len() / (2 * n)].all;
+        match out.last_mut() {
+            Some(last) if next.start <= last.end => last.end = next.end,
+            _ => out.push(next.clone()),
+        }
+    }
+    out
 }

@@ -1,0 +1,85 @@
+//! Lengths of bones, learnt as the frames arrive.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::tape::Tape;
+use crate::bones::{Length, Pull};
+use crate::sequence::learn::{LEAST_SHARE, LEAST_SPREAD};
+use crate::sequence::small::times;
+
+/// Frames over which a length is averaged at most, and the least number of frames that show one.
+const MOST: f64 = 1000.0;
+const LEAST: f64 = 6.0;
+/// Largest deviation that counts, in multiples of the usual one.
+const REACH: f64 = 2.0;
+
+/// A joint with a known position.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct End {
+    pub(super) at: Vector3<f64>,
+    pub(super) covariance: Matrix3<f64>,
+}
+
+/// The length of a bone, from the frames that see both ends.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Bone {
+    /// mm.
+    mean: f64,
+    /// Mean square of the deviations, and their mean variance by the error bars, mm².
+    square: f64,
+    noise: f64,
+    /// Frames.
+    count: f64,
+}
+
+impl Bone {
+    pub(super) fn learn(&mut self, a: End, b: End) {
+        let d = a.at - b.at;
+        let (length, u) = (d.norm(), d.normalize());
+        let variance = u.dot(&times(&(a.covariance + b.covariance), &u));
+        if !(variance.is_finite() && length > 0.0) {
+            return;
+        }
+        self.count = (self.count + 1.0).min(MOST);
+        if self.count == 1.0 {
+            (self.mean, self.square, self.noise) = (length, variance, variance);
+            return;
+        }
+        let share = 1.0 / self.count;
+        let off = length - self.mean;
+        let most = REACH * self.square.max(self.noise).sqrt();
+        self.mean += share * off.clamp(-most, most);
+        self.square += share * ((off * off).min(most * most) - self.square);
+        self.noise += share * (variance - self.noise);
+    }
+
+    /// `None` before enough frames have shown it.
+    pub(super) fn length(&self) -> Option<Length> {
+        let own = (self.square - self.noise).max(0.0).sqrt();
+        let sigma = own.max(LEAST_SPREAD).max(LEAST_SHARE * self.mean);
+        (self.count >= LEAST).then_some(Length { mean: self.mean, sigma })
+    }
+
+    pub(super) fn exchange(&mut self, tape: &mut Tape) {
+        let numbers = [&mut self.mean, &mut self.square, &mut self.noise, &mut self.count];
+        numbers.into_iter().for_each(|v| tape.number(v));
+    }
+}
+
+/// A bone to a joint of the frame that is known already.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Tie {
+    pub(super) to: End,
+    pub(super) length: Length,
+}
+
+impl Tie {
+    /// Its information about a joint at `x`, and minus its gradient.
+    pub(super) fn pull(&self, x: &Vector3<f64>) -> (Matrix3<f64>, Vector3<f64>) {
+        let u = (x - self.to.at).normalize();
+        let variance = self.length.sigma.powi(2) + u.dot(&times(&self.to.covariance, &u));
+        let length = Length { mean: self.length.mean, sigma: variance.sqrt() };
+        let pull = Pull::new(x, &self.to.at, length);
+        (pull.block(), -pull.gradient())
+    }
+}

@@ -1,0 +1,171 @@
+//! The causal estimate of one joint: a constant-velocity Kalman state, and how agile the joint is.
+//!
+//! Position x and velocity v have the covariance blocks P_xx, P_xv and P_vv. White acceleration of the spectral density q adds
+//! q dt³/3, q dt²/2 and q dt to them over dt. A frame that moves the position to x⁺ with the covariance S moves the velocity
+//! along,
+//!
+//! ```text
+//! G = P_vx P_xx⁻¹     v⁺ = v + G (x⁺ − x)     P_xv⁺ = S Gᵀ     P_vv⁺ = P_vv − G (P_xx − S) Gᵀ
+//! ```
+//!
+//! S is the posterior of the frame with P_xx as its prior, so that the prior counts once.
+
+use std::collections::VecDeque;
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::tape::Tape;
+use crate::sequence::learn::{LEAST_WHITE, SPAN, USUAL_AGILITY, bounded, density};
+use crate::sequence::small::{inverse, product, times};
+use crate::sequence::solver::frames_in;
+
+/// Standard deviation of an unknown velocity, mm/s per axis.
+const ANY_SPEED: f64 = 1500.0;
+/// Time over which second differences are averaged, s, and the largest of them, in multiples of the mean.
+const LEARNING: f64 = 2.0;
+const LARGEST: f64 = 6.0;
+/// Longest span, frames.
+const LONGEST: usize = 128;
+/// Frames of usual motion that a joint starts with.
+const USUAL_FRAMES: f64 = 12.0;
+
+/// Position and velocity of a joint, mm and mm/s.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct State {
+    /// x.
+    pub at: Vector3<f64>,
+    /// v.
+    pub velocity: Vector3<f64>,
+    /// P_xx.
+    pub position: Matrix3<f64>,
+    /// P_xv.
+    pub cross: Matrix3<f64>,
+    /// P_vv.
+    pub speed: Matrix3<f64>,
+}
+
+impl State {
+    /// At rest, as far as is known.
+    #[must_use]
+    pub fn new(at: Vector3<f64>, position: Matrix3<f64>) -> Self {
+        let speed = Matrix3::from_diagonal_element(ANY_SPEED * ANY_SPEED);
+        Self { at, position, speed, ..Self::default() }
+    }
+
+    /// The state after `dt` seconds, with acceleration of density `q`, mm²/s³.
+    pub fn predict(&mut self, dt: f64, q: f64) {
+        self.at += self.velocity * dt;
+        let both = self.cross + self.cross.transpose();
+        self.position += both * dt + self.speed * (dt * dt);
+        self.cross += self.speed * dt;
+        let one = Matrix3::identity();
+        self.position += one * (q * dt.powi(3) / 3.0);
+        self.cross += one * (q * dt * dt / 2.0);
+        self.speed += one * (q * dt);
+    }
+
+    /// Moves to `at` with the covariance `position`, which contain the prediction.
+    pub fn update(&mut self, at: Vector3<f64>, position: Matrix3<f64>) {
+        let gain = product(&self.cross.transpose(), &inverse(&self.position));
+        self.velocity += times(&gain, &(at - self.at));
+        let gained = product(&product(&gain, &(self.position - position)), &gain.transpose());
+        self.speed = symmetric(self.speed - gained);
+        self.cross = product(&position, &gain.transpose());
+        (self.at, self.position) = (at, position);
+    }
+
+    pub(super) fn exchange(&mut self, tape: &mut Tape) {
+        tape.vector(&mut self.at);
+        tape.vector(&mut self.velocity);
+        tape.matrix(&mut self.position);
+        tape.matrix(&mut self.cross);
+        tape.matrix(&mut self.speed);
+    }
+}
+
+/// ½ (m + mᵀ).
+pub(super) fn symmetric(m: Matrix3<f64>) -> Matrix3<f64> {
+    (m + m.transpose()) * 0.5
+}
+
+/// How agile a joint is: running means of its second differences over 1, 2, 4, … frames, see [`crate::sequence::learn::agility`].
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Motion {
+    /// The last positions that a frame alone determined, NaN for other frames; the newest first.
+    past: VecDeque<Vector3<f64>>,
+    /// Mean square of the second difference per axis over each span, mm².
+    squares: Vec<f64>,
+    /// Variance of a frame's position, mm².
+    variance: f64,
+    /// Frames that contributed.
+    count: f64,
+}
+
+impl Motion {
+    /// Takes in the position of a frame and its variance per axis; NaN if the frame does not determine it.
+    pub fn learn(&mut self, at: Vector3<f64>, variance: f64, fps: f64) {
+        let longest = longest(fps);
+        self.past.push_front(at);
+        self.past.truncate(2 * longest + 1);
+        if at.x.is_nan() {
+            return;
+        }
+        if self.squares.is_empty() {
+            self.variance = variance;
+            let usual = |h| 2.0 / 3.0 * USUAL_AGILITY * (h as f64 / fps).powi(3) + 6.0 * variance;
+            self.squares = spans(longest).map(usual).collect();
+            self.count = USUAL_FRAMES;
+        }
+        self.count = (self.count + 1.0).min(LEARNING * fps).max(USUAL_FRAMES);
+        let share = 1.0 / self.count;
+        self.variance += share * (variance - self.variance);
+        for (mean, h) in self.squares.iter_mut().zip(spans(longest)) {
+            let (Some(middle), Some(last)) = (self.past.get(h), self.past.get(2 * h)) else {
+                break;
+            };
+            let square = (at - 2.0 * middle + last).norm_squared() / 3.0;
+            if square.is_finite() {
+                *mean += share * (square.min(LARGEST * *mean) - *mean);
+            }
+        }
+    }
+
+    /// The spectral density q of its acceleration, mm²/s³.
+    #[must_use]
+    pub fn agility(&self, fps: f64) -> f64 {
+        let Some(first) = self.squares.first() else { return USUAL_AGILITY };
+        let white = (first / 6.0).clamp(LEAST_WHITE * self.variance, self.variance);
+        let spans = spans(longest(fps)).zip(&self.squares);
+        let q = density(spans.map(|(h, square)| (h, *square)), white, fps);
+        bounded(q, white, self.variance, fps)
+    }
+
+    /// Variance per axis by which the joint leaves a straight path within so many frames, mm²: that of the second differences
+    /// over the time, of which the longer ones are extrapolated with its third power. A swinging arm leaves it by more than
+    /// white acceleration does.
+    #[must_use]
+    pub fn leaves(&self, frames: f64) -> f64 {
+        let longest = 1 << self.squares.len().saturating_sub(1);
+        let at = spans(longest).position(|h| h as f64 >= frames);
+        let k = at.unwrap_or(self.squares.len().saturating_sub(1));
+        let (h, square) = ((1 << k) as f64, self.squares.get(k).copied().unwrap_or(0.0));
+        square * (frames / h).powi(3)
+    }
+
+    pub(super) fn exchange(&mut self, tape: &mut Tape) {
+        tape.list(&mut self.past, Vector3::zeros(), |x, tape| tape.vector(x));
+        tape.list(&mut self.squares, 0.0, |x, tape| tape.number(x));
+        tape.number(&mut self.variance);
+        tape.number(&mut self.count);
+    }
+}
+
+/// The longest span, frames.
+fn longest(fps: f64) -> usize {
+    frames_in(SPAN, fps).min(LONGEST)
+}
+
+/// 1, 2, 4, … up to `longest` frames.
+fn spans(longest: usize) -> impl Iterator<Item = usize> {
+    std::iter::successors(Some(1), |h| Some(2 * h)).take_while(move |h| *h <= longest)
+}

@@ -1,0 +1,264 @@
+//! One joint between frames: prediction, gate, update and error bar.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::bone::{End, Tie};
+use super::filter::{Motion, State, symmetric};
+use super::tape::Tape;
+use crate::annealed::consensus::REJECTED;
+use crate::annealed::rays::Ray;
+use crate::outcome::JointStatus;
+use crate::sequence::noise::Memory;
+use crate::sequence::recording::INFERRED;
+use crate::sequence::small::{inverse, product, times};
+
+/// δ² beyond which a position contradicts the prediction: five standard deviations.
+const GATE: f64 = 25.0;
+/// Reach of the kernel of the prediction, in standard deviations.
+const REACH: f64 = 3.0;
+/// Frames for which the state before a jump is kept.
+const ASIDE: f64 = 3.0;
+/// Longest time over which a joint is bridged, s.
+const BRIDGE: f64 = 0.5;
+/// Steps of a joint whose rays count by their distance from it, and of one whose views determine it.
+pub(super) const STEPS: usize = 4;
+const FEW_STEPS: usize = 2;
+/// Time over which the information of a frame is averaged, s, and the weights of a view's detections of a joint.
+const AROUND: f64 = 0.5;
+const TRUST: f64 = 0.4;
+/// Least weight of all rays by which an error bar grows.
+const LEAST_WEIGHT: f64 = 0.25;
+
+/// What is known of a joint between frames.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(super) struct Joint {
+    /// `None` before it is seen and after it has been lost.
+    state: Option<State>,
+    /// The state before a jump.
+    aside: Option<State>,
+    /// Frames since the jump.
+    since: f64,
+    /// Time since a detection was believed, s.
+    unseen: f64,
+    /// The last position at which it was seen; NaN if never.
+    last: Vector3<f64>,
+    motion: Motion,
+    /// Mean of R⁻¹.
+    information: Matrix3<f64>,
+    /// C − S.
+    excess: Matrix3<f64>,
+    /// Mean weight of every view's detections.
+    trust: Vec<f64>,
+}
+
+/// What a frame alone shows of a joint.
+pub(super) struct Seen<'a> {
+    pub(super) rays: &'a [Ray],
+    pub(super) alone: Answer,
+    /// Final kernel, mm.
+    pub(super) sigma: f64,
+    /// Noise variance of a detection of weight 1, mm², and of one of mean weight.
+    pub(super) variance: f64,
+    pub(super) mean_variance: f64,
+    /// The body's spread, mm.
+    pub(super) reach: f64,
+}
+
+/// A joint of a frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Answer {
+    pub(super) at: Vector3<f64>,
+    pub(super) covariance: Matrix3<f64>,
+    pub(super) status: JointStatus,
+}
+
+impl Answer {
+    pub(super) fn end(&self) -> End {
+        End { at: self.at, covariance: self.covariance }
+    }
+}
+
+impl Seen<'_> {
+    fn there(&self) -> impl Iterator<Item = &Ray> + Clone {
+        self.rays.iter().filter(|ray| ray.is_there())
+    }
+
+    /// Whether three views, or both of two, agree on the position.
+    pub(super) fn is_sure(&self) -> bool {
+        let near = |ray: &&Ray| ray.offset(&self.alone.at).weight(self.sigma) >= REJECTED;
+        let agree = self.there().filter(near).count();
+        self.alone.status == JointStatus::Ok && (agree > 2 || self.there().count() == 2)
+    }
+}
+
+impl Joint {
+    pub(super) fn new(views: usize) -> Self {
+        Self { last: Vector3::repeat(f64::NAN), trust: vec![1.0; views], ..Self::default() }
+    }
+
+    /// The spectral density of its acceleration, mm²/s³.
+    pub(super) fn agility(&self, fps: f64) -> f64 {
+        self.motion.agility(fps)
+    }
+
+    pub(super) fn predict(&mut self, fps: f64) {
+        let (dt, q) = (1.0 / fps, self.agility(fps));
+        self.state.iter_mut().chain(&mut self.aside).for_each(|state| state.predict(dt, q));
+        self.since += 1.0;
+        if self.since > ASIDE {
+            self.aside = None;
+        }
+    }
+
+    /// Where it should be: at the prediction, or else where it was seen last.
+    pub(super) fn expected(&self) -> Vector3<f64> {
+        self.state.as_ref().map_or(self.last, |state| state.at)
+    }
+
+    /// The joint in the frame; `ties` are its bones to joints that are known already.
+    pub(super) fn step(
+        &mut self,
+        seen: &Seen<'_>,
+        ties: &[Tie],
+        fps: f64,
+        memory: &Memory,
+    ) -> Answer {
+        let sure = seen.alone.status == JointStatus::Ok;
+        let at = if sure { seen.alone.at } else { Vector3::repeat(f64::NAN) };
+        self.motion.learn(at, seen.mean_variance, fps);
+        let answer = match (sure, self.state.take()) {
+            (true, state) => self.follow(state, seen, ties, fps, memory),
+            (false, Some(state)) => self.bridge(state, seen, ties, fps),
+            (false, None) => seen.alone,
+        };
+        if answer.status != JointStatus::Unobserved && self.unseen == 0.0 {
+            self.last = answer.at;
+        }
+        let share = (1.0 / (TRUST * fps)).min(1.0);
+        for (ray, trust) in seen.rays.iter().zip(&mut self.trust) {
+            if ray.is_there() && answer.at.x.is_finite() {
+                *trust += share * (ray.offset(&answer.at).weight(seen.sigma) - *trust);
+            }
+        }
+        answer
+    }
+
+    /// δ² of the frame's position from a prediction, with the error bar of the latter.
+    fn distance(&self, state: &State, alone: &Answer) -> f64 {
+        let off = alone.at - state.at;
+        let total = alone.covariance + state.position + self.excess;
+        off.dot(&times(&inverse(&total), &off))
+    }
+
+    /// The state that a position continues, `None` after a jump.
+    fn gate(&mut self, state: Option<State>, alone: &Answer) -> Option<State> {
+        let kept = self.aside.take();
+        let fits = |state: &State| self.distance(state, alone) <= GATE;
+        let (state, aside) = match (state, kept) {
+            (Some(state), aside) if fits(&state) => (Some(state), aside),
+            (_, Some(aside)) if fits(&aside) => (Some(aside), None),
+            (state, _) => {
+                self.since = 0.0;
+                (None, state)
+            }
+        };
+        self.aside = aside;
+        state
+    }
+
+    /// Where the views determine a position.
+    fn follow(
+        &mut self,
+        state: Option<State>,
+        seen: &Seen<'_>,
+        ties: &[Tie],
+        fps: f64,
+        memory: &Memory,
+    ) -> Answer {
+        self.unseen = 0.0;
+        let alone = &seen.alone;
+        let state = self.gate(state, alone);
+        let of_frame = inverse(&alone.covariance);
+        let first = self.information.trace() <= 0.0;
+        let share = if first { 1.0 } else { 1.0 / (AROUND * fps).max(1.0) };
+        self.information += (of_frame - self.information) * share;
+        let Some(mut state) = state else {
+            self.excess = Matrix3::zeros();
+            self.state = Some(State::new(alone.at, alone.covariance));
+            return *alone;
+        };
+        state.position *= 1.0 + self.distance(&state, alone) / (REACH * REACH);
+        let prior = inverse(&state.position);
+        let (mut at, mut spread) = (alone.at, Matrix3::zeros());
+        for _ in 0..FEW_STEPS {
+            let mut information = prior + of_frame;
+            let mut pull = times(&prior, &(state.at - at)) + times(&of_frame, &(alone.at - at));
+            ties.iter().map(|tie| tie.pull(&at)).for_each(|(block, b)| {
+                information += block;
+                pull += b;
+            });
+            spread = symmetric(inverse(&information));
+            at += times(&spread, &pull);
+        }
+        state.update(at, spread);
+        let frames = 3.0 / product(&spread, &of_frame).trace().clamp(1e-3, 3.0);
+        let covariance = spread * ((1.0 - memory.constant) * memory.frames(frames))
+            + inverse(&self.information) * memory.constant;
+        let excess = covariance - spread;
+        self.excess = if excess.cholesky().is_some() { excess } else { Matrix3::zeros() };
+        self.state = Some(state);
+        Answer { at, covariance, status: JointStatus::Ok }
+    }
+
+    /// Where they do not.
+    fn bridge(&mut self, mut state: State, seen: &Seen<'_>, ties: &[Tie], fps: f64) -> Answer {
+        let prior = inverse(&state.position);
+        let (mut at, mut spread) = (state.at, state.position);
+        let there = || seen.rays.iter().zip(&self.trust).filter(|(ray, _)| ray.is_there());
+        for _ in 0..STEPS {
+            let (mut information, mut pull) = (prior, times(&prior, &(state.at - at)));
+            for (ray, trust) in there() {
+                let offset = ray.offset(&at);
+                let w = ray.weight * offset.weight(seen.sigma) * trust / seen.variance;
+                information += ray.information() * w;
+                pull -= offset.across * w;
+            }
+            ties.iter().map(|tie| tie.pull(&at)).for_each(|(block, b)| {
+                information += block;
+                pull += b;
+            });
+            spread = symmetric(inverse(&information));
+            at += times(&spread, &pull);
+        }
+        let (mut n, mut weight, mut agreeing) = (0.0, 0.0, 0);
+        for k in seen.there().map(|ray| ray.offset(&at).weight(seen.sigma)) {
+            (n, weight) = (n + 1.0, weight + k);
+            agreeing += usize::from(k >= REJECTED);
+        }
+        state.update(at, spread);
+        self.unseen = if agreeing > 0 { 0.0 } else { self.unseen + 1.0 / fps };
+        if self.unseen > BRIDGE {
+            return seen.alone;
+        }
+        self.state = Some(state);
+        let rejected = n / f64::max(weight, LEAST_WEIGHT);
+        let away = Matrix3::from_diagonal_element(self.motion.leaves(self.unseen * fps));
+        let covariance = (spread + self.excess) * f64::max(rejected, 1.0) + away;
+        let widest = covariance.symmetric_eigenvalues().max().sqrt();
+        let is_known = n == 0.0 || widest <= INFERRED * seen.reach;
+        let status = if is_known { JointStatus::Inferred } else { JointStatus::Weak };
+        Answer { at, covariance, status }
+    }
+
+    pub(super) fn exchange(&mut self, tape: &mut Tape) {
+        tape.option(&mut self.state, State::exchange);
+        tape.option(&mut self.aside, State::exchange);
+        tape.number(&mut self.since);
+        tape.number(&mut self.unseen);
+        tape.vector(&mut self.last);
+        self.motion.exchange(tape);
+        tape.matrix(&mut self.information);
+        tape.matrix(&mut self.excess);
+        tape.list(&mut self.trust, 1.0, |k, tape| tape.number(k));
+    }
+}

@@ -1,0 +1,301 @@
+//! Frame by frame as they arrive: the past predicts, the detections decide.
+//!
+//! Every joint has a [`filter::State`], moved on to the next frame. The frame is solved alone first. Where its views determine a
+//! position y with the covariance R, it is compared with the prediction x of covariance P by the Mahalanobis distance δ of the two,
+//!
+//! ```text
+//! δ² = (y − x)ᵀ (R + P)⁻¹ (y − x)
+//! ```
+//!
+//! Up to δ = 5 the prediction is the prior of the position, with P times 1 + δ²/9 (a Cauchy kernel); beyond it the joint has jumped:
+//! no prior, and the state starts again at y. The state before is kept aside for three frames, in case the views agreed by chance.
+//! Where the views determine no position, the rays near the prediction count, and the prediction gives the rest; without any ray it
+//! bridges up to half a second. Bones, whose lengths are learnt, tie a joint to those of the frame that are known better.
+//!
+//! Errors of detections last, and a filter averages over frames: the error bar is C = (1 − c) f(n) S + c R̄, with the posterior S, the
+//! memory (c, f) that errors usually have ([`Memory::usual`]), n = 3/tr(S R⁻¹) and the mean R̄⁻¹ of R⁻¹ over half a second, as in
+//! [`super::posterior`]. C − S stays where a later frame determines no position; there C grows with the share of the rays that the
+//! position contradicts.
+//!
+//! With a lag of n frames the last of these are solved once more, like a recording ([`window`]).
+
+mod bone;
+pub mod filter;
+mod joint;
+mod tape;
+mod window;
+
+use self::bone::{Bone, Tie};
+use self::joint::{Answer, Joint, STEPS, Seen};
+use self::tape::Tape;
+use self::window::Window;
+use super::noise::Memory;
+use super::recording::{LEAST_SPREAD, Learnt, USUAL_SPREAD, check, spread};
+use super::solver::Common;
+use crate::annealed::Alone;
+use crate::batch::Progress;
+use crate::bones::Length;
+use crate::detections::Detections;
+use crate::error::{Error, Result};
+use crate::outcome::{ErrorBars, JointStatus, Loss, Outcome, Splats, StopReason};
+use crate::refine::{Frame, Refinement, Refiner};
+
+/// Time over which the noise and the body's spread are averaged, s.
+const AROUND: f64 = 0.5;
+
+/// The state of all joints between frames.
+#[derive(Debug, Clone)]
+pub struct Live {
+    fps: f64,
+    memory: Memory,
+    joints: Vec<Joint>,
+    /// Lengths of the layout's limbs.
+    bones: Vec<Bone>,
+    /// Logarithm of the mean noise variance of a detection of weight 1, mm²; NaN before the first detection.
+    noise: f64,
+    /// Mean spread of the body, mm; NaN before it is known.
+    reach: f64,
+    /// The last frames, where the answer lags behind.
+    window: Option<Window>,
+}
+
+impl Live {
+    /// Nothing is known yet, of frames at this rate. The answer is the frame `lag` frames before the last.
+    ///
+    /// # Errors
+    /// [`Error::InvalidInput`] if `fps` is not a positive number, or for another method than `annealed`.
+    pub fn new(refiner: &Refiner, fps: f64, lag: usize) -> Result<Self> {
+        check(refiner, fps, "'annealed' where fps is given")?;
+        let window = (lag > 0).then(|| Window::new(lag, fps));
+        Ok(Self {
+            fps,
+            memory: Memory::usual(fps),
+            joints: Vec::new(),
+            bones: Vec::new(),
+            noise: f64::NAN,
+            reach: f64::NAN,
+            window,
+        })
+    }
+
+    /// Forgets all frames.
+    pub fn reset(&mut self) {
+        self.joints.clear();
+        self.bones.clear();
+        (self.noise, self.reach) = (f64::NAN, f64::NAN);
+        self.window.iter_mut().for_each(Window::clear);
+    }
+
+    /// The next frame; with a lag, the pose of the frame that lies so many before it, NaN if there is none.
+    ///
+    /// # Errors
+    /// As [`Refiner::refine`], and [`Error::InvalidInput`] if the number of joints differs from the frames before.
+    pub fn step(
+        &mut self,
+        refiner: &Refiner,
+        detections: Detections,
+        progress: &Progress,
+    ) -> Result<Refinement> {
+        progress.check()?;
+        let (m, n) = (detections.n_views(), detections.n_joints());
+        if !self.joints.is_empty() && self.joints.len() != n {
+            let before = self.joints.len();
+            let expected =
+                format!("{before} joints, as in the previous frames (or call reset() first)");
+            return Err(Error::invalid("detections", expected, n.to_string()));
+        }
+        let mut joints = self.joints.clone();
+        joints.resize_with(n, || Joint::new(m));
+        joints.iter_mut().for_each(|joint| joint.predict(self.fps));
+        let mm = refiner.unit().millimetres();
+        let expected = joints.iter().map(|joint| joint.expected() / mm).collect();
+        let frame = Frame { init_pose: Some(expected), past: true, ..detections.into() };
+        let alone = refiner.alone(&frame)?;
+        self.joints = joints;
+        self.learn(&alone);
+        let answers = self.answers(refiner, &alone);
+        match self.window.take() {
+            None => Ok(self.refinement(refiner, &frame.detections, alone, &answers)),
+            Some(mut window) => {
+                window.push(alone, frame.detections, answers);
+                let learnt = self.learnt(refiner, window.last());
+                let lagging = window.answer(&learnt, refiner);
+                self.window = Some(window);
+                Ok(lagging)
+            }
+        }
+    }
+
+    /// The noise and the body's spread.
+    fn learn(&mut self, alone: &Alone) {
+        let share = 1.0 / (AROUND * self.fps).max(1.0);
+        let follow = |mean: &mut f64, now: f64| {
+            if mean.is_nan() {
+                *mean = now;
+            } else if now.is_finite() {
+                *mean += share * (now - *mean);
+            }
+        };
+        follow(&mut self.noise, (alone.noise.powi(2) * alone.rays.mean_weight()).ln());
+        let least = LEAST_SPREAD * alone.noise;
+        let seen = spread(&alone.points).filter(|s| *s > least).unwrap_or(f64::NAN);
+        follow(&mut self.reach, seen);
+    }
+
+    /// Noise variance of a detection of weight 1, mm².
+    fn variance(&self) -> f64 {
+        self.noise.exp()
+    }
+
+    fn reach(&self) -> f64 {
+        if self.reach.is_nan() { USUAL_SPREAD } else { self.reach }
+    }
+
+    /// Final kernels, mm.
+    fn kernels(&self, refiner: &Refiner, alone: &Alone) -> Vec<f64> {
+        let noise = (self.variance() / alone.rays.mean_weight()).sqrt();
+        refiner.final_kernels(alone.points.len(), noise)
+    }
+
+    /// The joints: those that their views determine, the surest first, then the others, those next to known ones first.
+    fn answers(&mut self, refiner: &Refiner, alone: &Alone) -> Vec<Answer> {
+        let n = alone.points.len();
+        let (sigma, mean_weight) = (self.kernels(refiner, alone), alone.rays.mean_weight());
+        let seen: Vec<Seen<'_>> = (0..n)
+            .map(|j| Seen {
+                rays: alone.rays.of_joint(j),
+                alone: Answer {
+                    at: alone.points[j],
+                    covariance: alone.spread[j],
+                    status: alone.status[j],
+                },
+                sigma: sigma[j],
+                variance: self.variance(),
+                mean_variance: self.variance() / mean_weight,
+                reach: self.reach(),
+            })
+            .collect();
+        let bones = refiner.bones();
+        self.bones.resize_with(bones.len(), Bone::default);
+        for (bone, [a, b]) in self.bones.iter_mut().zip(bones) {
+            if seen[*a].is_sure() && seen[*b].is_sure() {
+                bone.learn(seen[*a].alone.end(), seen[*b].alone.end());
+            }
+        }
+        let is_determined = |j: &usize| alone.status[*j] == JointStatus::Ok;
+        let (mut sure, mut left): (Vec<usize>, Vec<usize>) = (0..n).partition(is_determined);
+        let by_trace =
+            |a: &usize, b: &usize| alone.spread[*a].trace().total_cmp(&alone.spread[*b].trace());
+        sure.sort_by(by_trace);
+        let mut answers = vec![None; n];
+        for j in sure {
+            let ties = self.ties(j, &answers, bones);
+            answers[j] = Some(self.joints[j].step(&seen[j], &ties, self.fps, &self.memory));
+        }
+        while !left.is_empty() {
+            let tied = |j: &usize| !self.ties(*j, &answers, bones).is_empty();
+            let at = left.iter().position(tied).unwrap_or(0);
+            let j = left.remove(at);
+            let ties = self.ties(j, &answers, bones);
+            answers[j] = Some(self.joints[j].step(&seen[j], &ties, self.fps, &self.memory));
+        }
+        answers.into_iter().flatten().collect()
+    }
+
+    /// The bones of joint `j` to joints that are known.
+    fn ties(&self, j: usize, answers: &[Option<Answer>], bones: &[[usize; 2]]) -> Vec<Tie> {
+        let tie = |(bone, [a, b]): (&Bone, &[usize; 2])| {
+            let other = match j {
+                j if j == *a => *b,
+                j if j == *b => *a,
+                _ => return None,
+            };
+            let to = answers[other]?.end();
+            let length = bone.length()?;
+            let known = to.at.x.is_finite() && to.covariance.trace().is_finite();
+            known.then_some(Tie { to, length })
+        };
+        self.bones.iter().zip(bones).filter_map(tie).collect()
+    }
+
+    /// What the frames so far tell a recording.
+    fn learnt(&self, refiner: &Refiner, last: &Alone) -> Learnt {
+        let unknown = Length { mean: 0.0, sigma: f64::INFINITY };
+        let common = Common {
+            fps: self.fps,
+            bones: refiner.bones().to_vec(),
+            lengths: self.bones.iter().map(|bone| bone.length().unwrap_or(unknown)).collect(),
+            agility: self.joints.iter().map(|joint| joint.agility(self.fps)).collect(),
+            weight: last.rays.mean_weight(),
+            variance: vec![self.variance(); self.joints.len()],
+            sigma: self.kernels(refiner, last),
+            reach: self.reach(),
+        };
+        Learnt { common, memory: self.memory.clone() }
+    }
+
+    fn refinement(
+        &self,
+        refiner: &Refiner,
+        detections: &Detections,
+        alone: Alone,
+        answers: &[Answer],
+    ) -> Refinement {
+        let sigma = self.kernels(refiner, &alone);
+        let (mut believed, mut render) = (Vec::new(), 0.0);
+        for (j, answer) in answers.iter().enumerate() {
+            let scale = 2.0 * sigma[j].powi(2) / self.variance();
+            for ray in alone.rays.of_joint(j) {
+                let there = ray.is_there();
+                let k = if there { ray.offset(&answer.at).weight(sigma[j]) } else { f64::NAN };
+                believed.push(k);
+                render += if k.is_finite() { ray.weight * scale * (1.0 - k) } else { 0.0 };
+            }
+        }
+        let status: Vec<JointStatus> = answers.iter().map(|answer| answer.status).collect();
+        let observed = alone.noise.is_finite();
+        let outcome = Outcome {
+            points: answers.iter().map(|answer| answer.at).collect(),
+            splats: Splats::Round(sigma),
+            init: alone.points,
+            status: status.clone(),
+            used_for: alone.used_for,
+            loss: Loss { total: render, render, symmetry: 0.0 },
+            loss_history: Vec::new(),
+            n_iter: STEPS,
+            stop_reason: if observed { StopReason::Converged } else { StopReason::NoObservations },
+        };
+        let covariances = answers.iter().map(|answer| answer.covariance).collect();
+        let bars = ErrorBars { covariances, believed, noise: alone.noise, status };
+        refiner.result(detections, outcome, &bars)
+    }
+
+    /// The state as numbers, for [`Self::restored`].
+    #[must_use]
+    pub fn numbers(&self) -> Vec<f64> {
+        let mut tape = Tape::empty();
+        self.clone().exchange(&mut tape);
+        tape.numbers()
+    }
+
+    /// The same with the state of [`Self::numbers`].
+    ///
+    /// # Errors
+    /// [`Error::InvalidInput`] if it is not one.
+    pub fn restored(mut self, numbers: Vec<f64>) -> Result<Self> {
+        let (n, mut tape) = (numbers.len(), Tape::of(numbers));
+        self.exchange(&mut tape);
+        match tape.is_read() {
+            true => Ok(self),
+            false => Err(Error::invalid("state", "what state() returned", format!("{n} numbers"))),
+        }
+    }
+
+    fn exchange(&mut self, tape: &mut Tape) {
+        tape.number(&mut self.noise);
+        tape.number(&mut self.reach);
+        tape.list(&mut self.bones, Bone::default(), Bone::exchange);
+        tape.list(&mut self.joints, Joint::new(0), Joint::exchange);
+        self.window.iter_mut().for_each(|window| window.exchange(tape));
+    }
+}

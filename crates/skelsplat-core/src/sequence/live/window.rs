@@ -1,0 +1,177 @@
+//! The last frames once more, like a recording: a frame is known better once the frames after it are known.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::joint::Answer;
+use super::tape::Tape;
+use crate::annealed::Alone;
+use crate::annealed::rays::{Ray, Rays};
+use crate::detections::Detections;
+use crate::outcome::{ErrorBars, JointStatus, Loss, Outcome, Splats, StopReason, as_given};
+use crate::refine::{Refinement, Refiner};
+use crate::sequence::posterior::posterior;
+use crate::sequence::recording::{BRIDGE, Learnt, State};
+use crate::sequence::solver::{Run, Schedule, frames_in};
+use crate::sequence::tracks::Tracks;
+
+/// Time before the answered frame that is solved along, s, and the largest number of frames.
+const BEFORE: f64 = 1.0;
+const MOST_BEFORE: usize = 120;
+/// Every frame starts where the frame before left it.
+const SETTLE: &Schedule = &[(1.0, 3)];
+
+/// The last frames.
+#[derive(Debug, Clone)]
+pub(super) struct Window {
+    lag: usize,
+    longest: usize,
+    /// The oldest first.
+    alone: Vec<Alone>,
+    rest: Vec<Rest>,
+}
+
+/// What belongs to a frame beside its solution alone.
+#[derive(Debug, Clone)]
+struct Rest {
+    detections: Detections,
+    /// As the filter answers.
+    answers: Vec<Answer>,
+    /// As the last window left them, mm.
+    points: Vec<Vector3<f64>>,
+}
+
+impl Window {
+    pub(super) fn new(lag: usize, fps: f64) -> Self {
+        let longest = lag.saturating_add(frames_in(BEFORE, fps).min(MOST_BEFORE) + 1);
+        Self { lag, longest, alone: Vec::new(), rest: Vec::new() }
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.alone.clear();
+        self.rest.clear();
+    }
+
+    pub(super) fn push(&mut self, alone: Alone, detections: Detections, answers: Vec<Answer>) {
+        if self.alone.len() == self.longest {
+            self.alone.remove(0);
+            self.rest.remove(0);
+        }
+        self.alone.push(alone);
+        let points = answers.iter().map(|answer| answer.at).collect();
+        self.rest.push(Rest { detections, answers, points });
+    }
+
+    /// The last frame.
+    pub(super) fn last(&self) -> &Alone {
+        &self.alone[self.alone.len() - 1]
+    }
+
+    /// The frame `lag` frames before the last.
+    pub(super) fn answer(&mut self, learnt: &Learnt, refiner: &Refiner) -> Refinement {
+        let Some(t) = self.alone.len().checked_sub(self.lag + 1) else {
+            return self.nothing(refiner);
+        };
+        let common = &learnt.common;
+        let (n, frames) = (common.sigma.len(), self.alone.len());
+        let mut tracks =
+            Tracks::new(&[&self.alone], frames_in(BRIDGE, common.fps), common.sigma[0]);
+        tracks.find_cuts(common.fps, &common.agility);
+        let at = |k: usize| self.rest[k % frames].points[k / frames];
+        let known = |k: usize| if at(k).x.is_finite() { at(k) } else { Vector3::zeros() };
+        let start = (0..n * frames).map(known).collect();
+        let mut run = Run::new(&tracks, common, Some(start));
+        let _ = run.anneal(SETTLE, &|| Ok(()));
+        for (k, x) in run.points.iter().enumerate().filter(|(k, _)| tracks.active[*k]) {
+            self.rest[k % frames].points[k / frames] = *x;
+        }
+        let found = posterior(&run, &tracks, common, &learnt.memory);
+        let state = State { run: &run, tracks: &tracks, learnt, posterior: &found };
+        let (alone, rest) = (&self.alone[t], &self.rest[t]);
+        let filtered = Alone {
+            points: rest.answers.iter().map(|answer| answer.at).collect(),
+            spread: rest.answers.iter().map(|answer| answer.covariance).collect(),
+            status: rest.answers.iter().map(|answer| answer.status).collect(),
+            ..alone.clone()
+        };
+        let (mut outcome, bars) = state.outcome(t, &filtered, alone.used_for.clone(), run.n_iter);
+        outcome.init.clone_from(&alone.points);
+        refiner.result(&rest.detections, outcome, &bars)
+    }
+
+    /// The answer before there is one.
+    fn nothing(&self, refiner: &Refiner) -> Refinement {
+        let detections = self.rest[self.rest.len() - 1].detections.map(|_, _| None);
+        let (m, n) = (detections.n_views(), detections.n_joints());
+        let unknown = vec![Vector3::repeat(f64::NAN); n];
+        let status = vec![JointStatus::Unobserved; n];
+        let outcome = Outcome {
+            points: unknown.clone(),
+            splats: Splats::Round(refiner.final_kernels(n, 0.0)),
+            init: unknown,
+            status: status.clone(),
+            used_for: as_given(m, n),
+            loss: Loss::default(),
+            loss_history: Vec::new(),
+            n_iter: 0,
+            stop_reason: StopReason::NoObservations,
+        };
+        let bars = ErrorBars {
+            covariances: vec![Matrix3::repeat(f64::NAN); n],
+            believed: vec![f64::NAN; m * n],
+            noise: f64::NAN,
+            status,
+        };
+        refiner.result(&detections, outcome, &bars)
+    }
+
+    pub(super) fn exchange(&mut self, tape: &mut Tape) {
+        let empty = Alone {
+            rays: Rays::of(Vec::new(), 1),
+            used_for: Vec::new(),
+            points: Vec::new(),
+            spread: Vec::new(),
+            status: Vec::new(),
+            noise: f64::NAN,
+        };
+        tape.list(&mut self.alone, empty, exchange_alone);
+        let rest =
+            Rest { detections: Detections::default(), answers: Vec::new(), points: Vec::new() };
+        tape.list(&mut self.rest, rest, Rest::exchange);
+    }
+}
+
+impl Rest {
+    fn exchange(&mut self, tape: &mut Tape) {
+        tape.detections(&mut self.detections);
+        let unknown = Answer {
+            at: Vector3::zeros(),
+            covariance: Matrix3::zeros(),
+            status: JointStatus::Unobserved,
+        };
+        tape.list(&mut self.answers, unknown, |answer, tape| {
+            tape.vector(&mut answer.at);
+            tape.matrix(&mut answer.covariance);
+            tape.status(&mut answer.status);
+        });
+        tape.list(&mut self.points, Vector3::zeros(), |x, tape| tape.vector(x));
+    }
+}
+
+fn exchange_alone(alone: &mut Alone, tape: &mut Tape) {
+    let mut views = alone.rays.n_views();
+    tape.count(&mut views);
+    let joints = if alone.points.is_empty() { 0 } else { alone.rays.n_joints() };
+    let mut rays: Vec<Ray> = (0..joints).flat_map(|j| alone.rays.of_joint(j)).copied().collect();
+    tape.list(&mut rays, Ray::NONE, |ray, tape| {
+        tape.vector(&mut ray.centre);
+        tape.vector(&mut ray.direction);
+        tape.number(&mut ray.weight);
+        tape.number(&mut ray.pixel);
+    });
+    alone.rays = Rays::of(rays, views);
+    tape.list(&mut alone.used_for, 0, |j, tape| tape.count(j));
+    tape.list(&mut alone.points, Vector3::zeros(), |x, tape| tape.vector(x));
+    tape.list(&mut alone.spread, Matrix3::zeros(), |c, tape| tape.matrix(c));
+    tape.list(&mut alone.status, JointStatus::Unobserved, |s, tape| tape.status(s));
+    tape.number(&mut alone.noise);
+}

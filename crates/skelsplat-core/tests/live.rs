@@ -1,0 +1,243 @@
+//! A live loop at a known frame rate: the past predicts, the detections decide.
+
+use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
+use skelsplat_core::study::sequence::live::filter::State;
+use skelsplat_core::testing::scenes::{Noise, exact_detections, noisy_detections, room, standing};
+use skelsplat_core::{
+    Camera, Detections, Follower, JointStatus, Layout, Live, Progress, RefineConfig, Refinement,
+    Refiner, Unit,
+};
+
+const FPS: f64 = 30.0;
+
+fn refiner(cameras: &[Camera]) -> Refiner {
+    let layout = Layout::by_name("h36m17").unwrap();
+    Refiner::new(cameras, Unit::Millimetre, Some(&layout), RefineConfig::default()).unwrap()
+}
+
+/// A walk along x at 1.2 m/s; the left arm swings.
+fn walking(t: usize) -> Vec<Vector3<f64>> {
+    let time = t as f64 / FPS;
+    let swing = 150.0 * (6.0 * time).sin();
+    let mut pose = standing();
+    pose.iter_mut().for_each(|p| p.x += 1200.0 * time - 600.0);
+    pose[13].x += swing;
+    pose
+}
+
+fn seen(pose: &[Vector3<f64>], cameras: &[Camera], noise: &mut Noise) -> Detections {
+    noisy_detections(pose, cameras, 2.0, noise)
+}
+
+/// The detections without those for which `hidden(view, joint)`.
+fn without(all: &Detections, hidden: impl Fn(usize, usize) -> bool) -> Detections {
+    let (m, n) = (all.n_views(), all.n_joints());
+    let pixel = |k: usize| match all.get(k / n, k % n).filter(|_| !hidden(k / n, k % n)) {
+        Some((p, _)) => [p.x, p.y],
+        None => [f64::NAN; 2],
+    };
+    let pixels: Vec<f64> = (0..m * n).flat_map(pixel).collect();
+    Detections::new(m, n, &pixels, None).unwrap()
+}
+
+fn steps(follower: &mut Follower<'_>, frames: &[Detections]) -> Vec<Refinement> {
+    frames.iter().map(|d| follower.step(d.clone(), &Progress::default()).unwrap()).collect()
+}
+
+fn recording(n: usize, cameras: &[Camera], seed: u64) -> Vec<Detections> {
+    let mut noise = Noise::new(seed);
+    (0..n).map(|t| seen(&walking(t), cameras, &mut noise)).collect()
+}
+
+fn error(found: &Refinement, truth: &[Vector3<f64>]) -> f64 {
+    let far = found.pose.iter().zip(truth).map(|(a, b)| (a - b).norm());
+    far.sum::<f64>() / truth.len() as f64
+}
+
+/// The debug text has every bit, and NaN equals NaN.
+fn same(a: &[Refinement], b: &[Refinement]) -> bool {
+    format!("{a:?}") == format!("{b:?}")
+}
+
+#[test]
+fn the_state_is_that_of_a_kalman_filter_in_six_dimensions() {
+    let mut noise = Noise::new(5);
+    let some = |noise: &mut Noise| {
+        let a = Matrix3::from_fn(|_, _| noise.normal());
+        a * a.transpose() * 40.0 + Matrix3::identity()
+    };
+    let mut state = State::new(noise.vector(300.0), some(&mut noise));
+    let mut x = Vector6::zeros();
+    let mut p = Matrix6::zeros();
+    x.fixed_rows_mut::<3>(0).copy_from(&state.at);
+    p.fixed_view_mut::<3, 3>(0, 0).copy_from(&state.position);
+    p.fixed_view_mut::<3, 3>(3, 3).copy_from(&state.speed);
+    let (dt, q) = (0.04_f64, 2e6);
+    let one = Matrix3::identity();
+    let mut f = Matrix6::identity();
+    f.fixed_view_mut::<3, 3>(0, 3).copy_from(&(one * dt));
+    let mut w = Matrix6::zeros();
+    for (r, c, v) in
+        [(0, 0, dt.powi(3) / 3.0), (0, 3, dt * dt / 2.0), (3, 0, dt * dt / 2.0), (3, 3, dt)]
+    {
+        w.fixed_view_mut::<3, 3>(r, c).copy_from(&(one * (q * v)));
+    }
+    for _ in 0..5 {
+        state.predict(dt, q);
+        (x, p) = (f * x, f * p * f.transpose() + w);
+        let (y, r) = (state.at + noise.vector(20.0), some(&mut noise));
+        let s = p.fixed_view::<3, 3>(0, 0) + r;
+        let gain = p.fixed_columns::<3>(0) * s.try_inverse().unwrap();
+        x += gain * (y - x.fixed_rows::<3>(0));
+        p -= gain * s * gain.transpose();
+        let prior = state.position.try_inverse().unwrap();
+        let seen = r.try_inverse().unwrap();
+        let spread = (prior + seen).try_inverse().unwrap();
+        state.update(spread * (prior * state.at + seen * y), spread);
+        assert!((state.at - x.fixed_rows::<3>(0)).norm() < 1e-8);
+        assert!((state.velocity - x.fixed_rows::<3>(3)).norm() < 1e-6);
+        assert!((state.cross - p.fixed_view::<3, 3>(0, 3)).amax() < 1e-6 * p.amax());
+        assert!((state.speed - p.fixed_view::<3, 3>(3, 3)).amax() < 1e-6 * p.amax());
+    }
+}
+
+#[test]
+fn noise_is_averaged_and_a_lag_averages_more() {
+    let cameras = room(4);
+    let refiner = refiner(&cameras);
+    let frames = recording(60, &cameras, 1);
+    let mean = |found: &[Refinement], lag: usize| {
+        let own = found.iter().enumerate().skip(20).map(|(t, r)| error(r, &walking(t - lag)));
+        own.sum::<f64>() / (found.len() - 20) as f64
+    };
+    let alone = mean(&steps(&mut Follower::new(&refiner, None), &frames), 0);
+    let live = mean(&steps(&mut Follower::at_rate(&refiner, FPS, 0).unwrap(), &frames), 0);
+    let late = steps(&mut Follower::at_rate(&refiner, FPS, 8).unwrap(), &frames);
+    assert!(live < 0.8 * alone, "{live} {alone}");
+    assert!(mean(&late, 8) < 0.8 * live, "{} {live}", mean(&late, 8));
+    assert!(late[7].pose.iter().all(|p| p.x.is_nan()));
+    assert!(late[7].joint_status.iter().all(|s| *s == JointStatus::Unobserved));
+    assert!(late[8].pose.iter().all(|p| p.x.is_finite()));
+}
+
+#[test]
+fn a_jump_is_followed_at_once_also_by_two_views() {
+    let cameras = room(4);
+    let refiner = refiner(&cameras);
+    let jumped = |t: usize| -> Vec<Vector3<f64>> {
+        walking(t).iter().map(|p| p + Vector3::new(-300.0, 700.0, 150.0)).collect()
+    };
+    for hidden in [0, 2] {
+        let mut follower = Follower::at_rate(&refiner, FPS, 0).unwrap();
+        steps(&mut follower, &recording(30, &cameras, 2));
+        let mut noise = Noise::new(9);
+        for t in 30..40 {
+            let all = seen(&jumped(t), &cameras, &mut noise);
+            let shown = without(&all, |view, _| view < hidden);
+            let found = &steps(&mut follower, std::slice::from_ref(&shown))[0];
+            let alone = refiner.refine(&shown.into()).unwrap();
+            let (live, alone) = (error(found, &jumped(t)), error(&alone, &jumped(t)));
+            assert!(live < 1.1 * alone + 1.0, "{t}: {live} {alone}");
+            assert!(found.joint_status.iter().all(|s| *s == JointStatus::Ok));
+        }
+    }
+}
+
+#[test]
+fn half_a_second_is_bridged_with_honest_bars_and_no_more() {
+    let cameras = room(4);
+    let refiner = refiner(&cameras);
+    let mut follower = Follower::at_rate(&refiner, FPS, 0).unwrap();
+    let frames: Vec<Detections> = recording(60, &cameras, 3)
+        .iter()
+        .enumerate()
+        .map(|(t, d)| without(d, |_, joint| t >= 40 && joint == 13))
+        .collect();
+    let found = steps(&mut follower, &frames);
+    let mut before = 0.0;
+    for (t, found) in found.iter().enumerate().skip(40).take(15) {
+        let off = found.pose[13] - walking(t)[13];
+        let bar = found.uncertainty[13];
+        assert_eq!(found.joint_status[13], JointStatus::Inferred);
+        assert!(off.dot(&(bar.try_inverse().unwrap() * off)) < 9.0, "{t}: {off} {bar}");
+        assert!(bar.trace() > before);
+        before = bar.trace();
+    }
+    let lost = &found[59];
+    assert_eq!(lost.joint_status[13], JointStatus::Unobserved);
+    assert_eq!(lost.pose[13], found[39].pose[13]);
+    assert!(lost.uncertainty[13].trace().is_nan());
+}
+
+#[test]
+fn one_view_takes_its_depth_from_the_prediction() {
+    let cameras = room(4);
+    let refiner = refiner(&cameras);
+    let mut follower = Follower::at_rate(&refiner, FPS, 0).unwrap();
+    let frames: Vec<Detections> = recording(40, &cameras, 4)
+        .iter()
+        .enumerate()
+        .map(|(t, d)| without(d, |view, joint| t >= 30 && joint == 13 && view > 0))
+        .collect();
+    for (t, found) in steps(&mut follower, &frames).iter().enumerate().skip(30) {
+        let off = found.pose[13] - walking(t)[13];
+        assert_eq!(found.joint_status[13], JointStatus::Inferred);
+        assert!(off.norm() < 60.0, "{t}: {off}");
+    }
+}
+
+#[test]
+fn the_same_frames_give_the_same_bits_after_any_interruption() {
+    let cameras = room(4);
+    let refiner = refiner(&cameras);
+    let frames = recording(30, &cameras, 6);
+    for lag in [0, 4] {
+        let whole = steps(&mut Follower::at_rate(&refiner, FPS, lag).unwrap(), &frames);
+        let again = steps(&mut Follower::at_rate(&refiner, FPS, lag).unwrap(), &frames[..20]);
+        assert!(same(&whole[..20], &again), "causal");
+        let mut live = Live::new(&refiner, FPS, lag).unwrap();
+        let one = |live: &mut Live, d: &Detections| {
+            live.step(&refiner, d.clone(), &Progress::default()).unwrap()
+        };
+        frames[..12].iter().for_each(|d| drop(one(&mut live, d)));
+        let mut restored = Live::new(&refiner, FPS, lag).unwrap().restored(live.numbers()).unwrap();
+        let rest: Vec<_> = frames[12..].iter().map(|d| one(&mut restored, d)).collect();
+        assert!(same(&whole[12..], &rest), "restored");
+        let broken = live.numbers()[1..].to_vec();
+        assert!(Live::new(&refiner, FPS, lag).unwrap().restored(broken).is_err());
+    }
+}
+
+#[test]
+fn a_reset_forgets_everything_and_bad_input_nothing() {
+    let cameras = room(4);
+    let refiner = refiner(&cameras);
+    let frames = recording(10, &cameras, 7);
+    let mut follower = Follower::at_rate(&refiner, FPS, 0).unwrap();
+    let first = steps(&mut follower, &frames[..1]);
+    let before = steps(&mut follower.clone(), &frames[1..]);
+    let plain = Refiner::new(&cameras, Unit::Millimetre, None, RefineConfig::default()).unwrap();
+    let mut other = Follower::at_rate(&plain, FPS, 0).unwrap();
+    steps(&mut other, &frames[..1]);
+    let few = Detections::new(4, 3, &[f64::NAN; 24], None).unwrap();
+    let refused = other.step(few, &Progress::default()).unwrap_err().to_string();
+    assert!(refused.contains("expected 17 joints, as in the previous frames"), "{refused}");
+    assert!(same(&before, &steps(&mut follower, &frames[1..])));
+    follower.reset();
+    assert!(same(&first, &steps(&mut follower, &frames[..1])));
+}
+
+#[test]
+fn a_rate_that_is_none_and_another_method_are_refused() {
+    let cameras = room(2);
+    let told = |refiner: &Refiner, fps: f64| Live::new(refiner, fps, 0).unwrap_err().to_string();
+    for fps in [0.0, -25.0, f64::NAN, f64::INFINITY] {
+        let text = told(&refiner(&cameras), fps);
+        assert!(text.starts_with("fps: expected a positive number of frames per second"), "{text}");
+    }
+    let paper = Refiner::new(&cameras, Unit::Millimetre, None, RefineConfig::paper()).unwrap();
+    assert!(told(&paper, 30.0).starts_with("config.method: expected 'annealed'"));
+    let exact = exact_detections(&standing(), &cameras);
+    let mut slow = Live::new(&refiner(&cameras), 1e-3, 0).unwrap();
+    slow.step(&refiner(&cameras), exact, &Progress::default()).unwrap();
+}

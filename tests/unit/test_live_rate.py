@@ -1,0 +1,181 @@
+"""`Refiner(fps=…)`: the past predicts, the detections decide; with a lag the frames after count as well."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from array_forms import bits
+from skelsplat import synthetic
+from skelsplat.synthetic import DetectionNoise
+
+FPS = 30
+RIG = synthetic.human36m_like()
+LAYOUT = sk.layouts.H36M17
+WRIST = LAYOUT.joints.index("right_wrist")
+ONE_CORE = sk.RefineConfig(n_threads=1)
+
+
+@pytest.fixture(scope="module")
+def walk():
+    return synthetic.motion("walk", 90, fps=FPS, seed=0)
+
+
+@pytest.fixture(scope="module")
+def seen(walk):
+    noise = DetectionNoise.recording(frame_rate=FPS)
+    return synthetic.simulate_detections(walk, RIG, noise=noise, layout="h36m17", seed=0)
+
+
+def refiner(**options):
+    return sk.Refiner(RIG, layout="h36m17", config=ONE_CORE, **{"fps": FPS, **options})
+
+
+def poses(live, frames):
+    return np.array([live.step(frame).pose for frame in frames])
+
+
+def far(pose, truth):
+    return np.linalg.norm(pose - truth, axis=-1)
+
+
+def sigmas(result, joint, truth):
+    off = result.pose[joint] - truth
+    return float(np.sqrt(off @ np.linalg.solve(result.uncertainty[joint], off)))
+
+
+def test_the_past_averages_the_noise_and_a_lag_more(walk, seen):
+    alone = far(poses(refiner(fps=None), seen), walk).mean()
+    live = far(poses(refiner(), seen), walk)[10:].mean()
+    late = far(poses(refiner(lag=10), seen)[10:], walk[:-10]).mean()
+    assert late < live < alone
+
+
+@pytest.mark.parametrize("views", [2, 4])
+def test_a_jump_is_followed_by_two_views_that_agree(walk, seen, views):
+    live = refiner()
+    poses(live, seen[:40])
+    jumped = walk[40:45] + np.array([600.0, -500.0, 100.0])
+    noise = DetectionNoise.recording(frame_rate=FPS)
+    shown = synthetic.simulate_detections(jumped, RIG, noise=noise, layout="h36m17", seed=1)
+    shown[:, views:] = [np.nan, np.nan, 0.0]
+    for frame, truth in zip(shown, jumped, strict=True):
+        alone = sk.refine(None, frame, RIG, layout="h36m17", config=ONE_CORE)
+        result = live.step(frame)
+        judged = alone.joint_status == "ok"
+        assert far(result.pose, truth)[judged].mean() < 1.1 * far(alone.pose, truth)[judged].mean()
+
+
+def test_half_a_second_without_detections_is_bridged(walk, seen):
+    live, hidden = refiner(), seen.copy()
+    hidden[50:, :, WRIST] = [np.nan, np.nan, 0.0]
+    poses(live, hidden[:50])
+    last = None
+    for t in range(50, 65):
+        result = live.step(hidden[t])
+        assert result.joint_status[WRIST] == "inferred"
+        assert sigmas(result, WRIST, walk[t, WRIST]) < 3.0
+        last = result if last is None else last
+    lost = [live.step(hidden[t]) for t in range(65, 70)][-1]
+    assert lost.joint_status[WRIST] == "unobserved"
+    assert np.isfinite(lost.pose[WRIST]).all()
+    assert np.isnan(lost.uncertainty[WRIST]).all()
+    assert far(lost.pose, walk[69])[np.arange(17) != WRIST].mean() < 40.0
+
+
+def test_one_view_keeps_the_depth_of_the_prediction(walk, seen):
+    hidden = seen.copy()
+    hidden[50:, 1:, WRIST] = [np.nan, np.nan, 0.0]
+    live = refiner()
+    poses(live, hidden[:50])
+    for t in range(50, 60):
+        result = live.step(hidden[t])
+        assert result.joint_status[WRIST] == "inferred"
+        assert far(result.pose, walk[t])[WRIST] < 120.0
+        assert sigmas(result, WRIST, walk[t, WRIST]) < 3.0
+
+
+@pytest.mark.parametrize("lag", [0, 3])
+def test_frames_to_come_change_nothing(seen, lag):
+    other = seen.copy()
+    other[30:] = seen[:-30]
+    first, second = poses(refiner(lag=lag), seen), poses(refiner(lag=lag), other)
+    assert np.array_equal(first[:30], second[:30], equal_nan=True)
+    assert np.array_equal(first, poses(refiner(lag=lag), seen), equal_nan=True)
+
+
+def test_the_lag_says_which_frame_is_answered(walk, seen):
+    live = refiner(lag=4)
+    results = [live.step(frame) for frame in seen[:20]]
+    assert all((result.joint_status == "unobserved").all() for result in results[:4])
+    assert all(np.isnan(result.pose).all() for result in results[:4])
+    nothing = np.full_like(seen[0], np.nan)
+    results += [live.step(nothing) for _ in range(4)]
+    found = np.array([result.pose for result in results[4:]])
+    assert np.isfinite(found).all()
+    assert far(found, walk[:20]).mean() < 20.0
+    errors = np.array([result.reprojection_error for result in results[4:]])
+    assert np.array_equal(np.isfinite(errors), np.isfinite(seen[:20, ..., 0]) & (seen[:20, ..., 2] > 0))
+
+
+@pytest.mark.parametrize("options", [{}, {"lag": 3}, {"fps": None}])
+def test_a_copy_goes_on_where_it_was(seen, options):
+    live = refiner(**options)
+    poses(live, seen[:12])
+    twins = [pickle.loads(pickle.dumps(live)), copy.copy(live), copy.deepcopy(live)]
+    after = bits([live.step(frame) for frame in seen[12:20]])
+    for twin in twins:
+        assert bits([twin.step(frame) for frame in seen[12:20]]) == after
+
+
+def test_reset_forgets(seen):
+    live = refiner()
+    first = bits(live.step(seen[0]))
+    poses(live, seen[1:9])
+    live.reset()
+    assert bits(live.step(seen[0])) == first
+
+
+def test_the_unit_does_not_matter(seen):
+    metres = sk.CameraRig([sk.Camera(c.K, c.R, c.t / 1000, size=c.size) for c in RIG], unit="m")
+    live = sk.Refiner(metres, layout="h36m17", fps=FPS, config=ONE_CORE)
+    np.testing.assert_allclose(1000 * poses(live, seen[:30]), poses(refiner(), seen[:30]), atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ({"fps": 0.0}, "fps: expected a positive number, got 0.0"),
+        ({"fps": -25}, "fps: expected a positive number, got -25"),
+        ({"fps": float("nan")}, "fps: expected a positive number, got nan"),
+        ({"fps": 1e9}, "fps: expected a number from 1e-3 to 1e6, got 1e9"),
+        ({"lag": -1}, "lag: expected a whole number of at least 0, got -1"),
+        ({"lag": 2.5}, "lag: expected a whole number of at least 0, got 2.5"),
+        ({"fps": None, "lag": 3}, "lag: expected fps as well, got none"),
+    ],
+)
+def test_what_is_no_rate_or_lag_is_refused(options, told):
+    with pytest.raises(sk.InvalidInputError) as caught:
+        refiner(**options)
+    assert str(caught.value) == told
+
+
+def test_the_paper_s_method_has_no_rate():
+    with pytest.raises(sk.InvalidInputError, match=r"config\.method: expected 'annealed' where fps is given"):
+        sk.Refiner(RIG, fps=FPS, config=sk.RefineConfig.paper())
+
+
+@pytest.mark.parametrize("lag", [0, 2])
+def test_bad_input_leaves_the_state_as_it_was(seen, lag):
+    live, untouched = refiner(lag=lag), refiner(lag=lag)
+    for one in (live, untouched):
+        poses(one, seen[:5])
+    with pytest.raises(sk.InvalidInputError, match="expected one frame"):
+        live.step(seen)
+    with pytest.raises(sk.InvalidInputError, match="expected 17 joints, as in the previous frames"):
+        live.step(seen[0][:, :5])
+    assert bits(live.step(seen[5])) == bits(untouched.step(seen[5]))
