@@ -13,6 +13,7 @@ import inspect
 from typing import Any
 
 import report
+from measures.bones import bones
 from measures.coverage import coverage
 from measures.gaussian import gaussian
 from measures.noises import table
@@ -25,7 +26,8 @@ from measures.useless import useless
 from measures.views import views
 
 MEASURES = {
-    f.__name__: f for f in (table, start, coverage, gaussian, mvor, swaps, useless, sweep, views, schedule)
+    f.__name__: f
+    for f in (table, start, bones, coverage, gaussian, mvor, swaps, useless, sweep, views, schedule)
 }
 
 

@@ -67,6 +67,16 @@ def sequence(take: Take) -> Solved:
     return Solved(result.pose, result.uncertainty)
 
 
+def refiner(take: Take, *, fps: bool = False, lag: int = 0) -> Solved:
+    """`sk.Refiner`; with `fps` the past predicts, with a lag the frames after count as well."""
+    scene = take.scene
+    config = sk.RefineConfig(n_threads=1)
+    live = sk.Refiner(scene.rig, layout=scene.layout, fps=take.fps if fps else None, lag=lag, config=config)
+    end = np.full((lag, *scene.detections.shape[1:]), np.nan)
+    results = [live.step(frame) for frame in np.concatenate([scene.detections, end])][lag:]
+    return Solved(np.array([r.pose for r in results]), np.array([r.uncertainty for r in results]))
+
+
 def butterworth(take: Take, *, bones: str = "population") -> Solved:
     """Frame by frame, gaps filled linearly, then a zero-lag Butterworth filter of 6 Hz."""
     pose = frames(take, bones=bones).pose
@@ -177,6 +187,10 @@ METHODS: dict[str, Method] = {
     "free": partial(frames, bones="free"),
     "free-butterworth": partial(butterworth, bones="free"),
     "frames": frames,
+    "refiner": refiner,
+    "live": partial(refiner, fps=True),
+    "lag5": partial(refiner, fps=True, lag=5),
+    "lag15": partial(refiner, fps=True, lag=15),
     "butterworth": butterworth,
     "kalman": kalman,
     "anipose": anipose,

@@ -57,8 +57,9 @@ class Refinement:
         ``"ok"``; ``"weak"``: the position is not determined. Fewer than two views agree on it (the splat
         meets its detection; ``annealed``: k ≥ ¼), or these are so close together that a point at infinity
         fits as well, or as many views agree on another place (``uncertainty`` then covers both);
-        ``"unobserved"``: no usable detection, the joint keeps its initial position. With ``Refiner(fps=…)``
-        also ``"inferred"``: the frames before and the bones determine it, not two views of its own frame.
+        ``"inferred"``: the length of a bone or, with ``Refiner(fps=…)``, the frames before determine it,
+        not two views of its own frame;
+        ``"unobserved"``: no usable detection, the joint keeps its initial position.
     loss, loss_render, loss_symmetry : (…) float64
         L_opt, L_render and the unweighted L_sym (mm²) of the returned pose over all views. For ``annealed``
         ``loss`` and ``loss_render`` are Σ c (2σ²/ŝ²)(1 − k) over the detections, in units of the noise.

@@ -18,7 +18,9 @@ def accuracy(monkeypatch):
     return importlib.import_module("accuracy")
 
 
-@pytest.mark.parametrize("name", ["table", "start", "coverage", "swaps", "useless", "sweep", "views"])
+@pytest.mark.parametrize(
+    "name", ["table", "start", "bones", "coverage", "swaps", "useless", "sweep", "views"]
+)
 def test_every_measure_gives_a_table_of_at_most_110_characters(accuracy, capsys, name):
     function = accuracy.MEASURES[name]
     known = inspect.signature(function).parameters

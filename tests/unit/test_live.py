@@ -195,10 +195,31 @@ def test_a_doubt_about_the_unit_is_one_line(tmp_path, detections):
     [
         (["--unit", "mm"], 2, ["--layout", "h36m17", "nothing"]),
         (["--unit", "inch", "--layout", "h36m17"], 2, ["--unit", "'inch'"]),
+        ([*OPTIONS, "--fps", "-3"], 2, ["--fps", "expected a positive number, got -3"]),
+        ([*OPTIONS, "--lag", "3"], 2, ["--lag", "expected --fps as well"]),
     ],
 )
 def test_bad_options(tmp_path, rig, extra, status, parts):  # noqa: ARG001  the file is written
     assert_fails(invoke("live", tmp_path / "Calib.toml", *extra), status, *parts)
+
+
+def test_at_a_known_rate_the_past_predicts(tmp_path, rig, detections):
+    lines = [line(t, found) for t, found in enumerate(detections)]
+    answers = records(run(tmp_path, *lines, options=("-q", "--fps", "25")))
+    live = sk.Refiner(rig, layout="h36m17", fps=25)
+    expected = [live.step(found) for found in detections]
+    assert [answer["pose"] for answer in answers] == [result.pose.tolist() for result in expected]
+    assert answers[3]["joint_status"][5] == "inferred"
+
+
+def test_with_a_lag_every_line_is_answered_once(tmp_path, detections):
+    lines = [line(t, found) for t, found in enumerate(detections)]
+    again = json.dumps({"frame": "again", "reset": True, "detections": plain(detections[0])})
+    result = run(tmp_path, *lines, again, options=("--fps", "25", "--lag", "2"))
+    answers = records(result)
+    assert [answer["frame"] for answer in answers] == [*range(T), "again"]
+    assert all(None not in answer["pose"] for answer in answers)
+    assert f"lines answered {T + 1}, skipped 0" in result.stderr
 
 
 # as a process

@@ -37,6 +37,8 @@ def live(
     no_swaps: options.NoSwaps = False,
     free_bones: options.FreeBones = False,
     sigma_mm: options.SigmaOfAnnealed = None,
+    fps: options.LiveRate = None,
+    lag: options.Lag = 0,
     quiet: options.Quiet = False,
 ) -> None:
     """Refine frame by frame: detections as JSON lines on stdin, poses on stdout.
@@ -59,6 +61,11 @@ def live(
     A joint without a position is null; an unobserved one keeps its previous
     position. "latency_ms" is the time from reading the line to the answer.
 
+    With --fps the past predicts: noise is averaged, and a joint that fewer than
+    two views see follows its own motion and bones for up to half a second
+    ("inferred"). With --lag N a frame is answered once the N lines after it have
+    come, the last N at the end of the input.
+
     Malformed lines are skipped and reported on stderr with their numbers. At the
     end, the number of lines and percentiles of the latency are printed on stderr.
 
@@ -66,7 +73,7 @@ def live(
 
     [bold]Examples[/bold]
 
-    detector | skelsplat live Calib.toml --unit m --layout coco17 | viewer
+    detector | skelsplat live Calib.toml --unit m --layout coco17 --fps 30 | viewer
 
     skelsplat live Calib.toml --unit mm --layout body25 < recorded.jsonl > poses.jsonl
     """
@@ -80,11 +87,14 @@ def live(
         "bones": "free" if free_bones else None,
     }
     given = {name: value for name, value in settings.items() if value is not None}
+    fps = options.positive("--fps", fps)
+    if lag and fps is None:
+        raise typer.BadParameter("expected --fps as well", param_hint="--lag")
     with collected_warnings(tell):
         rig = read_rig(source, **read)
         if len(rig) < 2:
             raise DatasetError(source, "cameras", "at least two cameras", len(rig))
-        session = Session(rig, known, sk.RefineConfig(n_threads=1, **given))
+        session = Session(rig, known, sk.RefineConfig(n_threads=1, **given), fps=fps, lag=lag)
         if not quiet:
             cameras, joints = f"{len(rig)} cameras ({', '.join(rig.names)})", f"{known.n_joints} joints"
             _print(f"ready: {cameras}, {joints} ({known.name}), in {rig.unit}")
@@ -120,6 +130,8 @@ def _serve(session: Session, source: BinaryIO, target: BinaryIO) -> int:
             if answer is not None:
                 target.write(answer)
                 target.flush()
+        target.write(session.rest() or b"")
+        target.flush()
     except KeyboardInterrupt:
         return INTERRUPTED
     except OSError as error:

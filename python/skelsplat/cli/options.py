@@ -242,6 +242,26 @@ Filter = Annotated[
         default="none",
     ),
 ]
+LiveRate = Annotated[
+    float | None,
+    option(
+        _TIME,
+        "--fps",
+        metavar="HZ",
+        help="Frames per second, one line each, also where nothing is detected: the past then predicts.",
+        default="every frame by itself",
+    ),
+]
+Lag = Annotated[
+    int,
+    option(
+        _TIME,
+        "--lag",
+        metavar="FRAMES",
+        help="Answer so many frames later, from the frames before and after. Requires --fps.",
+        min=0,
+    ),
+]
 FrameByFrame = Annotated[
     bool,
     flag(

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import time
+from collections import deque
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -29,23 +30,36 @@ class MalformedLineError(Exception):
 
 
 class Session:
-    """A refiner with its latencies: one line in, one line out.
+    """A refiner with its latencies: one line in, one line out, with a lag some lines later.
 
     Parameters
     ----------
-    rig, layout, config
+    rig, layout, config, fps, lag
         As for `skelsplat.Refiner`.
     """
 
-    def __init__(self, rig: sk.CameraRig, layout: sk.Layout, config: sk.RefineConfig) -> None:
-        self._refiner = sk.Refiner(rig, layout=layout, config=config)
+    def __init__(
+        self,
+        rig: sk.CameraRig,
+        layout: sk.Layout,
+        config: sk.RefineConfig,
+        *,
+        fps: float | None = None,
+        lag: int = 0,
+    ) -> None:
+        self._refiner = sk.Refiner(rig, layout=layout, fps=fps, lag=lag, config=config)
         self._size = (len(rig), layout.n_joints)
+        self._lag = lag
+        self._waiting: deque[Frame] = deque()
         self._latencies_ms: list[float] = []
         self._skipped = 0
         self._begun = self._ended = 0.0
 
     def answer(self, line: bytes) -> bytes | None:
-        """Return the line that answers ``line``, None for a blank one.
+        """Return the lines that the session owes after ``line``: usually one, None for none.
+
+        With a lag the first lines have no answer, and a line that resets the session first has those of the
+        frames that wait.
 
         Raises
         ------
@@ -57,15 +71,36 @@ class Session:
             frame = parse_line(line, *self._size)
             if frame is None:
                 return None
+            json_name(frame.name)
+            before = self.rest() if frame.reset else None
             if frame.reset:
                 self._refiner.reset()
-            text = answer_text(frame, self._refiner.step(frame.detections))
+            result = self._refiner.step(frame.detections)
         except sk.SkelSplatError as error:
             self._skipped += 1
             raise MalformedLineError(str(error)) from error
         except MalformedLineError:
             self._skipped += 1
             raise
+        self._waiting.append(frame)
+        return b"".join(filter(None, [before, self._answered(result, begin)])) or None
+
+    def rest(self) -> bytes | None:
+        """Return the lines of the frames that wait for later ones, at the end of the input."""
+        lines = []
+        missing = np.full((*self._size, 2), np.nan)
+        if self._waiting:
+            for _ in range(self._lag - len(self._waiting)):  # fewer frames than the lag
+                self._refiner.step(missing)
+        while self._waiting:
+            begin = time.perf_counter()
+            lines.append(self._answered(self._refiner.step(missing), begin, last=True))
+        return b"".join(filter(None, lines)) or None
+
+    def _answered(self, result: sk.Refinement, begin: float, *, last: bool = False) -> bytes | None:
+        if not last and len(self._waiting) <= self._lag:
+            return None
+        text = answer_text(self._waiting.popleft(), result)
         self._ended = time.perf_counter()
         self._begun = self._begun or begin
         self._latencies_ms.append(1000.0 * (self._ended - begin))
@@ -178,14 +213,22 @@ def _shown(value: Any) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-def answer_text(frame: Frame, result: sk.Refinement) -> str:
-    """Return the answer to a frame as a JSON object without its closing brace.
+def json_name(name: Any) -> None:
+    """Reject a frame's name that is NaN or infinite, which JSON cannot represent.
 
     Raises
     ------
     MalformedLineError
-        If the frame's name is NaN or infinite, which JSON cannot represent.
+        If it is.
     """
+    try:
+        json.dumps(name, allow_nan=False)
+    except ValueError as error:
+        raise MalformedLineError(f"frame: expected a value of JSON, got {name}") from error
+
+
+def answer_text(frame: Frame, result: sk.Refinement) -> str:
+    """Return the answer to a frame as a JSON object without its closing brace."""
     sigma = np.sqrt(np.diagonal(result.uncertainty, axis1=-2, axis2=-1))
     record = {
         "frame": frame.name,
@@ -193,7 +236,4 @@ def answer_text(frame: Frame, result: sk.Refinement) -> str:
         "sigma": to_json(sigma, by_joint=True),
         "joint_status": result.joint_status.tolist(),
     }
-    try:
-        return json.dumps(record, allow_nan=False)[:-1]
-    except ValueError as error:
-        raise MalformedLineError(f"frame: expected a value of JSON, got {frame.name}") from error
+    return json.dumps(record, allow_nan=False)[:-1]
