@@ -240,12 +240,15 @@ impl Joint {
         if self.unseen > BRIDGE {
             return seen.alone;
         }
-        self.state = Some(state);
         let rejected = n / f64::max(weight, LEAST_WEIGHT);
         let away = Matrix3::from_diagonal_element(self.motion.leaves(self.unseen * fps));
         let covariance = (spread + self.excess) * f64::max(rejected, 1.0) + away;
         let widest = covariance.symmetric_eigenvalues().max().sqrt();
         let is_known = n == 0.0 || widest <= INFERRED * seen.reach;
+        if !is_known && seen.alone.covariance.trace() < covariance.trace() {
+            return seen.alone; // the past knows less than the frame
+        }
+        self.state = Some(state);
         let status = if is_known { JointStatus::Inferred } else { JointStatus::Weak };
         Answer { at, covariance, status }
     }
