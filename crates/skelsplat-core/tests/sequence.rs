@@ -374,3 +374,26 @@ fn windows_that_overlap_give_what_one_window_gives() {
     assert!(median < 0.1, "median {median} mm, largest {largest} mm");
     assert!(largest < 0.15, "largest {largest} mm");
 }
+
+#[test]
+fn one_second_of_a_motion_is_not_smoothed_away() {
+    let (cameras, mut noise) = (room(4), Noise::new(21));
+    let pose = |t: usize| -> Vec<Vector3<f64>> {
+        let (sin, cos) = (0.6 * t as f64).sin_cos();
+        standing().iter().map(|p| p + Vector3::new(150.0 * sin, 150.0 * cos, 0.0)).collect()
+    };
+    let truth: Vec<_> = (0..15).map(pose).collect();
+    let layout = Layout::by_name("h36m17").unwrap();
+    let refiner =
+        Refiner::new(&cameras, Unit::Millimetre, Some(&layout), RefineConfig::default()).unwrap();
+    let frames: Vec<Frame> =
+        truth.iter().map(|p| Frame::from(noisy_detections(p, &cameras, 4.0, &mut noise))).collect();
+    let found = refine_sequence(&refiner, &frames, 15.0, &Progress::default()).unwrap();
+    let error = |of: fn(&skelsplat_core::Refinement) -> &Vec<Vector3<f64>>| {
+        let pairs = found.frames.iter().zip(&truth).flat_map(|(f, t)| of(f).iter().zip(t));
+        let errors: Vec<f64> = pairs.map(|(a, b)| (a - b).norm()).collect();
+        errors.iter().sum::<f64>() / errors.len() as f64
+    };
+    let (in_time, alone) = (error(|f| &f.pose), error(|f| &f.init_pose));
+    assert!(in_time < alone, "{in_time} in time, {alone} alone");
+}

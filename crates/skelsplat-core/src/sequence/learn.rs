@@ -37,7 +37,7 @@ pub fn agility(tracks: &Tracks, fps: f64, variance: &[f64]) -> Vec<f64> {
     let own: Vec<(f64, f64)> =
         (0..tracks.joints).map(|j| of_joint(tracks, fps, j, variance[j])).collect();
     let known = own.iter().map(|(q, _)| *q).filter(|q| q.is_finite());
-    let shared = Some(median(known.collect())).filter(|q| q.is_finite()).unwrap_or(USUAL_AGILITY);
+    let shared = median(known.collect()).max(USUAL_AGILITY);
     let of_its_own = |((q, white), variance): (&(f64, f64), &f64)| {
         bounded(if q.is_finite() { *q } else { shared }, *white, *variance, fps)
     };
@@ -72,8 +72,13 @@ fn of_joint(tracks: &Tracks, fps: f64, j: usize, variance: f64) -> (f64, f64) {
     let x: Vec<Vector3<f64>> = sure.map(|(x, sure)| if *sure { *x } else { unknown }).collect();
     let Some(first) = second_moment(&x, 1) else { return (f64::NAN, variance) };
     let white = (first / 6.0).clamp(LEAST_WHITE * variance, variance);
-    let longer = (2..=frames_in(SPAN, fps)).map_while(|h| Some((h, second_moment(&x, h)?)));
-    (density(std::iter::once((1, first)).chain(longer), white, fps), white)
+    let spans = frames_in(SPAN, fps);
+    let longer = (2..=spans).map_while(|h| Some((h, second_moment(&x, h)?)));
+    let squares: Vec<(usize, f64)> = std::iter::once((1, first)).chain(longer).collect();
+    // Too short a recording may end before a slow joint has moved: then little motion in few frames means nothing.
+    let shows =
+        squares.len() == spans || squares.iter().any(|(_, square)| *square > CLEAR * 6.0 * white);
+    (if shows { density(squares.into_iter(), white, fps) } else { f64::NAN }, white)
 }
 
 /// Variance per axis of the second differences over `h` frames, without the largest tenth: rest and motion both count, jumps do
