@@ -148,7 +148,7 @@ impl Motion {
         let longest = 1 << self.squares.len().saturating_sub(1);
         let at = spans(longest).position(|h| h as f64 >= frames);
         let k = at.unwrap_or(self.squares.len().saturating_sub(1));
-        let (h, square) = (f64::from(1 << k), self.squares.get(k).copied().unwrap_or(0.0));
+        let (h, square) = (f64::from(1_u32 << k), self.squares.get(k).copied().unwrap_or(0.0));
         square * (frames / h).powi(3)
     }
 
