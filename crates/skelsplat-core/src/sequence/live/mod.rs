@@ -17,7 +17,7 @@
 //! [`super::posterior`]. C − S stays where a later frame determines no position; there C grows with the share of the rays that the
 //! position contradicts.
 //!
-//! With a lag of n frames the last of these are solved once more, like a recording ([`window`]).
+//! With a lag of n frames the last of these are solved once more, like a recording (`window.rs`).
 
 mod bone;
 pub mod filter;
