@@ -30,7 +30,7 @@ pub(super) const BRIDGE: f64 = 1.0;
 const OVERLAP: f64 = 2.0;
 const LEAST_OVERLAP: usize = 30;
 /// Length of a window, in overlaps, without them.
-const WINDOW: usize = 15;
+const WINDOW: usize = 20;
 /// Number of windows from which is learnt.
 const SAMPLE: usize = 3;
 /// Largest standard deviation of an inferred joint, as a share of the body's spread.
