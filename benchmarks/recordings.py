@@ -34,7 +34,7 @@ _LIMB_SWAPS, _VIEW_SWAPS = 0.05, 0.02
 
 @dataclass(frozen=True)
 class Take:
-    """A recording of one condition: a scene whose frames follow each other."""
+    """A recording under one condition: consecutive frames of a scene."""
 
     name: str
     scene: Scene

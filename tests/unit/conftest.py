@@ -91,3 +91,15 @@ def figures(monkeypatch):
 
     monkeypatch.setattr(_style, "save_png", keep)
     return kept
+
+
+@pytest.fixture
+def gap(recording):
+    """Take joint 16 out of all views of frame 2."""
+    folder, rig, _ = recording
+    for name in rig.names:
+        path = folder / "openpose" / name / "000002_keypoints.json"
+        document = json.loads(path.read_text())
+        document["people"][0]["pose_keypoints_2d"][48:51] = [0.0, 0.0, 0.0]
+        path.write_text(json.dumps(document))
+    return folder

@@ -17,18 +17,6 @@ from skelsplat.run import _run
 FPS = ["--fps", "50", "--frame-by-frame", "-q"]
 
 
-@pytest.fixture
-def gap(recording):
-    """Take joint 16 out of all views of frame 2."""
-    folder, rig, _ = recording
-    for name in rig.names:
-        path = folder / "openpose" / name / "000002_keypoints.json"
-        document = json.loads(path.read_text())
-        document["people"][0]["pose_keypoints_2d"][48:51] = [0.0, 0.0, 0.0]
-        path.write_text(json.dumps(document))
-    return folder
-
-
 def test_nothing_is_filled_or_filtered_by_default(gap, arguments):
     assert invoke(*arguments, *READ, *FPS).exit_code == 0
     written = read_npz(gap / "out" / "pose.npz")

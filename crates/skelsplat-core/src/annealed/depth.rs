@@ -54,7 +54,7 @@ pub fn is_fixed(rays: &[Ray], j: usize, solution: &Solution, k: &[f64]) -> bool 
 }
 
 /// Whether rays with weights `k` determine the depth of `x`; `variance` is that of a detection of weight 1, px², and `weight` the
-/// mean weight of a detection, whose noise is at least the usual one.
+/// mean weight of a detection. The noise is taken to be at least the usual one.
 #[must_use]
 pub fn determine(
     rays: &[Ray],

@@ -161,7 +161,7 @@ fn positive(m: Matrix3<f64>) -> Matrix3<f64> {
 
 /// Position and extent of a body.
 #[derive(Clone, Copy)]
-struct Body {
+pub(crate) struct Body {
     middle: Vector3<f64>,
     /// s², mm².
     square_spread: f64,
@@ -177,6 +177,11 @@ impl Body {
         }
         let known: Vec<_> = points.iter().filter(finite).collect();
         (known.len() >= LEAST_JOINTS).then(|| Self::around(&known))
+    }
+
+    /// Root mean square distance of the joints from their centre, mm; `None` with fewer than three.
+    pub(crate) fn spread(points: &[Vector3<f64>]) -> Option<f64> {
+        Self::of(points, &[]).map(|body| body.square_spread.sqrt())
     }
 
     fn around(points: &[&Vector3<f64>]) -> Self {

@@ -8,7 +8,7 @@
 //! ```
 //!
 //! H is the block of x_a and x_b each, −H the one between them. The second term is the positive part of r ∇²r: without it,
-//! a joint whose only ray is at right angles to its bone always overshoots.
+//! a joint with a single ray at right angles to its bone always overshoots.
 
 pub mod population;
 

@@ -143,7 +143,7 @@ fn limbs(joints: &[String]) -> Vec<[usize; 2]> {
     middle.chain(sides).collect()
 }
 
-/// The joints whose mean is the pelvis: itself, or the two hips if the layout has no pelvis.
+/// The pelvis, or the two hips if the layout has no pelvis; the root is the mean of these joints.
 fn root(joints: &[String]) -> Vec<usize> {
     match find(joints, "pelvis") {
         Some(i) => vec![i],

@@ -15,7 +15,7 @@ const CLEAR: f64 = 2.0;
 pub(super) const LEAST_WHITE: f64 = 0.1;
 /// Agility of joints of which too little is known, mm²/s³: 5 m/s² for a tenth of a second.
 pub(super) const USUAL_AGILITY: f64 = 2.5e6;
-/// Bounds of the frequency up to which motion is told from noise, Hz and share of the frame rate.
+/// Bounds of the cut-off frequency between motion and noise, Hz and as a share of the frame rate.
 const SLOWEST: f64 = 0.5;
 const FASTEST: f64 = 0.5;
 /// Share of the measured agility: less than it allows for is better where detections are wrong (docs/decisions.md).
@@ -29,8 +29,8 @@ pub(super) const LEAST_SHARE: f64 = 0.02;
 /// The spectral density q of the acceleration of every joint, mm²/s³, for data of these variances, mm².
 ///
 /// For white acceleration of density q the second difference over the time h has the variance ⅔ q h³ per axis, and for white noise
-/// of variance s² per frame 6 s². The shortest span in which motion outweighs the noise counts: there the one is told from the
-/// other. Errors with a memory follow the joint, so that only the white part of the noise weighs against the motion; the solver
+/// of variance s² per frame 6 s². The shortest span in which motion outweighs the noise counts: only there can they be
+/// told apart. Errors with a memory follow the joint, so that only the white part of the noise weighs against the motion; the solver
 /// takes the whole variance, and q grows by the same factor.
 #[must_use]
 pub fn agility(tracks: &Tracks, fps: f64, variance: &[f64]) -> Vec<f64> {

@@ -19,6 +19,7 @@ pub mod chain;
 pub mod learn;
 pub mod live;
 pub mod noise;
+mod outcome;
 pub mod posterior;
 mod recording;
 mod small;

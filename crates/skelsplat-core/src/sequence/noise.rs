@@ -9,7 +9,7 @@ use crate::annealed::consensus::REJECTED;
 const SHARED_DOF: f64 = 50.0;
 /// Times, s, up to which errors have a memory, and from which those that remain count as constant.
 const MEMORY: [f64; 2] = [0.7, 0.6];
-/// Shortest recording, s, whose errors show their memory.
+/// Shortest recording, s, that shows how long its errors last.
 const LEAST_SECONDS: f64 = 3.0;
 /// Where it does not: the constant share, the slow share of the rest and its time constant, s, as measured on real recordings.
 const USUAL_CONSTANT: f64 = 0.4;
@@ -171,7 +171,7 @@ impl Correlation {
         Self { lags, at: if known { at } else { Vec::new() } }
     }
 
-    /// The memory of errors whose correlation is that of the residuals times `scale`: at the longest lags it is the constant share c,
+    /// The memory of the errors; their correlation is that of the residuals times `scale`. At the longest lags it is the constant share c,
     /// and (ρ − c)/(1 − c) is that of the rest.
     fn memory(&self, fps: f64, scale: f64) -> Memory {
         let late = frames_in(MEMORY[1], fps);

@@ -6,26 +6,23 @@ use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
 use super::learn;
-use super::noise::{Memory, Noise};
-use super::posterior::{Posterior, posterior};
+use super::noise::Noise;
+use super::outcome::{Learnt, State, errors};
+use super::posterior::posterior;
 use super::small::median;
 use super::solver::{ANNEAL, Common, Run, SETTLE, frames_in};
 use super::swaps::{self, Swap};
-use super::tracks::Tracks;
+use super::tracks::{BRIDGE, Tracks};
 use crate::annealed::Alone;
-use crate::annealed::consensus::REJECTED;
-use crate::annealed::depth::determine;
+use crate::annealed::posterior::Body;
 use crate::batch::Progress;
 use crate::bones::Length;
 use crate::error::{Error, Result};
-use crate::outcome::{ErrorBars, JointStatus, Loss, Outcome, Splats, StopReason};
 use crate::refine::{Frame, Method, Refinement, Refiner};
 use crate::threads;
 
 /// Frames per second that can be computed with.
 const RATES: RangeInclusive<f64> = 1e-3..=1e6;
-/// Longest gap over which a joint is bridged, s.
-pub(super) const BRIDGE: f64 = 1.0;
 /// Overlap of windows on either side, s, and the least number of frames.
 const OVERLAP: f64 = 2.0;
 const LEAST_OVERLAP: usize = 30;
@@ -33,8 +30,6 @@ const LEAST_OVERLAP: usize = 30;
 const WINDOW: usize = 20;
 /// Number of windows from which is learnt.
 const SAMPLE: usize = 3;
-/// Largest standard deviation of an inferred joint, as a share of the body's spread.
-pub(super) const INFERRED: f64 = 0.25;
 /// Least spread of a body in multiples of the noise, and the spread where nothing is known, mm.
 pub(super) const LEAST_SPREAD: f64 = 2.0;
 pub(super) const USUAL_SPREAD: f64 = 500.0;
@@ -108,12 +103,6 @@ struct Recording<'a> {
     fps: f64,
     windows: Vec<Window>,
     progress: &'a Progress,
-}
-
-/// What is learnt from the sample.
-pub(super) struct Learnt {
-    pub(super) common: Common,
-    pub(super) memory: Memory,
 }
 
 /// Tracks with their sides corrected, and the path found in them.
@@ -204,7 +193,7 @@ impl Recording<'_> {
         let noise = if noise.is_finite() { noise } else { 1.0 };
         let weights = all().filter(|f| f.noise.is_finite()).map(|f| f.rays.mean_weight());
         let weight = Some(median(weights.collect())).filter(|w| w.is_finite()).unwrap_or(1.0);
-        let spread = median(all().filter_map(|f| spread(&f.points)).collect());
+        let spread = median(all().filter_map(|f| Body::spread(&f.points)).collect());
         let sigma = self.refiner.final_kernels(sample[0][0].points.len(), noise);
         let stretches: Vec<&[Alone]> = sample.iter().map(Vec::as_slice).collect();
         let tracks = self.tracks(&stretches, sigma[0]);
@@ -223,6 +212,7 @@ impl Recording<'_> {
         common.lengths = learn::lengths(&path.tracks, &path.points, &common.bones);
         let mut run = Run::new(&path.tracks, &common, Some(std::mem::take(&mut path.points)));
         run.anneal(SETTLE, &self.check())?;
+        run.linearise(1.0);
         let Noise { variance, memory } = Noise::of(&run, &path.tracks, &common);
         let given = self.refiner.config().detection_sigma_px.is_some();
         let variance = if given { common.variance.clone() } else { variance };
@@ -275,6 +265,7 @@ impl Recording<'_> {
         }
         let mut run = Run::new(&tracks, &learnt.common, Some(points));
         run.anneal(SETTLE, &self.check())?;
+        run.linearise(1.0);
         let found = posterior(&run, &tracks, &learnt.common, &learnt.memory);
         let errors = errors(&run, &found, &tracks, &learnt.common);
         let steps = steps + run.n_iter;
@@ -323,105 +314,6 @@ impl Sequence {
     }
 }
 
-/// A solved window.
-pub(super) struct State<'a> {
-    pub(super) run: &'a Run<'a>,
-    pub(super) tracks: &'a Tracks,
-    pub(super) learnt: &'a Learnt,
-    pub(super) posterior: &'a Posterior,
-}
-
-/// A joint of a frame.
-struct Joint {
-    at: Vector3<f64>,
-    covariance: Matrix3<f64>,
-    /// k of every view; NaN where missing.
-    believed: Vec<f64>,
-    status: JointStatus,
-    loss: f64,
-}
-
-impl State<'_> {
-    /// Frame `t`, and its error bars.
-    pub(super) fn outcome(
-        &self,
-        t: usize,
-        alone: &Alone,
-        used_for: Vec<usize>,
-        n_iter: usize,
-    ) -> (Outcome, ErrorBars) {
-        let joints: Vec<Joint> = (0..alone.points.len()).map(|j| self.joint(j, t, alone)).collect();
-        let status: Vec<JointStatus> = joints.iter().map(|joint| joint.status).collect();
-        let observed = status.iter().any(|s| *s != JointStatus::Unobserved);
-        let outcome = Outcome {
-            points: joints.iter().map(|joint| joint.at).collect(),
-            splats: Splats::Round(self.learnt.common.sigma.clone()),
-            init: alone.points.clone(),
-            status: status.clone(),
-            used_for,
-            loss: self.loss(&joints),
-            loss_history: Vec::new(),
-            n_iter,
-            stop_reason: if observed { StopReason::Converged } else { StopReason::NoObservations },
-        };
-        let variance = median(self.learnt.common.variance.clone());
-        let bars = ErrorBars {
-            covariances: joints.iter().map(|joint| joint.covariance).collect(),
-            believed: joints.iter().flat_map(|joint| joint.believed.iter().copied()).collect(),
-            noise: if observed { (variance / self.learnt.common.weight).sqrt() } else { f64::NAN },
-            status,
-        };
-        (outcome, bars)
-    }
-
-    fn joint(&self, j: usize, t: usize, alone: &Alone) -> Joint {
-        let k = j * self.tracks.frames + t;
-        let common = &self.learnt.common;
-        let rays = self.tracks.rays(j, t);
-        let active = self.tracks.active[k];
-        let (at, covariance) = match active {
-            true => (self.run.points[k], self.posterior.positions[k] + self.undecided(j, t, alone)),
-            false => (alone.points[j], alone.spread[j]),
-        };
-        let offsets = || rays.iter().map(|ray| ray.is_there().then(|| (ray, ray.offset(&at))));
-        let believed: Vec<f64> = offsets()
-            .map(|offset| offset.map_or(f64::NAN, |(_, o)| o.weight(common.sigma[j])))
-            .collect();
-        let agreeing = believed.iter().filter(|k| **k >= REJECTED).count();
-        let ranges = offsets().flatten().map(|(ray, o)| o.range.abs() * ray.pixel);
-        let pixel = ranges.clone().sum::<f64>() / ranges.count().max(1) as f64;
-        let variance = common.variance[j] / (pixel * pixel);
-        let fixed = agreeing > 1 && determine(rays, &at, variance, common.weight, |i| believed[i]);
-        let widest = covariance.symmetric_eigenvalues().max().sqrt();
-        let status = match (active, fixed) {
-            (false, _) => alone.status[j],
-            (true, true) => JointStatus::Ok,
-            (true, false) if widest <= INFERRED * common.reach => JointStatus::Inferred,
-            (true, false) => JointStatus::Weak,
-        };
-        let scale = 2.0 * common.sigma[j].powi(2) / common.variance[j];
-        let terms = rays.iter().zip(&believed).filter(|(ray, k)| ray.is_there() && k.is_finite());
-        let loss = terms.map(|(ray, k)| ray.weight * scale * (1.0 - k)).sum();
-        Joint { at, covariance, believed, status, loss }
-    }
-
-    /// What a joint's covariance in its frame alone adds where no frame around shows it to enough views: its bone then allows two
-    /// places on the ray, and all frames may have taken the wrong one.
-    fn undecided(&self, j: usize, t: usize, alone: &Alone) -> Matrix3<f64> {
-        let around = frames_in(BRIDGE, self.learnt.common.fps);
-        let (first, last) = (t.saturating_sub(around), (t + around + 1).min(self.tracks.frames));
-        let of_joint = j * self.tracks.frames..(j + 1) * self.tracks.frames;
-        let shown = self.tracks.sure[of_joint][first..last].iter().any(|sure| *sure);
-        let spread = alone.spread[j];
-        if shown || !spread[(0, 0)].is_finite() { Matrix3::zeros() } else { spread }
-    }
-
-    fn loss(&self, joints: &[Joint]) -> Loss {
-        let render = joints.iter().map(|joint| joint.loss).sum();
-        Loss { total: render, render, symmetry: 0.0 }
-    }
-}
-
 /// Gives the detections of one view that were used for `l` to `r`, and the other way round.
 fn exchange(used: &mut [usize], [l, r]: [usize; 2]) {
     for joint in used {
@@ -431,31 +323,6 @@ fn exchange(used: &mut [usize], [l, r]: [usize; 2]) {
             j => j,
         };
     }
-}
-
-/// Standard errors of the bones' lengths, mm: those of a typical frame, since most of an error lasts.
-fn errors(run: &Run<'_>, found: &Posterior, tracks: &Tracks, common: &Common) -> Vec<f64> {
-    let t = tracks.frames;
-    let of_bone = |(b, [head, tail]): (usize, &[usize; 2])| {
-        let along = |k: usize| {
-            let u = run.system.lengths[b * t + k].along;
-            let spread = found.positions[head * t + k] + found.positions[tail * t + k];
-            u.dot(&(spread * u)).sqrt()
-        };
-        let seen = |k: &usize| tracks.sure[head * t + k] && tracks.sure[tail * t + k];
-        let all: Vec<f64> = (0..t).filter(seen).map(along).filter(|e| e.is_finite()).collect();
-        if all.is_empty() { f64::INFINITY } else { median(all) }
-    };
-    common.bones.iter().enumerate().map(of_bone).collect()
-}
-
-/// Root mean square distance of the joints from their centre; `None` with fewer than three.
-pub(super) fn spread(points: &[Vector3<f64>]) -> Option<f64> {
-    let known: Vec<&Vector3<f64>> = points.iter().filter(|x| x.x.is_finite()).collect();
-    let n = known.len() as f64;
-    let middle = known.iter().copied().sum::<Vector3<f64>>() / n;
-    let square = known.iter().map(|x| (*x - middle).norm_squared()).sum::<f64>() / n;
-    (known.len() > 2).then(|| square.sqrt())
 }
 
 /// The equations of one step at `points` `(N, T)` under kernels `wider` than the final ones: H, row-major, and minus the gradient

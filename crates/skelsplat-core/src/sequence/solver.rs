@@ -94,7 +94,7 @@ impl<'a> Run<'a> {
         run
     }
 
-    /// Anneals along `schedule`; `check` is called before every step and ends the run with its error.
+    /// Anneals along `schedule`, without filling the system at the last positions; `check` is called before every step and ends the run with its error.
     ///
     /// # Errors
     /// The error of `check`.
@@ -111,7 +111,6 @@ impl<'a> Run<'a> {
                 }
             }
         }
-        self.linearise(1.0);
         Ok(())
     }
 
@@ -140,7 +139,7 @@ impl<'a> Run<'a> {
     fn step(&mut self) -> f64 {
         let step = self.system.solve(DAMPING.powi(-2), ACCURACY, ROUNDS);
         let mut squares = 0.0;
-        for (x, step) in self.points.iter_mut().zip(&step) {
+        for (x, step) in self.points.iter_mut().zip(step) {
             let length = step.norm();
             *x += if length > LONGEST { step * (LONGEST / length) } else { *step };
             squares += length * length;

@@ -6,7 +6,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::chain::{Chain, second_difference, stiffness};
+use super::chain::{Chain, second_difference};
 use super::small::times;
 use crate::bones::Pull;
 
@@ -26,6 +26,9 @@ pub struct System {
     /// The bones' terms `(B, T)`.
     pub lengths: Vec<Pull>,
     chains: Vec<Chain>,
+    /// D with the bones' own blocks.
+    diagonal: Vec<Matrix3<f64>>,
+    step: Vec<Vector3<f64>>,
     residual: Vec<Vector3<f64>>,
     direction: Vec<Vector3<f64>>,
     image: Vec<Vector3<f64>>,
@@ -45,6 +48,8 @@ impl System {
             weights: vec![0.0; frames * joints],
             lengths: vec![Pull::NONE; frames * bones.len()],
             chains: vec![Chain::default(); joints],
+            diagonal: vec![Matrix3::zeros(); frames * joints],
+            step: zero(),
             residual: zero(),
             direction: zero(),
             image: zero(),
@@ -90,19 +95,19 @@ impl System {
     /// Factors of the preconditioner, with damping `mu`.
     pub fn factorise(&mut self, mu: f64) {
         let t = self.frames;
-        let mut diagonal = self.blocks.clone();
+        self.diagonal.copy_from_slice(&self.blocks);
         for (b, ends) in self.bones.iter().enumerate() {
             for (k, pull) in self.lengths[b * t..(b + 1) * t].iter().enumerate() {
                 if pull.stiffness > 0.0 {
                     let block = pull.block();
-                    ends.iter().for_each(|j| diagonal[j * t + k] += block);
+                    ends.iter().for_each(|j| self.diagonal[j * t + k] += block);
                 }
             }
         }
         let damping = Matrix3::from_diagonal_element(mu);
         for (j, chain) in self.chains.iter_mut().enumerate() {
             let of = j * t..(j + 1) * t;
-            let blocks = &diagonal[of.clone()];
+            let blocks = &self.diagonal[of.clone()];
             chain.factorise(&self.weights[of], |k| blocks[k] + damping);
         }
     }
@@ -116,9 +121,9 @@ impl System {
     }
 
     /// The step (H + μI)⁻¹ (−∇), to a relative accuracy `tolerance` in the norm of the preconditioner, in at most `most` rounds.
-    pub fn solve(&mut self, mu: f64, tolerance: f64, most: usize) -> Vec<Vector3<f64>> {
+    pub fn solve(&mut self, mu: f64, tolerance: f64, most: usize) -> &[Vector3<f64>] {
         self.factorise(mu);
-        let mut step = vec![Vector3::zeros(); self.pulls.len()];
+        self.step.fill(Vector3::zeros());
         self.residual.copy_from_slice(&self.pulls);
         self.precondition();
         self.direction.copy_from_slice(&self.preconditioned);
@@ -134,7 +139,7 @@ impl System {
             let along = dot(&self.direction, &image);
             let length = square / along;
             for (((s, d), r), i) in
-                step.iter_mut().zip(&self.direction).zip(&mut self.residual).zip(&image)
+                self.step.iter_mut().zip(&self.direction).zip(&mut self.residual).zip(&image)
             {
                 *s += d * length;
                 *r -= i * length;
@@ -148,7 +153,7 @@ impl System {
                 *d = z + *d * ratio;
             }
         }
-        step
+        &self.step
     }
 
     /// H without damping as a dense row-major matrix, for study and tests.
@@ -166,12 +171,6 @@ impl System {
             }
         }
         out
-    }
-
-    /// The stiffness of the second differences at frame `t` of joint `j`.
-    #[must_use]
-    pub fn stiffness(&self, j: usize, t: usize) -> f64 {
-        stiffness(&self.weights[self.of(j)], t)
     }
 }
 

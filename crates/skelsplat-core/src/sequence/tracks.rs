@@ -5,8 +5,10 @@ use nalgebra::{Matrix3, Vector3};
 use super::small::median;
 use crate::annealed::Alone;
 use crate::annealed::consensus::REJECTED;
-use crate::annealed::rays::{Ray, Rays};
+use crate::annealed::rays::Ray;
 
+/// Longest gap over which a joint is bridged, s.
+pub(super) const BRIDGE: f64 = 1.0;
 /// Weight of rays that agree closely.
 const CLOSE: f64 = 0.7;
 /// Root mean square deviation, in standard deviations, of the joints from a steady motion that shows a cut.
@@ -181,12 +183,6 @@ impl Tracks {
     pub fn held(&self, j: usize, t: usize) -> &[f64] {
         let k = (j * self.frames + t) * self.views;
         &self.held[k..k + self.views]
-    }
-
-    /// The frame's rays.
-    #[must_use]
-    pub fn rays_of_frame(&self, t: usize) -> Rays {
-        Rays::of((0..self.joints).flat_map(|j| self.rays(j, t)).copied().collect(), self.views)
     }
 
     /// Whether any view detects joint `j` in frame `t`.

@@ -9,7 +9,7 @@ use crate::annealed::consensus::REJECTED;
 use crate::annealed::rays::Ray;
 use crate::outcome::JointStatus;
 use crate::sequence::noise::Memory;
-use crate::sequence::recording::INFERRED;
+use crate::sequence::outcome::INFERRED;
 use crate::sequence::small::{inverse, product, times};
 
 /// δ² beyond which a position contradicts the prediction: five standard deviations.
@@ -20,7 +20,7 @@ const REACH: f64 = 3.0;
 const ASIDE: f64 = 3.0;
 /// Longest time over which a joint is bridged, s.
 const BRIDGE: f64 = 0.5;
-/// Steps of a joint whose rays count by their distance from it, and of one whose views determine it.
+/// Steps for a joint with rays weighted by their distance from it, and for one that its views determine.
 pub(super) const STEPS: usize = 4;
 const FEW_STEPS: usize = 2;
 /// Time over which the information of a frame is averaged, s, and the weights of a view's detections of a joint.

@@ -10,7 +10,7 @@
 //! Up to δ = 5 the prediction is the prior of the position, with P times 1 + δ²/9 (a Cauchy kernel); beyond it the joint has jumped:
 //! no prior, and the state starts again at y. The state before is kept aside for three frames, in case the views agreed by chance.
 //! Where the views determine no position, the rays near the prediction count, and the prediction gives the rest; without any ray it
-//! bridges up to half a second. Bones, whose lengths are learnt, tie a joint to those of the frame that are known better.
+//! bridges up to half a second. Bones of learnt lengths tie a joint to joints of the same frame with smaller error bars.
 //!
 //! Errors of detections last, and a filter averages over frames: the error bar is C = (1 − c) f(n) S + c R̄, with the posterior S, the
 //! memory (c, f) that errors usually have ([`Memory::usual`]), n = 3/tr(S R⁻¹) and the mean R̄⁻¹ of R⁻¹ over half a second, as in
@@ -30,9 +30,11 @@ use self::joint::{Answer, Joint, STEPS, Seen};
 use self::tape::Tape;
 use self::window::Window;
 use super::noise::Memory;
-use super::recording::{LEAST_SPREAD, Learnt, USUAL_SPREAD, check, spread};
+use super::outcome::Learnt;
+use super::recording::{LEAST_SPREAD, USUAL_SPREAD, check};
 use super::solver::Common;
 use crate::annealed::Alone;
+use crate::annealed::posterior::Body;
 use crate::batch::Progress;
 use crate::bones::Length;
 use crate::detections::Detections;
@@ -138,7 +140,7 @@ impl Live {
         };
         follow(&mut self.noise, (alone.noise.powi(2) * alone.rays.mean_weight()).ln());
         let least = LEAST_SPREAD * alone.noise;
-        let seen = spread(&alone.points).filter(|s| *s > least).unwrap_or(f64::NAN);
+        let seen = Body::spread(&alone.points).filter(|s| *s > least).unwrap_or(f64::NAN);
         follow(&mut self.reach, seen);
     }
 

@@ -9,10 +9,10 @@ use crate::annealed::rays::{Ray, Rays};
 use crate::detections::Detections;
 use crate::outcome::{ErrorBars, JointStatus, Loss, Outcome, Splats, StopReason, as_given};
 use crate::refine::{Refinement, Refiner};
+use crate::sequence::outcome::{Learnt, State};
 use crate::sequence::posterior::posterior;
-use crate::sequence::recording::{BRIDGE, Learnt, State};
 use crate::sequence::solver::{Run, Schedule, frames_in};
-use crate::sequence::tracks::Tracks;
+use crate::sequence::tracks::{BRIDGE, Tracks};
 
 /// Time before the answered frame that is solved along, s, and the largest number of frames.
 const BEFORE: f64 = 1.0;
@@ -30,7 +30,7 @@ pub(super) struct Window {
     rest: Vec<Rest>,
 }
 
-/// What belongs to a frame beside its solution alone.
+/// A frame's detections, its causal answer, and the last solution of the window.
 #[derive(Debug, Clone)]
 struct Rest {
     detections: Detections,
@@ -81,6 +81,7 @@ impl Window {
         let start = (0..n * frames).map(known).collect();
         let mut run = Run::new(&tracks, common, Some(start));
         let _ = run.anneal(SETTLE, &|| Ok(()));
+        run.linearise(1.0);
         for (k, x) in run.points.iter().enumerate().filter(|(k, _)| tracks.active[*k]) {
             self.rest[k % frames].points[k / frames] = *x;
         }

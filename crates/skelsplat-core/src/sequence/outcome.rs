@@ -1,0 +1,142 @@
+//! What comes out of a solved window: positions, error bars and status of the joints of each frame, and errors of the bones' lengths.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::noise::Memory;
+use super::posterior::Posterior;
+use super::small::median;
+use super::solver::{Common, Run, frames_in};
+use super::tracks::{BRIDGE, Tracks};
+use crate::annealed::Alone;
+use crate::annealed::consensus::REJECTED;
+use crate::annealed::depth::determine;
+use crate::outcome::{ErrorBars, JointStatus, Loss, Outcome, Splats, StopReason};
+
+/// Largest standard deviation of an inferred joint, as a share of the body's spread.
+pub(super) const INFERRED: f64 = 0.25;
+
+/// What is learnt from the sample.
+pub(super) struct Learnt {
+    pub(super) common: Common,
+    pub(super) memory: Memory,
+}
+
+/// A solved window.
+pub(super) struct State<'a> {
+    pub(super) run: &'a Run<'a>,
+    pub(super) tracks: &'a Tracks,
+    pub(super) learnt: &'a Learnt,
+    pub(super) posterior: &'a Posterior,
+}
+
+/// A joint of a frame.
+struct Joint {
+    at: Vector3<f64>,
+    covariance: Matrix3<f64>,
+    /// k of every view; NaN where missing.
+    believed: Vec<f64>,
+    status: JointStatus,
+    loss: f64,
+}
+
+impl State<'_> {
+    /// Frame `t`, and its error bars.
+    pub(super) fn outcome(
+        &self,
+        t: usize,
+        alone: &Alone,
+        used_for: Vec<usize>,
+        n_iter: usize,
+    ) -> (Outcome, ErrorBars) {
+        let joints: Vec<Joint> = (0..alone.points.len()).map(|j| self.joint(j, t, alone)).collect();
+        let status: Vec<JointStatus> = joints.iter().map(|joint| joint.status).collect();
+        let observed = status.iter().any(|s| *s != JointStatus::Unobserved);
+        let outcome = Outcome {
+            points: joints.iter().map(|joint| joint.at).collect(),
+            splats: Splats::Round(self.learnt.common.sigma.clone()),
+            init: alone.points.clone(),
+            status: status.clone(),
+            used_for,
+            loss: self.loss(&joints),
+            loss_history: Vec::new(),
+            n_iter,
+            stop_reason: if observed { StopReason::Converged } else { StopReason::NoObservations },
+        };
+        let variance = median(self.learnt.common.variance.clone());
+        let bars = ErrorBars {
+            covariances: joints.iter().map(|joint| joint.covariance).collect(),
+            believed: joints.iter().flat_map(|joint| joint.believed.iter().copied()).collect(),
+            noise: if observed { (variance / self.learnt.common.weight).sqrt() } else { f64::NAN },
+            status,
+        };
+        (outcome, bars)
+    }
+
+    fn joint(&self, j: usize, t: usize, alone: &Alone) -> Joint {
+        let k = j * self.tracks.frames + t;
+        let common = &self.learnt.common;
+        let rays = self.tracks.rays(j, t);
+        let active = self.tracks.active[k];
+        let (at, covariance) = match active {
+            true => (self.run.points[k], self.posterior.positions[k] + self.undecided(j, t, alone)),
+            false => (alone.points[j], alone.spread[j]),
+        };
+        let offsets = || rays.iter().map(|ray| ray.is_there().then(|| (ray, ray.offset(&at))));
+        let believed: Vec<f64> = offsets()
+            .map(|offset| offset.map_or(f64::NAN, |(_, o)| o.weight(common.sigma[j])))
+            .collect();
+        let agreeing = believed.iter().filter(|k| **k >= REJECTED).count();
+        let ranges = offsets().flatten().map(|(ray, o)| o.range.abs() * ray.pixel);
+        let pixel = ranges.clone().sum::<f64>() / ranges.count().max(1) as f64;
+        let variance = common.variance[j] / (pixel * pixel);
+        let fixed = agreeing > 1 && determine(rays, &at, variance, common.weight, |i| believed[i]);
+        let widest = || covariance.symmetric_eigenvalues().max().sqrt();
+        let status = match (active, fixed) {
+            (false, _) => alone.status[j],
+            (true, true) => JointStatus::Ok,
+            (true, false) if widest() <= INFERRED * common.reach => JointStatus::Inferred,
+            (true, false) => JointStatus::Weak,
+        };
+        let scale = 2.0 * common.sigma[j].powi(2) / common.variance[j];
+        let terms = rays.iter().zip(&believed).filter(|(ray, k)| ray.is_there() && k.is_finite());
+        let loss = terms.map(|(ray, k)| ray.weight * scale * (1.0 - k)).sum();
+        Joint { at, covariance, believed, status, loss }
+    }
+
+    /// What a joint's covariance in its frame alone adds where no frame around shows it to enough views: its bone then allows two
+    /// places on the ray, and all frames may have taken the wrong one.
+    fn undecided(&self, j: usize, t: usize, alone: &Alone) -> Matrix3<f64> {
+        let around = frames_in(BRIDGE, self.learnt.common.fps);
+        let (first, last) = (t.saturating_sub(around), (t + around + 1).min(self.tracks.frames));
+        let of_joint = j * self.tracks.frames..(j + 1) * self.tracks.frames;
+        let shown = self.tracks.sure[of_joint][first..last].iter().any(|sure| *sure);
+        let spread = alone.spread[j];
+        if shown || !spread[(0, 0)].is_finite() { Matrix3::zeros() } else { spread }
+    }
+
+    fn loss(&self, joints: &[Joint]) -> Loss {
+        let render = joints.iter().map(|joint| joint.loss).sum();
+        Loss { total: render, render, symmetry: 0.0 }
+    }
+}
+
+/// Standard errors of the bones' lengths, mm: those of a typical frame, since most of an error lasts.
+pub(super) fn errors(
+    run: &Run<'_>,
+    found: &Posterior,
+    tracks: &Tracks,
+    common: &Common,
+) -> Vec<f64> {
+    let t = tracks.frames;
+    let of_bone = |(b, [head, tail]): (usize, &[usize; 2])| {
+        let along = |k: usize| {
+            let u = run.system.lengths[b * t + k].along;
+            let spread = found.positions[head * t + k] + found.positions[tail * t + k];
+            u.dot(&(spread * u)).sqrt()
+        };
+        let seen = |k: &usize| tracks.sure[head * t + k] && tracks.sure[tail * t + k];
+        let all: Vec<f64> = (0..t).filter(seen).map(along).filter(|e| e.is_finite()).collect();
+        if all.is_empty() { f64::INFINITY } else { median(all) }
+    };
+    common.bones.iter().enumerate().map(of_bone).collect()
+}
