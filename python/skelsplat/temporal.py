@@ -264,7 +264,7 @@ def kalman(
         raise InvalidInputError(f"density: expected a number or shape {shape[1:]}, got {densities.shape}")
     for value in densities.ravel().tolist():
         _arrays.positive("density", value)
-    known = _known(positions) & np.isfinite(measured).all(axis=(-2, -1))
+    known: Mask = np.isfinite(measured).all(axis=(-2, -1)) & _known(positions)
     if not len(known):
         return positions, measured.copy()
     steps = np.diff(numbers, prepend=numbers[0]) / frame_rate
@@ -351,10 +351,10 @@ _BEFORE = 10.0
 
 def _constant_velocity(seconds: float, density: Array) -> tuple[Array, Array]:
     """Return what positions and velocities become (6, 6), and the covariance (N, 6, 6) that they gain."""
+    step = np.array([[1.0, seconds], [0.0, 1.0]])
+    gained = np.array([[seconds**3 / 3.0, seconds**2 / 2.0], [seconds**2 / 2.0, seconds]])
     one = np.eye(3)
-    step = np.kron([[1.0, seconds], [0.0, 1.0]], one)
-    gained = np.kron([[seconds**3 / 3.0, seconds**2 / 2.0], [seconds**2 / 2.0, seconds]], one)
-    return step, density[:, None, None] * gained
+    return np.asarray(np.kron(step, one)), np.asarray(density[:, None, None] * np.kron(gained, one))
 
 
 def _smoothed(
@@ -367,7 +367,7 @@ def _smoothed(
     states, spreads = np.zeros((n_frames, n_joints, 6)), np.zeros((n_frames, n_joints, 6, 6))
     predicted, doubts = np.empty_like(states), np.empty_like(spreads)
     first = pose[known.argmax(axis=0), np.arange(n_joints)]
-    states[-1, :, :3] = np.where(known.any(axis=0)[:, None], first, 0.0)
+    states[-1, :, :3] = np.where(_known(first)[:, None], first, 0.0)
     spreads[-1] = np.eye(6) * _constant_velocity(_BEFORE, density)[1]
     for t, (step, gained) in enumerate(path):  # the first one follows what stands in the last place
         predicted[t] = states[t] = states[t - 1] @ step.T
