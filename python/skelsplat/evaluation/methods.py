@@ -51,8 +51,9 @@ class Options:
 
     #: Remove lens distortion from the detections; False: detections are used with K alone.
     undistort: bool = True
-    #: {"dlt", "fusion", "none"} or None: Where `annealed`, also over time, `paper` and `paper-closed-form` start; ``"none"``:
-    #: with the solver's own triangulation. None: ``"none"`` for `annealed`, `paper_start` for the other two.
+    #: {"dlt", "fusion", "none"} or None: Where `annealed` (also over time), `paper` and `paper-closed-form`
+    #: start; ``"none"``: with the solver's own triangulation. None: ``"none"``, but for the paper's two
+    #: `paper_start`.
     start: str | None = None
     paper_start: str = "dlt"  #: {"dlt", "fusion", "none"}: Where the paper starts on this data set
     #: What the paper changes in its settings on this data set: fields of `RefineConfig.paper`.
