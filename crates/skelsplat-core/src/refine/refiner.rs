@@ -267,7 +267,8 @@ impl Refiner {
         })
     }
 
-    fn check(&self, frame: &Frame) -> Result<()> {
+    /// Rejects a frame of other sizes than the cameras and the layout.
+    pub(crate) fn check(&self, frame: &Frame) -> Result<()> {
         let (m, n) = (frame.detections.n_views(), frame.detections.n_joints());
         if m != self.cameras.len() {
             let expected = format!("one view per camera ({})", self.cameras.len());
