@@ -6,6 +6,7 @@ Gaussian at the 2D detection. The public names are the ones listed in ``__all__`
 
 from skelsplat import layouts, metrics, synthetic
 from skelsplat._refine import LossAndGradient, Refinement, Refiner, loss_and_gradient, refine
+from skelsplat._people import Person, Tracker, track
 from skelsplat._sequence import SequenceRefinement, refine_sequence
 from skelsplat._skelsplat import (
     REJECTED_WEIGHT,
@@ -42,7 +43,9 @@ __all__ = [
     "RefineConfig",
     "Refinement",
     "Refiner",
+    "Person",
     "SequenceRefinement",
+    "Tracker",
     "SkelSplatError",
     "__version__",
     "fuse_monocular",
@@ -54,6 +57,7 @@ __all__ = [
     "pseudo_ground_truth",
     "refine",
     "refine_sequence",
+    "track",
     "render",
     "synthetic",
     "triangulate",

@@ -47,7 +47,7 @@ pub(crate) fn refiner(
 ///     No camera, an unknown layout, or settings that do not match the cameras.
 #[pyclass(frozen, module = "skelsplat._skelsplat", name = "Refiner")]
 #[derive(Clone)]
-pub(crate) struct PyRefiner(Arc<Refiner>);
+pub(crate) struct PyRefiner(pub(crate) Arc<Refiner>);
 
 #[pymethods]
 impl PyRefiner {
@@ -260,7 +260,7 @@ fn isotropic(sigmas: &Array) -> Result<Vec<Matrix3<f64>>> {
 }
 
 /// The arrays of `Refinement`, with the leading T if there was one.
-fn results<'py>(
+pub(crate) fn results<'py>(
     py: Python<'py>,
     frames: &Frames,
     done: &[Refinement],
@@ -295,7 +295,7 @@ fn results<'py>(
 }
 
 /// Adds what a sequence has beside its frames.
-fn over_time(out: &Bound<'_, PyDict>, frames: &Frames, done: &Sequence) -> Result<()> {
+pub(crate) fn over_time(out: &Bound<'_, PyDict>, frames: &Frames, done: &Sequence) -> Result<()> {
     let (n, bones) = (frames.n_joints, done.bones.len());
     let velocity = done.velocity.iter().flatten().flatten().copied().collect();
     let covariance = done.velocity_covariance.iter().flatten().flatten().copied().collect();

@@ -203,6 +203,17 @@ impl Refiner {
         self.sigmas(n).into_iter().map(|sigma| sigma * share).collect()
     }
 
+    /// The cameras in mm.
+    pub(crate) fn cameras(&self) -> &[Camera] {
+        &self.cameras
+    }
+
+    /// The rays of usable detections.
+    pub(crate) fn rays(&self, detections: &Detections) -> Result<Rays> {
+        self.check(&detections.clone().into())?;
+        Ok(Rays::new(&self.usable(detections), &self.cameras, &[]))
+    }
+
     /// Joints at both ends of every bone.
     pub(crate) fn bones(&self) -> &[[usize; 2]] {
         &self.bones
