@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use skelsplat_core::study::annealed::{Alone, Ray, Rays};
 use skelsplat_core::study::bones::{Length, Pull};
 use skelsplat_core::study::sequence::chain::{Chain, second_difference, stiffness};
+use skelsplat_core::study::sequence::learn::agility;
 use skelsplat_core::study::sequence::noise::Memory;
 use skelsplat_core::study::sequence::posterior::posterior;
 use skelsplat_core::study::sequence::refine_in_windows;
@@ -255,6 +256,42 @@ fn a_cut_does_not_blur() {
     // The body moves by less than 20 mm a frame: no velocity is measured across the cut.
     let speeds = found.velocity[55..65].iter().flatten().map(Vector3::norm);
     assert!(speeds.fold(0.0, f64::max) < 2000.0);
+}
+
+#[test]
+fn motion_is_not_measured_across_stretches() {
+    let place = |x: f64| {
+        let mut noise = Noise::new(13);
+        let frame = |t: usize| {
+            let sway = Vector3::new(x + 60.0 * (0.05 * t as f64).sin(), 0.0, 900.0);
+            standing_still(sway + noise.vector(2.0))
+        };
+        (0..40).map(frame).collect::<Vec<Alone>>()
+    };
+    let measured = |x: f64| {
+        let (first, second) = (place(0.0), place(x));
+        agility(&Tracks::new(&[&first, &second], 30, 30.0), 30.0, &[12.0])[0]
+    };
+    let (near, far) = (measured(0.0), measured(2000.0));
+    assert!((near / far - 1.0).abs() < 1e-9, "{near} in one place, {far} in two");
+}
+
+/// A frame with one joint at `x`, which two views see.
+fn standing_still(x: Vector3<f64>) -> Alone {
+    let ray = |direction: Vector3<f64>| Ray {
+        centre: x - 4000.0 * direction,
+        direction,
+        weight: 1.0,
+        pixel: 1e-3,
+    };
+    Alone {
+        rays: Rays::of(vec![ray(Vector3::x()), ray(Vector3::y())], 2),
+        used_for: vec![0; 2],
+        points: vec![x],
+        spread: vec![4.0 * Matrix3::identity()],
+        status: vec![JointStatus::Ok],
+        noise: 2.0,
+    }
 }
 
 #[test]
