@@ -16,8 +16,8 @@
 //! view that should see it and does not, times how well its bones match the proportions of people; (4) newcomers take the identity of a body
 //! that was lost within reach.
 //!
-//! A recording ([`track`]) is gone through once; then each person is solved by [`crate::refine_sequence`], figures are assigned again
-//! to the smooth poses, and who gained or lost one is solved again.
+//! A recording ([`track`]) is gone through once; figures are then assigned again, to paths smoothed over both sides, and each person
+//! is solved by [`crate::refine_sequence`].
 
 pub mod associate;
 pub mod births;

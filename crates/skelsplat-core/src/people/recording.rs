@@ -1,4 +1,4 @@
-//! A recording of several people: one pass to find them, each solved in time, and a second look at who has which figure.
+//! A recording of several people: one pass to find them, a second look at who has which figure, and each solved in time.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -24,6 +24,8 @@ const CHUNK: usize = 256;
 /// Time for which two views must see a person, s, and the most frames.
 const LEAST_TIME: f64 = 0.2;
 const MOST_FRAMES: usize = 12;
+/// Time on either side over which a path is averaged before the second look, s.
+const SMOOTH: f64 = 0.1;
 /// Share of their common frames in which two people are in one place, if they are one.
 const DOUBLE: f64 = 0.5;
 /// Distance within which, in kernels.
@@ -79,21 +81,80 @@ struct Recording<'a> {
     progress: &'a Progress,
 }
 
-/// A person's figures in every frame of a range.
+/// A person's figures and joints in every frame of a range.
 #[derive(Debug, Clone, PartialEq)]
 struct Track {
     first: usize,
     claims: Vec<Claims>,
+    /// Joints `(N)` of every frame, mm; none in a frame that is a gap.
+    poses: Vec<Vec<Vector3<f64>>>,
 }
 
 impl Track {
+    fn new(first: usize) -> Self {
+        Self { first, claims: Vec::new(), poses: Vec::new() }
+    }
+
     fn end(&self) -> usize {
         self.first + self.claims.len()
+    }
+
+    fn push(&mut self, t: usize, claims: Claims, pose: Vec<Vector3<f64>>) {
+        self.claims.resize(t - self.first, vec![[None, None]; claims.len()]);
+        self.poses.resize(t - self.first, Vec::new());
+        self.claims.push(claims);
+        self.poses.push(pose);
+    }
+
+    fn pose(&self, t: usize) -> Option<&[Vector3<f64>]> {
+        let k = t.checked_sub(self.first)?;
+        self.poses.get(k).filter(|pose| !pose.is_empty()).map(Vec::as_slice)
     }
 
     /// Number of figures.
     fn figures(&self) -> usize {
         self.claims.iter().flatten().filter(|claim| claim[0].is_some()).count()
+    }
+
+    /// From the first to the last frame that two views see; `None` if those are fewer than `least`.
+    fn trimmed(mut self, least: usize) -> Option<Self> {
+        let two = |claims: &Claims| views(claims) >= 2;
+        if self.claims.iter().filter(|claims| two(claims)).count() < least {
+            return None;
+        }
+        let last = self.claims.iter().rposition(two)?;
+        let first = self.claims.iter().position(two)?;
+        self.claims.truncate(last + 1);
+        self.poses.truncate(last + 1);
+        self.claims.drain(..first);
+        self.poses.drain(..first);
+        self.first += first;
+        Some(self)
+    }
+
+    /// Gaps filled on straight lines, then means over `reach` frames on either side.
+    fn smooth(&mut self, reach: usize) {
+        let known: Vec<usize> =
+            (0..self.poses.len()).filter(|k| !self.poses[*k].is_empty()).collect();
+        for pair in known.windows(2) {
+            for k in pair[0] + 1..pair[1] {
+                let share = (k - pair[0]) as f64 / (pair[1] - pair[0]) as f64;
+                let ends = self.poses[pair[0]].iter().zip(&self.poses[pair[1]]);
+                self.poses[k] = ends.map(|(a, b)| a.lerp(b, share)).collect();
+            }
+        }
+        let n = self.poses.len();
+        let joints = self.poses.first().map_or(0, Vec::len);
+        let mean = |k: usize, j: usize| {
+            // The same reach on both sides: a mean over more of one side would lag.
+            let reach = reach.min(k).min(n - 1 - k);
+            let all = self.poses[k - reach..=k + reach].iter().map(|pose| pose[j]);
+            let (sum, n) = all
+                .filter(|x| !x.x.is_nan())
+                .fold((Vector3::zeros(), 0.0), |(sum, n), x| (sum + x, n + 1.0));
+            sum / n
+        };
+        self.poses = (0..n).map(|k| (0..joints).map(|j| mean(k, j)).collect()).collect();
     }
 }
 
@@ -104,28 +165,16 @@ fn views(claims: &Claims) -> usize {
 impl Recording<'_> {
     fn solve(&self, max_people: Option<usize>) -> Result<Vec<Person>> {
         let mut tracks = self.tracks()?;
-        let mut solved = self.solved(&tracks)?;
-        self.drop_doubles(&mut tracks, &mut solved);
-        let again = self.assigned_again(&tracks, &solved)?;
-        let changed: Vec<usize> = (0..tracks.len()).filter(|q| tracks[*q] != again[*q]).collect();
-        let kept: Vec<Option<Track>> = again.iter().map(|track| self.trimmed(track)).collect();
-        let renewed: Result<Vec<Option<Sequence>>> = changed
-            .par_iter()
-            .map(|q| kept[*q].as_ref().map(|track| self.sequence(track)).transpose())
-            .collect();
-        for (q, sequence) in changed.into_iter().zip(renewed?) {
-            if let Some(sequence) = sequence {
-                solved[q] = sequence;
-            }
-        }
-        let mut found: Vec<(Track, Sequence)> =
-            kept.into_iter().zip(solved).filter_map(|(t, s)| Some((t?, s))).collect();
+        self.drop_doubles(&mut tracks);
+        let mut tracks = self.assigned_again(&tracks)?;
         if let Some(most) = max_people {
-            found.sort_by_key(|(track, _)| std::cmp::Reverse(track.figures()));
-            found.truncate(most);
+            tracks.sort_by_key(|track| std::cmp::Reverse(track.figures()));
+            tracks.truncate(most);
         }
-        found.sort_by_key(|(track, _)| track.first);
-        Ok(found.into_iter().enumerate().map(|(id, (t, s))| person(id, &t, s)).collect())
+        tracks.sort_by_key(|track| track.first);
+        let solved = tracks.par_iter().map(|track| self.sequence(track));
+        let solved: Vec<Sequence> = solved.collect::<Result<_>>()?;
+        Ok((0..).zip(&tracks).zip(solved).map(|((id, t), s)| person(id, t, s)).collect())
     }
 
     /// The rays of frames.
@@ -146,34 +195,24 @@ impl Recording<'_> {
         for chunk in self.chunks() {
             for (t, crowd) in chunk.clone().zip(self.crowds(chunk)?) {
                 for sighting in associator.step(&crowd) {
-                    let nobody = vec![[None, None]; crowd.views.len()];
-                    let track = seen
-                        .entry(sighting.id)
-                        .or_insert_with(|| Track { first: t, claims: Vec::new() });
-                    track.claims.resize(t - track.first, nobody);
-                    track.claims.push(sighting.claims);
+                    let track = seen.entry(sighting.id).or_insert_with(|| Track::new(t));
+                    track.push(t, sighting.claims, sighting.pose);
                 }
                 self.progress.advance();
             }
         }
-        Ok(seen.values().filter_map(|track| self.trimmed(track)).collect())
+        let reach = (SMOOTH * self.fps).round() as usize;
+        let smooth = |mut track: Track| {
+            track.smooth(reach);
+            track
+        };
+        Ok(seen.into_values().filter_map(|track| track.trimmed(self.least())).map(smooth).collect())
     }
 
-    /// From the first to the last frame that two views see; `None` if those are too few.
-    fn trimmed(&self, track: &Track) -> Option<Track> {
-        let two = |claims: &Claims| views(claims) >= 2;
-        let n = track.claims.iter().filter(|claims| two(claims)).count();
+    /// Least number of frames in which two views must see a person.
+    fn least(&self) -> usize {
         let least = (LEAST_TIME * self.fps).round().clamp(1.0, MOST_FRAMES as f64) as usize;
-        if n < least.min(self.people.len()) {
-            return None;
-        }
-        let first = track.claims.iter().position(two)?;
-        let last = track.claims.iter().rposition(two)?;
-        Some(Track { first: track.first + first, claims: track.claims[first..=last].to_vec() })
-    }
-
-    fn solved(&self, tracks: &[Track]) -> Result<Vec<Sequence>> {
-        tracks.par_iter().map(|track| self.sequence(track)).collect()
+        least.min(self.people.len())
     }
 
     fn sequence(&self, track: &Track) -> Result<Sequence> {
@@ -188,66 +227,51 @@ impl Recording<'_> {
         refine_sequence(self.refiner, &frames, self.fps, self.progress)
     }
 
-    /// Joints of a person in a frame, mm.
-    fn pose(&self, track: &Track, sequence: &Sequence, t: usize) -> Option<Vec<Vector3<f64>>> {
-        let mm = self.refiner.unit().millimetres();
-        let k = t.checked_sub(track.first).filter(|k| *k < track.claims.len())?;
-        Some(sequence.frames[k].pose.iter().map(|x| x * mm).collect())
-    }
-
     /// Removes people who are others: of two in one place, the one with fewer figures.
-    fn drop_doubles(&self, tracks: &mut Vec<Track>, solved: &mut Vec<Sequence>) {
+    fn drop_doubles(&self, tracks: &mut Vec<Track>) {
         let near = SAME * self.known.sigma;
-        let is_double = |a: usize, b: usize| {
-            let common = tracks[a].first.max(tracks[b].first)..tracks[a].end().min(tracks[b].end());
+        let is_double = |a: &Track, b: &Track| {
+            let common = a.first.max(b.first)..a.end().min(b.end());
             let n = common.len();
-            let together = common.filter(|t| {
-                let pose = |q: usize| self.pose(&tracks[q], &solved[q], *t);
-                pose(a).zip(pose(b)).is_some_and(|(x, y)| apart(&x, &y) < near)
-            });
-            n > 0 && together.count() as f64 > DOUBLE * n as f64
+            let both = |t: &usize| {
+                a.pose(*t).zip(b.pose(*t)).is_some_and(|(x, y)| apart(x, y) < near)
+            };
+            n > 0 && common.filter(both).count() as f64 > DOUBLE * n as f64
         };
         let mut kept = vec![true; tracks.len()];
         for a in 0..tracks.len() {
             for b in a + 1..tracks.len() {
-                if kept[a] && kept[b] && is_double(a, b) {
-                    let less = if tracks[a].figures() < tracks[b].figures() { a } else { b };
-                    kept[less] = false;
+                if kept[a] && kept[b] && is_double(&tracks[a], &tracks[b]) {
+                    kept[if tracks[a].figures() < tracks[b].figures() { a } else { b }] = false;
                 }
             }
         }
-        let mut keep = kept.iter();
-        tracks.retain(|_| *keep.next().unwrap_or(&true));
-        let mut keep = kept.iter();
-        solved.retain(|_| *keep.next().unwrap_or(&true));
+        let mut keep = kept.into_iter();
+        tracks.retain(|_| keep.next().unwrap_or(true));
     }
 
     /// Figures assigned once more, to the smooth poses.
-    fn assigned_again(&self, tracks: &[Track], solved: &[Sequence]) -> Result<Vec<Track>> {
-        let mut out: Vec<Track> = tracks
-            .iter()
-            .map(|track| Track { first: track.first, claims: Vec::with_capacity(track.claims.len()) })
-            .collect();
+    fn assigned_again(&self, tracks: &[Track]) -> Result<Vec<Track>> {
+        let mut out: Vec<Track> = tracks.iter().map(|track| Track::new(track.first)).collect();
         for chunk in self.chunks() {
             let crowds = self.crowds(chunk.clone())?;
             let frames: Vec<(usize, Crowd)> = chunk.zip(crowds).collect();
             let one = |(t, crowd): &(usize, Crowd)| {
-                let there: Vec<(usize, Vec<Vector3<f64>>)> = (0..tracks.len())
-                    .filter_map(|q| Some((q, self.pose(&tracks[q], &solved[q], *t)?)))
-                    .collect();
-                let claims = self.assigned(crowd, &there);
-                there.into_iter().map(|(q, _)| q).zip(claims).collect::<Vec<_>>()
+                let (there, poses): (Vec<usize>, Vec<&[Vector3<f64>]>) =
+                    (0..tracks.len()).filter_map(|q| Some((q, tracks[q].pose(*t)?))).unzip();
+                let claims = self.assigned(crowd, &poses);
+                there.into_iter().zip(claims).collect::<Vec<_>>()
             };
             let assigned: Vec<Vec<(usize, Claims)>> = frames.par_iter().map(one).collect();
             for (q, claims) in assigned.into_iter().flatten() {
                 out[q].claims.push(claims);
             }
         }
-        Ok(out)
+        Ok(out.into_iter().filter_map(|track| track.trimmed(self.least())).collect())
     }
 
     /// The figures of people at known places.
-    fn assigned(&self, crowd: &Crowd, there: &[(usize, Vec<Vector3<f64>>)]) -> Vec<Claims> {
+    fn assigned(&self, crowd: &Crowd, there: &[&[Vector3<f64>]]) -> Vec<Claims> {
         let Known { sigma, mirror, .. } = &self.known;
         let mut claims = vec![vec![[None, None]; crowd.views.len()]; there.len()];
         let mut free: Free =
@@ -256,7 +280,7 @@ impl Recording<'_> {
             let score = |pose: &[Vector3<f64>]| -> Vec<f64> {
                 figures.iter().map(|figure| at_body(figure, pose, *sigma, mirror)).collect()
             };
-            let scores: Vec<Vec<f64>> = there.iter().map(|(_, pose)| score(pose)).collect();
+            let scores: Vec<Vec<f64>> = there.iter().map(|pose| score(pose)).collect();
             for (k, slot) in assign(&scores, FITS).into_iter().enumerate() {
                 if let Some(slot) = slot {
                     claims[k][i][0] = Some(slot);
@@ -264,7 +288,7 @@ impl Recording<'_> {
                 }
             }
         }
-        for ((_, pose), claims) in there.iter().zip(&mut claims) {
+        for (pose, claims) in there.iter().zip(&mut claims) {
             absorb(crowd, pose, claims, &mut free, &self.known);
         }
         claims
