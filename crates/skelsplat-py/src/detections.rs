@@ -38,7 +38,7 @@ impl<'py> FromPyObject<'_, 'py> for Frames {
             let actual = format!("shape {}", shown(&array.shape));
             return refuse("detections", "at least one view and one joint", actual);
         }
-        let (pixels, scores) = split(&array);
+        let (pixels, scores) = split(array);
         let frames = Self { pixels, scores, batch, count, n_views, n_joints };
         frames.check_own_scores("detections", ", 2")?;
         Ok(frames)
@@ -85,6 +85,13 @@ impl Frames {
         (0..self.count).map(one).collect()
     }
 
+    /// The frames as core types; their sizes stay.
+    pub(crate) fn take(&mut self) -> Result<Vec<Detections>> {
+        let detections = self.detections()?;
+        (self.pixels, self.scores) = Default::default();
+        Ok(detections)
+    }
+
     /// The frames of a recording.
     pub(crate) fn recording(self) -> Result<Self> {
         if self.batch {
@@ -124,16 +131,20 @@ impl Frames {
 }
 
 /// Pixels, and the third channel if there is one.
-pub(crate) fn split(array: &Array) -> (Vec<f64>, Vec<f64>) {
+pub(crate) fn split(array: Array) -> (Vec<f64>, Vec<f64>) {
     if array.shape.ends_with(&[2]) {
-        return (array.values.clone(), Vec::new());
+        return (array.values, Vec::new());
     }
     let rows = || array.values.chunks_exact(3);
     (rows().flat_map(|d| [d[0], d[1]]).collect(), rows().map(|d| d[2]).collect())
 }
 
 /// Rejects a confidence outside [0, 1], located by `place`, except for missing detections (pixel not finite).
-pub(crate) fn check_scores(scores: &[f64], pixels: &[f64], place: impl Fn(usize) -> String) -> Result<()> {
+pub(crate) fn check_scores(
+    scores: &[f64],
+    pixels: &[f64],
+    place: impl Fn(usize) -> String,
+) -> Result<()> {
     let wrong = |(score, pixel): (&f64, &[f64])| {
         (*score < 0.0 || *score > 1.0) && pixel.iter().all(|p| p.is_finite())
     };

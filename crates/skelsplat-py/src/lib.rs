@@ -27,11 +27,11 @@ mod _skelsplat {
     #[pymodule_export]
     use crate::config::{RefineConfig, Setting};
     #[pymodule_export]
-    use crate::people::{PyTracker, check_people, track_people};
-    #[pymodule_export]
     use crate::geometry::{fuse_monocular, project, triangulate};
     #[pymodule_export]
     use crate::layout::Layout;
+    #[pymodule_export]
+    use crate::people::{PyTracker, check_people, track_people};
     #[pymodule_export]
     use crate::refine::{PyLive, PyRefiner, implausible_extent};
     #[pymodule_export]

@@ -31,9 +31,10 @@ impl<'py> FromPyObject<'_, 'py> for People {
             return Err(array.misshapen("(T, M, P, N, 2) or (T, M, P, N, 3)"));
         };
         let array = array.bounded(", or NaN where missing")?;
-        let (pixels, scores) = split(&array);
+        let shape = array.shape.clone();
+        let (pixels, scores) = split(array);
         if !scores.is_empty() {
-            check_scores(&scores, &pixels, |k| place("people", &array.shape[..4], k, ", 2"))?;
+            check_scores(&scores, &pixels, |k| place("people", &shape[..4], k, ", 2"))?;
         }
         Ok(Self { pixels, scores, shape: [t, m, p, n] })
     }
@@ -90,8 +91,7 @@ pub(crate) fn track_people<'py>(
     let found: Vec<Person> = watch::watched(py, total, progress.as_ref(), work)?;
     let one = |person: Person| {
         let frames = Frames::of(person.frames.len(), m, n);
-        let out = results(py, &frames, &person.sequence.frames)?;
-        over_time(&out, &frames, &person.sequence)?;
+        let out = over_time(py, &frames, person.sequence)?;
         out.set_item("id", person.id)?;
         out.set_item("first", person.frames.start)?;
         let numbers = |slots: &[Option<usize>]| -> Vec<i64> {
@@ -141,7 +141,7 @@ impl PyTracker {
         })?;
         let one = |seen: skelsplat_core::Seen| {
             let frame = Frames::one(m, n);
-            let out = results(py, &frame, &[seen.refinement])?;
+            let out = results(py, &frame, seen.refinement.into())?;
             let slots = |part: usize| -> Vec<i64> {
                 let number = |claim: &[Option<usize>; 2]| claim[part].map_or(-1, |s| s as i64);
                 seen.claims.iter().map(number).collect()

@@ -62,10 +62,10 @@ def crowd(
         Q ≥ 1 and T ≥ 2.
     fps : float
     meetings : sequence of str
-        What pairs of people do, in turn, every 5 s. ``"cross"``: they pass each other at 0.3 to 0.6 m.
-        ``"handover"``: they meet, reach out and go back. ``"circle"``: one round about each other.
-        ``"behind"``: one stands behind the other, seen from a camera. ``"leave"``: one leaves the room and
-        comes back 1 to 2.5 s later. ``"apart"``: one walks about. An odd one out does nothing.
+        What pairs of people do, in turn from a random one, every 5 s. ``"cross"``: they pass each other at
+        0.3 to 0.6 m. ``"handover"``: they meet, reach out and go back. ``"circle"``: they go round each
+        other. ``"behind"``: one stands behind the other, seen from a camera. ``"leave"``: one leaves the room
+        and comes back 1 to 2.5 s later. ``"apart"``: one walks about. An odd one out does nothing.
     eyes : (M, 3) mm, optional
         Centres of the cameras, for ``"behind"``; without them it is seen from anywhere.
     seed : int or numpy Generator
@@ -93,6 +93,7 @@ def crowd(
     cameras = np.empty((0, 2)) if eyes is None else np.asarray(eyes, dtype=np.float64)[:, :2]
     steps = np.arange(n_frames) / fps
     plan = _Plan(n_people, steps, rng)
+    plan.met = int(rng.integers(len(meetings)))
     for k in range(int(steps[-1] / _ROUND_S) + 1):
         plan.add_round(k * _ROUND_S, meetings, cameras)
     return plan.bodies(fps)
@@ -120,7 +121,7 @@ class _Plan:
         self.looks = np.zeros((n_people, len(steps), 2))
         self.reach = np.zeros((n_people, len(steps)))
         self.away: Mask = np.zeros((n_people, len(steps)), dtype=bool)
-        self.met = 0
+        self.met = 0  # place in the list of meetings
 
     def place(self, home: int, share: float = _HOME) -> Array:
         angle = self.turn + 2 * np.pi * home / len(self.home)

@@ -152,7 +152,8 @@ impl Associator {
     fn claims(&self, crowd: &Crowd, free: &mut Free) -> Vec<Claims> {
         let mut claims = vec![vec![[None, None]; crowd.views.len()]; self.bodies.len()];
         for (i, figures) in crowd.views.iter().enumerate() {
-            let row = |body: &Body| body.scores(figures, self.kernel(body.alone), &self.known.mirror);
+            let row =
+                |body: &Body| body.scores(figures, self.kernel(body.alone), &self.known.mirror);
             let scores: Vec<Vec<f64>> = self.bodies.iter().map(row).collect();
             for (b, slot) in assign(&scores, CLAIM).into_iter().enumerate() {
                 if let Some(slot) = slot {
@@ -183,7 +184,9 @@ impl Associator {
             let mut kept = 0;
             for (i, claim) in claims.iter_mut().enumerate() {
                 if let Some(slot) = claim[0] {
-                    if at_body(&crowd.views[i][slot], &pose, self.known.sigma, &self.known.mirror) < FITS {
+                    if at_body(&crowd.views[i][slot], &pose, self.known.sigma, &self.known.mirror)
+                        < FITS
+                    {
                         *claim = [None, None];
                         free[i][slot] = true;
                     } else {

@@ -137,9 +137,9 @@ impl Judge<'_> {
         let camera = &self.known.cameras[i];
         let [width, height] = camera.size().map(f64::from);
         let inside = |x: &&Vector3<f64>| {
-            camera.project(x).is_some_and(|p| {
-                (0.0..width).contains(&p.x) && (0.0..height).contains(&p.y)
-            })
+            camera
+                .project(x)
+                .is_some_and(|p| (0.0..width).contains(&p.x) && (0.0..height).contains(&p.y))
         };
         let known = pose.iter().filter(|x| !x.x.is_nan());
         let n = known.clone().count();
@@ -149,8 +149,13 @@ impl Judge<'_> {
     /// Mean weight of the bones, compared with the proportions of people of the stature that suits them best; 1 if none is known.
     fn human(&self, pose: &[Vector3<f64>]) -> f64 {
         let stature = |p: &Proportion| (pose[p.joints[0]] - pose[p.joints[1]]).norm() / p.ratio;
-        let known: Vec<f64> =
-            self.known.proportions.iter().map(stature).filter(|s| s.is_finite() && *s > 0.0).collect();
+        let known: Vec<f64> = self
+            .known
+            .proportions
+            .iter()
+            .map(stature)
+            .filter(|s| s.is_finite() && *s > 0.0)
+            .collect();
         if known.len() < 3 {
             return 1.0;
         }

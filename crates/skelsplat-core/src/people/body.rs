@@ -23,7 +23,12 @@ pub type Claims = Vec<[Option<usize>; 2]>;
 
 /// Joints from the figures of one body: those with a place of their own.
 #[must_use]
-pub fn placed(crowd: &Crowd, claims: &Claims, near: &[Vector3<f64>], sigma: f64) -> Vec<Vector3<f64>> {
+pub fn placed(
+    crowd: &Crowd,
+    claims: &Claims,
+    near: &[Vector3<f64>],
+    sigma: f64,
+) -> Vec<Vector3<f64>> {
     let mut rays = Vec::with_capacity(claims.len());
     let place = |j: usize| {
         rays.clear();

@@ -233,9 +233,8 @@ impl Recording<'_> {
         let is_double = |a: &Track, b: &Track| {
             let common = a.first.max(b.first)..a.end().min(b.end());
             let n = common.len();
-            let both = |t: &usize| {
-                a.pose(*t).zip(b.pose(*t)).is_some_and(|(x, y)| apart(x, y) < near)
-            };
+            let both =
+                |t: &usize| a.pose(*t).zip(b.pose(*t)).is_some_and(|(x, y)| apart(x, y) < near);
             n > 0 && common.filter(both).count() as f64 > DOUBLE * n as f64
         };
         let mut kept = vec![true; tracks.len()];

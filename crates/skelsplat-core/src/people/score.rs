@@ -110,7 +110,8 @@ mod tests {
 
     #[test]
     fn rays_meet_halfway_between_them() {
-        let (a, b) = (ray([0.0, 0.0, 0.0], [1.0, 0.0, 0.0]), ray([5.0, -3.0, 2.0], [5.0, 0.0, 2.0]));
+        let (a, b) =
+            (ray([0.0, 0.0, 0.0], [1.0, 0.0, 0.0]), ray([5.0, -3.0, 2.0], [5.0, 0.0, 2.0]));
         let (x, distance) = meet(&a, &b).unwrap();
         assert!((x - Vector3::new(5.0, 0.0, 1.0)).norm() < 1e-12);
         assert!((distance - 2.0).abs() < 1e-12);

@@ -3,7 +3,9 @@
 pub mod config;
 pub mod refiner;
 pub mod result;
+pub mod results;
 
 pub use config::{Method, RefineConfig};
 pub use refiner::{Control, Frame, Refiner};
 pub use result::Refinement;
+pub use results::Refinements;
