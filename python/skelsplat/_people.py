@@ -46,6 +46,13 @@ class Person:
     more_slots: NDArray[np.int64] = field(repr=False)
     refinement: Refinement
 
+    def detections(self, people: People) -> NDArray[np.float64]:
+        """Return this person's detections (F, M, N, 2|3) among the ``people`` given to ``track``; NaN where none."""
+        array = np.asarray(padded(people), dtype=np.float64)[self.frames]
+        own, more = (_taken(array, slots) for slots in (self.slots, self.more_slots))
+        missing = ~np.isfinite(own[..., :2]).all(axis=-1) | (own[..., 2:] == 0.0).any(axis=-1)
+        return np.where(missing[..., None], more, own)
+
     def __repr__(self) -> str:
         span = f"{self.frames[0]} to {self.frames[-1]}" if len(self.frames) else "none"
         return f"Person(id={self.id}, frames {span}, {self.refinement!r})"
@@ -110,6 +117,12 @@ def track(
     return everybody
 
 
+def _taken(people: NDArray[np.float64], slots: NDArray[np.int64]) -> NDArray[np.float64]:
+    """The detections (F, M, N, D) in these slots (F, M) of ``people`` (F, M, P, N, D)."""
+    taken = np.take_along_axis(people, np.maximum(slots, 0)[:, :, None, None, None], axis=2)[:, :, 0]
+    return np.where((slots >= 0)[..., None, None], taken, np.nan)
+
+
 def _person(out: dict[str, Any]) -> Person:
     number, first = out.pop("id"), out.pop("first")
     slots, more = out.pop("slots"), out.pop("more_slots")
@@ -140,7 +153,8 @@ def padded(people: People) -> ArrayLike:
     if len(shapes) > 1 or any(len(shape) != 2 for shape in shapes):
         got = ", ".join(str(("P", *shape)) for shape in sorted(shapes))
         raise InvalidInputError(f"people: expected (P, N, 2) or (P, N, 3) in every view, got {got}")
-    joints = shapes.pop() if shapes else (0, 3)
+    empty = {view.shape[1:] for frame in frames for view in frame if view.ndim == 3}
+    joints = (shapes or empty or {(0, 3)}).pop()
     most = max((len(view) for frame in frames for view in frame if view.size), default=0)
     out = np.full((len(frames), max(counts, default=0), most, *joints), np.nan)
     for t, frame in enumerate(frames):
@@ -198,7 +212,8 @@ class Tracker:
             In the order of their identities, with one frame each: ``frames`` is empty, ``slots`` is (M,). A
             person whom no view sees is bridged for up to half a second.
         """
-        found = self._compiled.step(padded([people]) if isinstance(people, Sequence) else np.asarray(people)[None])
+        frame = padded([people]) if isinstance(people, Sequence) else np.asarray(people)[None]
+        found = self._compiled.step(frame)
         return [_seen(out) for out in found]
 
     def reset(self) -> None:

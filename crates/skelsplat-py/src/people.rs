@@ -114,6 +114,7 @@ pub(crate) fn track_people<'py>(
 pub(crate) struct PyTracker {
     refiner: PyRefiner,
     tracker: Arc<Mutex<Tracker>>,
+    n_joints: usize,
 }
 
 #[pymethods]
@@ -127,12 +128,13 @@ impl PyTracker {
         max_people: Option<usize>,
     ) -> Result<Self> {
         let tracker = Tracker::new(&refiner.0, &layout.0, fps, max_people)?;
-        Ok(Self { refiner: refiner.clone(), tracker: Arc::new(Mutex::new(tracker)) })
+        let n_joints = layout.0.n_joints();
+        Ok(Self { refiner: refiner.clone(), tracker: Arc::new(Mutex::new(tracker)), n_joints })
     }
 
     /// Return the fields of everybody in the next frame; ``people`` is (1, M, P, N, 2|3).
     fn step<'py>(&self, py: Python<'py>, people: People) -> Result<Vec<Bound<'py, PyDict>>> {
-        let [_, m, _, n] = people.shape;
+        let (m, n) = (people.shape[1], self.n_joints);
         let slots = people.only()?;
         let (refiner, tracker) = (Arc::clone(&self.refiner.0), Arc::clone(&self.tracker));
         let found = watch::run(py, true, move |progress| {

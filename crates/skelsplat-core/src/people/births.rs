@@ -2,9 +2,9 @@
 
 use nalgebra::Vector3;
 
-use super::associate::Known;
 use super::body::{Claims, placed};
 use super::crowd::{Crowd, Figure};
+use super::known::Known;
 use super::score::{at_body, meet, of_pair};
 use crate::annealed::rays::Ray;
 use crate::bones::population::{Proportion, STATURE};

@@ -23,6 +23,7 @@ pub mod associate;
 pub mod births;
 pub mod body;
 pub mod crowd;
+pub mod known;
 mod recording;
 pub mod score;
 mod tracker;

@@ -6,10 +6,11 @@ use std::ops::Range;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use super::associate::{Associator, Known, absorb};
+use super::associate::{Associator, absorb};
 use super::births::{FITS, Free};
 use super::body::{Claims, apart};
 use super::crowd::Crowd;
+use super::known::Known;
 use super::score::{assign, at_body};
 use crate::batch::Progress;
 use crate::detections::Detections;

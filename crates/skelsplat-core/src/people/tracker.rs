@@ -7,6 +7,7 @@ use crate::batch::Progress;
 use crate::detections::Detections;
 use crate::error::{Error, Result};
 use crate::layout::Layout;
+use crate::outcome::JointStatus;
 use crate::refine::{Refinement, Refiner};
 use crate::sequence::Live;
 
@@ -103,7 +104,7 @@ impl Tracker {
             let detections = Detections::gathered(n_views, self.n_joints, from);
             let refinement = one.live.step(refiner, detections, progress)?;
             // Beyond what is bridged there is nobody to tell of, though the identity is kept.
-            let there = refinement.pose.iter().any(|x| x.x.is_finite());
+            let there = refinement.joint_status.iter().any(|s| *s != JointStatus::Unobserved);
             if let Some(id) = one.id.filter(|_| there) {
                 seen.push(Seen { id, claims: claims.clone(), refinement });
             }
