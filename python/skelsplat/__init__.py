@@ -5,8 +5,8 @@ Gaussian at the 2D detection. The public names are the ones listed in ``__all__`
 """
 
 from skelsplat import layouts, metrics, synthetic
-from skelsplat._refine import LossAndGradient, Refinement, Refiner, loss_and_gradient, refine
 from skelsplat._people import Person, Tracker, track
+from skelsplat._refine import LossAndGradient, Refinement, Refiner, loss_and_gradient, refine
 from skelsplat._sequence import SequenceRefinement, refine_sequence
 from skelsplat._skelsplat import (
     REJECTED_WEIGHT,
@@ -40,13 +40,13 @@ __all__ = [
     "Layout",
     "LossAndGradient",
     "MissingPackageError",
+    "Person",
     "RefineConfig",
     "Refinement",
     "Refiner",
-    "Person",
     "SequenceRefinement",
-    "Tracker",
     "SkelSplatError",
+    "Tracker",
     "__version__",
     "fuse_monocular",
     "layouts",
@@ -57,8 +57,8 @@ __all__ = [
     "pseudo_ground_truth",
     "refine",
     "refine_sequence",
-    "track",
     "render",
     "synthetic",
+    "track",
     "triangulate",
 ]

@@ -27,8 +27,8 @@ class Person:
     Attributes
     ----------
     id : int
-        Identity, counted from 0 in the order of appearance. It is kept while the person is out of sight for up
-        to five seconds, if place and bones allow.
+        Identity, counted from 0 in the order of appearance. It is kept while the person is out of sight for
+        up to five seconds, if place and bones allow.
     frames : (F,) int64
         Frames of the recording, from the first to the last in which two views see the person. In between, a
         frame in which nobody sees them is bridged or NaN.
@@ -47,7 +47,7 @@ class Person:
     refinement: Refinement
 
     def detections(self, people: People) -> NDArray[np.float64]:
-        """Return this person's detections (F, M, N, 2|3) among the ``people`` given to ``track``; NaN where none."""
+        """Return this person's detections (F, M, N, 2|3) among the ``people`` given to ``track``."""
         array = np.asarray(padded(people), dtype=np.float64)[self.frames]
         own, more = (_taken(array, slots) for slots in (self.slots, self.more_slots))
         missing = ~np.isfinite(own[..., :2]).all(axis=-1) | (own[..., 2:] == 0.0).any(axis=-1)
@@ -78,8 +78,8 @@ def track(
     Parameters
     ----------
     people : (T, M, P, N, 2|3), or per frame a list of M views with (P_i, N, 2|3) each
-        Up to P people per view: pixels, with confidence if there are three values. NaN where a slot is empty or
-        a joint is missing. The frames of one recording in order, at a constant rate.
+        Up to P people per view: pixels, with confidence if there are three values. NaN where a slot is empty
+        or a joint is missing. The frames of one recording in order, at a constant rate.
     cameras, config, progress
         As in ``refine_sequence``.
     fps : float
@@ -118,7 +118,7 @@ def track(
 
 
 def _taken(people: NDArray[np.float64], slots: NDArray[np.int64]) -> NDArray[np.float64]:
-    """The detections (F, M, N, D) in these slots (F, M) of ``people`` (F, M, P, N, D)."""
+    """Return the detections (F, M, N, D) in these slots (F, M) of ``people`` (F, M, P, N, D)."""
     taken = np.take_along_axis(people, np.maximum(slots, 0)[:, :, None, None, None], axis=2)[:, :, 0]
     return np.where((slots >= 0)[..., None, None], taken, np.nan)
 
@@ -145,7 +145,8 @@ def padded(people: People) -> ArrayLike:
     """
     if hasattr(people, "__array__") or not isinstance(people, Sequence):
         return people
-    frames = [[np.asarray(view, dtype=np.float64) for view in frame] for frame in people]
+    rows: Sequence[Any] = people
+    frames = [[np.asarray(view, dtype=np.float64) for view in frame] for frame in rows]
     shapes = {view.shape[1:] for frame in frames for view in frame if view.size}
     counts = {len(frame) for frame in frames}
     if len(counts) > 1:

@@ -635,7 +635,7 @@ def track_people(
     max_people: int | None = None,
     progress: Callable[[int, int], object] | None = None,
 ) -> list[dict[str, Any]]:
-    """Return the fields of every ``skelsplat.Person``; those of its refinement as in ``Refiner.refine_sequence``."""
+    """Return the fields of every ``skelsplat.Person``, its refinement as in ``Refiner.refine_sequence``."""
 
 def implausible_extent(
     poses: ArrayLike, cameras: _Cameras, *, layout: str | Layout | None = None

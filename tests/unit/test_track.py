@@ -36,7 +36,8 @@ def scored(found: list[sk.Person], truth: Scene) -> metrics.TrackScores:
 def test_everybody_is_found_once(three, tracked) -> None:
     scores = scored(tracked, three)
     assert [person.id for person in tracked] == [0, 1, 2]
-    assert scores.recall > 0.98 and scores.precision > 0.98
+    assert scores.recall > 0.98
+    assert scores.precision > 0.98
     assert scores.identity_switches == 0
 
 
@@ -178,7 +179,8 @@ def test_live_knows_the_same_people(three, tracked) -> None:
     ]
     scores = metrics.track_scores(tracks, three.truth, optional=three.optional())
     assert scores.identity_switches == 0
-    assert scores.precision > 0.98 and scores.recall > 0.95
+    assert scores.precision > 0.98
+    assert scores.recall > 0.95
     assert scores.mpjpe_mm < 1.5 * scored(tracked, three).mpjpe_mm
     assert all(person.slots.shape == (4,) for person in answers[-1])
 

@@ -70,7 +70,7 @@ pub(crate) fn check_people(people: People) {
     let _ = people;
 }
 
-/// Return the fields of every ``skelsplat.Person``; those of its refinement as in ``Refiner.refine_sequence``.
+/// Return the fields of every ``skelsplat.Person``, its refinement as in ``Refiner.refine_sequence``.
 #[pyfunction]
 #[pyo3(signature = (refiner, layout, people, fps, *, max_people=None, progress=None))]
 pub(crate) fn track_people<'py>(
