@@ -279,6 +279,9 @@ fn results<'py>(
     // Symmetric: columns are rows.
     out.set_item("covariance", all.of(&[n, 3, 3], |r| r.covariance.iter().flatten().copied()))?;
     out.set_item("uncertainty", all.of(&[n, 3, 3], |r| r.uncertainty.iter().flatten().copied()))?;
+    // the same in all frames
+    let bias = done.first().map_or_else(|| vec![0.0; n], |r| r.joint_bias.to_vec());
+    out.set_item("joint_bias", Out(bias, vec![n]))?;
     out.set_item("view_weights", all.of(&[m, n], |r| r.view_weights.iter().copied()))?;
     out.set_item("reprojection_error", all.of(&[m, n], |r| r.reprojection_error.iter().copied()))?;
     out.set_item("swapped", all.of(&[m, n], |r| r.swapped.iter().copied()))?;
