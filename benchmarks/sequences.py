@@ -29,6 +29,8 @@ from numpy.typing import NDArray
 from recordings import Take
 from scenarios import FloatArray
 
+from skelsplat.evaluation.over_time import CUTOFF_HZ, cutoff
+
 Masks = list[NDArray[np.bool_]]
 # The joints of a take that belong to the extremes: this share of all joints and frames.
 EXTREME = 0.01
@@ -192,7 +194,7 @@ def options() -> argparse.Namespace:
     parser.add_argument("--fps", type=int, default=30, choices=(10, 15, 30), help="frames per second (30)")
     parser.add_argument("--conditions", nargs="+", choices=known, default=known[:4], help=f"{known[:4]}")
     methods = list(over_time.METHODS)
-    usual = [name for name in methods if name != "anipose-ransac"]  # 0.2 to 0.4 s per frame
+    usual = [name for name in methods if not name.startswith("anipose-")]  # slow
     parser.add_argument("--methods", nargs="+", choices=methods, default=usual, help=f"{methods}")
     parser.add_argument("--confidence", action="store_true", help="let the methods use the confidences")
     parser.add_argument("--joints", action="store_true", help="also a table per class of joints")
@@ -246,8 +248,8 @@ def main() -> None:
         if not chosen.json:
             show(condition, results, takes, chosen)
     absent = [f"without {name}: {reason}" for name, reason in notes.items() if reason is not None]
-    if over_time.cutoff(chosen.fps) < over_time.CUTOFF_HZ:
-        absent.append(f"Butterworth filter at {over_time.cutoff(chosen.fps):g} Hz: 6 Hz needs more frames")
+    if cutoff(chosen.fps) < CUTOFF_HZ:
+        absent.append(f"Butterworth filter at {cutoff(chosen.fps):g} Hz: 6 Hz needs more frames")
     if chosen.json:
         machine = common.circumstances()
         print(

@@ -1,4 +1,4 @@
-"""The benchmark of recordings runs, and its Kalman smoother is the exact posterior of its model."""
+"""The benchmarks of recordings run."""
 
 from __future__ import annotations
 
@@ -8,46 +8,10 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import over_time
 import recordings
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 SCRIPT = BENCHMARKS / "sequences.py"
-
-
-def test_the_smoother_agrees_with_one_dense_solution() -> None:
-    rng = np.random.default_rng(0)
-    n_frames, fps, density = 9, 20.0, 4.0e5
-    pose = 1000.0 + 100.0 * rng.standard_normal((n_frames, 1, 3))
-    root = rng.standard_normal((n_frames, 1, 3, 3))
-    covariance = 200.0 * (root @ root.swapaxes(-1, -2) + np.eye(3))
-    pose[4] = np.nan
-    got = over_time.smoothed(pose, covariance, fps, np.array([density]))
-
-    # Unknowns: position and velocity of every frame, one Gaussian with the same terms.
-    dt, one = 1.0 / fps, np.eye(3)
-    step = np.block([[one, dt * one], [np.zeros((3, 3)), one]])
-    process = np.linalg.inv(density * np.kron([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]], one))
-    hessian, right = np.zeros((6 * n_frames, 6 * n_frames)), np.zeros(6 * n_frames)
-    start = np.diag([1e-8] * 3 + [3000.0**-2] * 3)
-    hessian[:6, :6] += start
-    right[:6] += start @ np.concatenate([pose[0, 0], np.zeros(3)])
-    for t in range(n_frames):
-        if np.isfinite(pose[t]).all():
-            information = np.linalg.inv(covariance[t, 0])
-            hessian[6 * t : 6 * t + 3, 6 * t : 6 * t + 3] += information
-            right[6 * t : 6 * t + 3] += information @ pose[t, 0]
-        if t > 0:
-            both = np.hstack([-step, np.eye(6)])
-            hessian[6 * t - 6 : 6 * t + 6, 6 * t - 6 : 6 * t + 6] += both.T @ process @ both
-    posterior = np.linalg.inv(hessian)
-    mean = (posterior @ right).reshape(n_frames, 6)[:, :3]
-    # The wide start, 1e8 mm², costs the covariances of the filter eight digits.
-    np.testing.assert_allclose(got.pose[:, 0], mean, atol=1e-4)
-    for t in range(n_frames):
-        np.testing.assert_allclose(
-            got.covariance[t, 0], posterior[6 * t : 6 * t + 3, 6 * t : 6 * t + 3], rtol=1e-4, atol=1e-3
-        )
 
 
 def test_lower_frame_rates_show_the_same_motion_and_the_person_stays_in_view() -> None:

@@ -109,8 +109,8 @@ fn it_is_divided_by_neither_views_nor_frames() {
                 .unwrap();
         let recording: Vec<Frame> = (0..frames).map(|k| frame(&cameras, k)).collect();
         let found = refine_sequence(&refiner, &recording, 30.0, &Default::default()).unwrap();
-        for frame in &found.frames {
-            assert!(added(frame).iter().all(|b| (b - 25.0).abs() < 1e-6), "{views} views");
+        for frame in found.frames.iter() {
+            assert!(added(&frame).iter().all(|b| (b - 25.0).abs() < 1e-6), "{views} views");
         }
     }
 }

@@ -1,4 +1,4 @@
-"""Evaluation metrics for 3D poses.
+"""Evaluation metrics for 3D poses, and for several tracked people (`track_scores`).
 
 Arrays are ``(…, N, 3)`` with any number of leading axes (frames, people); lengths are mm.
 
@@ -17,9 +17,11 @@ nothing, giving ``(…, N)`` with NaN at excluded joints. For `pcp` the limbs ta
 """
 
 from skelsplat.metrics._distances import missing_rate, mpjpe, pa_mpjpe, root_relative_mpjpe
+from skelsplat.metrics._people import TrackScores, track_scores
 from skelsplat.metrics._rates import auc, pck, pcp, sigma_coverage
 
 __all__ = [
+    "TrackScores",
     "auc",
     "missing_rate",
     "mpjpe",
@@ -28,4 +30,5 @@ __all__ = [
     "pcp",
     "root_relative_mpjpe",
     "sigma_coverage",
+    "track_scores",
 ]

@@ -15,6 +15,7 @@ from skelsplat.datasets import Dataset
 from skelsplat.evaluation import export, methods, protocols, report, tables
 from skelsplat.evaluation.tables import Column, Row, Table
 
+OVER_TIME = ["annealed-butterworth", "annealed-kalman", "in-time"]
 NAMES = ["dlt", "fusion", "annealed"]
 DATA = takes.simulated(4, keys=("S9/Walking", "S9/Greeting", "S11/Directions 1"))
 
@@ -215,7 +216,15 @@ def test_markdown_has_every_table(evaluation: report.Evaluation) -> None:
 def test_without_names_everything_runs_that_the_data_allow() -> None:
     blind = replace(DATA, takes=tuple(replace(take, monocular=None) for take in DATA))
     found = [s.method for s in report.evaluate(blind).scores]
-    assert found == [name for name in methods.names if name not in ("fusion", "annealed-prior", "paper")]
+    lacking = {"fusion", "annealed-prior", "paper", *OVER_TIME}
+    assert found == [name for name in methods.names if name not in lacking]
+    recording = takes.recording()
+    assert set(OVER_TIME) < {s.method for s in report.evaluate(recording).scores}
+    with_paper = report.select(["all"], [], methods.Options())
+    assert [method.name for method in with_paper] == list(methods.names)
+    cases = protocols.get(DATA.name).cases(DATA)
+    alone = {method.name for method in report.select(["all"], cases, methods.Options())}
+    assert alone == set(methods.names) - set(OVER_TIME)
     with pytest.raises(sk.InvalidInputError, match="methods: expected takes with detections"):
         report.evaluate(replace(blind, takes=tuple(replace(t, detections=None) for t in blind)))
 

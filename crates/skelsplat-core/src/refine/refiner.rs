@@ -224,12 +224,16 @@ impl Refiner {
         bars: &ErrorBars,
     ) -> Refinement {
         let errors = self.reprojection_error(detections, &outcome);
-        let n = outcome.points.len();
-        let bias = match self.joint_bias.len() == n {
+        let bias = self.joint_bias(outcome.points.len());
+        Refinement::new(outcome, bars, errors, bias, self.unit)
+    }
+
+    /// Standard deviations of the systematic errors of `n` joints, in the unit of the cameras.
+    pub(crate) fn joint_bias(&self, n: usize) -> Arc<[f64]> {
+        match self.joint_bias.len() == n {
             true => Arc::clone(&self.joint_bias),
             false => in_unit(self.config.joint_bias_mm.per_joint(None, n), self.unit),
-        };
-        Refinement::new(outcome, bars, errors, bias, self.unit)
+        }
     }
 
     /// Loss over all views and its gradient for any Gaussians `(N)`, in doubles, for study and tests: the paper's with

@@ -70,10 +70,11 @@ fn of_joint(tracks: &Tracks, fps: f64, j: usize, variance: f64) -> (f64, f64) {
     let sure = tracks.alone[of.clone()].iter().zip(&tracks.sure[of]);
     let unknown = Vector3::repeat(f64::NAN);
     let x: Vec<Vector3<f64>> = sure.map(|(x, sure)| if *sure { *x } else { unknown }).collect();
-    let Some(first) = second_moment(&x, 1) else { return (f64::NAN, variance) };
+    let joined = |a: usize, b: usize| !tracks.is_cut(a, b);
+    let Some(first) = second_moment(&x, 1, joined) else { return (f64::NAN, variance) };
     let white = (first / 6.0).clamp(LEAST_WHITE * variance, variance);
     let spans = frames_in(SPAN, fps);
-    let longer = (2..=spans).map_while(|h| Some((h, second_moment(&x, h)?)));
+    let longer = (2..=spans).map_while(|h| Some((h, second_moment(&x, h, joined)?)));
     let squares: Vec<(usize, f64)> = std::iter::once((1, first)).chain(longer).collect();
     // Too short a recording may end before a slow joint has moved: then little motion in few frames means nothing.
     let shows =
@@ -81,10 +82,15 @@ fn of_joint(tracks: &Tracks, fps: f64, j: usize, variance: f64) -> (f64, f64) {
     (if shows { density(squares.into_iter(), white, fps) } else { f64::NAN }, white)
 }
 
-/// Variance per axis of the second differences over `h` frames, without the largest tenth: rest and motion both count, jumps do
-/// not. `None` if there are few.
-fn second_moment(x: &[Vector3<f64>], h: usize) -> Option<f64> {
+/// Variance per axis of the second differences over `h` frames, between frames that are `joined` and without the largest tenth: rest
+/// and motion both count, jumps do not. `None` if there are few.
+fn second_moment(
+    x: &[Vector3<f64>],
+    h: usize,
+    joined: impl Fn(usize, usize) -> bool,
+) -> Option<f64> {
     let mut squares: Vec<f64> = (h..x.len().saturating_sub(h))
+        .filter(|t| joined(t - h, t + h))
         .map(|t| (x[t - h] - 2.0 * x[t] + x[t + h]).norm_squared())
         .filter(|s| s.is_finite())
         .collect();

@@ -158,8 +158,9 @@ impl Correlation {
                 *residual = kept.then_some(offset.across);
             }
             for (sum, lag) in sums.iter_mut().zip(&lags) {
-                for (a, b) in residuals.iter().zip(residuals.get(*lag..).unwrap_or_default()) {
-                    if let (Some(a), Some(b)) = (a, b) {
+                let later = residuals.iter().enumerate().skip(*lag);
+                for ((t, b), a) in later.zip(&residuals) {
+                    if let (Some(a), Some(b), false) = (a, b, tracks.is_cut(t - lag, t)) {
                         *sum = (sum.0 + a.dot(b), sum.1 + 1.0);
                     }
                 }

@@ -1,0 +1,235 @@
+"""Scores of several tracked people against the truth: who was found, how well, and under how many names."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from skelsplat._arrays import Array, Index, Mask, flags, positive, whole_numbers
+from skelsplat.exceptions import InvalidInputError
+from skelsplat.metrics._arrays import as_poses, present
+from skelsplat.metrics._assignment import cheapest_pairs
+from skelsplat.metrics._rates import Endpoint, pcp
+
+Track = tuple[int, ArrayLike, ArrayLike]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrackScores:
+    """What `track_scores` returns; Q true people, T frames.
+
+    A *person-frame* is one true person in one frame. Ratios of nothing are NaN.
+
+    Attributes
+    ----------
+    matched : (Q, T) int64
+        Identity of the estimate matched to each person; −1 = none. Absent people have none.
+    error_mm : (Q, T)
+        Mean joint distance of the matched pair; NaN = none.
+    mpjpe_mm : float
+        Mean of `error_mm`.
+    n_truth, n_estimates : int
+        Person-frames to be found, and estimates that count.
+    precision, recall : float
+        Matched pairs as a share of the estimates and of the person-frames.
+    identity_switches : int
+        CLEAR MOT: how often a person is matched to another identity than the one before.
+    fragmentations : int
+        How often a person is lost and found again while present.
+    mota : float
+        CLEAR MOT: 1 − (missed + false + switches) / `n_truth`.
+    idf1 : float
+        F1 of the person-frames under the best one-to-one assignment of identities to people.
+    pcp : (Q,) or None
+        Share of correct parts per person, `skelsplat.metrics.pcp`; a person without an estimate has none
+        correct. None without limbs.
+    """
+
+    matched: Index
+    error_mm: Array
+    mpjpe_mm: float
+    n_truth: int
+    n_estimates: int
+    precision: float
+    recall: float
+    identity_switches: int
+    fragmentations: int
+    mota: float
+    idf1: float
+    pcp: Array | None
+
+    def __repr__(self) -> str:
+        return (
+            f"TrackScores({self.n_truth} person-frames, precision {100 * self.precision:.1f} %, "
+            f"recall {100 * self.recall:.1f} %, mpjpe {self.mpjpe_mm:.1f} mm, "
+            f"{self.identity_switches} identity switches, IDF1 {100 * self.idf1:.1f} %)"
+        )
+
+
+def track_scores(
+    tracks: Sequence[Track],
+    truth: ArrayLike,
+    *,
+    optional: ArrayLike | None = None,
+    gate_mm: float = 500.0,
+    limbs: Sequence[tuple[Endpoint, Endpoint]] | None = None,
+    alpha: float = 0.5,
+) -> TrackScores:
+    """Score tracked people.
+
+    The distance of an estimate from a person is the mean over the joints that both have; pairs up to
+    `gate_mm` may be matched. Errors, precision, recall and PCP are of the assignment of least total distance
+    in each frame by itself. Identities are those of CLEAR MOT (Bernardin & Stiefelhagen 2008): a pair of
+    the frame before stays matched while it is within the gate, and the rest is assigned. IDF1 is that of
+    Ristani et al. 2016.
+
+    Parameters
+    ----------
+    tracks : sequence of (identity, frames (F,) int, pose (F, N, 3) mm)
+        Identity ≥ 0; a frame's index into `truth`. A pose that is all NaN is no estimate. An identity may be
+        given in several pieces.
+    truth : (Q, T, N, 3) mm
+        NaN = missing; a person without any joint is absent in that frame.
+    optional : (Q, T) bool, optional
+        Person-frames that need not be found, such as of people whom no two views see: neither they nor
+        estimates matched to them count.
+    gate_mm : float
+    limbs, alpha
+        As in `skelsplat.metrics.pcp`.
+
+    Raises
+    ------
+    InvalidInputError
+        If shapes do not match, a frame is outside the truth, or an identity is twice in a frame.
+    """
+    positive("gate_mm", gate_mm)
+    people, waived = _checked(truth, optional)
+    counted = present(people).any(axis=-1) & ~waived
+    names, poses = _by_identity(tracks, people.shape[1:])
+    distance = _distances(poses, people, gate_mm)  # (T, E, Q)
+    index = np.full(counted.shape, -1, dtype=np.int64)
+    error = np.full(counted.shape, np.nan)
+    for t, cost in enumerate(distance):
+        row, column = cheapest_pairs(cost).T
+        index[column, t], error[column, t] = row, cost[row, column]
+    hits, n_truth = int(((index >= 0) & counted).sum()), int(counted.sum())
+    n_estimates = int(present(poses).any(axis=-1).sum()) - int(((index >= 0) & waived).sum())
+    switches, fragments = _changes(_followed(distance), counted)
+    wrong = (n_truth - hits) + (n_estimates - hits) + switches
+    return TrackScores(
+        matched=np.where(index >= 0, np.append(names, -1)[index], -1),
+        error_mm=error,
+        mpjpe_mm=float(error[counted & (index >= 0)].mean()) if hits else float("nan"),
+        n_truth=n_truth,
+        n_estimates=n_estimates,
+        precision=_share(hits, n_estimates),
+        recall=_share(hits, n_truth),
+        identity_switches=switches,
+        fragmentations=fragments,
+        mota=1.0 - _share(wrong, n_truth),
+        idf1=_idf1(distance, counted, n_truth, n_estimates),
+        pcp=None if limbs is None else _pcp(index, poses, people, counted, limbs, alpha),
+    )
+
+
+def _checked(truth: ArrayLike, optional: ArrayLike | None) -> tuple[Array, Mask]:
+    """Truth (Q, T, N, 3) and who need not be found, (Q, T)."""
+    people = as_poses(truth, "truth")
+    if people.ndim != 4:
+        raise InvalidInputError(f"truth: expected shape (Q, T, N, 3), got {people.shape}")
+    shape = people.shape[:2]
+    waived = np.zeros(shape, dtype=bool) if optional is None else flags(optional, "optional")
+    if waived.shape != shape:
+        raise InvalidInputError(f"optional: expected shape {shape}, got {waived.shape}")
+    return people, waived
+
+
+def _share(part: float, whole: float) -> float:
+    return part / whole if whole else float("nan")
+
+
+def _by_identity(tracks: Sequence[Track], shape: tuple[int, ...]) -> tuple[Index, Array]:
+    """Identities (E,) and poses (E, T, N, 3), NaN where there is none."""
+    names = sorted({int(name) for name, _, _ in tracks})
+    if names and names[0] < 0:
+        raise InvalidInputError(f"tracks: expected identities >= 0, got {names[0]}")
+    poses = np.full((len(names), *shape), np.nan)
+    for k, (name, frames, pose) in enumerate(tracks):
+        when, given = whole_numbers(frames, f"tracks[{k}]: frames"), as_poses(pose, f"tracks[{k}]: pose")
+        if when.ndim != 1 or given.shape != (len(when), *shape[1:]):
+            expected = f"pose of shape {('F', *shape[1:])} for F frames"
+            raise InvalidInputError(
+                f"tracks[{k}]: expected {expected}, got {given.shape} for {when.shape}".replace("'", "")
+            )
+        if len(when) and not 0 <= when.min() <= when.max() < shape[0]:
+            outside = when.min() if when.min() < 0 else when.max()
+            raise InvalidInputError(f"tracks[{k}]: expected frames from 0 to {shape[0] - 1}, got {outside}")
+        own = poses[names.index(int(name))]
+        if len(np.unique(when)) < len(when) or present(own[when]).any():
+            raise InvalidInputError(f"tracks[{k}]: expected identity {name} once in a frame, got it twice")
+        own[when] = given
+    return np.array(names, dtype=np.int64), poses
+
+
+def _distances(poses: Array, people: Array, gate_mm: float) -> Array:
+    """Mean joint distance (T, E, Q) of what both have; infinite beyond the gate or without common joints."""
+    gap = np.linalg.norm(poses[:, None] - people[None], axis=-1)
+    common = ~np.isnan(gap)
+    total, count = np.where(common, gap, 0.0).sum(axis=-1), common.sum(axis=-1)
+    mean = np.where(count > 0, total / np.maximum(count, 1), np.inf)
+    return np.where(mean <= gate_mm, mean, np.inf).transpose(2, 0, 1)
+
+
+def _followed(distance: Array) -> Index:
+    """Estimate that follows each person (Q, T), −1 = none: a pair is kept while it is within the gate."""
+    n_frames, _, n_people = distance.shape
+    out = np.full((n_people, n_frames), -1, dtype=np.int64)
+    last = np.full(n_people, -1, dtype=np.int64)
+    for t, cost in enumerate(distance):
+        rest = cost.copy()
+        for q in np.flatnonzero(last >= 0):
+            if np.isfinite(cost[last[q], q]):
+                out[q, t] = last[q]
+                rest[last[q]], rest[:, q] = np.inf, np.inf
+        row, column = cheapest_pairs(rest).T
+        out[column, t] = row
+        last = out[:, t]
+    return out
+
+
+def _changes(followed: Index, counted: Mask) -> tuple[int, int]:
+    """Identity switches and fragmentations, in the frames in which the people count."""
+    switches = fragments = 0
+    for own, frames in zip(followed, counted, strict=True):
+        states = own[frames]
+        names = states[states >= 0]
+        switches += int((names[1:] != names[:-1]).sum())
+        found = np.flatnonzero(states >= 0)
+        fragments += int((np.diff(found) > 1).sum())
+    return switches, fragments
+
+
+def _idf1(distance: Array, counted: Mask, n_truth: int, n_estimates: int) -> float:
+    together = (np.isfinite(distance) & counted.T[:, None]).sum(axis=0)
+    best = cheapest_pairs(-together.astype(np.float64))
+    hits = int(together[best[:, 0], best[:, 1]].sum())
+    return _share(2 * hits, n_truth + n_estimates)
+
+
+def _pcp(
+    index: Index,
+    poses: Array,
+    people: Array,
+    counted: Mask,
+    limbs: Sequence[tuple[Endpoint, Endpoint]],
+    alpha: float,
+) -> Array:
+    """Share of correct parts of each person, (Q,)."""
+    found = np.full(people.shape, np.nan)
+    person, frame = np.nonzero(index >= 0)
+    found[person, frame] = poses[index[person, frame], frame]
+    judged = np.where(counted[..., None, None], people, np.nan)
+    return np.array([pcp(f, p, limbs, alpha=alpha) for f, p in zip(found, judged, strict=True)])

@@ -1,0 +1,157 @@
+"""Scores of tracked people against values worked out by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import linear_sum_assignment
+
+from skelsplat import InvalidInputError, metrics
+from skelsplat.metrics._assignment import cheapest_pairs
+
+T = 6
+BODY = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 500.0], [0.0, 0.0, 1000.0]])
+
+
+def standing(x, frames=T):
+    """One person at x mm, (T, 3, 3)."""
+    return np.tile(BODY + np.array([x, 0.0, 0.0]), (frames, 1, 1))
+
+
+@pytest.fixture
+def truth():
+    return np.stack([standing(0.0), standing(3000.0)])
+
+
+def test_the_truth_scores_full_marks(truth):
+    tracks = [(7, np.arange(T), truth[0]), (3, np.arange(T), truth[1])]
+    scores = metrics.track_scores(tracks, truth, limbs=[(0, 1), (1, 2)])
+    assert (scores.precision, scores.recall, scores.mota, scores.idf1, scores.mpjpe_mm) == (1, 1, 1, 1, 0)
+    assert (scores.n_truth, scores.n_estimates) == (12, 12)
+    assert (scores.identity_switches, scores.fragmentations) == (0, 0)
+    np.testing.assert_array_equal(scores.matched, [[7] * T, [3] * T])
+    np.testing.assert_array_equal(scores.pcp, [1, 1])
+    assert "12 person-frames, precision 100.0 %" in repr(scores)
+
+
+def test_missed_and_false_people_are_counted(truth):
+    # The first person in four of six frames, 30 mm off; the second never; a ghost in two frames.
+    tracks = [(0, [0, 1, 2, 3], truth[0, :4] + [0, 30.0, 0]), (1, [4, 5], standing(9000.0, 2))]
+    scores = metrics.track_scores(tracks, truth, limbs=[(0, 1)])
+    assert scores.recall == 4 / 12
+    assert scores.precision == 4 / 6
+    assert scores.mpjpe_mm == pytest.approx(30.0)
+    assert scores.mota == pytest.approx(1 - (8 + 2) / 12)
+    assert scores.idf1 == pytest.approx(2 * 4 / (12 + 6))
+    np.testing.assert_allclose(scores.pcp, [4 / 6, 0.0])
+    np.testing.assert_array_equal(scores.matched[0], [0, 0, 0, 0, -1, -1])
+    assert np.isnan(scores.error_mm[0, 4:]).all()
+
+
+def test_an_exchange_is_two_switches_and_halves_idf1(truth):
+    first = np.concatenate([truth[0, :3], truth[1, 3:]])
+    second = np.concatenate([truth[1, :3], truth[0, 3:]])
+    scores = metrics.track_scores([(0, np.arange(T), first), (1, np.arange(T), second)], truth)
+    assert scores.identity_switches == 2
+    assert scores.idf1 == 0.5
+    assert (scores.recall, scores.precision, scores.fragmentations) == (1, 1, 0)
+    assert scores.mota == pytest.approx(1 - 2 / 12)
+
+
+def test_a_person_lost_and_found_is_a_fragment_and_a_new_name_is_a_switch(truth):
+    tracks = [(0, [0, 1], truth[0, :2]), (4, [3, 5], truth[0, [3, 5]])]
+    scores = metrics.track_scores(tracks, truth[:1])
+    assert (scores.fragmentations, scores.identity_switches) == (2, 1)
+    assert scores.idf1 == pytest.approx(2 * 2 / (6 + 4))
+
+
+def test_an_absence_is_neither_a_miss_nor_a_fragment(truth):
+    truth[0, 2:4] = np.nan
+    frames = [0, 1, 4, 5]
+    scores = metrics.track_scores([(0, frames, truth[0, frames])], truth[:1])
+    assert (scores.n_truth, scores.recall, scores.fragmentations) == (4, 1, 0)
+
+
+def test_a_pair_within_the_gate_stays_matched_though_another_is_nearer():
+    truth = np.stack([standing(0.0, 3), standing(300.0, 3)])
+    near = np.concatenate([standing(0.0, 1), standing(280.0, 2)])
+    far = np.concatenate([standing(300.0, 1), standing(20.0, 2)])
+    tracks = [(0, [0, 1, 2], near), (1, [0, 1, 2], far)]
+    assert metrics.track_scores(tracks, truth).identity_switches == 0
+    assert metrics.track_scores(tracks, truth).mpjpe_mm == pytest.approx(20 * 4 / 6)
+    # Beyond the gate it is an exchange.
+    assert metrics.track_scores(tracks, truth, gate_mm=250.0).identity_switches == 2
+
+
+def test_optional_people_and_the_estimates_on_them_do_not_count(truth):
+    optional = np.zeros((2, T), dtype=bool)
+    optional[1] = True
+    tracks = [(k, np.arange(T), truth[k]) for k in range(2)]
+    scores = metrics.track_scores(tracks, truth, optional=optional)
+    assert (scores.n_truth, scores.n_estimates, scores.precision, scores.idf1) == (6, 6, 1, 1)
+    scores = metrics.track_scores(tracks[:1], truth, optional=optional)
+    assert (scores.recall, scores.precision, scores.mota) == (1, 1, 1)
+
+
+def test_joints_that_one_side_lacks_do_not_count(truth):
+    pose = truth[0] + [0.0, 12.0, 0.0]
+    pose[:, 2] = np.nan
+    truth[0, :, 0] = np.nan
+    scores = metrics.track_scores([(0, np.arange(T), pose)], truth[:1])
+    assert scores.mpjpe_mm == pytest.approx(12.0)
+
+
+def test_nobody_anywhere_is_nan(truth):
+    scores = metrics.track_scores([], truth)
+    assert scores.recall == 0
+    assert scores.idf1 == 0
+    assert np.isnan([scores.precision, scores.mpjpe_mm]).all()
+    scores = metrics.track_scores([(2, [0], truth[0, :1])], np.full_like(truth, np.nan))
+    assert scores.precision == 0
+    assert np.isnan([scores.recall, scores.mota]).all()
+
+
+def test_pieces_of_an_identity_belong_together(truth):
+    pieces = [(0, [0, 1, 2], truth[0, :3]), (0, [3, 4, 5], truth[0, 3:])]
+    assert metrics.track_scores(pieces, truth[:1]).idf1 == 1
+
+
+@pytest.mark.parametrize(
+    ("tracks", "message"),
+    [
+        ([(-1, [0], standing(0, 1))], "tracks: expected identities >= 0, got -1"),
+        ([(0, [6], standing(0, 1))], r"tracks\[0\]: expected frames from 0 to 5, got 6"),
+        ([(0, [0, 1], standing(0, 1))], r"expected pose of shape \(F, 3, 3\) for F frames, got \(1, 3, 3\)"),
+        ([(0, [1, 1], standing(0, 2))], "expected identity 0 once in a frame, got it twice"),
+        ([(0, [1], standing(0, 1)), (0, [1], standing(9, 1))], r"tracks\[1\]: expected identity 0 once"),
+    ],
+)
+def test_tracks_that_do_not_fit_are_refused(truth, tracks, message):
+    with pytest.raises(InvalidInputError, match=message):
+        metrics.track_scores(tracks, truth)
+
+
+def test_a_truth_that_does_not_fit_is_refused(truth):
+    with pytest.raises(InvalidInputError, match=r"truth: expected shape \(Q, T, N, 3\), got \(6, 3, 3\)"):
+        metrics.track_scores([], truth[0])
+    with pytest.raises(InvalidInputError, match=r"optional: expected shape \(2, 6\), got \(6,\)"):
+        metrics.track_scores([], truth, optional=np.zeros(T))
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (3, 3), (4, 7), (7, 4), (6, 1), (12, 15)])
+def test_assignments_cost_what_scipys_do(shape):
+    rng = np.random.default_rng(shape)
+    for _ in range(50):
+        cost = rng.normal(size=shape).round(1)
+        pairs = cheapest_pairs(cost)
+        row, column = linear_sum_assignment(cost)
+        assert cost[pairs[:, 0], pairs[:, 1]].sum() == pytest.approx(cost[row, column].sum())
+        assert len(set(pairs[:, 0])) == len(set(pairs[:, 1])) == len(pairs) == min(shape)
+        # Most pairs of those that are allowed.
+        cost[rng.random(shape) < 0.5] = np.inf
+        pairs = cheapest_pairs(cost)
+        finite = np.isfinite(cost)
+        row, column = linear_sum_assignment(np.where(finite, cost - 100.0, 0.0))
+        used = finite[row, column]
+        assert len(pairs) == used.sum()
+        assert cost[pairs[:, 0], pairs[:, 1]].sum() == pytest.approx(cost[row, column][used].sum())
