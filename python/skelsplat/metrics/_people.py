@@ -98,7 +98,8 @@ def track_scores(
         estimates matched to them count.
     gate_mm : float
     limbs, alpha
-        As in `skelsplat.metrics.pcp`.
+        As in `skelsplat.metrics.pcp`. The published figures of Shelf and Campus take the nearest estimate
+        instead of the assigned one, at any distance.
 
     Raises
     ------
