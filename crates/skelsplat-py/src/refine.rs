@@ -283,6 +283,9 @@ pub(crate) fn results<'py>(
     out.set_item("n_iter", frames.out(n_iter, &[]))?;
     let reasons: Vec<&str> = done.stop_reason.iter().map(|reason| reason.name()).collect();
     out.set_item("stop_reason", reasons)?;
+    // The same in all frames
+    let bias = if done.is_empty() { vec![0.0; n] } else { done.joint_bias.to_vec() };
+    out.set_item("joint_bias", Out(bias, vec![n]))?;
     // Without a copy
     out.set_item("pose", frames.out(done.pose, &[n, 3]))?;
     out.set_item("init_pose", frames.out(done.init_pose, &[n, 3]))?;

@@ -133,7 +133,7 @@ struct Place<'a> {
 
 impl Recording<'_> {
     fn solve(&self) -> Result<Sequence> {
-        let mut out = Sequence::blank(self.frames, self.refiner.bones())?;
+        let mut out = Sequence::blank(self.frames, self.refiner)?;
         if self.windows.is_empty() {
             return Ok(out);
         }
@@ -300,10 +300,11 @@ impl Place<'_> {
 
 impl Sequence {
     /// Room for the results of these frames.
-    fn blank(frames: &[Frame], bones: &[[usize; 2]]) -> Result<Self> {
+    fn blank(frames: &[Frame], refiner: &Refiner) -> Result<Self> {
+        let bones = refiner.bones();
         let n = frames.iter().map(|frame| frame.detections.n_joints()).sum::<usize>();
         Ok(Self {
-            frames: Refinements::room(frames)?,
+            frames: Refinements::room(frames, refiner)?,
             velocity: vec![0.0; 3 * n],
             velocity_covariance: vec![0.0; 9 * n],
             lengths: vec![UNKNOWN; bones.len()],
