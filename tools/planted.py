@@ -220,8 +220,8 @@ POSE_FILES = (
     Fault(
         "CSV contains variances instead of standard deviations",
         "covariance not scaled",
-        "deviations = np.sqrt(np.diagonal(data.uncertainty, axis1=-2, axis2=-1))",
-        "deviations = np.array(np.diagonal(data.uncertainty, axis1=-2, axis2=-1))",
+        "deviations = np.sqrt(np.concatenate([np",
+        "deviations = np.array(np.concatenate([np",
         (UNIT + "test_pose_files.py", UNIT + "test_writers.py"),
     ),
 )
