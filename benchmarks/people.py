@@ -34,12 +34,13 @@ from scenarios import FloatArray
 
 import skelsplat as sk
 from skelsplat import metrics, synthetic
-from skelsplat.synthetic import Crowding, Scene
+from skelsplat.synthetic import Crowding, DetectionNoise, Scene
 
 Tracks = list[tuple[int, NDArray[np.int64], FloatArray]]
 CONFIG = sk.RefineConfig(n_threads=1)
 CROWDING = {"none": Crowding.none(), "usual": Crowding(), "heavy": Crowding.heavy()}
 RADIUS_MM = 4500.0
+SIZE_IN_ROOM = 1147.0 / 5300.0  # px/mm, for which `DetectionNoise.recording_occluded` is made
 SWAP_S = 0.5
 # Of the CMU takes: their length, how near people come, and how many arrangements are tried.
 MIN_FRAMES, MAX_FRAMES = 75, 350
@@ -194,14 +195,19 @@ def scenes(people: int, views: int, meeting: str, chosen: argparse.Namespace) ->
         if meeting in ("all", "cmu")
         else [meeting]
     )
+    rig, occluded = RIGS[chosen.rig](views), None
+    if chosen.occluded:
+        usual = DetectionNoise.recording_occluded(chosen.occluded, frame_rate=chosen.fps)
+        occluded = usual.scaled(float(np.median([c.K[0, 0] for c in rig])) / RADIUS_MM / SIZE_IN_ROOM)
     return [
         synthetic.simulate_scene(
             captured(people, np.random.default_rng([chosen.seed, k])) if meeting == "cmu" else people,
-            RIGS[chosen.rig](views),
+            rig,
             n_frames=round(chosen.seconds * chosen.fps),
             fps=chosen.fps,
             meetings=kinds,
             bystander=chosen.bystander,
+            noise=occluded,
             crowding=CROWDING[chosen.crowding],
             seed=chosen.seed + k,
         )
@@ -234,6 +240,9 @@ def options() -> argparse.Namespace:
     parser.add_argument("--rig", choices=RIGS, default="mixed", help="mixed (default), level or dome")
     parser.add_argument("--crowding", choices=CROWDING, default="usual", help="what goes wrong (usual)")
     parser.add_argument("--bystander", action="store_true", help="add a person whom two cameras see")
+    parser.add_argument(
+        "--occluded", type=int, metavar="N", help="views with an occluder over each person (0)"
+    )
     parser.add_argument("--methods", nargs="+", choices=methods, default=methods, help=f"{methods}")
     parser.add_argument("--gate", type=float, default=500.0, metavar="MM", help="of a match (500)")
     parser.add_argument("--seed", type=int, default=0)
@@ -256,6 +265,16 @@ def cells(figures: dict[str, float]) -> list[str]:
     ]
 
 
+def unclean(tallies: dict[str, Tally], first: int) -> list[str]:
+    """Return a line per method on the seeds of the scenes with identity switches."""
+    lines = []
+    for name, tally in tallies.items():
+        seeds = [str(first + k) for k, one in enumerate(tally.scores) if one.identity_switches]
+        if seeds:
+            lines.append(f"{name}: identity switches in the scenes of seed {', '.join(seeds)}")
+    return lines
+
+
 def main() -> None:
     chosen = options()
     report = {}
@@ -273,6 +292,7 @@ def main() -> None:
                     rows = [[method, *cells(figures)] for method, figures in report[name].items()]
                     title = f"{name}: {chosen.scenes} scenes, cameras {chosen.rig}, simulated"
                     common.show(title, COLUMNS, rows, markdown=chosen.markdown)
+                    print("\n".join([*unclean(tallies, chosen.seed), ""]))
     if chosen.json:
         print(json.dumps({"circumstances": common.circumstances(), "conditions": report}, indent=2))
         return
