@@ -222,7 +222,7 @@ def _lengths(finding: Finding) -> str:
         f"Limb lengths vary by up to {percent(numbers['relative_range'])} over the recording, which is "
         f"impossible for one body. {a} to {b} is {low:,.0f} to {high:,.0f} mm long (5th to 95th "
         f"percentile), and {percent(numbers['off_share'])} of the lengths of arms and legs deviate by "
-        f"more than error bars explain. {cause}."
+        f"more than scatter explains. {cause}."
     )
 
 
