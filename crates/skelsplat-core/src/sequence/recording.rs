@@ -86,7 +86,7 @@ pub fn refine_in_windows(
 }
 
 /// Rejects a rate that is none, and another method than the `expected` one.
-pub(super) fn check(refiner: &Refiner, fps: f64, expected: &str) -> Result<()> {
+pub(crate) fn check(refiner: &Refiner, fps: f64, expected: &str) -> Result<()> {
     if !(fps.is_finite() && fps > 0.0) {
         let expected = "a positive number of frames per second";
         return Err(Error::invalid("fps", expected, fps.to_string()));
@@ -133,7 +133,7 @@ struct Place<'a> {
 
 impl Recording<'_> {
     fn solve(&self) -> Result<Sequence> {
-        let mut out = Sequence::blank(self.frames, self.refiner.bones())?;
+        let mut out = Sequence::blank(self.frames, self.refiner)?;
         if self.windows.is_empty() {
             return Ok(out);
         }
@@ -300,10 +300,11 @@ impl Place<'_> {
 
 impl Sequence {
     /// Room for the results of these frames.
-    fn blank(frames: &[Frame], bones: &[[usize; 2]]) -> Result<Self> {
+    fn blank(frames: &[Frame], refiner: &Refiner) -> Result<Self> {
+        let bones = refiner.bones();
         let n = frames.iter().map(|frame| frame.detections.n_joints()).sum::<usize>();
         Ok(Self {
-            frames: Refinements::room(frames)?,
+            frames: Refinements::room(frames, refiner)?,
             velocity: vec![0.0; 3 * n],
             velocity_covariance: vec![0.0; 9 * n],
             lengths: vec![UNKNOWN; bones.len()],
