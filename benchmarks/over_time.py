@@ -15,12 +15,8 @@ from scenarios import FloatArray
 
 import skelsplat as sk
 from skelsplat import temporal
+from skelsplat.evaluation import over_time
 
-# Cutoff of the Butterworth filter; below half of low frame rates by the share that follows.
-CUTOFF_HZ = 6.0
-_OF_NYQUIST = 0.8
-# Longest gap that is filled before filtering.
-_GAP_S = 0.5
 # Spectral density of the white acceleration of the Kalman smoother, mm²/s³, by the class of a joint: the
 # lowest geometric mean of the errors in the four conditions at 30 Hz of 1e5, 3e5, 1e6, …, 1e8.
 KALMAN_DENSITY = {"ends": 1e6, "middle": 1e6, "trunk": 3e5}
@@ -76,14 +72,7 @@ def refiner(take: Take, *, fps: bool = False, lag: int = 0) -> Solved:
 
 def butterworth(take: Take, *, bones: str = "population") -> Solved:
     """Frame by frame, gaps filled linearly, then a zero-lag Butterworth filter of 6 Hz."""
-    pose = frames(take, bones=bones).pose
-    filled, _ = temporal.fill_gaps(pose, max(1, round(_GAP_S * take.fps)), method="linear")
-    return Solved(temporal.butterworth(filled, take.fps, cutoff(take.fps))[0])
-
-
-def cutoff(fps: float) -> float:
-    """Return the filter's cutoff, Hz: 6, or less if that is too close to half the frame rate."""
-    return min(CUTOFF_HZ, _OF_NYQUIST * fps / 2.0)
+    return Solved(over_time.butterworth(frames(take, bones=bones).pose, take.fps))
 
 
 def kalman(take: Take) -> Solved:

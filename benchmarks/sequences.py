@@ -29,6 +29,8 @@ from numpy.typing import NDArray
 from recordings import Take
 from scenarios import FloatArray
 
+from skelsplat.evaluation.over_time import CUTOFF_HZ, cutoff
+
 Masks = list[NDArray[np.bool_]]
 # The joints of a take that belong to the extremes: this share of all joints and frames.
 EXTREME = 0.01
@@ -246,8 +248,8 @@ def main() -> None:
         if not chosen.json:
             show(condition, results, takes, chosen)
     absent = [f"without {name}: {reason}" for name, reason in notes.items() if reason is not None]
-    if over_time.cutoff(chosen.fps) < over_time.CUTOFF_HZ:
-        absent.append(f"Butterworth filter at {over_time.cutoff(chosen.fps):g} Hz: 6 Hz needs more frames")
+    if cutoff(chosen.fps) < CUTOFF_HZ:
+        absent.append(f"Butterworth filter at {cutoff(chosen.fps):g} Hz: 6 Hz needs more frames")
     if chosen.json:
         machine = common.circumstances()
         print(

@@ -55,3 +55,14 @@ def simulated(
         )
     source = "simulated for tests; no image was seen"
     return Dataset("human36m-like", sk.layouts.H36M17, tuple(takes), "simulated-good", source)
+
+
+def recording(n_frames: int = 40, gap: tuple[int, int] = (25, 28), *, fps: float | None = 25.0) -> Dataset:
+    """Return a Human3.6M-like take at 25 Hz of consecutive frames but for those numbered gap[0] to gap[1]."""
+    rig = sk.synthetic.human36m_like()
+    truth = sk.synthetic.motion("walk", n_frames, fps=25.0, seed=3)
+    seen = sk.synthetic.simulate_detections(truth, rig, noise=sk.synthetic.DetectionNoise.good(), seed=4)
+    take = Take("S9/Walking", "S9", "Walking", rig, np.arange(n_frames), truth, seen, fps=fps)
+    keep = (take.frames < gap[0]) | (take.frames > gap[1])
+    source = "simulated for tests; no image was seen"
+    return Dataset("human36m-like", sk.layouts.H36M17, (take.select(keep),), "simulated-good", source)

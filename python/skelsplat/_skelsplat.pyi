@@ -233,6 +233,10 @@ class RefineConfig:
     detection_sigma_px : float or None, px, default None
         Standard deviation of the detection noise per axis; ``paper`` uses it only for error bars; None:
         estimated in every frame.
+    joint_bias_mm : float or sequence of float, or None, mm, default None
+        Standard deviation per axis of the detector's joints from anatomical ones, the same in all views and
+        frames, for all joints or N values; part of the error bar, not of the scatter; None: published figures
+        for the built-in layouts, 0 for others.
     undistort : bool, default True
         Remove lens distortion from the detections first; False reproduces results published without
         undistortion.
@@ -376,6 +380,8 @@ class RefineConfig:
     def symmetry_sigma_mm(self) -> float: ...
     @property
     def detection_sigma_px(self) -> float | None: ...
+    @property
+    def joint_bias_mm(self) -> float | tuple[float, ...] | None: ...
     @property
     def undistort(self) -> bool: ...
     @property

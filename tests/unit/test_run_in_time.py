@@ -217,7 +217,8 @@ def test_an_inferred_joint_is_marked_everywhere(gap, arguments):
     row = rows["2", "right_wrist"]
     assert (row["status"], row["n_views"], bool(row["x"])) == ("inferred", "0", True)
     neighbour = rows["1", "right_wrist"]
-    assert float(row["sx"]) > float(neighbour["sx"])
+    assert float(row["scatter_x"]) > float(neighbour["scatter_x"])
+    assert float(row["error_bar_x"]) > float(row["scatter_x"])
     report = read_report(gap / "out")
     assert report["solution"]["inferred"] == report["joint_statuses"]["inferred"] == 1
     (finding,) = report["frame_findings"]

@@ -5,7 +5,8 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::refine::{Control, Frame, Refinement, Refiner};
+use crate::refine::results::Part;
+use crate::refine::{Control, Frame, Refinements, Refiner};
 use crate::threads;
 
 /// Progress and cancellation of a batch, shared between threads.
@@ -50,37 +51,43 @@ impl Progress {
 /// Refines every frame independently; results are in order. A single frame distributes its windows over the threads.
 ///
 /// # Errors
-/// The error of the first frame with an error, or [`Error::Cancelled`].
+/// The error of the first frame with an error, [`Error::InvalidInput`] if frames differ in the number of joints, or
+/// [`Error::Cancelled`].
 pub fn refine_batch(
     refiner: &Refiner,
     frames: &[Frame],
     progress: &Progress,
-) -> Result<Vec<Refinement>> {
-    let one = |frame: &Frame, parallel: bool| {
+) -> Result<Refinements> {
+    let mut out = Refinements::room(frames, refiner)?;
+    let mut rest = out.part();
+    let parts: Vec<Part<'_>> = frames.iter().map(|_| rest.take(1)).collect();
+    let one = |(frame, mut part): (&Frame, Part<'_>), parallel: bool| {
         progress.check()?;
-        let out = refiner.refine_under(frame, Control { parallel, cancel: &progress.cancel });
+        let done = refiner.refine_under(frame, Control { parallel, cancel: &progress.cancel });
         progress.done.fetch_add(1, Ordering::Relaxed);
-        out
+        part.write(0, &done?);
+        Ok(())
     };
-    let serial = || frames.iter().map(|frame| one(frame, false)).collect();
+    let serial = |parts: Vec<Part<'_>>, parallel| {
+        frames.iter().zip(parts).try_for_each(|job| one(job, parallel))
+    };
     let config = refiner.config();
     match frames {
-        _ if config.n_threads == Some(1) => serial(),
+        _ if config.n_threads == Some(1) => serial(parts, false),
         // No windows to distribute.
-        [_] if !config.draws_pixels() => serial(),
-        [frame] => {
-            let out = threads::install(config.n_threads, |parallel| one(frame, parallel));
-            out.map(|refined| vec![refined])
-        }
+        [_] if !config.draws_pixels() => serial(parts, false),
+        [_] => threads::install(config.n_threads, |parallel| serial(parts, parallel)),
         _ => {
             let n_threads = config.n_threads.map(|n| n.min(frames.len()));
             threads::install(n_threads, |parallel| match parallel {
                 true => {
-                    let out: Vec<_> = frames.par_iter().map(|frame| one(frame, false)).collect();
+                    let out: Vec<_> =
+                        frames.par_iter().zip(parts).map(|job| one(job, false)).collect();
                     out.into_iter().collect()
                 }
-                false => serial(),
+                false => serial(parts, false),
             })
         }
-    }
+    }?;
+    Ok(out)
 }

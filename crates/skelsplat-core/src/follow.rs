@@ -79,8 +79,7 @@ impl<'a> Follower<'a> {
     }
 
     fn one(&self, frame: &Frame, progress: &Progress) -> Result<Refinement> {
-        let mut done = refine_batch(self.refiner, std::slice::from_ref(frame), progress)?;
-        Ok(done.swap_remove(0))
+        Ok(refine_batch(self.refiner, std::slice::from_ref(frame), progress)?.frame(0))
     }
 
     fn by_paper(&self) -> bool {

@@ -96,7 +96,9 @@ pub use layout::{Layout, LayoutSpec, SymmetricPair};
 pub use nalgebra;
 pub use outcome::{JointStatus, Loss, StopReason};
 pub use paper::{Encoding, LossAndGradient, PaperSettings, PositionLearningRate, Renderer};
-pub use refine::{Control, Frame, Method, RefineConfig, Refinement, Refiner};
+pub use refine::{
+    Control, Frame, JointBias, Method, RefineConfig, Refinement, Refinements, Refiner,
+};
 pub use sequence::{Live, Sequence, refine_sequence};
 pub use settings::{Domain, Kind, Setting, Value};
 pub use triangulate::{Triangulated, fuse_monocular};

@@ -7,8 +7,8 @@ use skelsplat_core::study::paper::render::{pseudo_ground_truth, render};
 use skelsplat_core::study::paper::splat::Splat;
 use skelsplat_core::testing::scenes::{Noise, noisy_detections, perturbed, room, standing};
 use skelsplat_core::{
-    Camera, Control, Encoding, Error, Frame, Gaussian, Layout, Method, PaperSettings, Progress,
-    RefineConfig, Refinement, Refiner, Unit, refine_batch,
+    Camera, Control, Detections, Encoding, Error, Frame, Gaussian, Layout, Method, PaperSettings,
+    Progress, RefineConfig, Refinements, Refiner, Unit, refine_batch, refine_sequence,
 };
 
 fn frames(n: u64) -> Vec<Frame> {
@@ -35,8 +35,8 @@ fn refiner(threads: usize, config: &RefineConfig) -> Refiner {
     Refiner::new(&room(4), Unit::Millimetre, Some(&layout), config).unwrap()
 }
 
-fn bits(results: &[Refinement]) -> Vec<u64> {
-    results.iter().flat_map(|r| r.pose.iter().flat_map(|p| p.iter().map(|v| v.to_bits()))).collect()
+fn bits(results: &Refinements) -> Vec<u64> {
+    results.pose.iter().map(|v| v.to_bits()).collect()
 }
 
 #[test]
@@ -72,19 +72,32 @@ fn one_pose_has_the_same_bits_on_any_number_of_threads() {
     assert_eq!(run(1), run(4));
     let parallel = Control { parallel: true, ..Control::default() };
     let one = refiner(1, &wide).refine_under(&frames[0], parallel).unwrap();
-    assert_eq!(run(1), bits(&[one]), "the pool of the process");
+    assert_eq!(run(1), bits(&one.into()), "the pool of the process");
 }
 
 #[test]
 fn a_frame_in_a_batch_is_what_it_is_alone() {
     let frames = frames(3);
-    let refiner = refiner(2, &RefineConfig::paper());
-    let batch = refine_batch(&refiner, &frames, &Progress::default()).unwrap();
-    for (frame, expected) in frames.iter().zip(&batch) {
-        let alone =
-            refine_batch(&refiner, std::slice::from_ref(frame), &Progress::default()).unwrap();
-        assert_eq!(bits(&alone), bits(std::slice::from_ref(expected)));
+    for config in [RefineConfig::paper(), RefineConfig::default()] {
+        let refiner = refiner(2, &config);
+        let batch = refine_batch(&refiner, &frames, &Progress::default()).unwrap();
+        assert_eq!(batch.len(), 3);
+        for (frame, in_batch) in frames.iter().zip(batch.iter()) {
+            assert_eq!(in_batch, refiner.refine(frame).unwrap());
+        }
     }
+}
+
+#[test]
+fn frames_of_different_numbers_of_joints_are_refused() {
+    let few = Detections::new(4, 5, &[100.0; 2 * 4 * 5], None).unwrap();
+    let frames = [frames(1).remove(0), few.into()];
+    let refiner = Refiner::new(&room(4), Unit::Millimetre, None, RefineConfig::default()).unwrap();
+    let text = "detections: expected 4 views and 17 joints, as in the first frame, got 4 views and 5 joints";
+    let found = refine_batch(&refiner, &frames, &Progress::default());
+    assert_eq!(found.unwrap_err().to_string(), text);
+    let found = refine_sequence(&refiner, &frames, 30.0, &Progress::default());
+    assert_eq!(found.unwrap_err().to_string(), text);
 }
 
 #[test]

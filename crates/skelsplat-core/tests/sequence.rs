@@ -177,8 +177,14 @@ fn mean_error_of(pose: &[Vector3<f64>], truth: &[Vector3<f64>]) -> f64 {
     pose.iter().zip(truth).map(|(a, b)| (a - b).norm()).sum::<f64>() / pose.len() as f64
 }
 
-fn mean_error(found: &Sequence, truth: &[Vec<Vector3<f64>>]) -> f64 {
-    let pairs = found.frames.iter().zip(truth).flat_map(|(f, t)| f.pose.iter().zip(t));
+/// The points of arrays `(…, 3)`.
+fn points(numbers: &[f64]) -> impl Iterator<Item = Vector3<f64>> {
+    numbers.chunks_exact(3).map(Vector3::from_column_slice)
+}
+
+/// Mean error of poses `(T, N, 3)`.
+fn mean_error(poses: &[f64], truth: &[Vec<Vector3<f64>>]) -> f64 {
+    let pairs = points(poses).zip(truth.iter().flatten());
     let errors: Vec<f64> = pairs.map(|(a, b)| (a - b).norm()).collect();
     errors.iter().sum::<f64>() / errors.len() as f64
 }
@@ -187,13 +193,8 @@ fn mean_error(found: &Sequence, truth: &[Vec<Vector3<f64>>]) -> f64 {
 fn a_sequence_is_more_accurate_than_its_frames_alone() {
     let (truth, detections) = recording(120, 4.0, 5);
     let found = solved(&detections, RefineConfig::default());
-    let alone = Sequence { frames: found.frames.clone(), ..found.clone() };
-    let alone_error = {
-        let pairs = alone.frames.iter().zip(&truth).flat_map(|(f, t)| f.init_pose.iter().zip(t));
-        let errors: Vec<f64> = pairs.map(|(a, b)| (a - b).norm()).collect();
-        errors.iter().sum::<f64>() / errors.len() as f64
-    };
-    assert!(mean_error(&found, &truth) < 0.6 * alone_error);
+    let alone = mean_error(&found.frames.init_pose, &truth);
+    assert!(mean_error(&found.frames.pose, &truth) < 0.6 * alone);
     for ([a, b], length) in found.bones.iter().zip(&found.lengths) {
         let true_length = (truth[0][*a] - truth[0][*b]).norm();
         assert!((length.mean - true_length).abs() < 5.0 * length.sigma + 2.0);
@@ -208,9 +209,7 @@ fn any_number_of_threads_gives_the_same_bits() {
     };
     let (one, two) = (with(1), with(2));
     let bits = |s: &Sequence| -> Vec<u64> {
-        let poses = s.frames.iter().flat_map(|f| f.pose.iter().flatten().copied());
-        let bars = s.frames.iter().flat_map(|f| f.uncertainty.iter().flatten().copied());
-        poses.chain(bars).map(f64::to_bits).collect()
+        s.frames.pose.iter().chain(&s.frames.uncertainty).map(|v| v.to_bits()).collect()
     };
     assert_eq!(bits(&one), bits(&two));
 }
@@ -222,16 +221,16 @@ fn a_gap_is_bridged_and_a_long_one_is_not() {
     (50..62).chain(100..160).for_each(|t| detections[t] = missing.clone());
     let found = solved(&detections, RefineConfig::default());
     for (t, truth) in truth.iter().enumerate().take(62).skip(50) {
-        assert_eq!(found.frames[t].joint_status, [JointStatus::Inferred; 17]);
-        for (x, y) in found.frames[t].pose.iter().zip(truth) {
+        assert_eq!(found.frames.frame(t).joint_status, [JointStatus::Inferred; 17]);
+        for (x, y) in found.frames.frame(t).pose.iter().zip(truth) {
             assert!((x - y).norm() < 60.0);
         }
-        let bar = |t: usize| found.frames[t].uncertainty[16].trace();
+        let bar = |t: usize| found.frames.frame(t).uncertainty[16].trace();
         assert!(bar(56) > 2.0 * bar(45));
     }
     for t in 100..160 {
-        assert_eq!(found.frames[t].joint_status, [JointStatus::Unobserved; 17]);
-        assert!(found.frames[t].pose.iter().all(|x| x.x.is_nan()));
+        assert_eq!(found.frames.frame(t).joint_status, [JointStatus::Unobserved; 17]);
+        assert!(found.frames.frame(t).pose.iter().all(|x| x.x.is_nan()));
     }
     let seen = found.frames.iter().enumerate().filter(|(t, _)| !(50..62).contains(t));
     assert!(seen.filter(|(t, _)| !(100..160).contains(t)).all(|(_, f)| f.pose[0].x.is_finite()));
@@ -246,7 +245,7 @@ fn a_cut_does_not_blur() {
     let seen: Vec<Detections> =
         truth.iter().map(|p| noisy_detections(p, &cameras, 3.0, &mut noise)).collect();
     let found = solved(&seen, RefineConfig::default());
-    let error = |t: usize| mean_error_of(&found.frames[t].pose, &truth[t]);
+    let error = |t: usize| mean_error_of(&found.frames.frame(t).pose, &truth[t]);
     let mean = |frames: std::ops::Range<usize>| {
         let n = frames.len() as f64;
         frames.map(error).sum::<f64>() / n
@@ -254,7 +253,7 @@ fn a_cut_does_not_blur() {
     let (usual, around) = (mean(20..40), mean(57..63));
     assert!(around < 2.0 * usual, "{around} mm, usually {usual} mm");
     // The body moves by less than 20 mm a frame: no velocity is measured across the cut.
-    let speeds = found.velocity[55..65].iter().flatten().map(Vector3::norm);
+    let speeds = points(&found.velocity[55 * 17 * 3..65 * 17 * 3]).map(|v| v.norm());
     assert!(speeds.fold(0.0, f64::max) < 2000.0);
 }
 
@@ -285,7 +284,7 @@ fn given_lengths_hold_where_no_frame_shows_the_bone_and_yield_where_frames_contr
     let found = refine_sequence(&refiner, &frames, 30.0, &Progress::default()).unwrap();
     let last = own.limbs.iter().position(|limb| limb.contains(&end)).unwrap();
     let [a, b] = own.limbs[last];
-    for frame in &found.frames {
+    for frame in found.frames.iter() {
         let long = (frame.pose[a] - frame.pose[b]).norm();
         assert!((long - lengths[last]).abs() < 20.0, "{long} mm for {}", lengths[last]);
         assert_ne!(frame.joint_status[end], JointStatus::Ok);
@@ -339,8 +338,8 @@ fn nothing_and_one_frame_are_answered_and_a_wrong_rate_is_named() {
     assert!(solved(&[], RefineConfig::default()).frames.is_empty());
     let (truth, detections) = recording(1, 2.0, 8);
     let one = solved(&detections, RefineConfig::default());
-    assert!(mean_error(&one, &truth) < 20.0);
-    assert!(one.velocity[0].iter().all(|v| v.x.is_nan()));
+    assert!(mean_error(&one.frames.pose, &truth) < 20.0);
+    assert!(one.velocity.iter().all(|v| v.is_nan()));
     let refiner = Refiner::new(&room(4), Unit::Millimetre, None, RefineConfig::default()).unwrap();
     for fps in [0.0, -5.0, f64::NAN, f64::INFINITY] {
         let text =
@@ -443,8 +442,7 @@ fn windows_that_overlap_give_what_one_window_gives() {
     };
     // Three windows of 133 frames and one of 400: what is learnt is the same.
     let (whole, parts) = (solved([400, 60]), solved([134, 60]));
-    let pairs =
-        whole.frames.iter().zip(&parts.frames).flat_map(|(a, b)| a.pose.iter().zip(&b.pose));
+    let pairs = points(&whole.frames.pose).zip(points(&parts.frames.pose));
     let mut off: Vec<f64> = pairs.map(|(a, b)| (a - b).norm()).collect();
     off.sort_by(f64::total_cmp);
     let (median, largest) = (off[off.len() / 2], off[off.len() - 1]);
@@ -466,11 +464,7 @@ fn one_second_of_a_motion_is_not_smoothed_away() {
     let frames: Vec<Frame> =
         truth.iter().map(|p| Frame::from(noisy_detections(p, &cameras, 4.0, &mut noise))).collect();
     let found = refine_sequence(&refiner, &frames, 15.0, &Progress::default()).unwrap();
-    let error = |of: fn(&skelsplat_core::Refinement) -> &Vec<Vector3<f64>>| {
-        let pairs = found.frames.iter().zip(&truth).flat_map(|(f, t)| of(f).iter().zip(t));
-        let errors: Vec<f64> = pairs.map(|(a, b)| (a - b).norm()).collect();
-        errors.iter().sum::<f64>() / errors.len() as f64
-    };
-    let (in_time, alone) = (error(|f| &f.pose), error(|f| &f.init_pose));
+    let (in_time, alone) =
+        (mean_error(&found.frames.pose, &truth), mean_error(&found.frames.init_pose, &truth));
     assert!(in_time < alone, "{in_time} in time, {alone} alone");
 }

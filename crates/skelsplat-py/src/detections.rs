@@ -38,7 +38,7 @@ impl<'py> FromPyObject<'_, 'py> for Frames {
             let actual = format!("shape {}", shown(&array.shape));
             return refuse("detections", "at least one view and one joint", actual);
         }
-        let (pixels, scores) = split(&array);
+        let (pixels, scores) = split(array);
         let frames = Self { pixels, scores, batch, count, n_views, n_joints };
         frames.check_scores("detections", ", 2")?;
         Ok(frames)
@@ -73,6 +73,13 @@ impl Frames {
             Ok(Detections::new(m, n, &self.pixels[2 * at.start..2 * at.end], scores)?)
         };
         (0..self.count).map(one).collect()
+    }
+
+    /// The frames as core types; their sizes stay.
+    pub(crate) fn take(&mut self) -> Result<Vec<Detections>> {
+        let detections = self.detections()?;
+        (self.pixels, self.scores) = Default::default();
+        Ok(detections)
     }
 
     /// The frames of a recording.
@@ -114,9 +121,9 @@ impl Frames {
 }
 
 /// Pixels, and the third channel if there is one.
-fn split(array: &Array) -> (Vec<f64>, Vec<f64>) {
+fn split(array: Array) -> (Vec<f64>, Vec<f64>) {
     if array.shape.ends_with(&[2]) {
-        return (array.values.clone(), Vec::new());
+        return (array.values, Vec::new());
     }
     let rows = || array.values.chunks_exact(3);
     (rows().flat_map(|d| [d[0], d[1]]).collect(), rows().map(|d| d[2]).collect())
@@ -153,8 +160,9 @@ impl<'py> FromPyObject<'_, 'py> for People {
         let array = Array::read("people", &value)?;
         let ok = matches!(array.shape.as_slice(), [_, _, _, _, 3]);
         let array = array.shaped(ok, "(T, M, P, K, 3)")?;
-        let (pixels, scores) = split(&array);
-        check_scores(&scores, &pixels, |k| place("people", &array.shape[..4], k, ", 2"))?;
+        let shape = array.shape.clone();
+        let (pixels, scores) = split(array);
+        check_scores(&scores, &pixels, |k| place("people", &shape[..4], k, ", 2"))?;
         Ok(Self)
     }
 }

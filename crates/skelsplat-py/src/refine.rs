@@ -9,7 +9,7 @@ use pyo3::types::PyDict;
 use skelsplat_core::study::gaussian::is_symmetric;
 use skelsplat_core::study::unit::implausible_extent as core_extent;
 use skelsplat_core::{
-    Follower, Frame, JointStatus, Live, Method, Progress, Refinement, Refiner, Sequence,
+    Follower, Frame, JointStatus, Live, Loss, Method, Progress, Refinements, Refiner, Sequence,
     refine_batch, refine_sequence,
 };
 
@@ -68,11 +68,11 @@ impl PyRefiner {
         init_sigma: Option<InitSigma>,
         progress: Option<Bound<'py, PyAny>>,
     ) -> Result<Bound<'py, PyDict>> {
-        let frames = detections.with(confidence)?;
+        let mut frames = detections.with(confidence)?;
         let poses = initial_poses(init_pose, &frames)?;
         let covariances = initial_covariances(init_sigma, &frames)?;
         let starts = poses.into_iter().zip(covariances);
-        let jobs = frames.detections()?.into_iter().zip(starts).map(|(detections, start)| Frame {
+        let jobs = frames.take()?.into_iter().zip(starts).map(|(detections, start)| Frame {
             init_pose: start.0,
             init_covariance: start.1,
             ..detections.into()
@@ -84,7 +84,7 @@ impl PyRefiner {
             1 => watch::run(py, short, work)?,
             _ => watch::watched(py, total, progress.as_ref(), work)?,
         };
-        results(py, &frames, &done)
+        results(py, &frames, done)
     }
 
     /// Return the fields of ``skelsplat.SequenceRefinement``; the status as codes.
@@ -98,17 +98,15 @@ impl PyRefiner {
         confidence: Option<Confidence>,
         progress: Option<Bound<'py, PyAny>>,
     ) -> Result<Bound<'py, PyDict>> {
-        let frames = detections.with(confidence)?.recording()?;
+        let mut frames = detections.with(confidence)?.recording()?;
         let poses = initial_poses(init_pose, &frames)?;
-        let jobs = frames.detections()?.into_iter().zip(poses);
+        let jobs = frames.take()?.into_iter().zip(poses);
         let jobs: Vec<Frame> =
             jobs.map(|(detections, init_pose)| Frame { init_pose, ..detections.into() }).collect();
         let (refiner, total) = (Arc::clone(&self.0), jobs.len());
         let work = move |progress: &Progress| refine_sequence(&refiner, &jobs, fps, progress);
         let done = watch::watched(py, total, progress.as_ref(), work)?;
-        let out = results(py, &frames, &done.frames)?;
-        over_time(&out, &frames, &done)?;
-        Ok(out)
+        over_time(py, &frames, done)
     }
 
     /// Return the fields of the frame that follows ``past`` (N, 3), and the past of the next frame.
@@ -129,7 +127,7 @@ impl PyRefiner {
             Ok((done, follower.past().unwrap_or_default().to_vec()))
         })?;
         let past = Out::points(&past, vec![frames.n_joints, 3]);
-        Ok((results(py, &frames, &[done])?, past))
+        Ok((results(py, &frames, done.into())?, past))
     }
 }
 
@@ -172,7 +170,7 @@ impl PyLive {
             let mut live = live.lock().unwrap_or_else(PoisonError::into_inner);
             live.step(&refiner, given, progress)
         })?;
-        results(py, &frames, &[done])
+        results(py, &frames, done.into())
     }
 
     /// Forget all frames.
@@ -260,70 +258,54 @@ fn isotropic(sigmas: &Array) -> Result<Vec<Matrix3<f64>>> {
 }
 
 /// The arrays of `Refinement`, with the leading T if there was one.
-fn results<'py>(
-    py: Python<'py>,
-    frames: &Frames,
-    done: &[Refinement],
-) -> Result<Bound<'py, PyDict>> {
+fn results<'py>(py: Python<'py>, frames: &Frames, done: Refinements) -> Result<Bound<'py, PyDict>> {
     let (m, n) = (frames.n_views, frames.n_joints);
-    let steps = done.iter().map(|r| r.loss_history.len()).max().unwrap_or(0);
+    let steps = done.loss_history.iter().map(Vec::len).max().unwrap_or(0);
     // NaN after the last step of a frame
-    let history = |r: &Refinement| {
-        let told: Vec<f64> = r.loss_history.iter().map(|l| l.total).collect();
+    let history = |told: &Vec<Loss>| {
+        let told: Vec<f64> = told.iter().map(|l| l.total).collect();
         told.into_iter().chain(repeat(f64::NAN)).take(steps)
     };
-    let all = Gathered { frames, done };
+    let loss = |term: fn(&Loss) -> f64| frames.out(done.loss.iter().map(term).collect(), &[]);
     let out = PyDict::new(py);
-    out.set_item("pose", all.of(&[n, 3], |r| r.pose.iter().flatten().copied()))?;
-    out.set_item("init_pose", all.of(&[n, 3], |r| r.init_pose.iter().flatten().copied()))?;
-    // Symmetric: columns are rows.
-    out.set_item("covariance", all.of(&[n, 3, 3], |r| r.covariance.iter().flatten().copied()))?;
-    out.set_item("uncertainty", all.of(&[n, 3, 3], |r| r.uncertainty.iter().flatten().copied()))?;
-    out.set_item("view_weights", all.of(&[m, n], |r| r.view_weights.iter().copied()))?;
-    out.set_item("reprojection_error", all.of(&[m, n], |r| r.reprojection_error.iter().copied()))?;
-    out.set_item("swapped", all.of(&[m, n], |r| r.swapped.iter().copied()))?;
-    out.set_item("noise", all.of(&[], |r| [r.noise]))?;
-    out.set_item("joint_status", all.of(&[n], |r| r.joint_status.iter().map(|s| *s as u8)))?;
-    out.set_item("loss", all.of(&[], |r| [r.loss.total]))?;
-    out.set_item("loss_render", all.of(&[], |r| [r.loss.render]))?;
-    out.set_item("loss_symmetry", all.of(&[], |r| [r.loss.symmetry]))?;
-    out.set_item("n_iter", all.of(&[], |r| [r.n_iter as i64]))?;
-    let reasons: Vec<&str> = done.iter().map(|r| r.stop_reason.name()).collect();
+    out.set_item("loss", loss(|l| l.total))?;
+    out.set_item("loss_render", loss(|l| l.render))?;
+    out.set_item("loss_symmetry", loss(|l| l.symmetry))?;
+    let history = done.loss_history.iter().flat_map(history).collect();
+    out.set_item("loss_history", frames.out(history, &[steps]))?;
+    let status = done.joint_status.iter().map(|s| *s as u8).collect();
+    out.set_item("joint_status", frames.out(status, &[n]))?;
+    let n_iter = done.n_iter.iter().map(|n| *n as i64).collect();
+    out.set_item("n_iter", frames.out(n_iter, &[]))?;
+    let reasons: Vec<&str> = done.stop_reason.iter().map(|reason| reason.name()).collect();
     out.set_item("stop_reason", reasons)?;
-    out.set_item("loss_history", all.of(&[steps], history))?;
+    // The same in all frames
+    let bias = if done.is_empty() { vec![0.0; n] } else { done.joint_bias.to_vec() };
+    out.set_item("joint_bias", Out(bias, vec![n]))?;
+    // Without a copy
+    out.set_item("pose", frames.out(done.pose, &[n, 3]))?;
+    out.set_item("init_pose", frames.out(done.init_pose, &[n, 3]))?;
+    out.set_item("covariance", frames.out(done.covariance, &[n, 3, 3]))?;
+    out.set_item("uncertainty", frames.out(done.uncertainty, &[n, 3, 3]))?;
+    out.set_item("view_weights", frames.out(done.view_weights, &[m, n]))?;
+    out.set_item("reprojection_error", frames.out(done.reprojection_error, &[m, n]))?;
+    out.set_item("swapped", frames.out(done.swapped, &[m, n]))?;
+    out.set_item("noise", frames.out(done.noise, &[]))?;
     Ok(out)
 }
 
-/// Adds what a sequence has beside its frames.
-fn over_time(out: &Bound<'_, PyDict>, frames: &Frames, done: &Sequence) -> Result<()> {
+/// The arrays of `SequenceRefinement`.
+fn over_time<'py>(py: Python<'py>, frames: &Frames, done: Sequence) -> Result<Bound<'py, PyDict>> {
     let (n, bones) = (frames.n_joints, done.bones.len());
-    let velocity = done.velocity.iter().flatten().flatten().copied().collect();
-    let covariance = done.velocity_covariance.iter().flatten().flatten().copied().collect();
+    let out = results(py, frames, done.frames)?;
+    out.set_item("velocity", frames.out(done.velocity, &[n, 3]))?;
+    out.set_item("velocity_uncertainty", frames.out(done.velocity_covariance, &[n, 3, 3]))?;
     let (mean, sigma) = done.lengths.iter().map(|l| (l.mean, l.sigma)).unzip();
-    out.set_item("velocity", frames.out(velocity, &[n, 3]))?;
-    out.set_item("velocity_uncertainty", frames.out(covariance, &[n, 3, 3]))?;
     let ends = done.bones.iter().flatten().map(|j| *j as i64).collect();
     out.set_item("bones", Out(ends, vec![bones, 2]))?;
     out.set_item("bone_lengths", Out(mean, vec![bones]))?;
     out.set_item("bone_length_sigma", Out(sigma, vec![bones]))?;
-    Ok(())
-}
-
-/// The results of all frames.
-struct Gathered<'a> {
-    frames: &'a Frames,
-    done: &'a [Refinement],
-}
-
-impl<'a> Gathered<'a> {
-    /// `values` of every frame, of `shape`, as one array.
-    fn of<T, I: IntoIterator<Item = T>>(
-        &self,
-        shape: &[usize],
-        values: impl Fn(&'a Refinement) -> I,
-    ) -> Out<T> {
-        self.frames.out(self.done.iter().flat_map(values).collect(), shape)
-    }
+    Ok(out)
 }
 
 /// Return the facts for a warning if the skeletons (T, N, 3) are larger than 10 m or smaller than 10 cm.

@@ -13,6 +13,7 @@ from rich.table import Table as Drawn
 from rich.text import Text
 
 from skelsplat import datasets
+from skelsplat._arrays import positive
 from skelsplat.cli import options
 from skelsplat.cli.config import NAME_OR_PATH
 from skelsplat.cli.datasets import LENSES, InitSigma, Lens, Settings, reader_options
@@ -56,6 +57,14 @@ Views = Annotated[
 ]
 Every = Annotated[
     int | None, _data(min=1, metavar="K", help="One frame in K of each take.", show_default="the protocol's")
+]
+Fps = Annotated[
+    float | None,
+    _data(
+        metavar="HZ",
+        help="Frames per second, for annealed-butterworth, annealed-kalman and in-time.",
+        show_default="the data set's",
+    ),
 ]
 Counting = Annotated[
     str,
@@ -103,6 +112,7 @@ def evaluate(
     lens: Lens = "undistorted",
     views: Views = None,
     every: Every = None,
+    fps: Fps = None,
     counting: Counting = "all",
     setting: Settings = None,
     start: Start = None,
@@ -137,12 +147,16 @@ def evaluate(
         seed=seed,
         n_threads=threads,
     )
+    if fps is not None:
+        positive("fps", fps)
     options.one_of("DATASET", dataset, datasets.names())
     options.one_of("--counting", counting, ("all", "adafuse"))
     with collected_warnings(tell):
         data = datasets.read(dataset, root, **_reader_options(dataset, detections, views, setting or []))
         for finding in datasets.verify(data):
             print_warning(f"{', '.join(finding.subject.files)}: {finding.text}")
+        if fps is not None:
+            data = data.with_fps(fps)
         rules = protocols.get(data.name).with_options(n_views=views, every=every, counting=counting)
         folder = Path("skelsplat-evaluation") / data.name if out is None else out
         with output_folder(folder):
@@ -163,7 +177,7 @@ def evaluate(
 def _method_names(given: Sequence[str] | None) -> list[str]:
     names = [name.strip() for text in given or () for name in text.split(",") if name.strip()]
     if names == ["all"]:
-        return list(methods.names)
+        return names
     for name in names:
         options.one_of("--methods", name, methods.names)
     return names

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skelsplat._arrays import Array, Index, Mask
+from skelsplat._arrays import Array, Index, Mask, positive
 from skelsplat._skelsplat import Layout
 from skelsplat.cameras import CameraRig
 from skelsplat.exceptions import DatasetError
@@ -40,6 +40,8 @@ class Take:
         Left, top, right, bottom in pixels; NaN where the person is not in the view.
     visible : (T, M, N) bool or None
         Joints that are not occluded, where the source says so.
+    fps : float or None
+        Frames per second that `frames` count; None if unknown.
     files : mapping of str to Path
         Where ``"truth"``, ``"detections"``, ``"cameras"``, … come from, for messages.
     """
@@ -54,6 +56,7 @@ class Take:
     monocular: Array | None = None
     boxes: Array | None = None
     visible: Mask | None = None
+    fps: float | None = None
     files: Mapping[str, Path] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -148,6 +151,11 @@ class Dataset:
             if take.truth.shape[1] != self.layout.n_joints:
                 expected = f"{self.layout.n_joints} joints of {self.layout.name}"
                 raise DatasetError(take.key, "truth", expected, take.truth.shape[1])
+
+    def with_fps(self, fps: float) -> Dataset:
+        """Return the data set with this rate of the frame numbers of all takes."""
+        positive("fps", fps)
+        return replace(self, takes=tuple(replace(take, fps=fps) for take in self.takes))
 
     def __iter__(self) -> Iterator[Take]:
         return iter(self.takes)

@@ -75,7 +75,7 @@ class Scene:
                 continue
             key = f"S0/actor{k}"
             files = {"truth": truth, "cameras": calibration}
-            take = Take(key, "S0", f"actor{k}", rig, frames, joints, files=files)
+            take = Take(key, "S0", f"actor{k}", rig, frames, joints, fps=_FPS, files=files)
             takes.append(take if folder is None else _with_detections(take, folder))
         words = f"{self.name.capitalize()}, one take per actor, detections: {name or 'none'}"
         return Dataset(self.name, SHELF14, tuple(takes), name, words)
@@ -100,6 +100,7 @@ class Scene:
 SHELF = Scene("shelf", (1032, 776), 5)
 CAMPUS = Scene("campus", (360, 288), 3)
 
+_FPS = 25.0
 _MM_PER_M = 1000.0
 # The 12 limb joints of SHELF14 in COCO-17.
 _FROM_COCO = (16, 14, 12, 11, 13, 15, 10, 8, 6, 5, 7, 9)

@@ -47,6 +47,7 @@ CAMERAS = (1, 2, 10, 13, 3, 23, 19, 30)
 _TRUTH = "hdPose3d_stage1_coco19"
 _FORMATS = ("toolbox", "skelsplat")
 _MM = 10.0
+_HD_FPS = 29.97
 # A joint with less confidence is no measurement; the toolbox writes −1 where there is none at all.
 _LEAST_CONFIDENCE = 0.1
 
@@ -101,7 +102,7 @@ def read(
             find(_truths(root, sequence, len(rig), format), f"truth of {sequence}"), truth_unit, person
         )
         files = {"cameras": path, "truth": truth_path}
-        take = Take(f"S0/{sequence}", "S0", sequence, rig, frames, truth, files=files)
+        take = Take(f"S0/{sequence}", "S0", sequence, rig, frames, truth, fps=_HD_FPS, files=files)
         if source is not None:
             guess = None if monocular is None else root / "initial_guess" / monocular / "S0" / sequence
             take, note = _with_detections(take, source, guess, filtered=detections is None)

@@ -6,6 +6,7 @@ import json
 import secrets
 import shutil
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -60,7 +61,8 @@ def read(root: Path, *, detector: str = "good", views: Views = None) -> Dataset:
         raise index["detectors"].error(f"the detector {detector!r}", ", ".join(known))
     rigs = {name: _rig(root / "cameras" / f"{name}.json") for name in index["cameras"].names()}
     entries = index["takes"].entries("a list of takes")
-    takes = [_take(root, entry, rigs, layout, detector) for entry in entries]
+    fps = index["fps"].number() if "fps" in index else None
+    takes = [replace(_take(root, entry, rigs, layout, detector), fps=fps) for entry in entries]
     name, seed = index["name"].text(), index.value.get("parameters", {}).get("seed")
     source = f"simulated poses and detections ({name}, detector {detector!r}, seed {seed}); no image was seen"
     return Dataset(

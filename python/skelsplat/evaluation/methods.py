@@ -18,12 +18,14 @@ from typing import Any
 
 import numpy as np
 
+from skelsplat import temporal
 from skelsplat._arrays import Array, positive
 from skelsplat._refine import Progress, Refinement, refine
+from skelsplat._sequence import refine_sequence
 from skelsplat._skelsplat import Layout, RefineConfig, fuse_monocular, triangulate
 from skelsplat.cameras import CameraRig, without_distortion
 from skelsplat.datasets import Take
-from skelsplat.evaluation import baselines
+from skelsplat.evaluation import baselines, over_time
 from skelsplat.exceptions import DatasetError, one_of
 
 Settings = Mapping[str, Any]
@@ -35,7 +37,12 @@ DEFAULT_INIT_SIGMA_MM = 25.0
 """Standard deviation per axis of a fused start: 40.2 mm, the mean error that the paper reports of it on
 Human3.6M (tab:abl-initial-guess), over 1.596, the mean length of a standard normal vector in space."""
 
-_FIELDS = {"detections": "2D detections", "monocular": "monocular 3D poses"}
+_FIELDS = {
+    "detections": "2D detections",
+    "monocular": "monocular 3D poses",
+    "fps": "the frame rate (--fps)",
+    "frames": "consecutive numbers",
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,8 +51,9 @@ class Options:
 
     #: Remove lens distortion from the detections; False: detections are used with K alone.
     undistort: bool = True
-    #: {"dlt", "fusion", "none"} or None: Where `annealed`, `paper` and `paper-closed-form` start; ``"none"``:
-    #: with the solver's own triangulation. None: ``"none"`` for `annealed`, `paper_start` for the other two.
+    #: {"dlt", "fusion", "none"} or None: Where `annealed` (also over time), `paper` and `paper-closed-form`
+    #: start; ``"none"``: with the solver's own triangulation. None: ``"none"``, but for the paper's two
+    #: `paper_start`.
     start: str | None = None
     paper_start: str = "dlt"  #: {"dlt", "fusion", "none"}: Where the paper starts on this data set
     #: What the paper changes in its settings on this data set: fields of `RefineConfig.paper`.
@@ -85,6 +93,8 @@ class Method:
     #: Fields of `Take`; a start by fusion needs ``"monocular"`` as well.
     needs: tuple[str, ...] = ("detections",)
     by_pixels: bool = False  #: renders pixels and takes far longer than all others
+    over_time: bool = False  #: needs the frames around each, so all of a recording, and their rate
+    package: str = "numpy"  #: that it imports
 
     def solve(
         self, take: Take, layout: Layout, settings: Settings, progress: Progress | None = None
@@ -102,7 +112,10 @@ class Method:
     def lacks(self, take: Take, settings: Settings) -> str | None:
         """Return the field that the method needs and the take does not have; None if there is none."""
         fused = ("monocular",) if settings.get("start") == "fusion" else ()
-        return next((name for name in (*self.needs, *fused) if getattr(take, name) is None), None)
+        names = (*self.needs, *fused, *(("fps",) if self.over_time else ()))
+        missing = next((name for name in names if getattr(take, name) is None), None)
+        single = self.over_time and not (np.diff(take.frames) == 1).any()
+        return "frames" if missing is None and single else missing
 
     def check(self, take: Take, settings: Settings) -> None:
         """Raise `DatasetError` if the take lacks what the method needs."""
@@ -153,10 +166,56 @@ def _detections(take: Take) -> Array:
 
 
 def _refine(take: Take, layout: Layout, settings: Settings, progress: Progress | None) -> Array:
+    return _refinement(take, layout, settings, progress).pose
+
+
+def _refinement(take: Take, layout: Layout, settings: Settings, progress: Progress | None) -> Refinement:
     """Start as the settings say, and refine with their configuration."""
-    start = None if settings["start"] == "none" else starting_poses(take, settings["start"])
-    config = RefineConfig(**settings["config"])
-    return refined(take, layout, start, config, settings.get("init_sigma_mm"), progress).pose
+    start, config = _start(take, settings), RefineConfig(**settings["config"])
+    return refined(take, layout, start, config, settings.get("init_sigma_mm"), progress)
+
+
+def _start(take: Take, settings: Settings) -> Array | None:
+    return None if settings["start"] == "none" else starting_poses(take, settings["start"])
+
+
+def _then(smooth: Callable[[Refinement, Take, Settings, slice], Array]) -> Run:
+    """Return `annealed` on single frames, then `smooth` on each stretch of consecutive ones."""
+
+    def run(take: Take, layout: Layout, settings: Settings, progress: Progress | None) -> Array:
+        alone = _refinement(take, layout, settings, progress)
+        parts = [smooth(alone, take, settings, part) for part in over_time.stretches(take.frames)]
+        return np.concatenate(parts)
+
+    return run
+
+
+def _butterworth(alone: Refinement, take: Take, settings: Settings, part: slice) -> Array:
+    return over_time.butterworth(alone.pose[part], _fps(take), settings["cutoff_hz"], settings["gap_s"])
+
+
+def _kalman(alone: Refinement, take: Take, settings: Settings, part: slice) -> Array:
+    density = settings["density_mm2_s3"] / take.rig.mm_per_unit**2
+    return temporal.kalman(alone.pose[part], _fps(take), alone.uncertainty[part], density)[0]
+
+
+def _in_time(take: Take, layout: Layout, settings: Settings, progress: Progress | None) -> Array:
+    """Solve each stretch of consecutive frames in time, and single ones by themselves."""
+
+    def solved(part: Take) -> Array:
+        if len(part) == 1:
+            return _refine(part, layout, settings, progress)
+        start, config = _start(part, settings), RefineConfig(**settings["config"])
+        return refine_sequence(
+            _detections(part), part.rig, fps=_fps(part), layout=layout, init_pose=start, config=config
+        ).pose
+
+    return np.concatenate([solved(take.select(part)) for part in over_time.stretches(take.frames)])
+
+
+def _fps(take: Take) -> float:
+    assert take.fps is not None  # Method.check has seen to it
+    return take.fps
 
 
 def starting_poses(take: Take, start: str) -> Array:
@@ -233,6 +292,26 @@ _ALL = (
     ),
     Method("fusion", "multi-view fusion of monocular 3D poses", _fusion, needs=("detections", "monocular")),
     Method("annealed", "default: closed form, annealed Gauss–Newton", _refine, _annealed),
+    Method(
+        "annealed-butterworth",
+        "annealed, then a zero-lag Butterworth filter of 6 Hz",
+        _then(_butterworth),
+        lambda options: {
+            **_annealed(options),
+            "cutoff_hz": over_time.CUTOFF_HZ,
+            "gap_s": over_time.GAP_S,
+        },
+        over_time=True,
+        package="scipy",
+    ),
+    Method(
+        "annealed-kalman",
+        "annealed, then a Kalman smoother per joint",
+        _then(_kalman),
+        lambda options: {**_annealed(options), "density_mm2_s3": over_time.DENSITY_MM2_S3},
+        over_time=True,
+    ),
+    Method("in-time", "all frames of a recording in one solve", _in_time, _annealed, over_time=True),
     Method("annealed-prior", "annealed with the fused monocular poses as a Gaussian prior", _refine, _prior),
     Method(
         "paper-closed-form",

@@ -35,6 +35,13 @@ class Case:
     column: str  # key of the column of per-action tables
     # Whether the absolute error counts; the root-relative and Procrustes errors always do.
     absolute: bool = True
+    # All frames of the take, for methods over time, and which of them `take` has; None: it has all.
+    recording: Take | None = None
+    rows: NDArray[np.bool_] | None = None
+
+    def given(self, over_time: bool) -> Take:
+        """Return what a method takes: the frames that count, or over time the recording."""
+        return self.recording if over_time and self.recording is not None else self.take
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,9 +113,11 @@ class Protocol:
         for take in dataset:
             if self.subjects and take.subject not in self.subjects:
                 continue
-            cut = self._cut(take)
-            if len(cut):
-                cases.append(Case(cut, self._column(take), take.key not in self.excluded))
+            whole = self._seen(take)
+            keep = self._kept(whole)
+            if keep.any():
+                column, absolute = self._column(take), take.key not in self.excluded
+                cases.append(Case(whole.select(keep), column, absolute, whole, keep))
         if not cases:
             asked = f" of {', '.join(self.subjects)}" if self.subjects else ""
             raise InvalidInputError(
@@ -131,17 +140,18 @@ class Protocol:
             )
         return key
 
-    def _cut(self, take: Take) -> Take:
+    def _seen(self, take: Take) -> Take:
         views = self.view_sets.get(self.n_views, ()) if self.n_views is not None else ()
-        if views:
-            take = with_cameras(take, views)
+        return with_cameras(take, views) if views else take
+
+    def _kept(self, take: Take) -> NDArray[np.bool_]:
         keep = np.zeros(len(take), dtype=np.bool_)
         keep[_first_of_each(take.frames, self.every)] = True
         if self.ranges:
             keep &= np.any([(take.frames >= a) & (take.frames <= b) for a, b in self.ranges], axis=0)
         if self.all_views_detected:
             keep &= _has_every_view(take)
-        return take.select(keep)
+        return keep
 
 
 def _first_of_each(frames: NDArray[np.int64], every: int) -> NDArray[np.intp]:

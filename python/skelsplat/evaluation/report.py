@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -75,7 +76,8 @@ def evaluate(
     ----------
     dataset : Dataset
     names : sequence of str
-        Of `methods.names`; none: all that the data allow except the one that renders pixels.
+        Of `methods.names`; none: all that the data allow except the one that renders pixels; ``"all"``
+        alone: all, but of those over time only what the data allow.
     options : Options, optional
         `paper_fields` and `paper_start` are filled in from the protocol.
     protocol : Protocol, optional
@@ -123,15 +125,18 @@ def select(names: Sequence[str], cases: Sequence[Case], options: Options) -> lis
 
     Raises `InvalidInputError` for an unknown name, or the data allow no method.
     """
+
+    def allowed(method: Method) -> bool:
+        given, settings = (case.given(method.over_time) for case in cases), method.settings(options)
+        there = find_spec(method.package) is not None
+        return there and all(method.lacks(take, settings) is None for take in given)
+
+    every = [methods.get(name) for name in methods.names]
+    if list(names) == ["all"]:
+        return [method for method in every if not method.over_time or allowed(method)]
     if names:
         return [methods.get(name) for name in dict.fromkeys(names)]
-    every = [methods.get(name) for name in methods.names]
-    picked = [
-        method
-        for method in every
-        if not method.by_pixels
-        and all(method.lacks(case.take, method.settings(options)) is None for case in cases)
-    ]
+    picked = [method for method in every if not method.by_pixels and allowed(method)]
     if not picked:
         raise InvalidInputError("methods: expected takes with detections or monocular poses, got neither")
     return picked

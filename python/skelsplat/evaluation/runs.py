@@ -105,6 +105,12 @@ def fingerprint(take: Take) -> str:
     return digest.hexdigest()
 
 
+def _data(case: Case, over_time: bool) -> str:
+    """Fingerprint of what counts, and over time of the recording around it and its rate."""
+    whole, own = case.given(over_time), fingerprint(case.take)
+    return f"{own} of {fingerprint(whole)} at {whole.fps:g} Hz" if over_time else own
+
+
 def _digest(text: str) -> str:
     return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
 
@@ -126,13 +132,15 @@ def run(
     settings = {method.name: method.settings(options) for method in methods}
     for method in methods:
         for case in cases:
-            method.check(case.take, settings[method.name])
-    prints = ["" if store is None else fingerprint(case.take) for case in cases]
+            method.check(case.given(method.over_time), settings[method.name])
+    kinds = {method.over_time for method in methods} if store is not None else ()
+    prints = {kind: [_data(case, kind) for case in cases] for kind in kinds}
     total, done = len(methods) * sum(len(case.take) for case in cases), 0
     solutions: dict[str, list[Solution]] = {method.name: [] for method in methods}
     for method in methods:
         own = settings[method.name]
-        for take, data in zip((case.take for case in cases), prints, strict=True):
+        for k, case in enumerate(cases):
+            take, data = case.take, prints[method.over_time][k] if prints else ""
 
             def heard(now: int, _: int, where: tuple[str, str, int] = (method.name, take.key, done)) -> None:
                 if report is not None:
@@ -141,7 +149,11 @@ def run(
             heard(0, total)
             solution = None if store is None else store.load(method, own, take, data)
             if solution is None:
-                solution = method.solve(take, layout, own, heard if method.by_pixels else None)
+                whole = case.given(method.over_time)
+                solution = method.solve(whole, layout, own, heard if method.by_pixels else None)
+                if whole is not take:
+                    share = len(take) / len(whole)
+                    solution = Solution(solution.pose[case.rows], share * solution.seconds)
                 if store is not None:
                     store.save(method, own, take, data, solution)
             heard(len(take), total)

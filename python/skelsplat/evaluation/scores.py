@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from skelsplat import metrics
 from skelsplat._arrays import Array, Mask, numbers
 from skelsplat._skelsplat import Layout
+from skelsplat.datasets import Take
 from skelsplat.evaluation.methods import Solution
 from skelsplat.evaluation.protocols import Case, Protocol
 from skelsplat.exceptions import DatasetError, InvalidInputError
@@ -60,6 +61,7 @@ class Scores:
     pck: Mapping[int, float]
     pcp: float  #: share of correct parts; NaN if the protocol has none
     missing: float  #: share of the joints that the method leaves without a position
+    acceleration: float  #: error of it, m/s², where frames are consecutive and their rate is known; else NaN
     ms_per_pose: float  #: wall time of the method alone
     #: columns, joints: By column of the protocol and by joint of the layout.
     columns: Mapping[str, Group]
@@ -77,6 +79,7 @@ FIGURES: Mapping[str, Callable[[Scores], float]] = {
     **{f"pck_{mm}": partial(lambda s, mm: s.pck[mm], mm=mm) for mm in PCK_MM},
     "pcp": lambda s: s.pcp,
     "missing": lambda s: s.missing,
+    "acceleration_m_s2": lambda s: s.acceleration,
     "ms_per_pose": lambda s: s.ms_per_pose,
 }
 """The figures that are written about a method, over all its poses; shares are from 0 to 1."""
@@ -90,6 +93,7 @@ class _Errors:
     relative: Array
     procrustes: Array
     missing: Array
+    acceleration: Array
     pck: Mapping[int, Array]
     parts: Array
 
@@ -128,6 +132,7 @@ def score(
         pck={limit: _mean([e.pck[limit] for e in errors]) for limit in PCK_MM},
         pcp=_mean([np.array([g.pcp for g in columns.values()])]) if protocol.mean_of_columns else every.pcp,
         missing=_mean([e.missing for e in errors]),
+        acceleration=_mean([e.acceleration for e in errors]),
         ms_per_pose=1e3 * sum(solution.seconds for solution in solutions) / poses,
         columns=columns,
         joints={name: _group(errors, joint=j) for j, name in enumerate(layout.joints)},
@@ -152,9 +157,20 @@ def _errors(case: Case, pose: Array, layout: Layout, protocol: Protocol) -> _Err
         relative=np.where(counts, relative, np.nan),
         procrustes=np.where(counts, metrics.pa_mpjpe(found, truth, reduce="none"), np.nan),
         missing=np.where(counts, metrics.missing_rate(found, truth, reduce="none"), np.nan),
+        acceleration=absolute(_acceleration(take, found - truth)),
         pck={mm: absolute(metrics.pck(found, truth, threshold_mm=mm, reduce="none")) for mm in PCK_MM},
         parts=parts,
     )
+
+
+def _acceleration(take: Take, error: Array) -> Array:
+    """Lengths (T, N), m/s², of the second differences of errors (T, N, 3) mm about their middle frames."""
+    out = np.full(error.shape[:2], np.nan)
+    if take.fps is not None and len(take) > 2:
+        follows = take.frames[2:] - take.frames[:-2] == 2
+        second = np.linalg.norm(np.diff(error, n=2, axis=0), axis=-1) * take.fps**2 / 1000.0
+        out[1:-1] = np.where(follows[:, None], second, np.nan)
+    return out
 
 
 def _counted(key: str, visible: Mask | None, shape: tuple[int, ...], least: int) -> Mask:

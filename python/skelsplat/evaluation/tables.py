@@ -140,13 +140,17 @@ _OVERALL: dict[str, tuple[Column, float]] = {
     **{f"pck_{mm}": (Column(f"PCK {mm}", best="high"), 100) for mm in PCK_MM},
     "pcp": (Column("PCP", best="high"), 100),
     "missing": (Column("missing", digits=2), 100),
+    "acceleration_m_s2": (Column("acc", best="low"), 1),
     "ms_per_pose": (Column("ms/pose", digits=2), 1),
 }
 
 
 def overall(evaluation: Evaluation) -> Table:
     """One row per method: errors, shares, time."""
-    shown = {key: cell for key, cell in _OVERALL.items() if key != "pcp" or evaluation.protocol.parts}
+    without = set() if evaluation.protocol.parts else {"pcp"}
+    if not _rated(evaluation):
+        without.add("acceleration_m_s2")
+    shown = {key: cell for key, cell in _OVERALL.items() if key not in without}
     rows = [
         Row(
             s.method,
@@ -236,6 +240,12 @@ def notes(evaluation: Evaluation) -> tuple[str, ...]:
         f"distance, and wrong in PCK. Time: the method alone, compiled methods on {threads} "
         f"thread{'s' * (threads != 1)}; no 2D detector or monocular estimator.",
     ]
+    if _rated(evaluation):
+        rates = sorted({f"{case.take.fps:g}" for case in evaluation.cases if case.take.fps is not None})
+        lines.append(
+            f"acc: mean error of the acceleration, m/s², of consecutive frames at {' or '.join(rates)} Hz. "
+            "annealed-butterworth, annealed-kalman and in-time use all frames of a take, never across a gap."
+        )
     if evaluation.published is not None:
         table = evaluation.published.table
         real = ", on the real data set" if evaluation.simulated else ""
@@ -243,6 +253,11 @@ def notes(evaluation: Evaluation) -> tuple[str, ...]:
             f"Reported (in italics), not measured here{real}: {table.source}. {' '.join(table.notes)}"
         )
     return tuple(" ".join(line.split()) for line in lines)
+
+
+def _rated(evaluation: Evaluation) -> bool:
+    """Whether a method has an error of the acceleration."""
+    return any(math.isfinite(s.acceleration) for s in evaluation.scores)
 
 
 def _interval(estimate: Estimate) -> str:

@@ -41,7 +41,7 @@ _LIMB_RATIO = 1.5
 # A given length contradicts the recording beyond this many of its standard deviations and this share.
 _GIVEN_SIGMAS, _GIVEN_SHARE = 3.0, 0.05
 _USUAL_SIGMA_MM = 20.0  # of given lengths without standard deviations
-# A joint's error bar over the typical joint's.
+# A joint's scatter over the typical joint's.
 _BAR_RATIO = 2.0
 
 
@@ -258,12 +258,12 @@ def _joints(alone: Statistics, statistics: Statistics) -> Iterator[Finding]:
     rejected = tuple(group.name for group in alone.joints if group.rejected_share >= _MOSTLY)
     if 0 < len(rejected) <= _MOSTLY * len(alone.joints):  # of more, the whole recording is in doubt
         yield Finding("joints_rejected", "warning", Subject(joints=rejected))
-    typical = finite_median(statistics.error_bar_mm)
-    bars = [finite_median(bar) for bar in statistics.error_bar_mm.T]
-    wide = [j for j, bar in enumerate(bars) if bar > _BAR_RATIO * typical]
+    typical = finite_median(statistics.scatter_mm)
+    scatter = [finite_median(joint) for joint in statistics.scatter_mm.T]
+    wide = [j for j, own in enumerate(scatter) if own > _BAR_RATIO * typical]
     if wide:
         named = Subject(joints=tuple(statistics.joints[j].name for j in wide))
-        numbers = {"median_error_bar_mm": typical, "error_bar_mm": [bars[j] for j in wide]}
+        numbers = {"median_scatter_mm": typical, "scatter_mm": [scatter[j] for j in wide]}
         yield Finding("joints_uncertain", "warning", named, numbers)
 
 

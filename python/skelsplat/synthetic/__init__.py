@@ -5,6 +5,8 @@
 (10, 17, 3)
 """
 
+from skelsplat.synthetic.crowding import Crowding
+from skelsplat.synthetic.crowds import crowd, meeting_names
 from skelsplat.synthetic.detections import simulate_detections
 from skelsplat.synthetic.memory import Memory
 from skelsplat.synthetic.motions import motion, motion_names
@@ -12,19 +14,24 @@ from skelsplat.synthetic.noise import DetectionNoise
 from skelsplat.synthetic.occluders import Occluders, draw_occluders
 from skelsplat.synthetic.poses import monocular_poses, perturb
 from skelsplat.synthetic.rigs import dome, human36m_like, look_at, ring, stereo, table
+from skelsplat.synthetic.scenes import Scene, simulate_scene
 from skelsplat.synthetic.sets import set_names, simulate_set
 from skelsplat.synthetic.skeleton import forward_kinematics, in_layout
 
 __all__ = [
+    "Crowding",
     "DetectionNoise",
     "Memory",
     "Occluders",
+    "Scene",
+    "crowd",
     "dome",
     "draw_occluders",
     "forward_kinematics",
     "human36m_like",
     "in_layout",
     "look_at",
+    "meeting_names",
     "monocular_poses",
     "motion",
     "motion_names",
@@ -32,6 +39,7 @@ __all__ = [
     "ring",
     "set_names",
     "simulate_detections",
+    "simulate_scene",
     "simulate_set",
     "stereo",
     "table",

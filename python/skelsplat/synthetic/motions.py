@@ -88,22 +88,29 @@ def _walk(seconds: Array, rng: np.random.Generator) -> _Script:
     angles = _stand(seconds, rng)
     swing = rng.uniform(18.0, 26.0)
     period = rng.uniform(1.0, 1.3)
-    phase = 2 * np.pi * seconds / period
-    arm_swing = rng.uniform(12.0, 28.0)
-    for side, shift in (("l", 0.0), ("r", np.pi)):
-        leg = phase + shift
-        angles[f"hip_flexion_{side}"] = 6.0 + swing * np.cos(leg)
-        # The knee bends most just before the leg passes under the body on its way forward.
-        angles[f"knee_flexion_{side}"] = 6.0 + 52.0 * np.exp(3.0 * (np.cos(leg - 1.4 * np.pi) - 1.0))
-        angles[f"hip_abduction_{side}"] = np.zeros_like(seconds)
-        angles[f"shoulder_flexion_{side}"] = 2.0 - arm_swing * np.cos(leg)
-    angles["spine_rotation"] = -5.0 * np.cos(phase)
+    _stride(angles, 2 * np.pi * seconds / period, swing, arm_swing=rng.uniform(12.0, 28.0))
     angles["lean"] = np.full_like(seconds, rng.uniform(2.0, 6.0))
     speed = 4.0 * _LEG_MM * np.sin(np.deg2rad(swing)) / period
     radius, turn = rng.uniform(1000.0, 1500.0), rng.choice([-1.0, 1.0])
     around = rng.uniform(0.0, 2 * np.pi) + turn * speed * seconds / radius
     path = radius * np.stack([np.cos(around), np.sin(around)], axis=-1)
     return _Script(angles, np.rad2deg(around) + 90.0 * turn, path)
+
+
+def _stride(
+    angles: dict[str, Array], phase: Array, swing: float, arm_swing: float, share: Array | float = 1.0
+) -> None:
+    """Set legs, arms and spine to a phase of walking, in place; with `share` 0 they stay as they are."""
+    walking = {"spine_rotation": -5.0 * np.cos(phase)}
+    for side, shift in (("l", 0.0), ("r", np.pi)):
+        leg = phase + shift
+        walking[f"hip_flexion_{side}"] = 6.0 + swing * np.cos(leg)
+        # The knee bends most just before the leg passes under the body on its way forward.
+        walking[f"knee_flexion_{side}"] = 6.0 + 52.0 * np.exp(3.0 * (np.cos(leg - 1.4 * np.pi) - 1.0))
+        walking[f"hip_abduction_{side}"] = np.zeros_like(phase)
+        walking[f"shoulder_flexion_{side}"] = 2.0 - arm_swing * np.cos(leg)
+    for name, value in walking.items():
+        angles[name] = (1.0 - share) * angles.get(name, 0.0) + share * value
 
 
 def _sit(seconds: Array, rng: np.random.Generator) -> _Script:
@@ -190,6 +197,54 @@ def _turn(seconds: Array, rng: np.random.Generator) -> _Script:
 def _heading(seconds: Array, rng: np.random.Generator) -> Array:
     """Constant direction chosen at random, degrees."""
     return np.full_like(seconds, rng.uniform(0.0, 360.0))
+
+
+# Slower than this, mm/s, a stride is shorter than the speed would give, until the person stands.
+_STROLL_MM_S = 500.0
+
+
+def stroll(
+    path: Array,
+    heading_deg: Array,
+    *,
+    fps: float,
+    reach: Array | float = 0.0,
+    seed: int | np.random.Generator = 0,
+    scale: float = 1.0,
+) -> Array:
+    """Simulate a person who walks along a path, stands where it stops, and reaches out.
+
+    Parameters
+    ----------
+    path : (T, 2) mm
+        Of the pelvis, smooth, T ≥ 2.
+    heading_deg : (T,)
+        As in `forward_kinematics`.
+    fps : float
+    reach : (T,) or float
+        How far one arm is stretched out forward, 0 to 1.
+    seed, scale
+        As in `motion`.
+
+    Returns
+    -------
+    (T, 17, 3) mm, Human3.6M-17.
+    """
+    rng = np.random.default_rng(seed)
+    angles = _stand(rng.uniform(0.0, 8.0) + np.arange(len(path)) / fps, rng)
+    swing, arm_swing = rng.uniform(18.0, 26.0), rng.uniform(12.0, 28.0)
+    speed = np.linalg.norm(np.gradient(path, axis=0), axis=1) * fps
+    share = np.minimum(speed / (scale * _STROLL_MM_S), 1.0)
+    length = 4.0 * scale * _LEG_MM * np.sin(np.deg2rad(swing))
+    phase = 2 * np.pi * (rng.random() + np.cumsum(speed) / fps / length)
+    _stride(angles, phase, swing, arm_swing, share)
+    angles["lean"] = share * rng.uniform(2.0, 6.0)
+    side = "l" if rng.random() < 0.5 else "r"
+    for name, value in (("shoulder_flexion", rng.uniform(70.0, 90.0)), ("elbow_flexion", 8.0)):
+        angles[f"{name}_{side}"] = (1.0 - reach) * angles[f"{name}_{side}"] + reach * value
+    angles = {key: np.clip(value, *LIMITS_DEG[key]) for key, value in angles.items()}
+    pose = forward_kinematics(angles, heading_deg=heading_deg, n_frames=len(path), scale=scale)
+    return _place(pose, _Script(angles, heading_deg, path), path, scale)
 
 
 _MOTIONS: dict[str, Callable[[Array, np.random.Generator], _Script]] = {

@@ -136,6 +136,10 @@ class DetectionNoise:
         if not (np.isfinite(value) and low <= value <= high):
             raise InvalidInputError(f"{name}: expected a number from {low} to {high}, got {value!r}")
 
+    def scaled(self, factor: float) -> DetectionNoise:
+        """Return the same detector for people who are `factor` times as large in the images."""
+        return replace(self, sigma_px=factor * self.sigma_px, outlier_px=factor * self.outlier_px)
+
     @classmethod
     def good(cls) -> DetectionNoise:
         """Simulate a good detector: small jitter, few outliers."""

@@ -46,7 +46,7 @@ _CAPTURE_HZ = 50.0
 # Detectors, a good one and one that jitters more and misses joints, for a room like Human3.6M's. A detector
 # errs in proportion to the person's size in the image, so elsewhere its pixels are scaled.
 _DETECTORS = {"good": DetectionNoise.good(), "noisy": DetectionNoise.noisy()}
-_SIZE_IN_ROOM = 1147.0 / 5300.0  # focal length, px, over distance, mm
+SIZE_IN_ROOM = 1147.0 / 5300.0  # focal length, px, over distance, mm
 _SIZE_IN_DOME = 1400.0 / 2800.0
 _SIZE_IN_RING = 640.0 / 3600.0
 
@@ -197,7 +197,7 @@ def _human36m(name: str, poses: int | None, seed: int, *, occluders: DetectionNo
     counts = _share(poses, [take.count for take in takes])
     takes = [replace(take, count=count) for take, count in zip(takes, counts, strict=True)]
     room = {"room": rigs.human36m_like(distortion=True)}
-    return _simulate(name, takes, room, layouts.H36M17, _detectors(_SIZE_IN_ROOM, occluders), seed)
+    return _simulate(name, takes, room, layouts.H36M17, _detectors(SIZE_IN_ROOM, occluders), seed)
 
 
 def _dome(name: str, poses: int | None, seed: int) -> RecordingSet:
@@ -245,11 +245,8 @@ def _detectors(size: float, occluders: DetectionNoise) -> dict[str, DetectionNoi
     """Detectors for persons of that size in the image, behind the occluders of `occluders`."""
     copied = ("occluded_views", "n_discs", "disc_radius", "hidden_missing_rate")
     shared: dict[str, Any] = {key: getattr(occluders, key) for key in copied}
-    factor = size / _SIZE_IN_ROOM
-    return {
-        name: replace(noise, sigma_px=factor * noise.sigma_px, outlier_px=factor * noise.outlier_px, **shared)
-        for name, noise in _DETECTORS.items()
-    }
+    factor = size / SIZE_IN_ROOM
+    return {name: replace(noise.scaled(factor), **shared) for name, noise in _DETECTORS.items()}
 
 
 def _simulate(

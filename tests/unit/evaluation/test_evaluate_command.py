@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from matplotlib.image import imread
 from typer.testing import CliRunner
@@ -120,6 +122,42 @@ def test_options_of_a_method(room: Path, tmp_path: Path) -> None:
     assert settings["ransac-adafuse"]["seed"] == 5
 
 
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Write the dome with consecutive frame numbers instead of every 32nd."""
+    root = tmp_path_factory.mktemp("data") / "dome"
+    whole = synthetic.simulate_set("dome", poses=240)
+    parts = [replace(part, frames=np.arange(len(part.frames))) for part in whole.recordings]
+    write_simulated(root, replace(whole, recordings=tuple(parts)))
+    return root
+
+
+def test_methods_over_time_run_at_a_rate(recording: Path, tmp_path: Path) -> None:
+    found = run(
+        "synthetic", recording, "-o", tmp_path, "--fps", 1.5625, "-m", "annealed,in-time,annealed-kalman"
+    )
+    assert "acc" in found.stdout
+    assert "of consecutive frames at 1.5625 Hz" in " ".join(found.stdout.split())
+    rows = (tmp_path / "report.csv").read_text(encoding="utf-8").splitlines()
+    place = rows[0].split(",").index("acceleration_m_s2")
+    assert all(float(row.split(",")[place]) > 0 for row in rows if ",all," in row and "0,all" in row)
+
+
+def test_without_a_rate_they_are_left_out_and_asking_names_the_option(
+    recording: Path, tmp_path: Path
+) -> None:
+    error = run("synthetic", recording, "-o", tmp_path, "-m", "in-time", status=1).stderr
+    assert "fps: expected the frame rate (--fps), for the method in-time, got none" in error
+    assert error.count("\n") == 1
+    index = json.loads((recording / "dataset.json").read_text(encoding="utf-8"))
+    for fps in (None, 1.5625):
+        text = json.dumps(index if fps is None else {**index, "fps": fps})
+        (recording / "dataset.json").write_text(text, encoding="utf-8")
+        content = json.loads(run("synthetic", recording, "-o", tmp_path, "--json").stdout)
+        assert [s["method"] for s in content["scores"]].count("in-time") == (fps is not None)
+    (recording / "dataset.json").write_text(json.dumps(index), encoding="utf-8")
+
+
 BAD_USAGE = [
     (["mars", "."], "DATASET: expected one of human36m, human36m-occ"),
     (["synthetic", ".", "-m", "dlt,magic"], "--methods: expected one of dlt, "),
@@ -132,6 +170,7 @@ BAD_USAGE = [
     (["synthetic", ".", "--init-sigma-mm", "0"], "--init-sigma-mm: expected a positive number, got 0"),
     (["synthetic", ".", "--set", "colour=red"], "--set: expected KEY=VALUE with a KEY among detector"),
     (["synthetic", ".", "--views", "1"], "--views: "),
+    (["synthetic", ".", "--fps", "0"], "--fps: expected a positive number, got 0.0"),
     (["synthetic"], "ROOT"),
 ]
 

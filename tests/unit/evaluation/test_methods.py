@@ -10,10 +10,16 @@ import pytest
 
 import skelsplat as sk
 import takes
+from skelsplat import temporal
 from skelsplat.evaluation import baselines, methods
 from skelsplat.evaluation.methods import without_lens
 
 TAKE = takes.simulated(3).takes[0]
+# Frames 0 to 24 and 29 to 39, and then a single one.
+RECORDING = takes.recording().takes[0]
+RECORDING = replace(RECORDING, frames=np.append(RECORDING.frames[:-1], 45))
+OVER_TIME = ("annealed-butterworth", "annealed-kalman", "in-time")
+ALONE = [name for name in methods.names if name not in OVER_TIME]
 LAYOUT = sk.layouts.H36M17
 
 
@@ -51,17 +57,60 @@ EXPECTED = {
 }
 
 
-@pytest.mark.parametrize("name", methods.names)
+@pytest.mark.parametrize("name", ALONE)
 def test_a_method_is_what_its_name_says(name: str) -> None:
     np.testing.assert_array_equal(solved(name), EXPECTED[name]())
 
 
 @pytest.mark.parametrize("name", methods.names)
 def test_settings_are_json_and_say_everything(name: str) -> None:
-    method = methods.get(name)
+    method, take = methods.get(name), RECORDING if name in OVER_TIME else TAKE
     settings = json.loads(json.dumps(method.settings(methods.Options())))
-    again = method.solve(TAKE, LAYOUT, settings).pose
-    np.testing.assert_array_equal(again, solved(name))
+    again = method.solve(take, LAYOUT, settings).pose
+    np.testing.assert_array_equal(again, solved(name, take=take))
+
+
+# What each method over time makes of one stretch of consecutive frames, solved alone before.
+STRETCHES = {
+    "annealed-butterworth": lambda part, alone: temporal.butterworth(alone.pose[part], 25.0, 6.0)[0],
+    "annealed-kalman": lambda part, alone: temporal.kalman(
+        alone.pose[part], 25.0, alone.uncertainty[part], 1e6
+    )[0],
+    "in-time": lambda part, _: (
+        sk.refine_sequence(RECORDING.detections[part], RECORDING.rig, fps=25.0, layout=LAYOUT).pose
+    ),
+}
+
+
+@pytest.mark.parametrize("name", OVER_TIME)
+def test_methods_over_time_never_cross_a_gap(name: str) -> None:
+    alone = sk.refine(None, RECORDING.detections, RECORDING.rig, layout=LAYOUT)
+    found = solved(name, take=RECORDING)
+    for part in (slice(0, 25), slice(25, 35)):
+        np.testing.assert_array_equal(found[part], STRETCHES[name](part, alone))
+    last = sk.refine(None, RECORDING.detections[35:], RECORDING.rig, layout=LAYOUT).pose
+    np.testing.assert_allclose(found[35], last[0], atol=1e-9)
+    error = np.linalg.norm(found[:25] - RECORDING.truth[:25], axis=-1).mean()
+    assert error < np.linalg.norm(alone.pose[:25] - RECORDING.truth[:25], axis=-1).mean()
+
+
+@pytest.mark.parametrize("name", OVER_TIME)
+def test_methods_over_time_work_in_metres(name: str) -> None:
+    cameras = [sk.Camera(c.K, c.R, c.t / 1000, size=c.size) for c in RECORDING.rig]
+    metres = replace(RECORDING, rig=sk.CameraRig(cameras, unit="m"), truth=RECORDING.truth / 1000)
+    np.testing.assert_allclose(1000 * solved(name, take=metres), solved(name, take=RECORDING), atol=0.01)
+
+
+@pytest.mark.parametrize("name", OVER_TIME)
+def test_methods_over_time_ask_for_the_rate_and_consecutive_frames(name: str) -> None:
+    message = rf"fps: expected the frame rate \(--fps\), for the method {name}, got none"
+    with pytest.raises(sk.DatasetError, match=message):
+        solved(name, take=replace(RECORDING, fps=None))
+    message = f"frames: expected consecutive numbers, for the method {name}, got none"
+    with pytest.raises(sk.DatasetError, match=message):
+        solved(name, take=RECORDING.select(slice(None, None, 2)))
+    with pytest.raises(sk.InvalidInputError, match="fps: expected a positive number, got 0"):
+        takes.recording().with_fps(0.0)
 
 
 def test_only_the_raster_preset_renders_pixels() -> None:
@@ -70,7 +119,7 @@ def test_only_the_raster_preset_renders_pixels() -> None:
     assert settings["config"]["renderer"] == "raster"
 
 
-@pytest.mark.parametrize("name", [name for name in methods.names if name != "paper"])
+@pytest.mark.parametrize("name", [name for name in ALONE if name != "paper"])
 def test_as_paper_ignores_the_lens(name: str) -> None:
     bare = replace(TAKE, rig=without_lens(TAKE.rig))
     found = solved(name, methods.Options(undistort=False))

@@ -226,3 +226,28 @@ def test_a_stopped_evaluation_goes_on(
 def test_the_times_of_a_resumed_evaluation_are_those_of_the_first(tmp_path: Path) -> None:
     first, again = (report.evaluate(DATA, ["dlt", "annealed"], folder=tmp_path) for _ in range(2))
     assert export.to_csv(first) == export.to_csv(again)
+
+
+def test_over_time_all_frames_are_solved_and_those_that_count_are_kept(tmp_path: Path) -> None:
+    data = takes.recording()
+    rules = replace(protocols.get("human36m"), every=16)
+    (case,) = rules.cases(data)
+    assert case.take.frames.tolist() == [0, 16, 32]
+    method, options = methods.get("in-time"), methods.Options()
+    whole = method.solve(data.takes[0], data.layout, method.settings(options))
+
+    def found(data: Dataset, rules: protocols.Protocol) -> np.ndarray:
+        store = runs.Store(tmp_path, {})
+        cases = rules.cases(data)
+        return runs.run(cases, data.layout, [method], options, store=store)["in-time"][0].pose
+
+    frames = data.takes[0].frames
+    np.testing.assert_array_equal(found(data, rules), whole.pose[np.isin(frames, [0, 16, 32])])
+    # as many frames, but others; the same frames at another rate
+    other = replace(rules, ranges=((5, 35),), every=15)
+    expected = whole.pose[np.isin(frames, [15, 30])]
+    np.testing.assert_array_equal(found(data, other), expected)
+    faster = found(data.with_fps(100.0), rules)
+    assert not np.array_equal(faster, whole.pose[np.isin(frames, [0, 16, 32])])
+    np.testing.assert_array_equal(found(data, rules), whole.pose[np.isin(frames, [0, 16, 32])])
+    assert len(files(tmp_path)) == 1

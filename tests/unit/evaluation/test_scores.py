@@ -149,3 +149,15 @@ def test_a_protocol_without_parts_has_no_pcp() -> None:
     s = scored(PROTOCOL, [takes.hand_made("S9/Eating")], [along_x(1)])
     assert np.isnan(s.pcp)
     assert np.isnan(s.absolute.low)  # one take
+
+
+def test_the_error_of_the_acceleration_is_of_three_consecutive_frames() -> None:
+    rng = np.random.default_rng(1)
+    take = replace(takes.hand_made("S9/Eating", frames=[0, 1, 2, 3, 7, 8, 9, 20]), fps=10.0)
+    error = rng.normal(0, 20, (8, 17, 3))
+    s = scored(PROTOCOL, [take], [error])
+    second = np.concatenate([np.diff(error[:4], n=2, axis=0), np.diff(error[4:7], n=2, axis=0)])
+    # mm per frame² are 10² / 1000 m/s² at 10 Hz
+    assert s.acceleration == pytest.approx(0.1 * np.linalg.norm(second, axis=-1).mean())
+    assert np.isnan(scored(PROTOCOL, [replace(take, fps=None)], [error]).acceleration)
+    assert np.isnan(scored(replace(PROTOCOL, every=2), [take], [along_x(5)]).acceleration)

@@ -15,6 +15,7 @@ from skelsplat.datasets import Dataset
 from skelsplat.evaluation import export, methods, protocols, report, tables
 from skelsplat.evaluation.tables import Column, Row, Table
 
+OVER_TIME = ["annealed-butterworth", "annealed-kalman", "in-time"]
 NAMES = ["dlt", "fusion", "annealed"]
 DATA = takes.simulated(4, keys=("S9/Walking", "S9/Greeting", "S11/Directions 1"))
 
@@ -212,10 +213,21 @@ def test_markdown_has_every_table(evaluation: report.Evaluation) -> None:
     assert "| *SkelSplat (resnet152)* | 20.3 |" in text
 
 
-def test_without_names_everything_runs_that_the_data_allow() -> None:
+def test_without_names_everything_runs_that_the_data_allow(monkeypatch: pytest.MonkeyPatch) -> None:
     blind = replace(DATA, takes=tuple(replace(take, monocular=None) for take in DATA))
     found = [s.method for s in report.evaluate(blind).scores]
-    assert found == [name for name in methods.names if name not in ("fusion", "annealed-prior", "paper")]
+    lacking = {"fusion", "annealed-prior", "paper", *OVER_TIME}
+    assert found == [name for name in methods.names if name not in lacking]
+    recording, rules = takes.recording(), protocols.get(DATA.name)
+    assert set(OVER_TIME) < {s.method for s in report.evaluate(recording).scores}
+    monkeypatch.setattr(report, "find_spec", lambda name: None if name == "scipy" else name)
+    without = {method.name for method in report.select([], rules.cases(recording), methods.Options())}
+    assert without & set(OVER_TIME) == {"annealed-kalman", "in-time"}
+    monkeypatch.undo()
+    with_paper = report.select(["all"], [], methods.Options())
+    assert [method.name for method in with_paper] == list(methods.names)
+    alone = {method.name for method in report.select(["all"], rules.cases(DATA), methods.Options())}
+    assert alone == set(methods.names) - set(OVER_TIME)
     with pytest.raises(sk.InvalidInputError, match="methods: expected takes with detections"):
         report.evaluate(replace(blind, takes=tuple(replace(t, detections=None) for t in blind)))
 

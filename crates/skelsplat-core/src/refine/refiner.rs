@@ -1,9 +1,11 @@
 //! `refine` for one frame: from detections in pixels to a pose in the unit of the cameras.
 
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::bias::JointBias;
 use super::config::{Method, RefineConfig};
 use super::result::Refinement;
 use crate::annealed::rays::Rays;
@@ -75,6 +77,8 @@ pub struct Refiner {
     expected: Expected,
     occlusion_prone: Vec<usize>,
     n_joints: Option<usize>,
+    /// Standard deviations of the joints' systematic errors, in the unit of the cameras; empty if their number is unknown.
+    joint_bias: Arc<[f64]>,
     /// Settings of the rendering loss: those of `paper`, or for `annealed` its closed form.
     paper: PaperSettings,
     unit: Unit,
@@ -114,17 +118,16 @@ impl Refiner {
         let scaled: Result<Vec<Camera>> =
             cameras.iter().map(|c| c.scaled(paper.resolution)).collect();
         let scaled = scaled.map_err(|error| error.of_argument("config.resolution"));
-        let pairs = layout
-            .filter(|_| config.symmetry_tier > 0)
-            .map(|l| l.symmetric_pairs(config.symmetry_tier).collect());
+        let bias = config.joint_bias_mm.per_joint(layout, layout.map_or(0, Layout::n_joints));
         Ok(Self {
             views: scaled?.iter().map(View::new).collect(),
-            pairs: pairs.unwrap_or_default(),
+            pairs: layout.map_or(Vec::new(), |l| l.symmetric_pairs(config.symmetry_tier).collect()),
             chains: layout.filter(|_| find_swaps).map(chains).unwrap_or_default(),
             bones: layout.map(|l| l.limbs.clone()).unwrap_or_default(),
             expected,
             occlusion_prone: layout.map(|l| l.occlusion_prone.clone()).unwrap_or_default(),
             n_joints: layout.map(|l| l.joints.len()),
+            joint_bias: in_unit(bias, unit),
             cameras,
             paper,
             unit,
@@ -226,7 +229,16 @@ impl Refiner {
         bars: &ErrorBars,
     ) -> Refinement {
         let errors = self.reprojection_error(detections, &outcome);
-        Refinement::new(outcome, bars, errors, self.unit)
+        let bias = self.joint_bias(outcome.points.len());
+        Refinement::new(outcome, bars, errors, bias, self.unit)
+    }
+
+    /// Standard deviations of the systematic errors of `n` joints, in the unit of the cameras.
+    pub(crate) fn joint_bias(&self, n: usize) -> Arc<[f64]> {
+        match self.joint_bias.len() == n {
+            true => Arc::clone(&self.joint_bias),
+            false => in_unit(self.config.joint_bias_mm.per_joint(None, n), self.unit),
+        }
     }
 
     /// Loss over all views and its gradient for any Gaussians `(N)`, in doubles, for study and tests: the paper's with
@@ -282,10 +294,15 @@ impl Refiner {
             let expected = format!("the layout's {joints} joints");
             return Err(Error::invalid("detections", expected, format!("{n} joints")));
         }
+        let biases = match &self.config.joint_bias_mm {
+            JointBias::Each(each) => Some(each.len()),
+            _ => None,
+        };
         let lengths = [
             ("init_pose", frame.init_pose.as_ref().map(Vec::len)),
             ("init_sigma", frame.init_covariance.as_ref().map(Vec::len)),
             ("config.joint_sigmas_mm", self.config.joint_sigmas_mm.as_ref().map(Vec::len)),
+            ("config.joint_bias_mm", biases),
         ];
         if let Some((name, length)) = lengths.iter().find(|(_, l)| l.is_some_and(|l| l != n)) {
             let expected = format!("{n} joints, as in the detections");
@@ -420,4 +437,9 @@ fn expected(layout: Option<&Layout>, settings: &AnnealedSettings) -> Result<Expe
         };
     }
     Expected::new(layout, lengths.as_deref(), sigmas.as_deref())
+}
+
+/// Lengths in mm, converted to `unit`.
+fn in_unit(lengths: Vec<f64>, unit: Unit) -> Arc<[f64]> {
+    lengths.into_iter().map(|mm| mm / unit.millimetres()).collect()
 }

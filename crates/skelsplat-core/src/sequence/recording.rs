@@ -2,13 +2,13 @@
 
 use std::ops::{Range, RangeInclusive};
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::learn;
 use super::noise::Noise;
 use super::outcome::{Learnt, State, errors};
-use super::posterior::posterior;
+use super::posterior::{Posterior, posterior};
 use super::small::median;
 use super::solver::{ANNEAL, Common, Run, SETTLE, frames_in};
 use super::swaps::{self, Swap};
@@ -18,7 +18,8 @@ use crate::annealed::posterior::Body;
 use crate::batch::Progress;
 use crate::bones::Length;
 use crate::error::{Error, Result};
-use crate::refine::{Frame, Method, Refinement, Refiner};
+use crate::refine::results::{Part, first, numbers, put};
+use crate::refine::{Frame, Method, Refinements, Refiner};
 use crate::threads;
 
 /// Frames per second that can be computed with.
@@ -34,15 +35,18 @@ const SAMPLE: usize = 3;
 pub(super) const LEAST_SPREAD: f64 = 2.0;
 pub(super) const USUAL_SPREAD: f64 = 500.0;
 
+/// A bone that is never seen.
+const UNKNOWN: Length = Length { mean: f64::NAN, sigma: f64::INFINITY };
+
 /// A refined recording, in the unit of the cameras.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sequence {
     /// The frames; `init_pose` is the pose of each frame alone.
-    pub frames: Vec<Refinement>,
-    /// Velocities `(T, N)`, unit/s; NaN where unknown.
-    pub velocity: Vec<Vec<Vector3<f64>>>,
-    /// Their covariances `(T, N)`.
-    pub velocity_covariance: Vec<Vec<Matrix3<f64>>>,
+    pub frames: Refinements,
+    /// Velocities `(T, N, 3)`, unit/s; NaN where unknown.
+    pub velocity: Vec<f64>,
+    /// Their covariances `(T, N, 3, 3)`.
+    pub velocity_covariance: Vec<f64>,
     /// Joints at both ends of every bone `(B)`.
     pub bones: Vec<[usize; 2]>,
     /// Their lengths with standard errors; infinite error where no frame shows the bone.
@@ -120,54 +124,50 @@ struct Window {
     all: Range<usize>,
 }
 
-/// A solved window.
-struct Solved {
-    frames: Vec<SolvedFrame>,
-    /// Standard errors of the bones' lengths, mm; infinite for a bone that is not seen.
-    errors: Vec<f64>,
-}
-
-/// A frame of a solved window.
-struct SolvedFrame {
-    refinement: Refinement,
-    velocity: Vec<Vector3<f64>>,
-    velocity_covariance: Vec<Matrix3<f64>>,
+/// Where the frames of a window are written.
+struct Place<'a> {
+    frames: Part<'a>,
+    velocity: &'a mut [f64],
+    velocity_covariance: &'a mut [f64],
 }
 
 impl Recording<'_> {
     fn solve(&self) -> Result<Sequence> {
-        let bones = self.refiner.bones().to_vec();
+        let mut out = Sequence::blank(self.frames, self.refiner)?;
         if self.windows.is_empty() {
-            return Ok(Sequence::empty(bones));
+            return Ok(out);
         }
         let sample = spread_out(&self.windows);
         let alone: Result<Vec<Vec<Alone>>> = sample.iter().map(|range| self.alone(range)).collect();
         let alone = alone?;
         let (learnt, path) = self.learn(&alone)?;
-        let solved: Result<Vec<Solved>> = match self.windows.as_slice() {
-            [window] => self.finish(window, &alone[0], path, &learnt).map(|solved| vec![solved]),
-            _ => self.windows.par_iter().map(|window| self.window(window, &learnt)).collect(),
+        let mut places = out.places(&self.windows);
+        let errors: Result<Vec<Vec<f64>>> = match self.windows.as_slice() {
+            [window] => {
+                let place = places.remove(0);
+                self.finish(window, &alone[0], path, &learnt, place).map(|errors| vec![errors])
+            }
+            windows => {
+                drop((alone, path));
+                let jobs = windows.par_iter().zip(places);
+                jobs.map(|(window, place)| self.window(window, &learnt, place)).collect()
+            }
         };
-        Ok(self.joined(solved?, &learnt))
+        out.lengths = self.lengths(&errors?, &learnt);
+        Ok(out)
     }
 
-    /// The windows' frames as one sequence.
-    fn joined(&self, windows: Vec<Solved>, learnt: &Learnt) -> Sequence {
+    /// The bones' lengths, in the unit of the cameras, with the median of the `errors` in each window.
+    fn lengths(&self, errors: &[Vec<f64>], learnt: &Learnt) -> Vec<Length> {
         let mm = self.refiner.unit().millimetres();
-        let mut out = Sequence::empty(learnt.common.bones.clone());
-        for (b, length) in learnt.common.lengths.iter().enumerate() {
-            let errors = windows.iter().map(|window| window.errors[b]).filter(|e| e.is_finite());
-            let error = Some(median(errors.collect())).filter(|e| e.is_finite());
-            if let Some(error) = error {
-                out.lengths[b] = Length { mean: length.mean / mm, sigma: error / mm };
+        let one = |(b, length): (usize, &Length)| {
+            let finite = errors.iter().map(|of_window| of_window[b]).filter(|e| e.is_finite());
+            match median(finite.collect()) {
+                error if error.is_finite() => Length { mean: length.mean / mm, sigma: error / mm },
+                _ => UNKNOWN,
             }
-        }
-        for frame in windows.into_iter().flat_map(|window| window.frames) {
-            out.frames.push(frame.refinement);
-            out.velocity.push(frame.velocity);
-            out.velocity_covariance.push(frame.velocity_covariance);
-        }
-        out
+        };
+        learnt.common.lengths.iter().enumerate().map(one).collect()
     }
 
     fn alone(&self, frames: &Range<usize>) -> Result<Vec<Alone>> {
@@ -240,21 +240,23 @@ impl Recording<'_> {
         Ok(Path { tracks, swapped, points, steps })
     }
 
-    fn window(&self, window: &Window, learnt: &Learnt) -> Result<Solved> {
+    fn window(&self, window: &Window, learnt: &Learnt, place: Place<'_>) -> Result<Vec<f64>> {
         let alone = self.alone(&window.all)?;
         let tracks = self.tracks(&[&alone], learnt.common.sigma[0]);
         let path = self.path(tracks, &learnt.common)?;
-        self.finish(window, &alone, path, learnt)
+        self.finish(window, &alone, path, learnt, place)
     }
 
-    /// The solution along a path, with its error bars.
+    /// Writes the solution along a path, with its error bars, and returns the standard errors of the bones' lengths, mm; infinite for
+    /// a bone that is not seen.
     fn finish(
         &self,
         window: &Window,
         alone: &[Alone],
         path: Path,
         learnt: &Learnt,
-    ) -> Result<Solved> {
+        mut place: Place<'_>,
+    ) -> Result<Vec<f64>> {
         let Path { tracks, swapped, points, steps } = path;
         let mut used: Vec<Vec<usize>> = alone.iter().map(|frame| frame.used_for.clone()).collect();
         for swap in &swapped {
@@ -270,47 +272,58 @@ impl Recording<'_> {
         let errors = errors(&run, &found, &tracks, &learnt.common);
         let steps = steps + run.n_iter;
         let state = State { run: &run, tracks: &tracks, learnt, posterior: &found };
-        let solved = |t: usize| {
-            let k = t - window.all.start;
-            self.progress.advance();
-            self.solved(&state, &self.frames[t], k, &alone[k], std::mem::take(&mut used[k]), steps)
-        };
-        Ok(Solved { frames: window.own.clone().map(solved).collect(), errors })
-    }
-
-    fn solved(
-        &self,
-        state: &State<'_>,
-        frame: &Frame,
-        t: usize,
-        alone: &Alone,
-        used_for: Vec<usize>,
-        n_iter: usize,
-    ) -> SolvedFrame {
         let mm = self.refiner.unit().millimetres();
-        let (outcome, bars) = state.outcome(t, alone, used_for, n_iter);
-        let of = |j: usize| j * state.tracks.frames + t;
-        let n = 0..alone.points.len();
-        SolvedFrame {
-            refinement: self.refiner.result(&frame.detections, outcome, &bars),
-            velocity: n.clone().map(|j| state.posterior.velocities[of(j)] / mm).collect(),
-            velocity_covariance: n
-                .map(|j| state.posterior.of_velocities[of(j)] / (mm * mm))
-                .collect(),
+        for (own, t) in window.own.clone().enumerate() {
+            let k = t - window.all.start;
+            let used = std::mem::take(&mut used[k]);
+            let (outcome, bars) = state.outcome(k, &alone[k], used, steps);
+            let frame = self.refiner.result(&self.frames[t].detections, outcome, &bars);
+            place.frames.write(own, &frame);
+            place.move_on(own, &found, k, mm);
+            self.progress.advance();
         }
+        Ok(errors)
+    }
+}
+
+impl Place<'_> {
+    /// Writes the velocities of its frame `own`, in units of `mm`: frame `t` of the solved window.
+    fn move_on(&mut self, own: usize, found: &Posterior, t: usize, mm: f64) {
+        let n = self.velocity.len() / (3 * self.frames.len());
+        let of_frame = || (0..n).map(|j| j * (found.velocities.len() / n) + t);
+        let velocities: Vec<_> = of_frame().map(|k| found.velocities[k] / mm).collect();
+        let covariances: Vec<_> = of_frame().map(|k| found.of_velocities[k] / (mm * mm)).collect();
+        put(&mut self.velocity[3 * n * own..3 * n * (own + 1)], numbers(&velocities));
+        put(&mut self.velocity_covariance[9 * n * own..9 * n * (own + 1)], numbers(&covariances));
     }
 }
 
 impl Sequence {
-    fn empty(bones: Vec<[usize; 2]>) -> Self {
-        let nothing = Length { mean: f64::NAN, sigma: f64::INFINITY };
-        Self {
-            frames: Vec::new(),
-            velocity: Vec::new(),
-            velocity_covariance: Vec::new(),
-            lengths: vec![nothing; bones.len()],
-            bones,
-        }
+    /// Room for the results of these frames.
+    fn blank(frames: &[Frame], refiner: &Refiner) -> Result<Self> {
+        let bones = refiner.bones();
+        let n = frames.iter().map(|frame| frame.detections.n_joints()).sum::<usize>();
+        Ok(Self {
+            frames: Refinements::room(frames, refiner)?,
+            velocity: vec![0.0; 3 * n],
+            velocity_covariance: vec![0.0; 9 * n],
+            lengths: vec![UNKNOWN; bones.len()],
+            bones: bones.to_vec(),
+        })
+    }
+
+    /// The parts of the windows.
+    fn places(&mut self, windows: &[Window]) -> Vec<Place<'_>> {
+        let n = self.velocity.len() / (3 * self.frames.len());
+        let mut frames = self.frames.part();
+        let (mut velocity, mut covariance) =
+            (self.velocity.as_mut_slice(), self.velocity_covariance.as_mut_slice());
+        let place = |window: &Window| Place {
+            frames: frames.take(window.own.len()),
+            velocity: first(&mut velocity, 3 * n * window.own.len()),
+            velocity_covariance: first(&mut covariance, 9 * n * window.own.len()),
+        };
+        windows.iter().map(place).collect()
     }
 }
 

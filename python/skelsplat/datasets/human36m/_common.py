@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -82,6 +82,9 @@ def subject_order(subject: str) -> tuple[int, str]:
 
 CAMERAS = ("54138969", "55011271", "58860488", "60457274")
 """In the order of every format."""
+
+FPS = 50.0
+"""Of the videos, whose frames every format numbers."""
 
 FILE = "camera-parameters.json"
 
@@ -203,6 +206,7 @@ class Reading:
         if self.left_out:
             self.notes.append(f"left out, without detections: {', '.join(self.left_out)}")
         takes = sorted(self.takes, key=lambda take: (subject_order(take.subject), order(activity_of(take))))
+        takes = [replace(take, fps=FPS) for take in takes]
         return Dataset(name, H36M17, tuple(takes), self.detector, self._source(), tuple(self.notes))
 
     def _source(self) -> str:

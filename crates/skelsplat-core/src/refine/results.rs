@@ -1,0 +1,205 @@
+//! The results of many frames: one array per quantity, so that a long recording needs no more memory than its numbers.
+
+use std::iter::once;
+use std::sync::Arc;
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::refiner::{Frame, Refiner};
+use super::result::Refinement;
+use crate::error::{Error, Result};
+use crate::outcome::{JointStatus, Loss, StopReason};
+
+/// The columns: for each its type, the value before it is written, its length per frame of M views and N joints, and the
+/// values of a frame.
+macro_rules! columns {
+    ($($(#[$doc:meta])* $name:ident: $type:ty = $blank:expr, $length:expr, |$frame:ident| $values:expr;)*) => {
+        /// The refined poses of T frames, in the unit of the cameras: the fields of [`Refinement`], each one row-major array.
+        #[derive(Debug, Clone, PartialEq)]
+        pub struct Refinements {
+            frames: usize,
+            views: usize,
+            joints: usize,
+            /// Standard deviation per axis of the detector's joints `(N)` from anatomical ones, the same in all frames.
+            pub joint_bias: Arc<[f64]>,
+            $($(#[$doc])* pub $name: Vec<$type>,)*
+        }
+
+        impl Refinements {
+            fn blank(frames: usize, views: usize, joints: usize, joint_bias: Arc<[f64]>) -> Self {
+                $(
+                    let length: fn(usize, usize) -> usize = $length;
+                    let $name = vec![$blank; frames * length(views, joints)];
+                )*
+                Self { frames, views, joints, joint_bias, $($name,)* }
+            }
+
+            /// All frames, to write to.
+            pub(crate) fn part(&mut self) -> Part<'_> {
+                Part { views: self.views, joints: self.joints, $($name: &mut self.$name,)* }
+            }
+        }
+
+        /// Consecutive frames of [`Refinements`] to write to.
+        pub(crate) struct Part<'a> {
+            views: usize,
+            joints: usize,
+            $($name: &'a mut [$type],)*
+        }
+
+        impl<'a> Part<'a> {
+            /// Number of frames.
+            pub(crate) fn len(&self) -> usize {
+                self.noise.len()
+            }
+
+            /// Splits off the first `frames` frames.
+            ///
+            /// # Panics
+            /// If there are fewer.
+            pub(crate) fn take(&mut self, frames: usize) -> Part<'a> {
+                let (views, joints) = (self.views, self.joints);
+                $(
+                    let length: fn(usize, usize) -> usize = $length;
+                    let $name = first(&mut self.$name, frames * length(views, joints));
+                )*
+                Part { views, joints, $($name,)* }
+            }
+
+            /// Writes frame `t` of these.
+            pub(crate) fn write(&mut self, t: usize, frame: &Refinement) {
+                $(
+                    let length: fn(usize, usize) -> usize = $length;
+                    let length = length(self.views, self.joints);
+                    let $frame = frame;
+                    put(&mut self.$name[t * length..(t + 1) * length], $values);
+                )*
+            }
+        }
+    };
+}
+
+columns! {
+    /// Joint positions `(T, N, 3)`; NaN where unobserved.
+    pose: f64 = 0.0, |_, n| 3 * n, |frame| numbers(&frame.pose);
+    /// Splat covariances Σ `(T, N, 3, 3)`, unit²; not an error bar.
+    covariance: f64 = 0.0, |_, n| 9 * n, |frame| numbers(&frame.covariance);
+    /// Posterior covariances of the positions `(T, N, 3, 3)`, unit²: the scatter. NaN where unobserved.
+    uncertainty: f64 = 0.0, |_, n| 9 * n, |frame| numbers(&frame.uncertainty);
+    /// Weights k of the detections `(T, M, N)`; NaN where missing.
+    view_weights: f64 = 0.0, |m, n| m * n, |frame| frame.view_weights.iter().copied();
+    /// Detections `(T, M, N)` that were used with left and right swapped.
+    swapped: bool = false, |m, n| m * n, |frame| frame.swapped.iter().copied();
+    /// ŝ `(T)`, standard deviation of the detection noise across the ray; NaN without detections.
+    noise: f64 = 0.0, |_, _| 1, |frame| once(frame.noise);
+    /// The initial poses that were used `(T, N, 3)`.
+    init_pose: f64 = 0.0, |_, n| 3 * n, |frame| numbers(&frame.init_pose);
+    /// Distances between detections and reprojections `(T, M, N)`, pixels of the original image; NaN where there is none.
+    reprojection_error: f64 = 0.0, |m, n| m * n, |frame| frame.reprojection_error.iter().copied();
+    /// Reliability of the joints `(T, N)`.
+    joint_status: JointStatus = JointStatus::Unobserved, |_, n| n, |frame| frame.joint_status.iter().copied();
+    /// Loss of the returned poses `(T)` over all views.
+    loss: Loss = Loss::default(), |_, _| 1, |frame| once(frame.loss);
+    /// Loss of every step of each frame `(T)`, if requested.
+    loss_history: Vec<Loss> = Vec::new(), |_, _| 1, |frame| once(frame.loss_history.clone());
+    /// Steps taken `(T)`.
+    n_iter: usize = 0, |_, _| 1, |frame| once(frame.n_iter);
+    /// Why the iterations ended `(T)`.
+    stop_reason: StopReason = StopReason::NoObservations, |_, _| 1, |frame| once(frame.stop_reason);
+}
+
+impl Refinements {
+    /// Room for the results of `refiner` for these frames.
+    ///
+    /// # Errors
+    /// [`Error::InvalidInput`] if they differ in the number of views or joints.
+    pub(crate) fn room(frames: &[Frame], refiner: &Refiner) -> Result<Self> {
+        let size = |frame: &Frame| (frame.detections.n_views(), frame.detections.n_joints());
+        let (m, n) = frames.first().map_or((0, 0), size);
+        if let Some((views, joints)) = frames.iter().map(size).find(|other| *other != (m, n)) {
+            let expected = format!("{m} views and {n} joints, as in the first frame");
+            let actual = format!("{views} views and {joints} joints");
+            return Err(Error::invalid("detections", expected, actual));
+        }
+        Ok(Self::blank(frames.len(), m, n, refiner.joint_bias(n)))
+    }
+
+    /// Number of frames T.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.frames
+    }
+
+    /// Whether there is no frame.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.frames == 0
+    }
+
+    /// Frame `t`.
+    ///
+    /// # Panics
+    /// If there are not so many.
+    #[must_use]
+    pub fn frame(&self, t: usize) -> Refinement {
+        let (n, mn) = (self.joints, self.views * self.joints);
+        Refinement {
+            pose: points(&self.pose[3 * n * t..3 * n * (t + 1)]),
+            covariance: matrices(&self.covariance[9 * n * t..9 * n * (t + 1)]),
+            uncertainty: matrices(&self.uncertainty[9 * n * t..9 * n * (t + 1)]),
+            joint_bias: Arc::clone(&self.joint_bias),
+            view_weights: self.view_weights[mn * t..mn * (t + 1)].to_vec(),
+            swapped: self.swapped[mn * t..mn * (t + 1)].to_vec(),
+            noise: self.noise[t],
+            init_pose: points(&self.init_pose[3 * n * t..3 * n * (t + 1)]),
+            reprojection_error: self.reprojection_error[mn * t..mn * (t + 1)].to_vec(),
+            joint_status: self.joint_status[n * t..n * (t + 1)].to_vec(),
+            loss: self.loss[t],
+            loss_history: self.loss_history[t].clone(),
+            n_iter: self.n_iter[t],
+            stop_reason: self.stop_reason[t],
+        }
+    }
+
+    /// The frames in order.
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = Refinement> {
+        (0..self.frames).map(|t| self.frame(t))
+    }
+}
+
+impl From<Refinement> for Refinements {
+    /// One frame.
+    fn from(frame: Refinement) -> Self {
+        let n = frame.pose.len();
+        let bias = Arc::clone(&frame.joint_bias);
+        let mut out = Self::blank(1, frame.view_weights.len() / n.max(1), n, bias);
+        out.part().write(0, &frame);
+        out
+    }
+}
+
+/// Splits off the first `n` values.
+pub(crate) fn first<'a, T>(values: &mut &'a mut [T], n: usize) -> &'a mut [T] {
+    values.split_off_mut(..n).expect("as many values as frames were asked for")
+}
+
+/// Overwrites `out` with `values`.
+pub(crate) fn put<T>(out: &mut [T], values: impl Iterator<Item = T>) {
+    out.iter_mut().zip(values).for_each(|(out, value)| *out = value);
+}
+
+/// The numbers of vectors, and of matrices that are symmetric: columns are rows.
+pub(crate) fn numbers<'a, T: 'a>(all: &'a [T]) -> impl Iterator<Item = f64> + 'a
+where
+    &'a T: IntoIterator<Item = &'a f64>,
+{
+    all.iter().flatten().copied()
+}
+
+fn points(numbers: &[f64]) -> Vec<Vector3<f64>> {
+    numbers.chunks_exact(3).map(Vector3::from_column_slice).collect()
+}
+
+fn matrices(numbers: &[f64]) -> Vec<Matrix3<f64>> {
+    numbers.chunks_exact(9).map(Matrix3::from_column_slice).collect()
+}

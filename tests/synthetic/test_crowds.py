@@ -1,0 +1,97 @@
+"""People meet as asked, near each other but not inside each other, and walk as people do."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from skelsplat import InvalidInputError, synthetic
+from skelsplat.synthetic.crowds import ROOM_MM
+
+FPS = 30.0
+WRISTS = [13, 16]
+
+
+def nearest(people):
+    """Least distance of two pelvises, mm, and the frame."""
+    gap = np.linalg.norm(people[0, :, 0, :2] - people[1, :, 0, :2], axis=-1)
+    return np.nanmin(gap), int(np.nanargmin(gap))
+
+
+@pytest.mark.parametrize("kind", synthetic.meeting_names)
+@pytest.mark.parametrize("count", [1, 2, 5])
+def test_people_stay_in_the_room_on_the_floor_and_walk_at_a_human_pace(kind, count):
+    people = synthetic.crowd(count, 300, fps=FPS, meetings=[kind], seed=count)
+    assert people.shape == (count, 300, 17, 3)
+    pelvis = people[:, :, 0]
+    assert np.nanmax(np.linalg.norm(pelvis[..., :2], axis=-1)) < ROOM_MM + 100.0
+    assert np.nanmax(np.linalg.norm(np.diff(pelvis, axis=1), axis=-1)) * FPS < 3000.0
+    feet = people[..., 2].min(axis=2)
+    assert np.nanmin(feet) > 30.0
+    assert np.nanmax(feet) < 130.0
+    assert np.isnan(people).any() == (kind == "leave" and count > 1)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_people_who_cross_pass_at_arms_length(seed):
+    gap, frame = nearest(synthetic.crowd(2, 150, fps=FPS, meetings=["cross"], seed=seed))
+    assert 295.0 < gap < 610.0
+    assert frame == pytest.approx(2.5 * FPS, abs=2)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_hands_meet_and_people_go_back(seed):
+    people = synthetic.crowd(2, 151, fps=FPS, meetings=["handover"], seed=seed)
+    assert 990.0 < nearest(people)[0] < 1160.0
+    hands = people[:, 75, WRISTS]
+    # Right hand to right hand, arms straight ahead: a shoulder's width of 300 mm apart.
+    assert np.linalg.norm(hands[0][:, None] - hands[1], axis=-1).min() < 400.0
+    np.testing.assert_allclose(people[:, -1, 0, :2], people[:, 0, 0, :2], atol=60.0)
+
+
+def test_who_goes_round_another_changes_places():
+    people = synthetic.crowd(2, 151, fps=FPS, meetings=["circle"], seed=1)
+    np.testing.assert_allclose(people[::-1, -1, 0, :2], people[:, 0, 0, :2], atol=60.0)
+
+
+def test_one_stands_behind_the_other_seen_from_a_camera():
+    eyes = np.array([[4500.0, 0.0, 1500.0]])
+    people = synthetic.crowd(2, 150, fps=FPS, meetings=["behind"], eyes=eyes, seed=2)
+    towards = eyes[0, :2] - people[:, 75, 0, :2]
+    towards /= np.linalg.norm(towards, axis=1)[:, None]
+    assert towards[0] @ towards[1] > np.cos(np.deg2rad(1.0))
+
+
+def test_who_leaves_comes_back():
+    people = synthetic.crowd(2, 150, fps=FPS, meetings=["leave"], seed=3)
+    away = np.isnan(people).all(axis=(2, 3))
+    assert sorted(away.sum(axis=1) > 0) == [False, True]
+    assert 1.0 * FPS - 2 < away.sum() < 2.5 * FPS + 2
+    assert not away[:, [0, -1]].any()
+
+
+def test_people_follow_from_the_seed():
+    one, same, other = (synthetic.crowd(3, 60, seed=seed) for seed in (5, 5, 6))
+    np.testing.assert_array_equal(one, same)
+    assert not np.array_equal(one, other)
+
+
+def test_bones_keep_their_length():
+    people = synthetic.crowd(3, 200, seed=4)
+    shin = np.linalg.norm(people[:, :, 2] - people[:, :, 3], axis=-1)
+    np.testing.assert_allclose(shin, shin[:, :1] + 0 * shin, rtol=1e-9)
+    assert np.ptp(shin[:, 0]) > 1.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"n_people": 0}, "n_people, n_frames: expected at least 1 and 2, got 0 and 60"),
+        ({"meetings": []}, "meetings: expected at least one, got none"),
+        ({"meetings": ["dance"]}, "meetings: expected one of .*cross.*, got 'dance'"),
+        ({"fps": 0.0}, "fps: expected a positive number, got 0.0"),
+    ],
+)
+def test_what_makes_no_crowd_is_refused(arguments, message):
+    with pytest.raises(InvalidInputError, match=message):
+        synthetic.crowd(**{"n_people": 2, "n_frames": 60, **arguments})

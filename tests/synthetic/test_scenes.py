@@ -1,0 +1,203 @@
+"""Scenes of several people: what is said about their detections is true, and every effect can be found."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from skelsplat import InvalidInputError, synthetic
+from skelsplat.synthetic import Crowding, DetectionNoise
+from skelsplat.synthetic.crowding import behind
+
+RIG = synthetic.ring(4, radius_mm=4500.0)
+EXACT = DetectionNoise(sigma_px=0.0)
+NONE = Crowding.none()
+
+
+def scene(people=3, *, n_frames=150, noise=EXACT, crowding=NONE, **options):
+    return synthetic.simulate_scene(
+        people, RIG, n_frames=n_frames, noise=noise, crowding=crowding, **{"seed": 1, **options}
+    )
+
+
+def there(found):
+    return np.isfinite(found.people[..., 0])
+
+
+def only(**rates):
+    """Nothing goes wrong but this."""
+    off = {"hidden_missing": 0, "hidden_taken": 0, "miss_rate": 0, "merge_rate": 0, "split_rate": 0}
+    return Crowding(**{**off, "ghosts": 0, "ghost_rate": 0, **rates})
+
+
+def true_pixels(found):
+    """Projections of the truth, (Q, T, M, N, 2)."""
+    return np.moveaxis(np.asarray(sk.project(found.truth, found.cameras)), 0, 2)
+
+
+def errors(found):
+    """Distance of every joint from the person whom it shows, (T, M, P, N) px; NaN where it shows nobody."""
+    pixels = true_pixels(found)
+    frame, view = np.arange(pixels.shape[1])[:, None, None, None], np.arange(pixels.shape[2])[:, None, None]
+    own = pixels[found.joint_owner, frame, view, np.arange(pixels.shape[3])]
+    distance = np.linalg.norm(found.people[..., :2] - own, axis=-1)
+    return np.where(found.joint_owner >= 0, distance, np.nan)
+
+
+def test_an_exact_detector_sees_each_person_once_where_they_are():
+    found = scene()
+    assert np.nanmax(errors(found)) < 1e-9
+    for q in range(3):
+        assert (found.owner == q).sum(axis=-1).max() == 1
+    np.testing.assert_array_equal(there(found), found.joint_owner >= 0)
+    seen = np.isfinite(found.detections()[..., 0])
+    whole = seen.sum(axis=-1) >= 3
+    np.testing.assert_array_equal(seen[whole], found.visible[whole])
+    np.testing.assert_array_equal(found.optional(), (found.slots() >= 0).sum(axis=-1) < 2)
+
+
+def test_slots_are_in_random_order_and_none_is_superfluous():
+    found = scene()
+    assert there(found).any(axis=(0, 1, 3)).all()
+    orders = {tuple(one) for one in found.owner[:, 0].tolist()}
+    assert len(orders) >= 6
+
+
+def test_same_seed_same_scene_and_people_do_not_depend_on_the_detector():
+    one, same = (scene(crowding=Crowding(), noise=None) for _ in range(2))
+    np.testing.assert_array_equal(one.people, same.people)
+    np.testing.assert_array_equal(one.owner, same.owner)
+    np.testing.assert_array_equal(one.truth, scene().truth)
+    assert not np.array_equal(one.truth, scene(seed=2).truth)
+
+
+def test_who_stands_in_front_hides():
+    pixels = np.zeros((3, 1, 2, 2))
+    pixels[:, 0, 1] = (0.0, 100.0)  # three people as vertical lines …
+    pixels[1, ..., 0] = 30.0
+    pixels[2, ..., 0] = 300.0
+    depth = np.full((3, 1, 2), 4000.0)
+    depth[1] = 3000.0  # … of which the middle one is nearer
+    layout = sk.Layout("line", ["neck", "pelvis"], limbs=[(0, 1)])
+    hidden = behind(pixels, depth, 1000.0, layout)
+    # A trunk of 120 mm at 3 m covers 40 px to either side.
+    np.testing.assert_array_equal(hidden[:, 0], [[1, 1], [-1, -1], [-1, -1]])
+    arm = sk.Layout("line", ["elbow", "wrist"], limbs=[(0, 1)])  # 60 mm: 20 px
+    assert (behind(pixels, depth, 1000.0, arm) == -1).all()
+    assert (behind(pixels, np.full((3, 1, 2), 4000.0), 1000.0, layout) == -1).all()
+
+
+def test_hidden_joints_are_missing_taken_or_guessed():
+    visible = scene().visible
+    assert 0.02 < 1 - visible.mean() < 0.3
+    taken = scene(crowding=only(hidden_taken=1.0))
+    shows = taken.joint_owner
+    wrong = there(taken) & (shows != taken.owner[..., None]) & (taken.owner[..., None] >= 0)
+    assert wrong.any()
+    assert np.nanmedian(errors(taken)[wrong]) < 10.0  # near the same joint of the one in front
+    guessed = scene(crowding=only())
+    np.testing.assert_array_equal(guessed.joint_owner[there(guessed)] >= 0, True)
+    assert np.isfinite(guessed.detections()[..., 0]).mean() > np.isfinite(scene().detections()[..., 0]).mean()
+    assert 5.0 < np.nanmean(errors(guessed)[errors(guessed) > 1e-6]) < 50.0
+
+
+def test_people_are_overlooked_for_a_while():
+    found = scene(n_frames=600, crowding=only(hidden_missing=1.0, miss_rate=0.2))
+    missed = (found.slots() < 0) & (scene(n_frames=600).slots() >= 0)
+    assert 0.1 < missed.mean() < 0.3
+    begins = (missed & ~np.roll(missed, 1, axis=1)).sum()
+    assert missed.sum() / begins == pytest.approx(0.35 * 30.0, rel=0.3)
+
+
+def test_two_people_become_one_detection_with_joints_of_both():
+    found = scene(crowding=only(hidden_missing=1.0, merge_rate=1.0, merge_s=(1.0, 1.0)))
+    owners = [set(np.unique(own[own >= 0]).tolist()) for own in found.joint_owner.reshape(-1, 17)]
+    mixed = [own for own in owners if len(own) == 2]
+    assert len(mixed) > 50
+    assert np.nanmax(errors(found)) < 1e-9
+    assert (found.slots() < 0).sum() > (scene().slots() < 0).sum() + 50
+
+
+def test_one_person_becomes_two_detections():
+    found = scene(crowding=only(hidden_missing=1.0, split_rate=1.0, split_s=(0.5, 0.5)))
+    for q in range(3):
+        own = found.owner == q
+        assert (own.sum(axis=-1) == 2).mean() > 0.8
+        # No joint is in both halves.
+        assert (there(found) & own[..., None]).sum(axis=2).max() == 1
+
+
+def test_false_detections_stay_or_are_gone_at_once():
+    found = scene(n_frames=300, crowding=only(hidden_missing=1.0, ghosts=2.0), seed=3)
+    false = there(found).any(axis=-1) & (found.owner < 0)
+    assert 4 <= false.sum(axis=-1).max(axis=0).sum() <= 16
+    assert false[:-1].mean() > 0.05
+    # They do not move: the sum of the left edges of those of a view takes few values.
+    view = int(false.sum(axis=(0, 2)).argmax())
+    edges = np.nanmin(np.where(false[:, view, :, None], found.people[:, view, ..., 0], np.nan), axis=(1, 2))
+    assert len(np.unique(np.round(edges[np.isfinite(edges)] / 20.0))) < 12
+    brief = scene(n_frames=600, crowding=only(hidden_missing=1.0, ghost_rate=0.1))
+    assert (brief.owner[there(brief).any(axis=-1)] < 0).mean() == pytest.approx(0.1 / 3.1, rel=0.6)
+
+
+def test_bodies_are_cut_at_the_border_of_the_image():
+    near = synthetic.ring(4, radius_mm=2800.0)
+    found = synthetic.simulate_scene(2, near, n_frames=150, noise=EXACT, crowding=NONE, seed=0)
+    part = np.isfinite(found.detections()[..., 0]).sum(axis=-1)
+    assert ((part > 0) & (part < 17)).mean() > 0.05
+    u, v = found.people[..., 0], found.people[..., 1]
+    assert -0.5 <= np.nanmin(u) <= np.nanmax(u) < 1279.5
+    assert -0.5 <= np.nanmin(v) <= np.nanmax(v) < 719.5
+
+
+def test_a_bystander_is_seen_by_two_cameras():
+    found = scene(2, bystander=True)
+    assert len(found.truth) == 3
+    np.testing.assert_array_equal(np.sort((found.slots()[2] >= 0).mean(axis=0) > 0.1), [0, 0, 1, 1])
+    np.testing.assert_array_equal(found.truth[:2], scene(2).truth)
+
+
+def test_ones_own_poses_keep_their_place_and_absences():
+    poses = [synthetic.motion("walk", 40, seed=k) + 500.0 * k for k in range(3)]
+    poses[1][10:20] = np.nan
+    found = scene(poses)
+    np.testing.assert_array_equal(found.truth, poses)
+    assert (found.slots()[1, 10:20] == -1).all()
+    assert found.optional()[1, 10:20].all()
+    assert not found.optional()[0].any()
+
+
+def test_another_layout():
+    found = scene(2, layout="coco17", noise=None, crowding=Crowding.heavy())
+    assert found.layout.name == "coco17"
+    assert np.nanmedian(errors(found)) < 4.0
+
+
+def test_the_default_detector_errs_in_proportion_to_the_size_of_people():
+    found = scene(2, noise=None)
+    spread = np.sqrt(np.nanmedian(errors(found) ** 2) / (2 * np.log(2)))  # of a Rayleigh distribution
+    assert spread == pytest.approx(2.4 * (640 / np.hypot(4500, 1500)) / (1147 / 5300), rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"hidden_missing": 0.7, "hidden_taken": 0.4}, "hidden_missing \\+ hidden_taken: expected at most 1"),
+        ({"miss_rate": 1.2}, "miss_rate: expected a number from 0 to 1, got 1.2"),
+        ({"ghosts": -1.0}, "ghosts: expected a number 0 or more, got -1.0"),
+        ({"split_s": (0.5, 0.1)}, "split_s: expected 0 < low <= high"),
+    ],
+)
+def test_impossible_crowding_is_refused(change, message):
+    with pytest.raises(InvalidInputError, match=message):
+        Crowding(**change)
+
+
+def test_what_makes_no_scene_is_refused():
+    with pytest.raises(InvalidInputError, match=r"people: expected poses \(T, 17, 3\) of one T, got \["):
+        scene([np.zeros((5, 17, 3)), np.zeros((6, 17, 3))])
+    with pytest.raises(InvalidInputError, match="people: expected poses"):
+        scene([])
+    with pytest.raises(InvalidInputError, match="cameras: expected a rig in mm, got one in m"):
+        synthetic.simulate_scene(2, sk.CameraRig(list(RIG), "m"))
