@@ -22,6 +22,8 @@ const WIDE: f64 = 160.0;
 /// Least standard deviation of a bone's length, mm: detectors and tables mean different points.
 const LEAST_SPREAD: f64 = 20.0;
 
+/// Distance in kernels within which a place is the same one.
+const SAME: f64 = 2.0;
 /// By how much the objective of another solution has to be lower than that of the nearest one.
 const CLEARLY: f64 = 1.0;
 
@@ -90,7 +92,8 @@ fn needed(proportions: &[Proportion], solution: &Solution, votes: &Votes) -> Opt
     (!bones.is_empty()).then_some(bones)
 }
 
-/// The best of the solution `here`, the one from wide kernels, and the one from the most likely combination of places.
+/// The best of the solution `here`, the one from wide kernels, and the one from the most likely combination of places. If that is the
+/// one from which `here` was found, the others have nothing better (docs/decisions.md).
 fn searched(
     problem: &Problem<'_>,
     points: &[Vector3<f64>],
@@ -100,12 +103,17 @@ fn searched(
 ) -> Solution {
     let joints = 0..points.len();
     let doubtful: Vec<bool> = joints.clone().map(|j| votes.needs_bones(j)).collect();
-    let kernel = |j: usize| if doubtful[j] { narrow[j].max(WIDE) } else { narrow[j] };
-    let wide: Vec<f64> = joints.clone().map(kernel).collect();
-    let placed = joints.map(|j| votes.agree[j] > 1).collect();
+    let placed = joints.clone().map(|j| votes.agree[j] > 1).collect();
     let variance = here.variance;
     let search = Search { points, doubtful, placed };
     let guess = most_likely(problem, &search, variance);
+    let is_doubtful = |j: &usize| search.doubtful[*j];
+    let stays = |j: usize| (guess[j] - points[j]).norm() <= SAME * narrow[j];
+    if joints.clone().filter(is_doubtful).all(stays) {
+        return here;
+    }
+    let kernel = |j| if is_doubtful(&j) { narrow[j].max(WIDE) } else { narrow[j] };
+    let wide: Vec<f64> = joints.map(kernel).collect();
     let mut best = here;
     for other in [solve(problem, points, &wide), solve(problem, &guess, narrow)] {
         if objective(problem, &other, variance) + CLEARLY < objective(problem, &best, variance) {
