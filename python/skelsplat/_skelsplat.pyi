@@ -18,6 +18,7 @@ __all__ = [
     "RefineConfig",
     "Refiner",
     "Setting",
+    "Tracker",
     "__version__",
     "check_people",
     "fuse_monocular",
@@ -28,6 +29,7 @@ __all__ = [
     "pseudo_ground_truth",
     "render",
     "sequence_equations",
+    "track_people",
     "triangulate",
 ]
 
@@ -621,6 +623,36 @@ class Live:
     def state(self) -> NDArray[np.float64]:
         """Return the state as numbers."""
 
+@final
+class Tracker:
+    """The people of a live loop, with the state between frames.
+
+    Raises
+    ------
+    InvalidInputError
+        ``fps`` is not positive, or the method is ``paper``.
+    """
+
+    def __new__(
+        cls, refiner: Refiner, layout: str | Layout, fps: float, *, max_people: int | None = None
+    ) -> Tracker: ...
+    def step(self, people: ArrayLike) -> list[dict[str, Any]]:
+        """Return the fields of everybody in the next frame; ``people`` is (1, M, P, N, 2|3)."""
+
+    def reset(self) -> None:
+        """Forget everybody; identities are not used again."""
+
+def track_people(
+    refiner: Refiner,
+    layout: str | Layout,
+    people: ArrayLike,
+    fps: float,
+    *,
+    max_people: int | None = None,
+    progress: Callable[[int, int], object] | None = None,
+) -> list[dict[str, Any]]:
+    """Return the fields of every ``skelsplat.Person``, its refinement as in ``Refiner.refine_sequence``."""
+
 def implausible_extent(
     poses: ArrayLike, cameras: _Cameras, *, layout: str | Layout | None = None
 ) -> dict[str, Any] | None:
@@ -630,4 +662,4 @@ def implausible_extent(
     """
 
 def check_people(people: ArrayLike) -> None:
-    """Reject confidences outside [0, 1] in the argument ``people`` (T, M, P, K, 3)."""
+    """Reject confidences outside [0, 1] in the argument ``people`` (T, M, P, N, 2|3)."""

@@ -21,6 +21,8 @@ const LEAST_ANCHORS: usize = 3;
 const LEAST_GIVEN: usize = 1;
 /// Kernel of the joints that do, in the search from wide kernels, mm.
 const WIDE: f64 = 160.0;
+/// Distance in kernels within which a place is the same one.
+const SAME: f64 = 2.0;
 /// By how much the objective of another solution has to be lower than that of the nearest one.
 const CLEARLY: f64 = 1.0;
 
@@ -89,7 +91,8 @@ fn needed(expected: &Expected, solution: &Solution, votes: &Votes) -> Option<Vec
     (!bones.is_empty()).then_some(bones)
 }
 
-/// The best of the solution `here`, the one from wide kernels, and the one from the most likely combination of places.
+/// The best of the solution `here`, the one from wide kernels, and the one from the most likely combination of places. If that is the
+/// one from which `here` was found, the others have nothing better (docs/decisions.md).
 fn searched(
     problem: &Problem<'_>,
     points: &[Vector3<f64>],
@@ -99,12 +102,17 @@ fn searched(
 ) -> Solution {
     let joints = 0..points.len();
     let doubtful: Vec<bool> = joints.clone().map(|j| votes.needs_bones(j)).collect();
-    let kernel = |j: usize| if doubtful[j] { narrow[j].max(WIDE) } else { narrow[j] };
-    let wide: Vec<f64> = joints.clone().map(kernel).collect();
-    let placed = joints.map(|j| votes.agree[j] > 1).collect();
+    let placed = joints.clone().map(|j| votes.agree[j] > 1).collect();
     let variance = here.variance;
     let search = Search { points, doubtful, placed };
     let guess = most_likely(problem, &search, variance);
+    let is_doubtful = |j: &usize| search.doubtful[*j];
+    let stays = |j: usize| (guess[j] - points[j]).norm() <= SAME * narrow[j];
+    if joints.clone().filter(is_doubtful).all(stays) {
+        return here;
+    }
+    let kernel = |j| if is_doubtful(&j) { narrow[j].max(WIDE) } else { narrow[j] };
+    let wide: Vec<f64> = joints.map(kernel).collect();
     let mut best = here;
     for other in [solve(problem, points, &wide), solve(problem, &guess, narrow)] {
         if objective(problem, &other, variance) + CLEARLY < objective(problem, &best, variance) {

@@ -206,6 +206,17 @@ impl Refiner {
         self.sigmas(n).into_iter().map(|sigma| sigma * share).collect()
     }
 
+    /// The cameras in mm.
+    pub(crate) fn cameras(&self) -> &[Camera] {
+        &self.cameras
+    }
+
+    /// The rays of usable detections.
+    pub(crate) fn rays(&self, detections: &Detections) -> Result<Rays> {
+        self.check(&detections.clone().into())?;
+        Ok(Rays::new(&self.usable(detections), &self.cameras, &[]))
+    }
+
     /// Joints at both ends of every bone.
     pub(crate) fn bones(&self) -> &[[usize; 2]] {
         &self.bones
@@ -284,7 +295,8 @@ impl Refiner {
         })
     }
 
-    fn check(&self, frame: &Frame) -> Result<()> {
+    /// Rejects a frame of other sizes than the cameras and the layout.
+    pub(crate) fn check(&self, frame: &Frame) -> Result<()> {
         let (m, n) = (frame.detections.n_views(), frame.detections.n_joints());
         if m != self.cameras.len() {
             let expected = format!("one view per camera ({})", self.cameras.len());

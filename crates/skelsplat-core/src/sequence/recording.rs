@@ -86,7 +86,7 @@ pub fn refine_in_windows(
 }
 
 /// Rejects a rate that is none, and another method than the `expected` one.
-pub(super) fn check(refiner: &Refiner, fps: f64, expected: &str) -> Result<()> {
+pub(crate) fn check(refiner: &Refiner, fps: f64, expected: &str) -> Result<()> {
     if !(fps.is_finite() && fps > 0.0) {
         let expected = "a positive number of frames per second";
         return Err(Error::invalid("fps", expected, fps.to_string()));

@@ -109,14 +109,13 @@ impl Live {
                 format!("{before} joints, as in the previous frames (or call reset() first)");
             return Err(Error::invalid("detections", expected, n.to_string()));
         }
-        let mut joints = self.joints.clone();
-        joints.resize_with(n, || Joint::new(m));
-        joints.iter_mut().for_each(|joint| joint.predict(self.fps));
+        let mut frame = Frame { past: true, ..detections.into() };
+        refiner.check(&frame)?;
+        self.joints.resize_with(n, || Joint::new(m));
+        self.joints.iter_mut().for_each(|joint| joint.predict(self.fps));
         let mm = refiner.unit().millimetres();
-        let expected = joints.iter().map(|joint| joint.expected() / mm).collect();
-        let frame = Frame { init_pose: Some(expected), past: true, ..detections.into() };
+        frame.init_pose = Some(self.joints.iter().map(|joint| joint.expected() / mm).collect());
         let alone = refiner.alone(&frame)?;
-        self.joints = joints;
         self.learn(&alone);
         let answers = self.answers(refiner, &alone);
         match self.window.take() {
@@ -182,8 +181,9 @@ impl Live {
             .collect();
         let bones = refiner.bones();
         self.bones.resize_with(bones.len(), Bone::default);
+        let is_sure: Vec<bool> = seen.iter().map(Seen::is_sure).collect();
         for (bone, [a, b]) in self.bones.iter_mut().zip(bones) {
-            if seen[*a].is_sure() && seen[*b].is_sure() {
+            if is_sure[*a] && is_sure[*b] {
                 bone.learn(seen[*a].alone.end(), seen[*b].alone.end());
             }
         }
@@ -194,22 +194,27 @@ impl Live {
         sure.sort_by(by_trace);
         let mut answers = vec![None; n];
         for j in sure {
-            let ties = self.ties(j, &answers, bones);
+            let ties: Vec<Tie> = self.ties(j, &answers, bones).collect();
             answers[j] = Some(self.joints[j].step(&seen[j], &ties, self.fps, &self.memory));
         }
         while !left.is_empty() {
-            let tied = |j: &usize| !self.ties(*j, &answers, bones).is_empty();
+            let tied = |j: &usize| self.ties(*j, &answers, bones).next().is_some();
             let at = left.iter().position(tied).unwrap_or(0);
             let j = left.remove(at);
-            let ties = self.ties(j, &answers, bones);
+            let ties: Vec<Tie> = self.ties(j, &answers, bones).collect();
             answers[j] = Some(self.joints[j].step(&seen[j], &ties, self.fps, &self.memory));
         }
         answers.into_iter().flatten().collect()
     }
 
     /// The bones of joint `j` to joints that are known.
-    fn ties(&self, j: usize, answers: &[Option<Answer>], bones: &[[usize; 2]]) -> Vec<Tie> {
-        let tie = |(length, [a, b]): (Option<Length>, &[usize; 2])| {
+    fn ties(
+        &self,
+        j: usize,
+        answers: &[Option<Answer>],
+        bones: &[[usize; 2]],
+    ) -> impl Iterator<Item = Tie> {
+        let tie = move |(length, [a, b]): (Option<Length>, &[usize; 2])| {
             let other = match j {
                 j if j == *a => *b,
                 j if j == *b => *a,
@@ -220,7 +225,7 @@ impl Live {
             let known = to.at.x.is_finite() && to.covariance.trace().is_finite();
             known.then_some(Tie { to, length })
         };
-        self.lengths().zip(bones).filter_map(tie).collect()
+        self.lengths().zip(bones).filter_map(tie)
     }
 
     /// The length of every bone, as far as it is known.
