@@ -23,7 +23,7 @@ const WIDE: f64 = 160.0;
 const LEAST_SPREAD: f64 = 20.0;
 
 /// Distance in kernels within which a place is the same one.
-const SAME: f64 = 2.0;
+const SAME: f64 = 1.0;
 /// By how much the objective of another solution has to be lower than that of the nearest one.
 const CLEARLY: f64 = 1.0;
 
@@ -92,8 +92,8 @@ fn needed(proportions: &[Proportion], solution: &Solution, votes: &Votes) -> Opt
     (!bones.is_empty()).then_some(bones)
 }
 
-/// The best of the solution `here`, the one from wide kernels, and the one from the most likely combination of places. If that is the
-/// one from which `here` was found, the others have nothing better (docs/decisions.md).
+/// The best of the solution `here`, the one from wide kernels, and the one from the most likely combination of places. Where that
+/// combination is both where `here` began and where it ended, the others are hardly ever better (docs/decisions.md).
 fn searched(
     problem: &Problem<'_>,
     points: &[Vector3<f64>],
@@ -108,7 +108,8 @@ fn searched(
     let search = Search { points, doubtful, placed };
     let guess = most_likely(problem, &search, variance);
     let is_doubtful = |j: &usize| search.doubtful[*j];
-    let stays = |j: usize| (guess[j] - points[j]).norm() <= SAME * narrow[j];
+    let near = |j: usize, x: &Vector3<f64>| (guess[j] - x).norm() <= SAME * narrow[j];
+    let stays = |j: usize| near(j, &points[j]) && near(j, &here.points[j]);
     if joints.clone().filter(is_doubtful).all(stays) {
         return here;
     }
