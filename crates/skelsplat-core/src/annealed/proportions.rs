@@ -22,7 +22,7 @@ const LEAST_GIVEN: usize = 1;
 /// Kernel of the joints that do, in the search from wide kernels, mm.
 const WIDE: f64 = 160.0;
 /// Distance in kernels within which a place is the same one.
-const SAME: f64 = 2.0;
+const SAME: f64 = 1.0;
 /// By how much the objective of another solution has to be lower than that of the nearest one.
 const CLEARLY: f64 = 1.0;
 
@@ -91,8 +91,8 @@ fn needed(expected: &Expected, solution: &Solution, votes: &Votes) -> Option<Vec
     (!bones.is_empty()).then_some(bones)
 }
 
-/// The best of the solution `here`, the one from wide kernels, and the one from the most likely combination of places. If that is the
-/// one from which `here` was found, the others have nothing better (docs/decisions.md).
+/// The best of the solution `here`, the one from wide kernels, and the one from the most likely combination of places. Where that
+/// combination is both where `here` began and where it ended, the others are hardly ever better (docs/decisions.md).
 fn searched(
     problem: &Problem<'_>,
     points: &[Vector3<f64>],
@@ -107,7 +107,8 @@ fn searched(
     let search = Search { points, doubtful, placed };
     let guess = most_likely(problem, &search, variance);
     let is_doubtful = |j: &usize| search.doubtful[*j];
-    let stays = |j: usize| (guess[j] - points[j]).norm() <= SAME * narrow[j];
+    let near = |j: usize, x: &Vector3<f64>| (guess[j] - x).norm() <= SAME * narrow[j];
+    let stays = |j: usize| near(j, &points[j]) && near(j, &here.points[j]);
     if joints.clone().filter(is_doubtful).all(stays) {
         return here;
     }
