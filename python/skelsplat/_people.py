@@ -11,7 +11,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from skelsplat import _skelsplat
 from skelsplat._arrays import positive
-from skelsplat._refine import Cameras, Progress, Refinement, refinement_fields, reporter, warn_of, warn_of_unit
+from skelsplat._refine import (
+    Cameras,
+    Progress,
+    Refinement,
+    refinement_fields,
+    reporter,
+    warn_of,
+    warn_of_unit,
+)
 from skelsplat._sequence import SequenceRefinement
 from skelsplat._skelsplat import Layout, RefineConfig
 from skelsplat.exceptions import InvalidInputError
