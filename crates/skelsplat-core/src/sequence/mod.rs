@@ -15,6 +15,7 @@
 //! A recording is solved in windows that overlap by [`OVERLAP`] on either side; what is learnt comes from a sample of
 //! them and is common to all. The result does not depend on the number of threads.
 
+pub mod agility;
 pub mod chain;
 pub mod learn;
 pub mod live;
