@@ -14,7 +14,7 @@ from typing import Any
 
 import report
 from measures.bones import bones
-from measures.coverage import coverage
+from measures.coverage import coverage, coverage_real
 from measures.gaussian import gaussian
 from measures.noises import table
 from measures.operating_room import mvor
@@ -27,7 +27,20 @@ from measures.views import views
 
 MEASURES = {
     f.__name__: f
-    for f in (table, start, bones, coverage, gaussian, mvor, swaps, useless, sweep, views, schedule)
+    for f in (
+        table,
+        start,
+        bones,
+        coverage,
+        coverage_real,
+        gaussian,
+        mvor,
+        swaps,
+        useless,
+        sweep,
+        views,
+        schedule,
+    )
 }
 
 

@@ -1,12 +1,16 @@
 """Time per pose and accuracy of SkelSplat and other triangulations, on the same simulated detections.
 
-    python benchmarks/compare.py [--poses 300] [--noise good|noisy|occluded2|occluded3] [--markdown]
+    python benchmarks/compare.py [--poses 300] [--noise good|noisy|occluded2|occluded3] [--takes 4]
 
 Six simulated motions seen by four cameras in a Human3.6M-like room. Everything runs on one core. The
 accuracy is over all poses; the time is the best of repeated runs, for slow methods on every k-th pose (the
 column "timed on" has their number). Accuracy counts the joints that at least two views see, the same for
 every method; "missing" is the share of these without a position. ``paper`` and its closed form start from DLT
-weighted by confidence. The speed lines of ``speed.py`` follow.
+weighted by confidence.
+
+The second table is of recordings, as ``sequences.py`` simulates and measures them, with detections whose
+errors last and without confidences: methods that smooth single frames or solve in time. The speed lines of
+``speed.py`` follow.
 """
 
 from __future__ import annotations
@@ -19,6 +23,9 @@ from dataclasses import dataclass
 import _one_core  # noqa: F401  before numpy
 import common
 import numpy as np
+import over_time
+import recordings
+import sequences
 import speed
 from opencv_dlt import opencv_dlt
 from scipy_cauchy import scipy_cauchy
@@ -27,6 +34,17 @@ import skelsplat as sk
 from skelsplat.evaluation import baselines
 
 Method = Callable[[slice], np.ndarray]
+
+# Methods on recordings and their names in the table.
+_RECORDED = {
+    "frames": "SkelSplat, frame by frame",
+    "butterworth": "+ Butterworth filter, 6 Hz",
+    "kalman": "+ Kalman smoother per joint",
+    "anipose": "triangulate_optim, aniposelib",
+    "anipose-tuned": "the same, tuned here",
+    "sequence": "SkelSplat, in time",
+}
+_CONDITIONS = {"occluded2": "occluded 2", "occluded3": "occluded 3"}  # of recordings, by --noise; else good
 
 # A run that takes longer is timed on fewer poses.
 _LONGEST_RUN_S = 1.0
@@ -160,6 +178,32 @@ def compared(scene: common.Scene, repeat: int) -> tuple[list[Row], list[str]]:
     return rows, notes
 
 
+def show_recordings(options: argparse.Namespace) -> list[str]:
+    """Print the table of recordings; return notes on unavailable methods."""
+    condition = _CONDITIONS.get(options.noise, "good")
+    takes = [
+        sequences.without_confidence(take)
+        for take in recordings.takes(
+            condition, count=options.takes, seed=options.seed, most_frames=options.frames
+        )
+    ]
+    absent = {name: over_time.absent(name) for name in _RECORDED}
+    results = sequences.measured(takes, [name for name, reason in absent.items() if reason is None])
+    rows = []
+    for name, errors in results.items():
+        found = errors.whole()
+        lengths = [f"{found[key]:.1f}" for key in ("mean_mm", "median_mm", "p95_mm", "acceleration_m_s2")]
+        rows.append([_RECORDED[name], brief(found["ms_per_frame"]), *lengths])
+    n_frames = sum(len(take.scene.truth) for take in takes)
+    common.show(
+        f"{len(takes)} recordings, {n_frames} frames at 30 Hz, simulated detections '{condition}', one core",
+        ["method", "ms/frame", "mean mm", "median", "p95", "acc m/s²"],
+        rows,
+        markdown=options.markdown,
+    )
+    return [f"{_RECORDED[name]}: left out, {reason}" for name, reason in absent.items() if reason is not None]
+
+
 def only_one_core() -> None:
     """Restrict OpenCV to one core too: it ignores the variables used by NumPy."""
     try:
@@ -173,6 +217,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--poses", type=int, default=300, help="poses compared (300)")
     parser.add_argument("--noise", choices=common.NOISE, default="good", help="simulated detections (good)")
+    parser.add_argument("--takes", type=int, default=4, help="recordings compared, 0: none (4)")
+    parser.add_argument("--frames", type=int, default=100, help="the middle F frames of longer takes (100)")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--repeat", type=int, default=5, help="runs of which the best time counts (5)")
     parser.add_argument("--batch", type=int, default=1000, help="poses of the speed lines (1000)")
@@ -187,6 +233,8 @@ def main() -> None:
         [row.cells(rows[-1].ms_per_pose) for row in rows],
         markdown=options.markdown,
     )
+    if options.takes > 0:
+        notes += show_recordings(options)
     for note in notes:
         print(note)
     speed.show(options.batch, options.repeat, markdown=options.markdown)

@@ -30,6 +30,6 @@ for detections in camera_loop:
     latency.append(1e3 * (time.perf_counter() - begin))
     if result.joint_status[wrist] in ("ok", "inferred"):  # not "weak" (undetermined) and not "unobserved"
         x, y, z = result.pose[wrist]  # in the unit of the rig
-        bar = np.sqrt(np.trace(result.uncertainty[wrist]) / 3)
+        bar = np.sqrt(np.trace(result.error_bar[wrist]) / 3)
         print(f"right wrist {x:6.0f} {y:6.0f} {z:6.0f} ± {bar:.0f} {rig.unit}")
 print(f"median latency {np.median(latency):.2f} ms")

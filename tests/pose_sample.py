@@ -40,6 +40,7 @@ def sample() -> PoseData:
         init_pose=pose + 1.0,
         covariance=np.broadcast_to(400.0 * np.eye(3), (T, N, 3, 3)).copy(),
         uncertainty=uncertainty,
+        joint_bias=np.broadcast_to([15.0, 0.0, 20.0], (T, N)),
         view_weights=weights,
         swapped=swapped,
         noise=np.array([6.0, 7.0, np.nan, 5.0]),

@@ -20,7 +20,7 @@ def sequence(frames=40, joints=3, **changes):
     content = {
         "start": pose + 40.0,
         "refined": pose,
-        "uncertainty": np.broadcast_to(400.0 * np.eye(3), (frames, joints, 3, 3)),
+        "error_bar": np.broadcast_to(400.0 * np.eye(3), (frames, joints, 3, 3)),
         "status": np.full((frames, joints), "ok"),
         "frames": np.arange(100, 100 + frames),
         "frame_rate": 50.0,

@@ -22,6 +22,7 @@ _TYPES = {
     "int or None": "int | None",
     "(float, float)": "list[float]",
     "sequence of float, or None": "tuple[float, ...] | None",
+    "float or sequence of float, or None": "float | tuple[float, ...] | None",
 }
 
 _METHODS = '''

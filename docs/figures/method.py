@@ -140,7 +140,7 @@ def _starts(axis: Axes) -> None:
 
 
 def ellipsoids() -> Figure:
-    """Seen from above: where 300 simulated repetitions put a joint, and the error bars they came with."""
+    """Seen from above: where 300 simulated repetitions put a joint, and the scatter they came with."""
     rigs = {
         "two cameras side by side": synthetic.stereo(),
         "four cameras round the room": synthetic.human36m_like(),
@@ -157,7 +157,7 @@ def ellipsoids() -> Figure:
         axis.plot(error[:, 0], error[:, 1], ".", ms=3, color=GREY, label="results")
         cover = np.median(result.uncertainty[:, wrist, :2, :2], axis=0)
         for k in (1, 2):
-            axis.add_patch(_ellipse(cover, k, label=f"error bar, {k} σ"))
+            axis.add_patch(_ellipse(cover, k, label=f"scatter, {k} σ"))
         axis.set(title=title, xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
         reach = 1.15 * np.abs(error[:, :2]).max()
         axis.set(xlim=(-reach, reach), ylim=(-reach, reach))

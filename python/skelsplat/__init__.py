@@ -5,6 +5,7 @@ Gaussian at the 2D detection. The public names are the ones listed in ``__all__`
 """
 
 from skelsplat import layouts, metrics, synthetic
+from skelsplat._people import Person, Tracker, track
 from skelsplat._refine import LossAndGradient, Refinement, Refiner, loss_and_gradient, refine
 from skelsplat._sequence import SequenceRefinement, refine_sequence
 from skelsplat._skelsplat import (
@@ -39,11 +40,13 @@ __all__ = [
     "Layout",
     "LossAndGradient",
     "MissingPackageError",
+    "Person",
     "RefineConfig",
     "Refinement",
     "Refiner",
     "SequenceRefinement",
     "SkelSplatError",
+    "Tracker",
     "__version__",
     "fuse_monocular",
     "layouts",
@@ -56,5 +59,6 @@ __all__ = [
     "refine_sequence",
     "render",
     "synthetic",
+    "track",
     "triangulate",
 ]

@@ -40,9 +40,14 @@ class Refinement:
     covariance : (…, N, 3, 3) float64
         Splat covariance Σ, unit²: the kernel at the end for ``annealed``. It is not an error bar.
     uncertainty : (…, N, 3, 3) float64
-        Posterior covariance of the position, unit²: the error bar. From the detections that are believed, a
-        prior and equal limbs; along a ray that nothing crosses it is as wide as the body. NaN where nothing
-        is known.
+        Posterior covariance of the position, unit²: the scatter, what another recording of the same pose by
+        the same detector would give. From the detections that are believed, a prior and equal limbs; along a
+        ray that nothing crosses it is as wide as the body. NaN where nothing is known.
+    joint_bias : (…, N) float64
+        Standard deviation per axis, in the cameras' unit, of the detector's joints from anatomical ones: the
+        same in all views and frames, so that no residual shows it. From ``config.joint_bias_mm``.
+    error_bar : (…, N, 3, 3) float64
+        ``uncertainty + joint_bias² I``, unit²: the covariance of the distance from an anatomical joint.
     view_weights : (…, M, N) float64
         k in [0, 1], how far each detection is believed: 1 at the joint, ¼ at 2.4 σ from it; NaN without a
         detection. ``config.view_weights`` and the confidence come on top.
@@ -89,6 +94,11 @@ class Refinement:
     stop_reason: NDArray[np.str_]
     init_pose: NDArray[np.float64]
     loss_history: NDArray[np.float64]
+    joint_bias: NDArray[np.float64]
+
+    @property
+    def error_bar(self) -> NDArray[np.float64]:
+        return self.uncertainty + self.joint_bias[..., None, None] ** 2 * np.eye(3)
 
     def __repr__(self) -> str:
         status, count = np.unique(self.joint_status, return_counts=True)
@@ -196,7 +206,8 @@ def refinement_fields(out: dict[str, Any]) -> dict[str, Any]:
     reasons = np.array(out["stop_reason"])
     stop_reason = reasons.reshape(()) if out["pose"].ndim == 2 else reasons
     words = {"joint_status": _STATUS[out["joint_status"]], "stop_reason": stop_reason}
-    return {**out, **words}
+    bias = np.broadcast_to(out["joint_bias"], out["pose"].shape[:-1])  # one for all frames
+    return {**out, **words, "joint_bias": bias}
 
 
 def _warn_before_the_work(

@@ -18,6 +18,7 @@ __all__ = [
     "RefineConfig",
     "Refiner",
     "Setting",
+    "Tracker",
     "__version__",
     "check_people",
     "fuse_monocular",
@@ -28,6 +29,7 @@ __all__ = [
     "pseudo_ground_truth",
     "render",
     "sequence_equations",
+    "track_people",
     "triangulate",
 ]
 
@@ -233,6 +235,10 @@ class RefineConfig:
     detection_sigma_px : float or None, px, default None
         Standard deviation of the detection noise per axis; ``paper`` uses it only for error bars; None:
         estimated in every frame.
+    joint_bias_mm : float or sequence of float, or None, mm, default None
+        Standard deviation per axis of the detector's joints from anatomical ones, the same in all views and
+        frames, for all joints or N values; part of the error bar, not of the scatter; None: published figures
+        for the built-in layouts, 0 for others.
     undistort : bool, default True
         Remove lens distortion from the detections first; False reproduces results published without
         undistortion.
@@ -269,6 +275,12 @@ class RefineConfig:
         Lengths of bones for joints on which neither three views agree nor all that see them: ``population``,
         with the proportions of people (built-in layouts only) and a stature found in the frame, or ``free``,
         none.
+    bone_lengths_mm : sequence of float, or None, mm, default None
+        Known length of each of the layout's limbs, for any layout; replaces the population's. None: not
+        known.
+    bone_sigmas_mm : sequence of float, or None, mm, default None
+        Standard deviation of each of these lengths; one that is not less than the length marks it as unknown.
+        None: 20 for all.
     step_tolerance : float, default 0.01
         Converged when the kernels have reached their final width and no joint moves by more than this
         fraction of the noise.
@@ -355,6 +367,10 @@ class RefineConfig:
     @property
     def bones(self) -> str: ...
     @property
+    def bone_lengths_mm(self) -> tuple[float, ...] | None: ...
+    @property
+    def bone_sigmas_mm(self) -> tuple[float, ...] | None: ...
+    @property
     def step_tolerance(self) -> float: ...
     @property
     def occlusion_sigma_mm(self) -> float | None: ...
@@ -366,6 +382,8 @@ class RefineConfig:
     def symmetry_sigma_mm(self) -> float: ...
     @property
     def detection_sigma_px(self) -> float | None: ...
+    @property
+    def joint_bias_mm(self) -> float | tuple[float, ...] | None: ...
     @property
     def undistort(self) -> bool: ...
     @property
@@ -605,6 +623,36 @@ class Live:
     def state(self) -> NDArray[np.float64]:
         """Return the state as numbers."""
 
+@final
+class Tracker:
+    """The people of a live loop, with the state between frames.
+
+    Raises
+    ------
+    InvalidInputError
+        ``fps`` is not positive, or the method is ``paper``.
+    """
+
+    def __new__(
+        cls, refiner: Refiner, layout: str | Layout, fps: float, *, max_people: int | None = None
+    ) -> Tracker: ...
+    def step(self, people: ArrayLike) -> list[dict[str, Any]]:
+        """Return the fields of everybody in the next frame; ``people`` is (1, M, P, N, 2|3)."""
+
+    def reset(self) -> None:
+        """Forget everybody; identities are not used again."""
+
+def track_people(
+    refiner: Refiner,
+    layout: str | Layout,
+    people: ArrayLike,
+    fps: float,
+    *,
+    max_people: int | None = None,
+    progress: Callable[[int, int], object] | None = None,
+) -> list[dict[str, Any]]:
+    """Return the fields of every ``skelsplat.Person``, its refinement as in ``Refiner.refine_sequence``."""
+
 def implausible_extent(
     poses: ArrayLike, cameras: _Cameras, *, layout: str | Layout | None = None
 ) -> dict[str, Any] | None:
@@ -614,4 +662,4 @@ def implausible_extent(
     """
 
 def check_people(people: ArrayLike) -> None:
-    """Reject confidences outside [0, 1] in the argument ``people`` (T, M, P, K, 3)."""
+    """Reject confidences outside [0, 1] in the argument ``people`` (T, M, P, N, 2|3)."""

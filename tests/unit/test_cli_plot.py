@@ -27,7 +27,8 @@ def h36m(steps=6, **changes):
         frames=np.arange(steps) + 10,
         unit="m",
         camera_names=(),
-        **{name: np.empty((0, 0)) for name in ("noise", "loss", "n_iter", "stop_reason", "joint_status")},
+        **{name: np.empty((0, 0)) for name in ("noise", "loss", "n_iter", "stop_reason")},
+        **{name: np.empty((0, 0)) for name in ("joint_status", "joint_bias")},
         **{name: np.empty((0, 0, 0)) for name in ("init_pose", "view_weights", "swapped")},
         **{name: np.empty((0, 0, 0, 0)) for name in ("covariance", "uncertainty")},
         reprojection_error=np.empty((0, 0, 0)),
@@ -136,7 +137,7 @@ def test_the_standard_deviations_are_those_of_the_run(run_folder):
     found = numbers(run_folder, "--only", "trajectories", "--joints", "head,left_knee")["trajectories"]
     assert [joint["joint"] for joint in found] == ["head", "left_knee"]
     for joint in found:
-        covariances = poses.uncertainty[:, LAYOUT.joints.index(joint["joint"])]
+        covariances = poses.error_bar[:, LAYOUT.joints.index(joint["joint"])]
         expected = np.median(np.sqrt(np.diagonal(covariances, axis1=1, axis2=2)), axis=0)
         assert joint["sigma_median_mm"] == pytest.approx(expected.tolist())
 

@@ -102,8 +102,9 @@ def test_a_rejected_detection_is_counted_per_camera_and_per_joint(recording, arg
     with (folder / "out" / "pose.csv").open(newline="") as stream:
         rows = {(row["frame"], row["joint"]): row for row in csv.DictReader(stream)}
     assert rows["2", "right_wrist"]["n_rejected"] == "1"
-    deviations = np.sqrt(np.diagonal(written.uncertainty[2, 16]))
-    assert [float(rows["2", "right_wrist"][axis]) for axis in ("sx", "sy", "sz")] == deviations.tolist()
+    for name, covariances in (("error_bar", written.error_bar), ("scatter", written.uncertainty)):
+        deviations = [float(rows["2", "right_wrist"][f"{name}_{axis}"]) for axis in "xyz"]
+        assert deviations == np.sqrt(np.diagonal(covariances[2, 16])).tolist()
 
 
 def test_the_noise_and_the_error_bars_are_reported(recording, arguments):
@@ -114,7 +115,7 @@ def test_the_noise_and_the_error_bars_are_reported(recording, arguments):
     assert report["noise"]["median_mm"] == pytest.approx(np.median(written.noise))
     # five frames of 67 detections: the estimate is within a third of the truth
     assert report["noise"]["median_px"] == pytest.approx(NOISE_PX, rel=1 / 3)
-    bars = [joint["error_bar_median_mm"] for joint in report["reprojection_error"]["joints"]]
+    bars = [joint["scatter_median_mm"] for joint in report["reprojection_error"]["joints"]]
     error = np.linalg.norm(written.pose - pose, axis=-1)
     # the mean length of a normal vector of three components is 1.6 σ
     assert error.mean() == pytest.approx(1.6 * np.median(bars), rel=0.3)
@@ -194,7 +195,7 @@ def test_detections_of_other_cameras_are_doubted(recording, arguments):
     assert [camera["missing"] for camera in cameras] == [T * 17, T * 17, 0, T]
 
 
-def test_an_error_bar_far_above_the_others_is_named(recording, arguments):
+def test_a_scatter_far_above_the_others_is_named(recording, arguments):
     """Joint 16 is seen by two cameras, whose rays miss each other."""
     folder, rig, _ = recording
     for camera in rig.names[2:]:
@@ -207,7 +208,7 @@ def test_an_error_bar_far_above_the_others_is_named(recording, arguments):
         frame["people"][0]["pose_keypoints_2d"][3 * 16 + 1] += 60.0
         path.write_text(json.dumps(frame))
     text = " ".join(invoke(*arguments, *READ, *FAST, "--person", 0).stdout.split())
-    assert "right_wrist (" in text.split("! Error bars far above the median of ")[1]
+    assert "right_wrist (" in text.split("! Scatter far above the median of ")[1]
 
 
 def test_detections_that_are_no_pixels_are_doubted(recording, arguments):

@@ -141,7 +141,7 @@ def test_a_sequence_without_a_single_joint_has_a_page(written, frames):
         frames,
         refined=nothing,
         start=nothing,
-        uncertainty=np.full((frames, 3, 3, 3), np.nan),
+        error_bar=np.full((frames, 3, 3, 3), np.nan),
         status=np.full((frames, 3), "unobserved"),
         frame_rate=None,
     )

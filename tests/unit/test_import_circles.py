@@ -16,7 +16,7 @@ LAYERS = [
     {"refine", "triangulation"},
     {"batch"},
     {"sequence"},
-    {"follow"},
+    {"follow", "people"},
 ]
 
 

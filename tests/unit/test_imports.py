@@ -18,6 +18,7 @@ LAYERS = (
     {"datasets"},  # writes the sets that `synthetic` makes
     {"io", "viz", "rig_check", "synthetic"},
     {"association", "temporal"},
+    {"_people"},
     {"_sequence"},
     {"_refine", "metrics"},
     {"cameras", "layouts"},

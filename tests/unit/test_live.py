@@ -66,8 +66,9 @@ def test_the_answers_are_those_of_a_refiner(tmp_path, rig, detections):
         assert record["frame"] == t
         pose = [[np.nan] * 3 if joint is None else joint for joint in record["pose"]]
         np.testing.assert_array_equal(pose, expected.pose)
-        sigma = [[np.nan] * 3 if joint is None else joint for joint in record["sigma"]]
-        np.testing.assert_array_equal(sigma, np.sqrt(np.diagonal(expected.uncertainty, axis1=1, axis2=2)))
+        for name, covariance in (("error_bar", expected.error_bar), ("scatter", expected.uncertainty)):
+            sigma = [[np.nan] * 3 if joint is None else joint for joint in record[name]]
+            np.testing.assert_array_equal(sigma, np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)))
         assert record["joint_status"] == expected.joint_status.tolist()
         assert record["latency_ms"] > 0.0
     assert t == T - 1

@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from pose_sample import FILLED, JOINTS, MISSING, N, T, sample
+from pose_sample import FILLED, JOINTS, MISSING, T, sample
 from skelsplat.io import PoseData, read_c3d, write_c3d
 
 ezc3d = pytest.importorskip("ezc3d", reason="ezc3d is not installed: pip install 'skelsplat[formats]'")
 
-# √((100 + 225 + 400) / 3) = 15.5 mm, in whole mm
-RESIDUAL = 16.0
+# √((100 + 225 + 400) / 3 + b²) mm for the biases b of 15, 0 and 20 mm: 21.6, 15.5 and 25.3, in whole mm
+RESIDUAL = np.array([[22.0], [16.0], [25.0]])
 ROWS = [0, 1, 3, 4]  # frames 10, 11, 13, 14
 
 
 def expected_residuals():
-    residuals = np.full((N, T + 1), RESIDUAL)
+    residuals = np.repeat(RESIDUAL, T + 1, axis=1)
     residuals[:, 2] = -1.0
     residuals[FILLED[1], ROWS[FILLED[0]]] = 0.0
     for t, j in MISSING:

@@ -164,7 +164,7 @@ MALFORMED_CSV = {
     ),
     "a field too few": (
         lambda lines: [*lines[:3], lines[3].rpartition(",")[0], *lines[4:]],
-        "line 4: expected 13 fields, got 12 fields",
+        "line 4: expected 16 fields, got 15 fields",
     ),
     "a frame of 20 digits": (
         lambda lines: [lines[0], 10 * "10" + lines[1], *lines[2:]],

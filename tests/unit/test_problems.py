@@ -28,7 +28,7 @@ def found():
             "status": np.full((T, N), "ok", dtype="<U10"),
             "error_after": np.full((T, M, N), 2.0),
             "rejected": np.zeros((T, M, N), dtype=bool),
-            "error_bar_mm": np.full((T, N), 10.0),
+            "scatter_mm": np.full((T, N), 10.0),
         }
         for name, (index, value) in changes.items():
             parts[name][index] = value
@@ -57,7 +57,7 @@ def found():
         ("swapped", (3, [1, 3], 0), True, "left–right swap in b, d"),
         ("rejected", (3, [0, 1], 0), True, "17% of the detections rejected"),
         ("error_after", (3,), 7.0, "median reprojection error 7.0 px"),
-        ("error_bar_mm", (3, 2), 31.0, "error bar far above normal: wrist, 31 mm"),
+        ("scatter_mm", (3, 2), 31.0, "scatter far above normal: wrist, 31 mm"),
         ("stop_reason", 3, "diverged", "diverged"),
         ("stop_reason", 3, "max_steps", "stopped at the step limit"),
     ],
@@ -73,7 +73,7 @@ def test_what_stands_out_of_a_recording_is_named(found, part, index, value, word
         ("status", (slice(None), 1), "unobserved"),
         ("stop_reason", slice(None), "max_steps"),
         ("error_after", slice(None), 50.0),
-        ("error_bar_mm", (slice(None), 2), 100.0),
+        ("scatter_mm", (slice(None), 2), 100.0),
         ("rejected", (slice(None), 0), True),
         ("rejected", (3, 0, 0), True),
     ],
@@ -96,7 +96,7 @@ def test_a_frame_without_detections_has_one_reason(found):
         stop_reason=(3, "no_observations"),
         status=(3, "unobserved"),
         error_after=(3, np.nan),
-        error_bar_mm=(3, np.nan),
+        scatter_mm=(3, np.nan),
     )
     assert nothing == {53: ["no detection could be used"]}
 
@@ -107,7 +107,7 @@ def test_a_recording_without_detections_names_every_frame(found):
         stop_reason=(everything, "no_observations"),
         status=(everything, "unobserved"),
         error_after=(everything, np.nan),
-        error_bar_mm=(everything, np.nan),
+        scatter_mm=(everything, np.nan),
     )
     assert nothing == {50 + t: ["no detection could be used"] for t in range(T)}
 

@@ -138,9 +138,9 @@ def test_the_pose_before_and_the_ellipsoids_can_be_chosen(visit):
 
 def test_the_ellipsoid_of_an_undetermined_joint_is_cut_off_and_says_so(visit):
     walk = sequence()
-    wide = walk.uncertainty.copy()
+    wide = walk.error_bar.copy()
     wide[:, 1] = np.diag([900.0, 20.0, 20.0]) ** 2
-    page = visit(report_data(replace(walk, uncertainty=wide)))
+    page = visit(report_data(replace(walk, error_bar=wide)))
     middle, own = page.evaluate("[joint(scene.refined, 0, 1), ellipsoids(0)]")
     corners = np.stack([own[axis] for axis in "xyz"], axis=-1).reshape(-1, 42, 3)[1] - middle
     assert np.linalg.norm(corners, axis=1).max() == pytest.approx(0.3, abs=1e-6)
@@ -255,7 +255,7 @@ def test_the_heat_map_switches_and_a_curve_leads_to_its_frame(visit):
 @pytest.mark.parametrize("frames", [1, 3])
 def test_a_sequence_without_a_single_joint_opens(visit, frames):
     nothing = np.full((frames, 3, 3), np.nan)
-    walk = sequence(frames, refined=nothing, start=nothing, uncertainty=np.full((frames, 3, 3, 3), np.nan))
+    walk = sequence(frames, refined=nothing, start=nothing, error_bar=np.full((frames, 3, 3, 3), np.nan))
     page = visit(report_data(walk, problems=[]))
     page.check("input[name=pose][value=both]")
     page.evaluate(f"show({frames - 1})")

@@ -217,7 +217,8 @@ def test_an_inferred_joint_is_marked_everywhere(gap, arguments):
     row = rows["2", "right_wrist"]
     assert (row["status"], row["n_views"], bool(row["x"])) == ("inferred", "0", True)
     neighbour = rows["1", "right_wrist"]
-    assert float(row["sx"]) > float(neighbour["sx"])
+    assert float(row["scatter_x"]) > float(neighbour["scatter_x"])
+    assert float(row["error_bar_x"]) > float(row["scatter_x"])
     report = read_report(gap / "out")
     assert report["solution"]["inferred"] == report["joint_statuses"]["inferred"] == 1
     (finding,) = report["frame_findings"]
@@ -279,3 +280,23 @@ def test_videos_state_the_rate(recording, job, arguments, place):
     assert run(job(fps=None)).outcome.sequence is None
     short.unlink()
     assert run(job(fps=None)).outcome.sequence is None
+
+
+def test_given_lengths_that_contradict_the_recording_are_named(job):
+    layout = sk.layouts.get(LAYOUT)
+    plain = run(job())
+    lengths = np.array(plain.result.bone_lengths)
+    bone = layout.limbs.index(next(limb for limb in layout.limbs if layout.joints[limb[1]] == "left_knee"))
+    lengths[bone] += 150.0
+
+    def told(sigma):
+        config = sk.RefineConfig(bone_lengths_mm=lengths, bone_sigmas_mm=np.full(len(lengths), sigma))
+        findings = run(job(config=config)).findings
+        return [finding for finding in findings if finding.kind == "given_lengths_differ"]
+
+    (finding,) = told(10.0)
+    assert finding.numbers["limbs"] == [[layout.joints[j] for j in layout.limbs[bone]]]
+    assert finding.numbers["given_mm"] == [lengths[bone]]
+    assert abs(finding.numbers["measured_mm"][0] - lengths[bone] + 150.0) < 20.0
+    assert f"left_knee {lengths[bone]:.0f} mm, measured" in finding.text
+    assert not told(1e4)

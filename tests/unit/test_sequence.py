@@ -210,6 +210,8 @@ def test_the_unit_does_not_matter():
         "pose": 1,
         "velocity": 1,
         "uncertainty": 2,
+        "error_bar": 2,
+        "joint_bias": 1,
         "velocity_uncertainty": 2,
         "bone_lengths": 1,
         "bone_length_sigma": 1,

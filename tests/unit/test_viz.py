@@ -22,7 +22,7 @@ SKELETON = viz.Skeleton(limbs=((0, 1), (0, 2), (1, 2)), left_right=((0, 1),))
 T, M, N = 4, 2, 3
 
 
-def overview_data(before=None, after=None, uncertainty=None, status=None, frame=2, **changes):
+def overview_data(before=None, after=None, error_bar=None, status=None, frame=2, **changes):
     """Build the data; poses in mm, error bars of 10, 20 and 30 mm along x, y and z."""
     after = np.repeat(BODY[None], T, axis=0) if after is None else after
     joints = after.shape[1]
@@ -31,7 +31,7 @@ def overview_data(before=None, after=None, uncertainty=None, status=None, frame=
     data = {
         "before": after + 30.0 if before is None else before,
         "after": after,
-        "uncertainty": known if uncertainty is None else uncertainty,
+        "error_bar": known if error_bar is None else error_bar,
         "status": np.full((T, joints), "ok") if status is None else status,
         "up": UP,
         "frame": frame,
@@ -158,9 +158,9 @@ def test_error_ellipses_are_two_standard_deviations_in_each_view(tmp_path, figur
 
 
 def test_a_joint_without_error_bar_has_no_ellipse(tmp_path, figures):
-    uncertainty = np.tile(100.0 * np.eye(3), (T, N, 1, 1))
-    uncertainty[2, 1] = np.nan
-    viz.write_overview(tmp_path / "o.png", overview_data(uncertainty=uncertainty), skeleton=SKELETON)
+    error_bar = np.tile(100.0 * np.eye(3), (T, N, 1, 1))
+    error_bar[2, 1] = np.nan
+    viz.write_overview(tmp_path / "o.png", overview_data(error_bar=error_bar), skeleton=SKELETON)
     assert len(ellipses(figures[0].axes[0])) == N - 1
 
 

@@ -41,6 +41,7 @@ def data():
         init_pose=pose + 1.0,
         covariance=np.broadcast_to(400.0 * np.eye(3), (T, N, 3, 3)).copy(),
         uncertainty=uncertainty,
+        joint_bias=np.broadcast_to([24.0, 18.0], (T, N)),
         view_weights=weights,
         swapped=swapped,
         noise=np.array([6.0, 7.0, np.nan]),
@@ -73,8 +74,11 @@ def test_npz_states_the_version_and_needs_no_pickle(data, tmp_path):
 def test_npz_has_error_bars_and_weights_under_their_names(data, tmp_path):
     write_npz(tmp_path / "pose.npz", data)
     with np.load(tmp_path / "pose.npz", allow_pickle=False) as archive:
-        assert set(archive) == {entry.name for entry in fields(PoseData)} | {"version"}
-        assert archive["uncertainty"].shape == (T, N, 3, 3)
+        assert set(archive) == {entry.name for entry in fields(PoseData)} | {"version", "error_bar"}
+        assert archive["uncertainty"].shape == archive["error_bar"].shape == (T, N, 3, 3)
+        beyond = archive["error_bar"] - archive["uncertainty"]
+        expected = archive["joint_bias"][..., None, None] ** 2 * np.eye(3)
+        np.testing.assert_allclose(beyond[0], expected[0], rtol=1e-12)
         assert archive["view_weights"].shape == (T, M, N)
         assert archive["swapped"].dtype == bool
         assert archive["noise"].shape == (T,)
@@ -163,21 +167,23 @@ def test_csv_counts_views_and_averages_over_them(data, tmp_path):
 def test_csv_has_standard_deviations_per_axis_and_counts_rejected_views(data, tmp_path):
     write_csv(tmp_path / "pose.csv", data)
     rows = rows_of(tmp_path / "pose.csv")
-    assert [float(rows[0][axis]) for axis in ("sx", "sy", "sz")] == [10.0, 15.0, 20.0]
+    assert [float(rows[0][f"scatter_{axis}"]) for axis in "xyz"] == [10.0, 15.0, 20.0]
+    bars = [float(rows[0][f"error_bar_{axis}"]) for axis in "xyz"]
+    assert bars == pytest.approx([26.0, np.hypot(24.0, 15.0), np.hypot(24.0, 20.0)])
     assert [row["n_rejected"] for row in rows] == ["0", "0", "0", "0", "0", "1"]
 
 
 def test_csv_leaves_missing_values_empty(data, tmp_path):
     write_csv(tmp_path / "pose.csv", data)
     row = rows_of(tmp_path / "pose.csv")[3]
-    assert [row[key] for key in ("x", "sx", "sz", "reprojection_error_px")] == [""] * 4
+    assert [row[key] for key in ("x", "error_bar_x", "scatter_z", "reprojection_error_px")] == [""] * 4
     assert (row["status"], row["n_views"]) == ("unobserved", "0")
 
 
 def test_csv_of_poses_alone(data, tmp_path):
     write_csv(tmp_path / "pose.csv", PoseData(data.pose, data.joint_names, data.frames, "m"))
     row = rows_of(tmp_path / "pose.csv")[0]
-    assert [row[key] for key in ("sx", "status", "n_views", "n_rejected")] == [""] * 4
+    assert [row[key] for key in ("error_bar_x", "scatter_x", "status", "n_views", "n_rejected")] == [""] * 5
 
 
 # trc

@@ -58,7 +58,7 @@ pub fn refine_batch(
     frames: &[Frame],
     progress: &Progress,
 ) -> Result<Refinements> {
-    let mut out = Refinements::room(frames)?;
+    let mut out = Refinements::room(frames, refiner)?;
     let mut rest = out.part();
     let parts: Vec<Part<'_>> = frames.iter().map(|_| rest.take(1)).collect();
     let one = |(frame, mut part): (&Frame, Part<'_>), parallel: bool| {

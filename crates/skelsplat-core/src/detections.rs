@@ -77,6 +77,18 @@ impl Detections {
         Ok(Self { n_views, n_joints, points, confidence })
     }
 
+    /// From `get(view, joint)`, which has been checked before.
+    pub(crate) fn gathered(
+        n_views: usize,
+        n_joints: usize,
+        get: impl Fn(usize, usize) -> Option<(Vector2<f64>, f64)>,
+    ) -> Self {
+        let nothing = (Vector2::repeat(f64::NAN), 0.0);
+        let all = (0..n_views * n_joints).map(|k| get(k / n_joints, k % n_joints));
+        let (points, confidence) = all.map(|found| found.unwrap_or(nothing)).unzip();
+        Self { n_views, n_joints, points, confidence }
+    }
+
     /// Number of views `M`.
     #[must_use]
     pub fn n_views(&self) -> usize {

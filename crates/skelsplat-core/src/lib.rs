@@ -73,6 +73,7 @@ mod memory;
 mod outcome;
 mod overlap;
 mod paper;
+mod people;
 mod projection;
 mod refine;
 mod sequence;
@@ -96,7 +97,10 @@ pub use layout::{Layout, LayoutSpec, SymmetricPair};
 pub use nalgebra;
 pub use outcome::{JointStatus, Loss, StopReason};
 pub use paper::{Encoding, LossAndGradient, PaperSettings, PositionLearningRate, Renderer};
-pub use refine::{Control, Frame, Method, RefineConfig, Refinement, Refinements, Refiner};
+pub use people::{Person, Seen, Tracker, track};
+pub use refine::{
+    Control, Frame, JointBias, Method, RefineConfig, Refinement, Refinements, Refiner,
+};
 pub use sequence::{Live, Sequence, refine_sequence};
 pub use settings::{Domain, Kind, Setting, Value};
 pub use triangulate::{Triangulated, fuse_monocular};
@@ -130,6 +134,7 @@ parts! {
     outcome: "The result of a method.",
     overlap: "The rendering loss in closed form.",
     paper: "The published method.",
+    people: "Several people.",
     projection: "Gaussians projected into a view.",
     refine: "Settings, the refiner and its result.",
     sequence: "A recording as a whole.",

@@ -61,6 +61,8 @@ pub enum Kind {
     Pair,
     /// Any number of numbers, or [`Value::Nothing`].
     NumbersOrNothing,
+    /// A number for all, any number of numbers, or [`Value::Nothing`].
+    OneOrEach,
     /// One of these names.
     Name(&'static [&'static str]),
     /// A number or this name.
@@ -120,6 +122,7 @@ impl Kind {
             Self::Switch => "True or False".to_owned(),
             Self::Pair => "two numbers".to_owned(),
             Self::NumbersOrNothing => "a sequence of numbers, or None".to_owned(),
+            Self::OneOrEach => "a number, a sequence of numbers, or None".to_owned(),
             Self::Name([most @ .., last]) => {
                 format!("{} or '{last}'", quoted(most).join(", "))
             }

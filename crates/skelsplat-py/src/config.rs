@@ -182,7 +182,7 @@ fn read(line: &Line, value: &Bound<'_, PyAny>) -> Result<Value> {
 
 fn read_kind(kind: Kind, value: &Bound<'_, PyAny>) -> Result<Value> {
     Ok(match kind {
-        Kind::NumberOrNothing | Kind::CountOrNothing | Kind::NumbersOrNothing
+        Kind::NumberOrNothing | Kind::CountOrNothing | Kind::NumbersOrNothing | Kind::OneOrEach
             if value.is_none() =>
         {
             Value::Nothing
@@ -196,6 +196,10 @@ fn read_kind(kind: Kind, value: &Bound<'_, PyAny>) -> Result<Value> {
             let ok = given.shape.len() == 1;
             Value::Numbers(given.shaped(ok, "one axis")?.values)
         }
+        Kind::OneOrEach => match value.extract() {
+            Ok(number) => Value::Number(number),
+            Err(_) => read_kind(Kind::NumbersOrNothing, value)?,
+        },
         Kind::Name(names) => {
             let given = value.cast::<PyString>().map_err(PyErr::from)?.to_cow()?;
             let known = names.iter().find(|name| **name == given);
@@ -231,6 +235,7 @@ fn type_text(kind: Kind) -> String {
         Kind::Switch => "bool".to_owned(),
         Kind::Pair => "(float, float)".to_owned(),
         Kind::NumbersOrNothing => "sequence of float, or None".to_owned(),
+        Kind::OneOrEach => "float or sequence of float, or None".to_owned(),
         Kind::Name(names) => {
             let quoted: Vec<String> = names.iter().map(|name| format!("\"{name}\"")).collect();
             format!("{{{}}}", quoted.join(", "))

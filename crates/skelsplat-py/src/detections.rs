@@ -40,12 +40,22 @@ impl<'py> FromPyObject<'_, 'py> for Frames {
         }
         let (pixels, scores) = split(array);
         let frames = Self { pixels, scores, batch, count, n_views, n_joints };
-        frames.check_scores("detections", ", 2")?;
+        frames.check_own_scores("detections", ", 2")?;
         Ok(frames)
     }
 }
 
 impl Frames {
+    /// The shape of `count` frames, without detections.
+    pub(crate) fn of(count: usize, n_views: usize, n_joints: usize) -> Self {
+        Self { pixels: Vec::new(), scores: Vec::new(), batch: true, count, n_views, n_joints }
+    }
+
+    /// The shape of a frame by itself, without detections.
+    pub(crate) fn one(n_views: usize, n_joints: usize) -> Self {
+        Self { batch: false, ..Self::of(1, n_views, n_joints) }
+    }
+
     /// The same with separate confidences ([T,] M, N).
     pub(crate) fn with(mut self, confidence: Option<Confidence>) -> Result<Self> {
         let Some(Confidence(array)) = confidence else { return Ok(self) };
@@ -55,11 +65,11 @@ impl Frames {
         }
         let shape = self.shape(&[self.n_views, self.n_joints]);
         self.scores = array.of(&shape, "")?.values;
-        self.check_scores("confidence", "")?;
+        self.check_own_scores("confidence", "")?;
         Ok(self)
     }
 
-    fn check_scores(&self, name: &str, channel: &str) -> Result<()> {
+    fn check_own_scores(&self, name: &str, channel: &str) -> Result<()> {
         let shape = self.shape(&[self.n_views, self.n_joints]);
         check_scores(&self.scores, &self.pixels, |k| place(name, &shape, k, channel))
     }
@@ -121,7 +131,7 @@ impl Frames {
 }
 
 /// Pixels, and the third channel if there is one.
-fn split(array: Array) -> (Vec<f64>, Vec<f64>) {
+pub(crate) fn split(array: Array) -> (Vec<f64>, Vec<f64>) {
     if array.shape.ends_with(&[2]) {
         return (array.values, Vec::new());
     }
@@ -130,7 +140,11 @@ fn split(array: Array) -> (Vec<f64>, Vec<f64>) {
 }
 
 /// Rejects a confidence outside [0, 1], located by `place`, except for missing detections (pixel not finite).
-fn check_scores(scores: &[f64], pixels: &[f64], place: impl Fn(usize) -> String) -> Result<()> {
+pub(crate) fn check_scores(
+    scores: &[f64],
+    pixels: &[f64],
+    place: impl Fn(usize) -> String,
+) -> Result<()> {
     let wrong = |(score, pixel): (&f64, &[f64])| {
         (*score < 0.0 || *score > 1.0) && pixel.iter().all(|p| p.is_finite())
     };
@@ -148,27 +162,4 @@ fn advice(score: f64) -> &'static str {
     } else {
         ""
     }
-}
-
-/// People (T, M, P, K, 3) with confidences in [0, 1].
-pub(crate) struct People;
-
-impl<'py> FromPyObject<'_, 'py> for People {
-    type Error = Failure;
-
-    fn extract(value: Borrowed<'_, 'py, PyAny>) -> Result<Self> {
-        let array = Array::read("people", &value)?;
-        let ok = matches!(array.shape.as_slice(), [_, _, _, _, 3]);
-        let array = array.shaped(ok, "(T, M, P, K, 3)")?;
-        let shape = array.shape.clone();
-        let (pixels, scores) = split(array);
-        check_scores(&scores, &pixels, |k| place("people", &shape[..4], k, ", 2"))?;
-        Ok(Self)
-    }
-}
-
-/// Reject confidences outside [0, 1] in the argument ``people`` (T, M, P, K, 3).
-#[pyfunction]
-pub(crate) fn check_people(people: People) {
-    let People = people;
 }

@@ -10,6 +10,7 @@ mod detections;
 mod errors;
 mod geometry;
 mod layout;
+mod people;
 mod refine;
 mod study;
 mod watch;
@@ -26,11 +27,11 @@ mod _skelsplat {
     #[pymodule_export]
     use crate::config::{RefineConfig, Setting};
     #[pymodule_export]
-    use crate::detections::check_people;
-    #[pymodule_export]
     use crate::geometry::{fuse_monocular, project, triangulate};
     #[pymodule_export]
     use crate::layout::Layout;
+    #[pymodule_export]
+    use crate::people::{PyTracker, check_people, track_people};
     #[pymodule_export]
     use crate::refine::{PyLive, PyRefiner, implausible_extent};
     #[pymodule_export]

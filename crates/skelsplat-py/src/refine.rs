@@ -47,7 +47,7 @@ pub(crate) fn refiner(
 ///     No camera, an unknown layout, or settings that do not match the cameras.
 #[pyclass(frozen, module = "skelsplat._skelsplat", name = "Refiner")]
 #[derive(Clone)]
-pub(crate) struct PyRefiner(Arc<Refiner>);
+pub(crate) struct PyRefiner(pub(crate) Arc<Refiner>);
 
 #[pymethods]
 impl PyRefiner {
@@ -258,7 +258,11 @@ fn isotropic(sigmas: &Array) -> Result<Vec<Matrix3<f64>>> {
 }
 
 /// The arrays of `Refinement`, with the leading T if there was one.
-fn results<'py>(py: Python<'py>, frames: &Frames, done: Refinements) -> Result<Bound<'py, PyDict>> {
+pub(crate) fn results<'py>(
+    py: Python<'py>,
+    frames: &Frames,
+    done: Refinements,
+) -> Result<Bound<'py, PyDict>> {
     let (m, n) = (frames.n_views, frames.n_joints);
     let steps = done.loss_history.iter().map(Vec::len).max().unwrap_or(0);
     // NaN after the last step of a frame
@@ -279,6 +283,9 @@ fn results<'py>(py: Python<'py>, frames: &Frames, done: Refinements) -> Result<B
     out.set_item("n_iter", frames.out(n_iter, &[]))?;
     let reasons: Vec<&str> = done.stop_reason.iter().map(|reason| reason.name()).collect();
     out.set_item("stop_reason", reasons)?;
+    // The same in all frames
+    let bias = if done.is_empty() { vec![0.0; n] } else { done.joint_bias.to_vec() };
+    out.set_item("joint_bias", Out(bias, vec![n]))?;
     // Without a copy
     out.set_item("pose", frames.out(done.pose, &[n, 3]))?;
     out.set_item("init_pose", frames.out(done.init_pose, &[n, 3]))?;
@@ -292,7 +299,11 @@ fn results<'py>(py: Python<'py>, frames: &Frames, done: Refinements) -> Result<B
 }
 
 /// The arrays of `SequenceRefinement`.
-fn over_time<'py>(py: Python<'py>, frames: &Frames, done: Sequence) -> Result<Bound<'py, PyDict>> {
+pub(crate) fn over_time<'py>(
+    py: Python<'py>,
+    frames: &Frames,
+    done: Sequence,
+) -> Result<Bound<'py, PyDict>> {
     let (n, bones) = (frames.n_joints, done.bones.len());
     let out = results(py, frames, done.frames)?;
     out.set_item("velocity", frames.out(done.velocity, &[n, 3]))?;

@@ -128,10 +128,19 @@ def _limbs_differ(finding: Finding) -> str:
     return f"Left and right limbs differ in length, {sizes}. Is the layout correct{hint}?"
 
 
+def _given_lengths_differ(finding: Finding) -> str:
+    given, measured = finding.numbers["given_mm"], finding.numbers["measured_mm"]
+    sizes = [
+        f"{a} to {b} {size:.0f} mm, measured {seen:.0f} mm"
+        for (a, b), size, seen in zip(finding.numbers["limbs"], given, measured, strict=True)
+    ]
+    return f"Given bone lengths contradict the recording: {_some(sizes)}. Where views agree, they count."
+
+
 def _uncertain(finding: Finding) -> str:
-    bars = zip(finding.subject.joints, finding.numbers["error_bar_mm"], strict=True)
-    joints = _some([f"{name} ({bar:.0f} mm)" for name, bar in bars])
-    return f"Error bars far above the median of {finding.numbers['median_error_bar_mm']:.0f} mm: {joints}."
+    scatter = zip(finding.subject.joints, finding.numbers["scatter_mm"], strict=True)
+    joints = _some([f"{name} ({own:.0f} mm)" for name, own in scatter])
+    return f"Scatter far above the median of {finding.numbers['median_scatter_mm']:.0f} mm: {joints}."
 
 
 def _some(joints: Sequence[str]) -> str:
@@ -222,7 +231,7 @@ def _lengths(finding: Finding) -> str:
         f"Limb lengths vary by up to {percent(numbers['relative_range'])} over the recording, which is "
         f"impossible for one body. {a} to {b} is {low:,.0f} to {high:,.0f} mm long (5th to 95th "
         f"percentile), and {percent(numbers['off_share'])} of the lengths of arms and legs deviate by "
-        f"more than error bars explain. {cause}."
+        f"more than scatter explains. {cause}."
     )
 
 
@@ -263,6 +272,7 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "views_apart": _apart,
     "camera_mirrored": _mirrored,
     "limbs_differ": _limbs_differ,
+    "given_lengths_differ": _given_lengths_differ,
     "joints_rejected": lambda f: f"Most detections are rejected for {_some(f.subject.joints)}.",
     "joints_uncertain": _uncertain,
     **dict.fromkeys(_STATUS, _status),
@@ -279,7 +289,5 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "frame_swapped": lambda f: f"left–right swap in {named(f)}",
     "frame_rejected": lambda f: f"{max(f.numbers['percent']):.0f}% of the detections rejected",
     "frame_error": lambda f: f"median reprojection error {max(f.numbers['median_px']):.1f} px",
-    "frame_error_bar": lambda f: (
-        f"error bar far above normal: {named(f)}, {max(f.numbers['error_bar_mm']):.0f} mm"
-    ),
+    "frame_scatter": lambda f: f"scatter far above normal: {named(f)}, {max(f.numbers['scatter_mm']):.0f} mm",
 }

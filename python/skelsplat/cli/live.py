@@ -22,6 +22,7 @@ from skelsplat.run.read import read_rig
 EPILOG = "Exit status: 0 at the end of the input, 1 failed, 2 bad usage, 130 interrupted."
 
 
+# long: a parameter per option
 def live(
     source: inputs.Calibration,
     *,
@@ -37,6 +38,7 @@ def live(
     no_swaps: options.NoSwaps = False,
     free_bones: options.FreeBones = False,
     sigma_mm: options.SigmaOfAnnealed = None,
+    joint_bias_mm: options.JointBias = None,
     fps: options.LiveRate = None,
     lag: options.Lag = 0,
     quiet: options.Quiet = False,
@@ -53,10 +55,12 @@ def live(
     discards the previous pose, from which the search otherwise starts.
 
     A line out, flushed at once, has for every joint the position in the unit of
-    the calibration, its standard deviation per axis, and the status.
+    the calibration, its standard deviations per axis, and the status: the error
+    bar against an anatomical joint, and the scatter, which is a part of it.
 
-    {"frame": 7, "pose": [[1.2, 0.4, 1.5], ...], "sigma": [[0.01, 0.02, 0.01],
-    ...], "joint_status": ["ok", ...], "latency_ms": 0.2}
+    {"frame": 7, "pose": [[1.2, 0.4, 1.5], ...], "error_bar": [[0.02, 0.03, 0.02],
+    ...], "scatter": [[0.01, 0.02, 0.01], ...], "joint_status": ["ok", ...],
+    "latency_ms": 0.2}
 
     A joint without a position is null; an unobserved one keeps its previous
     position. "latency_ms" is the time from reading the line to the answer.
@@ -82,6 +86,7 @@ def live(
     settings = {
         "min_confidence": min_confidence,
         "sigma_mm": sigma_mm,
+        "joint_bias_mm": joint_bias_mm,
         "undistort": False if no_undistort else None,
         "find_swaps": False if no_swaps else None,
         "bones": "free" if free_bones else None,

@@ -192,6 +192,9 @@ OcclusionSigma = Annotated[
     float | None,
     _setting(_METHOD, "occlusion_sigma_mm", *_METHODS, metavar="MM", default="as --sigma-mm"),
 ]
+JointBias = Annotated[
+    float | None, _setting(_METHOD, "joint_bias_mm", *_METHODS, metavar="MM", min=0, default="by the layout")
+]
 SymmetryTier = Annotated[
     int | None, _setting(_METHOD, "symmetry_tier", *_METHODS, metavar="0..3", min=0, max=3)
 ]

@@ -55,6 +55,7 @@ def refine(
     free_bones: options.FreeBones = False,
     sigma_mm: options.Sigma = None,
     occlusion_sigma_mm: options.OcclusionSigma = None,
+    joint_bias_mm: options.JointBias = None,
     symmetry_tier: options.SymmetryTier = None,
     max_steps: options.MaxSteps = None,
     threads: options.Threads = None,
@@ -86,6 +87,7 @@ def refine(
     given = {
         "sigma_mm": sigma_mm,
         "occlusion_sigma_mm": occlusion_sigma_mm,
+        "joint_bias_mm": joint_bias_mm,
         "symmetry_tier": symmetry_tier,
         "max_steps": max_steps,
         "min_confidence": min_confidence,

@@ -196,8 +196,9 @@ def _lines(run: Run) -> Iterator[str]:
         found = ", ".join(f"{group.name} {group.swapped}" for group in statistics.cameras if group.swapped)
         yield f"Left–right swaps were corrected in {swapped} detections: {found}."
     yield ""
-    typical = number(finite_median(statistics.error_bar_mm))
-    yield f"Error bars, one standard deviation per axis: median {typical} mm. The largest [mm]:"
+    bar, scatter = (number(finite_median(mm)) for mm in (statistics.error_bar_mm, statistics.scatter_mm))
+    yield f"Error bars, one standard deviation per axis: median {bar} mm (against anatomical"
+    yield f"joints), of which scatter {scatter} mm. The largest [mm]:"
 
 
 def _joints(run: Run) -> Table:
@@ -206,11 +207,13 @@ def _joints(run: Run) -> Table:
     bars = np.array([finite_median(bar) for bar in statistics.error_bar_mm.T])
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
     table.add_column(" joint")
-    for name in ("median", "largest", "missing", "rejected", "of"):
+    for name in ("median", "largest", "scatter", "missing", "rejected", "of"):
         table.add_column(name, justify="right")
     order = np.argsort(np.where(np.isfinite(bars), -bars, -np.inf), kind="stable")
     for j in [j for j in order if statistics.joints[j].name not in lacking][:_MOST_JOINTS]:
         group, largest = statistics.joints[j], finite_max(statistics.error_bar_mm[:, j])
+        scatter = finite_median(statistics.scatter_mm[:, j])
         counts = (group.missing, group.rejected, group.used + group.missing + group.left_out)
-        table.add_row(f" {group.name}", number(bars[j]), number(largest), *map(str, counts))
+        sizes = (number(size) for size in (bars[j], largest, scatter))
+        table.add_row(f" {group.name}", *sizes, *map(str, counts))
     return table

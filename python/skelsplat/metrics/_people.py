@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from skelsplat._arrays import Array, Index, Mask, flags, positive, whole_numbers
+from skelsplat._optional import require
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.metrics._arrays import as_poses, present
-from skelsplat.metrics._assignment import cheapest_pairs
 from skelsplat.metrics._rates import Endpoint, pcp
 
 Track = tuple[int, ArrayLike, ArrayLike]
@@ -78,7 +78,7 @@ def track_scores(
     limbs: Sequence[tuple[Endpoint, Endpoint]] | None = None,
     alpha: float = 0.5,
 ) -> TrackScores:
-    """Score tracked people.
+    """Score tracked people; needs SciPy, the extra ``evaluation``.
 
     The distance of an estimate from a person is the mean over the joints that both have; pairs up to
     `gate_mm` may be matched. Errors, precision, recall and PCP are of the assignment of least total distance
@@ -98,12 +98,15 @@ def track_scores(
         estimates matched to them count.
     gate_mm : float
     limbs, alpha
-        As in `skelsplat.metrics.pcp`.
+        As in `skelsplat.metrics.pcp`. The published figures of Shelf and Campus take the nearest estimate
+        instead of the assigned one, at any distance.
 
     Raises
     ------
     InvalidInputError
         If shapes do not match, a frame is outside the truth, or an identity is twice in a frame.
+    MissingPackageError
+        Without SciPy.
     """
     positive("gate_mm", gate_mm)
     people, waived = _checked(truth, optional)
@@ -181,6 +184,19 @@ def _distances(poses: Array, people: Array, gate_mm: float) -> Array:
     total, count = np.where(common, gap, 0.0).sum(axis=-1), common.sum(axis=-1)
     mean = np.where(count > 0, total / np.maximum(count, 1), np.inf)
     return np.where(mean <= gate_mm, mean, np.inf).transpose(2, 0, 1)
+
+
+def cheapest_pairs(cost: Array) -> Index:
+    """Rows and columns (K, 2) of the most pairs of finite cost, of these the least costly in total."""
+    assign = require("scipy.optimize", "scores of tracked people", "evaluation").linear_sum_assignment
+    allowed = np.isfinite(cost)
+    if not allowed.any():
+        return np.empty((0, 2), dtype=np.int64)
+    # A forbidden pair costs more than all allowed ones together could save.
+    dear = cost[allowed].max() + (np.ptp(cost[allowed]) + 1.0) * (min(cost.shape) + 1)
+    pairs = np.stack(assign(np.where(allowed, cost, dear)), axis=1)
+    kept: Index = pairs[allowed[pairs[:, 0], pairs[:, 1]]]
+    return kept
 
 
 def _followed(distance: Array) -> Index:

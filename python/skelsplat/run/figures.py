@@ -28,7 +28,7 @@ def write_figures(run: Run, folder: Path) -> list[str]:
     data = viz.OverviewData(
         before=outcome.start * mm,
         after=np.asarray(outcome.result.pose) * mm,
-        uncertainty=np.asarray(outcome.result.uncertainty) * mm**2,
+        error_bar=np.asarray(outcome.result.error_bar) * mm**2,
         status=np.asarray(outcome.result.joint_status),
         up=world_up(inputs.rig),
         up_known=vertical_known(inputs.rig),
@@ -126,7 +126,7 @@ def _seen(view: int, frame: int, inputs: Inputs, outcome: Outcome) -> Array:
 
 def _camera_panel(view: int, frame: int, inputs: Inputs, outcome: Outcome) -> viz.CameraPanel:
     camera, result = inputs.rig[view], outcome.result
-    projected, covariances = sk.project_gaussians(result.pose[frame], result.uncertainty[frame], [camera])
+    projected, covariances = sk.project_gaussians(result.pose[frame], result.error_bar[frame], [camera])
     return viz.CameraPanel(
         name=inputs.rig.names[view],
         size=camera.size,

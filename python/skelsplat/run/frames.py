@@ -24,7 +24,7 @@ Case = tuple[int, str, Subject, dict[str, Any]]
 _RATIO = 3.0
 # of the share of rejected detections at least the first of these, and the second whatever the others are;
 _SHARE, _HIGH_SHARE = 0.1, 1 / 3
-# of a joint's error bar also this multiple of the median of all.
+# of a joint's scatter also this multiple of the median of all.
 _BAR_RATIO = 2.0
 # A stop reason that most frames share is not a finding on one of them.
 _MOSTLY = 0.5
@@ -48,7 +48,7 @@ def find_in_frames(
         *_named("frame_swapped", np.asarray(swapped.any(axis=2)), "cameras", inputs.rig.names),
         *_rejected(statistics),
         *_errors(statistics),
-        *_error_bars(statistics, status, inputs.layout.joints),
+        *_scatter(statistics, status, inputs.layout.joints),
     ):
         found.setdefault((kind, subject), []).append((int(inputs.frames[frame]), numbers))
     findings = []
@@ -131,15 +131,13 @@ def _errors(statistics: Statistics) -> Iterator[Case]:
         yield int(t), "frame_error", Subject(), {"median_px": float(median[t])}
 
 
-def _error_bars(
-    statistics: Statistics, status: npt.NDArray[np.str_], joints: Sequence[str]
-) -> Iterator[Case]:
-    """Yield joints whose error bar is far above their own median; weak ones have their own case."""
-    bars = np.where(status == "ok", statistics.error_bar_mm, np.nan)
-    usual = np.array([finite_median(bar) for bar in bars.T])
-    where = bars > np.maximum(_RATIO * usual, _BAR_RATIO * finite_median(bars))
-    for t, kind, subject, numbers in _named("frame_error_bar", where, "joints", joints):
-        yield t, kind, subject, {**numbers, "error_bar_mm": float(bars[t][where[t]].max())}
+def _scatter(statistics: Statistics, status: npt.NDArray[np.str_], joints: Sequence[str]) -> Iterator[Case]:
+    """Yield joints whose scatter is far above their own median; weak ones have their own case."""
+    scatter = np.where(status == "ok", statistics.scatter_mm, np.nan)
+    usual = np.array([finite_median(joint) for joint in scatter.T])
+    where = scatter > np.maximum(_RATIO * usual, _BAR_RATIO * finite_median(scatter))
+    for t, kind, subject, numbers in _named("frame_scatter", where, "joints", joints):
+        yield t, kind, subject, {**numbers, "scatter_mm": float(scatter[t][where[t]].max())}
 
 
 def _named(kind: str, where: Mask, part: str, names: Sequence[str]) -> Iterator[Case]:

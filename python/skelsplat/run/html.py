@@ -18,7 +18,7 @@ from skelsplat._optional import can_draw
 from skelsplat._sentences.words import number
 from skelsplat.run.frames import rows_of
 from skelsplat.run.report import MEANINGS, solved_in_words
-from skelsplat.run.summary import DOWN_WEIGHTED, error_maps, finite_max, finite_median, frame_medians
+from skelsplat.run.summary import DOWN_WEIGHTED, error_maps, finite_median, frame_medians
 
 if TYPE_CHECKING:
     from skelsplat.run._run import Run
@@ -44,7 +44,11 @@ _SHARED = (
 )
 _OF_JOINTS = (
     ("views used", "views with a detection that is used and not rejected: median over the frames (lowest)"),
-    ("error bar [mm]", "standard deviation of the joint per axis: median over the frames (largest)"),
+    (
+        "error bar [mm]",
+        "standard deviation per axis against an anatomical joint, median over the frames "
+        "(in brackets the scatter, a part of it)",
+    ),
     ("moved [mm]", "median distance of the refined joint from its start"),
 )
 
@@ -177,7 +181,7 @@ def key_numbers(run: Run) -> list[tuple[str, str, str]]:
         (
             "median error bar",
             f"{number(finite_median(statistics.error_bar_mm))} mm",
-            f"largest {number(finite_max(statistics.error_bar_mm), 0)} mm",
+            f"against anatomical joints; scatter {number(finite_median(statistics.scatter_mm))} mm",
         ),
         (
             "frames with a problem",
@@ -198,7 +202,10 @@ def _notes(run: Run) -> list[str]:
         "Reprojection errors are distances from the detections used, in pixels of the original images: they "
         "measure agreement with the detections, not accuracy.",
         f"Weight: how much each detection is trusted, from 0 to 1; down-weighted below {DOWN_WEIGHTED:g}, "
-        f"rejected below {sk.REJECTED_WEIGHT:g}. Error bar: one standard deviation per axis.",
+        f"rejected below {sk.REJECTED_WEIGHT:g}. Error bar: one standard deviation per axis against an "
+        "anatomical joint. It contains the scatter, what another recording of the same pose by the same "
+        "detector would give, and how far detectors place joints from anatomical ones in all views and "
+        "frames (--joint-bias-mm).",
         "The 3D view is in metres, in the axes of the calibration; ellipsoids are drawn at two standard "
         "deviations, cut off 0.3 m from the joint, and joints that are weak, inferred, filled or "
         f"unobserved are hollow.{speed}",
@@ -213,7 +220,7 @@ def _sequence(run: Run) -> page.Sequence3D:
     return Sequence3D(
         start=run.outcome.start * mm,
         refined=poses.pose * mm,
-        uncertainty=poses.uncertainty * mm**2,
+        error_bar=poses.error_bar * mm**2,
         status=poses.joint_status,
         frames=run.frames,
         frame_rate=poses.frame_rate,
@@ -264,10 +271,11 @@ def _joint_table(inputs: Inputs, statistics: Statistics) -> page.Table:
 
     rows = []
     for j, group in enumerate(statistics.joints):
-        views, bars = statistics.views_used[:, j], statistics.error_bar_mm[:, j]
+        views = statistics.views_used[:, j]
+        bar, scatter = (finite_median(mm[:, j]) for mm in (statistics.error_bar_mm, statistics.scatter_mm))
         own = [
             f"{np.median(views):g} ({views.min()})",
-            f"{number(finite_median(bars))} ({number(finite_max(bars), 0)})",
+            f"{number(bar)} ({number(scatter)})",
             number(finite_median(statistics.moved_mm[:, j])),
         ]
         rows.append([*_cells(group), *own])

@@ -229,11 +229,15 @@ def json_name(name: Any) -> None:
 
 def answer_text(frame: Frame, result: sk.Refinement) -> str:
     """Return the answer to a frame as a JSON object without its closing brace."""
-    sigma = np.sqrt(np.diagonal(result.uncertainty, axis1=-2, axis2=-1))
+    bar, scatter = (
+        to_json(np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1)), by_joint=True)
+        for covariance in (result.error_bar, result.uncertainty)
+    )
     record = {
         "frame": frame.name,
         "pose": to_json(result.pose, by_joint=True),
-        "sigma": to_json(sigma, by_joint=True),
+        "error_bar": bar,
+        "scatter": scatter,
         "joint_status": result.joint_status.tolist(),
     }
     return json.dumps(record, allow_nan=False)[:-1]

@@ -41,8 +41,8 @@ def trajectories(source: Source) -> Picture:
     """Draw the chosen joints over time."""
     poses, time = source.poses, viz.TimeAxis(source.poses.frames, source.poses.frame_rate, source.zero)
     shape = poses.pose.shape
-    variance = np.diagonal(poses.uncertainty, axis1=-2, axis2=-1)
-    sigma = np.sqrt(np.maximum(variance, 0.0)) if len(poses.uncertainty) else np.full(shape, np.nan)
+    variance = np.diagonal(poses.error_bar, axis1=-2, axis2=-1)
+    sigma = np.sqrt(np.maximum(variance, 0.0)) if len(variance) else np.full(shape, np.nan)
     data = viz.TrajectoryData(
         pose=poses.pose,
         sigma=sigma,

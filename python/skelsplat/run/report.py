@@ -24,7 +24,9 @@ MEANINGS = {
     "swapped": "detections assigned to the joint on the other side of the body",
     "views_used": "views per frame with a detection of the joint that is used and not rejected",
     "noise": "standard deviation of the detections' noise, estimated, median over the frames",
-    "error_bar": "standard deviation of a joint: root mean square over the axes of the posterior covariance",
+    "error_bar": "standard deviation from an anatomical joint, root mean square over the axes: scatter, and "
+    "what detectors err by in all views and frames (settings.joint_bias_mm; null: published figures)",
+    "scatter": "standard deviation between recordings of the same pose by the same detector, likewise",
     "solution": "in time: all frames together, with one length per bone and smooth motion; or frame by frame",
     "inferred": "joint positions that bones and neighbouring frames determine, not two views of their frame",
     "start": "what before_px and moved are measured from: the initial pose if one was given, else DLT",
@@ -166,6 +168,8 @@ def _joints(statistics: Statistics) -> list[dict[str, Any]]:
             "moved_median_mm": finite_median(statistics.moved_mm[:, j]),
             "error_bar_median_mm": finite_median(statistics.error_bar_mm[:, j]),
             "error_bar_max_mm": finite_max(statistics.error_bar_mm[:, j]),
+            "scatter_median_mm": finite_median(statistics.scatter_mm[:, j]),
+            "scatter_max_mm": finite_max(statistics.scatter_mm[:, j]),
         }
         for j, group in enumerate(statistics.joints)
     ]

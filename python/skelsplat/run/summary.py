@@ -86,8 +86,10 @@ class Statistics:
         Number of views whose detection of the joint is used and not rejected.
     moved_mm : (T, N)
         Distance of each refined joint from its start, in mm.
-    error_bar_mm : (T, N)
-        Standard deviation of each joint, the root mean square over the axes, in mm.
+    error_bar_mm, scatter_mm : (T, N)
+        Standard deviation of each joint, the root mean square over the axes, in mm: against an anatomical
+        joint, and between recordings of the same pose. Whether a joint or frame is unusual is judged from the
+        scatter.
     noise_mm, noise_px : float
         Standard deviation of the detections' noise, median over the frames: across the ray, and in the image.
     poor_px : (M,)
@@ -106,6 +108,7 @@ class Statistics:
     views_used: Index
     moved_mm: Array
     error_bar_mm: Array
+    scatter_mm: Array
     noise_mm: float
     noise_px: float
     poor_px: Array
@@ -117,7 +120,8 @@ class Statistics:
 
     def without_bars(self, where: Mask) -> Statistics:
         """Return the same without the error bars where (T, N) holds, as of positions that were replaced."""
-        return replace(self, error_bar_mm=np.where(where, np.nan, self.error_bar_mm))
+        bar, scatter = (np.where(where, np.nan, mm) for mm in (self.error_bar_mm, self.scatter_mm))
+        return replace(self, error_bar_mm=bar, scatter_mm=scatter)
 
     def with_groups_of(self, errors: Mapping[str, Any]) -> Statistics:
         """Return the same with the groups of a report's ``reprojection_error``."""
@@ -150,7 +154,7 @@ def summarise(inputs: Inputs, outcome: Outcome) -> Statistics:
 
     residual = np.where(used[..., None], _residuals(inputs, outcome), np.nan)
     rejected = every["weight"] < sk.REJECTED_WEIGHT
-    variance = np.trace(result.uncertainty, axis1=-2, axis2=-1) / 3
+    scatter = np.trace(result.uncertainty, axis1=-2, axis2=-1) / 3
     return Statistics(
         error_before=before,
         error_after=after,
@@ -159,7 +163,8 @@ def summarise(inputs: Inputs, outcome: Outcome) -> Statistics:
         rejected=rejected,
         views_used=(used & ~rejected).sum(axis=1),
         moved_mm=np.linalg.norm(np.asarray(result.pose) - outcome.start, axis=-1) * mm,
-        error_bar_mm=np.sqrt(variance) * mm,
+        error_bar_mm=np.sqrt(scatter + result.joint_bias**2) * mm,
+        scatter_mm=np.sqrt(scatter) * mm,
         noise_mm=finite_median(result.noise) * mm,
         noise_px=finite_median(np.asarray(result.noise) / _pixel_sizes(inputs, outcome)),
         poor_px=poor_px,

@@ -62,10 +62,10 @@ def crowd(
         Q ≥ 1 and T ≥ 2.
     fps : float
     meetings : sequence of str
-        What pairs of people do, in turn, every 5 s. ``"cross"``: they pass each other at 0.3 to 0.6 m.
-        ``"handover"``: they meet, reach out and go back. ``"circle"``: one round about each other.
-        ``"behind"``: one stands behind the other, seen from a camera. ``"leave"``: one leaves the room and
-        comes back 1 to 2.5 s later. ``"apart"``: one walks about. An odd one out does nothing.
+        What pairs of people do, in turn from a random one, every 5 s. ``"cross"``: they pass each other at
+        0.3 to 0.6 m. ``"handover"``: they meet, reach out and go back. ``"circle"``: they go round each
+        other. ``"behind"``: one stands behind the other, seen from a camera. ``"leave"``: one leaves the room
+        and comes back 1 to 2.5 s later. ``"apart"``: one walks about. An odd one out does nothing.
     eyes : (M, 3) mm, optional
         Centres of the cameras, for ``"behind"``; without them it is seen from anywhere.
     seed : int or numpy Generator
@@ -93,6 +93,7 @@ def crowd(
     cameras = np.empty((0, 2)) if eyes is None else np.asarray(eyes, dtype=np.float64)[:, :2]
     steps = np.arange(n_frames) / fps
     plan = _Plan(n_people, steps, rng)
+    plan.met = int(rng.integers(len(meetings)))
     for k in range(int(steps[-1] / _ROUND_S) + 1):
         plan.add_round(k * _ROUND_S, meetings, cameras)
     return plan.bodies(fps)
@@ -115,16 +116,15 @@ class _Plan:
         self.steps, self.rng = steps, rng
         self.turn = rng.uniform(0.0, 2 * np.pi)
         self.home = rng.permutation(n_people)  # everybody's number on the circle
-        self.at: list[list[float]] = [[0.0] for _ in range(n_people)]
-        self.way: list[list[Array]] = [[self.place(home)] for home in self.home]
+        self.keys: list[list[_Keys]] = []  # of every round, everybody's
         self.looks = np.zeros((n_people, len(steps), 2))
         self.reach = np.zeros((n_people, len(steps)))
         self.away: Mask = np.zeros((n_people, len(steps)), dtype=bool)
-        self.met = 0
+        self.met = 0  # place in the list of meetings
 
-    def place(self, home: int, share: float = _HOME) -> Array:
+    def place(self, home: int) -> Array:
         angle = self.turn + 2 * np.pi * home / len(self.home)
-        return share * ROOM_MM * np.array([np.cos(angle), np.sin(angle)])
+        return _HOME * ROOM_MM * np.array([np.cos(angle), np.sin(angle)])
 
     def add_round(self, begin: float, meetings: Sequence[str], eyes: Array) -> None:
         """Draw who meets whom until nobody comes nearer than `_NEAREST_MM`; of many tries take the best."""
@@ -133,18 +133,13 @@ class _Plan:
             tries.append(self.drawn_round(meetings, eyes))
             if self.nearest(tries[-1]) >= _NEAREST_MM - 1.0:
                 break
-        pairs, home = max(tries, key=self.nearest)
-        self.met += len(pairs)
+        drawn = max(tries, key=self.nearest)
         middle = begin + _ROUND_S / 2
-        for (a, b), part in pairs:
-            for k, q in enumerate((a, b)):
-                self.at[q] += (middle + part.at).tolist()
-                self.way[q] += list(part.way[:, k])
+        self.keys.append([(middle + at, way) for at, way in self.keys_of(drawn)])
+        for (a, b), part in drawn[0]:
             self.note(a, b, part, middle)
-        for q in range(len(self.home)):
-            self.at[q].append(begin + _ROUND_S)
-            self.way[q].append(self.place(home[q]))
-        self.home = home
+        self.met += len(drawn[0])
+        self.home = drawn[1]
 
     def drawn_round(self, meetings: Sequence[str], eyes: Array) -> _Round:
         """Draw pairs, what they do, and everybody's next number on the circle."""
@@ -161,20 +156,25 @@ class _Plan:
             pairs.append(((a, b), _MEETINGS[kind](_Meeting(point, ends, eyes, self.rng))))
         return pairs, home
 
+    def keys_of(self, drawn: _Round) -> list[_Keys]:
+        """Where everybody is in a round, and when, from its middle."""
+        pairs, home = drawn
+        parts = {q: (part.at, part.way[:, k]) for people, part in pairs for k, q in enumerate(people)}
+        out = []
+        for q in range(len(home)):
+            at, way = parts.get(q, (np.empty(0), np.empty((0, 2))))
+            ends = [[self.place(self.home[q])], [self.place(home[q])]]
+            times = np.concatenate([[-_ROUND_S / 2], at, [_ROUND_S / 2]])
+            out.append((times, np.concatenate([ends[0], way, ends[1]])))
+        return out
+
     def nearest(self, drawn: _Round) -> float:
         """Least distance of two people in a round; nobody who is away counts."""
-        pairs, home = drawn
         times = np.arange(-_ROUND_S / 2, _ROUND_S / 2 + 1e-9, 0.1)
-        middle = {q: (part, k) for ab, part in pairs for k, q in reversed(list(enumerate(ab)))}
-        paths = []
-        for q in range(len(home)):
-            part, k = middle.get(q, (_Part(np.empty(0), np.empty((0, 2, 2))), 0))
-            at = np.concatenate([[times[0]], part.at, [times[-1]]])
-            way = np.concatenate([[self.place(self.home[q])], part.way[:, k], [self.place(home[q])]])
-            path = np.stack([np.interp(times, at, way[:, axis]) for axis in range(2)], axis=1)
-            if part.away is not None and k == 0:
-                path[(times > part.away[0]) & (times < part.away[1])] = np.nan
-            paths.append(path)
+        paths = [_path(times, *keys) for keys in self.keys_of(drawn)]
+        for (q, _), part in drawn[0]:
+            if part.away is not None:
+                paths[q][(times > part.away[0]) & (times < part.away[1])] = np.nan
         gaps = [np.linalg.norm(a - b, axis=1) for k, a in enumerate(paths) for b in paths[:k]]
         return float(np.nanmin(gaps)) if gaps else np.inf
 
@@ -194,10 +194,9 @@ class _Plan:
     def bodies(self, fps: float) -> Array:
         """Return the people's joints (Q, T, 17, 3)."""
         people = []
-        for q, (at, way) in enumerate(zip(self.at, self.way, strict=True)):
-            ends = np.array(way)
-            raw = np.stack([np.interp(self.steps, at, ends[:, axis]) for axis in range(2)], axis=1)
-            path = _smoothed(raw, fps)
+        for q, keys in enumerate(zip(*self.keys, strict=True)):
+            at, way = (np.concatenate(part) for part in zip(*keys, strict=True))
+            path = _smoothed(_path(self.steps, at, way), fps)
             velocity = np.gradient(path, axis=0) * fps
             # Who walks looks ahead; who stands looks at somebody.
             ahead = _smoothed(velocity + 150.0 * self.looks[q], fps)
@@ -211,6 +210,12 @@ class _Plan:
 
 
 _Round = tuple[list[tuple[tuple[int, int], _Part]], Index]
+_Keys = tuple[Array, Array]  # times (K,) s and places (K, 2) mm
+
+
+def _path(times: Array, at: Array, way: Array) -> Array:
+    """Places (T, 2) on the straight lines between the keys."""
+    return np.stack([np.interp(times, at, way[:, axis]) for axis in range(2)], axis=1)
 
 
 def _smoothed(values: Array, fps: float) -> Array:

@@ -122,8 +122,10 @@ def simulate_scene(
         raise InvalidInputError(f"cameras: expected a rig in mm, got one in {rig.unit}")
     skeleton = layouts.get(layout) if isinstance(layout, str) else layout
     eyes = np.array([-np.asarray(c.R).T @ np.asarray(c.t) for c in rig])
-    if isinstance(people, int):
-        moving = crowd(people, n_frames, fps=fps, meetings=meetings, eyes=eyes, seed=_stream(seed, _PEOPLE))
+    if isinstance(people, int | np.integer):
+        moving = crowd(
+            int(people), n_frames, fps=fps, meetings=meetings, eyes=eyes, seed=_stream(seed, _PEOPLE)
+        )
         truth = in_layout(moving, skeleton)
     else:
         truth = _poses(people, len(skeleton.joints))

@@ -42,7 +42,7 @@ class OverviewData(ArrayFields):
     # (T, N, 3) joint positions at the start and refined, in mm; NaN where unknown
     before: Array
     after: Array
-    uncertainty: Array  # (T, N, 3, 3) covariances of the refined joints, in mm²; NaN where unknown
+    error_bar: Array  # (T, N, 3, 3) covariances of the refined joints, in mm²; NaN where unknown
     # (T, N) ``"ok"``, ``"inferred"``, ``"weak"`` or ``"unobserved"``; those not ``"ok"`` are drawn hollow
     status: npt.NDArray[np.str_]
     up: Array  # (3,) the vertical of the world, of unit length
@@ -188,7 +188,7 @@ def _flatten(pose: Array, body: OverviewData, right: Array) -> Array:
 def _flat_covariances(body: OverviewData, right: Array) -> Array:
     """Return the covariances (N, 2, 2) in the plane of a view."""
     plane = np.stack([right, body.up])
-    flat: Array = plane @ body.uncertainty[body.frame] @ plane.T
+    flat: Array = plane @ body.error_bar[body.frame] @ plane.T
     return flat
 
 

@@ -183,7 +183,7 @@ def _legend_entries(data: TrajectoryData, joints: Sequence[int], skeleton: Skele
     ]
     if np.isfinite(data.sigma[:, joints]).any():
         dark = {2: BANDS[2], 1: BANDS[1] + BANDS[2]}
-        entries += [Patch(color="0.2", alpha=dark[n], linewidth=0, label=f"±{n} σ") for n in (1, 2)]
+        entries += [Patch(color="0.2", alpha=dark[n], linewidth=0, label=f"error bar, {n} σ") for n in (1, 2)]
     if np.isfinite(data.start[:, joints]).any():
         entries.append(_style.entry(_style.BEFORE, data.start_name, linewidth=0.8))
     for name, colour in MARKS.items():

@@ -6,10 +6,13 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from skelsplat import datasets
 from skelsplat.cli import app
+from skelsplat.evaluation import methods, protocols, report
 from writers import human36m, occlusion_person, panoptic, shelf_campus
 
 # With noise of 1.5 px or less on the detections, no triangulation is further off.
@@ -72,3 +75,18 @@ def test_it_is_evaluated(case: str, tmp_path: Path) -> None:
         assert list(content["columns"]) == columns
     text = (tmp_path / "out" / "report.md").read_text(encoding="utf-8")
     assert metrabs is None or f"| *SkelSplat (metrabs)* | {metrabs} |" in text
+
+
+RATES = {"authors": 50.0, "videopose3d": 50.0, "occ": 50.0, "panoptic": 29.97, "person": None, "shelf": 25.0}
+
+
+@pytest.mark.parametrize("case", RATES)
+def test_the_rate_of_a_data_set_decides_whether_methods_over_time_run(case: str, tmp_path: Path) -> None:
+    name, write, *_ = SETS[case]
+    write(tmp_path)
+    data = datasets.read(name, tmp_path)
+    assert {take.fps for take in data} == {RATES[case]}
+    cases = protocols.get(name).cases(data)
+    picked = {method.name for method in report.select([], cases, methods.Options())}
+    consecutive = all((np.diff(take.frames) == 1).any() for take in data)
+    assert ("in-time" in picked) == ("annealed-kalman" in picked) == (RATES[case] is not None and consecutive)

@@ -213,17 +213,20 @@ def test_markdown_has_every_table(evaluation: report.Evaluation) -> None:
     assert "| *SkelSplat (resnet152)* | 20.3 |" in text
 
 
-def test_without_names_everything_runs_that_the_data_allow() -> None:
+def test_without_names_everything_runs_that_the_data_allow(monkeypatch: pytest.MonkeyPatch) -> None:
     blind = replace(DATA, takes=tuple(replace(take, monocular=None) for take in DATA))
     found = [s.method for s in report.evaluate(blind).scores]
     lacking = {"fusion", "annealed-prior", "paper", *OVER_TIME}
     assert found == [name for name in methods.names if name not in lacking]
-    recording = takes.recording()
+    recording, rules = takes.recording(), protocols.get(DATA.name)
     assert set(OVER_TIME) < {s.method for s in report.evaluate(recording).scores}
+    monkeypatch.setattr(report, "find_spec", lambda name: None if name == "scipy" else name)
+    without = {method.name for method in report.select([], rules.cases(recording), methods.Options())}
+    assert without & set(OVER_TIME) == {"annealed-kalman", "in-time"}
+    monkeypatch.undo()
     with_paper = report.select(["all"], [], methods.Options())
     assert [method.name for method in with_paper] == list(methods.names)
-    cases = protocols.get(DATA.name).cases(DATA)
-    alone = {method.name for method in report.select(["all"], cases, methods.Options())}
+    alone = {method.name for method in report.select(["all"], rules.cases(DATA), methods.Options())}
     assert alone == set(methods.names) - set(OVER_TIME)
     with pytest.raises(sk.InvalidInputError, match="methods: expected takes with detections"):
         report.evaluate(replace(blind, takes=tuple(replace(t, detections=None) for t in blind)))

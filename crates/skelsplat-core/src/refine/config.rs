@@ -3,6 +3,7 @@
 
 use std::fmt::Display;
 
+use super::bias::JointBias;
 use crate::annealed::{AnnealedSettings, Annealing};
 use crate::error::{Error, Result};
 use crate::paper::{PaperSettings, Renderer};
@@ -40,6 +41,10 @@ settings! {
         detection_sigma_px: Option<f64> = None, Domain::From(LEAST_NOISE_PX), "px",
             "Standard deviation of the detection noise per axis; `paper` uses it only for error bars; None: estimated in \
              every frame.";
+        joint_bias_mm: JointBias = JointBias::OfLayout, Domain::NotNegative, "mm",
+            "Standard deviation per axis of the detector's joints from anatomical ones, the same in all views and frames, for all \
+             joints or N values; part of the error bar, not of the scatter; None: published figures for the built-in layouts, 0 \
+             for others.";
         undistort: bool = true, Domain::Any, "",
             "Remove lens distortion from the detections first; False reproduces results published without undistortion.";
         min_confidence: f64 = 0.0, Domain::Share, "",

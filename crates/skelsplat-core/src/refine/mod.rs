@@ -1,10 +1,12 @@
 //! The front door: settings, one frame refined by the method that they choose, and what comes out.
 
+pub mod bias;
 pub mod config;
 pub mod refiner;
 pub mod result;
 pub mod results;
 
+pub use bias::JointBias;
 pub use config::{Method, RefineConfig};
 pub use refiner::{Control, Frame, Refiner};
 pub use result::Refinement;

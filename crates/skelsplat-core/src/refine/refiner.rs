@@ -1,15 +1,17 @@
 //! `refine` for one frame: from detections in pixels to a pose in the unit of the cameras.
 
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::bias::JointBias;
 use super::config::{Method, RefineConfig};
 use super::result::Refinement;
 use crate::annealed::rays::Rays;
 use crate::annealed::swaps::{Chain, chains};
 use crate::annealed::{self, Alone, AnnealedSettings, Before, Bones, Prior};
-use crate::bones::population::{Proportion, proportions};
+use crate::bones::expected::Expected;
 use crate::camera::Camera;
 use crate::detections::Detections;
 use crate::error::{Error, Result};
@@ -72,9 +74,11 @@ pub struct Refiner {
     pairs: Vec<LimbPair>,
     chains: Vec<Chain>,
     bones: Vec<[usize; 2]>,
-    proportions: Vec<Proportion>,
+    expected: Expected,
     occlusion_prone: Vec<usize>,
     n_joints: Option<usize>,
+    /// Standard deviations of the joints' systematic errors, in the unit of the cameras; empty if their number is unknown.
+    joint_bias: Arc<[f64]>,
     /// Settings of the rendering loss: those of `paper`, or for `annealed` its closed form.
     paper: PaperSettings,
     unit: Unit,
@@ -96,13 +100,13 @@ impl Refiner {
         if cameras.is_empty() {
             return Err(Error::invalid("cameras", "at least one camera", "none"));
         }
-        let (paper, view_weights, find_swaps, population) = match &config.method {
-            Method::Paper(settings) => (settings.clone(), None, false, false),
+        let (paper, view_weights, find_swaps, expected) = match &config.method {
+            Method::Paper(settings) => (settings.clone(), None, false, Expected::default()),
             Method::Annealed(settings) => (
                 PaperSettings { renderer: Renderer::ClosedForm, ..PaperSettings::default() },
                 settings.view_weights.as_ref(),
                 settings.find_swaps,
-                settings.bones == Bones::Population,
+                expected(layout, settings)?,
             ),
         };
         if let Some(w) = view_weights.filter(|w| w.len() != cameras.len()) {
@@ -114,17 +118,16 @@ impl Refiner {
         let scaled: Result<Vec<Camera>> =
             cameras.iter().map(|c| c.scaled(paper.resolution)).collect();
         let scaled = scaled.map_err(|error| error.of_argument("config.resolution"));
-        let pairs = layout
-            .filter(|_| config.symmetry_tier > 0)
-            .map(|l| l.symmetric_pairs(config.symmetry_tier).collect());
+        let bias = config.joint_bias_mm.per_joint(layout, layout.map_or(0, Layout::n_joints));
         Ok(Self {
             views: scaled?.iter().map(View::new).collect(),
-            pairs: pairs.unwrap_or_default(),
+            pairs: layout.map_or(Vec::new(), |l| l.symmetric_pairs(config.symmetry_tier).collect()),
             chains: layout.filter(|_| find_swaps).map(chains).unwrap_or_default(),
             bones: layout.map(|l| l.limbs.clone()).unwrap_or_default(),
-            proportions: layout.filter(|_| population).map(proportions).unwrap_or_default(),
+            expected,
             occlusion_prone: layout.map(|l| l.occlusion_prone.clone()).unwrap_or_default(),
             n_joints: layout.map(|l| l.joints.len()),
+            joint_bias: in_unit(bias, unit),
             cameras,
             paper,
             unit,
@@ -203,9 +206,25 @@ impl Refiner {
         self.sigmas(n).into_iter().map(|sigma| sigma * share).collect()
     }
 
+    /// The cameras in mm.
+    pub(crate) fn cameras(&self) -> &[Camera] {
+        &self.cameras
+    }
+
+    /// The rays of usable detections.
+    pub(crate) fn rays(&self, detections: &Detections) -> Result<Rays> {
+        self.check(&detections.clone().into())?;
+        Ok(Rays::new(&self.usable(detections), &self.cameras, &[]))
+    }
+
     /// Joints at both ends of every bone.
     pub(crate) fn bones(&self) -> &[[usize; 2]] {
         &self.bones
+    }
+
+    /// Expected lengths of bones.
+    pub(crate) fn expected(&self) -> &Expected {
+        &self.expected
     }
 
     /// Joints that a detector may swap together.
@@ -221,7 +240,16 @@ impl Refiner {
         bars: &ErrorBars,
     ) -> Refinement {
         let errors = self.reprojection_error(detections, &outcome);
-        Refinement::new(outcome, bars, errors, self.unit)
+        let bias = self.joint_bias(outcome.points.len());
+        Refinement::new(outcome, bars, errors, bias, self.unit)
+    }
+
+    /// Standard deviations of the systematic errors of `n` joints, in the unit of the cameras.
+    pub(crate) fn joint_bias(&self, n: usize) -> Arc<[f64]> {
+        match self.joint_bias.len() == n {
+            true => Arc::clone(&self.joint_bias),
+            false => in_unit(self.config.joint_bias_mm.per_joint(None, n), self.unit),
+        }
     }
 
     /// Loss over all views and its gradient for any Gaussians `(N)`, in doubles, for study and tests: the paper's with
@@ -267,7 +295,8 @@ impl Refiner {
         })
     }
 
-    fn check(&self, frame: &Frame) -> Result<()> {
+    /// Rejects a frame of other sizes than the cameras and the layout.
+    pub(crate) fn check(&self, frame: &Frame) -> Result<()> {
         let (m, n) = (frame.detections.n_views(), frame.detections.n_joints());
         if m != self.cameras.len() {
             let expected = format!("one view per camera ({})", self.cameras.len());
@@ -277,10 +306,15 @@ impl Refiner {
             let expected = format!("the layout's {joints} joints");
             return Err(Error::invalid("detections", expected, format!("{n} joints")));
         }
+        let biases = match &self.config.joint_bias_mm {
+            JointBias::Each(each) => Some(each.len()),
+            _ => None,
+        };
         let lengths = [
             ("init_pose", frame.init_pose.as_ref().map(Vec::len)),
             ("init_sigma", frame.init_covariance.as_ref().map(Vec::len)),
             ("config.joint_sigmas_mm", self.config.joint_sigmas_mm.as_ref().map(Vec::len)),
+            ("config.joint_bias_mm", biases),
         ];
         if let Some((name, length)) = lengths.iter().find(|(_, l)| l.is_some_and(|l| l != n)) {
             let expected = format!("{n} joints, as in the detections");
@@ -332,7 +366,7 @@ impl Refiner {
             view_weights: weights.unwrap_or_default(),
             pairs: &self.pairs,
             chains: &self.chains,
-            proportions: &self.proportions,
+            expected: &self.expected,
             annealing,
             before,
         }
@@ -401,4 +435,23 @@ impl Refiner {
         };
         outcome.used_for.iter().enumerate().map(|k| one(k).unwrap_or(f64::NAN)).collect()
     }
+}
+
+/// The lengths of bones that these settings expect.
+fn expected(layout: Option<&Layout>, settings: &AnnealedSettings) -> Result<Expected> {
+    let (lengths, sigmas) = (&settings.bone_lengths_mm, &settings.bone_sigmas_mm);
+    if settings.bones == Bones::Free {
+        return match lengths.is_some() || sigmas.is_some() {
+            true => {
+                Err(Error::invalid("config.bones", "'population' with given lengths", "'free'"))
+            }
+            false => Ok(Expected::default()),
+        };
+    }
+    Expected::new(layout, lengths.as_deref(), sigmas.as_deref())
+}
+
+/// Lengths in mm, converted to `unit`.
+fn in_unit(lengths: Vec<f64>, unit: Unit) -> Arc<[f64]> {
+    lengths.into_iter().map(|mm| mm / unit.millimetres()).collect()
 }

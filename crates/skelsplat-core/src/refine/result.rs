@@ -1,5 +1,8 @@
 //! The result of a refinement, in the unit of the cameras.
 
+use std::iter::zip;
+use std::sync::Arc;
+
 use nalgebra::{Matrix3, Vector3};
 
 use crate::outcome::{ErrorBars, JointStatus, Loss, Outcome, Splats, StopReason};
@@ -12,8 +15,11 @@ pub struct Refinement {
     pub pose: Vec<Vector3<f64>>,
     /// Splat covariances Σ `(N)`, unit²; not an error bar.
     pub covariance: Vec<Matrix3<f64>>,
-    /// Posterior covariance of the position `(N)`, unit²: the error bar. NaN where unobserved.
+    /// Posterior covariance of the position `(N)`, unit²: the scatter, what another recording of the same pose by the same
+    /// detector would give. NaN where unobserved.
     pub uncertainty: Vec<Matrix3<f64>>,
+    /// Standard deviation per axis of the detector's joints `(N)` from anatomical ones, the same in all views and frames.
+    pub joint_bias: Arc<[f64]>,
     /// Weight k of every detection `(M, N)`: how much it is trusted; NaN where missing.
     pub view_weights: Vec<f64>,
     /// Detections `(M, N)` that were used with left and right swapped.
@@ -38,11 +44,21 @@ pub struct Refinement {
 }
 
 impl Refinement {
-    /// `outcome` and `bars`, given in mm, converted to `unit`.
+    /// Covariance of the distance from an anatomical joint `(N)`, unit²: `uncertainty` + `joint_bias`² I. NaN where unobserved.
+    #[must_use]
+    pub fn error_bar(&self) -> Vec<Matrix3<f64>> {
+        let bar = |(scatter, bias): (&Matrix3<f64>, &f64)| {
+            scatter + Matrix3::from_diagonal_element(bias * bias)
+        };
+        zip(&self.uncertainty, self.joint_bias.iter()).map(bar).collect()
+    }
+
+    /// `outcome` and `bars`, given in mm, converted to `unit`, which `joint_bias` already has.
     pub(super) fn new(
         outcome: Outcome,
         bars: &ErrorBars,
         reprojection_error: Vec<f64>,
+        joint_bias: Arc<[f64]>,
         unit: Unit,
     ) -> Self {
         let mm = unit.millimetres();
@@ -65,6 +81,7 @@ impl Refinement {
             pose: outcome.points.iter().map(|p| p / mm).collect(),
             covariance,
             uncertainty: bars.covariances.iter().map(|c| c / (mm * mm)).collect(),
+            joint_bias,
             view_weights: used_for().map(|(k, j)| bars.believed[j * m + k / n]).collect(),
             swapped: used_for().map(|(k, j)| *j != k % n).collect(),
             noise: bars.noise / mm,

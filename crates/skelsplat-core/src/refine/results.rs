@@ -1,10 +1,11 @@
 //! The results of many frames: one array per quantity, so that a long recording needs no more memory than its numbers.
 
 use std::iter::once;
+use std::sync::Arc;
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::refiner::Frame;
+use super::refiner::{Frame, Refiner};
 use super::result::Refinement;
 use crate::error::{Error, Result};
 use crate::outcome::{JointStatus, Loss, StopReason};
@@ -19,16 +20,18 @@ macro_rules! columns {
             frames: usize,
             views: usize,
             joints: usize,
+            /// Standard deviation per axis of the detector's joints `(N)` from anatomical ones, the same in all frames.
+            pub joint_bias: Arc<[f64]>,
             $($(#[$doc])* pub $name: Vec<$type>,)*
         }
 
         impl Refinements {
-            fn blank(frames: usize, views: usize, joints: usize) -> Self {
+            fn blank(frames: usize, views: usize, joints: usize, joint_bias: Arc<[f64]>) -> Self {
                 $(
                     let length: fn(usize, usize) -> usize = $length;
                     let $name = vec![$blank; frames * length(views, joints)];
                 )*
-                Self { frames, views, joints, $($name,)* }
+                Self { frames, views, joints, joint_bias, $($name,)* }
             }
 
             /// All frames, to write to.
@@ -81,7 +84,7 @@ columns! {
     pose: f64 = 0.0, |_, n| 3 * n, |frame| numbers(&frame.pose);
     /// Splat covariances Σ `(T, N, 3, 3)`, unit²; not an error bar.
     covariance: f64 = 0.0, |_, n| 9 * n, |frame| numbers(&frame.covariance);
-    /// Posterior covariances of the positions `(T, N, 3, 3)`, unit²: the error bars. NaN where unobserved.
+    /// Posterior covariances of the positions `(T, N, 3, 3)`, unit²: the scatter. NaN where unobserved.
     uncertainty: f64 = 0.0, |_, n| 9 * n, |frame| numbers(&frame.uncertainty);
     /// Weights k of the detections `(T, M, N)`; NaN where missing.
     view_weights: f64 = 0.0, |m, n| m * n, |frame| frame.view_weights.iter().copied();
@@ -106,11 +109,11 @@ columns! {
 }
 
 impl Refinements {
-    /// Room for the results of these frames.
+    /// Room for the results of `refiner` for these frames.
     ///
     /// # Errors
     /// [`Error::InvalidInput`] if they differ in the number of views or joints.
-    pub(crate) fn room(frames: &[Frame]) -> Result<Self> {
+    pub(crate) fn room(frames: &[Frame], refiner: &Refiner) -> Result<Self> {
         let size = |frame: &Frame| (frame.detections.n_views(), frame.detections.n_joints());
         let (m, n) = frames.first().map_or((0, 0), size);
         if let Some((views, joints)) = frames.iter().map(size).find(|other| *other != (m, n)) {
@@ -118,7 +121,7 @@ impl Refinements {
             let actual = format!("{views} views and {joints} joints");
             return Err(Error::invalid("detections", expected, actual));
         }
-        Ok(Self::blank(frames.len(), m, n))
+        Ok(Self::blank(frames.len(), m, n, refiner.joint_bias(n)))
     }
 
     /// Number of frames T.
@@ -144,6 +147,7 @@ impl Refinements {
             pose: points(&self.pose[3 * n * t..3 * n * (t + 1)]),
             covariance: matrices(&self.covariance[9 * n * t..9 * n * (t + 1)]),
             uncertainty: matrices(&self.uncertainty[9 * n * t..9 * n * (t + 1)]),
+            joint_bias: Arc::clone(&self.joint_bias),
             view_weights: self.view_weights[mn * t..mn * (t + 1)].to_vec(),
             swapped: self.swapped[mn * t..mn * (t + 1)].to_vec(),
             noise: self.noise[t],
@@ -167,7 +171,8 @@ impl From<Refinement> for Refinements {
     /// One frame.
     fn from(frame: Refinement) -> Self {
         let n = frame.pose.len();
-        let mut out = Self::blank(1, frame.view_weights.len() / n.max(1), n);
+        let bias = Arc::clone(&frame.joint_bias);
+        let mut out = Self::blank(1, frame.view_weights.len() / n.max(1), n, bias);
         out.part().write(0, &frame);
         out
     }

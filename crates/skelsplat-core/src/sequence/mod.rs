@@ -30,4 +30,5 @@ pub mod system;
 pub mod tracks;
 
 pub use live::Live;
+pub(crate) use recording::check;
 pub use recording::{Sequence, equations, refine_in_windows, refine_sequence};

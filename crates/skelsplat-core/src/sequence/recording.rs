@@ -87,7 +87,7 @@ pub fn refine_in_windows(
 }
 
 /// Rejects a rate that is none, and another method than the `expected` one.
-pub(super) fn check(refiner: &Refiner, fps: f64, expected: &str) -> Result<()> {
+pub(crate) fn check(refiner: &Refiner, fps: f64, expected: &str) -> Result<()> {
     if !(fps.is_finite() && fps > 0.0) {
         let expected = "a positive number of frames per second";
         return Err(Error::invalid("fps", expected, fps.to_string()));
@@ -134,7 +134,7 @@ struct Place<'a> {
 
 impl Recording<'_> {
     fn solve(&self) -> Result<Sequence> {
-        let mut out = Sequence::blank(self.frames, self.refiner.bones())?;
+        let mut out = Sequence::blank(self.frames, self.refiner)?;
         if self.windows.is_empty() {
             return Ok(out);
         }
@@ -198,13 +198,12 @@ impl Recording<'_> {
         let spread = median(all().filter_map(|f| Body::spread(&f.points)).collect());
         let sigma = self.refiner.final_kernels(sample[0][0].points.len(), noise);
         let stretches: Vec<&[Alone]> = sample.iter().map(Vec::as_slice).collect();
-        let mut tracks = self.tracks(&stretches, sigma[0]);
+        let tracks = self.tracks(&stretches, sigma[0]);
         let variance = vec![noise * noise; tracks.joints];
-        tracks.find_cuts(self.fps, &agility::learn(&tracks, self.fps, &variance));
-        let bones = self.refiner.bones().to_vec();
+        let (bones, expected) = (self.refiner.bones().to_vec(), self.refiner.expected());
         let mut common = Common {
             fps: self.fps,
-            lengths: learn::lengths(&tracks, &tracks.alone, &bones),
+            lengths: learn::lengths(&tracks, &tracks.alone, &bones, expected),
             agility: agility::learn(&tracks, self.fps, &variance),
             bones,
             weight,
@@ -214,7 +213,7 @@ impl Recording<'_> {
         };
         let mut path = self.path(tracks, &common)?;
         let first = common.clone();
-        common.lengths = learn::lengths(&path.tracks, &path.points, &common.bones);
+        common.lengths = learn::lengths(&path.tracks, &path.points, &common.bones, expected);
         let mut run = Run::new(&path.tracks, &common, Some(std::mem::take(&mut path.points)));
         run.anneal(SETTLE, &self.check())?;
         run.linearise(1.0);
@@ -312,10 +311,11 @@ impl Place<'_> {
 
 impl Sequence {
     /// Room for the results of these frames.
-    fn blank(frames: &[Frame], bones: &[[usize; 2]]) -> Result<Self> {
+    fn blank(frames: &[Frame], refiner: &Refiner) -> Result<Self> {
+        let bones = refiner.bones();
         let n = frames.iter().map(|frame| frame.detections.n_joints()).sum::<usize>();
         Ok(Self {
-            frames: Refinements::room(frames)?,
+            frames: Refinements::room(frames, refiner)?,
             velocity: vec![0.0; 3 * n],
             velocity_covariance: vec![0.0; 9 * n],
             lengths: vec![UNKNOWN; bones.len()],
@@ -349,6 +349,9 @@ fn exchange(used: &mut [usize], [l, r]: [usize; 2]) {
     }
 }
 
+/// H, minus the gradient, and the agility of a step.
+pub type Equations = (Vec<f64>, Vec<Vector3<f64>>, Vec<f64>);
+
 /// The equations of one step at `points` `(N, T)` under kernels `wider` than the final ones: H, row-major, and minus the gradient
 /// `(N, T)`, joint after joint, and the agility `(N, T)`. `common` is used with the bones of the refiner and the agility of the frames.
 ///
@@ -360,7 +363,7 @@ pub fn equations(
     points: Vec<Vector3<f64>>,
     mut common: Common,
     wider: f64,
-) -> Result<(Vec<f64>, Vec<Vector3<f64>>, Vec<f64>)> {
+) -> Result<Equations> {
     let alone: Result<Vec<Alone>> = frames.iter().map(|frame| refiner.alone(frame)).collect();
     let mut tracks = Tracks::new(&[&alone?], frames_in(BRIDGE, common.fps), common.sigma[0]);
     common.bones = refiner.bones().to_vec();

@@ -42,11 +42,12 @@ def write_c3d(
 ) -> None:
     """Write the poses as points of a C3D file, in mm.
 
-    A point's residual is the joint's standard deviation in whole mm, the root of the mean variance of its
-    axes, from 1 to 127: C3D has a byte for it. It is 0 for a joint that was interpolated over a gap or has no
-    uncertainty, and −1 for a joint that is missing, as C3D means these values. A gap in `data.frames` becomes
-    frames without points. Numbers that C3D cannot hold (below 1, above 65535) are shifted to start at 1;
-    ``SKELSPLAT:FRAME_SHIFT`` is what was added, ``SKELSPLAT:PROCESSING`` holds `data.processing`.
+    A point's residual is the joint's error bar in whole mm, the root of the mean variance of its axes in
+    `PoseData.error_bar`, from 1 to 127: C3D has a byte for it. It is 0 for a joint that was interpolated over
+    a gap or has no error bar, and −1 for a joint that is missing, as C3D means these values. A gap in
+    `data.frames` becomes frames without points. Numbers that C3D cannot hold (below 1, above 65535) are
+    shifted to start at 1; ``SKELSPLAT:FRAME_SHIFT`` is what was added, ``SKELSPLAT:PROCESSING`` holds
+    `data.processing`.
 
     Parameters
     ----------
@@ -119,7 +120,7 @@ def _residuals(data: PoseData) -> Array:
     missing = ~np.isfinite(data.pose).all(axis=-1)
     residuals = np.full(missing.shape, _INTERPOLATED)
     if data.uncertainty.size:
-        variance = np.trace(data.uncertainty, axis1=-2, axis2=-1) / 3
+        variance = np.trace(data.error_bar, axis1=-2, axis2=-1) / 3
         deviation = np.sqrt(variance) * MM_PER_UNIT[data.unit]
         residuals = np.where(np.isfinite(variance), np.clip(np.rint(deviation), 1, _MAX_RESIDUAL), residuals)
     if data.joint_status.size:

@@ -12,15 +12,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import skelsplat as sk
+from skelsplat._arrays import medians
 from skelsplat._atomic import atomic_write_text
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._files import csv_lines, frame_number
 from skelsplat.io.poses._pose_data import PoseData, over_views
 
-_AXES, _DEVIATIONS = ("x", "y", "z"), ("sx", "sy", "sz")
+_AXES = ("x", "y", "z")
+_BARS, _SCATTER = (tuple(f"{name}_{axis}" for axis in _AXES) for name in ("error_bar", "scatter"))
 COLUMNS = (
-    *("frame", "joint", *_AXES, *_DEVIATIONS, "unit"),
+    *("frame", "joint", *_AXES, *_BARS, *_SCATTER, "unit"),
     *("status", "n_views", "n_rejected", "reprojection_error_px"),
 )
 _REQUIRED = ("frame", "joint", *_AXES, "unit")
@@ -29,8 +31,9 @@ _REQUIRED = ("frame", "joint", *_AXES, "unit")
 def write_csv(path: str | os.PathLike[str], data: PoseData) -> None:
     """Write one row per frame and joint, with the columns of `COLUMNS`.
 
-    ``x, y, z`` and their standard deviations ``sx, sy, sz`` (from `PoseData.uncertainty`) are in ``unit``
-    with all their digits, ``n_views`` counts the views whose detection of the joint was used (none if it has
+    ``x, y, z`` and their standard deviations, ``error_bar_x, …`` against an anatomical joint (from
+    `PoseData.error_bar`) and ``scatter_x, …`` (from `PoseData.uncertainty`), are in ``unit`` with all their
+    digits, ``n_views`` counts the views whose detection of the joint was used (none if it has
     no position), ``n_rejected`` those of them whose weight is below `skelsplat.REJECTED_WEIGHT`, and
     ``reprojection_error_px`` is the mean over all of them. A value that does not exist is an empty field.
 
@@ -41,14 +44,15 @@ def write_csv(path: str | os.PathLike[str], data: PoseData) -> None:
     """
     n_views, errors = over_views(data.reprojection_error)
     n_rejected = (data.view_weights < sk.REJECTED_WEIGHT).sum(axis=1)
-    deviations = np.sqrt(np.diagonal(data.uncertainty, axis1=-2, axis2=-1))
+    both = (data.error_bar, data.uncertainty)
+    deviations = np.sqrt(np.concatenate([np.diagonal(each, axis1=-2, axis2=-1) for each in both], axis=-1))
     buffer = io.StringIO(newline="")
     writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow(COLUMNS)
     for t, frame in enumerate(data.frames.tolist()):
         for j, joint in enumerate(data.joint_names):
             place = [_field(value) for value in data.pose[t, j]]
-            spread = [_field(value) for value in deviations[t, j]] if deviations.size else ["", "", ""]
+            spread = [_field(value) for value in deviations[t, j]] if deviations.size else [""] * 6
             status = str(data.joint_status[t, j]) if data.joint_status.size else ""
             views, error = (n_views[t, j], _field(errors[t, j])) if n_views.size else ("", "")
             rejected = n_rejected[t, j] if n_rejected.size else ""
@@ -59,7 +63,8 @@ def write_csv(path: str | os.PathLike[str], data: PoseData) -> None:
 def read_csv(path: str | os.PathLike[str]) -> PoseData:
     """Read a file of `write_csv`, or one with its columns frame, joint, x, y, z and unit.
 
-    The file has no correlations between axes: ``uncertainty`` is diagonal. It does not say which view had
+    The file has no correlations between axes: ``uncertainty`` is diagonal, and ``joint_bias`` is what the
+    error bars have beyond it. It does not say which view had
     which error either, so that ``n_views``, ``n_rejected`` and ``reprojection_error_px`` are not read.
 
     Raises
@@ -82,7 +87,8 @@ class _Row(NamedTuple):
     frame: int
     joint: str
     position: tuple[float, ...]
-    deviation: tuple[float, ...]
+    bar: tuple[float, ...]
+    scatter: tuple[float, ...]
     unit: str
     status: str
 
@@ -91,13 +97,14 @@ def _parsed(path: Path, line: int, columns: Sequence[str], values: Sequence[str]
     fields = {name: value.strip() for name, value in zip(columns, values, strict=True)}
     try:
         frame = int(fields["frame"])
-        position, deviation = (
-            tuple(float(fields.get(axis) or "nan") for axis in axes) for axes in (_AXES, _DEVIATIONS)
+        position, bar, scatter = (
+            tuple(float(fields.get(axis) or "nan") for axis in axes) for axes in (_AXES, _BARS, _SCATTER)
         )
     except ValueError as error:
         raise DatasetError(path, f"line {line}", "numbers", error) from error
     frame_number(path, f"line {line}, frame", frame)
-    return _Row(line, frame, fields["joint"], position, deviation, fields["unit"], fields.get("status", ""))
+    status = fields.get("status", "")
+    return _Row(line, frame, fields["joint"], position, bar, scatter, fields["unit"], status)
 
 
 def _assemble(path: Path, rows: Sequence[_Row]) -> PoseData:
@@ -115,11 +122,17 @@ def _assemble(path: Path, rows: Sequence[_Row]) -> PoseData:
             raise DatasetError(path, f"line {row.line}", expected, f"frame {row.frame}, joint {row.joint}")
     if rest:
         raise DatasetError(path, f"line {rows[-1].line}", f"{len(joints)} joints in every frame", rest)
-    deviations = np.array([row.deviation for row in rows]).reshape(steps, len(joints), 3)
+    bars, scatter = (
+        np.array(values).reshape(steps, len(joints), 3)
+        for values in ([row.bar for row in rows], [row.scatter for row in rows])
+    )
     arrays: dict[str, Any] = {}
-    if np.isfinite(deviations).any():
-        known = np.isfinite(deviations).all(axis=-1)[..., None, None]
-        arrays["uncertainty"] = np.where(known, np.eye(3) * deviations[..., None, :] ** 2, np.nan)
+    if np.isfinite(scatter).any():
+        known = np.isfinite(scatter).all(axis=-1)[..., None, None]
+        arrays["uncertainty"] = np.where(known, np.eye(3) * scatter[..., None, :] ** 2, np.nan)
+    if np.isfinite(bars).any():
+        beyond = medians(np.moveaxis(bars**2 - scatter**2, 1, 0).reshape(len(joints), -1))
+        arrays["joint_bias"] = np.broadcast_to(np.sqrt(np.fmax(beyond, 0.0)), bars.shape[:2])
     if any(row.status for row in rows):
         arrays["joint_status"] = np.array([row.status for row in rows]).reshape(steps, len(joints))
     return PoseData(

@@ -23,7 +23,7 @@ from skelsplat.io.poses._pose_data import ARRAYS, BONES, PoseData, shape_of
 
 FORMAT, VERSION = "skelsplat-poses", 1
 _BY_JOINT = (
-    *("pose", "init_pose", "uncertainty", "covariance"),
+    *("pose", "init_pose", "uncertainty", "error_bar", "covariance"),
     *("velocity", "velocity_uncertainty"),
 )
 # what an entry of an array may be in JSON, and how messages call it
@@ -44,8 +44,8 @@ def write_json(path: str | os.PathLike[str], data: PoseData) -> None:
     list of objects; of a refinement in time also ``bones`` (B × 2 joint indices, from 0), ``bone_lengths``
     and ``bone_length_sigma``. Each of the frames has ``frame``, the number of the frame, ``pose``, N times
     [x, y, z] in ``unit``, and of the other arrays of `PoseData` those that the data have, under their names
-    and without their first axis: ``uncertainty`` N times 3 × 3, ``joint_status`` N, ``view_weights`` M times
-    N, ``noise`` one number, and so on.
+    and without their first axis: ``uncertainty`` (the scatter) and ``error_bar`` (not read) N times 3 × 3,
+    ``joint_status`` N, ``view_weights`` M times N, ``noise`` one number, and so on.
 
     What does not exist is null: a number, or a whole joint in ``pose`` and the covariances. NaN, which is no
     JSON, does not occur.
@@ -76,7 +76,7 @@ def _dumps(value: Any) -> str:
 
 
 def _frames(data: PoseData) -> Iterator[dict[str, Any]]:
-    arrays = {name: getattr(data, name) for name in ARRAYS}
+    arrays = {name: getattr(data, name) for name in (*ARRAYS, "error_bar")}
     present = {name: array for name, array in arrays.items() if array.shape[0] == len(data.frames)}
     for t, frame in enumerate(data.frames.tolist()):
         values = {name: to_json(array[t], by_joint=name in _BY_JOINT) for name, array in present.items()}

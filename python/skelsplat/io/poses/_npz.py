@@ -23,7 +23,8 @@ _REQUIRED = ("pose", "joint_names", "frames", "unit")
 def write_npz(path: str | os.PathLike[str], data: PoseData) -> None:
     """Write all of `data` as a compressed npz file.
 
-    Keys: every attribute of `PoseData` under its name, with the shape and unit that are described there, and
+    Keys: every attribute of `PoseData` under its name, with the shape and unit that are described there, with
+    ``uncertainty`` (the scatter) also ``error_bar``, which contains ``joint_bias`` and is not read, and
     ``version``, the version of this package. Tuples of names are string arrays, ``unit`` is a string and
     ``frame_rate`` a number of shape (), NaN if unknown. No key needs pickle to be read.
 
@@ -33,6 +34,8 @@ def write_npz(path: str | os.PathLike[str], data: PoseData) -> None:
         If the path cannot be written.
     """
     arrays: dict[str, Any] = {key: np.asarray(getattr(data, key)) for key in _KEYS}
+    if data.uncertainty.size:
+        arrays["error_bar"] = data.error_bar
     for key in _NAMES:
         arrays[key] = np.array(getattr(data, key), dtype=np.str_)
     arrays["frame_rate"] = np.array(np.nan if data.frame_rate is None else data.frame_rate)

@@ -23,6 +23,7 @@ ARRAYS: dict[str, tuple[str, type[np.generic]]] = {
     "pose": ("T N 3", np.float64),
     "init_pose": ("T N 3", np.float64),
     "uncertainty": ("T N 3 3", np.float64),
+    "joint_bias": ("T N", np.float64),
     "covariance": ("T N 3 3", np.float64),
     "joint_status": ("T N", np.str_),
     "view_weights": ("T M N", np.float64),
@@ -41,7 +42,7 @@ BONES: dict[str, tuple[str, type[np.generic]]] = {
     "bone_lengths": ("B", np.float64),
     "bone_length_sigma": ("B", np.float64),
 }
-_LENGTHS = ("pose", "init_pose", "noise", "velocity", "bone_lengths", "bone_length_sigma")
+_LENGTHS = ("pose", "init_pose", "joint_bias", "noise", "velocity", "bone_lengths", "bone_length_sigma")
 _SQUARES = ("covariance", "uncertainty", "velocity_uncertainty")
 MARKER_NAMES = ("skelsplat", "pose2sim")
 # the world's z axis up becomes the file's y axis up by this order of columns (Pose2Sim does the same)
@@ -69,7 +70,14 @@ class PoseData:
     covariance : (T, N, 3, 3)
         Splat covariances, in `unit` squared: the shape of the splats, no error bars.
     uncertainty : (T, N, 3, 3)
-        Posterior covariances of the joints, in `unit` squared: the error bars; NaN where nothing is known.
+        Posterior covariances of the joints, in `unit` squared: the scatter, what another recording of the
+        same poses by the same detector would give; NaN where nothing is known.
+    joint_bias : (T, N)
+        Standard deviation per axis of the detector's joints from anatomical ones, in `unit`: the same in all
+        frames.
+    error_bar : (T, N, 3, 3)
+        ``uncertainty + joint_bias² I``, the covariances of the distances from anatomical joints; derived.
+        Without ``joint_bias`` it is the ``uncertainty``.
     view_weights : (T, M, N)
         How far each detection is believed, in [0, 1]; NaN where there is no detection. Below
         `skelsplat.REJECTED_WEIGHT` it counts as rejected.
@@ -116,6 +124,7 @@ class PoseData:
     init_pose: Array = field(default_factory=lambda: np.empty((0, 0, 3)))
     covariance: Array = field(default_factory=lambda: np.empty((0, 0, 3, 3)))
     uncertainty: Array = field(default_factory=lambda: np.empty((0, 0, 3, 3)))
+    joint_bias: Array = field(default_factory=lambda: np.empty((0, 0)))
     view_weights: Array = field(default_factory=lambda: np.empty((0, 0, 0)))
     swapped: Mask = field(default_factory=lambda: np.empty((0, 0, 0), dtype=np.bool_))
     noise: Array = field(default_factory=lambda: np.empty(0))
@@ -186,6 +195,12 @@ class PoseData:
             frame_rate=frame_rate,
             **arrays,
         )
+
+    @property
+    def error_bar(self) -> Array:
+        if not (self.uncertainty.size and self.joint_bias.size):
+            return self.uncertainty
+        return self.uncertainty + self.joint_bias[..., None, None] ** 2 * np.eye(3)
 
     def in_unit(self, unit: str) -> PoseData:
         """Return the same poses with all lengths in ``unit``: "mm", "cm" or "m"."""

@@ -37,6 +37,8 @@ def to_xarray(
     position       (time, space, keypoints, individuals)          in ``attrs["unit"]``
     confidence     (time, keypoints, individuals)                 0 to 1
     uncertainty    (time, space, space_2, keypoints, individuals) posterior covariance, unit²; if known
+    error_bar      as ``uncertainty``                             against an anatomical joint, unit²
+    joint_bias     (time, keypoints, individuals)                 the difference of the two, per axis, unit
     status         (time, keypoints, individuals)                 ok, inferred, weak, unobserved, filled
     ============== ============================================== ======================================
 
@@ -70,7 +72,10 @@ def to_xarray(
     }
     if data.uncertainty.size:
         axes = (time, space, f"{space}_2", keypoints, individuals)
-        variables["uncertainty"] = (axes, data.uncertainty.transpose(0, 2, 3, 1)[..., None])
+        for name in ("uncertainty", "error_bar"):
+            variables[name] = (axes, getattr(data, name).transpose(0, 2, 3, 1)[..., None])
+    if data.joint_bias.size:
+        variables["joint_bias"] = ((time, keypoints, individuals), data.joint_bias[..., None])
     if data.joint_status.size:
         variables["status"] = ((time, keypoints, individuals), data.joint_status[..., None])
     coordinates: dict[str, Any] = {
@@ -168,6 +173,9 @@ def _from_dataset(path: Path, dataset: xr.Dataset) -> PoseData:
     if "uncertainty" in dataset:
         axes = (time, keypoints, space, f"{space}_2", individuals)
         arrays["uncertainty"] = dataset["uncertainty"].transpose(*axes).values[..., 0]
+    if "joint_bias" in dataset:
+        bias = dataset["joint_bias"].transpose(time, keypoints, individuals)
+        arrays["joint_bias"] = bias.values[..., 0]
     if "status" in dataset:
         status = dataset["status"].transpose(time, keypoints, individuals).values[..., 0]
         arrays["joint_status"] = status.astype(np.str_)

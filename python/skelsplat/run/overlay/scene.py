@@ -41,10 +41,10 @@ class Scene:
             return None
         poses, camera, shape = self.run.poses, self.cameras[view], self.run.detections.shape[:3]
         joints = shape[2:]
-        uncertainty = _known(poses.uncertainty, (shape[0], *joints, 3, 3))[t]
+        covariance = _known(poses.error_bar, (shape[0], *joints, 3, 3))[t]
         status = poses.joint_status[t] if len(poses.joint_status) else np.full(joints, _RELIABLE)
         filled = (status == "filled")[:, None, None]  # a place between others has no error bar
-        pose, covariances = project_covariances(poses.pose[t], np.where(filled, np.nan, uncertainty), camera)
+        pose, covariances = project_covariances(poses.pose[t], np.where(filled, np.nan, covariance), camera)
         start = _known(poses.init_pose, (shape[0], *joints, 3))[t]
         return OverlayFrame(
             pose=pose,

@@ -49,7 +49,7 @@ class Sequence3D(ArrayFields):
     # (T, N, 3) joint positions before and after, in mm; NaN where unknown
     start: Array
     refined: Array
-    uncertainty: Array  # (T, N, 3, 3) covariances of the refined joints, in mm²; NaN where unknown
+    error_bar: Array  # (T, N, 3, 3) covariances of the refined joints, in mm²; NaN where unknown
     status: npt.NDArray[np.str_]  # (T, N) joints whose status is not ``"ok"`` are drawn hollow
     frames: Index  # (T,) frame numbers
     frame_rate: float | None  # frames per second; None if unknown
@@ -95,7 +95,7 @@ def pack_scene(sequence: Sequence3D, shapes: CameraShapes, places: Index) -> dic
         "alone": None if sequence.alone is None else grid.pack(sequence.alone[places] @ turn.T),
         "speed": None if sequence.speed is None else pack_speeds(sequence.speed[places]),
         "refined": grid.pack(refined),
-        "spread": pack_spreads(turn @ sequence.uncertainty[places] @ turn.T),
+        "spread": pack_spreads(turn @ sequence.error_bar[places] @ turn.T),
         "status": pack_labels(sequence.status[places]),
         "reach": [low.tolist(), high.tolist()],
         "floor_mm": _floor(sequence.refined @ turn.T, float(low[2])),

@@ -58,6 +58,8 @@ pub struct Live {
     noise: f64,
     /// Mean spread of the body, mm; NaN before it is known.
     reach: f64,
+    /// Lengths of bones that the user gives, which count until frames have shown the bone.
+    given: Vec<Option<Length>>,
     /// The last frames, where the answer lags behind.
     window: Option<Window>,
 }
@@ -77,6 +79,7 @@ impl Live {
             bones: Vec::new(),
             noise: f64::NAN,
             reach: f64::NAN,
+            given: refiner.bones().iter().map(|b| refiner.expected().given(*b)).collect(),
             window,
         })
     }
@@ -107,14 +110,13 @@ impl Live {
                 format!("{before} joints, as in the previous frames (or call reset() first)");
             return Err(Error::invalid("detections", expected, n.to_string()));
         }
-        let mut joints = self.joints.clone();
-        joints.resize_with(n, || Joint::new(m));
-        joints.iter_mut().for_each(|joint| joint.predict(self.fps));
+        let mut frame = Frame { past: true, ..detections.into() };
+        refiner.check(&frame)?;
+        self.joints.resize_with(n, || Joint::new(m));
+        self.joints.iter_mut().for_each(|joint| joint.predict(self.fps));
         let mm = refiner.unit().millimetres();
-        let expected = joints.iter().map(|joint| joint.expected() / mm).collect();
-        let frame = Frame { init_pose: Some(expected), past: true, ..detections.into() };
+        frame.init_pose = Some(self.joints.iter().map(|joint| joint.expected() / mm).collect());
         let alone = refiner.alone(&frame)?;
-        self.joints = joints;
         self.learn(&alone);
         let answers = self.answers(refiner, &alone);
         match self.window.take() {
@@ -180,8 +182,9 @@ impl Live {
             .collect();
         let bones = refiner.bones();
         self.bones.resize_with(bones.len(), Bone::default);
+        let is_sure: Vec<bool> = seen.iter().map(Seen::is_sure).collect();
         for (bone, [a, b]) in self.bones.iter_mut().zip(bones) {
-            if seen[*a].is_sure() && seen[*b].is_sure() {
+            if is_sure[*a] && is_sure[*b] {
                 bone.learn(seen[*a].alone.end(), seen[*b].alone.end());
             }
         }
@@ -192,33 +195,43 @@ impl Live {
         sure.sort_by(by_trace);
         let mut answers = vec![None; n];
         for j in sure {
-            let ties = self.ties(j, &answers, bones);
+            let ties: Vec<Tie> = self.ties(j, &answers, bones).collect();
             answers[j] = Some(self.joints[j].step(&seen[j], &ties, self.fps, &self.memory));
         }
         while !left.is_empty() {
-            let tied = |j: &usize| !self.ties(*j, &answers, bones).is_empty();
+            let tied = |j: &usize| self.ties(*j, &answers, bones).next().is_some();
             let at = left.iter().position(tied).unwrap_or(0);
             let j = left.remove(at);
-            let ties = self.ties(j, &answers, bones);
+            let ties: Vec<Tie> = self.ties(j, &answers, bones).collect();
             answers[j] = Some(self.joints[j].step(&seen[j], &ties, self.fps, &self.memory));
         }
         answers.into_iter().flatten().collect()
     }
 
     /// The bones of joint `j` to joints that are known.
-    fn ties(&self, j: usize, answers: &[Option<Answer>], bones: &[[usize; 2]]) -> Vec<Tie> {
-        let tie = |(bone, [a, b]): (&Bone, &[usize; 2])| {
+    fn ties(
+        &self,
+        j: usize,
+        answers: &[Option<Answer>],
+        bones: &[[usize; 2]],
+    ) -> impl Iterator<Item = Tie> {
+        let tie = move |(length, [a, b]): (Option<Length>, &[usize; 2])| {
             let other = match j {
                 j if j == *a => *b,
                 j if j == *b => *a,
                 _ => return None,
             };
             let to = answers[other]?.end();
-            let length = bone.length()?;
+            let length = length?;
             let known = to.at.x.is_finite() && to.covariance.trace().is_finite();
             known.then_some(Tie { to, length })
         };
-        self.bones.iter().zip(bones).filter_map(tie).collect()
+        self.lengths().zip(bones).filter_map(tie)
+    }
+
+    /// The length of every bone, as far as it is known.
+    fn lengths(&self) -> impl Iterator<Item = Option<Length>> + '_ {
+        self.bones.iter().zip(&self.given).map(|(bone, given)| bone.length().or(*given))
     }
 
     /// What the frames so far tell a recording.
@@ -227,7 +240,7 @@ impl Live {
         let common = Common {
             fps: self.fps,
             bones: refiner.bones().to_vec(),
-            lengths: self.bones.iter().map(|bone| bone.length().unwrap_or(unknown)).collect(),
+            lengths: self.lengths().map(|length| length.unwrap_or(unknown)).collect(),
             agility: self
                 .joints
                 .iter()

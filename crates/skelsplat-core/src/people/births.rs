@@ -1,0 +1,212 @@
+//! Bodies from figures that nobody claimed: pairs of views propose, all views judge.
+
+use nalgebra::Vector3;
+
+use super::body::{Claims, placed};
+use super::crowd::{Crowd, Figure};
+use super::known::Known;
+use super::score::{at_body, meet, of_pair};
+use crate::annealed::rays::Ray;
+use crate::bones::population::{Proportion, STATURE};
+
+/// Kernel of a proposal, as a share of that of claims: nothing is predicted.
+const KERNEL: f64 = 0.7;
+/// Least score of a pair.
+const LEAST_PAIR: f64 = 0.35;
+/// Least score of a figure at a body whose place is known.
+pub const FITS: f64 = 0.35;
+/// Joints that two figures must have in common (all, if there are fewer).
+const COMMON: usize = 4;
+/// Number of proposals that are judged.
+const PROPOSALS: usize = 200;
+/// Support lost by each view that should see a body and does not.
+const UNSEEN: f64 = 0.3;
+/// Least support of a body.
+const SUPPORT: f64 = 0.8;
+/// Share of a body's joints inside an image that ought to be detected.
+const INSIDE: f64 = 0.7;
+/// Standard deviation of a bone's length from the population's proportions, and least share of bones that match.
+const PROPORTION: f64 = 0.3;
+const LEAST_BONES: f64 = 0.35;
+
+/// What proposals are judged by.
+#[derive(Debug)]
+pub struct Judge<'a> {
+    /// Cameras, layout and kernel.
+    pub known: &'a Known,
+}
+
+/// A body that views agree on.
+#[derive(Debug, Clone)]
+pub struct Newcomer {
+    /// Its figures.
+    pub claims: Claims,
+    /// Its joints `(N)`, mm; NaN where unknown.
+    pub pose: Vec<Vector3<f64>>,
+    /// Support by all views.
+    pub support: f64,
+}
+
+/// Which figures are free, by view and slot.
+pub type Free = Vec<Vec<bool>>;
+
+struct Proposal {
+    pair: [(usize, usize); 2],
+    pose: Vec<Vector3<f64>>,
+    support: f64,
+}
+
+impl Judge<'_> {
+    /// Newcomers among the free figures, which they take; those of the largest support first.
+    pub fn newcomers(&self, crowd: &Crowd, free: &mut Free) -> Vec<Newcomer> {
+        let mut proposals = self.proposals(crowd, free);
+        let mut found = Vec::new();
+        while let Some(best) = proposals.iter().map(|p| p.support).reduce(f64::max) {
+            if best < SUPPORT {
+                break;
+            }
+            let at = proposals.iter().position(|p| p.support == best).unwrap_or(0);
+            let proposal = proposals.swap_remove(at);
+            if let Some(newcomer) = self.grown(crowd, free, &proposal) {
+                for (i, claim) in newcomer.claims.iter().enumerate() {
+                    claim.iter().flatten().for_each(|slot| free[i][*slot] = false);
+                }
+                found.push(newcomer);
+                proposals.retain(|p| p.pair.iter().all(|(i, slot)| free[*i][*slot]));
+                proposals.iter_mut().for_each(|p| p.support = self.support(crowd, free, &p.pose));
+            }
+        }
+        found
+    }
+
+    /// Pairs of figures with their bodies, those that agree best.
+    fn proposals(&self, crowd: &Crowd, free: &Free) -> Vec<Proposal> {
+        let sigma = KERNEL * self.known.sigma;
+        let least = COMMON.min(crowd.n_joints);
+        let mut pairs = Vec::new();
+        let figures = |i: usize| {
+            let all = crowd.views[i].iter().enumerate();
+            all.filter(move |(slot, figure)| free[i][*slot] && figure.joints >= least)
+        };
+        for i in 0..crowd.views.len() {
+            for k in i + 1..crowd.views.len() {
+                for (p, a) in figures(i) {
+                    for (q, b) in figures(k) {
+                        let (score, common) = of_pair(a, b, sigma);
+                        if score >= LEAST_PAIR && common >= least {
+                            pairs.push((score, [(i, p), (k, q)]));
+                        }
+                    }
+                }
+            }
+        }
+        pairs.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        pairs.truncate(PROPOSALS);
+        let propose = |(_, pair): (f64, [(usize, usize); 2])| {
+            let [a, b] = pair.map(|(i, slot)| &crowd.views[i][slot]);
+            let pose = met(a, b);
+            let support = self.support(crowd, free, &pose);
+            Proposal { pair, pose, support }
+        };
+        pairs.into_iter().map(propose).collect()
+    }
+
+    /// Scores of all views at a body, less a penalty for those that should see it, times how human it is.
+    fn support(&self, crowd: &Crowd, free: &Free, pose: &[Vector3<f64>]) -> f64 {
+        let sigma = KERNEL * self.known.sigma;
+        let view = |(i, figures): (usize, &Vec<Figure>)| {
+            let (mut best, mut taken) = (0.0, 0.0);
+            for (slot, figure) in figures.iter().enumerate().filter(|(_, f)| f.joints > 0) {
+                let score = at_body(figure, pose, sigma, &self.known.mirror);
+                let kind = if free[i][slot] { &mut best } else { &mut taken };
+                *kind = f64::max(*kind, score);
+            }
+            match best {
+                best if best >= FITS => best,
+                _ if taken >= FITS || !self.sees(i, pose) => 0.0,
+                _ => -UNSEEN,
+            }
+        };
+        let views: f64 = crowd.views.iter().enumerate().map(view).sum();
+        let human = self.human(pose);
+        if human < LEAST_BONES { 0.0 } else { views * human }
+    }
+
+    /// Whether camera `i` has most of a body inside its image.
+    fn sees(&self, i: usize, pose: &[Vector3<f64>]) -> bool {
+        let camera = &self.known.cameras[i];
+        let [width, height] = camera.size().map(f64::from);
+        let inside = |x: &&Vector3<f64>| {
+            camera
+                .project(x)
+                .is_some_and(|p| (0.0..width).contains(&p.x) && (0.0..height).contains(&p.y))
+        };
+        let known = pose.iter().filter(|x| !x.x.is_nan());
+        let n = known.clone().count();
+        n > 0 && known.filter(inside).count() as f64 >= INSIDE * n as f64
+    }
+
+    /// Mean weight of the bones, compared with the proportions of people of the stature that suits them best; 1 if none is known.
+    fn human(&self, pose: &[Vector3<f64>]) -> f64 {
+        let stature = |p: &Proportion| (pose[p.joints[0]] - pose[p.joints[1]]).norm() / p.ratio;
+        let known: Vec<f64> = self
+            .known
+            .proportions
+            .iter()
+            .map(stature)
+            .filter(|s| s.is_finite() && *s > 0.0)
+            .collect();
+        if known.len() < 3 {
+            return 1.0;
+        }
+        let at = |s: f64| {
+            let fits = |other: &f64| (-0.5 * ((other / s).ln() / PROPORTION).powi(2)).exp();
+            let [mean, sigma] = STATURE;
+            let usual = (-0.125 * ((s - mean) / sigma).powi(2)).exp();
+            usual.max(0.01) * known.iter().map(fits).sum::<f64>() / known.len() as f64
+        };
+        known.iter().map(|s| at(*s)).fold(0.0, f64::max)
+    }
+
+    /// A proposal with the figures of all views that fit it, placed by all of them; `None` if less than two remain or no support.
+    fn grown(&self, crowd: &Crowd, free: &Free, proposal: &Proposal) -> Option<Newcomer> {
+        let sigma = KERNEL * self.known.sigma;
+        let mut pose = proposal.pose.clone();
+        let mut claims: Claims = Vec::new();
+        for _ in 0..2 {
+            claims = (0..crowd.views.len())
+                .map(|i| [self.best(&crowd.views[i], &free[i], &pose, sigma), None])
+                .collect();
+            if claims.iter().filter(|claim| claim[0].is_some()).count() < 2 {
+                return None;
+            }
+            pose = placed(crowd, &claims, &pose, sigma);
+        }
+        let known = pose.iter().filter(|x| !x.x.is_nan()).count();
+        let support = self.support(crowd, free, &pose);
+        let enough = known >= COMMON.min(pose.len()) && support >= SUPPORT;
+        enough.then_some(Newcomer { claims, pose, support })
+    }
+
+    fn best(
+        &self,
+        figures: &[Figure],
+        free: &[bool],
+        pose: &[Vector3<f64>],
+        sigma: f64,
+    ) -> Option<usize> {
+        let score = |slot: usize| at_body(&figures[slot], pose, sigma, &self.known.mirror);
+        let usable = (0..figures.len()).filter(|slot| free[*slot] && figures[*slot].joints > 0);
+        let scored = usable.map(|slot| (score(slot), slot)).filter(|(s, _)| *s >= FITS);
+        scored.reduce(|a, b| if b.0 > a.0 { b } else { a }).map(|(_, slot)| slot)
+    }
+}
+
+/// The body between two figures.
+fn met(a: &Figure, b: &Figure) -> Vec<Vector3<f64>> {
+    let joint = |(p, q): (&Ray, &Ray)| {
+        let both = p.is_there() && q.is_there();
+        both.then(|| meet(p, q)).flatten().map_or(Vector3::repeat(f64::NAN), |(x, _)| x)
+    };
+    a.rays.iter().zip(&b.rays).map(joint).collect()
+}

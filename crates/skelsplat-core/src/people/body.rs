@@ -1,0 +1,224 @@
+//! A body between frames: where its joints are, how they move, how long its bones are.
+
+use nalgebra::Vector3;
+
+use super::crowd::{Crowd, Figure};
+use super::score::at_body;
+use crate::annealed::rays::{Ray, nearest_with_spread};
+
+/// Kernels under which a joint settles, in multiples of σ.
+const SETTLE: [f64; 3] = [1.5, 0.75, 0.5];
+/// Least spread of the rays (see [`nearest_with_spread`]) that gives a joint a place of its own: two rays at 6°.
+const SPREAD: f64 = 0.01;
+/// Time over which a velocity is averaged, and that in which it fades when nothing is seen, s.
+const SMOOTH: f64 = 0.1;
+const FADE: f64 = 0.5;
+/// Fastest motion of a joint, mm/s.
+const FASTEST: f64 = 10_000.0;
+/// Smallest share with which a frame changes the mean length of a bone.
+const LEAST_SHARE: f64 = 0.02;
+
+/// The figures of one body: by view, the slot of its figure and of another part of the same person.
+pub type Claims = Vec<[Option<usize>; 2]>;
+
+/// Joints from the figures of one body: those with a place of their own.
+#[must_use]
+pub fn placed(
+    crowd: &Crowd,
+    claims: &Claims,
+    near: &[Vector3<f64>],
+    sigma: f64,
+) -> Vec<Vector3<f64>> {
+    let mut rays = Vec::with_capacity(claims.len());
+    let place = |j: usize| {
+        rays.clear();
+        rays.extend(claims.iter().enumerate().filter_map(|(i, claim)| {
+            let ray = |slot: &usize| crowd.views[i][*slot].rays[j];
+            claim.iter().flatten().map(ray).find(Ray::is_there)
+        }));
+        settled(&rays, &near[j], sigma).unwrap_or(Vector3::repeat(f64::NAN))
+    };
+    (0..near.len()).map(place).collect()
+}
+
+/// The point near `start` (NaN: anywhere) that the rays agree on, under narrowing kernels.
+fn settled(rays: &[Ray], start: &Vector3<f64>, sigma: f64) -> Option<Vector3<f64>> {
+    if rays.len() < 2 {
+        return None;
+    }
+    let all = nearest_with_spread(rays, |_, ray| ray.weight).filter(|(_, s)| *s > SPREAD)?.0;
+    // Two rays cannot outvote each other: they meet, or they do not.
+    if rays.len() == 2 {
+        let offset = rays[0].offset(&all);
+        return (offset.weight(sigma) > 0.1 && rays[1].offset(&all).range > 0.0).then_some(all);
+    }
+    let mut x = if start.x.is_nan() { all } else { *start };
+    for kernel in SETTLE {
+        let weight = |_: usize, ray: &Ray| ray.weight * ray.offset(&x).weight(kernel * sigma);
+        x = match nearest_with_spread(rays, weight).filter(|(_, s)| *s > SPREAD) {
+            Some((next, _)) => next,
+            None if kernel == SETTLE[0] => all,
+            None => return Some(x),
+        };
+    }
+    let fits = rays.iter().filter(|ray| ray.offset(&x).weight(sigma) > 0.3).count();
+    (fits >= 2).then_some(x)
+}
+
+/// A person who is followed.
+#[derive(Debug, Clone)]
+pub struct Body {
+    /// Identity, counted from 0 in the order of appearance.
+    pub id: usize,
+    /// Joints `(N)`, mm; NaN where never seen.
+    pub pose: Vec<Vector3<f64>>,
+    velocity: Vec<Vector3<f64>>,
+    /// Mean length of each limb, mm, and in how many frames it was measured.
+    lengths: Vec<(f64, usize)>,
+    /// Frames in which two views saw it.
+    pub seen: usize,
+    /// Frames since two views saw it.
+    pub alone: usize,
+    /// Frames since any view saw it.
+    pub missed: usize,
+}
+
+impl Body {
+    /// Appears at `pose`.
+    #[must_use]
+    pub fn new(id: usize, pose: Vec<Vector3<f64>>, limbs: &[[usize; 2]]) -> Self {
+        let mut body = Self {
+            id,
+            velocity: vec![Vector3::zeros(); pose.len()],
+            lengths: vec![(0.0, 0); limbs.len()],
+            pose,
+            seen: 1,
+            alone: 0,
+            missed: 0,
+        };
+        body.measure(limbs);
+        body
+    }
+
+    /// Moves on by a frame of `dt` seconds.
+    pub fn predict(&mut self, dt: f64) {
+        for (x, v) in self.pose.iter_mut().zip(&self.velocity) {
+            *x += v * dt;
+        }
+    }
+
+    /// Takes over the joints `found` by its rays; the others move along with them.
+    pub fn update(&mut self, found: &[Vector3<f64>], dt: f64, limbs: &[[usize; 2]]) {
+        let steps: Vec<Vector3<f64>> = self
+            .pose
+            .iter()
+            .zip(found)
+            .map(|(x, y)| y - x)
+            .filter(|step| !step.x.is_nan())
+            .collect();
+        let common = median_of(&steps).unwrap_or_else(Vector3::zeros);
+        let share = (dt / SMOOTH).min(1.0);
+        let shared = median_of(&self.velocity).unwrap_or_else(Vector3::zeros);
+        for ((x, v), y) in self.pose.iter_mut().zip(&mut self.velocity).zip(found) {
+            if y.x.is_nan() {
+                // Without news the joint follows the body.
+                *x += common;
+                *v += (shared - *v) * share;
+            } else if x.x.is_nan() {
+                (*x, *v) = (*y, shared);
+            } else {
+                *v += (y - *x) / dt * share;
+                *x = *y;
+            }
+            if v.norm() > FASTEST {
+                *v = Vector3::zeros();
+            }
+        }
+        (self.seen, self.alone, self.missed) = (self.seen + 1, 0, 0);
+        self.measure(limbs);
+    }
+
+    /// Is found again at `pose` after having been lost.
+    pub fn appear(&mut self, pose: Vec<Vector3<f64>>) {
+        self.velocity = vec![Vector3::zeros(); pose.len()];
+        self.pose = pose;
+        (self.seen, self.alone, self.missed) = (self.seen + 1, 0, 0);
+    }
+
+    /// Follows the one view that sees it, across its rays.
+    pub fn follow(&mut self, figure: &Figure, dt: f64, sigma: f64) {
+        let across: Vec<Vector3<f64>> = figure
+            .rays
+            .iter()
+            .zip(&self.pose)
+            .filter(|(ray, x)| ray.is_there() && !x.x.is_nan())
+            .map(|(ray, x)| ray.offset(x))
+            .filter(|offset| offset.weight(sigma) > 0.1)
+            .map(|offset| -offset.across)
+            .collect();
+        if let Some(step) = median_of(&across) {
+            self.pose.iter_mut().for_each(|x| *x += step);
+            let share = (dt / SMOOTH).min(1.0);
+            self.velocity.iter_mut().for_each(|v| *v += step / dt * share);
+        }
+        (self.alone, self.missed) = (self.alone + 1, 0);
+        self.fade(dt);
+    }
+
+    /// No view sees it.
+    pub fn miss(&mut self, dt: f64) {
+        (self.alone, self.missed) = (self.alone + 1, self.missed + 1);
+        self.fade(dt);
+    }
+
+    fn fade(&mut self, dt: f64) {
+        self.velocity.iter_mut().for_each(|v| *v *= (-dt / FADE).exp());
+    }
+
+    fn measure(&mut self, limbs: &[[usize; 2]]) {
+        for ((mean, n), [a, b]) in self.lengths.iter_mut().zip(limbs) {
+            let long = (self.pose[*a] - self.pose[*b]).norm();
+            if long.is_finite() {
+                *n += 1;
+                *mean += (long - *mean) * (1.0 / *n as f64).max(LEAST_SHARE);
+            }
+        }
+    }
+
+    /// Median difference of the lengths of bones, relative to the length; 0 if they have none in common.
+    #[must_use]
+    pub fn differs(&self, other: &Self) -> f64 {
+        let both = self.lengths.iter().zip(&other.lengths).filter(|(a, b)| a.1 > 0 && b.1 > 0);
+        let mut ratios: Vec<f64> = both.map(|(a, b)| (a.0 / b.0).ln().abs()).collect();
+        middle(&mut ratios).unwrap_or(0.0)
+    }
+
+    /// Scores of the figures of a view under a kernel of `sigma`.
+    #[must_use]
+    pub fn scores(&self, figures: &[Figure], sigma: f64, mirror: &[usize]) -> Vec<f64> {
+        figures.iter().map(|figure| at_body(figure, &self.pose, sigma, mirror)).collect()
+    }
+}
+
+/// Median distance of the joints that two poses have in common, mm; infinite if those are fewer than three.
+#[must_use]
+pub fn apart(a: &[Vector3<f64>], b: &[Vector3<f64>]) -> f64 {
+    let between = a.iter().zip(b).map(|(x, y)| (x - y).norm());
+    let mut known: Vec<f64> = between.filter(|d| d.is_finite()).collect();
+    let least = 3.min(a.len());
+    if known.len() < least { f64::INFINITY } else { middle(&mut known).unwrap_or(f64::INFINITY) }
+}
+
+fn middle(values: &mut [f64]) -> Option<f64> {
+    let at = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(at, f64::total_cmp).1)
+}
+
+/// Coordinate-wise median of those that are known.
+fn median_of(values: &[Vector3<f64>]) -> Option<Vector3<f64>> {
+    let axis = |k: usize| {
+        let mut all: Vec<f64> = values.iter().map(|v| v[k]).filter(|v| v.is_finite()).collect();
+        middle(&mut all)
+    };
+    Some(Vector3::new(axis(0)?, axis(1)?, axis(2)?))
+}

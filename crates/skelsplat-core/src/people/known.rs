@@ -1,0 +1,50 @@
+//! What all bodies of a recording have in common.
+
+use crate::bones::population::{Proportion, proportions};
+use crate::camera::Camera;
+use crate::layout::Layout;
+use crate::refine::Refiner;
+
+/// Kernel of claims in multiples of the splats' σ: 90 mm with the usual settings, the size of a part of the body.
+const KERNEL: f64 = 3.0;
+
+/// What bodies have in common.
+#[derive(Debug, Clone)]
+pub struct Known {
+    /// In mm.
+    pub cameras: Vec<Camera>,
+    /// Joints at both ends of every bone.
+    pub limbs: Vec<[usize; 2]>,
+    /// Lengths of bones in the population; none for one's own layouts.
+    pub proportions: Vec<Proportion>,
+    /// Mirror image of each joint; empty if there are no left–right pairs.
+    pub mirror: Vec<usize>,
+    /// Kernel of claims, mm.
+    pub sigma: f64,
+}
+
+impl Known {
+    /// As the refiner has it.
+    #[must_use]
+    pub fn new(refiner: &Refiner, layout: &Layout) -> Self {
+        Self {
+            cameras: refiner.cameras().to_vec(),
+            limbs: layout.limbs.clone(),
+            proportions: proportions(layout),
+            mirror: mirror_images(layout),
+            sigma: KERNEL * refiner.config().sigma_mm(),
+        }
+    }
+}
+
+/// The mirror image of each joint; empty if there are no left–right pairs.
+fn mirror_images(layout: &Layout) -> Vec<usize> {
+    if layout.left_right.is_empty() {
+        return Vec::new();
+    }
+    let mut mirror: Vec<usize> = (0..layout.n_joints()).collect();
+    for [a, b] in &layout.left_right {
+        mirror.swap(*a, *b);
+    }
+    mirror
+}

@@ -1,0 +1,301 @@
+//! A recording of several people: one pass to find them, a second look at who has which figure, and each solved in time.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use nalgebra::Vector3;
+use rayon::prelude::*;
+
+use super::associate::{Associator, absorb};
+use super::births::{FITS, Free};
+use super::body::{Claims, apart};
+use super::crowd::Crowd;
+use super::known::Known;
+use super::score::{assign, at_body};
+use crate::batch::Progress;
+use crate::detections::Detections;
+use crate::error::{Error, Result};
+use crate::layout::Layout;
+use crate::refine::{Frame, Refiner};
+use crate::sequence::{Sequence, refine_sequence};
+use crate::threads;
+
+/// Frames whose rays are in memory together.
+const CHUNK: usize = 256;
+/// Time for which two views must see a person, s, and the most frames.
+const LEAST_TIME: f64 = 0.2;
+const MOST_FRAMES: usize = 12;
+/// Time on either side over which a path is averaged before the second look, s.
+const SMOOTH: f64 = 0.1;
+/// Share of their common frames in which two people are in one place, if they are one.
+const DOUBLE: f64 = 0.5;
+/// Distance within which, in kernels.
+const SAME: f64 = 1.5;
+
+/// A person of a recording.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Person {
+    /// Counted from 0 in the order of appearance.
+    pub id: usize,
+    /// From the first to the last frame in which two views see the person.
+    pub frames: Range<usize>,
+    /// Slot of the person's figure `(F, M)`; `None` in a view that does not see them.
+    pub slots: Vec<Option<usize>>,
+    /// Slot of another figure that has more of the person's joints `(F, M)`.
+    pub more: Vec<Option<usize>>,
+    /// The person's frames, solved in time.
+    pub sequence: Sequence,
+}
+
+/// Finds and refines everybody whom at least two views see.
+///
+/// `people` has the slots of every frame, `P` times one figure per view `(M, N)`; empty slots have no detections, and slots are not
+/// identities. At most `max_people` are returned, those whom the views see most.
+///
+/// # Errors
+/// As [`refine_sequence`], and [`Error::InvalidInput`] if slots do not match.
+pub fn track(
+    refiner: &Refiner,
+    layout: &Layout,
+    people: &[Vec<Detections>],
+    fps: f64,
+    max_people: Option<usize>,
+    progress: &Progress,
+) -> Result<Vec<Person>> {
+    if max_people == Some(0) {
+        return Err(Error::invalid("max_people", "at least 1, or None for any number", "0"));
+    }
+    crate::sequence::check(refiner, fps, "'annealed' for several people")?;
+    threads::install(refiner.config().n_threads, |_| {
+        let known = Known::new(refiner, layout);
+        let recording = Recording { refiner, layout, people, fps, known, progress };
+        recording.solve(max_people)
+    })
+}
+
+struct Recording<'a> {
+    refiner: &'a Refiner,
+    layout: &'a Layout,
+    people: &'a [Vec<Detections>],
+    fps: f64,
+    known: Known,
+    progress: &'a Progress,
+}
+
+/// A person's figures and joints in every frame of a range.
+#[derive(Debug, Clone, PartialEq)]
+struct Track {
+    first: usize,
+    claims: Vec<Claims>,
+    /// Joints `(N)` of every frame, mm; none in a frame that is a gap.
+    poses: Vec<Vec<Vector3<f64>>>,
+}
+
+impl Track {
+    fn new(first: usize) -> Self {
+        Self { first, claims: Vec::new(), poses: Vec::new() }
+    }
+
+    fn end(&self) -> usize {
+        self.first + self.claims.len()
+    }
+
+    fn push(&mut self, t: usize, claims: Claims, pose: Vec<Vector3<f64>>) {
+        self.claims.resize(t - self.first, vec![[None, None]; claims.len()]);
+        self.poses.resize(t - self.first, Vec::new());
+        self.claims.push(claims);
+        self.poses.push(pose);
+    }
+
+    fn pose(&self, t: usize) -> Option<&[Vector3<f64>]> {
+        let k = t.checked_sub(self.first)?;
+        self.poses.get(k).filter(|pose| !pose.is_empty()).map(Vec::as_slice)
+    }
+
+    /// Number of figures.
+    fn figures(&self) -> usize {
+        self.claims.iter().flatten().filter(|claim| claim[0].is_some()).count()
+    }
+
+    /// From the first to the last frame that two views see; `None` if those are fewer than `least`.
+    fn trimmed(mut self, least: usize) -> Option<Self> {
+        let two = |claims: &Claims| views(claims) >= 2;
+        if self.claims.iter().filter(|claims| two(claims)).count() < least {
+            return None;
+        }
+        let last = self.claims.iter().rposition(two)?;
+        let first = self.claims.iter().position(two)?;
+        self.claims.truncate(last + 1);
+        self.poses.truncate(last + 1);
+        self.claims.drain(..first);
+        self.poses.drain(..first);
+        self.first += first;
+        Some(self)
+    }
+
+    /// Gaps filled on straight lines, then means over `reach` frames on either side.
+    fn smooth(&mut self, reach: usize) {
+        let known: Vec<usize> =
+            (0..self.poses.len()).filter(|k| !self.poses[*k].is_empty()).collect();
+        for pair in known.windows(2) {
+            for k in pair[0] + 1..pair[1] {
+                let share = (k - pair[0]) as f64 / (pair[1] - pair[0]) as f64;
+                let ends = self.poses[pair[0]].iter().zip(&self.poses[pair[1]]);
+                self.poses[k] = ends.map(|(a, b)| a.lerp(b, share)).collect();
+            }
+        }
+        let n = self.poses.len();
+        let joints = self.poses.first().map_or(0, Vec::len);
+        let mean = |k: usize, j: usize| {
+            // The same reach on both sides: a mean over more of one side would lag.
+            let reach = reach.min(k).min(n - 1 - k);
+            let all = self.poses[k - reach..=k + reach].iter().map(|pose| pose[j]);
+            let (sum, n) = all
+                .filter(|x| !x.x.is_nan())
+                .fold((Vector3::zeros(), 0.0), |(sum, n), x| (sum + x, n + 1.0));
+            sum / n
+        };
+        self.poses = (0..n).map(|k| (0..joints).map(|j| mean(k, j)).collect()).collect();
+    }
+}
+
+fn views(claims: &Claims) -> usize {
+    claims.iter().filter(|claim| claim[0].is_some()).count()
+}
+
+impl Recording<'_> {
+    fn solve(&self, max_people: Option<usize>) -> Result<Vec<Person>> {
+        let mut tracks = self.tracks()?;
+        self.drop_doubles(&mut tracks);
+        let mut tracks = self.assigned_again(&tracks)?;
+        if let Some(most) = max_people {
+            tracks.sort_by_key(|track| std::cmp::Reverse(track.figures()));
+            tracks.truncate(most);
+        }
+        tracks.sort_by_key(|track| track.first);
+        let solved = tracks.par_iter().map(|track| self.sequence(track));
+        let solved: Vec<Sequence> = solved.collect::<Result<_>>()?;
+        Ok((0..).zip(&tracks).zip(solved).map(|((id, t), s)| person(id, t, s)).collect())
+    }
+
+    /// The rays of frames.
+    fn crowds(&self, frames: Range<usize>) -> Result<Vec<Crowd>> {
+        self.progress.check()?;
+        self.people[frames].par_iter().map(|slots| Crowd::new(self.refiner, slots)).collect()
+    }
+
+    fn chunks(&self) -> impl Iterator<Item = Range<usize>> {
+        let n = self.people.len();
+        (0..n).step_by(CHUNK).map(move |first| first..(first + CHUNK).min(n))
+    }
+
+    /// Everybody who is seen by two views for long enough, followed from frame to frame.
+    fn tracks(&self) -> Result<Vec<Track>> {
+        let mut associator = Associator::new(self.refiner, self.layout, self.fps);
+        let mut seen: BTreeMap<usize, Track> = BTreeMap::new();
+        for chunk in self.chunks() {
+            for (t, crowd) in chunk.clone().zip(self.crowds(chunk)?) {
+                for sighting in associator.step(&crowd) {
+                    let track = seen.entry(sighting.id).or_insert_with(|| Track::new(t));
+                    track.push(t, sighting.claims, sighting.pose);
+                }
+                self.progress.advance();
+            }
+        }
+        let reach = (SMOOTH * self.fps).round() as usize;
+        let smooth = |mut track: Track| {
+            track.smooth(reach);
+            track
+        };
+        Ok(seen.into_values().filter_map(|track| track.trimmed(self.least())).map(smooth).collect())
+    }
+
+    /// Least number of frames in which two views must see a person.
+    fn least(&self) -> usize {
+        let least = (LEAST_TIME * self.fps).round().clamp(1.0, MOST_FRAMES as f64) as usize;
+        least.min(self.people.len())
+    }
+
+    fn sequence(&self, track: &Track) -> Result<Sequence> {
+        let frame = |(k, claims): (usize, &Claims)| -> Frame {
+            let slots = &self.people[track.first + k];
+            let from = |i: usize, j: usize| {
+                claims[i].iter().flatten().find_map(|slot| slots[*slot].get(i, j))
+            };
+            Detections::gathered(claims.len(), self.layout.n_joints(), from).into()
+        };
+        let frames: Vec<Frame> = track.claims.iter().enumerate().map(frame).collect();
+        refine_sequence(self.refiner, &frames, self.fps, self.progress)
+    }
+
+    /// Removes people who are others: of two in one place, the one with fewer figures.
+    fn drop_doubles(&self, tracks: &mut Vec<Track>) {
+        let near = SAME * self.known.sigma;
+        let is_double = |a: &Track, b: &Track| {
+            let common = a.first.max(b.first)..a.end().min(b.end());
+            let n = common.len();
+            let both =
+                |t: &usize| a.pose(*t).zip(b.pose(*t)).is_some_and(|(x, y)| apart(x, y) < near);
+            n > 0 && common.filter(both).count() as f64 > DOUBLE * n as f64
+        };
+        let mut kept = vec![true; tracks.len()];
+        for a in 0..tracks.len() {
+            for b in a + 1..tracks.len() {
+                if kept[a] && kept[b] && is_double(&tracks[a], &tracks[b]) {
+                    kept[if tracks[a].figures() < tracks[b].figures() { a } else { b }] = false;
+                }
+            }
+        }
+        let mut keep = kept.into_iter();
+        tracks.retain(|_| keep.next().unwrap_or(true));
+    }
+
+    /// Figures assigned once more, to the smooth poses.
+    fn assigned_again(&self, tracks: &[Track]) -> Result<Vec<Track>> {
+        let mut out: Vec<Track> = tracks.iter().map(|track| Track::new(track.first)).collect();
+        for chunk in self.chunks() {
+            let crowds = self.crowds(chunk.clone())?;
+            let frames: Vec<(usize, Crowd)> = chunk.zip(crowds).collect();
+            let one = |(t, crowd): &(usize, Crowd)| {
+                let (there, poses): (Vec<usize>, Vec<&[Vector3<f64>]>) =
+                    (0..tracks.len()).filter_map(|q| Some((q, tracks[q].pose(*t)?))).unzip();
+                let claims = self.assigned(crowd, &poses);
+                there.into_iter().zip(claims).collect::<Vec<_>>()
+            };
+            let assigned: Vec<Vec<(usize, Claims)>> = frames.par_iter().map(one).collect();
+            for (q, claims) in assigned.into_iter().flatten() {
+                out[q].claims.push(claims);
+            }
+        }
+        Ok(out.into_iter().filter_map(|track| track.trimmed(self.least())).collect())
+    }
+
+    /// The figures of people at known places.
+    fn assigned(&self, crowd: &Crowd, there: &[&[Vector3<f64>]]) -> Vec<Claims> {
+        let Known { sigma, mirror, .. } = &self.known;
+        let mut claims = vec![vec![[None, None]; crowd.views.len()]; there.len()];
+        let mut free: Free =
+            crowd.views.iter().map(|view| view.iter().map(|f| f.joints > 0).collect()).collect();
+        for (i, figures) in crowd.views.iter().enumerate() {
+            let score = |pose: &[Vector3<f64>]| -> Vec<f64> {
+                figures.iter().map(|figure| at_body(figure, pose, *sigma, mirror)).collect()
+            };
+            let scores: Vec<Vec<f64>> = there.iter().map(|pose| score(pose)).collect();
+            for (k, slot) in assign(&scores, FITS).into_iter().enumerate() {
+                if let Some(slot) = slot {
+                    claims[k][i][0] = Some(slot);
+                    free[i][slot] = false;
+                }
+            }
+        }
+        for (pose, claims) in there.iter().zip(&mut claims) {
+            absorb(crowd, pose, claims, &mut free, &self.known);
+        }
+        claims
+    }
+}
+
+fn person(id: usize, track: &Track, sequence: Sequence) -> Person {
+    let slots = |part: usize| track.claims.iter().flatten().map(|claim| claim[part]).collect();
+    Person { id, frames: track.first..track.end(), slots: slots(0), more: slots(1), sequence }
+}

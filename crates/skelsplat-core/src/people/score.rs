@@ -1,0 +1,137 @@
+//! How well a figure fits a body, or another view's figure; and who gets which figure.
+
+use nalgebra::Vector3;
+use pathfinding::kuhn_munkres::kuhn_munkres;
+use pathfinding::matrix::Matrix;
+
+use super::crowd::Figure;
+use crate::annealed::rays::Ray;
+
+/// Pseudo-joints that do not fit.
+const DOUBT: f64 = 1.5;
+/// Least sin² of the angle at which two rays meet for them to have a place.
+const LEAST_ANGLE: f64 = 0.01;
+/// Scores as whole numbers.
+const SCALE: f64 = 1e9;
+
+/// The score of a figure at a body `(N)`, NaN where unknown, under kernels of width `sigma`; the better one of its two sides, where
+/// `mirror` has the mirror image of each joint.
+#[must_use]
+pub fn at_body(figure: &Figure, body: &[Vector3<f64>], sigma: f64, mirror: &[usize]) -> f64 {
+    let score = |side: &dyn Fn(usize) -> usize| {
+        let (mut fits, mut all) = (0.0, DOUBT * figure.confidence);
+        for (j, ray) in figure.rays.iter().enumerate() {
+            let x = &body[side(j)];
+            if ray.is_there() && !x.x.is_nan() {
+                fits += ray.weight * ray.offset(x).weight(sigma);
+                all += ray.weight;
+            }
+        }
+        if all > 0.0 { fits / all } else { 0.0 }
+    };
+    let straight = score(&|j| j);
+    // The other side is only tried where it can matter: a figure that fits well is not mirrored.
+    if mirror.is_empty() || straight > 0.6 {
+        return straight;
+    }
+    straight.max(score(&|j| mirror[j]))
+}
+
+/// The place where two rays meet, halfway between them, and their distance there; `None` if they are parallel or one would meet
+/// the other behind its camera.
+#[inline]
+#[must_use]
+pub fn meet(a: &Ray, b: &Ray) -> Option<(Vector3<f64>, f64)> {
+    let normal = a.direction.cross(&b.direction);
+    let sin2 = normal.norm_squared();
+    if sin2 < LEAST_ANGLE {
+        return None;
+    }
+    let between = b.centre - a.centre;
+    let along_a = between.cross(&b.direction).dot(&normal) / sin2;
+    let along_b = between.cross(&a.direction).dot(&normal) / sin2;
+    if along_a <= 0.0 || along_b <= 0.0 {
+        return None;
+    }
+    let middle = 0.5 * (a.centre + a.direction * along_a + b.centre + b.direction * along_b);
+    Some((middle, between.dot(&normal).abs() / sin2.sqrt()))
+}
+
+/// The score of two figures of different views, and the number of joints whose rays meet.
+#[must_use]
+pub fn of_pair(a: &Figure, b: &Figure, sigma: f64) -> (f64, usize) {
+    let (mut fits, mut all, mut common) = (0.0, DOUBT * a.confidence * b.confidence, 0);
+    for (p, q) in a.rays.iter().zip(&b.rays) {
+        if p.is_there() && q.is_there() {
+            let weight = p.weight * q.weight;
+            if let Some((_, distance)) = meet(p, q) {
+                fits += weight * (-0.25 * (distance / sigma).powi(2)).exp();
+                common += 1;
+            }
+            all += weight;
+        }
+    }
+    (if all > 0.0 { fits / all } else { 0.0 }, common)
+}
+
+/// The assignment with the largest sum of scores above `least`: the column of each row, each at most once.
+#[must_use]
+pub fn assign(scores: &[Vec<f64>], least: f64) -> Vec<Option<usize>> {
+    let (rows, columns) = (scores.len(), scores.first().map_or(0, Vec::len));
+    let gain = |r: usize, c: usize| ((scores[r][c] - least).max(0.0) * SCALE) as i64;
+    let mut found = vec![None; rows];
+    if (0..rows).all(|r| (0..columns).all(|c| gain(r, c) == 0)) {
+        return found;
+    }
+    if rows <= columns {
+        let table = Matrix::from_fn(rows, columns, |(r, c)| gain(r, c));
+        let (_, chosen) = kuhn_munkres(&table);
+        for (r, c) in chosen.into_iter().enumerate() {
+            found[r] = (gain(r, c) > 0).then_some(c);
+        }
+    } else {
+        let table = Matrix::from_fn(columns, rows, |(c, r)| gain(r, c));
+        let (_, chosen) = kuhn_munkres(&table);
+        for (c, r) in chosen.into_iter().enumerate() {
+            found[r] = (gain(r, c) > 0).then_some(c);
+        }
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ray(centre: [f64; 3], to: [f64; 3]) -> Ray {
+        let (centre, to) = (Vector3::from(centre), Vector3::from(to));
+        Ray { centre, direction: (to - centre).normalize(), weight: 1.0, pixel: 1e-3 }
+    }
+
+    #[test]
+    fn rays_meet_halfway_between_them() {
+        let (a, b) =
+            (ray([0.0, 0.0, 0.0], [1.0, 0.0, 0.0]), ray([5.0, -3.0, 2.0], [5.0, 0.0, 2.0]));
+        let (x, distance) = meet(&a, &b).unwrap();
+        assert!((x - Vector3::new(5.0, 0.0, 1.0)).norm() < 1e-12);
+        assert!((distance - 2.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn rays_that_are_parallel_or_diverge_do_not_meet() {
+        let a = ray([0.0, 0.0, 0.0], [1.0, 0.0, 0.0]);
+        assert_eq!(meet(&a, &ray([0.0, 1.0, 0.0], [1.0, 1.0, 0.0])), None);
+        assert_eq!(meet(&a, &ray([5.0, 3.0, 0.0], [5.0, 4.0, 0.0])), None);
+    }
+
+    #[test]
+    fn the_largest_sum_is_assigned_and_low_scores_are_not() {
+        // Greedily, row 0 would take column 0 and leave row 1 with nothing.
+        let scores = [vec![0.9, 0.8, 0.0], vec![0.85, 0.1, 0.0], vec![0.0, 0.0, 0.2]];
+        assert_eq!(assign(&scores, 0.3), [Some(1), Some(0), None]);
+        let tall: Vec<Vec<f64>> = scores.iter().map(|row| row[..1].to_vec()).collect();
+        assert_eq!(assign(&tall, 0.3), [Some(0), None, None]);
+        assert_eq!(assign(&[], 0.3), []);
+        assert_eq!(assign(&[vec![], vec![]], 0.3), [None, None]);
+    }
+}

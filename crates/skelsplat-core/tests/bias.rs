@@ -1,0 +1,152 @@
+//! The error bar: the scatter, and what the detector's joints have in common with no anatomical joint.
+
+use skelsplat_core::nalgebra::Matrix3;
+use skelsplat_core::testing::scenes::{Noise, exact_detections, noisy_detections, room, standing};
+use skelsplat_core::{
+    Camera, Error, Frame, JointBias, Layout, LayoutSpec, RefineConfig, Refinement, Refiner, Unit,
+    Value, refine_sequence,
+};
+
+const PX: f64 = 3.0;
+
+fn with(bias: JointBias) -> RefineConfig {
+    RefineConfig { joint_bias_mm: bias, ..RefineConfig::default() }
+}
+
+fn frame(cameras: &[Camera], seed: u64) -> Frame {
+    noisy_detections(&standing(), cameras, PX, &mut Noise::new(seed)).into()
+}
+
+fn refined(unit: Unit, layout: Option<&Layout>, config: RefineConfig) -> Result<Refinement, Error> {
+    let scale = 1.0 / unit.millimetres();
+    let detections = frame(&room(4), 1);
+    let cameras: Vec<Camera> = room(4).into_iter().map(|c| c.with_length_scale(scale)).collect();
+    Refiner::new(&cameras, unit, layout, config)?.refine(&detections)
+}
+
+fn h36m() -> Layout {
+    Layout::by_name("h36m17").unwrap()
+}
+
+/// Of every joint, what the diagonal of the error bar has beyond that of the scatter, as a standard deviation.
+fn added(found: &Refinement) -> Vec<f64> {
+    let one = |(bar, scatter): (&_, &Matrix3<f64>)| {
+        let beyond: Matrix3<f64> = bar - scatter;
+        assert!((beyond - Matrix3::from_diagonal_element(beyond[(0, 0)])).amax() < 1e-9);
+        beyond[(0, 0)].max(0.0).sqrt()
+    };
+    found.error_bar().iter().zip(&found.uncertainty).map(one).collect()
+}
+
+#[test]
+fn the_bias_is_added_in_the_unit_of_the_cameras_and_changes_nothing_else() {
+    let plain = refined(Unit::Millimetre, None, with(JointBias::All(0.0))).unwrap();
+    assert_eq!(plain.error_bar(), plain.uncertainty);
+    for unit in [Unit::Millimetre, Unit::Centimetre, Unit::Metre] {
+        let found = refined(unit, None, with(JointBias::All(20.0))).unwrap();
+        let mm = unit.millimetres();
+        assert!(added(&found).iter().all(|b| (b * mm - 20.0).abs() < 1e-6));
+        if unit == Unit::Millimetre {
+            assert_eq!(found.uncertainty, plain.uncertainty);
+            assert_eq!(found.pose, plain.pose);
+        }
+    }
+}
+
+#[test]
+fn every_joint_has_its_own() {
+    let each: Vec<f64> = (0..17).map(f64::from).collect();
+    let found =
+        refined(Unit::Millimetre, Some(&h36m()), with(JointBias::Each(each.clone()))).unwrap();
+    assert!(added(&found).iter().zip(&each).all(|(a, b)| (a - b).abs() < 1e-6));
+}
+
+/// 25 mm in no known direction are 14.4 mm per axis, 30 and 50 mm are 17.3 and 28.9 mm.
+#[test]
+fn built_in_layouts_have_published_figures_and_others_none() {
+    let layout = h36m();
+    let found = refined(Unit::Millimetre, Some(&layout), RefineConfig::default()).unwrap();
+    let expected = [
+        ("left_wrist", 14.434),
+        ("right_ankle", 14.434),
+        ("left_shoulder", 14.434),
+        ("neck", 14.434),
+        ("right_elbow", 17.321),
+        ("nose", 17.321),
+        ("head", 17.321),
+        ("spine", 17.321),
+        ("left_hip", 28.868),
+        ("right_knee", 28.868),
+        ("pelvis", 28.868),
+    ];
+    for (name, sigma) in expected {
+        let j = layout.joints.iter().position(|joint| joint == name).unwrap();
+        assert!((found.joint_bias[j] - sigma).abs() < 1e-3, "{name}: {}", found.joint_bias[j]);
+    }
+    let own = Layout::new(LayoutSpec { name: "mine".to_owned(), ..(*layout).clone() }).unwrap();
+    for layout in [None, Some(&own)] {
+        let found = refined(Unit::Millimetre, layout, RefineConfig::default()).unwrap();
+        assert_eq!(*found.joint_bias, [0.0; 17]);
+        assert_eq!(found.error_bar(), found.uncertainty);
+    }
+    for name in Layout::NAMES {
+        let layout = Layout::by_name(name).unwrap();
+        let refiner =
+            Refiner::new(&room(3), Unit::Metre, Some(&layout), RefineConfig::default()).unwrap();
+        let pose = vec![standing()[0]; layout.n_joints()];
+        let found = refiner.refine(&exact_detections(&pose, &room(3)).into()).unwrap();
+        assert!(found.joint_bias.iter().all(|b| (0.014..0.029).contains(b)), "{name}");
+    }
+}
+
+/// Neither more views nor more frames make it smaller.
+#[test]
+fn it_is_divided_by_neither_views_nor_frames() {
+    for (views, frames) in [(2, 4), (8, 4), (4, 60)] {
+        let cameras = room(views);
+        let refiner =
+            Refiner::new(&cameras, Unit::Millimetre, Some(&h36m()), with(JointBias::All(25.0)))
+                .unwrap();
+        let recording: Vec<Frame> = (0..frames).map(|k| frame(&cameras, k)).collect();
+        let found = refine_sequence(&refiner, &recording, 30.0, &Default::default()).unwrap();
+        for frame in found.frames.iter() {
+            assert!(added(&frame).iter().all(|b| (b - 25.0).abs() < 1e-6), "{views} views");
+        }
+    }
+}
+
+#[test]
+fn wrong_values_are_refused_by_name() {
+    let refused =
+        |bias| refined(Unit::Millimetre, Some(&h36m()), with(bias)).unwrap_err().to_string();
+    let not_negative = "expected a finite number that is not negative";
+    assert_eq!(
+        refused(JointBias::All(-1.0)),
+        format!("config.joint_bias_mm: {not_negative}, got -1")
+    );
+    assert_eq!(
+        refused(JointBias::All(f64::NAN)),
+        format!("config.joint_bias_mm: {not_negative}, got NaN")
+    );
+    let one = JointBias::Each([vec![1.0; 16], vec![-2.0]].concat());
+    assert_eq!(refused(one), format!("config.joint_bias_mm[16]: {not_negative}, got -2"));
+    assert_eq!(
+        refused(JointBias::Each(vec![1.0; 16])),
+        "config.joint_bias_mm: expected 17 joints, as in the detections, got 16 joints"
+    );
+}
+
+#[test]
+fn it_is_a_setting_like_any_other() {
+    let mut config = RefineConfig::paper();
+    assert_eq!(config.get("joint_bias_mm").unwrap(), Value::Nothing);
+    for value in [Value::Number(12.0), Value::Numbers(vec![1.0, 2.0]), Value::Nothing] {
+        config.set("joint_bias_mm", &value).unwrap();
+        assert_eq!(config.get("joint_bias_mm").unwrap(), value);
+    }
+    let error = config.set("joint_bias_mm", &Value::Switch(true)).unwrap_err().to_string();
+    assert_eq!(
+        error,
+        "config.joint_bias_mm: expected a number, a sequence of numbers, or None, got True"
+    );
+}

@@ -1,0 +1,163 @@
+//! `track` and `Tracker`: several people.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use pyo3::Borrowed;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use skelsplat_core::{Detections, Person, Progress, Tracker, track};
+
+use crate::args::{Array, Out, place};
+use crate::detections::{Frames, check_scores, split};
+use crate::errors::{Failure, Result, refuse};
+use crate::layout::Layout;
+use crate::refine::{PyRefiner, over_time, results};
+use crate::watch;
+
+/// People (T, M, P, N, 2|3) with confidences in [0, 1]; NaN where a slot is empty.
+pub(crate) struct People {
+    pixels: Vec<f64>,
+    scores: Vec<f64>,
+    /// T, M, P, N.
+    shape: [usize; 4],
+}
+
+impl<'py> FromPyObject<'_, 'py> for People {
+    type Error = Failure;
+
+    fn extract(value: Borrowed<'_, 'py, PyAny>) -> Result<Self> {
+        let array = Array::read("people", &value)?;
+        let [t, m, p, n, 2 | 3] = *array.shape.as_slice() else {
+            return Err(array.misshapen("(T, M, P, N, 2) or (T, M, P, N, 3)"));
+        };
+        let array = array.bounded(", or NaN where missing")?;
+        let shape = array.shape.clone();
+        let (pixels, scores) = split(array);
+        if !scores.is_empty() {
+            check_scores(&scores, &pixels, |k| place("people", &shape[..4], k, ", 2"))?;
+        }
+        Ok(Self { pixels, scores, shape: [t, m, p, n] })
+    }
+}
+
+impl People {
+    /// The slots of every frame: P times one figure per view (M, N).
+    fn slots(&self) -> Result<Vec<Vec<Detections>>> {
+        let [t, m, p, n] = self.shape;
+        let slot = |t: usize, slot: usize| -> Result<Detections> {
+            let rows = (0..m).map(|i| ((t * m + i) * p + slot) * n);
+            let pixels: Vec<f64> =
+                rows.clone().flat_map(|at| &self.pixels[2 * at..2 * (at + n)]).copied().collect();
+            let scores: Option<Vec<f64>> = (!self.scores.is_empty())
+                .then(|| rows.flat_map(|at| &self.scores[at..at + n]).copied().collect());
+            Ok(Detections::new(m, n, &pixels, scores.as_deref())?)
+        };
+        (0..t).map(|t| (0..p).map(|k| slot(t, k)).collect()).collect()
+    }
+
+    /// The only frame's.
+    fn only(&self) -> Result<Vec<Detections>> {
+        if self.shape[0] != 1 {
+            return refuse("people", "one frame", format!("{} frames", self.shape[0]));
+        }
+        Ok(self.slots()?.swap_remove(0))
+    }
+}
+
+/// Reject confidences outside [0, 1] in the argument ``people`` (T, M, P, N, 2|3).
+#[pyfunction]
+pub(crate) fn check_people(people: People) {
+    let _ = people;
+}
+
+/// Return the fields of every ``skelsplat.Person``, its refinement as in ``Refiner.refine_sequence``.
+#[pyfunction]
+#[pyo3(signature = (refiner, layout, people, fps, *, max_people=None, progress=None))]
+pub(crate) fn track_people<'py>(
+    py: Python<'py>,
+    refiner: &PyRefiner,
+    layout: Layout,
+    people: People,
+    fps: f64,
+    max_people: Option<usize>,
+    progress: Option<Bound<'py, PyAny>>,
+) -> Result<Vec<Bound<'py, PyDict>>> {
+    let [total, m, _, n] = people.shape;
+    let slots = people.slots()?;
+    drop(people);
+    let (refiner, layout) = (Arc::clone(&refiner.0), layout.0);
+    let work =
+        move |progress: &Progress| track(&refiner, &layout, &slots, fps, max_people, progress);
+    let found: Vec<Person> = watch::watched(py, total, progress.as_ref(), work)?;
+    let one = |person: Person| {
+        let frames = Frames::of(person.frames.len(), m, n);
+        let out = over_time(py, &frames, person.sequence)?;
+        out.set_item("id", person.id)?;
+        out.set_item("first", person.frames.start)?;
+        let numbers = |slots: &[Option<usize>]| -> Vec<i64> {
+            slots.iter().map(|slot| slot.map_or(-1, |s| s as i64)).collect()
+        };
+        out.set_item("slots", frames.out(numbers(&person.slots), &[m]))?;
+        out.set_item("more_slots", frames.out(numbers(&person.more), &[m]))?;
+        Ok(out)
+    };
+    found.into_iter().map(one).collect()
+}
+
+/// The people of a live loop, with the state between frames.
+///
+/// Raises
+/// ------
+/// InvalidInputError
+///     ``fps`` is not positive, or the method is ``paper``.
+#[pyclass(frozen, module = "skelsplat._skelsplat", name = "Tracker")]
+pub(crate) struct PyTracker {
+    refiner: PyRefiner,
+    tracker: Arc<Mutex<Tracker>>,
+    n_joints: usize,
+}
+
+#[pymethods]
+impl PyTracker {
+    #[new]
+    #[pyo3(signature = (refiner, layout, fps, *, max_people=None))]
+    fn new(
+        refiner: &PyRefiner,
+        layout: Layout,
+        fps: f64,
+        max_people: Option<usize>,
+    ) -> Result<Self> {
+        let tracker = Tracker::new(&refiner.0, &layout.0, fps, max_people)?;
+        let n_joints = layout.0.n_joints();
+        Ok(Self { refiner: refiner.clone(), tracker: Arc::new(Mutex::new(tracker)), n_joints })
+    }
+
+    /// Return the fields of everybody in the next frame; ``people`` is (1, M, P, N, 2|3).
+    fn step<'py>(&self, py: Python<'py>, people: People) -> Result<Vec<Bound<'py, PyDict>>> {
+        let (m, n) = (people.shape[1], self.n_joints);
+        let slots = people.only()?;
+        let (refiner, tracker) = (Arc::clone(&self.refiner.0), Arc::clone(&self.tracker));
+        let found = watch::run(py, true, move |progress| {
+            let mut tracker = tracker.lock().unwrap_or_else(PoisonError::into_inner);
+            tracker.step(&refiner, &slots, progress)
+        })?;
+        let one = |seen: skelsplat_core::Seen| {
+            let frame = Frames::one(m, n);
+            let out = results(py, &frame, seen.refinement.into())?;
+            let slots = |part: usize| -> Vec<i64> {
+                let number = |claim: &[Option<usize>; 2]| claim[part].map_or(-1, |s| s as i64);
+                seen.claims.iter().map(number).collect()
+            };
+            out.set_item("id", seen.id)?;
+            out.set_item("slots", Out(slots(0), vec![m]))?;
+            out.set_item("more_slots", Out(slots(1), vec![m]))?;
+            Ok(out)
+        };
+        found.into_iter().map(one).collect()
+    }
+
+    /// Forget everybody; identities are not used again.
+    fn reset(&self) {
+        self.tracker.lock().unwrap_or_else(PoisonError::into_inner).reset();
+    }
+}

@@ -1,0 +1,227 @@
+"""``track`` and ``Tracker``: several people. All computation is in the compiled core."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from skelsplat import _skelsplat
+from skelsplat._arrays import positive
+from skelsplat._refine import Cameras, Progress, Refinement, refinement_fields, reporter, warn_of_unit
+from skelsplat._sequence import SequenceRefinement
+from skelsplat._skelsplat import Layout, RefineConfig
+from skelsplat.exceptions import InvalidInputError
+
+#: People per view: an array, or per frame a list of views with the people (P_i, N, 2|3) that each detects.
+People = ArrayLike | Sequence[Sequence[ArrayLike]]
+
+
+@dataclass(frozen=True, slots=True)
+class Person:
+    """One person of a recording, or of a frame of a live loop.
+
+    Attributes
+    ----------
+    id : int
+        Identity, counted from 0 in the order of appearance. It is kept while the person is out of sight for
+        up to five seconds, if place and bones allow.
+    frames : (F,) int64
+        Frames of the recording, from the first to the last in which two views see the person. In between, a
+        frame in which nobody sees them is bridged or NaN.
+    slots : (F, M) int64
+        Which of the people in each view this is; -1 in a view that does not see them.
+    more_slots : (F, M) int64
+        A second one, where a detector has split the person into two; else -1.
+    refinement : SequenceRefinement
+        Their frames, solved in time; a `Refinement` of one frame from `Tracker.step`.
+    """
+
+    id: int
+    frames: NDArray[np.int64]
+    slots: NDArray[np.int64]
+    more_slots: NDArray[np.int64] = field(repr=False)
+    refinement: Refinement
+
+    def detections(self, people: People) -> NDArray[np.float64]:
+        """Return this person's detections (F, M, N, 2|3) among the ``people`` given to ``track``."""
+        array = np.asarray(padded(people), dtype=np.float64)[self.frames]
+        own, more = (_taken(array, slots) for slots in (self.slots, self.more_slots))
+        missing = ~np.isfinite(own[..., :2]).all(axis=-1) | (own[..., 2:] == 0.0).any(axis=-1)
+        return np.where(missing[..., None], more, own)
+
+    def __repr__(self) -> str:
+        span = f"{self.frames[0]} to {self.frames[-1]}" if len(self.frames) else "none"
+        return f"Person(id={self.id}, frames {span}, {self.refinement!r})"
+
+
+def track(
+    people: People,
+    cameras: Cameras,
+    *,
+    fps: float,
+    layout: str | Layout,
+    max_people: int | None = None,
+    config: RefineConfig | None = None,
+    progress: bool | Progress = False,
+) -> list[Person]:
+    """Find out who is who across views and over time, and refine everybody as ``refine_sequence`` does.
+
+    Nobody has to say how many people there are or which detection belongs to whom: the order of the people in
+    a view means nothing. A person appears once two views agree on them, for at least 0.2 s, and remains
+    while one view sees them. Detections of somebody whom only one view sees are left out, as are false ones
+    that no second view confirms. docs/method.md has the mathematics.
+
+    Parameters
+    ----------
+    people : (T, M, P, N, 2|3), or per frame a list of M views with (P_i, N, 2|3) each
+        Up to P people per view: pixels, with confidence if there are three values. NaN where a slot is empty
+        or a joint is missing. The frames of one recording in order, at a constant rate.
+    cameras, config, progress
+        As in ``refine_sequence``.
+    fps : float
+        Frames per second.
+    layout : str or Layout
+        The joints. A built-in one lets the proportions of people help to tell a person from a chance
+        agreement.
+    max_people : int, optional
+        Return at most so many: those whom the views see most.
+
+    Returns
+    -------
+    list of Person
+        In the order of their appearance; empty if no two views agree on anybody.
+
+    Raises
+    ------
+    InvalidInputError
+        As ``refine_sequence``, if shapes do not fit, or if ``max_people`` is below 1.
+
+    Warns
+    -----
+    UserWarning
+        As ``refine``.
+    """
+    positive("fps", fps)
+    prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
+    with reporter(progress) as report:
+        found: list[dict[str, Any]] = _skelsplat.track_people(
+            prepared, layout, padded(people), float(fps), max_people=_count(max_people), progress=report
+        )
+    everybody = [_person(out) for out in found]
+    for person in everybody:
+        warn_of_unit(person.refinement.pose, cameras, layout)
+    return everybody
+
+
+def _taken(people: NDArray[np.float64], slots: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the detections (F, M, N, D) in these slots (F, M) of ``people`` (F, M, P, N, D)."""
+    taken = np.take_along_axis(people, np.maximum(slots, 0)[:, :, None, None, None], axis=2)[:, :, 0]
+    return np.where((slots >= 0)[..., None, None], taken, np.nan)
+
+
+def _person(out: dict[str, Any]) -> Person:
+    number, first = out.pop("id"), out.pop("first")
+    slots, more = out.pop("slots"), out.pop("more_slots")
+    frames = np.arange(first, first + len(slots))
+    return Person(number, frames, slots, more, SequenceRefinement(**refinement_fields(out)))
+
+
+def _count(most: int | None) -> int | None:
+    if most is not None and (isinstance(most, bool) or not isinstance(most, int | np.integer) or most < 1):
+        raise InvalidInputError(f"max_people: expected an integer of at least 1, or None, got {most!r}")
+    return most
+
+
+def padded(people: People) -> ArrayLike:
+    """Return people as an array (T, M, P, N, 2|3), NaN in empty slots.
+
+    Parameters
+    ----------
+    people : (T, M, P, N, 2|3), or per frame a list of views with (P_i, N, 2|3) each
+    """
+    if hasattr(people, "__array__") or not isinstance(people, Sequence):
+        return people
+    rows: Sequence[Any] = people
+    frames = [[np.asarray(view, dtype=np.float64) for view in frame] for frame in rows]
+    shapes = {view.shape[1:] for frame in frames for view in frame if view.size}
+    counts = {len(frame) for frame in frames}
+    if len(counts) > 1:
+        raise InvalidInputError(f"people: expected as many views in every frame, got {sorted(counts)}")
+    if len(shapes) > 1 or any(len(shape) != 2 for shape in shapes):
+        got = ", ".join(str(("P", *shape)) for shape in sorted(shapes))
+        raise InvalidInputError(f"people: expected (P, N, 2) or (P, N, 3) in every view, got {got}")
+    empty = {view.shape[1:] for frame in frames for view in frame if view.ndim == 3}
+    joints = (shapes or empty or {(0, 3)}).pop()
+    most = max((len(view) for frame in frames for view in frame if view.size), default=0)
+    out = np.full((len(frames), max(counts, default=0), most, *joints), np.nan)
+    for t, frame in enumerate(frames):
+        for i, view in enumerate(frame):
+            if view.size:
+                out[t, i, : len(view)] = view
+    return out
+
+
+class Tracker:
+    """Follow several people frame by frame as they arrive.
+
+    Parameters
+    ----------
+    cameras, layout, config
+        As in ``track``.
+    fps : float
+        Frames per second.
+    max_people : int, optional
+        Follow at most so many, the first that appear.
+
+    Raises
+    ------
+    InvalidInputError
+        As ``track``.
+    """
+
+    __slots__ = ("_cameras", "_compiled", "_views")
+
+    def __init__(
+        self,
+        cameras: Cameras,
+        *,
+        layout: str | Layout,
+        fps: float,
+        max_people: int | None = None,
+        config: RefineConfig | None = None,
+    ) -> None:
+        positive("fps", fps)
+        prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
+        self._compiled = _skelsplat.Tracker(prepared, layout, float(fps), max_people=_count(max_people))
+        self._cameras = cameras
+
+    def step(self, people: ArrayLike | Sequence[ArrayLike]) -> list[Person]:
+        """Return everybody who is known in the next frame.
+
+        Parameters
+        ----------
+        people : (M, P, N, 2|3), or a list of M views with (P_i, N, 2|3) each
+            As a frame of ``track``.
+
+        Returns
+        -------
+        list of Person
+            In the order of their identities, with one frame each: ``frames`` is empty, ``slots`` is (M,). A
+            person whom no view sees is bridged for up to half a second.
+        """
+        frame = padded([people]) if isinstance(people, Sequence) else np.asarray(people)[None]
+        found = self._compiled.step(frame)
+        return [_seen(out) for out in found]
+
+    def reset(self) -> None:
+        """Forget everybody; identities are not used again."""
+        self._compiled.reset()
+
+
+def _seen(out: dict[str, Any]) -> Person:
+    number, slots, more = out.pop("id"), out.pop("slots"), out.pop("more_slots")
+    return Person(number, np.empty(0, dtype=np.int64), slots, more, Refinement(**refinement_fields(out)))

@@ -1,0 +1,200 @@
+"""`skelsplat.track` and `skelsplat.Tracker`: who is who across views and over time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from skelsplat import metrics, synthetic
+from skelsplat.exceptions import InvalidInputError
+from skelsplat.synthetic import Crowding, Scene
+
+FPS = 30.0
+
+
+def scene(people: int = 3, views: int = 4, frames: int = 90, **options) -> Scene:
+    rig = synthetic.ring(views, radius_mm=4500.0)
+    return synthetic.simulate_scene(people, rig, n_frames=frames, fps=FPS, **options)
+
+
+@pytest.fixture(scope="module")
+def three() -> Scene:
+    return scene(seed=3)
+
+
+@pytest.fixture(scope="module")
+def tracked(three: Scene) -> list[sk.Person]:
+    return sk.track(three.people, three.cameras, fps=FPS, layout=three.layout)
+
+
+def scored(found: list[sk.Person], truth: Scene) -> metrics.TrackScores:
+    tracks = [(one.id, one.frames, one.refinement.pose) for one in found]
+    return metrics.track_scores(tracks, truth.truth, optional=truth.optional())
+
+
+def test_everybody_is_found_once(three, tracked) -> None:
+    scores = scored(tracked, three)
+    assert [person.id for person in tracked] == [0, 1, 2]
+    assert scores.recall > 0.98
+    assert scores.precision > 0.98
+    assert scores.identity_switches == 0
+
+
+def test_poses_are_those_of_the_same_detections_in_time(three, tracked) -> None:
+    person = tracked[1]
+    alone = sk.refine_sequence(person.detections(three.people), three.cameras, fps=FPS, layout=three.layout)
+    np.testing.assert_array_equal(alone.pose, person.refinement.pose)
+    np.testing.assert_array_equal(alone.uncertainty, person.refinement.uncertainty)
+
+
+def test_slots_are_not_identities(three, tracked) -> None:
+    """The order of people in a view means nothing; in these scenes it changes with every frame."""
+    assert (np.diff(tracked[0].slots, axis=0) != 0).any()
+    reverse = sk.track(three.people[:, :, ::-1], three.cameras, fps=FPS, layout=three.layout)
+    for one, other in zip(tracked, reverse, strict=True):
+        np.testing.assert_array_equal(one.refinement.pose, other.refinement.pose)
+
+
+def test_lists_of_people_are_the_same(three, tracked) -> None:
+    there = np.isfinite(three.people[..., 0]).any(axis=-1)
+    lists = [
+        [view[seen] for view, seen in zip(frame, of_frame, strict=True)]
+        for frame, of_frame in zip(three.people, there, strict=True)
+    ]
+    found = sk.track(lists, three.cameras, fps=FPS, layout=three.layout)
+    for one, other in zip(tracked, found, strict=True):
+        np.testing.assert_array_equal(one.refinement.pose, other.refinement.pose)
+
+
+@pytest.mark.parametrize("threads", [1, 3])
+def test_the_same_bits_on_any_number_of_threads(three, tracked, threads: int) -> None:
+    config = sk.RefineConfig(n_threads=threads)
+    found = sk.track(three.people, three.cameras, fps=FPS, layout=three.layout, config=config)
+    for one, other in zip(tracked, found, strict=True):
+        np.testing.assert_array_equal(one.slots, other.slots)
+        np.testing.assert_array_equal(one.refinement.uncertainty, other.refinement.uncertainty)
+
+
+def test_whoever_comes_back_is_the_same_person() -> None:
+    truth = scene(people=2, frames=180, meetings=("leave",), crowding=Crowding.none(), seed=1)
+    assert np.isnan(truth.truth).all(axis=(2, 3)).any(), "somebody has to be away"
+    found = sk.track(truth.people, truth.cameras, fps=FPS, layout=truth.layout)
+    assert len(found) == 2
+    assert scored(found, truth).idf1 > 0.98
+
+
+def test_at_most_so_many_are_returned(three, tracked) -> None:
+    found = sk.track(three.people, three.cameras, fps=FPS, layout=three.layout, max_people=2)
+    seen = sorted((int((person.slots >= 0).sum()) for person in tracked), reverse=True)
+    assert sorted((int((person.slots >= 0).sum()) for person in found), reverse=True) == seen[:2]
+
+
+def test_a_person_whom_one_view_sees_is_nobody(three) -> None:
+    hidden = three.people.copy()
+    hidden[:, 1:] = np.nan
+    assert sk.track(hidden, three.cameras, fps=FPS, layout=three.layout) == []
+
+
+def test_a_person_detected_in_two_halves_is_one() -> None:
+    whole = scene(people=1, crowding=Crowding.none(), seed=5)
+    halves = np.full((*whole.people.shape[:2], 2, *whole.people.shape[3:]), np.nan)
+    upper = np.arange(17) >= 7
+    halves[:, :, 0] = whole.people[:, :, 0]
+    halves[:, 1, 0, upper] = np.nan
+    halves[:, 1, 1, upper] = whole.people[:, 1, 0, upper]
+    (expected,) = sk.track(whole.people, whole.cameras, fps=FPS, layout=whole.layout)
+    (person,) = sk.track(halves, whole.cameras, fps=FPS, layout=whole.layout)
+    assert (person.more_slots[:, 1] >= 0).mean() > 0.95
+    apart = np.linalg.norm(person.refinement.pose - expected.refinement.pose, axis=-1)
+    assert np.nanmedian(apart) < 0.1
+
+
+def test_fifty_ghosts_per_view_are_nobody(three, tracked) -> None:
+    """False detections at random places; a few may agree by chance for a moment, never for long."""
+    rng = np.random.default_rng(0)
+    t, m, _, n, _ = three.people[:12].shape
+    ghosts = rng.uniform(0.0, 1000.0, (t, m, 50, 1, 2)) + rng.normal(0.0, 80.0, (t, m, 50, n, 2))
+    ghosts = np.concatenate([ghosts, np.full((t, m, 50, n, 1), 0.5)], axis=-1)
+    crowd = np.concatenate([three.people[:12], ghosts], axis=2)
+    found = sk.track(crowd, three.cameras, fps=FPS, layout=three.layout)
+    assert len(found) == len(tracked)
+
+
+@pytest.mark.parametrize(
+    "people",
+    [np.empty((5, 4, 0, 17, 3)), np.full((5, 4, 2, 17, 3), np.nan), [[[], [], [], []]] * 3],
+    ids=["P of 0", "empty slots", "empty lists"],
+)
+def test_nobody_there_is_an_empty_list(three, people) -> None:
+    assert sk.track(people, three.cameras, fps=FPS, layout=three.layout) == []
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"fps": 0.0}, "fps: expected a positive number"),
+        ({"fps": float("nan")}, "fps: expected"),
+        ({"max_people": 0}, "max_people: expected an integer of at least 1, or None, got 0"),
+        ({"max_people": 1.5}, "max_people: expected an integer of at least 1, or None, got 1.5"),
+        ({"layout": "coco17x"}, "layout"),
+        ({"layout": "body25"}, "expected the layout's 25 joints, got 17 joints"),
+        ({"config": sk.RefineConfig.paper()}, "config.method: expected 'annealed' for several people"),
+    ],
+)
+def test_bad_arguments_are_named(three, change, message: str) -> None:
+    options = {"fps": FPS, "layout": three.layout} | change
+    with pytest.raises(sk.SkelSplatError, match=message.replace("'", ".")):
+        sk.track(three.people[:5], three.cameras, **options)
+
+
+@pytest.mark.parametrize(
+    ("people", "message"),
+    [
+        (np.zeros((5, 4, 17, 3)), r"people: expected shape \(T, M, P, N, 2\) or \(T, M, P, N, 3\)"),
+        (np.zeros((5, 3, 2, 17, 3)), r"expected one view per camera \(4\), got 3 views"),
+        (np.full((2, 4, 1, 17, 3), 2.0), r"people\[0, 0, 0, 0, 2\]: expected a value in \[0, 1\]"),
+        (
+            [[np.zeros((1, 17, 3))] * 4, [np.zeros((1, 17, 3))] * 3],
+            r"people: expected as many views in every",
+        ),
+        (
+            [[np.zeros((1, 17, 3))] * 3 + [np.zeros((1, 16, 3))]],
+            r"people: expected \(P, N, 2\) or \(P, N, 3\)",
+        ),
+    ],
+)
+def test_people_of_other_shapes_are_refused(three, people, message: str) -> None:
+    with pytest.raises(InvalidInputError, match=message):
+        sk.track(people, three.cameras, fps=FPS, layout=three.layout)
+
+
+def test_live_knows_the_same_people(three, tracked) -> None:
+    tracker = sk.Tracker(three.cameras, fps=FPS, layout=three.layout)
+    answers = [tracker.step(frame) for frame in three.people]
+    tracks = [
+        (person.id, np.array([t]), person.refinement.pose[None])
+        for t, answer in enumerate(answers)
+        for person in answer
+    ]
+    scores = metrics.track_scores(tracks, three.truth, optional=three.optional())
+    assert scores.identity_switches == 0
+    assert scores.precision > 0.98
+    assert scores.recall > 0.95
+    assert scores.mpjpe_mm < 1.5 * scored(tracked, three).mpjpe_mm
+    assert all(person.slots.shape == (4,) for person in answers[-1])
+
+
+def test_live_forgets_people_who_are_gone(three) -> None:
+    tracker = sk.Tracker(three.cameras, fps=FPS, layout=three.layout)
+    for frame in three.people[:30]:
+        before = tracker.step(frame)
+    assert len(before) == 3
+    nobody = [np.empty((0, 17, 3))] * 4
+    gone = [len(tracker.step(nobody)) for _ in range(40)]
+    assert gone[0] == 3, "bridged at first"
+    assert gone[-1] == 0
+    back = [tracker.step(frame) for frame in three.people[60:75]][-1]
+    assert {person.id for person in back} <= {0, 1, 2, 3, 4, 5}
+    tracker.reset()
+    assert tracker.step(three.people[0]) == []
