@@ -31,4 +31,4 @@ pub mod tracks;
 
 pub use live::Live;
 pub(crate) use recording::check;
-pub use recording::{Sequence, equations, refine_in_windows, refine_sequence};
+pub use recording::{Equations, Sequence, equations, refine_in_windows, refine_sequence};
