@@ -642,6 +642,12 @@ class Tracker:
     def reset(self) -> None:
         """Forget everybody; identities are not used again."""
 
+    def ids(self) -> list[int]:
+        """Identities of everybody who is followed, also of those out of sight."""
+
+    def copy(self) -> Tracker:
+        """Return another tracker in the same state."""
+
 def track_people(
     refiner: Refiner,
     layout: str | Layout,

@@ -265,6 +265,16 @@ Lag = Annotated[
         min=0,
     ),
 ]
+LivePeople = Annotated[
+    str | None,
+    option(
+        _TIME,
+        "--people",
+        metavar="all|N",
+        help="Follow everybody, or at most N people, and find out who is who. Requires --fps.",
+        default="one person",
+    ),
+]
 FrameByFrame = Annotated[
     bool,
     flag(
@@ -339,6 +349,15 @@ def positive(option: str, value: float | None) -> float | None:
     if value is None or 0 < value < float("inf"):
         return value
     raise typer.BadParameter(f"expected a positive number, got {value:g}", param_hint=option)
+
+
+def number_of_people(option: str, value: str) -> int | None:
+    """Return how many people to follow at most: None for all."""
+    if value.lower() == "all":
+        return None
+    if value.isdecimal() and int(value) > 0:
+        return int(value)
+    raise typer.BadParameter(f"expected all or a number of at least 1, got {value!r}", param_hint=option)
 
 
 def some_of(option: str, value: str, choices: tuple[str, ...]) -> tuple[str, ...]:

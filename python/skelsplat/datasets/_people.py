@@ -9,15 +9,16 @@ from pathlib import Path
 import numpy as np
 
 from skelsplat._arrays import Array, Index, Mask
+from skelsplat._optional import require
 from skelsplat._skelsplat import project
 from skelsplat.cameras import CameraRig
 from skelsplat.datasets._model import Take
 from skelsplat.exceptions import DatasetError
-from skelsplat.metrics._people import cheapest_pairs
 
 # A detection may be somebody's if its joints are this near to the projected ones on average, as a share of
 # the diagonal of the person's box in the view; and if they have so many joints in common.
 _NEAR, _FEWEST_JOINTS = 0.2, 4
+_FORBIDDEN_PX = 1e6  # more than any allowed pairs cost together
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,6 +119,7 @@ def nearest_slots(truth: Array, rig: CameraRig, people: Array) -> Index:
     In each view the pairs of least total distance in pixels; a pair that is too far apart is none. Needs
     SciPy. (Q, T, M), −1 = none.
     """
+    assign = require("scipy.optimize", "oracle association", "evaluation").linear_sum_assignment
     out = np.full((*truth.shape[:2], len(rig)), -1, dtype=np.int64)
     projected = np.stack([np.asarray(project(one, rig)) for one in truth])  # (Q, M, T, N, 2)
     known = np.isfinite(projected).all(axis=-1, keepdims=True)
@@ -133,6 +135,7 @@ def nearest_slots(truth: Array, rig: CameraRig, people: Array) -> Index:
             count = common.sum(axis=-1)
             mean = np.where(common, gap, 0.0).sum(axis=-1) / np.maximum(count, 1)
             allowed = (count >= _FEWEST_JOINTS) & (mean <= _NEAR * size[:, view, t, None])
-            person, slot = cheapest_pairs(np.where(allowed, mean, np.inf)).T
-            out[person, t, view] = slot
+            person, slot = assign(np.where(allowed, mean, _FORBIDDEN_PX))
+            fits = allowed[person, slot]
+            out[person[fits], t, view] = slot[fits]
     return out
