@@ -67,7 +67,7 @@ def held(alone: Array, rays: Sequence[Rays], sigma: float) -> Array:
 
 
 def agility(alone: Array, rays: Sequence[Rays], model: Model) -> Array:
-    """Densities q (T,N), mm²/s³: those of the second differences around, of the joint and its neighbours, and of all."""
+    """Densities q (T,N), mm²/s³: of the second differences around, of the joint and its neighbours, and of all."""
     T, N = alone.shape[:2]
     spans, around = frames_in(SPAN, model.fps), frames_in(AROUND, model.fps)
     sigma = float(model.sigma[0])
@@ -125,7 +125,7 @@ def densities(squares: Array, white: float, long: Array) -> Array:
 
 
 def density(squares: Array, white: float, long: Array) -> float:
-    """Density q by the mean squares of second differences over the times `long`: the first that exceeds the noise."""
+    """Density q by the mean square over the first of the times `long` at which it exceeds the noise."""
     if len(squares) == 0:
         return np.nan
     clear = np.flatnonzero(squares > CLEAR * white)
