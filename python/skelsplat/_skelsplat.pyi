@@ -555,10 +555,10 @@ def sequence_equations(
     layout: str | Layout | None = None,
     config: RefineConfig | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return H (3NT, 3NT) and the gradient (N, T, 3) of a step of ``refine_sequence`` at ``poses`` (T, N, 3), and the
-    density of the acceleration (N, T), mm²/s³.
+    """Return H (3NT, 3NT), gradient (N, T, 3) and density of the acceleration (N, T) of a step in time.
 
-    ``lengths``: mean and σ of every limb, mm; ``joints``: variance of a detection (mm²) and kernel (mm) of every joint.
+    It is that of ``refine_sequence`` at ``poses`` (T, N, 3). ``lengths``: mean and σ of every limb, mm;
+    ``joints``: variance of a detection (mm²) and kernel (mm) of every joint. Densities are mm²/s³.
     """
 
 @final

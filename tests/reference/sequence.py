@@ -67,7 +67,7 @@ def held(alone: Array, rays: Sequence[Rays], sigma: float) -> Array:
 
 
 def agility(alone: Array, rays: Sequence[Rays], model: Model) -> Array:
-    """Densities q (T,N), mm²/s³: of the second differences around, of the joint and its neighbours, and of all."""
+    """Densities q (T,N), mm²/s³: by the second differences around, of a joint and its neighbours."""
     T, N = alone.shape[:2]
     spans, around = frames_in(SPAN, model.fps), frames_in(AROUND, model.fps)
     sigma = float(model.sigma[0])
