@@ -215,8 +215,8 @@ def test_the_report_is_printed(recording, tmp_path):
 @pytest.mark.parametrize(
     ("options", "parts"),
     [
-        (["--people", "some"], ["--people: expected all or a number from 1, got 'some'"]),
-        (["--people", "0"], ["--people: expected all or a number from 1, got 0"]),
+        (["--people", "some"], ["--people: expected all or a number of at least 1, got 'some'"]),
+        (["--people", "0"], ["--people: expected all or a number of at least 1, got '0'"]),
         (["--people", "all", "--person", "1"], ["--person: expected none with people", "got 1"]),
         (["--person", "5"], ["--person: expected one of 0, 1 (the people found), got 5"]),
         (["--person", "cam9:3,4"], ["--person: expected a camera, one of", "got 'cam9'"]),

@@ -14,8 +14,8 @@ use skelsplat_core::study::sequence::tracks::Tracks;
 use skelsplat_core::testing::differences::{central_differences, relative_error};
 use skelsplat_core::testing::scenes::{Noise, noisy_detections, room, standing};
 use skelsplat_core::{
-    Detections, Frame, JointStatus, Layout, Progress, RefineConfig, Refiner, Sequence, Unit,
-    refine_sequence,
+    AnnealedSettings, Detections, Frame, JointStatus, Layout, LayoutSpec, Progress, RefineConfig,
+    Refiner, Sequence, Unit, refine_sequence,
 };
 
 fn some_block(noise: &mut Noise) -> Matrix3<f64> {
@@ -255,6 +255,46 @@ fn a_cut_does_not_blur() {
     // The body moves by less than 20 mm a frame: no velocity is measured across the cut.
     let speeds = points(&found.velocity[55 * 17 * 3..65 * 17 * 3]).map(|v| v.norm());
     assert!(speeds.fold(0.0, f64::max) < 2000.0);
+}
+
+#[test]
+fn given_lengths_hold_where_no_frame_shows_the_bone_and_yield_where_frames_contradict_them() {
+    let (truth, mut detections) = recording(90, 2.0, 14);
+    // The last joint, an end of the last limb, is seen by one view only.
+    let end = 16;
+    for frame in &mut detections {
+        let pixels = (0..4).flat_map(|i| (0..17).map(move |j| (i, j))).flat_map(|(i, j)| {
+            let at = frame.get(i, j).filter(|_| j != end || i == 0);
+            at.map_or([f64::NAN; 2], |(p, _)| [p.x, p.y])
+        });
+        *frame = Detections::new(4, 17, &pixels.collect::<Vec<f64>>(), None).unwrap();
+    }
+    let layout = Layout::by_name("h36m17").unwrap();
+    let own = Layout::new(LayoutSpec { name: "own".to_owned(), ..(*layout).clone() }).unwrap();
+    let length = |[a, b]: &[usize; 2]| (truth[0][*a] - truth[0][*b]).norm();
+    let mut lengths: Vec<f64> = own.limbs.iter().map(length).collect();
+    lengths[1] += 150.0;
+    let settings = AnnealedSettings {
+        bone_lengths_mm: Some(lengths.clone()),
+        bone_sigmas_mm: Some(vec![10.0; lengths.len()]),
+        ..AnnealedSettings::default()
+    };
+    let refiner = Refiner::new(&room(4), Unit::Millimetre, Some(&own), settings.into()).unwrap();
+    let frames: Vec<Frame> = detections.into_iter().map(Frame::from).collect();
+    let found = refine_sequence(&refiner, &frames, 30.0, &Progress::default()).unwrap();
+    let last = own.limbs.iter().position(|limb| limb.contains(&end)).unwrap();
+    let [a, b] = own.limbs[last];
+    for frame in found.frames.iter() {
+        let long = (frame.pose[a] - frame.pose[b]).norm();
+        assert!((long - lengths[last]).abs() < 20.0, "{long} mm for {}", lengths[last]);
+        assert_ne!(frame.joint_status[end], JointStatus::Ok);
+    }
+    // The given length of this limb is wrong, and all views see it.
+    assert!((found.lengths[1].mean - (lengths[1] - 150.0)).abs() < 10.0);
+    let [a, b] = own.limbs[1];
+    for (frame, truth) in found.frames.iter().zip(&truth) {
+        assert!((frame.pose[a] - truth[a]).norm().max((frame.pose[b] - truth[b]).norm()) < 25.0);
+    }
 }
 
 #[test]

@@ -128,6 +128,15 @@ def _limbs_differ(finding: Finding) -> str:
     return f"Left and right limbs differ in length, {sizes}. Is the layout correct{hint}?"
 
 
+def _given_lengths_differ(finding: Finding) -> str:
+    given, measured = finding.numbers["given_mm"], finding.numbers["measured_mm"]
+    sizes = [
+        f"{a} to {b} {size:.0f} mm, measured {seen:.0f} mm"
+        for (a, b), size, seen in zip(finding.numbers["limbs"], given, measured, strict=True)
+    ]
+    return f"Given bone lengths contradict the recording: {_some(sizes)}. Where views agree, they count."
+
+
 def _uncertain(finding: Finding) -> str:
     scatter = zip(finding.subject.joints, finding.numbers["scatter_mm"], strict=True)
     joints = _some([f"{name} ({own:.0f} mm)" for name, own in scatter])
@@ -273,6 +282,7 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "views_apart": _apart,
     "camera_mirrored": _mirrored,
     "limbs_differ": _limbs_differ,
+    "given_lengths_differ": _given_lengths_differ,
     "joints_rejected": lambda f: f"Most detections are rejected for {_some(f.subject.joints)}.",
     "joints_uncertain": _uncertain,
     **dict.fromkeys(_STATUS, _status),

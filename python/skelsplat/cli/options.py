@@ -287,6 +287,16 @@ Lag = Annotated[
         min=0,
     ),
 ]
+LivePeople = Annotated[
+    str | None,
+    option(
+        _TIME,
+        "--people",
+        metavar="all|N",
+        help="Follow everybody, or at most N people, and find out who is who. Requires --fps.",
+        default="one person",
+    ),
+]
 FrameByFrame = Annotated[
     bool,
     flag(
@@ -363,9 +373,13 @@ def positive(option: str, value: float | None) -> float | None:
     raise typer.BadParameter(f"expected a positive number, got {value:g}", param_hint=option)
 
 
-def people(value: str | None) -> str | int | None:
-    """Return the value of ``--people``: all, or a number."""
-    return int(value) if value is not None and value.isdecimal() else value
+def number_of_people(option: str, value: str) -> int | None:
+    """Return how many people to follow at most: None for all."""
+    if value.lower() == "all":
+        return None
+    if value.isdecimal() and int(value) > 0:
+        return int(value)
+    raise typer.BadParameter(f"expected all or a number of at least 1, got {value!r}", param_hint=option)
 
 
 def some_of(option: str, value: str, choices: tuple[str, ...]) -> tuple[str, ...]:

@@ -107,7 +107,7 @@ def refine(
         **read,
         layout=layout and layout.lower(),
         person=person,
-        people=options.people(people),
+        people=people and (options.number_of_people("--people", people) or "all"),
         frames=frames,
         **inputs.detection_arguments(format, offset, order, joint_map),
         without=tuple(dict.fromkeys(without or [])),

@@ -157,7 +157,7 @@ class Job:
     def _check_people(self) -> None:
         number = isinstance(self.people, int) and not isinstance(self.people, bool) and self.people >= 1
         if self.people not in (None, "all") and not number:
-            raise InvalidInputError(f"people: expected all or a number from 1, got {self.people!r}")
+            raise InvalidInputError(f"people: expected all or a number of at least 1, got {self.people!r}")
         if self.people is not None:
             for option, unset in (("person", "consistent"), ("init", None)):
                 if getattr(self, option) != unset:

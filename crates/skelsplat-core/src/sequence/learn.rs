@@ -6,6 +6,8 @@ use super::small::median;
 use super::solver::frames_in;
 use super::tracks::Tracks;
 use crate::bones::Length;
+use crate::bones::expected::{Expected, Shown, stature};
+use crate::bones::population::Proportion;
 
 /// Longest time over which an acceleration is measured, s: half of the second difference's span.
 pub(super) const SPAN: f64 = 0.4;
@@ -25,6 +27,12 @@ const LEAST: usize = 12;
 /// Least standard deviation of a bone's length, mm and share of its length.
 pub(super) const LEAST_SPREAD: f64 = 6.0;
 pub(super) const LEAST_SHARE: f64 = 0.02;
+/// Share of a length's variance in one frame that all frames have in common.
+const LASTING: f64 = 0.5;
+/// Multiple of the population's spread: less errs where frames see a bone badly (docs/decisions.md).
+const LOOSE: f64 = 3.0;
+/// Standard errors between the measured and the expected length of a bone, from which they contradict each other.
+const CONTRADICTS: f64 = 3.0;
 
 /// The spectral density q of the acceleration of every joint, mm²/s³, for data of these variances, mm².
 ///
@@ -103,25 +111,74 @@ fn second_moment(
     Some(squares[..kept].iter().sum::<f64>() / kept as f64 / 3.0)
 }
 
-/// The length of every bone at `points` `(N, T)`: a weighted median over the frames that see it well, and its spread beyond what
-/// their error bars explain. σ is infinite for a bone that no frame shows.
+/// The length of every bone at `points` `(N, T)`: what the frames show, with what is expected as its prior. σ is infinite for a
+/// bone that no frame shows and of which nothing is known.
 #[must_use]
-pub fn lengths(tracks: &Tracks, points: &[Vector3<f64>], bones: &[[usize; 2]]) -> Vec<Length> {
-    bones.iter().map(|bone| length(tracks, points, *bone)).collect()
+pub fn lengths(
+    tracks: &Tracks,
+    points: &[Vector3<f64>],
+    bones: &[[usize; 2]],
+    expected: &Expected,
+) -> Vec<Length> {
+    let measured: Vec<Option<Measured>> =
+        bones.iter().map(|bone| measure(tracks, points, *bone)).collect();
+    let of = |joints: [usize; 2]| bones.iter().position(|b| *b == joints).and_then(|b| measured[b]);
+    let shown = |p: &Proportion| {
+        let m = of(p.joints).filter(|m| m.well)?;
+        Some(Shown { proportion: *p, length: m.length.mean, variance: m.variance })
+    };
+    let stature = stature(expected.proportions.iter().filter_map(shown));
+    let of_population = |joints: [usize; 2]| {
+        let own = expected.proportions.iter().find(|p| p.joints == joints)?.at(stature);
+        Some(Length { sigma: LOOSE * own.sigma, ..own })
+    };
+    let prior = |joints: [usize; 2]| expected.given(joints).or_else(|| of_population(joints));
+    bones.iter().zip(&measured).map(|(b, m)| combined(*m, prior(*b))).collect()
+}
+
+/// What the frames show of a bone.
+#[derive(Debug, Clone, Copy)]
+struct Measured {
+    /// The length and its spread over the frames.
+    length: Length,
+    /// Variance of the mean length, mm²: most errors last.
+    variance: f64,
+    /// Whether enough frames see both ends well.
+    well: bool,
+}
+
+/// A measured length with a prior, by their precisions. Of two lengths that contradict each other, the frames' one counts if they see the
+/// bone well.
+fn combined(measured: Option<Measured>, prior: Option<Length>) -> Length {
+    let (m, prior) = match (measured, prior) {
+        (None, None) => return Length { mean: 0.0, sigma: f64::INFINITY },
+        (None, Some(prior)) => return prior,
+        (Some(m), None) => return m.length,
+        (Some(m), Some(prior)) => (m, prior),
+    };
+    let square = prior.sigma * prior.sigma;
+    let off = m.length.mean - prior.mean;
+    if m.well && off * off > CONTRADICTS * CONTRADICTS * (m.variance + square) {
+        return m.length;
+    }
+    let share = m.variance / (m.variance + square);
+    let left = if m.well { 0.0 } else { share * square };
+    let sigma = (m.length.sigma.powi(2) + left).sqrt();
+    Length { mean: m.length.mean - share * off, sigma }
 }
 
 /// One frame's length of a bone: the length, its weight, and its variance.
 #[derive(Clone, Copy)]
-struct Shown {
+struct InFrame {
     length: f64,
     weight: f64,
     variance: f64,
 }
 
-fn length(tracks: &Tracks, points: &[Vector3<f64>], [a, b]: [usize; 2]) -> Length {
+fn measure(tracks: &Tracks, points: &[Vector3<f64>], [a, b]: [usize; 2]) -> Option<Measured> {
     let at = |t: usize| (a * tracks.frames + t, b * tracks.frames + t);
     let is_sure = |t: &usize| tracks.sure[at(*t).0] && tracks.sure[at(*t).1];
-    let shown = |t: usize| {
+    let in_frame = |t: usize| {
         let (a, b) = at(t);
         let spread = tracks.spread[a] + tracks.spread[b];
         let d = points[a] - points[b];
@@ -129,29 +186,31 @@ fn length(tracks: &Tracks, points: &[Vector3<f64>], [a, b]: [usize; 2]) -> Lengt
         let variance = u.dot(&(spread * u));
         let known = tracks.active[a] && tracks.active[b] && variance.is_finite();
         let weight = 1.0 / (variance + LEAST_SPREAD * LEAST_SPREAD);
-        known.then_some(Shown { length, weight, variance })
+        known.then_some(InFrame { length, weight, variance })
     };
-    let sure: Vec<Shown> = (0..tracks.frames).filter(is_sure).filter_map(shown).collect();
-    let mut seen =
-        if sure.len() >= LEAST { sure } else { (0..tracks.frames).filter_map(shown).collect() };
+    let sure: Vec<InFrame> = (0..tracks.frames).filter(is_sure).filter_map(in_frame).collect();
+    let well = sure.len() >= LEAST;
+    let mut seen = if well { sure } else { (0..tracks.frames).filter_map(in_frame).collect() };
     if seen.is_empty() {
-        return Length { mean: 0.0, sigma: f64::INFINITY };
+        return None;
     }
     let mean = weighted_median(&mut seen);
-    let mut off: Vec<Shown> =
-        seen.iter().map(|s| Shown { length: (s.length - mean).abs(), ..*s }).collect();
+    let mut off: Vec<InFrame> =
+        seen.iter().map(|s| InFrame { length: (s.length - mean).abs(), ..*s }).collect();
     let scatter = 1.4826 * weighted_median(&mut off);
     let total: f64 = seen.iter().map(|s| s.weight).sum();
     let noise = seen.iter().map(|s| s.weight * s.variance).sum::<f64>() / total;
     let own = (scatter * scatter - noise).max(0.0).sqrt();
-    Length { mean, sigma: own.max(LEAST_SPREAD).max(LEAST_SHARE * mean) }
+    let length = Length { mean, sigma: own.max(LEAST_SPREAD).max(LEAST_SHARE * mean) };
+    let variance = if well { LASTING * noise } else { noise + scatter * scatter };
+    Some(Measured { length, variance, well })
 }
 
-fn weighted_median(seen: &mut [Shown]) -> f64 {
+fn weighted_median(seen: &mut [InFrame]) -> f64 {
     seen.sort_by(|a, b| a.length.total_cmp(&b.length));
     let half = 0.5 * seen.iter().map(|s| s.weight).sum::<f64>();
     let mut sum = 0.0;
-    let above = |s: &&Shown| {
+    let above = |s: &&InFrame| {
         sum += s.weight;
         sum >= half
     };

@@ -197,10 +197,10 @@ impl Recording<'_> {
         let sigma = self.refiner.final_kernels(sample[0][0].points.len(), noise);
         let stretches: Vec<&[Alone]> = sample.iter().map(Vec::as_slice).collect();
         let tracks = self.tracks(&stretches, sigma[0]);
-        let bones = self.refiner.bones().to_vec();
+        let (bones, expected) = (self.refiner.bones().to_vec(), self.refiner.expected());
         let mut common = Common {
             fps: self.fps,
-            lengths: learn::lengths(&tracks, &tracks.alone, &bones),
+            lengths: learn::lengths(&tracks, &tracks.alone, &bones, expected),
             agility: learn::agility(&tracks, self.fps, &vec![noise * noise; tracks.joints]),
             bones,
             weight,
@@ -209,7 +209,7 @@ impl Recording<'_> {
             reach: if spread > LEAST_SPREAD * noise { spread } else { USUAL_SPREAD },
         };
         let mut path = self.path(tracks, &common)?;
-        common.lengths = learn::lengths(&path.tracks, &path.points, &common.bones);
+        common.lengths = learn::lengths(&path.tracks, &path.points, &common.bones, expected);
         let mut run = Run::new(&path.tracks, &common, Some(std::mem::take(&mut path.points)));
         run.anneal(SETTLE, &self.check())?;
         run.linearise(1.0);
