@@ -225,7 +225,7 @@ def test_the_view_of_all_cameras_holds_them_and_is_filled(visit, reach):
     points = (
         "scene.cameras.flatMap((one) => [one.centre, ...one.corners]).map((p) => p.map((mm) => mm / 1000))"
     )
-    person = "[0, scene.count - 1].map((t) => middle(scene.refined, t))"
+    person = "[0, scene.count - 1].map((t) => middle(scene.refined, t, scene.people[0]))"
     places = np.array(page.evaluate(f"({PLACES})([...{points}, ...{person}])"))
     assert np.abs(places).max() < 1.0
     assert np.ptp(places, axis=0).max() > 1.3  # of 2 from edge to edge, less the room for the names
@@ -241,9 +241,9 @@ def test_no_button_uploads_the_recording(visit):
 
 def test_the_heat_map_switches_and_a_curve_leads_to_its_frame(visit):
     page = visit()
-    assert page.evaluate("charts.heat.data[0].z[0][0]") == 2.0
+    assert page.evaluate("heatMap.data[0].z[0][0]") == 2.0
     page.check("input[name=heat][value=rejected]")
-    wait(page, "Math.abs(charts.heat.data[0].z[0][0] - 10) < 1e-5")
+    wait(page, "Math.abs(heatMap.data[0].z[0][0] - 10) < 1e-5")
     page.locator("#lines").scroll_into_view_if_needed()
     box = page.locator("#lines").bounding_box()
     page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 60)
