@@ -40,7 +40,6 @@ class PeopleReportData(ArrayFields):
     numbers: Sequence[tuple[str, str, str]]  # (label, text, remark) of the numbers worth a glance
     people: Sequence[PersonTrack]  # at least one, in the order of their identities
     findings: Sequence[Sequence[str]]  # sentences on each person
-    pages: Sequence[str]  # the address of each person's own page; ``""`` for none
     table: Table  # a row per person
     bones: Table  # a row per bone, a column per person; no rows without any
     joint_names: Sequence[str]  # N names
