@@ -15,6 +15,7 @@ from skelsplat.cli import app
 from skelsplat.datasets.synthetic import write_simulated
 from skelsplat.evaluation import people, people_tables, protocols
 from skelsplat.evaluation.people_scores import Tally
+from writers import shelf_campus
 
 
 @pytest.fixture(scope="module")
@@ -168,3 +169,33 @@ def test_data_of_one_person_have_nobody_to_tell_apart(tmp_path):
         people.evaluate(data)
     with pytest.raises(InvalidInputError, match="methods: expected one of track, affinity, oracle"):
         people.get("dlt")
+
+
+@pytest.mark.parametrize("name", ["shelf", "campus"])
+@pytest.mark.parametrize("form", ["npz", "pickle"])
+def test_shelf_and_campus_without_oracle_association(tmp_path, name, form):
+    shelf_campus.write_everybody(tmp_path / "data", name, form=form, n_frames=121)
+    command = ["evaluate", name, str(tmp_path / "data"), "-o", str(tmp_path / "out"), "--json"]
+    result = CliRunner().invoke(app, command)
+    assert result.exit_code == 0, result.output
+    content = json.loads(result.stdout)
+    figures = {(row["method"], row["name"]): row for row in content["figures"]}
+    for actor in ("", "actor0", "actor1", "actor2"):
+        row = figures["track", actor]
+        assert row["person_frames"] == 121 * (1 if actor else 3), "actor 3 of Shelf need not be found"
+        assert row["pcp"] > 0.98
+        assert row["recall"] > 0.98
+        assert row["mean_mm"] < 25
+    assert figures["track", ""]["precision"] > 0.98
+    assert figures["track", ""]["mean_mm"] < figures["affinity", ""]["mean_mm"]
+    text = (tmp_path / "out" / "report.md").read_text(encoding="utf-8")
+    assert "| Actor 0 | Actor 1 | Actor 2 | all |" in text
+    assert "| *MVPose* |" in text
+    assert "whoever finds them loses precision" in text
+
+
+def test_detections_per_actor_have_nobody_to_tell_apart(tmp_path):
+    shelf_campus.write(tmp_path, "shelf", n_frames=303)
+    result = CliRunner().invoke(app, ["evaluate", "shelf", str(tmp_path), "-m", "track"])
+    assert result.exit_code != 0
+    assert "people: expected detections of everybody in view" in " ".join(result.output.split())
