@@ -20,7 +20,7 @@ const AROUND: f64 = 5.0;
 const LEAST: f64 = 0.4;
 /// Standard deviation of a measured bone, relative to its length, and the evidence for an exchange, in log-likelihood.
 const SPREAD: f64 = 0.03;
-const EVIDENCE: f64 = 8.0;
+const EVIDENCE: f64 = 6.0;
 /// Longest absence, and longest time for which both can be there while one takes over from the other, s.
 const ABSENCE: f64 = 5.0;
 const OVERLAP: f64 = 0.5;
@@ -100,8 +100,11 @@ fn exchanges([a, b]: [&Track; 2], known: &Known, fps: f64) -> Vec<usize> {
         if crossed {
             std::mem::swap(&mut a0, &mut b0);
         }
-        let evidence = misfit(&a0, &a1) + misfit(&b0, &b1) - misfit(&a0, &b1) - misfit(&b0, &a1);
-        if (evidence > EVIDENCE) != crossed && evidence.abs() > EVIDENCE {
+        let of_a = misfit(&a0, &a1) - misfit(&a0, &b1);
+        let of_b = misfit(&b0, &b1) - misfit(&b0, &a1);
+        // The bones of both must say the same: one person measured wrongly is no evidence.
+        let sure = of_a * of_b > 0.0 && of_a.abs().min(of_b.abs()) > 0.25 * EVIDENCE;
+        if sure && (of_a + of_b).abs() > EVIDENCE && (of_a > 0.0) != crossed {
             found.push(*closest);
             crossed = !crossed;
         }
