@@ -6,7 +6,7 @@ Simulated scenes (`skelsplat.synthetic.simulate_scene`): detections of two peopl
 nobody, and people behind each other. Every combination of people, views and meetings is a condition; "all"
 takes turns, and in "cmu" people of the CMU motion capture pass each other (0.3 m or more) in the middle of
 the room, for as long as the longest take. Methods: `oracle` solves every person from the detections that
-show them mostly; `tracker` is `skelsplat.track`; `baseline` is `benchmarks/affinity.py`.
+show them mostly; `tracker` is `skelsplat.track`; `baseline` is `skelsplat.evaluation.baselines.affinity`.
 
 precision, recall: of people found within `--gate` mm, in frames in which at least two views detect them.
 clean: scenes without an identity switch; swap: those in which one identity follows two people for longer than
@@ -25,7 +25,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import _one_core  # noqa: F401  before numpy
-import affinity
 import common
 import numpy as np
 import recordings as motion_capture
@@ -34,6 +33,7 @@ from scenarios import FloatArray
 
 import skelsplat as sk
 from skelsplat import metrics, synthetic
+from skelsplat.evaluation.baselines import affinity
 from skelsplat.synthetic import Crowding, DetectionNoise, Scene
 
 Tracks = list[tuple[int, NDArray[np.int64], FloatArray]]

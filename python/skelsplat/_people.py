@@ -4,17 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skelsplat import _skelsplat
 from skelsplat._arrays import positive
-from skelsplat._refine import Cameras, Progress, Refinement, refinement_fields, reporter, warn_of_unit
+from skelsplat._refine import (
+    Cameras,
+    Progress,
+    Refinement,
+    refinement_fields,
+    reporter,
+    warn_of,
+    warn_of_unit,
+)
 from skelsplat._sequence import SequenceRefinement
 from skelsplat._skelsplat import Layout, RefineConfig
 from skelsplat.exceptions import InvalidInputError
+
+# Time in which views detect people and nobody is found, after which something must be wrong, s.
+_IN_VAIN_S = 2.0
 
 #: People per view: an array, or per frame a list of views with the people (P_i, N, 2|3) that each detects.
 People = ArrayLike | Sequence[Sequence[ArrayLike]]
@@ -103,18 +114,29 @@ def track(
     Warns
     -----
     UserWarning
-        As ``refine``.
+        As ``refine``; or if views detect people for two seconds and nobody is found.
     """
     positive("fps", fps)
     prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
+    frames = padded(people)
     with reporter(progress) as report:
         found: list[dict[str, Any]] = _skelsplat.track_people(
-            prepared, layout, padded(people), float(fps), max_people=_count(max_people), progress=report
+            prepared, layout, frames, float(fps), max_people=_count(max_people), progress=report
         )
     everybody = [_person(out) for out in found]
     for person in everybody:
         warn_of_unit(person.refinement.pose, cameras, layout)
+    in_vain = 0 if everybody else _frames_of_two_views(frames)
+    if in_vain >= max(1.0, _IN_VAIN_S * fps):
+        warn_of("nobody_found", {"frames": in_vain}, 3)
     return everybody
+
+
+def _frames_of_two_views(people: ArrayLike) -> int:
+    """Return in how many frames of ``people`` (T, M, P, N, 2|3) two or more views have a detection."""
+    array = np.asarray(people, dtype=np.float64)
+    there = ~np.isnan(array[..., 0]) & (array[..., 2:] != 0.0).all(axis=-1)
+    return int((there.any(axis=(2, 3)).sum(axis=1) >= 2).sum())
 
 
 def _taken(people: NDArray[np.float64], slots: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -166,7 +188,10 @@ def padded(people: People) -> ArrayLike:
 
 
 class Tracker:
-    """Follow several people frame by frame as they arrive.
+    """Follow several people frame by frame as they arrive: a live loop with any detector.
+
+    ``skelsplat live --people all`` is the same for programs in other languages. ``copy.copy`` gives a second
+    tracker that goes on from the same state; a tracker cannot be pickled.
 
     Parameters
     ----------
@@ -181,9 +206,15 @@ class Tracker:
     ------
     InvalidInputError
         As ``track``.
+
+    Examples
+    --------
+    >>> tracker = sk.Tracker(rig, layout="coco17", fps=30)                               # doctest: +SKIP
+    >>> for people in camera_loop():                                                     # doctest: +SKIP
+    ...     poses = {person.id: person.refinement.pose for person in tracker.step(people)}
     """
 
-    __slots__ = ("_cameras", "_compiled", "_views")
+    __slots__ = ("_compiled", "_doubtful", "_in_vain")
 
     def __init__(
         self,
@@ -197,7 +228,17 @@ class Tracker:
         positive("fps", fps)
         prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
         self._compiled = _skelsplat.Tracker(prepared, layout, float(fps), max_people=_count(max_people))
-        self._cameras = cameras
+        self._doubtful = round(_IN_VAIN_S * fps)  # frames in vain after which to warn
+        self._in_vain: int | None = 0  # None: somebody was found, or the warning given
+
+    @property
+    def ids(self) -> tuple[int, ...]:
+        """Identities that ``step`` can still return: of people who are seen, and of those out of sight.
+
+        One that has left these does not return: six seconds after two views last saw the person, after
+        ``reset``, or when two identities turn out to be one person.
+        """
+        return tuple(self._compiled.ids())
 
     def step(self, people: ArrayLike | Sequence[ArrayLike]) -> list[Person]:
         """Return everybody who is known in the next frame.
@@ -212,14 +253,42 @@ class Tracker:
         list of Person
             In the order of their identities, with one frame each: ``frames`` is empty, ``slots`` is (M,). A
             person whom no view sees is bridged for up to half a second.
+
+        Raises
+        ------
+        InvalidInputError
+            If ``people`` is not one frame of these cameras and this layout; the state remains as it was.
+
+        Warns
+        -----
+        UserWarning
+            Once, if views detect people for two seconds and nobody is found.
         """
         frame = padded([people]) if isinstance(people, Sequence) else np.asarray(people)[None]
         found = self._compiled.step(frame)
+        if self._in_vain is not None:
+            self._in_vain = None if found else self._in_vain + _frames_of_two_views(frame)
+            if self._in_vain == self._doubtful > 0:
+                warn_of("nobody_found", {"frames": self._in_vain}, 3)
+                self._in_vain = None
         return [_seen(out) for out in found]
 
     def reset(self) -> None:
         """Forget everybody; identities are not used again."""
         self._compiled.reset()
+
+    def __copy__(self) -> Tracker:
+        twin = object.__new__(type(self))
+        for name in Tracker.__slots__:
+            setattr(twin, name, getattr(self, name))
+        twin._compiled = self._compiled.copy()
+        return twin
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Tracker:
+        return self.__copy__()
+
+    def __reduce__(self) -> NoReturn:
+        raise TypeError("cannot pickle a Tracker: make it in the process that uses it")
 
 
 def _seen(out: dict[str, Any]) -> Person:

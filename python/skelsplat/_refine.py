@@ -233,7 +233,7 @@ def warn_of_unit(
     some = poses[:: max(1, len(poses) // _FRAMES_TO_JUDGE)] if poses.ndim == 3 else poses[None]
     numbers = _skelsplat.implausible_extent(some, cameras, layout=layout)
     if numbers is not None:
-        _warn("implausible_size", numbers, depth + 1)
+        warn_of("implausible_size", numbers, depth + 1)
 
 
 def _warn_of_prior(result: Refinement) -> None:
@@ -242,10 +242,11 @@ def _warn_of_prior(result: Refinement) -> None:
     rejected = np.nanmax(result.view_weights, axis=-2, initial=-1.0) < _skelsplat.REJECTED_WEIGHT
     share = float(np.mean(rejected[seen])) if seen.any() else 0.0
     if share > _MOST_OUTVOTED:
-        _warn("start_contradicts", {"percent": 100 * share}, 4)
+        warn_of("start_contradicts", {"percent": 100 * share}, 4)
 
 
-def _warn(kind: str, numbers: dict[str, Any], depth: int) -> None:
+def warn_of(kind: str, numbers: dict[str, Any], depth: int) -> None:
+    """Warn with a finding, at the caller ``depth`` calls up."""
     from skelsplat.findings import Finding, FindingWarning
 
     warnings.warn(FindingWarning(Finding(kind, numbers=numbers)), stacklevel=depth)

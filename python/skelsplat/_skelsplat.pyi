@@ -275,6 +275,12 @@ class RefineConfig:
         Lengths of bones for joints on which neither three views agree nor all that see them: ``population``,
         with the proportions of people (built-in layouts only) and a stature found in the frame, or ``free``,
         none.
+    bone_lengths_mm : sequence of float, or None, mm, default None
+        Known length of each of the layout's limbs, for any layout; replaces the population's. None: not
+        known.
+    bone_sigmas_mm : sequence of float, or None, mm, default None
+        Standard deviation of each of these lengths; one that is not less than the length marks it as unknown.
+        None: 20 for all.
     step_tolerance : float, default 0.01
         Converged when the kernels have reached their final width and no joint moves by more than this
         fraction of the noise.
@@ -360,6 +366,10 @@ class RefineConfig:
     def find_swaps(self) -> bool: ...
     @property
     def bones(self) -> str: ...
+    @property
+    def bone_lengths_mm(self) -> tuple[float, ...] | None: ...
+    @property
+    def bone_sigmas_mm(self) -> tuple[float, ...] | None: ...
     @property
     def step_tolerance(self) -> float: ...
     @property
@@ -544,11 +554,11 @@ def sequence_equations(
     joints: Sequence[Sequence[float]],
     layout: str | Layout | None = None,
     config: RefineConfig | None = None,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return H (3NT, 3NT) and the gradient (N, T, 3) of a step of ``refine_sequence`` at ``poses`` (T, N, 3).
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return H (3NT, 3NT), gradient (N, T, 3) and density of the acceleration (N, T) of a step in time.
 
-    ``lengths``: mean and σ of every limb, mm; ``joints``: density of the acceleration (mm²/s³), variance of a
-    detection (mm²) and kernel (mm) of every joint.
+    It is that of ``refine_sequence`` at ``poses`` (T, N, 3). ``lengths``: mean and σ of every limb, mm;
+    ``joints``: variance of a detection (mm²) and kernel (mm) of every joint. Densities are mm²/s³.
     """
 
 @final
@@ -631,6 +641,12 @@ class Tracker:
 
     def reset(self) -> None:
         """Forget everybody; identities are not used again."""
+
+    def ids(self) -> list[int]:
+        """Identities of everybody who is followed, also of those out of sight."""
+
+    def copy(self) -> Tracker:
+        """Return another tracker in the same state."""
 
 def track_people(
     refiner: Refiner,

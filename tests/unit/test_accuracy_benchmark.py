@@ -32,6 +32,17 @@ def test_every_measure_gives_a_table_of_at_most_110_characters(accuracy, capsys,
     assert max(len(line) for line in capsys.readouterr().out.splitlines()[:-1]) <= 110
 
 
+def test_coverage_on_real_labels_counts_their_errors(accuracy, capsys):
+    if not importlib.import_module("scenarios").MVOR.is_file():
+        pytest.skip("needs ../shared/data/mvor")
+    figures, exact = (accuracy.coverage_real(poses=FEW, label_sigma_mm=sigma) for sigma in (30.0, 0.0))
+    accuracy.report.show(figures)
+    assert max(len(line) for line in capsys.readouterr().out.splitlines()[:-1]) <= 110
+    everywhere, alone = figures["rows"]["MVOR, all"], exact["rows"]["MVOR, all"]
+    for k in (1, 2, 3):
+        assert everywhere[f"error bar {k} σ"] > everywhere[f"scatter {k} σ"] > alone[f"scatter {k} σ"]
+
+
 def test_the_same_seed_gives_the_same_figures(accuracy):
     once, again = (accuracy.table(poses=FEW, fast=True)["rows"] for _ in range(2))
     assert once == again

@@ -99,7 +99,7 @@ def test_a_score_above_1_counts_as_1(tmp_path, detections):
     pixel = detections[0].copy()
     pixel[0, 0, 2] = 812.5
     result = run(tmp_path, line(0, pixel))
-    assert "line 1: skipped: detections[0, 0, 2]: expected a value in [0, 1], got 812.5" in result.stderr
+    assert "line 1: skipped: detections[0][0][2]: expected a value in [0, 1], got 812.5" in result.stderr
 
 
 def test_points_without_confidence_and_names_of_any_kind(tmp_path, rig, detections):
@@ -121,6 +121,19 @@ def test_reset_forgets_the_pose_before(tmp_path, detections):
     assert forgotten["pose"] == [None] * 17
 
 
+def test_cameras_by_name(tmp_path, rig, detections):
+    found = detections[0]
+    found[1] = np.nan
+    views = dict(zip(rig.names, plain(found), strict=True))
+    del views[rig.names[1]]
+    backwards = dict(reversed(views.items()))
+    forms = [line(0, found), *(json.dumps({"detections": each}) for each in (views, backwards))]
+    poses = [records(run(tmp_path, form))[0]["pose"] for form in forms]
+    assert poses[0] == poses[1] == poses[2]
+    (nothing,) = records(run(tmp_path, '{"detections": {}}'))
+    assert nothing["joint_status"] == ["unobserved"] * 17
+
+
 def test_malformed_lines_are_named_and_skipped(tmp_path, detections):
     good = plain(detections[0])
 
@@ -132,6 +145,12 @@ def test_malformed_lines_are_named_and_skipped(tmp_path, detections):
         "[" * 100_000: "expected JSON, got",
         "[1]": 'expected an object with "detections", got [1]',
         "null": 'expected an object with "detections", got null',
+        "": "expected JSON, got an empty line",
+        "  ": "expected JSON, got an empty line",
+        "{}": 'expected an object with "detections", got no keys',
+        '{"detections": {"cam9": null}}': 'expected the cameras cam1, cam2, cam3, cam4, got "cam9"',
+        '{"detections": {"cam2": []}}': 'detections["cam2"]: expected a list of 17 joints, got 0',
+        '{"detections": "none"}': 'detections: expected a list of 4 cameras, got "none"',
         '{"frame": 3}': 'expected an object with "detections", got the keys frame',
         '{"detections": null}': "detections: expected a list of 4 cameras, got null",
         '{"detections": [null, null, null]}': "detections: expected a list of 4 cameras, got 3",
@@ -140,14 +159,23 @@ def test_malformed_lines_are_named_and_skipped(tmp_path, detections):
         point(["1", 2, 3]): 'detections[0][0]: expected [x, y, confidence] or null, got ["1", 2, 3]',
         point([1]): "detections[0][0]: expected [x, y, confidence] or null, got [1]",
         point([True, 2, None]): "detections[0][0]: expected [x, y, confidence] or null, got [true, 2, null]",
-        point([1, 2, 300]): "expected a value in [0, 1], got 300",
+        point([1, 2, 300]): "detections[0][0][2]: expected a value in [0, 1], got 300",
+        point([1, 2, -0.5]): "detections[0][0][2]: expected a value in [0, 1] (clip",
+        point([1e200, 2, 0.5]): "detections[0][0][0]: expected values within",
+        point([good[0]]): "detections[0][0]: expected [x, y, confidence] or null, got [[[",
+        json.dumps({"detections": [[good[0]], *good[1:]]}): "expected the joints of one person (several: use",
         point([1, 2, 0.5]).replace("0.5", "1e999", 1): "detections: expected numbers, got infinity",
         point([10**400, 2, 0.5]): "detections[0][0]: expected finite numbers, got [1000000",
         line(0, detections[0]).replace(": 0", ": NaN", 1): "frame: expected a value of JSON, got nan",
     }
-    result = run(tmp_path, *lines, "", "  ", line("last", detections[0]), options=())
+    result = run(tmp_path, *lines, line("last", detections[0]), options=())
     assert result.exit_code == 0
-    assert [record["frame"] for record in records(result)] == ["last"]
+    *errors, last = records(result)
+    assert (last["frame"], len(last["pose"])) == ("last", 17)
+    for number, (error, expected) in enumerate(zip(errors, lines.values(), strict=True), start=1):
+        assert error.keys() == {"frame", "line", "error"}
+        assert error["line"] == number
+        assert expected in error["error"]
     said = result.stderr.splitlines()
     assert said[0] == "ready: 4 cameras (cam1, cam2, cam3, cam4), 17 joints (h36m17), in mm"
     for number, (text, expected) in enumerate(zip(said[1:], lines.values(), strict=False), start=1):
@@ -161,7 +189,7 @@ def test_a_line_that_is_no_utf8(tmp_path, detections):
     data = b'\xff\xfe{"detections": []}\n' + line(1, detections[0]).encode() + b"\n"
     result = CliRunner().invoke(app, ["live", str(tmp_path / "Calib.toml"), *OPTIONS, "-q"], input=data)
     assert result.stderr.startswith("line 1: skipped: expected JSON, got 'utf-8' codec can't decode")
-    assert len(records(result)) == 1
+    assert [record.get("line") for record in records(result)] == [1, None]
 
 
 def test_the_mark_with_which_windows_begins_a_stream(tmp_path, detections):
@@ -177,7 +205,37 @@ def test_the_end_has_percentiles(tmp_path, detections):
         r"50% [\d.]+, 90% [\d.]+, 99% [\d.]+, 99.9% [\d.]+, longest [\d.]+",
         said,
     )
-    assert run(tmp_path, "", options=()).stderr.splitlines()[-1] == "lines answered 0, skipped 0"
+    nothing = CliRunner().invoke(app, ["live", str(tmp_path / "Calib.toml"), *OPTIONS], input="")
+    assert nothing.stderr.splitlines()[-1] == "lines answered 0, skipped 0"
+
+
+def test_a_malformed_line_changes_nothing(tmp_path, detections):
+    """Also where it would have reset the session: no frame that waits loses its answer."""
+    wrong = plain(detections[1])
+    wrong[0][0][2] = 300
+    malformed = json.dumps({"frame": "wrong", "reset": True, "detections": wrong})
+    lines = [line(t, found) for t, found in enumerate(detections)]
+    lines.insert(3, malformed)
+    for options in (("-q",), ("-q", "--fps", "25", "--lag", "2")):
+        answers = records(run(tmp_path, *lines, options=options))
+        (error,) = [answer for answer in answers if "error" in answer]
+        assert (error["frame"], error["line"]) == ("wrong", 4)
+        without = records(run(tmp_path, *lines[:3], *lines[4:], options=options))
+        poses = [answer["pose"] for answer in answers if "error" not in answer]
+        assert poses == [answer["pose"] for answer in without]
+
+
+@pytest.mark.parametrize("depth", [100, 500, 900, 990, 3000])
+def test_any_depth_of_nesting_is_answered(tmp_path, detections, depth):
+    nested = "[" * depth + "]" * depth
+    lines = [
+        nested,
+        f'{{"frame": {nested}}}',
+        f'{{"detections": {nested}}}',
+        f'{{"detections": [[{nested}]]}}',
+    ]
+    answers = records(run(tmp_path, *lines, line(0, detections[0])))
+    assert ["error" in answer for answer in answers] == [True] * len(lines) + [False]
 
 
 def test_a_doubt_about_the_unit_is_one_line(tmp_path, detections):

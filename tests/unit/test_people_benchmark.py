@@ -7,11 +7,11 @@ import subprocess
 import sys
 from pathlib import Path
 
-import affinity
 import numpy as np
 import pytest
 
 from skelsplat import metrics, synthetic
+from skelsplat.evaluation.baselines import affinity
 
 SCRIPT = Path(__file__).parents[2] / "benchmarks" / "people.py"
 RIG = synthetic.ring(4, radius_mm=4500.0)

@@ -110,7 +110,7 @@ def inputs_of(job, frames):
 
 
 def solve_inputs(job):
-    from skelsplat.run.read import read_inputs
+    from skelsplat.run.tracked import read_inputs
 
     return read_inputs(job)
 
@@ -280,3 +280,23 @@ def test_videos_state_the_rate(recording, job, arguments, place):
     assert run(job(fps=None)).outcome.sequence is None
     short.unlink()
     assert run(job(fps=None)).outcome.sequence is None
+
+
+def test_given_lengths_that_contradict_the_recording_are_named(job):
+    layout = sk.layouts.get(LAYOUT)
+    plain = run(job())
+    lengths = np.array(plain.result.bone_lengths)
+    bone = layout.limbs.index(next(limb for limb in layout.limbs if layout.joints[limb[1]] == "left_knee"))
+    lengths[bone] += 150.0
+
+    def told(sigma):
+        config = sk.RefineConfig(bone_lengths_mm=lengths, bone_sigmas_mm=np.full(len(lengths), sigma))
+        findings = run(job(config=config)).findings
+        return [finding for finding in findings if finding.kind == "given_lengths_differ"]
+
+    (finding,) = told(10.0)
+    assert finding.numbers["limbs"] == [[layout.joints[j] for j in layout.limbs[bone]]]
+    assert finding.numbers["given_mm"] == [lengths[bone]]
+    assert abs(finding.numbers["measured_mm"][0] - lengths[bone] + 150.0) < 20.0
+    assert f"left_knee {lengths[bone]:.0f} mm, measured" in finding.text
+    assert not told(1e4)

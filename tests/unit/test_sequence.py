@@ -135,6 +135,19 @@ def test_both_sides_of_an_absence_are_solved():
         assert np.isfinite(found.velocity[part]).all()
 
 
+def test_a_person_who_leaves_and_returns_elsewhere_is_unobserved_between():
+    pose, _ = recorded(n_frames=150)
+    pose[90:] += [600.0, -400.0, 0.0]
+    detections = seen(pose, seed=1)
+    detections[45:90] = np.nan
+    found = solve(detections)
+    assert (found.joint_status[45:90] == "unobserved").all()
+    assert np.isnan(found.pose[45:90]).all()
+    for part in (slice(0, 45), slice(90, 150)):
+        error, alone = errors(found.pose, pose)[part], errors(found.init_pose, pose)[part]
+        assert error.mean() < alone.mean()
+
+
 def test_a_joint_that_is_never_seen_leaves_the_others_as_they_are():
     pose, detections = recorded()
     whole = solve(detections)

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
+import warnings
+
 import numpy as np
 import pytest
 
 import skelsplat as sk
+from array_forms import bits
 from skelsplat import metrics, synthetic
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.synthetic import Crowding, Scene
@@ -198,3 +203,66 @@ def test_live_forgets_people_who_are_gone(three) -> None:
     assert {person.id for person in back} <= {0, 1, 2, 3, 4, 5}
     tracker.reset()
     assert tracker.step(three.people[0]) == []
+
+
+def test_an_identity_that_has_ended_does_not_return(three) -> None:
+    tracker = sk.Tracker(three.cameras, fps=FPS, layout=three.layout)
+    assert tracker.ids == ()
+    for frame in three.people[:30]:
+        tracker.step(frame)
+    assert tracker.ids == (0, 1, 2)
+    nobody = [np.empty((0, 17, 3))] * 4
+    kept = [(tracker.step(nobody), tracker.ids)[1] for _ in range(7 * int(FPS))]
+    assert kept[0] == kept[4 * int(FPS)] == (0, 1, 2)
+    assert kept[-1] == ()
+    for frame in three.people[30:60]:
+        tracker.step(frame)
+    assert tracker.ids == (3, 4, 5)
+    tracker.reset()
+    assert tracker.ids == ()
+
+
+@pytest.mark.parametrize("twin", [copy.copy, copy.deepcopy])
+def test_a_copy_goes_on_from_the_same_state(three, twin) -> None:
+    tracker = sk.Tracker(three.cameras, fps=FPS, layout=three.layout)
+    for frame in three.people[:20]:
+        tracker.step(frame)
+    other = twin(tracker)
+    for frame in three.people[20:30]:
+        pairs = zip(tracker.step(frame), other.step(frame), strict=True)
+        assert all(bits(one.refinement) == bits(same.refinement) for one, same in pairs)
+    before = tracker.ids
+    other.reset()
+    assert (tracker.ids, other.ids) == (before, ())
+
+
+def test_a_tracker_is_not_pickled(three) -> None:
+    tracker = sk.Tracker(three.cameras, fps=FPS, layout=three.layout)
+    with pytest.raises(TypeError, match="cannot pickle a Tracker"):
+        pickle.dumps(tracker)
+
+
+def test_bad_input_of_a_loop_leaves_the_state_as_it_was(three) -> None:
+    tracker, untouched = (sk.Tracker(three.cameras, fps=FPS, layout=three.layout) for _ in range(2))
+    for frame in three.people[:20]:
+        tracker.step(frame)
+        untouched.step(frame)
+    wrong = three.people[20].copy()
+    wrong[0, 0, 3, 2] = 300.0
+    for bad in (wrong, wrong[:3], wrong[..., :5, :], three.people[:2]):
+        with pytest.raises(InvalidInputError):
+            tracker.step(bad)
+    for one, same in zip(tracker.step(three.people[20]), untouched.step(three.people[20]), strict=True):
+        assert bits(one.refinement) == bits(same.refinement)
+
+
+def test_people_who_are_not_found_are_not_kept_silent(three) -> None:
+    """Here for the unit of the cameras; nobody agrees on anybody."""
+    rig = [sk.Camera(c.K, c.R, c.t / 1000, size=c.size) for c in three.cameras]
+    with pytest.warns(UserWarning, match="in 90 frames two or more views detect people, but no two agree"):
+        assert sk.track(three.people, rig, fps=FPS, layout=three.layout) == []
+    tracker = sk.Tracker(rig, fps=FPS, layout=three.layout)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        assert [tracker.step(frame) for frame in three.people] == [[]] * len(three.people)
+    assert [str(warning.message)[:12] for warning in told] == ["in 60 frames"]

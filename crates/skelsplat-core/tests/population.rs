@@ -151,3 +151,81 @@ fn a_child_and_a_tall_person_are_not_pulled_to_the_average() {
         assert!(with <= without + 1.0, "scale {scale}: {with} with bones, {without} without");
     }
 }
+
+fn own() -> Layout {
+    Layout::new(LayoutSpec { name: "own".to_owned(), ..(*human()).clone() }).unwrap()
+}
+
+fn with_lengths(lengths: &[f64], sigmas: Option<&[f64]>) -> RefineConfig {
+    let bone_sigmas_mm = sigmas.map(<[f64]>::to_vec);
+    let given = Some(lengths.to_vec());
+    AnnealedSettings { bone_lengths_mm: given, bone_sigmas_mm, ..AnnealedSettings::default() }
+        .into()
+}
+
+fn true_lengths() -> Vec<f64> {
+    let truth = standing();
+    own().limbs.iter().map(|[a, b]| (truth[*a] - truth[*b]).norm()).collect()
+}
+
+#[test]
+fn given_lengths_place_the_joints_of_any_layout() {
+    let (cameras, truth) = (room(4), standing());
+    let seen = damaged(&exact_detections(&truth, &cameras), |i, j| j != WRIST || i == 1, None);
+    let solve = |config: RefineConfig| {
+        let refiner = Refiner::new(&cameras, Unit::Millimetre, Some(&own()), config).unwrap();
+        refiner.refine(&Frame::from(seen.clone())).unwrap()
+    };
+    assert!(solve(RefineConfig::default()).pose[WRIST].x.is_nan());
+    let lengths = true_lengths();
+    let found = solve(with_lengths(&lengths, Some(&[5.0; 16])));
+    let [bone] = [[ELBOW, WRIST]].map(|b| own().limbs.iter().position(|l| *l == b).unwrap());
+    let long = (found.pose[WRIST] - found.pose[ELBOW]).norm();
+    assert!((long - lengths[bone]).abs() < 5.0, "{long} mm for {}", lengths[bone]);
+    assert_ne!(found.joint_status[WRIST], JointStatus::Ok);
+    // A σ of the length's size: nothing is known.
+    assert!(solve(with_lengths(&lengths, Some(&[1e4; 16]))).pose[WRIST].x.is_nan());
+}
+
+#[test]
+fn given_lengths_that_contradict_three_views_change_nothing() {
+    let (cameras, mut noise) = (room(4), Noise::new(9));
+    let wrong: Vec<f64> = true_lengths().iter().map(|l| 1.4 * l).collect();
+    let seen = noisy_detections(&standing(), &cameras, 2.0, &mut noise);
+    let solve = |config: RefineConfig| {
+        let refiner = Refiner::new(&cameras, Unit::Millimetre, Some(&own()), config).unwrap();
+        refiner.refine(&Frame::from(seen.clone())).unwrap().pose
+    };
+    assert_eq!(solve(with_lengths(&wrong, None)), solve(RefineConfig::default()));
+}
+
+#[test]
+fn wrong_lengths_are_named() {
+    let refused = |config: RefineConfig, layout: Option<&Layout>| {
+        Refiner::new(&room(2), Unit::Millimetre, layout, config).unwrap_err().to_string()
+    };
+    let lengths = true_lengths();
+    for (k, value) in [(3, -1.0), (4, f64::NAN), (5, 0.0), (6, f64::INFINITY)] {
+        let mut wrong = lengths.clone();
+        wrong[k] = value;
+        let text = refused(with_lengths(&wrong, None), Some(&own()));
+        assert!(text.starts_with(&format!("config.bone_lengths_mm[{k}]: expected a positive")));
+        let text = refused(with_lengths(&lengths, Some(&wrong)), Some(&own()));
+        assert!(text.starts_with(&format!("config.bone_sigmas_mm[{k}]: expected a positive")));
+    }
+    let text = refused(with_lengths(&lengths[..3], None), Some(&own()));
+    let expected = "expected one value for each of the layout's 16 limbs, got 3";
+    assert_eq!(text, format!("config.bone_lengths_mm: {expected}"));
+    let text = refused(with_lengths(&lengths, Some(&lengths[..3])), Some(&own()));
+    assert_eq!(text, format!("config.bone_sigmas_mm: {expected}"));
+    let text = refused(with_lengths(&lengths, None), None);
+    assert_eq!(text, "config.bone_lengths_mm: expected a layout with limbs, got none");
+    let sigmas =
+        AnnealedSettings { bone_sigmas_mm: Some(lengths.clone()), ..AnnealedSettings::default() };
+    let text = refused(sigmas.clone().into(), Some(&own()));
+    assert_eq!(text, "config.bone_sigmas_mm: expected bone_lengths_mm as well, got None");
+    let free =
+        AnnealedSettings { bones: Bones::Free, bone_lengths_mm: Some(lengths), ..sigmas.clone() };
+    let text = refused(free.into(), Some(&own()));
+    assert_eq!(text, "config.bones: expected 'population' with given lengths, got 'free'");
+}

@@ -3,8 +3,8 @@
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use skelsplat_core::study::annealed::{Alone, Ray, Rays};
 use skelsplat_core::study::bones::{Length, Pull};
+use skelsplat_core::study::sequence::agility::{self, Agility};
 use skelsplat_core::study::sequence::chain::{Chain, second_difference, stiffness};
-use skelsplat_core::study::sequence::learn::agility;
 use skelsplat_core::study::sequence::noise::Memory;
 use skelsplat_core::study::sequence::posterior::posterior;
 use skelsplat_core::study::sequence::refine_in_windows;
@@ -14,8 +14,8 @@ use skelsplat_core::study::sequence::tracks::Tracks;
 use skelsplat_core::testing::differences::{central_differences, relative_error};
 use skelsplat_core::testing::scenes::{Noise, noisy_detections, room, standing};
 use skelsplat_core::{
-    Detections, Frame, JointStatus, Layout, Progress, RefineConfig, Refiner, Sequence, Unit,
-    refine_sequence,
+    AnnealedSettings, Detections, Frame, JointStatus, Layout, LayoutSpec, Progress, RefineConfig,
+    Refiner, Sequence, Unit, refine_sequence,
 };
 
 fn some_block(noise: &mut Noise) -> Matrix3<f64> {
@@ -258,25 +258,85 @@ fn a_cut_does_not_blur() {
 }
 
 #[test]
+fn given_lengths_hold_where_no_frame_shows_the_bone_and_yield_where_frames_contradict_them() {
+    let (truth, mut detections) = recording(90, 2.0, 14);
+    // The last joint, an end of the last limb, is seen by one view only.
+    let end = 16;
+    for frame in &mut detections {
+        let pixels = (0..4).flat_map(|i| (0..17).map(move |j| (i, j))).flat_map(|(i, j)| {
+            let at = frame.get(i, j).filter(|_| j != end || i == 0);
+            at.map_or([f64::NAN; 2], |(p, _)| [p.x, p.y])
+        });
+        *frame = Detections::new(4, 17, &pixels.collect::<Vec<f64>>(), None).unwrap();
+    }
+    let layout = Layout::by_name("h36m17").unwrap();
+    let own = Layout::new(LayoutSpec { name: "own".to_owned(), ..(*layout).clone() }).unwrap();
+    let length = |[a, b]: &[usize; 2]| (truth[0][*a] - truth[0][*b]).norm();
+    let mut lengths: Vec<f64> = own.limbs.iter().map(length).collect();
+    lengths[1] += 150.0;
+    let settings = AnnealedSettings {
+        bone_lengths_mm: Some(lengths.clone()),
+        bone_sigmas_mm: Some(vec![10.0; lengths.len()]),
+        ..AnnealedSettings::default()
+    };
+    let refiner = Refiner::new(&room(4), Unit::Millimetre, Some(&own), settings.into()).unwrap();
+    let frames: Vec<Frame> = detections.into_iter().map(Frame::from).collect();
+    let found = refine_sequence(&refiner, &frames, 30.0, &Progress::default()).unwrap();
+    let last = own.limbs.iter().position(|limb| limb.contains(&end)).unwrap();
+    let [a, b] = own.limbs[last];
+    for frame in found.frames.iter() {
+        let long = (frame.pose[a] - frame.pose[b]).norm();
+        assert!((long - lengths[last]).abs() < 20.0, "{long} mm for {}", lengths[last]);
+        assert_ne!(frame.joint_status[end], JointStatus::Ok);
+    }
+    // The given length of this limb is wrong, and all views see it.
+    assert!((found.lengths[1].mean - (lengths[1] - 150.0)).abs() < 10.0);
+    let [a, b] = own.limbs[1];
+    for (frame, truth) in found.frames.iter().zip(&truth) {
+        assert!((frame.pose[a] - truth[a]).norm().max((frame.pose[b] - truth[b]).norm()) < 25.0);
+    }
+}
+
+#[test]
 fn motion_is_not_measured_across_stretches() {
     let place = |x: f64| {
         let mut noise = Noise::new(13);
         let frame = |t: usize| {
             let sway = Vector3::new(x + 60.0 * (0.05 * t as f64).sin(), 0.0, 900.0);
-            standing_still(sway + noise.vector(2.0))
+            standing_still(sway + noise.vector(2.0), 2)
         };
         (0..40).map(frame).collect::<Vec<Alone>>()
     };
     let measured = |x: f64| {
         let (first, second) = (place(0.0), place(x));
-        agility(&Tracks::new(&[&first, &second], 30, 30.0), 30.0, &[12.0])[0]
+        agility::learn(&Tracks::new(&[&first, &second], 30, 30.0), 30.0, &[12.0])[0].usual
     };
     let (near, far) = (measured(0.0), measured(2000.0));
     assert!((near / far - 1.0).abs() < 1e-9, "{near} in one place, {far} in two");
 }
 
-/// A frame with one joint at `x`, which two views see.
-fn standing_still(x: Vector3<f64>) -> Alone {
+#[test]
+fn agility_is_that_of_the_time_where_three_views_agree() {
+    let measured = |views: usize| {
+        let mut noise = Noise::new(17);
+        let frame = |t: usize| {
+            let swing = if t < 90 { 0.0 } else { 80.0 * (0.7 * t as f64).sin() };
+            standing_still(Vector3::new(swing, 0.0, 900.0) + noise.vector(2.0), views)
+        };
+        let frames: Vec<Alone> = (0..180).map(frame).collect();
+        let tracks = Tracks::new(&[&frames], 30, 30.0);
+        let usual = agility::learn(&tracks, 30.0, &[12.0]);
+        (agility::local(&tracks, 30.0, &[], &usual), usual[0].usual)
+    };
+    let (local, usual) = measured(3);
+    assert!(local[10..65].iter().all(|q| *q < 0.5 * usual), "rest: {usual}");
+    assert!(local[115..165].iter().all(|q| *q > usual), "motion: {usual}");
+    let (local, usual) = measured(2);
+    assert!(local.iter().all(|q| (q / usual - 1.0).abs() < 1e-12));
+}
+
+/// A frame with one joint at `x`, which so many views see.
+fn standing_still(x: Vector3<f64>, views: usize) -> Alone {
     let ray = |direction: Vector3<f64>| Ray {
         centre: x - 4000.0 * direction,
         direction,
@@ -284,8 +344,11 @@ fn standing_still(x: Vector3<f64>) -> Alone {
         pixel: 1e-3,
     };
     Alone {
-        rays: Rays::of(vec![ray(Vector3::x()), ray(Vector3::y())], 2),
-        used_for: vec![0; 2],
+        rays: Rays::of(
+            [Vector3::x(), Vector3::y(), Vector3::z()].into_iter().take(views).map(ray).collect(),
+            views,
+        ),
+        used_for: vec![0; views],
         points: vec![x],
         spread: vec![4.0 * Matrix3::identity()],
         status: vec![JointStatus::Ok],
@@ -349,7 +412,7 @@ fn bones_tell_a_frame_what_the_dense_inverse_tells() {
         fps: 30.0,
         bones: bones.clone(),
         lengths,
-        agility: vec![1e6; 4],
+        agility: vec![Agility::steady(1e6); 4],
         weight: 1.0,
         variance: vec![120.0, 90.0, 100.0, 150.0],
         sigma: vec![30.0; 4],

@@ -160,4 +160,19 @@ impl PyTracker {
     fn reset(&self) {
         self.tracker.lock().unwrap_or_else(PoisonError::into_inner).reset();
     }
+
+    /// Identities of everybody who is followed, also of those out of sight.
+    fn ids(&self) -> Vec<usize> {
+        self.tracker.lock().unwrap_or_else(PoisonError::into_inner).ids()
+    }
+
+    /// Return another tracker in the same state.
+    fn copy(&self) -> Self {
+        let tracker = self.tracker.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        Self {
+            refiner: self.refiner.clone(),
+            tracker: Arc::new(Mutex::new(tracker)),
+            n_joints: self.n_joints,
+        }
+    }
 }

@@ -30,6 +30,10 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
         "init_pose with init_sigma contradicts every detection of {percent:.0f} % of the joints: is it "
         "of another person or frame, or is init_sigma (in the cameras' unit) too small?"
     ),
+    "nobody_found": (
+        "in {frames} frames two or more views detect people, but no two agree on a person: check the unit of "
+        "the cameras, their order, and that all detections of a frame are from the same instant"
+    ),
     "lens_assumed": "{files}: no distortions for {cameras}: assumed to have no lens distortion",
     "view_rotated": (
         "{files}: viewrotation: images of {cameras} were rotated for display; the calibration is for images "

@@ -128,6 +128,15 @@ def _limbs_differ(finding: Finding) -> str:
     return f"Left and right limbs differ in length, {sizes}. Is the layout correct{hint}?"
 
 
+def _given_lengths_differ(finding: Finding) -> str:
+    given, measured = finding.numbers["given_mm"], finding.numbers["measured_mm"]
+    sizes = [
+        f"{a} to {b} {size:.0f} mm, measured {seen:.0f} mm"
+        for (a, b), size, seen in zip(finding.numbers["limbs"], given, measured, strict=True)
+    ]
+    return f"Given bone lengths contradict the recording: {_some(sizes)}. Where views agree, they count."
+
+
 def _uncertain(finding: Finding) -> str:
     scatter = zip(finding.subject.joints, finding.numbers["scatter_mm"], strict=True)
     joints = _some([f"{name} ({own:.0f} mm)" for name, own in scatter])
@@ -210,6 +219,16 @@ def _visible(finding: Finding) -> str:
     return f"{seen}. Check that the right one is followed: {other}{'' if person.isdecimal() else order}."
 
 
+def _followed(finding: Finding) -> str:
+    numbers = finding.numbers
+    if numbers["people"] == 1:
+        return f"--person {numbers['person']} follows the only person found."
+    return (
+        f"--person {numbers['person']} follows person {numbers['identity']} of {numbers['people']} people, "
+        "numbered from 0 in the order of appearance; --people all refines them all."
+    )
+
+
 def _lengths(finding: Finding) -> str:
     numbers, (a, b) = finding.numbers, finding.subject.joints
     low, high = numbers["range_mm"]
@@ -263,11 +282,15 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "views_apart": _apart,
     "camera_mirrored": _mirrored,
     "limbs_differ": _limbs_differ,
+    "given_lengths_differ": _given_lengths_differ,
     "joints_rejected": lambda f: f"Most detections are rejected for {_some(f.subject.joints)}.",
     "joints_uncertain": _uncertain,
     **dict.fromkeys(_STATUS, _status),
     "people_mixed": _mixed,
     "people_visible": _visible,
+    "person_followed": _followed,
+    "person_by_place": "--person {person} is entry {person} of each file, as the frame rate is unknown. The "
+    "order of people in a file is arbitrary, so this need not be one person: with --fps HZ it is.",
     "limb_lengths_vary": _lengths,
     "frame_empty": "no detection could be used",
     "frame_diverged": "diverged",

@@ -16,7 +16,7 @@ from skelsplat.cli.options import one_of
 from skelsplat.cli.table import tell
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import collected_warnings
-from skelsplat.run.live import MalformedLineError, Session
+from skelsplat.run.live import MalformedLineError, OnePerson, Session, SeveralPeople
 from skelsplat.run.read import read_rig
 
 EPILOG = "Exit status: 0 at the end of the input, 1 failed, 2 bad usage, 130 interrupted."
@@ -41,18 +41,23 @@ def live(
     joint_bias_mm: options.JointBias = None,
     fps: options.LiveRate = None,
     lag: options.Lag = 0,
+    people: options.LivePeople = None,
     quiet: options.Quiet = False,
 ) -> None:
     """Refine frame by frame: detections as JSON lines on stdin, poses on stdout.
 
-    A line in is one frame of one person: for every camera of the calibration,
-    in its order, the joints of the layout as x and y in pixels and confidence.
+    A line in is one frame. For every camera it has the joints of the layout as
+    x and y in pixels and confidence: cameras in the order of the calibration, or
+    by name.
 
     {"frame": 7, "detections": [[[812.5, 400.1, 0.9], ...], ...]}
 
+    {"frame": 7, "detections": {"cam2": [[812.5, 400.1, 0.9], ...], ...}}
+
     Missing values are null (a number, a joint or a camera), NaN, or have
-    confidence 0. "frame" is any value and is returned unchanged; "reset": true
-    discards the previous pose, from which the search otherwise starts.
+    confidence 0; by name, cameras without detections may be left out. "frame" is
+    any value and is returned unchanged; "reset": true discards the previous pose,
+    from which the search otherwise starts.
 
     A line out, flushed at once, has for every joint the position in the unit of
     the calibration, its standard deviations per axis, and the status: the error
@@ -65,21 +70,41 @@ def live(
     A joint without a position is null; an unobserved one keeps its previous
     position. "latency_ms" is the time from reading the line to the answer.
 
+    Every line is answered. A malformed one changes nothing, and its answer has
+    its number and what was wrong; stderr has the same.
+
+    {"frame": 7, "line": 8, "error": "detections[0]: expected a list of 17 joints,
+    got 16"}
+
     With --fps the past predicts: noise is averaged, and a joint that fewer than
     two views see follows its own motion and bones for up to half a second
     ("inferred"). With --lag N a frame is answered once the N lines after it have
     come, the last N at the end of the input.
 
-    Malformed lines are skipped and reported on stderr with their numbers. At the
-    end, the number of lines and percentiles of the latency are printed on stderr.
+    With --people each camera has a list of people, in any order, or one person.
+    Everybody who is known is in the answer with an id that is kept over time:
 
-    Input and output are JSON already: there is no --json.
+    {"frame": 7, "people": [{"id": 0, "pose": ..., "error_bar": ..., "scatter":
+    ..., "joint_status": ..., "views": {"cam2": {"detections": [1], "weight":
+    0.94, "rejected": [9]}, ...}}, ...], "ended": [2], "unassigned": {"cam1":
+    [0]}, "latency_ms": 2.1}
+
+    "views" says per camera which of its people this is (two if a detector split
+    one), their mean weight, and the joints whose detections were rejected.
+    "ended" has the ids that will not come back, once: six seconds after two views
+    last saw the person, after a reset, or when two ids turn out to be one person.
+    "unassigned" has the places of detected people who are none of these.
+
+    At the end, the number of lines and percentiles of the latency are printed on
+    stderr. Input and output are JSON already: there is no --json.
 
     [bold]Examples[/bold]
 
     detector | skelsplat live Calib.toml --unit m --layout coco17 --fps 30 | viewer
 
     skelsplat live Calib.toml --unit mm --layout body25 < recorded.jsonl > poses.jsonl
+
+    detector | skelsplat live Calib.toml --unit m --layout coco17 --fps 30 --people all
     """
     known = sk.layouts.get(one_of("--layout", layout and layout.lower(), sk.layouts.names))
     read = inputs.calibration_arguments(unit, calibration_format, camera_type, subject, size, binning)
@@ -95,14 +120,27 @@ def live(
     fps = options.positive("--fps", fps)
     if lag and fps is None:
         raise typer.BadParameter("expected --fps as well", param_hint="--lag")
+    if people is not None and fps is None:
+        raise typer.BadParameter("expected --fps as well", param_hint="--people")
+    if people is not None and lag:
+        raise typer.BadParameter(
+            "expected no --people: only one person is solved with a lag", param_hint="--lag"
+        )
+    most = None if people is None else options.number_of_people("--people", people)
     with collected_warnings(tell):
         rig = read_rig(source, **read)
         if len(rig) < 2:
             raise DatasetError(source, "cameras", "at least two cameras", len(rig))
-        session = Session(rig, known, sk.RefineConfig(n_threads=1, **given), fps=fps, lag=lag)
+        config = sk.RefineConfig(n_threads=1, **given)
+        session: Session
+        if people is None or fps is None:
+            session, who = OnePerson(rig, known, config, fps=fps, lag=lag), ""
+        else:
+            session = SeveralPeople(rig, known, config, fps=fps, max_people=most)
+            who = f", {'all' if most is None else f'at most {most}'} people at {fps:g} Hz"
         if not quiet:
             cameras, joints = f"{len(rig)} cameras ({', '.join(rig.names)})", f"{known.n_joints} joints"
-            _print(f"ready: {cameras}, {joints} ({known.name}), in {rig.unit}")
+            _print(f"ready: {cameras}, {joints} ({known.name}), in {rig.unit}{who}")
         status = _serve(session, sys.stdin.buffer, sys.stdout.buffer)
     if not quiet:
         _print(session.summary())
@@ -130,8 +168,8 @@ def _serve(session: Session, source: BinaryIO, target: BinaryIO) -> int:
             try:
                 answer = session.answer(line)
             except MalformedLineError as error:
-                _print(f"line {number}: skipped: {' '.join(str(error).split())}")
-                continue
+                _print(f"line {number}: skipped: {error.text}")
+                answer = error.line(number)
             if answer is not None:
                 target.write(answer)
                 target.flush()

@@ -96,7 +96,7 @@ Offset = Annotated[
     option(
         _INPUT,
         metavar="CAMERA=FRAMES",
-        help="Frames to add to a camera's frame numbers. 3 if it started 3 frames late. Repeatable.",
+        help="Frames to add to a camera's numbers. 3 if it started 3 frames late. Repeatable.",
     ),
 ]
 Order = Annotated[
@@ -132,8 +132,30 @@ Person = Annotated[
     option(
         _INPUT,
         metavar="WHO",
-        help="Person to follow. consistent: the person the views agree on; largest: the largest in each "
-        "image; N: number N in each file, from 0.",
+        help="Person to follow. consistent: the person the views agree on. The others are followed over time "
+        "as by --people, and one is chosen: N, the identity, from 0 in the order of appearance; largest; "
+        "moves-most; CAMERA:X,Y, whoever is at that pixel when the camera first sees somebody. If the frame "
+        "rate is unknown, N is entry N of each file, and largest the largest in each image: not always the "
+        "same person.",
+    ),
+]
+People = Annotated[
+    str | None,
+    option(
+        _INPUT,
+        metavar="all|N",
+        help="Refine several people. Each has a folder, person_0, person_1, …: all of them, or the N whom "
+        "the views see most. The frame rate must be known.",
+        default="one person",
+    ),
+]
+Entry = Annotated[
+    str,
+    option(
+        _INPUT,
+        metavar="WHO",
+        help="Person to compare. consistent: the person the views agree on; largest: the largest in each "
+        "image; N: entry N of each file, from 0.",
     ),
 ]
 Frames = Annotated[
@@ -265,6 +287,16 @@ Lag = Annotated[
         min=0,
     ),
 ]
+LivePeople = Annotated[
+    str | None,
+    option(
+        _TIME,
+        "--people",
+        metavar="all|N",
+        help="Follow everybody, or at most N people, and find out who is who. Requires --fps.",
+        default="one person",
+    ),
+]
 FrameByFrame = Annotated[
     bool,
     flag(
@@ -339,6 +371,15 @@ def positive(option: str, value: float | None) -> float | None:
     if value is None or 0 < value < float("inf"):
         return value
     raise typer.BadParameter(f"expected a positive number, got {value:g}", param_hint=option)
+
+
+def number_of_people(option: str, value: str) -> int | None:
+    """Return how many people to follow at most: None for all."""
+    if value.lower() == "all":
+        return None
+    if value.isdecimal() and int(value) > 0:
+        return int(value)
+    raise typer.BadParameter(f"expected all or a number of at least 1, got {value!r}", param_hint=option)
 
 
 def some_of(option: str, value: str, choices: tuple[str, ...]) -> tuple[str, ...]:

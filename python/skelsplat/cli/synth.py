@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -11,8 +11,15 @@ from skelsplat import synthetic
 from skelsplat.cli import options
 from skelsplat.cli.output import print_json
 from skelsplat.datasets.synthetic import write_simulated
+from skelsplat.exceptions import InvalidInputError
+from skelsplat.synthetic.people_sets import PEOPLE_SET, SceneSet
+from skelsplat.synthetic.sets import RecordingSet
 
-Name = Annotated[str, typer.Argument(metavar="NAME", help=", ".join(synthetic.set_names) + ".")]
+NAMES = (*synthetic.set_names, PEOPLE_SET)
+_OF_PEOPLE = f"Options of {PEOPLE_SET}"
+_DEFAULTS = {"people": 3, "views": 4, "scenes": 5, "frames": 300}
+
+Name = Annotated[str, typer.Argument(metavar="NAME", help=", ".join(NAMES) + ".")]
 Root = Annotated[Path, typer.Argument(metavar="FOLDER", help="Folder to create; must not exist or be empty.")]
 Poses = Annotated[
     int | None,
@@ -25,11 +32,27 @@ OpenPose = Annotated[
 Force = Annotated[bool, typer.Option("--force", metavar="", help="Replace an existing simulated data set.")]
 
 
+def _option(name: str, metavar: str, words: str) -> Any:
+    """Return an option of the set of several people."""
+    default = str(_DEFAULTS[name])
+    return typer.Option(metavar=metavar, help=words, show_default=default, rich_help_panel=_OF_PEOPLE)
+
+
+People = Annotated[int | None, _option("people", "Q", "People, 2 to 6.")]
+Views = Annotated[int | None, _option("views", "M", "Cameras, 3 to 8.")]
+Scenes = Annotated[int | None, _option("scenes", "K", "Number of scenes.")]
+Frames = Annotated[int | None, _option("frames", "F", "Frames of each scene, at 30 Hz.")]
+
+
 def synth(
     name: Name,
     root: Root,
     poses: Poses = None,
     seed: Seed = 0,
+    people: People = None,
+    views: Views = None,
+    scenes: Scenes = None,
+    frames: Frames = None,
     openpose: OpenPose = False,
     force: Force = False,
     quiet: options.Quiet = False,
@@ -38,23 +61,43 @@ def synth(
     """Write a simulated data set: known poses, simulated detections of two detectors.
 
     Rig, joints, actions and number of poses are like those of the data set
-    in the name. Results on it are results on simulated detections, and must be
-    reported as such.
+    in the name; people has scenes in which several people meet. Results on it
+    are results on simulated detections, and must be reported as such.
 
     [bold]Examples[/bold]
 
     skelsplat synth human36m-like data/h36m-like
 
     skelsplat synth dome data/dome --poses 100 --openpose
+
+    skelsplat synth people data/people --people 4 --views 5 --scenes 10
     """
-    options.one_of("NAME", name, synthetic.set_names)
-    data = synthetic.simulate_set(name, poses=poses, seed=seed)
+    options.one_of("NAME", name, NAMES)
+    given = {"people": people, "views": views, "scenes": scenes, "frames": frames}
+    data = _simulated(name, poses, seed, {key: value for key, value in given.items() if value is not None})
     write_simulated(root, data, openpose=openpose, force=force)
+    takes, what = _counted(data)
     if as_json:
-        takes = len(data.recordings)
         print_json({"folder": str(root), "name": name, "takes": takes, "parameters": data.parameters})
     elif not quiet:
-        typer.echo(
-            f"{root}: {name} (simulated), {data.parameters['poses']} poses in {len(data.recordings)} takes, "
-            f"detectors {' and '.join(data.parameters['detectors'])}, seed {seed}"
-        )
+        detectors = " and ".join(data.parameters["detectors"])
+        typer.echo(f"{root}: {name} (simulated), {what}, detectors {detectors}, seed {seed}")
+
+
+def _simulated(name: str, poses: int | None, seed: int, given: dict[str, int]) -> RecordingSet | SceneSet:
+    if name != PEOPLE_SET:
+        for key, value in given.items():
+            raise InvalidInputError(f"--{key}: expected with {PEOPLE_SET} only, got {value} with {name}")
+        return synthetic.simulate_set(name, poses=poses, seed=seed)
+    if poses is not None:
+        raise InvalidInputError(f"--poses: expected without {PEOPLE_SET}, which has --frames, got {poses}")
+    return synthetic.simulate_people_set(**{**_DEFAULTS, **given}, seed=seed)
+
+
+def _counted(data: RecordingSet | SceneSet) -> tuple[int, str]:
+    """Return the number of takes, and what is in them in words."""
+    about = data.parameters
+    if isinstance(data, RecordingSet):
+        return len(data.recordings), f"{about['poses']} poses in {len(data.recordings)} takes"
+    takes = f"{about['scenes']} scene{'s' * (about['scenes'] != 1)} of {about['frames']} frames"
+    return about["scenes"], f"{about['people']} people, {about['views']} views, {takes}"

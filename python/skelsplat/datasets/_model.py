@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,9 @@ from skelsplat._arrays import Array, Index, Mask, positive
 from skelsplat._skelsplat import Layout
 from skelsplat.cameras import CameraRig
 from skelsplat.exceptions import DatasetError
+
+if TYPE_CHECKING:
+    from skelsplat.datasets._people import PeopleTake
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -134,6 +137,9 @@ class Dataset:
         One line that goes under every table: what the data are, simulated or not, oracle or not.
     notes : tuple of str
         What was left out or assumed on reading.
+    scenes : tuple of PeopleTake
+        Recordings of several people in which nothing says who is who, if the source has them; `takes` then
+        has their people one by one, by oracle association.
     """
 
     name: str
@@ -142,6 +148,7 @@ class Dataset:
     detector: str | None = None
     source: str = ""
     notes: tuple[str, ...] = field(default=())
+    scenes: tuple[PeopleTake, ...] = field(default=())
 
     def __post_init__(self) -> None:
         keys = [take.key for take in self.takes]
@@ -155,7 +162,8 @@ class Dataset:
     def with_fps(self, fps: float) -> Dataset:
         """Return the data set with this rate of the frame numbers of all takes."""
         positive("fps", fps)
-        return replace(self, takes=tuple(replace(take, fps=fps) for take in self.takes))
+        takes = tuple(replace(take, fps=fps) for take in self.takes)
+        return replace(self, takes=takes, scenes=tuple(replace(scene, fps=fps) for scene in self.scenes))
 
     def __iter__(self) -> Iterator[Take]:
         return iter(self.takes)

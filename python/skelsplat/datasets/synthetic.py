@@ -20,13 +20,16 @@ from skelsplat._skelsplat import Layout
 from skelsplat.cameras import CameraRig
 from skelsplat.datasets._files import Survey, load_json, load_npz, numbers, require
 from skelsplat.datasets._model import Dataset, Take
+from skelsplat.datasets._people import PeopleTake
 from skelsplat.datasets._rig import build_camera, build_rig
+from skelsplat.datasets._synthetic_people import files_of, index_of, read_scene, write_scenes
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io._arrays import frame_numbers
 from skelsplat.io._fields import Field
 from skelsplat.io.calibration._json import to_entry
 
 if TYPE_CHECKING:
+    from skelsplat.synthetic.people_sets import SceneSet
     from skelsplat.synthetic.sets import Recording, RecordingSet
 
 FORMAT, FORMAT_VERSION = "skelsplat-simulated", 1
@@ -62,15 +65,25 @@ def read(root: Path, *, detector: str = "good", views: Views = None) -> Dataset:
     rigs = {name: _rig(root / "cameras" / f"{name}.json") for name in index["cameras"].names()}
     entries = index["takes"].entries("a list of takes")
     fps = index["fps"].number() if "fps" in index else None
-    takes = [replace(_take(root, entry, rigs, layout, detector), fps=fps) for entry in entries]
+    alone = [entry for entry in entries if "people" not in entry]
+    takes = [replace(_take(root, entry, rigs, layout, detector), fps=fps) for entry in alone]
+    takes = [take.with_views(_places(take.files["cameras"], take.rig.names, views)) for take in takes]
+    scenes = [
+        _scene(root, entry, rigs, layout, detector, views, index["fps"].number())
+        for entry in entries
+        if "people" in entry
+    ]
+    for scene in scenes:
+        takes += scene.apart(scene.key)
     name, seed = index["name"].text(), index.value.get("parameters", {}).get("seed")
     source = f"simulated poses and detections ({name}, detector {detector!r}, seed {seed}); no image was seen"
     return Dataset(
         name,
         layout,
-        tuple(take.with_views(_places(take.files["cameras"], take.rig.names, views)) for take in takes),
+        tuple(takes),
         detector=f"simulated-{detector}",
         source=source,
+        scenes=tuple(scenes),
     )
 
 
@@ -85,6 +98,10 @@ def survey(root: Path, options: Mapping[str, Any]) -> Survey:
         found.look([root / "cameras" / f"{name}.json"], "cameras")
     for entry in index["takes"].entries("a list of takes"):
         folder = _folder(root, entry)
+        if "people" in entry:
+            for part, path in files_of(folder, options["detector"]).items():
+                found.look([path], part)
+            continue
         for stem in ("truth", f"detections_simulated_{options['detector']}", "monocular_simulated"):
             found.look([folder / f"{stem}.npz"], stem.replace("_", " "))
     return found
@@ -132,16 +149,36 @@ def _folder(root: Path, entry: Field) -> Path:
     return root / "takes" / key
 
 
-def _take(root: Path, entry: Field, rigs: Mapping[str, CameraRig], layout: Layout, detector: str) -> Take:
-    key, subject, action, cameras = (entry[name].text() for name in ("key", "subject", "action", "cameras"))
+def _named_rig(root: Path, entry: Field, rigs: Mapping[str, CameraRig]) -> tuple[CameraRig, Path]:
+    """Return the cameras of a take and their file."""
+    cameras = entry["cameras"].text()
     if cameras not in rigs:
         raise entry["cameras"].error(f"one of {', '.join(rigs)}", cameras)
-    rig, folder = rigs[cameras], _folder(root, entry)
+    return rigs[cameras], root / "cameras" / f"{cameras}.json"
+
+
+def _scene(
+    root: Path,
+    entry: Field,
+    rigs: Mapping[str, CameraRig],
+    layout: Layout,
+    detector: str,
+    views: Views,
+    fps: float,
+) -> PeopleTake:
+    rig, path = _named_rig(root, entry, rigs)
+    scene = read_scene(_folder(root, entry), entry["key"].text(), rig, path, layout, detector, fps)
+    return scene if views is None else scene.with_views(_places(path, rig.names, views))
+
+
+def _take(root: Path, entry: Field, rigs: Mapping[str, CameraRig], layout: Layout, detector: str) -> Take:
+    key, subject, action = (entry[name].text() for name in ("key", "subject", "action"))
+    (rig, cameras), folder = _named_rig(root, entry, rigs), _folder(root, entry)
     files = {
         "truth": folder / "truth.npz",
         "detections": folder / f"detections_simulated_{detector}.npz",
         "monocular": folder / "monocular_simulated.npz",
-        "cameras": root / "cameras" / f"{cameras}.json",
+        "cameras": cameras,
     }
     loaded = {part: load_npz(path) for part, path in files.items() if part != "cameras"}
     frames = _frames(files, loaded)
@@ -210,15 +247,17 @@ def _place(path: Path, names: Sequence[str], view: int | str) -> int:
     return view
 
 
-def write_simulated(root: Path, data: RecordingSet, *, openpose: bool = False, force: bool = False) -> None:
+def write_simulated(
+    root: Path, data: RecordingSet | SceneSet, *, openpose: bool = False, force: bool = False
+) -> None:
     """Write a simulated data set to the folder `root`, whole or not at all.
 
     Parameters
     ----------
     root : Path
         Must not exist, or be empty.
-    data : RecordingSet
-        As `skelsplat.synthetic.simulate_set` makes it.
+    data : RecordingSet or SceneSet
+        As `skelsplat.synthetic.simulate_set` or `simulate_people_set` makes it.
     openpose : bool
         Write the detections as OpenPose JSON too, one file per frame and camera.
     force : bool
@@ -234,18 +273,31 @@ def write_simulated(root: Path, data: RecordingSet, *, openpose: bool = False, f
     try:
         with opening(root, "a folder that can be written", "output"):
             temporary.mkdir(parents=True)
-            _write_rigs(temporary / "cameras", data.rigs)
-            for recording in data.recordings:
-                take = temporary / "takes" / recording.key
-                _write_take(take, recording)
-                if openpose:
-                    _write_openpose(take, recording, data.rigs[recording.rig_name])
+            own = _write_parts(temporary, data, openpose=openpose)
             # The index comes last: without it a folder is no data set.
-            text = json.dumps(_index_of(data), indent=1, ensure_ascii=False)
+            about = {"format": FORMAT, "format_version": FORMAT_VERSION, "name": data.name, "simulated": True}
+            text = json.dumps({**about, **own}, indent=1, ensure_ascii=False)
             (temporary / INDEX).write_text(text + "\n", encoding="utf-8")
             _move(temporary, root)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _write_parts(folder: Path, data: RecordingSet | SceneSet, *, openpose: bool) -> dict[str, Any]:
+    """Write cameras and takes; return what the index says of them."""
+    from skelsplat.synthetic.people_sets import SceneSet  # loads the simulation, which reading does without
+
+    if isinstance(data, SceneSet):
+        _write_rigs(folder / "cameras", {data.rig_name: data.first.cameras})
+        write_scenes(folder / "takes", data, openpose=openpose)
+        return index_of(data)
+    _write_rigs(folder / "cameras", data.rigs)
+    for recording in data.recordings:
+        take = folder / "takes" / recording.key
+        _write_take(take, recording)
+        if openpose:
+            _write_openpose(take, recording, data.rigs[recording.rig_name])
+    return _index_of(data)
 
 
 def _check_free(root: Path, *, force: bool) -> None:
@@ -279,10 +331,6 @@ def _move(temporary: Path, root: Path) -> None:
 def _index_of(data: RecordingSet) -> dict[str, Any]:
     detectors = sorted({name for recording in data.recordings for name in recording.detections})
     return {
-        "format": FORMAT,
-        "format_version": FORMAT_VERSION,
-        "name": data.name,
-        "simulated": True,
         "unit": next(iter(data.rigs.values())).unit,
         "layout": data.layout.name,
         "joints": list(data.layout.joints),

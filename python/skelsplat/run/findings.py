@@ -38,6 +38,9 @@ _SOME, _ALSO_UNFIT = 0.1, 0.25
 _MIRRORED_SHARE = 0.25
 # Longer side over shorter side that no person's arms or legs have.
 _LIMB_RATIO = 1.5
+# A given length contradicts the recording beyond this many of its standard deviations and this share.
+_GIVEN_SIGMAS, _GIVEN_SHARE = 3.0, 0.05
+_USUAL_SIGMA_MM = 20.0  # of given lengths without standard deviations
 # A joint's scatter over the typical joint's.
 _BAR_RATIO = 2.0
 
@@ -61,6 +64,7 @@ def find_findings(
         *_cameras(inputs, counted, unfit),
         *_mirrored(counted),
         *_limbs(inputs, alone),
+        *_given_lengths(inputs, alone),
         *_joints(counted, statistics),
         *_statuses(inputs, outcome, written),
     ]
@@ -204,14 +208,9 @@ def _mirrored(statistics: Statistics) -> Iterator[Finding]:
 def _limbs(inputs: Inputs, outcome: Outcome) -> Iterator[Finding]:
     """Yield a finding on the limbs that differ most between left and right, if implausibly."""
     layout, joints = inputs.layout, inputs.layout.joints
-    known = np.asarray(outcome.result.joint_status) == "ok"
-    pose = np.where(known[..., None], outcome.result.pose, np.nan) * inputs.rig.mm_per_unit
-
-    def length(limb: tuple[int, int]) -> float:
-        return finite_median(np.linalg.norm(pose[:, limb[0]] - pose[:, limb[1]], axis=-1))
-
     pairs = layout.symmetric_pairs(2)
-    lengths = [(length(left), length(right)) for left, right in pairs]
+    measured = [_lengths_mm(inputs, outcome, side) for side in zip(*pairs, strict=True)]
+    lengths = list(zip(*measured, strict=True))
     ratios = [max(pair) / min(pair) if min(pair) > 0 else 0.0 for pair in lengths]
     if ratios and max(ratios) > _LIMB_RATIO:
         worst = int(np.argmax(ratios))
@@ -224,6 +223,35 @@ def _limbs(inputs: Inputs, outcome: Outcome) -> Iterator[Finding]:
         }
         named = tuple(dict.fromkeys(joint for limb in limbs for joint in limb))
         yield Finding("limbs_differ", "warning", Subject(joints=named), numbers, (Remedy("layout", None),))
+
+
+def _lengths_mm(inputs: Inputs, outcome: Outcome, limbs: Sequence[tuple[int, int]]) -> list[float]:
+    """Return the median length of each limb over the frames that determine both ends; NaN of none."""
+    known = np.asarray(outcome.result.joint_status) == "ok"
+    pose = np.where(known[..., None], outcome.result.pose, np.nan) * inputs.rig.mm_per_unit
+    return [finite_median(np.linalg.norm(pose[:, a] - pose[:, b], axis=-1)) for a, b in limbs]
+
+
+def _given_lengths(inputs: Inputs, alone: Outcome) -> Iterator[Finding]:
+    """Yield a finding on given lengths of bones that the recording contradicts."""
+    given = getattr(alone.config, "bone_lengths_mm", None)  # the paper's method has none
+    if given is None:
+        return
+    limbs, joints = inputs.layout.limbs, inputs.layout.joints
+    lengths = np.asarray(given)
+    sigmas = np.asarray(alone.config.bone_sigmas_mm or np.full(len(lengths), _USUAL_SIGMA_MM))
+    measured = np.array(_lengths_mm(inputs, alone, limbs))
+    allowed = np.maximum(_GIVEN_SIGMAS * sigmas, _GIVEN_SHARE * lengths)
+    wrong = np.flatnonzero((np.abs(measured - lengths) > allowed) & (sigmas < lengths))
+    if len(wrong):
+        named = [[joints[j] for j in limbs[b]] for b in wrong]
+        numbers = {
+            "limbs": named,
+            "given_mm": lengths[wrong].tolist(),
+            "measured_mm": measured[wrong].tolist(),
+        }
+        subject = Subject(joints=tuple(dict.fromkeys(joint for limb in named for joint in limb)))
+        yield Finding("given_lengths_differ", "warning", subject, numbers)
 
 
 def _joints(alone: Statistics, statistics: Statistics) -> Iterator[Finding]:

@@ -18,7 +18,7 @@ from skelsplat._optional import can_draw
 from skelsplat._sentences.words import number
 from skelsplat.run.frames import rows_of
 from skelsplat.run.report import MEANINGS, solved_in_words
-from skelsplat.run.summary import DOWN_WEIGHTED, error_maps, finite_max, finite_median, frame_medians
+from skelsplat.run.summary import DOWN_WEIGHTED, error_maps, finite_median, frame_medians
 
 if TYPE_CHECKING:
     from skelsplat.run._run import Run
@@ -46,9 +46,9 @@ _OF_JOINTS = (
     ("views used", "views with a detection that is used and not rejected: median over the frames (lowest)"),
     (
         "error bar [mm]",
-        "against an anatomical joint: standard deviation per axis, median over the frames (largest)",
+        "standard deviation per axis against an anatomical joint, median over the frames "
+        "(in brackets the scatter, a part of it)",
     ),
-    ("scatter [mm]", "between recordings of the same pose, part of the error bar: likewise"),
     ("moved [mm]", "median distance of the refined joint from its start"),
 )
 
@@ -271,10 +271,11 @@ def _joint_table(inputs: Inputs, statistics: Statistics) -> page.Table:
 
     rows = []
     for j, group in enumerate(statistics.joints):
-        views, both = statistics.views_used[:, j], (statistics.error_bar_mm, statistics.scatter_mm)
+        views = statistics.views_used[:, j]
+        bar, scatter = (finite_median(mm[:, j]) for mm in (statistics.error_bar_mm, statistics.scatter_mm))
         own = [
             f"{np.median(views):g} ({views.min()})",
-            *(f"{number(finite_median(bars[:, j]))} ({number(finite_max(bars[:, j]), 0)})" for bars in both),
+            f"{number(bar)} ({number(scatter)})",
             number(finite_median(statistics.moved_mm[:, j])),
         ]
         rows.append([*_cells(group), *own])

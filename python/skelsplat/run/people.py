@@ -74,7 +74,7 @@ def _spread(inputs: Inputs, outcome: Outcome) -> LimbSpread:
 
 
 def find_lengths(inputs: Inputs, spread: LimbSpread) -> Iterator[Finding]:
-    """Yield a finding on the limb that varies most, if lengths vary by more than error bars explain."""
+    """Yield a finding on the limb that varies most, if lengths vary by more than scatter explains."""
     if spread.off <= _OFF_SHARE:
         return
     worst = int(np.argmax(spread.relative))

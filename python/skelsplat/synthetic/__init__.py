@@ -12,6 +12,7 @@ from skelsplat.synthetic.memory import Memory
 from skelsplat.synthetic.motions import motion, motion_names
 from skelsplat.synthetic.noise import DetectionNoise
 from skelsplat.synthetic.occluders import Occluders, draw_occluders
+from skelsplat.synthetic.people_sets import simulate_people_set
 from skelsplat.synthetic.poses import monocular_poses, perturb
 from skelsplat.synthetic.rigs import dome, human36m_like, look_at, ring, stereo, table
 from skelsplat.synthetic.scenes import Scene, simulate_scene
@@ -39,6 +40,7 @@ __all__ = [
     "ring",
     "set_names",
     "simulate_detections",
+    "simulate_people_set",
     "simulate_scene",
     "simulate_set",
     "stereo",

@@ -29,6 +29,21 @@ DETECTION = "#009e73"
 REPROJECTION = "#d55e00"
 REJECTED = "#b3006b"
 SWAPPED = "#e69f00"
+# One colour per person, in the order of their identities; the eighth has that of the first.
+PEOPLE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#222222")
+_PALEST = 0.22  # of a tint
+
+
+def person_colour(place: int) -> str:
+    """Return the colour of the person at a place among several."""
+    return PEOPLE[place % len(PEOPLE)]
+
+
+def tint(colour: str, share: float) -> str:
+    """Return ``#rrggbb`` on white: pale for a share of 0, itself for 1."""
+    strength = _PALEST + (1 - _PALEST) * min(max(share, 0.0), 1.0)
+    parts = (int(colour[k : k + 2], 16) for k in (1, 3, 5))
+    return "#" + "".join(f"{round(255 + strength * (part - 255)):02x}" for part in parts)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ use super::solver::{Annealing, Prior, Problem, Solution, Widening, solve};
 use super::starts::{Before, Given, Start, start};
 use super::swaps::{self, Chain, Swap};
 use crate::bones::Bone;
-use crate::bones::population::Proportion;
+use crate::bones::expected::Expected;
 use crate::camera::Camera;
 use crate::detections::Detections;
 use crate::outcome::{ErrorBars, JointStatus, Loss, Outcome, Splats, StopReason, as_given};
@@ -32,8 +32,8 @@ pub struct Frame<'a> {
     pub pairs: &'a [LimbPair],
     /// Joints that a detector may swap together.
     pub chains: &'a [Chain],
-    /// The population's proportions; none: bones are free.
-    pub proportions: &'a [Proportion],
+    /// Expected lengths of bones; none: bones are free.
+    pub expected: &'a Expected,
     /// The annealing schedule.
     pub annealing: Annealing,
     /// Initial pose and prior.
@@ -214,7 +214,7 @@ impl Frame<'_> {
         let problem = self.problem(&rays, given, widening, &[]);
         let solution = solve(&problem, &points, &sigma);
         let (solution, bones) =
-            with_bones(&problem, self.proportions, &solution, self.before.is_none())
+            with_bones(&problem, self.expected, &solution, self.before.is_none())
                 .unwrap_or((solution, Vec::new()));
         Found { rays, init, solution, widening, bones }
     }

@@ -1,8 +1,8 @@
-//! The population's proportions in one frame: bones for joints that too few views see.
+//! Expected lengths in one frame: bones for joints that too few views see.
 //!
 //! Where fewer than three views agree on a joint, and not all that see it, the lengths of its bones take part: l_b = s ρ_b (1 + ε_b) with the population's
 //! ratio ρ_b and spread ε_b ([`crate::bones::population`]) and a stature s of the person, which the frame's other bones
-//! show. The frame is then solved twice with the bones' terms, from where it was and from wide kernels; the solution with the lower
+//! show, or the lengths that the user gives ([`crate::bones::expected`]). The frame is then solved twice with the bones' terms, from where it was and from wide kernels; the solution with the lower
 //! objective counts. A joint that one view sees starts where its bone meets the ray.
 
 use nalgebra::Vector3;
@@ -10,20 +10,19 @@ use nalgebra::Vector3;
 use super::consensus::{REJECTED, Rival, meeting_point, settled};
 use super::rays::{Ray, Rays};
 use super::solver::{Problem, Solution, solve};
-use crate::bones::population::{Proportion, STATURE};
+use crate::bones::expected::{Expected, Shown, stature};
+use crate::bones::population::Proportion;
 use crate::bones::{Bone, Length, Pull};
 
 /// Views that have to agree on a joint for it not to need its bones.
 const ENOUGH: usize = 3;
-/// Least number of joints on which two views agree: others have nothing to hold on to.
+/// Least number of joints on which two views agree, for a stature and for given lengths: others have nothing to hold on to.
 const LEAST_ANCHORS: usize = 3;
+const LEAST_GIVEN: usize = 1;
 /// Kernel of the joints that do, in the search from wide kernels, mm.
 const WIDE: f64 = 160.0;
-/// Least standard deviation of a bone's length, mm: detectors and tables mean different points.
-const LEAST_SPREAD: f64 = 20.0;
-
 /// Distance in kernels within which a place is the same one.
-const SAME: f64 = 2.0;
+const SAME: f64 = 1.0;
 /// By how much the objective of another solution has to be lower than that of the nearest one.
 const CLEARLY: f64 = 1.0;
 
@@ -60,12 +59,12 @@ impl Votes {
 #[must_use]
 pub fn with_bones(
     problem: &Problem<'_>,
-    proportions: &[Proportion],
+    expected: &Expected,
     solution: &Solution,
     search: bool,
 ) -> Option<(Solution, Vec<Bone>)> {
     let votes = Votes::of(problem.rays, solution);
-    let bones = needed(proportions, solution, &votes)?;
+    let bones = needed(expected, solution, &votes)?;
     let mut points = solution.points.clone();
     place(problem.rays, &bones, &mut points);
     let problem = Problem { bones: &bones, ..*problem };
@@ -78,22 +77,22 @@ pub fn with_bones(
 }
 
 /// The bones that take part, if any: those of joints that need them.
-fn needed(proportions: &[Proportion], solution: &Solution, votes: &Votes) -> Option<Vec<Bone>> {
+fn needed(expected: &Expected, solution: &Solution, votes: &Votes) -> Option<Vec<Bone>> {
     let anchors = votes.agree.iter().filter(|n| **n > 1).count();
-    let needs = |p: &Proportion| p.joints.iter().any(|j| votes.needs_bones(*j));
-    if anchors < LEAST_ANCHORS || !proportions.iter().any(needs) {
+    let least = if expected.given.is_empty() { LEAST_ANCHORS } else { LEAST_GIVEN };
+    let doubtful = (0..votes.seen.len()).any(|j| votes.needs_bones(j));
+    if anchors < least || !doubtful {
         return None;
     }
-    let stature = stature(proportions, solution, votes);
-    let seen = |p: &Proportion| p.joints.iter().all(|j| votes.seen[*j] > 0);
-    let some = proportions.iter().filter(|p| needs(p) && seen(p));
-    let bones: Vec<Bone> =
-        some.map(|p| Bone { joints: p.joints, length: length(p, stature) }).collect();
+    let stature = shown_stature(&expected.proportions, solution, votes);
+    let needs = |bone: &Bone| bone.joints.iter().any(|j| votes.needs_bones(*j));
+    let seen = |bone: &Bone| bone.joints.iter().all(|j| votes.seen[*j] > 0);
+    let bones: Vec<Bone> = expected.bones(stature).filter(|b| needs(b) && seen(b)).collect();
     (!bones.is_empty()).then_some(bones)
 }
 
-/// The best of the solution `here`, the one from wide kernels, and the one from the most likely combination of places. If that is the
-/// one from which `here` was found, the others have nothing better (docs/decisions.md).
+/// The best of the solution `here`, the one from wide kernels, and the one from the most likely combination of places. Where that
+/// combination is both where `here` began and where it ended, the others are hardly ever better (docs/decisions.md).
 fn searched(
     problem: &Problem<'_>,
     points: &[Vector3<f64>],
@@ -108,7 +107,8 @@ fn searched(
     let search = Search { points, doubtful, placed };
     let guess = most_likely(problem, &search, variance);
     let is_doubtful = |j: &usize| search.doubtful[*j];
-    let stays = |j: usize| (guess[j] - points[j]).norm() <= SAME * narrow[j];
+    let near = |j: usize, x: &Vector3<f64>| (guess[j] - x).norm() <= SAME * narrow[j];
+    let stays = |j: usize| near(j, &points[j]) && near(j, &here.points[j]);
     if joints.clone().filter(is_doubtful).all(stays) {
         return here;
     }
@@ -258,39 +258,17 @@ fn cost_of_rays(
     .sum()
 }
 
-/// l and σ of a bone at this stature and its standard error.
-fn length(p: &Proportion, [stature, error]: [f64; 2]) -> Length {
-    let mean = p.ratio * stature;
-    let square =
-        (p.spread * mean).powi(2) + (p.ratio * error).powi(2) + LEAST_SPREAD * LEAST_SPREAD;
-    Length { mean, sigma: square.sqrt() }
-}
-
-/// The stature that the well-seen bones show, with the population's as a prior, and its standard error: a weighted median, since
-/// some bones may be wrong.
-fn stature(proportions: &[Proportion], solution: &Solution, votes: &Votes) -> [f64; 2] {
+/// The stature that the well-seen bones show, and its standard error.
+fn shown_stature(proportions: &[Proportion], solution: &Solution, votes: &Votes) -> [f64; 2] {
     let noise = solution.noise * solution.noise;
     let shown = |p: &Proportion| {
         let [a, b] = p.joints;
-        if votes.agree[a].min(votes.agree[b]) < 2 {
-            return None;
-        }
-        let few = if votes.agree[a].min(votes.agree[b]) < ENOUGH { 4.0 } else { 1.0 };
-        let long = (solution.points[a] - solution.points[b]).norm();
-        let variance = (few * 2.0 * noise + LEAST_SPREAD * LEAST_SPREAD) / (p.ratio * p.ratio);
-        let s = long / p.ratio;
-        Some((s, 1.0 / (variance + (p.spread * s).powi(2))))
+        let agree = votes.agree[a].min(votes.agree[b]);
+        let few = if agree < ENOUGH { 4.0 } else { 1.0 };
+        let length = (solution.points[a] - solution.points[b]).norm();
+        (agree > 1).then_some(Shown { proportion: *p, length, variance: few * 2.0 * noise })
     };
-    let mut all: Vec<(f64, f64)> = proportions.iter().filter_map(shown).collect();
-    all.push((STATURE[0], STATURE[1].powi(-2)));
-    all.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let total: f64 = all.iter().map(|(_, w)| w).sum();
-    let mut sum = 0.0;
-    let middle = all.iter().find(|(_, w)| {
-        sum += w;
-        sum >= 0.5 * total
-    });
-    [middle.map_or(STATURE[0], |(s, _)| *s), (1.5 / total).sqrt()]
+    stature(proportions.iter().filter_map(shown))
 }
 
 /// Places joints without a position on their rays, where their bone from a placed joint ends.

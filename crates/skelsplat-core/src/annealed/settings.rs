@@ -25,6 +25,10 @@ settings! {
         bones: Bones = Bones::Population, Domain::Any, "",
             "Lengths of bones for joints on which neither three views agree nor all that see them: `population`, with the proportions of people \
              (built-in layouts only) and a stature found in the frame, or `free`, none.";
+        bone_lengths_mm: Option<Vec<f64>> = None, Domain::Positive, "mm",
+            "Known length of each of the layout's limbs, for any layout; replaces the population's. None: not known.";
+        bone_sigmas_mm: Option<Vec<f64>> = None, Domain::Positive, "mm",
+            "Standard deviation of each of these lengths; one that is not less than the length marks it as unknown. None: 20 for all.";
         step_tolerance: f64 = 0.01, Domain::Positive, "",
             "Converged when the kernels have reached their final width and no joint moves by more than this fraction of the \
              noise.";

@@ -10,6 +10,7 @@
 //! H is the block of x_a and x_b each, −H the one between them. The second term is the positive part of r ∇²r: without it,
 //! a joint with a single ray at right angles to its bone always overshoots.
 
+pub mod expected;
 pub mod population;
 
 use nalgebra::{Matrix3, Vector3};

@@ -75,6 +75,14 @@ impl Tracker {
         self.followed.clear();
     }
 
+    /// Identities of everybody who is known and followed, also of those out of sight: an identity that has left these does not return.
+    #[must_use]
+    pub fn ids(&self) -> Vec<usize> {
+        let mut ids: Vec<usize> = self.followed.iter().filter_map(|one| one.id).collect();
+        ids.sort_unstable();
+        ids
+    }
+
     /// Everybody who is known and followed in the next frame, in the order of their identities; also those who are bridged while no view
     /// sees them.
     ///

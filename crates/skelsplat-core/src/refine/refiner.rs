@@ -11,7 +11,7 @@ use super::result::Refinement;
 use crate::annealed::rays::Rays;
 use crate::annealed::swaps::{Chain, chains};
 use crate::annealed::{self, Alone, AnnealedSettings, Before, Bones, Prior};
-use crate::bones::population::{Proportion, proportions};
+use crate::bones::expected::Expected;
 use crate::camera::Camera;
 use crate::detections::Detections;
 use crate::error::{Error, Result};
@@ -74,7 +74,7 @@ pub struct Refiner {
     pairs: Vec<LimbPair>,
     chains: Vec<Chain>,
     bones: Vec<[usize; 2]>,
-    proportions: Vec<Proportion>,
+    expected: Expected,
     occlusion_prone: Vec<usize>,
     n_joints: Option<usize>,
     /// Standard deviations of the joints' systematic errors, in the unit of the cameras; empty if their number is unknown.
@@ -100,13 +100,13 @@ impl Refiner {
         if cameras.is_empty() {
             return Err(Error::invalid("cameras", "at least one camera", "none"));
         }
-        let (paper, view_weights, find_swaps, population) = match &config.method {
-            Method::Paper(settings) => (settings.clone(), None, false, false),
+        let (paper, view_weights, find_swaps, expected) = match &config.method {
+            Method::Paper(settings) => (settings.clone(), None, false, Expected::default()),
             Method::Annealed(settings) => (
                 PaperSettings { renderer: Renderer::ClosedForm, ..PaperSettings::default() },
                 settings.view_weights.as_ref(),
                 settings.find_swaps,
-                settings.bones == Bones::Population,
+                expected(layout, settings)?,
             ),
         };
         if let Some(w) = view_weights.filter(|w| w.len() != cameras.len()) {
@@ -124,7 +124,7 @@ impl Refiner {
             pairs: layout.map_or(Vec::new(), |l| l.symmetric_pairs(config.symmetry_tier).collect()),
             chains: layout.filter(|_| find_swaps).map(chains).unwrap_or_default(),
             bones: layout.map(|l| l.limbs.clone()).unwrap_or_default(),
-            proportions: layout.filter(|_| population).map(proportions).unwrap_or_default(),
+            expected,
             occlusion_prone: layout.map(|l| l.occlusion_prone.clone()).unwrap_or_default(),
             n_joints: layout.map(|l| l.joints.len()),
             joint_bias: in_unit(bias, unit),
@@ -220,6 +220,11 @@ impl Refiner {
     /// Joints at both ends of every bone.
     pub(crate) fn bones(&self) -> &[[usize; 2]] {
         &self.bones
+    }
+
+    /// Expected lengths of bones.
+    pub(crate) fn expected(&self) -> &Expected {
+        &self.expected
     }
 
     /// Joints that a detector may swap together.
@@ -361,7 +366,7 @@ impl Refiner {
             view_weights: weights.unwrap_or_default(),
             pairs: &self.pairs,
             chains: &self.chains,
-            proportions: &self.proportions,
+            expected: &self.expected,
             annealing,
             before,
         }
@@ -430,6 +435,20 @@ impl Refiner {
         };
         outcome.used_for.iter().enumerate().map(|k| one(k).unwrap_or(f64::NAN)).collect()
     }
+}
+
+/// The lengths of bones that these settings expect.
+fn expected(layout: Option<&Layout>, settings: &AnnealedSettings) -> Result<Expected> {
+    let (lengths, sigmas) = (&settings.bone_lengths_mm, &settings.bone_sigmas_mm);
+    if settings.bones == Bones::Free {
+        return match lengths.is_some() || sigmas.is_some() {
+            true => {
+                Err(Error::invalid("config.bones", "'population' with given lengths", "'free'"))
+            }
+            false => Ok(Expected::default()),
+        };
+    }
+    Expected::new(layout, lengths.as_deref(), sigmas.as_deref())
 }
 
 /// Lengths in mm, converted to `unit`.

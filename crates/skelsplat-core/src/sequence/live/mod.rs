@@ -29,6 +29,7 @@ use self::bone::{Bone, Tie};
 use self::joint::{Answer, Joint, STEPS, Seen};
 use self::tape::Tape;
 use self::window::Window;
+use super::agility::Agility;
 use super::noise::Memory;
 use super::outcome::Learnt;
 use super::recording::{LEAST_SPREAD, USUAL_SPREAD, check};
@@ -57,6 +58,8 @@ pub struct Live {
     noise: f64,
     /// Mean spread of the body, mm; NaN before it is known.
     reach: f64,
+    /// Lengths of bones that the user gives, which count until frames have shown the bone.
+    given: Vec<Option<Length>>,
     /// The last frames, where the answer lags behind.
     window: Option<Window>,
 }
@@ -76,6 +79,7 @@ impl Live {
             bones: Vec::new(),
             noise: f64::NAN,
             reach: f64::NAN,
+            given: refiner.bones().iter().map(|b| refiner.expected().given(*b)).collect(),
             window,
         })
     }
@@ -211,18 +215,23 @@ impl Live {
         answers: &[Option<Answer>],
         bones: &[[usize; 2]],
     ) -> impl Iterator<Item = Tie> {
-        let tie = move |(bone, [a, b]): (&Bone, &[usize; 2])| {
+        let tie = move |(length, [a, b]): (Option<Length>, &[usize; 2])| {
             let other = match j {
                 j if j == *a => *b,
                 j if j == *b => *a,
                 _ => return None,
             };
             let to = answers[other]?.end();
-            let length = bone.length()?;
+            let length = length?;
             let known = to.at.x.is_finite() && to.covariance.trace().is_finite();
             known.then_some(Tie { to, length })
         };
-        self.bones.iter().zip(bones).filter_map(tie)
+        self.lengths().zip(bones).filter_map(tie)
+    }
+
+    /// The length of every bone, as far as it is known.
+    fn lengths(&self) -> impl Iterator<Item = Option<Length>> + '_ {
+        self.bones.iter().zip(&self.given).map(|(bone, given)| bone.length().or(*given))
     }
 
     /// What the frames so far tell a recording.
@@ -231,8 +240,12 @@ impl Live {
         let common = Common {
             fps: self.fps,
             bones: refiner.bones().to_vec(),
-            lengths: self.bones.iter().map(|bone| bone.length().unwrap_or(unknown)).collect(),
-            agility: self.joints.iter().map(|joint| joint.agility(self.fps)).collect(),
+            lengths: self.lengths().map(|length| length.unwrap_or(unknown)).collect(),
+            agility: self
+                .joints
+                .iter()
+                .map(|joint| Agility::steady(joint.agility(self.fps)))
+                .collect(),
             weight: last.rays.mean_weight(),
             variance: vec![self.variance(); self.joints.len()],
             sigma: self.kernels(refiner, last),

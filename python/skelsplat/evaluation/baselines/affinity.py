@@ -12,13 +12,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
-from scenarios import FloatArray
 
-import skelsplat as sk
-from skelsplat.evaluation import baselines
-
-IntArray = NDArray[np.int64]
+from skelsplat._arrays import Array, Index
+from skelsplat.cameras import CameraRig
+from skelsplat.evaluation.baselines._observations import dlt
 
 MIN_CONFIDENCE = 0.3
 FEWEST_JOINTS = 5  # that two detections must have in common
@@ -35,17 +32,22 @@ class Track:
 
     identity: int
     frames: list[int] = field(default_factory=list)
-    poses: list[FloatArray] = field(default_factory=list)
+    poses: list[Array] = field(default_factory=list)
 
-    def whole(self) -> tuple[int, IntArray, FloatArray]:
+    def whole(self) -> tuple[int, Index, Array]:
         """Return identity, frames (F,) and poses (F, N, 3)."""
         return self.identity, np.array(self.frames), np.array(self.poses)
 
 
 def track(
-    people: FloatArray, cameras: sk.CameraRig, *, fps: float, gate_mm: float = PAIR_GATE_MM
-) -> list[tuple[int, IntArray, FloatArray]]:
-    """Track everybody in detections (T, M, P, N, 3): identity, frames (F,) and poses (F, N, 3) mm of each."""
+    people: Array, cameras: CameraRig, *, fps: float, gate_mm: float = PAIR_GATE_MM
+) -> list[tuple[int, Index, Array]]:
+    """Track everybody in detections (T, M, P, N, 3), with cameras in mm.
+
+    Returns
+    -------
+    list of (identity, frames (F,), poses (F, N, 3) mm)
+    """
     usable = np.where(people[..., 2:] >= MIN_CONFIDENCE, people, np.nan)
     groups = [grouped(frame, gate_mm) for frame in rays(usable, cameras)]
     views = np.arange(len(cameras))
@@ -54,12 +56,12 @@ def track(
         for frame, places_of_all in zip(usable, groups, strict=True)
         for places in places_of_all
     ]
-    poses = baselines.dlt(np.array(chosen), cameras) if chosen else np.empty((0, *people.shape[3:]))
+    poses = dlt(np.array(chosen), cameras) if chosen else np.empty((0, *people.shape[3:]))
     bounds = np.cumsum([len(one) for one in groups])[:-1]
     return linked(np.split(poses, bounds), fps)
 
 
-def rays(people: FloatArray, cameras: sk.CameraRig) -> list[tuple[FloatArray, FloatArray]]:
+def rays(people: Array, cameras: CameraRig) -> list[tuple[Array, Array]]:
     """Return per frame the centres (M, 3) of the views and the directions (M, P, N, 3) of the detections."""
     directions = np.empty(people.shape)
     centres = np.empty((len(cameras), 3))
@@ -72,7 +74,7 @@ def rays(people: FloatArray, cameras: sk.CameraRig) -> list[tuple[FloatArray, Fl
     return [(centres, frame) for frame in directions]
 
 
-def grouped(frame: tuple[FloatArray, FloatArray], gate_mm: float) -> list[IntArray]:
+def grouped(frame: tuple[Array, Array], gate_mm: float) -> list[Index]:
     """Return the groups of a frame, each as the place in P per view (M,), −1 = none."""
     centres, directions = frame
     n_views = len(centres)
@@ -98,7 +100,7 @@ def grouped(frame: tuple[FloatArray, FloatArray], gate_mm: float) -> list[IntArr
     return out
 
 
-def distances(centres: FloatArray, directions: FloatArray) -> FloatArray:
+def distances(centres: Array, directions: Array) -> Array:
     """Return the mean distance (D, D) mm of the rays to common joints, from (D, 3) along (D, N, 3)."""
     across = np.cross(directions[:, None], directions[None])
     length = np.linalg.norm(across, axis=-1)
@@ -110,7 +112,7 @@ def distances(centres: FloatArray, directions: FloatArray) -> FloatArray:
     return np.where(count >= FEWEST_JOINTS, mean, np.inf)
 
 
-def linked(frames: Sequence[FloatArray], fps: float) -> list[tuple[int, IntArray, FloatArray]]:
+def linked(frames: Sequence[Array], fps: float) -> list[tuple[int, Index, Array]]:
     """Continue tracks by the nearest poses (G, N, 3) of each frame, nearest pairs first."""
     alive: list[Track] = []
     ended: list[Track] = []
@@ -133,7 +135,7 @@ def linked(frames: Sequence[FloatArray], fps: float) -> list[tuple[int, IntArray
     return [one.whole() for one in ended + alive if len(one.frames) >= SHORTEST_FRAMES]
 
 
-def moved(before: FloatArray, now: FloatArray) -> float:
+def moved(before: Array, now: Array) -> float:
     """Return the mean distance of the joints that both poses have; infinite without any."""
     gap = np.linalg.norm(now - before, axis=-1)
     there = np.isfinite(gap)

@@ -1,0 +1,258 @@
+"""``skelsplat live --people``: several people, who is who included; nothing that is sent stays unanswered."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import skelsplat as sk
+from command_line import assert_fails, invoke
+from skelsplat import synthetic
+from skelsplat.cli import app
+from skelsplat.io import read_calibration, write_calibration
+from skelsplat.synthetic import Crowding, DetectionNoise
+
+FPS = 30
+OPTIONS = ["--unit", "mm", "--layout", "h36m17", "--fps", str(FPS), "--people", "all"]
+RING = synthetic.ring(4, radius_mm=4500.0)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    noise = DetectionNoise.recording(FPS)
+    return synthetic.simulate_scene(2, RING, n_frames=30, fps=FPS, noise=noise, crowding=Crowding(), seed=4)
+
+
+@pytest.fixture(scope="module")
+def calibration(tmp_path_factory):
+    path = tmp_path_factory.mktemp("live") / "Calib.toml"
+    write_calibration(path, RING)
+    return path
+
+
+@pytest.fixture
+def names(calibration):
+    return read_calibration(calibration, unit="mm").names
+
+
+def views_of(frame):
+    """Return one frame (M, P, N, 3) as lists of the people who are there, null for a missing joint."""
+    there = np.isfinite(frame[..., :2]).all(axis=-1).any(axis=-1)
+    plain = np.where(np.isfinite(frame), frame, None)
+    return [view[seen].tolist() for view, seen in zip(plain, there, strict=True)]
+
+
+def line(frame, views, **more):
+    return json.dumps({"frame": frame, "detections": views, **more})
+
+
+def lines_of(scene):
+    return [line(t, views_of(frame)) for t, frame in enumerate(scene.people)]
+
+
+def run(calibration, *lines, options=("-q",)):
+    arguments = ["live", str(calibration), *OPTIONS, *options]
+    result = CliRunner().invoke(app, arguments, input="\n".join(lines) + "\n")
+    assert result.exit_code == 0, result.output
+    return [json.loads(text, parse_constant=pytest.fail) for text in result.stdout.splitlines()]
+
+
+def ids(answer):
+    return [person["id"] for person in answer["people"]]
+
+
+def without_latency(answers):
+    return [{key: value for key, value in answer.items() if key != "latency_ms"} for answer in answers]
+
+
+def test_the_answers_are_those_of_a_tracker(calibration, scene, names):
+    answers = run(calibration, *lines_of(scene))
+    rig = read_calibration(calibration, unit="mm")
+    tracker = sk.Tracker(rig, layout="h36m17", fps=FPS)
+    assert len(answers) == len(scene.people)
+    for t, (frame, answer) in enumerate(zip(scene.people, answers, strict=True)):
+        lists = [np.array(view, dtype=float).reshape(-1, 17, 3) for view in views_of(frame)]
+        expected = tracker.step(lists)
+        assert answer.keys() == {"frame", "people", "ended", "unassigned", "latency_ms"}
+        assert (answer["frame"], answer["ended"]) == (t, [])
+        assert ids(answer) == [person.id for person in expected]
+        assigned = [set() for _ in rig]
+        for record, person in zip(answer["people"], expected, strict=True):
+            assert record["pose"] == person.refinement.pose.tolist()
+            assert record["joint_status"] == person.refinement.joint_status.tolist()
+            bar = np.sqrt(np.diagonal(person.refinement.error_bar, axis1=1, axis2=2))
+            assert record["error_bar"] == bar.tolist()
+            for i, name in enumerate(names):
+                slots = [s for s in (person.slots[i], person.more_slots[i]) if s >= 0]
+                assigned[i] |= set(slots)
+                assert (name in record["views"]) == bool(slots)
+                if slots:
+                    view, weights = record["views"][name], person.refinement.view_weights[i]
+                    assert view["detections"] == slots
+                    assert view["weight"] == pytest.approx(np.nanmean(weights), abs=1e-3)
+                    assert view["rejected"] == np.flatnonzero(weights < 0.25).tolist()
+        left = {name: sorted({*range(len(lists[i]))} - assigned[i]) for i, name in enumerate(names)}
+        assert answer["unassigned"] == {name: free for name, free in left.items() if free}
+    assert ids(answers[-1]) == [0, 1]
+    assert any(view["rejected"] for a in answers for p in a["people"] for view in p["views"].values())
+
+
+def test_cameras_by_name_and_people_alone_are_the_same(calibration, scene, names):
+    expected = without_latency(run(calibration, *lines_of(scene)))
+    named = [dict(reversed(list(zip(names, views_of(frame), strict=True)))) for frame in scene.people]
+    assert without_latency(run(calibration, *(line(t, views) for t, views in enumerate(named)))) == expected
+    one = synthetic.simulate_scene(1, RING, n_frames=20, fps=FPS, crowding=Crowding.none(), seed=4)
+    listed = [views_of(frame) for frame in one.people]
+    alone = [[view[0] if view else None for view in views] for views in listed]
+    forms = [run(calibration, *(line(0, views) for views in form)) for form in (listed, alone)]
+    assert without_latency(forms[0]) == without_latency(forms[1])
+    assert ids(forms[0][-1]) == [0]
+    assert forms[0][-1]["people"][0]["views"][names[0]]["detections"] == [0]
+
+
+def test_whoever_is_gone_ends_once(calibration, scene):
+    empty = [line("gone", [[]] * 4)] * (7 * FPS)
+    answers = run(calibration, *lines_of(scene), *empty, *lines_of(scene))
+    gone = [answer for answer in answers if answer["frame"] == "gone"]
+    assert ids(gone[0]) == [0, 1], "bridged at first"
+    assert ids(gone[FPS]) == []
+    assert sorted(number for answer in answers for number in answer["ended"]) == [0, 1]
+    ended = next(t for t, answer in enumerate(gone) if answer["ended"])
+    assert 4 * FPS < ended < 7 * FPS
+    assert ids(answers[-1]) == [2, 3]
+
+
+def test_a_reset_ends_everybody(calibration, scene):
+    again = line("again", views_of(scene.people[0]), reset=True)
+    answers = run(calibration, *lines_of(scene), again, *lines_of(scene)[1:])
+    reset = len(scene.people)
+    assert answers[reset]["ended"] == [0, 1]
+    assert [answer["ended"] for answer in answers[reset + 1 :]] == [[]] * (reset - 1)
+    assert ids(answers[-1]) == [2, 3]
+
+
+@pytest.mark.parametrize(
+    "views",
+    [
+        [[]] * 4,
+        [None] * 4,
+        {},
+        [[None]] * 4,
+        [[[None] * 17] * 2] * 4,
+        [[[[None, None, None]] * 17]] * 4,
+        [[[[0, 0, 0]] * 17]] * 4,
+        [[[float("nan")] * 3] * 17] * 4,
+        [[[None, None, 0.0]] * 17, [[None] * 3] * 17, [], None],
+    ],
+)
+def test_nobody_there(calibration, views):
+    (answer,) = run(calibration, line(0, views))
+    assert without_latency([answer]) == [{"frame": 0, "people": [], "ended": [], "unassigned": {}}]
+
+
+def test_everything_malformed_is_answered_and_changes_nothing(calibration, scene, names):
+    good = lines_of(scene)
+    person = scene.people[0, 0, 0].tolist()
+
+    def views(first):
+        return line("wrong", [first, [], [], []])
+
+    malformed = {
+        "{bad": "expected JSON, got at column 2",
+        "": "expected JSON, got an empty line",
+        "[]": 'expected an object with "detections", got []',
+        line("wrong", [[]] * 3): "detections: expected a list of 4 cameras, got 3",
+        line("wrong", {"cam9": []}): f'detections: expected the cameras {", ".join(names)}, got "cam9"',
+        views(5): "detections[0]: expected a list of people, the joints of one, or null, got 5",
+        views({}): "detections[0]: expected a list of people, the joints of one, or null, got {}",
+        views([[]]): "detections[0]: expected a list of 17 joints, got 1",
+        views([person, person[:16]]): "detections[0][1]: expected a list of 17 joints, got 16",
+        views([person, 7]): "detections[0][1]: expected a list of 17 joints, got 7",
+        views(person[:16]): "detections[0]: expected a list of 17 joints, got 16",
+        views([person, [*person[:16], ["a", 1, 1]]]): "detections[0][1][16]: expected [x, y, confidence] or",
+        views([person, [*person[:16], [1.0]]]): "detections[0][1][16]: expected [x, y, confidence] or null",
+        views([person, [*person[:16], [1, 2, 50000]]]): "detections[0][1][16][2]: expected a value in [0, 1]",
+        views([person, [*person[:16], [1, 2, -1]]]): "detections[0][1][16][2]: expected a value in [0, 1]",
+        views([person, [*person[:16], [10**400, 2, 1]]]): "detections[0][1][16]: expected finite numbers",
+        views([person, [*person[:16], [1e300, 2, 1]]]): "detections[0][1][16][0]: expected values within",
+        views([person]).replace("[[[[", "[[[[1e999, 1], [", 1): "detections[0][0]: expected a list of 17",
+        line("wrong", {names[1]: [person[:3]]}): f'detections["{names[1]}"][0]: expected a list of 17 joints',
+        line("wrong", [[person], [], [], []], reset=1): "reset: expected true or false, got 1",
+        line("wrong", [[[*person[:16], [1, 2, -1]]], [], [], []], reset=True): "expected a value in [0, 1]",
+    }
+    mixed = [*good[:15], *malformed, *good[15:]]
+    answers = run(calibration, *mixed)
+    assert len(answers) == len(mixed)
+    wrong = answers[15 : 15 + len(malformed)]
+    for number, (error, expected) in enumerate(zip(wrong, malformed.values(), strict=True), start=16):
+        assert error.keys() == {"frame", "line", "error"}
+        assert error["line"] == number
+        assert expected in error["error"]
+    assert {error["frame"] for error in wrong} == {None, "wrong"}
+    right = answers[:15] + answers[15 + len(malformed) :]
+    assert without_latency(right) == without_latency(run(calibration, *good))
+
+
+def test_points_without_confidence_and_of_both_kinds(calibration, scene):
+    plain = [views_of(frame[..., :2]) for frame in scene.people]
+    mixed = [[[[[*p, 1.0] for p in who] for who in views[0]], *views[1:]] for views in plain]
+    answers = [run(calibration, *(line(0, views) for views in form)) for form in (plain, mixed)]
+    assert ids(answers[0][-1]) == ids(answers[1][-1]) == [0, 1]
+
+
+def test_fifty_ghosts_per_view_are_unassigned(calibration, scene, names):
+    rng = np.random.default_rng(0)
+    t, m, _, n, _ = scene.people[:15].shape
+    ghosts = rng.uniform(0.0, 1000.0, (t, m, 50, 1, 2)) + rng.normal(0.0, 80.0, (t, m, 50, n, 2))
+    ghosts = np.concatenate([ghosts, np.full((t, m, 50, n, 1), 0.5)], axis=-1)
+    crowd = np.concatenate([ghosts, scene.people[:15]], axis=2)
+    answers = run(calibration, *(line(k, views_of(frame)) for k, frame in enumerate(crowd)))
+    assert ids(answers[-1]) == [0, 1]
+    assert all(len(answers[-1]["unassigned"][name]) > 40 for name in names)
+
+
+def test_at_most_n(calibration, scene):
+    answers = run(calibration, *lines_of(scene), options=("-q", "--people", "1"))
+    assert ids(answers[-1]) == [0]
+    assert answers[-1]["unassigned"]
+
+
+@pytest.mark.parametrize(
+    ("extra", "parts"),
+    [
+        (["--people", "all"], ["--people", "expected --fps as well"]),
+        (["--people", "0", "--fps", "30"], ["--people", "expected all or a number of at least 1, got '0'"]),
+        (["--people", "two", "--fps", "30"], ["--people", "expected all or a number of at least 1"]),
+        (["--people", "2", "--fps", "30", "--lag", "3"], ["--lag", "expected no --people"]),
+    ],
+)
+def test_bad_options(calibration, extra, parts):
+    assert_fails(invoke("live", calibration, "--unit", "mm", "--layout", "h36m17", *extra), 2, *parts)
+
+
+def test_a_client_that_waits_for_every_answer_never_hangs(calibration, scene):
+    """As a process: one line is written only once the line before is answered."""
+    command = [sys.executable, "-m", "skelsplat", "live", str(calibration), *OPTIONS]
+    pipe = subprocess.PIPE
+    wrong = ["{", "", "null", "[[", '{"frame": 1}', "[]", "1", '"a"']
+    lines = [text for pair in zip(lines_of(scene)[:8], wrong, strict=True) for text in pair]
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, text=True) as process:
+        for number, text in enumerate(lines, start=1):
+            process.stdin.write(text + "\n")
+            process.stdin.flush()
+            answer = json.loads(process.stdout.readline())
+            assert answer.get("line", number) == number
+            assert ("error" in answer) == (number % 2 == 0)
+        process.stdin.close()
+        assert process.wait() == 0
+        said = process.stderr.read().splitlines()
+    assert said[0] == (
+        f"ready: 4 cameras ({', '.join(RING.names)}), 17 joints (h36m17), in mm, all people at 30 Hz"
+    )
+    assert said[-1].startswith("lines answered 8, skipped 8; ")
+    assert len(said) == 10
