@@ -185,7 +185,8 @@ fn join(tracks: &mut Vec<Track>, known: &Known, fps: f64) {
 /// How little two tracks look like the parts of one person; `None` if they cannot be.
 fn parted(lost: &Track, new: &Track, known: &Known, fps: f64) -> Option<f64> {
     let gap = (new.first as f64 - lost.end() as f64) / fps;
-    if gap > ABSENCE || gap < -OVERLAP || new.first <= lost.first || new.end() <= lost.end() {
+    let in_time = (-OVERLAP..=ABSENCE).contains(&gap);
+    if !in_time || new.first <= lost.first || new.end() <= lost.end() {
         return None;
     }
     let reach = STEP * known.sigma + SPEED * gap.max(0.0);
