@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from report_page import shapes
 from skelsplat import viz
+from skelsplat.viz import report
 
 SKELETON = viz.Skeleton(limbs=((0, 1), (0, 2)), left_right=((1, 2),))
 BODY = np.array([[0.0, 0.0, 900.0], [0.0, 150.0, 450.0], [0.0, -150.0, 450.0]])
@@ -51,3 +53,34 @@ def crowd(count=3):
     """Build people 800 mm apart along x; the second comes late, the third leaves early."""
     spans = [range(100, 140), range(110, 140), range(100, 120)]
     return [person(f"person {k}", spans[k % 3], (800.0 * k, 0.0)) for k in range(count)]
+
+
+def people_report(people=None, names=CAMERAS, **changes):
+    """Build the page of several people."""
+    people = crowd() if people is None else people
+    rows = [[one.name, "2.0"] for one in people]
+    content = {
+        "title": "SkelSplat: three people",
+        "facts": [("calibration", "rig.toml")],
+        "warnings": ["door disagrees with the other cameras."],
+        "notes": ["Simulated."],
+        "numbers": [("people", str(len(people)), "two views agree on them")],
+        "people": people,
+        "findings": [["The left leg varies."] if place == 1 else [] for place in range(len(people))],
+        "table": report.Table(
+            [("person", ""), ("error [px]", "median")],
+            rows,
+            marks=[
+                (report.person_class(place), f"person_{place}/report.html") for place in range(len(people))
+            ],
+        ),
+        "bones": report.Table([("bone", ""), *((one.name, "") for one in people)], [["hip – knee", *"123"]]),
+        "joint_names": ("hip", "left_knee", "right_knee"),
+        "skeleton": SKELETON,
+        "shapes": shapes(names),
+        "up": np.array([0.0, 0.0, 1.0]),
+        "frame_rate": 50.0,
+        "start_name": "frame by frame",
+        "problems": [(110, 112, "person 1: weak left_knee")],
+    }
+    return report.PeopleReportData(**{**content, **changes})

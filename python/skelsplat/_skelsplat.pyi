@@ -554,11 +554,11 @@ def sequence_equations(
     joints: Sequence[Sequence[float]],
     layout: str | Layout | None = None,
     config: RefineConfig | None = None,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return H (3NT, 3NT) and the gradient (N, T, 3) of a step of ``refine_sequence`` at ``poses`` (T, N, 3).
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return H (3NT, 3NT), gradient (N, T, 3) and density of the acceleration (N, T) of a step in time.
 
-    ``lengths``: mean and σ of every limb, mm; ``joints``: density of the acceleration (mm²/s³), variance of a
-    detection (mm²) and kernel (mm) of every joint.
+    It is that of ``refine_sequence`` at ``poses`` (T, N, 3). ``lengths``: mean and σ of every limb, mm;
+    ``joints``: variance of a detection (mm²) and kernel (mm) of every joint. Densities are mm²/s³.
     """
 
 @final

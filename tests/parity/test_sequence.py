@@ -43,7 +43,6 @@ def model(fps: float, seed: int) -> sequence.Model:
     return sequence.Model(
         bones=[(int(a), int(b)) for a, b in ends],
         lengths=np.stack([length * rng.uniform(0.9, 1.1, len(ends)), rng.uniform(6, 20, len(ends))], axis=-1),
-        agility=rng.uniform(0.3e6, 5e6, 17),
         variance=rng.uniform(50.0, 300.0, 17),
         sigma=rng.uniform(25.0, 40.0, 17),
         fps=fps,
@@ -60,8 +59,8 @@ def twin(detections: Array) -> list[Rays]:
 def test_the_equations_are_those_of_the_twin(fps: float) -> None:
     poses, detections = recording(1)
     given, cameras = model(fps, 2), rig(scenes.small_rig(distance=4000.0))
-    joints = np.stack([given.agility, given.variance, given.sigma], axis=-1)
-    hessian, gradient = _skelsplat.sequence_equations(
+    joints = np.stack([given.variance, given.sigma], axis=-1)
+    hessian, gradient, agility = _skelsplat.sequence_equations(
         poses,
         detections,
         cameras,
@@ -73,6 +72,8 @@ def test_the_equations_are_those_of_the_twin(fps: float) -> None:
     )
     rays = twin(detections)
     alone = sk.refine(None, detections, cameras, layout=H36M, config=CONFIG).pose
+    assert agility == pytest.approx(sequence.agility(alone, rays, given).T, rel=1e-9)
+    assert agility.max() > 2.0 * agility.min()
     weights = sequence.weights(poses, alone, rays, given)
     expected, slope = sequence.normal_equations(poses, rays, given, weights)
     assert np.abs(hessian - hessian.T).max() <= 1e-12 * np.abs(hessian).max()

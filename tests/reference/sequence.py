@@ -19,14 +19,17 @@ from reference.rays import Rays, offsets
 REACH = 6.0
 MOTION_REACH, MOTION_SPAN, TRUST_SPAN = 4.0, 0.05, 0.1
 CLOSE, LEAST_CLOSE = 0.7, 3
+AGREES = 0.25
+SPAN, AROUND, PRIOR, LEAST = 0.4, 0.3, 6.0, 6
+CLEAR, SOFT, LEAST_WHITE, USUAL_AGILITY = 12.0, 1.0, 0.1, 2.5e6
+SLOWEST, FASTEST, SLOW_RATE, SHARE = 0.5, 0.5, 15.0, 0.5
 
 
 class Model(NamedTuple):
-    """Bones (B,2) with l and σ (B,2); q (mm²/s³), ŝ² (mm²) and σ (mm) of the joints (N,); fps."""
+    """Bones (B,2) with l and σ (B,2); ŝ² (mm²) and σ (mm) of the joints (N,); fps."""
 
     bones: Sequence[tuple[int, int]]
     lengths: Array
-    agility: Array
     variance: Array
     sigma: Array
     fps: float
@@ -63,8 +66,76 @@ def held(alone: Array, rays: Sequence[Rays], sigma: float) -> Array:
     return np.where(all_close[:, None], k, 0.0)
 
 
+def agility(alone: Array, rays: Sequence[Rays], model: Model) -> Array:
+    """Densities q (T,N), mm²/s³: by the second differences around, of a joint and its neighbours."""
+    T, N = alone.shape[:2]
+    spans, around = frames_in(SPAN, model.fps), frames_in(AROUND, model.fps)
+    sigma = float(model.sigma[0])
+    k = kernels(alone, rays, np.full(N, sigma))
+    there = np.array([frame.weight > 0 for frame in rays]).sum(axis=1)
+    agree = (k >= AGREES).sum(axis=1)
+    sure = np.where(((agree >= 3) | ((there == 2) & (agree == 2)))[..., None], alone, np.nan)
+    views = held(alone, rays, sigma) > 0
+    rate = np.minimum(np.maximum(SLOW_RATE / model.fps, SHARE), 1.0)
+
+    second = np.full((spans, T, N), np.nan)
+    usual = np.full((spans, N), np.nan)
+    for h in range(1, min(spans, (T - 1) // 2) + 1):
+        square = np.sum((sure[: -2 * h] - 2 * sure[h:-h] + sure[2 * h :]) ** 2, axis=-1) / 3
+        same = views[h:-h].any(axis=1) & np.all(
+            (views[: -2 * h] == views[h:-h]) & (views[2 * h :] == views[h:-h]), axis=1
+        )
+        second[h - 1, h:-h] = np.where(same, square, np.nan)
+        for j in range(N):
+            known = np.sort(square[np.isfinite(square[:, j]), j])
+            if len(known) >= LEAST and (h == 1 or np.isfinite(usual[h - 2, j])):
+                usual[h - 1, j] = known[: len(known) - len(known) // 10].mean()
+
+    white = np.clip(usual[0] / 6, LEAST_WHITE * model.variance, model.variance)
+    white = np.where(np.isfinite(white), white, model.variance)
+    long = (np.arange(spans) + 1) / model.fps
+    q = np.array([density(usual[np.isfinite(usual[:, j]), j], white[j], long) for j in range(N)])
+    shows = np.isfinite(usual[-1]) | (usual > CLEAR * white).any(axis=0)
+    known = q[shows & np.isfinite(q)]
+    q = np.where(shows & np.isfinite(q), q, max(np.sort(known)[len(known) // 2], USUAL_AGILITY))
+    usual = np.where(np.isfinite(usual), usual, 2 / 3 * q * long[:, None] ** 3 + 6 * white)
+
+    out = np.zeros((T, N))
+    for t in range(T):
+        near = second[:, max(t - around, 0) : t + around + 1]
+        ratios = np.nansum(near / usual[:, None], axis=1)
+        counts = np.isfinite(near).sum(axis=1)
+        for j in range(N):
+            joints = [j, *(sum(bone) - j for bone in model.bones if j in bone)]
+            ratio = PRIOR + ratios[:, joints].sum(axis=1)
+            squares = usual[:, j] * ratio / (PRIOR + counts[:, joints].sum(axis=1))
+            share = rate + (1 - rate) * counts[0, j] / (counts[0, j] + PRIOR)
+            free = share * densities(squares, white[j], long) * model.variance[j] / white[j]
+            cutoffs = 2 * np.pi * np.array([min(SLOWEST, FASTEST * model.fps), FASTEST * model.fps])
+            left = np.clip(CLEAR / 6 + SOFT / 2 - squares / (6 * white[j]), 0, SOFT) / SOFT
+            left[-1] = 0
+            shown = np.concatenate([[1.0], np.cumprod(left[:-1])]) * (1 - left)
+            out[t, j] = shown @ np.clip(free, *(cutoffs**4 * model.variance[j] / model.fps))
+    return out
+
+
+def densities(squares: Array, white: float, long: Array) -> Array:
+    """Density q by the mean square of second differences over each of the times `long`."""
+    return 1.5 * np.maximum(squares - 6 * white, 0.6 * white) / long**3
+
+
+def density(squares: Array, white: float, long: Array) -> float:
+    """Density q by the mean square over the first of the times `long` at which it exceeds the noise."""
+    if len(squares) == 0:
+        return np.nan
+    clear = np.flatnonzero(squares > CLEAR * white)
+    h = clear[0] if len(clear) else len(squares) - 1
+    return float(densities(squares, white, long[: len(squares)])[h])
+
+
 def weights(x: Array, alone: Array, rays: Sequence[Rays], model: Model) -> Weights:
     """Weights at x: k times its mean over the frames around, and Cauchy's of the accelerations."""
+    q = agility(alone, rays, model)
     least = held(alone, rays, float(model.sigma[0]))
     k = np.maximum(kernels(x, rays, model.sigma), least)
     there = np.array([frame.weight > 0 for frame in rays])
@@ -81,10 +152,10 @@ def weights(x: Array, alone: Array, rays: Sequence[Rays], model: Model) -> Weigh
     motion = np.zeros(x.shape[:2])
     for t in range(1, len(x) - 1):
         span = h if t >= h and t + h < len(x) else 1
-        usual = 3 * model.agility * (span * dt) ** 3 * (2 / 3 if span > 1 else 1.0)
+        usual = 3 * q[t] * (span * dt) ** 3 * (2 / 3 if span > 1 else 1.0)
         d = x[t - span] - 2 * x[t] + x[t + span]
         kept = 1 / (1 + np.sum(d**2, axis=-1) / (usual * MOTION_REACH**2))
-        motion[t] = kept / (model.agility * dt**3)
+        motion[t] = kept / (q[t] * dt**3)
     return Weights(seen, motion)
 
 

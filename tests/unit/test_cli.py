@@ -214,7 +214,7 @@ def test_an_output_folder_below_a_file_is_status_1_before_the_work(
 ):
     folder, _, _ = recording
     (folder / "file").write_text("")
-    monkeypatch.setattr(_run, "read_inputs", lambda _: pytest.fail("the input was read"))
+    monkeypatch.setattr(_run, "read_inputs", lambda *_: pytest.fail("the input was read"))
     bad = folder / "file" / "out"
     args = [*arguments, *READ, "-o", bad] if command == "refine" else ["demo", "-o", bad]
     assert_fails(invoke(*args), 1, str(bad), "output", "expected a folder that can be written")
@@ -249,7 +249,7 @@ def test_ctrl_c_is_status_130_and_keeps_finished_work(recording, arguments, monk
 
 
 def test_a_defect_keeps_its_traceback(arguments, monkeypatch):
-    monkeypatch.setattr(_run, "read_inputs", lambda _: 1 / 0)
+    monkeypatch.setattr(_run, "read_inputs", lambda *_: 1 / 0)
     assert isinstance(invoke(*arguments, *READ).exception, ZeroDivisionError)
 
 

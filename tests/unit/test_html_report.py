@@ -120,7 +120,7 @@ def test_a_long_sequence_is_thinned_out_and_says_so(written):
     shown = numbers(packed["scene"]["frames"], "<f8")
     assert len(shown) == packed["scene"]["count"] <= MOST_POSITIONS // 25
     assert {100, 1101, 15_003, 15_009} <= set(shown.tolist())
-    assert numbers(packed["lines"][0]["values"], "<f4").max() == 7.0
+    assert numbers(packed["lines"][0]["curves"][0]["values"], "<f4").max() == 7.0
     assert f"Of 20,000 frames, the 3D view and the curves show {len(shown):,}: " in text
     assert len(text.encode()) < 8e6
 

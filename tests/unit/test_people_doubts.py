@@ -130,7 +130,7 @@ def test_a_run_that_mixes_people_ends_well_and_says_so(tmp_path):
     source = CASES["openpose"].write(
         tmp_path / "openpose", Take(people, list(RIG.names), list(LAYOUT.joints))
     )
-    arguments = ["refine", tmp_path / "Calib.toml", source, "-o", tmp_path / "out", *READ, "--fps", 50]
+    arguments = ["refine", tmp_path / "Calib.toml", source, "-o", tmp_path / "out", *READ]
     result = invoke(*arguments, "--person", 0)
     assert result.exit_code == 0, result.output
     text = " ".join(result.stdout.split())
@@ -143,8 +143,15 @@ def test_a_run_that_mixes_people_ends_well_and_says_so(tmp_path):
     assert (
         "of all detections are rejected: check that all views show the same person (--person), then" in text
     )
+    assert "warning: --person 0 is entry 0 of each file, as the frame rate is unknown." in result.stderr
     result = invoke(*arguments)
     assert [doubt.split(" in ")[0] for doubt in report_doubts(tmp_path)] == ["2 people are visible"]
+    assert invoke(*arguments, "--fps", 50, "--person", 0).exit_code == 0
+    assert texts(read_report(tmp_path / "out"), "note") == [
+        "--person 0 follows person 0 of 2 people, numbered from 0 in the order of appearance; --people all "
+        "refines them all."
+    ]
+    assert report_doubts(tmp_path) == []
 
 
 def report_doubts(folder):

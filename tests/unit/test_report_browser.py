@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
+from people_page import crowd, people_report
 from report_page import report_data, sequence, shapes
-from skelsplat.viz import report
+from skelsplat.viz import _style, report
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium: apt-get install chromium")
@@ -38,7 +39,11 @@ def visit(browser, tmp_path):
     opened = []
 
     def open_page(data=None, fragment=""):
-        path = report.write_report(tmp_path / "report.html", report_data() if data is None else data)
+        data = report_data() if data is None else data
+        several = isinstance(data, report.PeopleReportData)
+        path = (report.write_people_report if several else report.write_report)(
+            tmp_path / "report.html", data
+        )
         page = browser.new_page(viewport={"width": 1000, "height": 800})
         opened.append(page)
         page.set_default_timeout(PATIENCE_MS)
@@ -225,7 +230,7 @@ def test_the_view_of_all_cameras_holds_them_and_is_filled(visit, reach):
     points = (
         "scene.cameras.flatMap((one) => [one.centre, ...one.corners]).map((p) => p.map((mm) => mm / 1000))"
     )
-    person = "[0, scene.count - 1].map((t) => middle(scene.refined, t))"
+    person = "[0, scene.count - 1].map((t) => middle(scene.refined, t, scene.people[0]))"
     places = np.array(page.evaluate(f"({PLACES})([...{points}, ...{person}])"))
     assert np.abs(places).max() < 1.0
     assert np.ptp(places, axis=0).max() > 1.3  # of 2 from edge to edge, less the room for the names
@@ -241,9 +246,9 @@ def test_no_button_uploads_the_recording(visit):
 
 def test_the_heat_map_switches_and_a_curve_leads_to_its_frame(visit):
     page = visit()
-    assert page.evaluate("charts.heat.data[0].z[0][0]") == 2.0
+    assert page.evaluate("heatMap.data[0].z[0][0]") == 2.0
     page.check("input[name=heat][value=rejected]")
-    wait(page, "Math.abs(charts.heat.data[0].z[0][0] - 10) < 1e-5")
+    wait(page, "Math.abs(heatMap.data[0].z[0][0] - 10) < 1e-5")
     page.locator("#lines").scroll_into_view_if_needed()
     box = page.locator("#lines").bounding_box()
     page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 60)
@@ -330,3 +335,35 @@ def test_the_trajectory_of_the_chosen_joint_has_its_band(visit, data):
     low, high, *_ = page.evaluate(f"{bands}.map(({{ y }}) => y[3])")
     assert high - low == pytest.approx(80.0, abs=0.5)  # ±2 standard deviations of 20 mm
     assert page.locator("#bones").count() == (data is in_time)
+
+
+def test_people_have_their_colours_and_names_in_the_view(visit):
+    page = visit(people_report(), "#frame=110")
+    image = picture(page)
+    for colour in _style.PEOPLE[:3]:
+        assert near(image, colour) > 100
+    assert near(image, _style.PEOPLE[3]) < 20
+    assert page.evaluate("labels(scene.refined, 10).texts") == ["person 0", "person 1", "person 2"]
+    assert page.evaluate("labels(scene.refined, 30).texts") == ["person 0", "person 1"]
+    page.check("#ellipsoids")
+    wait(page, "view.div.data[MOVING.indexOf('ellipsoids')].visible === true")
+
+
+def test_the_view_follows_the_person_chosen(visit):
+    page = visit(people_report(), "#frame=130")
+    page.select_option("#follow", "1")
+    wait(page, "!player.busy && player.wanted === null")
+    centre = page.evaluate("liveCamera().center")
+    expected = page.evaluate("inView(middle(scene.refined, 30, scene.people[1]))")
+    np.testing.assert_allclose([centre[axis] for axis in "xyz"], expected, atol=1e-6)
+    page.select_option("#follow", "")
+    assert page.evaluate("view.follow ?? null") is None
+
+
+def test_a_bar_is_as_long_as_the_person_is_there(visit):
+    page = visit(people_report(crowd()))
+    rows = page.evaluate("charts.lines.data.filter((trace) => trace.type === 'heatmap').map(({ z }) => z[0])")
+    assert [sum(count is not None for count in row) for row in rows] == [40, 30, 20]
+    assert page.evaluate("charts.lines.layout.yaxis4.ticktext") == ["person 0", "person 1", "person 2"]
+    page.evaluate("charts.lines.emit('plotly_click', { points: [{ x: 117 }] })")
+    wait(page, "document.getElementById('frame').value === '117'")

@@ -200,7 +200,10 @@ def test_show_in_a_notebook_displays_the_page_below_the_cell(monkeypatch):
     [
         ({"unit": "inch"}, "unit: expected one of mm, cm, m, got 'inch'"),
         ({"layout": "body26"}, "layout: expected one of h36m17, .*, got 'body26'"),
-        ({"person": "left"}, "person: expected consistent, largest or a number, got 'left'"),
+        (
+            {"person": "left"},
+            "person: expected consistent, largest, moves-most, a number or a point such as ",
+        ),
         ({"frames": "some"}, "frames: expected one of strict, intersection, union, got 'some'"),
         ({"fps": float("nan")}, "fps: expected a positive number, got nan"),
         ({"init_sigma_mm": 40.0}, "init_sigma_mm: requires init"),
@@ -226,7 +229,7 @@ def test_an_option_that_lacks_another_says_which(job):
 
 
 def test_a_filter_is_tried_before_anything_is_read(job, monkeypatch):
-    monkeypatch.setattr("skelsplat.run._run.read_inputs", lambda _: pytest.fail("it read"))
+    monkeypatch.setattr("skelsplat.run._run.read_inputs", lambda *_: pytest.fail("it read"))
     with pytest.raises(sk.InvalidInputError, match=r"filter: cutoff.* got 30"):
         run(job(filter=Butterworth(30.0)))
 

@@ -110,7 +110,7 @@ def inputs_of(job, frames):
 
 
 def solve_inputs(job):
-    from skelsplat.run.read import read_inputs
+    from skelsplat.run.tracked import read_inputs
 
     return read_inputs(job)
 

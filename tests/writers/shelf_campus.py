@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -61,13 +62,48 @@ def write(root: Path, name: str, *, n_frames: int = 6, coco: bool = False, neste
     )
 
 
+FIRST = {"shelf": 300, "campus": 350}
+
+
+def write_everybody(
+    root: Path, name: str, *, form: str = "npz", n_frames: int = 60, seed: int = 0
+) -> synthetic.Scene:
+    """Write people who meet, from the first frame that counts; nothing says who is who.
+
+    `form` "npz" has the 14 joints, "pickle" is that of VoxelPose with 17. Returns the scene in 14 joints.
+    """
+    root.mkdir(parents=True, exist_ok=True)
+    rig, first = rig_of(name), FIRST[name]
+    calibration = {str(k): at_centre(camera) for k, camera in enumerate(rig)}
+    (root / f"calibration_{name}.json").write_text(json.dumps(calibration))
+    own, coco = (
+        synthetic.simulate_scene(N_ACTORS[name], rig, n_frames=n_frames, fps=25.0, layout=layout, seed=seed)
+        for layout in (LAYOUT, "coco17")
+    )
+    unlabelled = np.full((first, *own.truth.shape[2:]), np.nan)
+    truth = [np.concatenate([unlabelled, poses / 1000.0]) for poses in own.truth]
+    write_actors(root / "actorsGT.mat", truth)
+    if form == "npz":
+        folder = root / "2d_hrnet" / "S0"
+        folder.mkdir(parents=True)
+        np.savez(folder / "people.npz", people=own.people, frames=first + np.arange(n_frames))
+        return own
+    found = {}
+    for view in range(len(rig)):
+        for frame, people in enumerate(np.nan_to_num(coco.people[:, view])):
+            entries = [{"pred": pose.tolist()} for pose in people if pose[:, 2].any()]
+            found[f"{view}_{first + frame}"] = entries
+    (root / f"pred_{name}_maskrcnn_hrnet_coco.pkl").write_bytes(pickle.dumps(found))
+    return own
+
+
 def write_actors(path: Path, truth: list[FloatArray], *, nested: bool = False) -> None:
     """Write cells of actors, of frames, of joints in metres; actor k is not labelled before frame k."""
     actors = np.empty((1, len(truth)), dtype=object)
     for k, poses in enumerate(truth):
         cell = np.empty((len(poses), 1), dtype=object)
         for t, pose in enumerate(poses):
-            cell[t, 0] = pose if t >= k else np.zeros((1, 1))
+            cell[t, 0] = pose if t >= k and np.isfinite(pose).all() else np.zeros((1, 1))
         actors[0, k] = cell
     if nested:
         outer = np.empty((1, 1), dtype=object)

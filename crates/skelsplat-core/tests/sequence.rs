@@ -3,8 +3,8 @@
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use skelsplat_core::study::annealed::{Alone, Ray, Rays};
 use skelsplat_core::study::bones::{Length, Pull};
+use skelsplat_core::study::sequence::agility::{self, Agility};
 use skelsplat_core::study::sequence::chain::{Chain, second_difference, stiffness};
-use skelsplat_core::study::sequence::learn::agility;
 use skelsplat_core::study::sequence::noise::Memory;
 use skelsplat_core::study::sequence::posterior::posterior;
 use skelsplat_core::study::sequence::refine_in_windows;
@@ -303,20 +303,40 @@ fn motion_is_not_measured_across_stretches() {
         let mut noise = Noise::new(13);
         let frame = |t: usize| {
             let sway = Vector3::new(x + 60.0 * (0.05 * t as f64).sin(), 0.0, 900.0);
-            standing_still(sway + noise.vector(2.0))
+            standing_still(sway + noise.vector(2.0), 2)
         };
         (0..40).map(frame).collect::<Vec<Alone>>()
     };
     let measured = |x: f64| {
         let (first, second) = (place(0.0), place(x));
-        agility(&Tracks::new(&[&first, &second], 30, 30.0), 30.0, &[12.0])[0]
+        agility::learn(&Tracks::new(&[&first, &second], 30, 30.0), 30.0, &[12.0])[0].usual
     };
     let (near, far) = (measured(0.0), measured(2000.0));
     assert!((near / far - 1.0).abs() < 1e-9, "{near} in one place, {far} in two");
 }
 
-/// A frame with one joint at `x`, which two views see.
-fn standing_still(x: Vector3<f64>) -> Alone {
+#[test]
+fn agility_is_that_of_the_time_where_three_views_agree() {
+    let measured = |views: usize| {
+        let mut noise = Noise::new(17);
+        let frame = |t: usize| {
+            let swing = if t < 90 { 0.0 } else { 80.0 * (0.7 * t as f64).sin() };
+            standing_still(Vector3::new(swing, 0.0, 900.0) + noise.vector(2.0), views)
+        };
+        let frames: Vec<Alone> = (0..180).map(frame).collect();
+        let tracks = Tracks::new(&[&frames], 30, 30.0);
+        let usual = agility::learn(&tracks, 30.0, &[12.0]);
+        (agility::local(&tracks, 30.0, &[], &usual), usual[0].usual)
+    };
+    let (local, usual) = measured(3);
+    assert!(local[10..65].iter().all(|q| *q < 0.5 * usual), "rest: {usual}");
+    assert!(local[115..165].iter().all(|q| *q > usual), "motion: {usual}");
+    let (local, usual) = measured(2);
+    assert!(local.iter().all(|q| (q / usual - 1.0).abs() < 1e-12));
+}
+
+/// A frame with one joint at `x`, which so many views see.
+fn standing_still(x: Vector3<f64>, views: usize) -> Alone {
     let ray = |direction: Vector3<f64>| Ray {
         centre: x - 4000.0 * direction,
         direction,
@@ -324,8 +344,11 @@ fn standing_still(x: Vector3<f64>) -> Alone {
         pixel: 1e-3,
     };
     Alone {
-        rays: Rays::of(vec![ray(Vector3::x()), ray(Vector3::y())], 2),
-        used_for: vec![0; 2],
+        rays: Rays::of(
+            [Vector3::x(), Vector3::y(), Vector3::z()].into_iter().take(views).map(ray).collect(),
+            views,
+        ),
+        used_for: vec![0; views],
         points: vec![x],
         spread: vec![4.0 * Matrix3::identity()],
         status: vec![JointStatus::Ok],
@@ -389,7 +412,7 @@ fn bones_tell_a_frame_what_the_dense_inverse_tells() {
         fps: 30.0,
         bones: bones.clone(),
         lengths,
-        agility: vec![1e6; 4],
+        agility: vec![Agility::steady(1e6); 4],
         weight: 1.0,
         variance: vec![120.0, 90.0, 100.0, 150.0],
         sigma: vec![30.0; 4],

@@ -200,10 +200,10 @@ pub(crate) fn loss_and_gradient<'py>(
     Ok(out)
 }
 
-/// Return H (3NT, 3NT) and the gradient (N, T, 3) of a step of ``refine_sequence`` at ``poses`` (T, N, 3).
+/// Return H (3NT, 3NT) and the gradient (N, T, 3) of a step of ``refine_sequence`` at ``poses`` (T, N, 3), and the
+/// density of the acceleration (N, T), mm²/s³.
 ///
-/// ``lengths``: mean and σ of every limb, mm; ``joints``: density of the acceleration (mm²/s³), variance of a
-/// detection (mm²) and kernel (mm) of every joint.
+/// ``lengths``: mean and σ of every limb, mm; ``joints``: variance of a detection (mm²) and kernel (mm) of every joint.
 #[pyfunction]
 #[pyo3(signature = (poses, detections, cameras, *, fps, lengths, joints, layout=None, config=None))]
 #[allow(clippy::too_many_arguments, reason = "what a step depends on")]
@@ -213,10 +213,10 @@ pub(crate) fn sequence_equations(
     cameras: Cameras,
     fps: f64,
     lengths: Vec<[f64; 2]>,
-    joints: Vec<[f64; 3]>,
+    joints: Vec<[f64; 2]>,
     layout: Option<Layout>,
     config: Option<RefineConfig>,
-) -> Result<(Out<f64>, Out<f64>)> {
+) -> Result<(Out<f64>, Out<f64>, Out<f64>)> {
     let (t, n) = (poses.0.shape[0], poses.0.shape[1]);
     let refiner = refiner(&cameras, layout, config)?;
     let frames: Vec<Frame> = detections.detections()?.into_iter().map(Frame::from).collect();
@@ -229,13 +229,14 @@ pub(crate) fn sequence_equations(
             .iter()
             .map(|[mean, sigma]| Length { mean: *mean, sigma: *sigma })
             .collect(),
-        agility: joints.iter().map(|j| j[0]).collect(),
+        agility: Vec::new(),
         weight: 1.0,
-        variance: joints.iter().map(|j| j[1]).collect(),
-        sigma: joints.iter().map(|j| j[2]).collect(),
+        variance: joints.iter().map(|j| j[0]).collect(),
+        sigma: joints.iter().map(|j| j[1]).collect(),
         reach: 1.0,
     };
-    let (hessian, pulls) = equations(&refiner, &frames, points, common, 1.0)?;
+    let (hessian, pulls, agility) = equations(&refiner, &frames, points, common, 1.0)?;
     let gradient: Vec<Vector3<f64>> = pulls.iter().map(|pull| -pull).collect();
-    Ok((Out(hessian, vec![3 * n * t, 3 * n * t]), Out::points(&gradient, vec![n, t, 3])))
+    let hessian = Out(hessian, vec![3 * n * t, 3 * n * t]);
+    Ok((hessian, Out::points(&gradient, vec![n, t, 3]), Out(agility, vec![n, t])))
 }

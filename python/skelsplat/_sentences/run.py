@@ -219,6 +219,16 @@ def _visible(finding: Finding) -> str:
     return f"{seen}. Check that the right one is followed: {other}{'' if person.isdecimal() else order}."
 
 
+def _followed(finding: Finding) -> str:
+    numbers = finding.numbers
+    if numbers["people"] == 1:
+        return f"--person {numbers['person']} follows the only person found."
+    return (
+        f"--person {numbers['person']} follows person {numbers['identity']} of {numbers['people']} people, "
+        "numbered from 0 in the order of appearance; --people all refines them all."
+    )
+
+
 def _lengths(finding: Finding) -> str:
     numbers, (a, b) = finding.numbers, finding.subject.joints
     low, high = numbers["range_mm"]
@@ -278,6 +288,9 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     **dict.fromkeys(_STATUS, _status),
     "people_mixed": _mixed,
     "people_visible": _visible,
+    "person_followed": _followed,
+    "person_by_place": "--person {person} is entry {person} of each file, as the frame rate is unknown. The "
+    "order of people in a file is arbitrary, so this need not be one person: with --fps HZ it is.",
     "limb_lengths_vary": _lengths,
     "frame_empty": "no detection could be used",
     "frame_diverged": "diverged",

@@ -49,7 +49,7 @@ def check_cameras(
     detections: _Detections = None,
     *,
     layout: options.LayoutName = None,
-    person: options.Person = "consistent",
+    person: options.Entry = "consistent",
     frames: options.Frames = "union",
     format: options.Format = None,
     offset: options.Offset = None,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -19,10 +20,12 @@ from skelsplat.cli.config import NAME_OR_PATH
 from skelsplat.cli.datasets import LENSES, InitSigma, Lens, Settings, reader_options
 from skelsplat.cli.output import described, print_json, print_warning
 from skelsplat.cli.table import new_table, print_parts, tell, wide_console
+from skelsplat.datasets import Dataset
 from skelsplat.datasets._registry import detections_option, options_of
-from skelsplat.evaluation import export, methods, protocols, report, tables
-from skelsplat.evaluation.report import Evaluation
+from skelsplat.evaluation import export, methods, people, people_tables, protocols, report, runs, tables
+from skelsplat.evaluation.protocols import Protocol
 from skelsplat.evaluation.tables import Table
+from skelsplat.exceptions import InvalidInputError
 from skelsplat.findings import Finding, collected_warnings
 from skelsplat.run.folder import output_folder
 
@@ -76,8 +79,9 @@ MethodNames = Annotated[
         "--methods",
         "-m",
         metavar="NAMES",
-        help=f"Comma between them, or repeated: {', '.join(methods.names)}; or all.",
-        show_default="all that the data allow but paper",
+        help=f"Comma between them, or repeated: {', '.join(methods.names)}; or all. Of several people, who "
+        f"is who is found out: {', '.join(people.names)}.",
+        show_default="all that the data allow but paper; if they have several people, the last three",
     ),
 ]
 Start = Annotated[
@@ -138,6 +142,8 @@ def evaluate(
     skelsplat evaluate human36m data/h36m --detections cpn --protocol as-paper
 
     skelsplat evaluate panoptic data/panoptic --views 6 -m annealed,dlt
+
+    skelsplat evaluate synthetic data/people -m track,affinity,oracle
     """
     names = _method_names(method)
     chosen = methods.Options(
@@ -159,19 +165,76 @@ def evaluate(
             data = data.with_fps(fps)
         rules = protocols.get(data.name).with_options(n_views=views, every=every, counting=counting)
         folder = Path("skelsplat-evaluation") / data.name if out is None else out
-        with output_folder(folder):
-            with described("evaluating", shown=not quiet) as bar:
-                runs, hear = folder / "runs", lambda method, take, *count: bar(f"{method}, {take}", *count)
-                found = report.evaluate(data, names, chosen, protocol=rules, folder=runs, report=hear)
-            files = export.write(folder, found)
-    if "bars.png" not in files:
+        with output_folder(folder), described("evaluating", shown=not quiet) as bar:
+            run = _people if _of_people(names, data, start, counting) else _alone
+            result = run(data, names, chosen, rules, folder, partial(_heard, bar))
+    if "bars.png" not in result.files and run is _alone:
         tell(Finding("no_figures", "note"))
     if as_json:
-        print_json(export.as_dict(found))
+        print_json(result.values)
     elif not quiet:
         console = wide_console()
-        _print_evaluation(console, found, per_joint=per_joint)
-        console.print(f"Wrote to {folder}/: {', '.join(files)}")
+        _print_tables(console, [*result.tables, *result.per_joint] if per_joint else result.tables)
+        console.print(f"Wrote to {folder}/: {', '.join(result.files)}")
+
+
+@dataclass(frozen=True)
+class _Result:
+    """What is printed of an evaluation."""
+
+    files: list[str]
+    values: dict[str, Any]  # as JSON
+    tables: list[Table]  # the notes of the first come last
+    per_joint: list[Table]
+
+
+def _heard(bar: Callable[[str, int, int], object], method: str, take: str, done: int, total: int) -> None:
+    bar(f"{method}, {take}", done, total)
+
+
+def _of_people(names: Sequence[str], data: Dataset, start: str | None, counting: str) -> bool:
+    """Whether the methods are those of several people; refuse them with others, or what does not apply."""
+    whole = list(names) in ([], ["all"])
+    kinds = {name in people.names for name in names} if not whole else {bool(data.scenes)}
+    if len(kinds) > 1:
+        expected = f"either {', '.join(people.names)} or methods of one person"
+        raise InvalidInputError(f"--methods: expected {expected}, got {', '.join(names)}")
+    several = kinds.pop()
+    if several and (start is not None or counting != "all"):
+        raise InvalidInputError("--start, --counting: expected with methods of one person only")
+    return several
+
+
+def _people(
+    data: Dataset,
+    names: Sequence[str],
+    chosen: methods.Options,
+    rules: Protocol,
+    folder: Path,
+    hear: runs.Report,
+) -> _Result:
+    picked = [] if list(names) == ["all"] else names
+    found = people.evaluate(data, picked, chosen, protocol=rules, report=hear)
+    overall, *others = people_tables.all_tables(found)
+    written = people_tables.write(folder, found)
+    return _Result(written, people_tables.as_dict(found), [overall, others[0]], others[1:])
+
+
+def _alone(
+    data: Dataset,
+    names: Sequence[str],
+    chosen: methods.Options,
+    rules: Protocol,
+    folder: Path,
+    hear: runs.Report,
+) -> _Result:
+    found = report.evaluate(data, names, chosen, protocol=rules, folder=folder / "runs", report=hear)
+    shown = [tables.overall(found)]
+    if len(found.headers) > 1:
+        shown.append(tables.actions(found))
+        if rules.parts:
+            shown.append(tables.actions(found, "pcp"))
+    return _Result(export.write(folder, found), export.as_dict(found), shown, [tables.joints(found)])
 
 
 def _method_names(given: Sequence[str] | None) -> list[str]:
@@ -179,7 +242,7 @@ def _method_names(given: Sequence[str] | None) -> list[str]:
     if names == ["all"]:
         return names
     for name in names:
-        options.one_of("--methods", name, methods.names)
+        options.one_of("--methods", name, (*methods.names, *people.names))
     return names
 
 
@@ -195,19 +258,11 @@ def _reader_options(
     return found
 
 
-def _print_evaluation(console: Console, evaluation: Evaluation, *, per_joint: bool) -> None:
-    """Print the table of methods, that of actions if there are several, and what they mean."""
-    overall = tables.overall(evaluation)
-    shown = [overall]
-    if len(evaluation.headers) > 1:
-        shown.append(tables.actions(evaluation))
-        if evaluation.protocol.parts:
-            shown.append(tables.actions(evaluation, "pcp"))
-    if per_joint:
-        shown.append(tables.joints(evaluation))
+def _print_tables(console: Console, shown: Sequence[Table]) -> None:
+    """Print tables, then what the columns of the first mean."""
     for table in (part for whole in shown for part in whole.by_figures()):
         print_parts(console, len(table.columns), partial(_parts, table))
-    for note in overall.notes:
+    for note in shown[0].notes:
         console.print(note, style="dim")
 
 

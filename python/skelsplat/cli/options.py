@@ -96,7 +96,7 @@ Offset = Annotated[
     option(
         _INPUT,
         metavar="CAMERA=FRAMES",
-        help="Frames to add to a camera's frame numbers. 3 if it started 3 frames late. Repeatable.",
+        help="Frames to add to a camera's numbers. 3 if it started 3 frames late. Repeatable.",
     ),
 ]
 Order = Annotated[
@@ -132,8 +132,30 @@ Person = Annotated[
     option(
         _INPUT,
         metavar="WHO",
-        help="Person to follow. consistent: the person the views agree on; largest: the largest in each "
-        "image; N: number N in each file, from 0.",
+        help="Person to follow. consistent: the person the views agree on. The others are followed over time "
+        "as by --people, and one is chosen: N, the identity, from 0 in the order of appearance; largest; "
+        "moves-most; CAMERA:X,Y, whoever is at that pixel when the camera first sees somebody. If the frame "
+        "rate is unknown, N is entry N of each file, and largest the largest in each image: not always the "
+        "same person.",
+    ),
+]
+People = Annotated[
+    str | None,
+    option(
+        _INPUT,
+        metavar="all|N",
+        help="Refine several people. Each has a folder, person_0, person_1, …: all of them, or the N whom "
+        "the views see most. The frame rate must be known.",
+        default="one person",
+    ),
+]
+Entry = Annotated[
+    str,
+    option(
+        _INPUT,
+        metavar="WHO",
+        help="Person to compare. consistent: the person the views agree on; largest: the largest in each "
+        "image; N: entry N of each file, from 0.",
     ),
 ]
 Frames = Annotated[

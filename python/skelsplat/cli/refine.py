@@ -9,19 +9,21 @@ from rich.console import Console
 import skelsplat as sk
 from skelsplat.cli import inputs, options
 from skelsplat.cli.output import counting, print_json
+from skelsplat.cli.people_table import print_people
 from skelsplat.cli.table import print_files, print_run, tell
 from skelsplat.findings import Finding
 from skelsplat.io.poses import POSE_FORMATS
-from skelsplat.run import Job, run
+from skelsplat.run import Job, PeopleRun, run, run_people
 
 EPILOG = (
     "Results in FOLDER: pose.npz, pose.csv and pose.trc (or the formats of --write), report.json, "
     "report.html, overview.png and weights.png, with --paper also heatmaps.png; and the input as used, "
-    "cameras.json and detections.npz. Files of an earlier run are removed first; plots/ and overlay/ are "
-    "kept."
+    "cameras.json and detections.npz. With --people these are in the folder of each person, and people.csv, "
+    "people.json or people.nc has everybody. Files of an earlier run are removed first; plots/ and overlay/ "
+    "are kept."
 )
 COMMON = (
-    *("output", "unit", "layout", "person", "without", "offset", "fps", "filter", "fill_gaps"),
+    *("output", "unit", "layout", "person", "people", "without", "offset", "fps", "filter", "fill_gaps"),
     *("write", "y_up", "paper", "quiet", "as_json"),
 )
 
@@ -33,6 +35,7 @@ def refine(
     *,
     layout: options.LayoutName = None,
     person: options.Person = "consistent",
+    people: options.People = None,
     frames: options.Frames = "strict",
     format: options.Format = None,
     offset: options.Offset = None,
@@ -73,7 +76,7 @@ def refine(
     quiet: options.Quiet = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Refine the 3D pose of one person from calibrated cameras and 2D detections.
+    """Refine the 3D pose of one person, or of several, from 2D detections.
 
     [bold]Examples[/bold]
 
@@ -82,7 +85,7 @@ def refine(
     skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b --fps 60
     --write trc,c3d
 
-    skelsplat refine --config run.toml
+    skelsplat refine --config run.toml --fps 60 --people all
     """
     given = {
         "sigma_mm": sigma_mm,
@@ -104,6 +107,7 @@ def refine(
         **read,
         layout=layout and layout.lower(),
         person=person,
+        people=people and (options.number_of_people("--people", people) or "all"),
         frames=frames,
         **inputs.detection_arguments(format, offset, order, joint_map),
         without=tuple(dict.fromkeys(without or [])),
@@ -135,7 +139,8 @@ def run_and_print(job: Job, *, quiet: bool, as_json: bool) -> None:
         tell(finding)
 
     with counting("frames", shown=not quiet) as count:
-        found = run(job, progress=lambda done, total: count("refining", done, total), tell=tell_now)
+        do = run if job.people is None else run_people
+        found = do(job, progress=lambda done, total: count("refining", done, total), tell=tell_now)
     if as_json or quiet:
         for finding in found.findings:
             if finding not in printed:
@@ -143,6 +148,11 @@ def run_and_print(job: Job, *, quiet: bool, as_json: bool) -> None:
     if as_json:
         print_json(found.report)
     elif not quiet:
-        console = Console(highlight=False, markup=False)
-        print_run(console, found)
-        print_files(console, Path(str(job.output)), [*found.report["files"], "report.json"])
+        console, folder = Console(highlight=False, markup=False), Path(str(job.output))
+        if isinstance(found, PeopleRun):
+            print_people(console, found)
+        else:
+            print_run(console, found)
+        print_files(
+            console, folder, [*found.report["files"], *found.report.get("folders", []), "report.json"]
+        )

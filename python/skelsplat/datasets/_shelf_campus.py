@@ -5,14 +5,16 @@
   actor is not labelled;
 - detections ``2d_DETECTOR/S0/actorK[/CAMERA]/poses.npz`` or ``2d_DETECTOR/S0/actorK.npz``: which detection
   belongs to which actor is decided before. With 17 joints they are COCO-17 and become the 14, neck and head
-  top interpolated from shoulders and ears.
+  top interpolated from shoulders and ears;
+- or detections of everybody, in which nothing says who is who: see `skelsplat.datasets._everybody`.
 
-Each actor is a take; frames are those in which it is labelled.
+Each actor is a take; frames are those in which it is labelled. With detections of everybody alone, the takes
+have those that are nearest to the projected truth (oracle association).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,9 +25,11 @@ from skelsplat._arrays import Array, Index
 from skelsplat._optional import require
 from skelsplat._skelsplat import Layout
 from skelsplat.cameras import CameraRig
-from skelsplat.datasets._detections import Wanted, detections_of, read_apart
+from skelsplat.datasets._detections import Wanted, detections_of, detector_name, read_apart
+from skelsplat.datasets._everybody import FILE, pickles, read_everybody
 from skelsplat.datasets._files import Survey, a_table, find, load_json
 from skelsplat.datasets._model import Dataset, Take
+from skelsplat.datasets._people import PeopleTake, nearest_slots
 from skelsplat.datasets._rig import build_rig, camera_at_centre
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._files import parsing
@@ -57,7 +61,7 @@ class Scene:
         detector : str or None
             Name of the detector, as in ``2d_DETECTOR``; chosen as for Human3.6M when left out.
         detections : Path or None
-            A folder of detections outside the root, in place of ``2d_DETECTOR/S0``.
+            A folder of detections outside the root, in place of ``2d_DETECTOR/S0``, or a file of everybody.
 
         Raises
         ------
@@ -68,24 +72,73 @@ class Scene:
             find(places, f"{what} of {self.name}") for what, places in self._files(root).items()
         )
         rig = _rig(self, calibration)
-        folder, name = detections_of(root, detector, detections)
+        folder, everybody, name = self._detections(root, detector, detections)
+        actors = read_actors(truth, SHELF14.n_joints)
+        files = {"truth": truth, "cameras": calibration}
+        scene = None if everybody is None else self._scene(everybody, rig, actors, files)
         takes = []
-        for k, (frames, joints) in enumerate(read_actors(truth, SHELF14.n_joints)[: self.n_actors]):
+        for k, (frames, joints) in enumerate(actors[: self.n_actors]):
             if not len(frames):
                 continue
             key = f"S0/actor{k}"
-            files = {"truth": truth, "cameras": calibration}
             take = Take(key, "S0", f"actor{k}", rig, frames, joints, fps=_FPS, files=files)
             takes.append(take if folder is None else _with_detections(take, folder))
+        if scene is not None and folder is None:
+            takes = list(scene.apart("S0"))
         words = f"{self.name.capitalize()}, one take per actor, detections: {name or 'none'}"
-        return Dataset(self.name, SHELF14, tuple(takes), name, words)
+        scenes = () if scene is None else (scene,)
+        return Dataset(self.name, SHELF14, tuple(takes), name, words, scenes=scenes)
+
+    def _detections(
+        self, root: Path, detector: str | None, given: Path | str | None
+    ) -> tuple[Path | None, Path | None, str | None]:
+        """Return the folder with detections per actor, the file of everybody, and the detector."""
+        alone = pickles(root, self.name)
+        wanted = None if detector is None else detector_name(detector)
+        if given is not None and Path(given).is_file():
+            return None, Path(given), wanted
+        if given is None and wanted in alone:
+            return None, alone[wanted], wanted
+        folder, name = detections_of(root, detector, given)
+        if folder is None and alone:
+            return None, *next((path, key) for key, path in alone.items())
+        everybody = None if folder is None or not (folder / FILE).is_file() else folder / FILE
+        per_actor = folder is not None and any(folder.glob("actor*"))
+        return (folder if per_actor or everybody is None else None), everybody, name
+
+    def _scene(
+        self, path: Path, rig: CameraRig, actors: Sequence[tuple[Index, Array]], files: Mapping[str, Path]
+    ) -> PeopleTake:
+        """Read the detections of everybody; actors who are not evaluated need not be found."""
+        frames, people = read_everybody(path, rig.names, SHELF14.n_joints, from_coco)
+        truth = np.full((len(actors), len(frames), SHELF14.n_joints, 3), np.nan)
+        for own, (labelled, joints) in zip(truth, actors, strict=True):
+            _, here, there = np.intersect1d(frames, labelled, return_indices=True)
+            own[here] = joints[there]
+        names = tuple(f"actor{k}" for k in range(len(actors)))
+        return PeopleTake(
+            key="S0",
+            rig=rig,
+            frames=frames,
+            people=people,
+            truth=truth,
+            names=names,
+            slots=nearest_slots(truth, rig, people),
+            fps=_FPS,
+            waived=names[self.n_actors :],
+            files={**files, "detections": path},
+        )
 
     def survey(self, root: Path, options: Mapping[str, Any]) -> Survey:
         """Say which files are there, with the options of `read`."""
         found = Survey()
         for what, places in self._files(root).items():
             found.look(places, what)
-        found.look_for_detections(root, options["detector"], options["detections"], "hrnet")
+        alone = pickles(root, self.name)
+        if alone and options["detections"] is None and not any(root.glob("2d_*")):
+            found.look(list(alone.values()), "detections of everybody")
+        else:
+            found.look_for_detections(root, options["detector"], options["detections"], "hrnet")
         return found
 
     def _files(self, root: Path) -> dict[str, list[Path]]:

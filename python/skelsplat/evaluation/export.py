@@ -18,6 +18,8 @@ from skelsplat import _skelsplat
 from skelsplat._atomic import atomic_write_text
 from skelsplat._json import plain
 from skelsplat._optional import can_draw
+from skelsplat.datasets import Dataset
+from skelsplat.evaluation.protocols import SIMULATED
 from skelsplat.evaluation.report import Evaluation
 from skelsplat.evaluation.scores import FIGURES
 from skelsplat.evaluation.tables import all_tables, overall
@@ -73,7 +75,12 @@ def _lines(evaluation: Evaluation) -> Iterator[tuple[str, bool, str, str, Mappin
 
 def to_json(evaluation: Evaluation) -> str:
     """Return everything that is known of the evaluation; a number that does not exist is null."""
-    return json.dumps(plain(as_dict(evaluation)), indent=1, ensure_ascii=False) + "\n"
+    return as_text(as_dict(evaluation))
+
+
+def as_text(values: dict[str, Any]) -> str:
+    """Return values as JSON text; a number that does not exist is null."""
+    return json.dumps(plain(values), indent=1, ensure_ascii=False) + "\n"
 
 
 def write(folder: Path, evaluation: Evaluation) -> list[str]:
@@ -110,25 +117,34 @@ def _write_bars(path: Path, evaluation: Evaluation) -> Path:
     return viz.write_bars(path, data)
 
 
+def versions() -> dict[str, str]:
+    """Return the versions and the platform that results depend on."""
+    return {
+        "skelsplat": _skelsplat.__version__,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "platform": platform.platform(),
+    }
+
+
+def about_dataset(data: Dataset) -> dict[str, Any]:
+    """Return what the data are."""
+    return {
+        "name": data.name,
+        "detector": data.detector,
+        "simulated": data.name in SIMULATED,
+        "source": data.source,
+        "notes": list(data.notes),
+        "layout": data.layout.name,
+    }
+
+
 def as_dict(evaluation: Evaluation) -> dict[str, Any]:
     """Return data, protocol, settings, scores and reported rows as JSON values."""
-    rules, data = evaluation.protocol, evaluation.dataset
-    others = evaluation.published
+    rules, others = evaluation.protocol, evaluation.published
     return {
-        "versions": {
-            "skelsplat": _skelsplat.__version__,
-            "python": platform.python_version(),
-            "numpy": np.__version__,
-            "platform": platform.platform(),
-        },
-        "dataset": {
-            "name": data.name,
-            "detector": data.detector,
-            "simulated": evaluation.simulated,
-            "source": data.source,
-            "notes": list(data.notes),
-            "layout": data.layout.name,
-        },
+        "versions": versions(),
+        "dataset": about_dataset(evaluation.dataset),
         "protocol": {
             "name": rules.name,
             "text": rules.text,

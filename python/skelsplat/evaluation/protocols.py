@@ -65,6 +65,8 @@ class Protocol:
     all_views_detected: bool = False  # drop frames in which a view has no detection at all
     mean_of_columns: bool = False  # rates (PCP) are averaged over the columns, not over all limbs
     min_visible_views: int = 0  # count only joints that so many views see unoccluded; 0: all
+    # Of several people: count only those whom so many views detect; 0: everybody with a truth.
+    least_views: int = 0
     # Limbs of the PCP; empty: the protocol has none.
     parts: tuple[tuple[Endpoint, Endpoint], ...] = ()
     root: tuple[int, ...] | None = None  # joints whose mean is the root; None: the layout's
@@ -144,14 +146,17 @@ class Protocol:
         views = self.view_sets.get(self.n_views, ()) if self.n_views is not None else ()
         return with_cameras(take, views) if views else take
 
-    def _kept(self, take: Take) -> NDArray[np.bool_]:
-        keep = np.zeros(len(take), dtype=np.bool_)
-        keep[_first_of_each(take.frames, self.every)] = True
+    def counted(self, frames: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Return which of the frame numbers (T,) of a take are evaluated."""
+        keep = np.zeros(len(frames), dtype=np.bool_)
+        keep[_first_of_each(frames, self.every)] = True
         if self.ranges:
-            keep &= np.any([(take.frames >= a) & (take.frames <= b) for a, b in self.ranges], axis=0)
-        if self.all_views_detected:
-            keep &= _has_every_view(take)
+            keep &= np.any([(frames >= a) & (frames <= b) for a, b in self.ranges], axis=0)
         return keep
+
+    def _kept(self, take: Take) -> NDArray[np.bool_]:
+        keep = self.counted(take.frames)
+        return keep & _has_every_view(take) if self.all_views_detected else keep
 
 
 def _first_of_each(frames: NDArray[np.int64], every: int) -> NDArray[np.intp]:
@@ -213,6 +218,20 @@ SHELF_PARTS: tuple[tuple[Endpoint, Endpoint], ...] = (
     ((2, 3), 12),
 )
 
+# Limbs of `h36m17` in the same order of body parts.
+H36M_PARTS: tuple[tuple[Endpoint, Endpoint], ...] = (
+    (3, 2),
+    (2, 1),
+    (4, 5),
+    (5, 6),
+    (16, 15),
+    (15, 14),
+    (11, 12),
+    (12, 13),
+    (8, 10),
+    ((1, 4), 8),
+)
+
 
 def _multi_person(name: str, frames: str, ranges: tuple[tuple[int, int], ...]) -> Protocol:
     return Protocol(
@@ -270,6 +289,17 @@ _ALL = (
     ),
     _multi_person("shelf", "Shelf: frames 300 to 600", ((300, 600),)),
     _multi_person("campus", "Campus: frames 350 to 470 and 650 to 750", ((350, 470), (650, 750))),
+    Protocol(
+        name="people",
+        text=(
+            "Simulated scenes of several people; a person counts in the frames in which at least two views "
+            "detect them. PCP: a part is correct if the mean error of its two ends is at most half its "
+            "length; ten parts; the average is over people."
+        ),
+        mean_of_columns=True,
+        least_views=2,
+        parts=H36M_PARTS,
+    ),
 )
 _BY_NAME = {protocol.name: protocol for protocol in _ALL}
 
@@ -281,6 +311,7 @@ SIMULATED: Mapping[str, str] = MappingProxyType(
         "human36m-like-occ-3-hard": "human36m-occ",
         "dome": "panoptic",
         "occlusion-person-like": "occlusion-person",
+        "people": "people",
     }
 )
 """Simulated data sets, and whose protocol they follow."""

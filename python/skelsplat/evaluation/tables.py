@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from skelsplat.evaluation.report import Evaluation, Published
-from skelsplat.evaluation.scores import FIGURES, PCK_MM, Estimate
+from skelsplat.evaluation.scores import FIGURES, PCK_MM
 
 Cell = float | str | None
 Metric = Literal["absolute", "relative", "procrustes", "pcp"]
@@ -155,7 +155,7 @@ def overall(evaluation: Evaluation) -> Table:
         Row(
             s.method,
             tuple(
-                _interval(s.absolute) if key == _INTERVAL else factor * FIGURES[key](s)
+                interval(s.absolute.low, s.absolute.high) if key == _INTERVAL else factor * FIGURES[key](s)
                 for key, (_, factor) in shown.items()
             ),
         )
@@ -252,7 +252,12 @@ def notes(evaluation: Evaluation) -> tuple[str, ...]:
         lines.append(
             f"Reported (in italics), not measured here{real}: {table.source}. {' '.join(table.notes)}"
         )
-    return tuple(" ".join(line.split()) for line in lines)
+    return tuple(one_paragraph(line) for line in lines)
+
+
+def one_paragraph(text: str) -> str:
+    """Return a text with single spaces."""
+    return " ".join(text.split())
 
 
 def _rated(evaluation: Evaluation) -> bool:
@@ -260,10 +265,9 @@ def _rated(evaluation: Evaluation) -> bool:
     return any(math.isfinite(s.acceleration) for s in evaluation.scores)
 
 
-def _interval(estimate: Estimate) -> str:
-    if not math.isfinite(estimate.low):
-        return MISSING
-    return f"{estimate.low:.1f}–{estimate.high:.1f}"
+def interval(low: float, high: float) -> str:
+    """Return an interval as it is printed."""
+    return f"{low:.1f}–{high:.1f}" if math.isfinite(low) else MISSING
 
 
 def _subject(evaluation: Evaluation) -> str:

@@ -11,6 +11,7 @@ from skelsplat.io.poses._c3d import read_c3d, write_c3d
 from skelsplat.io.poses._csv import read_csv, write_csv
 from skelsplat.io.poses._json import read_json, write_json
 from skelsplat.io.poses._npz import read_npz, write_npz
+from skelsplat.io.poses._people import write_people
 from skelsplat.io.poses._pose_data import PoseData
 from skelsplat.io.poses._trc import read_trc, write_trc
 from skelsplat.io.poses._xarray import read_netcdf, to_xarray, write_netcdf
@@ -39,6 +40,7 @@ __all__ = [
     "write_json",
     "write_netcdf",
     "write_npz",
+    "write_people",
     "write_pose",
     "write_trc",
 ]

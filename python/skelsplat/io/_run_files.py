@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 POSES, CAMERAS, DETECTIONS, REPORT = "pose.npz", "cameras.json", "detections.npz", "report.json"
@@ -27,6 +28,16 @@ def is_run(folder: Path) -> bool:
 
 def files_of_run(folder: Path) -> list[str] | None:
     """Return the names of the files that the run which wrote into this folder lists; None without one."""
+    return _listed(folder, "files")
+
+
+def folders_of_run(folder: Path) -> list[str]:
+    """Return the names of the people's folders that a run of several people lists."""
+    return [name for name in _listed(folder, "folders") or [] if re.fullmatch(r"person_\d+", name)]
+
+
+def _listed(folder: Path, key: str) -> list[str] | None:
+    """Return the names under a key of a run's report; None without a run."""
     if not is_run(folder):
         return None
     try:
@@ -36,5 +47,5 @@ def files_of_run(folder: Path) -> list[str] | None:
     versions = report.get("versions") if isinstance(report, dict) else None
     if not (isinstance(versions, dict) and "skelsplat" in versions and "settings" in report):
         return None
-    listed = report.get("files")
+    listed = report.get(key)
     return [name for name in listed if isinstance(name, str)] if isinstance(listed, list) else []

@@ -23,7 +23,7 @@ from skelsplat._atomic import atomic_write
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._fields import Field
 from skelsplat.io._files import load_json
-from skelsplat.io._run_files import CAMERAS, DETECTIONS, POSES, REPORT, UNFINISHED
+from skelsplat.io._run_files import CAMERAS, DETECTIONS, POSES, REPORT, UNFINISHED, folders_of_run
 from skelsplat.io.calibration import read_calibration, write_calibration
 from skelsplat.io.detections import read_detections
 from skelsplat.io.poses._npz import read_npz
@@ -124,6 +124,9 @@ def _read_report(path: Path) -> Field:
     if UNFINISHED in report and report[UNFINISHED].value:
         expected = "the report of a run that has written all its files"
         raise report[UNFINISHED].error(expected, "one that was stopped while it wrote: run it again")
+    if "folders" in report and isinstance(report["folders"].value, list):
+        people = ", ".join(folders_of_run(path.parent))
+        raise report["folders"].error("the folder of one person", f"the run of several people ({people})")
     for key in ("input", "settings"):
         if not isinstance(report[key].value, dict):
             raise report[key].error("an object under this key, as refine writes it", "none")

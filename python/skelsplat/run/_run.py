@@ -22,10 +22,11 @@ from skelsplat.run.findings import find_findings
 from skelsplat.run.frames import find_in_frames
 from skelsplat.run.html import notebook_view, show_page, write_html
 from skelsplat.run.over_time import apply_over_time, try_over_time
-from skelsplat.run.read import Inputs, read_inputs
+from skelsplat.run.read import Inputs
 from skelsplat.run.report import build_report
 from skelsplat.run.solve import GIVEN_START, Outcome, refine_inputs
 from skelsplat.run.summary import Statistics, summarise
+from skelsplat.run.tracked import read_inputs
 
 if TYPE_CHECKING:
     import os
@@ -37,7 +38,7 @@ if TYPE_CHECKING:
     from skelsplat.run.job import Job
     from skelsplat.run.solve import Progress
 
-_ORDER = ("error", "warning", "note")
+ORDER = ("error", "warning", "note")
 
 
 @dataclass(frozen=True, repr=False)
@@ -250,6 +251,9 @@ def run(
         If an input is missing, malformed or does not fit, results would be written over the input, or a
         result cannot be written.
     """
+    if job.people is not None:
+        expected = "None (skelsplat.run.run_people refines several)"
+        raise InvalidInputError(f"people: expected {expected}, got {job.people!r}")
     if job.output is None:
         return _run(job, progress, tell)
     output, writing = Path(job.output), folders.Writing.of(job)
@@ -263,17 +267,23 @@ def run(
 def _run(job: Job, progress: Progress | None, tell: Callable[[Finding], None] | None) -> Run:
     with collected_warnings(tell) as notes:
         try_over_time(job)
-        inputs = read_inputs(job)
-        if job.output is not None:
-            folders.keep_input(job, inputs.sources)
-            writing = folders.Writing.of(job)
-            writing.check(inputs.frames)
-            for note in writing.notes(inputs.fps):
-                notes.append(note)
-                if tell is not None:
-                    tell(note)
+        inputs = read_inputs(job, progress)
+        for note in check_output(job, inputs):
+            notes.append(note)
+            if tell is not None:
+                tell(note)
         outcome = refine_inputs(inputs, job, progress)
     return summed_up(inputs, outcome, job, notes)
+
+
+def check_output(job: Job, inputs: Inputs) -> list[Finding]:
+    """Check, once the input is known, that the results can be written; return notes on how."""
+    if job.output is None:
+        return []
+    folders.keep_input(job, inputs.sources)
+    writing = folders.Writing.of(job)
+    writing.check(inputs.frames)
+    return writing.notes(inputs.fps)
 
 
 def summed_up(inputs: Inputs, outcome: Outcome, job: Job | None = None, notes: Sequence[Finding] = ()) -> Run:
@@ -290,7 +300,7 @@ def summed_up(inputs: Inputs, outcome: Outcome, job: Job | None = None, notes: S
     poses, over_time = apply_over_time(data, job)
     statistics = statistics.without_bars(poses.joint_status == "filled")
     found = [*notes, *find_findings(inputs, outcome, statistics, poses.joint_status)]
-    found.sort(key=lambda finding: _ORDER.index(finding.severity))
+    found.sort(key=lambda finding: ORDER.index(finding.severity))
     in_frames = find_in_frames(inputs, outcome, statistics, poses.joint_status)
     remarks = {
         "findings": [finding.to_dict() for finding in found],

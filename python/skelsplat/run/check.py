@@ -13,7 +13,7 @@ from skelsplat.findings import collected_warnings
 from skelsplat.io import DetectionSet
 from skelsplat.io.detections import read_detections
 from skelsplat.rig_check import ReadAs, RigReport, check_rig
-from skelsplat.run.person import check_person, pick_places
+from skelsplat.run.person import check_slot, pick_places
 from skelsplat.run.read import leave_out, named_offsets, read_rig
 
 
@@ -43,8 +43,11 @@ def check_cameras(
         As of `skelsplat.run.Job`; without detections only the calibration itself is checked.
     read
         The arguments of `skelsplat.run.read.read_rig`.
-    without, person
+    without
         As of `skelsplat.run.Job`.
+    person
+        ``"consistent"``: the person the views agree on; ``"largest"``: the largest in each image; a number:
+        the one at that index in each file, from 0.
     **given
         Further arguments of `skelsplat.io.detections.read_detections`.
 
@@ -58,7 +61,7 @@ def check_cameras(
     DatasetError, InvalidInputError
         If a file is missing or malformed, or files and options do not fit each other; the message names it.
     """
-    check_person(person)
+    check_slot(person)
     with collected_warnings() as warnings:
         every = read_rig(calibration, **(read or {}))
         rig, found = leave_out(every, tuple(without)), None

@@ -15,8 +15,16 @@ from skelsplat._optional import can_draw
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding, Subject
 from skelsplat.io import PoseData, write_pose
-from skelsplat.io._run_files import CAMERAS, DETECTIONS, REPORT, UNFINISHED, files_of_run
-from skelsplat.io.poses import POSE_FORMATS, check_pose_format
+from skelsplat.io._run_files import (
+    CAMERAS,
+    DETECTIONS,
+    REPORT,
+    UNFINISHED,
+    files_of_run,
+    folders_of_run,
+    is_run,
+)
+from skelsplat.io.poses import PEOPLE_FORMATS, POSE_FORMATS, check_pose_format
 from skelsplat.io.poses._pose_data import MARKER_NAMES
 from skelsplat.io.run_folder import write_run_inputs
 from skelsplat.run.html import write_html
@@ -31,6 +39,7 @@ PAGE = "report.html"
 _PICTURES, _PAPERS_PICTURE = ("overview.png", "weights.png"), "heatmaps.png"
 _POSSIBLE = (
     *(f"pose.{kind}" for kind in POSE_FORMATS),
+    *(f"people.{kind}" for kind in PEOPLE_FORMATS),
     CAMERAS,
     DETECTIONS,
     *_PICTURES,
@@ -155,19 +164,36 @@ def check_places(folder: Path, names: Sequence[str]) -> None:
 def begin_writing(folder: Path, report: dict[str, Any]) -> None:
     """Write the report as that of an unfinished run, then remove the files that an earlier run lists.
 
-    It lists the files of the earlier run and those not there yet; any others are not from a run.
+    It lists the files of the earlier run and those not there yet; any others are not from a run. The same
+    holds for the folders of people: those who are not of the new run are removed, but for what is not theirs.
 
     Raises
     ------
     DatasetError
         If one cannot be removed.
     """
-    listed = set(files_of_run(folder) or ())
-    earlier = [name for name in _POSSIBLE if name in listed and not (folder / name).is_dir()]
+    earlier, people = _written(folder), folders_of_run(folder)
     new = {name for name in report["files"] if not (folder / name).exists()}
     files = [name for name in _POSSIBLE if name in {*earlier, *new}]
-    atomic_write_text(folder / REPORT, to_text({UNFINISHED: True, **report, "files": files}))
-    for path in (folder / name for name in earlier):
+    unfinished = {UNFINISHED: True, **report, "files": files}
+    if people:
+        unfinished["folders"] = list(dict.fromkeys([*report.get("folders", []), *people]))
+    atomic_write_text(folder / REPORT, to_text(unfinished))
+    _remove(folder, earlier)
+    for gone in (folder / name for name in people if name not in report.get("folders", [])):
+        _remove(gone, [*_written(gone), *([REPORT] if is_run(gone) else [])])
+        with contextlib.suppress(OSError):  # missing, or it holds what is not from a run
+            gone.rmdir()
+
+
+def _written(folder: Path) -> list[str]:
+    """Return the files that an earlier run wrote into a folder, its report aside."""
+    listed = set(files_of_run(folder) or ())
+    return [name for name in _POSSIBLE if name in listed and not (folder / name).is_dir()]
+
+
+def _remove(folder: Path, names: Sequence[str]) -> None:
+    for path in (folder / name for name in names):
         with opening(path, "a file of an earlier run that can be removed"):
             path.unlink(missing_ok=True)
 

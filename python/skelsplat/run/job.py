@@ -46,8 +46,13 @@ class Job:
     layout
         Name of the joint layout of the detections; None: found from the joint names in the files.
     person
-        ``"consistent"``: the person the views agree on; ``"largest"``: the largest in each image; a
-        number: the one at that index in each file, from 0.
+        ``"consistent"``: the person the views agree on. The others follow people over time, as
+        `skelsplat.track`, and choose one: a number from 0, the identity; ``"largest"``: whoever is largest in
+        the images; ``"moves-most"``; a point ``"cam01:640,360"``: whoever is there in the first frame in
+        which that camera sees somebody. Without a frame rate, a number is the place in each file and
+        ``"largest"`` the largest in each image, which need not be one person.
+    people
+        For `run_people`: ``"all"``, or a number: those whom the views see most. None: one person.
     frames
         What to do with cameras of different frame counts: ``"strict"``, ``"intersection"`` or ``"union"``.
     format
@@ -111,6 +116,7 @@ class Job:
     binning: float | None = None
     layout: str | None = None
     person: str | int = "consistent"
+    people: str | int | None = None
     frames: str = "strict"
     format: str | None = None
     offsets: Mapping[str, int] = field(default_factory=dict)
@@ -140,12 +146,23 @@ class Job:
         one_of("format", self.format, (None, *FORMATS))
         one_of("frames", self.frames, FRAME_MODES)
         check_person(self.person)
+        self._check_people()
         self._check_start()
         _positive("fps", self.fps)
         one_of("marker_names", self.marker_names, MARKER_NAMES)
         for kind in self.write:
             one_of("write", kind, tuple(POSE_FORMATS))
         self._check_over_time()
+
+    def _check_people(self) -> None:
+        number = isinstance(self.people, int) and not isinstance(self.people, bool) and self.people >= 1
+        if self.people not in (None, "all") and not number:
+            raise InvalidInputError(f"people: expected all or a number of at least 1, got {self.people!r}")
+        if self.people is not None:
+            for option, unset in (("person", "consistent"), ("init", None)):
+                if getattr(self, option) != unset:
+                    expected = "none with people, which refines everybody"
+                    raise InvalidInputError(f"{option}: expected {expected}, got {getattr(self, option)}")
 
     def _check_start(self) -> None:
         _positive("init_sigma_mm", self.init_sigma_mm)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -11,6 +12,8 @@ import skelsplat as sk
 from skelsplat import association
 from skelsplat._arrays import Array, Index, Mask, medians
 
+# Choices that need no frame rate, and one that needs people followed over time.
+BY_FRAME, MOVES_MOST = ("consistent", "largest"), "moves-most"
 # A person counts as detected with this many joints of this confidence; others are not considered.
 _MIN_JOINTS, _MIN_CONFIDENCE = 4, 0.2
 # Share of the frames with several people in two views or more from which these people are examined.
@@ -35,9 +38,23 @@ _NEARER = 3.0
 
 
 def check_person(person: str | int) -> None:
-    """Raise `InvalidInputError` unless it is ``consistent``, ``largest`` or a number."""
-    if person not in ("consistent", "largest") and not str(person).isdecimal():
-        raise sk.InvalidInputError(f"person: expected consistent, largest or a number, got {person!r}")
+    """Raise `InvalidInputError` unless it is a choice of `skelsplat.run.Job`."""
+    named = str(person) in (*BY_FRAME, MOVES_MOST)
+    if not named and not str(person).isdecimal() and point_of(person) is None:
+        expected = f"{', '.join(BY_FRAME)}, {MOVES_MOST}, a number or a point such as cam01:640,360"
+        raise sk.InvalidInputError(f"person: expected {expected}, got {person!r}")
+
+
+def check_slot(person: str) -> None:
+    """Raise `InvalidInputError` unless it is a choice that each frame allows by itself."""
+    if person not in BY_FRAME and not person.isdecimal():
+        raise sk.InvalidInputError(f"person: expected {', '.join(BY_FRAME)} or a number, got {person!r}")
+
+
+def point_of(person: str | int) -> tuple[str, float, float] | None:
+    """Return camera, x and y of a choice such as ``cam01:640,360``; None if it is another one."""
+    found = re.fullmatch(r"(.+):(\d+(?:\.\d+)?),(\d+(?:\.\d+)?)", str(person).strip())
+    return None if found is None else (found[1], float(found[2]), float(found[3]))
 
 
 def pick_places(

@@ -1,4 +1,4 @@
-"""From files to the detections of one person: read, match, choose the person."""
+"""From files to the detections of everybody: read and match."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 import skelsplat as sk
 from skelsplat._arrays import Array, Index, Mask
-from skelsplat.association import take_people
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError, SkelSplatError
 from skelsplat.io import PoseData, read_npz
@@ -17,7 +18,7 @@ from skelsplat.io.calibration import find_format, read_calibration
 from skelsplat.io.detections import DetectionSet, camera_called, cameras_called, read_detections
 from skelsplat.io.video import find_videos, open_source
 from skelsplat.run.job import Job
-from skelsplat.run.person import Crowd, look_around, pick_places
+from skelsplat.run.person import Crowd
 
 _SAME_RATE = 5e-4  # by which videos of one recording may differ in rate; 29.97 and 30 differ by twice that
 
@@ -42,21 +43,24 @@ class Inputs:
     offsets: dict[str, int] = field(default_factory=dict)
     without: tuple[str, ...] = ()  # cameras of the calibration that are left out
     sources: tuple[Path, ...] = ()  # the files or folders that hold the cameras' detections
-    person: str = "consistent"  # the person to follow, as `Job.person`
+    person: str = "consistent"  # the person to follow, as `Job.person`, or the identity followed
     crowd: Crowd | None = None  # the people that the cameras see; None if they see one
     fps: float | None = None  # frames per second; None if unknown
     fps_source: str = ""  # what states the rate, if the user did not: "files" or "videos"
+    # the frames solved in time, if following people over time has done so, and the seconds that took
+    solved: sk.SequenceRefinement | None = None
+    solved_s: float = float("nan")
 
 
-def read_inputs(job: Job) -> Inputs:
-    """Read what ``job`` names and follow one person through it.
+def read_everybody(job: Job) -> tuple[Array, Inputs]:
+    """Read what ``job`` names: the detections of everybody (T, M, P, N, 3), and inputs with nobody chosen.
 
     Raises
     ------
     DatasetError, InvalidInputError
         If a file is missing or malformed, or files and options do not fit each other; the message names it.
     """
-    calibration, person = Path(job.calibration), str(job.person)
+    calibration = Path(job.calibration)
     every = read_rig(
         calibration,
         calibration_format=job.calibration_format,
@@ -78,14 +82,14 @@ def read_inputs(job: Job) -> Inputs:
         sequence=job.sequence,
     )
     layout = sk.layouts.get(found.layout)
-    index, unmatched = pick_places(found.people, rig, person, layout)
     init = None if job.init is None else _read_init(Path(job.init), rig, len(found.frames), layout)
     rate, stated = _known_rate(job, found, init, rig)
-    return Inputs(
+    steps, views = found.people.shape[:2]
+    return found.people, Inputs(
         rig,
         layout,
-        take_people(found.people, index),
-        unmatched,
+        np.full((steps, views, layout.n_joints, 3), np.nan),
+        np.zeros((steps, views), dtype=np.bool_),
         found.frames,
         init_pose=None if init is None else init.pose,
         format=found.format,
@@ -94,8 +98,6 @@ def read_inputs(job: Job) -> Inputs:
         offsets=named_offsets(every, job.offsets),
         without=tuple(name for name in every.names if name not in rig.names),
         sources=tuple(path for path in found.sources if path is not None),
-        person=person,
-        crowd=look_around(found.people, index, rig, person, layout),
         fps=rate,
         fps_source=stated,
     )

@@ -56,13 +56,8 @@ def build_report(
     `skelsplat.RefineConfig`.
     """
     report = {
-        "versions": {
-            "skelsplat": sk.__version__,
-            "python": platform.python_version(),
-            "numpy": np.__version__,
-            "platform": platform.platform(),
-        },
-        "input": _input(inputs, job),
+        "versions": versions(),
+        "input": input_of(inputs, job),
         "start": outcome.start_name,
         "solution": _solution(inputs, outcome),
         "settings": outcome.config.to_dict(),
@@ -86,6 +81,16 @@ def build_report(
     }
     cleaned: dict[str, Any] = plain(report)
     return cleaned
+
+
+def versions() -> dict[str, str]:
+    """Return what the run was made with."""
+    return {
+        "skelsplat": sk.__version__,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "platform": platform.platform(),
+    }
 
 
 def _solution(inputs: Inputs, outcome: Outcome) -> dict[str, Any]:
@@ -118,7 +123,7 @@ def solved_in_words(report: dict[str, Any]) -> list[str]:
     return found
 
 
-def _input(inputs: Inputs, job: Job | None) -> dict[str, Any]:
+def input_of(inputs: Inputs, job: Job | None) -> dict[str, Any]:
     """Return the files, how they were read, and the recording; None for files without a job."""
     options = ("order", "mapping", "sequence", "init", "init_sigma_mm")
     given = {name: getattr(job, name, None) for name in ("calibration", "detections", *options)}

@@ -77,6 +77,8 @@ def refine_inputs(inputs: Inputs, job: Job, progress: Progress | None = None) ->
     if progress is not None:
         progress(0, len(inputs.frames))
     begin = time.perf_counter()
+    if not alone and inputs.solved is not None and inputs.init_pose is None:
+        return Outcome.of(inputs.solved, config, inputs, inputs.solved_s)
     if not alone:
         result: sk.Refinement = _in_time(inputs, config, progress)
         return Outcome.of(result, config, inputs, time.perf_counter() - begin)
@@ -102,10 +104,15 @@ def why_alone(inputs: Inputs, job: Job) -> str:
         NO_RATE: inputs.fps is None,
     }
     found = next((reason for reason, holds in reasons.items() if holds), "")
-    return found or (SPARSE if _places(inputs)[0][-1] >= _MOST_EMPTY * len(inputs.frames) else "")
+    return found or (SPARSE if is_sparse(inputs) else "")
 
 
-def _places(inputs: Inputs) -> tuple[Index, float]:
+def is_sparse(inputs: Inputs) -> bool:
+    """Whether most frames between the first and the last are missing."""
+    return bool(even_clock(inputs)[0][-1] >= _MOST_EMPTY * len(inputs.frames))
+
+
+def even_clock(inputs: Inputs) -> tuple[Index, float]:
     """Return the frames' places on an even clock, from 0, and the rate of that clock, Hz.
 
     Of frame numbers that are all so many apart, as every tenth, that is a slower clock.
@@ -113,7 +120,7 @@ def _places(inputs: Inputs) -> tuple[Index, float]:
     if inputs.fps is None:
         raise TypeError("the frame rate is needed")
     gaps = np.diff(inputs.frames)
-    step = int(np.gcd.reduce(gaps))
+    step = int(np.gcd.reduce(gaps)) or 1
     rate = inputs.fps / step
     most = max(1, int(np.ceil(_APART_S * rate)))
     return np.concatenate([[0], np.cumsum(np.minimum(gaps // step, most))]), rate
@@ -121,28 +128,35 @@ def _places(inputs: Inputs) -> tuple[Index, float]:
 
 def _in_time(inputs: Inputs, config: sk.RefineConfig, progress: Progress | None) -> sk.SequenceRefinement:
     """Refine the frames together; those missing between them are solved as well, and left out again."""
-    places, rate = _places(inputs)
-    count, steps = int(places[-1]) + 1, len(places)
-
-    def spread(values: Array) -> Array:
-        whole = np.full((count, *values.shape[1:]), np.nan)
-        whole[places] = values
-        return whole
+    places, rate = even_clock(inputs)
+    steps = len(places)
 
     def told(done: int, total: int) -> None:
         if progress is not None:
             progress(done * steps // total, steps)
 
     result = sk.refine_sequence(
-        spread(inputs.detections),
+        spread(inputs.detections, places),
         inputs.rig,
         fps=rate,
         layout=inputs.layout,
-        init_pose=None if inputs.init_pose is None else spread(inputs.init_pose),
+        init_pose=None if inputs.init_pose is None else spread(inputs.init_pose, places),
         config=config,
         progress=False if progress is None else told,
     )
-    parts = {entry.name: getattr(result, entry.name) for entry in fields(result)}
+    return frames_of(result, places)
+
+
+def spread(values: Array, places: Index) -> Array:
+    """Return the values (T, …) of frames at these places of an even clock, NaN in between."""
+    whole = np.full((int(places[-1]) + 1, *values.shape[1:]), np.nan)
+    whole[places] = values
+    return whole
+
+
+def frames_of(result: sk.Refinement, places: Index) -> sk.SequenceRefinement:
+    """Return some frames of a result in time."""
+    parts = {entry.name: getattr(result, entry.name) for entry in fields(sk.SequenceRefinement)}
     return sk.SequenceRefinement(
         **{name: value if name in _OF_BONES else value[places] for name, value in parts.items()}
     )

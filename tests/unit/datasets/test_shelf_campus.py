@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 import sys
 
 import numpy as np
@@ -150,6 +151,82 @@ def test_frames_that_do_not_match_are_refused(shelf):
         DatasetError, match=r"actor2/poses.npz: frames: expected some of the frames of S0/actor2"
     ):
         datasets.read("shelf", root)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("form", ["npz", "pickle"])
+def test_everybody_comes_back_and_the_nearest_detection_is_the_actors(tmp_path, name, form):
+    written = writer.write_everybody(tmp_path, name, form=form)
+    data = datasets.read(name, tmp_path)
+    assert data.detector == ("hrnet" if form == "npz" else "maskrcnn_hrnet")
+    (scene,) = data.scenes
+    first, count = writer.FIRST[name], writer.N_ACTORS[name]
+    np.testing.assert_array_equal(scene.frames, first + np.arange(60))
+    np.testing.assert_allclose(scene.truth[0], written.truth[0], atol=1e-9)
+    assert scene.names == tuple(f"actor{k}" for k in range(count))
+    assert scene.waived == (("actor3",) if name == "shelf" else ())
+    if form == "npz":
+        np.testing.assert_array_equal(scene.people, written.people)
+        known = written.slots() >= 0
+        assert (scene.slots == written.slots())[known].mean() > 0.97
+    else:
+        assert scene.people.shape[-2] == 14
+    assert [take.action for take in data] == ["actor0", "actor1", "actor2"]
+    off = [
+        np.linalg.norm(sk.project(t.truth, t.rig).swapaxes(0, 1) - t.detections[..., :2], axis=-1)
+        for t in data
+    ]
+    assert max(np.nanmedian(one) for one in off) < 6.0
+    assert datasets.check(name, tmp_path).ok
+
+
+def test_a_file_of_everybody_can_be_given(tmp_path, shelf):
+    root, _ = shelf
+    writer.write_everybody(tmp_path / "other", "shelf", form="pickle", n_frames=5)
+    path = tmp_path / "other" / "pred_shelf_maskrcnn_hrnet_coco.pkl"
+    assert datasets.read("shelf", root).scenes == ()
+    (scene,) = datasets.read("shelf", root, detections=path).scenes
+    assert scene.files["detections"] == path
+    path.rename(root / path.name)
+    assert datasets.read("shelf", root).scenes == (), "detections per actor are preferred"
+    assert datasets.read("shelf", root, detector="maskrcnn_hrnet").scenes
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ({"0-300": []}, "'0-300': expected keys CAMERA_FRAME"),
+        ({"7_300": []}, "pickle: expected entries of the cameras 0, 1, 2, 3, 4, got none"),
+        ({"0_300": [{"box": 1}]}, r"0_300\[0\].pred: expected a value under this key"),
+        ({"0_300": [{"pred": [[1.0, 2.0]]}]}, r"0_300\[0\].pred: expected shape \(17, 3\)"),
+        ([1], "pickle: expected a table, got list"),
+    ],
+)
+def test_a_wrong_pickle_of_everybody_is_refused(tmp_path, content, message):
+    writer.write_everybody(tmp_path, "shelf", form="pickle", n_frames=2)
+    path = tmp_path / "pred_shelf_maskrcnn_hrnet_coco.pkl"
+    path.write_bytes(pickle.dumps(content))
+    with pytest.raises(DatasetError, match=f"{path.name}: {message}"):
+        datasets.read("shelf", tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda a: {"people": a["people"][:, :3]}, r"people: expected pixels \(frames, 5 views, people"),
+        (lambda a: {"people": a["people"][..., :9, :]}, "people: expected 14 or 17 joints, got 9"),
+        (lambda a: {"frames": a["frames"][:-1]}, "frames: expected 4 numbers, got 3"),
+        (lambda a: {"frames": 0 * a["frames"]}, "frames: "),
+    ],
+)
+def test_wrong_arrays_of_everybody_are_refused(tmp_path, change, message):
+    writer.write_everybody(tmp_path, "shelf", n_frames=4)
+    path = tmp_path / "2d_hrnet" / "S0" / "people.npz"
+    with np.load(path) as archive:
+        arrays = dict(archive)
+    np.savez(path, **{**arrays, **change(arrays)})
+    with pytest.raises(DatasetError, match=f"people.npz: {message}"):
+        datasets.read("shelf", tmp_path)
 
 
 def test_without_scipy_the_error_says_what_to_install(shelf, monkeypatch):

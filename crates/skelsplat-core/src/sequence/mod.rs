@@ -15,6 +15,7 @@
 //! A recording is solved in windows that overlap by [`OVERLAP`] on either side; what is learnt comes from a sample of
 //! them and is common to all. The result does not depend on the number of threads.
 
+pub mod agility;
 pub mod chain;
 pub mod learn;
 pub mod live;
@@ -30,4 +31,4 @@ pub mod tracks;
 
 pub use live::Live;
 pub(crate) use recording::check;
-pub use recording::{Sequence, equations, refine_in_windows, refine_sequence};
+pub use recording::{Equations, Sequence, equations, refine_in_windows, refine_sequence};

@@ -5,6 +5,7 @@ use std::ops::{Range, RangeInclusive};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
+use super::agility;
 use super::learn;
 use super::noise::Noise;
 use super::outcome::{Learnt, State, errors};
@@ -140,7 +141,7 @@ impl Recording<'_> {
         let sample = spread_out(&self.windows);
         let alone: Result<Vec<Vec<Alone>>> = sample.iter().map(|range| self.alone(range)).collect();
         let alone = alone?;
-        let (learnt, path) = self.learn(&alone)?;
+        let (learnt, first, path) = self.learn(&alone)?;
         let mut places = out.places(&self.windows);
         let errors: Result<Vec<Vec<f64>>> = match self.windows.as_slice() {
             [window] => {
@@ -150,7 +151,7 @@ impl Recording<'_> {
             windows => {
                 drop((alone, path));
                 let jobs = windows.par_iter().zip(places);
-                jobs.map(|(window, place)| self.window(window, &learnt, place)).collect()
+                jobs.map(|(window, place)| self.window(window, &first, &learnt, place)).collect()
             }
         };
         out.lengths = self.lengths(&errors?, &learnt);
@@ -186,8 +187,9 @@ impl Recording<'_> {
         || self.progress.check()
     }
 
-    /// What is common to all windows, and the path, from the frames of some of them.
-    fn learn(&self, sample: &[Vec<Alone>]) -> Result<(Learnt, Path)> {
+    /// What is common to all windows, from the frames of some of them, what was known before their path, and the path. Windows find theirs
+    /// with the same knowledge: where two paths are as good, they take the same.
+    fn learn(&self, sample: &[Vec<Alone>]) -> Result<(Learnt, Common, Path)> {
         let all = || sample.iter().flatten();
         let noise = median(all().map(|f| f.noise).filter(|n| n.is_finite()).collect());
         let noise = if noise.is_finite() { noise } else { 1.0 };
@@ -197,11 +199,12 @@ impl Recording<'_> {
         let sigma = self.refiner.final_kernels(sample[0][0].points.len(), noise);
         let stretches: Vec<&[Alone]> = sample.iter().map(Vec::as_slice).collect();
         let tracks = self.tracks(&stretches, sigma[0]);
+        let variance = vec![noise * noise; tracks.joints];
         let (bones, expected) = (self.refiner.bones().to_vec(), self.refiner.expected());
         let mut common = Common {
             fps: self.fps,
             lengths: learn::lengths(&tracks, &tracks.alone, &bones, expected),
-            agility: learn::agility(&tracks, self.fps, &vec![noise * noise; tracks.joints]),
+            agility: agility::learn(&tracks, self.fps, &variance),
             bones,
             weight,
             variance: vec![noise * noise * weight; tracks.joints],
@@ -209,6 +212,7 @@ impl Recording<'_> {
             reach: if spread > LEAST_SPREAD * noise { spread } else { USUAL_SPREAD },
         };
         let mut path = self.path(tracks, &common)?;
+        let first = common.clone();
         common.lengths = learn::lengths(&path.tracks, &path.points, &common.bones, expected);
         let mut run = Run::new(&path.tracks, &common, Some(std::mem::take(&mut path.points)));
         run.anneal(SETTLE, &self.check())?;
@@ -218,7 +222,7 @@ impl Recording<'_> {
         let variance = if given { common.variance.clone() } else { variance };
         path.steps += run.n_iter;
         path.points = run.points;
-        Ok((Learnt { common: Common { variance, ..common }, memory }, path))
+        Ok((Learnt { common: Common { variance, ..common }, memory }, first, path))
     }
 
     /// The path from wide kernels down to the final ones, and the sides that it shows to be swapped.
@@ -227,6 +231,7 @@ impl Recording<'_> {
         let mut swapped = swaps::exchanged(&tracks, chains, common);
         swaps::exchange(&mut tracks, chains, &swapped);
         tracks.find_cuts(common.fps, &common.agility);
+        tracks.agility = agility::local(&tracks, common.fps, &common.bones, &common.agility);
         let mut run = Run::new(&tracks, common, None);
         run.anneal(ANNEAL, &self.check())?;
         let (points, steps) = (run.points, run.n_iter);
@@ -240,10 +245,16 @@ impl Recording<'_> {
         Ok(Path { tracks, swapped, points, steps })
     }
 
-    fn window(&self, window: &Window, learnt: &Learnt, place: Place<'_>) -> Result<Vec<f64>> {
+    fn window(
+        &self,
+        window: &Window,
+        first: &Common,
+        learnt: &Learnt,
+        place: Place<'_>,
+    ) -> Result<Vec<f64>> {
         let alone = self.alone(&window.all)?;
         let tracks = self.tracks(&[&alone], learnt.common.sigma[0]);
-        let path = self.path(tracks, &learnt.common)?;
+        let path = self.path(tracks, first)?;
         self.finish(window, &alone, path, learnt, place)
     }
 
@@ -338,8 +349,11 @@ fn exchange(used: &mut [usize], [l, r]: [usize; 2]) {
     }
 }
 
+/// H, minus the gradient, and the agility of a step.
+pub type Equations = (Vec<f64>, Vec<Vector3<f64>>, Vec<f64>);
+
 /// The equations of one step at `points` `(N, T)` under kernels `wider` than the final ones: H, row-major, and minus the gradient
-/// `(N, T)`, joint after joint. `common` is used with the bones of the refiner.
+/// `(N, T)`, joint after joint, and the agility `(N, T)`. `common` is used with the bones of the refiner and the agility of the frames.
 ///
 /// # Errors
 /// [`Error::InvalidInput`] if a frame does not match the refiner.
@@ -349,13 +363,15 @@ pub fn equations(
     points: Vec<Vector3<f64>>,
     mut common: Common,
     wider: f64,
-) -> Result<(Vec<f64>, Vec<Vector3<f64>>)> {
+) -> Result<Equations> {
     let alone: Result<Vec<Alone>> = frames.iter().map(|frame| refiner.alone(frame)).collect();
-    let tracks = Tracks::new(&[&alone?], frames_in(BRIDGE, common.fps), common.sigma[0]);
+    let mut tracks = Tracks::new(&[&alone?], frames_in(BRIDGE, common.fps), common.sigma[0]);
     common.bones = refiner.bones().to_vec();
+    common.agility = agility::learn(&tracks, common.fps, &common.variance);
+    tracks.agility = agility::local(&tracks, common.fps, &common.bones, &common.agility);
     let mut run = Run::new(&tracks, &common, Some(points));
     run.linearise(wider);
-    Ok((run.system.dense(), run.system.pulls))
+    Ok((run.system.dense(), run.system.pulls, tracks.agility))
 }
 
 /// Windows over `n` frames of at most `length`, that overlap by `overlap` on either side.

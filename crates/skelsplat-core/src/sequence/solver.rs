@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::agility::Agility;
 use super::chain::{Band, Chain, second_difference};
 use super::small::{inverse, times};
 use super::system::System;
@@ -18,8 +19,8 @@ pub struct Common {
     pub bones: Vec<[usize; 2]>,
     /// Their lengths.
     pub lengths: Vec<Length>,
-    /// Spectral density q of the acceleration of each joint, mm²/s³.
-    pub agility: Vec<f64>,
+    /// How agile each joint is.
+    pub agility: Vec<Agility>,
     /// Mean weight of the detections.
     pub weight: f64,
     /// Variance of a detection of weight 1 of each joint, mm².
@@ -215,10 +216,11 @@ impl<'a> Run<'a> {
         let (x, active) = (&self.points[of.clone()], &self.tracks.active[of.clone()]);
         let n = x.len();
         let dt = 1.0 / self.common.fps;
-        let q = self.common.agility[j];
+        let local = self.tracks.agility.get(of.clone());
         let h = frames_in(MOTION_SPAN, self.common.fps);
-        let usual =
-            |h: usize| 3.0 * q * (h as f64 * dt).powi(3) * if h > 1 { 2.0 / 3.0 } else { 1.0 };
+        let usual = |q: f64, h: usize| {
+            3.0 * q * (h as f64 * dt).powi(3) * if h > 1 { 2.0 / 3.0 } else { 1.0 }
+        };
         let w = &mut self.system.weights[of];
         w.fill(0.0);
         for t in 1..n.saturating_sub(1) {
@@ -228,8 +230,9 @@ impl<'a> Run<'a> {
             }
             let wide = t >= h && t + h < n && active[t - h] && active[t + h] && joined(h);
             let h = if wide { h } else { 1 };
+            let q = local.map_or(self.common.agility[j].usual, |local| local[t]);
             let d = x[t - h] - 2.0 * x[t] + x[t + h];
-            let kept = 1.0 / (1.0 + d.norm_squared() / (usual(h) * reach * reach));
+            let kept = 1.0 / (1.0 + d.norm_squared() / (usual(q, h) * reach * reach));
             w[t] = kept / (q * dt.powi(3));
         }
     }

@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use super::agility::Agility;
 use super::small::median;
 use crate::annealed::Alone;
 use crate::annealed::consensus::REJECTED;
@@ -13,6 +14,8 @@ pub(super) const BRIDGE: f64 = 1.0;
 const CLOSE: f64 = 0.7;
 /// Root mean square deviation, in standard deviations, of the joints from a steady motion that shows a cut.
 const JUMP: f64 = 2.0;
+/// Multiple of its square that a frame beside a cut does not reach: it departs from a velocity that is measured across the cut.
+const BESIDE: f64 = 2.0;
 /// Least number of joints that show it, and their least share of those that are estimated.
 const LEAST_JOINTS: usize = 3;
 const LEAST_SHARE: f64 = 0.5;
@@ -42,6 +45,8 @@ pub struct Tracks {
     turned: Vec<bool>,
     /// Number of cuts before each frame and at it `(T)`: a cut lies between a frame and the one before.
     cuts: Vec<usize>,
+    /// Spectral density q of the acceleration `(N, T)`, mm²/s³; empty where it is the usual one at all times.
+    pub agility: Vec<f64>,
 }
 
 impl Tracks {
@@ -67,6 +72,7 @@ impl Tracks {
             held: vec![0.0; n * t * m],
             turned: vec![false; n * t * m],
             cuts: vec![0; t],
+            agility: Vec::new(),
         };
         let mut begin = 0;
         for stretch in stretches {
@@ -120,20 +126,28 @@ impl Tracks {
     }
 
     /// Looks for cuts: frames between which the body jumps, in the median of the joints whose positions are sure. Wrong
-    /// positions are those of single joints. `agility` is the spectral density of every joint's acceleration, mm²/s³.
-    pub fn find_cuts(&mut self, fps: f64, agility: &[f64]) {
+    /// positions are those of single joints.
+    pub fn find_cuts(&mut self, fps: f64, agility: &[Agility]) {
+        let jumps: Vec<f64> = (0..self.frames).map(|t| self.jumps(t, fps, agility)).collect();
         let mut cuts = 0;
-        for t in 0..self.frames {
-            let both = |j: &usize| t > 0 && [t - 1, t].iter().all(|t| self.active[self.at(*j, *t)]);
-            let asked = (0..self.joints).filter(both).count();
-            let jumps = (0..self.joints).filter_map(|j| self.jump(j, t, agility[j] / fps.powi(3)));
-            let jumps: Vec<f64> = jumps.collect();
-            let enough = jumps.len() as f64 >= LEAST_SHARE * asked as f64;
-            if jumps.len() >= LEAST_JOINTS && enough && median(jumps) > JUMP * JUMP {
+        for (t, jump) in jumps.iter().enumerate() {
+            let near = jumps[t.saturating_sub(1)..(t + 2).min(jumps.len())].iter();
+            if *jump > JUMP * JUMP && near.copied().fold(0.0, f64::max) < BESIDE * jump {
                 cuts += 1;
             }
             self.cuts[t] += cuts;
         }
+    }
+
+    /// How far the median joint moves before frame `t` beyond what is explained, as in [`Tracks::jump`]; 0 where too few are sure.
+    fn jumps(&self, t: usize, fps: f64, agility: &[Agility]) -> f64 {
+        let both = |j: &usize| t > 0 && [t - 1, t].iter().all(|t| self.active[self.at(*j, *t)]);
+        let asked = (0..self.joints).filter(both).count();
+        let jumps =
+            (0..self.joints).filter_map(|j| self.jump(j, t, agility[j].usual / fps.powi(3)));
+        let jumps: Vec<f64> = jumps.collect();
+        let enough = jumps.len() as f64 >= LEAST_SHARE * asked as f64;
+        if jumps.len() >= LEAST_JOINTS && enough { median(jumps) } else { 0.0 }
     }
 
     /// How far joint `j` moves before frame `t` beyond what its velocity before and after explains: the square over the

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -42,13 +42,24 @@ def write_csv(path: str | os.PathLike[str], data: PoseData) -> None:
     DatasetError
         If the path cannot be written.
     """
+    atomic_write_text(path, csv_text(COLUMNS, rows_of(data)))
+
+
+def csv_text(columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    """Return the text of a table."""
+    buffer = io.StringIO(newline="")
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(rows)
+    return buffer.getvalue()
+
+
+def rows_of(data: PoseData) -> Iterator[list[Any]]:
+    """Yield the fields of `COLUMNS`, frame by frame and joint by joint."""
     n_views, errors = over_views(data.reprojection_error)
     n_rejected = (data.view_weights < sk.REJECTED_WEIGHT).sum(axis=1)
     both = (data.error_bar, data.uncertainty)
     deviations = np.sqrt(np.concatenate([np.diagonal(each, axis1=-2, axis2=-1) for each in both], axis=-1))
-    buffer = io.StringIO(newline="")
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(COLUMNS)
     for t, frame in enumerate(data.frames.tolist()):
         for j, joint in enumerate(data.joint_names):
             place = [_field(value) for value in data.pose[t, j]]
@@ -56,8 +67,7 @@ def write_csv(path: str | os.PathLike[str], data: PoseData) -> None:
             status = str(data.joint_status[t, j]) if data.joint_status.size else ""
             views, error = (n_views[t, j], _field(errors[t, j])) if n_views.size else ("", "")
             rejected = n_rejected[t, j] if n_rejected.size else ""
-            writer.writerow([frame, joint, *place, *spread, data.unit, status, views, rejected, error])
-    atomic_write_text(path, buffer.getvalue())
+            yield [frame, joint, *place, *spread, data.unit, status, views, rejected, error]
 
 
 def read_csv(path: str | os.PathLike[str]) -> PoseData:
@@ -76,6 +86,8 @@ def read_csv(path: str | os.PathLike[str]) -> PoseData:
     source = Path(path)
     columns, *lines = csv_lines(source) or [[]]
     missing = [name for name in _REQUIRED if name not in columns]
+    if "person" in columns:
+        raise DatasetError(source, "line 1", "the poses of one person (person_0/pose.csv)", "several people")
     if missing:
         raise DatasetError(source, "line 1", f"a column {missing[0]}", ", ".join(columns) or "nothing")
     rows = [_parsed(source, k, columns, line) for k, line in enumerate(lines, start=2) if line]

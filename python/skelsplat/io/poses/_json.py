@@ -6,7 +6,7 @@ import json
 import math
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from skelsplat.io._fields import Field
 from skelsplat.io._files import FRAME_LIMIT, load_json, of_file
 from skelsplat.io.poses._pose_data import ARRAYS, BONES, PoseData, shape_of
 
-FORMAT, VERSION = "skelsplat-poses", 1
+FORMAT, PEOPLE, VERSION = "skelsplat-poses", "skelsplat-people", 1
 _BY_JOINT = (
     *("pose", "init_pose", "uncertainty", "error_bar", "covariance"),
     *("velocity", "velocity_uncertainty"),
@@ -55,10 +55,27 @@ def write_json(path: str | os.PathLike[str], data: PoseData) -> None:
     DatasetError
         If the path cannot be written.
     """
+    atomic_write_text(
+        path, _text(data, {"format": FORMAT, "version": VERSION, "written_by": _writer()}) + "\n"
+    )
+
+
+def people_text(people: Mapping[int, PoseData]) -> str:
+    """Return one JSON object with the poses of several people, as `write_people` describes it."""
+    head = {"format": PEOPLE, "version": VERSION, "written_by": _writer()}
+    lines = [f"{json.dumps(key)}: {_dumps(value)}," for key, value in head.items()]
+    each = ",\n".join(_text(data, {"person": identity}) for identity, data in people.items())
+    return "\n".join(["{", *lines, '"people": [', each, "]", "}", ""])
+
+
+def _writer() -> str:
+    return f"skelsplat {sk.__version__}"
+
+
+def _text(data: PoseData, first: Mapping[str, Any]) -> str:
+    """Return the object of one person, with a line per frame; ``first`` are its first keys."""
     head = {
-        "format": FORMAT,
-        "version": VERSION,
-        "written_by": f"skelsplat {sk.__version__}",
+        **first,
         "unit": data.unit,
         "frame_rate": data.frame_rate,
         "joint_names": list(data.joint_names),
@@ -68,7 +85,7 @@ def write_json(path: str | os.PathLike[str], data: PoseData) -> None:
     }
     lines = [f"{json.dumps(key)}: {_dumps(value)}," for key, value in head.items()]
     frames = ",\n".join(_dumps(frame) for frame in _frames(data))
-    atomic_write_text(path, "\n".join(["{", *lines, '"frames": [', frames, "]", "}", ""]))
+    return "\n".join(["{", *lines, '"frames": [', frames, "]", "}"])
 
 
 def _dumps(value: Any) -> str:

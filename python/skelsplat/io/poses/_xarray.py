@@ -126,13 +126,14 @@ def write_netcdf(
     DatasetError
         If the path cannot be written.
     """
-    _check_packages()
+    check_packages()
     dataset = to_xarray(data, frame_rate=frame_rate, individual=individual, singular=singular)
     with atomic_path(path) as temporary:
         dataset.to_netcdf(temporary, engine="h5netcdf")
 
 
-def _check_packages() -> Any:
+def check_packages() -> Any:
+    """Return the package xarray, or raise `MissingPackageError` if it or another is not installed."""
     for module in ("h5py", "h5netcdf"):
         require(module, "NetCDF files")
     return require("xarray", "NetCDF files")
@@ -148,7 +149,7 @@ def read_netcdf(path: str | os.PathLike[str]) -> PoseData:
     DatasetError
         If the file cannot be read, is no such dataset or does not state its unit.
     """
-    source, xarray = Path(path), _check_packages()
+    source, xarray = Path(path), check_packages()
     with parsing(source, "a complete NetCDF file"), xarray.open_dataset(source, engine="h5netcdf") as opened:
         return _from_dataset(source, opened.load())
 

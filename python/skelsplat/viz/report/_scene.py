@@ -61,6 +61,14 @@ class Sequence3D(ArrayFields):
     # mm/s, NaN where unknown
     alone: Array | None = None
     speed: Array | None = None
+    # of several people: their names; they share the joints in equal parts, and have a colour each
+    people: Sequence[str] = ()
+
+    @property
+    def parts(self) -> list[tuple[str, slice]]:
+        """Name and joints of each person; one without a name if they are not several."""
+        size = len(self.joint_names) // max(len(self.people), 1)
+        return [(name, slice(k * size, (k + 1) * size)) for k, name in enumerate(self.people or ("",))]
 
     @property
     def refined_name(self) -> str:
@@ -77,17 +85,16 @@ def pack_scene(sequence: Sequence3D, shapes: CameraShapes, places: Index) -> dic
     """Return the sequence at ``places`` for the page: axes turned so that the third points up."""
     turn, axes = upright(sequence.up)
     refined = sequence.refined[places] @ turn.T
-    low, high = reach(sequence.refined @ turn.T)
+    corners = [reach(sequence.refined[:, own] @ turn.T) for _, own in sequence.parts]
+    low, high = np.min(corners, axis=(0, 1)), np.max(corners, axis=(0, 1))
     grid = Grid.over(low - _MARGIN_MM, high + _MARGIN_MM)
-    skeleton, joints = sequence.skeleton, range(len(sequence.joint_names))
     return {
         "axes": axes,
         "frames": as_text(sequence.frames[places], "<f8"),  # time stamps exceed 32 bits
         "count": len(places),
         "frame_rate": sequence.frame_rate,
         "joints": list(sequence.joint_names),
-        "sides": [_SIDES[skeleton.colour(joint)] for joint in joints],
-        "limbs": [[a, b, _SIDES[skeleton.limb_colour((a, b))]] for a, b in skeleton.limbs],
+        **_drawn_as(sequence),
         "grid": {"origin": grid.origin.tolist(), "step_mm": grid.step},
         "start": grid.pack(sequence.start[places] @ turn.T),
         "grey": sequence.grey,
@@ -101,6 +108,34 @@ def pack_scene(sequence: Sequence3D, shapes: CameraShapes, places: Index) -> dic
         "floor_mm": _floor(sequence.refined @ turn.T, float(low[2])),
         "cameras": _cameras(shapes, turn, (low + high) / 2),
     }
+
+
+def _drawn_as(sequence: Sequence3D) -> dict[str, Any]:
+    """Return limbs, and the groups of limbs and joints that share a colour: body sides, or people."""
+    skeleton, joints = sequence.skeleton, range(len(sequence.joint_names))
+    parts = [{"name": name, "from": own.start, "to": own.stop} for name, own in sequence.parts]
+    if not sequence.people:
+        return {
+            "groups": list(_style.SIDES),
+            "people": parts,
+            "sides": [_SIDES[skeleton.colour(joint)] for joint in joints],
+            "limbs": [[a, b, _SIDES[skeleton.limb_colour((a, b))]] for a, b in skeleton.limbs],
+        }
+    return {
+        "groups": [person_class(place) for place in range(len(parts))],
+        "people": parts,
+        "sides": [joint * len(parts) // len(joints) for joint in joints],
+        "limbs": [
+            [own.start + a, own.start + b, place]
+            for place, (_, own) in enumerate(sequence.parts)
+            for a, b in skeleton.limbs
+        ],
+    }
+
+
+def person_class(place: int) -> str:
+    """Return the name of a person's colour in the page's style."""
+    return f"person-{place % len(_style.PEOPLE)}"
 
 
 def upright(up: Array) -> tuple[Array, list[str]]:

@@ -1,7 +1,7 @@
 // What is drawn of one frame: bones, joints and error ellipsoids, as coordinates in metres.
 "use strict";
 
-const SIDES = ["left", "right", "middle"];
+const GROUPS = scene.groups; // of limbs and joints that share a colour: left, right and middle, or people
 const SIGMAS = 2;
 const MOST_M = 0.3; // from a joint to where its ellipsoid is cut off: that of an undetermined one would fill the scene
 const SPHERE = sphere();
@@ -23,17 +23,30 @@ function joint(pose, t, j) {
   return [0, 1, 2].map((axis) => scene.origin[axis] + scene.step * pose[at + axis]);
 }
 
-// The limbs of one side (null: of all) as one line with breaks.
-function bones(pose, t, side) {
+// The limbs of one group (null: of all) as one line with breaks.
+function bones(pose, t, group) {
   const line = coordinates();
   for (const [a, b, own] of scene.limbs) {
     const ends = [joint(pose, t, a), joint(pose, t, b)];
-    if ((side !== null && own !== side) || !ends[0] || !ends[1]) continue;
+    if ((group !== null && own !== group) || !ends[0] || !ends[1]) continue;
     push(line, ends[0]);
     push(line, ends[1]);
     push(line, null);
   }
   return line;
+}
+
+// The names of several people above their highest joints.
+function labels(pose, t) {
+  const points = { ...coordinates(), texts: [], colours: [] };
+  scene.people.forEach((person, k) => {
+    const top = known(pose, t, person).sort((a, b) => b[2] - a[2])[0];
+    if (!person.name || !top) return;
+    push(points, [top[0], top[1], top[2] + 0.12]);
+    points.texts.push(escaped(person.name));
+    points.colours.push(colourOfGroup[k]);
+  });
+  return points;
 }
 
 // The joints whose status is ok, or the others.
@@ -43,7 +56,7 @@ function joints(pose, t, ok) {
     const point = joint(pose, t, j);
     if (!point || (statusOf(t, j) === "ok") !== ok) continue;
     push(points, point);
-    points.colours.push(colourOfSide[scene.sides[j]]);
+    points.colours.push(colourOfGroup[scene.sides[j]]);
     points.texts.push(tell(t, j));
   }
   return points;
@@ -150,12 +163,17 @@ function unit(vector) {
   return vector.map((value) => value / length);
 }
 
-// Middle of the joints known at place `t`, or null.
-function middle(pose, t) {
-  const known = scene.joints.map((_, j) => joint(pose, t, j)).filter((point) => point);
-  if (!known.length) return null;
+// The joints of a person that are known at place `t`.
+function known(pose, t, { from, to }) {
+  return Array.from({ length: to - from }, (_, k) => joint(pose, t, from + k)).filter((point) => point);
+}
+
+// Middle of a person's joints at place `t`, or null.
+function middle(pose, t, person) {
+  const points = known(pose, t, person);
+  if (!points.length) return null;
   return [0, 1, 2].map((axis) => {
-    const values = known.map((point) => point[axis]).sort((a, b) => a - b);
+    const values = points.map((point) => point[axis]).sort((a, b) => a - b);
     return values[values.length >> 1];
   });
 }

@@ -28,6 +28,10 @@ const scene = {
   spreadStep: report.scene.spread.step_mm / 1000,
 };
 
+// What the programs below add to the page: drawings to make anew in other colours, and charts with frames to click.
+const drawings = [];
+const clickable = [];
+
 // The place of the frame shown whose number is nearest to `number`.
 function placeOf(number) {
   const frames = scene.frames;

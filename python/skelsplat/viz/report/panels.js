@@ -71,11 +71,11 @@ function overFrames(value) {
 }
 
 function colourOf(side) {
-  return colour(SIDES[side]);
+  return colour(GROUPS[side]);
 }
 
 function sideIn(side, words) {
-  return side < 2 ? `${SIDES[side]}, ${words}` : words;
+  return side < 2 ? `${GROUPS[side]}, ${words}` : words;
 }
 
 // x, y and z of the chosen joint in mm, with two standard deviations, before in grey.
@@ -161,3 +161,7 @@ function chooseJoint() {
   trajectory.joint.value = Math.max(0, scene.joints.findIndex((name) => /wrist/i.test(name)));
   trajectory.joint.addEventListener("change", drawTrajectory);
 }
+
+chooseJoint();
+drawings.push(drawAllPanels);
+clickable.push(...[trajectory.div, inTime.bones, inTime.speeds].filter((div) => div));

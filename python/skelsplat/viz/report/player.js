@@ -126,8 +126,8 @@ function listen() {
     view.held = false;
     if (player.wanted !== null) show(player.wanted);
   });
-  for (const div of [charts.lines, trajectory.div, inTime.bones, inTime.speeds]) {
-    div?.on?.("plotly_click", ({ points }) => goTo(placeOf(points[0].x)));
+  for (const div of clickable) {
+    div.on?.("plotly_click", ({ points }) => goTo(placeOf(points[0].x)));
   }
   charts.lines.on("plotly_relayout", () => moveCursor(scene.frames[view.at]));
   window.addEventListener("hashchange", followAddress);
@@ -152,12 +152,12 @@ function listenToChoices() {
     await setShown("names", event.target.checked);
   });
   get("path").addEventListener("change", (event) => setShown("path", event.target.checked));
-  get("follow").addEventListener("change", (event) => { view.follow = event.target.checked; show(view.at); });
+  get("follow").addEventListener("change", ({ target }) => {
+    view.follow = target.type === "checkbox" ? target.checked && scene.people[0] : scene.people[target.value];
+    show(view.at);
+  });
   get("fit-person").addEventListener("click", () => setCamera(lookAt("person")));
   get("fit-all").addEventListener("click", () => setCamera(lookAt("all")));
-  for (const choice of document.querySelectorAll("input[name=heat]")) {
-    choice.addEventListener("change", () => drawHeat(choice.value));
-  }
 }
 
 // Draw everything again in the colours that now hold.
@@ -165,18 +165,13 @@ async function recolour() {
   const camera = liveCamera();
   await openView();
   await setCamera(camera);
-  await drawHeat(document.querySelector("input[name=heat]:checked").value);
-  await drawLines();
-  await drawAllPanels();
+  for (const draw of drawings) await draw();
   drawMarks();
 }
 
 async function open() {
   await openView();
-  await drawHeat("errors");
-  await drawLines();
-  chooseJoint();
-  await drawAllPanels();
+  for (const draw of drawings) await draw();
   listen();
   drawMarks();
   tellFrame(0);

@@ -9,29 +9,30 @@ const CONFIG = {
   showSendToCloud: false, plotlyServerURL: "", // a recording of a person does not leave the machine
   plotGlPixelRatio: Math.min(Math.max(devicePixelRatio, 1), 2), // 2 by default: four times the pixels of most screens
 };
-let colourOfSide = [];
+let colourOfGroup = [];
 
 const view = {
   div: document.getElementById("view"),
   pose: "refined",
-  ellipsoids: true,
-  follow: false,
+  ellipsoids: document.getElementById("ellipsoids").checked,
+  follow: null, // a person
   held: false, // the pointer turns the view: frames wait
   at: 0,
 };
 
 // Names of the traces that change, in their order, and of those that stay.
-const MOVING = ["left", "right", "middle", "before", "ok", "other", "ellipsoids"];
+const MOVING = [...GROUPS.map((_, k) => `limbs ${k}`), "before", "ok", "other", "labels", "ellipsoids"];
 const FIXED = ["floor", "axes", "path", "cameras", "names"];
 
 function moving(t) {
   const pose = scene[view.pose === "both" ? "refined" : view.pose];
   const errors = view.ellipsoids && hasErrors();
   return [
-    ...SIDES.map((_, side) => bones(pose, t, side)),
+    ...GROUPS.map((_, group) => bones(pose, t, group)),
     view.pose === "both" ? bones(scene.alone ?? scene.start, t, null) : EMPTY,
     joints(pose, t, true),
     joints(pose, t, false),
+    labels(pose, t),
     errors ? ellipsoids(t) : null,
   ];
 }
@@ -42,20 +43,22 @@ function hasErrors() {
 }
 
 function traces(t) {
-  colourOfSide = SIDES.map(colour);
-  const parts = moving(t);
+  colourOfGroup = GROUPS.map(colour);
+  const limbs = moving(t);
+  const [before, ok, other, names, errors] = limbs.splice(GROUPS.length);
   const line = { type: "scatter3d", mode: "lines", hoverinfo: "skip", showlegend: false };
-  const drawn = SIDES.map((side, k) => ({ ...line, ...xyz(parts[k]), line: { color: colour(side), width: 7 } }));
-  drawn.push({ ...line, ...xyz(parts[3]), line: { color: colour("start"), width: 4 } });
+  const drawn = limbs.map((part, k) => ({ ...line, ...xyz(part), line: { color: colourOfGroup[k], width: 7 } }));
+  drawn.push({ ...line, ...xyz(before), line: { color: colour("start"), width: 4 } });
   const dots = { ...line, mode: "markers", hoverinfo: "text" };
-  drawn.push({ ...dots, ...xyz(parts[4]), text: parts[4].texts, marker: { size: 4, color: parts[4].colours } });
+  drawn.push({ ...dots, ...xyz(ok), text: ok.texts, marker: { size: 4, color: ok.colours } });
   drawn.push({
-    ...dots, ...xyz(parts[5]), text: parts[5].texts,
-    marker: { size: 7, symbol: "circle-open", color: parts[5].colours, line: { width: 2 } },
+    ...dots, ...xyz(other), text: other.texts,
+    marker: { size: 7, symbol: "circle-open", color: other.colours, line: { width: 2 } },
   });
+  drawn.push({ ...line, ...xyz(names), mode: "text", text: names.texts, textfont: { color: names.colours, size: 13 } });
   drawn.push({
-    type: "mesh3d", ...(parts[6] ?? ellipsoids(t)), ...faces(), visible: parts[6] !== null, opacity: 0.35,
-    facecolor: scene.sides.flatMap((side) => SPHERE.faces.map(() => colourOfSide[side])),
+    type: "mesh3d", ...(errors ?? ellipsoids(t)), ...faces(), visible: errors !== null, opacity: 0.35,
+    facecolor: scene.sides.flatMap((side) => SPHERE.faces.map(() => colourOfGroup[side])),
     hoverinfo: "skip", flatshading: false, lighting: { ambient: 0.8, diffuse: 0.4, specular: 0 },
   });
   return [...drawn, ...surroundings(line)];
@@ -65,7 +68,7 @@ function xyz({ x, y, z }) {
   return { x, y, z };
 }
 
-// What stays: floor, axes of the world, path of the person on the floor, cameras and their names.
+// What stays: floor, axes of the world, paths of the people on the floor, cameras and their names.
 function surroundings(line) {
   const ground = floor();
   const soft = { color: colour("camera"), size: 12 };
@@ -82,7 +85,7 @@ function surroundings(line) {
       ...line, ...ground.axes, mode: "lines+text", text: ground.texts, textfont: soft,
       line: { color: colour("camera"), width: 4 },
     },
-    { ...line, ...pathOnFloor(ground.height), line: { color: colour("start"), width: 3 } },
+    pathsOnFloor(line, ground.height),
     { ...line, ...pyramids, line: { color: colour("camera"), width: 2.5 } },
     {
       ...line, ...centres, mode: names.length > MOST_LABELS ? "markers" : "markers+text", text: names,
@@ -145,15 +148,20 @@ function floor() {
   return { lines, axes, texts, height };
 }
 
-// Where the person went, on the floor: the middle joint of some hundred frames.
-function pathOnFloor(height) {
-  const line = coordinates();
+// Where the people went, on the floor: the middle joint of some hundred frames.
+function pathsOnFloor(line, height) {
+  const path = coordinates();
+  const colours = [];
   const every = Math.ceil(scene.count / MOST_PATH);
-  for (let t = 0; t < scene.count; t += every) {
-    const point = middle(scene.refined, t);
-    push(line, point ? [point[0], point[1], height] : null);
-  }
-  return line;
+  scene.people.forEach((person, k) => {
+    for (let t = 0; t < scene.count; t += every) {
+      const point = middle(scene.refined, t, person);
+      push(path, point ? [point[0], point[1], height] : null);
+    }
+    push(path, null);
+    while (colours.length < path.x.length) colours.push(person.name ? colourOfGroup[k] : colour("start"));
+  });
+  return { ...line, ...path, line: { color: colours, width: 3 } };
 }
 
 function sceneLayout() {
@@ -223,7 +231,7 @@ function liveCamera() {
 
 function followed(t) {
   const camera = liveCamera();
-  const centre = view.follow ? middle(scene.refined, t) ?? middle(scene.start, t) : null;
+  const centre = view.follow && (middle(scene.refined, t, view.follow) ?? middle(scene.start, t, view.follow));
   if (!centre) return camera;
   const [x, y, z] = inView(centre);
   const { eye, center } = camera;
@@ -246,11 +254,12 @@ async function openView() {
 async function drawFrame(t) {
   view.at = t;
   const parts = moving(t);
-  const shown = parts[6] ? MOVING.length : MOVING.length - 1;
+  const shown = parts.at(-1) ? MOVING.length : MOVING.length - 1; // the ellipsoids are last
   const some = parts.slice(0, shown);
   const change = { x: some.map((p) => p.x), y: some.map((p) => p.y), z: some.map((p) => p.z) };
   change.text = some.map((p) => p.texts);
   change["marker.color"] = some.map((p) => p.colours);
+  change["textfont.color"] = some.map((p) => p.colours);
   await Plotly.update(view.div, change, { "scene.camera": followed(t) }, some.map((_, k) => k));
 }
 

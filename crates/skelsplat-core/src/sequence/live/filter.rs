@@ -15,7 +15,7 @@ use std::collections::VecDeque;
 use nalgebra::{Matrix3, Vector3};
 
 use super::tape::Tape;
-use crate::sequence::learn::{LEAST_WHITE, SPAN, USUAL_AGILITY, bounded, density};
+use crate::sequence::agility::{LEAST_WHITE, SHARE, SPAN, USUAL_AGILITY, bounded, density};
 use crate::sequence::small::{inverse, product, times};
 use crate::sequence::solver::frames_in;
 
@@ -88,7 +88,7 @@ pub(super) fn symmetric(m: Matrix3<f64>) -> Matrix3<f64> {
     (m + m.transpose()) * 0.5
 }
 
-/// How agile a joint is: running means of its second differences over 1, 2, 4, … frames, see [`crate::sequence::learn::agility`].
+/// How agile a joint is: running means of its second differences over 1, 2, 4, … frames, see [`crate::sequence::agility`].
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Motion {
     /// The last positions that a frame alone determined, NaN for other frames; the newest first.
@@ -137,7 +137,7 @@ impl Motion {
         let white = (first / 6.0).clamp(LEAST_WHITE * self.variance, self.variance);
         let spans = spans(longest(fps)).zip(&self.squares);
         let q = density(spans.map(|(h, square)| (h, *square)), white, fps);
-        bounded(q, white, self.variance, fps)
+        bounded(SHARE * q, white, self.variance, fps)
     }
 
     /// Variance per axis by which the joint leaves a straight path within so many frames, mm²: that of the second differences

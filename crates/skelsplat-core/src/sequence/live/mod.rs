@@ -29,6 +29,7 @@ use self::bone::{Bone, Tie};
 use self::joint::{Answer, Joint, STEPS, Seen};
 use self::tape::Tape;
 use self::window::Window;
+use super::agility::Agility;
 use super::noise::Memory;
 use super::outcome::Learnt;
 use super::recording::{LEAST_SPREAD, USUAL_SPREAD, check};
@@ -240,7 +241,11 @@ impl Live {
             fps: self.fps,
             bones: refiner.bones().to_vec(),
             lengths: self.lengths().map(|length| length.unwrap_or(unknown)).collect(),
-            agility: self.joints.iter().map(|joint| joint.agility(self.fps)).collect(),
+            agility: self
+                .joints
+                .iter()
+                .map(|joint| Agility::steady(joint.agility(self.fps)))
+                .collect(),
             weight: last.rays.mean_weight(),
             variance: vec![self.variance(); self.joints.len()],
             sigma: self.kernels(refiner, last),

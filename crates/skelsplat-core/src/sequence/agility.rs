@@ -1,0 +1,255 @@
+//! How agile joints are: the spectral density q of their acceleration, in the whole recording and at every time.
+//!
+//! For white acceleration of density q the second difference over the time h has the variance ⅔ q h³ per axis, and for white noise
+//! of variance s² per frame 6 s². The shortest span in which motion outweighs the noise counts: only there can they be
+//! told apart. Errors with a memory follow the joint, so that only the white part of the noise weighs against the motion; the solver
+//! takes the whole variance, and q grows by the same factor.
+//!
+//! A body rests, walks and jumps in the same recording. So q changes with time: it is that of the second differences around, of the
+//! joint and of those that bones connect to it, with the recording's as a prior.
+
+use nalgebra::Vector3;
+
+use super::small::median;
+use super::solver::frames_in;
+use super::tracks::Tracks;
+
+/// Longest time over which an acceleration is measured, s: half of the second difference's span.
+pub(super) const SPAN: f64 = 0.4;
+/// Multiple of the noise at which a span shows motion.
+const CLEAR: f64 = 2.0;
+/// Width of the transition around it.
+const SOFT: f64 = 1.0;
+/// Least share of white noise in the variance of the detections.
+pub(super) const LEAST_WHITE: f64 = 0.1;
+/// Agility of joints of which too little is known, mm²/s³: 5 m/s² for a tenth of a second.
+pub(super) const USUAL_AGILITY: f64 = 2.5e6;
+/// Bounds of the cut-off frequency between motion and noise, Hz and as a share of the frame rate.
+const SLOWEST: f64 = 0.5;
+const FASTEST: f64 = 0.5;
+/// Share of the measured agility where views do not agree, at high rates: wrong detections last, and the more of them there are per
+/// second, the more they weigh against the motion (docs/decisions.md). Frames per second up to which it is all of it.
+pub(super) const SHARE: f64 = 0.5;
+const SLOW_RATE: f64 = 15.0;
+/// Second differences needed for an estimate.
+const LEAST: usize = 6;
+/// Half of the time in which second differences show the agility at a time, s.
+const AROUND: f64 = 0.3;
+/// Second differences as which the recording's agility counts.
+const PRIOR: f64 = 6.0;
+
+/// How agile a joint is in a recording.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Agility {
+    /// q for the solver, mm²/s³.
+    pub usual: f64,
+    /// Variances of the detections and of the white part of the positions' errors, mm².
+    variance: f64,
+    white: f64,
+    /// Variances per axis of the second differences over 1, 2, … frames, mm²; empty if q is the same at all times.
+    squares: Vec<f64>,
+}
+
+impl Agility {
+    /// q at all times.
+    #[must_use]
+    pub fn steady(q: f64) -> Self {
+        Self { usual: q, variance: 1.0, white: 1.0, squares: Vec::new() }
+    }
+}
+
+/// The agility of every joint for data of these variances, mm².
+#[must_use]
+pub fn learn(tracks: &Tracks, fps: f64, variance: &[f64]) -> Vec<Agility> {
+    let own: Vec<Measured> =
+        (0..tracks.joints).map(|j| Measured::of(tracks, fps, j, variance[j])).collect();
+    let known = own.iter().map(|m| m.q).filter(|q| q.is_finite());
+    let shared = median(known.collect()).max(USUAL_AGILITY);
+    let of_joint = |(measured, variance): (Measured, &f64)| {
+        let Measured { q, white, mut squares } = measured;
+        let q = if q.is_finite() { q } else { shared };
+        for h in squares.len() + 1..=frames_in(SPAN, fps) {
+            squares.push(2.0 / 3.0 * q * (h as f64 / fps).powi(3) + 6.0 * white);
+        }
+        let usual = bounded(share(fps) * q, white, *variance, fps);
+        Agility { usual, variance: *variance, white, squares }
+    };
+    own.into_iter().zip(variance).map(of_joint).collect()
+}
+
+/// Share of the measured agility where views do not agree.
+fn share(fps: f64) -> f64 {
+    (SLOW_RATE / fps).clamp(SHARE, 1.0)
+}
+
+/// q for data of this variance, of which `white` is white, within the bounds.
+pub(super) fn bounded(q: f64, white: f64, variance: f64, fps: f64) -> f64 {
+    let at = |f: f64| (std::f64::consts::TAU * f).powi(4) * variance / fps;
+    let fastest = FASTEST * fps;
+    (q * variance / white).clamp(at(SLOWEST.min(fastest)), at(fastest))
+}
+
+/// q by the variances of second differences over spans of h frames, for noise of the variance `white`: the first span in which
+/// motion outweighs the noise counts. NaN of nothing.
+pub(super) fn density(squares: impl Iterator<Item = (usize, f64)>, white: f64, fps: f64) -> f64 {
+    let mut q = f64::NAN;
+    for (h, square) in squares {
+        q = at_span(h, square, white, fps);
+        if is_clear(square, white) {
+            break;
+        }
+    }
+    q
+}
+
+/// q by the variance of second differences over `h` frames.
+fn at_span(h: usize, square: f64, white: f64, fps: f64) -> f64 {
+    1.5 * (square - 6.0 * white).max(0.6 * white) / (h as f64 / fps).powi(3)
+}
+
+fn is_clear(square: f64, white: f64) -> bool {
+    square > CLEAR * 6.0 * white
+}
+
+/// How little a span shows motion, from 1 to 0 around [`CLEAR`], without a jump: q must not depend on a hair.
+fn unclear(square: f64, white: f64) -> f64 {
+    (CLEAR + 0.5 * SOFT - square / (6.0 * white)).clamp(0.0, SOFT) / SOFT
+}
+
+/// What the positions of a joint show.
+struct Measured {
+    /// NaN if too little is known.
+    q: f64,
+    /// Variance of the white noise, mm².
+    white: f64,
+    /// Variances of second differences, mm², as far as there are enough.
+    squares: Vec<f64>,
+}
+
+impl Measured {
+    fn of(tracks: &Tracks, fps: f64, j: usize, variance: f64) -> Self {
+        let of = j * tracks.frames..(j + 1) * tracks.frames;
+        let sure = tracks.alone[of.clone()].iter().zip(&tracks.sure[of]);
+        let unknown = Vector3::repeat(f64::NAN);
+        let x: Vec<Vector3<f64>> = sure.map(|(x, sure)| if *sure { *x } else { unknown }).collect();
+        let joined = |a: usize, b: usize| !tracks.is_cut(a, b);
+        let spans = frames_in(SPAN, fps);
+        let squares: Vec<f64> = (1..=spans).map_while(|h| second_moment(&x, h, joined)).collect();
+        let Some(first) = squares.first() else {
+            return Self { q: f64::NAN, white: variance, squares };
+        };
+        let white = (first / 6.0).clamp(LEAST_WHITE * variance, variance);
+        // Too short a recording may end before a slow joint has moved: then little motion in few frames means nothing.
+        let shows = squares.len() == spans || squares.iter().any(|s| is_clear(*s, white));
+        let of_spans = squares.iter().zip(1..).map(|(square, h)| (h, *square));
+        Self { q: if shows { density(of_spans, white, fps) } else { f64::NAN }, white, squares }
+    }
+}
+
+/// Variance per axis of the second differences over `h` frames, between frames that are `joined` and without the largest tenth: rest
+/// and motion both count, jumps do not. `None` if there are few.
+fn second_moment(
+    x: &[Vector3<f64>],
+    h: usize,
+    joined: impl Fn(usize, usize) -> bool,
+) -> Option<f64> {
+    let mut squares: Vec<f64> = (h..x.len().saturating_sub(h))
+        .filter(|t| joined(t - h, t + h))
+        .map(|t| (x[t - h] - 2.0 * x[t] + x[t + h]).norm_squared())
+        .filter(|s| s.is_finite())
+        .collect();
+    let n = squares.len();
+    if n < LEAST {
+        return None;
+    }
+    let kept = n - n / 10;
+    squares.select_nth_unstable_by(kept - 1, f64::total_cmp);
+    Some(squares[..kept].iter().sum::<f64>() / kept as f64 / 3.0)
+}
+
+/// q of every joint at every time `(N, T)`, mm²/s³.
+///
+/// The second differences around count in multiples of the recording's, so that those of joints that bones connect can be added. Only
+/// positions on which all of at least three views agree count, and only the same views in a second difference: others differ
+/// by their errors.
+#[must_use]
+pub fn local(tracks: &Tracks, fps: f64, bones: &[[usize; 2]], usual: &[Agility]) -> Vec<f64> {
+    let t = tracks.frames;
+    let mut out: Vec<f64> = vec![0.0; tracks.joints * t];
+    // What no shorter span has shown.
+    let mut open: Vec<f64> = vec![1.0; out.len()];
+    let near: Vec<Vec<usize>> = (0..tracks.joints).map(|j| connected(bones, j)).collect();
+    let views: Vec<Vec<u64>> = (0..tracks.joints).map(|j| agreeing(tracks, j)).collect();
+    let around = frames_in(AROUND, fps);
+    let mut shares: Vec<f64> = Vec::new();
+    let spans = frames_in(SPAN, fps);
+    for h in 1..=spans {
+        let of_joint = |j: usize| ratios(tracks, &views[j], j, h, usual[j].squares[h - 1]);
+        let sums: Vec<Vec<[f64; 2]>> = (0..tracks.joints).map(of_joint).collect();
+        let within = |i: usize, k: usize| {
+            let (first, last) =
+                (sums[i][k.saturating_sub(around)], sums[i][(k + around + 1).min(t)]);
+            [last[0] - first[0], last[1] - first[1]]
+        };
+        if h == 1 {
+            let low = share(fps);
+            let of_own = |n: f64| low + (1.0 - low) * n / (n + PRIOR);
+            shares = (0..out.len()).map(|k| of_own(within(k / t, k % t)[1])).collect();
+        }
+        for k in 0..out.len() {
+            if open[k] <= 0.0 {
+                continue;
+            }
+            let (j, of) = (k / t, &usual[k / t]);
+            let add = |sum: [f64; 2], i: &usize| {
+                let other = within(*i, k % t);
+                [sum[0] + other[0], sum[1] + other[1]]
+            };
+            let [ratio, n] = near[j].iter().fold([PRIOR, PRIOR], add);
+            let square = of.squares[h - 1] * ratio / n;
+            let left = if h < spans { unclear(square, of.white) } else { 0.0 };
+            let q = shares[k] * at_span(h, square, of.white, fps);
+            out[k] += open[k] * (1.0 - left) * bounded(q, of.white, of.variance, fps);
+            open[k] *= left;
+        }
+    }
+    out
+}
+
+/// Joint `j` and those that bones connect to it.
+fn connected(bones: &[[usize; 2]], j: usize) -> Vec<usize> {
+    let others = bones.iter().filter_map(|[a, b]| match j {
+        j if j == *a => Some(*b),
+        j if j == *b => Some(*a),
+        _ => None,
+    });
+    std::iter::once(j).chain(others).collect()
+}
+
+/// The views of joint `j` in every frame, as bits, if all of at least three agree closely; else 0.
+fn agreeing(tracks: &Tracks, j: usize) -> Vec<u64> {
+    let bit = |(i, held): (usize, &f64)| if *held > 0.0 { 1_u64.rotate_left(i as u32) } else { 0 };
+    (0..tracks.frames)
+        .map(|t| tracks.held(j, t).iter().enumerate().map(bit).fold(0, std::ops::BitXor::bitxor))
+        .collect()
+}
+
+/// Running sums `(T + 1)` of the squares of second differences of joint `j` over `h` frames in multiples of the usual one, and of
+/// their number.
+fn ratios(tracks: &Tracks, views: &[u64], j: usize, h: usize, usual: f64) -> Vec<[f64; 2]> {
+    let x = &tracks.alone[j * tracks.frames..(j + 1) * tracks.frames];
+    let mut sum = [0.0; 2];
+    let mut sums = vec![sum];
+    for t in 0..x.len() {
+        let (a, b) = (t.wrapping_sub(h), t + h);
+        if t >= h && b < x.len() {
+            let same = views[t] != 0 && views[a] == views[t] && views[b] == views[t];
+            if same && !tracks.is_cut(a, b) {
+                let square = (x[a] - 2.0 * x[t] + x[b]).norm_squared() / 3.0;
+                sum = [sum[0] + square / usual, sum[1] + 1.0];
+            }
+        }
+        sums.push(sum);
+    }
+    sums
+}

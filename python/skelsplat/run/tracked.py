@@ -1,0 +1,221 @@
+"""From everybody's detections to the inputs of one person, or of each: who is who over time."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+import skelsplat as sk
+from skelsplat import association
+from skelsplat._arrays import Array, Index
+from skelsplat._people import Person
+from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.findings import Finding, warn
+from skelsplat.io.detections import camera_called
+from skelsplat.run.job import Job
+from skelsplat.run.person import MOVES_MOST, count_people, look_around, pick_places, point_of
+from skelsplat.run.read import Inputs, read_everybody
+from skelsplat.run.solve import Progress, even_clock, frames_of, is_sparse, spread
+
+# Settings of the paper's method that following people over time understands as well.
+_SHARED = ("min_confidence", "undistort", "n_threads")
+# A point is on a person up to this part of their size in the image from a joint.
+_NEAR = 0.5
+
+
+@dataclass(frozen=True)
+class Everybody:
+    """The people of a recording, each with the inputs of a run.
+
+    Attributes
+    ----------
+    people : tuple of Inputs
+        In the order of their appearance; ``person`` is their identity, a number from 0, and ``frames`` are
+        those from the first to the last in which two views see them.
+    detected, assigned : (T, M) int64
+        How many people each view detects, and how many of them are one of ``people``.
+    whole : Inputs
+        The recording, with nobody chosen.
+    """
+
+    people: tuple[Inputs, ...]
+    detected: Index
+    assigned: Index
+    whole: Inputs
+
+
+def read_inputs(job: Job, progress: Progress | None = None) -> Inputs:
+    """Read what ``job`` names and follow one person through it.
+
+    A number, and the largest, is an identity where the frame rate is known; otherwise each file's own.
+
+    Raises
+    ------
+    DatasetError, InvalidInputError
+        As `read_everybody`; if nobody is found, or not the person asked for.
+    """
+    people, whole = read_everybody(job)
+    person = str(job.person)
+    by_place, alone = person == "largest" or person.isdecimal(), people.shape[2] == 1
+    if person != "consistent" and not (by_place and (alone or whole.fps is None)):
+        return choose(follow_everybody(people, whole, job, progress), person)
+    index, unmatched = pick_places(people, whole.rig, person, whole.layout)
+    if person.isdecimal() and not alone:
+        warn(Finding("person_by_place", "note", numbers={"person": person}))
+    return replace(
+        whole,
+        detections=association.take_people(people, index),
+        unmatched=unmatched,
+        person=person,
+        crowd=look_around(people, index, whole.rig, person, whole.layout),
+    )
+
+
+def follow_everybody(people: Array, whole: Inputs, job: Job, progress: Progress | None = None) -> Everybody:
+    """Find out who is who among people (T, M, P, N, 3).
+
+    Raises
+    ------
+    InvalidInputError
+        If the frame rate is unknown, or most frames are missing.
+    DatasetError
+        If there is nobody on whom two views agree.
+    """
+    check_times(whole, job)
+    places, rate = even_clock(whole)
+    config = job.settings
+    if config.method == "paper":
+        config = sk.RefineConfig(**{name: getattr(config, name) for name in _SHARED})
+    seen, begin = spread(people, places), time.perf_counter()
+    found = sk.track(
+        seen,
+        whole.rig,
+        fps=rate,
+        layout=whole.layout,
+        max_people=job.people if isinstance(job.people, int) else None,
+        config=config,
+        progress=False if progress is None else progress,
+    )
+    each = (time.perf_counter() - begin) / max(1, len(found))
+    detected = count_people(people)
+    if not found:
+        raise _nobody(job, whole, detected)
+    kept = [_inputs(person, seen, whole, places, each) for person in found]
+    assigned = np.zeros((len(seen), people.shape[1]), dtype=np.int64)
+    for person in found:
+        for slots in (person.slots, person.more_slots):
+            assigned[person.frames] += slots >= 0
+    return Everybody(tuple(kept), detected, np.minimum(assigned[places], detected), whole)
+
+
+def check_times(whole: Inputs, job: Job) -> None:
+    """Raise `InvalidInputError` if people cannot be followed: no frame rate, or most frames are missing."""
+    why = f"--people {job.people}" if job.people is not None else f"--person {job.person}"
+    if whole.fps is None:
+        expected = f"the frame rate, which following people over time needs ({why})"
+        raise InvalidInputError(f"fps: expected {expected}, got none: neither the files nor videos state it")
+    if is_sparse(whole):
+        first, last = whole.frames[0], whole.frames[-1]
+        expected = "most frames, to follow people over time"
+        raise InvalidInputError(
+            f"frames: expected {expected}, got {len(whole.frames)} from {first} to {last}"
+        )
+
+
+def _nobody(job: Job, whole: Inputs, detected: Index) -> DatasetError:
+    seen = (detected > 0).sum(axis=0)
+    counts = ", ".join(f"{name} {count:,}" for name, count in zip(whole.rig.names, seen, strict=True))
+    expected = "somebody on whom two views agree"
+    if ((detected > 0).sum(axis=1) >= 2).any():
+        advice = (
+            "exchanged cameras, a wrong unit, layout or calibration, or unsynchronised videos? "
+            "skelsplat check-cameras looks for the cause"
+        )
+    else:
+        advice = "no two views detect anybody in the same frame"
+    got = f"nobody, though people are detected ({counts} of {len(detected):,} frames): {advice}"
+    return DatasetError(
+        Path(job.detections), "people", expected, got if seen.any() else "no detections of people"
+    )
+
+
+def _inputs(person: Person, seen: Array, whole: Inputs, places: Index, seconds: float) -> Inputs:
+    """Return the inputs of a person among people ``seen`` on an even clock."""
+    here = np.flatnonzero((places >= person.frames[0]) & (places <= person.frames[-1]))
+    rows = places[here] - person.frames[0]
+    result = person.refinement
+    return replace(
+        whole,
+        detections=person.detections(seen)[rows],
+        unmatched=whole.unmatched[here],
+        frames=whole.frames[here],
+        init_pose=None if whole.init_pose is None else whole.init_pose[here],
+        person=str(person.id),
+        solved=frames_of(result, rows),
+        solved_s=seconds,
+    )
+
+
+def choose(everybody: Everybody, person: str) -> Inputs:
+    """Return the person of a choice of `skelsplat.run.Job`.
+
+    Raises
+    ------
+    InvalidInputError
+        If nobody has that number, or is near that point.
+    """
+    people, point = everybody.people, point_of(person)
+    if person.isdecimal():
+        found = [one for one in people if int(one.person) == int(person)]
+        if not found:
+            known = ", ".join(one.person for one in people)
+            raise InvalidInputError(f"person: expected one of {known} (the people found), got {person}")
+        chosen = found[0]
+    elif point is not None:
+        chosen = _at(people, *point)
+    else:
+        measure = _moved if person == MOVES_MOST else _size
+        chosen = max(people, key=measure)
+    numbers = {"person": person, "identity": int(chosen.person), "people": len(people)}
+    warn(Finding("person_followed", "note", numbers=numbers))
+    return chosen
+
+
+def _size(inputs: Inputs) -> float:
+    """Return the extent in the images as a part of their diagonals, summed over frames and views."""
+    diagonals = np.array([np.hypot(*camera.size) for camera in inputs.rig])
+    return float((association.extents(inputs.detections) / diagonals).sum())
+
+
+def _moved(inputs: Inputs) -> float:
+    """Return the way of the median joint over all frames, in the unit of the cameras."""
+    if inputs.solved is None:
+        return 0.0
+    steps = np.linalg.norm(np.diff(np.asarray(inputs.solved.pose), axis=0), axis=-1)
+    return float(np.median(np.nansum(steps, axis=0)))
+
+
+def _at(people: Sequence[Inputs], camera: str, x: float, y: float) -> Inputs:
+    """Return who is nearest to a point of a view in the first frame in which it sees one of the people."""
+    name = camera_called(camera, people[0].rig.names, "person")
+    view = list(people[0].rig.names).index(name)
+    known = [np.isfinite(one.detections[:, view, :, 0]).any(axis=1) for one in people]
+    pairs = zip(people, known, strict=True)
+    first = min((one.frames[there][0] for one, there in pairs if there.any()), default=None)
+    if first is None:
+        raise InvalidInputError(f"person: expected a camera that sees one of the people found, got {name}")
+    here = {one.person: one.detections[one.frames == first][:, view] for one in people}
+    away = {
+        who: float(np.nanmin(np.hypot(joints[0, :, 0] - x, joints[0, :, 1] - y)))
+        for who, joints in here.items()
+        if np.isfinite(joints).any()
+    }
+    nearest = min(away, key=lambda who: away[who])
+    if away[nearest] > _NEAR * float(association.extents(here[nearest])[0]):
+        got = f"one that is {away[nearest]:.0f} px from the nearest, person {nearest}"
+        raise InvalidInputError(f"person: expected a point on a person in frame {first} of {name}, got {got}")
+    return next(one for one in people if one.person == nearest)

@@ -1,0 +1,201 @@
+"""Evaluation of several people: methods, figures, tables, and the command."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from skelsplat import DatasetError, InvalidInputError, datasets, metrics, synthetic
+from skelsplat.cli import app
+from skelsplat.datasets.synthetic import write_simulated
+from skelsplat.evaluation import people, people_tables, protocols
+from skelsplat.evaluation.people_scores import Tally
+from writers import shelf_campus
+
+
+@pytest.fixture(scope="module")
+def root(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("people") / "data"
+    write_simulated(folder, synthetic.simulate_people_set(3, 4, 2, frames=60, seed=0))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def data(root):
+    return datasets.read("synthetic", root)
+
+
+@pytest.fixture(scope="module")
+def found(data):
+    return people.evaluate(data)
+
+
+def test_all_methods_find_the_people(found):
+    assert list(found.tallies) == ["track", "affinity", "oracle"]
+    for method in found.tallies:
+        figures = found.figures(method)
+        assert figures["recall"] > 0.98
+        assert figures["precision"] > 0.9
+        assert figures["mean_mm"] < 40
+    own, other = found.figures("track"), found.figures("affinity")
+    assert own["identity_switches"] == 0
+    assert own["idf1"] == 1
+    assert abs(own["change"]) < 0.05 < other["change"]
+    assert np.isnan(found.figures("oracle")["change"])
+
+
+def test_figures_are_those_of_the_metric(data, found):
+    scene = data.scenes[1]
+    tracks = people._track(scene, data.layout, people.RefineConfig())
+    scores = metrics.track_scores(
+        tracks, scene.truth, optional=scene.optional(2), limbs=protocols.get("people").parts
+    )
+    figures = found.figures("track", "scene1")
+    for key, value in {
+        "precision": scores.precision,
+        "recall": scores.recall,
+        "idf1": scores.idf1,
+        "mean_mm": scores.mpjpe_mm,
+        "pcp": scores.pcp.mean(),
+        "person_frames": scores.n_truth,
+    }.items():
+        assert figures[key] == pytest.approx(value), key
+
+
+def poses():
+    body = synthetic.motion("turn", 40, seed=0)
+    return np.stack([body, np.add(body, [2000.0, 0, 0])])
+
+
+def test_an_exchange_is_a_swap_and_confused_frames_are_not_compared():
+    truth, frames = poses(), np.arange(40)
+    names = np.where(frames < 10, 0, 1)
+    tracks = [
+        (int(name), frames[names == k], truth[q][names == k] + [10.0, 0, 0])
+        for q in (0, 1)
+        for k, name in ((0, q), (1, 1 - q))
+    ]
+    right = [(q, frames, truth[q] + [5.0, 0, 0]) for q in (0, 1)]
+    nobody = np.zeros((2, 40), dtype=bool)
+    confused, reference = Tally(), Tally()
+    for tally, given in ((confused, tracks), (reference, right)):
+        tally.add("scene", given, truth, nobody, 0.4, fps=10.0, names=("a", "b"))
+    figures = confused.figures(reference)
+    assert figures["identity_switches"] == 2
+    assert (figures["scenes_swapped"], figures["scenes_clean"]) == (1, 0)
+    assert figures["mean_mm"] == pytest.approx(10)
+    assert figures["change"] == pytest.approx(1.0)
+    assert figures["ms_per_frame"] == pytest.approx(10.0)
+    assert np.isnan(figures["pcp"])
+    kept = confused.scenes["scene"].kept
+    assert kept.sum() == 60  # an identity is whose it mostly is
+    brief = Tally()
+    brief.add("scene", tracks, truth, nobody, 0.4, fps=100.0)
+    assert brief.figures()["scenes_swapped"] == 0
+
+
+def test_a_scene_without_tracks_has_scores():
+    tally = Tally()
+    tally.add("scene", [], poses(), np.zeros((2, 40), dtype=bool), 0.0, fps=30.0)
+    figures = tally.figures()
+    assert (figures["recall"], figures["identity_switches"]) == (0, 0)
+    assert np.isnan(figures["precision"])
+    assert np.isnan(figures["mean_mm"])
+    assert tally.people()["0"]["recall"] == 0
+
+
+def test_a_gap_cuts_a_scene_and_the_protocol_says_what_counts(data):
+    keep = np.ones(60, dtype=bool)
+    keep[20:25] = False
+    cut = replace(data, scenes=tuple(scene.select(keep) for scene in data.scenes))
+    rules = replace(protocols.get("people"), ranges=((0, 4), (30, 39)))
+    cases = people.cases(cut, rules)
+    assert [case.scene.key for case in cases][:2] == ["scene0, part 1", "scene0, part 2"]
+    assert [len(case.scene) for case in cases][:2] == [20, 35]
+    assert [int(case.judged.sum()) for case in cases][:2] == [5, 10]
+    found = people.evaluate(cut, ["oracle"], protocol=rules)
+    assert found.figures("oracle")["recall"] == 1
+    assert found.figures("oracle")["person_frames"] == 2 * 3 * 15
+    with pytest.raises(DatasetError, match="frames: expected frames for the protocol people, got none"):
+        people.cases(cut, replace(rules, ranges=((900, 901),)))
+
+
+def test_tables_have_every_method_and_person(found):
+    overall, pcp, error, recall = people_tables.all_tables(found)
+    assert [row.name for row in overall.rows] == ["track", "affinity", "oracle"]
+    assert "4 views, 2 scenes" in overall.title
+    for table in (pcp, error, recall):
+        assert [column.header for column in table.columns] == ["person0", "person1", "person2", "all"]
+    assert "oracle" in overall.notes[0]
+    assert "identity switches" in " ".join(overall.notes)
+
+
+def test_people_are_told_apart_or_given_but_not_both(root, tmp_path):
+    def run(*arguments):
+        return CliRunner().invoke(app, ["evaluate", "synthetic", str(root), "-o", str(tmp_path), *arguments])
+
+    result = run("--json")
+    assert result.exit_code == 0, result.output
+    content = json.loads(result.stdout)
+    assert content["protocol"]["name"] == "people"
+    assert {row["method"] for row in content["figures"]} == set(people.names)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["report.csv", "report.json", "report.md"]
+    rows = list(csv.DictReader((tmp_path / "report.csv").read_text(encoding="utf-8").splitlines()))
+    assert [row["name"] for row in rows if row["group"] == "person"][:3] == ["person0", "person1", "person2"]
+    assert "| affinity |" in (tmp_path / "report.md").read_text(encoding="utf-8")
+
+    shown = run("-m", "track,oracle", "--per-joint")
+    assert shown.exit_code == 0
+    assert "IDF1" in shown.stdout
+    assert "rec., %, per person" in shown.stdout
+    alone = run("-m", "dlt,annealed", "--json")
+    assert alone.exit_code == 0, alone.output
+    assert {s["method"] for s in json.loads(alone.stdout)["scores"]} == {"dlt", "annealed"}
+    both = run("-m", "dlt,track")
+    assert both.exit_code != 0
+    assert "--methods: expected either track, affinity, oracle or methods of one person" in both.output
+    assert "expected with methods of one person only" in run("--start", "dlt").output
+
+
+def test_data_of_one_person_have_nobody_to_tell_apart(tmp_path):
+    write_simulated(tmp_path / "data", synthetic.simulate_set("human36m-like", poses=60))
+    data = datasets.read("synthetic", tmp_path / "data")
+    with pytest.raises(DatasetError, match="people: expected detections of everybody in view"):
+        people.evaluate(data)
+    with pytest.raises(InvalidInputError, match="methods: expected one of track, affinity, oracle"):
+        people.get("dlt")
+
+
+@pytest.mark.parametrize("name", ["shelf", "campus"])
+@pytest.mark.parametrize("form", ["npz", "pickle"])
+def test_shelf_and_campus_without_oracle_association(tmp_path, name, form):
+    shelf_campus.write_everybody(tmp_path / "data", name, form=form, n_frames=121)
+    command = ["evaluate", name, str(tmp_path / "data"), "-o", str(tmp_path / "out"), "--json"]
+    result = CliRunner().invoke(app, command)
+    assert result.exit_code == 0, result.output
+    content = json.loads(result.stdout)
+    figures = {(row["method"], row["name"]): row for row in content["figures"]}
+    for actor in ("", "actor0", "actor1", "actor2"):
+        row = figures["track", actor]
+        assert row["person_frames"] == 121 * (1 if actor else 3), "actor 3 of Shelf need not be found"
+        assert row["pcp"] > 0.98
+        assert row["recall"] > 0.98
+        assert row["mean_mm"] < 25
+    assert figures["track", ""]["precision"] > 0.98
+    assert figures["track", ""]["mean_mm"] < figures["affinity", ""]["mean_mm"]
+    text = (tmp_path / "out" / "report.md").read_text(encoding="utf-8")
+    assert "| Actor 0 | Actor 1 | Actor 2 | all |" in text
+    assert "| *MVPose* |" in text
+    assert "whoever finds them loses precision" in text
+
+
+def test_detections_per_actor_have_nobody_to_tell_apart(tmp_path):
+    shelf_campus.write(tmp_path, "shelf", n_frames=303)
+    result = CliRunner().invoke(app, ["evaluate", "shelf", str(tmp_path), "-m", "track"])
+    assert result.exit_code != 0
+    assert "people: expected detections of everybody in view" in " ".join(result.output.split())

@@ -1,0 +1,235 @@
+"""``refine --people``: everybody into a folder of their own, and all of them into one file."""
+
+from __future__ import annotations
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from command_line import READ, RESULTS, assert_fails, invoke, read_report
+from detection_cases import CASES
+from detection_files import Take
+from skelsplat import synthetic
+from skelsplat.io import read_csv, read_json, read_netcdf, read_npz, write_calibration, write_people
+from skelsplat.run import Job, PeopleRun, Run, run, run_people
+from two_people import LAYOUT, crossing, seen, shuffled
+
+RIG = synthetic.human36m_like()
+FPS = 50
+FRAMES = 40
+
+
+@pytest.fixture(scope="module")
+def people():
+    return shuffled(seen(crossing(FRAMES), RIG))
+
+
+@pytest.fixture(scope="module")
+def recording(people, tmp_path_factory):
+    """Return a folder with the calibration and OpenPose's files of two people."""
+    folder = tmp_path_factory.mktemp("two")
+    write_calibration(folder / "Calib.toml", RIG)
+    (folder / "openpose").mkdir()
+    CASES["openpose"].write(folder / "openpose", Take(people, list(RIG.names), list(LAYOUT.joints)))
+    return folder
+
+
+def job(folder, detections="openpose", **options):
+    given = {"unit": "mm", "layout": LAYOUT.name, "fps": FPS, "people": "all"} | options
+    return Job(folder / "Calib.toml", folder / detections, **given)
+
+
+@pytest.fixture(scope="module")
+def found(recording):
+    return run_people(job(recording))
+
+
+@pytest.fixture(scope="module")
+def folder(recording, tmp_path_factory):
+    """Return the folder that the command wrote; not to be written to."""
+    out = tmp_path_factory.mktemp("run") / "out"
+    result = invoke(*command(recording, out), "--people", "all", "--write", "csv,json,nc")
+    assert result.exit_code == 0, result.output
+    return out
+
+
+def command(recording, out):
+    return ["refine", recording / "Calib.toml", recording / "openpose", "-o", out, *READ, "--fps", FPS]
+
+
+def test_everybody_is_refined_as_alone(people, found):
+    rig = next(iter(found.people.values())).cameras  # as read from the file
+    everybody = sk.track(people, rig, fps=FPS, layout=LAYOUT)
+    assert list(found.people) == [person.id for person in everybody] == [0, 1]
+    for person, alone in zip(everybody, found.people.values(), strict=True):
+        np.testing.assert_array_equal(alone.result.pose, person.refinement.pose)
+        np.testing.assert_array_equal(alone.detections, person.detections(people))
+        np.testing.assert_array_equal(alone.frames, person.frames)
+    assert repr(found) == f"PeopleRun(2 people, {FRAMES} frames, 0 findings)"
+
+
+def test_each_folder_is_that_of_a_run(folder, found):
+    names = {"people.csv", "people.json", "people.nc", "person_0", "person_1", "report.json"}
+    assert {path.name for path in folder.iterdir()} == names
+    for identity, alone in found.people.items():
+        own = folder / f"person_{identity}"
+        assert {path.name for path in own.iterdir()} == RESULTS - {"pose.trc"} | {"pose.json", "pose.nc"}
+        read = Run.open(own)
+        np.testing.assert_array_equal(read.poses.pose, alone.poses.pose)
+        assert read.report["input"]["person"] == str(identity)
+    again = PeopleRun.open(folder)
+    assert list(again.people) == [0, 1]
+    assert again.report == json.loads((folder / "report.json").read_text())
+
+
+def test_the_report_says_who_is_there_when(folder):
+    report = read_report(folder)
+    assert report["input"]["people"] == "all"
+    assert report["folders"] == ["person_0", "person_1"]
+    for identity, entry in enumerate(report["people"]):
+        assert (entry["id"], entry["folder"]) == (identity, f"person_{identity}")
+        assert entry["seen"] == [[0, FRAMES - 1]]
+        assert entry["views_median"] == 4
+        assert entry["findings"] == read_report(folder / entry["folder"])["findings"]
+    for camera in report["detections"]["cameras"]:
+        assert camera["detected"] == camera["assigned"] == 2 * FRAMES
+
+
+def test_people_are_in_one_file(folder, found):
+    with (folder / "people.csv").open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert len(rows) == 2 * FRAMES * 17
+    assert {row["person"] for row in rows} == {"0", "1"}
+    pose = found.people[1].poses.pose
+    own = [float(row["x"]) for row in rows if row["person"] == "1"]
+    np.testing.assert_array_equal(own, pose[..., 0].ravel())
+    document = json.loads((folder / "people.json").read_text())
+    assert document["format"] == "skelsplat-people"
+    assert [one["person"] for one in document["people"]] == [0, 1]
+    np.testing.assert_array_equal([frame["pose"] for frame in document["people"][1]["frames"]], pose)
+
+
+def test_individuals_of_movement_are_over_all_frames(found, tmp_path):
+    xarray = pytest.importorskip("xarray")
+    first, second = (one.poses for one in found.people.values())
+    late = second.__class__.from_refinement(
+        found.people[1].result,
+        joint_names=second.joint_names,
+        frames=second.frames + 10,
+        camera_names=second.camera_names,
+        unit="mm",
+        frame_rate=FPS,
+    )
+    write_people(tmp_path / "people.nc", {0: first, 3: late})
+    with xarray.open_dataset(tmp_path / "people.nc", engine="h5netcdf") as dataset:
+        assert dataset["individuals"].values.tolist() == ["person_0", "person_3"]
+        position = dataset["position"].sel(individuals="person_3").transpose("time", "keypoints", "space")
+        assert position.shape == (FRAMES + 10, 17, 3)
+        assert np.isnan(position.values[:10]).all()
+        np.testing.assert_array_equal(position.values[10:], late.pose)
+        assert dataset["frame"].values.tolist() == list(range(FRAMES + 10))
+        assert dataset.attrs["fps"] == FPS
+
+
+@pytest.mark.parametrize(("name", "read"), [("csv", read_csv), ("json", read_json), ("nc", read_netcdf)])
+def test_a_file_of_several_people_is_not_one_person(folder, name, read):
+    with pytest.raises(sk.DatasetError, match=rf"people\.{name}: .*expected"):
+        read(folder / f"people.{name}")
+
+
+def test_the_folder_of_everybody_is_no_run_of_one(folder):
+    with pytest.raises(sk.DatasetError, match=r"the folder of one person, got .*\(person_0, person_1\)"):
+        Run.open(folder)
+
+
+@pytest.mark.parametrize("case", [name for name, case in CASES.items() if case.people])
+def test_people_come_from_all_formats(people, found, case, tmp_path):
+    tolerance = 1e-3 if CASES[case].confidence else 30.0
+    given = {"order": CASES[case].order} if CASES[case].order else {}
+    write_calibration(tmp_path / "Calib.toml", RIG)
+    (tmp_path / case).mkdir()
+    path = CASES[case].write(tmp_path / case, Take(people, list(RIG.names), list(LAYOUT.joints)))
+    several = run_people(job(tmp_path, path, **given))
+    assert list(several.people) == [0, 1]
+    for one, other in zip(several.people.values(), found.people.values(), strict=True):
+        np.testing.assert_allclose(one.poses.pose, other.poses.pose, atol=tolerance)
+
+
+def test_so_many_people_are_refined(recording):
+    assert len(run_people(job(recording, people=1)).people) == 1
+
+
+def test_a_later_run_removes_what_an_earlier_one_wrote(recording, tmp_path):
+    out = tmp_path / "out"
+    several = run_people(job(recording))
+    several.write(out, ("csv", "json"), html=False)
+    (out / "person_1" / "notes.txt").write_text("mine")
+    (out / "person_7").mkdir()
+    run_people(job(recording, people=1, output=out, write=("trc",), html=False))
+    assert {path.name for path in out.iterdir()} == {"person_0", "person_1", "person_7", "report.json"}
+    assert [path.name for path in (out / "person_1").iterdir()] == ["notes.txt"]
+    assert not (out / "person_0" / "pose.csv").exists()
+    run(job(recording, people=None, output=out, html=False))
+    assert {path.name for path in out.iterdir()} == RESULTS - {"report.html"} | {"person_1", "person_7"}
+    several.write(out, (), html=False)
+    assert {path.name for path in out.iterdir()} == {"person_0", "person_1", "person_7", "report.json"}
+
+
+def test_a_run_that_stops_half_way_says_so(recording, tmp_path, monkeypatch):
+    several = run_people(job(recording))
+    several.write(tmp_path, ("csv",), html=False)
+
+    def stop(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("skelsplat.run.several.write_people", stop)
+    with pytest.raises(OSError, match="No space"):
+        several.write(tmp_path, ("csv",), html=False)
+    report = read_report(tmp_path)
+    assert report["unfinished"]
+    assert report["folders"] == ["person_0", "person_1"]
+    with pytest.raises(sk.DatasetError, match=r"unfinished: expected .* run it again"):
+        PeopleRun.open(tmp_path)
+
+
+def test_the_table_fits_eighty_columns(recording, tmp_path):
+    result = invoke(*command(recording, tmp_path), "--people", "all", "--no-html", "--write", "csv")
+    assert result.exit_code == 0, result.output
+    lines = result.stdout.splitlines()
+    assert lines[0] == "2 people"
+    assert max(map(len, lines)) <= 80
+    assert any(line.split()[:4] == ["0", "0–39", "40", "4"] for line in lines)
+    text = " ".join(result.stdout.split())
+    assert text.endswith(f"Wrote to {tmp_path}/: people.csv, person_0, person_1, report.json")
+
+
+def test_the_report_is_printed(recording, tmp_path):
+    result = invoke(*command(recording, tmp_path), "--people", "1", "--no-html", "--json")
+    assert [entry["id"] for entry in json.loads(result.stdout)["people"]] == [0]
+    assert read_npz(tmp_path / "person_0" / "pose.npz").pose.shape == (FRAMES, 17, 3)
+
+
+@pytest.mark.parametrize(
+    ("options", "parts"),
+    [
+        (["--people", "some"], ["--people: expected all or a number of at least 1, got 'some'"]),
+        (["--people", "0"], ["--people: expected all or a number of at least 1, got '0'"]),
+        (["--people", "all", "--person", "1"], ["--person: expected none with people", "got 1"]),
+        (["--person", "5"], ["--person: expected one of 0, 1 (the people found), got 5"]),
+        (["--person", "cam9:3,4"], ["--person: expected a camera, one of", "got 'cam9'"]),
+        (["--person", "cam1:2,2"], ["--person: expected a point on a person in frame 0", "px from the"]),
+    ],
+)
+def test_a_wrong_choice_is_named(recording, tmp_path, options, parts):
+    assert_fails(invoke(*command(recording, tmp_path / "out"), *options), 2, *parts)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("options", [["--people", "all"], ["--person", "moves-most"]])
+def test_the_frame_rate_has_to_be_known(recording, tmp_path, options):
+    arguments = [argument for argument in command(recording, tmp_path) if argument not in ("--fps", FPS)]
+    text = "--fps: expected the frame rate, which following people over time needs"
+    assert_fails(invoke(*arguments, *options), 2, text, " ".join(options))
