@@ -128,6 +128,10 @@ def _live(folder: Path) -> None:
         {"frame": t, "detections": np.nan_to_num(views[:, 0]).tolist()} for t, views in enumerate(take.people)
     ]
     (folder / "recorded.jsonl").write_text("".join(json.dumps(frame) + "\n" for frame in frames))
+    people = [
+        {"frame": t, "detections": np.nan_to_num(views).tolist()} for t, views in enumerate(take.people)
+    ]
+    (folder / "people.jsonl").write_text("".join(json.dumps(frame) + "\n" for frame in people))
 
 
 def _synthetic(folder: Path) -> None:

@@ -38,7 +38,8 @@ def print_people(console: Console, run: PeopleRun) -> None:
 def _people(run: PeopleRun) -> Table:
     cameras = len(next(iter(run.people.values())).cameras)
     columns = ["frames", "seen", f"views\nof {cameras}", "error\n[px]", "bar\n[mm]", "rejected", "limbs"]
-    table = new_table(f"{len(run.people)} people", "person", columns)
+    title = "1 person" if len(run.people) == 1 else f"{len(run.people)} people"
+    table = new_table(title, "person", columns)
     for entry in run.report["people"]:
         table.add_row(*_cells(entry))
     return table

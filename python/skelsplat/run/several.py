@@ -154,7 +154,7 @@ def _run_people(job: Job, progress: Progress | None, tell: Callable[[Finding], N
         outcomes = [refine_inputs(inputs, job) for inputs in everybody.people]
     pairs = zip(everybody.people, outcomes, strict=True)
     runs = {int(inputs.person): summed_up(inputs, outcome, job) for inputs, outcome in pairs}
-    found = sorted(notes, key=lambda finding: ORDER.index(finding.severity))
+    found = sorted([*notes, *everybody.whole.doubts], key=lambda finding: ORDER.index(finding.severity))
     return PeopleRun(runs, tuple(found), _report(everybody, runs, found, job))
 
 
