@@ -8,11 +8,11 @@
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
 import tempfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from subprocess import PIPE, Popen
 from typing import Any
 
 import numpy as np
@@ -21,19 +21,19 @@ from skelsplat import synthetic
 from skelsplat.io import write_calibration
 
 
-def follow(calibration: Path, frames: Iterable[dict[str, Any]], fps: float) -> Iterator[dict[str, Any]]:
-    """Yield the answer to every frame, each a list of people per camera's name."""
-    command = [sys.executable, "-m", "skelsplat", "live", str(calibration), "--quiet", "--unit", "mm"]
-    command += ["--layout", "h36m17", "--fps", str(fps), "--people", "all"]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as live:
+def follow(calibration: Path, frames: Iterable[dict[str, Any]]) -> Iterator[dict[str, Any]]:
+    """Yield the answers; a frame has a list of people for each camera's name."""
+    options = ["--unit", "mm", "--layout", "h36m17", "--fps", "30", "--people", "all"]
+    command = [sys.executable, "-m", "skelsplat", "live", str(calibration), *options]
+    with Popen(command, stdin=PIPE, stdout=PIPE, text=True) as live:
         for number, views in enumerate(frames):
             live.stdin.write(json.dumps({"frame": number, "detections": views}) + "\n")
             live.stdin.flush()
-            answer = json.loads(live.stdout.readline())  # every line is answered, also a malformed one
+            answer = json.loads(live.stdout.readline())  # every line has an answer
             if "error" in answer:
-                print(f"frame {number}: {answer['error']}", file=sys.stderr)
-                continue
-            yield answer
+                print(f"frame {number} is lost: {answer['error']}")
+            else:
+                yield answer
         live.stdin.close()
 
 
@@ -48,7 +48,7 @@ wrist = scene.layout.joints.index("right_wrist")
 
 with tempfile.TemporaryDirectory() as folder:
     write_calibration(Path(folder) / "Calib.toml", rig)
-    for answer in follow(Path(folder) / "Calib.toml", camera_loop, fps=30):
+    for answer in follow(Path(folder) / "Calib.toml", camera_loop):
         for person in answer["people"]:
             if person["joint_status"][wrist] in ("ok", "inferred"):
                 x, y, z = person["pose"][wrist]

@@ -74,7 +74,8 @@ def test_everybody_is_refined_as_alone(people, found):
 
 
 def test_each_folder_is_that_of_a_run(folder, found):
-    names = {"people.csv", "people.json", "people.nc", "person_0", "person_1", "report.json"}
+    together = {"people.csv", "people.json", "people.nc", "overview.png", "report.html", "report.json"}
+    names = together | {"person_0", "person_1"}
     assert {path.name for path in folder.iterdir()} == names
     for identity, alone in found.people.items():
         own = folder / f"person_{identity}"
@@ -171,13 +172,26 @@ def test_a_later_run_removes_what_an_earlier_one_wrote(recording, tmp_path):
     (out / "person_1" / "notes.txt").write_text("mine")
     (out / "person_7").mkdir()
     run_people(job(recording, people=1, output=out, write=("trc",), html=False))
-    assert {path.name for path in out.iterdir()} == {"person_0", "person_1", "person_7", "report.json"}
+    names = {"person_0", "person_1", "person_7", "overview.png", "report.json"}
+    assert {path.name for path in out.iterdir()} == names
     assert [path.name for path in (out / "person_1").iterdir()] == ["notes.txt"]
     assert not (out / "person_0" / "pose.csv").exists()
     run(job(recording, people=None, output=out, html=False))
     assert {path.name for path in out.iterdir()} == RESULTS - {"report.html"} | {"person_1", "person_7"}
     several.write(out, (), html=False)
-    assert {path.name for path in out.iterdir()} == {"person_0", "person_1", "person_7", "report.json"}
+    names = {"person_0", "person_1", "person_7", "overview.png", "report.json"}
+    assert {path.name for path in out.iterdir()} == names
+
+
+def test_the_stored_input_of_a_person_is_not_replaced(folder, tmp_path):
+    stored = [folder / "person_1" / name for name in ("cameras.json", "detections.npz")]
+    arguments = ["refine", *stored, *READ, "--fps", FPS, "--no-html"]
+    result = invoke(*arguments, "-o", folder)
+    assert_fails(result, 2, "--output: expected a folder in which no input is overwritten", "cameras.json")
+    result = invoke(*arguments, "-o", tmp_path)
+    assert result.exit_code == 0, result.output
+    again, before = (read_npz(one / "pose.npz").pose for one in (tmp_path, folder / "person_1"))
+    np.testing.assert_array_equal(again, before)
 
 
 def test_a_run_that_stops_half_way_says_so(recording, tmp_path, monkeypatch):
@@ -205,7 +219,7 @@ def test_the_table_fits_eighty_columns(recording, tmp_path):
     assert max(map(len, lines)) <= 80
     assert any(line.split()[:4] == ["0", "0–39", "40", "4"] for line in lines)
     text = " ".join(result.stdout.split())
-    assert text.endswith(f"Wrote to {tmp_path}/: people.csv, person_0, person_1, report.json")
+    assert text.endswith(f"Wrote to {tmp_path}/: people.csv, overview.png, person_0, person_1, report.json")
 
 
 def test_the_report_is_printed(recording, tmp_path):

@@ -192,8 +192,7 @@ def key_numbers(run: Run) -> list[tuple[str, str, str]]:
 
 
 def _notes(run: Run) -> list[str]:
-    note, rate = run.report["note"], run.poses.frame_rate
-    speed = "" if rate is not None else " The frame rate is unknown: speed 1 × plays 30 frames per second."
+    note = run.report["note"]
     return [
         *([note] if note else []),
         *solved_in_words(run.report),
@@ -206,9 +205,17 @@ def _notes(run: Run) -> list[str]:
         "anatomical joint. It contains the scatter, what another recording of the same pose by the same "
         "detector would give, and how far detectors place joints from anatomical ones in all views and "
         "frames (--joint-bias-mm).",
+        *of_the_view(run.poses.frame_rate),
+    ]
+
+
+def of_the_view(rate: float | None) -> list[str]:
+    """Return sentences on how to read the 3D view."""
+    speed = "" if rate is not None else " The frame rate is unknown: speed 1 × plays 30 frames per second."
+    return [
         "The 3D view is in metres, in the axes of the calibration; ellipsoids are drawn at two standard "
         "deviations, cut off 0.3 m from the joint, and joints that are weak, inferred, filled or "
-        f"unobserved are hollow.{speed}",
+        f"unobserved are hollow.{speed}"
     ]
 
 
