@@ -652,7 +652,7 @@ class Tracker:
 def people_scores(
     refiner: Refiner, layout: str | Layout, people: ArrayLike, pose: ArrayLike
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-    """Return the scores of the figures of a frame, for study: at a body (M, P), of pairs (M, P, M, P), and as a newcomer.
+    """Return scores of the figures of a frame: at a body (M, P), of pairs (M, P, M, P), support of the body.
 
     ``people`` is (1, M, P, N, 2|3), ``pose`` (N, 3) in mm. Scores of pairs of one view are 0.
     """

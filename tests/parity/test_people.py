@@ -23,7 +23,7 @@ for left, right in H36M.left_right:
 def crowd(seed: int, apart: float) -> tuple[Array, Array]:
     """Two people at a distance in random slots (M,3,17,3), a ghost, misses; and the pose of the first."""
     rng, views = np.random.default_rng(seed), scenes.small_rig(distance=4000.0)
-    bodies = [scenes.H36M_POSE, scenes.H36M_POSE + [apart, 0.3 * apart, 0.0]]
+    bodies = [scenes.H36M_POSE, scenes.H36M_POSE + np.array([apart, 0.3 * apart, 0.0])]
     out = np.ones((len(views), 3, 17, 3))
     for q, body in enumerate(bodies):
         out[:, q, :, :2] = scenes.pixels(body, views)

@@ -1,4 +1,4 @@
-"""Scores of several people (DESIGN §8): figures at a body, figures of two views, the support of a newcomer. Lengths are mm."""
+"""Several people (DESIGN §8): scores of figures at a body and of pairs, support of a newcomer. Lengths are mm."""
 
 from collections.abc import Sequence
 
