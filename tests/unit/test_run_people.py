@@ -183,6 +183,17 @@ def test_a_later_run_removes_what_an_earlier_one_wrote(recording, tmp_path):
     assert {path.name for path in out.iterdir()} == names
 
 
+def test_the_stored_input_of_a_person_is_not_replaced(folder, tmp_path):
+    stored = [folder / "person_1" / name for name in ("cameras.json", "detections.npz")]
+    arguments = ["refine", *stored, *READ, "--fps", FPS, "--no-html"]
+    result = invoke(*arguments, "-o", folder)
+    assert_fails(result, 2, "--output: expected a folder in which no input is overwritten", "cameras.json")
+    result = invoke(*arguments, "-o", tmp_path)
+    assert result.exit_code == 0, result.output
+    again, before = (read_npz(one / "pose.npz").pose for one in (tmp_path, folder / "person_1"))
+    np.testing.assert_array_equal(again, before)
+
+
 def test_a_run_that_stops_half_way_says_so(recording, tmp_path, monkeypatch):
     several = run_people(job(recording))
     several.write(tmp_path, ("csv",), html=False)
