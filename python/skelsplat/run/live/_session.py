@@ -69,7 +69,7 @@ class Session(ABC):
         return f'{text}, "latency_ms": {latency_ms:.4f}}}\n'.encode()
 
     def summary(self) -> str:
-        """Return how many lines were answered and skipped, how fast, and percentiles of the last latencies."""
+        """Return how many lines were answered and skipped, how fast, and percentiles of the latency."""
         count = self._answered_lines
         answered = f"lines answered {count}, skipped {self._skipped}"
         if not count:
