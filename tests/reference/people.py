@@ -1,4 +1,4 @@
-"""Several people (DESIGN §8): scores of figures at a body and of pairs, support of a newcomer. Lengths are mm."""
+"""Several people (DESIGN §8): scores of figures at a body and of pairs, support of a body. Lengths are mm."""
 
 from collections.abc import Sequence
 
