@@ -90,17 +90,29 @@ fn nearest(
             .filter(|(_, s)| *s > SPREAD)
             .map(|(x, _)| x);
     };
-    let (mut information, mut pull) = (Matrix3::zeros(), Vector3::zeros());
+    // Σ w and the six entries of Σ w d dᵀ, written out: the library's matrices are not inlined everywhere.
+    let (mut all, mut pull) = (0.0, Vector3::zeros());
+    let mut along = [0.0; 6];
     for ray in rays {
-        let w = weight(ray);
-        information += w * ray.information();
-        pull += w * (ray.centre - ray.direction * ray.direction.dot(&ray.centre));
+        let (w, d) = (weight(ray), &ray.direction);
+        let depth = d.dot(&ray.centre);
+        all += w;
+        let products = [d.x * d.x, d.x * d.y, d.x * d.z, d.y * d.y, d.y * d.z, d.z * d.z];
+        along.iter_mut().zip(products).for_each(|(sum, product)| *sum += w * product);
+        pull += Vector3::new(
+            w * (ray.centre.x - d.x * depth),
+            w * (ray.centre.y - d.y * depth),
+            w * (ray.centre.z - d.z * depth),
+        );
     }
-    let share = PRIOR * information.trace();
-    if share <= 0.0 {
+    if all <= 0.0 {
         return None;
     }
-    information += Matrix3::from_diagonal_element(share);
+    // The trace of Σ w (I − d dᵀ) is 2 Σ w.
+    let share = 2.0 * PRIOR * all;
+    let [xx, xy, xz, yy, yz, zz] = along;
+    let own = all + share;
+    let information = Matrix3::new(own - xx, -xy, -xz, -xy, own - yy, -yz, -xz, -yz, own - zz);
     information.cholesky().map(|c| c.solve(&(pull + start * share)))
 }
 
