@@ -30,7 +30,11 @@ def people():
 @pytest.fixture(scope="module")
 def recording(people, tmp_path_factory):
     """Return a folder with the calibration and OpenPose's files of two people."""
-    folder = tmp_path_factory.mktemp("two")
+    return written(tmp_path_factory.mktemp("two"), people)
+
+
+def written(folder, people):
+    """Write a calibration, and people (T, M, P, 17, 3) as OpenPose's files."""
     write_calibration(folder / "Calib.toml", RIG)
     (folder / "openpose").mkdir()
     CASES["openpose"].write(folder / "openpose", Take(people, list(RIG.names), list(LAYOUT.joints)))
@@ -159,6 +163,19 @@ def test_people_come_from_all_formats(people, found, case, tmp_path):
         np.testing.assert_allclose(one.poses.pose, other.poses.pose, atol=tolerance)
 
 
+def test_findings_on_each_person_are_warnings_where_no_table_is_printed(tmp_path):
+    people = seen(crossing(FRAMES), RIG)
+    people[:, 2:, 1] = np.nan
+    result = invoke(*command(written(tmp_path, people), tmp_path / "out"), "--people", "all", "--quiet")
+    assert result.stdout == ""
+    lines = result.stderr.splitlines()
+    assert any(
+        line.startswith("warning: person 1: Mostly two views or fewer see this person") for line in lines
+    )
+    found = [finding for one in read_report(tmp_path / "out")["people"] for finding in one["findings"]]
+    assert len(lines) == len(found)
+
+
 def test_so_many_people_are_refined(recording):
     assert len(run_people(job(recording, people=1)).people) == 1
 
@@ -258,10 +275,7 @@ def test_one_person_is_the_same_as_among_all(recording, found):
 
 def test_files_of_one_person_need_no_choice(tmp_path):
     """An entry of each file, where there is only one, is taken as it is, bit for bit, at any frame rate."""
-    alone = seen(crossing(FRAMES)[:1], RIG)
-    write_calibration(tmp_path / "Calib.toml", RIG)
-    (tmp_path / "openpose").mkdir()
-    CASES["openpose"].write(tmp_path / "openpose", Take(alone, list(RIG.names), list(LAYOUT.joints)))
+    written(tmp_path, seen(crossing(FRAMES)[:1], RIG))
     first, largest = (run(job(tmp_path, people=None, person=who)) for who in ("0", "largest"))
     again = sk.refine_sequence(first.detections, first.cameras, fps=FPS, layout=LAYOUT)
     np.testing.assert_array_equal(first.poses.pose, again.pose)
