@@ -140,9 +140,18 @@ def test_individuals_of_movement_are_over_all_frames(found, tmp_path):
 
 
 @pytest.mark.parametrize(("name", "read"), [("csv", read_csv), ("json", read_json), ("nc", read_netcdf)])
-def test_a_file_of_several_people_is_not_one_person(folder, name, read):
-    with pytest.raises(sk.DatasetError, match=rf"people\.{name}: .*expected"):
+def test_a_file_of_several_people_is_not_one_person(folder, name, read, tmp_path):
+    said = rf"people\.{name}: .*expected (the poses of one person|one individual)"
+    with pytest.raises(sk.DatasetError, match=said):
         read(folder / f"people.{name}")
+    result = invoke("convert", folder / f"people.{name}", tmp_path / "walk.trc")
+    assert_fails(result, 1, "one person" if name != "nc" else "one individual")
+
+
+def test_of_a_run_of_several_one_is_converted_or_plotted(folder, tmp_path):
+    assert_fails(invoke("convert", folder, tmp_path / "walk.trc"), 1, "one person", "person_0, person_1")
+    assert_fails(invoke("plot", folder), 1, "one person", "person_0, person_1")
+    assert invoke("convert", folder / "person_1", tmp_path / "walk.trc").exit_code == 0
 
 
 def test_the_folder_of_everybody_is_no_run_of_one(folder):
