@@ -316,6 +316,8 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "person_of_few_views": _few_views,
     "person_still": "This person hardly moves: positions vary by {moved_mm:.0f} mm in {seconds:.0f} s. A "
     "poster, a dummy, or somebody who keeps still?",
+    "person_mirrored": "This person is the mirror image of person {of}, within {apart_mm:.0f} mm: a "
+    "reflection in a mirror or a window?",
     "person_jumps": _jumps,
     "person_followed": _followed,
     "person_by_place": "--person {person} is entry {person} of each file, as the frame rate is unknown. The "
