@@ -6,7 +6,8 @@ use nalgebra::{Matrix3, Vector2, Vector3, Vector4};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use skelsplat_core::Result as CoreResult;
-use skelsplat_core::study::bones::Length;
+use skelsplat_core::study::annealed::{Rays, proportions};
+use skelsplat_core::study::bones::{Bone, Length};
 use skelsplat_core::study::gaussian::check_covariances;
 use skelsplat_core::study::paper::render::{self as core, Images, Seen};
 use skelsplat_core::study::projection::View;
@@ -14,8 +15,8 @@ use skelsplat_core::study::sequence::{equations, solver::Common};
 use skelsplat_core::{Control, Encoding, Frame, Gaussian, GaussianGradient, PaperSettings};
 
 use crate::args::{
-    Array, Covariances, Keypoints, LogScales, Means, Out, Poses, Quaternions, TargetCovariances,
-    TargetMeans,
+    Array, Covariances, InitPose, Keypoints, LogScales, Means, Out, Poses, Quaternions,
+    TargetCovariances, TargetMeans,
 };
 use crate::camera::{Camera, Cameras};
 use crate::config::RefineConfig;
@@ -239,4 +240,37 @@ pub(crate) fn sequence_equations(
     let gradient: Vec<Vector3<f64>> = pulls.iter().map(|pull| -pull).collect();
     let hessian = Out(hessian, vec![3 * n * t, 3 * n * t]);
     Ok((hessian, Out::points(&gradient, vec![n, t, 3]), Out(agility, vec![n, t])))
+}
+
+/// Return the most likely combination of places (N, 3) of the joints of ``pose`` (N, 3) that are ``doubtful`` (N),
+/// where ``placed`` (N) joints are known; mm, ideal pixels.
+///
+/// ``bones``: joints, mean and σ of each; ``sigma``: final kernel of each joint; ``variance``: ŝ².
+#[pyfunction]
+#[pyo3(signature = (pose, detections, cameras, *, bones, doubtful, placed, sigma, variance))]
+#[allow(clippy::too_many_arguments, reason = "what the search depends on")]
+pub(crate) fn most_likely_places(
+    pose: InitPose,
+    detections: Frames,
+    cameras: Cameras,
+    bones: Vec<(usize, usize, f64, f64)>,
+    doubtful: Vec<bool>,
+    placed: Vec<bool>,
+    sigma: Vec<f64>,
+    variance: f64,
+) -> Result<Out<f64>> {
+    let (points, n) = (pose.0.points(), pose.0.shape[0]);
+    let bone = |(a, b, mean, sigma)| Bone { joints: [a, b], length: Length { mean, sigma } };
+    let bones: Vec<Bone> = bones.into_iter().map(bone).collect();
+    let detections = detections.only()?;
+    let joints = [n, doubtful.len(), placed.len(), sigma.len()];
+    let known = bones.iter().flat_map(|bone| bone.joints).all(|j| j < n);
+    if !known || joints.iter().any(|k| *k != detections.n_joints()) {
+        let expected = "the joints of pose, doubtful, placed, sigma and bones";
+        return refuse("detections", expected, format!("{} joints", detections.n_joints()));
+    }
+    let rays = Rays::new(&detections, &cameras.cameras, &[]);
+    let (rays, bones, points, sigma) = (&rays, &bones, &points, &sigma);
+    let search = proportions::Search { rays, bones, points, doubtful, placed, sigma, variance };
+    Ok(Out::points(&proportions::most_likely(&search), vec![n, 3]))
 }
