@@ -13,6 +13,7 @@ import inspect
 from typing import Any
 
 import report
+from measures.association import mvor_people
 from measures.bones import bones
 from measures.coverage import coverage, coverage_real
 from measures.gaussian import gaussian
@@ -35,6 +36,7 @@ MEASURES = {
         coverage_real,
         gaussian,
         mvor,
+        mvor_people,
         swaps,
         useless,
         sweep,

@@ -1,11 +1,12 @@
 """Latency and throughput of ``skelsplat live`` through its pipes, as used from another language.
 
     python benchmarks/live.py [--poses 5000] [--rate 1000] [--markdown]
+    python benchmarks/live.py --people 6 --views 8 [--rate 200]
 
-Simulated detections `good` of six motions, 17 joints, 4 views. The process runs on one core, this one on the
-others. First lines are sent as fast as possible, then ``--rate`` lines per second. The latency is from before
-a line is written to after its answer is read, so it includes both pipes and the JSON handling of both
-processes.
+One person: simulated detections `good` of six motions, 17 joints. Several: `synthetic.simulate_scene`, who is
+who included. The process runs on one core, this one on the others. First lines are sent as fast as possible,
+then ``--rate`` lines per second. The latency is from before a line is written to after its answer is read, so
+it includes both pipes and the JSON handling of both processes.
 """
 
 from __future__ import annotations
@@ -24,6 +25,8 @@ import _one_core  # noqa: F401  before numpy
 import common
 import numpy as np
 
+import skelsplat as sk
+from skelsplat import synthetic
 from skelsplat.io import write_calibration
 
 _PERCENTILES = (50, 90, 99, 99.9, 100)
@@ -39,12 +42,14 @@ class Live:
     calibration : path
     core : int or None
         The core it is bound to; None where the system does not support this.
+    options : str
+        Further options.
     """
 
-    def __init__(self, calibration: Path, core: int | None) -> None:
+    def __init__(self, calibration: Path, core: int | None, *options: str) -> None:
         command = [sys.executable, "-m", "skelsplat", "live", str(calibration)]
         self._process = subprocess.Popen(
-            [*command, "--unit", "mm", "--layout", "h36m17"],
+            [*command, "--unit", "mm", "--layout", "h36m17", *options],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -89,39 +94,68 @@ class Live:
         return said
 
 
+def cpu_seconds() -> float:
+    """Return the CPU time of all processes that have ended."""
+    times = os.times()
+    return times.children_user + times.children_system
+
+
 def to_lines(detections: np.ndarray) -> list[bytes]:
-    """Return the JSON lines of detections (T, M, N, 3), null for what is missing."""
-    plain = np.where(np.isfinite(detections), detections, None).tolist()
-    return [(json.dumps({"frame": t, "detections": frame}) + "\n").encode() for t, frame in enumerate(plain)]
+    """Return the JSON lines of detections (T, M, N, 3) or people (T, M, P, N, 3), null where missing."""
+    frames = []
+    for views in detections:
+        plain = np.where(np.isfinite(views), views, None)
+        if views.ndim == 4:  # only those who are there
+            there = np.isfinite(views[..., 0]).any(axis=-1)
+            frames.append([view[seen].tolist() for view, seen in zip(plain, there, strict=True)])
+        else:
+            frames.append(plain.tolist())
+    return [(json.dumps({"frame": t, "detections": frame}) + "\n").encode() for t, frame in enumerate(frames)]
 
 
-def measure(poses: int, rate: float) -> tuple[list[list[str]], str]:
+def simulated(lines: int, people: int, views: int, rate: float) -> tuple[sk.CameraRig, np.ndarray, list[str]]:
+    """Return cameras, detections, and the options of the process."""
+    if people == 0:
+        rig = synthetic.human36m_like() if views == 4 else synthetic.ring(views, radius_mm=4500.0)
+        return rig, common.simulated(lines, rig=rig).detections, []
+    rig = synthetic.ring(views, radius_mm=4500.0)
+    scene = synthetic.simulate_scene(people, rig, n_frames=lines, fps=rate, seed=0)
+    return rig, scene.people, ["--people", "all", "--fps", f"{rate:g}"]
+
+
+def measure(poses: int, people: int, views: int, rate: float) -> tuple[list[list[str]], str]:
     """Run both; return the rows (what, measured, wanted), and the process's own statistics of the second."""
-    scene = common.simulated(poses + _WARM_UP)
-    lines = to_lines(scene.detections)
+    rig, detections, options = simulated(poses + _WARM_UP, people, views, rate)
+    lines = to_lines(detections)
     cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
     core = cores[-1] if len(cores) > 1 else None
     if core is not None:
         os.sched_setaffinity(0, set(cores[:-1]))
     with tempfile.TemporaryDirectory() as folder:
         calibration = Path(folder) / "rig.toml"
-        write_calibration(calibration, scene.rig)
-        fast = Live(calibration, core)
+        write_calibration(calibration, rig)
+        begun = cpu_seconds()
+        Live(calibration, core, *options).end()
+        empty = cpu_seconds()
+        fast = Live(calibration, core, *options)
         _, answered = fast.times(lines, None)
         fast.end()
-        paced = Live(calibration, core)
+        cpu_ms = 1000.0 * (cpu_seconds() - empty - (empty - begun)) / len(lines)
+        paced = Live(calibration, core, *options)
         sent, received = paced.times(lines, rate)
         said = paced.end()
     latency = 1000.0 * (received - sent)
     most = (len(answered) - 1) / (answered[-1] - answered[0])
     kept = (len(received) - 1) / (received[-1] - received[0])
     rows = [
-        ["as fast as it takes them, poses per second", f"{most:.0f}", "≥ 1000"],
-        [f"at {rate:g} per second, poses per second", f"{kept:.0f}", f"{rate:g}"],
+        ["as fast as it takes them, lines per second", f"{most:.0f}", "≥ 200" if people else "≥ 1000"],
+        ["CPU time per line, without start-up", f"{cpu_ms:.2f} ms", f"≤ {1000 / rate:g} ms"],
+        [f"at {rate:g} per second, lines per second", f"{kept:.0f}", f"{rate:g}"],
         *(
             [f"latency through both pipes, {share:g}%", f"{np.percentile(latency, share):.2f} ms", ""]
             for share in _PERCENTILES
         ),
+        [f"answered within {1000 / rate:g} ms", f"{100 * np.mean(latency <= 1000 / rate):.1f} %", ""],
     ]
     return rows, said
 
@@ -129,13 +163,16 @@ def measure(poses: int, rate: float) -> tuple[list[list[str]], str]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--poses", type=int, default=5000, help="lines of each run (5000)")
-    parser.add_argument(
-        "--rate", type=float, default=1000.0, help="lines per second of the second run (1000)"
-    )
+    parser.add_argument("--people", type=int, default=0, help="several people (one, without --people)")
+    parser.add_argument("--views", type=int, help="cameras (4; with --people 8)")
+    parser.add_argument("--rate", type=float, help="lines per second of the second run (1000; people: 200)")
     parser.add_argument("--markdown", action="store_true", help="print Markdown")
     options = parser.parse_args()
-    rows, said = measure(options.poses, options.rate)
-    title = "skelsplat live, 4 views, 17 joints, simulated detections 'good', one core"
+    people = options.people
+    views, rate = options.views or (8 if people else 4), options.rate or (200.0 if people else 1000.0)
+    rows, said = measure(options.poses, people, views, rate)
+    kind = f"{people} people, simulated scene" if people else "simulated detections 'good'"
+    title = f"skelsplat live, {views} views, 17 joints, {kind}, one core"
     common.show(title, ["what", "measured", "wanted"], rows, markdown=options.markdown)
     print(f"second run, as reported by the process: {said}")
     print(common.circumstances())

@@ -175,6 +175,38 @@ def louder(noise: DetectionNoise, factor: float) -> DetectionNoise:
     return replace(noise, sigma_px=factor * noise.sigma_px)
 
 
+@dataclass(frozen=True)
+class Stills:
+    """MVOR frame by frame: F frames of 3 views with up to P detections, and up to 7 labelled people."""
+
+    people: FloatArray  # (F, 3, P, 17, 3)
+    truth: FloatArray  # (F, 7, 17, 3) mm, NaN where not labelled
+    match: NDArray[np.int64]  # (F, 7, 3): the detection of each labelled person (oracle association), or −1
+    boxes: FloatArray  # (F, 3, 7, 4) px: left, top, right, bottom; also of people without a truth
+    cameras: sk.CameraRig
+
+
+def mvor_stills(detector: str) -> Stills:
+    """Read MVOR, days 1 and 2."""
+    if not MVOR.is_file():
+        raise FileNotFoundError(f"the operating-room data are not at {MVOR}")
+    with np.load(MVOR) as archive:
+        size = tuple(int(s) for s in archive["image_size"])
+        matrices = list(zip(archive["K"], archive["w2c"], strict=True))
+        match, people = archive[f"gt_match_{detector}"], archive[f"det2d_{detector}"].astype(np.float64)
+        labels, names = archive["gt3d"].astype(np.float64), [str(n) for n in archive["gt_joint_names"]]
+        boxes = archive["bbox"].astype(np.float64)
+    cameras = sk.CameraRig([sk.Camera(K, w2c[:, :3], w2c[:, 3], size=size) for K, w2c in matrices], unit="mm")
+    people[..., 2] = np.clip(people[..., 2], 0.0, 1.0)
+    truth = np.full((*labels.shape[:2], 17, 3), np.nan)
+    for j, name in enumerate(names):
+        if name in sk.layouts.COCO17.joints:
+            truth[:, :, sk.layouts.COCO17.joints.index(name)] = labels[:, :, j, :3]
+    truth[(truth == 0.0).all(axis=-1)] = np.nan
+    boxes[..., 2:] += boxes[..., :2]
+    return Stills(people, truth, match.astype(np.int64), boxes, cameras)
+
+
 def mvor(detector: str = "openpose") -> Scene:
     """MVOR, an operating room: every labelled person detected in at least two views, real detections.
 
@@ -182,25 +214,16 @@ def mvor(detector: str = "openpose") -> Scene:
     elbows, wrists, hips), labelled to about ±50 mm. The published distortion is not applied: it makes the
     labels' reprojection error larger.
     """
-    if not MVOR.is_file():
-        raise FileNotFoundError(f"the operating-room data are not at {MVOR}")
-    with np.load(MVOR) as archive:
-        size = tuple(int(s) for s in archive["image_size"])
-        matrices = list(zip(archive["K"], archive["w2c"], strict=True))
-        match, found = archive[f"gt_match_{detector}"], archive[f"det2d_{detector}"]
-        labels, names = archive["gt3d"].astype(np.float64), [str(n) for n in archive["gt_joint_names"]]
-    cameras = sk.CameraRig([sk.Camera(K, w2c[:, :3], w2c[:, 3], size=size) for K, w2c in matrices], unit="mm")
+    stills = mvor_stills(detector)
+    match, labels, cameras = stills.match, stills.truth, stills.cameras
     frame, person = np.nonzero((match >= 0).sum(axis=-1) >= 2)
     chosen = match[frame, person]
-    detections = found[frame[:, None], np.arange(3), np.maximum(chosen, 0)].astype(np.float64)
+    detections = stills.people[frame[:, None], np.arange(3), np.maximum(chosen, 0)]
     detections[chosen < 0] = np.nan
-    detections[..., 2] = np.clip(detections[..., 2], 0.0, 1.0)
-
-    truth = np.full((len(frame), 17, 3), np.nan)
-    for j, name in enumerate(names):
-        if name in sk.layouts.COCO17.joints:
-            truth[:, sk.layouts.COCO17.joints.index(name)] = labels[frame, person, j, :3]
-    truth[(truth == 0.0).all(axis=-1)] = np.nan
     return Scene(
-        truth, detections, cameras, "coco17", f"MVOR, {detector}, real detections, oracle association"
+        labels[frame, person],
+        detections,
+        cameras,
+        "coco17",
+        f"MVOR, {detector}, real detections, oracle association",
     )

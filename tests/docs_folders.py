@@ -17,7 +17,7 @@ import detection_files
 import skelsplat as sk
 from docs_code import run
 from skelsplat import synthetic
-from skelsplat.io import read_calibration, sample
+from skelsplat.io import read_calibration, sample, write_calibration
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -84,6 +84,19 @@ def _openpose(folder: Path) -> None:
     calibration_files.openpose(parameters, calibration_files.reference(["1", "2"]))
 
 
+def _several_people(folder: Path) -> None:
+    paths = sample.extract(folder, people=True)
+    paths.detections.rename(folder / "pose")
+    rig = synthetic.ring(4, radius_mm=4500.0)
+    scene = synthetic.simulate_scene(2, rig, n_frames=50, fps=50.0, seed=3, layout="coco17")
+    write_calibration(folder / "rig.toml", rig)
+    (folder / "alphapose").mkdir()
+    joints = list(sk.layouts.get("coco17").joints)
+    detection_files.alphapose(
+        folder / "alphapose", detection_files.Take(scene.people, list(rig.names), joints)
+    )
+
+
 def _freemocap(folder: Path) -> None:
     raw = folder / "recording" / "output_data" / "raw_data"
     raw.mkdir(parents=True)
@@ -128,6 +141,10 @@ def _live(folder: Path) -> None:
         {"frame": t, "detections": np.nan_to_num(views[:, 0]).tolist()} for t, views in enumerate(take.people)
     ]
     (folder / "recorded.jsonl").write_text("".join(json.dumps(frame) + "\n" for frame in frames))
+    people = [
+        {"frame": t, "detections": np.nan_to_num(views).tolist()} for t, views in enumerate(take.people)
+    ]
+    (folder / "people.jsonl").write_text("".join(json.dumps(frame) + "\n" for frame in people))
 
 
 def _synthetic(folder: Path) -> None:
@@ -150,6 +167,7 @@ PREPARED: dict[str, Callable[[Path], None]] = {
     "docs/howto/python.md": _sample,
     "docs/howto/rtmpose.md": _rtmpose,
     "docs/howto/run.md": _sample,
+    "docs/howto/several-people.md": _several_people,
     "docs/howto/config.md": lambda folder: _sample(folder, frames=100),
     "docs/howto/pictures.md": _pictures,
     "docs/synthetic-data.md": _synthetic,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +12,8 @@ import pytest
 import skelsplat as sk
 from skelsplat.io import PoseData, write_npz
 from skelsplat.io._run_files import REPORT
-from skelsplat.io.run_folder import write_run_inputs
+from skelsplat.io.poses._pose_data import ARRAYS
+from skelsplat.io.run_folder import read_run, write_run_inputs
 
 LAYOUT = sk.layouts.get("h36m17")
 NAMES = ("cam_01", "cam_02")
@@ -86,6 +87,28 @@ def write_run(folder: Path, *, frames=None, offsets=None, undistort=True, **chan
     }
     (folder / REPORT).write_text(json.dumps(report))
     return Case(folder, cameras, joints, seen)
+
+
+def write_people(folder: Path, apart_mm=300.0) -> list[Case]:
+    """Write the runs of two people, the second nearer to the cameras and only in the last four frames."""
+    near = pose() - [0.0, 0.0, apart_mm]
+    folders = ["person_0", "person_3"]
+    folder.mkdir(parents=True)
+    report = {"versions": {"skelsplat": "0"}, "settings": {}, "folders": folders}
+    (folder / REPORT).write_text(json.dumps(report))
+    first, second = (folder / name for name in folders)
+    cases = [write_run(first), write_run(second, pose=near)]
+    kept = np.arange(2, FRAMES)
+    short = read_run(second)
+    arrays = {name: value[kept] for name, value in held_arrays(short.poses).items()}
+    write_npz(second / "pose.npz", replace(short.poses, frames=kept, **arrays))
+    write_run_inputs(second, short.rig, LAYOUT, short.detections[kept], kept)
+    return cases
+
+
+def held_arrays(poses: PoseData) -> dict[str, np.ndarray]:
+    held = {name: getattr(poses, name) for name in ARRAYS}
+    return {name: value for name, value in held.items() if len(value)}
 
 
 def grey(number: int) -> int:

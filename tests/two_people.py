@@ -54,8 +54,10 @@ def doubts_of(people, rig, person="consistent"):
     """Return the sentences of a run with ``person`` on whether it follows one person."""
     index, _ = pick_places(people, rig, person, LAYOUT)
     crowd = look_around(people, index, rig, person, LAYOUT)
-    inputs = SimpleNamespace(person=person, crowd=crowd, layout=LAYOUT, rig=rig)
-    result = sk.refine(None, take_people(people, index), rig, layout=LAYOUT)
+    chosen = take_people(people, index)
+    frames = np.arange(len(people))
+    inputs = Inputs(rig, LAYOUT, chosen, index < 0, frames, person=person, crowd=crowd)
+    result = sk.refine(None, chosen, rig, layout=LAYOUT)
     return [finding.text for finding in find_people(inputs, SimpleNamespace(result=result))]
 
 

@@ -25,6 +25,7 @@ __all__ = [
     "implausible_extent",
     "loss_and_gradient",
     "most_likely_places",
+    "people_scores",
     "project",
     "project_gaussians",
     "pseudo_ground_truth",
@@ -665,6 +666,14 @@ class Tracker:
 
     def copy(self) -> Tracker:
         """Return another tracker in the same state."""
+
+def people_scores(
+    refiner: Refiner, layout: str | Layout, people: ArrayLike, pose: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    """Return scores of the figures of a frame: at a body (M, P), of pairs (M, P, M, P), support of the body.
+
+    ``people`` is (1, M, P, N, 2|3), ``pose`` (N, 3) in mm. Scores of pairs of one view are 0.
+    """
 
 def track_people(
     refiner: Refiner,

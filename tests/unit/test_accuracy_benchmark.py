@@ -43,6 +43,21 @@ def test_coverage_on_real_labels_counts_their_errors(accuracy, capsys):
         assert everywhere[f"error bar {k} σ"] > everywhere[f"scatter {k} σ"] > alone[f"scatter {k} σ"]
 
 
+def test_people_are_found_on_mvor(accuracy, capsys):
+    if not importlib.import_module("scenarios").MVOR.is_file():
+        pytest.skip("needs ../shared/data/mvor")
+    figures = accuracy.mvor_people()
+    accuracy.report.show(figures)
+    assert max(len(line) for line in capsys.readouterr().out.splitlines()[:-1]) <= 110
+    for detector in ("openpose", "openpose_ms", "rtpose"):
+        row = figures["rows"][f"{detector}, track"]
+        assert row["recall %"] > 94
+        assert row["precision %"] > 72
+        assert row["confirmed %"] > 82
+        assert row["mixed %"] < 8
+        assert row["mean mm"] < 1.05 * row["oracle"]
+
+
 def test_the_same_seed_gives_the_same_figures(accuracy):
     once, again = (accuracy.table(poses=FEW, fast=True)["rows"] for _ in range(2))
     assert once == again

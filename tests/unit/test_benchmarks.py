@@ -6,6 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 
 
@@ -22,8 +24,9 @@ def test_the_comparison_runs() -> None:
     assert not [line for line in lines if "left out" in line and "aniposelib" not in line]
 
 
-def test_the_live_benchmark_runs() -> None:
-    small = ["--poses", "20", "--rate", "200", "--markdown"]
+@pytest.mark.parametrize("people", [[], ["--people", "2", "--views", "3"]])
+def test_the_live_benchmark_runs(people: list[str]) -> None:
+    small = ["--poses", "20", "--rate", "200", "--markdown", *people]
     command = [sys.executable, str(BENCHMARKS / "live.py"), *small]
     lines = subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()
     rows = [line.split("|")[1].strip() for line in lines if line.startswith("|")]

@@ -72,6 +72,7 @@ def whole(rejected, *, mixed=False):
             group(f"j{j}", int(one.sum()), used=one.size) for j, one in enumerate(np.moveaxis(rejected, 2, 0))
         ],
         rejected=rejected,
+        views_used=(~rejected).sum(axis=1),
         error_after=np.ones((count, *rejected.shape[1:])),
     )
     return [finding.text.split(": check ")[0] for finding in find_whole(statistics, mixed=mixed)]

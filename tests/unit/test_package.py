@@ -10,7 +10,14 @@ import skelsplat
 
 
 @pytest.mark.parametrize(
-    "name", ["py.typed", "_skelsplat.pyi", "data/pose2sim_demo.zip", "data/LICENSE.pose2sim"]
+    "name",
+    [
+        "py.typed",
+        "_skelsplat.pyi",
+        "data/pose2sim_demo.zip",
+        "data/pose2sim_people.zip",
+        "data/LICENSE.pose2sim",
+    ],
 )
 def test_files_beside_the_code(name: str) -> None:
     assert resources.files("skelsplat").joinpath(name).is_file()

@@ -61,9 +61,9 @@ def test_the_benchmark_runs() -> None:
         "cross",
         "--json",
     ]
-    command = [sys.executable, str(SCRIPT), *small, "--methods", "oracle", "baseline"]
+    command = [sys.executable, str(SCRIPT), *small, "--methods", "oracle", "affinity"]
     report = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
     (condition,) = report["conditions"].values()
     assert condition["oracle"]["precision"] == condition["oracle"]["recall"] == 1
-    assert condition["baseline"]["recall"] > 0.8
-    assert condition["oracle"]["mean_mm"] < condition["baseline"]["mean_mm"]
+    assert condition["affinity"]["recall"] > 0.8
+    assert condition["oracle"]["mean_mm"] < condition["affinity"]["mean_mm"]

@@ -33,9 +33,11 @@ def test_entries_in_any_order_mix_people():
     assert mixes.startswith("--person 0 mixes people: the views show different people in ")
     assert mixes.endswith(
         "The order of people in a file is arbitrary: entry 0 is not always the same person; --person "
-        "consistent follows the person the views agree on."
+        "consistent follows the person the views agree on, and --person 0 with --fps HZ one person."
     )
-    assert visible == f"{VISIBLE}; only --person consistent tells them apart."
+    assert visible == (
+        f"{VISIBLE}; --person consistent keeps to one of them, and --people all with --fps HZ refines all."
+    )
 
 
 def test_a_change_alone_is_told():
@@ -43,7 +45,7 @@ def test_a_change_alone_is_told():
     people[-4:] = people[-4:, :, ::-1].copy()
     mixes, visible = doubts_of(people, RIG, "1")
     assert "mixes people: it changes to another person in 1 of 23 steps from frame to frame" in mixes
-    assert visible.endswith("; only --person consistent tells them apart.")
+    assert "; --person consistent keeps to one of them" in visible
 
 
 def test_the_largest_need_not_be_one_person():
@@ -57,12 +59,11 @@ def test_of_a_sound_choice_the_other_person_is_named(noise):
     people = seen(crossing(), RIG, noise)
     (doubt,) = doubts_of(shuffled(people), RIG)
     assert doubt.startswith("2 people are visible in about the same number of views in ")
-    assert (
-        "Check that the right one is followed: --person largest follows the largest in each image; " in doubt
+    assert doubt.endswith(
+        "Check that the right one is followed: with --fps HZ, --people all refines everybody, and --person "
+        "chooses by number, size, motion or place."
     )
-    assert doubt.endswith("the order of people in a file is arbitrary, so --person 0 may mix them.")
-    (doubt,) = doubts_of(people, RIG, "1")  # a tracker's entries
-    assert doubt.endswith("followed: --person consistent or --person largest may follow another.")
+    assert doubts_of(people, RIG, "1") == [doubt]  # a tracker's entries
 
 
 @pytest.mark.parametrize("noise", NOISES)
@@ -77,6 +78,17 @@ def test_a_bystander_in_two_of_four_views_is_not_named(person):
     people = seen(crossing(), RIG)
     people[:, 2:, 1] = np.nan
     assert doubts_of(people, RIG, person) == []
+
+
+@pytest.mark.parametrize("frames", [slice(12, None), slice(6, 9)])
+def test_another_person_in_all_views_at_once_is_a_jump(frames):
+    """Each file holds one person, and from one frame to the next another one."""
+    people = seen(crossing(apart_mm=2500.0), RIG)
+    people[frames, :, 0] = people[frames, :, 1]
+    (doubt,) = doubts_of(people[:, :, :1], RIG, "0")
+    times = "once" if frames.stop is None else "2 times"
+    assert doubt.startswith(f"The person jumps {times} from one frame to the next, by up to ")
+    assert doubt.endswith("change to another person, or frames are missing or out of order.")
 
 
 def spread(off):

@@ -72,7 +72,8 @@ def test_everybody_is_refined_as_alone(people, found):
 
 
 def test_each_folder_is_that_of_a_run(folder, found):
-    names = {"people.csv", "people.json", "people.nc", "person_0", "person_1", "report.json"}
+    together = {"people.csv", "people.json", "people.nc", "overview.png", "report.html", "report.json"}
+    names = together | {"person_0", "person_1"}
     assert {path.name for path in folder.iterdir()} == names
     for identity, alone in found.people.items():
         own = folder / f"person_{identity}"
@@ -169,13 +170,26 @@ def test_a_later_run_removes_what_an_earlier_one_wrote(recording, tmp_path):
     (out / "person_1" / "notes.txt").write_text("mine")
     (out / "person_7").mkdir()
     run_people(job(recording, people=1, output=out, write=("trc",), html=False))
-    assert {path.name for path in out.iterdir()} == {"person_0", "person_1", "person_7", "report.json"}
+    names = {"person_0", "person_1", "person_7", "overview.png", "report.json"}
+    assert {path.name for path in out.iterdir()} == names
     assert [path.name for path in (out / "person_1").iterdir()] == ["notes.txt"]
     assert not (out / "person_0" / "pose.csv").exists()
     run(job(recording, people=None, output=out, html=False))
     assert {path.name for path in out.iterdir()} == RESULTS - {"report.html"} | {"person_1", "person_7"}
     several.write(out, (), html=False)
-    assert {path.name for path in out.iterdir()} == {"person_0", "person_1", "person_7", "report.json"}
+    names = {"person_0", "person_1", "person_7", "overview.png", "report.json"}
+    assert {path.name for path in out.iterdir()} == names
+
+
+def test_the_stored_input_of_a_person_is_not_replaced(folder, tmp_path):
+    stored = [folder / "person_1" / name for name in ("cameras.json", "detections.npz")]
+    arguments = ["refine", *stored, *READ, "--fps", FPS, "--no-html"]
+    result = invoke(*arguments, "-o", folder)
+    assert_fails(result, 2, "--output: expected a folder in which no input is overwritten", "cameras.json")
+    result = invoke(*arguments, "-o", tmp_path)
+    assert result.exit_code == 0, result.output
+    again, before = (read_npz(one / "pose.npz").pose for one in (tmp_path, folder / "person_1"))
+    np.testing.assert_array_equal(again, before)
 
 
 def test_a_run_that_stops_half_way_says_so(recording, tmp_path, monkeypatch):
@@ -203,7 +217,7 @@ def test_the_table_fits_eighty_columns(recording, tmp_path):
     assert max(map(len, lines)) <= 80
     assert any(line.split()[:4] == ["0", "0–39", "40", "4"] for line in lines)
     text = " ".join(result.stdout.split())
-    assert text.endswith(f"Wrote to {tmp_path}/: people.csv, person_0, person_1, report.json")
+    assert text.endswith(f"Wrote to {tmp_path}/: people.csv, overview.png, person_0, person_1, report.json")
 
 
 def test_the_report_is_printed(recording, tmp_path):
@@ -233,3 +247,35 @@ def test_the_frame_rate_has_to_be_known(recording, tmp_path, options):
     arguments = [argument for argument in command(recording, tmp_path) if argument not in ("--fps", FPS)]
     text = "--fps: expected the frame rate, which following people over time needs"
     assert_fails(invoke(*arguments, *options), 2, text, " ".join(options))
+
+
+def test_one_person_is_the_same_as_among_all(recording, found):
+    one = run(job(recording, people=None, person=1))
+    np.testing.assert_array_equal(one.poses.pose, found.people[1].poses.pose)
+    np.testing.assert_array_equal(one.poses.uncertainty, found.people[1].poses.uncertainty)
+    assert one.report["input"]["person"] == "1"
+
+
+def test_files_of_one_person_need_no_choice(tmp_path):
+    """An entry of each file, where there is only one, is taken as it is, bit for bit, at any frame rate."""
+    alone = seen(crossing(FRAMES)[:1], RIG)
+    write_calibration(tmp_path / "Calib.toml", RIG)
+    (tmp_path / "openpose").mkdir()
+    CASES["openpose"].write(tmp_path / "openpose", Take(alone, list(RIG.names), list(LAYOUT.joints)))
+    first, largest = (run(job(tmp_path, people=None, person=who)) for who in ("0", "largest"))
+    again = sk.refine_sequence(first.detections, first.cameras, fps=FPS, layout=LAYOUT)
+    np.testing.assert_array_equal(first.poses.pose, again.pose)
+    np.testing.assert_array_equal(largest.poses.pose, again.pose)
+    assert first.findings == ()
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"frame_by_frame": True}, {"config": sk.RefineConfig.paper(max_steps=3)}, {"filter": "one-euro"}],
+)
+def test_everybody_is_refined_as_asked(recording, options):
+    several = run_people(job(recording, **options))
+    solution = "in time" if "filter" in options else "frame by frame"
+    for one in several.people.values():
+        assert one.report["solution"]["method"] == solution
+        assert bool(one.poses.processing) == ("filter" in options)

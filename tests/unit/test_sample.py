@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
+from command_line import invoke, read_report
 from skelsplat.association import choose_person
 from skelsplat.io import read_calibration, read_openpose, sample
 
@@ -85,3 +86,25 @@ def test_unpacking_into_a_file(tmp_path):
     (tmp_path / "taken").write_text("")
     with pytest.raises(sk.DatasetError, match="taken: folder: expected a folder that can be written"):
         sample.extract(tmp_path / "taken")
+
+
+def test_two_people_and_a_bystander(tmp_path):
+    paths = sample.extract(tmp_path, people=True)
+    rig = read_calibration(paths.calibration, unit=sample.UNIT)
+    found = read_openpose(paths.detections, rig, layout=sample.LAYOUT)
+    assert found.people.shape[0::3] == (100, 25)
+    np.testing.assert_array_equal(np.median(found.people_per_frame, axis=0), [3, 3, 2, 2])
+    assert {path.name for path in tmp_path.iterdir()} >= {"LICENSE.pose2sim", "NOTICE.pose2sim"}
+
+
+def test_the_demo_of_several_people(tmp_path):
+    result = invoke("demo", "--people", "-o", tmp_path)
+    assert result.exit_code == 0, result.output
+    assert result.stdout.startswith("3 people\n")
+    assert max(map(len, result.stdout.splitlines())) <= 80
+    assert "was added to this recording by calculation" in " ".join(result.stdout.split())
+    people = read_report(tmp_path)["people"]
+    assert [(one["first_frame"], one["last_frame"], one["views_median"]) for one in people] == [
+        *[(0, 99, 4)] * 2,
+        (0, 99, 2),
+    ]

@@ -5,9 +5,13 @@ use std::sync::{Arc, Mutex, PoisonError};
 use pyo3::Borrowed;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use skelsplat_core::study::people::births::Judge;
+use skelsplat_core::study::people::known::Known;
+use skelsplat_core::study::people::score::{at_body, of_pair};
+use skelsplat_core::study::people::{Crowd, Figure};
 use skelsplat_core::{Detections, Person, Progress, Tracker, track};
 
-use crate::args::{Array, Out, place};
+use crate::args::{Array, Out, Poses, place};
 use crate::detections::{Frames, check_scores, split};
 use crate::errors::{Failure, Result, refuse};
 use crate::layout::Layout;
@@ -102,6 +106,37 @@ pub(crate) fn track_people<'py>(
         Ok(out)
     };
     found.into_iter().map(one).collect()
+}
+
+/// Return scores of the figures of a frame: at a body (M, P), of pairs (M, P, M, P), support of the body.
+///
+/// ``people`` is (1, M, P, N, 2|3), ``pose`` (N, 3) in mm. Scores of pairs of one view are 0.
+#[pyfunction]
+pub(crate) fn people_scores(
+    refiner: &PyRefiner,
+    layout: Layout,
+    people: People,
+    pose: Poses,
+) -> Result<(Out<f64>, Out<f64>, f64)> {
+    let [_, m, p, _] = people.shape;
+    let (crowd, layout) = (Crowd::new(&refiner.0, &people.only()?)?, layout.0);
+    let (known, pose) = (Known::new(&refiner.0, &layout), pose.0.points());
+    let figures: Vec<(usize, &Figure)> = crowd
+        .views
+        .iter()
+        .enumerate()
+        .flat_map(|(i, view)| view.iter().map(move |figure| (i, figure)))
+        .collect();
+    let at = |(_, figure): &(usize, &Figure)| at_body(figure, &pose, known.sigma, &known.mirror);
+    let pair = |(i, a): &(usize, &Figure), (k, b): &(usize, &Figure)| {
+        if i == k { 0.0 } else { of_pair(a, b, known.sigma).0 }
+    };
+    let bodies = figures.iter().map(at).collect();
+    let pairs = figures.iter().flat_map(|a| figures.iter().map(|b| pair(a, b)));
+    let pairs = pairs.collect();
+    let free = crowd.views.iter().map(|view| vec![true; view.len()]).collect();
+    let support = Judge { known: &known }.support(&crowd, &free, &pose);
+    Ok((Out(bodies, vec![m, p]), Out(pairs, vec![m, p, m, p]), support))
 }
 
 /// The people of a live loop, with the state between frames.

@@ -196,27 +196,51 @@ def _mixed(finding: Finding) -> str:
     why = "The largest in each image is" if person == "largest" else entry
     return (
         f"--person {person} mixes people: {fault}. {why} not always the same person; --person "
-        "consistent follows the person the views agree on."
+        f"consistent follows the person the views agree on, and --person {person} with --fps HZ one person."
     )
 
 
-_ANOTHER = {
-    "consistent": "--person largest follows the largest in each image",
-    "largest": "--person consistent follows the person the views agree on",
-}
-
-
 def _visible(finding: Finding) -> str:
-    numbers, person = finding.numbers, finding.numbers["person"]
+    numbers = finding.numbers
     seen = (
         f"{numbers['people']} people are visible in about the same number of views in "
         f"{percent(numbers['share_of_frames'])} of the frames"
     )
     if numbers["mixed"]:
-        return f"{seen}; only --person consistent tells them apart."
-    other = _ANOTHER.get(person, "--person consistent or --person largest may follow another")
-    order = "; the order of people in a file is arbitrary, so --person 0 may mix them"
-    return f"{seen}. Check that the right one is followed: {other}{'' if person.isdecimal() else order}."
+        return (
+            f"{seen}; --person consistent keeps to one of them, and --people all with --fps HZ refines all."
+        )
+    both = "--people all refines everybody, and --person chooses by number, size, motion or place"
+    return f"{seen}. Check that the right one is followed: with --fps HZ, {both}."
+
+
+def _few_views(finding: Finding) -> str:
+    counts = zip(finding.subject.cameras, finding.numbers["frames_seen"], strict=True)
+    cameras = listed([f"{name} in {count:,}" for name, count in counts])
+    seen = f"{cameras} of {finding.numbers['frames']:,} frames"
+    return f"Mostly two views or fewer see this person ({seen}), so no third view confirms the pose."
+
+
+def _left_out(finding: Finding) -> str:
+    shares = zip(finding.subject.cameras, finding.numbers["shares"], strict=True)
+    cameras = ", ".join(f"{name} {percent(share)}" for name, share in shares)
+    alike = " or ".join(finding.numbers["layouts_of_as_many_joints"])
+    layout = f"a wrong layout ({alike} has the same number of joints)" if alike else "a wrong layout"
+    return (
+        f"{percent(finding.numbers['left_out_share'])} of the people detected are none of those found "
+        f"({cameras}): people whom one view sees, false detections, {layout}, or cameras that do not fit. "
+        f"{_LOOK}."
+    )
+
+
+def _jumps(finding: Finding) -> str:
+    count, frames = finding.numbers["jumps"], _frames(list(finding.subject.frames))
+    times = "once" if count == 1 else f"{count:,} times"
+    return (
+        f"The person jumps {times} from one frame to the next, by up to "
+        f"{finding.numbers['longest_mm'] / 1000:.1f} m ({frames}): the detections change to another person, "
+        "or frames are missing or out of order."
+    )
 
 
 def _followed(finding: Finding) -> str:
@@ -288,6 +312,11 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     **dict.fromkeys(_STATUS, _status),
     "people_mixed": _mixed,
     "people_visible": _visible,
+    "people_left_out": _left_out,
+    "person_of_few_views": _few_views,
+    "person_still": "This person hardly moves: positions vary by {moved_mm:.0f} mm in {seconds:.0f} s. A "
+    "poster, a dummy, or somebody who keeps still?",
+    "person_jumps": _jumps,
     "person_followed": _followed,
     "person_by_place": "--person {person} is entry {person} of each file, as the frame rate is unknown. The "
     "order of people in a file is arbitrary, so this need not be one person: with --fps HZ it is.",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
 
 import skelsplat as sk
 from skelsplat.cli import options
@@ -11,12 +12,19 @@ from skelsplat.io import sample
 from skelsplat.run import Job
 from skelsplat.run.folder import output_folder
 
+_OF_PEOPLE = (
+    "One of the two main people was added to this recording by calculation (Pose2Sim's demonstration): their "
+    "detections are not those of a detector."
+)
 _NOTE = "The sample has no ground truth: these errors measure agreement with the detections, not accuracy."
 
 
 def demo(
     output: options.Out = Path("skelsplat-demo"),
     paper: options.Paper = False,
+    people: Annotated[
+        bool, options.flag("Input", "--people", help="Refine the recording of two people and a bystander.")
+    ] = False,
     frame_by_frame: options.FrameByFrame = False,
     threads: options.Threads = None,
     quiet: options.Quiet = False,
@@ -27,18 +35,21 @@ def demo(
     The input is copied to FOLDER/input, as the files of a typical recording
     (calibration TOML, one folder of OpenPose JSON per camera), and read from
     there. The results are pose.npz, pose.csv, pose.trc, report.json, report.html,
-    overview.png and weights.png, with --paper also heatmaps.png.
+    overview.png and weights.png, with --paper also heatmaps.png; with --people,
+    a folder of them per person, and a page and a picture of everybody.
 
     [bold]Examples[/bold]
 
     skelsplat demo
+
+    skelsplat demo --people -o people
 
     skelsplat demo --paper -o /tmp/demo-paper
 
     skelsplat demo -o /tmp/demo --json > report.json
     """
     with output_folder(output):
-        paths = sample.extract(output / "input")
+        paths = sample.extract(output / "input", people=people)
     settings = {} if threads is None else {"n_threads": threads}
     job = Job(
         paths.calibration,
@@ -48,7 +59,8 @@ def demo(
         fps=sample.FRAME_RATE_HZ,
         frame_by_frame=frame_by_frame,
         config=sk.RefineConfig.paper(**settings) if paper else sk.RefineConfig(**settings),
+        people="all" if people else None,
         output=output,
-        note=_NOTE,
+        note=f"{_NOTE} {_OF_PEOPLE}" if people else _NOTE,
     )
     run_and_print(job, quiet=quiet, as_json=as_json)

@@ -30,9 +30,9 @@ from skelsplat.findings import Finding, collected_warnings
 from skelsplat.run.folder import output_folder
 
 EPILOG = (
-    "Results: report.md, report.csv, report.json and bars.png in FOLDER; the poses of every take under "
-    "FOLDER/runs, from where a stopped evaluation goes on. Exit status: 0 ok, 1 failed, 2 bad usage, 130 "
-    "interrupted."
+    "Results: report.md, report.csv, report.json and, of methods of one person, bars.png in FOLDER and the "
+    "poses of every take under FOLDER/runs, from where a stopped evaluation goes on. Exit status: 0 ok, "
+    "1 failed, 2 bad usage, 130 interrupted."
 )
 _data, _method, _output = (
     partial(typer.Option, rich_help_panel=panel) for panel in ("Data", "Method", "Output")
@@ -45,7 +45,7 @@ Detections = Annotated[
     NAME_OR_PATH,
     _data(
         metavar="WHICH",
-        help="Name of a detector that the data set has, or a folder of detections.",
+        help="Name of a detector that the data set has, or a folder or file of detections.",
         show_default="the reader's choice",
     ),
 ]
@@ -79,9 +79,9 @@ MethodNames = Annotated[
         "--methods",
         "-m",
         metavar="NAMES",
-        help=f"Comma between them, or repeated: {', '.join(methods.names)}; or all. Of several people, who "
-        f"is who is found out: {', '.join(people.names)}.",
-        show_default="all that the data allow but paper; if they have several people, the last three",
+        help=f"Comma between them, or repeated: {', '.join(methods.names)}; or all. Where nothing says who "
+        f"is who: {', '.join(people.names)}.",
+        show_default="all that the data allow but paper; with several people, the last three",
     ),
 ]
 Start = Annotated[

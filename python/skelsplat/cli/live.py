@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 from collections.abc import Iterator
@@ -141,7 +142,11 @@ def live(
         if not quiet:
             cameras, joints = f"{len(rig)} cameras ({', '.join(rig.names)})", f"{known.n_joints} joints"
             _print(f"ready: {cameras}, {joints} ({known.name}), in {rig.unit}{who}")
-        status = _serve(session, sys.stdin.buffer, sys.stdout.buffer)
+        gc.freeze()  # what has been imported is not searched for garbage again, which takes 10 ms
+        try:
+            status = _serve(session, sys.stdin.buffer, sys.stdout.buffer)
+        finally:
+            gc.unfreeze()
     if not quiet:
         _print(session.summary())
     if status:

@@ -23,13 +23,17 @@ _INPUT, _DRAWING, _OUTPUT = "Input", "Drawing", "Output"
 
 _Run = Annotated[Path, typer.Argument(readable=False, metavar="RUN", help="Output folder of refine or demo.")]
 _Videos = Annotated[
-    Path,
+    Path | None,
     typer.Argument(
         readable=False,
         metavar="VIDEOS",
         help="Folder with one video or one folder of images per camera, named like the camera; or one of "
-        "them.",
+        "them. Without any: --plain.",
     ),
+]
+_Plain = Annotated[
+    bool,
+    options.flag(_INPUT, "--plain", help="Draw on plain frames of the cameras' size, without videos."),
 ]
 _Out = Annotated[
     Path | None,
@@ -99,8 +103,9 @@ _Grid = Annotated[bool, options.flag(_OUTPUT, "--grid", help="Write all cameras 
 # long: a parameter per option
 def overlay(
     run: _Run,
-    videos: _Videos,
+    videos: _Videos = None,
     *,
+    plain: _Plain = False,
     camera: _Camera = None,
     order: _Order = None,
     first_frame: _FirstFrame = None,
@@ -121,6 +126,8 @@ def overlay(
 ) -> None:
     """Draw a run on its videos: detections, reprojected skeleton, error ellipses.
 
+    Of a run of several people, all are drawn, in one colour each.
+
     Detections are discs, from green (trusted) to crimson; rejected ones are
     crosses, with a line to the joint of the pose; a diamond marks a left–right
     swap. Ellipses are drawn at 2 standard deviations.
@@ -134,7 +141,12 @@ def overlay(
     skelsplat overlay out videos/ --camera cam01 --crop --png -o frames
 
     skelsplat overlay out frames/ --fps 60 --scale 0.5 --no-detections
+
+    skelsplat overlay out --plain --grid
     """
+    if plain == (videos is not None):
+        expected = "expected a folder of videos or images, or --plain to draw on plain frames"
+        raise typer.BadParameter(f"{expected}, got {'both' if plain else 'neither'}", param_hint="VIDEOS")
     opencv()  # first: its extra has all that the command needs
     from skelsplat.run.frame_range import FrameRange
     from skelsplat.run.overlay import OverlayJob, write_overlay  # OpenCV takes long to load
@@ -166,7 +178,14 @@ def overlay(
         written = write_overlay(job, progress)
     if as_json:
         files, findings = ([one.to_dict() for one in several] for several in (written, found))
-        print_json({"run": str(run), "videos": str(videos), "files": files, "findings": findings})
+        print_json(
+            {
+                "run": str(run),
+                "videos": None if videos is None else str(videos),
+                "files": files,
+                "findings": findings,
+            }
+        )
     elif not quiet:
         for one in written:
             typer.echo(f"{one.path}: {one.frames} frames of {one.size[0]}×{one.size[1]}")

@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.table import Table
 
 from skelsplat._sentences.words import number
-from skelsplat.cli.table import new_table, print_table
+from skelsplat.cli.table import new_table, print_paragraphs, print_table
 from skelsplat.run import PeopleRun
 
 _LEGEND = (
@@ -24,21 +24,19 @@ def print_people(console: Console, run: PeopleRun) -> None:
     console.print(_LEGEND, style="dim")
     console.print()
     note = run.report["note"]
-    texts = [note] if note else []
-    texts += [f"! {finding.text}" for finding in run.findings if finding.severity != "note"]
+    print_paragraphs(console, [note] if note else [])
+    found = [finding.text for finding in run.findings if finding.severity != "note"]
+    print_paragraphs(console, [f"! {text}" for text in found])
     for identity, one in run.people.items():
         own = [finding.text for finding in one.findings if finding.severity != "note"]
-        texts += [f"! person {identity}: {text}" for text in own]
-    for text in texts:
-        console.print(text)
-    if texts:
-        console.print()
+        print_paragraphs(console, [f"! person {identity}: {text}" for text in own])
 
 
 def _people(run: PeopleRun) -> Table:
     cameras = len(next(iter(run.people.values())).cameras)
     columns = ["frames", "seen", f"views\nof {cameras}", "error\n[px]", "bar\n[mm]", "rejected", "limbs"]
-    table = new_table(f"{len(run.people)} people", "person", columns)
+    title = "1 person" if len(run.people) == 1 else f"{len(run.people)} people"
+    table = new_table(title, "person", columns)
     for entry in run.report["people"]:
         table.add_row(*_cells(entry))
     return table

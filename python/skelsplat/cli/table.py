@@ -116,13 +116,14 @@ def print_run(console: Console, run: Run) -> None:
     print_table(console, _joints(run))
     console.print()
     note = run.report["note"]
-    _print_paragraphs(console, [note] if note else [])
+    print_paragraphs(console, [note] if note else [])
     found = [finding.text for finding in run.findings if finding.severity != "note"]
-    _print_paragraphs(console, [f"! {text}" for text in found])
-    _print_paragraphs(console, [*_nothing_filled(run.report["over_time"]["gaps"]), *run.poses.processing])
+    print_paragraphs(console, [f"! {text}" for text in found])
+    print_paragraphs(console, [*_nothing_filled(run.report["over_time"]["gaps"]), *run.poses.processing])
 
 
-def _print_paragraphs(console: Console, texts: Sequence[str]) -> None:
+def print_paragraphs(console: Console, texts: Sequence[str]) -> None:
+    """Print sentences, each on lines of its own, and an empty line if there are any."""
     for text in texts:
         console.print(text)
     if texts:

@@ -42,6 +42,7 @@ def overall(evaluation: PeopleEvaluation) -> Table:
         cells: dict[str, Cell] = {
             key: factor * figures[key] for key, (_, factor) in _COLUMNS.items() if key != "interval"
         }
+        cells["change"] = round(100 * figures["change"], 1) + 0.0  # never −0.0
         cells["interval"] = interval(figures["mean_low_mm"], figures["mean_high_mm"])
         rows.append(Row(method, tuple(cells[key] for key in _COLUMNS)))
     others = evaluation.published
@@ -103,8 +104,9 @@ def notes(evaluation: PeopleEvaluation) -> tuple[str, ...]:
 def _subject(evaluation: PeopleEvaluation) -> str:
     data, scenes = evaluation.dataset, evaluation.cases
     views = sorted({len(case.scene.rig) for case in scenes})
+    each = f"{', '.join(map(str, views))} view{'s' * (views != [1])}"
     count = f"{len(scenes)} scene{'s' * (len(scenes) != 1)}"
-    return f"{data.name} ({data.detector or 'no detections'}), {', '.join(map(str, views))} views, {count}"
+    return f"{data.name} ({data.detector or 'no detections'}), {each}, {count}"
 
 
 def _lines(evaluation: PeopleEvaluation) -> Iterator[tuple[str, str, str, Mapping[str, float]]]:

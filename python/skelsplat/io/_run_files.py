@@ -33,7 +33,12 @@ def files_of_run(folder: Path) -> list[str] | None:
 
 def folders_of_run(folder: Path) -> list[str]:
     """Return the names of the people's folders that a run of several people lists."""
-    return [name for name in _listed(folder, "folders") or [] if re.fullmatch(r"person_\d+", name)]
+    return [name for name in _listed(folder, "folders") or [] if is_person(name)]
+
+
+def is_person(name: str) -> bool:
+    """Whether a folder has the name of one person's, ``person_0``."""
+    return re.fullmatch(r"person_\d+", name) is not None
 
 
 def _listed(folder: Path, key: str) -> list[str] | None:

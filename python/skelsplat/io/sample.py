@@ -1,7 +1,8 @@
-"""The real recording that ships with the package.
+"""The recordings that ship with the package.
 
 A balancing person, 100 frames at 60 frames per second, 4 calibrated cameras (metres, z up), OpenPose BODY_25B
-detections; a bystander stands in the first two views. From Pose2Sim, BSD-3-Clause.
+detections; a bystander stands in the first two views. And the same with a second person, whom Pose2Sim added
+by calculation. From Pose2Sim, BSD-3-Clause.
 """
 
 from __future__ import annotations
@@ -27,8 +28,10 @@ class SamplePaths:
     detections: Path
 
 
-def extract(folder: str | os.PathLike[str]) -> SamplePaths:
+def extract(folder: str | os.PathLike[str], *, people: bool = False) -> SamplePaths:
     """Unpack the sample into `folder` (made if missing) as the files a user would have.
+
+    With `people`, that of two people and a bystander.
 
     ``Calib.toml``, ``openpose/camNN_json/*.json`` and the licence of the recording; files of these names are
     overwritten.
@@ -39,7 +42,7 @@ def extract(folder: str | os.PathLike[str]) -> SamplePaths:
         If the folder cannot be written.
     """
     target = Path(folder)
-    archive = resources.files("skelsplat.data").joinpath("pose2sim_demo.zip")
+    archive = resources.files("skelsplat.data").joinpath(f"pose2sim_{'people' if people else 'demo'}.zip")
     writing = opening(target, "a folder that can be written", "folder")
     with writing, archive.open("rb") as stream, zipfile.ZipFile(stream) as packed:
         packed.extractall(target)

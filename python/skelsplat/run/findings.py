@@ -31,6 +31,8 @@ _WHOLE_SHARE, _REST_SHARE = 1 / 3, 0.2
 # A robust fit may leave the median where it was; a tenth more is further away.
 _FURTHER, _FURTHER_PX = 1.1, 0.1  # less is the rounding of the detections
 _FURTHER_IN_TIME = 1.25
+# Two views' plain triangulation follows three of their four numbers.
+_FURTHER_OF_TWO, _CONFIRMED = 1.25, 3
 # No person that a camera detects matches the other cameras, in this share of the frames at least; if that is
 # so for another camera in most frames, this share of the frames with people is enough.
 _SOME, _ALSO_UNFIT = 0.1, 0.25
@@ -80,12 +82,16 @@ def find_whole(statistics: Statistics, *, mixed: bool = False) -> Iterator[Findi
         yield Finding(
             "many_rejected", "warning", numbers={"rejected_share": total.rejected_share}, remedy=remedy
         )
-    elif total.after_px > max(_FURTHER * total.before_px, total.before_px + _FURTHER_PX):
+    elif total.after_px > max(_further(statistics) * total.before_px, total.before_px + _FURTHER_PX):
         yield Finding(
             "further_than_start",
             "warning",
             numbers={"before_px": total.before_px, "after_px": total.after_px},
         )
+
+
+def _further(statistics: Statistics) -> float:
+    return _FURTHER if np.median(statistics.views_used) >= _CONFIRMED else _FURTHER_OF_TWO
 
 
 def _in_time(statistics: Statistics, alone: Statistics) -> Iterator[Finding]:
@@ -150,7 +156,7 @@ def _cameras(inputs: Inputs, statistics: Statistics, unfit: Mapping[int, object]
     worst = [i for i in displaced if names[i] in bad]
     rest = [i for i in displaced if names[i] not in bad]
     sides = {names[i]: shift_of(names, shifts, i, rest if i == worst[0] else ()) for i in worst}
-    yield from find_cameras(statistics, unfit_names, sides)
+    yield from find_cameras(statistics, unfit_names, sides, followed=inputs.solved is not None)
     yield from find_displaced(names, shifts, [] if worst else rest, unfit_names)
     yield from find_apart(inputs.rig, statistics, {*displaced, *unfit})
 
@@ -159,10 +165,13 @@ def find_cameras(
     statistics: Statistics,
     unfit: AbstractSet[str] = frozenset(),
     sides: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
+    *,
+    followed: bool = False,
 ) -> Iterator[Finding]:
     """Yield findings on unused cameras and on those that disagree.
 
-    Those that are ``unfit`` have their own finding; ``sides`` are the shifts of `shift_of` by name.
+    Those that are ``unfit`` have their own finding; ``sides`` are the shifts of `shift_of` by name. A camera
+    need not see one of several people who were ``followed``.
     """
     bad = _bad_cameras(statistics.cameras)
     good = [group for group in statistics.cameras if group.used and group not in bad]
@@ -173,7 +182,7 @@ def find_cameras(
     enough = len(statistics.cameras) > 2  # two must remain
     for group in statistics.cameras:
         subject, without = Subject(cameras=(group.name,)), (Remedy("without", group.name),)
-        if statistics.total.used and not group.used and group.name not in unfit:
+        if statistics.total.used and not group.used and group.name not in unfit and not followed:
             remedy = (Remedy("person", None), *(without if enough else ()))
             yield Finding("camera_unused", "warning", subject, remedy=remedy)
         elif group in bad:

@@ -22,6 +22,7 @@ from skelsplat.io._run_files import (
     UNFINISHED,
     files_of_run,
     folders_of_run,
+    is_person,
     is_run,
 )
 from skelsplat.io.poses import PEOPLE_FORMATS, POSE_FORMATS, check_pose_format
@@ -132,21 +133,26 @@ def keep_input(job: Job, sources: Sequence[Path] = ()) -> None:
     Raises
     ------
     InvalidInputError
-        If a file that the run reads has the name of one that it writes, or the folder is that of the
-        detections, or of one camera's, or lies within the latter.
+        If a file that the run reads has the name of one that it writes or is in the folder of a person, or
+        the folder is that of the detections, or of one camera's, or lies within the latter.
     """
     if job.output is None:
         return
     out, top = Path(job.output).resolve(), Path(job.detections).resolve()
     written = {(out / name).resolve() for name in (*_POSSIBLE, REPORT)}
     for path in (Path(file) for file in (job.calibration, job.detections, job.init) if file is not None):
-        if path.resolve() in {out, *written}:
+        if path.resolve() in {out, *written} or _of_a_person(path.resolve(), out):
             raise _in_the_way(path)
     for path in sources:
         place = path.resolve()
         folder = place if place.is_dir() else place.parent
         if place in written or (folder != top and folder != top.parent and folder in {out, *out.parents}):
             raise _in_the_way(path)
+
+
+def _of_a_person(path: Path, out: Path) -> bool:
+    """Whether a path is, or lies in, the folder of a person of a run of several people in ``out``."""
+    return any(place.parent == out and is_person(place.name) for place in (path, path.parent))
 
 
 def _in_the_way(path: Path) -> InvalidInputError:

@@ -62,7 +62,7 @@ def write_html(run: Run, path: Path) -> None:
     weights = np.where(np.isfinite(statistics.error_after), run.result.view_weights, np.nan)
     errors_px, rejected = error_maps(statistics.error_after, weights)
     data = page.ReportData(
-        title="SkelSplat" if source is None else f"SkelSplat: {Path(source).name}",
+        title="SkelSplat" if source is None else f"SkelSplat: {Path(source).name}{_of_whom(run)}",
         facts=facts_of(run.report),
         warnings=[finding.text for finding in run.findings],
         notes=_notes(run),
@@ -82,6 +82,12 @@ def write_html(run: Run, path: Path) -> None:
         bones=_bones(run),
     )
     page.write_report(path, data)
+
+
+def _of_whom(run: Run) -> str:
+    """Return the number of the person for the title, if one of several was chosen by number."""
+    person = run.report["input"]["person"]
+    return f", person {person}" if str(person).isdecimal() else ""
 
 
 def show_page(run: Run) -> None:
@@ -192,8 +198,7 @@ def key_numbers(run: Run) -> list[tuple[str, str, str]]:
 
 
 def _notes(run: Run) -> list[str]:
-    note, rate = run.report["note"], run.poses.frame_rate
-    speed = "" if rate is not None else " The frame rate is unknown: speed 1 × plays 30 frames per second."
+    note = run.report["note"]
     return [
         *([note] if note else []),
         *solved_in_words(run.report),
@@ -206,9 +211,17 @@ def _notes(run: Run) -> list[str]:
         "anatomical joint. It contains the scatter, what another recording of the same pose by the same "
         "detector would give, and how far detectors place joints from anatomical ones in all views and "
         "frames (--joint-bias-mm).",
+        *of_the_view(run.poses.frame_rate),
+    ]
+
+
+def of_the_view(rate: float | None) -> list[str]:
+    """Return sentences on how to read the 3D view."""
+    speed = "" if rate is not None else " The frame rate is unknown: speed 1 × plays 30 frames per second."
+    return [
         "The 3D view is in metres, in the axes of the calibration; ellipsoids are drawn at two standard "
         "deviations, cut off 0.3 m from the joint, and joints that are weak, inferred, filled or "
-        f"unobserved are hollow.{speed}",
+        f"unobserved are hollow.{speed}"
     ]
 
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skelsplat._arrays import Array, Index, Mask
+from skelsplat._arrays import Array, Index, Mask, medians
+from skelsplat.association import body_sizes
 from skelsplat.findings import Finding, Remedy, Subject
 from skelsplat.run.person import MIXED, Crowd
 from skelsplat.run.read import Inputs
@@ -24,12 +25,16 @@ _CONSISTENT = (Remedy("person", "consistent"),)
 _DEFINITION = 0.05
 # A limb is off its median beyond so many standard deviations.
 _OFF = 4.0
+# A body that is elsewhere in the next frame by this part of its size, and faster than anybody runs, mm/s, is
+# another one; it takes so many joints to say where it is.
+_JUMP, _FASTEST_MM_S, _LEAST_JOINTS = 0.5, 12_000.0, 4
 # Fewer frames are no distribution of lengths.
 _LEAST_FRAMES = 10
 
 
 def find_people(inputs: Inputs, outcome: Outcome) -> Iterator[Finding]:
-    """Yield findings on mixed people, on others as visible, and on limbs of varying length."""
+    """Yield findings on mixed people, on others as visible, on jumps and on limbs of varying length."""
+    yield from inputs.doubts
     if inputs.crowd is not None:
         mixed = are_mixed(inputs)
         if mixed:
@@ -37,6 +42,8 @@ def find_people(inputs: Inputs, outcome: Outcome) -> Iterator[Finding]:
         if inputs.crowd.together.mean() >= _TOGETHER:
             yield _others(inputs.person, inputs.crowd, mixed=mixed)
     yield from find_lengths(inputs, _spread(inputs, outcome))
+    if not are_mixed(inputs):
+        yield from find_jumps(inputs, outcome)
 
 
 def are_mixed(inputs: Inputs) -> bool:
@@ -54,15 +61,32 @@ def _mixed(person: str, crowd: Crowd) -> Finding:
 
 
 def _others(person: str, crowd: Crowd, *, mixed: bool) -> Finding:
-    choices = ("consistent",) if mixed else ("consistent", "largest")
+    choices = ("consistent",) if mixed else ()
     numbers = {
         "person": person,
         "people": max(2, crowd.visible),
         "share_of_frames": float(crowd.together.mean()),
         "mixed": mixed,
     }
-    remedy = tuple(Remedy("person", choice) for choice in choices if choice != person)
+    remedy = (*(Remedy("person", choice) for choice in choices if choice != person), Remedy("people", "all"))
     return Finding("people_visible", "warning", numbers=numbers, remedy=remedy)
+
+
+def find_jumps(inputs: Inputs, outcome: Outcome) -> Iterator[Finding]:
+    """Yield a finding if the body is elsewhere from one frame to the next: another person."""
+    result = outcome.result
+    pose = np.where((np.asarray(result.joint_status) == "ok")[..., None], result.pose, np.nan)
+    centres, sizes = medians(np.moveaxis(pose, -1, -2), _LEAST_JOINTS), body_sizes(pose)
+    steps = np.linalg.norm(np.diff(centres, axis=0), axis=-1)
+    allowed = _JUMP * np.minimum(sizes[1:], sizes[:-1])
+    if inputs.fps is not None:
+        allowed = np.maximum(allowed, _FASTEST_MM_S / inputs.fps / inputs.rig.mm_per_unit)
+    jumps = np.flatnonzero((steps > allowed) & (np.diff(inputs.frames) == 1))
+    if len(jumps):
+        longest = float(steps[jumps].max() * inputs.rig.mm_per_unit)
+        numbers = {"jumps": len(jumps), "longest_mm": longest, "person": inputs.person}
+        where = Subject(frames=tuple(inputs.frames[jumps + 1].tolist()))
+        yield Finding("person_jumps", "warning", where, numbers)
 
 
 def _spread(inputs: Inputs, outcome: Outcome) -> LimbSpread:

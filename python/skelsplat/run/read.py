@@ -13,6 +13,7 @@ import skelsplat as sk
 from skelsplat._arrays import Array, Index, Mask
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError, SkelSplatError
+from skelsplat.findings import Finding
 from skelsplat.io import PoseData, read_npz
 from skelsplat.io.calibration import find_format, read_calibration
 from skelsplat.io.detections import DetectionSet, camera_called, cameras_called, read_detections
@@ -50,6 +51,7 @@ class Inputs:
     # the frames solved in time, if following people over time has done so, and the seconds that took
     solved: sk.SequenceRefinement | None = None
     solved_s: float = float("nan")
+    doubts: tuple[Finding, ...] = ()  # about the person, if followed over time
 
 
 def read_everybody(job: Job) -> tuple[Array, Inputs]:

@@ -14,6 +14,7 @@ import skelsplat as sk
 from skelsplat._arrays import Index
 from skelsplat._atomic import atomic_write_text
 from skelsplat._json import plain, to_text
+from skelsplat._optional import can_draw
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import Finding, collected_warnings
 from skelsplat.io import write_people
@@ -28,6 +29,8 @@ from skelsplat.run.report import input_of, versions
 from skelsplat.run.solve import refine_inputs
 from skelsplat.run.summary import finite_median
 from skelsplat.run.tracked import Everybody, check_times, follow_everybody
+
+PICTURE = "overview.png"
 
 if TYPE_CHECKING:
     import os
@@ -151,7 +154,7 @@ def _run_people(job: Job, progress: Progress | None, tell: Callable[[Finding], N
         outcomes = [refine_inputs(inputs, job) for inputs in everybody.people]
     pairs = zip(everybody.people, outcomes, strict=True)
     runs = {int(inputs.person): summed_up(inputs, outcome, job) for inputs, outcome in pairs}
-    found = sorted(notes, key=lambda finding: ORDER.index(finding.severity))
+    found = sorted([*notes, *everybody.whole.doubts], key=lambda finding: ORDER.index(finding.severity))
     return PeopleRun(runs, tuple(found), _report(everybody, runs, found, job))
 
 
@@ -244,12 +247,23 @@ def write_everybody(run: PeopleRun, folder: Path, writing: folders.Writing) -> P
         with folders.output_folder(folder / folder_of(identity)):
             people[identity] = folders.write_folder(one, folder / folder_of(identity), writing)
     poses = {identity: one.poses for identity, one in run.people.items()}
-    for name in run.report["files"]:
+    for name in _poses_together(writing):
         write_people(folder / name, poses)
+    if can_draw():
+        from skelsplat.run import people_page  # matplotlib takes long to load
+
+        people_page.write_people_figure(run, folder / PICTURE)
+        if writing.html:
+            people_page.write_people_page(run, folder / folders.PAGE)
     atomic_write_text(folder / REPORT, to_text(run.report))
     return replace(run, people=people)
 
 
 def _together(writing: folders.Writing) -> list[str]:
-    """Return the files that hold everybody."""
+    """Return the files that hold or show everybody."""
+    shown = [PICTURE, *([folders.PAGE] if writing.html else [])] if can_draw() else []
+    return [*_poses_together(writing), *shown]
+
+
+def _poses_together(writing: folders.Writing) -> list[str]:
     return [f"people.{kind}" for kind in writing.formats if kind in PEOPLE_FORMATS]

@@ -14,8 +14,9 @@ from skelsplat import association
 from skelsplat._arrays import Array, Index
 from skelsplat._people import Person
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.findings import Finding, warn
+from skelsplat.findings import Finding, collected_warnings, warn
 from skelsplat.io.detections import camera_called
+from skelsplat.run.doubts import find_doubts, find_left_out
 from skelsplat.run.job import Job
 from skelsplat.run.person import MOVES_MOST, count_people, look_around, pick_places, point_of
 from skelsplat.run.read import Inputs, read_everybody
@@ -39,7 +40,7 @@ class Everybody:
     detected, assigned : (T, M) int64
         How many people each view detects, and how many of them are one of ``people``.
     whole : Inputs
-        The recording, with nobody chosen.
+        The recording, with nobody chosen; its ``doubts`` concern everybody.
     """
 
     people: tuple[Inputs, ...]
@@ -91,15 +92,19 @@ def follow_everybody(people: Array, whole: Inputs, job: Job, progress: Progress 
     if config.method == "paper":
         config = sk.RefineConfig(**{name: getattr(config, name) for name in _SHARED})
     seen, begin = spread(people, places), time.perf_counter()
-    found = sk.track(
-        seen,
-        whole.rig,
-        fps=rate,
-        layout=whole.layout,
-        max_people=job.people if isinstance(job.people, int) else None,
-        config=config,
-        progress=False if progress is None else progress,
-    )
+    with collected_warnings() as told:
+        found = sk.track(
+            seen,
+            whole.rig,
+            fps=rate,
+            layout=whole.layout,
+            max_people=job.people if isinstance(job.people, int) else None,
+            config=config,
+            progress=False if progress is None else progress,
+        )
+    for one in told:
+        if one.kind != "nobody_found":  # an error below
+            warn(one)
     each = (time.perf_counter() - begin) / max(1, len(found))
     detected = count_people(people)
     if not found:
@@ -109,7 +114,11 @@ def follow_everybody(people: Array, whole: Inputs, job: Job, progress: Progress 
     for person in found:
         for slots in (person.slots, person.more_slots):
             assigned[person.frames] += slots >= 0
-    return Everybody(tuple(kept), detected, np.minimum(assigned[places], detected), whole)
+    kept = [replace(one, doubts=tuple(find_doubts(kept, one))) for one in kept]
+    assigned = np.minimum(assigned[places], detected)
+    if len(found) != job.people:  # else others may be left out on purpose
+        whole = replace(whole, doubts=tuple(find_left_out(detected, assigned, whole)))
+    return Everybody(tuple(kept), detected, assigned, whole)
 
 
 def check_times(whole: Inputs, job: Job) -> None:
@@ -182,7 +191,7 @@ def choose(everybody: Everybody, person: str) -> Inputs:
         chosen = max(people, key=measure)
     numbers = {"person": person, "identity": int(chosen.person), "people": len(people)}
     warn(Finding("person_followed", "note", numbers=numbers))
-    return chosen
+    return replace(chosen, doubts=(*everybody.whole.doubts, *chosen.doubts))
 
 
 def _size(inputs: Inputs) -> float:

@@ -13,7 +13,7 @@ from skelsplat.viz import report
 from skelsplat.viz._cameras import CameraPanel
 from skelsplat.viz._people import PersonTrack
 from skelsplat.viz._skeleton import Skeleton, body_axes
-from skelsplat.viz._style import write_pages
+from skelsplat.viz._style import person_colour, write_pages
 from skelsplat.viz._time import TimeAxis
 from skelsplat.viz.bones import Bone, BonePanel, draw_bones
 from skelsplat.viz.charts import BarData, Line, Panel, write_bars, write_panels
@@ -44,6 +44,7 @@ __all__ = [
     "draw_bones",
     "draw_error_map",
     "draw_trajectories",
+    "person_colour",
     "report",
     "write_bars",
     "write_heatmaps",

@@ -31,13 +31,18 @@ class Skeleton:
         Pairs of joint indices joined by a line; empty for points alone.
     left_right
         Pairs (left joint, right joint), from which sides and the body's heading are taken.
+    own
+        The colour of one of several people, drawn instead of the sides'.
     """
 
     limbs: tuple[tuple[int, int], ...] = ()
     left_right: tuple[tuple[int, int], ...] = ()
+    own: str | None = None
 
     def colour(self, joint: int) -> str:
-        """Return the colour of a joint's side: left, right or middle."""
+        """Return the colour of a joint's side: left, right or middle; or the one of all joints."""
+        if self.own is not None:
+            return self.own
         if any(joint == left for left, _ in self.left_right):
             return _style.LEFT
         if any(joint == right for _, right in self.left_right):

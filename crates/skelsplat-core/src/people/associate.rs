@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::births::{FITS, Free, Judge, Newcomer};
-use super::body::{Body, Claims, apart, placed};
+use super::body::{Body, Claims, apart, placed, views};
 use super::crowd::Crowd;
 use super::known::Known;
 use super::score::{assign, at_body};
@@ -13,6 +13,13 @@ use crate::refine::Refiner;
 /// Unexpected acceleration of a body, mm/s², and the largest factor by which it widens the kernel.
 const ACCELERATION: f64 = 10_000.0;
 const WIDEST: f64 = 2.0;
+/// Time for which a body that no view sees claims figures, s.
+const RECENT: f64 = 0.3;
+/// Least score of the figure of a body that only one view sees.
+const SHAPE: f64 = 0.5;
+/// Distance, in kernels, from a newcomer, and mean score of its figures, below which a body is taken to be the newcomer.
+const BESIDE: f64 = 3.5;
+const MISFIT: f64 = 0.55;
 /// Least score of a claim before the body is placed.
 const CLAIM: f64 = 0.25;
 /// Score from which a figure at a body that has one already is the same person again.
@@ -96,13 +103,13 @@ impl Associator {
         let mut claims = self.claims(crowd, &mut free);
         let mut found = self.place(crowd, &mut claims, &mut free);
         self.claim_again(crowd, &mut claims, &mut free, &mut found);
-        self.update(crowd, &claims, &found);
+        self.update(crowd, &mut claims, &mut free, &found);
         for (body, claims) in self.bodies.iter().zip(&mut claims) {
             absorb(crowd, &body.pose, claims, &mut free, &self.known);
         }
         let judge = Judge { known: &self.known };
         let newcomers = judge.newcomers(crowd, &mut free);
-        self.admit(newcomers, &mut claims);
+        self.admit(crowd, newcomers, &mut claims);
         self.merge_doubles(&mut claims);
         let sightings = self.sightings(&claims);
         self.retire();
@@ -117,16 +124,30 @@ impl Associator {
     }
 
     /// Figures that bodies claim from where they are expected.
+    ///
+    /// Those that two views saw in the frame before come first: where a body is that was lost from sight is not sure.
     fn claims(&self, crowd: &Crowd, free: &mut Free) -> Vec<Claims> {
         let mut claims = vec![vec![[None, None]; crowd.views.len()]; self.bodies.len()];
+        let recent = (RECENT / self.dt).ceil() as usize;
         for (i, figures) in crowd.views.iter().enumerate() {
-            let row =
-                |body: &Body| body.scores(figures, self.kernel(body.alone), &self.known.mirror);
-            let scores: Vec<Vec<f64>> = self.bodies.iter().map(row).collect();
-            for (b, slot) in assign(&scores, CLAIM).into_iter().enumerate() {
-                if let Some(slot) = slot {
-                    claims[b][i][0] = Some(slot);
-                    free[i][slot] = false;
+            for first in [true, false] {
+                let row = |body: &Body| match first == (body.alone == 0) && body.missed <= recent {
+                    true => {
+                        let kernel = self.kernel(body.alone);
+                        let mut scores = body.scores(figures, kernel, &self.known.mirror);
+                        scores.iter_mut().zip(&free[i]).for_each(|(s, free)| {
+                            *s = if *free { *s } else { 0.0 };
+                        });
+                        scores
+                    }
+                    false => vec![0.0; figures.len()],
+                };
+                let scores: Vec<Vec<f64>> = self.bodies.iter().map(row).collect();
+                for (b, slot) in assign(&scores, CLAIM).into_iter().enumerate() {
+                    if let Some(slot) = slot {
+                        claims[b][i][0] = Some(slot);
+                        free[i][slot] = false;
+                    }
                 }
             }
         }
@@ -162,7 +183,16 @@ impl Associator {
                     }
                 }
             }
-            found.push((kept >= 2).then_some(pose));
+            // Whoever is found again must have the same bones.
+            let again = body.alone == 0
+                || body.differs(&Body::new(0, pose.clone(), &self.known.limbs)) < 2.0 * DIFFERENCE;
+            if kept >= 2 && !again {
+                for (i, claim) in claims.iter_mut().enumerate() {
+                    claim[0].into_iter().for_each(|slot| free[i][slot] = true);
+                    *claim = [None, None];
+                }
+            }
+            found.push((kept >= 2 && again).then_some(pose));
         }
         found
     }
@@ -204,13 +234,29 @@ impl Associator {
         }
     }
 
-    fn update(&mut self, crowd: &Crowd, claims: &[Claims], found: &[Option<Vec<Vector3<f64>>>]) {
+    fn update(
+        &mut self,
+        crowd: &Crowd,
+        claims: &mut [Claims],
+        free: &mut Free,
+        found: &[Option<Vec<Vector3<f64>>>],
+    ) {
+        let Known { sigma, mirror, limbs, .. } = &self.known;
         for ((body, claims), found) in self.bodies.iter_mut().zip(claims).zip(found) {
             let one = claims.iter().enumerate().find_map(|(i, claim)| Some((i, claim[0]?)));
             match (found, one) {
-                (Some(pose), _) => body.update(pose, self.dt, &self.known.limbs),
+                (Some(pose), _) => body.update(pose, self.dt, limbs),
                 (None, Some((i, slot))) => {
-                    body.follow(&crowd.views[i][slot], self.dt, 2.0 * self.known.sigma);
+                    // One view cannot be checked by another: the figure must have the body's shape.
+                    let figure = &crowd.views[i][slot];
+                    let moved = body.follow(figure, self.dt, 2.0 * sigma);
+                    if at_body(figure, &moved, *sigma, mirror) >= SHAPE {
+                        body.pose = moved;
+                    } else {
+                        claims[i] = [None, None];
+                        free[i][slot] = true;
+                        body.miss(self.dt);
+                    }
                 }
                 (None, None) => body.miss(self.dt),
             }
@@ -218,14 +264,17 @@ impl Associator {
     }
 
     /// Newcomers: lost bodies that are found again, or new ones; none where a body is already.
-    fn admit(&mut self, newcomers: Vec<Newcomer>, claims: &mut Vec<Claims>) {
+    fn admit(&mut self, crowd: &Crowd, newcomers: Vec<Newcomer>, claims: &mut Vec<Claims>) {
         for newcomer in newcomers {
             let near = |body: &Body| apart(&body.pose, &newcomer.pose) < SAME * self.known.sigma;
             if self.bodies.iter().any(|body| body.alone == 0 && near(body)) {
                 continue;
             }
-            if let Some(b) = self.unseen_within_reach(&newcomer) {
-                self.bodies[b].update(&newcomer.pose, self.dt, &self.known.limbs);
+            let found = self
+                .unseen_within_reach(&newcomer)
+                .or_else(|| self.misplaced(crowd, claims, &newcomer));
+            if let Some(b) = found {
+                self.bodies[b].appear(newcomer.pose);
                 claims[b] = newcomer.claims;
                 continue;
             }
@@ -251,6 +300,24 @@ impl Associator {
         self.nearest(all, newcomer)
     }
 
+    /// The nearest body next to the newcomer whose own figures fit it badly.
+    fn misplaced(&self, crowd: &Crowd, claims: &[Claims], newcomer: &Newcomer) -> Option<usize> {
+        let Known { sigma, mirror, .. } = &self.known;
+        let fit = |(b, body): (usize, &Body)| {
+            let own = claims[b].iter().enumerate().filter_map(|(i, claim)| Some((i, claim[0]?)));
+            let scores =
+                own.map(|(i, slot)| at_body(&crowd.views[i][slot], &body.pose, *sigma, mirror));
+            let (n, sum) = scores.fold((0, 0.0), |(n, sum), score| (n + 1, sum + score));
+            let far = apart(&body.pose, &newcomer.pose);
+            (far < BESIDE * sigma
+                && n <= views(&newcomer.claims)
+                && sum < MISFIT * f64::from(n as u32))
+            .then_some((far, b))
+        };
+        let all = self.bodies.iter().enumerate().filter_map(fit);
+        all.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, b)| b)
+    }
+
     fn lost_within_reach(&self, newcomer: &Newcomer) -> Option<usize> {
         self.nearest(self.lost.iter().enumerate(), newcomer)
     }
@@ -265,7 +332,10 @@ impl Associator {
             let gap = self.dt * (lost.alone + 1) as f64;
             let reach = REACH[0] + REACH[1] * gap;
             let far = apart(&lost.pose, &body.pose) / reach;
-            (far < 1.0 && lost.differs(&body) < DIFFERENCE).then_some((far, at))
+            // Bones of a single frame are no measure of them: they only tell apart after a while.
+            let differs = lost.differs(&body) / DIFFERENCE;
+            let agree = differs < 1.0 || (gap < HOLD && differs < 2.0);
+            (far < 1.0 && agree).then_some((far + differs, at))
         };
         bodies.filter_map(cost).min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, at)| at)
     }

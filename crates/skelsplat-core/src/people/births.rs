@@ -112,7 +112,8 @@ impl Judge<'_> {
     }
 
     /// Scores of all views at a body, less a penalty for those that should see it, times how human it is.
-    fn support(&self, crowd: &Crowd, free: &Free, pose: &[Vector3<f64>]) -> f64 {
+    #[must_use]
+    pub fn support(&self, crowd: &Crowd, free: &Free, pose: &[Vector3<f64>]) -> f64 {
         let sigma = KERNEL * self.known.sigma;
         let view = |(i, figures): (usize, &Vec<Figure>)| {
             let (mut best, mut taken) = (0.0, 0.0);

@@ -1,6 +1,6 @@
 //! A body between frames: where its joints are, how they move, how long its bones are.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 use super::crowd::{Crowd, Figure};
 use super::score::at_body;
@@ -8,11 +8,16 @@ use crate::annealed::rays::{Ray, nearest_with_spread};
 
 /// Kernels under which a joint settles, in multiples of σ.
 const SETTLE: [f64; 3] = [1.5, 0.75, 0.5];
-/// Least spread of the rays (see [`nearest_with_spread`]) that gives a joint a place of its own: two rays at 6°.
-const SPREAD: f64 = 0.01;
+/// Least spread of the rays (see [`nearest_with_spread`]) that gives a joint a place of its own: two rays at 13°.
+const SPREAD: f64 = 0.04;
+/// Weight of the expected place, as a share of that of all rays.
+const PRIOR: f64 = 0.01;
+/// Least weight of two rays that meet, and of a ray that fits.
+const MEETS: f64 = 0.1;
+const FIT: f64 = 0.3;
 /// Time over which a velocity is averaged, and that in which it fades when nothing is seen, s.
 const SMOOTH: f64 = 0.1;
-const FADE: f64 = 0.5;
+const FADE: f64 = 0.25;
 /// Fastest motion of a joint, mm/s.
 const FASTEST: f64 = 10_000.0;
 /// Smallest share with which a frame changes the mean length of a bone.
@@ -20,6 +25,12 @@ const LEAST_SHARE: f64 = 0.02;
 
 /// The figures of one body: by view, the slot of its figure and of another part of the same person.
 pub type Claims = Vec<[Option<usize>; 2]>;
+
+/// Number of views that see a body.
+#[must_use]
+pub fn views(claims: &Claims) -> usize {
+    claims.iter().filter(|claim| claim[0].is_some()).count()
+}
 
 /// Joints from the figures of one body: those with a place of their own.
 #[must_use]
@@ -42,27 +53,67 @@ pub fn placed(
 }
 
 /// The point near `start` (NaN: anywhere) that the rays agree on, under narrowing kernels.
+///
+/// Where rays are nearly parallel, as those of opposite cameras, the expected place decides along them: it counts as [`PRIOR`] of a ray.
 fn settled(rays: &[Ray], start: &Vector3<f64>, sigma: f64) -> Option<Vector3<f64>> {
     if rays.len() < 2 {
         return None;
     }
-    let all = nearest_with_spread(rays, |_, ray| ray.weight).filter(|(_, s)| *s > SPREAD)?.0;
+    let prior = (!start.x.is_nan()).then_some(start);
+    let all = nearest(rays, prior, |ray| ray.weight)?;
     // Two rays cannot outvote each other: they meet, or they do not.
     if rays.len() == 2 {
-        let offset = rays[0].offset(&all);
-        return (offset.weight(sigma) > 0.1 && rays[1].offset(&all).range > 0.0).then_some(all);
+        let meets = |ray: &Ray| ray.offset(&all).weight(sigma) > MEETS;
+        return rays.iter().all(meets).then_some(all);
     }
     let mut x = if start.x.is_nan() { all } else { *start };
     for kernel in SETTLE {
-        let weight = |_: usize, ray: &Ray| ray.weight * ray.offset(&x).weight(kernel * sigma);
-        x = match nearest_with_spread(rays, weight).filter(|(_, s)| *s > SPREAD) {
-            Some((next, _)) => next,
+        let weight = |ray: &Ray| ray.weight * ray.offset(&x).weight(kernel * sigma);
+        x = match nearest(rays, prior, weight) {
+            Some(next) => next,
             None if kernel == SETTLE[0] => all,
             None => return Some(x),
         };
     }
-    let fits = rays.iter().filter(|ray| ray.offset(&x).weight(sigma) > 0.3).count();
+    let fits = rays.iter().filter(|ray| ray.offset(&x).weight(sigma) > FIT).count();
     (fits >= 2).then_some(x)
+}
+
+/// The point with the least Σ w |e|² + [`PRIOR`] |x − x⁰|²; without x⁰ `None` if the rays are nearly parallel.
+fn nearest(
+    rays: &[Ray],
+    prior: Option<&Vector3<f64>>,
+    weight: impl Fn(&Ray) -> f64,
+) -> Option<Vector3<f64>> {
+    let Some(start) = prior else {
+        return nearest_with_spread(rays, |_, ray| weight(ray))
+            .filter(|(_, s)| *s > SPREAD)
+            .map(|(x, _)| x);
+    };
+    // Σ w and the six entries of Σ w d dᵀ, written out: the library's matrices are not inlined everywhere.
+    let (mut all, mut pull) = (0.0, Vector3::zeros());
+    let mut along = [0.0; 6];
+    for ray in rays {
+        let (w, d) = (weight(ray), &ray.direction);
+        let depth = d.dot(&ray.centre);
+        all += w;
+        let products = [d.x * d.x, d.x * d.y, d.x * d.z, d.y * d.y, d.y * d.z, d.z * d.z];
+        along.iter_mut().zip(products).for_each(|(sum, product)| *sum += w * product);
+        pull += Vector3::new(
+            w * (ray.centre.x - d.x * depth),
+            w * (ray.centre.y - d.y * depth),
+            w * (ray.centre.z - d.z * depth),
+        );
+    }
+    if all <= 0.0 {
+        return None;
+    }
+    // The trace of Σ w (I − d dᵀ) is 2 Σ w.
+    let share = 2.0 * PRIOR * all;
+    let [xx, xy, xz, yy, yz, zz] = along;
+    let own = all + share;
+    let information = Matrix3::new(own - xx, -xy, -xz, -xy, own - yy, -yz, -xz, -yz, own - zz);
+    information.cholesky().map(|c| c.solve(&(pull + start * share)))
 }
 
 /// A person who is followed.
@@ -145,8 +196,9 @@ impl Body {
         (self.seen, self.alone, self.missed) = (self.seen + 1, 0, 0);
     }
 
-    /// Follows the one view that sees it, across its rays.
-    pub fn follow(&mut self, figure: &Figure, dt: f64, sigma: f64) {
+    /// Follows the one view that sees it, across its rays: the joints there.
+    #[must_use]
+    pub fn follow(&mut self, figure: &Figure, dt: f64, sigma: f64) -> Vec<Vector3<f64>> {
         let across: Vec<Vector3<f64>> = figure
             .rays
             .iter()
@@ -156,13 +208,12 @@ impl Body {
             .filter(|offset| offset.weight(sigma) > 0.1)
             .map(|offset| -offset.across)
             .collect();
-        if let Some(step) = median_of(&across) {
-            self.pose.iter_mut().for_each(|x| *x += step);
-            let share = (dt / SMOOTH).min(1.0);
-            self.velocity.iter_mut().for_each(|v| *v += step / dt * share);
-        }
+        let step = median_of(&across).unwrap_or_else(Vector3::zeros);
+        let share = (dt / SMOOTH).min(1.0);
+        self.velocity.iter_mut().for_each(|v| *v += step / dt * share);
         (self.alone, self.missed) = (self.alone + 1, 0);
         self.fade(dt);
+        self.pose.iter().map(|x| x + step).collect()
     }
 
     /// No view sees it.
@@ -190,7 +241,7 @@ impl Body {
     pub fn differs(&self, other: &Self) -> f64 {
         let both = self.lengths.iter().zip(&other.lengths).filter(|(a, b)| a.1 > 0 && b.1 > 0);
         let mut ratios: Vec<f64> = both.map(|(a, b)| (a.0 / b.0).ln().abs()).collect();
-        middle(&mut ratios).unwrap_or(0.0)
+        median(&mut ratios).unwrap_or(0.0)
     }
 
     /// Scores of the figures of a view under a kernel of `sigma`.
@@ -206,10 +257,11 @@ pub fn apart(a: &[Vector3<f64>], b: &[Vector3<f64>]) -> f64 {
     let between = a.iter().zip(b).map(|(x, y)| (x - y).norm());
     let mut known: Vec<f64> = between.filter(|d| d.is_finite()).collect();
     let least = 3.min(a.len());
-    if known.len() < least { f64::INFINITY } else { middle(&mut known).unwrap_or(f64::INFINITY) }
+    if known.len() < least { f64::INFINITY } else { median(&mut known).unwrap_or(f64::INFINITY) }
 }
 
-fn middle(values: &mut [f64]) -> Option<f64> {
+/// The median; `None` of nothing.
+pub(super) fn median(values: &mut [f64]) -> Option<f64> {
     let at = values.len() / 2;
     (!values.is_empty()).then(|| *values.select_nth_unstable_by(at, f64::total_cmp).1)
 }
@@ -218,7 +270,7 @@ fn middle(values: &mut [f64]) -> Option<f64> {
 fn median_of(values: &[Vector3<f64>]) -> Option<Vector3<f64>> {
     let axis = |k: usize| {
         let mut all: Vec<f64> = values.iter().map(|v| v[k]).filter(|v| v.is_finite()).collect();
-        middle(&mut all)
+        median(&mut all)
     };
     Some(Vector3::new(axis(0)?, axis(1)?, axis(2)?))
 }

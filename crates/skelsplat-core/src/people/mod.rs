@@ -23,10 +23,12 @@ pub mod associate;
 pub mod births;
 pub mod body;
 pub mod crowd;
+mod identities;
 pub mod known;
 mod recording;
 pub mod score;
 mod tracker;
+mod tracks;
 
 pub use associate::{Associator, Sighting};
 pub use crowd::{Crowd, Figure};

@@ -8,10 +8,12 @@ use rayon::prelude::*;
 
 use super::associate::{Associator, absorb};
 use super::births::{FITS, Free};
-use super::body::{Claims, apart};
+use super::body::Claims;
 use super::crowd::Crowd;
+use super::identities;
 use super::known::Known;
 use super::score::{assign, at_body};
+use super::tracks::Track;
 use crate::batch::Progress;
 use crate::detections::Detections;
 use crate::error::{Error, Result};
@@ -27,10 +29,6 @@ const LEAST_TIME: f64 = 0.2;
 const MOST_FRAMES: usize = 12;
 /// Time on either side over which a path is averaged before the second look, s.
 const SMOOTH: f64 = 0.1;
-/// Share of their common frames in which two people are in one place, if they are one.
-const DOUBLE: f64 = 0.5;
-/// Distance within which, in kernels.
-const SAME: f64 = 1.5;
 
 /// A person of a recording.
 #[derive(Debug, Clone, PartialEq)]
@@ -82,91 +80,10 @@ struct Recording<'a> {
     progress: &'a Progress,
 }
 
-/// A person's figures and joints in every frame of a range.
-#[derive(Debug, Clone, PartialEq)]
-struct Track {
-    first: usize,
-    claims: Vec<Claims>,
-    /// Joints `(N)` of every frame, mm; none in a frame that is a gap.
-    poses: Vec<Vec<Vector3<f64>>>,
-}
-
-impl Track {
-    fn new(first: usize) -> Self {
-        Self { first, claims: Vec::new(), poses: Vec::new() }
-    }
-
-    fn end(&self) -> usize {
-        self.first + self.claims.len()
-    }
-
-    fn push(&mut self, t: usize, claims: Claims, pose: Vec<Vector3<f64>>) {
-        self.claims.resize(t - self.first, vec![[None, None]; claims.len()]);
-        self.poses.resize(t - self.first, Vec::new());
-        self.claims.push(claims);
-        self.poses.push(pose);
-    }
-
-    fn pose(&self, t: usize) -> Option<&[Vector3<f64>]> {
-        let k = t.checked_sub(self.first)?;
-        self.poses.get(k).filter(|pose| !pose.is_empty()).map(Vec::as_slice)
-    }
-
-    /// Number of figures.
-    fn figures(&self) -> usize {
-        self.claims.iter().flatten().filter(|claim| claim[0].is_some()).count()
-    }
-
-    /// From the first to the last frame that two views see; `None` if those are fewer than `least`.
-    fn trimmed(mut self, least: usize) -> Option<Self> {
-        let two = |claims: &Claims| views(claims) >= 2;
-        if self.claims.iter().filter(|claims| two(claims)).count() < least {
-            return None;
-        }
-        let last = self.claims.iter().rposition(two)?;
-        let first = self.claims.iter().position(two)?;
-        self.claims.truncate(last + 1);
-        self.poses.truncate(last + 1);
-        self.claims.drain(..first);
-        self.poses.drain(..first);
-        self.first += first;
-        Some(self)
-    }
-
-    /// Gaps filled on straight lines, then means over `reach` frames on either side.
-    fn smooth(&mut self, reach: usize) {
-        let known: Vec<usize> =
-            (0..self.poses.len()).filter(|k| !self.poses[*k].is_empty()).collect();
-        for pair in known.windows(2) {
-            for k in pair[0] + 1..pair[1] {
-                let share = (k - pair[0]) as f64 / (pair[1] - pair[0]) as f64;
-                let ends = self.poses[pair[0]].iter().zip(&self.poses[pair[1]]);
-                self.poses[k] = ends.map(|(a, b)| a.lerp(b, share)).collect();
-            }
-        }
-        let n = self.poses.len();
-        let joints = self.poses.first().map_or(0, Vec::len);
-        let mean = |k: usize, j: usize| {
-            // The same reach on both sides: a mean over more of one side would lag.
-            let reach = reach.min(k).min(n - 1 - k);
-            let all = self.poses[k - reach..=k + reach].iter().map(|pose| pose[j]);
-            let (sum, n) = all
-                .filter(|x| !x.x.is_nan())
-                .fold((Vector3::zeros(), 0.0), |(sum, n), x| (sum + x, n + 1.0));
-            sum / n
-        };
-        self.poses = (0..n).map(|k| (0..joints).map(|j| mean(k, j)).collect()).collect();
-    }
-}
-
-fn views(claims: &Claims) -> usize {
-    claims.iter().filter(|claim| claim[0].is_some()).count()
-}
-
 impl Recording<'_> {
     fn solve(&self, max_people: Option<usize>) -> Result<Vec<Person>> {
         let mut tracks = self.tracks()?;
-        self.drop_doubles(&mut tracks);
+        identities::settle(&mut tracks, &self.known, self.fps);
         let mut tracks = self.assigned_again(&tracks)?;
         if let Some(most) = max_people {
             tracks.sort_by_key(|track| std::cmp::Reverse(track.figures()));
@@ -203,11 +120,9 @@ impl Recording<'_> {
             }
         }
         let reach = (SMOOTH * self.fps).round() as usize;
-        let smooth = |mut track: Track| {
-            track.smooth(reach);
-            track
-        };
-        Ok(seen.into_values().filter_map(|track| track.trimmed(self.least())).map(smooth).collect())
+        let least = self.people.len().min(2);
+        let smooth = |track: Track| Some(track.trimmed(least)?.smooth(reach));
+        Ok(seen.into_values().filter_map(smooth).collect())
     }
 
     /// Least number of frames in which two views must see a person.
@@ -226,28 +141,6 @@ impl Recording<'_> {
         };
         let frames: Vec<Frame> = track.claims.iter().enumerate().map(frame).collect();
         refine_sequence(self.refiner, &frames, self.fps, self.progress)
-    }
-
-    /// Removes people who are others: of two in one place, the one with fewer figures.
-    fn drop_doubles(&self, tracks: &mut Vec<Track>) {
-        let near = SAME * self.known.sigma;
-        let is_double = |a: &Track, b: &Track| {
-            let common = a.first.max(b.first)..a.end().min(b.end());
-            let n = common.len();
-            let both =
-                |t: &usize| a.pose(*t).zip(b.pose(*t)).is_some_and(|(x, y)| apart(x, y) < near);
-            n > 0 && common.filter(both).count() as f64 > DOUBLE * n as f64
-        };
-        let mut kept = vec![true; tracks.len()];
-        for a in 0..tracks.len() {
-            for b in a + 1..tracks.len() {
-                if kept[a] && kept[b] && is_double(&tracks[a], &tracks[b]) {
-                    kept[if tracks[a].figures() < tracks[b].figures() { a } else { b }] = false;
-                }
-            }
-        }
-        let mut keep = kept.into_iter();
-        tracks.retain(|_| keep.next().unwrap_or(true));
     }
 
     /// Figures assigned once more, to the smooth poses.

@@ -11,6 +11,8 @@ use crate::annealed::rays::Ray;
 const DOUBT: f64 = 1.5;
 /// Least sin² of the angle at which two rays meet for them to have a place.
 const LEAST_ANGLE: f64 = 0.01;
+/// |e|²/σ² from which k is taken to be 0; it is 3·10⁻⁴ there.
+const FARTHEST: f64 = 32.0;
 /// Scores as whole numbers.
 const SCALE: f64 = 1e9;
 
@@ -18,12 +20,17 @@ const SCALE: f64 = 1e9;
 /// `mirror` has the mirror image of each joint.
 #[must_use]
 pub fn at_body(figure: &Figure, body: &[Vector3<f64>], sigma: f64, mirror: &[usize]) -> f64 {
+    let farthest = FARTHEST * sigma * sigma;
     let score = |side: &dyn Fn(usize) -> usize| {
         let (mut fits, mut all) = (0.0, DOUBT * figure.confidence);
         for (j, ray) in figure.rays.iter().enumerate() {
             let x = &body[side(j)];
             if ray.is_there() && !x.x.is_nan() {
-                fits += ray.weight * ray.offset(x).weight(sigma);
+                let offset = ray.offset(x);
+                // Most figures are somebody else's: no exp for them.
+                if offset.across.norm_squared() < farthest {
+                    fits += ray.weight * offset.weight(sigma);
+                }
                 all += ray.weight;
             }
         }

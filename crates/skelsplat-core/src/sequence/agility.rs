@@ -10,8 +10,7 @@
 
 use nalgebra::Vector3;
 
-use super::small::median;
-use super::solver::frames_in;
+use super::small::{frames_in, median};
 use super::tracks::Tracks;
 
 /// Longest time over which an acceleration is measured, s: half of the second difference's span.

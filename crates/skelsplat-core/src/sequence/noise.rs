@@ -1,7 +1,7 @@
 //! The detections' errors in a recording: how large they are, and how long they last.
 
-use super::small::median;
-use super::solver::{Common, Run, frames_in};
+use super::small::{frames_in, median};
+use super::solver::{Common, Run};
 use super::tracks::Tracks;
 use crate::annealed::consensus::REJECTED;
 

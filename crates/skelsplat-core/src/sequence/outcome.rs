@@ -4,8 +4,8 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::noise::Memory;
 use super::posterior::Posterior;
-use super::small::median;
-use super::solver::{Common, Run, frames_in};
+use super::small::{frames_in, median};
+use super::solver::{Common, Run};
 use super::tracks::{BRIDGE, Tracks};
 use crate::annealed::Alone;
 use crate::annealed::consensus::REJECTED;

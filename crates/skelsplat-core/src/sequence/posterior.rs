@@ -17,8 +17,8 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::chain::Band;
 use super::noise::Memory;
-use super::small::{inverse, times};
-use super::solver::{Common, Run, frames_in};
+use super::small::{frames_in, inverse, times};
+use super::solver::{Common, Run};
 use super::tracks::Tracks;
 
 /// Half of the time over which the information of a joint's detections is averaged, s.

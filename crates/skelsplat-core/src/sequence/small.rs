@@ -55,3 +55,9 @@ pub(super) fn median(mut values: Vec<f64>) -> f64 {
     let middle = values.len() / 2;
     *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
+
+/// Number of frames in `seconds`, at least one.
+#[must_use]
+pub(super) fn frames_in(seconds: f64, fps: f64) -> usize {
+    ((seconds * fps).round() as usize).max(1)
+}

@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::agility::Agility;
 use super::chain::{Band, Chain, second_difference};
-use super::small::{inverse, times};
+use super::small::{frames_in, inverse, times};
 use super::system::System;
 use super::tracks::Tracks;
 use crate::bones::{Length, Pull};
@@ -29,6 +29,13 @@ pub struct Common {
     pub sigma: Vec<f64>,
     /// Root mean square distance of the joints from the body's centre, mm: no joint is unknown beyond it.
     pub reach: f64,
+}
+
+impl Common {
+    /// How agile each joint usually is, mm²/s³.
+    pub(super) fn usual(&self) -> Vec<f64> {
+        self.agility.iter().map(|agility| agility.usual).collect()
+    }
 }
 
 /// Kernels in multiples of the final ones, the widest first, with the maximum number of steps under each.
@@ -58,12 +65,6 @@ const SMALL: f64 = 0.01;
 /// positions on which three views agree and for others.
 const SMOOTHING: usize = 5;
 const SMOOTHING_REACH: [f64; 2] = [9.0, 400.0];
-
-/// Number of frames in `seconds`, at least one.
-#[must_use]
-pub fn frames_in(seconds: f64, fps: f64) -> usize {
-    ((seconds * fps).round() as usize).max(1)
-}
 
 /// The state of a run over one stretch.
 pub struct Run<'a> {

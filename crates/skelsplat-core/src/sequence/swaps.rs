@@ -6,7 +6,8 @@
 //! Where as many views are swapped as are not, the frames alone may have exchanged the sides in the wrong half. Then the chain
 //! jumps to the other side and back, and the sides are those with which it goes on as it was.
 
-use super::solver::{Common, frames_in};
+use super::small::frames_in;
+use super::solver::Common;
 use super::tracks::Tracks;
 use crate::annealed::swaps::Chain;
 use nalgebra::Vector3;

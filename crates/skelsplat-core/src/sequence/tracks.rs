@@ -2,7 +2,6 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::agility::Agility;
 use super::small::median;
 use crate::annealed::Alone;
 use crate::annealed::consensus::REJECTED;
@@ -126,9 +125,9 @@ impl Tracks {
     }
 
     /// Looks for cuts: frames between which the body jumps, in the median of the joints whose positions are sure. Wrong
-    /// positions are those of single joints.
-    pub fn find_cuts(&mut self, fps: f64, agility: &[Agility]) {
-        let jumps: Vec<f64> = (0..self.frames).map(|t| self.jumps(t, fps, agility)).collect();
+    /// positions are those of single joints. `usual` is how agile each joint usually is, mm²/s³.
+    pub fn find_cuts(&mut self, fps: f64, usual: &[f64]) {
+        let jumps: Vec<f64> = (0..self.frames).map(|t| self.jumps(t, fps, usual)).collect();
         let mut cuts = 0;
         for (t, jump) in jumps.iter().enumerate() {
             let near = jumps[t.saturating_sub(1)..(t + 2).min(jumps.len())].iter();
@@ -140,11 +139,10 @@ impl Tracks {
     }
 
     /// How far the median joint moves before frame `t` beyond what is explained, as in [`Tracks::jump`]; 0 where too few are sure.
-    fn jumps(&self, t: usize, fps: f64, agility: &[Agility]) -> f64 {
+    fn jumps(&self, t: usize, fps: f64, usual: &[f64]) -> f64 {
         let both = |j: &usize| t > 0 && [t - 1, t].iter().all(|t| self.active[self.at(*j, *t)]);
         let asked = (0..self.joints).filter(both).count();
-        let jumps =
-            (0..self.joints).filter_map(|j| self.jump(j, t, agility[j].usual / fps.powi(3)));
+        let jumps = (0..self.joints).filter_map(|j| self.jump(j, t, usual[j] / fps.powi(3)));
         let jumps: Vec<f64> = jumps.collect();
         let enough = jumps.len() as f64 >= LEAST_SHARE * asked as f64;
         if jumps.len() >= LEAST_JOINTS && enough { median(jumps) } else { 0.0 }

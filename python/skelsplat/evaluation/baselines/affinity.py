@@ -48,6 +48,11 @@ def track(
     -------
     list of (identity, frames (F,), poses (F, N, 3) mm)
     """
+    return linked(found(people, cameras, gate_mm), fps)
+
+
+def found(people: Array, cameras: CameraRig, gate_mm: float = PAIR_GATE_MM) -> list[Array]:
+    """Return the poses (G, N, 3) mm of everybody in each frame by itself, in no order."""
     usable = np.where(people[..., 2:] >= MIN_CONFIDENCE, people, np.nan)
     groups = [grouped(frame, gate_mm) for frame in rays(usable, cameras)]
     views = np.arange(len(cameras))
@@ -58,7 +63,7 @@ def track(
     ]
     poses = dlt(np.array(chosen), cameras) if chosen else np.empty((0, *people.shape[3:]))
     bounds = np.cumsum([len(one) for one in groups])[:-1]
-    return linked(np.split(poses, bounds), fps)
+    return np.split(poses, bounds)
 
 
 def rays(people: Array, cameras: CameraRig) -> list[tuple[Array, Array]]:

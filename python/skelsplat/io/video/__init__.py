@@ -14,13 +14,14 @@ from skelsplat.io.video._frames import (
     IMAGE_SUFFIXES,
     FrameSource,
     Image,
+    PlainFrames,
     Size,
     images_in,
     open_sink,
     open_source,
 )
 
-__all__ = ["FrameSource", "Image", "Size", "find_videos", "open_sink", "open_source"]
+__all__ = ["FrameSource", "Image", "PlainFrames", "Size", "find_videos", "open_sink", "open_source"]
 
 _CHOOSE = "or draw only the cameras that have one with --camera CAMERA, repeatable (in Python chosen=)"
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -24,6 +24,8 @@ Size = tuple[int, int]
 
 # The only fast encoder in OpenCV's wheels that MP4 takes; H.264 is not in them.
 _CODEC = "mp4v"
+_PLAIN = 226  # level of a plain frame: light, as dark limbs are drawn on it
+_BORDER = 0.002  # of its longer side
 
 
 @dataclass(frozen=True)
@@ -67,6 +69,28 @@ class FrameSource:
                 if not good:
                     return
                 yield number, self.path, image
+
+
+@dataclass(frozen=True)
+class PlainFrames(FrameSource):
+    """Light grey frames with a border, where there is no video: of the numbers in ``numbers``."""
+
+    numbers: tuple[int, ...] = ()
+
+    @classmethod
+    def of(cls, path: Path, size: Size, numbers: Iterable[int]) -> PlainFrames:
+        """Return frames of these ascending numbers; ``path`` is the folder that errors name."""
+        kept = tuple(int(number) for number in numbers)
+        return cls(path, size, None, kept[0], kept[-1], numbers=kept)
+
+    def frames(self, first: int, last: int) -> Iterator[tuple[int, Image]]:
+        """Yield (number, image (H, W, 3)) of the frames `first` to `last`."""
+        edge = max(1, round(_BORDER * max(self.size)))
+        plain = np.full((self.size[1], self.size[0], 3), _PLAIN - 40, dtype=np.uint8)
+        plain[edge:-edge, edge:-edge] = _PLAIN
+        for number in self.numbers:
+            if first <= number <= last:
+                yield number, plain.copy()
 
 
 def open_source(path: Path, first_frame: int = 0) -> FrameSource:

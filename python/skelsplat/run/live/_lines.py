@@ -71,10 +71,11 @@ def parsed(text: bytes) -> Line:
     """
     record = _record(text)
     line = Line(record.get("frame"), record.get("detections"), record.get("reset", False))
-    try:
-        json.dumps([[[line.name]]], allow_nan=False)  # as deep as in the answer, and deeper
-    except (ValueError, RecursionError) as error:
-        raise MalformedLineError(f"frame: expected a value of JSON, got {line.name}") from error
+    if not isinstance(line.name, int | str | None):
+        try:
+            json.dumps([[[line.name]]], allow_nan=False)  # as deep as in the answer, and deeper
+        except (ValueError, RecursionError) as error:
+            raise MalformedLineError(f"frame: expected a value of JSON, got {line.name}") from error
     if "detections" not in record:
         got = f"the keys {', '.join(record)}" if record else "no keys"
         raise MalformedLineError(f'expected an object with "detections", got {got}', line.name)
@@ -155,10 +156,14 @@ def points(people: Sequence[View], joints: int) -> Array:
 def _at_once(people: list[Any], joints: int) -> Array | None:
     """Return the points of people (K, N, 2|3) if they are numbers and nulls in that shape."""
     try:
-        if any(person is not None and len(person) != joints for person in people):
+        if not {len(person) for person in people if person is not None} <= {joints}:
             return None
-        every = chain.from_iterable([None] * joints if person is None else person for person in people)
-        nested = [_MISSING if point is None else point for point in every]
+        absent = [None] * joints
+        nested = [
+            _MISSING if point is None else point
+            for person in people
+            for point in (absent if person is None else person)
+        ]
         widths = set(map(len, nested))
         flat = list(chain.from_iterable(nested))
         if widths not in ({2}, {3}) or not set(map(type, flat)) <= _PLAIN:

@@ -16,6 +16,8 @@ from skelsplat.io.poses._json import to_json
 from skelsplat.run.live._lines import Line, MalformedLineError, View, by_camera, parsed, points
 
 _PERCENTILES = (50, 90, 99, 99.9)
+# Lines whose latencies are kept, so that a loop of days does not grow.
+_KEPT = 100_000
 
 
 class Session(ABC):
@@ -23,8 +25,9 @@ class Session(ABC):
 
     def __init__(self, rig: sk.CameraRig, layout: sk.Layout) -> None:
         self._cameras, self._joints = rig.names, layout.n_joints
-        self._latencies_ms: list[float] = []
-        self._skipped = 0
+        self._latencies_ms: deque[float] = deque(maxlen=_KEPT)
+        self._answered_lines = self._skipped = 0
+        self._longest_ms = 0.0
         self._begun = self._ended = 0.0
 
     def answer(self, text: bytes) -> bytes | None:
@@ -59,20 +62,23 @@ class Session(ABC):
         """Return the line of an object without its closing brace, with its latency."""
         self._ended = time.perf_counter()
         self._begun = self._begun or begin
-        self._latencies_ms.append(1000.0 * (self._ended - begin))
-        return f'{text}, "latency_ms": {self._latencies_ms[-1]:.4f}}}\n'.encode()
+        latency_ms = 1000.0 * (self._ended - begin)
+        self._latencies_ms.append(latency_ms)
+        self._answered_lines += 1
+        self._longest_ms = max(self._longest_ms, latency_ms)
+        return f'{text}, "latency_ms": {latency_ms:.4f}}}\n'.encode()
 
     def summary(self) -> str:
-        """Return how many lines were answered and skipped, how fast, and the percentiles of the latency."""
-        count = len(self._latencies_ms)
+        """Return how many lines were answered and skipped, how fast, and percentiles of the latency."""
+        count = self._answered_lines
         answered = f"lines answered {count}, skipped {self._skipped}"
         if not count:
             return answered
         values = np.percentile(self._latencies_ms, _PERCENTILES)
         parts = [f"{share:g}% {value:.3f}" for share, value in zip(_PERCENTILES, values, strict=True)]
         rate = count / max(self._ended - self._begun, 1e-9)
-        longest = f"longest {max(self._latencies_ms):.3f}"
-        return f"{answered}; {rate:.0f} per second; latency in ms: {', '.join(parts)}, {longest}"
+        latencies = f"{', '.join(parts)}, longest {self._longest_ms:.3f}"
+        return f"{answered}; {rate:.0f} per second; latency in ms: {latencies}"
 
 
 class OnePerson(Session):

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
 import numpy as np
 
 import skelsplat as sk
-from skelsplat._arrays import Array, Index, Mask
-from skelsplat.io.run_folder import RunFolder
+from skelsplat._arrays import Array, Index, Mask, median
+from skelsplat.io._run_files import folders_of_run
+from skelsplat.io.run_folder import RunFolder, read_run
 from skelsplat.io.video import Size
 from skelsplat.run.solve import rig_as_used
-from skelsplat.viz import Skeleton
+from skelsplat.viz import Skeleton, person_colour
 from skelsplat.viz.overlay import OverlayFrame
 
 # Step of the central differences in parts of the distance to the camera: about a tenth of a pixel. What they
@@ -22,20 +27,72 @@ _MARGIN, _LEAST_PX, _CALM = 0.15, 64.0, 15
 
 
 class Scene:
-    """A run, frame by frame and camera by camera.
+    """A run, or the runs of several people, frame by frame and camera by camera.
 
     The lens is that of the run: without distortion if it was left out (``--no-undistort``), as then the
     detections were compared with a pinhole camera's image.
     """
 
-    def __init__(self, run: RunFolder) -> None:
-        self.run = run
-        self.cameras = list(rig_as_used(run.rig, undistort=run.undistorted))
-        self.skeleton = Skeleton(tuple(run.layout.limbs), tuple(run.layout.left_right))
+    def __init__(self, people: Mapping[str, RunFolder]) -> None:
+        """Show people, by the names that are drawn; one with the name ``""`` in the colours of the sides."""
+        runs = list(people.values())
+        self.rig = runs[0].rig
+        self.offsets = runs[0].offsets
+        self.frame_rate = runs[0].poses.frame_rate
+        self.frames: Index = np.unique(np.concatenate([run.poses.frames for run in runs]))
+        self.cameras = list(rig_as_used(self.rig, undistort=runs[0].undistorted))
+        self.colours = {
+            name: person_colour(place) for place, name in enumerate(name for name in people if name)
+        }
+        self._people = [
+            _Person(name, run, self.cameras, self.colours.get(name)) for name, run in people.items()
+        ]
+
+    @classmethod
+    def read(cls, folder: Path) -> Scene:
+        """Read the folder of a run, or that of several people."""
+        names = folders_of_run(folder)
+        if not names:
+            return cls({"": read_run(folder)})
+        return cls({name.replace("_", " "): read_run(folder / name) for name in names})
+
+    def frame(self, view: int, number: int) -> list[Drawn] | None:
+        """Return who is in the frame `number` of a camera, the farthest first; None if it is in no run."""
+        if number not in self.frames:
+            return None
+        found = [person.frame(view, number) for person in self._people]
+        return sorted((drawn for drawn in found if drawn is not None), key=lambda drawn: -drawn.distance)
+
+    def outline(self, view: int) -> Array:
+        """Return everybody's joints in the camera's pixels in all `frames`, (T, N, 2)."""
+        parts = []
+        for person in self._people:
+            whole = np.full((len(self.frames), *person.run.poses.pose.shape[1:]), np.nan)
+            whole[np.searchsorted(self.frames, person.run.poses.frames)] = person.run.poses.pose
+            parts.append(sk.project(whole, [self.cameras[view]])[0])
+        return np.concatenate(parts, axis=1)
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A person in one image."""
+
+    name: str  # ``""`` for the only one
+    frame: OverlayFrame
+    skeleton: Skeleton
+    distance: float  # from the camera, in the unit of the run; 0 if unknown
+
+
+class _Person:
+    """One person's run."""
+
+    def __init__(self, name: str, run: RunFolder, cameras: Sequence[sk.Camera], colour: str | None) -> None:
+        self.name, self.run, self.cameras = name, run, cameras
+        self.skeleton = Skeleton(tuple(run.layout.limbs), tuple(run.layout.left_right), colour)
         self._index = {int(number): t for t, number in enumerate(run.poses.frames)}
 
-    def frame(self, view: int, number: int) -> OverlayFrame | None:
-        """Return what the camera `view` sees in the frame `number`; None for one that the run lacks."""
+    def frame(self, view: int, number: int) -> Drawn | None:
+        """Return what the camera `view` sees of the person; None in a frame that their run lacks."""
         t = self._index.get(number)
         if t is None:
             return None
@@ -46,7 +103,7 @@ class Scene:
         filled = (status == "filled")[:, None, None]  # a place between others has no error bar
         pose, covariances = project_covariances(poses.pose[t], np.where(filled, np.nan, covariance), camera)
         start = _known(poses.init_pose, (shape[0], *joints, 3))[t]
-        return OverlayFrame(
+        frame = OverlayFrame(
             pose=pose,
             covariances=covariances,
             reliable=status == _RELIABLE,
@@ -55,11 +112,8 @@ class Scene:
             swapped=poses.swapped[t, view] if len(poses.swapped) else np.zeros(joints, dtype=bool),
             before=sk.project(start, [camera])[0],
         )
-
-    def outline(self, view: int) -> Array:
-        """Return the joints in the camera's pixels over the whole run, (T, N, 2)."""
-        seen: Array = sk.project(self.run.poses.pose, [self.cameras[view]])[0]
-        return seen
+        away = np.linalg.norm(poses.pose[t] - camera.centre, axis=1)
+        return Drawn(self.name, frame, self.skeleton, float(np.nan_to_num(median(away))))
 
 
 def project_covariances(points: Array, covariances: Array, camera: sk.Camera) -> tuple[Array, Array]:

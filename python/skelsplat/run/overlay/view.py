@@ -12,10 +12,11 @@ from skelsplat._arrays import Array, Index
 from skelsplat._opencv import opencv
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding, Subject, warn
-from skelsplat.io.video import FrameSource, Image, Size, find_videos, open_source
+from skelsplat.io.detections import cameras_called
+from skelsplat.io.video import FrameSource, Image, PlainFrames, Size, find_videos, open_source
 from skelsplat.run.frame_range import FrameRange
 from skelsplat.run.overlay.scene import Scene, follow
-from skelsplat.viz.overlay import Shown, draw_label, draw_overlay
+from skelsplat.viz.overlay import Shown, draw_label, draw_name, draw_overlay
 
 Span = tuple[int, int]
 
@@ -29,9 +30,9 @@ _PADDING_PX = 16  # codecs fill up to blocks of 16
 class OverlayJob:
     """One overlay."""
 
-    # the folder of the run, the videos or images, the folder for the results
+    # the folder of the run, the videos or images (None: plain frames), the folder for the results
     run: Path
-    videos: Path
+    videos: Path | None
     out: Path
     shown: Shown  # which layers are drawn
     cameras: tuple[str, ...] = ()  # the cameras to draw; empty for all
@@ -97,12 +98,12 @@ class View:
     @property
     def name(self) -> str:
         """Name of the camera."""
-        return self.scene.run.rig.names[self.index]
+        return self.scene.rig.names[self.index]
 
     @property
     def offset(self) -> int:
         """What is to be added to the source's frame numbers to get the run's."""
-        return self.scene.run.offsets.get(self.name, 0)
+        return self.scene.offsets.get(self.name, 0)
 
     def frames(self, span: Span) -> Iterator[tuple[int, Image]]:
         """Yield (number, drawn image) of the frames in ``span`` that the source has, in the run's numbers."""
@@ -120,15 +121,18 @@ class View:
         return f"{self.name}   frame {number}"
 
     def _drawn(self, number: int, image: Image) -> Image:
-        numbers = self.scene.run.poses.frames
+        numbers = self.scene.frames
         left, top = self.corners[min(int(np.searchsorted(numbers, number)), len(numbers) - 1)].tolist()
         canvas = self.place.cut(image, (left, top))
-        frame = self.scene.frame(self.index, number)
-        if frame is not None:
-            moved = frame.moved(*self.place.transform((left, top)))
-            draw_overlay(canvas, moved, self.scene.skeleton, self.job.shown)
+        people = self.scene.frame(self.index, number)
+        moved = [one.frame.moved(*self.place.transform((left, top))) for one in people or ()]
+        for one, frame in zip(people or (), moved, strict=True):
+            draw_overlay(canvas, frame, one.skeleton, self.job.shown)
+        for one, frame in zip(people or (), moved, strict=True):
+            if one.skeleton.own is not None and self.job.legend:
+                draw_name(canvas, frame.pose, one.name.removeprefix("person "), one.skeleton.own)
         if self.job.legend:
-            draw_label(canvas, self.label(number) + ("" if frame is not None else "   not in the run"))
+            draw_label(canvas, self.label(number) + ("" if people is not None else "   not in the run"))
         return canvas
 
 
@@ -143,7 +147,9 @@ def open_views(job: OverlayJob, scene: Scene, span: Span) -> list[View]:
         If there is no camera of a name, the order does not fit, there are images whose numbers `first_frame`
         would change, or the output would be too large.
     """
-    rig = scene.run.rig
+    rig = scene.rig
+    if job.videos is None:
+        return _plain_views(job, scene, span)
     paths = find_videos(job.videos, list(rig.names), chosen=job.cameras, order=job.order)
     if job.first_frame is not None and any(path.is_dir() for path in paths.values()):
         expected = "expected videos, got images, whose numbers are those in the names of the files"
@@ -154,12 +160,26 @@ def open_views(job: OverlayJob, scene: Scene, span: Span) -> list[View]:
     ]
 
 
+def _plain_views(job: OverlayJob, scene: Scene, span: Span) -> list[View]:
+    """Return views on plain frames of the cameras' sizes, one for each frame of the run."""
+    for name, given in (("order", job.order), ("first_frame", job.first_frame)):
+        if given is not None:
+            raise InvalidInputError(f"{name}: expected videos or images with it, got none")
+    chosen = cameras_called(job.cameras, list(scene.rig.names), "camera") or scene.rig.names
+    views = []
+    for index, name in enumerate(scene.rig.names):
+        if name in chosen:
+            size = scene.rig[index].size
+            source = PlainFrames.of(job.run, size, scene.frames - scene.offsets.get(name, 0))
+            views.append(_open(job, scene, index, source, span))
+    return views
+
+
 def _open(job: OverlayJob, scene: Scene, index: int, source: FrameSource, span: Span) -> View:
-    run = scene.run
-    name, camera = run.rig.names[index], run.rig[index]
+    name, camera = scene.rig.names[index], scene.rig[index]
     fit = _fit_size(source.path, name, source.size, camera.size)
     size: Size = source.size
-    corners = np.zeros((len(run.poses.frames), 2), dtype=np.int64)
+    corners = np.zeros((len(scene.frames), 2), dtype=np.int64)
     if job.crop:
         size, corners = follow((scene.outline(index) + 0.5) * fit - 0.5, source.size)
     view = View(job, scene, index, source, Place(fit, size, job.scale or 1.0), corners)
@@ -208,7 +228,7 @@ def _fit_size(path: Path, name: str, size: Size, expected: Size) -> Array:
 
 def _counted_from_one(view: View) -> bool:
     """Say whether the run's frames are as many as those of a video that begins at 0, but begin at 1."""
-    frames = view.scene.run.poses.frames - view.offset
+    frames = view.scene.frames - view.offset
     is_video = not view.source.path.is_dir()
     return is_video and (frames[0], frames[-1]) == (view.source.first + 1, view.source.last + 1)
 

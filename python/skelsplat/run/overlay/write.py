@@ -12,7 +12,6 @@ import numpy as np
 
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import Finding, Subject, warn
-from skelsplat.io import read_run
 from skelsplat.io.video import Image, Size, open_sink
 from skelsplat.run.folder import output_folder
 from skelsplat.run.overlay.scene import Scene
@@ -60,13 +59,13 @@ def write_overlay(job: OverlayJob, progress: Callable[[str, int, int], None] | N
     SkelSplatError
         If an input is missing, malformed or does not fit, or a result cannot be written.
     """
-    scene = Scene(read_run(job.run))
-    span = job.frames.within(scene.run.poses.frames)
+    scene = Scene.read(job.run)
+    span = job.frames.within(scene.frames)
     views = open_views(job, scene, span)
     groups = [views] if job.grid else [[view] for view in views]
     names = [_GRID] if job.grid else _file_names([view.name for view in views])
     targets = [job.out / (name if job.png else f"{name}.mp4") for name in names]
-    read = {view.source.path.resolve() for view in views}
+    read = {view.source.path.resolve() for view in views} if job.videos is not None else set()
     for target in targets:
         if target.resolve() in read:
             expected = "a folder in which no result replaces a video that is read"
@@ -100,7 +99,8 @@ def _write(
         views = _fitted(views)
     tiles = tiling([view.place.output for view in views])
     counts = dict.fromkeys((view.name for view in views), 0)
-    legend = legend_strip(tiles.size[0], tiles.cell, job.shown) if job.legend else None
+    people = list(views[0].scene.colours.items())
+    legend = legend_strip(tiles.size[0], tiles.cell, job.shown, people) if job.legend else None
     rate, total = _rate(job, views), max(view.expected(span) for view in views)
     with open_sink(target, None if job.png else rate) as sink:
         for number, images in _together(views, span):
@@ -156,7 +156,7 @@ def _no_image(view: View, number: int) -> Image:
 
 def _rate(job: OverlayJob, views: Sequence[View]) -> float:
     """Return the frame rate asked for, that of the video, of the run, or an assumed one with a warning."""
-    known = [job.fps, *(view.source.rate for view in views), views[0].scene.run.poses.frame_rate]
+    known = [job.fps, *(view.source.rate for view in views), views[0].scene.frame_rate]
     found = next((rate for rate in known if rate is not None), None)
     if found is None and not job.png:
         warn(Finding("video_rate_assumed", "note", numbers={"fps": _ASSUMED_FPS}))

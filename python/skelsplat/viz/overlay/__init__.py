@@ -6,7 +6,7 @@ and marks grow with the image. Images are (H, W, 3) uint8 in OpenCV's order of c
 
 from skelsplat.viz.overlay._draw import OverlayFrame, Shown, draw_overlay
 from skelsplat.viz.overlay._tiles import Tiling, blank_tile, tiling
-from skelsplat.viz.overlay._words import draw_label, legend_strip
+from skelsplat.viz.overlay._words import draw_label, draw_name, legend_strip
 
 __all__ = [
     "OverlayFrame",
@@ -14,6 +14,7 @@ __all__ = [
     "Tiling",
     "blank_tile",
     "draw_label",
+    "draw_name",
     "draw_overlay",
     "legend_strip",
     "tiling",

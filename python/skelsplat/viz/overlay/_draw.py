@@ -67,7 +67,7 @@ def draw_overlay(image: Image, frame: OverlayFrame, skeleton: Skeleton, shown: S
                 _marks.dashed(image, ends, colour, sizes.thin, dash=sizes.mark)
     if shown.detections:
         for j in range(len(frame.detections)):
-            _draw_detection(image, frame, j, sizes, shown)
+            _draw_detection(image, frame, j, skeleton, shown)
     if shown.pose:
         for j, joint in enumerate(frame.pose):
             draw_joint(image, joint, _side(skeleton, j), sizes, solid=bool(frame.reliable[j]))
@@ -90,13 +90,18 @@ def draw_joint(image: Image, at: Array, colour: Colour, sizes: Sizes, *, solid: 
     _marks.square(image, at, sizes.hollow, _marks.LIGHT)
 
 
-def draw_detection(image: Image, at: Array, weight: float, sizes: Sizes, *, rejected: bool) -> None:
-    """Draw a disc in the colour of its weight (grey for NaN), or a cross if it is rejected."""
+def draw_detection(
+    image: Image, at: Array, weight: float, sizes: Sizes, *, rejected: bool, own: str | None = None
+) -> None:
+    """Draw a disc in the colour of its weight (grey for NaN), or a cross if it is rejected.
+
+    With ``own``, the colour of a person, it is in this colour, paler for smaller weights.
+    """
     if rejected:
         _marks.cross(image, at, sizes.mark, _marks.LIGHT, sizes.limb + 2)
         _marks.cross(image, at, sizes.mark, _marks.REJECTED, sizes.limb)
         return
-    colour = _marks.UNUSED if np.isnan(weight) else _marks.weight_colour(weight)
+    colour = _marks.UNUSED if np.isnan(weight) else _marks.weight_colour(weight, own)
     _marks.dot(image, at, sizes.mark + sizes.edge, _marks.DARK)
     _marks.dot(image, at, sizes.mark, colour)
 
@@ -106,12 +111,12 @@ def draw_swapped(image: Image, at: Array, sizes: Sizes) -> None:
     _marks.diamond(image, at, 2.0 * sizes.mark, _marks.SWAPPED, sizes.limb)
 
 
-def _draw_detection(image: Image, frame: OverlayFrame, j: int, sizes: Sizes, shown: Shown) -> None:
-    at, weight = frame.detections[j], float(frame.weights[j])
+def _draw_detection(image: Image, frame: OverlayFrame, j: int, skeleton: Skeleton, shown: Shown) -> None:
+    at, weight, sizes = frame.detections[j], float(frame.weights[j]), Sizes.of(image.shape[1], image.shape[0])
     rejected = weight < shown.rejected_below
     if rejected and not frame.swapped[j]:  # an exchanged one was meant for another joint
         _marks.line(image, np.stack([at, frame.pose[j]]), _marks.REJECTED, sizes.thin)
-    draw_detection(image, at, weight, sizes, rejected=rejected)
+    draw_detection(image, at, weight, sizes, rejected=rejected, own=skeleton.own)
     if frame.swapped[j]:
         draw_swapped(image, at, sizes)
 

@@ -51,9 +51,13 @@ UNUSED = bgr(_style.BEFORE)
 _RAMP = np.array([bgr(colour) for colour in (_style.REJECTED, _HALFWAY, _style.DETECTION)], dtype=float)
 
 
-def weight_colour(weight: float) -> Colour:
-    """Return the colour of a detection of weight k in [0, 1]: rejected, light at ½, trusted."""
-    blue, green, red = (round(float(np.interp(weight, [0.0, 0.5, 1.0], channel))) for channel in _RAMP.T)
+def weight_colour(weight: float, own: str | None = None) -> Colour:
+    """Return the colour of a detection of weight k in [0, 1]: rejected, light at ½, trusted.
+
+    With ``own``, the colour of a person: light at 0, ``own`` at 1.
+    """
+    ramp = _RAMP if own is None else np.linspace(LIGHT, bgr(own), 3)
+    blue, green, red = (round(float(np.interp(weight, [0.0, 0.5, 1.0], channel))) for channel in ramp.T)
     return blue, green, red
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import lru_cache
 from pathlib import Path
 
@@ -22,6 +22,7 @@ Symbol = Callable[[Image, Array], None]
 Entry = tuple[str, Symbol]
 
 _OPAQUE = 0.6  # ground of a label
+_BRIGHT = 380  # of 765: a colour that dark letters are read on
 
 
 @lru_cache(maxsize=8)
@@ -55,14 +56,34 @@ def draw_label(image: Image, text: str) -> None:
     draw_text(image, 2 * pad, pad, mask, LIGHT)
 
 
-def legend_strip(width: int, size: tuple[int, int], shown: Shown) -> Image:
+def draw_name(image: Image, pose: Array, name: str, colour: str) -> None:
+    """Write a person's name above the highest of their joints (N, 2) in the image, on their colour."""
+    height, width = image.shape[:2]
+    inside = pose[((pose >= 0) & (pose < [width, height])).all(axis=1)]  # False for NaN
+    if not len(inside):
+        return
+    sizes = Sizes.of(width, height)
+    mask, pad = text_mask(name, sizes.text), max(2, sizes.text // 4)
+    tall, wide = mask.shape[0] + pad, mask.shape[1] + 2 * pad
+    across, down = inside[np.argmin(inside[:, 1])]
+    left = int(np.clip(across - wide / 2, 0, max(0, width - wide)))
+    top = int(max(0, down - 2 * sizes.mark - tall))
+    image[top : top + tall, left : left + wide] = _marks.bgr(colour)
+    light = sum(_marks.bgr(colour)) > _BRIGHT
+    draw_text(image, left + pad, top + pad // 2, mask, DARK if light else LIGHT)
+
+
+def legend_strip(
+    width: int, size: tuple[int, int], shown: Shown, people: Sequence[tuple[str, str]] = ()
+) -> Image:
     """Return a strip (H, ``width``, 3) with an entry for every layer that is shown, in rows as needed.
 
-    Its marks are as large as those on images of this ``size`` (width, height).
+    Its marks are as large as those on images of this ``size`` (width, height). ``people`` are names and
+    colours of several.
     """
     sizes = Sizes.of(*size)
     row_height = 2 * sizes.text
-    rows = _rows(_entries(sizes, shown), width, sizes)
+    rows = _rows(_entries(sizes, shown, people or _style.SIDES.items(), named=bool(people)), width, sizes)
     strip = np.full((row_height * len(rows), width, 3), _marks.LIGHT, dtype=np.uint8)
     for number, row in enumerate(rows):
         left, middle = sizes.text, (number + 0.5) * row_height
@@ -97,7 +118,9 @@ def _rows(entries: Sequence[Entry], width: int, sizes: Sizes) -> list[list[Entry
     return [row for row in rows if row]
 
 
-def _entries(sizes: Sizes, shown: Shown) -> list[Entry]:
+def _entries(sizes: Sizes, shown: Shown, groups: Iterable[tuple[str, str]], *, named: bool) -> list[Entry]:
+    """Return the entries: ``groups`` are body sides, or ``named`` people, with their colours."""
+    own = _style.MIDDLE if named else None
     middle, reach = _marks.bgr(_style.MIDDLE), np.array([sizes.text, 0.0])
     shape = np.diag([sizes.text / 2, sizes.text / 4]) ** 2 * (2 / SIGMAS) ** 2
 
@@ -112,9 +135,11 @@ def _entries(sizes: Sizes, shown: Shown) -> list[Entry]:
     def ellipse(image: Image, at: Array) -> None:
         _marks.ellipse(image, at, shape, middle, sigmas=SIGMAS, width=sizes.thin)
 
+    of_whom = " in the person's colour" if named else ""
     entries: list[Entry] = []
+    if shown.pose or named:
+        entries += [(name, limb(_marks.bgr(colour), solid=True)) for name, colour in groups]
     if shown.pose:
-        entries += [(name, limb(_marks.bgr(colour), solid=True)) for name, colour in _style.SIDES.items()]
         entries.append(
             ("weak, inferred or filled", lambda image, at: draw_joint(image, at, middle, sizes, solid=False))
         )
@@ -124,7 +149,10 @@ def _entries(sizes: Sizes, shown: Shown) -> list[Entry]:
         entries.append(("start", limb(_marks.BEFORE, solid=False)))
     if shown.detections:
         entries += [
-            (f"detection, weight {shown.rejected_below:g} to 1", _weights(shown.rejected_below, sizes)),
+            (
+                f"detection{of_whom}, weight {shown.rejected_below:g} to 1",
+                _weights(shown.rejected_below, sizes, own),
+            ),
             ("rejected", detection(0.0, rejected=True)),
             ("not used", detection(np.nan, rejected=False)),
             ("left and right exchanged", lambda image, at: draw_swapped(image, at, sizes)),
@@ -132,13 +160,13 @@ def _entries(sizes: Sizes, shown: Shown) -> list[Entry]:
     return entries
 
 
-def _weights(lowest: float, sizes: Sizes) -> Symbol:
+def _weights(lowest: float, sizes: Sizes, own: str | None) -> Symbol:
     """Return a bar in the colours of the weights from ``lowest`` to 1, edged like the discs."""
     reach, high, edge = sizes.text, max(2, sizes.text // 4), max(1, round(sizes.edge))
 
     def draw(image: Image, at: Array) -> None:
         left, middle = round(float(at[0])) - reach, round(float(at[1]))
-        colours = [_marks.weight_colour(weight) for weight in np.linspace(lowest, 1.0, 2 * reach)]
+        colours = [_marks.weight_colour(weight, own) for weight in np.linspace(lowest, 1.0, 2 * reach)]
         framed = image[
             middle - high - edge : middle + high + edge, max(0, left - edge) : left + 2 * reach + edge
         ]

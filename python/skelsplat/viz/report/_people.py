@@ -101,7 +101,7 @@ def build_people_page(data: PeopleReportData) -> str:
         content,
         title=escape(data.title),
         facts=_parts.facts(data.facts),
-        warnings=_findings(data),
+        warnings=_warnings(data),
         warnings_kind="loud" if data.warnings or any(data.findings) else "quiet",
         numbers=_parts.tiles(data.numbers),
         player=_parts.fill(
@@ -122,6 +122,7 @@ def build_people_page(data: PeopleReportData) -> str:
             people=_parts.table(data.table),
             views=str(len(data.shapes.names)),
             meanings=_parts.meanings(data.table),
+            findings=_findings(data),
             bones=_bone_section(data.bones),
         ),
         problems=_parts.problem_rows(data.problems),
@@ -181,16 +182,36 @@ def _apart(people: Sequence[PersonTrack], frames: Index) -> list[tuple[str, str,
     return curves
 
 
-def _findings(data: PeopleReportData) -> str:
-    """Return the sentences on everybody, then those on each person."""
-    parts = [_parts.bullets(data.warnings)]
-    for place, (one, sentences) in enumerate(zip(data.people, data.findings, strict=True)):
-        if sentences:
-            parts.append(f"<h3>{_named(one.name, place)}</h3>\n{_parts.bullets(sentences)}")
-    quiet = [one.name for one, sentences in zip(data.people, data.findings, strict=True) if not sentences]
-    if quiet:
-        parts.append(f"<p>None on {escape(', '.join(quiet))}. Frames with a problem are listed below.</p>")
+def _warnings(data: PeopleReportData) -> str:
+    """Return the sentences on everybody, and links to those on each person."""
+    counted = list(zip(data.people, data.findings, strict=True))
+    links = ", ".join(
+        f'<a href="#on-{place}">{escape(one.name)}</a> ({len(sentences)})'
+        for place, (one, sentences) in enumerate(counted)
+        if sentences
+    )
+    quiet = ", ".join(escape(one.name) for one, sentences in counted if not sentences)
+    parts = [
+        _parts.bullets(data.warnings),
+        f"<p>On {links}: see below.</p>" if links else "",
+        f"<p>None on {quiet}.</p>" if quiet else "",
+    ]
     return "\n".join(part for part in parts if part)
+
+
+def _findings(data: PeopleReportData) -> str:
+    """Return the section with the sentences on each person; nothing without any."""
+    parts = [
+        f'<h3 id="on-{place}">{_named(one.name, place)}</h3>\n{_parts.bullets(sentences)}'
+        for place, (one, sentences) in enumerate(zip(data.people, data.findings, strict=True))
+        if sentences
+    ]
+    if not parts:
+        return ""
+    title = '<h2 id="findings-title">Warnings on each person</h2>'
+    return "\n".join(
+        ['<section aria-labelledby="findings-title" class="findings">', title, *parts, "</section>"]
+    )
 
 
 def _named(name: str, place: int) -> str:

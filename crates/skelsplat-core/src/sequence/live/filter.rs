@@ -16,8 +16,8 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::tape::Tape;
 use crate::sequence::agility::{LEAST_WHITE, SHARE, SPAN, USUAL_AGILITY, bounded, density};
+use crate::sequence::small::frames_in;
 use crate::sequence::small::{inverse, product, times};
-use crate::sequence::solver::frames_in;
 
 /// Standard deviation of an unknown velocity, mm/s per axis.
 const ANY_SPEED: f64 = 1500.0;

@@ -11,7 +11,8 @@ use crate::outcome::{ErrorBars, JointStatus, Loss, Outcome, Splats, StopReason, 
 use crate::refine::{Refinement, Refiner};
 use crate::sequence::outcome::{Learnt, State};
 use crate::sequence::posterior::posterior;
-use crate::sequence::solver::{Run, Schedule, frames_in};
+use crate::sequence::small::frames_in;
+use crate::sequence::solver::{Run, Schedule};
 use crate::sequence::tracks::{BRIDGE, Tracks};
 
 /// Time before the answered frame that is solved along, s, and the largest number of frames.
@@ -75,7 +76,7 @@ impl Window {
         let (n, frames) = (common.sigma.len(), self.alone.len());
         let mut tracks =
             Tracks::new(&[&self.alone], frames_in(BRIDGE, common.fps), common.sigma[0]);
-        tracks.find_cuts(common.fps, &common.agility);
+        tracks.find_cuts(common.fps, &common.usual());
         let at = |k: usize| self.rest[k % frames].points[k / frames];
         let known = |k: usize| if at(k).x.is_finite() { at(k) } else { Vector3::zeros() };
         let start = (0..n * frames).map(known).collect();

@@ -1,0 +1,140 @@
+"""Several people on MVOR without oracle association: who is found, and what that costs."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+import numpy as np
+import report
+from methods import Fields
+from numpy.typing import NDArray
+from scenarios import FloatArray, Stills, mvor_stills
+
+import skelsplat as sk
+from skelsplat.evaluation.baselines import affinity
+
+GATE_MM = 500.0  # mean joint distance of an estimate from the person it is matched to
+NEAR_PX = 5.0  # joints of a detection may lie so far outside the box of its person
+INSIDE = 0.7  # share of a detection's joints that lie in the box of its person
+DETECTORS = ("openpose", "openpose_ms", "rtpose")
+
+Everybody = list[list[tuple[FloatArray, NDArray[np.int64] | None]]]
+"""Per frame the poses (17, 3) of people, and which detection of each view (3,) they are made of."""
+
+
+def mvor_people(*, fields: Fields | None = None) -> dict[str, Any]:
+    """People found on MVOR, every still by itself, and errors beside those with oracle association.
+
+    Precision counts who is near a labelled person. People without a label in space may still have boxes in
+    the images: "confirmed" also counts those of whom two views' detections lie in the boxes of one person;
+    "mixed" have detections of two people, and the rest has fewer than two detections in any box.
+    """
+    config = sk.RefineConfig(**(fields or {}))
+    rows: dict[str, Any] = {}
+    for detector in DETECTORS:
+        stills = mvor_stills(detector)
+        known = _oracle(stills, config)
+        for method, found in (("track", _tracked(stills, config)), ("affinity", _grouped(stills))):
+            rows[f"{detector}, {method}"] = _row(stills, found, known)
+    people = [int(((mvor_stills(d).match >= 0).sum(axis=-1) >= 2).sum()) for d in DETECTORS]
+    counted = ", ".join(f"{d} {n}" for d, n in zip(DETECTORS, people, strict=True))
+    notes = [
+        f"recall: of labelled people whom two views detect ({counted}), within {GATE_MM:g} mm",
+        "mm: joints that two views detect of people found; oracle: the same joints, solved from the "
+        "detections that are theirs; labels are good to about ±50 mm",
+    ]
+    return report.figures("MVOR, several people", "detector, method", rows, notes, stills=387, views=3)
+
+
+def _oracle(stills: Stills, config: sk.RefineConfig) -> FloatArray:
+    """Poses (7, F, 17, 3) of labelled people from their own detections: joints that two views detect."""
+    seen = (stills.match >= 0).sum(axis=-1) >= 2
+    frame, person = np.nonzero(seen)
+    chosen = stills.match[frame, person]
+    detections = stills.people[frame[:, None], np.arange(3), np.maximum(chosen, 0)]
+    detections[chosen < 0] = np.nan
+    out = np.full((*seen.shape, 17, 3), np.nan)
+    pose = sk.refine(None, detections, stills.cameras, layout="coco17", config=config).pose
+    pose[(detections[..., 2] > 0).sum(axis=1) < 2] = np.nan
+    out[seen] = pose
+    return out.swapaxes(0, 1)
+
+
+def _tracked(stills: Stills, config: sk.RefineConfig) -> Everybody:
+    """Run `sk.track` on every frame by itself."""
+    frames = [
+        sk.track(frame[None], stills.cameras, fps=1.0, layout="coco17", config=config)
+        for frame in stills.people
+    ]
+    return [[(one.refinement.pose[0], one.slots[0]) for one in frame] for frame in frames]
+
+
+def _grouped(stills: Stills) -> Everybody:
+    return [[(pose, None) for pose in frame] for frame in affinity.found(stills.people, stills.cameras)]
+
+
+def _row(stills: Stills, found: Everybody, known: FloatArray) -> dict[str, float | int | None]:
+    tracks = [(k, [f], pose[None]) for f, frame in enumerate(found) for k, (pose, _) in enumerate(frame)]
+    truth = stills.truth.swapaxes(0, 1)
+    every = sk.metrics.track_scores(tracks, truth, gate_mm=GATE_MM)
+    optional = ((stills.match >= 0).sum(axis=-1) < 2).T
+    judged = sk.metrics.track_scores(tracks, truth, optional=optional, gate_mm=GATE_MM)
+    person, frame = np.nonzero((judged.matched >= 0) & ~optional)
+    own = np.array([found[f][k][0] for f, k in zip(frame, judged.matched[person, frame], strict=True)])
+    error, least = (
+        np.linalg.norm(pose - truth[person, frame], axis=-1) for pose in (own, known[person, frame])
+    )
+    both = np.isfinite(error) & np.isfinite(least)
+    kinds = _kinds(stills, found, every.matched)
+    total = sum(map(len, found))
+    confirmed = kinds["labelled"] + kinds["confirmed"]
+    return {
+        "people": total,
+        "recall %": 100 * judged.recall,
+        "precision %": 100 * every.precision,
+        "confirmed %": 100 * confirmed / total if kinds["confirmed"] else None,
+        "mixed %": 100 * kinds["mixed"] / total if kinds["confirmed"] else None,
+        "mean mm": float(error[both].mean()),
+        "oracle": float(least[both].mean()),
+        "median": float(np.median(error[both])),
+        "oracle ": float(np.median(least[both])),
+    }
+
+
+def _kinds(stills: Stills, found: Everybody, matched: NDArray[np.int64]) -> Counter[str]:
+    """Count the estimates that are near a labelled person, and of the others what their detections show."""
+    out: Counter[str] = Counter()
+    for f, frame in enumerate(found):
+        near = set(matched[:, f].tolist())
+        for k, (_, slots) in enumerate(frame):
+            if k in near:
+                out["labelled"] += 1
+            elif slots is not None:
+                whose = [_boxed(stills, f, view, slot) for view, slot in enumerate(slots) if slot >= 0]
+                counts = Counter(one for one in whose if one is not None).most_common()
+                twice = bool(counts) and counts[0][1] >= 2
+                out["confirmed" if twice else "mixed" if len(counts) > 1 else "open"] += 1
+    return out
+
+
+def _boxed(stills: Stills, frame: int, view: int, slot: int) -> int | None:
+    """Return the labelled person whose box fits a detection best, of those that have most of its joints."""
+    matched = np.flatnonzero(stills.match[frame, :, view] == slot)
+    if len(matched):
+        return int(matched[0])
+    joints = stills.people[frame, view, slot]
+    pixels = joints[joints[:, 2] > 0, :2]
+    low, high = stills.boxes[frame, view, :, None, :2], stills.boxes[frame, view, :, None, 2:]
+    inside = ((pixels >= low - NEAR_PX) & (pixels <= high + NEAR_PX)).all(axis=-1).mean(axis=-1)
+    extent = np.concatenate([pixels.min(axis=0), pixels.max(axis=0)])
+    fit = np.where(inside >= INSIDE, _overlap(stills.boxes[frame, view], extent), -1.0)
+    return int(fit.argmax()) if fit.max() > 0 else None
+
+
+def _overlap(boxes: FloatArray, box: FloatArray) -> FloatArray:
+    """Return intersection over union of boxes (G, 4) with one; 0 where there is none."""
+    sides = np.minimum(boxes[:, 2:], box[2:]) - np.maximum(boxes[:, :2], box[:2])
+    common = np.nan_to_num(np.maximum(sides, 0.0)).prod(axis=-1)
+    union = (boxes[:, 2:] - boxes[:, :2]).prod(axis=-1) + (box[2:] - box[:2]).prod() - common
+    return np.nan_to_num(common / union)

@@ -1,0 +1,206 @@
+//! Who is who over a whole recording: what a look at single frames cannot know.
+//!
+//! The lengths of bones, medians over many frames, tell people apart who were followed for a while. They say whether somebody who appears is
+//! the one who was lost there before, and whether two who met went on as each other.
+
+use std::ops::Range;
+
+use super::body::{apart, median};
+use super::known::Known;
+use super::tracks::Track;
+
+/// Share of their common frames in which two people are in one place, if they are one; and the distance, in kernels.
+const DOUBLE: f64 = 0.5;
+const SAME: f64 = 1.5;
+/// Distance, in kernels, within which two people meet, and the time between two meetings that are one, s.
+const MEET: f64 = 8.0;
+const PAUSE: f64 = 0.5;
+/// Time before and after a meeting from which bones are measured, s: at most, and at least.
+const AROUND: f64 = 5.0;
+const LEAST: f64 = 0.4;
+/// Standard deviation of a measured bone, relative to its length, and the evidence for an exchange, in log-likelihood.
+const SPREAD: f64 = 0.03;
+const EVIDENCE: f64 = 6.0;
+/// Longest absence, and longest time for which both can be there while one takes over from the other, s.
+const ABSENCE: f64 = 5.0;
+const OVERLAP: f64 = 0.5;
+/// How far somebody can have moved while absent: in kernels, and mm/s; in how many frames at either end it is looked for.
+const STEP: f64 = 5.0;
+const SPEED: f64 = 2500.0;
+const ENDS: usize = 10;
+/// Largest median difference of the bones of one person, relative to their length.
+const DIFFERENCE: f64 = 0.08;
+/// Most frames from which bones are measured.
+const SAMPLES: usize = 60;
+
+/// Removes people who are others, exchanges those who went on as each other, and joins the parts of one.
+pub(super) fn settle(tracks: &mut Vec<Track>, known: &Known, fps: f64) {
+    drop_doubles(tracks, known);
+    for a in 0..tracks.len() {
+        for b in a + 1..tracks.len() {
+            for at in exchanges([&tracks[a], &tracks[b]], known, fps) {
+                let (head, tail) = tracks.split_at_mut(b);
+                exchange(&mut head[a], &mut tail[0], at);
+            }
+        }
+    }
+    join(tracks, known, fps);
+}
+
+/// Of two in one place, the one with fewer figures goes.
+fn drop_doubles(tracks: &mut Vec<Track>, known: &Known) {
+    let near = SAME * known.sigma;
+    let is_double = |a: &Track, b: &Track| {
+        let common = both(a, b);
+        let n = common.len();
+        let together = common.filter(|t| distance(a, b, *t) < near).count();
+        n > 0 && together as f64 > DOUBLE * n as f64
+    };
+    let mut kept = vec![true; tracks.len()];
+    for a in 0..tracks.len() {
+        for b in a + 1..tracks.len() {
+            if kept[a] && kept[b] && is_double(&tracks[a], &tracks[b]) {
+                kept[if tracks[a].figures() < tracks[b].figures() { a } else { b }] = false;
+            }
+        }
+    }
+    let mut keep = kept.into_iter();
+    tracks.retain(|_| keep.next().unwrap_or(true));
+}
+
+/// The frames that both have.
+fn both(a: &Track, b: &Track) -> Range<usize> {
+    let first = a.first.max(b.first);
+    first..a.end().min(b.end()).max(first)
+}
+
+fn distance(a: &Track, b: &Track, t: usize) -> f64 {
+    a.pose(t).zip(b.pose(t)).map_or(f64::INFINITY, |(x, y)| apart(x, y))
+}
+
+/// The frames from which on two people went on as each other.
+fn exchanges([a, b]: [&Track; 2], known: &Known, fps: f64) -> Vec<usize> {
+    let frames = |seconds: f64| (seconds * fps).round() as usize;
+    let (around, least) = (frames(AROUND), frames(LEAST).max(3));
+    let meetings = meetings(a, b, MEET * known.sigma, frames(PAUSE));
+    let mut found = Vec::new();
+    let mut crossed = false;
+    for (k, (meeting, closest)) in meetings.iter().enumerate() {
+        let from = if k == 0 { both(a, b).start } else { meetings[k - 1].0.end };
+        let to = meetings.get(k + 1).map_or(both(a, b).end, |next| next.0.start);
+        let before = from.max(meeting.start.saturating_sub(around))..meeting.start;
+        let after = meeting.end..to.min(meeting.end + around);
+        if before.len() < least || after.len() < least {
+            continue;
+        }
+        let bones = |track: &Track, frames: &Range<usize>| lengths(track, frames, known);
+        let [mut a0, mut b0] = [bones(a, &before), bones(b, &before)];
+        let [a1, b1] = [bones(a, &after), bones(b, &after)];
+        // What came before may have been exchanged already.
+        if crossed {
+            std::mem::swap(&mut a0, &mut b0);
+        }
+        let of_a = misfit(&a0, &a1) - misfit(&a0, &b1);
+        let of_b = misfit(&b0, &b1) - misfit(&b0, &a1);
+        // The bones of both must say the same: one person measured wrongly is no evidence.
+        let sure = of_a * of_b > 0.0 && of_a.abs().min(of_b.abs()) > 0.25 * EVIDENCE;
+        if sure && (of_a + of_b).abs() > EVIDENCE && (of_a > 0.0) != crossed {
+            found.push(*closest);
+            crossed = !crossed;
+        }
+    }
+    found
+}
+
+/// Frames in which two people are close to each other, and the one in which they are closest.
+fn meetings(a: &Track, b: &Track, near: f64, pause: usize) -> Vec<(Range<usize>, usize)> {
+    let mut out: Vec<(Range<usize>, usize, f64)> = Vec::new();
+    for t in both(a, b) {
+        let far = distance(a, b, t);
+        if far >= near {
+            continue;
+        }
+        match out.last_mut() {
+            Some((meeting, closest, least)) if t <= meeting.end + pause => {
+                meeting.end = t + 1;
+                if far < *least {
+                    (*closest, *least) = (t, far);
+                }
+            }
+            _ => out.push((t..t + 1, t, far)),
+        }
+    }
+    out.into_iter().map(|(meeting, closest, _)| (meeting, closest)).collect()
+}
+
+/// Exchanges what two people have from frame `t` on.
+fn exchange(a: &mut Track, b: &mut Track, t: usize) {
+    let (of_a, of_b) = (t - a.first, t - b.first);
+    let tail = (a.claims.split_off(of_a), a.poses.split_off(of_a));
+    a.claims.extend(b.claims.drain(of_b..));
+    a.poses.extend(b.poses.drain(of_b..));
+    b.claims.extend(tail.0);
+    b.poses.extend(tail.1);
+}
+
+/// Median length of each limb in some of the frames, mm; NaN where unknown.
+fn lengths(track: &Track, frames: &Range<usize>, known: &Known) -> Vec<f64> {
+    let step = frames.len().div_ceil(SAMPLES).max(1);
+    let poses: Vec<_> = frames.clone().step_by(step).filter_map(|t| track.pose(t)).collect();
+    let length = |[i, j]: &[usize; 2]| {
+        let all = poses.iter().map(|pose| (pose[*i] - pose[*j]).norm());
+        let mut all: Vec<f64> = all.filter(|l| l.is_finite() && *l > 0.0).collect();
+        if all.len() < 3 { f64::NAN } else { median(&mut all).unwrap_or(f64::NAN) }
+    };
+    known.limbs.iter().map(length).collect()
+}
+
+/// Minus the log-likelihood that these are the bones of one person.
+fn misfit(a: &[f64], b: &[f64]) -> f64 {
+    let ratios = a.iter().zip(b).map(|(x, y)| (x / y).ln()).filter(|r| r.is_finite());
+    // A bone that is measured wrongly says no more than this.
+    ratios.map(|r| (r / (2.0 * SPREAD)).powi(2).min(2.0)).sum()
+}
+
+/// Joins whoever appears to whoever was lost there.
+fn join(tracks: &mut Vec<Track>, known: &Known, fps: f64) {
+    loop {
+        let mut best: Option<(f64, usize, usize)> = None;
+        for (a, lost) in tracks.iter().enumerate() {
+            for (b, new) in tracks.iter().enumerate().filter(|(b, _)| *b != a) {
+                if let Some(cost) = parted(lost, new, known, fps)
+                    && best.is_none_or(|(least, _, _)| cost < least)
+                {
+                    best = Some((cost, a, b));
+                }
+            }
+        }
+        let Some((_, a, b)) = best else { return };
+        let new = tracks[b].clone();
+        tracks[a].append(new);
+        tracks.remove(b);
+    }
+}
+
+/// How little two tracks look like the parts of one person; `None` if they cannot be.
+fn parted(lost: &Track, new: &Track, known: &Known, fps: f64) -> Option<f64> {
+    let gap = (new.first as f64 - lost.end() as f64) / fps;
+    let in_time = (-OVERLAP..=ABSENCE).contains(&gap);
+    if !in_time || new.first <= lost.first || new.end() <= lost.end() {
+        return None;
+    }
+    let reach = STEP * known.sigma + SPEED * gap.max(0.0);
+    let ends = lost.poses.iter().rev().take(ENDS);
+    let starts = || new.poses.iter().take(ENDS);
+    let near = |a: &Vec<_>| starts().map(|b| apart(a, b)).fold(f64::INFINITY, f64::min);
+    let far = ends.map(near).fold(f64::INFINITY, f64::min) / reach;
+    let [a, b] = [lost, new].map(|track| lengths(track, &(track.first..track.end()), known));
+    let ratios = a.iter().zip(&b).map(|(x, y)| (x / y).ln().abs());
+    let mut ratios: Vec<f64> = ratios.filter(|r| r.is_finite()).collect();
+    // Whoever was not seen long enough to be measured can only be known by the place.
+    if ratios.len() < known.limbs.len().min(3) && gap > OVERLAP {
+        return None;
+    }
+    let differs = median(&mut ratios).unwrap_or(0.5 * DIFFERENCE) / DIFFERENCE;
+    (far < 1.0 && differs < 1.0).then_some(far + differs)
+}

@@ -1,0 +1,82 @@
+"""Doubts about people who were followed over time: whom few views see, who never moves, who is left out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+import skelsplat as sk
+from skelsplat._arrays import Index
+from skelsplat.findings import Finding, Remedy, Subject
+
+if TYPE_CHECKING:
+    from skelsplat.run.read import Inputs
+
+# A third view confirms a person; two agree on whatever lies where their rays meet.
+_CONFIRMED = 3
+# Nobody stands as still as this for so long, while posters and dummies do, mm and s: detections of good
+# detectors scatter by 4 mm once smoothed, and somebody at rest sways by 5 mm and moves a hand or the head.
+_STILL_MM, _STILL_S = 7.0, 3.0
+# Part of the people detected who may be left out: those whom one view sees, and false detections.
+_LEFT_OUT = 0.25
+# Fewer are no pattern.
+_LEAST_DETECTED = 20
+
+
+def find_doubts(people: Sequence[Inputs], of: Inputs) -> Iterator[Finding]:
+    """Yield doubts about one of the people who were found."""
+    seen = np.isfinite(of.detections[..., 0]).any(axis=-1)
+    views = seen.sum(axis=1)
+    if len(of.rig) >= _CONFIRMED and np.median(views) < _CONFIRMED:
+        counts = seen.sum(axis=0)
+        named = np.flatnonzero(counts)
+        subject = Subject(cameras=tuple(of.rig.names[i] for i in named))
+        numbers = {
+            "person": int(of.person),
+            "frames_seen": counts[named].tolist(),
+            "frames": len(views),
+            "views": float(np.median(views)),
+        }
+        yield Finding("person_of_few_views", "warning", subject, numbers)
+    still = moved_mm(of)
+    if still < _STILL_MM and lasts(of) >= _STILL_S and any(moved_mm(one) >= _STILL_MM for one in people):
+        numbers = {"person": int(of.person), "moved_mm": still, "seconds": lasts(of)}
+        yield Finding("person_still", "warning", numbers=numbers)
+
+
+def moved_mm(of: Inputs) -> float:
+    """Return the standard deviation of the position over time, of the joint that moves most but for a tenth.
+
+    NaN where no position is known.
+    """
+    if of.solved is None:
+        return float("nan")
+    place = np.asarray(of.solved.pose)
+    known = place[:, np.isfinite(place).all(axis=(0, 2))]
+    if not known.size:
+        return float("nan")
+    return float(np.quantile(np.sqrt(known.var(axis=0).sum(axis=-1)), 0.9)) * of.rig.mm_per_unit
+
+
+def lasts(of: Inputs) -> float:
+    """Return the seconds from the first frame to the last."""
+    return float(of.frames[-1] - of.frames[0]) / of.fps if of.fps else 0.0
+
+
+def find_left_out(detected: Index, assigned: Index, of: Inputs) -> Iterator[Finding]:
+    """Yield a finding if many of the people detected in each view (T, M) are none of those who were found."""
+    everybody, left = detected.sum(), (detected - assigned).sum(axis=0)
+    if everybody < _LEAST_DETECTED or left.sum() < _LEFT_OUT * everybody:
+        return
+    shares = left / np.maximum(detected.sum(axis=0), 1)
+    named = np.flatnonzero(shares >= _LEFT_OUT)
+    same = [name for name in sk.layouts.names if sk.layouts.get(name).n_joints == of.layout.n_joints]
+    numbers = {
+        "left_out_share": float(left.sum() / everybody),
+        "shares": shares[named].tolist(),
+        "layouts_of_as_many_joints": [name for name in same if name != of.layout.name],
+    }
+    subject = Subject(cameras=tuple(of.rig.names[i] for i in named))
+    yield Finding("people_left_out", "warning", subject, numbers, (Remedy("layout", None),))

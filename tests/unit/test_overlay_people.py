@@ -1,0 +1,156 @@
+"""``skelsplat overlay`` of several people, and on plain frames where there are no videos."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from command_line import invoke
+from overlay_case import (
+    FRAMES,
+    LAYOUT,
+    NAMES,
+    SIZE,
+    at,
+    need_opencv,
+    read_image,
+    read_video,
+    write_images,
+    write_people,
+    write_run,
+)
+
+need_opencv()
+
+from skelsplat.run.overlay.scene import Scene  # noqa: E402  after the check
+from skelsplat.viz import _style  # noqa: E402
+from skelsplat.viz.overlay import Shown, draw_name, legend_strip  # noqa: E402
+from skelsplat.viz.overlay._marks import bgr, weight_colour  # noqa: E402
+
+BARE = ["--plain", "--png", "--no-legend", "--quiet"]
+PLAIN = 226
+
+
+@pytest.fixture
+def people(tmp_path):
+    return write_people(tmp_path / "out")
+
+
+def overlay(tmp_path, *args):
+    result = invoke("overlay", tmp_path / "out", *args)
+    assert result.exit_code == 0, result.output
+    return result
+
+
+def image_of(tmp_path, number, view=0):
+    return read_image(tmp_path / "out" / "overlay" / NAMES[view] / f"{number:06d}.png")
+
+
+def near(image, colour):
+    return int((np.abs(image.astype(int) - bgr(colour)).max(axis=2) < 12).sum())
+
+
+def test_every_person_is_drawn_in_one_colour_in_the_frames_of_their_run(people, tmp_path):
+    overlay(tmp_path, *BARE, "--no-detections", "--no-ellipses")
+    for number in range(FRAMES):
+        image = image_of(tmp_path, number)
+        for case, colour, there in zip(people, _style.PEOPLE, (True, number >= 2), strict=False):
+            assert (near(image, colour) > 50) == there
+            joints = case.pixels(0)[number]
+            left, right = LAYOUT.left_right[0]
+            if there and colour == _style.PEOPLE[1]:  # nothing is in front of the nearer one
+                assert all(np.abs(at(image, joints[j]) - bgr(colour)).max() <= 8 for j in (left, right))
+        assert near(image, _style.PEOPLE[2]) == 0
+
+
+@pytest.mark.usefixtures("people")
+def test_the_farthest_is_drawn_first(tmp_path):
+    scene = Scene.read(tmp_path / "out")
+    assert [one.name for one in scene.frame(0, 3)] == ["person 0", "person 3"]
+    assert [one.name for one in scene.frame(0, 1)] == ["person 0"]
+    assert scene.frame(0, 99) is None
+    assert scene.colours == dict(zip(["person 0", "person 3"], _style.PEOPLE, strict=False))
+    outline = scene.outline(0)
+    assert outline.shape == (FRAMES, 2 * LAYOUT.n_joints, 2)
+    assert np.isnan(outline[:2, LAYOUT.n_joints :]).all()
+
+
+def test_detections_have_the_colour_of_their_person(people, tmp_path):
+    overlay(tmp_path, *BARE, "--no-pose", "--no-ellipses", "--range", "0-0")
+    image = image_of(tmp_path, 0)
+    for place in people[0].detections[0, 0, :, :2]:
+        assert np.abs(at(image, place) - bgr(_style.PEOPLE[0])).max() <= 8
+    strong, weak = (np.array(weight_colour(weight, _style.PEOPLE[0])) for weight in (1.0, 0.3))
+    assert tuple(strong) == bgr(_style.PEOPLE[0])
+    assert weak.min() > strong.min()
+
+
+@pytest.mark.usefixtures("people")
+def test_legend_and_names_tell_who_is_who(tmp_path):
+    overlay(tmp_path, "--plain", "--png", "--no-detections", "--no-pose", "--no-ellipses", "--quiet")
+    image = image_of(tmp_path, 3)
+    assert image.shape[0] > SIZE[1]
+    for colour in _style.PEOPLE[:2]:
+        assert near(image[: SIZE[1]], colour) > 50  # the ground of a number
+        assert near(image[SIZE[1] :], colour) > 10
+    two, none = ([("a", "#0072b2"), ("b", "#d55e00")], [])
+    shown = Shown(rejected_below=0.25, pose=False, ellipses=False, detections=False)
+    assert near(legend_strip(400, SIZE, shown, two), "#d55e00") > 10
+    assert legend_strip(400, SIZE, shown, none).size == 0
+
+
+@pytest.mark.parametrize("pose", [[[-50.0, 5.0]], [[np.nan, np.nan]], [[8.0, 1.0]], [[0.0, 0.0], [9.0, 9.0]]])
+def test_names_stay_within_the_image(pose):
+    image = np.full((10, 12, 3), PLAIN, dtype=np.uint8)
+    draw_name(image, np.array(pose), "person 12", "#e69f00")
+    assert image.shape == (10, 12, 3)
+    assert (image != PLAIN).any() == bool(np.isfinite(pose).all() and pose[0][0] >= 0)
+
+
+def test_plain_frames_replace_the_videos_of_any_run(tmp_path):
+    write_run(tmp_path / "out", frames=np.arange(10, 10 + 5 * FRAMES, 5))
+    said = overlay(tmp_path, "--plain", "--no-legend", "--fps", 25, "--json").stdout
+    assert json.loads(said)["videos"] is None
+    for name in NAMES:
+        frames, rate = read_video(tmp_path / "out" / "overlay" / f"{name}.mp4")
+        assert (len(frames), rate, frames[0].shape) == (FRAMES, 25.0, (SIZE[1], SIZE[0], 3))
+        assert abs(int(np.median(frames[0])) - PLAIN) < 4
+
+
+def test_plain_frames_of_chosen_cameras_and_frames(tmp_path):
+    write_run(tmp_path / "out", offsets={NAMES[1]: 3})
+    overlay(tmp_path, *BARE, "--camera", NAMES[1], "--range", "2-4", "--crop")
+    folder = tmp_path / "out" / "overlay"
+    assert [path.name for path in folder.iterdir()] == [NAMES[1]]
+    assert sorted(path.stem for path in (folder / NAMES[1]).iterdir()) == ["000002", "000003", "000004"]
+
+
+@pytest.mark.parametrize(
+    ("args", "words"),
+    [
+        (
+            [],
+            "VIDEOS: expected a folder of videos or images, or --plain to draw on plain frames, got neither",
+        ),
+        (["images", "--plain"], "or --plain to draw on plain frames, got both"),
+        (["--plain", "--order", "sorted"], "--order: expected videos or images with it, got none"),
+        (["--plain", "--first-frame", "1"], "--first-frame: expected videos or images with it, got none"),
+        (["--plain", "--camera", "cam_9"], "cam_9"),
+    ],
+)
+def test_videos_or_plain_frames_are_needed(tmp_path, args, words):
+    write_run(tmp_path / "out")
+    write_images(tmp_path / "images" / "cam01")
+    result = invoke("overlay", tmp_path / "out", *args)
+    assert result.exit_code == 2
+    assert words in " ".join(result.stderr.split())
+
+
+@pytest.mark.usefixtures("people")
+def test_a_person_without_a_folder_is_an_error(tmp_path):
+    (tmp_path / "out" / "person_3" / "report.json").unlink()
+    result = invoke("overlay", tmp_path / "out", "--plain")
+    assert result.exit_code == 1
+    assert "person_3" in result.stderr
