@@ -30,7 +30,11 @@ def people():
 @pytest.fixture(scope="module")
 def recording(people, tmp_path_factory):
     """Return a folder with the calibration and OpenPose's files of two people."""
-    folder = tmp_path_factory.mktemp("two")
+    return written(tmp_path_factory.mktemp("two"), people)
+
+
+def written(folder, people):
+    """Write a calibration, and people (T, M, P, 17, 3) as OpenPose's files."""
     write_calibration(folder / "Calib.toml", RIG)
     (folder / "openpose").mkdir()
     CASES["openpose"].write(folder / "openpose", Take(people, list(RIG.names), list(LAYOUT.joints)))
@@ -136,9 +140,18 @@ def test_individuals_of_movement_are_over_all_frames(found, tmp_path):
 
 
 @pytest.mark.parametrize(("name", "read"), [("csv", read_csv), ("json", read_json), ("nc", read_netcdf)])
-def test_a_file_of_several_people_is_not_one_person(folder, name, read):
-    with pytest.raises(sk.DatasetError, match=rf"people\.{name}: .*expected"):
+def test_a_file_of_several_people_is_not_one_person(folder, name, read, tmp_path):
+    said = rf"people\.{name}: .*expected (the poses of one person|one individual)"
+    with pytest.raises(sk.DatasetError, match=said):
         read(folder / f"people.{name}")
+    result = invoke("convert", folder / f"people.{name}", tmp_path / "walk.trc")
+    assert_fails(result, 1, "one person" if name != "nc" else "one individual")
+
+
+def test_of_a_run_of_several_one_is_converted_or_plotted(folder, tmp_path):
+    assert_fails(invoke("convert", folder, tmp_path / "walk.trc"), 1, "one person", "person_0, person_1")
+    assert_fails(invoke("plot", folder), 1, "one person", "person_0, person_1")
+    assert invoke("convert", folder / "person_1", tmp_path / "walk.trc").exit_code == 0
 
 
 def test_the_folder_of_everybody_is_no_run_of_one(folder):
@@ -157,6 +170,19 @@ def test_people_come_from_all_formats(people, found, case, tmp_path):
     assert list(several.people) == [0, 1]
     for one, other in zip(several.people.values(), found.people.values(), strict=True):
         np.testing.assert_allclose(one.poses.pose, other.poses.pose, atol=tolerance)
+
+
+def test_findings_on_each_person_are_warnings_where_no_table_is_printed(tmp_path):
+    people = seen(crossing(FRAMES), RIG)
+    people[:, 2:, 1] = np.nan
+    result = invoke(*command(written(tmp_path, people), tmp_path / "out"), "--people", "all", "--quiet")
+    assert result.stdout == ""
+    lines = result.stderr.splitlines()
+    assert any(
+        line.startswith("warning: person 1: Mostly two views or fewer see this person") for line in lines
+    )
+    found = [finding for one in read_report(tmp_path / "out")["people"] for finding in one["findings"]]
+    assert len(lines) == len(found)
 
 
 def test_so_many_people_are_refined(recording):
@@ -258,10 +284,7 @@ def test_one_person_is_the_same_as_among_all(recording, found):
 
 def test_files_of_one_person_need_no_choice(tmp_path):
     """An entry of each file, where there is only one, is taken as it is, bit for bit, at any frame rate."""
-    alone = seen(crossing(FRAMES)[:1], RIG)
-    write_calibration(tmp_path / "Calib.toml", RIG)
-    (tmp_path / "openpose").mkdir()
-    CASES["openpose"].write(tmp_path / "openpose", Take(alone, list(RIG.names), list(LAYOUT.joints)))
+    written(tmp_path, seen(crossing(FRAMES)[:1], RIG))
     first, largest = (run(job(tmp_path, people=None, person=who)) for who in ("0", "largest"))
     again = sk.refine_sequence(first.detections, first.cameras, fps=FPS, layout=LAYOUT)
     np.testing.assert_array_equal(first.poses.pose, again.pose)
