@@ -557,10 +557,10 @@ def most_likely_places(
     sigma: Sequence[float],
     variance: float,
 ) -> NDArray[np.float64]:
-    """Return the most likely combination of places (N, 3), mm, of the joints of a pose that need their bones.
+    """Return the most likely places (N, 3), mm, of a pose's joints, of which doubtful ones need their bones.
 
-    ``bones``: joints, mean and σ of each; ``placed``: joints on which two views agree; ``sigma``: final kernel of
-    every joint; ``variance``: ŝ² (mm²). Detections are ideal pixels.
+    ``bones``: joints, mean and σ of each; ``placed``: joints that two views agree on; ``sigma``: final kernel
+    of every joint; ``variance``: ŝ² (mm²). Detections are ideal pixels.
     """
 
 def sequence_equations(

@@ -201,10 +201,10 @@ pub(crate) fn loss_and_gradient<'py>(
     Ok(out)
 }
 
-/// Return H (3NT, 3NT) and the gradient (N, T, 3) of a step of ``refine_sequence`` at ``poses`` (T, N, 3), and the
-/// density of the acceleration (N, T), mm²/s³.
+/// Return H (3NT, 3NT), gradient (N, T, 3) and density of the acceleration (N, T) of a step in time.
 ///
-/// ``lengths``: mean and σ of every limb, mm; ``joints``: variance of a detection (mm²) and kernel (mm) of every joint.
+/// It is that of ``refine_sequence`` at ``poses`` (T, N, 3). ``lengths``: mean and σ of every limb, mm;
+/// ``joints``: variance of a detection (mm²) and kernel (mm) of every joint. Densities are mm²/s³.
 #[pyfunction]
 #[pyo3(signature = (poses, detections, cameras, *, fps, lengths, joints, layout=None, config=None))]
 #[allow(clippy::too_many_arguments, reason = "what a step depends on")]
@@ -242,10 +242,10 @@ pub(crate) fn sequence_equations(
     Ok((hessian, Out::points(&gradient, vec![n, t, 3]), Out(agility, vec![n, t])))
 }
 
-/// Return the most likely combination of places (N, 3) of the joints of ``pose`` (N, 3) that are ``doubtful`` (N),
-/// where ``placed`` (N) joints are known; mm, ideal pixels.
+/// Return the most likely places (N, 3), mm, of a pose's joints, of which doubtful ones need their bones.
 ///
-/// ``bones``: joints, mean and σ of each; ``sigma``: final kernel of each joint; ``variance``: ŝ².
+/// ``bones``: joints, mean and σ of each; ``placed``: joints that two views agree on; ``sigma``: final kernel
+/// of every joint; ``variance``: ŝ² (mm²). Detections are ideal pixels.
 #[pyfunction]
 #[pyo3(signature = (pose, detections, cameras, *, bones, doubtful, placed, sigma, variance))]
 #[allow(clippy::too_many_arguments, reason = "what the search depends on")]
