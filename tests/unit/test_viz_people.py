@@ -88,6 +88,11 @@ def test_any_people_have_a_picture(written, figures, people):
 
 
 @pytest.mark.painted
+def test_the_name_of_a_camera_is_no_formula(written):
+    assert near(written(crowd(1), camera_names=(r"cam $\frac$", "window")), _style.PEOPLE[0]) > 1000
+
+
+@pytest.mark.painted
 def test_a_camera_far_away_does_not_shrink_the_plan(written):
     close, far = (np.array([[-2000.0, 0.0, 1500.0], [x, 0.0, 1500.0]]) for x in (2000.0, 2e6))
     paths = [near(written(crowd(2), centres=centres), _style.PEOPLE[0]) for centres in (close, far)]

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
 from skelsplat._arrays import Array, ArrayFields
@@ -205,9 +206,12 @@ def _span(time: TimeAxis) -> tuple[float, float]:
 
 
 def _label(axes: Axes, at: Array, words: str, colour: str) -> None:
-    """Write words above a place."""
+    """Write words above a place, with a white edge, as they may lie on paths."""
     style = {"ha": "center", "va": "bottom", "textcoords": "offset points", "annotation_clip": True}
-    axes.annotate(words, at, xytext=(0, 6), color=colour, fontsize=_style.SCREEN.small_pt, zorder=6, **style)  # type: ignore[arg-type]
+    edge = [withStroke(linewidth=2.5, foreground="white")]
+    size = _style.SCREEN.small_pt
+    note = axes.annotate(words, at, xytext=(0, 6), color=colour, fontsize=size, zorder=6, **style)  # type: ignore[arg-type]
+    note.set(path_effects=edge, parse_math=False)  # a name is no formula
 
 
 def _short(name: str) -> str:
