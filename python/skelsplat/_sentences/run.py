@@ -134,7 +134,7 @@ def _given_lengths_differ(finding: Finding) -> str:
         f"{a} to {b} {size:.0f} mm, measured {seen:.0f} mm"
         for (a, b), size, seen in zip(finding.numbers["limbs"], given, measured, strict=True)
     ]
-    return f"Given bone lengths contradict the recording: {_some(sizes)}. Where views agree, they count."
+    return f"Given bone lengths contradict the recording: {_some(sizes)}. Short recordings follow them."
 
 
 def _uncertain(finding: Finding) -> str:

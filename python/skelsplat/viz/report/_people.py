@@ -51,9 +51,8 @@ class PeopleReportData(ArrayFields):
     # (first frame, last frame, words) of stretches of frames that have the same problem
     problems: Sequence[Problem]
 
-    def sequence(self) -> Sequence3D:
-        """Return all people as one sequence, whose joints are those of the people one after the other."""
-        frames = with_gaps(all_frames(self.people))
+    def sequence(self, frames: Index) -> Sequence3D:
+        """Return all people in ``frames`` as one sequence, whose joints are those of one after the other."""
 
         def together(name: str, empty: object) -> Any:
             values = [spread_out(frames, one.frames, getattr(one, name), empty) for one in self.people]
@@ -85,17 +84,18 @@ def write_people_report(path: str | os.PathLike[str], data: PeopleReportData) ->
 
 def build_people_page(data: PeopleReportData) -> str:
     """Return the page's text."""
-    sequence = data.sequence()
+    frames = with_gaps(all_frames(data.people))
     wanted = [number for first, last, _ in data.problems for number in (first, last)]
-    places, every = frames_to_show(sequence.frames, len(sequence.joint_names), wanted)
+    places, every = frames_to_show(frames, len(data.people) * len(data.joint_names), wanted)
+    sequence = data.sequence(frames[places])
     content = {
-        "scene": pack_scene(sequence, data.shapes, places),
-        "bars": _bars(data, sequence.frames, places),
-        "lines": [_parts.packed_line(line, places) for line in _lines(data.people, sequence.frames)],
+        "scene": pack_scene(sequence, data.shapes, np.arange(len(places))),
+        "bars": _bars(data, frames[places]),
+        "lines": [_parts.packed_line(line, places) for line in _lines(data.people, frames)],
         "problems": [list(row) for row in data.problems],
     }
     known = sequence.status[np.isfinite(sequence.refined).all(axis=-1)]
-    thinned = _parts.thinned(len(sequence.frames), len(places), every, "Tables")
+    thinned = _parts.thinned(len(frames), len(places), every, "Tables")
     return _parts.assemble(
         _PROGRAMS,
         content,
@@ -138,15 +138,15 @@ def with_gaps(frames: Index) -> Index:
     return np.unique(np.concatenate([frames, frames[ends] + usual, frames[ends + 1] - usual]))
 
 
-def _bars(data: PeopleReportData, frames: Index, places: Index) -> dict[str, Any]:
-    """Return how many views see each person in the frames at ``places``; −1 where they are not there."""
+def _bars(data: PeopleReportData, frames: Index) -> dict[str, Any]:
+    """Return how many views see each person in each frame; −1 where they are not there."""
     return {
         "views": len(data.shapes.names),
         "people": [
             {
                 "name": one.name,
                 "colour": person_class(place),
-                "views": as_text(spread_out(frames, one.frames, one.views, -1)[places], "<i2"),
+                "views": as_text(spread_out(frames, one.frames, one.views, -1), "<i2"),
             }
             for place, one in enumerate(data.people)
         ],
