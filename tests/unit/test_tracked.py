@@ -10,8 +10,8 @@ from skelsplat import synthetic
 from skelsplat.findings import FindingWarning
 from skelsplat.layouts import mirror_images
 from skelsplat.run import Job
+from skelsplat.run.people_report import spans
 from skelsplat.run.read import Inputs
-from skelsplat.run.several import spans
 from skelsplat.run.tracked import choose, follow_everybody
 from two_people import LAYOUT, crossing, seen, shuffled
 
