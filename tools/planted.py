@@ -310,7 +310,7 @@ FRONT = (
     Fault(
         "the HTML report contains no curves",
         "HTML without data",
-        '"lines": [_line(line, places) for line in data.lines],',
+        '"lines": [_parts.packed_line(line, places) for line in data.lines],',
         '"lines": [],',
         (UNIT + "test_html_report.py", UNIT + "test_report_browser.py"),
     ),

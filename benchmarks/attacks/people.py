@@ -28,6 +28,8 @@ _KINDS = {
     "2 visible": "people_visible",
     "limbs vary": "limb_lengths_vary",
     "rejected": "many_rejected",
+    "one followed": "person_followed",
+    "an entry": "person_by_place",
 }
 
 
@@ -57,7 +59,7 @@ def _run(*arguments: object) -> str:
     return f"exit {status}; {', '.join(given) or 'none of this kind'}"
 
 
-def _trial(person: str) -> str:
+def _trial(person: str, *more: object) -> str:
     if not (_TRIAL / "pose2sim_demo.npz").is_file():
         return "skipped: the recording is not here"
     with np.load(_TRIAL / "pose2sim_demo.npz") as archive:
@@ -66,9 +68,8 @@ def _trial(person: str) -> str:
     with TemporaryDirectory() as folder:
         calibration = Path(shutil.copy(_TRIAL / "Calib_qualisys.toml", folder))
         pose = _write(Path(folder) / "pose", people, cameras)
-        return _run(
-            "refine", calibration, pose, "--unit", "m", "--layout", "body25b", "--fps", 60, "--person", person
-        )
+        given = ("refine", calibration, pose, "--unit", "m", "--layout", "body25b", "--person", person)
+        return _run(*given, *more)
 
 
 def _simulated(person: str) -> str:
@@ -93,17 +94,17 @@ def _simulated(person: str) -> str:
         )
 
 
-@attack("7a", "two people (real), --person 0: findings", "people mixed, 2 visible, limbs vary, rejected")
+@attack("7a", "two people (real), --person 0 at 60 Hz: findings", "one followed")
 def two_people_real() -> str:
-    return _trial("0")
+    return _trial("0", "--fps", 60)
 
 
 @attack("7b", "two people (real), the default person", "2 visible")
 def two_people_real_consistent() -> str:
-    return _trial("consistent")
+    return _trial("consistent", "--fps", 60)
 
 
-@attack("7c", "two people (simulated, crossing), --person 0", "people mixed, 2 visible, rejected")
+@attack("7c", "two people (simulated, crossing), --person 0", "one followed")
 def two_people_simulated() -> str:
     return _simulated("0")
 
@@ -116,3 +117,12 @@ def two_people_simulated_consistent() -> str:
 @attack("7e", "embedded demo: findings of this kind", "none of this kind")
 def demo_people() -> str:
     return _run("demo")
+
+
+@attack(
+    "7h",
+    "two people (real), --person 0, no frame rate",
+    "people mixed, 2 visible, limbs vary, rejected, an entry",
+)
+def two_people_real_by_place() -> str:
+    return _trial("0")

@@ -1,7 +1,7 @@
-"""Pictures of the recording that ships with the package: ``python docs/figures/sample.py [FOLDER]``.
+"""Pictures of the recordings that ship with the package: ``python docs/figures/sample.py [FOLDER]``.
 
 They are those of ``skelsplat demo`` and ``skelsplat plot``, with fewer colours; ``pose.png`` is the upper
-left of the overview.
+left of the overview, and ``several-people.png`` the overview of ``demo --people``.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from pathlib import Path
 from PIL import Image
 
 NAME = "skelsplat-demo"  # the folder of the run, which a picture names
+PEOPLE = "several-people"
 COLOURS = 256
 # left, top, right, bottom of the body's two views in parts of the overview
 POSE = (0.0, 0.035, 0.67, 0.565)
@@ -21,11 +22,12 @@ POSE = (0.0, 0.035, 0.67, 0.565)
 
 def main(folder: Path) -> None:
     with tempfile.TemporaryDirectory() as made:
-        for command in (["demo", "-o", NAME], ["plot", NAME]):
+        for command in (["demo", "-o", NAME], ["plot", NAME], ["demo", "--people", "-o", PEOPLE]):
             subprocess.run([sys.executable, "-m", "skelsplat", *command, "--quiet"], check=True, cwd=made)
-        overview, weights, paths = (
-            Image.open(Path(made) / NAME / picture).convert("RGB")
-            for picture in ("overview.png", "weights.png", "plots/trajectories.png")
+        pictures = (f"{NAME}/{name}.png" for name in ("overview", "weights", "plots/trajectories"))
+        overview, weights, paths, people = (
+            Image.open(Path(made) / picture).convert("RGB")
+            for picture in (*pictures, f"{PEOPLE}/overview.png")
         )
     width, height = overview.size
     box = (POSE[0] * width, POSE[1] * height, POSE[2] * width, POSE[3] * height)
@@ -33,6 +35,7 @@ def main(folder: Path) -> None:
         ("overview", overview),
         ("weights", weights),
         ("trajectories", paths),
+        ("several-people", people),
         ("pose", overview.crop(tuple(round(side) for side in box))),
     ):
         picture.quantize(COLOURS).save(folder / f"{name}.png", optimize=True)

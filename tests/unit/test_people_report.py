@@ -102,12 +102,16 @@ def test_curves_have_a_value_per_person(written):
 def test_findings_stand_with_their_person(written):
     text = re.sub(r"<style>.*?</style>|<script.*?</script>", "", written(), flags=re.S)
     warnings = re.search(r'<section class="loud".*?</section>', text, re.S)[0]
-    heading = warnings.index('<h3><span class="person person-1">person 1</span></h3>')
-    assert warnings.index("door disagrees") < heading < warnings.index("The left leg varies.")
-    assert "<p>None on person 0, person 2." in warnings
+    assert "<li>door disagrees with the other cameras.</li>" in warnings
+    assert '<p>On <a href="#on-1">person 1</a> (1): see below.</p>' in warnings
+    assert "<p>None on person 0, person 2.</p>" in warnings
+    own = re.search(r'<section aria-labelledby="findings-title".*?</section>', text, re.S)[0]
+    assert re.findall(r'<h3 id="(on-\d)">', own) == ["on-1"]
+    assert own.index('<span class="person person-1">person 1</span>') < own.index("The left leg varies.")
     assert '<th scope="row" class="person-1"><a href="person_1/report.html">person 1</a></th>' in text
     quiet = written(people_report(warnings=[], findings=[[], [], []]))
     assert '<section class="quiet"' in quiet
+    assert "findings-title" not in quiet
 
 
 def test_names_are_escaped_in_markup_and_in_data(written):

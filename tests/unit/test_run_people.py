@@ -15,8 +15,6 @@ from detection_files import Take
 from skelsplat import synthetic
 from skelsplat.io import read_csv, read_json, read_netcdf, read_npz, write_calibration, write_people
 from skelsplat.run import Job, PeopleRun, Run, run, run_people
-from skelsplat.run.read import Inputs
-from skelsplat.run.tracked import follow_everybody
 from two_people import LAYOUT, crossing, seen, shuffled
 
 RIG = synthetic.human36m_like()
@@ -32,7 +30,11 @@ def people():
 @pytest.fixture(scope="module")
 def recording(people, tmp_path_factory):
     """Return a folder with the calibration and OpenPose's files of two people."""
-    folder = tmp_path_factory.mktemp("two")
+    return written(tmp_path_factory.mktemp("two"), people)
+
+
+def written(folder, people):
+    """Write a calibration, and people (T, M, P, 17, 3) as OpenPose's files."""
     write_calibration(folder / "Calib.toml", RIG)
     (folder / "openpose").mkdir()
     CASES["openpose"].write(folder / "openpose", Take(people, list(RIG.names), list(LAYOUT.joints)))
@@ -138,9 +140,18 @@ def test_individuals_of_movement_are_over_all_frames(found, tmp_path):
 
 
 @pytest.mark.parametrize(("name", "read"), [("csv", read_csv), ("json", read_json), ("nc", read_netcdf)])
-def test_a_file_of_several_people_is_not_one_person(folder, name, read):
-    with pytest.raises(sk.DatasetError, match=rf"people\.{name}: .*expected"):
+def test_a_file_of_several_people_is_not_one_person(folder, name, read, tmp_path):
+    said = rf"people\.{name}: .*expected (the poses of one person|one individual)"
+    with pytest.raises(sk.DatasetError, match=said):
         read(folder / f"people.{name}")
+    result = invoke("convert", folder / f"people.{name}", tmp_path / "walk.trc")
+    assert_fails(result, 1, "one person" if name != "nc" else "one individual")
+
+
+def test_of_a_run_of_several_one_is_converted_or_plotted(folder, tmp_path):
+    assert_fails(invoke("convert", folder, tmp_path / "walk.trc"), 1, "one person", "person_0, person_1")
+    assert_fails(invoke("plot", folder), 1, "one person", "person_0, person_1")
+    assert invoke("convert", folder / "person_1", tmp_path / "walk.trc").exit_code == 0
 
 
 def test_the_folder_of_everybody_is_no_run_of_one(folder):
@@ -159,6 +170,19 @@ def test_people_come_from_all_formats(people, found, case, tmp_path):
     assert list(several.people) == [0, 1]
     for one, other in zip(several.people.values(), found.people.values(), strict=True):
         np.testing.assert_allclose(one.poses.pose, other.poses.pose, atol=tolerance)
+
+
+def test_findings_on_each_person_are_warnings_where_no_table_is_printed(tmp_path):
+    people = seen(crossing(FRAMES), RIG)
+    people[:, 2:, 1] = np.nan
+    result = invoke(*command(written(tmp_path, people), tmp_path / "out"), "--people", "all", "--quiet")
+    assert result.stdout == ""
+    lines = result.stderr.splitlines()
+    assert any(
+        line.startswith("warning: person 1: Mostly two views or fewer see this person") for line in lines
+    )
+    found = [finding for one in read_report(tmp_path / "out")["people"] for finding in one["findings"]]
+    assert len(lines) == len(found)
 
 
 def test_so_many_people_are_refined(recording):
@@ -251,75 +275,30 @@ def test_the_frame_rate_has_to_be_known(recording, tmp_path, options):
     assert_fails(invoke(*arguments, *options), 2, text, " ".join(options))
 
 
-def several_of(people, limit="all"):
-    """Return the doubts of a run of people (T, M, P, 17, 3): those on everybody, and those on each."""
-    inputs = Inputs(
-        RIG, LAYOUT, people[:, :, 0], np.zeros(people.shape[:2], dtype=bool), np.arange(len(people)), fps=FPS
-    )
-    everybody = follow_everybody(people, inputs, Job("Calib.toml", "pose", people=limit))
-    return everybody.whole.doubts, [one.doubts for one in everybody.people]
+def test_one_person_is_the_same_as_among_all(recording, found):
+    one = run(job(recording, people=None, person=1))
+    np.testing.assert_array_equal(one.poses.pose, found.people[1].poses.pose)
+    np.testing.assert_array_equal(one.poses.uncertainty, found.people[1].poses.uncertainty)
+    assert one.report["input"]["person"] == "1"
 
 
-def test_of_sound_people_nothing_is_doubted(people):
-    assert several_of(people) == ((), [(), ()])
-
-
-def test_who_is_seen_by_two_views_only_is_named(people):
-    people = seen(crossing(FRAMES), RIG)
-    people[:, 2:, 1] = np.nan
-    _, found = several_of(shuffled(people))
-    (doubt,) = [doubt for doubts in found for doubt in doubts]
-    assert doubt.text == (
-        f"Mostly two views or fewer see this person (cam1 in {FRAMES} and cam2 in {FRAMES} of {FRAMES} "
-        "frames), so no third view confirms the pose."
-    )
-
-
-@pytest.mark.parametrize(("frames", "named"), [(160, True), (120, False)])
-def test_who_never_moves_is_named(frames, named):
-    walk, other = crossing(frames)
-    _, found = several_of(seen([walk, np.repeat(other[:1], frames, axis=0)], RIG))
-    texts = [doubt.text for doubts in found for doubt in doubts]
-    assert len(texts) == named
-    assert all(text.startswith("This person hardly moves: positions vary by ") for text in texts)
-
-
-def test_two_who_both_keep_still_are_not_named():
-    _, found = several_of(seen([np.repeat(pose[:1], 160, axis=0) for pose in crossing(2)], RIG))
-    assert found == [(), ()]
-
-
-def strangers():
-    """Return detections of somebody else in every view, on whom no two views agree."""
-    people = seen(crossing(FRAMES, apart_mm=4000.0), RIG)[:, :, 1:]
-    for view in range(4):
-        people[:, view] = np.roll(people[:, view], 7 * view, axis=0)
-        people[:, view, ..., :2] += [50.0 * view, 90.0 * view]
-    return people
-
-
-def test_people_who_are_left_out_are_counted(people):
-    (doubt,), _ = several_of(np.concatenate([people, strangers()], axis=2))
-    assert doubt.kind == "people_left_out"
-    assert doubt.numbers["left_out_share"] == pytest.approx(1 / 3, abs=0.05)
-    assert "33% of the people detected are none of those found (cam1 33%, cam2 33%, " in doubt.text
-
-
-def test_a_limit_on_the_number_leaves_out_on_purpose(people):
-    doubts, _ = several_of(people, 1)
-    assert doubts == ()
+def test_files_of_one_person_need_no_choice(tmp_path):
+    """An entry of each file, where there is only one, is taken as it is, bit for bit, at any frame rate."""
+    written(tmp_path, seen(crossing(FRAMES)[:1], RIG))
+    first, largest = (run(job(tmp_path, people=None, person=who)) for who in ("0", "largest"))
+    again = sk.refine_sequence(first.detections, first.cameras, fps=FPS, layout=LAYOUT)
+    np.testing.assert_array_equal(first.poses.pose, again.pose)
+    np.testing.assert_array_equal(largest.poses.pose, again.pose)
+    assert first.findings == ()
 
 
 @pytest.mark.parametrize(
-    ("views", "said"),
-    [
-        (4, r"cam4 40 of 40 frames\): exchanged cameras, .* skelsplat check-cameras looks for the cause"),
-        (1, "cam2 0, .* no two views detect anybody in the same frame"),
-        (0, "got no detections of people"),
-    ],
+    "options",
+    [{"frame_by_frame": True}, {"config": sk.RefineConfig.paper(max_steps=3)}, {"filter": "one-euro"}],
 )
-def test_nobody_found_is_an_error_that_says_what_is_there(views, said):
-    people = strangers()
-    people[:, views:] = np.nan
-    with pytest.raises(sk.DatasetError, match=f"pose: people: expected somebody on whom two views .*{said}"):
-        several_of(people)
+def test_everybody_is_refined_as_asked(recording, options):
+    several = run_people(job(recording, **options))
+    solution = "in time" if "filter" in options else "frame by frame"
+    for one in several.people.values():
+        assert one.report["solution"]["method"] == solution
+        assert bool(one.poses.processing) == ("filter" in options)

@@ -10,7 +10,7 @@ from colour_vision import DEFICIENCIES, closest
 from people_page import CAMERAS, SKELETON, crowd, nobody, person
 from skelsplat import viz
 from skelsplat.viz import _style
-from skelsplat.viz._people import all_frames, spread_out
+from skelsplat.viz._people import all_frames, spread_out, thinned
 from skelsplat.viz.people import _widest_gaps
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -88,6 +88,11 @@ def test_any_people_have_a_picture(written, figures, people):
 
 
 @pytest.mark.painted
+def test_the_name_of_a_camera_is_no_formula(written):
+    assert near(written(crowd(1), camera_names=(r"cam $\frac$", "window")), _style.PEOPLE[0]) > 1000
+
+
+@pytest.mark.painted
 def test_a_camera_far_away_does_not_shrink_the_plan(written):
     close, far = (np.array([[-2000.0, 0.0, 1500.0], [x, 0.0, 1500.0]]) for x in (2000.0, 2e6))
     paths = [near(written(crowd(2), centres=centres), _style.PEOPLE[0]) for centres in (close, far)]
@@ -121,3 +126,13 @@ def test_the_middle_is_that_of_joints_that_are_ok():
     np.testing.assert_allclose(middle[0], [0.0, -75.0, 675.0])
     np.testing.assert_allclose(middle[1], np.median(pose[1], axis=0))
     assert np.isnan(nobody().middle).all()
+
+
+def test_long_recordings_are_thinned_out_alike():
+    people = [person("person 0", range(100, 10_100)), person("person 1", range(5001, 5002))]
+    first, *others = thinned(people, 3000)
+    assert len(first.frames) == 2500
+    assert set(np.diff(first.frames)) == {4}
+    np.testing.assert_array_equal(first.refined, people[0].refined[::4])
+    assert [one.frames.tolist() for one in others] == [[5001]]  # between two that are kept
+    assert thinned(people, 20_000) == people

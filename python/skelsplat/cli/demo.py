@@ -36,7 +36,7 @@ def demo(
     (calibration TOML, one folder of OpenPose JSON per camera), and read from
     there. The results are pose.npz, pose.csv, pose.trc, report.json, report.html,
     overview.png and weights.png, with --paper also heatmaps.png; with --people,
-    a folder of them per person.
+    a folder of them per person, and a page and a picture of everybody.
 
     [bold]Examples[/bold]
 

@@ -45,7 +45,7 @@ Detections = Annotated[
     NAME_OR_PATH,
     _data(
         metavar="WHICH",
-        help="Name of a detector that the data set has, or a folder of detections.",
+        help="Name of a detector that the data set has, or a folder or file of detections.",
         show_default="the reader's choice",
     ),
 ]

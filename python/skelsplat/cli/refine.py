@@ -8,7 +8,7 @@ from rich.console import Console
 
 import skelsplat as sk
 from skelsplat.cli import inputs, options
-from skelsplat.cli.output import counting, print_json
+from skelsplat.cli.output import counting, print_json, print_warning
 from skelsplat.cli.people_table import print_people
 from skelsplat.cli.table import print_files, print_run, tell
 from skelsplat.findings import Finding
@@ -18,9 +18,9 @@ from skelsplat.run import Job, PeopleRun, run, run_people
 EPILOG = (
     "Results in FOLDER: pose.npz, pose.csv and pose.trc (or the formats of --write), report.json, "
     "report.html, overview.png and weights.png, with --paper also heatmaps.png; and the input as used, "
-    "cameras.json and detections.npz. With --people these are in the folder of each person, and people.csv, "
-    "people.json or people.nc has everybody. Files of an earlier run are removed first; plots/ and overlay/ "
-    "are kept."
+    "cameras.json and detections.npz. With --people these are in the folder of each person, and report.html, "
+    "overview.png, and people.csv, people.json or people.nc have everybody. Files of an earlier run are "
+    "removed first; plots/ and overlay/ are kept."
 )
 COMMON = (
     *("output", "unit", "layout", "person", "people", "without", "offset", "fps", "filter", "fill_gaps"),
@@ -145,6 +145,9 @@ def run_and_print(job: Job, *, quiet: bool, as_json: bool) -> None:
         for finding in found.findings:
             if finding not in printed:
                 tell(finding)
+        for identity, person in found.people.items() if isinstance(found, PeopleRun) else ():
+            for finding in person.findings:
+                print_warning(f"person {identity}: {finding.text}")
     if as_json:
         print_json(found.report)
     elif not quiet:

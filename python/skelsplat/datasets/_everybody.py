@@ -27,7 +27,7 @@ FILE = "people.npz"
 
 def pickles(root: Path, name: str) -> dict[str, Path]:
     """Return VoxelPose's files by the name of their detector."""
-    folders = (root, root / name.capitalize(), root / "CampusSeq1")
+    folders = (root, root / name.capitalize())
     paths = [path for folder in folders for path in sorted(folder.glob(f"pred_{name}_*.pkl"))]
     short = (re.sub(rf"^pred_{name}_|(_coco)?\.pkl$", "", path.name) for path in paths)
     return {detector_name(text): path for text, path in zip(short, paths, strict=True)}

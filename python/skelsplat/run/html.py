@@ -62,7 +62,7 @@ def write_html(run: Run, path: Path) -> None:
     weights = np.where(np.isfinite(statistics.error_after), run.result.view_weights, np.nan)
     errors_px, rejected = error_maps(statistics.error_after, weights)
     data = page.ReportData(
-        title="SkelSplat" if source is None else f"SkelSplat: {Path(source).name}",
+        title="SkelSplat" if source is None else f"SkelSplat: {Path(source).name}{_of_whom(run)}",
         facts=facts_of(run.report),
         warnings=[finding.text for finding in run.findings],
         notes=_notes(run),
@@ -82,6 +82,12 @@ def write_html(run: Run, path: Path) -> None:
         bones=_bones(run),
     )
     page.write_report(path, data)
+
+
+def _of_whom(run: Run) -> str:
+    """Return the number of the person for the title, if one of several was chosen by number."""
+    person = run.report["input"]["person"]
+    return f", person {person}" if str(person).isdecimal() else ""
 
 
 def show_page(run: Run) -> None:

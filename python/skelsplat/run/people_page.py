@@ -35,7 +35,7 @@ _COLUMNS = (
         "length; large if two people are mixed",
     ),
     ("problems", "frames with weak, missing or unusual joints"),
-    ("findings", "warnings on this person, listed above"),
+    ("warnings", "on this person, listed below"),
 )
 
 
@@ -182,7 +182,7 @@ def _row(entry: dict[str, Any], run: Run) -> list[str]:
         number(finite_median(run.statistics.error_bar_mm)),
         "–" if limbs is None or not np.isfinite(limbs) else f"{100 * limbs:.0f}%",
         f"{len(frames):,}",
-        str(sum(finding.severity != "note" for finding in run.findings)),
+        str(len(run.findings)),
     ]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -47,7 +47,22 @@ def all_frames(people: Sequence[PersonTrack]) -> Index:
 
 
 def spread_out(frames: Index, own: Index, values: npt.NDArray[Any], empty: object) -> npt.NDArray[Any]:
-    """Return ``values`` (F, …) of the frames ``own`` at their places in ``frames`` (T,), else ``empty``."""
+    """Return ``values`` (F, …) of the frames ``own`` in the frames ``frames`` (T,), ``empty`` in others."""
     whole = np.full((len(frames), *values.shape[1:]), empty, dtype=values.dtype)
-    whole[np.searchsorted(frames, own)] = values
+    kept = np.isin(own, frames)
+    whole[np.searchsorted(frames, own[kept])] = values[kept]
     return whole
+
+
+def thinned(people: Sequence[PersonTrack], most: int) -> list[PersonTrack]:
+    """Return people in some ``most`` of all frames, evenly chosen; nobody is lost."""
+    frames = all_frames(people)
+    if len(frames) <= most:
+        return list(people)
+    some, kept = frames[:: -(-len(frames) // most)], []
+    for person in people:
+        rows = np.isin(person.frames, some)
+        rows[:1] |= not rows.any()
+        arrays = {field.name: getattr(person, field.name)[rows] for field in fields(person)[1:]}
+        kept.append(replace(person, **arrays))
+    return kept

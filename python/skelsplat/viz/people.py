@@ -5,17 +5,18 @@ from __future__ import annotations
 import os
 import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
 from skelsplat._arrays import Array, ArrayFields
 from skelsplat.viz import _style
-from skelsplat.viz._people import PersonTrack, all_frames, spread_out
+from skelsplat.viz._people import PersonTrack, all_frames, spread_out, thinned
 from skelsplat.viz._skeleton import Skeleton, draw_limbs
 from skelsplat.viz._time import TimeAxis, draw_series
 from skelsplat.viz.report._scene import upright
@@ -34,6 +35,7 @@ _FAR = 3.0  # cameras farther away than so many times the size of the plan are l
 _BAR = 0.76  # height of a bar in its row
 # Frames and directions that are tried for the view from the side.
 _MOST_TRIED, _DIRECTIONS = 400, 24
+_MOST_FRAMES = 4000  # of a longer recording, one frame in k is drawn
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,7 @@ class PeopleData(ArrayFields):
 
 def write_people(path: str | os.PathLike[str], data: PeopleData) -> Path:
     """Draw the picture and write it to ``path``."""
+    data = replace(data, people=thinned(data.people, _MOST_FRAMES))
     title = textwrap.wrap(data.title, _LETTERS)
     rows = _ROW_IN * len(data.people)
     tall = max(_PLAN_IN[1], rows + _BETWEEN_IN + 2.0)
@@ -78,10 +81,12 @@ def _draw_plan(axes: Axes, data: PeopleData, turn: Array, names: Sequence[str]) 
     views = len(data.camera_names)
     for place, person in enumerate(data.people):
         colour, path = _style.person_colour(place), (person.middle @ turn.T)[:, :2]
-        steps = np.diff(person.frames) == 1
+        steps = np.diff(person.frames) < 1.5 * TimeAxis(person.frames).step
         lines = np.stack([path[:-1], path[1:]], axis=1)[steps]
         tints = [_style.tint(colour, count / views) for count in person.views[1:][steps]]
-        axes.add_collection(LineCollection(lines, colors=tints, linewidths=2.4, capstyle="round", zorder=3))
+        axes.add_collection(
+            LineCollection(list(lines), colors=tints, linewidths=2.4, capstyle="round", zorder=3)
+        )
         known = path[np.isfinite(path).all(axis=1)]
         if len(known):
             axes.plot(*known[0], "o", color=colour, markerfacecolor="white", markersize=7, zorder=4)
@@ -201,9 +206,12 @@ def _span(time: TimeAxis) -> tuple[float, float]:
 
 
 def _label(axes: Axes, at: Array, words: str, colour: str) -> None:
-    """Write words above a place."""
+    """Write words above a place, with a white edge, as they may lie on paths."""
     style = {"ha": "center", "va": "bottom", "textcoords": "offset points", "annotation_clip": True}
-    axes.annotate(words, at, xytext=(0, 6), color=colour, fontsize=_style.SCREEN.small_pt, zorder=6, **style)  # type: ignore[arg-type]
+    edge = [withStroke(linewidth=2.5, foreground="white")]
+    size = _style.SCREEN.small_pt
+    note = axes.annotate(words, at, xytext=(0, 6), color=colour, fontsize=size, zorder=6, **style)  # type: ignore[arg-type]
+    note.set(path_effects=edge, parse_math=False)  # a name is no formula
 
 
 def _short(name: str) -> str:

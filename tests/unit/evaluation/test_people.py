@@ -194,6 +194,18 @@ def test_shelf_and_campus_without_oracle_association(tmp_path, name, form):
     assert "whoever finds them loses precision" in text
 
 
+def test_a_file_of_everybody_is_given_on_the_command_line(tmp_path):
+    shelf_campus.write(tmp_path / "data", "shelf", n_frames=310)
+    shelf_campus.write_everybody(tmp_path / "other", "shelf", n_frames=10)
+    path = tmp_path / "other" / "2d_hrnet" / "S0" / "people.npz"
+    (tmp_path / "other" / "actorsGT.mat").replace(tmp_path / "data" / "actorsGT.mat")
+    command = ["evaluate", "shelf", str(tmp_path / "data"), "--detections", str(path), "-m", "track"]
+    result = CliRunner().invoke(app, [*command, "-o", str(tmp_path / "out"), "--json"])
+    assert result.exit_code == 0, result.output
+    (scene,) = json.loads(result.stdout)["scenes"]
+    assert (scene["frames"], scene["views"]) == (10, 5)
+
+
 def test_detections_per_actor_have_nobody_to_tell_apart(tmp_path):
     shelf_campus.write(tmp_path, "shelf", n_frames=303)
     result = CliRunner().invoke(app, ["evaluate", "shelf", str(tmp_path), "-m", "track"])

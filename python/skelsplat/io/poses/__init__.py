@@ -48,7 +48,7 @@ POSE_FORMATS: dict[str, PoseFormat] = {
         read_netcdf, write_netcdf, ("frame_rate", "individual", "singular"), ("xarray", "h5netcdf", "h5py")
     ),
 }
-_CSV_START = "frame,joint,"
+_CSV_START = ("frame,joint,", "person,frame,joint,")  # the latter is refused by its reader, with a reason
 _OWN_UNIT = ("trc", "c3d")  # these formats do not take any unit
 
 

@@ -119,9 +119,9 @@ def to_json(array: Any, *, by_joint: bool = False) -> Any:
 
 
 def is_json_poses(text: str) -> bool:
-    """Tell whether a text begins like a file of `write_json`."""
+    """Tell whether a text begins like a file of `write_json`, or of several people."""
     start = "".join(text[:200].split())
-    return start.startswith(f'{{"format":"{FORMAT}"')
+    return start.startswith(tuple(f'{{"format":"{name}"' for name in (FORMAT, PEOPLE)))
 
 
 def read_json(path: str | os.PathLike[str]) -> PoseData:
@@ -136,6 +136,8 @@ def read_json(path: str | os.PathLike[str]) -> PoseData:
     source = Path(path)
     document = Field(source, "", load_json(source, "an object with poses"))
     whole = isinstance(document.value, dict)
+    if document["format"].value == PEOPLE:
+        raise DatasetError(source, "format", "the poses of one person (person_0/pose.json)", "several people")
     if document["format"].value != FORMAT:
         got = f"format {document.value.get('format')!r}" if whole else type(document.value).__name__
         raise DatasetError(source, "format", f'an object with "format": "{FORMAT}"', got)

@@ -130,7 +130,7 @@ class View:
             draw_overlay(canvas, frame, one.skeleton, self.job.shown)
         for one, frame in zip(people or (), moved, strict=True):
             if one.skeleton.own is not None and self.job.legend:
-                draw_name(canvas, frame.pose, one.name, one.skeleton.own)
+                draw_name(canvas, frame.pose, one.name.removeprefix("person "), one.skeleton.own)
         if self.job.legend:
             draw_label(canvas, self.label(number) + ("" if people is not None else "   not in the run"))
         return canvas

@@ -51,9 +51,8 @@ class PeopleReportData(ArrayFields):
     # (first frame, last frame, words) of stretches of frames that have the same problem
     problems: Sequence[Problem]
 
-    def sequence(self) -> Sequence3D:
-        """Return all people as one sequence, whose joints are those of the people one after the other."""
-        frames = with_gaps(all_frames(self.people))
+    def sequence(self, frames: Index) -> Sequence3D:
+        """Return all people in ``frames`` as one sequence, whose joints are those of one after the other."""
 
         def together(name: str, empty: object) -> Any:
             values = [spread_out(frames, one.frames, getattr(one, name), empty) for one in self.people]
@@ -85,23 +84,24 @@ def write_people_report(path: str | os.PathLike[str], data: PeopleReportData) ->
 
 def build_people_page(data: PeopleReportData) -> str:
     """Return the page's text."""
-    sequence = data.sequence()
+    frames = with_gaps(all_frames(data.people))
     wanted = [number for first, last, _ in data.problems for number in (first, last)]
-    places, every = frames_to_show(sequence.frames, len(sequence.joint_names), wanted)
+    places, every = frames_to_show(frames, len(data.people) * len(data.joint_names), wanted)
+    sequence = data.sequence(frames[places])
     content = {
-        "scene": pack_scene(sequence, data.shapes, places),
-        "bars": _bars(data, sequence.frames, places),
-        "lines": [_parts.packed_line(line, places) for line in _lines(data.people, sequence.frames)],
+        "scene": pack_scene(sequence, data.shapes, np.arange(len(places))),
+        "bars": _bars(data, frames[places]),
+        "lines": [_parts.packed_line(line, places) for line in _lines(data.people, frames)],
         "problems": [list(row) for row in data.problems],
     }
     known = sequence.status[np.isfinite(sequence.refined).all(axis=-1)]
-    thinned = _parts.thinned(len(sequence.frames), len(places), every, "Tables")
+    thinned = _parts.thinned(len(frames), len(places), every, "Tables")
     return _parts.assemble(
         _PROGRAMS,
         content,
         title=escape(data.title),
         facts=_parts.facts(data.facts),
-        warnings=_findings(data),
+        warnings=_warnings(data),
         warnings_kind="loud" if data.warnings or any(data.findings) else "quiet",
         numbers=_parts.tiles(data.numbers),
         player=_parts.fill(
@@ -122,6 +122,7 @@ def build_people_page(data: PeopleReportData) -> str:
             people=_parts.table(data.table),
             views=str(len(data.shapes.names)),
             meanings=_parts.meanings(data.table),
+            findings=_findings(data),
             bones=_bone_section(data.bones),
         ),
         problems=_parts.problem_rows(data.problems),
@@ -137,15 +138,15 @@ def with_gaps(frames: Index) -> Index:
     return np.unique(np.concatenate([frames, frames[ends] + usual, frames[ends + 1] - usual]))
 
 
-def _bars(data: PeopleReportData, frames: Index, places: Index) -> dict[str, Any]:
-    """Return how many views see each person in the frames at ``places``; −1 where they are not there."""
+def _bars(data: PeopleReportData, frames: Index) -> dict[str, Any]:
+    """Return how many views see each person in each frame; −1 where they are not there."""
     return {
         "views": len(data.shapes.names),
         "people": [
             {
                 "name": one.name,
                 "colour": person_class(place),
-                "views": as_text(spread_out(frames, one.frames, one.views, -1)[places], "<i2"),
+                "views": as_text(spread_out(frames, one.frames, one.views, -1), "<i2"),
             }
             for place, one in enumerate(data.people)
         ],
@@ -181,16 +182,36 @@ def _apart(people: Sequence[PersonTrack], frames: Index) -> list[tuple[str, str,
     return curves
 
 
-def _findings(data: PeopleReportData) -> str:
-    """Return the sentences on everybody, then those on each person."""
-    parts = [_parts.bullets(data.warnings)]
-    for place, (one, sentences) in enumerate(zip(data.people, data.findings, strict=True)):
-        if sentences:
-            parts.append(f"<h3>{_named(one.name, place)}</h3>\n{_parts.bullets(sentences)}")
-    quiet = [one.name for one, sentences in zip(data.people, data.findings, strict=True) if not sentences]
-    if quiet:
-        parts.append(f"<p>None on {escape(', '.join(quiet))}. Frames with a problem are listed below.</p>")
+def _warnings(data: PeopleReportData) -> str:
+    """Return the sentences on everybody, and links to those on each person."""
+    counted = list(zip(data.people, data.findings, strict=True))
+    links = ", ".join(
+        f'<a href="#on-{place}">{escape(one.name)}</a> ({len(sentences)})'
+        for place, (one, sentences) in enumerate(counted)
+        if sentences
+    )
+    quiet = ", ".join(escape(one.name) for one, sentences in counted if not sentences)
+    parts = [
+        _parts.bullets(data.warnings),
+        f"<p>On {links}: see below.</p>" if links else "",
+        f"<p>None on {quiet}.</p>" if quiet else "",
+    ]
     return "\n".join(part for part in parts if part)
+
+
+def _findings(data: PeopleReportData) -> str:
+    """Return the section with the sentences on each person; nothing without any."""
+    parts = [
+        f'<h3 id="on-{place}">{_named(one.name, place)}</h3>\n{_parts.bullets(sentences)}'
+        for place, (one, sentences) in enumerate(zip(data.people, data.findings, strict=True))
+        if sentences
+    ]
+    if not parts:
+        return ""
+    title = '<h2 id="findings-title">Warnings on each person</h2>'
+    return "\n".join(
+        ['<section aria-labelledby="findings-title" class="findings">', title, *parts, "</section>"]
+    )
 
 
 def _named(name: str, place: int) -> str:

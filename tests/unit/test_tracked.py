@@ -1,0 +1,154 @@
+"""Who is followed over time: the choice of one person, doubts, and frames that are missing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from skelsplat import synthetic
+from skelsplat.findings import FindingWarning
+from skelsplat.layouts import mirror_images
+from skelsplat.run import Job
+from skelsplat.run.read import Inputs
+from skelsplat.run.several import spans
+from skelsplat.run.tracked import choose, follow_everybody
+from two_people import LAYOUT, crossing, seen, shuffled
+
+RIG = synthetic.human36m_like()
+FPS = 50
+FRAMES = 40
+
+
+@pytest.fixture(scope="module")
+def people():
+    return shuffled(seen(crossing(FRAMES), RIG))
+
+
+def follow(people, frames=None, limit="all"):
+    """Follow people (T, M, P, 17, 3) of these frames."""
+    frames = np.arange(len(people)) if frames is None else frames
+    nobody = np.full((*people.shape[:2], 17, 3), np.nan)
+    whole = Inputs(RIG, LAYOUT, nobody, np.zeros(people.shape[:2], dtype=bool), frames, fps=FPS)
+    return follow_everybody(people, whole, Job("Calib.toml", "pose", people=limit))
+
+
+@pytest.fixture(scope="module")
+def everybody():
+    """Two people in the order of their appearance: one walks, a larger one stands still."""
+    walk, other = crossing(FRAMES)
+    people = seen([walk, 1.15 * np.repeat(other[:1], FRAMES, axis=0)], RIG)
+    return follow(people), people
+
+
+def test_a_person_is_chosen_by_motion_size_number_and_place(everybody):
+    found, people = everybody
+    walks = next(one.person for one in found.people if np.isclose(one.detections[3], people[3, :, 0]).all())
+    stands = str(1 - int(walks))
+    x, y = people[0, 2, 0, 8, :2]
+    choices = {"moves-most": walks, "largest": stands, "1": "1", f"cam3:{x:.1f},{y:.1f}": walks}
+    for choice, expected in choices.items():
+        with pytest.warns(FindingWarning, match=f"--person {choice} follows person {expected} of 2 people"):
+            assert choose(found, choice).person == expected
+
+
+def several_of(people, limit="all"):
+    """Return the doubts of a run of people (T, M, P, 17, 3): those on everybody, and those on each."""
+    everybody = follow(people, limit=limit)
+    return everybody.whole.doubts, [one.doubts for one in everybody.people]
+
+
+def test_of_sound_people_nothing_is_doubted(people):
+    assert several_of(people) == ((), [(), ()])
+
+
+def test_who_is_seen_by_two_views_only_is_named(people):
+    people = seen(crossing(FRAMES), RIG)
+    people[:, 2:, 1] = np.nan
+    _, found = several_of(shuffled(people))
+    (doubt,) = [doubt for doubts in found for doubt in doubts]
+    assert doubt.text == (
+        f"Mostly two views or fewer see this person (cam1 in {FRAMES} and cam2 in {FRAMES} of {FRAMES} "
+        "frames), so no third view confirms the pose."
+    )
+
+
+@pytest.mark.parametrize(("frames", "named"), [(160, True), (120, False)])
+def test_who_never_moves_is_named(frames, named):
+    walk, other = crossing(frames)
+    _, found = several_of(seen([walk, np.repeat(other[:1], frames, axis=0)], RIG))
+    texts = [doubt.text for doubts in found for doubt in doubts]
+    assert len(texts) == named
+    assert all(text.startswith("This person hardly moves: positions vary by ") for text in texts)
+
+
+def test_two_who_both_keep_still_are_not_named():
+    _, found = several_of(seen([np.repeat(pose[:1], 160, axis=0) for pose in crossing(2)], RIG))
+    assert found == [(), ()]
+
+
+@pytest.mark.parametrize(("offset", "named"), [(0.0, True), (200.0, False)])
+def test_a_reflection_is_named(offset, named):
+    """In a mirror at y = 1.2 m; somebody who only moves alike is no reflection."""
+    walk = crossing(FRAMES)[0]
+    image = walk[:, mirror_images(17, LAYOUT.left_right)] * [1.0, -1.0, 1.0] + [0.0, 2400.0, 0.0]
+    image += offset * np.sin(np.arange(FRAMES) / 5.0)[:, None, None] * [1.0, 0.0, 0.0]
+    _, found = several_of(seen([walk, image], RIG))
+    texts = [doubt.text for doubts in found for doubt in doubts]
+    assert len(texts) == named
+    assert all(text.startswith("This person is the mirror image of person ") for text in texts)
+
+
+def strangers():
+    """Return detections of somebody else in every view, on whom no two views agree."""
+    people = seen(crossing(FRAMES, apart_mm=4000.0), RIG)[:, :, 1:]
+    for view in range(4):
+        people[:, view] = np.roll(people[:, view], 7 * view, axis=0)
+        people[:, view, ..., :2] += [50.0 * view, 90.0 * view]
+    return people
+
+
+def test_people_who_are_left_out_are_counted(people):
+    (doubt,), _ = several_of(np.concatenate([people, strangers()], axis=2))
+    assert doubt.kind == "people_left_out"
+    assert doubt.numbers["left_out_share"] == pytest.approx(1 / 3, abs=0.05)
+    assert "33% of the people detected are none of those found (cam1 33%, cam2 33%, " in doubt.text
+
+
+def test_a_limit_on_the_number_leaves_out_on_purpose(people):
+    doubts, _ = several_of(people, 1)
+    assert doubts == ()
+
+
+@pytest.mark.parametrize(
+    ("views", "said"),
+    [
+        (4, r"cam4 40 of 40 frames\): exchanged cameras, .* skelsplat check-cameras looks for the cause"),
+        (1, "cam2 0, .* no two views detect anybody in the same frame"),
+        (0, "got no detections of people"),
+    ],
+)
+def test_nobody_found_is_an_error_that_says_what_is_there(views, said):
+    people = strangers()
+    people[:, views:] = np.nan
+    with pytest.raises(sk.DatasetError, match=f"pose: people: expected somebody on whom two views .*{said}"):
+        several_of(people)
+
+
+def test_frames_that_are_missing_stay_missing(people):
+    there = np.r_[0:15, 22:FRAMES]
+    found = follow(people[there], there)
+    for one in found.people:
+        np.testing.assert_array_equal(one.frames, there)
+        assert one.solved.pose.shape == (len(there), 17, 3)
+    report = spans(there)
+    assert report == [[0, 14], [22, FRAMES - 1]]
+
+
+def test_frames_far_apart_are_refused(people):
+    numbers = 1000 * np.arange(FRAMES)
+    numbers[1] = 1
+    with pytest.raises(
+        sk.InvalidInputError, match="frames: expected most frames, to follow people over time, got"
+    ):
+        follow(people, numbers)
