@@ -24,6 +24,7 @@ __all__ = [
     "fuse_monocular",
     "implausible_extent",
     "loss_and_gradient",
+    "most_likely_places",
     "people_scores",
     "project",
     "project_gaussians",
@@ -544,6 +545,23 @@ def loss_and_gradient(
     target_covariances: ArrayLike | None = None,
 ) -> dict[str, Any]:
     """Return the fields of ``skelsplat.LossAndGradient``."""
+
+def most_likely_places(
+    pose: ArrayLike,
+    detections: ArrayLike,
+    cameras: _Cameras,
+    *,
+    bones: Sequence[tuple[int, int, float, float]],
+    doubtful: Sequence[bool],
+    placed: Sequence[bool],
+    sigma: Sequence[float],
+    variance: float,
+) -> NDArray[np.float64]:
+    """Return the most likely places (N, 3), mm, of a pose's joints, of which doubtful ones need their bones.
+
+    ``bones``: joints, mean and σ of each; ``placed``: joints that two views agree on; ``sigma``: final kernel
+    of every joint; ``variance``: ŝ² (mm²). Detections are ideal pixels.
+    """
 
 def sequence_equations(
     poses: ArrayLike,

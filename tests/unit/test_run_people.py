@@ -185,6 +185,22 @@ def test_findings_on_each_person_are_warnings_where_no_table_is_printed(tmp_path
     assert len(lines) == len(found)
 
 
+@pytest.mark.parametrize("named", [(0,), (0, 1)])
+def test_a_camera_is_doubted_if_it_disagrees_about_most(named, tmp_path):
+    """One person may be hidden in a view; a wrong camera disagrees about everybody."""
+    people = seen(crossing(FRAMES), RIG)
+    for person in named:
+        people[:, 1, person, ::3, 0] += 90.0
+    several = run_people(job(written(tmp_path, people)))
+    found = [one for run in several.people.values() for one in run.findings if one.kind == "camera_disagrees"]
+    assert {one.subject.cameras for one in found} == {("cam2",)}
+    assert [one.severity for one in found] == (["note"] if len(named) == 1 else ["warning"] * 2)
+    written_so = [one for entry in several.report["people"] for one in entry["findings"]]
+    assert [one["severity"] for one in written_so if one["kind"] == "camera_disagrees"] == [
+        one.severity for one in found
+    ]
+
+
 def test_so_many_people_are_refined(recording):
     assert len(run_people(job(recording, people=1)).people) == 1
 

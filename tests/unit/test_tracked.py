@@ -8,9 +8,10 @@ import pytest
 import skelsplat as sk
 from skelsplat import synthetic
 from skelsplat.findings import FindingWarning
+from skelsplat.layouts import mirror_images
 from skelsplat.run import Job
+from skelsplat.run.people_report import spans
 from skelsplat.run.read import Inputs
-from skelsplat.run.several import spans
 from skelsplat.run.tracked import choose, follow_everybody
 from two_people import LAYOUT, crossing, seen, shuffled
 
@@ -84,6 +85,18 @@ def test_who_never_moves_is_named(frames, named):
 def test_two_who_both_keep_still_are_not_named():
     _, found = several_of(seen([np.repeat(pose[:1], 160, axis=0) for pose in crossing(2)], RIG))
     assert found == [(), ()]
+
+
+@pytest.mark.parametrize(("offset", "named"), [(0.0, True), (200.0, False)])
+def test_a_reflection_is_named(offset, named):
+    """In a mirror at y = 1.2 m; somebody who only moves alike is no reflection."""
+    walk = crossing(FRAMES)[0]
+    image = walk[:, mirror_images(17, LAYOUT.left_right)] * [1.0, -1.0, 1.0] + [0.0, 2400.0, 0.0]
+    image += offset * np.sin(np.arange(FRAMES) / 5.0)[:, None, None] * [1.0, 0.0, 0.0]
+    _, found = several_of(seen([walk, image], RIG))
+    texts = [doubt.text for doubts in found for doubt in doubts]
+    assert len(texts) == named
+    assert all(text.startswith("This person is the mirror image of person ") for text in texts)
 
 
 def strangers():

@@ -36,7 +36,8 @@ mod _skelsplat {
     use crate::refine::{PyLive, PyRefiner, implausible_extent};
     #[pymodule_export]
     use crate::study::{
-        loss_and_gradient, project_gaussians, pseudo_ground_truth, render, sequence_equations,
+        loss_and_gradient, most_likely_places, project_gaussians, pseudo_ground_truth, render,
+        sequence_equations,
     };
 
     #[pymodule_init]

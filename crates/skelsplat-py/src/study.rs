@@ -6,7 +6,8 @@ use nalgebra::{Matrix3, Vector2, Vector3, Vector4};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use skelsplat_core::Result as CoreResult;
-use skelsplat_core::study::bones::Length;
+use skelsplat_core::study::annealed::{Rays, proportions};
+use skelsplat_core::study::bones::{Bone, Length};
 use skelsplat_core::study::gaussian::check_covariances;
 use skelsplat_core::study::paper::render::{self as core, Images, Seen};
 use skelsplat_core::study::projection::View;
@@ -14,8 +15,8 @@ use skelsplat_core::study::sequence::{equations, solver::Common};
 use skelsplat_core::{Control, Encoding, Frame, Gaussian, GaussianGradient, PaperSettings};
 
 use crate::args::{
-    Array, Covariances, Keypoints, LogScales, Means, Out, Poses, Quaternions, TargetCovariances,
-    TargetMeans,
+    Array, Covariances, InitPose, Keypoints, LogScales, Means, Out, Poses, Quaternions,
+    TargetCovariances, TargetMeans,
 };
 use crate::camera::{Camera, Cameras};
 use crate::config::RefineConfig;
@@ -200,10 +201,10 @@ pub(crate) fn loss_and_gradient<'py>(
     Ok(out)
 }
 
-/// Return H (3NT, 3NT) and the gradient (N, T, 3) of a step of ``refine_sequence`` at ``poses`` (T, N, 3), and the
-/// density of the acceleration (N, T), mm²/s³.
+/// Return H (3NT, 3NT), gradient (N, T, 3) and density of the acceleration (N, T) of a step in time.
 ///
-/// ``lengths``: mean and σ of every limb, mm; ``joints``: variance of a detection (mm²) and kernel (mm) of every joint.
+/// It is that of ``refine_sequence`` at ``poses`` (T, N, 3). ``lengths``: mean and σ of every limb, mm;
+/// ``joints``: variance of a detection (mm²) and kernel (mm) of every joint. Densities are mm²/s³.
 #[pyfunction]
 #[pyo3(signature = (poses, detections, cameras, *, fps, lengths, joints, layout=None, config=None))]
 #[allow(clippy::too_many_arguments, reason = "what a step depends on")]
@@ -239,4 +240,37 @@ pub(crate) fn sequence_equations(
     let gradient: Vec<Vector3<f64>> = pulls.iter().map(|pull| -pull).collect();
     let hessian = Out(hessian, vec![3 * n * t, 3 * n * t]);
     Ok((hessian, Out::points(&gradient, vec![n, t, 3]), Out(agility, vec![n, t])))
+}
+
+/// Return the most likely places (N, 3), mm, of a pose's joints, of which doubtful ones need their bones.
+///
+/// ``bones``: joints, mean and σ of each; ``placed``: joints that two views agree on; ``sigma``: final kernel
+/// of every joint; ``variance``: ŝ² (mm²). Detections are ideal pixels.
+#[pyfunction]
+#[pyo3(signature = (pose, detections, cameras, *, bones, doubtful, placed, sigma, variance))]
+#[allow(clippy::too_many_arguments, reason = "what the search depends on")]
+pub(crate) fn most_likely_places(
+    pose: InitPose,
+    detections: Frames,
+    cameras: Cameras,
+    bones: Vec<(usize, usize, f64, f64)>,
+    doubtful: Vec<bool>,
+    placed: Vec<bool>,
+    sigma: Vec<f64>,
+    variance: f64,
+) -> Result<Out<f64>> {
+    let (points, n) = (pose.0.points(), pose.0.shape[0]);
+    let bone = |(a, b, mean, sigma)| Bone { joints: [a, b], length: Length { mean, sigma } };
+    let bones: Vec<Bone> = bones.into_iter().map(bone).collect();
+    let detections = detections.only()?;
+    let joints = [n, doubtful.len(), placed.len(), sigma.len()];
+    let known = bones.iter().flat_map(|bone| bone.joints).all(|j| j < n);
+    if !known || joints.iter().any(|k| *k != detections.n_joints()) {
+        let expected = "the joints of pose, doubtful, placed, sigma and bones";
+        return refuse("detections", expected, format!("{} joints", detections.n_joints()));
+    }
+    let rays = Rays::new(&detections, &cameras.cameras, &[]);
+    let (rays, bones, points, sigma) = (&rays, &bones, &points, &sigma);
+    let search = proportions::Search { rays, bones, points, doubtful, placed, sigma, variance };
+    Ok(Out::points(&proportions::most_likely(&search), vec![n, 3]))
 }

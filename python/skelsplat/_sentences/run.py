@@ -134,7 +134,7 @@ def _given_lengths_differ(finding: Finding) -> str:
         f"{a} to {b} {size:.0f} mm, measured {seen:.0f} mm"
         for (a, b), size, seen in zip(finding.numbers["limbs"], given, measured, strict=True)
     ]
-    return f"Given bone lengths contradict the recording: {_some(sizes)}. Where views agree, they count."
+    return f"Given bone lengths contradict the recording: {_some(sizes)}. Short recordings follow them."
 
 
 def _uncertain(finding: Finding) -> str:
@@ -316,6 +316,8 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "person_of_few_views": _few_views,
     "person_still": "This person hardly moves: positions vary by {moved_mm:.0f} mm in {seconds:.0f} s. A "
     "poster, a dummy, or somebody who keeps still?",
+    "person_mirrored": "This person is the mirror image of person {of}, within {apart_mm:.0f} mm: a "
+    "reflection in a mirror or a window?",
     "person_jumps": _jumps,
     "person_followed": _followed,
     "person_by_place": "--person {person} is entry {person} of each file, as the frame rate is unknown. The "

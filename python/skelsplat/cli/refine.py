@@ -146,7 +146,7 @@ def run_and_print(job: Job, *, quiet: bool, as_json: bool) -> None:
             if finding not in printed:
                 tell(finding)
         for identity, person in found.people.items() if isinstance(found, PeopleRun) else ():
-            for finding in person.findings:
+            for finding in (one for one in person.findings if one.severity != "note"):
                 print_warning(f"person {identity}: {finding.text}")
     if as_json:
         print_json(found.report)

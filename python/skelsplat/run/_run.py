@@ -30,7 +30,7 @@ from skelsplat.run.tracked import read_inputs
 
 if TYPE_CHECKING:
     import os
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     import numpy.typing as npt
 
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from skelsplat.run.job import Job
     from skelsplat.run.solve import Progress
 
-ORDER = ("error", "warning", "note")
+_ORDER = ("error", "warning", "note")
 
 
 @dataclass(frozen=True, repr=False)
@@ -286,6 +286,11 @@ def check_output(job: Job, inputs: Inputs) -> list[Finding]:
     return writing.notes(inputs.fps)
 
 
+def in_order(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Return findings, errors first."""
+    return tuple(sorted(findings, key=lambda finding: _ORDER.index(finding.severity)))
+
+
 def summed_up(inputs: Inputs, outcome: Outcome, job: Job | None = None, notes: Sequence[Finding] = ()) -> Run:
     """Return the run with its statistics, findings and report; ``notes`` are earlier findings."""
     statistics = summarise(inputs, outcome)
@@ -299,8 +304,7 @@ def summed_up(inputs: Inputs, outcome: Outcome, job: Job | None = None, notes: S
     )
     poses, over_time = apply_over_time(data, job)
     statistics = statistics.without_bars(poses.joint_status == "filled")
-    found = [*notes, *find_findings(inputs, outcome, statistics, poses.joint_status)]
-    found.sort(key=lambda finding: ORDER.index(finding.severity))
+    found = in_order([*notes, *find_findings(inputs, outcome, statistics, poses.joint_status)])
     in_frames = find_in_frames(inputs, outcome, statistics, poses.joint_status)
     remarks = {
         "findings": [finding.to_dict() for finding in found],
@@ -309,7 +313,7 @@ def summed_up(inputs: Inputs, outcome: Outcome, job: Job | None = None, notes: S
         "files": [],
     }
     report = build_report(inputs, outcome, statistics, job, remarks)
-    return Run(poses, tuple(found), tuple(in_frames), report, statistics, inputs, outcome)
+    return Run(poses, found, tuple(in_frames), report, statistics, inputs, outcome)
 
 
 def _opened(found: RunFolder) -> Run:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,10 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-import skelsplat as sk
 from skelsplat._arrays import Index
 from skelsplat._atomic import atomic_write_text
-from skelsplat._json import plain, to_text
+from skelsplat._json import to_text
 from skelsplat._optional import can_draw
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import Finding, collected_warnings
@@ -21,14 +21,12 @@ from skelsplat.io import write_people
 from skelsplat.io._run_files import REPORT, UNFINISHED, folders_of_run
 from skelsplat.io.poses import PEOPLE_FORMATS
 from skelsplat.run import folder as folders
-from skelsplat.run._run import ORDER, Run, check_output, summed_up
+from skelsplat.run._run import Run, check_output, in_order, summed_up
 from skelsplat.run.over_time import try_over_time
-from skelsplat.run.people import limb_spread
+from skelsplat.run.people_report import build_people_report, folder_of
 from skelsplat.run.read import read_everybody
-from skelsplat.run.report import input_of, versions
 from skelsplat.run.solve import refine_inputs
-from skelsplat.run.summary import finite_median
-from skelsplat.run.tracked import Everybody, check_times, follow_everybody
+from skelsplat.run.tracked import check_times, follow_everybody
 
 PICTURE = "overview.png"
 
@@ -153,89 +151,37 @@ def _run_people(job: Job, progress: Progress | None, tell: Callable[[Finding], N
         everybody = follow_everybody(people, whole, job, progress)
         outcomes = [refine_inputs(inputs, job) for inputs in everybody.people]
     pairs = zip(everybody.people, outcomes, strict=True)
-    runs = {int(inputs.person): summed_up(inputs, outcome, job) for inputs, outcome in pairs}
-    found = sorted([*notes, *everybody.whole.doubts], key=lambda finding: ORDER.index(finding.severity))
-    return PeopleRun(runs, tuple(found), _report(everybody, runs, found, job))
+    runs = in_proportion({int(one.person): summed_up(one, outcome, job) for one, outcome in pairs})
+    found = in_order([*notes, *everybody.whole.doubts])
+    return PeopleRun(runs, found, build_people_report(everybody, runs, found, job))
 
 
-def folder_of(identity: int) -> str:
-    """Return the name of a person's folder."""
-    return f"person_{identity}"
+def in_proportion(runs: Mapping[int, Run]) -> dict[int, Run]:
+    """Turn into a note that a camera disagrees, unless it does for most of the people whom it sees.
 
-
-def _report(
-    everybody: Everybody, runs: Mapping[int, Run], findings: Sequence[Finding], job: Job
-) -> dict[str, Any]:
-    report = {
-        "versions": versions(),
-        "input": {**input_of(everybody.whole, job), "person": None, "people": job.people},
-        "settings": next(iter(runs.values())).outcome.config.to_dict(),
-        "people": [_entry(identity, run) for identity, run in runs.items()],
-        "detections": {
-            "meaning": "people detected, over all frames, and how many of them are one of those above",
-            "cameras": [
-                {"name": name, "detected": int(detected), "assigned": int(assigned)}
-                for name, detected, assigned in zip(
-                    everybody.whole.rig.names,
-                    everybody.detected.sum(axis=0),
-                    everybody.assigned.sum(axis=0),
-                    strict=True,
-                )
-            ],
-        },
-        "findings": [finding.to_dict() for finding in findings],
-        "note": job.note or None,
-        "files": [],
-        "folders": [folder_of(identity) for identity in runs],
-    }
-    cleaned: dict[str, Any] = plain(report)
-    return cleaned
-
-
-def _entry(identity: int, run: Run) -> dict[str, Any]:
-    """Return what the report says of one person."""
-    seen = np.isfinite(run.detections[..., 0]).any(axis=-1)  # (F, M)
-    views = seen.sum(axis=1)
-    total = run.statistics.total
-    return {
-        "id": identity,
-        "folder": folder_of(identity),
-        "first_frame": run.frames[0],
-        "last_frame": run.frames[-1],
-        "frames": len(run.frames),
-        "seen": spans(run.frames[views > 0]),
-        "seen_by_two": int((views >= 2).sum()),
-        "views_median": float(np.median(views)),
-        "cameras": [
-            {"name": name, "frames": int(count)}
-            for name, count in zip(run.cameras.names, seen.sum(axis=0), strict=True)
-        ],
-        "median_error_px": total.after_px,
-        "rejected_share": total.rejected_share,
-        "error_bar_median_mm": finite_median(run.statistics.error_bar_mm),
-        "limb_range": limb_range(run),
-        "findings": [finding.to_dict() for finding in run.findings],
-    }
-
-
-def spans(frames: Index) -> list[list[int]]:
-    """Return the first and the last of every stretch of successive frame numbers."""
-    ends = np.flatnonzero(np.diff(frames) > 1)
-    first, last = np.concatenate([[0], ends + 1]), np.concatenate([ends, [len(frames) - 1]])
-    return [[int(frames[a]), int(frames[b])] for a, b in zip(first, last, strict=True)] if len(frames) else []
-
-
-def limb_range(run: Run) -> float:
-    """Return how far the lengths of arms and legs range frame by frame, 5th to 95th percentile.
-
-    As a part of the length, median over the limbs; a body has the same length in all frames.
+    Who stands before whom makes any camera disagree about somebody; a wrong one does about everybody.
     """
-    result = run.result
-    in_time = isinstance(result, sk.SequenceRefinement)
-    pose = np.asarray(result.init_pose if in_time else result.pose)
-    known = (np.asarray(result.joint_status) == "ok") & np.isfinite(pose).all(axis=-1)
-    limbs = [limb for pair in run.layout.symmetric_pairs(2) for limb in pair]
-    return finite_median(limb_spread(pose, np.asarray(result.uncertainty), known, limbs).relative)
+
+    def disagrees(finding: Finding) -> bool:
+        return finding.kind == "camera_disagrees"
+
+    everyone = runs.values()
+    named = Counter(one.subject.cameras[0] for run in everyone for one in run.findings if disagrees(one))
+    seen = Counter(group.name for run in everyone for group in run.statistics.cameras if group.used)
+
+    def calmed(finding: Finding) -> Finding:
+        few = disagrees(finding) and 2 * named[finding.subject.cameras[0]] <= seen[finding.subject.cameras[0]]
+        return replace(finding, severity="note") if few else finding
+
+    found = {identity: in_order(map(calmed, run.findings)) for identity, run in runs.items()}
+    return {
+        identity: replace(
+            run,
+            findings=found[identity],
+            report={**run.report, "findings": [finding.to_dict() for finding in found[identity]]},
+        )
+        for identity, run in runs.items()
+    }
 
 
 def write_everybody(run: PeopleRun, folder: Path, writing: folders.Writing) -> PeopleRun:

@@ -104,8 +104,10 @@ fn searched(
     let doubtful: Vec<bool> = joints.clone().map(|j| votes.needs_bones(j)).collect();
     let placed = joints.clone().map(|j| votes.agree[j] > 1).collect();
     let variance = here.variance;
-    let search = Search { points, doubtful, placed };
-    let guess = most_likely(problem, &search, variance);
+    let sigma = &problem.annealing.end;
+    let Problem { rays, bones, .. } = *problem;
+    let search = Search { rays, bones, points, doubtful, placed, sigma, variance };
+    let guess = most_likely(&search);
     let is_doubtful = |j: &usize| search.doubtful[*j];
     let near = |j: usize, x: &Vector3<f64>| (guess[j] - x).norm() <= SAME * narrow[j];
     let stays = |j: usize| near(j, &points[j]) && near(j, &here.points[j]);
@@ -123,13 +125,23 @@ fn searched(
     best
 }
 
-/// Where the search begins.
-struct Search<'a> {
-    points: &'a [Vector3<f64>],
+/// What the search for the most likely combination of places starts from.
+#[derive(Debug)]
+pub struct Search<'a> {
+    /// The detections.
+    pub rays: &'a Rays,
+    /// Bones of known length.
+    pub bones: &'a [Bone],
+    /// Positions `(N)`, mm; NaN where there is none.
+    pub points: &'a [Vector3<f64>],
     /// Joints that need their bones.
-    doubtful: Vec<bool>,
+    pub doubtful: Vec<bool>,
     /// Joints on which two views agree.
-    placed: Vec<bool>,
+    pub placed: Vec<bool>,
+    /// Final kernel of each joint, mm.
+    pub sigma: &'a [f64],
+    /// ŝ², mm².
+    pub variance: f64,
 }
 
 /// A place where a joint may be, and what its detections say against it.
@@ -142,21 +154,22 @@ struct Place {
 /// The most likely combination of places of the doubtful joints: where two of a joint's rays meet, where one meets the sphere around
 /// the other end of a bone, and where it is. On a tree of bones, the best combination follows from the leaves to the root
 /// (dynamic programming); bones that close a circle are left out.
-fn most_likely(problem: &Problem<'_>, search: &Search<'_>, variance: f64) -> Vec<Vector3<f64>> {
+#[must_use]
+pub fn most_likely(search: &Search<'_>) -> Vec<Vector3<f64>> {
     let points = search.points;
     let mut places: Vec<Vec<Place>> = Vec::with_capacity(points.len());
     for (j, x) in points.iter().enumerate() {
         let mut found = vec![*x];
         if search.doubtful[j] {
-            hypotheses(problem, search, j, &mut found);
+            hypotheses(search, j, &mut found);
         }
         found.retain(|x| x.x.is_finite());
-        let sigma = problem.annealing.end[j];
-        let place =
-            |x: &Vector3<f64>| Place { at: *x, cost: cost_of_rays(problem, j, x, sigma, variance) };
+        let (rays, sigma) = (search.rays.of_joint(j), search.sigma[j]);
+        let cost = |x: &Vector3<f64>| cost_of_rays(rays, x, sigma, search.variance);
+        let place = |x: &Vector3<f64>| Place { at: *x, cost: cost(x) };
         places.push(found.iter().map(place).collect());
     }
-    let order = tree(problem.bones, points.len());
+    let order = tree(search.bones, points.len());
     // For each place of a parent the best place of the child.
     let mut choice: Vec<Vec<usize>> = vec![Vec::new(); points.len()];
     for (child, parent, length) in order.iter().rev() {
@@ -187,20 +200,19 @@ fn most_likely(problem: &Problem<'_>, search: &Search<'_>, variance: f64) -> Vec
     (0..points.len()).map(at).collect()
 }
 
-fn hypotheses(problem: &Problem<'_>, places: &Search<'_>, j: usize, found: &mut Vec<Vector3<f64>>) {
-    let rays = problem.rays.of_joint(j);
-    let sigma = problem.annealing.end[j];
+fn hypotheses(search: &Search<'_>, j: usize, found: &mut Vec<Vector3<f64>>) {
+    let (rays, sigma) = (search.rays.of_joint(j), search.sigma[j]);
     for (k, first) in rays.iter().enumerate().filter(|(_, ray)| ray.is_there()) {
         let others = rays[k + 1..].iter().filter(|ray| ray.is_there());
         let meetings = others.filter_map(|second| meeting_point(first, second, sigma));
         found.extend(meetings.map(|x| settled(rays, x, sigma)));
-        for bone in problem.bones {
+        for bone in search.bones {
             let [a, b] = bone.joints;
             let other = if a == j { b } else { a };
-            if (a != j && b != j) || !places.placed[other] {
+            if (a != j && b != j) || !search.placed[other] {
                 continue;
             }
-            found.extend(meetings_with_sphere(first, &places.points[other], bone.length.mean));
+            found.extend(meetings_with_sphere(first, &search.points[other], bone.length.mean));
         }
     }
 }
@@ -243,19 +255,12 @@ fn meetings_with_sphere(
     ends.filter(|r| *r > 0.0).map(move |r| from + along * r)
 }
 
-/// F of the detections of joint `j` at `x`.
-fn cost_of_rays(
-    problem: &Problem<'_>,
-    j: usize,
-    x: &Vector3<f64>,
-    sigma: f64,
-    variance: f64,
-) -> f64 {
-    let rays = problem.rays.of_joint(j).iter().filter(|ray| ray.is_there());
-    rays.map(|ray| {
+/// F of a joint's detections at `x`.
+fn cost_of_rays(rays: &[Ray], x: &Vector3<f64>, sigma: f64, variance: f64) -> f64 {
+    let cost = |ray: &Ray| {
         ray.weight * 2.0 * sigma * sigma * (1.0 - ray.offset(x).weight(sigma)) / variance
-    })
-    .sum()
+    };
+    rays.iter().filter(|ray| ray.is_there()).map(cost).sum()
 }
 
 /// The stature that the well-seen bones show, and its standard error.
@@ -300,7 +305,7 @@ fn place(rays: &Rays, bones: &[Bone], points: &mut [Vector3<f64>]) {
 fn objective(problem: &Problem<'_>, solution: &Solution, variance: f64) -> f64 {
     let mut sum = 0.0;
     for (j, x) in solution.points.iter().enumerate().filter(|(_, x)| x.x.is_finite()) {
-        sum += cost_of_rays(problem, j, x, problem.annealing.end[j], variance);
+        sum += cost_of_rays(problem.rays.of_joint(j), x, problem.annealing.end[j], variance);
         if let Some(prior) = problem.priors.map(|priors| &priors[j]) {
             let off = x - prior.mean;
             sum += 0.5 * off.dot(&(prior.precision * off));
@@ -333,7 +338,8 @@ pub fn other_place(problem: &Problem<'_>, solution: &Solution, j: usize) -> Opti
     }
     let against = |x: &Vector3<f64>| {
         let bones: f64 = of_joint().map(|bone| Pull::new(x, end(bone), bone.length).loss).sum();
-        bones + cost_of_rays(problem, j, x, problem.annealing.end[j], solution.variance)
+        let (rays, sigma) = (problem.rays.of_joint(j), problem.annealing.end[j]);
+        bones + cost_of_rays(rays, x, sigma, solution.variance)
     };
     Some(Rival { at, share: 1.0 / (1.0 + (against(&at) - against(x)).exp()) })
 }

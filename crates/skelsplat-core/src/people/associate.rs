@@ -20,6 +20,8 @@ const SHAPE: f64 = 0.5;
 /// Distance, in kernels, from a newcomer, and mean score of its figures, below which a body is taken to be the newcomer.
 const BESIDE: f64 = 3.5;
 const MISFIT: f64 = 0.55;
+/// Support below which two views may have agreed by chance.
+const DOUBTFUL: f64 = 1.0;
 /// Least score of a claim before the body is placed.
 const CLAIM: f64 = 0.25;
 /// Score from which a figure at a body that has one already is the same person again.
@@ -108,7 +110,9 @@ impl Associator {
             absorb(crowd, &body.pose, claims, &mut free, &self.known);
         }
         let judge = Judge { known: &self.known };
-        let newcomers = judge.newcomers(crowd, &mut free);
+        let doubtful = self.released(&judge, crowd, &mut claims, &mut free);
+        let mut newcomers = judge.newcomers(crowd, &mut free);
+        self.confirm(doubtful, &mut newcomers, &mut claims, &mut free);
         self.admit(crowd, newcomers, &mut claims);
         self.merge_doubles(&mut claims);
         let sightings = self.sightings(&claims);
@@ -259,6 +263,77 @@ impl Associator {
                     }
                 }
                 (None, None) => body.miss(self.dt),
+            }
+        }
+    }
+
+    /// Gives back the figures of bodies that only two views see, with little support, where there are others to choose from: a chance
+    /// agreement of two views has to stand against every other pair.
+    fn released(
+        &self,
+        judge: &Judge<'_>,
+        crowd: &Crowd,
+        claims: &mut [Claims],
+        free: &mut Free,
+    ) -> Vec<(usize, Claims)> {
+        let mut out = Vec::new();
+        for (b, (body, claims)) in self.bodies.iter().zip(claims).enumerate() {
+            let seen = |i: usize| claims[i][0].is_some();
+            let others = (0..claims.len()).any(|i| seen(i) && free[i].iter().any(|f| *f));
+            if body.alone > 0 || views(claims) != 2 || !others {
+                continue;
+            }
+            let mut own: Free = crowd.views.iter().map(|view| vec![false; view.len()]).collect();
+            for (i, claim) in claims.iter().enumerate() {
+                claim.iter().flatten().for_each(|slot| own[i][*slot] = true);
+            }
+            if judge.support(crowd, &own, &body.pose) > DOUBTFUL {
+                continue;
+            }
+            for (i, claim) in claims.iter().enumerate() {
+                claim.iter().flatten().for_each(|slot| free[i][*slot] = true);
+            }
+            let nobody = vec![[None, None]; claims.len()];
+            out.push((b, std::mem::replace(claims, nobody)));
+        }
+        out
+    }
+
+    /// Bodies whose figures were given back: the nearest newcomer that has one of them is the body; else it keeps what nobody took.
+    fn confirm(
+        &mut self,
+        doubtful: Vec<(usize, Claims)>,
+        newcomers: &mut Vec<Newcomer>,
+        claims: &mut [Claims],
+        free: &mut Free,
+    ) {
+        for (b, before) in doubtful {
+            let body = &mut self.bodies[b];
+            let shares = |newcomer: &Newcomer| {
+                newcomer.claims.iter().zip(&before).any(|(a, b)| a[0].is_some() && a[0] == b[0])
+            };
+            let far = |newcomer: &Newcomer| apart(&body.pose, &newcomer.pose);
+            let all = newcomers.iter().enumerate().filter(|(_, newcomer)| shares(newcomer));
+            let beside = BESIDE * self.known.sigma;
+            let near = all.map(|(k, newcomer)| (far(newcomer), k)).filter(|(far, _)| *far < beside);
+            let nearest = near.min_by(|a, b| a.0.total_cmp(&b.0));
+            match nearest {
+                Some((_, k)) => {
+                    let newcomer = newcomers.remove(k);
+                    let same = newcomer.claims.iter().zip(&before).all(|(a, b)| a[0] == b[0]);
+                    if !same {
+                        body.appear(newcomer.pose);
+                    }
+                    claims[b] = if same { before } else { newcomer.claims };
+                }
+                None => {
+                    for (i, claim) in before.into_iter().enumerate() {
+                        if claim[0].is_some_and(|slot| free[i][slot]) {
+                            claim.iter().flatten().for_each(|slot| free[i][*slot] = false);
+                            claims[b][i] = claim;
+                        }
+                    }
+                }
             }
         }
     }
