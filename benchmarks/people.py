@@ -190,7 +190,7 @@ def cells(figures: dict[str, float], scenes: int) -> list[str]:
     shares = [f"{100 * figures[key]:.1f}" for key in ("precision", "recall", "pcp", "idf1")]
     shares += [f"{100 * figures[key]:.0f}" for key in ("scenes_clean", "scenes_swapped")]
     counts = [f"{figures[key] / scenes:.1f}" for key in ("identity_switches", "fragmentations")]
-    percent = 100 * figures["change"]
+    percent = round(100 * figures["change"], 1) + 0.0  # never −0.0
     change = "–" if np.isnan(percent) else f"{percent:+.{1 if abs(percent) < 100 else 0}f}"
     return [*shares, *counts, f"{figures['mean_mm']:.1f}", change, f"{figures['ms_per_frame']:.2g}"]
 
