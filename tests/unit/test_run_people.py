@@ -262,6 +262,13 @@ def test_the_table_fits_eighty_columns(recording, tmp_path):
     assert text.endswith(f"Wrote to {tmp_path}/: people.csv, overview.png, person_0, person_1, report.json")
 
 
+def test_pictures_of_an_earlier_run_are_named(recording, tmp_path):
+    (tmp_path / "person_1" / "plots").mkdir(parents=True)
+    (tmp_path / "person_1" / "plots" / "bones.png").write_bytes(b"")
+    result = invoke(*command(recording, tmp_path), "--people", "all", "--no-html", "--write", "csv")
+    assert result.stdout.splitlines()[-1] == "! person_1/plots/ is from an earlier run"
+
+
 def test_the_report_is_printed(recording, tmp_path):
     result = invoke(*command(recording, tmp_path), "--people", "1", "--no-html", "--json")
     assert [entry["id"] for entry in json.loads(result.stdout)["people"]] == [0]

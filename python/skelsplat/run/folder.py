@@ -205,8 +205,10 @@ def _remove(folder: Path, names: Sequence[str]) -> None:
 
 
 def left_of_earlier(folder: Path) -> list[str]:
-    """Return the folders that other commands wrote, which show an earlier run."""
-    return [f"{name}/" for name in _OF_OTHERS if any((folder / name).glob("*"))]
+    """Return the folders that other commands wrote, of all or of a person, which show an earlier run."""
+    people = sorted(path.name for path in folder.glob("person_*") if is_person(path.name))
+    names = [f"{place}{name}" for place in ("", *(f"{one}/" for one in people)) for name in _OF_OTHERS]
+    return [f"{name}/" for name in names if any((folder / name).glob("*"))]
 
 
 @contextlib.contextmanager

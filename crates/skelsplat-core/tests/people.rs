@@ -1,0 +1,122 @@
+//! Several people: who is who across views and over time.
+
+use nalgebra::Vector3;
+use skelsplat_core::testing::scenes::{Noise, noisy_detections, room, standing};
+use skelsplat_core::{
+    Camera, Detections, Layout, Person, Progress, RefineConfig, Refiner, Tracker, Unit, track,
+};
+
+const FPS: f64 = 30.0;
+
+fn layout() -> Layout {
+    Layout::by_name("h36m17").unwrap()
+}
+
+fn refiner(cameras: &[Camera], n_threads: Option<usize>) -> Refiner {
+    let config = RefineConfig { n_threads, ..RefineConfig::default() };
+    Refiner::new(cameras, Unit::Millimetre, Some(&layout()), config).unwrap()
+}
+
+/// Person `q` of three in frame `t`, of three statures: the first two pass each other at half a metre, the third stands.
+fn body(q: usize, t: usize) -> Vec<Vector3<f64>> {
+    let along = 1300.0 - 2600.0 * t as f64 / 80.0;
+    let at = [
+        Vector3::new(along, 250.0, 0.0),
+        Vector3::new(-along, -250.0, 0.0),
+        Vector3::new(600.0, 1700.0, 0.0),
+    ];
+    let tall = [1.0, 0.92, 1.06][q];
+    standing().into_iter().map(|x| x * tall + at[q]).collect()
+}
+
+/// The slots of a frame: person q in slot (q + t + view) modulo 3 of each view.
+fn slots(t: usize, cameras: &[Camera], noise: &mut Noise) -> Vec<Detections> {
+    let seen: Vec<Detections> =
+        (0..3).map(|q| noisy_detections(&body(q, t), cameras, 2.0, noise)).collect();
+    let (m, n) = (cameras.len(), 17);
+    let slot = |p: usize| {
+        let pixel = |k: usize| {
+            let who = (p + 6 - (t + k / n) % 3) % 3;
+            seen[who].get(k / n, k % n).map_or([f64::NAN; 2], |(p, _)| p.into())
+        };
+        let pixels: Vec<f64> = (0..m * n).flat_map(pixel).collect();
+        Detections::new(m, n, &pixels, None).unwrap()
+    };
+    (0..3).map(slot).collect()
+}
+
+fn recording(cameras: &[Camera], frames: usize) -> Vec<Vec<Detections>> {
+    let mut noise = Noise::new(7);
+    (0..frames).map(|t| slots(t, cameras, &mut noise)).collect()
+}
+
+fn error(pose: &[Vector3<f64>], truth: &[Vector3<f64>]) -> f64 {
+    pose.iter().zip(truth).map(|(a, b)| (a - b).norm()).sum::<f64>() / truth.len() as f64
+}
+
+fn found(n_threads: Option<usize>, max_people: Option<usize>) -> Vec<Person> {
+    let cameras = room(4);
+    let people = recording(&cameras, 81);
+    let refiner = refiner(&cameras, n_threads);
+    track(&refiner, &layout(), &people, FPS, max_people, &Progress::default()).unwrap()
+}
+
+#[test]
+fn people_who_pass_each_other_stay_who_they_are() {
+    let people = found(None, None);
+    assert_eq!(people.len(), 3);
+    for person in &people {
+        assert_eq!(person.frames, 0..81);
+        let pose = |t: usize| person.sequence.frames.frame(t).pose;
+        let near = |t: usize| {
+            (0..3).min_by(|a, b| {
+                error(&pose(t), &body(*a, t)).total_cmp(&error(&pose(t), &body(*b, t)))
+            })
+        };
+        let first = near(0).unwrap();
+        for t in 0..81 {
+            assert_eq!(near(t), Some(first), "person {} in frame {t}", person.id);
+            assert!(error(&pose(t), &body(first, t)) < 12.0);
+        }
+        for (k, slot) in person.slots.iter().enumerate() {
+            assert_eq!(*slot, Some((first + k / 4 + k % 4) % 3), "frame {}, view {}", k / 4, k % 4);
+        }
+        assert!(person.more.iter().all(Option::is_none));
+    }
+}
+
+#[test]
+fn the_same_bits_on_any_number_of_threads() {
+    // The debug text has every bit, and NaN equals NaN.
+    assert_eq!(format!("{:?}", found(Some(1), None)), format!("{:?}", found(Some(3), None)));
+}
+
+#[test]
+fn at_most_so_many_people_and_never_none() {
+    assert_eq!(found(None, Some(2)).len(), 2);
+    let cameras = room(4);
+    let refiner = refiner(&cameras, None);
+    let none = track(&refiner, &layout(), &[], FPS, Some(0), &Progress::default());
+    assert!(none.unwrap_err().to_string().starts_with("max_people: expected at least 1"));
+    let empty = track(&refiner, &layout(), &[], FPS, None, &Progress::default());
+    assert_eq!(empty.unwrap(), []);
+}
+
+#[test]
+fn live_follows_the_same_people() {
+    let cameras = room(4);
+    let refiner = refiner(&cameras, None);
+    let mut tracker = Tracker::new(&refiner, &layout(), FPS, None).unwrap();
+    let mut who = [None; 3];
+    for (t, slots) in recording(&cameras, 81).iter().enumerate() {
+        let seen = tracker.step(&refiner, slots, &Progress::default()).unwrap();
+        // Three frames make a person.
+        assert_eq!(seen.len(), if t < 2 { 0 } else { 3 }, "frame {t}");
+        for one in seen {
+            let q = (0..3)
+                .find(|q| error(&one.refinement.pose, &body(*q, t)) < 30.0)
+                .unwrap_or_else(|| panic!("person {} in frame {t} is nobody", one.id));
+            assert_eq!(*who[one.id].get_or_insert(q), q, "frame {t}");
+        }
+    }
+}
