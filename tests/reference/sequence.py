@@ -20,7 +20,7 @@ REACH = 6.0
 MOTION_REACH, MOTION_SPAN, TRUST_SPAN = 4.0, 0.05, 0.1
 CLOSE, LEAST_CLOSE = 0.7, 3
 AGREES = 0.25
-SPAN, AROUND, PRIOR, LEAST = 0.4, 0.3, 6.0, 6
+SPAN, AROUND, PRIOR, PRIOR_TIME, LEAST = 0.4, 0.3, 6.0, 0.2, 6
 CLEAR, SOFT, LEAST_WHITE, USUAL_AGILITY = 12.0, 1.0, 0.1, 2.5e6
 SLOWEST, FASTEST, SLOW_RATE, SHARE = 0.5, 0.5, 15.0, 0.5
 
@@ -70,6 +70,7 @@ def agility(alone: Array, rays: Sequence[Rays], model: Model) -> Array:
     """Densities q (T,N), mm²/s³: by the second differences around, of a joint and its neighbours."""
     T, N = alone.shape[:2]
     spans, around = frames_in(SPAN, model.fps), frames_in(AROUND, model.fps)
+    prior = max(PRIOR, PRIOR_TIME * model.fps)
     sigma = float(model.sigma[0])
     k = kernels(alone, rays, np.full(N, sigma))
     there = np.array([frame.weight > 0 for frame in rays]).sum(axis=1)
@@ -107,9 +108,9 @@ def agility(alone: Array, rays: Sequence[Rays], model: Model) -> Array:
         counts = np.isfinite(near).sum(axis=1)
         for j in range(N):
             joints = [j, *(sum(bone) - j for bone in model.bones if j in bone)]
-            ratio = PRIOR + ratios[:, joints].sum(axis=1)
-            squares = usual[:, j] * ratio / (PRIOR + counts[:, joints].sum(axis=1))
-            share = rate + (1 - rate) * counts[0, j] / (counts[0, j] + PRIOR)
+            ratio = prior + ratios[:, joints].sum(axis=1)
+            squares = usual[:, j] * ratio / (prior + counts[:, joints].sum(axis=1))
+            share = rate + (1 - rate) * counts[0, j] / (counts[0, j] + prior)
             free = share * densities(squares, white[j], long) * model.variance[j] / white[j]
             cutoffs = 2 * np.pi * np.array([min(SLOWEST, FASTEST * model.fps), FASTEST * model.fps])
             left = np.clip(CLEAR / 6 + SOFT / 2 - squares / (6 * white[j]), 0, SOFT) / SOFT

@@ -34,8 +34,9 @@ const SLOW_RATE: f64 = 15.0;
 const LEAST: usize = 6;
 /// Half of the time in which second differences show the agility at a time, s.
 const AROUND: f64 = 0.3;
-/// Second differences as which the recording's agility counts.
+/// Second differences as which the recording's agility counts: this many, and those of this time, s, since at high rates they overlap.
 const PRIOR: f64 = 6.0;
+const PRIOR_TIME: f64 = 0.2;
 
 /// How agile a joint is in a recording.
 #[derive(Debug, Clone, PartialEq)]
@@ -182,6 +183,7 @@ pub fn local(tracks: &Tracks, fps: f64, bones: &[[usize; 2]], usual: &[Agility])
     let around = frames_in(AROUND, fps);
     let mut shares: Vec<f64> = Vec::new();
     let spans = frames_in(SPAN, fps);
+    let prior = PRIOR.max(PRIOR_TIME * fps);
     for h in 1..=spans {
         let of_joint = |j: usize| ratios(tracks, &views[j], j, h, usual[j].squares[h - 1]);
         let sums: Vec<Vec<[f64; 2]>> = (0..tracks.joints).map(of_joint).collect();
@@ -192,7 +194,7 @@ pub fn local(tracks: &Tracks, fps: f64, bones: &[[usize; 2]], usual: &[Agility])
         };
         if h == 1 {
             let low = share(fps);
-            let of_own = |n: f64| low + (1.0 - low) * n / (n + PRIOR);
+            let of_own = |n: f64| low + (1.0 - low) * n / (n + prior);
             shares = (0..out.len()).map(|k| of_own(within(k / t, k % t)[1])).collect();
         }
         for k in 0..out.len() {
@@ -204,7 +206,7 @@ pub fn local(tracks: &Tracks, fps: f64, bones: &[[usize; 2]], usual: &[Agility])
                 let other = within(*i, k % t);
                 [sum[0] + other[0], sum[1] + other[1]]
             };
-            let [ratio, n] = near[j].iter().fold([PRIOR, PRIOR], add);
+            let [ratio, n] = near[j].iter().fold([prior, prior], add);
             let square = of.squares[h - 1] * ratio / n;
             let left = if h < spans { unclear(square, of.white) } else { 0.0 };
             let q = shares[k] * at_span(h, square, of.white, fps);
