@@ -54,26 +54,38 @@ struct Proposal {
     pair: [(usize, usize); 2],
     pose: Vec<Vector3<f64>>,
     support: f64,
+    /// Number of newcomers when it was judged.
+    judged: usize,
+}
+
+/// The proposal of the largest support.
+fn best(proposals: &[Proposal]) -> Option<usize> {
+    let all = proposals.iter().enumerate();
+    all.reduce(|a, b| if b.1.support > a.1.support { b } else { a }).map(|(at, _)| at)
 }
 
 impl Judge<'_> {
     /// Newcomers among the free figures, which they take; those of the largest support first.
     pub fn newcomers(&self, crowd: &Crowd, free: &mut Free) -> Vec<Newcomer> {
         let mut proposals = self.proposals(crowd, free);
-        let mut found = Vec::new();
-        while let Some(best) = proposals.iter().map(|p| p.support).reduce(f64::max) {
-            if best < SUPPORT {
+        let mut found: Vec<Newcomer> = Vec::new();
+        while let Some(at) = best(&proposals) {
+            // What was accepted since may have taken figures that supported this one.
+            if proposals[at].judged < found.len() {
+                let support = self.support(crowd, free, &proposals[at].pose);
+                (proposals[at].support, proposals[at].judged) = (support, found.len());
+                continue;
+            }
+            let proposal = proposals.swap_remove(at);
+            if proposal.support < SUPPORT {
                 break;
             }
-            let at = proposals.iter().position(|p| p.support == best).unwrap_or(0);
-            let proposal = proposals.swap_remove(at);
             if let Some(newcomer) = self.grown(crowd, free, &proposal) {
                 for (i, claim) in newcomer.claims.iter().enumerate() {
                     claim.iter().flatten().for_each(|slot| free[i][*slot] = false);
                 }
                 found.push(newcomer);
                 proposals.retain(|p| p.pair.iter().all(|(i, slot)| free[*i][*slot]));
-                proposals.iter_mut().for_each(|p| p.support = self.support(crowd, free, &p.pose));
             }
         }
         found
@@ -106,7 +118,7 @@ impl Judge<'_> {
             let [a, b] = pair.map(|(i, slot)| &crowd.views[i][slot]);
             let pose = met(a, b);
             let support = self.support(crowd, free, &pose);
-            Proposal { pair, pose, support }
+            Proposal { pair, pose, support, judged: 0 }
         };
         pairs.into_iter().map(propose).collect()
     }
