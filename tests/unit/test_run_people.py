@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from command_line import READ, RESULTS, assert_fails, invoke, read_report
 from detection_cases import CASES
 from detection_files import Take
 from skelsplat import synthetic
+from skelsplat.findings import Finding
 from skelsplat.io import read_csv, read_json, read_netcdf, read_npz, write_calibration, write_people
 from skelsplat.run import Job, PeopleRun, Run, run, run_people
 from two_people import LAYOUT, crossing, seen, shuffled
@@ -73,6 +75,12 @@ def test_everybody_is_refined_as_alone(people, found):
         np.testing.assert_array_equal(alone.detections, person.detections(people))
         np.testing.assert_array_equal(alone.frames, person.frames)
     assert repr(found) == f"PeopleRun(2 people, {FRAMES} frames, 0 findings)"
+
+
+def test_the_findings_on_each_person_are_counted(found):
+    doubt = Finding("remark", "note", numbers={"text": "a doubt"})
+    people = {identity: replace(one, findings=(doubt,)) for identity, one in found.people.items()}
+    assert repr(PeopleRun(people, (doubt,), found.report)).endswith(", 3 findings)")
 
 
 def test_each_folder_is_that_of_a_run(folder, found):
