@@ -38,8 +38,9 @@ class Person:
     Attributes
     ----------
     id : int
-        Identity, counted from 0 in the order of appearance. It is kept while the person is out of sight for
-        up to five seconds, if place and bones allow.
+        Identity, counted from 0 in the order of appearance, within a frame by how well the views support the
+        person. A person out of sight is lost after one second and keeps it for five more, six in all, if
+        place and bones allow.
     frames : (F,) int64
         Frames of the recording, from the first to the last in which two views see the person. In between, a
         frame in which nobody sees them is bridged or NaN.
