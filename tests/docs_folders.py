@@ -7,6 +7,7 @@ first frames of the recording in the package.
 from __future__ import annotations
 
 import json
+import shutil
 from typing import TYPE_CHECKING
 
 import cv2
@@ -86,7 +87,7 @@ def _openpose(folder: Path) -> None:
 
 def _several_people(folder: Path) -> None:
     paths = sample.extract(folder, people=True)
-    paths.detections.rename(folder / "pose")
+    shutil.copytree(paths.detections, folder / "pose")
     rig = synthetic.ring(4, radius_mm=4500.0)
     scene = synthetic.simulate_scene(2, rig, n_frames=50, fps=50.0, seed=3, layout="coco17")
     write_calibration(folder / "rig.toml", rig)

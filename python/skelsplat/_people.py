@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skelsplat import _skelsplat
-from skelsplat._arrays import positive
+from skelsplat._arrays import numbers, positive
 from skelsplat._refine import (
     Cameras,
     Progress,
@@ -38,8 +38,9 @@ class Person:
     Attributes
     ----------
     id : int
-        Identity, counted from 0 in the order of appearance. It is kept while the person is out of sight for
-        up to five seconds, if place and bones allow.
+        Identity, counted from 0 in the order of appearance, within a frame by how well the views support the
+        person. A person out of sight is lost after one second and keeps it for five more, six in all, if
+        place and bones allow.
     frames : (F,) int64
         Frames of the recording, from the first to the last in which two views see the person. In between, a
         frame in which nobody sees them is bridged or NaN.
@@ -65,8 +66,8 @@ class Person:
         return np.where(missing[..., None], more, own)
 
     def __repr__(self) -> str:
-        span = f"{self.frames[0]} to {self.frames[-1]}" if len(self.frames) else "none"
-        return f"Person(id={self.id}, frames {span}, {self.refinement!r})"
+        span = f"frames {self.frames[0]} to {self.frames[-1]}, " if len(self.frames) else ""
+        return f"Person(id={self.id}, {span}{self.refinement!r})"
 
 
 def track(
@@ -104,7 +105,8 @@ def track(
     Returns
     -------
     list of Person
-        In the order of their appearance; empty if no two views agree on anybody.
+        In the order of their appearance, those who are there from the same frame on in that of their support;
+        empty if no two views agree on anybody.
 
     Raises
     ------
@@ -114,7 +116,8 @@ def track(
     Warns
     -----
     UserWarning
-        As ``refine``; or if views detect people for two seconds and nobody is found.
+        As ``refine``; or if two views or more detect people in half of the frames, or for two seconds, and
+        nobody is found.
     """
     positive("fps", fps)
     prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
@@ -127,7 +130,7 @@ def track(
     for person in everybody:
         warn_of_unit(person.refinement.pose, cameras, layout)
     in_vain = 0 if everybody else _frames_of_two_views(frames)
-    if in_vain >= max(1.0, _IN_VAIN_S * fps):
+    if in_vain >= max(3.0, min(_IN_VAIN_S * fps, 0.5 * len(np.asarray(frames)))):
         warn_of("nobody_found", {"frames": in_vain}, 3)
     return everybody
 
@@ -165,10 +168,10 @@ def padded(people: People) -> ArrayLike:
     ----------
     people : (T, M, P, N, 2|3), or per frame a list of views with (P_i, N, 2|3) each
     """
-    if hasattr(people, "__array__") or not isinstance(people, Sequence):
-        return people
+    if hasattr(people, "__array__") or not isinstance(people, Sequence) or isinstance(people, str):
+        return numbers(people, "people")
     rows: Sequence[Any] = people
-    frames = [[np.asarray(view, dtype=np.float64) for view in frame] for frame in rows]
+    frames = [[_view(view) for view in _views(frame)] for frame in rows]
     shapes = {view.shape[1:] for frame in frames for view in frame if view.size}
     counts = {len(frame) for frame in frames}
     if len(counts) > 1:
@@ -185,6 +188,18 @@ def padded(people: People) -> ArrayLike:
             if view.size:
                 out[t, i, : len(view)] = view
     return out
+
+
+def _views(frame: Any) -> Any:
+    """Return a frame if it is a list of views or an array; a mapping or text is neither."""
+    if isinstance(frame, Sequence | np.ndarray) and not isinstance(frame, str):
+        return frame
+    raise InvalidInputError(f"people: expected a list of views in every frame, got {type(frame).__name__}")
+
+
+def _view(people: Any) -> NDArray[np.float64]:
+    """Return the people of a view; None is nobody."""
+    return np.empty(0) if people is None else numbers(people, "people")
 
 
 class Tracker:
@@ -264,7 +279,10 @@ class Tracker:
         UserWarning
             Once, if views detect people for two seconds and nobody is found.
         """
-        frame = padded([people]) if isinstance(people, Sequence) else np.asarray(people)[None]
+        frame = padded([people]) if isinstance(people, Sequence) else numbers(people, "people")[None]
+        if np.ndim(frame) != 5:
+            got = np.shape(frame)[1:]
+            raise InvalidInputError(f"people: expected shape (M, P, N, 2) or (M, P, N, 3), got {got}")
         found = self._compiled.step(frame)
         if self._in_vain is not None:
             self._in_vain = None if found else self._in_vain + _frames_of_two_views(frame)

@@ -181,7 +181,7 @@ def test_malformed_lines_are_named_and_skipped(tmp_path, detections):
     for number, (text, expected) in enumerate(zip(said[1:], lines.values(), strict=False), start=1):
         assert text.startswith(f"line {number}: skipped: ")
         assert expected in text
-    assert said[-1].startswith(f"lines answered 1, skipped {len(lines)}; ")
+    assert said[-1].startswith(f"lines solved 1, malformed {len(lines)}; ")
     assert len(said) == len(lines) + 2
 
 
@@ -201,12 +201,12 @@ def test_the_mark_with_which_windows_begins_a_stream(tmp_path, detections):
 def test_the_end_has_percentiles(tmp_path, detections):
     said = run(tmp_path, *[line(0, detections[0])] * 3, options=()).stderr.splitlines()[-1]
     assert re.fullmatch(
-        r"lines answered 3, skipped 0; \d+ per second; latency in ms: "
+        r"lines solved 3, malformed 0; \d+ per second; latency in ms: "
         r"50% [\d.]+, 90% [\d.]+, 99% [\d.]+, 99.9% [\d.]+, longest [\d.]+",
         said,
     )
     nothing = CliRunner().invoke(app, ["live", str(tmp_path / "Calib.toml"), *OPTIONS], input="")
-    assert nothing.stderr.splitlines()[-1] == "lines answered 0, skipped 0"
+    assert nothing.stderr.splitlines()[-1] == "lines solved 0, malformed 0"
 
 
 def test_a_malformed_line_changes_nothing(tmp_path, detections):
@@ -278,7 +278,7 @@ def test_with_a_lag_every_line_is_answered_once(tmp_path, detections):
     answers = records(result)
     assert [answer["frame"] for answer in answers] == [*range(T), "again"]
     assert all(None not in answer["pose"] for answer in answers)
-    assert f"lines answered {T + 1}, skipped 0" in result.stderr
+    assert f"lines solved {T + 1}, malformed 0" in result.stderr
 
 
 # as a process
@@ -299,7 +299,7 @@ def test_every_line_is_answered_at_once_and_ctrl_c_is_status_130(tmp_path, detec
         process.send_signal(signal.SIGINT)
         assert process.wait() == 130
         said = process.stderr.read().splitlines()
-    assert said[-1].startswith("lines answered 2, skipped 0; ")
+    assert said[-1].startswith("lines solved 2, malformed 0; ")
     assert len(said) == 2
 
 

@@ -324,5 +324,5 @@ def test_a_client_that_waits_for_every_answer_never_hangs(calibration, scene):
     assert said[0] == (
         f"ready: 4 cameras ({', '.join(RING.names)}), 17 joints (h36m17), in mm, all people at 30 Hz"
     )
-    assert said[-1].startswith("lines answered 8, skipped 8; ")
+    assert said[-1].startswith("lines solved 8, malformed 8; ")
     assert len(said) == 10

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from command_line import READ, RESULTS, assert_fails, invoke, read_report
 from detection_cases import CASES
 from detection_files import Take
 from skelsplat import synthetic
+from skelsplat.findings import Finding
 from skelsplat.io import read_csv, read_json, read_netcdf, read_npz, write_calibration, write_people
 from skelsplat.run import Job, PeopleRun, Run, run, run_people
 from two_people import LAYOUT, crossing, seen, shuffled
@@ -73,6 +75,12 @@ def test_everybody_is_refined_as_alone(people, found):
         np.testing.assert_array_equal(alone.detections, person.detections(people))
         np.testing.assert_array_equal(alone.frames, person.frames)
     assert repr(found) == f"PeopleRun(2 people, {FRAMES} frames, 0 findings)"
+
+
+def test_the_findings_on_each_person_are_counted(found):
+    doubt = Finding("remark", "note", numbers={"text": "a doubt"})
+    people = {identity: replace(one, findings=(doubt,)) for identity, one in found.people.items()}
+    assert repr(PeopleRun(people, (doubt,), found.report)).endswith(", 3 findings)")
 
 
 def test_each_folder_is_that_of_a_run(folder, found):
@@ -149,8 +157,9 @@ def test_a_file_of_several_people_is_not_one_person(folder, name, read, tmp_path
 
 
 def test_of_a_run_of_several_one_is_converted_or_plotted(folder, tmp_path):
-    assert_fails(invoke("convert", folder, tmp_path / "walk.trc"), 1, "one person", "person_0, person_1")
-    assert_fails(invoke("plot", folder), 1, "one person", "person_0, person_1")
+    parts = "one person", "(person_0, person_1)", f"for example {folder / 'person_0'}"
+    assert_fails(invoke("convert", folder, tmp_path / "walk.trc"), 1, *parts)
+    assert_fails(invoke("plot", folder), 1, *parts)
     assert invoke("convert", folder / "person_1", tmp_path / "walk.trc").exit_code == 0
 
 
@@ -280,10 +289,14 @@ def test_the_report_is_printed(recording, tmp_path):
     [
         (["--people", "some"], ["--people: expected all or a number of at least 1, got 'some'"]),
         (["--people", "0"], ["--people: expected all or a number of at least 1, got '0'"]),
-        (["--people", "all", "--person", "1"], ["--person: expected none with people", "got 1"]),
+        (["--people", "--no-html"], ["--people: expected a value, got --no-html"]),
+        (["--people", "all", "--person", "1"], ["--person: cannot be combined with --people"]),
         (["--person", "5"], ["--person: expected one of 0, 1 (the people found), got 5"]),
         (["--person", "cam9:3,4"], ["--person: expected a camera, one of", "got 'cam9'"]),
-        (["--person", "cam1:2,2"], ["--person: expected a point on a person in frame 0", "px from the"]),
+        (
+            ["--person", "cam1:2,2"],
+            ["--person: expected a point on a person in frame 0", ", the nearest, at "],
+        ),
     ],
 )
 def test_a_wrong_choice_is_named(recording, tmp_path, options, parts):

@@ -55,7 +55,7 @@ def test_the_table_has_a_row_per_person_with_a_link_to_their_page(folder, text):
 def test_the_page_counts_as_the_report_does(folder, text):
     report = json.loads((folder / "report.json").read_text())
     detected = sum(camera["detected"] for camera in report["detections"]["cameras"])
-    assert f"of {detected:,} in all views, to one of these" in text
+    assert f"of {detected:,} in all views, to the people above" in text
     assert "<h1>SkelSplat: take.npz, 2 people</h1>" in text
     errors = [f"→ {entry['median_error_px']:.1f}" for entry in report["people"]]
     assert [row[4].split(" → ")[1] for row in rows(text, "by-person")] == [error[2:] for error in errors]

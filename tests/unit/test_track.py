@@ -157,7 +157,9 @@ def test_bad_arguments_are_named(three, change, message: str) -> None:
     ("people", "message"),
     [
         (np.zeros((5, 4, 17, 3)), r"people: expected shape \(T, M, P, N, 2\) or \(T, M, P, N, 3\)"),
-        (np.zeros((5, 3, 2, 17, 3)), r"expected one view per camera \(4\), got 3 views"),
+        (np.zeros((5, 3, 2, 17, 3)), r"people: expected one view per camera \(4\), got 3 views"),
+        ("people.json", r"people: expected"),
+        ([{"cam0": []}], r"people: expected a list of views in every frame, got dict"),
         (np.full((2, 4, 1, 17, 3), 2.0), r"people\[0, 0, 0, 0, 2\]: expected a value in \[0, 1\]"),
         (
             [[np.zeros((1, 17, 3))] * 4, [np.zeros((1, 17, 3))] * 3],
@@ -266,3 +268,29 @@ def test_people_who_are_not_found_are_not_kept_silent(three) -> None:
         warnings.simplefilter("always")
         assert [tracker.step(frame) for frame in three.people] == [[]] * len(three.people)
     assert [str(warning.message)[:12] for warning in told] == ["in 60 frames"]
+
+
+def test_live_takes_none_for_nobody_and_names_other_shapes(three) -> None:
+    tracker = sk.Tracker(three.cameras, fps=FPS, layout=three.layout)
+    assert tracker.step([None, [], None, []]) == []
+    with pytest.raises(
+        InvalidInputError, match=r"people: expected shape \(M, P, N, 2\) or \(M, P, N, 3\), got \(4, 17"
+    ):
+        tracker.step(three.people[0, :, 0])
+
+
+def test_progress_counts_everything_that_is_solved(three) -> None:
+    told: list[tuple[int, int]] = []
+    options = {"fps": FPS, "layout": three.layout, "progress": lambda done, total: told.append((done, total))}
+    found = sk.track(three.people, three.cameras, **options)
+    frames = len(three.people) + sum(len(person.frames) for person in found)
+    assert told[-1] == (frames, frames)
+    assert all(done <= total for done, total in told)
+
+
+def test_nobody_found_in_a_recording_is_said(three) -> None:
+    from skelsplat.cameras import CameraRig
+
+    wrong = CameraRig(list(three.cameras), unit="m")
+    with pytest.warns(UserWarning, match="no two agree on a person"):
+        assert sk.track(three.people[:30], wrong, fps=FPS, layout=three.layout) == []

@@ -13,6 +13,7 @@ use crate::threads;
 #[derive(Debug, Default)]
 pub struct Progress {
     done: AtomicUsize,
+    expected: AtomicUsize,
     cancel: AtomicBool,
 }
 
@@ -21,6 +22,17 @@ impl Progress {
     #[must_use]
     pub fn done(&self) -> usize {
         self.done.load(Ordering::Relaxed)
+    }
+
+    /// Number of frames found to be necessary beyond those given: several people are solved one by one.
+    #[must_use]
+    pub fn expected(&self) -> usize {
+        self.expected.load(Ordering::Relaxed)
+    }
+
+    /// Expects so many more frames.
+    pub(crate) fn expect(&self, frames: usize) {
+        self.expected.fetch_add(frames, Ordering::Relaxed);
     }
 
     /// Counts a finished frame.

@@ -51,7 +51,10 @@ pub(crate) fn watched<T: Send + 'static>(
     let (send, mut receive) = channel();
     let progress = Arc::new(Progress::default());
     let shared = Arc::clone(&progress);
-    let tell = || report.map_or(Ok(()), |f| f.call1((progress.done(), total)).map(|_| ()));
+    let tell = || {
+        let told = (progress.done(), total + progress.expected());
+        report.map_or(Ok(()), |f| f.call1(told).map(|_| ()))
+    };
     // After Ctrl-C there is no receiver: the error of `send` is ignored.
     let body = move || drop(send.send(work(&shared)));
     let thread = Builder::new()

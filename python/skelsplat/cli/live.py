@@ -55,6 +55,8 @@ def live(
 
     {"frame": 7, "detections": {"cam2": [[812.5, 400.1, 0.9], ...], ...}}
 
+    "detections" is required, also with "reset".
+
     Missing values are null (a number, a joint or a camera), NaN, or have
     confidence 0; by name, cameras without detections may be left out. "frame" is
     any value and is returned unchanged; "reset": true discards the previous pose,
@@ -96,8 +98,8 @@ def live(
     last saw the person, after a reset, or when two ids turn out to be one person.
     "unassigned" has the places of detected people who are none of these.
 
-    At the end, the number of lines and percentiles of the latency are printed on
-    stderr. Input and output are JSON already: there is no --json.
+    At the end, the numbers of lines solved and malformed and percentiles of the
+    latency are printed on stderr. Input and output are JSON already: there is no --json.
 
     [bold]Examples[/bold]
 

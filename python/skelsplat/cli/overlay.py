@@ -188,4 +188,6 @@ def overlay(
         )
     elif not quiet:
         for one in written:
-            typer.echo(f"{one.path}: {one.frames} frames of {one.size[0]}×{one.size[1]}")
+            typer.echo(
+                f"{one.path}: {one.frames} frame{'s' * (one.frames != 1)} of {one.size[0]}×{one.size[1]}"
+            )

@@ -199,7 +199,8 @@ def _lines(run: Run) -> Iterator[str]:
     yield ""
     bar, scatter = (number(finite_median(mm)) for mm in (statistics.error_bar_mm, statistics.scatter_mm))
     yield f"Error bars, one standard deviation per axis: median {bar} mm (against anatomical"
-    yield f"joints), of which scatter {scatter} mm. The largest [mm]:"
+    yield f"joints); scatter {scatter} mm, to which the detector's bias adds in quadrature."
+    yield "The largest [mm]:"
 
 
 def _joints(run: Run) -> Table:

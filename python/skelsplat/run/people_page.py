@@ -159,7 +159,7 @@ def _numbers(run: PeopleRun) -> list[tuple[str, str, str]]:
         (
             "detected people assigned",
             _share(assigned, detected),
-            f"of {detected:,} in all views, to one of these",
+            f"of {detected:,} in all views, to the people above",
         ),
         ("median reprojection error", f"{number(before)} → {number(after)} px", "start → refined"),
         ("detections rejected", _share(rejected, used), f"of {used:,} used"),

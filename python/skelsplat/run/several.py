@@ -100,9 +100,9 @@ class PeopleRun:
         return [*report["files"], *report["folders"], REPORT]
 
     def __repr__(self) -> str:
-        return (
-            f"PeopleRun({len(self.people)} people, {len(self.frames)} frames, {len(self.findings)} findings)"
-        )
+        people = "1 person" if len(self.people) == 1 else f"{len(self.people)} people"
+        found = len(self.findings) + sum(len(run.findings) for run in self.people.values())
+        return f"PeopleRun({people}, {len(self.frames)} frames, {found} findings)"
 
 
 def run_people(

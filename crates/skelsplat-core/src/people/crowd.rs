@@ -46,7 +46,7 @@ impl Crowd {
                 let expected = format!("{n_joints} joints, as the other people");
                 return Err(Error::invalid("people", expected, slot.n_joints().to_string()));
             }
-            let rays = refiner.rays(slot)?;
+            let rays = refiner.rays(slot).map_err(|error| error.of_argument("people"))?;
             for (i, view) in views.iter_mut().enumerate() {
                 view.push(Figure::new((0..n_joints).map(|j| rays.of_joint(j)[i]).collect()));
             }

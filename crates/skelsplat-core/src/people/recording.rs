@@ -90,6 +90,7 @@ impl Recording<'_> {
             tracks.truncate(most);
         }
         tracks.sort_by_key(|track| track.first);
+        self.progress.expect(tracks.iter().map(|track| track.claims.len()).sum());
         let solved = tracks.par_iter().map(|track| self.sequence(track));
         let solved: Vec<Sequence> = solved.collect::<Result<_>>()?;
         Ok((0..).zip(&tracks).zip(solved).map(|((id, t), s)| person(id, t, s)).collect())

@@ -17,7 +17,8 @@ from skelsplat.exceptions import DatasetError
 class Person(NamedTuple):
     """One person in one image, and where it stands, for messages.
 
-    `joints` (K, 3) are x, y in px and confidence in (0, 1]; NaN where a joint was not detected.
+    `joints` (K, 3) are x, y in px and confidence in (0, 1]; NaN where a joint was not detected. Of a
+    `View` that is ``flat``, nobody is in a place without joints, K = 0.
     """
 
     path: Path

@@ -64,7 +64,7 @@ def _count(view: View) -> tuple[Path, int] | None:
     if view.joints is not None:
         return view.path, len(view.joints)
     people = (person for number in view.frames for person in view.people(number))
-    first = next(people, None)
+    first = next((person for person in people if len(person.joints)), None)
     return None if first is None else (first.path, len(first.joints))
 
 
@@ -170,6 +170,8 @@ def arranged(person: Person, layout: sk.Layout, places: Places | None, *, flat: 
     count, n = len(person.joints), layout.n_joints
     if places is None and count == n:
         return person.joints
+    if flat and not count:  # nobody in this place
+        return np.full((n, 3), np.nan)
     if places is None:
         expected, actual = f"{n} joints (layout {layout.name})", f"{count} ({layouts_of(count)})"
         if flat:

@@ -33,8 +33,9 @@ def read_openpose(folder: Path) -> View:
     """Return the view of one camera from OpenPose's files.
 
     ``{"people": [{"pose_keypoints_2d": [x, y, c, …]}]}``, pixels of the original image; x = y = c = 0 marks a
-    joint that was not detected. A score is the peak of a map and may lie above 1, where it counts as 1. The
-    frame number is the last integer in the file's name.
+    joint that was not detected. A score is the peak of a map and may lie above 1, where it counts as 1. A
+    person ``{}``, or one with an empty list, as Pose2Sim writes it, is nobody in that place. The frame number
+    is the last integer in the file's name.
     """
     return _frame_view(folder, _openpose_people, flat=True)
 
@@ -42,7 +43,14 @@ def read_openpose(folder: Path) -> View:
 def _openpose_people(path: Path) -> list[Person]:
     document = _document(path, "an OpenPose document")
     people = document.member("people", "an object with a list under this key")
-    return [_triples(person["pose_keypoints_2d"], clip=False) for person in people.entries("a list")]
+    return [_openpose_person(person) for person in people.entries("a list")]
+
+
+def _openpose_person(person: Field) -> Person:
+    keypoints = person["pose_keypoints_2d"]
+    if person.value == {} or keypoints.value == []:
+        return Person(keypoints.path, keypoints.place, np.empty((0, 3)))
+    return _triples(keypoints, clip=False)
 
 
 def _triples(keypoints: Field, *, clip: bool) -> Person:

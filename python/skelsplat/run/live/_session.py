@@ -69,16 +69,16 @@ class Session(ABC):
         return f'{text}, "latency_ms": {latency_ms:.4f}}}\n'.encode()
 
     def summary(self) -> str:
-        """Return how many lines were answered and skipped, how fast, and percentiles of the latency."""
+        """Return how many lines were solved and malformed, how fast, and percentiles of the latency."""
         count = self._answered_lines
-        answered = f"lines answered {count}, skipped {self._skipped}"
+        lines = f"lines solved {count}, malformed {self._skipped}"
         if not count:
-            return answered
+            return lines
         values = np.percentile(self._latencies_ms, _PERCENTILES)
         parts = [f"{share:g}% {value:.3f}" for share, value in zip(_PERCENTILES, values, strict=True)]
         rate = count / max(self._ended - self._begun, 1e-9)
         latencies = f"{', '.join(parts)}, longest {self._longest_ms:.3f}"
-        return f"{answered}; {rate:.0f} per second; latency in ms: {latencies}"
+        return f"{lines}; {rate:.0f} per second; latency in ms: {latencies}"
 
 
 class OnePerson(Session):
