@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 from types import SimpleNamespace
 
-import re
-
 import numpy as np
 import pytest
 
