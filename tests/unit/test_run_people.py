@@ -289,6 +289,7 @@ def test_the_report_is_printed(recording, tmp_path):
     [
         (["--people", "some"], ["--people: expected all or a number of at least 1, got 'some'"]),
         (["--people", "0"], ["--people: expected all or a number of at least 1, got '0'"]),
+        (["--people", "--no-html"], ["--people: expected a value, got --no-html"]),
         (["--people", "all", "--person", "1"], ["--person: cannot be combined with --people"]),
         (["--person", "5"], ["--person: expected one of 0, 1 (the people found), got 5"]),
         (["--person", "cam9:3,4"], ["--person: expected a camera, one of", "got 'cam9'"]),
