@@ -80,4 +80,4 @@ bench: $(STAMPS)/dev
 	$(BIN)/python benchmarks/paper.py
 
 clean:
-	rm -rf $(VENV) $(STAMPS) dist target site skelsplat-demo
+	rm -rf $(VENV) $(STAMPS) dist target site skelsplat-demo skelsplat-demo-people

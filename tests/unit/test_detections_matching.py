@@ -167,9 +167,17 @@ def test_an_order_means_what_is_called_exactly_so_first(kind):
 
 
 def test_a_folder_has_no_suffix_to_leave_out():
-    candidates = Candidates(Path("pose"), "folder", {"cam1.json": "cam1.json", "cam2.json": "cam2.json"})
-    with pytest.raises(sk.DatasetError, match=r"the folder 'cam1' that order names, got cam1.json"):
+    candidates = Candidates(Path("pose"), "folder", {"cam1.csv": "cam1.csv", "cam2.csv": "cam2.csv"})
+    with pytest.raises(sk.DatasetError, match=r"the folder 'cam1' that order names, got cam1.csv"):
         match_by_order(candidates, NAMES, ["cam1", "cam2"])
+
+
+def test_an_order_is_written_as_loosely_as_names():
+    labels = ["cam01_json", "cam02_json"]
+    candidates = Candidates(Path("pose"), "folder", {label: label for label in labels})
+    assert list(match_by_order(candidates, NAMES, ["cam_02", "Cam1"]).values()) == labels[::-1]
+    with pytest.raises(sk.InvalidInputError, match="got cam1, cam_01, of which two mean the same"):
+        match_by_order(candidates, NAMES, ["cam1", "cam_01"])
 
 
 @pytest.mark.parametrize("name", ["deeplabcut", "deeplabcut_csv"])

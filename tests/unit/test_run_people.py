@@ -159,8 +159,9 @@ def test_a_file_of_several_people_is_not_one_person(folder, name, read, tmp_path
 
 
 def test_of_a_run_of_several_one_is_converted_or_plotted(folder, tmp_path):
-    assert_fails(invoke("convert", folder, tmp_path / "walk.trc"), 1, "one person", "person_0, person_1")
-    assert_fails(invoke("plot", folder), 1, "one person", "person_0, person_1")
+    parts = "one person", "(person_0, person_1)", f"for example {folder / 'person_0'}"
+    assert_fails(invoke("convert", folder, tmp_path / "walk.trc"), 1, *parts)
+    assert_fails(invoke("plot", folder), 1, *parts)
     assert invoke("convert", folder / "person_1", tmp_path / "walk.trc").exit_code == 0
 
 
@@ -315,10 +316,14 @@ def test_the_report_is_printed(recording, tmp_path):
     [
         (["--people", "some"], ["--people: expected all or a number of at least 1, got 'some'"]),
         (["--people", "0"], ["--people: expected all or a number of at least 1, got '0'"]),
-        (["--people", "all", "--person", "1"], ["--person: expected none with people", "got 1"]),
+        (["--people", "--no-html"], ["--people: expected a value, got --no-html"]),
+        (["--people", "all", "--person", "1"], ["--person: cannot be combined with --people"]),
         (["--person", "5"], ["--person: expected one of 0, 1 (the people found), got 5"]),
         (["--person", "cam9:3,4"], ["--person: expected a camera, one of", "got 'cam9'"]),
-        (["--person", "cam1:2,2"], ["--person: expected a point on a person in frame 0", "px from the"]),
+        (
+            ["--person", "cam1:2,2"],
+            ["--person: expected a point on a person in frame 0", ", the nearest, at "],
+        ),
     ],
 )
 def test_a_wrong_choice_is_named(recording, tmp_path, options, parts):

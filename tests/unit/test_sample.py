@@ -97,8 +97,13 @@ def test_two_people_and_a_bystander(tmp_path):
     assert {path.name for path in tmp_path.iterdir()} >= {"LICENSE.pose2sim", "NOTICE.pose2sim"}
 
 
-def test_the_demo_of_several_people(tmp_path):
-    result = invoke("demo", "--people", "-o", tmp_path)
+def test_the_demo_of_several_people(tmp_path, monkeypatch):
+    """It has a folder of its own: that of the other demo keeps its files and its input."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "skelsplat-demo").mkdir()
+    result = invoke("demo", "--people")
+    assert not list((tmp_path / "skelsplat-demo").iterdir())
+    tmp_path = tmp_path / "skelsplat-demo-people"
     assert result.exit_code == 0, result.output
     assert result.stdout.startswith("3 people\n")
     assert max(map(len, result.stdout.splitlines())) <= 80

@@ -210,12 +210,14 @@ def _visible(finding: Finding) -> str:
         f"{numbers['people']} people are visible in about the same number of views in "
         f"{percent(numbers['share_of_frames'])} of the frames"
     )
+    known = numbers.get("rate_known", False)
     if numbers["mixed"]:
-        return (
-            f"{seen}; --person consistent keeps to one of them, and --people all with --fps HZ refines all."
-        )
+        rate = "" if known else " with --fps HZ"
+        return f"{seen}; --person consistent keeps to one of them, and --people all{rate} refines all."
     both = "--people all refines everybody, and --person chooses by number, size, motion or place"
-    return f"{seen}. Check that the right one is followed: with --fps HZ, {both}."
+    place = numbers.get("followed")
+    where = f" (the one at {place[0]} in frame {place[1]})" if place else ""
+    return f"{seen}. Check that the right one is followed{where}: {'' if known else 'with --fps HZ, '}{both}."
 
 
 def _few_views(finding: Finding) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import inspect
+import itertools
 import re
 from collections.abc import Callable, Sequence
 from typing import Annotated, Any
@@ -88,6 +89,10 @@ _HelpAll = Annotated[
 ]
 
 
+def _takes_value(param: Any) -> bool:
+    return param.param_type_name == "option" and not (param.is_flag or param.count)
+
+
 class Command(_FlagHelp, TyperCommand):
     """A command in which ``--no-NAME`` cancels ``--NAME``, and ``--NAME`` cancels ``--no-NAME``.
 
@@ -110,6 +115,19 @@ class Command(_FlagHelp, TyperCommand):
         finally:
             for param, before in changed.items():
                 vars(param).update(before)
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the arguments; an option in the place of another one's value is an error of usage."""
+        counts = {
+            option: param.nargs for param in self.params for option in param.opts if _takes_value(param)
+        }
+        rest = iter(args)
+        for word in itertools.takewhile(lambda word: word != "--", rest):
+            for value in itertools.islice(rest, counts.get(word, 0)):
+                if value.startswith("--"):
+                    raise typer.BadParameter(f"expected a value, got {value}", ctx=ctx, param_hint=word)
+        read: list[str] = super().parse_args(ctx, args)
+        return read
 
     def make_parser(self, ctx: Any) -> Any:
         """Return the parser, which knows the opposites of flags; help does not show them."""

@@ -12,6 +12,8 @@ from skelsplat.io import sample
 from skelsplat.run import Job
 from skelsplat.run.folder import output_folder
 
+# one each, since a run removes the files of an earlier one
+_FOLDER, _FOLDER_OF_PEOPLE = "skelsplat-demo", "skelsplat-demo-people"
 _OF_PEOPLE = (
     "One of the two main people was added to this recording by calculation (Pose2Sim's demonstration): their "
     "detections are not those of a detector."
@@ -20,7 +22,16 @@ _NOTE = "The sample has no ground truth: these errors measure agreement with the
 
 
 def demo(
-    output: options.Out = Path("skelsplat-demo"),
+    output: Annotated[
+        Path | None,
+        options.option(
+            "Output",
+            *("-o", "--output"),
+            metavar="FOLDER",
+            help="Folder for the results.",
+            default=f"{_FOLDER}, with --people {_FOLDER_OF_PEOPLE}",
+        ),
+    ] = None,
     paper: options.Paper = False,
     people: Annotated[
         bool, options.flag("Input", "--people", help="Refine the recording of two people and a bystander.")
@@ -42,12 +53,13 @@ def demo(
 
     skelsplat demo
 
-    skelsplat demo --people -o people
+    skelsplat demo --people
 
     skelsplat demo --paper -o /tmp/demo-paper
 
     skelsplat demo -o /tmp/demo --json > report.json
     """
+    output = output or Path(_FOLDER_OF_PEOPLE if people else _FOLDER)
     with output_folder(output):
         paths = sample.extract(output / "input", people=people)
     settings = {} if threads is None else {"n_threads": threads}

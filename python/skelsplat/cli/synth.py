@@ -11,7 +11,6 @@ from skelsplat import synthetic
 from skelsplat.cli import options
 from skelsplat.cli.output import print_json
 from skelsplat.datasets.synthetic import write_simulated
-from skelsplat.exceptions import InvalidInputError
 from skelsplat.synthetic.people_sets import PEOPLE_SET, SceneSet
 from skelsplat.synthetic.sets import RecordingSet
 
@@ -86,11 +85,12 @@ def synth(
 
 def _simulated(name: str, poses: int | None, seed: int, given: dict[str, int]) -> RecordingSet | SceneSet:
     if name != PEOPLE_SET:
-        for key, value in given.items():
-            raise InvalidInputError(f"--{key}: expected with {PEOPLE_SET} only, got {value} with {name}")
+        for key in given:
+            raise typer.BadParameter(f"does not apply to {name}, only to {PEOPLE_SET}", param_hint=f"--{key}")
         return synthetic.simulate_set(name, poses=poses, seed=seed)
     if poses is not None:
-        raise InvalidInputError(f"--poses: expected without {PEOPLE_SET}, which has --frames, got {poses}")
+        message = f"does not apply to {PEOPLE_SET}; the length of its scenes is given with --frames"
+        raise typer.BadParameter(message, param_hint="--poses")
     return synthetic.simulate_people_set(**{**_DEFAULTS, **given}, seed=seed)
 
 

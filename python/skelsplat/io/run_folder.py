@@ -125,8 +125,10 @@ def _read_report(path: Path) -> Field:
         expected = "the report of a run that has written all its files"
         raise report[UNFINISHED].error(expected, "one that was stopped while it wrote: run it again")
     if "folders" in report and isinstance(report["folders"].value, list):
-        people = ", ".join(folders_of_run(path.parent))
-        raise report["folders"].error("the folder of one person", f"the run of several people ({people})")
+        people = folders_of_run(path.parent)
+        got = f"the run of several people ({', '.join(people)})"
+        way = f"; give that of one, for example {path.parent / people[0]}" if people else ""
+        raise report["folders"].error("the folder of one person", got + way)
     for key in ("input", "settings"):
         if not isinstance(report[key].value, dict):
             raise report[key].error("an object under this key, as refine writes it", "none")

@@ -161,8 +161,8 @@ class Job:
         if self.people is not None:
             for option, unset in (("person", "consistent"), ("init", None)):
                 if getattr(self, option) != unset:
-                    expected = "none with people, which refines everybody"
-                    raise InvalidInputError(f"{option}: expected {expected}, got {getattr(self, option)}")
+                    together = "cannot be combined with --people (in Python people=), which refines everybody"
+                    raise InvalidInputError(f"{option}: {together}")
 
     def _check_start(self) -> None:
         _positive("init_sigma_mm", self.init_sigma_mm)

@@ -40,7 +40,7 @@ def find_people(inputs: Inputs, outcome: Outcome) -> Iterator[Finding]:
         if mixed:
             yield _mixed(inputs.person, inputs.crowd)
         if inputs.crowd.together.mean() >= _TOGETHER:
-            yield _others(inputs.person, inputs.crowd, mixed=mixed)
+            yield _others(inputs, inputs.crowd, mixed=mixed)
     yield from find_lengths(inputs, _spread(inputs, outcome))
     if not are_mixed(inputs):
         yield from find_jumps(inputs, outcome)
@@ -60,16 +60,27 @@ def _mixed(person: str, crowd: Crowd) -> Finding:
     return Finding("people_mixed", "warning", numbers=numbers, remedy=_CONSISTENT)
 
 
-def _others(person: str, crowd: Crowd, *, mixed: bool) -> Finding:
-    choices = ("consistent",) if mixed else ()
+def _others(inputs: Inputs, crowd: Crowd, *, mixed: bool) -> Finding:
     numbers = {
-        "person": person,
+        "person": inputs.person,
         "people": max(2, crowd.visible),
         "share_of_frames": float(crowd.together.mean()),
         "mixed": mixed,
+        "rate_known": inputs.fps is not None,
+        "followed": None if mixed else _place(inputs),
     }
-    remedy = (*(Remedy("person", choice) for choice in choices if choice != person), Remedy("people", "all"))
+    remedy = (*(_CONSISTENT if mixed else ()), Remedy("people", "all"))
     return Finding("people_visible", "warning", numbers=numbers, remedy=remedy)
+
+
+def _place(inputs: Inputs) -> list[str | int] | None:
+    """Return where the person is first seen: a point as ``--person`` takes it, and the frame's number."""
+    there = np.argwhere(np.isfinite(inputs.detections[..., 0]).any(axis=2))
+    if not len(there):
+        return None
+    t, m = there[0]
+    x, y = np.nanmedian(inputs.detections[t, m, :, :2], axis=0)
+    return [f"{inputs.rig.names[m]}:{x:.0f},{y:.0f}", int(inputs.frames[t])]
 
 
 def find_jumps(inputs: Inputs, outcome: Outcome) -> Iterator[Finding]:

@@ -225,6 +225,8 @@ def _at(people: Sequence[Inputs], camera: str, x: float, y: float) -> Inputs:
     }
     nearest = min(away, key=lambda who: away[who])
     if away[nearest] > _NEAR * float(association.extents(here[nearest])[0]):
-        got = f"one that is {away[nearest]:.0f} px from the nearest, person {nearest}"
+        joints = here[nearest][0, :, :2]
+        at = "{:.0f},{:.0f}".format(*joints[int(np.nanargmin(np.hypot(*(joints - (x, y)).T)))])
+        got = f"one that is {away[nearest]:.0f} px from person {nearest}, the nearest, at {at}"
         raise InvalidInputError(f"person: expected a point on a person in frame {first} of {name}, got {got}")
     return next(one for one in people if one.person == nearest)

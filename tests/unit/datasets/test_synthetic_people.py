@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from command_line import assert_fails, invoke
 from skelsplat import DatasetError, InvalidInputError, datasets, io, synthetic
 from skelsplat.cli import app
 from skelsplat.datasets._people import nearest_slots
@@ -126,5 +127,11 @@ def test_the_command(tmp_path):
     result = run(*small, "5", "--force", "--json")
     assert json.loads(result.stdout)["parameters"]["people"] == 2
     assert "--people: expected an integer from 2 to 6" in run("people", "x", "--people", "9").output
-    assert "--views: expected with people only, got 4 with dome" in run("dome", "x", "--views", "4").output
-    assert "--poses: expected without people" in run("people", "x", "--poses", "4").output
+    for wrong, said in (
+        (["dome", "x", "--views", "4"], "--views: does not apply to dome, only to people"),
+        (
+            ["people", "x", "--poses", "4"],
+            "--poses: does not apply to people; the length of its scenes",
+        ),
+    ):
+        assert_fails(invoke("synth", *wrong), 2, said)

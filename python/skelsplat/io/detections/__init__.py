@@ -117,7 +117,7 @@ def read_detections(
         loosely as their folders: ``cam2`` for ``cam_02``.
     order : sequence of str or "sorted", optional
         The folder, file, or place in the file of each camera, in the order of `cameras`, instead of matching
-        by name. ``"sorted"``: the first in natural order belongs to the first camera.
+        by name, written as loosely. ``"sorted"``: the first in natural order belongs to the first camera.
     mapping : dict, optional
         Where names or places differ: joint of the layout → name in the file, or place in it from 0, or None
         for a joint that the file lacks.

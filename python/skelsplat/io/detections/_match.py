@@ -139,9 +139,10 @@ def match_by_order(
     `order` is the label of every camera, in the order of the cameras, or ``"sorted"``: the first label in
     natural order (2 before 10) belongs to the first camera. Where no file is called exactly so, it may be
     named without its suffix, or by the camera's part of its name (of DeepLabCut's files that before "DLC").
-    Where there are as many labels as cameras that are not left out, they are theirs; otherwise they are all
-    cameras', and those of the left out need not exist. `otherwise` says what else may be done where
-    ``"sorted"`` finds fewer labels than cameras, but two.
+    Last, a label may be written as loosely as for `match_by_name`: ``cam_02`` for ``cam02_json``. Where there
+    are as many labels as cameras that are not left out, they are theirs; otherwise they are all cameras', and
+    those of the left out need not exist. `otherwise` says what else may be done where ``"sorted"`` finds
+    fewer labels than cameras, but two.
     """
     kind = candidates.kind
     usable = sorted((label for label in candidates.texts if label not in candidates.idle), key=natural)
@@ -162,7 +163,13 @@ def match_by_order(
         expected = f"{len(names)} different {kind}s, one per camera ({', '.join(names)})"
         raise InvalidInputError(f"order: expected {expected}, got {', '.join(wanted) or 'none'}")
     pairs = zip(names, wanted, strict=True)
-    return {name: _stated(candidates, label) for name, label in pairs if name not in left_out}
+    found = {name: _stated(candidates, label) for name, label in pairs if name not in left_out}
+    if len(set(found.values())) != len(found):
+        expected = f"a different {kind} for each camera"
+        raise InvalidInputError(
+            f"order: expected {expected}, got {', '.join(wanted)}, of which two mean the same"
+        )
+    return dict(found)
 
 
 def _meant(names: Sequence[str], left_out: Collection[str], count: int) -> Sequence[str]:
@@ -172,12 +179,14 @@ def _meant(names: Sequence[str], left_out: Collection[str], count: int) -> Seque
 
 
 def _stated(candidates: Candidates, label: str) -> str:
-    """Return what a stated label means: exactly that, or the one file of that name in part."""
+    """Return what a stated label means: exactly that, the one file of that name in part, or the one alike."""
     if label in candidates.texts:
         return label
     files = candidates.texts if candidates.kind == "file" else {}
     fitting = [known for known in files if label == known.rpartition(".")[0]]
     fitting = fitting or [known for known, part in files.items() if label == part]
+    if not fitting and candidates.kind != "view":
+        fitting = [known for known, text in candidates.texts.items() if _words(text) == _words(label)]
     if len(fitting) != 1:
         expected = f"the {candidates.kind} {label!r} that order names"
         raise candidates.error(expected, ", ".join(candidates.texts) or "none")
