@@ -61,6 +61,8 @@ class Person:
     def detections(self, people: People) -> NDArray[np.float64]:
         """Return this person's detections (F, M, N, 2|3) among the ``people`` given to ``track``."""
         array = np.asarray(padded(people), dtype=np.float64)[self.frames]
+        if not len(self.frames):
+            raise InvalidInputError("detections: expected a person of a recording, got one of Tracker.step")
         own, more = (_taken(array, slots) for slots in (self.slots, self.more_slots))
         missing = ~np.isfinite(own[..., :2]).all(axis=-1) | (own[..., 2:] == 0.0).any(axis=-1)
         return np.where(missing[..., None], more, own)
@@ -84,8 +86,9 @@ def track(
 
     Nobody has to say how many people there are or which detection belongs to whom: the order of the people in
     a view means nothing. A person appears once two views agree on them, for at least 0.2 s, and remains
-    while one view sees them. Detections of somebody whom only one view sees are left out, as are false ones
-    that no second view confirms. docs/method.md has the mathematics.
+    while one view sees them, for up to three seconds. Detections of somebody whom only one view sees are left
+    out, as are false ones that no second view confirms. Whoever is away for longer than five seconds comes
+    back as another person. docs/method.md has the mathematics.
 
     Parameters
     ----------
@@ -121,7 +124,7 @@ def track(
     """
     positive("fps", fps)
     prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
-    frames = padded(people)
+    frames = _frames(people, cameras)
     with reporter(progress) as report:
         found: list[dict[str, Any]] = _skelsplat.track_people(
             prepared, layout, frames, float(fps), max_people=_count(max_people), progress=report
@@ -133,6 +136,18 @@ def track(
     if in_vain >= max(3.0, min(_IN_VAIN_S * fps, 0.5 * len(np.asarray(frames)))):
         warn_of("nobody_found", {"frames": in_vain}, 3)
     return everybody
+
+
+def _frames(people: People, cameras: Cameras) -> ArrayLike:
+    """Return ``people`` as an array, with a view for each of the cameras."""
+    frames = padded(people)
+    shape = np.shape(np.asarray(frames))
+    if len(cameras) < 2:
+        raise InvalidInputError(f"cameras: expected at least two, got {len(cameras)}")
+    if len(shape) == 5 and shape[0] and shape[1] != len(cameras):
+        expected = f"one view per camera ({len(cameras)})"
+        raise InvalidInputError(f"people: expected {expected}, got {shape[1]} views")
+    return frames
 
 
 def _frames_of_two_views(people: ArrayLike) -> int:
@@ -229,7 +244,7 @@ class Tracker:
     ...     poses = {person.id: person.refinement.pose for person in tracker.step(people)}
     """
 
-    __slots__ = ("_compiled", "_doubtful", "_in_vain")
+    __slots__ = ("_cameras", "_compiled", "_doubtful", "_in_vain")
 
     def __init__(
         self,
@@ -243,6 +258,7 @@ class Tracker:
         positive("fps", fps)
         prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
         self._compiled = _skelsplat.Tracker(prepared, layout, float(fps), max_people=_count(max_people))
+        self._cameras = cameras
         self._doubtful = round(_IN_VAIN_S * fps)  # frames in vain after which to warn
         self._in_vain: int | None = 0  # None: somebody was found, or the warning given
 
@@ -279,7 +295,8 @@ class Tracker:
         UserWarning
             Once, if views detect people for two seconds and nobody is found.
         """
-        frame = padded([people]) if isinstance(people, Sequence) else numbers(people, "people")[None]
+        one = [people] if isinstance(people, Sequence) else numbers(people, "people")[None]
+        frame = _frames(one, self._cameras)
         if np.ndim(frame) != 5:
             got = np.shape(frame)[1:]
             raise InvalidInputError(f"people: expected shape (M, P, N, 2) or (M, P, N, 3), got {got}")

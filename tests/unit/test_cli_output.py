@@ -225,3 +225,20 @@ def test_warnings_are_wrapped_on_a_terminal_alone(monkeypatch, capsys):
     lines = capsys.readouterr().err.splitlines()
     assert lines[-1].startswith("/a/path/of-many-parts/of-many-parts")  # whole, to be copied
     assert 50 < max(map(len, lines[:-1])) <= 60
+
+
+def test_errors_are_wrapped_as_warnings_are(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "60")
+    arguments = ["refine", "missing.toml", "missing", "--fps", "no-number-but-words"]
+    assert _fails(arguments, capsys).count("\n") == 1
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    message = _fails(arguments, capsys)
+    assert message.startswith("error: --fps: ")
+    assert message.count("\n") > 1
+    assert max(map(len, message.splitlines())) <= 60
+
+
+def _fails(arguments, capsys):
+    with pytest.raises(SystemExit):
+        app(arguments)
+    return capsys.readouterr().err

@@ -182,3 +182,9 @@ def test_cameras_are_drawn_in_proportion_to_the_room(written):
         camera = data_of(written(report_data(shapes=wide)))["scene"]["cameras"][0]
         sizes.append(np.linalg.norm(np.array(camera["corners"][0]) - camera["centre"]))
     assert 1.2 < sizes[1] / sizes[0] < 2.5
+
+
+def test_no_line_ends_within_an_option(written):
+    text = written(report_data(warnings=["with --fps HZ, --fill-gaps N and --without cam-1; not pre--fps"]))
+    options = re.findall(r'<span class="option">(.*?)</span>', text)
+    assert options == ["--fps HZ", "--fill-gaps N", "--without"]

@@ -183,3 +183,16 @@ def test_people_of_whom_little_is_known_have_a_page(written, people):
     assert len(data_of(text)["bars"]["people"]) == len(people)
     assert 'id="bones-title"' not in re.sub(r"<script.*?</script>", "", text, flags=re.S)
     assert len(CAMERAS) == data_of(text)["bars"]["views"]
+
+
+def test_the_floor_is_that_of_people_whom_three_views_see_or_the_most(written):
+    def floor(*views):
+        people = [
+            person(refined=person().refined - [0, 0, 300 * k], seen=np.arange(4) < np.full((40, 1), count))
+            for k, count in enumerate(views)
+        ]
+        return data_of(written(people_report(people)))["scene"]["floor_mm"]
+
+    assert floor(4, 3, 2) == pytest.approx(150.0)
+    assert floor(2, 1) == pytest.approx(450.0)
+    assert floor(0, 0) == pytest.approx(150.0)

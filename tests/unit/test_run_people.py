@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+import html
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -208,6 +210,31 @@ def test_a_camera_is_doubted_if_it_disagrees_about_most(named, tmp_path):
     assert [one["severity"] for one in written_so if one["kind"] == "camera_disagrees"] == [
         one.severity for one in found
     ]
+
+
+@pytest.mark.parametrize("views", [(1, 1), (1, 2)])
+def test_one_sentence_on_the_rig_sums_up_all_people(views, tmp_path):
+    people = seen(crossing(FRAMES), RIG)
+    for person, view in enumerate(views):
+        people[:, view, person, :, 0] += 15.0
+    recorded, out = written(tmp_path, people), tmp_path / "out"
+    run_people(job(recorded, output=out))
+    report = read_report(out)
+    (rig,) = (one for one in report["findings"] if one["kind"] == "cameras_over_people")
+    assert rig["numbers"]["contradict"] == (views[0] != views[1])
+    assert ("contradict each other" in rig["text"]) == (views[0] != views[1])
+    if views[0] == views[1]:
+        assert "over 2 people: cam2 for 2 (people 0 and 1). " in rig["text"]
+    else:
+        found = r"over 2 people: cam2 for 1 \(person (\d)\) and cam3 for 1 \(person (\d)\)\. "
+        assert {*re.search(found, rig["text"]).groups()} == {"0", "1"}
+    assert html.escape(rig["text"], quote=False) in html.unescape((out / "report.html").read_text())
+    command = rig["numbers"]["check"].split()
+    folder = str(out / "person_0" / "detections.npz")
+    options = ["--unit", "mm", "--layout", LAYOUT.name]
+    assert command == ["skelsplat", "check-cameras", str(recorded / "Calib.toml"), folder, *options]
+    assert command[3].replace("person_0", "person_1") in report["people"][1]["findings"][0]["text"]
+    assert invoke(*command[1:]).exit_code in (0, 1)  # 1: faults found
 
 
 def test_so_many_people_are_refined(recording):

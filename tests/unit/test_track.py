@@ -294,3 +294,37 @@ def test_nobody_found_in_a_recording_is_said(three) -> None:
     wrong = CameraRig(list(three.cameras), unit="m")
     with pytest.warns(UserWarning, match="no two agree on a person"):
         assert sk.track(three.people[:30], wrong, fps=FPS, layout=three.layout) == []
+
+
+def test_a_person_of_a_live_loop_has_no_recording(three) -> None:
+    tracker = sk.Tracker(three.cameras, fps=FPS, layout=three.layout)
+    person = [tracker.step(frame) for frame in three.people[:10]][-1][0]
+    with pytest.raises(InvalidInputError, match="expected a person of a recording"):
+        person.detections(three.people)
+
+
+def test_live_refuses_a_frame_without_views_and_keeps_its_state(three) -> None:
+    tracker = sk.Tracker(three.cameras, fps=FPS, layout=three.layout)
+    for frame in three.people[:10]:
+        before = tracker.step(frame)
+    with pytest.raises(InvalidInputError, match=r"people: expected one view per camera \(4\), got 0 views"):
+        tracker.step([])
+    after = tracker.step(three.people[10])
+    assert [person.id for person in after] == [person.id for person in before]
+
+
+def test_one_camera_tells_nobody(three) -> None:
+    with pytest.raises(InvalidInputError, match="cameras: expected at least two, got 1"):
+        sk.track(three.people[:, :1], three.cameras[:1], fps=FPS, layout=three.layout)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_two_cameras_and_many_people_are_an_outcome(seed: int) -> None:
+    """Little can be told apart; nobody without a joint, and no end of the run."""
+    crowded = scene(people=6, views=2, frames=40, seed=seed)
+    noise = np.random.default_rng(seed).normal(0.0, 10.0, crowded.people[..., :2].shape)
+    people = crowded.people.copy()
+    people[..., :2] += noise
+    for fps in (15.0, 30.0):
+        for person in sk.track(people, crowded.cameras, fps=fps, layout=crowded.layout):
+            assert np.isfinite(person.refinement.pose).any()

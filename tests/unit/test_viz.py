@@ -192,6 +192,21 @@ def test_cameras_mark_rejected_and_exchanged_detections(tmp_path, figures):
     assert "left and right exchanged" in labels
 
 
+def test_a_camera_that_does_not_see_the_person_says_so(tmp_path, figures):
+    blind = {"detections": np.full((N, 2), np.nan), "rejected": np.zeros(N, dtype=bool)}
+    panels = [camera_panel("door", **blind), camera_panel("window", sees=False, **blind)]
+    data = overview_data(panels=panels)
+    data.error_before[:, 1] = data.error_after[:, 1] = np.nan
+    viz.write_overview(tmp_path / "o.png", data, skeleton=SKELETON)
+    errors, (door, window) = figures[0].axes[2], figures[0].axes[4:]
+    assert [door.get_title(), window.get_title()] == ["door", "window"]
+    assert [axes.texts[0].get_text() for axes in (door, window)] == [
+        "no detection in this frame",
+        "does not see this person",
+    ]
+    assert [text.xy for text in errors.texts if text.get_text() == "does not see this person"] == [(0, 1)]
+
+
 @pytest.mark.painted
 def test_of_many_cameras_those_with_most_rejected_are_shown(tmp_path, figures):
     panels = [camera_panel(f"c{i}", rejected=np.array([i > 1, i > 5, False])) for i in range(10)]

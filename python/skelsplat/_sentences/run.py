@@ -15,7 +15,11 @@ if TYPE_CHECKING:
 _MOST_NAMES = _MOST_FRAMES = 6
 # A direction is named from this part of the shift on.
 _DIRECTION = 0.1
-_LOOK = "skelsplat check-cameras looks for the cause"
+
+
+def _look(finding: Finding) -> str:
+    """Return what looks for the cause: of a person of several, the command on their detections alone."""
+    return f"{finding.numbers.get('check', 'skelsplat check-cameras')} looks for the cause"
 
 
 def _leaves_out(finding: Finding) -> str:
@@ -42,7 +46,7 @@ def _no_match(finding: Finding) -> str:
     return (
         f"In {listed(finding.subject.cameras)}, no person detected matches the other cameras, in {frames} of "
         f"the frames in which {'it' if one else 'they'} and others detect a person: exchanged cameras, a "
-        f"wrong calibration, unsynchronised video, or other people? {_LOOK}{_leaves_out(finding)}."
+        f"wrong calibration, unsynchronised video, or other people? {_look(finding)}{_leaves_out(finding)}."
     )
 
 
@@ -63,7 +67,7 @@ def _disagrees(finding: Finding) -> str:
         f"{percent(numbers['rejected_share'])} of its detections are rejected, "
         f"{percent(numbers['others_rejected_share'])} of {theirs}, and its mean weight is "
         f"{numbers['mean_weight']:.2f}. {side}The pose follows the others: check this camera's calibration "
-        f"and timing, and whether anything blocks its view. {_LOOK}{_leaves_out(finding)}."
+        f"and timing, and whether anything blocks its view. {_look(finding)}{_leaves_out(finding)}."
     )
 
 
@@ -94,13 +98,13 @@ def _displaced(finding: Finding) -> str:
     if numbers["cameras"] == 2:
         return (
             f"The calibration or timing of one of the two cameras looks wrong: {name}'s detections "
-            f"are shifted by {where}. It is impossible to tell which is wrong; {_LOOK}."
+            f"are shifted by {where}. It is impossible to tell which is wrong; {_look(finding)}."
         )
     other = ", or that of another of the three" if numbers["cameras"] == 3 else ""
     owner = f"{name}'s" if other else "its"
     return (
         f"{name}'s calibration or timing looks wrong{other}: {owner} detections are shifted by {where}. "
-        f"{_LOOK}{_leaves_out(finding)}."
+        f"{_look(finding)}{_leaves_out(finding)}."
     )
 
 
@@ -110,7 +114,7 @@ def _apart(finding: Finding) -> str:
     return (
         f"In {percent(finding.numbers['any_share_of_frames'])} of the frames, one camera's detections are "
         f"far from the whole pose ({where}). In these frames the cameras show different people or different "
-        f"moments, or a calibration is wrong: inspect them. {_LOOK}."
+        f"moments, or a calibration is wrong: inspect them. {_look(finding)}."
     )
 
 
@@ -223,6 +227,25 @@ def _few_views(finding: Finding) -> str:
     return f"Mostly two views or fewer see this person ({seen}), so no third view confirms the pose."
 
 
+def _over_people(finding: Finding) -> str:
+    numbers, common = finding.numbers, finding.numbers["may_be_the_cause"]
+    pairs = zip(finding.subject.cameras, numbers["named"], strict=True)
+    whose = listed([f"{name} for {len(who)} ({_numbers(who)})" for name, who in pairs])
+    if numbers["contradict"]:
+        cause = f"; {listed(common, 'or')} may be the cause for all of them" if common else ""
+        said = f"The people contradict each other about which is wrong{cause}."
+    else:
+        said = "A wrong camera disagrees about everybody whom it sees, a blocked one does not."
+    return (
+        f"Cameras that do not fit the others, over {numbers['people']} people: {whose}. {said} "
+        f"{_look(finding)}{_leaves_out(finding)}."
+    )
+
+
+def _numbers(people: Sequence[int]) -> str:
+    return f"person {people[0]}" if len(people) == 1 else f"people {listed([str(who) for who in people])}"
+
+
 def _left_out(finding: Finding) -> str:
     shares = zip(finding.subject.cameras, finding.numbers["shares"], strict=True)
     cameras = ", ".join(f"{name} {percent(share)}" for name, share in shares)
@@ -231,7 +254,7 @@ def _left_out(finding: Finding) -> str:
     return (
         f"{percent(finding.numbers['left_out_share'])} of the people detected are none of those found "
         f"({cameras}): people whom one view sees, false detections, {layout}, or cameras that do not fit. "
-        f"{_LOOK}."
+        f"{_look(finding)}."
     )
 
 
@@ -261,7 +284,8 @@ def _lengths(finding: Finding) -> str:
     cause = (
         "The detections probably mix people: --person consistent follows the person the views agree on"
         if finding.remedy
-        else f"Either the views show different people, or most views are wrong about these joints: {_LOOK}"
+        else "Either the views show different people, or most views are wrong about these joints: "
+        f"{_look(finding)}"
     )
     return (
         f"Limb lengths vary by up to {percent(numbers['relative_range'])} over the recording, which is "
@@ -314,6 +338,7 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     **dict.fromkeys(_STATUS, _status),
     "people_mixed": _mixed,
     "people_visible": _visible,
+    "cameras_over_people": _over_people,
     "people_left_out": _left_out,
     "person_of_few_views": _few_views,
     "person_still": "This person hardly moves: positions vary by {moved_mm:.0f} mm in {seconds:.0f} s. A "

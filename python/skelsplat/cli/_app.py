@@ -12,12 +12,13 @@ import typer
 import skelsplat as sk
 from skelsplat.cli.command import Application, Group
 from skelsplat.cli.config import origin
+from skelsplat.cli.output import print_message
 
 FAILED, BAD_USAGE, INTERRUPTED = 1, 2, 130
 
 
 class OneLineErrors(Group):
-    """A command group that ends with ``error: …`` on one line of stderr instead of a box or a traceback.
+    """A command group that ends with ``error: …`` on stderr instead of a box or a traceback.
 
     Only errors that a user can act on are caught: wrong usage, `skelsplat.SkelSplatError` and `OSError`.
     Anything else is a defect of the program and keeps its traceback. If the reader of stdout is gone, the
@@ -60,7 +61,7 @@ class OneLineErrors(Group):
 
 
 def _fail(status: int, message: str, prefix: str = "error: ") -> NoReturn:
-    typer.echo(prefix + " ".join(message.split()), err=True)
+    print_message(prefix + " ".join(message.split()))
     sys.exit(status)
 
 

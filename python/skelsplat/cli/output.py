@@ -28,8 +28,13 @@ def print_json(document: Any) -> None:
 
 
 def print_warning(text: str) -> None:
-    """Print a warning on stderr: wrapped between words on a terminal, else one line, to be searched for."""
-    console, text = Console(stderr=True), f"warning: {text}"
+    """Print a warning on stderr, as `print_message` does."""
+    print_message(f"warning: {text}")
+
+
+def print_message(text: str) -> None:
+    """Print on stderr: wrapped between words on a terminal, else one line, to be searched for."""
+    console = Console(stderr=True)
     if console.is_terminal:
         text = textwrap.fill(text, console.width, break_long_words=False, break_on_hyphens=False)
     typer.echo(text, err=True)

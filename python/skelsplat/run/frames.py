@@ -62,6 +62,11 @@ def find_in_frames(
     return findings
 
 
+def problems_of(findings: Sequence[Finding]) -> list[Finding]:
+    """Return what makes a frame a problem: all but inferred joints, which the rest of the body places."""
+    return [finding for finding in findings if finding.kind != "frame_inferred"]
+
+
 def rows_of(findings: Sequence[Finding], frames: Sequence[int]) -> list[tuple[int, int, str]]:
     """Join frames that follow each other with the same findings: (first frame, last frame, their words).
 

@@ -16,7 +16,7 @@ import numpy as np
 import skelsplat as sk
 from skelsplat._optional import can_draw
 from skelsplat._sentences.words import number
-from skelsplat.run.frames import rows_of
+from skelsplat.run.frames import problems_of, rows_of
 from skelsplat.run.report import MEANINGS, solved_in_words
 from skelsplat.run.summary import DOWN_WEIGHTED, error_maps, finite_median, frame_medians
 
@@ -78,7 +78,7 @@ def write_html(run: Run, path: Path) -> None:
         errors_px=errors_px[:-1, :-1],
         rejected=rejected[:-1, :-1],
         lines=_lines(run),
-        problems=rows_of(run.frame_findings, inputs.frames.tolist()),
+        problems=rows_of(problems_of(run.frame_findings), inputs.frames.tolist()),
         bones=_bones(run),
     )
     page.write_report(path, data)
@@ -171,7 +171,7 @@ def key_numbers(run: Run) -> list[tuple[str, str, str]]:
     """Return the key numbers: name, value and remark."""
     statistics = run.statistics
     total = statistics.total
-    frames = {frame for finding in run.frame_findings for frame in finding.subject.frames}
+    frames = {frame for finding in problems_of(run.frame_findings) for frame in finding.subject.frames}
     return [
         (
             "median reprojection error",

@@ -12,7 +12,7 @@ from skelsplat import viz
 from skelsplat._arrays import Array
 from skelsplat._sentences.words import number
 from skelsplat.run.figures import skeleton_of, world_up
-from skelsplat.run.frames import rows_of
+from skelsplat.run.frames import problems_of, rows_of
 from skelsplat.run.html import camera_shapes, facts_of, of_the_view
 from skelsplat.run.summary import finite_median, frame_medians
 from skelsplat.viz import report as page
@@ -138,6 +138,8 @@ def _notes(run: PeopleRun) -> list[str]:
         "A camera sees a person where it has a detection of them that is used and not rejected. The distance "
         "to the nearest other person is between the medians of their joints.",
         *of_the_view(_first(run).poses.frame_rate),
+        "The floor grid lies at the lowest joint of the people whom three views or more see, or of "
+        "those with the most views.",
     ]
 
 
@@ -171,7 +173,7 @@ def _share(count: int, of: int) -> str:
 
 def _row(entry: dict[str, Any], run: Run) -> list[str]:
     total, limbs = run.statistics.total, entry["limb_range"]
-    frames = {frame for finding in run.frame_findings for frame in finding.subject.frames}
+    frames = {frame for finding in problems_of(run.frame_findings) for frame in finding.subject.frames}
     return [
         name_of(entry["id"]),
         f"{entry['frames']:,}, {entry['first_frame']} to {entry['last_frame']}",
@@ -190,7 +192,7 @@ def _problems(run: PeopleRun) -> list[tuple[int, int, str]]:
     rows = [
         (first, last, f"{name_of(identity)}: {words}")
         for identity, one in run.people.items()
-        for first, last, words in rows_of(one.frame_findings, one.frames.tolist())
+        for first, last, words in rows_of(problems_of(one.frame_findings), one.frames.tolist())
     ]
     return sorted(rows, key=lambda row: row[:2])
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,6 +21,7 @@ from skelsplat.io._run_files import REPORT, UNFINISHED, folders_of_run
 from skelsplat.io.poses import PEOPLE_FORMATS
 from skelsplat.run import folder as folders
 from skelsplat.run._run import Run, check_output, in_order, summed_up
+from skelsplat.run.over_people import find_over_people, in_proportion, with_checks
 from skelsplat.run.over_time import try_over_time
 from skelsplat.run.people_report import build_people_report, folder_of
 from skelsplat.run.read import read_everybody
@@ -152,36 +152,9 @@ def _run_people(job: Job, progress: Progress | None, tell: Callable[[Finding], N
         outcomes = [refine_inputs(inputs, job) for inputs in everybody.people]
     pairs = zip(everybody.people, outcomes, strict=True)
     runs = in_proportion({int(one.person): summed_up(one, outcome, job) for one, outcome in pairs})
-    found = in_order([*notes, *everybody.whole.doubts])
+    runs = with_checks(runs, job)
+    found = in_order([*notes, *everybody.whole.doubts, *find_over_people(runs)])
     return PeopleRun(runs, found, build_people_report(everybody, runs, found, job))
-
-
-def in_proportion(runs: Mapping[int, Run]) -> dict[int, Run]:
-    """Turn into a note that a camera disagrees, unless it does for most of the people whom it sees.
-
-    Who stands before whom makes any camera disagree about somebody; a wrong one does about everybody.
-    """
-
-    def disagrees(finding: Finding) -> bool:
-        return finding.kind == "camera_disagrees"
-
-    everyone = runs.values()
-    named = Counter(one.subject.cameras[0] for run in everyone for one in run.findings if disagrees(one))
-    seen = Counter(group.name for run in everyone for group in run.statistics.cameras if group.used)
-
-    def calmed(finding: Finding) -> Finding:
-        few = disagrees(finding) and 2 * named[finding.subject.cameras[0]] <= seen[finding.subject.cameras[0]]
-        return replace(finding, severity="note") if few else finding
-
-    found = {identity: in_order(map(calmed, run.findings)) for identity, run in runs.items()}
-    return {
-        identity: replace(
-            run,
-            findings=found[identity],
-            report={**run.report, "findings": [finding.to_dict() for finding in found[identity]]},
-        )
-        for identity, run in runs.items()
-    }
 
 
 def write_everybody(run: PeopleRun, folder: Path, writing: folders.Writing) -> PeopleRun:

@@ -17,6 +17,7 @@ Window = tuple[tuple[int, int], tuple[int, int]]
 
 ACROSS = 4
 MOST = 2 * ACROSS
+NOT_SEEN = "does not see this person"
 _MARGIN_IN = 0.75  # left of a panel
 _TALLEST_IN = 4.0
 _GAP_IN = 0.95  # title above and label below
@@ -38,6 +39,7 @@ class CameraPanel(ArrayFields):
     # (N,) detections that hardly pull on the pose, and those taken for the other side of the body
     rejected: Mask
     swapped: Mask
+    sees: bool = True  # whether it has a detection of the person that is used, in any frame
 
 
 def choose_panels(panels: Sequence[CameraPanel]) -> list[CameraPanel]:
@@ -102,7 +104,15 @@ def _draw_panel(axes: Axes, panel: CameraPanel, skeleton: Skeleton) -> None:
     axes.set_aspect("equal", anchor="N")
     axes.set(xlim=(left - 0.5, right + 0.5), ylim=(bottom + 0.5, top - 0.5), xlabel="u [px]", ylabel="v [px]")
     seen = int(np.isfinite(detections).all(axis=1).sum())
-    axes.set_title(f"{panel.name}: {int(panel.rejected.sum())} of {seen} rejected")
+    if seen:
+        axes.set_title(f"{panel.name}: {int(panel.rejected.sum())} of {seen} rejected")
+    else:
+        axes.set_title(panel.name)
+        words = "no detection in this frame" if panel.sees else NOT_SEEN
+        paper = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8}
+        axes.text(
+            0.5, 0.5, words, transform=axes.transAxes, **_style.REMARK, ha="center", bbox=paper, zorder=6
+        )
     _style.tidy(axes)
 
 

@@ -7,6 +7,7 @@ import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from matplotlib import rc_context
 from matplotlib.artist import Artist
@@ -58,6 +59,8 @@ class Sheet:
 
 
 SCREEN = Sheet(width_in=14.0, dpi=100, title_pt=13, label_pt=11, small_pt=10)
+# Words in place of what is not there.
+REMARK: dict[str, Any] = {"fontsize": SCREEN.small_pt, "color": "0.35", "va": "center"}
 # A figure as a paper prints it: 180 mm, two columns of a journal.
 PRINT = Sheet(width_in=7.1, dpi=300, title_pt=9.0, label_pt=8.0, small_pt=7.0)
 PRINT_HEIGHT_IN = 9.4  # what a page of A4 or letter leaves room for with a caption

@@ -18,7 +18,7 @@ from matplotlib.ticker import MultipleLocator
 
 from skelsplat._arrays import Array, ArrayFields
 from skelsplat.viz import _style
-from skelsplat.viz._cameras import CameraPanel, choose_panels, draw_panels, panel_heights, space_of
+from skelsplat.viz._cameras import NOT_SEEN, CameraPanel, choose_panels, draw_panels, panel_heights, space_of
 from skelsplat.viz._skeleton import SIGMAS, Skeleton, body_axes, draw_ellipses, draw_limbs, not_ok_in_words
 
 _BODY_IN = 9.0  # the body and the errors, with their legend
@@ -226,6 +226,8 @@ def _draw_cameras(axes: Axes, before: Array, after: Array, names: Sequence[str])
                     textcoords="offset points",
                     fontsize=8.5,
                 )
+    for row in np.flatnonzero(~np.isfinite([before, after]).any(axis=(0, 1, 3))):
+        axes.annotate(NOT_SEEN, (0, row), xytext=(4, 0), textcoords="offset points", **_style.REMARK)
     axes.set_yticks(rows, names)
     axes.set_xlim(left=0)
     label = "error [px]: bar median, line to 90th percentile"

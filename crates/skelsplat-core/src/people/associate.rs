@@ -32,7 +32,7 @@ const PART: f64 = 0.3;
 const SAME: f64 = 1.5;
 /// Time for which two bodies in one place are kept apart, s.
 const DOUBLE: f64 = 0.2;
-/// Time for which a body that nobody sees claims figures, and for which it keeps its identity, s.
+/// Time without any view after which a body is lost, and for which it then keeps its identity, s.
 const HOLD: f64 = 1.0;
 const KEEP: f64 = 5.0;
 /// Time for which one view alone keeps a body, s.
@@ -41,7 +41,7 @@ const ALONE: f64 = 3.0;
 const REACH: [f64; 2] = [300.0, 2000.0];
 /// Difference between the bones of a lost body and a newcomer, relative to their length.
 const DIFFERENCE: f64 = 0.12;
-/// Time after which a body is known, s; with three views at once, half of it.
+/// Time for which two views must see a body before it is known, s.
 const KNOWN: f64 = 0.1;
 
 /// Who is where in one frame.

@@ -22,7 +22,7 @@ const PROPOSALS: usize = 200;
 /// Support lost by each view that should see a body and does not.
 const UNSEEN: f64 = 0.3;
 /// Least support of a body.
-const SUPPORT: f64 = 0.7;
+const SUPPORT: f64 = 0.75;
 /// Share of a body's joints inside an image that ought to be detected.
 const INSIDE: f64 = 0.7;
 /// Standard deviation of a bone's length from the population's proportions, and least share of bones that match.

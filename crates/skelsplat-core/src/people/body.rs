@@ -193,7 +193,9 @@ impl Body {
     pub fn appear(&mut self, pose: Vec<Vector3<f64>>) {
         self.velocity = vec![Vector3::zeros(); pose.len()];
         self.pose = pose;
-        (self.seen, self.alone, self.missed) = (self.seen + 1, 0, 0);
+        // It may have been seen elsewhere in this frame, wrongly.
+        self.seen += usize::from(self.alone > 0);
+        (self.alone, self.missed) = (0, 0);
     }
 
     /// Follows the one view that sees it, across its rays: the joints there.

@@ -93,7 +93,9 @@ impl Recording<'_> {
         self.progress.expect(tracks.iter().map(|track| track.claims.len()).sum());
         let solved = tracks.par_iter().map(|track| self.sequence(track));
         let solved: Vec<Sequence> = solved.collect::<Result<_>>()?;
-        Ok((0..).zip(&tracks).zip(solved).map(|((id, t), s)| person(id, t, s)).collect())
+        // Two views that saw figures without a joint in common have seen nobody.
+        let found = tracks.iter().zip(solved).filter(|(_, sequence)| has_joints(sequence));
+        Ok((0..).zip(found).map(|(id, (track, sequence))| person(id, track, sequence)).collect())
     }
 
     /// The rays of frames.
@@ -161,6 +163,9 @@ impl Recording<'_> {
                 out[q].claims.push(claims);
             }
         }
+        for (new, old) in out.iter_mut().zip(tracks) {
+            new.poses.clone_from(&old.poses);
+        }
         Ok(out.into_iter().filter_map(|track| track.trimmed(self.least())).collect())
     }
 
@@ -192,4 +197,9 @@ impl Recording<'_> {
 fn person(id: usize, track: &Track, sequence: Sequence) -> Person {
     let slots = |part: usize| track.claims.iter().flatten().map(|claim| claim[part]).collect();
     Person { id, frames: track.first..track.end(), slots: slots(0), more: slots(1), sequence }
+}
+
+/// Whether any joint has a place in any frame.
+fn has_joints(sequence: &Sequence) -> bool {
+    sequence.frames.pose.iter().any(|x| x.is_finite())
 }

@@ -60,11 +60,13 @@ impl Track {
         self.claims.iter().flatten().filter(|claim| claim[0].is_some()).count()
     }
 
-    /// From the first to the last frame that two views see; `None` if those are fewer than `least`.
+    /// From the first to the last frame that two views see; `None` if those are nowhere `least` of twice as many frames.
     #[must_use]
     pub(super) fn trimmed(mut self, least: usize) -> Option<Self> {
         let two = |claims: &Claims| views(claims) >= 2;
-        if self.claims.iter().filter(|claims| two(claims)).count() < least {
+        let seen: Vec<bool> = self.claims.iter().map(two).collect();
+        let long_enough = |frames: &[bool]| frames.iter().filter(|seen| **seen).count() >= least;
+        if !seen.windows((2 * least).clamp(1, seen.len().max(1))).any(long_enough) {
             return None;
         }
         let last = self.claims.iter().rposition(two)?;

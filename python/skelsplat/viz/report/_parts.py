@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -202,8 +203,13 @@ def hollow_key(status: npt.NDArray[np.str_]) -> str:
 
 def bullets(sentences: Sequence[str]) -> str:
     """Return sentences as a list; nothing without any."""
-    items = "\n".join(f"<li>{escape(sentence)}</li>" for sentence in sentences)
+    items = "\n".join(f"<li>{_unbroken(escape(sentence))}</li>" for sentence in sentences)
     return f"<ul>\n{items}\n</ul>" if items else ""
+
+
+def _unbroken(text: str) -> str:
+    """Return HTML in which no line ends within an option and its placeholder, such as ``--fill-gaps N``."""
+    return re.sub(r"(?<![\w-])--[a-z][a-z-]*\w(?: [A-Z]+\b)?", r'<span class="option">\g<0></span>', text)
 
 
 def _frames(first: int, last: int) -> str:

@@ -26,6 +26,8 @@ from skelsplat.viz.report._scene import (
     person_class,
 )
 
+# Views that place a person surely; two agree on whatever lies where their rays meet.
+_CONFIRMED = 3
 _PROGRAMS = ("decode.js", "body.js", "view.js", "charts.js", "player.js")
 
 
@@ -70,6 +72,7 @@ class PeopleReportData(ArrayFields):
             up=self.up,
             start_name=self.start_name,
             people=[one.name for one in self.people],
+            on_floor=well_seen(self.people),
         )
 
 
@@ -128,6 +131,12 @@ def build_people_page(data: PeopleReportData) -> str:
         problems=_parts.problem_rows(data.problems),
         notes=_parts.bullets([*data.notes, *thinned]),
     )
+
+
+def well_seen(people: Sequence[PersonTrack]) -> list[int]:
+    """Return the places of the people whom usually three views or more see, or without any the most views."""
+    views = [float(np.median(one.views)) if len(one.views) else 0.0 for one in people]
+    return [place for place, own in enumerate(views) if own >= min(_CONFIRMED, max(views))]
 
 
 def with_gaps(frames: Index) -> Index:

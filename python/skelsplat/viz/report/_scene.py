@@ -63,6 +63,7 @@ class Sequence3D(ArrayFields):
     speed: Array | None = None
     # of several people: their names; they share the joints in equal parts, and have a colour each
     people: Sequence[str] = ()
+    on_floor: Sequence[int] = ()  # places of those whose lowest joint gives the floor; without any, of all
 
     @property
     def parts(self) -> list[tuple[str, slice]]:
@@ -105,7 +106,7 @@ def pack_scene(sequence: Sequence3D, shapes: CameraShapes, places: Index) -> dic
         "spread": pack_spreads(turn @ sequence.error_bar[places] @ turn.T),
         "status": pack_labels(sequence.status[places]),
         "reach": [low.tolist(), high.tolist()],
-        "floor_mm": _floor(sequence.refined @ turn.T, float(low[2])),
+        "floor_mm": _floor(sequence.refined[:, _on_floor(sequence)] @ turn.T, float(low[2])),
         "cameras": _cameras(shapes, turn, (low + high) / 2),
     }
 
@@ -161,6 +162,12 @@ def reach(poses: Array) -> tuple[Array, Array]:
         np.maximum(known.min(axis=0), low - _MARGIN_MM / 2),
         np.minimum(known.max(axis=0), high + _MARGIN_MM / 2),
     )
+
+
+def _on_floor(sequence: Sequence3D) -> Index:
+    """Return the joints of the people who stand on the floor."""
+    own = [np.arange(len(sequence.joint_names))[part] for _, part in sequence.parts]
+    return np.concatenate([own[place] for place in sequence.on_floor or range(len(own))])
 
 
 def _floor(poses: Array, low: float) -> float:

@@ -171,7 +171,7 @@ function sceneLayout() {
   return {
     xaxis: axis(0), yaxis: axis(1), zaxis: axis(2),
     aspectmode: "manual", aspectratio: { x: length[0], y: length[1], z: length[2] }, // 1 is a metre
-    dragmode: "turntable", bgcolor: colour("paper"), camera: lookAt("person"),
+    dragmode: "turntable", bgcolor: colour("paper"), camera: firstLook(),
   };
 }
 
@@ -185,14 +185,47 @@ const HALF_ANGLE = Math.tan(Math.PI / 8); // Plotly sees 45° from top to bottom
 const EDGE = { across: 60, up: 40 }; // px that stay free on each side, for the cameras' names
 const LEAST_DISTANCE = 1.6; // m
 
+// From here the view is opened, and turned by these degrees if names of people would cover those of cameras.
+const TOWARDS = unit([-0.62, -0.72, 0.32]);
+const TURNS = [0, 10, -10, 20, -20, 30, -30, 45, -45];
+
+// Of one person their way; of several all cameras, for they stand around the people.
+function firstLook() {
+  if (!scene.people[0].name) return lookAt("person");
+  const looks = TURNS.map((degrees) => lookAt("all", turned(TOWARDS, degrees)));
+  const covered = looks.map(coveredNames);
+  return looks[covered.indexOf(Math.min(...covered))];
+}
+
+function turned([x, y, z], degrees) {
+  const [c, s] = [Math.cos((degrees * Math.PI) / 180), Math.sin((degrees * Math.PI) / 180)];
+  return [c * x - s * y, s * x + c * y, z];
+}
+
+// How many pairs of a person's and a camera's name overlap in the first frame.
+function coveredNames({ eye, center }) {
+  const from = [eye.x, eye.y, eye.z];
+  const towards = unit([eye.x - center.x, eye.y - center.y, eye.z - center.z]);
+  const right = unit(cross([0, 0, 1], towards));
+  const above = cross(towards, right);
+  const inPixels = (point) => {
+    const away = inView(point).map((value, k) => value - from[k]);
+    return [right, above].map((axis) => (view.div.clientHeight / 2 / HALF_ANGLE) * (dot(away, axis) / -dot(away, towards)));
+  };
+  const { x, y, z } = labels(scene.refined, 0);
+  const people = x.map((_, k) => inPixels([x[k], y[k], z[k]]));
+  const cameras = scene.cameras.map((camera) => inPixels(camera.centre.map((mm) => mm / 1000)));
+  return people.flatMap((a) => cameras.filter((b) => Math.abs(a[0] - b[0]) < 70 && Math.abs(a[1] - b[1]) < 30)).length;
+}
+
 // A camera that sees the person's way, or all cameras too, from a little above and as large as the view allows.
-function lookAt(what) {
+function lookAt(what, towards = TOWARDS) {
   const [low, high] = SPACE.reach;
   const box = [0, 1, 2, 3, 4, 5, 6, 7].map((k) => [0, 1, 2].map((axis) => ((k >> axis) & 1 ? high : low)[axis]));
   const cameras = scene.cameras.flatMap((camera) => [camera.centre, ...camera.corners]);
   const others = cameras.map((point) => point.map((mm) => mm / 1000));
   others.push([...FLOOR.from.map((k) => k * FLOOR.cell), FLOOR.height]); // the axes
-  return fit((what === "person" ? box : [...box, ...others]).map(inView), unit([-0.62, -0.72, 0.32]));
+  return fit((what === "person" ? box : [...box, ...others]).map(inView), towards);
 }
 
 // The nearest camera in direction `towards` whose view holds all `points`.
