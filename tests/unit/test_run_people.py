@@ -228,7 +228,7 @@ def test_one_sentence_on_the_rig_sums_up_all_people(views, tmp_path):
     else:
         found = r"over 2 people: cam2 for 1 \(person (\d)\) and cam3 for 1 \(person (\d)\)\. "
         assert {*re.search(found, rig["text"]).groups()} == {"0", "1"}
-    assert html.escape(rig["text"], quote=False) in html.unescape((out / "report.html").read_text())
+    assert rig["text"] in html.unescape(re.sub(r"</?span[^>]*>", "", (out / "report.html").read_text()))
     command = rig["numbers"]["check"].split()
     folder = str(out / "person_0" / "detections.npz")
     options = ["--unit", "mm", "--layout", LAYOUT.name]
