@@ -107,6 +107,13 @@ def test_one_video_per_camera_with_the_frames_in_order(case, tmp_path):
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["cam_01.mp4", "cam_02.mp4"]
 
 
+def test_one_frame_is_told_in_the_singular(case, tmp_path):
+    for name in ("cam01", "cam02"):
+        write_video(tmp_path / "videos" / f"{name}.mp4")
+    result = overlay(case, tmp_path / "videos", tmp_path / "out", "--range", "1")
+    assert "cam_01.mp4: 1 frame of 320×" in "".join(result.stdout.splitlines())
+
+
 def test_frame_numbers_offsets_and_the_first_frame(tmp_path):
     """Common frame 107 is the camera's own 107 − 2; a video that starts at 100 has it in place 5."""
     case = write_run(tmp_path / "run", frames=np.arange(102, 108), offsets={"cam_02": 2})
