@@ -67,3 +67,10 @@ def test_the_benchmark_runs() -> None:
     assert condition["oracle"]["precision"] == condition["oracle"]["recall"] == 1
     assert condition["affinity"]["recall"] > 0.8
     assert condition["oracle"]["mean_mm"] < condition["affinity"]["mean_mm"]
+
+
+def test_the_times_are_printed(tmp_path: Path) -> None:
+    script = SCRIPT.with_name("people_speed.py")
+    command = [sys.executable, str(script), "--frames", "12", "--markdown"]
+    out = subprocess.run(command, check=True, capture_output=True, text=True, cwd=tmp_path).stdout
+    assert [f"| {who} |" in out for who in ("1, 4", "3, 4", "4, 5", "6, 8")] == [True] * 4

@@ -12,7 +12,7 @@ from command_line import READ, invoke, read_report, texts
 from detection_cases import CASES
 from detection_files import Take
 from skelsplat import synthetic
-from skelsplat.io import write_calibration
+from skelsplat.io import read_detections, write_calibration
 from skelsplat.run.people import LimbSpread, find_lengths
 from skelsplat.synthetic import DetectionNoise
 from two_people import LAYOUT, crossing, crowd_of, doubts_of, findings_of, seen, shuffled
@@ -165,6 +165,10 @@ def test_a_run_that_mixes_people_ends_well_and_says_so(tmp_path):
     assert invoke(*arguments, "--fps", 50).exit_code == 0
     (doubt,) = (doubt for doubt in report_doubts(tmp_path) if "people are visible" in doubt)
     place = re.search(r"followed \(the one at (cam\w+:\d+,\d+) in frame 0\): --people all", doubt)[1]
+    followed = read_detections(tmp_path / "out" / "detections.npz", list(RIG.names), layout=LAYOUT).people
+    x, y = map(float, place.partition(":")[2].split(","))
+    at = followed[0, RIG.names.index(place.partition(":")[0]), 0, :, :2]
+    assert np.nanmin(np.hypot(*(at - (x, y)).T)) < 1  # a joint of the person, not just near
     assert invoke(*arguments, "--fps", 50, "--person", place).exit_code == 0
     assert invoke(*arguments, "--fps", 50, "--person", 0).exit_code == 0
     assert texts(read_report(tmp_path / "out"), "note") == [

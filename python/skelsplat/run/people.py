@@ -79,7 +79,9 @@ def _place(inputs: Inputs) -> list[str | int] | None:
     if not len(there):
         return None
     t, m = there[0]
-    x, y = np.nanmedian(inputs.detections[t, m, :, :2], axis=0)
+    joints = inputs.detections[t, m, :, :2]
+    # a joint, not the middle itself, which may be nearer to a joint of somebody else
+    x, y = joints[int(np.nanargmin(np.hypot(*(joints - np.nanmedian(joints, axis=0)).T)))]
     return [f"{inputs.rig.names[m]}:{x:.0f},{y:.0f}", int(inputs.frames[t])]
 
 
