@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import base64
+import json
+import re
+
 import numpy as np
 
 from skelsplat import viz
@@ -9,6 +13,17 @@ from skelsplat.viz import report
 
 JOINTS = ("hip", "left_knee", "right_knee")
 SKELETON = viz.Skeleton(limbs=((0, 1), (0, 2)), left_right=((1, 2),))
+NASTY = "</script><b onclick=x>\"'&\u2028é"
+
+
+def data_of(text):
+    """Read the data of a page."""
+    return json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', text, re.S)[1])
+
+
+def numbers(text, kind="<i2"):
+    """Read an array of the data."""
+    return np.frombuffer(base64.b64decode(text), kind)
 
 
 def sequence(frames=40, joints=3, **changes):

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import json
 import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from report_page import report_data, sequence, shapes
+from report_page import NASTY, data_of, numbers, report_data, sequence, shapes
 from skelsplat.viz import report
 from skelsplat.viz.report._scene import MISSING, MOST_POSITIONS, frames_to_show, thin_line, upright
-
-NASTY = "</script><b onclick=x>\"'&\u2028é"
 
 
 @pytest.fixture
@@ -28,14 +25,6 @@ def written(tmp_path):
         return path.read_text(encoding="utf-8")
 
     return write
-
-
-def data_of(text):
-    return json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', text, re.S)[1])
-
-
-def numbers(text, kind="<i2"):
-    return np.frombuffer(base64.b64decode(text), kind)
 
 
 def test_positions_and_ellipsoids_come_back_to_the_stated_accuracy(written):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import json
 import re
 
 import numpy as np
@@ -11,11 +9,10 @@ import pytest
 
 from colour_vision import DEFICIENCIES, closest
 from people_page import CAMERAS, crowd, nobody, people_report, person
+from report_page import NASTY, data_of, numbers
 from skelsplat.viz import _style, report
 from skelsplat.viz.report._people import with_gaps
 from skelsplat.viz.report._scene import MISSING, MOST_POSITIONS
-
-NASTY = "</script><b onclick=x>\"'&\u2028é"
 
 
 @pytest.fixture
@@ -28,14 +25,6 @@ def written(tmp_path):
         return path.read_text(encoding="utf-8")
 
     return write
-
-
-def data_of(text):
-    return json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', text, re.S)[1])
-
-
-def numbers(text, kind="<i2"):
-    return np.frombuffer(base64.b64decode(text), kind)
 
 
 def test_everybody_is_in_the_scene_where_they_are_there(written):
