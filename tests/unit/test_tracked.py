@@ -152,3 +152,18 @@ def test_frames_far_apart_are_refused(people):
         sk.InvalidInputError, match="frames: expected most frames, to follow people over time, got"
     ):
         follow(people, numbers)
+
+
+def test_whoever_comes_back_after_long_may_be_the_same(people):
+    """Away for 7 s: a new number, which says whose it may be."""
+    away = np.full((7 * FPS, *people.shape[1:]), np.nan)
+    found = follow(np.concatenate([people[:20], away, people[20:]])).people
+    assert len(found) == 4
+    notes = {one.person: [f for f in one.doubts if f.kind == "person_back"] for one in found}
+    assert [len(notes[one.person]) for one in found] == [0, 0, 1, 1]
+    for one in found[2:]:
+        (note,) = notes[one.person]
+        before = next(other for other in found if int(other.person) == note.numbers["before"])
+        assert note.numbers["last"] == 19
+        assert before.person in {found[0].person, found[1].person}
+        assert f"This may be person {before.person} again, who was last seen in frame 19" in note.text

@@ -345,6 +345,9 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "poster, a dummy, or somebody who keeps still?",
     "person_mirrored": "This person is the mirror image of person {of}, within {apart_mm:.0f} mm: a "
     "reflection in a mirror or a window?",
+    "person_back": "This may be person {before} again, who was last seen in frame {last}: their bones differ "
+    "by {percent:.0f} %. Whoever is away for longer than five seconds, or cannot have got there, gets a new "
+    "number.",
     "person_jumps": _jumps,
     "person_followed": _followed,
     "person_by_place": "--person {person} is entry {person} of each file, as the frame rate is unknown. The "

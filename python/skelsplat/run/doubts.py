@@ -24,6 +24,8 @@ _STILL_MM, _STILL_S = 7.0, 3.0
 # mm. In 40 simulated scenes of 2 to 5 people with the same body the nearest are 106 mm from it, simulated
 # reflections at most 28 mm.
 _SAME_MM, _APART_MM = 60.0, 500.0
+# Bones that differ by less, in the median, may be of one person.
+_SAME_BONES = 0.05
 # Part of the people detected who may be left out: those whom one view sees, and false detections.
 _LEFT_OUT = 0.25
 # Fewer are no pattern.
@@ -54,6 +56,30 @@ def find_doubts(people: Sequence[Inputs], of: Inputs) -> Iterator[Finding]:
     if same is not None and away[same] < _SAME_MM:
         numbers = {"person": int(of.person), "of": int(same), "apart_mm": away[same]}
         yield Finding("person_mirrored", "warning", numbers=numbers)
+    yield from find_return(people, of)
+
+
+def find_return(people: Sequence[Inputs], of: Inputs) -> Iterator[Finding]:
+    """Yield a note if somebody of the same bones was there before, and gone: perhaps the same person."""
+    gone = [one for one in people if one.frames[-1] < of.frames[0] and bones_differ(one, of) < _SAME_BONES]
+    if not gone:
+        return
+    last = min(gone, key=lambda one: bones_differ(one, of))
+    numbers = {
+        "person": int(of.person),
+        "before": int(last.person),
+        "last": int(last.frames[-1]),
+        "percent": 100.0 * bones_differ(last, of),
+    }
+    yield Finding("person_back", "note", numbers=numbers)
+
+
+def bones_differ(one: Inputs, other: Inputs) -> float:
+    """Return the median difference of two people's bones, relative to their length; inf without any."""
+    if one.solved is None or other.solved is None:
+        return float("inf")
+    ratio = np.abs(np.log(np.asarray(one.solved.bone_lengths) / np.asarray(other.solved.bone_lengths)))
+    return float(np.nanmedian(ratio)) if np.isfinite(ratio).any() else float("inf")
 
 
 def is_nearer(one: Inputs, other: Inputs) -> bool:
