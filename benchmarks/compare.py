@@ -8,9 +8,9 @@ column "timed on" has their number). Accuracy counts the joints that at least tw
 every method; "missing" is the share of these without a position. ``paper`` and its closed form start from DLT
 weighted by confidence.
 
-The second table is of recordings, as ``sequences.py`` simulates and measures them, with detections whose
-errors last and without confidences: methods that smooth single frames or solve in time. The speed lines of
-``speed.py`` follow.
+The second table compares methods that smooth single frames with solving all frames together, on the simulated
+recordings of ``sequences.py``: errors of their detections last, and there are no confidences. The speed lines
+of ``speed.py`` follow.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Several people: who is told apart, who is confused, and what the confusion costs.
+"""Several people: how often they are confused with each other, and how much accuracy that costs.
 
     python benchmarks/people.py [--people 3 4] [--views 4 5] [--scenes 5] [--meetings cross leave]
 

@@ -21,6 +21,13 @@ def data_of(text):
     return json.loads(re.search(r'<script type="application/json" id="data">(.*?)</script>', text, re.S)[1])
 
 
+def text_of(write, folder, data):
+    """Write a page into an empty folder, which then has nothing else, and return its text."""
+    path = write(folder / "report.html", data)
+    assert [entry.name for entry in folder.iterdir()] == ["report.html"]
+    return path.read_text(encoding="utf-8")
+
+
 def numbers(text, kind="<i2"):
     """Read an array of the data."""
     return np.frombuffer(base64.b64decode(text), kind)

@@ -24,7 +24,7 @@ Everybody = list[list[tuple[FloatArray, NDArray[np.int64] | None]]]
 
 
 def mvor_people(*, fields: Fields | None = None) -> dict[str, Any]:
-    """People found on MVOR, every still by itself, and errors beside those with oracle association.
+    """Measure how many people are found on MVOR, still by still, and their errors with and without an oracle.
 
     Precision counts who is near a labelled person. People without a label in space may still have boxes in
     the images: "confirmed" also counts those of whom two views' detections lie in the boxes of one person;
@@ -119,7 +119,7 @@ def _kinds(stills: Stills, found: Everybody, matched: NDArray[np.int64]) -> Coun
 
 
 def _boxed(stills: Stills, frame: int, view: int, slot: int) -> int | None:
-    """Return the labelled person whose box fits a detection best, of those that have most of its joints."""
+    """Return the labelled person whose box contains most of a detection's joints; of several, the best fit."""
     matched = np.flatnonzero(stills.match[frame, :, view] == slot)
     if len(matched):
         return int(matched[0])

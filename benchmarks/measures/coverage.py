@@ -106,7 +106,7 @@ def coverage_real(
     seed: int = 0,
     fields: Fields | None = None,
 ) -> dict[str, Any]:
-    """Coverage in percent of scatter and error bar on MVOR, whose labels err themselves, beside a simulation.
+    """Measure which percentage of errors scatter and error bar cover, on MVOR and in a simulation.
 
     The labels' variance is added to every covariance. An offset is the mean error of a joint over all people;
     taking it out uses the labels, and shows what remains beyond a constant difference of definition.
@@ -128,7 +128,7 @@ def coverage_real(
         )
     notes = [
         f"ideal 19.9, 73.9, 97.1; labels of MVOR: {label_sigma_mm:g} mm per axis, added to the covariances",
-        "error bar: of the simulation as well, whose detector has no systematic error: it is too wide there",
+        "the simulated detector has no systematic error, so the error bar is too wide there",
         "offsets out: the mean error of each joint, which only the labels show, is subtracted",
     ]
     title = "Coverage of scatter and error bar, %"

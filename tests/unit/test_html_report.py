@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from report_page import NASTY, data_of, numbers, report_data, sequence, shapes
+from report_page import NASTY, data_of, numbers, report_data, sequence, shapes, text_of
 from skelsplat.viz import report
 from skelsplat.viz.report._scene import MISSING, MOST_POSITIONS, frames_to_show, thin_line, upright
 
@@ -18,13 +18,7 @@ from skelsplat.viz.report._scene import MISSING, MOST_POSITIONS, frames_to_show,
 @pytest.fixture
 def written(tmp_path):
     """Write a report and return its text."""
-
-    def write(data=None):
-        path = report.write_report(tmp_path / "report.html", report_data() if data is None else data)
-        assert [entry.name for entry in tmp_path.iterdir()] == ["report.html"]
-        return path.read_text(encoding="utf-8")
-
-    return write
+    return lambda data=None: text_of(report.write_report, tmp_path, report_data() if data is None else data)
 
 
 def test_positions_and_ellipsoids_come_back_to_the_stated_accuracy(written):

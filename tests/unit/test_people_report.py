@@ -9,7 +9,7 @@ import pytest
 
 from colour_vision import DEFICIENCIES, closest
 from people_page import CAMERAS, crowd, nobody, people_report, person
-from report_page import NASTY, data_of, numbers
+from report_page import NASTY, data_of, numbers, text_of
 from skelsplat.viz import _style, report
 from skelsplat.viz.report._people import with_gaps
 from skelsplat.viz.report._scene import MISSING, MOST_POSITIONS
@@ -18,13 +18,7 @@ from skelsplat.viz.report._scene import MISSING, MOST_POSITIONS
 @pytest.fixture
 def written(tmp_path):
     """Write a page and return its text."""
-
-    def write(data=None):
-        path = report.write_people_report(tmp_path / "report.html", people_report() if data is None else data)
-        assert [entry.name for entry in tmp_path.iterdir()] == ["report.html"]
-        return path.read_text(encoding="utf-8")
-
-    return write
+    return lambda data=None: text_of(report.write_people_report, tmp_path, people_report() if data is None else data)
 
 
 def test_everybody_is_in_the_scene_where_they_are_there(written):

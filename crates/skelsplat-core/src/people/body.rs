@@ -5,6 +5,7 @@ use nalgebra::{Matrix3, Vector3};
 use super::crowd::{Crowd, Figure};
 use super::score::at_body;
 use crate::annealed::rays::{Ray, nearest_with_spread};
+use crate::detections::Detections;
 
 /// Kernels under which a joint settles, in multiples of σ.
 const SETTLE: [f64; 3] = [1.5, 0.75, 0.5];
@@ -25,6 +26,14 @@ const LEAST_SHARE: f64 = 0.02;
 
 /// The figures of one body: by view, the slot of its figure and of another part of the same person.
 pub type Claims = Vec<[Option<usize>; 2]>;
+
+/// The detections in the `slots` of a frame that one body has claimed.
+#[must_use]
+pub fn claimed(slots: &[Detections], claims: &Claims, n_joints: usize) -> Detections {
+    let from =
+        |i: usize, j: usize| claims[i].iter().flatten().find_map(|slot| slots[*slot].get(i, j));
+    Detections::gathered(claims.len(), n_joints, from)
+}
 
 /// Number of views that see a body.
 #[must_use]

@@ -6,9 +6,10 @@ use std::ops::Range;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use super::associate::{Associator, absorb};
+use super::again::absorb;
+use super::associate::Associator;
 use super::births::{FITS, Free};
-use super::body::Claims;
+use super::body::{Claims, claimed};
 use super::crowd::Crowd;
 use super::identities;
 use super::known::Known;
@@ -137,10 +138,7 @@ impl Recording<'_> {
     fn sequence(&self, track: &Track) -> Result<Sequence> {
         let frame = |(k, claims): (usize, &Claims)| -> Frame {
             let slots = &self.people[track.first + k];
-            let from = |i: usize, j: usize| {
-                claims[i].iter().flatten().find_map(|slot| slots[*slot].get(i, j))
-            };
-            Detections::gathered(claims.len(), self.layout.n_joints(), from).into()
+            claimed(slots, claims, self.layout.n_joints()).into()
         };
         let frames: Vec<Frame> = track.claims.iter().enumerate().map(frame).collect();
         refine_sequence(self.refiner, &frames, self.fps, self.progress)

@@ -1,7 +1,7 @@
 //! Several people live: each known person has a causal refiner of their own.
 
 use super::associate::{Associator, Sighting};
-use super::body::Claims;
+use super::body::{Claims, claimed};
 use super::crowd::Crowd;
 use crate::batch::Progress;
 use crate::detections::Detections;
@@ -106,10 +106,7 @@ impl Tracker {
         let mut seen = Vec::new();
         for one in &mut self.followed {
             let claims = sightings.iter().find(|s| s.id == one.body).map_or(&nobody, |s| &s.claims);
-            let from = |i: usize, j: usize| {
-                claims[i].iter().flatten().find_map(|slot| slots[*slot].get(i, j))
-            };
-            let detections = Detections::gathered(n_views, self.n_joints, from);
+            let detections = claimed(slots, claims, self.n_joints);
             let refinement = one.live.step(refiner, detections, progress)?;
             // Beyond what is bridged there is nobody to tell of, though the identity is kept.
             let there = refinement.joint_status.iter().any(|s| *s != JointStatus::Unobserved);

@@ -213,7 +213,7 @@ impl Refiner {
 
     /// The rays of usable detections.
     pub(crate) fn rays(&self, detections: &Detections) -> Result<Rays> {
-        self.check(&detections.clone().into())?;
+        self.check_detections(detections)?;
         Ok(Rays::new(&self.usable(detections), &self.cameras, &[]))
     }
 
@@ -295,9 +295,8 @@ impl Refiner {
         })
     }
 
-    /// Rejects a frame of other sizes than the cameras and the layout.
-    pub(crate) fn check(&self, frame: &Frame) -> Result<()> {
-        let (m, n) = (frame.detections.n_views(), frame.detections.n_joints());
+    fn check_detections(&self, detections: &Detections) -> Result<()> {
+        let (m, n) = (detections.n_views(), detections.n_joints());
         if m != self.cameras.len() {
             let expected = format!("one view per camera ({})", self.cameras.len());
             return Err(Error::invalid("detections", expected, format!("{m} views")));
@@ -306,6 +305,13 @@ impl Refiner {
             let expected = format!("the layout's {joints} joints");
             return Err(Error::invalid("detections", expected, format!("{n} joints")));
         }
+        Ok(())
+    }
+
+    /// Rejects a frame of other sizes than the cameras and the layout.
+    pub(crate) fn check(&self, frame: &Frame) -> Result<()> {
+        self.check_detections(&frame.detections)?;
+        let n = frame.detections.n_joints();
         let biases = match &self.config.joint_bias_mm {
             JointBias::Each(each) => Some(each.len()),
             _ => None,

@@ -1,0 +1,168 @@
+//! Claims: figures of known bodies.
+
+use nalgebra::Vector3;
+
+use super::{Associator, DIFFERENCE};
+use crate::people::births::{FITS, Free};
+use crate::people::body::{Body, Claims, placed, views};
+use crate::people::crowd::Crowd;
+use crate::people::known::Known;
+use crate::people::score::{assign, at_body};
+
+/// Unexpected acceleration of a body, mm/s², and the largest factor by which it widens the kernel.
+const ACCELERATION: f64 = 10_000.0;
+const WIDEST: f64 = 2.0;
+/// Time for which a body that no view sees claims figures, s.
+const RECENT: f64 = 0.3;
+/// Least score of a claim before the body is placed.
+const CLAIM: f64 = 0.25;
+/// Least score of the figure of a body that only one view sees.
+const SHAPE: f64 = 0.5;
+
+impl Associator {
+    /// Kernel for a body that was last seen by two views so many frames ago.
+    fn kernel(&self, alone: usize) -> f64 {
+        let gap = self.dt * (alone + 1) as f64;
+        let drift = 0.5 * ACCELERATION * gap * gap;
+        self.known.sigma.hypot(drift).min(WIDEST * self.known.sigma)
+    }
+
+    /// Figures that bodies claim from where they are expected.
+    ///
+    /// Those that two views saw in the frame before come first: where a body is that was lost from sight is not sure.
+    pub(super) fn claims(&self, crowd: &Crowd, free: &mut Free) -> Vec<Claims> {
+        let mut claims = vec![vec![[None, None]; crowd.views.len()]; self.bodies.len()];
+        let recent = (RECENT / self.dt).ceil() as usize;
+        for (i, figures) in crowd.views.iter().enumerate() {
+            for first in [true, false] {
+                let row = |body: &Body| match first == (body.alone == 0) && body.missed <= recent {
+                    true => {
+                        let kernel = self.kernel(body.alone);
+                        let mut scores = body.scores(figures, kernel, &self.known.mirror);
+                        scores.iter_mut().zip(&free[i]).for_each(|(s, free)| {
+                            *s = if *free { *s } else { 0.0 };
+                        });
+                        scores
+                    }
+                    false => vec![0.0; figures.len()],
+                };
+                let scores: Vec<Vec<f64>> = self.bodies.iter().map(row).collect();
+                for (b, slot) in assign(&scores, CLAIM).into_iter().enumerate() {
+                    if let Some(slot) = slot {
+                        claims[b][i][0] = Some(slot);
+                        free[i][slot] = false;
+                    }
+                }
+            }
+        }
+        claims
+    }
+
+    /// Joints of the bodies from their figures; figures that do not fit are handed back.
+    pub(super) fn place(
+        &self,
+        crowd: &Crowd,
+        claims: &mut [Claims],
+        free: &mut Free,
+    ) -> Vec<Option<Vec<Vector3<f64>>>> {
+        let mut found = Vec::with_capacity(claims.len());
+        for (body, claims) in self.bodies.iter().zip(claims) {
+            if views(claims) < 2 {
+                found.push(None);
+                continue;
+            }
+            let pose = placed(crowd, claims, &body.pose, self.known.sigma);
+            // What does not fit where the others are: unless nothing does.
+            for (i, claim) in claims.iter_mut().enumerate() {
+                let fits = |slot: usize| {
+                    let Known { sigma, mirror, .. } = &self.known;
+                    at_body(&crowd.views[i][slot], &pose, *sigma, mirror) >= FITS
+                };
+                if claim[0].is_some_and(|slot| !fits(slot)) {
+                    hand_back(claim, &mut free[i]);
+                }
+            }
+            let kept = views(claims);
+            // Whoever is found again must have the same bones.
+            let again = body.alone == 0
+                || body.differs(&Body::new(0, pose.clone(), &self.known.limbs)) < 2.0 * DIFFERENCE;
+            if kept >= 2 && !again {
+                claims.iter_mut().zip(free.iter_mut()).for_each(|(c, free)| hand_back(c, free));
+            }
+            found.push((kept >= 2 && again).then_some(pose));
+        }
+        found
+    }
+
+    /// Free figures that fit a body where it is now known to be.
+    pub(super) fn claim_again(
+        &self,
+        crowd: &Crowd,
+        claims: &mut [Claims],
+        free: &mut Free,
+        found: &mut [Option<Vec<Vector3<f64>>>],
+    ) {
+        let mut changed = vec![false; claims.len()];
+        for (i, figures) in crowd.views.iter().enumerate() {
+            if !free[i].iter().any(|f| *f) {
+                continue;
+            }
+            let score = |b: usize, slot: usize| match &found[b] {
+                Some(pose) if claims[b][i][0].is_none() && free[i][slot] => {
+                    at_body(&figures[slot], pose, self.known.sigma, &self.known.mirror)
+                }
+                _ => 0.0,
+            };
+            let scores: Vec<Vec<f64>> = (0..claims.len())
+                .map(|b| (0..figures.len()).map(|slot| score(b, slot)).collect())
+                .collect();
+            for (b, slot) in assign(&scores, FITS).into_iter().enumerate() {
+                if let Some(slot) = slot {
+                    claims[b][i][0] = Some(slot);
+                    free[i][slot] = false;
+                    changed[b] = true;
+                }
+            }
+        }
+        for (b, pose) in found.iter_mut().enumerate().filter(|(b, _)| changed[*b]) {
+            if let Some(pose) = pose {
+                *pose = placed(crowd, &claims[b], pose, self.known.sigma);
+            }
+        }
+    }
+
+    /// Bodies where their figures show them, or where they are expected.
+    pub(super) fn update(
+        &mut self,
+        crowd: &Crowd,
+        claims: &mut [Claims],
+        free: &mut Free,
+        found: &[Option<Vec<Vector3<f64>>>],
+    ) {
+        let Known { sigma, mirror, limbs, .. } = &self.known;
+        for ((body, claims), found) in self.bodies.iter_mut().zip(claims).zip(found) {
+            let one = claims.iter().enumerate().find_map(|(i, claim)| Some((i, claim[0]?)));
+            match (found, one) {
+                (Some(pose), _) => body.update(pose, self.dt, limbs),
+                (None, Some((i, slot))) => {
+                    // One view cannot be checked by another: the figure must have the body's shape.
+                    let figure = &crowd.views[i][slot];
+                    let moved = body.follow(figure, self.dt, 2.0 * sigma);
+                    if at_body(figure, &moved, *sigma, mirror) >= SHAPE {
+                        body.pose = moved;
+                    } else {
+                        hand_back(&mut claims[i], &mut free[i]);
+                        body.miss(self.dt);
+                    }
+                }
+                (None, None) => body.miss(self.dt),
+            }
+        }
+    }
+}
+
+/// Gives the figures of a view back.
+pub(super) fn hand_back(claim: &mut [Option<usize>; 2], free: &mut [bool]) {
+    claim.iter().flatten().for_each(|slot| free[*slot] = true);
+    *claim = [None, None];
+}

@@ -1,0 +1,127 @@
+//! One frame after the other: known bodies claim figures ([`claims`]), what is left gives newcomers ([`arrivals`]).
+
+mod arrivals;
+mod claims;
+
+use nalgebra::Vector3;
+
+use super::again::absorb;
+use super::births::{Free, Judge};
+use super::body::{Body, Claims};
+use super::crowd::Crowd;
+use super::known::Known;
+use crate::layout::Layout;
+use crate::refine::Refiner;
+
+/// Time without any view after which a body is lost, and for which it then keeps its identity, s.
+const HOLD: f64 = 1.0;
+const KEEP: f64 = 5.0;
+/// Time for which one view alone keeps a body, s.
+const ALONE: f64 = 3.0;
+/// Difference between the bones of a lost body and one that is found, relative to their length.
+const DIFFERENCE: f64 = 0.12;
+/// Time for which two views must see a body before it is known, s.
+const KNOWN: f64 = 0.1;
+
+/// Who is where in one frame.
+#[derive(Debug, Clone)]
+pub struct Sighting {
+    /// Identity.
+    pub id: usize,
+    /// Its figures.
+    pub claims: Claims,
+    /// Joints `(N)`, mm; NaN where unknown.
+    pub pose: Vec<Vector3<f64>>,
+    /// Whether it has been seen long enough to be a person.
+    pub known: bool,
+}
+
+/// Bodies that are followed from frame to frame.
+#[derive(Debug, Clone)]
+pub struct Associator {
+    known: Known,
+    dt: f64,
+    bodies: Vec<Body>,
+    /// Bodies that are lost, with their identities.
+    lost: Vec<Body>,
+    /// Pairs of bodies in one place, and for how many frames.
+    doubles: Vec<([usize; 2], usize)>,
+    next: usize,
+}
+
+impl Associator {
+    /// Nobody is known yet, of frames at this rate.
+    #[must_use]
+    pub fn new(refiner: &Refiner, layout: &Layout, fps: f64) -> Self {
+        Self {
+            known: Known::new(refiner, layout),
+            dt: 1.0 / fps,
+            bodies: Vec::new(),
+            lost: Vec::new(),
+            doubles: Vec::new(),
+            next: 0,
+        }
+    }
+
+    /// Forgets everybody; identities are not used again.
+    pub fn reset(&mut self) {
+        self.bodies.clear();
+        self.lost.clear();
+        self.doubles.clear();
+    }
+
+    /// Whether a body is still followed, seen or not; one that was lost keeps its identity for a while.
+    #[must_use]
+    pub fn follows(&self, id: usize) -> bool {
+        self.bodies.iter().chain(&self.lost).any(|body| body.id == id)
+    }
+
+    /// The next frame: everybody whom a view sees, in the order of their appearance.
+    pub fn step(&mut self, crowd: &Crowd) -> Vec<Sighting> {
+        let mut free: Free =
+            crowd.views.iter().map(|view| view.iter().map(|f| f.joints > 0).collect()).collect();
+        self.bodies.iter_mut().for_each(|body| body.predict(self.dt));
+        let mut claims = self.claims(crowd, &mut free);
+        let mut found = self.place(crowd, &mut claims, &mut free);
+        self.claim_again(crowd, &mut claims, &mut free, &mut found);
+        self.update(crowd, &mut claims, &mut free, &found);
+        for (body, claims) in self.bodies.iter().zip(&mut claims) {
+            absorb(crowd, &body.pose, claims, &mut free, &self.known);
+        }
+        let judge = Judge { known: &self.known };
+        let doubtful = self.released(&judge, crowd, &mut claims, &mut free);
+        let mut newcomers = judge.newcomers(crowd, &mut free);
+        self.confirm(doubtful, &mut newcomers, &mut claims, &mut free);
+        self.admit(crowd, newcomers, &mut claims);
+        self.merge_doubles(&mut claims);
+        let sightings = self.sightings(&claims);
+        self.retire();
+        sightings
+    }
+
+    fn sightings(&self, claims: &[Claims]) -> Vec<Sighting> {
+        let least = (KNOWN / self.dt).round().clamp(1.0, 5.0) as usize;
+        let all = self.bodies.iter().zip(claims);
+        let seen = all.filter(|(_, claims)| claims.iter().any(|claim| claim[0].is_some()));
+        let sighting = |(body, claims): (&Body, &Claims)| Sighting {
+            id: body.id,
+            claims: claims.clone(),
+            pose: body.pose.clone(),
+            known: body.seen >= least,
+        };
+        let mut found: Vec<Sighting> = seen.map(sighting).collect();
+        found.sort_by_key(|sighting| sighting.id);
+        found
+    }
+
+    /// Bodies that were not seen for too long are lost, then forgotten.
+    fn retire(&mut self) {
+        let frames = |seconds: f64| (seconds / self.dt).ceil().max(1.0) as usize;
+        let (hold, keep, alone) = (frames(HOLD), frames(KEEP), frames(ALONE));
+        let is_lost = |body: &Body| body.missed > hold || body.alone > alone;
+        let lost = self.bodies.extract_if(.., |body| is_lost(body));
+        self.lost.extend(lost);
+        self.lost.iter_mut().for_each(|body| body.alone += 1);
+        self.lost.retain(|body| body.alone <= keep.max(alone) + hold);
+    }
+}
