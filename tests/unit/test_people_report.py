@@ -18,7 +18,9 @@ from skelsplat.viz.report._scene import MISSING, MOST_POSITIONS
 @pytest.fixture
 def written(tmp_path):
     """Write a page and return its text."""
-    return lambda data=None: text_of(report.write_people_report, tmp_path, people_report() if data is None else data)
+    return lambda data=None: text_of(
+        report.write_people_report, tmp_path, people_report() if data is None else data
+    )
 
 
 def test_everybody_is_in_the_scene_where_they_are_there(written):

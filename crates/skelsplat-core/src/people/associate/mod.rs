@@ -1,4 +1,4 @@
-//! One frame after the other: known bodies claim figures ([`claims`]), what is left gives newcomers ([`arrivals`]).
+//! One frame after the other: known bodies claim figures (`claims`), what is left gives newcomers (`arrivals`).
 
 mod arrivals;
 mod claims;
