@@ -119,7 +119,7 @@ def _kinds(stills: Stills, found: Everybody, matched: NDArray[np.int64]) -> Coun
 
 
 def _boxed(stills: Stills, frame: int, view: int, slot: int) -> int | None:
-    """Return the labelled person whose box contains most of a detection's joints; of several, the best fit."""
+    """Return the labelled person whose box contains most of a detection's joints; of several, the best."""
     matched = np.flatnonzero(stills.match[frame, :, view] == slot)
     if len(matched):
         return int(matched[0])
