@@ -19,7 +19,7 @@ LAYERS = (
     {"io", "viz", "rig_check", "synthetic"},
     {"association", "temporal"},
     {"_people"},
-    {"_sequence"},
+    {"_sequence", "_angles"},
     {"_refine", "metrics"},
     {"cameras", "layouts"},
     {"findings", "_sentences"},  # a finding has its sentence, which is made from its numbers
