@@ -21,6 +21,7 @@ BODY25 = Layout.by_name("body25")
 BODY25B = Layout.by_name("body25b")
 HALPE26 = Layout.by_name("halpe26")
 SHELF14 = Layout.by_name("shelf14")
+MEDIAPIPE33 = Layout.by_name("mediapipe33")
 
 #: Names of the built-in layouts, all of them people's, as `get` and every argument ``layout`` take them.
 names: tuple[str, ...] = tuple(LAYOUT_NAMES)
@@ -31,6 +32,7 @@ __all__ = [
     "COCO17",
     "H36M17",
     "HALPE26",
+    "MEDIAPIPE33",
     "OCCLUSION_PERSON15",
     "PANOPTIC19",
     "SHELF14",

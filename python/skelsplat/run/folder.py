@@ -75,10 +75,10 @@ class Writing:
             wanted |= {PAGE} if self.html else set()
         return [name for name in _POSSIBLE if name in wanted]
 
-    def check(self, frames: Index) -> None:
+    def check(self, frames: Index | None = None, joint_names: Sequence[str] | None = None) -> None:
         """Apply `skelsplat.io.poses.check_pose_format` to each format."""
         for kind in self.formats:
-            check_pose_format(kind, frames)
+            check_pose_format(kind, frames, joint_names)
 
     def notes(self, fps: float | None) -> list[Finding]:
         """Return notes: options without effect, an assumed frame rate, missing pictures."""
