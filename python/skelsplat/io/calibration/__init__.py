@@ -170,7 +170,7 @@ def _find(source: Source, name: str | None) -> tuple[Source, CalibrationFormat]:
 
 
 def _found(source: Source, name: str | None) -> tuple[Source, CalibrationFormat] | None:
-    """Return a source in a format, or the only file of a folder that is; a format that is named is believed."""
+    """Return a source in a format, or the only file of a folder that is one; a named format is believed."""
     form = _recognised(source) if name is None or source.is_folder else None
     inside = _among(source, name) if form is None else {}
     if len(inside) > 1:
