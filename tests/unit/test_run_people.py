@@ -68,6 +68,16 @@ def command(recording, out):
     return ["refine", recording / "Calib.toml", recording / "openpose", "-o", out, *READ, "--fps", FPS]
 
 
+def test_everybody_has_joint_angles(found, tmp_path):
+    found.write(tmp_path / "out", ("npz",), html=False, angles=True)
+    for identity, person in found.people.items():
+        with np.load(tmp_path / "out" / f"person_{identity}" / "angles.npz") as stored:
+            np.testing.assert_array_equal(stored["degrees"], person.angles.degrees)
+            assert len(stored["frames"]) == len(person.frames)
+    assert "angles.csv" in read_report(tmp_path / "out" / "person_1")["files"]
+    assert not (tmp_path / "out" / "angles.csv").exists()
+
+
 def test_everybody_is_refined_as_alone(people, found):
     rig = next(iter(found.people.values())).cameras  # as read from the file
     everybody = sk.track(people, rig, fps=FPS, layout=LAYOUT)
