@@ -13,7 +13,7 @@ from skelsplat._arrays import Array, Index, numbers
 from skelsplat._atomic import atomic_write_text
 from skelsplat._json import to_text
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.findings import Finding, collected_warnings
+from skelsplat.findings import Finding, collected_warnings, warn
 from skelsplat.io import PoseData
 from skelsplat.io._run_files import REPORT
 from skelsplat.io.run_folder import read_run
@@ -266,6 +266,7 @@ def run(
     output, writing = Path(job.output), folders.Writing.of(job)
     folders.keep_input(job)
     folders.check_places(output, writing.names(job.settings.method))
+    writing.check()
     with folders.output_folder(output):
         found = _run(job, progress, tell)
         return folders.write_folder(found, output, writing)
@@ -274,23 +275,20 @@ def run(
 def _run(job: Job, progress: Progress | None, tell: Callable[[Finding], None] | None) -> Run:
     with collected_warnings(tell) as notes:
         try_over_time(job)
-        inputs = read_inputs(job, progress)
-        for note in check_output(job, inputs):
-            notes.append(note)
-            if tell is not None:
-                tell(note)
+        inputs = read_inputs(job, progress, lambda found: check_output(job, found))
         outcome = refine_inputs(inputs, job, progress)
     return summed_up(inputs, outcome, job, notes)
 
 
-def check_output(job: Job, inputs: Inputs) -> list[Finding]:
-    """Check, once the input is known, that the results can be written; return notes on how."""
+def check_output(job: Job, inputs: Inputs) -> None:
+    """Check, once the input is known, that the results can be written; warn of notes on how."""
     if job.output is None:
-        return []
+        return
     folders.keep_input(job, inputs.sources)
     writing = folders.Writing.of(job)
     writing.check(inputs)
-    return writing.notes(inputs)
+    for note in writing.notes(inputs):
+        warn(note)
 
 
 def in_order(findings: Iterable[Finding]) -> tuple[Finding, ...]:

@@ -81,12 +81,13 @@ class Writing:
             wanted |= {PAGE} if self.html else set()
         return [name for name in _POSSIBLE if name in wanted]
 
-    def check(self, inputs: Inputs) -> None:
+    def check(self, inputs: Inputs | None = None) -> None:
         """Apply `skelsplat.io.poses.check_pose_format` to each format, and `check_angles`."""
+        frames, layout = (None, None) if inputs is None else (inputs.frames, inputs.layout)
         for kind in self.formats:
-            check_pose_format(kind, inputs.frames)
-        if self.angles:
-            check_angles(inputs.layout)
+            check_pose_format(kind, frames, None if layout is None else layout.joints)
+        if self.angles and layout is not None:
+            check_angles(layout)
 
     def notes(self, inputs: Inputs) -> list[Finding]:
         """Return notes: options without effect, assumed times, no vertical, missing pictures."""
