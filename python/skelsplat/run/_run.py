@@ -276,18 +276,21 @@ def _run(job: Job, progress: Progress | None, tell: Callable[[Finding], None] | 
     with collected_warnings(tell) as notes:
         try_over_time(job)
         inputs = read_inputs(job, progress, lambda found: check_output(job, found))
+        warn_of_output(job, inputs)
         outcome = refine_inputs(inputs, job, progress)
     return summed_up(inputs, outcome, job, notes)
 
 
 def check_output(job: Job, inputs: Inputs) -> None:
-    """Check, once the input is known, that the results can be written; warn of notes on how."""
-    if job.output is None:
-        return
-    folders.keep_input(job, inputs.sources)
-    writing = folders.Writing.of(job)
-    writing.check(inputs)
-    for note in writing.notes(inputs):
+    """Check, once the frames of the input are known, that the results can be written."""
+    if job.output is not None:
+        folders.keep_input(job, inputs.sources)
+        folders.Writing.of(job).check(inputs)
+
+
+def warn_of_output(job: Job, inputs: Inputs) -> None:
+    """Warn of notes on how the results are written."""
+    for note in folders.Writing.of(job).notes(inputs) if job.output is not None else ():
         warn(note)
 
 
