@@ -303,6 +303,8 @@ def named(finding: Finding) -> str:
 
 SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "option_unused": "{option} has no effect: it applies to pose.trc and pose.c3d, and --write lists neither",
+    "vertical_unknown": "--angles: the cameras do not show which axis of the world is vertical: "
+    "trunk and pelvis are left out",
     "times_assumed": lambda f: (
         f"--fps: not given; the times in {listed(f.subject.files)} assume {f.numbers['fps']:g} frames per "
         "second"
