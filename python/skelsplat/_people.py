@@ -49,7 +49,7 @@ class Person:
     more_slots : (F, M) int64
         A second one, where a detector has split the person into two; else -1.
     refinement : SequenceRefinement
-        Their frames, solved in time; a `Refinement` of one frame from `Tracker.step`.
+        Their frames, solved over time; a `Refinement` of one frame from `Tracker.step`.
     """
 
     id: int

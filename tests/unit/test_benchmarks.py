@@ -17,7 +17,7 @@ def test_the_comparison_runs() -> None:
     lines = subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()
     rows = [line.split("|")[1].strip() for line in lines if line.startswith("|")]
     single = ("DLT, NumPy", "RANSAC of Iskakov et al.", "Cauchy loss, SciPy", "SkelSplat, default")
-    in_time = ("+ Butterworth filter, 6 Hz", "+ Kalman smoother per joint", "SkelSplat, in time")
+    in_time = ("+ Butterworth filter, 6 Hz", "+ Kalman smoother per joint", "SkelSplat, solved over time")
     for name in (*single, *in_time):
         assert name in rows
     assert "nan" not in "\n".join(lines)

@@ -30,7 +30,8 @@ def commands(group, path=()):
             yield (*path, name), {opt for param in command.params for opt in param.opts}
 
 
-COMMANDS = dict(commands(typer.main.get_command(app)))
+ROOT = typer.main.get_command(app)
+COMMANDS = dict(commands(ROOT))
 
 
 @pytest.mark.parametrize("path", COMMANDS, ids=" ".join)
@@ -44,6 +45,12 @@ def test_every_command_has_examples_json_and_quiet(path):
         assert "there is no --json" in " ".join(text.split())
     else:
         assert "--json" in COMMANDS[path]
+
+
+def test_help_lists_every_command_with_the_first_line_of_its_own():
+    assert {name: command.help.split("\n")[0] for name, command in ROOT.commands.items()} == ROOT.texts
+    listed = invoke("--help").stdout.partition("Commands")[2]
+    assert [name for name in ROOT.texts if f"│ {name} " not in listed] == []
 
 
 def test_help_of_refine_is_one_screen_and_help_all_the_rest():

@@ -278,7 +278,7 @@ def test_names_from_files_are_shown_as_they_are(visit):
 
 
 def in_time():
-    """Build a report of a solution in time: each frame alone has knees that jump up and down."""
+    """Build a report of a solution over time: each frame alone has knees that jump up and down."""
     walk = sequence()
     jumps = np.zeros_like(walk.refined)
     jumps[::2, 1:, 2] = 60.0
@@ -303,7 +303,7 @@ def test_in_time_and_frame_by_frame_can_be_compared(visit):
     refined = picture(page)
     names = page.locator("fieldset").first.locator("label").all_inner_texts()
     assert [name.strip() for name in names] == [
-        *("in time", "frame by frame", "start: plain triangulation", "in time and frame by frame"),
+        *("over time", "frame by frame", "start: plain triangulation", "over time and frame by frame"),
     ]
     page.check("input[name=pose][value=alone]")
     assert np.abs(picture(page) - refined).max() > 0.1
@@ -315,7 +315,7 @@ def test_bone_lengths_and_speeds_are_drawn_by_name_with_both_sides(visit):
     page = visit(in_time())
     lengths, titles = curves(page, "bones")
     assert titles == ["hip – knee"]
-    assert len(lengths) == 4  # frame by frame and in time, left and right
+    assert len(lengths) == 4  # frame by frame and over time, left and right
     np.testing.assert_allclose(lengths[1], np.hypot(150.0, 450.0), atol=0.5)
     assert np.ptp(lengths[0]) > 40.0
     speeds, titles = curves(page, "speeds")

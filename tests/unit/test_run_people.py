@@ -361,7 +361,7 @@ def test_files_of_one_person_need_no_choice(tmp_path):
 )
 def test_everybody_is_refined_as_asked(recording, options):
     several = run_people(job(recording, **options))
-    solution = "in time" if "filter" in options else "frame by frame"
+    solution = "over time" if "filter" in options else "frame by frame"
     for one in several.people.values():
         assert one.report["solution"]["method"] == solution
         assert bool(one.poses.processing) == ("filter" in options)

@@ -67,7 +67,7 @@ impl Deref for Layout {
 
 impl Layout {
     /// Names of the built-in layouts.
-    pub const NAMES: [&'static str; 8] = tables::NAMES;
+    pub const NAMES: [&'static str; 9] = tables::NAMES;
 
     /// A custom layout.
     ///

@@ -490,5 +490,5 @@ fn one_second_of_a_motion_is_not_smoothed_away() {
     let found = refine_sequence(&refiner, &frames, 15.0, &Progress::default()).unwrap();
     let (in_time, alone) =
         (mean_error(&found.frames.pose, &truth), mean_error(&found.frames.init_pose, &truth));
-    assert!(in_time < alone, "{in_time} in time, {alone} alone");
+    assert!(in_time < alone, "{in_time} solved over time, {alone} alone");
 }

@@ -322,9 +322,9 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "many_rejected": _many_rejected,
     "further_than_start": "The refined pose lies further from the detections than its start (median "
     "{before_px:.1f} to {after_px:.1f} px): check the layout, the unit and the calibration.",
-    "further_in_time": "In time, the pose lies much further from the detections than frame by frame (median "
-    "{before_px:.1f} to {after_px:.1f} px): check that the frames are in order and --fps is their rate; "
-    "--frame-by-frame solves each frame alone.",
+    "further_over_time": "Solved over time, the pose lies much further from the detections than frame by "
+    "frame (median {before_px:.1f} to {after_px:.1f} px): check that the frames are in order and --fps is "
+    "their rate; --frame-by-frame solves each frame alone.",
     "no_match": _no_match,
     "camera_unused": _unused,
     "camera_disagrees": _disagrees,

@@ -18,7 +18,6 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 import typer
 
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._files import parse_toml, read_text
 
 NAME_OR_PATH = "name or path"
 """Marks a text option in its `Annotated`: a name, or a path where a file of that name exists."""
@@ -59,6 +58,8 @@ def _load(context: typer.Context, path: Path | None) -> None:
     """Make the values of a file the defaults of the command that is about to run."""
     if path is None or context.resilient_parsing:
         return
+    from skelsplat.io._files import parse_toml, read_text
+
     entries, found = entries_of(context.command), {}
     document = parse_toml(path, read_text(path))
     try:

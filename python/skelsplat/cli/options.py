@@ -322,8 +322,8 @@ Fps = Annotated[
     option(
         _TIME,
         metavar="HZ",
-        help="Frame rate; solves in time. If it is known, all frames are solved together: bones keep their "
-        "length and joints move smoothly.",
+        help="Frame rate. If it is known, the recording is solved over time: bones keep their length and "
+        "joints move smoothly.",
         default="as files or videos state it",
     ),
 ]

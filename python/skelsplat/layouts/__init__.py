@@ -37,6 +37,7 @@ BODY25 = Layout.by_name("body25")
 BODY25B = Layout.by_name("body25b")
 HALPE26 = Layout.by_name("halpe26")
 SHELF14 = Layout.by_name("shelf14")
+MEDIAPIPE33 = Layout.by_name("mediapipe33")
 
 _FOLDER = Path(__file__).with_name("data")
 _IN_FILES = ("wholebody133", "halpe136", "hand21", "mouse22", "fly38")
@@ -50,6 +51,7 @@ __all__ = [
     "COCO17",
     "H36M17",
     "HALPE26",
+    "MEDIAPIPE33",
     "OCCLUSION_PERSON15",
     "PANOPTIC19",
     "SHELF14",

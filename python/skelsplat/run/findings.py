@@ -30,7 +30,7 @@ _BAD_SHARE, _BEST_RATIO = 0.2, 2.0
 _WHOLE_SHARE, _REST_SHARE = 1 / 3, 0.2
 # A robust fit may leave the median where it was; a tenth more is further away.
 _FURTHER, _FURTHER_PX = 1.1, 0.1  # less is the rounding of the detections
-_FURTHER_IN_TIME = 1.25
+_FURTHER_OVER_TIME = 1.25
 # Two views' plain triangulation follows three of their four numbers.
 _FURTHER_OF_TWO, _CONFIRMED = 1.25, 3
 # No person that a camera detects matches the other cameras, in this share of the frames at least; if that is
@@ -95,16 +95,16 @@ def _further(statistics: Statistics) -> float:
 
 
 def _in_time(statistics: Statistics, alone: Statistics) -> Iterator[Finding]:
-    """Yield a finding if the poses in time leave the detections further than those frame by frame explain.
+    """Yield a finding if poses solved over time are further from the detections than frame by frame explains.
 
-    From V views a frame alone follows 3 of 2V numbers, noise and all; in time hardly any are followed.
+    From V views a frame alone follows 3 of 2V numbers, noise and all; over time hardly any.
     """
     views = max(2.0, finite_median(statistics.views_used))
     before, after = alone.total.after_px, statistics.total.after_px
-    allowed = _FURTHER_IN_TIME * np.sqrt(2 * views / (2 * views - 3)) * before
+    allowed = _FURTHER_OVER_TIME * np.sqrt(2 * views / (2 * views - 3)) * before
     if after > max(allowed, before + _FURTHER_PX):
         numbers = {"before_px": before, "after_px": after}
-        yield Finding("further_in_time", "warning", numbers=numbers, remedy=(Remedy("frame_by_frame"),))
+        yield Finding("further_over_time", "warning", numbers=numbers, remedy=(Remedy("frame_by_frame"),))
 
 
 def _rest(statistics: Statistics) -> float:

@@ -247,7 +247,7 @@ def _sequence(run: Run) -> page.Sequence3D:
 
 
 def _bones(run: Run) -> list[tuple[int, int, float, float]]:
-    """Return the bones of a solution in time with their lengths and standard errors in mm."""
+    """Return the bones of a solution over time with their lengths and standard errors in mm."""
     found, mm = run.outcome.sequence, run.cameras.mm_per_unit
     if found is None:
         return []

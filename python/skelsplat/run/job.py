@@ -77,7 +77,7 @@ class Job:
     fps
         Frames per second of the recording; None: as the files, or videos next to them, state it.
     frame_by_frame
-        Solve each frame alone even if the frame rate is known, instead of all in time (`Outcome.sequence`).
+        Solve each frame alone even if the frame rate is known, instead of all over time (`Outcome.sequence`).
     fill_gaps
         Longest gap to fill, in frames; 0: none.
     fill_method

@@ -198,7 +198,7 @@ def _problems(run: PeopleRun) -> list[tuple[int, int, str]]:
 
 
 def _bones(runs: Sequence[Run], names: Sequence[str]) -> page.Table:
-    """Return the lengths of bones over all frames; no rows if the poses were not solved in time."""
+    """Return the lengths of bones over all frames; no rows if the poses were not solved over time."""
     columns = [("bone", ""), *((name, "") for name in names)]
     solved = [one.outcome.sequence for one in runs]
     mm, joints = runs[0].cameras.mm_per_unit, runs[0].layout.joints

@@ -32,7 +32,7 @@ _EQUAL = (
     "The refinement kept {which} nearly equal on the left and right, so their difference means nothing; "
     "to study it, refine with --symmetry-tier 0."
 )
-_IN_TIME = "Solved in time, where bones keep their length: how they vary frame by frame is in report.html."
+_IN_TIME = "Solved over time, where bones keep their length: how they vary frame by frame is in report.html."
 _KEPT_EQUAL = {1: "lower arms and legs", 2: "arms and legs", 3: "arms, legs and trunk"}  # by the tier
 _COUNTED = "All detections used are counted, including the rejected ones. Grey: no detection used."
 

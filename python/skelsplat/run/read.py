@@ -48,7 +48,7 @@ class Inputs:
     crowd: Crowd | None = None  # the people that the cameras see; None if they see one
     fps: float | None = None  # frames per second; None if unknown
     fps_source: str = ""  # what states the rate, if the user did not: "files" or "videos"
-    # the frames solved in time, if following people over time has done so, and the seconds that took
+    # the frames solved over time, if following people over time has done so, and the seconds that took
     solved: sk.SequenceRefinement | None = None
     solved_s: float = float("nan")
     doubts: tuple[Finding, ...] = ()  # about the person, if followed over time

@@ -134,7 +134,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_methods_over_time_run_at_a_rate(recording: Path, tmp_path: Path) -> None:
     found = run(
-        "synthetic", recording, "-o", tmp_path, "--fps", 1.5625, "-m", "annealed,in-time,annealed-kalman"
+        "synthetic", recording, "-o", tmp_path, "--fps", 1.5625, "-m", "annealed,over-time,annealed-kalman"
     )
     assert "acc" in found.stdout
     assert "of consecutive frames at 1.5625 Hz" in " ".join(found.stdout.split())
@@ -146,15 +146,15 @@ def test_methods_over_time_run_at_a_rate(recording: Path, tmp_path: Path) -> Non
 def test_without_a_rate_they_are_left_out_and_asking_names_the_option(
     recording: Path, tmp_path: Path
 ) -> None:
-    error = run("synthetic", recording, "-o", tmp_path, "-m", "in-time", status=1).stderr
-    assert "fps: expected the frame rate (--fps), for the method in-time, got none" in error
+    error = run("synthetic", recording, "-o", tmp_path, "-m", "over-time", status=1).stderr
+    assert "fps: expected the frame rate (--fps), for the method over-time, got none" in error
     assert error.count("\n") == 1
     index = json.loads((recording / "dataset.json").read_text(encoding="utf-8"))
     for fps in (None, 1.5625):
         text = json.dumps(index if fps is None else {**index, "fps": fps})
         (recording / "dataset.json").write_text(text, encoding="utf-8")
         content = json.loads(run("synthetic", recording, "-o", tmp_path, "--json").stdout)
-        assert [s["method"] for s in content["scores"]].count("in-time") == (fps is not None)
+        assert [s["method"] for s in content["scores"]].count("over-time") == (fps is not None)
     (recording / "dataset.json").write_text(json.dumps(index), encoding="utf-8")
 
 

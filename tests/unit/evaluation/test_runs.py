@@ -233,13 +233,13 @@ def test_over_time_all_frames_are_solved_and_those_that_count_are_kept(tmp_path:
     rules = replace(protocols.get("human36m"), every=16)
     (case,) = rules.cases(data)
     assert case.take.frames.tolist() == [0, 16, 32]
-    method, options = methods.get("in-time"), methods.Options()
+    method, options = methods.get("over-time"), methods.Options()
     whole = method.solve(data.takes[0], data.layout, method.settings(options))
 
     def found(data: Dataset, rules: protocols.Protocol) -> np.ndarray:
         store = runs.Store(tmp_path, {})
         cases = rules.cases(data)
-        return runs.run(cases, data.layout, [method], options, store=store)["in-time"][0].pose
+        return runs.run(cases, data.layout, [method], options, store=store)["over-time"][0].pose
 
     frames = data.takes[0].frames
     np.testing.assert_array_equal(found(data, rules), whole.pose[np.isin(frames, [0, 16, 32])])

@@ -15,7 +15,7 @@
 //!   in Sports and Active Living 2:50 (2020), all joints: "an accuracy of 30 mm or less".
 //!
 //! Bridged: the pelvis, the middle of the hips, errs like a hip, and the neck, between the shoulders, like a shoulder. For spine,
-//! head, face, heels and toes, no abstract has a figure of its own; they get Nakano's.
+//! head, face, fingers, heels and toes, no abstract has a figure of its own; they get Nakano's.
 
 use crate::layout::Layout;
 use crate::settings::{Kind, Parameter, Value};

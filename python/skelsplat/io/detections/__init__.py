@@ -25,8 +25,18 @@ from skelsplat.io.detections._frames import FRAME_MODES, FrameMode, check_offset
 from skelsplat.io.detections._joints import arranged, check_mapping, choose_layout, places_of
 from skelsplat.io.detections._match import camera_called, cameras_called
 from skelsplat.io.detections._registry import FORMATS, Matching, find_format, open_sources
+from skelsplat.io.detections._skeleton import Skeleton, read_skeleton
 
-__all__ = ["FORMATS", "DetectionSet", "camera_called", "cameras_called", "read_detections", "read_openpose"]
+__all__ = [
+    "FORMATS",
+    "DetectionSet",
+    "Skeleton",
+    "camera_called",
+    "cameras_called",
+    "read_detections",
+    "read_openpose",
+    "read_skeleton",
+]
 
 # pixels of a whole view that all lie within this are parts of the image's size
 _NORMALISED = 1.5
@@ -39,9 +49,9 @@ class DetectionSet:
     Attributes
     ----------
     people : (T, M, P, K, 3)
-        x and y in pixels of the original image, confidence in [0, 1]. A joint that was not detected, and a
-        place in P where nobody stands, is NaN. The order of people in a frame is the detector's: place p is
-        nobody's identity.
+        x and y in pixels of the original image, confidence in [0, 1]. NaN: a joint that was not detected,
+        also one at exactly (0, 0) if a camera has several, and a place in P where nobody stands. The order of
+        people in a frame is the detector's: place p is nobody's identity.
     frames : (T,) int
         Frame numbers, ascending.
     camera_names : tuple of str
@@ -209,7 +219,9 @@ def _read_view(
         else []
         for number in numbers.tolist()
     ]
-    _check_pixels(view, [person for people in read for person in people])
+    everybody = [person for people in read for person in people]
+    _check_pixels(view, everybody)
+    _forget_zeros(everybody)
     return read
 
 
@@ -222,6 +234,17 @@ def _check_pixels(view: View, people: Sequence[Array]) -> None:
     if len(points) > 1 and np.abs(points).max() <= _NORMALISED:
         actual = f"numbers from {points.min():.3g} to {points.max():.3g}, parts of the image's size"
         raise DatasetError(view.path, "keypoints", "pixels of the original image", actual)
+
+
+def _forget_zeros(people: Sequence[Array]) -> None:
+    """Make the joints of a camera that are at exactly (0, 0) missing, unless there is only one.
+
+    YOLO writes so what it did not detect, with a confidence.
+    """
+    zeros = [(person[:, :2] == 0.0).all(axis=1) for person in people]
+    if sum(int(zero.sum()) for zero in zeros) > 1:
+        for person, zero in zip(people, zeros, strict=True):
+            person[zero] = np.nan
 
 
 def _stack(views: Sequence[Sequence[Sequence[Array]]], steps: int, n_joints: int) -> Array:

@@ -163,6 +163,11 @@ def _mediapipe_names(path: Path, count: int) -> tuple[str, ...] | None:
     if count not in _COUNTS:
         counts = ", ".join(str(known) for known in _COUNTS)
         raise DatasetError(path, "array", f"one of {counts} points of MediaPipe", count)
+    return mediapipe_names(count)
+
+
+def mediapipe_names(count: int) -> tuple[str, ...]:
+    """Return the names of MediaPipe's points, of which the first 33 are the body."""
     return (*_BODY, *(f"point_{place}" for place in range(len(_BODY), count)))
 
 

@@ -57,7 +57,8 @@ def _read(path: Path) -> tuple[dict[str, Lines], tuple[str, ...]]:
         frame = camera.setdefault(frame_in(path, f"line {number}, frame", cell["frame"]), {})
         person = frame.setdefault(cell.get("person", ""), {})
         if not cell["joint"] or cell["joint"] in person:
-            expected = "a joint, once per person"
+            alone = bool(cell["joint"]) and "person" not in columns
+            expected = f"a joint, once per {'frame, or a column person for several' if alone else 'person'}"
             raise DatasetError(path, f"line {number}, joint", expected, repr(cell["joint"]))
         person[cell["joint"]] = _values(path, number, cell)
         joints[cell["joint"]] = None
