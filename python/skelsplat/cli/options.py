@@ -12,7 +12,8 @@ from typing import Annotated, Any
 
 import typer
 
-from skelsplat import RefineConfig, layouts
+from skelsplat import RefineConfig
+from skelsplat.cli.config import NAME_OR_PATH
 from skelsplat.io.detections import FORMATS
 
 _INPUT, _METHOD, _TIME, _OUTPUT = "Input", "Method", "Over time", "Output"
@@ -68,19 +69,23 @@ LayoutName = Annotated[
     str | None,
     option(
         _INPUT,
-        metavar="NAME",
-        help=f"Joint layout, such as body25b. One of {', '.join(layouts.names)}.",
+        metavar="NAME|FILE",
+        help="Joint layout: a name, such as body25b (skelsplat layouts lists them), a layout file (.toml), or "
+        "file: the joints as the detections name them.",
         default="found from the joint names in the files",
     ),
+    NAME_OR_PATH,
 ]
 RequiredLayout = Annotated[
     str | None,
     option(
         _INPUT,
         "--layout",
-        metavar="NAME",
-        help=f"Joint layout of the detections, one of {', '.join(layouts.names)}. Required.",
+        metavar="NAME|FILE",
+        help="Joint layout of the detections: a name (skelsplat layouts lists them) or a layout file (.toml). "
+        "Required.",
     ),
+    NAME_OR_PATH,
 ]
 Format = Annotated[
     str | None,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import difflib
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import cache
 from pathlib import Path
 
@@ -23,6 +23,7 @@ from skelsplat.layouts._files import (
     About,
     about_of,
     mirrored_names,
+    of_names,
     read_file,
     read_toml,
     to_toml,
@@ -57,6 +58,7 @@ __all__ = [
     "SHELF14",
     "About",
     "about",
+    "from_names",
     "get",
     "is_built_in",
     "mirrored_names",
@@ -135,6 +137,24 @@ def write(path: str | os.PathLike[str], layout: Layout | str, *, about: About | 
     if about is None and is_built_in(layout):
         about = _about(layout.name)
     write_file(Path(path), to_toml(layout, about))
+
+
+def from_names(name: str, joints: Sequence[str], limbs: Sequence[tuple[int, int]] = ()) -> Layout:
+    """Return a layout whose mirror images and symmetric limbs are those that the joints' names state.
+
+    Parameters
+    ----------
+    name : str
+    joints : sequence of str
+        As `mirrored_names` reads their sides.
+    limbs : sequence of (int, int), optional
+
+    Raises
+    ------
+    InvalidInputError
+        As `skelsplat.Layout`.
+    """
+    return of_names(name, joints, limbs=limbs)
 
 
 def is_built_in(layout: Layout) -> bool:

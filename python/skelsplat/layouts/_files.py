@@ -106,31 +106,35 @@ def read_file(path: Path) -> tuple[Layout, About]:
 
 
 def _layout(path: Path, document: Mapping[str, Any]) -> Layout:
-    given = {key: document[key] for key in ("limbs", "occlusion_prone", "root", "human") if key in document}
-    joints = document["joints"]
-    bare = Layout(document.get("name") or path.stem, joints, **given)
-    pairs = document.get("left_right", mirrored_names(bare.joints))
-    paired = Layout(bare.name, joints, left_right=pairs, **given)
-    symmetric = [
-        tuple(_entry(path, f"symmetric[{k}]", table, tier=None, left=None, right=None))
-        for k, table in enumerate(document.get("symmetric", ()))
-    ]
-    lengths = []
-    for k, table in enumerate(document.get("bones", ())):
-        place = f"bones[{k}]"
-        ends, length, sigma = _entry(path, place, table, joints=None, length_mm=0.0, sigma_mm=0.0)
-        for key, value in (("length_mm", length), ("sigma_mm", sigma)):
-            if isinstance(value, bool) or not isinstance(value, int | float):
-                raise DatasetError(path, f"{place}.{key}", "a number of mm", repr(value)[:60])
-        lengths.append((ends, length, sigma or min(_SIGMA * length, _MOST_SIGMA_MM)))
-    return Layout(
-        bare.name,
-        joints,
-        left_right=pairs,
-        symmetric=symmetric if "symmetric" in document else _mirrored_limbs(paired),
-        lengths=[bone for bone in lengths if bone[1] or bone[2]],
-        **given,
-    )
+    given = {key: document[key] for key in ("limbs", "left_right", "occlusion_prone", "root", "human") if key in document}
+    if "symmetric" in document:
+        tables = enumerate(document["symmetric"])
+        given["symmetric"] = [
+            tuple(_entry(path, f"symmetric[{k}]", table, tier=None, left=None, right=None)) for k, table in tables
+        ]
+    lengths = (_bone(path, f"bones[{k}]", table) for k, table in enumerate(document.get("bones", ())))
+    given["lengths"] = [bone for bone in lengths if bone is not None]
+    return of_names(document.get("name") or path.stem, document["joints"], **given)
+
+
+def of_names(name: str, joints: Sequence[str], **given: Any) -> Layout:
+    """Return a layout; the pairs and symmetric limbs that are not given are those of the names."""
+    if "left_right" not in given:
+        given["left_right"] = mirrored_names(Layout(name, joints).joints)
+    if "symmetric" not in given:
+        given["symmetric"] = _mirrored_limbs(Layout(name, joints, **given))
+    return Layout(name, joints, **given)
+
+
+def _bone(path: Path, place: str, table: Any) -> tuple[Any, float, float] | None:
+    """Return the joints, length and its sigma of a bone; None without a length."""
+    ends, length, sigma = _entry(path, place, table, joints=None, length_mm=0.0, sigma_mm=0.0)
+    for key, value in (("length_mm", length), ("sigma_mm", sigma)):
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise DatasetError(path, f"{place}.{key}", "a number of mm", repr(value)[:60])
+    if not length and not sigma:
+        return None
+    return ends, length, sigma or min(_SIGMA * length, _MOST_SIGMA_MM)
 
 
 def _entry(path: Path, place: str, table: Any, **keys: Any) -> Iterator[Any]:
