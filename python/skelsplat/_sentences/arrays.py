@@ -24,6 +24,12 @@ def _length(mm: float) -> str:
     return f"{mm:g} mm"
 
 
+def _trc_rate(finding: Finding) -> str:
+    rate = finding.numbers["frame_rate"]
+    given = f"the times of the rows give {rate:g}" if rate else "the times of the rows give none either"
+    return f"{finding.subject.files[0]}: line 3 states 0 frames per second; {given}"
+
+
 SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "implausible_size": _implausible_size,
     "start_contradicts": (
@@ -46,5 +52,7 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "axes_unknown": (
         "{files}: a TRC file does not state which axis is up; --y-up turns it once more if y is already"
     ),
+    "trc_frames": "{files}: line 3 states {stated} frames, but {rows} rows follow, which are read",
+    "trc_rate": _trc_rate,
     "axes_turned": "{files}: y is up in it already (POINT:Y_SCREEN); --y-up turns its axes once more",
 }

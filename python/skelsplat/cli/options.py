@@ -82,8 +82,8 @@ RequiredLayout = Annotated[
         _INPUT,
         "--layout",
         metavar="NAME|FILE",
-        help="Joint layout of the detections: a name (skelsplat layouts lists them) or a layout file (.toml). "
-        "Required.",
+        help="Joint layout of the detections: a name (skelsplat layouts lists them) or a layout file "
+        "(.toml). Required.",
     ),
     NAME_OR_PATH,
 ]

@@ -11,6 +11,8 @@ from rich.console import Console
 from skelsplat.cli import options
 from skelsplat.cli.config import NAME_OR_PATH
 from skelsplat.cli.output import counting, print_json, print_warning
+from skelsplat.cli.table import tell
+from skelsplat.findings import collected_warnings
 from skelsplat.run.frame_range import FrameRange
 from skelsplat.run.plots import PICTURES, Drawn, Source, read_source, write_plots
 
@@ -97,7 +99,8 @@ def plot(
         options.some_of("--only", only, PICTURES),
         options.some_of("--format", format, _FORMATS),
     )
-    source = read_source(run, layout=layout, range=FrameRange.parse(range), joints=joints)
+    with collected_warnings(tell):
+        source = read_source(run, layout=layout, range=FrameRange.parse(range), joints=joints)
     folder = output or (run.parent if run.is_file() else run) / "plots"
     with counting("figures", shown=not quiet) as progress:
         drawn = write_plots(source, folder, only=pictures, formats=formats, progress=progress)

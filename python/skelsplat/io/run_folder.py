@@ -76,7 +76,7 @@ def write_run_inputs(
     frames: Index,
     frame_rate: float | None = None,
 ) -> list[str]:
-    """Write cameras, detections (T, M, N, 3) of one person, and an own layout; return the names of the files."""
+    """Write cameras, detections (T, M, N, 3) of one person and an own layout; return the files' names."""
     write_calibration(folder / CAMERAS, rig)
     own = not sk.layouts.is_built_in(layout)
     if own:

@@ -2,7 +2,7 @@
 
 ``H36M17`` and its siblings are people's; the joint orders are those of the data sets' own tools. Every
 argument ``layout`` takes a `skelsplat.Layout`, the name of a built-in one (`names`), or the path of a layout
-file, which is a TOML file (`read`, `write`). The built-in ones that are not compiled are such files themselves.
+file in TOML (`read`, `write`). The built-in ones that are not compiled are such files themselves.
 """
 
 from __future__ import annotations

@@ -106,11 +106,16 @@ def read_file(path: Path) -> tuple[Layout, About]:
 
 
 def _layout(path: Path, document: Mapping[str, Any]) -> Layout:
-    given = {key: document[key] for key in ("limbs", "left_right", "occlusion_prone", "root", "human") if key in document}
+    given = {
+        key: document[key]
+        for key in ("limbs", "left_right", "occlusion_prone", "root", "human")
+        if key in document
+    }
     if "symmetric" in document:
         tables = enumerate(document["symmetric"])
         given["symmetric"] = [
-            tuple(_entry(path, f"symmetric[{k}]", table, tier=None, left=None, right=None)) for k, table in tables
+            tuple(_entry(path, f"symmetric[{k}]", table, tier=None, left=None, right=None))
+            for k, table in tables
         ]
     lengths = (_bone(path, f"bones[{k}]", table) for k, table in enumerate(document.get("bones", ())))
     given["lengths"] = [bone for bone in lengths if bone is not None]

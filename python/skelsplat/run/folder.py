@@ -112,7 +112,9 @@ def write_poses(folder: Path, data: PoseData, writing: Writing) -> list[str]:
 def write_folder(run: Run, folder: Path, writing: Writing) -> Run:
     """Write the whole folder of a run, its report last; return the run with the files in its report."""
     own = not layouts.is_built_in(run.layout)
-    run = replace(run, report={**run.report, "files": writing.names(run.outcome.config.method, own_layout=own)})
+    run = replace(
+        run, report={**run.report, "files": writing.names(run.outcome.config.method, own_layout=own)}
+    )
     begin_writing(folder, run.report)
     write_poses(folder, run.poses, writing)
     write_run_inputs(folder, run.cameras, run.layout, run.detections, run.frames, run.poses.frame_rate)

@@ -18,7 +18,7 @@ import skelsplat as sk
 from skelsplat._optional import require
 from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.io import PoseData, read_layout, read_pose, read_run
-from skelsplat.io.poses._pose_data import ARRAYS
+from skelsplat.io.poses._pose_data import ARRAYS, MARKER_NAMES, marker_names
 from skelsplat.run.folder import output_folder
 from skelsplat.run.frame_range import FrameRange
 
@@ -104,8 +104,11 @@ def _symmetry_tier(settings: dict[str, Any]) -> int:
 
 
 def _known_layout(joints: tuple[str, ...]) -> sk.Layout | None:
-    """Return the built-in layout with exactly these joints in this order."""
-    return next((layout for layout in map(sk.layouts.get, sk.layouts.names) if layout.joints == joints), None)
+    """Return the built-in layout with exactly these joints in this order, in any style of `MARKER_NAMES`."""
+    for layout in map(sk.layouts.get, sk.layouts.names):
+        if joints in (marker_names(tuple(layout.joints), style) for style in MARKER_NAMES):
+            return layout
+    return None
 
 
 def _connections(layout: sk.Layout | None, joints: tuple[str, ...]) -> tuple[Pairs, Pairs]:
@@ -114,8 +117,10 @@ def _connections(layout: sk.Layout | None, joints: tuple[str, ...]) -> tuple[Pai
     if layout is None:
         mirrored = ((name, name.replace("left", "right", 1)) for name in joints if name.startswith("left"))
         return (), tuple((place[left], place[right]) for left, right in mirrored if right in place)
-    if set(layout.joints) <= set(joints):
-        places = [place[name] for name in layout.joints]
+    styles = (marker_names(tuple(layout.joints), style) for style in MARKER_NAMES)
+    named = next((names for names in styles if set(names) <= set(joints)), None)
+    if named is not None:
+        places = [place[name] for name in named]
     elif layout.n_joints == len(joints):
         places = list(range(len(joints)))
     else:

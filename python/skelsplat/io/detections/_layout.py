@@ -11,7 +11,15 @@ from skelsplat.exceptions import InvalidInputError
 from skelsplat.findings import Finding, Subject, warn
 from skelsplat.io._files import listed, of_file
 from skelsplat.io.detections._format import View
-from skelsplat.io.detections._joints import CUSTOM, UNKNOWN, advice_on, confirmed, key, known_layouts, layouts_of
+from skelsplat.io.detections._joints import (
+    CUSTOM,
+    UNKNOWN,
+    advice_on,
+    confirmed,
+    key,
+    known_layouts,
+    layouts_of,
+)
 from skelsplat.io.detections._skeleton import read_skeleton
 
 OF_FILE = "file"
@@ -25,15 +33,16 @@ _AS_NAMED = "; --layout file takes the joints as they are named"
 
 def check_layout(layout: str | os.PathLike[str] | sk.Layout) -> None:
     """Raise, before long work, what `read_layout` would raise of a name or a layout file."""
-    if layout != OF_FILE and not _is_skeleton_file(layout):
+    if layout != OF_FILE and _skeleton_file(layout) is None:
         sk.layouts.get(layout)
 
 
-def _is_skeleton_file(layout: str | os.PathLike[str] | sk.Layout) -> bool:
-    """Whether this is the path of what has a skeleton, but is no layout file."""
+def _skeleton_file(layout: str | os.PathLike[str] | sk.Layout) -> Path | None:
+    """Return the path of what has a skeleton and is no layout file, or None."""
     if isinstance(layout, sk.Layout) or str(layout).lower() in sk.layouts.names:
-        return False
-    return Path(layout).suffix.lower() != ".toml" and Path(layout).exists()
+        return None
+    path = Path(layout)
+    return path if path.suffix.lower() != ".toml" and path.exists() else None
 
 
 def read_layout(
@@ -62,7 +71,8 @@ def read_layout(
         if detections is None:
             raise InvalidInputError("layout: expected a name or a path, as there are no detections, got file")
         return _of_skeleton(Path(detections))
-    return _of_skeleton(Path(layout)) if _is_skeleton_file(layout) else sk.layouts.get(layout)
+    file = _skeleton_file(layout)
+    return sk.layouts.get(layout) if file is None else _of_skeleton(file)
 
 
 def _of_skeleton(path: Path) -> sk.Layout:
