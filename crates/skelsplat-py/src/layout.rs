@@ -26,16 +26,17 @@ use crate::errors::{Failure, Result, in_words};
 /// root : sequence of joints
 ///     Joints whose mean is the root.
 /// lengths : sequence of ((joint, joint), length_mm, sigma_mm)
-///     Known lengths of limbs, in mm, and their standard deviations; ``RefineConfig.bone_lengths_mm`` replaces them.
+///     Known lengths of limbs, in mm, and their standard deviations, which ``bone_lengths_mm`` of the
+///     configuration replaces.
 /// human : bool
-///     This is a person's body, whose joints are named as in the built-in layouts: bones with known ends have the
-///     proportions of the population, and joints the published errors of detectors.
+///     This is a person's body, whose joints are named as in the built-in layouts: bones with known ends
+///     have the proportions of the population, and joints the published errors of detectors.
 ///
 /// Raises
 /// ------
 /// InvalidInputError
-///     An unknown joint name or index, a joint paired with itself, a tier other than 1, 2, 3, or a length that is not
-///     positive or of no limb.
+///     An unknown joint name or index, a joint paired with itself, a tier other than 1, 2, 3, or a length
+///     that is not positive or of no limb.
 #[pyclass(frozen, eq, module = "skelsplat", name = "Layout")]
 #[derive(PartialEq)]
 pub(crate) struct Layout(pub(crate) Core);

@@ -69,9 +69,9 @@ LayoutName = Annotated[
     str | None,
     option(
         _INPUT,
-        metavar="NAME|FILE",
-        help="Joint layout: a name, such as body25b (skelsplat layouts lists them), a layout file (.toml), or "
-        "file: the joints as the detections name them.",
+        metavar="NAME",
+        help="Joint layout, such as body25b. A name (skelsplat layouts lists them), a layout file (.toml), "
+        "or file: the joints as the detections name them.",
         default="found from the joint names in the files",
     ),
     NAME_OR_PATH,
@@ -81,7 +81,7 @@ RequiredLayout = Annotated[
     option(
         _INPUT,
         "--layout",
-        metavar="NAME|FILE",
+        metavar="NAME",
         help="Joint layout of the detections: a name (skelsplat layouts lists them) or a layout file "
         "(.toml). Required.",
     ),

@@ -58,7 +58,7 @@ _Layout = Annotated[
     str | None,
     options.option(
         _WHAT,
-        metavar="NAME|FILE",
+        metavar="NAME",
         help="Joint layout, for limbs and sides: a name, or a layout file (.toml).",
         default="that of the run, or found from the joints' names",
     ),

@@ -7,7 +7,6 @@ file in TOML (`read`, `write`). The built-in ones that are not compiled are such
 
 from __future__ import annotations
 
-import difflib
 import os
 from collections.abc import Iterable, Sequence
 from functools import cache
@@ -22,6 +21,7 @@ from skelsplat.layouts._files import (
     SUFFIX,
     About,
     about_of,
+    hint_at,
     mirrored_names,
     of_names,
     read_file,
@@ -101,10 +101,8 @@ def get(name: str | os.PathLike[str] | Layout) -> Layout:
         return _built_in(text.lower())
     if Path(text).suffix.lower() == SUFFIX:
         return read(text)
-    close = difflib.get_close_matches(text.lower(), names, n=1)
-    hint = f"; did you mean {close[0]}?" if close else ""
     expected = f"one of {', '.join(names)}, or a layout file ({SUFFIX})"
-    raise InvalidInputError(f"layout: expected {expected}, got {text!r}{hint}")
+    raise InvalidInputError(f"layout: expected {expected}, got {text!r}{hint_at(text.lower(), names)}")
 
 
 def read(path: str | os.PathLike[str]) -> Layout:

@@ -17,23 +17,16 @@ source
 
 from __future__ import annotations
 
-import json
 import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
 from skelsplat._atomic import atomic_write_text, opening
 from skelsplat._skelsplat import Layout
 from skelsplat.exceptions import DatasetError, InvalidInputError
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 SUFFIX = ".toml"
 _WIDTH = 100
@@ -69,11 +62,23 @@ _KEYS = ("name", *_WORDS, "human", *_PARTS)
 
 def read_toml(path: Path) -> dict[str, Any]:
     """Return the document of a TOML file, or raise `DatasetError`."""
+    if sys.version_info >= (3, 11):  # imported here, as most runs read no layout file
+        import tomllib
+    else:
+        import tomli as tomllib
     try:
         with opening(path):
             return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except (ValueError, RecursionError) as error:
         raise DatasetError(path, "TOML", "valid TOML", str(error)) from error
+
+
+def hint_at(name: str, known: Sequence[str]) -> str:
+    """Return "; did you mean …?" with the closest of the known names, empty if none is close."""
+    from difflib import get_close_matches
+
+    close = get_close_matches(name, known, n=1)
+    return f"; did you mean {close[0]}?" if close else ""
 
 
 def about_of(document: Mapping[str, Any]) -> About:
@@ -86,9 +91,8 @@ def read_file(path: Path) -> tuple[Layout, About]:
     document = read_toml(path)
     for key in document:
         if key not in _KEYS:
-            close = get_close_matches(key, _KEYS, n=1)
-            hint = f"; did you mean {close[0]}?" if close else ""
-            raise DatasetError(path, key, f"one of {', '.join(_KEYS)}", f"an unknown key{hint}")
+            actual = f"an unknown key{hint_at(key, _KEYS)}"
+            raise DatasetError(path, key, f"one of {', '.join(_KEYS)}", actual)
     for key, kind, expected in (
         *((key, str, "text") for key in ("name", *_WORDS)),
         ("human", bool, "true or false"),
@@ -235,7 +239,8 @@ def to_toml(layout: Layout, about: About | None = None) -> str:
 
 
 def _quoted(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False)
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    return '"' + re.sub(r"[\x00-\x1f\x7f]", lambda found: f"\\u{ord(found[0]):04x}", escaped) + '"'
 
 
 def _list(key: str, items: Sequence[str]) -> Iterator[str]:
