@@ -313,6 +313,8 @@ def named(finding: Finding) -> str:
 SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "layout_of_file": _layout_of_file,
     "option_unused": "{option} has no effect: it applies to pose.trc and pose.c3d, and --write lists neither",
+    "vertical_unknown": "--angles: the cameras do not show which axis of the world is vertical: "
+    "trunk and pelvis are left out",
     "times_assumed": lambda f: (
         f"--fps: not given; the times in {listed(f.subject.files)} assume {f.numbers['fps']:g} frames per "
         "second"

@@ -336,6 +336,14 @@ YUp = Annotated[
     bool,
     flag(_OUTPUT, "--y-up", help="Write TRC and C3D with y up, for OpenSim. The calibration must have z up."),
 ]
+Angles = Annotated[
+    bool,
+    flag(
+        _OUTPUT,
+        "--angles",
+        help="Write joint angles with error bars: angles.csv, angles.npz, and angles.mot for OpenSim.",
+    ),
+]
 NoHtml = Annotated[bool, flag(_OUTPUT, "--no-html", help="Do not write report.html. It takes 5 MB or more.")]
 MarkerNames = Annotated[
     str,

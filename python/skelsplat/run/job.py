@@ -96,6 +96,8 @@ class Job:
         Write ``pose.trc`` and ``pose.c3d`` with y pointing up, for OpenSim, instead of z.
     marker_names
         What joints are called in these two, of `skelsplat.io.poses.MARKER_NAMES`.
+    angles
+        Write the joint angles as well, `skelsplat.joint_angles`: ``angles.csv``, ``.npz`` and ``.mot``.
     html
         Write ``report.html``.
     note
@@ -139,6 +141,7 @@ class Job:
     write: tuple[str, ...] = ("npz", "csv", "trc")
     y_up: bool = False
     marker_names: str = MARKER_NAMES[0]
+    angles: bool = False
     html: bool = True
     note: str = ""
 
