@@ -85,6 +85,7 @@ def test_the_page_has_a_curve_per_side(with_angles):
     page = (with_angles / "report.html").read_text()
     assert '"title":"Knee flexion","unit":"\\u00b0","curves":[{"name":"left","colour":"left"' in page
     assert '"title":"Trunk inclination"' in page
+    assert "Joint angles have the colours of the sides" in page
 
 
 def test_without_the_option_nothing_is_written(run_folder, tmp_path):

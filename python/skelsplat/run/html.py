@@ -44,6 +44,10 @@ _SHARED = (
     ("weight", MEANINGS["mean_weight"]),
     ("swapped", MEANINGS["swapped"]),
 )
+_ANGLES = (
+    "Joint angles have the colours of the sides of the body in the 3D view. All are 0 in upright standing "
+    "with the arms hanging; angles.csv has their error bars, and the guide on joint angles their definitions."
+)
 _OF_JOINTS = (
     ("views used", "views with a detection that is used and not rejected: median over the frames (lowest)"),
     (
@@ -213,6 +217,7 @@ def _notes(run: Run) -> list[str]:
         "anatomical joint. It contains the scatter, what another recording of the same pose by the same "
         "detector would give, and how far detectors place joints from anatomical ones in all views and "
         "frames (--joint-bias-mm).",
+        *([_ANGLES] if "joint_angles" in run.report else []),
         *of_the_view(run.poses.frame_rate),
     ]
 
