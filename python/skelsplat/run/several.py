@@ -20,7 +20,7 @@ from skelsplat.io import write_people
 from skelsplat.io._run_files import REPORT, UNFINISHED, folders_of_run, is_person
 from skelsplat.io.poses import PEOPLE_FORMATS
 from skelsplat.run import folder as folders
-from skelsplat.run._run import Run, check_output, in_order, summed_up
+from skelsplat.run._run import Run, check_output, in_order, summed_up, warn_of_output
 from skelsplat.run.over_people import find_over_people, in_proportion, with_checks
 from skelsplat.run.over_time import try_over_time
 from skelsplat.run.people_report import build_people_report, folder_of
@@ -149,6 +149,7 @@ def _run_people(job: Job, progress: Progress | None, tell: Callable[[Finding], N
         people, whole = read_everybody(job)
         check_times(whole, job)
         check_output(job, whole)
+        warn_of_output(job, whole)
         everybody = follow_everybody(people, whole, job, progress)
         outcomes = [refine_inputs(inputs, job) for inputs in everybody.people]
     pairs = zip(everybody.people, outcomes, strict=True)
