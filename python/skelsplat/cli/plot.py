@@ -9,6 +9,7 @@ import typer
 from rich.console import Console
 
 from skelsplat.cli import options
+from skelsplat.cli.config import NAME_OR_PATH
 from skelsplat.cli.output import counting, print_json, print_warning
 from skelsplat.cli.table import tell
 from skelsplat.findings import collected_warnings
@@ -61,9 +62,10 @@ _Layout = Annotated[
     options.option(
         _WHAT,
         metavar="NAME",
-        help="Joint layout, for limbs and sides.",
+        help="Joint layout, for limbs and sides: a name, or a layout file (.toml).",
         default="that of the run, or found from the joints' names",
     ),
+    NAME_OR_PATH,
 ]
 _Format = Annotated[str, options.option(_OUTPUT, metavar="FORMATS", help="png, pdf or png,pdf.")]
 

@@ -106,7 +106,7 @@ def refine(
         source,
         detections,
         **read,
-        layout=layout and layout.lower(),
+        layout=layout,
         person=person,
         people=people and (options.number_of_people("--people", people) or "all"),
         frames=frames,

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from skelsplat import layouts
 from skelsplat._atomic import atomic_write_text, opening
 from skelsplat._json import to_text
 from skelsplat._optional import can_draw
@@ -17,6 +18,7 @@ from skelsplat.io import PoseData, write_pose
 from skelsplat.io._run_files import (
     CAMERAS,
     DETECTIONS,
+    LAYOUT,
     REPORT,
     UNFINISHED,
     files_of_run,
@@ -47,6 +49,7 @@ _POSSIBLE = (
     *ANGLE_FILES,
     CAMERAS,
     DETECTIONS,
+    LAYOUT,
     *_PICTURES,
     _PAPERS_PICTURE,
     PAGE,
@@ -72,10 +75,11 @@ class Writing:
         """Return what a job asks for."""
         return cls(job.pose_formats, job.y_up, job.marker_names, job.angles, job.html)
 
-    def names(self, method: str) -> list[str]:
+    def names(self, method: str, *, own_layout: bool = False) -> list[str]:
         """Return the names of the files, but for the report; pictures need the extra viz."""
         wanted = {*(f"pose.{kind}" for kind in self.formats), CAMERAS, DETECTIONS}
         wanted |= set(ANGLE_FILES) if self.angles else set()
+        wanted |= {LAYOUT} if own_layout else set()
         if can_draw():
             wanted |= {*_PICTURES, *([_PAPERS_PICTURE] if method == "paper" else [])}
             wanted |= {PAGE} if self.html else set()
@@ -119,7 +123,9 @@ def write_poses(folder: Path, data: PoseData, writing: Writing) -> list[str]:
 
 def write_folder(run: Run, folder: Path, writing: Writing) -> Run:
     """Write the whole folder of a run, its report last; return the run with the files in its report."""
-    report = {**run.report, "files": writing.names(run.outcome.config.method)}
+    own = not layouts.is_built_in(run.layout)
+    names = writing.names(run.outcome.config.method, own_layout=own)
+    report = {**run.report, "files": names}
     report.pop("joint_angles", None)
     run = replace(run, report={**report, **({"joint_angles": describe(run)} if writing.angles else {})})
     begin_writing(folder, run.report)
@@ -178,7 +184,7 @@ def _in_the_way(path: Path) -> InvalidInputError:
 
 def check_places(folder: Path, names: Sequence[str]) -> None:
     """Raise `DatasetError` if a folder has the name of a result."""
-    for path in (folder / name for name in (*names, REPORT)):
+    for path in (folder / name for name in (*names, LAYOUT, REPORT)):
         if path.is_dir():
             raise DatasetError(path, "output", "a file, or nothing, with the name of a result", "a folder")
 

@@ -18,7 +18,7 @@ import skelsplat as sk
 from skelsplat._arrays import Array
 from skelsplat._optional import require
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io import PoseData, read_pose, read_run
+from skelsplat.io import PoseData, read_layout, read_pose, read_run
 from skelsplat.io.poses._pose_data import ARRAYS, MARKER_NAMES, marker_names
 from skelsplat.run.angles import vertical_of
 from skelsplat.run.folder import output_folder
@@ -59,7 +59,7 @@ class Source:
 def read_source(
     path: str | PathLike[str],
     *,
-    layout: str | None = None,
+    layout: str | PathLike[str] | sk.Layout | None = None,
     range: FrameRange | None = None,
     joints: str | None = None,
 ) -> Source:
@@ -68,9 +68,9 @@ def read_source(
     Parameters
     ----------
     path : str or Path
-    layout : str, optional
-        Name of the joint layout, for limbs and sides; by default that of the run, or the built-in layout with
-        exactly the joints of the file.
+    layout : str, path or Layout, optional
+        The joint layout, for limbs and sides, as `skelsplat.io.read_layout` takes it; by default that of the
+        run, or the built-in layout with exactly the joints of the file.
     range : FrameRange, optional
         The frames to keep; all by default.
     joints : str, optional
@@ -84,7 +84,7 @@ def read_source(
         joints, no frame lies in the range or a name is no joint.
     """
     path, chosen = Path(path), range or FrameRange()
-    named = None if layout is None else sk.layouts.get(layout.lower())
+    named = None if layout is None else read_layout(layout)
     tier, up = 0, None
     if path.is_file():
         poses = read_pose(path)
