@@ -345,7 +345,7 @@ Angles = Annotated[
     flag(
         _OUTPUT,
         "--angles",
-        help="Write joint angles. angles.csv and angles.npz have their error bars, angles.mot is for OpenSim.",
+        help="Write joint angles. angles.csv and angles.npz have error bars, angles.mot is for OpenSim.",
     ),
 ]
 NoHtml = Annotated[bool, flag(_OUTPUT, "--no-html", help="Do not write report.html. It takes 5 MB or more.")]
