@@ -14,7 +14,7 @@ from skelsplat import _optional
 
 PICTURES = {"overview.png", "weights.png", "report.html"}
 NEEDS = "report.html and figures need skelsplat[viz]: pip install 'skelsplat[viz]'"
-EXTRAS = {"all", "evaluation", "formats", "temporal", "video", "viz"}
+EXTRAS = {"all", "evaluation", "formats", "mediapipe", "rtmlib", "temporal", "video", "viz"}
 
 
 @pytest.fixture
@@ -63,7 +63,7 @@ def test_the_chart_of_an_ablation_is_left_out_without_viz(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "missing", ["matplotlib", "plotly", "cv2", "scipy", "pandas", "xarray", "ezc3d", "PIL"]
+    "missing", ["matplotlib", "plotly", "cv2", "scipy", "pandas", "xarray", "ezc3d", "PIL", "mediapipe"]
 )
 def test_the_package_and_its_commands_load_without(missing):
     program = f"import sys; sys.modules[{missing!r}] = None; import skelsplat, skelsplat.cli, skelsplat.run"
