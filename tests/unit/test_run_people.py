@@ -68,6 +68,25 @@ def command(recording, out):
     return ["refine", recording / "Calib.toml", recording / "openpose", "-o", out, *READ, "--fps", FPS]
 
 
+def test_everybody_has_joint_angles(found, tmp_path):
+    found.write(tmp_path / "out", ("npz",), html=False, angles=True)
+    for identity, person in found.people.items():
+        with np.load(tmp_path / "out" / f"person_{identity}" / "angles.npz") as stored:
+            np.testing.assert_array_equal(stored["degrees"], person.angles.degrees)
+            assert len(stored["frames"]) == len(person.frames)
+    assert "angles.csv" in read_report(tmp_path / "out" / "person_1")["files"]
+    assert not (tmp_path / "out" / "angles.csv").exists()
+
+
+def test_a_file_in_the_place_of_a_persons_folder_is_refused_before_the_work(recording, tmp_path, monkeypatch):
+    (tmp_path / "person_1").write_text("mine")
+    monkeypatch.setattr("skelsplat.run.several.read_everybody", lambda *_: pytest.fail("it read"))
+    with pytest.raises(
+        sk.DatasetError, match=r"person_1: output: expected a folder, or nothing, .*got a file"
+    ):
+        run_people(job(recording, output=tmp_path))
+
+
 def test_everybody_is_refined_as_alone(people, found):
     rig = next(iter(found.people.values())).cameras  # as read from the file
     everybody = sk.track(people, rig, fps=FPS, layout=LAYOUT)

@@ -110,6 +110,14 @@ def test_csv_holds_every_figure_with_all_digits(tmp_path: Path) -> None:
             assert by_row[row["method"], row["data"], column] == ("" if value is None else repr(value))
 
 
+def test_a_folder_that_cannot_be_written_is_refused_before_the_work(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setattr(ablations, "run", lambda *_, **__: pytest.fail("it worked"))
+    result = CliRunner().invoke(app, ["ablate", "noise", "-o", str(tmp_path / "file" / "out")])
+    assert result.exit_code == 1
+    assert "output: expected a folder that can be written" in result.stderr
+
+
 def test_same_seed_gives_the_same_figures_and_another_does_not() -> None:
     def figures(seed: int) -> list[tuple[float | None, ...]]:
         record = ablations.run("noise", Simulated(Choices(poses=2, seed=seed)))

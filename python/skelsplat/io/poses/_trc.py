@@ -70,9 +70,7 @@ def write_trc(
         raise InvalidInputError(f'unit: expected "m" or "mm" in a TRC file, got {unit!r}')
     rate = known_frame_rate(data, frame_rate, "TRC")
     data = replace(data, joint_names=named(data.joint_names, marker_names))
-    for name in data.joint_names:
-        if not name.strip() or "\t" in name or name.splitlines() != [name]:
-            raise InvalidInputError(f"joint_names: expected names without tabs and line breaks, got {name!r}")
+    check_trc_names(data.joint_names)
     points = data.pose * (MM_PER_UNIT[data.unit] / MM_PER_UNIT[unit])
     if y_up:
         points = points[..., Y_UP]
@@ -84,6 +82,13 @@ def write_trc(
         fields = [f"{value:.{_DECIMALS[unit]}f}" if math.isfinite(value) else "" for value in values]
         lines.append("\t".join([str(step + 1), f"{step / rate:.6f}", *fields, ""]))
     atomic_write_text(path, "\n".join(lines) + "\n")
+
+
+def check_trc_names(names: Sequence[str]) -> None:
+    """Raise `InvalidInputError` if a joint's name cannot stand in a line of tab-separated fields."""
+    for name in names:
+        if not name.strip() or "\t" in name or name.splitlines() != [name]:
+            raise InvalidInputError(f"joint_names: expected names without tabs and line breaks, got {name!r}")
 
 
 def _header(file_name: str, data: PoseData, frame_rate: float, unit: str) -> list[str]:
