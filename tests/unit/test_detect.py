@@ -341,6 +341,13 @@ def test_networks_from_files_have_the_files_input_size(tmp_path):
     assert _rtmlib._loaded(RTMLib(model="body")).det_model.model_input_size == "rtmlib's"
 
 
+def test_whole_bodies_have_their_layout(rtmlib, videos, tmp_path):
+    rtmlib.Wholebody = type("Wholebody", (Solution,), {"joints": 133})
+    detect(videos, tmp_path / "pose", RTMLib("whole-body"), last=1)
+    found = read_detections(tmp_path / "pose", CAMERAS)
+    assert (found.layout, found.people.shape[3]) == ("wholebody133", 133)
+
+
 @pytest.mark.usefixtures("rtmlib")
 def test_a_network_of_other_joints_is_refused():
     with RTMLib(model="body", device="cuda").open() as find, pytest.raises(sk.InvalidInputError) as found:

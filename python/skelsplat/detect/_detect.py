@@ -147,7 +147,7 @@ class _Book:
         cls, folder: Path, detector: Detector, sources: Mapping[str, FrameSource], *, overwrite: bool
     ) -> _Book:
         """Return the record of a folder into which this may be written, with all cameras in it."""
-        joints = tuple(sk.layouts.get(detector.layout).joints) if detector.layout in sk.layouts.names else ()
+        joints = tuple(sk.layouts.get(detector.layout).joints)
         wanted = Record(dict(detector.settings), detector.layout, joints)
         before = read_record(folder) if folder.is_dir() else None
         known = {} if before is None else before.videos

@@ -18,7 +18,7 @@ class Detector(Protocol):
 
     @property
     def layout(self) -> str:
-        """Name of the joint layout of its N joints."""
+        """Name of the built-in layout of its N joints."""
         ...
 
     @property

@@ -14,17 +14,18 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+import skelsplat as sk
 from skelsplat._arrays import Array
 from skelsplat._optional import require
 from skelsplat.detect._detector import Find
 from skelsplat.exceptions import DatasetError, InvalidInputError, SkelSplatError, one_of
 from skelsplat.io.video import Image
 
-# rtmlib's class, layout and number of joints
+# rtmlib's class, and the layout
 _MODELS = {
-    "body-feet": ("BodyWithFeet", "halpe26", 26),
-    "body": ("Body", "coco17", 17),
-    "whole-body": ("Wholebody", "wholebody133", 133),
+    "body-feet": ("BodyWithFeet", "halpe26"),
+    "body": ("Body", "coco17"),
+    "whole-body": ("Wholebody", "wholebody133"),
 }
 _MODES = ("balanced", "lightweight", "performance")
 
@@ -86,7 +87,7 @@ class RTMLib:
 
     def _people(self, solution: Any, image: Image) -> Array:
         """Return the people in an image (P, N, 3)."""
-        n_joints = _MODELS[self.model][2]
+        n_joints = sk.layouts.get(self.layout).n_joints
         boxes = solution.det_model(image)
         if len(boxes) == 0:  # without boxes, RTMPose takes the whole image for a person
             return np.empty((0, n_joints, 3))
