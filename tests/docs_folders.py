@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 FRAMES = 24
 STEPS = 12
-VIDEO_FRAMES = 8
+VIDEO_FRAMES = 6
 
 
 def prepare(page: str, folder: Path) -> None:
@@ -76,7 +76,7 @@ def _pictures(folder: Path) -> None:
 
 
 def _pose2sim(folder: Path) -> None:
-    _sample(folder, calibration="calibration/Calib_scene.toml", frames=100)
+    _sample(folder, calibration="calibration/Calib_scene.toml")
 
 
 def _openpose(folder: Path) -> None:
@@ -179,7 +179,7 @@ PREPARED: dict[str, Callable[[Path], None]] = {
     "docs/howto/rtmpose.md": _rtmpose,
     "docs/howto/run.md": _sample,
     "docs/howto/several-people.md": _several_people,
-    "docs/howto/config.md": lambda folder: _sample(folder, frames=100),
+    "docs/howto/config.md": _sample,
     "docs/howto/pictures.md": _pictures,
     "docs/howto/videos.md": _detected,
     "docs/synthetic-data.md": _synthetic,

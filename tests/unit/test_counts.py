@@ -127,4 +127,4 @@ def test_everything_is_printed(
     assert "package: cli" in said
     assert "binding / core: 0." in said
     assert said.startswith("| folder |") == bool(arguments)
-    assert import_circles.main() in (0, 1)
+    assert arguments or import_circles.main() in (0, 1)
