@@ -19,6 +19,7 @@ import skelsplat as sk
 from docs_code import run
 from skelsplat import synthetic
 from skelsplat.io import read_calibration, sample, write_calibration
+from skelsplat.io.detections._record import Record, Video, write_record
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -136,6 +137,14 @@ def _rtmpose(folder: Path) -> None:
     detection_files.mmpose(folder / "mmpose", take)
 
 
+def _detected(folder: Path) -> None:
+    """OpenPose's files of the recording with what ``skelsplat detect`` states, and videos."""
+    _pictures(folder)
+    videos = {f"cam{m:02}": Video(f"cam{m:02}.mp4", (1088, 1920), 60.0) for m in range(1, 5)}
+    joints = tuple(sk.layouts.get(sample.LAYOUT).joints)
+    write_record(folder / "pose", Record({"backend": "openpose"}, sample.LAYOUT, joints, videos))
+
+
 def _live(folder: Path) -> None:
     _, take = _walk(folder, ["A", "B", "C", "D"], "h36m17", 1.0)
     frames = [
@@ -172,6 +181,7 @@ PREPARED: dict[str, Callable[[Path], None]] = {
     "docs/howto/several-people.md": _several_people,
     "docs/howto/config.md": _sample,
     "docs/howto/pictures.md": _pictures,
+    "docs/howto/videos.md": _detected,
     "docs/synthetic-data.md": _synthetic,
     "docs/tutorial.md": _videos,
 }
