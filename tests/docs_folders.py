@@ -159,6 +159,7 @@ PREPARED: dict[str, Callable[[Path], None]] = {
     "docs/errors.md": _sample,
     "docs/formats.md": _sample,
     "docs/pose-files.md": _sample,
+    "docs/howto/angles.md": _sample,
     "docs/howto/anipose.md": _anipose,
     "docs/howto/deeplabcut.md": _deeplabcut,
     "docs/howto/freemocap.md": _freemocap,

@@ -25,7 +25,7 @@ _TINY = 1e-9
 # Sine of the angle between a limb and the axis through both sides of the body below which its swing is too
 # uncertain to count turns from frame to frame: 20°.
 _NEAR_AXIS = 0.34
-_TOES = ("big_toe", "foot_index", "toe")
+_TOES = ("foot_index", "toe")  # other names of the big toe
 
 UP: Final = "up"
 Point = tuple[str, ...]  # the middle of these joints
@@ -117,12 +117,8 @@ def angles_of_joints(
     points: Array, joints: Sequence[str], covariance: Array | None, up: Array | None, *, of: str = "these"
 ) -> JointAngles:
     """Return the angles of points (…, N, 3) with these names; ``of`` names them in an error."""
-    place = {name: k for k, name in enumerate(joints)}
-    for side in ("left", "right"):
-        toe = next((place[f"{side}_{toe}"] for toe in _TOES if f"{side}_{toe}" in place), None)
-        if toe is not None:
-            place[f"{side}_big_toe"] = toe
-    found = [angle for angle in _ANGLES if angle.joints <= set(place) and (up is not None or not angle.leans)]
+    place = _places(joints)
+    found = _angles_of(place, leaning=up is not None)
     if not found:
         expected = "joints of at least one angle, such as left_hip, left_knee and left_ankle"
         raise InvalidInputError(f"layout: expected {expected}, got {of} joints ({', '.join(joints[:4])}, …)")
@@ -130,6 +126,25 @@ def angles_of_joints(
         pairs = [_solve(angle, points, place, covariance, up) for angle in found]
     degrees, sigma = (np.stack(values, axis=-1) for values in zip(*pairs, strict=True))
     return JointAngles(tuple(angle.name for angle in found), degrees, sigma)
+
+
+def angle_names(joints: Sequence[str], *, leaning: bool = True) -> tuple[str, ...]:
+    """Return the angles that joints of these names have; without ``leaning``, those without a vertical."""
+    return tuple(angle.name for angle in _angles_of(_places(joints), leaning=leaning))
+
+
+def _places(joints: Sequence[str]) -> dict[str, int]:
+    """Return the index of every joint; the big toes are found under other names as well."""
+    place = {name: k for k, name in enumerate(joints)}
+    for side in ("left", "right"):
+        for toe in (f"{side}_{name}" for name in _TOES):
+            if toe in place:
+                place.setdefault(f"{side}_big_toe", place[toe])
+    return place
+
+
+def _angles_of(place: dict[str, int], *, leaning: bool) -> list[_Angle]:
+    return [angle for angle in _ANGLES if angle.joints <= set(place) and (leaning or not angle.leans)]
 
 
 @dataclass(frozen=True)

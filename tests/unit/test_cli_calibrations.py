@@ -107,7 +107,11 @@ def test_what_is_missing_or_wrong_is_status_2_and_names_the_option(tmp_path, vie
     fails(files.human36m, [], "--subject: expected one of S1, S9")
     fails(files.openpose, [], "--size: expected")
     fails(files.openpose, ["--size", "wide"], "--size: expected a width and a height", "'wide'")
-    fails(files.anipose, ["--calibration-format", "toml"], "--calibration-format: expected one of anipose")
+    fails(
+        files.anipose,
+        ["--calibration-format", "toml"],
+        "--calibration-format: expected one of 4d-association",
+    )
 
 
 @pytest.fixture(scope="module")

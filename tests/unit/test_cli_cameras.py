@@ -87,7 +87,9 @@ def test_convert_refuses(tmp_path, views):
     assert_fails(
         invoke("convert", toml, out, "--unit", "m", "--subject", "S1"), 2, "--subject: expected none"
     )
-    assert_fails(invoke("convert", toml, out, "--format", "toml"), 2, "--format: expected one of anipose")
+    assert_fails(
+        invoke("convert", toml, out, "--format", "toml"), 2, "--format: expected one of 4d-association"
+    )
     assert_fails(
         invoke("convert", toml, tmp_path / "out.xcp"), 2, "OUTPUT: expected a calibration to be", ".xcp"
     )

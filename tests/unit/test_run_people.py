@@ -68,6 +68,18 @@ def command(recording, out):
     return ["refine", recording / "Calib.toml", recording / "openpose", "-o", out, *READ, "--fps", FPS]
 
 
+def test_everybody_has_joint_angles(found, tmp_path, monkeypatch):
+    for module in ("folder", "several"):
+        monkeypatch.setattr(f"skelsplat.run.{module}.can_draw", lambda: False)  # pictures take longer
+    found.write(tmp_path / "out", ("npz",), html=False, angles=True)
+    for identity, person in found.people.items():
+        with np.load(tmp_path / "out" / f"person_{identity}" / "angles.npz") as stored:
+            np.testing.assert_array_equal(stored["degrees"], person.angles.degrees)
+            assert len(stored["frames"]) == len(person.frames)
+    assert "angles.csv" in read_report(tmp_path / "out" / "person_1")["files"]
+    assert not (tmp_path / "out" / "angles.csv").exists()
+
+
 def test_a_file_in_the_place_of_a_persons_folder_is_refused_before_the_work(recording, tmp_path, monkeypatch):
     (tmp_path / "person_1").write_text("mine")
     monkeypatch.setattr("skelsplat.run.several.read_everybody", lambda *_: pytest.fail("it read"))

@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use skelsplat_core::{Error, Layout, LayoutSpec, SymmetricPair};
+use skelsplat_core::{Error, KnownLength, Layout, LayoutSpec, SymmetricPair};
 
 fn all() -> impl Iterator<Item = Layout> {
     Layout::NAMES.into_iter().map(|name| Layout::by_name(name).unwrap())
@@ -173,6 +173,8 @@ fn arms() -> LayoutSpec {
         left_right: vec![[1, 2], [3, 4]],
         occlusion_prone: vec![3, 4],
         root: vec![0],
+        lengths: vec![KnownLength { limb: 2, mean_mm: 60.0, sigma_mm: 6.0 }],
+        human: false,
     }
 }
 
@@ -187,7 +189,7 @@ fn a_layout_of_ones_own() {
 #[test]
 fn broken_layouts_are_refused() {
     type Break = fn(&mut LayoutSpec);
-    let cases: [(Break, &str); 9] = [
+    let cases: [(Break, &str); 13] = [
         (|s| s.joints.clear(), "joints: expected at least one joint, got none"),
         (|s| s.joints[2].clear(), "joints[2]: expected a non-empty name, got an empty one"),
         (
@@ -203,6 +205,13 @@ fn broken_layouts_are_refused() {
             |s| s.left_right.push([0, 1]),
             "left_right: expected each joint in one pair, got joint 1 repeated in pair 2",
         ),
+        (|s| s.lengths[0].limb = 4, "lengths: expected limb indices below 4, got 4"),
+        (
+            |s| s.lengths.push(s.lengths[0]),
+            "lengths: expected one length for each limb, got two for left_hand–left_tip",
+        ),
+        (|s| s.lengths[0].mean_mm = 0.0, "lengths: expected a positive length in mm, got 0"),
+        (|s| s.lengths[0].sigma_mm = f64::NAN, "lengths: expected a positive sigma in mm, got NaN"),
     ];
     for (break_it, message) in cases {
         let mut spec = arms();

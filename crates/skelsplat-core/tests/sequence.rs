@@ -270,7 +270,8 @@ fn given_lengths_hold_where_no_frame_shows_the_bone_and_yield_where_frames_contr
         *frame = Detections::new(4, 17, &pixels.collect::<Vec<f64>>(), None).unwrap();
     }
     let layout = Layout::by_name("h36m17").unwrap();
-    let own = Layout::new(LayoutSpec { name: "own".to_owned(), ..(*layout).clone() }).unwrap();
+    let own = Layout::new(LayoutSpec { name: "own".to_owned(), human: false, ..(*layout).clone() })
+        .unwrap();
     let length = |[a, b]: &[usize; 2]| (truth[0][*a] - truth[0][*b]).norm();
     let mut lengths: Vec<f64> = own.limbs.iter().map(length).collect();
     lengths[1] += 150.0;

@@ -50,6 +50,17 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
         "{files}: camera {cameras}: OpenCV's lens model follows Vicon's to {error_px:.2g} px at worst "
         "(towards the corners of the image)"
     ),
+    "focal_in_pixels": (
+        "{files}: focal length and centre of {cameras} are in px here, not in 1/64 px as Qualisys writes "
+        "them; read as px"
+    ),
+    "crop_applied": (
+        "{files}: offset: videos of {cameras} are cropped; detections are taken to be in pixels of the crop"
+    ),
+    "skew_approximated": (
+        "{files}: skew of {cameras}: not supported; the cameras turned by half of it agree to {error_px:.2g} "
+        "px at worst (towards the corners of the image)"
+    ),
     "axes_unknown": (
         "{files}: a TRC file does not state which axis is up; --y-up turns it once more if y is already"
     ),

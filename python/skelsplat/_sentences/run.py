@@ -50,6 +50,15 @@ def _no_match(finding: Finding) -> str:
     )
 
 
+def _layout_of_file(finding: Finding) -> str:
+    """Return what the skeleton of a file has, and which pairs its names state."""
+    pairs, (file,) = finding.numbers["pairs"], finding.subject.files
+    count = f"{len(pairs)} left–right pair{'' if len(pairs) == 1 else 's'} by name"
+    limbs = f"{finding.numbers['limbs']} limbs" if finding.numbers["limbs"] else "no limbs"
+    shown = f" ({listed(pairs[:_MOST_NAMES])}{', …' if len(pairs) > _MOST_NAMES else ''})" if pairs else ""
+    return f"The layout is that of {file}: {finding.numbers['joints']} joints, {limbs}, {count}{shown}."
+
+
 def _unused(finding: Finding) -> str:
     return (
         f"{finding.subject.cameras[0]} has no usable detections. Either the person is not in view, or its "
@@ -302,7 +311,10 @@ def named(finding: Finding) -> str:
 
 
 SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
+    "layout_of_file": _layout_of_file,
     "option_unused": "{option} has no effect: it applies to pose.trc and pose.c3d, and --write lists neither",
+    "vertical_unknown": "--angles: the cameras do not show which axis of the world is vertical: "
+    "trunk and pelvis are left out",
     "times_assumed": lambda f: (
         f"--fps: not given; the times in {listed(f.subject.files)} assume {f.numbers['fps']:g} frames per "
         "second"

@@ -17,14 +17,14 @@ from skelsplat.run import Job, PeopleRun, run, run_people
 
 EPILOG = (
     "Results in FOLDER: pose.npz, pose.csv and pose.trc (or the formats of --write), report.json, "
-    "report.html, overview.png and weights.png, with --paper also heatmaps.png; and the input as used, "
-    "cameras.json and detections.npz. With --people these are in the folder of each person, and report.html, "
-    "overview.png, and people.csv, people.json or people.nc have everybody. Files of an earlier run are "
-    "removed first; plots/ and overlay/ are kept."
+    "report.html, overview.png and weights.png, with --paper also heatmaps.png, with --angles angles.csv, "
+    "angles.npz and angles.mot; and the input as used, cameras.json and detections.npz. With --people these "
+    "are in the folder of each person, and report.html, overview.png, and people.csv, people.json or "
+    "people.nc have everybody. Files of an earlier run are removed first; plots/ and overlay/ are kept."
 )
 COMMON = (
     *("output", "unit", "layout", "person", "people", "without", "offset", "fps", "filter", "fill_gaps"),
-    *("write", "y_up", "paper", "quiet", "as_json"),
+    *("write", "y_up", "angles", "paper", "quiet", "as_json"),
 )
 
 
@@ -72,6 +72,7 @@ def refine(
     write: options.Write = "csv,trc",
     y_up: options.YUp = False,
     marker_names: options.MarkerNames = "skelsplat",
+    angles: options.Angles = False,
     no_html: options.NoHtml = False,
     quiet: options.Quiet = False,
     as_json: options.AsJson = False,
@@ -83,7 +84,7 @@ def refine(
     skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b
 
     skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b --fps 60
-    --write trc,c3d
+    --write trc,c3d --angles
 
     skelsplat refine --config run.toml --fps 60 --people all
     """
@@ -105,7 +106,7 @@ def refine(
         source,
         detections,
         **read,
-        layout=layout and layout.lower(),
+        layout=layout,
         person=person,
         people=people and (options.number_of_people("--people", people) or "all"),
         frames=frames,
@@ -125,6 +126,7 @@ def refine(
         write=options.some_of("--write", write, tuple(POSE_FORMATS)),
         y_up=y_up,
         marker_names=marker_names,
+        angles=angles,
         html=not no_html,
     )
     run_and_print(job, quiet=quiet, as_json=as_json)

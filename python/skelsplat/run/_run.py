@@ -18,6 +18,7 @@ from skelsplat.io import PoseData
 from skelsplat.io._run_files import REPORT
 from skelsplat.io.run_folder import read_run
 from skelsplat.run import folder as folders
+from skelsplat.run.angles import angles_of
 from skelsplat.run.findings import find_findings
 from skelsplat.run.frames import find_in_frames
 from skelsplat.run.html import notebook_view, show_page, write_html
@@ -88,6 +89,11 @@ class Run:
     def layout(self) -> sk.Layout:
         """What the N joints are."""
         return self.inputs.layout
+
+    @property
+    def angles(self) -> sk.JointAngles:
+        """The joint angles of `poses`; those against the vertical if the cameras show which axis is up."""
+        return angles_of(self)
 
     @property
     def detections(self) -> Array:
@@ -199,7 +205,8 @@ class Run:
         """Write everything, as ``skelsplat refine`` does; return the names of the files.
 
         Files of an earlier run are removed first. The folder can be read by `open`, and drawn by
-        ``skelsplat plot`` and ``skelsplat overlay``. ``options`` are those of `write_poses`.
+        ``skelsplat plot`` and ``skelsplat overlay``. ``options`` are those of `write_poses`, and
+        ``angles`` as of `Job`.
 
         Raises
         ------
@@ -278,12 +285,12 @@ def check_output(job: Job, inputs: Inputs) -> None:
     """Check, once the frames of the input are known, that the results can be written."""
     if job.output is not None:
         folders.keep_input(job, inputs.sources)
-        folders.Writing.of(job).check(inputs.frames, inputs.layout.joints)
+        folders.Writing.of(job).check(inputs)
 
 
 def warn_of_output(job: Job, inputs: Inputs) -> None:
     """Warn of notes on how the results are written."""
-    for note in folders.Writing.of(job).notes(inputs.fps) if job.output is not None else ():
+    for note in folders.Writing.of(job).notes(inputs) if job.output is not None else ():
         warn(note)
 
 

@@ -11,10 +11,11 @@ import numpy as np
 from skelsplat import viz
 from skelsplat._arrays import Array
 from skelsplat._sentences.words import number
-from skelsplat.run.figures import skeleton_of, world_up
+from skelsplat.run.figures import skeleton_of
 from skelsplat.run.frames import problems_of, rows_of
 from skelsplat.run.html import camera_shapes, facts_of, of_the_view
 from skelsplat.run.summary import finite_median, frame_medians
+from skelsplat.run.vertical import world_up
 from skelsplat.viz import report as page
 
 if TYPE_CHECKING:

@@ -83,7 +83,7 @@ def read_everybody(job: Job) -> tuple[Array, Inputs]:
         mapping=job.mapping,
         sequence=job.sequence,
     )
-    layout = sk.layouts.get(found.layout)
+    layout = found.skeleton
     init = None if job.init is None else _read_init(Path(job.init), rig, len(found.frames), layout)
     rate, stated = _known_rate(job, found, init, rig)
     steps, views = found.people.shape[:2]

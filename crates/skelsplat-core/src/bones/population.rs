@@ -48,10 +48,10 @@ const TABLE: [(&str, &str, f64, f64); 19] = [
     ("ankle", "foot_index", 0.11, 0.2),
 ];
 
-/// The bones of a built-in layout that the table knows; none for one's own layouts, which need not be human.
+/// The bones of a human layout that the table knows; none for other layouts.
 #[must_use]
 pub fn proportions(layout: &Layout) -> Vec<Proportion> {
-    if !layout.is_built_in() {
+    if !layout.is_human() {
         return Vec::new();
     }
     let bare = |j: usize| layout.joints[j].trim_start_matches("left_").trim_start_matches("right_");

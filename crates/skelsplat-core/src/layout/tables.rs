@@ -102,6 +102,8 @@ pub(super) fn spec(name: &str) -> Option<LayoutSpec> {
         left_right: left_right.collect(),
         occlusion_prone: occlusion_prone.collect(),
         root: root(&joints),
+        lengths: Vec::new(),
+        human: true,
         symmetric,
         joints,
     })

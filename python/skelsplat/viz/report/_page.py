@@ -12,7 +12,7 @@ from skelsplat._arrays import Array, ArrayFields
 from skelsplat._atomic import atomic_write_text
 from skelsplat.viz import _style
 from skelsplat.viz.report import _parts
-from skelsplat.viz.report._parts import Problem, Table, TimeLine
+from skelsplat.viz.report._parts import Problem, Table, TimeLine, TimeLines
 from skelsplat.viz.report._scene import (
     CameraShapes,
     Sequence3D,
@@ -47,7 +47,7 @@ class ReportData(ArrayFields):
     # NaN where a camera has no detection of a joint that is used
     errors_px: Array
     rejected: Array
-    lines: Sequence[TimeLine]
+    lines: Sequence[TimeLine | TimeLines]
     # (first frame, last frame, words) of stretches of frames that have the same problem
     problems: Sequence[Problem]
     # (joint, joint, length, standard error) of the bones of a solution over time, in mm; NaN where unknown
