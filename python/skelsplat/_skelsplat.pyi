@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from skelsplat.cameras import CameraRig
 
 __all__ = [
+    "HIGHEST_CONFIDENCE",
     "JOINT_STATUS",
     "LAYOUT_NAMES",
     "REJECTED_WEIGHT",
@@ -38,6 +39,8 @@ __all__ = [
 __version__: str
 LAYOUT_NAMES: list[str]
 JOINT_STATUS: list[str]
+HIGHEST_CONFIDENCE: float
+"""A confidence between 1 and this one counts as 1."""
 REJECTED_WEIGHT: float
 """Detections with a weight (``Refinement.view_weights``) below this are rejected."""
 
@@ -56,7 +59,7 @@ class Camera:
     K : (3, 3)
         [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels.
     R : (3, 3)
-        Rotation world to camera.
+        Rotation world to camera. One that is orthonormal to 1e-3 will do: the nearest rotation is taken.
     t : (3,)
         Translation world to camera, in the unit of the rig.
     distortion : (4 | 5 | 8 | 12 | 14,), optional

@@ -40,6 +40,7 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
         "in {frames} frames two or more views detect people, but no two agree on a person: check the unit of "
         "the cameras, their order, and that all detections of a frame are from the same instant"
     ),
+    "confidence_clipped": "{argument}: confidences slightly above 1, up to {highest}, count as 1",
     "lens_assumed": "{files}: no distortions for {cameras}: assumed to have no lens distortion",
     "view_rotated": (
         "{files}: viewrotation: images of {cameras} were rotated for display; the calibration is for images "
@@ -48,6 +49,17 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "lens_approximated": (
         "{files}: camera {cameras}: OpenCV's lens model follows Vicon's to {error_px:.2g} px at worst "
         "(towards the corners of the image)"
+    ),
+    "focal_in_pixels": (
+        "{files}: focal length and centre of {cameras} are in px here, not in 1/64 px as Qualisys writes "
+        "them; read as px"
+    ),
+    "crop_applied": (
+        "{files}: offset: videos of {cameras} are cropped; detections are taken to be in pixels of the crop"
+    ),
+    "skew_approximated": (
+        "{files}: skew of {cameras}: not supported; the cameras turned by half of it agree to {error_px:.2g} "
+        "px at worst (towards the corners of the image)"
     ),
     "axes_unknown": (
         "{files}: a TRC file does not state which axis is up; --y-up turns it once more if y is already"

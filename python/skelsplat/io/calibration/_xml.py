@@ -62,6 +62,8 @@ def _parsed(words: Sequence[str]) -> Array:
 
 _SUBPIXELS = 64.0
 _FLIP = np.diag([1.0, -1.0, -1.0])
+# of the longer side of the image: a field of view of 157°
+_SHORTEST = 0.1
 # 1088 lines are called 1080p
 _SAME_LINES = 0.02
 
@@ -75,8 +77,9 @@ def is_qualisys(source: Source) -> bool:
 def parse_qualisys(source: Source, camera_type: str | None, binning: float | None) -> Parsed:
     """Return the video cameras that are active and calibrated, or all; millimetres.
 
-    * ``focalLengthU/V`` and ``centerPointU/V`` are in 1/64 px of the whole sensor. The image is the part of
-      it that ``fov_video`` names, so its left and top come off the principal point.
+    * ``focalLengthU/V`` and ``centerPointU/V`` are in 1/64 px of the whole sensor; in files of some programs
+      in px, which the place of the centre shows. The image is the part of the sensor that ``fov_video``
+      names, so its left and top come off the principal point.
     * ``radialDistortion1..3`` and ``tangentalDistortion1..2`` are OpenCV's k1, k2, k3, p1, p2. They have no
       dimension and are *not* divided by 64 (Pose2Sim divides them, which makes them nothing).
     * ``transform`` is the camera's position in the world and a rotation ``r11`` … ``r33`` whose rows are the
@@ -98,8 +101,13 @@ def parse_qualisys(source: Source, camera_type: str | None, binning: float | Non
         raise DatasetError(source.path, "model", expected, f"models {', '.join(models)}")
     cameras = [Field(source.path, f"camera {n.get('serial', i)}", _tree(n)) for i, n in enumerate(chosen)]
     turned = [one.value.get("serial", "") for one in cameras if one.value.get("viewrotation", "0") != "0"]
+    whole = [_parts_of_pixel(camera) == 1.0 for camera in cameras]
     read = [_qualisys_camera(camera, binning or _no_binning(camera)) for camera in cameras]
-    return Parsed(read, "mm", [noted("view_rotated", source.path, *turned)] if turned else [])
+    found = [noted("view_rotated", source.path, *turned)] if turned else []
+    if any(whole):
+        names = [camera.name for camera, is_whole in zip(read, whole, strict=True) if is_whole]
+        found.append(noted("focal_in_pixels", source.path, *names))
+    return Parsed(read, "mm", found)
 
 
 def _is_wanted(node: ET.Element, camera_type: str | None) -> bool:
@@ -124,7 +132,7 @@ def _qualisys_camera(camera: Field, binning: float) -> RawCamera:
     p1, p2 = _row(intrinsic, "tangentalDistortion1", "tangentalDistortion2")
     return RawCamera(
         name=camera.member("serial", "an attribute").value,
-        K=_matrix(intrinsic, np.array([left, top]), binning),
+        K=_matrix(intrinsic, np.array([left, top]), binning, _parts_of_pixel(camera)),
         R=rotation,
         t=-rotation @ _row(transform, "x", "y", "z"),
         distortion=np.array([k1, k2, p1, p2, _number(intrinsic, "radialDistortion3", 0.0)]),
@@ -132,9 +140,25 @@ def _qualisys_camera(camera: Field, binning: float) -> RawCamera:
     )
 
 
-def _matrix(intrinsic: Field, corner: Array, binning: float) -> Array:
-    focal = _row(intrinsic, "focalLengthU", "focalLengthV") / _SUBPIXELS / binning
-    centre = _row(intrinsic, "centerPointU", "centerPointV") / _SUBPIXELS - corner
+def _parts_of_pixel(camera: Field) -> float:
+    """Return 64, or 1 for a camera whose focal length and centre are in px.
+
+    In 1/64 px, a centre below twice the sensor's size would be within a 32nd of its upper left corner.
+    """
+    sensor = _row(_child(camera, "fov_video"), "right", "bottom") + 1.0
+    intrinsic = _child(camera, "intrinsic")
+    focal = _row(intrinsic, "focalLengthU", "focalLengthV")
+    parts = 1.0 if (_row(intrinsic, "centerPointU", "centerPointV") < 2.0 * sensor).all() else _SUBPIXELS
+    if (focal / parts < _SHORTEST * sensor.max()).any():
+        name = "px, as the centre is" if parts == 1.0 else "1/64 px, as the centre is"
+        expected = f"a focal length in {name}, of at least {_SHORTEST} of the image"
+        raise intrinsic["focalLengthU"].error(expected, f"{focal[0]:g}, that is {focal[0] / parts:.3g} px")
+    return parts
+
+
+def _matrix(intrinsic: Field, corner: Array, binning: float, parts: float) -> Array:
+    focal = _row(intrinsic, "focalLengthU", "focalLengthV") / parts / binning
+    centre = _row(intrinsic, "centerPointU", "centerPointV") / parts - corner
     centre = (centre + 0.5) / binning - 0.5  # integers are pixel centres
     if _number(intrinsic, "skew", 0.0) != 0.0:
         raise intrinsic["skew"].error("0 (skew is not supported)", intrinsic["skew"].value)
