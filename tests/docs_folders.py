@@ -19,6 +19,7 @@ import skelsplat as sk
 from docs_code import run
 from skelsplat import synthetic
 from skelsplat.io import read_calibration, sample, write_calibration
+from skelsplat.io.detections._record import Record, Video, write_record
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 
 FRAMES = 24
 STEPS = 12
-VIDEO_FRAMES = 8
+VIDEO_FRAMES = 6
 
 
 def prepare(page: str, folder: Path) -> None:
@@ -75,7 +76,7 @@ def _pictures(folder: Path) -> None:
 
 
 def _pose2sim(folder: Path) -> None:
-    _sample(folder, calibration="calibration/Calib_scene.toml", frames=100)
+    _sample(folder, calibration="calibration/Calib_scene.toml")
 
 
 def _openpose(folder: Path) -> None:
@@ -136,6 +137,14 @@ def _rtmpose(folder: Path) -> None:
     detection_files.mmpose(folder / "mmpose", take)
 
 
+def _detected(folder: Path) -> None:
+    """OpenPose's files of the recording with what ``skelsplat detect`` states, and videos."""
+    _pictures(folder)
+    videos = {f"cam{m:02}": Video(f"cam{m:02}.mp4", (1088, 1920), 60.0) for m in range(1, 5)}
+    joints = tuple(sk.layouts.get(sample.LAYOUT).joints)
+    write_record(folder / "pose", Record({"backend": "openpose"}, sample.LAYOUT, joints, videos))
+
+
 def _live(folder: Path) -> None:
     _, take = _walk(folder, ["A", "B", "C", "D"], "h36m17", 1.0)
     frames = [
@@ -170,8 +179,9 @@ PREPARED: dict[str, Callable[[Path], None]] = {
     "docs/howto/rtmpose.md": _rtmpose,
     "docs/howto/run.md": _sample,
     "docs/howto/several-people.md": _several_people,
-    "docs/howto/config.md": lambda folder: _sample(folder, frames=100),
+    "docs/howto/config.md": _sample,
     "docs/howto/pictures.md": _pictures,
+    "docs/howto/videos.md": _detected,
     "docs/synthetic-data.md": _synthetic,
     "docs/tutorial.md": _videos,
 }

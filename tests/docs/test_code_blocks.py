@@ -18,7 +18,7 @@ PAGES = {
     if blocks(path.read_text(encoding="utf-8"))
 }
 
-PAINTED = {"README.md", "docs/howto/pictures.md"}
+PAINTED = {"docs/howto/pictures.md"}
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,11 @@ from skelsplat.run.folder import Writing
 NAMES = 16  # angles of h36m17, which has no feet
 
 
+@pytest.fixture
+def no_pictures(monkeypatch):
+    monkeypatch.setattr("skelsplat.run.folder.can_draw", lambda: False)
+
+
 @pytest.fixture(scope="module")
 def with_angles(finished_run, tmp_path_factory):
     """Return the folder of a run with angles; not to be written to."""
@@ -88,6 +93,7 @@ def test_the_page_has_a_curve_per_side(with_angles):
     assert "Joint angles have the colours of the sides" in page
 
 
+@pytest.mark.usefixtures("no_pictures")
 def test_without_the_option_nothing_is_written(run_folder, tmp_path):
     run = Run.open(run_folder)
     names = run.write(tmp_path / "out", ("npz",), html=False, angles=True)
@@ -97,6 +103,7 @@ def test_without_the_option_nothing_is_written(run_folder, tmp_path):
     assert "joint_angles" not in read_report(tmp_path / "out")
 
 
+@pytest.mark.usefixtures("no_pictures")
 def test_cameras_without_a_vertical_leave_out_trunk_and_pelvis(finished_run, tmp_path):
     run = Run.open(finished_run)
     down = [
@@ -106,24 +113,24 @@ def test_cameras_without_a_vertical_leave_out_trunk_and_pelvis(finished_run, tmp
     run = replace(run, inputs=replace(run.inputs, rig=sk.CameraRig(down)))
     run.write(tmp_path / "out", ("npz",), html=False, angles=True)
     report = read_report(tmp_path / "out")
-    assert [note.kind for note in Writing(angles=True).notes(run.inputs)] == ["vertical_unknown"]
+    assert "vertical_unknown" in [note.kind for note in Writing(angles=True).notes(run.inputs)]
     assert report["joint_angles"]["up"] is None
     assert report["joint_angles"]["names"][-1] == "right_elbow_flexion"
     with np.load(tmp_path / "out" / "angles.npz") as stored:
         assert np.isnan(stored["up"]).all()
 
 
+@pytest.mark.usefixtures("no_pictures")
 def test_times_are_assumed_without_a_frame_rate(recording, arguments):
     result = invoke(*arguments, *READ, "--write", "npz", "--no-html", "--angles")
     assert result.exit_code == 0, result.output
-    (note,) = texts(read_report(recording[0] / "out"), "note")[:1]
-    assert "the times in angles.mot assume 30 frames per second" in note
+    notes = texts(read_report(recording[0] / "out"), "note")
+    assert any("the times in angles.mot assume 30 frames per second" in note for note in notes)
 
 
 def test_a_layout_without_angles_is_refused_before_the_work():
-    hand = sk.Layout("hand", ["palm", "tip"], limbs=[(0, 1)])
-    with pytest.raises(sk.InvalidInputError, match=r"angles: expected a layout with names.*, got hand"):
-        check_angles(hand)
+    with pytest.raises(sk.InvalidInputError, match=r"angles: expected a layout with names.*, got hand21"):
+        check_angles(sk.layouts.get("hand21"))
 
 
 # plot

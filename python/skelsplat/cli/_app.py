@@ -18,11 +18,13 @@ FAILED, BAD_USAGE, INTERRUPTED = 1, 2, 130
 COMMANDS = {
     "demo": "Refine the recording that ships with the package: 4 cameras, 100 frames, OpenPose.",
     "refine": "Refine the 3D pose of one person, or of several, from 2D detections.",
+    "detect": "Detect people in the videos of all cameras, for refine.",
     "overlay": "Draw a run on its videos: detections, reprojected skeleton, error ellipses.",
     "live": "Refine frame by frame: detections as JSON lines on stdin, poses on stdout.",
     "plot": "Draw joint trajectories with error bands, bone lengths and errors.",
     "convert": "Convert a calibration, or poses (a file, or the folder of a run), to another format.",
     "check-cameras": "Find faults in a calibration: wrong unit, swapped, rotated or unsynchronised cameras.",
+    "layouts": "List the joint layouts, or explain one: joints, limbs, symmetric pairs, bones.",
     "synth": "Write a simulated data set: known poses, simulated detections of two detectors.",
     "datasets": "Data sets with ground truth: list them, check one on disk.",
     "evaluate": "Run methods on a data set with ground truth and print their errors with published ones.",

@@ -24,7 +24,7 @@ EPILOG = (
 )
 COMMON = (
     *("output", "unit", "layout", "person", "people", "without", "offset", "fps", "filter", "fill_gaps"),
-    *("write", "y_up", "paper", "quiet", "as_json"),
+    *("write", "y_up", "angles", "paper", "quiet", "as_json"),
 )
 
 
@@ -84,7 +84,7 @@ def refine(
     skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b
 
     skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b --fps 60
-    --write trc,c3d
+    --write trc,c3d --angles
 
     skelsplat refine --config run.toml --fps 60 --people all
     """

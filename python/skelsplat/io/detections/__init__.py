@@ -128,8 +128,8 @@ def read_detections(
         do not list frames without people; there ``strict`` reads every frame that is listed for any camera.
     offsets : dict, optional
         By camera, frames to add to its numbers: ``{"cam2": 3}`` if that camera started 3 frames late. The
-        frame numbers of the result count in the common time. ``strict`` still compares the numbers as the
-        files have them, and then reads what the cameras share in the common time. Cameras may be written as
+        frame numbers of the result count in the common time, in which ``strict`` asks for the same numbers
+        from the latest beginning to the earliest end, and reads these. Cameras may be written as
         loosely as their folders: ``cam2`` for ``cam_02``.
     order : sequence of str or "sorted", optional
         The folder, file, or place in the file of each camera, in the order of `cameras`, instead of matching
