@@ -15,6 +15,7 @@ import numpy as np
 
 import calibration_files
 import detection_files
+import mouse
 import skelsplat as sk
 from docs_code import run
 from skelsplat import synthetic
@@ -120,6 +121,10 @@ def _anipose(folder: Path) -> None:
         )
 
 
+def _own_skeleton(folder: Path) -> None:
+    mouse.write(folder, FRAMES)
+
+
 def _deeplabcut(folder: Path) -> None:
     path, take = _walk(folder, ["camA", "camB", "camC"], "coco17", 1.0)
     path.rename(folder / "calibration.toml")
@@ -174,6 +179,7 @@ PREPARED: dict[str, Callable[[Path], None]] = {
     "docs/howto/freemocap.md": _freemocap,
     "docs/howto/live.md": _live,
     "docs/howto/openpose.md": _openpose,
+    "docs/howto/own-skeleton.md": _own_skeleton,
     "docs/howto/pose2sim.md": _pose2sim,
     "docs/howto/python.md": _sample,
     "docs/howto/rtmpose.md": _rtmpose,
