@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from skelsplat.cameras import CameraRig
 
 __all__ = [
+    "HIGHEST_CONFIDENCE",
     "JOINT_STATUS",
     "LAYOUT_NAMES",
     "REJECTED_WEIGHT",
@@ -38,6 +39,8 @@ __all__ = [
 __version__: str
 LAYOUT_NAMES: list[str]
 JOINT_STATUS: list[str]
+HIGHEST_CONFIDENCE: float
+"""A confidence between 1 and this one counts as 1."""
 REJECTED_WEIGHT: float
 """Detections with a weight (``Refinement.view_weights``) below this are rejected."""
 

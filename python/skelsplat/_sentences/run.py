@@ -55,7 +55,7 @@ def _layout_of_file(finding: Finding) -> str:
     pairs, (file,) = finding.numbers["pairs"], finding.subject.files
     count = f"{len(pairs)} left–right pair{'' if len(pairs) == 1 else 's'} by name"
     limbs = f"{finding.numbers['limbs']} limbs" if finding.numbers["limbs"] else "no limbs"
-    shown = f" ({listed(pairs[:_MOST_NAMES])}{', …' if len(pairs) > _MOST_NAMES else ''})" if pairs else ""
+    shown = f" ({', '.join(pairs[:_MOST_NAMES])}{', …' if len(pairs) > _MOST_NAMES else ''})" if pairs else ""
     return f"The layout is that of {file}: {finding.numbers['joints']} joints, {limbs}, {count}{shown}."
 
 
