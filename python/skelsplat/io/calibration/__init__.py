@@ -52,11 +52,11 @@ _WRITTEN = {".toml": "anipose", ".json": "json", ".npz": "npz"}
 _SUFFIXES = (".toml", ".json", ".xml", ".txt", ".xcp", ".yml", ".yaml", ".npz", ".mat", ".pickle", ".pkl")
 _MOST_FILES = 50
 # how far apart cameras are, from a macro rig on a table to a stadium; outside it the unit is wrong rather
-# than the rig unusual, except under a microscope: with fields of view below 6°
+# than the rig unusual, except under a microscope: with fields of view below 14°
 _PLAUSIBLE_M = (0.05, 100.0)
-_SMALLEST_M, _NARROW = 1e-4, 10.0
+_SMALLEST_M, _NARROW = 1e-4, 4.0
 # on a table or in a room; a unit that alone puts the cameras so far apart is likely
-_USUAL_M = (0.2, 15.0)
+_USUAL_M = (0.1, 15.0)
 
 
 def read_calibration(
@@ -278,7 +278,7 @@ def _spread(centres: Sequence[Array]) -> float:
 
 
 def _is_narrow(rig: Sequence[sk.Camera]) -> bool:
-    """Whether the cameras look through telescopes or microscopes: their focal length is 10 images wide."""
+    """Whether the cameras look through telescopes or microscopes: their focal length is 4 images wide."""
     return float(np.median([camera.K[0, 0] / max(camera.size) for camera in rig])) > _NARROW
 
 
@@ -308,7 +308,9 @@ def _meanings(metres: Mapping[str, float], usual: Sequence[str]) -> str:
 
 
 def _length(metres: float) -> str:
-    return f"{metres:.2g} m" if metres >= 0.1 else f"{metres * 1000:.2g} mm"
+    if metres < 0.1:
+        return f"{metres * 1000:.2g} mm"
+    return f"{metres:.2g} m" if metres < 99.5 else f"{metres:.0f} m"
 
 
 def convert_unit(rig: sk.CameraRig, unit: str) -> sk.CameraRig:
