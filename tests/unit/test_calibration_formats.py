@@ -180,6 +180,7 @@ def test_a_folder_with_one_calibration_is_that(tmp_path, views):
     (tmp_path / "Config.toml").write_text("[project]\nframe_rate = 60\n")  # Pose2Sim's settings
     (tmp_path / "notes.txt").write_text("hello")
     (tmp_path / "broken.json").write_text("{")
+    (tmp_path / "broken.toml").write_text("[cam_0]\nmatrix = [")
     (tmp_path / "take.mp4").touch()
     assert find_format(tmp_path) == "json"
     assert read_calibration(tmp_path).names == tuple(NAMES)

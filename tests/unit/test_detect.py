@@ -133,13 +133,13 @@ def test_other_detections_are_neither_mixed_nor_lost(videos, tmp_path):
     pose = tmp_path / "pose"
     detect(videos, pose, Counting())
     with pytest.raises(
-        sk.InvalidInputError, match=r"output: expected a folder of the same detector, .*counting, 2"
+        sk.InvalidInputError, match=r"output: expected a folder of the same detector .*counting, 2"
     ):
         detect(videos, pose, Counting(version="2"))
-    with pytest.raises(sk.InvalidInputError, match="or --overwrite for all cameras"):
+    with pytest.raises(sk.InvalidInputError, match="or --overwrite for all its cameras"):
         detect(videos / "cam1.mp4", pose, Counting(version="2"), overwrite=True)
-    write_video(tmp_path / "other" / "cam1.mp4", size=(160, 120))
-    with pytest.raises(sk.InvalidInputError, match=r"expected cam1.mp4 of 320×240 for cam1 again"):
+    write_video(tmp_path / "other" / "cam1.mp4", count=FRAMES + 1)  # recorded once more
+    with pytest.raises(sk.InvalidInputError, match=r"expected cam1.mp4 of 320×240, \d+ bytes for cam1 again"):
         detect(tmp_path / "other", pose, Counting())
     before = contents(pose)
     own = pose / "cam1_json" / "mine.json"
@@ -154,6 +154,13 @@ def test_other_detections_are_neither_mixed_nor_lost(videos, tmp_path):
     detect(videos, pose, again, last=2, overwrite=True)
     assert again.seen == [0, 1, 2] * 2
     assert len(contents(pose)) == 7
+
+
+def test_a_detector_that_failed_at_once_leaves_the_folder_free(videos, tmp_path):
+    with pytest.raises(KeyboardInterrupt):
+        detect(videos, tmp_path / "pose", Counting(stop_after=0))
+    detect(videos, tmp_path / "pose", Counting(version="2"), first=1, last=1)
+    assert len(contents(tmp_path / "pose")) == 3
 
 
 def test_files_of_another_program_are_left_alone(videos, tmp_path):
@@ -173,7 +180,7 @@ def test_videos_that_differ_and_a_camera_without_anybody(tmp_path):
     with pytest.warns(UserWarning) as found:  # noqa: PT030  the texts are below
         detect(tmp_path / "videos", tmp_path / "pose", Counting())
     texts = [str(one.message) for one in found]
-    assert texts[0] == "a: no person detected in any of 1 frames"
+    assert texts[0] == "a: no person detected in any frame (1 in all)"
     assert "different numbers of frames (a 1, b 2)" in texts[1]
     assert "different frame rates (a 25, b 30)" in texts[2]
 

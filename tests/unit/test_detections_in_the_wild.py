@@ -47,6 +47,13 @@ def test_two_nodes_and_tracks_of_sleap_are_read_in_its_usual_order(tmp_path):
     np.testing.assert_array_equal(found.people[..., :2], people[..., :2])
 
 
+@pytest.mark.parametrize("names", [["cam_2", "cam_1"], ["port_2", "port_1"], ["2", "1"]])
+def test_caliscopes_numbers_are_those_of_its_cameras(tmp_path, names):
+    people = anybody()
+    found = read_detections(write_case(tmp_path, "caliscope_ports", people=people), names, layout="h36m17")
+    np.testing.assert_array_equal(found.people[:, ::-1, 0, :, :2], people[:, :, 0, :, :2])
+
+
 def test_an_old_caliscope_tracker_has_mediapipes_joints_by_name(tmp_path):
     path = write_case(tmp_path, "caliscope_ports", people=anybody())
     path = path.rename(tmp_path / "xy_POSE.csv")

@@ -321,7 +321,7 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     ),
     "video_one_frame_late": "{files}: frames 0 to {last}, and the run has 1 to {last_of_run} of {cameras}: "
     "if its detector counts from 1, all is drawn one frame late; --first-frame 1 corrects that",
-    "nobody_detected": "{cameras}: no person detected in any of {frames} frames",
+    "nobody_detected": "{cameras}: no person detected in any frame ({frames} in all)",
     "videos_differ_in_length": (
         "the videos have different numbers of frames ({each}): if they begin at the same instant, refine "
         "needs --frames intersection"

@@ -23,6 +23,7 @@ class Video:
     name: str  # of the file or of the folder of images
     size: tuple[int, int]  # width and height, upright
     rate: float | None = None  # frames per second
+    length: int | None = None  # of the file, bytes
     count: int | None = None  # of its frames, once the last has been reached
 
 
@@ -41,14 +42,9 @@ def camera_folder(folder: Path, camera: str) -> Path:
     return folder / f"{camera}{_SUFFIX}"
 
 
-def record_path(folder: Path) -> Path:
-    """Return where the record of a folder is."""
-    return folder / _NAME
-
-
 def read_record(folder: Path) -> Record | None:
     """Return the record in a folder; None if there is none."""
-    path = record_path(folder)
+    path = folder / _NAME
     if not path.is_file():
         return None
     document = Field(path, "", load_json(path, "what skelsplat detect wrote"))
@@ -65,28 +61,29 @@ def read_record(folder: Path) -> Record | None:
 
 def _video(entry: Field) -> Video:
     width, height = entry["size"].numbers((2,))
-    rate, count = entry["frame_rate"], entry["frames"]
+    rate, length, count = entry["frame_rate"], entry["bytes"], entry["frames"]
     return Video(
         entry["video"].text(),
         (int(width), int(height)),
         None if rate.value is None else rate.number(),
+        None if length.value is None else length.index(),
         None if count.value is None else count.index(),
     )
 
 
 def write_record(folder: Path, record: Record) -> None:
     """Write the record into a folder that is there."""
-    videos = {
-        camera: {"video": one.name, "size": one.size, "frame_rate": one.rate, "frames": one.count}
-        for camera, one in record.videos.items()
-    }
+    keys = {"video": "name", "size": "size", "frame_rate": "rate", "bytes": "length", "frames": "count"}
     document = {
         "detector": dict(record.detector),
         "layout": record.layout,
         "joints": record.joints,
-        "videos": videos,
+        "videos": {
+            camera: {key: getattr(one, name) for key, name in keys.items()}
+            for camera, one in record.videos.items()
+        },
     }
-    atomic_write_text(record_path(folder), _json.to_text(document))
+    atomic_write_text(folder / _NAME, _json.to_text(document))
 
 
 def with_record(view: View) -> View:
