@@ -1,7 +1,7 @@
 """The figure of the built-in layouts: ``python docs/figures/layouts.py [FOLDER]``.
 
-The joints stand where a standing person, a hand, a mouse or a fly has them, roughly: the drawings explain names and
-limbs and are no measurements. Left is blue, right is orange, as in all pictures.
+The joints stand where a standing person, a hand, a mouse or a fly has them, roughly: the drawings explain names
+and limbs and are no measurements. Left is blue, right is orange, as in all pictures.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from skelsplat import layouts
 LEFT, RIGHT, MIDDLE = "#0072b2", "#d55e00", "#222222"
 COLUMNS = 5
 
-# Joints of a person seen from the front, in cm: to the person's left, and up. Those of a side are the left ones.
+# Joints of a person seen from the front, in cm: to the person's left, and up; of two sides, the left one.
 BODY = {
     "pelvis": (0, 96), "spine": (0, 118), "neck": (0, 146), "nose": (0, 160), "head": (0, 176),
     "hip": (10, 93), "knee": (12, 50), "ankle": (13, 9), "heel": (12, 3), "big_toe": (16, 0),
