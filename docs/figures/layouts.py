@@ -1,7 +1,7 @@
 """The figure of the built-in layouts: ``python docs/figures/layouts.py [FOLDER]``.
 
-The joints stand where a standing person, a hand, a mouse or a fly has them, roughly: the drawings explain names
-and limbs and are no measurements. Left is blue, right is orange, as in all pictures.
+The joints stand roughly where a standing person, a hand, a mouse or a fly has them: the drawings explain
+names and limbs and are no measurements. Left is blue, right is orange, as in all pictures.
 """
 
 from __future__ import annotations
