@@ -15,10 +15,12 @@ import numpy as np
 
 import calibration_files
 import detection_files
+import mouse
 import skelsplat as sk
 from docs_code import run
 from skelsplat import synthetic
 from skelsplat.io import read_calibration, sample, write_calibration
+from skelsplat.io.detections._record import Record, Video, write_record
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -132,6 +134,10 @@ def _anipose(folder: Path) -> None:
         )
 
 
+def _own_skeleton(folder: Path) -> None:
+    mouse.write(folder, FRAMES)
+
+
 def _deeplabcut(folder: Path) -> None:
     path, take = _walk(folder, ["camA", "camB", "camC"], "coco17", 1.0)
     path.rename(folder / "calibration.toml")
@@ -147,6 +153,14 @@ def _rtmpose(folder: Path) -> None:
     _, take = _walk(folder, ["cam01", "cam02", "cam03"], "coco17", 1e-3)
     (folder / "mmpose").mkdir()
     detection_files.mmpose(folder / "mmpose", take)
+
+
+def _detected(folder: Path) -> None:
+    """OpenPose's files of the recording with what ``skelsplat detect`` states, and videos."""
+    _pictures(folder)
+    videos = {f"cam{m:02}": Video(f"cam{m:02}.mp4", (1088, 1920), 60.0) for m in range(1, 5)}
+    joints = tuple(sk.layouts.get(sample.LAYOUT).joints)
+    write_record(folder / "pose", Record({"backend": "openpose"}, sample.LAYOUT, joints, videos))
 
 
 def _live(folder: Path) -> None:
@@ -179,6 +193,7 @@ PREPARED: dict[str, Callable[[Path], None]] = {
     "docs/howto/freemocap.md": _freemocap,
     "docs/howto/live.md": _live,
     "docs/howto/openpose.md": _openpose,
+    "docs/howto/own-skeleton.md": _own_skeleton,
     "docs/howto/pose2sim.md": _pose2sim,
     "docs/howto/python.md": _sample,
     "docs/howto/rtmpose.md": _rtmpose,
@@ -186,6 +201,7 @@ PREPARED: dict[str, Callable[[Path], None]] = {
     "docs/howto/several-people.md": _several_people,
     "docs/howto/config.md": _sample,
     "docs/howto/pictures.md": _pictures,
+    "docs/howto/videos.md": _detected,
     "docs/synthetic-data.md": _synthetic,
     "docs/tutorial.md": _videos,
 }

@@ -85,6 +85,19 @@ def test_the_offset_of_aniposes_cropped_videos_is_taken_off_the_centre(tmp_path,
     assert rig[0].size == views[0].size
 
 
+def test_an_offset_may_have_the_other_corner_as_well(tmp_path, views):
+    path = files.anipose(tmp_path, views)
+    text = path.read_text()
+    path.write_text(text.replace("fisheye", "offset = [480, 360, 900, 840]\nfisheye", 1))
+    with pytest.warns(UserWarning, match="are cropped"):
+        assert read_calibration(path, unit="m")[0].size == (520, 642)
+    path.write_text(text.replace("fisheye", "offset = [480, 360, 900]\nfisheye", 1))
+    with pytest.raises(
+        sk.DatasetError, match=r"cam_0\.offset: expected x and y of the crop's upper left .* 3 num"
+    ):
+        read_calibration(path, unit="m")
+
+
 @pytest.mark.parametrize("offset", ["[-1, 0]", "[2000, 0]", "[0.5, 0]"])
 def test_an_offset_beyond_the_image_is_refused(tmp_path, views, offset):
     path = files.anipose(tmp_path, views)
@@ -167,6 +180,7 @@ def test_a_folder_with_one_calibration_is_that(tmp_path, views):
     (tmp_path / "Config.toml").write_text("[project]\nframe_rate = 60\n")  # Pose2Sim's settings
     (tmp_path / "notes.txt").write_text("hello")
     (tmp_path / "broken.json").write_text("{")
+    (tmp_path / "broken.toml").write_text("[cam_0]\nmatrix = [")
     (tmp_path / "take.mp4").touch()
     assert find_format(tmp_path) == "json"
     assert read_calibration(tmp_path).names == tuple(NAMES)

@@ -73,6 +73,15 @@ def test_convert_quietly_and_with_warnings_on_stderr(tmp_path, views):
     assert read_calibration(tmp_path / "a.toml").unit == "mm"
 
 
+def test_notes_on_the_calibration_of_a_folder_are_said_and_are_no_faults(tmp_path):
+    path = files.anipose(tmp_path, files.reference(files.NAMES))
+    path.write_text(path.read_text().replace("fisheye", "offset = [10, 20]\nfisheye", 1))
+    result = invoke("check-cameras", tmp_path, "--unit", "m")
+    assert result.exit_code == 0
+    assert "videos of 54138969 are cropped" in " ".join(result.stdout.split())
+    assert "No fault found in the file itself" in result.stdout
+
+
 def test_convert_refuses(tmp_path, views):
     toml = files.anipose(tmp_path, views)
     out = tmp_path / "out.json"

@@ -411,7 +411,7 @@ def test_videos_are_told_from_files_that_are_unknown(tmp_path):
     (tmp_path / "camA" / "walk.MOV").touch()
     (tmp_path / "camA.mp4").touch()
     for path in (tmp_path, tmp_path / "camA", tmp_path / "camA.mp4"):
-        with pytest.raises(sk.DatasetError, match="got videos; run a 2D keypoint detector on them first"):
+        with pytest.raises(sk.DatasetError, match="got videos; run skelsplat detect or another detector"):
             read_detections(path, NAMES, layout=H36M)
 
 
