@@ -102,10 +102,19 @@ def test_the_skeleton_of_a_deeplabcut_project(tmp_path, multi, parts, skeleton):
     assert read_skeleton(path) == (("nose", "left ear", "tail"), ((0, 1), (0, 2)))
 
 
+def test_pairs_of_the_template_that_a_project_kept_are_no_edges(tmp_path):
+    path = tmp_path / "config.yaml"
+    kept = "- - nose\n  - tail\n- - objectA\n  - bodypart3"
+    path.write_text(CONFIG.format(multi="", parts="\n- nose\n- tail", skeleton=kept))
+    assert read_skeleton(path) == (("nose", "tail"), ((0, 1),))
+
+
 def test_a_skeleton_that_is_none(tmp_path):
     path = tmp_path / "config.yaml"
-    path.write_text(CONFIG.format(multi="", parts="\n- nose", skeleton="- [nose, ear]"))
-    with pytest.raises(sk.DatasetError, match=r"skeleton: expected pairs of nose, got \['nose', 'ear'\]"):
+    path.write_text(CONFIG.format(multi="", parts="\n- nose", skeleton="- [nose, tail, ear]"))
+    with pytest.raises(
+        sk.DatasetError, match=r"skeleton: expected pairs of parts, got \['nose', 'tail', 'ear'\]"
+    ):
         read_skeleton(path)
     path.write_text("a: 1")
     with pytest.raises(sk.DatasetError, match=r"bodyparts: expected a list of different names, .*got none"):

@@ -80,7 +80,7 @@ def read_calibration(
         ====================  =========================================================== =========
         ``"anipose"``         TOML of Anipose, Pose2Sim, FreeMoCap and Caliscope's export asked for
         ``"caliscope"``       Caliscope's ``camera_array.toml``, older ``config.toml``    m
-        ``"easymocap"``       OpenCV YAML pair intri.yml, extri.yml: folder or either file asked for
+        ``"easymocap"``       OpenCV YAML pair intri.yml, extri.yml: folder, or one file  asked for
         ``"openpose"``        folder of OpenPose XML files, one per camera                m
         ``"panoptic"``        CMU Panoptic JSON                                           cm
         ``"human36m"``        Human3.6M ``camera-parameters.json``                        mm
