@@ -15,6 +15,7 @@ import numpy as np
 
 import calibration_files
 import detection_files
+import mouse
 import skelsplat as sk
 from docs_code import run
 from skelsplat import synthetic
@@ -79,6 +80,19 @@ def _pose2sim(folder: Path) -> None:
     _sample(folder, calibration="calibration/Calib_scene.toml")
 
 
+def _batches(folder: Path) -> None:
+    """Write two days and two trials, each with the first frames of the recording."""
+    _sample(folder)
+    days = ("monday", "tuesday", "Project/Trial_1", "Project/Trial_2")
+    for frames, place in zip((10, 12, 10, 12), days, strict=True):
+        shutil.copytree(folder / "pose", folder / place / "pose")
+        for camera in (folder / place / "pose").iterdir():
+            for path in sorted(camera.iterdir())[frames:]:
+                path.unlink()
+    (folder / "Project" / "calibration").mkdir()
+    shutil.copy(folder / "Calib.toml", folder / "Project" / "calibration")
+
+
 def _openpose(folder: Path) -> None:
     _sample(folder)
     parameters = folder / "cameraParameters"
@@ -118,6 +132,10 @@ def _anipose(folder: Path) -> None:
         table.to_hdf(
             session / "pose-2d" / f"walk_cam{name}.h5", key="df_with_missing", format="table", mode="w"
         )
+
+
+def _own_skeleton(folder: Path) -> None:
+    mouse.write(folder, FRAMES)
 
 
 def _deeplabcut(folder: Path) -> None:
@@ -170,10 +188,12 @@ PREPARED: dict[str, Callable[[Path], None]] = {
     "docs/pose-files.md": _sample,
     "docs/howto/angles.md": _sample,
     "docs/howto/anipose.md": _anipose,
+    "docs/howto/batches.md": _batches,
     "docs/howto/deeplabcut.md": _deeplabcut,
     "docs/howto/freemocap.md": _freemocap,
     "docs/howto/live.md": _live,
     "docs/howto/openpose.md": _openpose,
+    "docs/howto/own-skeleton.md": _own_skeleton,
     "docs/howto/pose2sim.md": _pose2sim,
     "docs/howto/python.md": _sample,
     "docs/howto/rtmpose.md": _rtmpose,
