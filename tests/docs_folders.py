@@ -80,6 +80,19 @@ def _pose2sim(folder: Path) -> None:
     _sample(folder, calibration="calibration/Calib_scene.toml")
 
 
+def _batches(folder: Path) -> None:
+    """Write two days and two trials, each with the first frames of the recording."""
+    _sample(folder)
+    days = ("monday", "tuesday", "Project/Trial_1", "Project/Trial_2")
+    for frames, place in zip((10, 12, 10, 12), days, strict=True):
+        shutil.copytree(folder / "pose", folder / place / "pose")
+        for camera in (folder / place / "pose").iterdir():
+            for path in sorted(camera.iterdir())[frames:]:
+                path.unlink()
+    (folder / "Project" / "calibration").mkdir()
+    shutil.copy(folder / "Calib.toml", folder / "Project" / "calibration")
+
+
 def _openpose(folder: Path) -> None:
     _sample(folder)
     parameters = folder / "cameraParameters"
@@ -175,6 +188,7 @@ PREPARED: dict[str, Callable[[Path], None]] = {
     "docs/pose-files.md": _sample,
     "docs/howto/angles.md": _sample,
     "docs/howto/anipose.md": _anipose,
+    "docs/howto/batches.md": _batches,
     "docs/howto/deeplabcut.md": _deeplabcut,
     "docs/howto/freemocap.md": _freemocap,
     "docs/howto/live.md": _live,

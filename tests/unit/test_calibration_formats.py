@@ -11,7 +11,7 @@ import calibration_files as files
 import skelsplat as sk
 from calibration_files import FORMATS_WRITTEN, FULL, NAMES
 from skelsplat.io import convert_unit, read_calibration, sample, write_calibration
-from skelsplat.io.calibration import _xml, find_format
+from skelsplat.io.calibration import _vicon, find_format
 
 MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 
@@ -234,7 +234,7 @@ def test_vicons_older_lens_has_two_coefficients_about_the_principal_point(tmp_pa
     v = views[0]
     aspect = v.K[0, 0] / v.K[1, 1]
     measured = np.array([[100.0, 100.0], [900.0, 300.0]])
-    ideal = _xml.ideal_pixels(measured, v.K[:2, 2], np.array([4e-8, 1e-15]), aspect)
+    ideal = _vicon.ideal_pixels(measured, v.K[:2, 2], np.array([4e-8, 1e-15]), aspect)
     np.testing.assert_allclose(camera.undistort(measured), ideal, atol=0.1)
 
 
@@ -305,6 +305,19 @@ def test_a_focal_length_in_other_parts_of_a_pixel_than_the_centre_is_refused(tmp
         r"focalLengthU: expected a focal length in 1/64 px, as the centre is, .*got 1140, that is 17.8 px"
     )
     with pytest.raises(sk.DatasetError, match=expected):
+        read_calibration(path)
+
+
+def test_theia_states_its_sensors_in_either_of_two_ways(tmp_path, views):
+    rig = read_calibration(files.theia(tmp_path, views))
+    assert read_calibration(files.theia(tmp_path, views, dimensions=True)) == rig
+    path = tmp_path / "calibration.txt"
+    path.write_text(path.read_text().replace('viewrotation="0"', 'viewrotation="270"', 1))
+    with pytest.warns(UserWarning, match="viewrotation: images of 54138969 were rotated for display"):
+        assert read_calibration(path) == rig
+    # Qualisys' own file without fields of view has sensors in 1/64 px
+    path.write_text(path.read_text().replace('sensorDimU="', 'sensorDimU="64'))
+    with pytest.raises(sk.DatasetError, match=r"camera 54138969\.fov_video: expected an element <fov_video>"):
         read_calibration(path)
 
 

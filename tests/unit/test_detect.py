@@ -120,6 +120,8 @@ def test_ranges_add_up(videos, tmp_path):
         sk.InvalidInputError, match=r"range: expected some of the frames 0 to 5 of .*, got 9-12"
     ):
         detect(videos, tmp_path / "pose", Counting(), first=9, last=12)
+    with pytest.raises(sk.InvalidInputError, match=r", got 9-$"):
+        detect(videos, tmp_path / "pose", Counting(), first=9)
 
 
 def test_images_keep_their_numbers(tmp_path):
@@ -391,9 +393,9 @@ def test_wrong_options(videos, tmp_path, arguments, status, words):
 
 
 @pytest.mark.parametrize("name", ["mediapipe", "rtmlib"])
-def test_a_missing_package_and_its_extra(monkeypatch, videos, tmp_path, name):
+def test_a_missing_package_and_its_extra(monkeypatch, tmp_path, name):
     monkeypatch.setitem(sys.modules, name, None)
-    result = invoke("detect", videos, "-o", tmp_path / "pose", "--backend", name)
+    result = invoke("detect", tmp_path / "no videos", "-o", tmp_path / "pose", "--backend", name)
     assert_fails(result, 1, f"the package {name} to be installed", f"pip install 'skelsplat[{name}]'")
     assert not (tmp_path / "pose").exists()
 

@@ -18,6 +18,7 @@ FAILED, BAD_USAGE, INTERRUPTED = 1, 2, 130
 COMMANDS = {
     "demo": "Refine the recording that ships with the package: 4 cameras, 100 frames, OpenPose.",
     "refine": "Refine the 3D pose of one person, or of several, from 2D detections.",
+    "batch": "Refine many recordings, listed in a file or in the folders of a Pose2Sim project.",
     "detect": "Detect people in the videos of all cameras, for refine.",
     "overlay": "Draw a run on its videos: detections, reprojected skeleton, error ellipses.",
     "live": "Refine frame by frame: detections as JSON lines on stdin, poses on stdout.",

@@ -9,11 +9,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import skelsplat as sk
 from skelsplat.detect._detector import Detector
 from skelsplat.detect._results import Results
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.findings import Finding, Subject, warn
 from skelsplat.io._files import FRAME_LIMIT
+from skelsplat.io.detections._record import Record
 from skelsplat.io.video import FrameSource, open_source, videos_of
 
 Progress = Callable[[str, int, int], None]
@@ -105,14 +107,18 @@ def detect(
     MissingPackageError
         If the detector's package is not installed.
     """
+    # first: the extra of a missing detector has all that is needed
+    record = Record(dict(detector.settings), detector.layout, tuple(sk.layouts.get(detector.layout).joints))
     sources = {camera: open_source(path) for camera, path in videos_of(videos).items()}
     span = (0 if first is None else first, FRAME_LIMIT if last is None else last)
     wanted = {camera: _wanted(source, span) for camera, source in sources.items()}
     for camera, source in sources.items():
         if not wanted[camera]:
             expected = f"some of the frames {source.first} to {source.last} of {source.path}"
-            raise InvalidInputError(f"range: expected {expected}, got {span[0]}-{span[1]}")
-    results = Results.opened(Path(output), detector, sources, overwrite=overwrite)
+            raise InvalidInputError(
+                f"range: expected {expected}, got {span[0]}-{'' if last is None else last}"
+            )
+    results = Results.opened(Path(output), record, sources, overwrite=overwrite)
     written = []
     for camera, source in sources.items():
         tell = functools.partial(progress or _silent, camera)

@@ -9,10 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-import skelsplat as sk
 from skelsplat._arrays import Array
 from skelsplat._atomic import atomic_write, opening
-from skelsplat.detect._detector import Detector
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.io._files import listed
 from skelsplat.io.detections._record import Record, Video, camera_folder, read_record, write_record
@@ -32,14 +30,12 @@ class Results:
 
     @classmethod
     def opened(
-        cls, folder: Path, detector: Detector, sources: Mapping[str, FrameSource], *, overwrite: bool
+        cls, folder: Path, wanted: Record, sources: Mapping[str, FrameSource], *, overwrite: bool
     ) -> Results:
-        """Open a folder for these cameras, or raise if there is anything in it that would be mixed or lost.
+        """Open a folder for a detector and these cameras, or raise if something in it would be mixed or lost.
 
         With `overwrite`, what `detect` has written for them is removed.
         """
-        joints = tuple(sk.layouts.get(detector.layout).joints)
-        wanted = Record(dict(detector.settings), detector.layout, joints)
         before = read_record(folder) if folder.is_dir() else None
         known = before.videos if before is not None else {}
         ours = {camera: _files(folder, camera) if camera in known else {} for camera in {*known, *sources}}

@@ -21,7 +21,7 @@ from skelsplat.cameras import MM_PER_UNIT, altered
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 from skelsplat.findings import FindingWarning
 from skelsplat.io._files import of_file
-from skelsplat.io.calibration import _binary, _json, _opencv, _tables, _toml, _xml
+from skelsplat.io.calibration import _binary, _json, _opencv, _tables, _toml, _vicon, _xml
 from skelsplat.io.calibration._format import CalibrationFormat, RawCamera, Source
 from skelsplat.io.calibration._unit import check_unit
 
@@ -37,8 +37,9 @@ FORMATS: dict[str, CalibrationFormat] = {
         CalibrationFormat("voxelpose", _tables.is_voxelpose, _tables.parse_voxelpose, ("size",)),
         CalibrationFormat("4d-association", _tables.is_association, _tables.parse_association),
         CalibrationFormat("panoptic", _json.is_panoptic, _json.parse_panoptic, ("camera_type",)),
+        CalibrationFormat("theia", _xml.is_theia, _xml.parse_theia),
         CalibrationFormat("qualisys", _xml.is_qualisys, _xml.parse_qualisys, ("camera_type", "binning")),
-        CalibrationFormat("vicon", _xml.is_vicon, _xml.parse_vicon, ("camera_type",)),
+        CalibrationFormat("vicon", _vicon.is_vicon, _vicon.parse_vicon, ("camera_type",)),
         CalibrationFormat("openpose", _opencv.is_openpose, _opencv.parse_openpose, ("size",)),
         CalibrationFormat("easymocap", _opencv.is_easymocap, _opencv.parse_easymocap, ("size",)),
         CalibrationFormat("opencap", _binary.is_opencap, _binary.parse_opencap),
@@ -88,6 +89,7 @@ def read_calibration(
         ``"opencap"``         OpenCap session, or folder of its pickles                   mm
         ``"dannce"``          MAT-file of DANNCE and Label3D, or folder of one per camera mm
         ``"qualisys"``        Qualisys ``.qca.txt``                                       mm
+        ``"theia"``           Theia3D's, XML like Qualisys'                               mm
         ``"vicon"``           Vicon ``.xcp``                                              mm
         ``"json"``            this package's JSON                                         in it
         ``"npz"``             NumPy arrays K, R, t, size, names, unit                     in it
