@@ -685,6 +685,23 @@ class Tracker:
     def copy(self) -> Tracker:
         """Return another tracker in the same state."""
 
+def people_choices(
+    cameras: _Cameras,
+    people: ArrayLike,
+    gates_px: Sequence[float],
+    *,
+    min_confidence: float,
+    min_joints: int,
+    mirror: Sequence[int],
+    most: int,
+    worse: float,
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return ways to choose one person in each frame: frame (C,), slots (C, M), cost (C,), pose (C, N, 3).
+
+    Of each frame the ``most`` cheapest, none by more than ``worse`` than the first; -1 is no slot.
+    ``gates_px`` is per view the largest median distance, ``mirror`` (N,) every joint's mirror image.
+    """
+
 def people_scores(
     refiner: Refiner, layout: str | Layout, people: ArrayLike, pose: ArrayLike
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:

@@ -31,7 +31,7 @@ mod _skelsplat {
     #[pymodule_export]
     use crate::layout::Layout;
     #[pymodule_export]
-    use crate::people::{PyTracker, check_people, people_scores, track_people};
+    use crate::people::{PyTracker, check_people, people_choices, people_scores, track_people};
     #[pymodule_export]
     use crate::refine::{PyLive, PyRefiner, implausible_extent};
     #[pymodule_export]
