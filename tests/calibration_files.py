@@ -293,6 +293,28 @@ def qualisys(folder: Path, views, *, binning=1.0, left=0, top=0, extra="", parts
     return path
 
 
+def theia(folder: Path, views, dimensions=False):
+    """World → camera and pixels, in elements that are called like Qualisys'."""
+    cameras = ""
+    for v in views:
+        K, R, t, (w, h) = v.K.tolist(), v.R.tolist(), v.t.tolist(), v.size
+        k1, k2, p1, p2, k3 = v.distortion.tolist()
+        r = " ".join(f'r{i + 1}{j + 1}="{R[i][j]}"' for i in range(3) for j in range(3))
+        ends = f'sensorMinU="0" sensorMaxU="{w}" sensorMinV="0" sensorMaxV="{h}"'
+        ends = f'sensorDimU="{w:.6f}" sensorDimV="{h:.6f}"' if dimensions else ends
+        cameras += (
+            f'<camera active="1" serial="{v.name}" viewrotation="0" static_boxes="">'
+            f'<transform x="{t[0]}" y="{t[1]}" z="{t[2]}" {r}/>'
+            f'<intrinsic focallength="4.59107e-41" {ends} focalLengthU="{K[0][0]}" '
+            f'focalLengthV="{K[1][1]}" centerPointU="{K[0][2]}" centerPointV="{K[1][2]}" skew="0" '
+            f'radialDistortion1="{k1}" radialDistortion2="{k2}" radialDistortion3="{k3}" '
+            f'tangentalDistortion1="{p1}" tangentalDistortion2="{p2}"/></camera>'
+        )
+    path = folder / "calibration.txt"
+    path.write_text(f"<calibration><results/><cameras>{cameras}</cameras></calibration>\n")
+    return path
+
+
 def vicon(folder: Path, views, radial="0 0 0"):
     cameras = '<Camera DEVICEID="77" TYPE="Vero_MX" SENSOR_SIZE="2048 1088"/>'
     for v in views:
@@ -377,6 +399,7 @@ FORMATS_WRITTEN = {
     "human36m": (human36m, {"subject": "S9"}, NAMES, "mm", FULL),
     # axes to ½·10⁻⁶ at 1150 px and coefficients likewise: below 5·10⁻³ px
     "qualisys": (qualisys, {}, NAMES, "mm", 5e-3),
+    "theia": (theia, {}, NAMES, "mm", FULL),
     "json": (own_json, {}, NAMES, "mm", FULL),
     "npz": (own_npz, {}, NAMES, "m", FULL),
 }

@@ -193,7 +193,7 @@ def _solve(
                 for joint in point:
                     by_joint[joint] = by_joint.get(joint, 0.0) + sign / len(point) * gradient
     variance = sum(
-        np.einsum("...i,...ij,...j->...", gradient, covariance[..., place[joint], :, :], gradient)
+        _dot(gradient, np.einsum("...ij,...j->...i", covariance[..., place[joint], :, :], gradient))
         for joint, gradient in by_joint.items()
     )
     return degrees, np.degrees(np.sqrt(np.maximum(variance, 0.0)))
@@ -283,12 +283,12 @@ def _vertical(up: str | ArrayLike | None) -> Array | None:
 
 
 def _dot(a: Array, b: Array) -> Array:
-    result: Array = np.sum(a * b, axis=-1)
+    result: Array = np.einsum("...i,...i->...", a, b)
     return result
 
 
 def _norm(vector: Array) -> Array:
-    return np.asarray(np.linalg.norm(vector, axis=-1))
+    return np.sqrt(_dot(vector, vector))
 
 
 def _unit(vector: Array) -> Array:

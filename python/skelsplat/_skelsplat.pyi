@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from skelsplat.cameras import CameraRig
 
 __all__ = [
+    "HIGHEST_CONFIDENCE",
     "JOINT_STATUS",
     "LAYOUT_NAMES",
     "REJECTED_WEIGHT",
@@ -38,6 +39,8 @@ __all__ = [
 __version__: str
 LAYOUT_NAMES: list[str]
 JOINT_STATUS: list[str]
+HIGHEST_CONFIDENCE: float
+"""A confidence between 1 and this one counts as 1."""
 REJECTED_WEIGHT: float
 """Detections with a weight (``Refinement.view_weights``) below this are rejected."""
 
@@ -258,7 +261,7 @@ class RefineConfig:
     joint_bias_mm : float or sequence of float, or None, mm, default None
         Standard deviation per axis of the detector's joints from anatomical ones, the same in all views and
         frames, for all joints or N values; part of the error bar, not of the scatter; None: published figures
-        for the built-in layouts, 0 for others.
+        for human layouts, 0 for others.
     undistort : bool, default True
         Remove lens distortion from the detections first; False reproduces results published without
         undistortion.
@@ -293,7 +296,7 @@ class RefineConfig:
         Find and correct detections with left and right swapped.
     bones : {"population", "free"}, default "population"
         Lengths of bones for joints on which neither three views agree nor all that see them: ``population``,
-        with the proportions of people (built-in layouts only) and a stature found in the frame, or ``free``,
+        with the proportions of people (human layouts only) and a stature found in the frame, or ``free``,
         none.
     bone_lengths_mm : sequence of float, or None, mm, default None
         Known length of each of the layout's limbs, for any layout; replaces the population's. None: not

@@ -188,7 +188,8 @@ def _scaled(path, rig, factor, focal=1.0):
         (0.3, 1000, r'that is 0\.3 m in "mm" or 3 m in "cm"$'),
         (1.3, 1000, r'that is 1\.3 m in "mm" or 13 m in "cm"$'),
         (0.3, 1, 'so "m" is likely'),
-        (0.02, 1000, 'so "cm" is likely'),
+        (0.13, 1000, r'that is 0\.13 m in "mm" or 1\.3 m in "cm"$'),
+        (12.0, 1, r'that is 0\.12 m in "cm" or 12 m in "m"$'),
     ],
 )
 def test_the_unit_that_alone_gives_a_usual_distance_is_likely(write, metres, file_unit, hint):

@@ -11,7 +11,7 @@ import calibration_files as files
 import skelsplat as sk
 from calibration_files import FORMATS_WRITTEN, FULL, NAMES
 from skelsplat.io import convert_unit, read_calibration, sample, write_calibration
-from skelsplat.io.calibration import _xml, find_format
+from skelsplat.io.calibration import _vicon, find_format
 
 MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 
@@ -83,6 +83,19 @@ def test_the_offset_of_aniposes_cropped_videos_is_taken_off_the_centre(tmp_path,
     np.testing.assert_allclose(sk.project(files.points() / 1000, rig), expected, atol=FULL)
     assert rig[1].size == (1000 - 224, 1000 - 120)
     assert rig[0].size == views[0].size
+
+
+def test_an_offset_may_have_the_other_corner_as_well(tmp_path, views):
+    path = files.anipose(tmp_path, views)
+    text = path.read_text()
+    path.write_text(text.replace("fisheye", "offset = [480, 360, 900, 840]\nfisheye", 1))
+    with pytest.warns(UserWarning, match="are cropped"):
+        assert read_calibration(path, unit="m")[0].size == (520, 642)
+    path.write_text(text.replace("fisheye", "offset = [480, 360, 900]\nfisheye", 1))
+    with pytest.raises(
+        sk.DatasetError, match=r"cam_0\.offset: expected x and y of the crop's upper left .* 3 num"
+    ):
+        read_calibration(path, unit="m")
 
 
 @pytest.mark.parametrize("offset", ["[-1, 0]", "[2000, 0]", "[0.5, 0]"])
@@ -167,6 +180,7 @@ def test_a_folder_with_one_calibration_is_that(tmp_path, views):
     (tmp_path / "Config.toml").write_text("[project]\nframe_rate = 60\n")  # Pose2Sim's settings
     (tmp_path / "notes.txt").write_text("hello")
     (tmp_path / "broken.json").write_text("{")
+    (tmp_path / "broken.toml").write_text("[cam_0]\nmatrix = [")
     (tmp_path / "take.mp4").touch()
     assert find_format(tmp_path) == "json"
     assert read_calibration(tmp_path).names == tuple(NAMES)
@@ -220,7 +234,7 @@ def test_vicons_older_lens_has_two_coefficients_about_the_principal_point(tmp_pa
     v = views[0]
     aspect = v.K[0, 0] / v.K[1, 1]
     measured = np.array([[100.0, 100.0], [900.0, 300.0]])
-    ideal = _xml.ideal_pixels(measured, v.K[:2, 2], np.array([4e-8, 1e-15]), aspect)
+    ideal = _vicon.ideal_pixels(measured, v.K[:2, 2], np.array([4e-8, 1e-15]), aspect)
     np.testing.assert_allclose(camera.undistort(measured), ideal, atol=0.1)
 
 
@@ -291,6 +305,19 @@ def test_a_focal_length_in_other_parts_of_a_pixel_than_the_centre_is_refused(tmp
         r"focalLengthU: expected a focal length in 1/64 px, as the centre is, .*got 1140, that is 17.8 px"
     )
     with pytest.raises(sk.DatasetError, match=expected):
+        read_calibration(path)
+
+
+def test_theia_states_its_sensors_in_either_of_two_ways(tmp_path, views):
+    rig = read_calibration(files.theia(tmp_path, views))
+    assert read_calibration(files.theia(tmp_path, views, dimensions=True)) == rig
+    path = tmp_path / "calibration.txt"
+    path.write_text(path.read_text().replace('viewrotation="0"', 'viewrotation="270"', 1))
+    with pytest.warns(UserWarning, match="viewrotation: images of 54138969 were rotated for display"):
+        assert read_calibration(path) == rig
+    # Qualisys' own file without fields of view has sensors in 1/64 px
+    path.write_text(path.read_text().replace('sensorDimU="', 'sensorDimU="64'))
+    with pytest.raises(sk.DatasetError, match=r"camera 54138969\.fov_video: expected an element <fov_video>"):
         read_calibration(path)
 
 

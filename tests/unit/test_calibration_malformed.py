@@ -381,6 +381,28 @@ MALFORMED = {
             rf"R of camera '{N}': expected an orthonormal matrix",
         ),
     },
+    "theia": {
+        "not active": (
+            lambda p: (p.write_text(p.read_text().replace('active="1"', 'active="0"')), p)[1],
+            r"cameras: expected at least one active <camera> in <calibration>, got none",
+        ),
+        "no transform": (
+            lambda p: _edit(p, "<transform", "<transformation"),
+            rf"camera {N}\.transform: expected an element <transform>",
+        ),
+        "no lens": (
+            lambda p: _edit(p, "tangentalDistortion1", "tangentialDistortion1"),
+            rf"camera {N}\.intrinsic\.tangentalDistortion1: expected an attribute",
+        ),
+        "half a pixel": (
+            lambda p: _edit(p, 'sensorMaxU="1000"', 'sensorMaxU="1000.5"'),
+            rf"camera {N}\.intrinsic\.sensorMaxU: expected a positive whole width and height, got 1000\.5",
+        ),
+        "skew": (
+            lambda p: _edit(p, 'skew="0"', 'skew="2"'),
+            rf"camera {N}\.intrinsic\.skew: expected 0",
+        ),
+    },
     "vicon": {
         "no video": (
             lambda p: (p.write_text(p.read_text().replace("VueVIDEO", "Vue")), p)[1],

@@ -14,7 +14,6 @@ from detection_cases import CASES
 from detection_files import Take
 from skelsplat import synthetic
 from skelsplat.io import read_npz, write_calibration
-from skelsplat.run import figures
 
 NAMES = ["54138969", "55011271", "58860488", "60457274"]
 T = 3
@@ -32,11 +31,6 @@ CALIBRATIONS = [
     (files.own_json, [], "mm", "json"),
     (files.own_npz, [], "m", "npz"),
 ]
-
-
-@pytest.fixture(autouse=True)
-def no_pictures(monkeypatch):
-    monkeypatch.setattr(figures, "write_figures", lambda *_: [])
 
 
 @pytest.fixture

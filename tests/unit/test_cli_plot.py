@@ -13,6 +13,7 @@ from command_line import assert_fails, invoke
 from pose_sample import sample
 from skelsplat.io import read_npz, write_pose
 from skelsplat.run.plots import read_source
+from sweeps import swept
 
 LAYOUT = sk.layouts.H36M17
 
@@ -182,7 +183,7 @@ def test_a_slip_of_the_file_is_said(tmp_path):
     assert "line 3 states 7 frames, but 6 rows follow, which are read" in " ".join(result.stderr.split())
 
 
-@pytest.mark.parametrize("suffix", ["npz", "csv", "trc", "c3d", "json", "nc"])
+@pytest.mark.parametrize("suffix", ["npz", "trc", *map(swept, ["csv", "c3d", "json", "nc"])])
 def test_any_pose_file_has_trajectories_and_bones(tmp_path, suffix):
     path = written(tmp_path / f"walk.{suffix}", h36m())
     result = invoke("plot", path)

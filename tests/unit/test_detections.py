@@ -21,8 +21,8 @@ T = 4
 MISSING = (1, -1, 5)  # frame, camera, joint
 LABELS = {  # of the views in a file of all cameras, if they are not their places
     "videopose3d": ["54138969", "55011271", "58860488", "60457274"],
-    "caliscope": ["cam_1", "cam_2", "cam_3", "cam_4"],
-    "caliscope_ports": ["port_1", "port_2", "port_3", "port_4"],
+    "caliscope": ["1", "2", "3", "4"],
+    "caliscope_ports": ["1", "2", "3", "4"],
 }
 MULTI = [name for name, case in CASES.items() if case.people]
 

@@ -47,6 +47,13 @@ def test_two_nodes_and_tracks_of_sleap_are_read_in_its_usual_order(tmp_path):
     np.testing.assert_array_equal(found.people[..., :2], people[..., :2])
 
 
+@pytest.mark.parametrize("names", [["cam_2", "cam_1"], ["port_2", "port_1"], ["2", "1"]])
+def test_caliscopes_numbers_are_those_of_its_cameras(tmp_path, names):
+    people = anybody()
+    found = read_detections(write_case(tmp_path, "caliscope_ports", people=people), names, layout="h36m17")
+    np.testing.assert_array_equal(found.people[:, ::-1, 0, :, :2], people[:, :, 0, :, :2])
+
+
 def test_an_old_caliscope_tracker_has_mediapipes_joints_by_name(tmp_path):
     path = write_case(tmp_path, "caliscope_ports", people=anybody())
     path = path.rename(tmp_path / "xy_POSE.csv")
@@ -95,10 +102,19 @@ def test_the_skeleton_of_a_deeplabcut_project(tmp_path, multi, parts, skeleton):
     assert read_skeleton(path) == (("nose", "left ear", "tail"), ((0, 1), (0, 2)))
 
 
+def test_pairs_of_the_template_that_a_project_kept_are_no_edges(tmp_path):
+    path = tmp_path / "config.yaml"
+    kept = "- - nose\n  - tail\n- - objectA\n  - bodypart3"
+    path.write_text(CONFIG.format(multi="", parts="\n- nose\n- tail", skeleton=kept))
+    assert read_skeleton(path) == (("nose", "tail"), ((0, 1),))
+
+
 def test_a_skeleton_that_is_none(tmp_path):
     path = tmp_path / "config.yaml"
-    path.write_text(CONFIG.format(multi="", parts="\n- nose", skeleton="- [nose, ear]"))
-    with pytest.raises(sk.DatasetError, match=r"skeleton: expected pairs of nose, got \['nose', 'ear'\]"):
+    path.write_text(CONFIG.format(multi="", parts="\n- nose", skeleton="- [nose, tail, ear]"))
+    with pytest.raises(
+        sk.DatasetError, match=r"skeleton: expected pairs of parts, got \['nose', 'tail', 'ear'\]"
+    ):
         read_skeleton(path)
     path.write_text("a: 1")
     with pytest.raises(sk.DatasetError, match=r"bodyparts: expected a list of different names, .*got none"):

@@ -15,6 +15,7 @@ PACKAGE = Path(__file__).parents[2] / "python" / "skelsplat"
 LAYERS = (
     {"cli"},
     {"run", "evaluation"},
+    {"detect"},
     {"datasets"},  # writes the sets that `synthetic` makes
     {"io", "viz", "rig_check", "synthetic"},
     {"association", "temporal"},
@@ -90,6 +91,8 @@ def test_optional_packages_are_not_imported_with_the_package_and_parts_not_with_
         "PIL",
         "matplotlib",
         "plotly",
+        "mediapipe",
+        "rtmlib",
     )
     program = (
         "import sys, typer, skelsplat.cli\n"

@@ -199,7 +199,7 @@ def test_bad_arguments():
     good = detections("room")
     with pytest.raises(sk.InvalidInputError, match=r"people: expected shape \(T, 4, P, N, 3\) .* got"):
         check_rig(rig("room"), good[:, :3])
-    with pytest.raises(sk.InvalidInputError, match="frames: expected 40 ascending numbers"):
+    with pytest.raises(sk.InvalidInputError, match="frames: expected 24 ascending numbers"):
         check_rig(rig("room"), good, frames=np.zeros(T, dtype=int))
     with pytest.raises(sk.InvalidInputError, match="cameras: expected at least two with detections, got 1"):
         check_rig(rig("room")[:1], good[:, :1])

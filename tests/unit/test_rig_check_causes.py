@@ -69,9 +69,10 @@ def test_a_turn_and_an_offset_of_the_same_camera_are_told_apart_or_both_said():
 
 @pytest.mark.parametrize(("shift", "words"), [(-5, " (4 to 5 fit almost as well): "), (5, " too high: its")])
 def test_frames_that_fit_nearly_as_well_are_a_range(shift, words):
-    found, whole = detections("room").copy(), detections("room")
+    whole = detections("room", steps=40)
+    found = whole.copy()
     found[:, 1] = np.nan
-    here, there = slice(max(shift, 0), T + min(shift, 0)), slice(max(-shift, 0), T + min(-shift, 0))
+    here, there = slice(max(shift, 0), 40 + min(shift, 0)), slice(max(-shift, 0), 40 + min(-shift, 0))
     found[here, 1] = whole[there, 1]
     finding = only(check_rig(rig("room"), found, layout=LAYOUT))
     assert (finding.kind, finding.subject.cameras, finding.numbers["frames"]) == (

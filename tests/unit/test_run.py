@@ -108,6 +108,7 @@ def test_a_report_of_another_version_is_named(run_folder, change):
         Run.open(run_folder)
 
 
+@pytest.mark.drawn
 def test_a_result_made_of_arrays_has_findings_report_and_figures(tmp_path, capfd):
     pixels, rig = scene()
     result = sk.refine(None, pixels, rig, layout=LAYOUT)
@@ -163,6 +164,7 @@ def test_confidences_are_refused_as_by_refine(channels, shape, message):
         Run.from_arrays(result, rig, seen, LAYOUT, confidence=confidence)
 
 
+@pytest.mark.drawn
 def test_a_notebook_shows_facts_findings_and_the_overview():
     pixels, rig = scene()
     found = Run.from_arrays(sk.refine(None, pixels, rig, layout=LAYOUT), rig, pixels, LAYOUT)

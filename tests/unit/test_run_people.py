@@ -19,6 +19,7 @@ from skelsplat import synthetic
 from skelsplat.findings import Finding
 from skelsplat.io import read_csv, read_json, read_netcdf, read_npz, write_calibration, write_people
 from skelsplat.run import Job, PeopleRun, Run, run, run_people
+from sweeps import swept
 from two_people import LAYOUT, crossing, seen, shuffled
 
 RIG = synthetic.human36m_like()
@@ -233,7 +234,7 @@ def test_a_camera_is_doubted_if_it_disagrees_about_most(named, tmp_path):
     ]
 
 
-@pytest.mark.parametrize("views", [(1, 1), (1, 2)])
+@pytest.mark.parametrize("views", [(1, 2), swept((1, 1))])
 def test_one_sentence_on_the_rig_sums_up_all_people(views, tmp_path):
     people = seen(crossing(FRAMES), RIG)
     for person, view in enumerate(views):

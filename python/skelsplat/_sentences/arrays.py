@@ -40,6 +40,7 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
         "in {frames} frames two or more views detect people, but no two agree on a person: check the unit of "
         "the cameras, their order, and that all detections of a frame are from the same instant"
     ),
+    "confidence_clipped": "{argument}: confidences slightly above 1, up to {highest}, count as 1",
     "lens_assumed": "{files}: no distortions for {cameras}: assumed to have no lens distortion",
     "view_rotated": (
         "{files}: viewrotation: images of {cameras} were rotated for display; the calibration is for images "

@@ -128,6 +128,25 @@ def _with_options(function: Callable[..., Any], extra: dict[str, Any]) -> Callab
     return command
 
 
+def with_parameters_of(
+    other: Callable[..., Any], *, without: Sequence[str] = ()
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Give a function, which takes them as keywords, the parameters of another one before its own options."""
+
+    def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
+        own, theirs = (
+            list(inspect.signature(f, eval_str=True).parameters.values()) for f in (function, other)
+        )
+        named = [one for one in own if one.kind is not inspect.Parameter.VAR_KEYWORD]
+        first = [one for one in named if one.kind is not inspect.Parameter.KEYWORD_ONLY]
+        added = [one for one in theirs if one.name not in without]
+        signature = inspect.Signature([*first, *added, *named[len(first) :]])
+        function.__signature__ = signature  # type: ignore[attr-defined]
+        return function
+
+    return decorate
+
+
 def _show_all(context: typer.Context, value: bool | None) -> None:
     if value:
         context.meta[_ALL] = True

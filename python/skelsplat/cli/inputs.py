@@ -22,7 +22,7 @@ Calibration = Annotated[
     typer.Argument(
         readable=False,
         metavar="CALIBRATION",
-        help="Calibration file, or folder with one. convert --help lists the formats.",
+        help="Calibration file or its folder. convert --help lists the formats.",
     ),
 ]
 

@@ -334,14 +334,18 @@ Fps = Annotated[
 ]
 YUp = Annotated[
     bool,
-    flag(_OUTPUT, "--y-up", help="Write TRC and C3D with y up, for OpenSim. The calibration must have z up."),
+    flag(
+        _OUTPUT,
+        "--y-up",
+        help="Write TRC and C3D with y up. OpenSim expects it; the calibration must have z up.",
+    ),
 ]
 Angles = Annotated[
     bool,
     flag(
         _OUTPUT,
         "--angles",
-        help="Write joint angles with error bars: angles.csv, angles.npz, and angles.mot for OpenSim.",
+        help="Write joint angles. angles.csv and angles.npz have error bars, angles.mot is for OpenSim.",
     ),
 ]
 NoHtml = Annotated[bool, flag(_OUTPUT, "--no-html", help="Do not write report.html. It takes 5 MB or more.")]

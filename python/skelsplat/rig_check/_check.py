@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 import skelsplat as sk
 from skelsplat._arrays import Array, Index, median, numbers, whole_numbers
-from skelsplat._skelsplat import check_people
+from skelsplat.association import with_confidences
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.findings import Finding, Subject
 from skelsplat.rig_check._causes import explain, once_corrected
@@ -132,9 +132,7 @@ def _checked(people: npt.ArrayLike, rig: sk.CameraRig) -> Array:
     if array.ndim != 5 or array.shape[1] != len(rig) or array.shape[4] not in (2, 3) or 0 in array.shape:
         expected = f"shape (T, {len(rig)}, P, N, 3) for {len(rig)} cameras"
         raise InvalidInputError(f"people: expected {expected}, got {array.shape}")
-    if array.shape[4] == 3:
-        check_people(array)
-    return array
+    return with_confidences(array) if array.shape[4] == 3 else array
 
 
 def _numbers(frames: npt.ArrayLike | None, count: int) -> Index:

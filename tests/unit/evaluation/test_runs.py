@@ -21,6 +21,7 @@ from skelsplat.cli import app
 from skelsplat.datasets import Dataset
 from skelsplat.datasets.synthetic import write_simulated
 from skelsplat.evaluation import export, methods, protocols, report, runs
+from sweeps import swept
 
 DATA = takes.simulated(3)
 
@@ -202,7 +203,7 @@ def undisturbed(small_set: Path, tmp_path_factory: pytest.TempPathFactory) -> li
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
-@pytest.mark.parametrize(("number", "status"), [(signal.SIGKILL, -signal.SIGKILL), (signal.SIGINT, 130)])
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), swept(signal.SIGKILL, -signal.SIGKILL)])
 def test_a_stopped_evaluation_goes_on(
     number: signal.Signals, status: int, small_set: Path, undisturbed: list[str], tmp_path: Path
 ) -> None:

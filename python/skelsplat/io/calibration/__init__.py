@@ -16,14 +16,14 @@ from typing import Any
 import numpy as np
 
 import skelsplat as sk
-from skelsplat._arrays import Array
 from skelsplat._atomic import atomic_write, atomic_write_text
 from skelsplat.cameras import MM_PER_UNIT, altered
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
-from skelsplat.findings import Finding, FindingWarning, Subject
+from skelsplat.findings import FindingWarning
 from skelsplat.io._files import of_file
-from skelsplat.io.calibration import _binary, _json, _opencv, _tables, _toml, _xml
+from skelsplat.io.calibration import _binary, _json, _opencv, _tables, _toml, _vicon, _xml
 from skelsplat.io.calibration._format import CalibrationFormat, RawCamera, Source
+from skelsplat.io.calibration._unit import check_unit
 
 __all__ = ["FORMATS", "convert_unit", "find_format", "read_calibration", "write_calibration"]
 
@@ -37,8 +37,9 @@ FORMATS: dict[str, CalibrationFormat] = {
         CalibrationFormat("voxelpose", _tables.is_voxelpose, _tables.parse_voxelpose, ("size",)),
         CalibrationFormat("4d-association", _tables.is_association, _tables.parse_association),
         CalibrationFormat("panoptic", _json.is_panoptic, _json.parse_panoptic, ("camera_type",)),
+        CalibrationFormat("theia", _xml.is_theia, _xml.parse_theia),
         CalibrationFormat("qualisys", _xml.is_qualisys, _xml.parse_qualisys, ("camera_type", "binning")),
-        CalibrationFormat("vicon", _xml.is_vicon, _xml.parse_vicon, ("camera_type",)),
+        CalibrationFormat("vicon", _vicon.is_vicon, _vicon.parse_vicon, ("camera_type",)),
         CalibrationFormat("openpose", _opencv.is_openpose, _opencv.parse_openpose, ("size",)),
         CalibrationFormat("easymocap", _opencv.is_easymocap, _opencv.parse_easymocap, ("size",)),
         CalibrationFormat("opencap", _binary.is_opencap, _binary.parse_opencap),
@@ -51,12 +52,6 @@ _WRITTEN = {".toml": "anipose", ".json": "json", ".npz": "npz"}
 # of files that may be calibrations in a folder, and how many are looked at
 _SUFFIXES = (".toml", ".json", ".xml", ".txt", ".xcp", ".yml", ".yaml", ".npz", ".mat", ".pickle", ".pkl")
 _MOST_FILES = 50
-# how far apart cameras are, from a macro rig on a table to a stadium; outside it the unit is wrong rather
-# than the rig unusual, except under a microscope: with fields of view below 6°
-_PLAUSIBLE_M = (0.05, 100.0)
-_SMALLEST_M, _NARROW = 1e-4, 10.0
-# on a table or in a room; a unit that alone puts the cameras so far apart is likely
-_USUAL_M = (0.2, 15.0)
 
 
 def read_calibration(
@@ -85,7 +80,7 @@ def read_calibration(
         ====================  =========================================================== =========
         ``"anipose"``         TOML of Anipose, Pose2Sim, FreeMoCap and Caliscope's export asked for
         ``"caliscope"``       Caliscope's ``camera_array.toml``, older ``config.toml``    m
-        ``"easymocap"``       OpenCV YAML pair intri.yml, extri.yml: folder or either file asked for
+        ``"easymocap"``       OpenCV YAML pair intri.yml, extri.yml: folder, or one file  asked for
         ``"openpose"``        folder of OpenPose XML files, one per camera                m
         ``"panoptic"``        CMU Panoptic JSON                                           cm
         ``"human36m"``        Human3.6M ``camera-parameters.json``                        mm
@@ -94,6 +89,7 @@ def read_calibration(
         ``"opencap"``         OpenCap session, or folder of its pickles                   mm
         ``"dannce"``          MAT-file of DANNCE and Label3D, or folder of one per camera mm
         ``"qualisys"``        Qualisys ``.qca.txt``                                       mm
+        ``"theia"``           Theia3D's, XML like Qualisys'                               mm
         ``"vicon"``           Vicon ``.xcp``                                              mm
         ``"json"``            this package's JSON                                         in it
         ``"npz"``             NumPy arrays K, R, t, size, names, unit                     in it
@@ -139,7 +135,7 @@ def read_calibration(
         raise DatasetError(source.path, "cameras", "at least one camera", "none")
     _check_names(source.path, parsed.cameras)
     cameras = [_build(source.path, camera, _size(source.path, camera, size)) for camera in parsed.cameras]
-    known_unit = _check_unit(source.path, cameras, unit, stated=parsed.unit)
+    known_unit = check_unit(source.path, cameras, unit, stated=parsed.unit)
     return sk.CameraRig(cameras, unit=known_unit)
 
 
@@ -191,10 +187,11 @@ def _among(source: Source, name: str | None) -> dict[Source, CalibrationFormat]:
     for one in map(Source, files if len(files) <= _MOST_FILES else []):
         try:
             form = _recognised(one)
+            if form == "anipose" and not _toml.has_cameras(one):
+                continue
         except DatasetError:
             continue
-        is_other = form == "anipose" and not _toml.has_cameras(one)
-        if form is not None and name in (None, form) and not is_other:
+        if form is not None and name in (None, form):
             found[one] = FORMATS[form]
     return found
 
@@ -247,68 +244,6 @@ def _build(path: Path, raw: RawCamera, size: tuple[int, int]) -> sk.Camera:
         )
     except InvalidInputError as error:
         raise of_file(path, error) from error
-
-
-def _check_unit(path: Path, rig: Sequence[sk.Camera], unit: str | None, *, stated: str | None = None) -> str:
-    """Return the unit, given or `stated` by the file; warn if the cameras' spread makes it implausible."""
-    spread, narrow = _spread([np.asarray(camera.centre) for camera in rig]), _is_narrow(rig)
-    if stated is not None:
-        if unit not in (None, stated):
-            raise InvalidInputError(f'unit: expected none or "{stated}", the unit of {path}, got {unit!r}')
-        unit = stated
-    if unit is None:
-        raise InvalidInputError(
-            f'unit: expected "mm", "cm" or "m" for {path}, got none; {_hint(spread, narrow)}'
-        )
-    one_of("unit", unit, MM_PER_UNIT)
-    metres = _metres(spread)[unit]
-    least = _SMALLEST_M if narrow else _PLAUSIBLE_M[0]
-    if spread > 0.0 and not least <= metres <= _PLAUSIBLE_M[1]:
-        likely = min(MM_PER_UNIT, key=lambda name: _unusual(_metres(spread)[name]))
-        numbers = {"metres": metres, "unit": unit, "spread": spread, "likely": likely}
-        subject = Subject(files=(str(path),))
-        warnings.warn(FindingWarning(Finding("unit_implausible", "warning", subject, numbers)), stacklevel=3)
-    return unit
-
-
-def _spread(centres: Sequence[Array]) -> float:
-    """Largest distance between two camera centres, in the file's unit; 0 for one camera."""
-    points = np.stack(centres)
-    return float(np.linalg.norm(points[:, None] - points[None], axis=-1).max())
-
-
-def _is_narrow(rig: Sequence[sk.Camera]) -> bool:
-    """Whether the cameras look through telescopes or microscopes: their focal length is 10 images wide."""
-    return float(np.median([camera.K[0, 0] / max(camera.size) for camera in rig])) > _NARROW
-
-
-def _metres(spread: float) -> dict[str, float]:
-    return {name: spread * factor / 1000.0 for name, factor in MM_PER_UNIT.items()}
-
-
-def _unusual(metres: float) -> float:
-    """By what factor, as a logarithm, a distance is outside the usual ones; 0 within."""
-    least, most = np.log(_USUAL_M)
-    return float(max(least - np.log(metres), np.log(metres) - most, 0.0))
-
-
-def _hint(spread: float, narrow: bool) -> str:
-    """Return which unit is likely, if only one is, and what each would mean."""
-    if spread == 0.0:
-        return "one camera gives no hint of it"
-    metres = _metres(spread)
-    usual = [] if narrow else [name for name in metres if _unusual(metres[name]) == 0.0]
-    so = f'so "{usual[0]}" is likely' if len(usual) == 1 else "that is " + _meanings(metres, usual)
-    return f"the largest distance between cameras is {spread:.4g} in the file, {so}"
-
-
-def _meanings(metres: Mapping[str, float], usual: Sequence[str]) -> str:
-    parts = [f'{_length(metres[name])} in "{name}"' for name in usual or metres]
-    return f"{', '.join(parts[:-1])} or {parts[-1]}"
-
-
-def _length(metres: float) -> str:
-    return f"{metres:.2g} m" if metres >= 0.1 else f"{metres * 1000:.2g} mm"
 
 
 def convert_unit(rig: sk.CameraRig, unit: str) -> sk.CameraRig:

@@ -110,8 +110,16 @@ def _offsets(source: Source, cameras: Sequence[Field]) -> tuple[dict[str, Array]
         beside = {name: document["cameras"][name]["offset"] for name in listed}
         given = {name: field for name, field in {**beside, **own}.items() if not field.is_missing}
         if given:
-            return {name: field.numbers((2,)) for name, field in given.items()}, path
+            return {name: _corner(field) for name, field in given.items()}, path
     return {}, source.path
+
+
+def _corner(field: Field) -> Array:
+    """Return the first two numbers of an offset, as Anipose does: some give the other corner as well."""
+    offset = field.numbers(None)
+    if offset.size not in (2, 4):
+        raise field.error("x and y of the crop's upper left corner", f"{offset.size} numbers")
+    return offset[:2]
 
 
 def _cropped(file: Path, camera: RawCamera, offset: Array | None) -> RawCamera:

@@ -26,7 +26,7 @@ _Lines = dict[int, dict[str, dict[int, tuple[float, float]]]]
 
 
 def read_caliscope(path: Path, _: str | None) -> Recording:
-    """Return the views of Caliscope's ``xy_<tracker>.csv``, pixels, called ``cam_0`` or ``port_0``.
+    """Return the views of Caliscope's ``xy_<tracker>.csv``, pixels, called ``0``, ``1``, … like its cameras.
 
     Columns ``sync_index`` (the frame number of all cameras), ``cam_id`` (older files: ``port``),
     ``keypoint_id`` (``point_id``), ``img_loc_x``, ``img_loc_y``, and perhaps ``object_id``, a person; others
@@ -34,7 +34,7 @@ def read_caliscope(path: Path, _: str | None) -> Recording:
     joints by number; those of the trackers POSE and HOLISTIC of older versions are MediaPipe's, by name.
     """
     lines = csv_lines(path)
-    columns, camera_column = _columns(path, lines[0] if lines else [])
+    columns = _columns(path, lines[0] if lines else [])
     cameras: dict[str, _Lines] = {}
     highest = 0
     for number, line in enumerate(lines[1:], start=2):
@@ -45,7 +45,7 @@ def read_caliscope(path: Path, _: str | None) -> Recording:
         )
         if point > _HIGHEST:
             raise DatasetError(path, f"line {number}, point", f"numbers from 0 to {_HIGHEST}", point)
-        camera = cameras.setdefault(f"{camera_column}_{line[columns[_CAMERA[0]]]}", {})
+        camera = cameras.setdefault(line[columns[_CAMERA[0]]], {})
         who = line[columns[_OBJECT]] if _OBJECT in columns else ""
         points = camera.setdefault(frame, {}).setdefault(who, {})
         if point in points:
@@ -60,8 +60,8 @@ def read_caliscope(path: Path, _: str | None) -> Recording:
     return Recording({name: _view(path, lines, count, names) for name, lines in cameras.items()}, named=True)
 
 
-def _columns(path: Path, header: list[str]) -> tuple[dict[str, int], str]:
-    """Return the places of the columns under today's names, and what the file calls a camera."""
+def _columns(path: Path, header: list[str]) -> dict[str, int]:
+    """Return the places of the columns under today's names."""
     given = [name.strip() for name in header]
     found = {name: given.index(name) for name in (_FRAME, _X, _Y, _OBJECT) if name in given}
     for names in (_CAMERA, _POINT):
@@ -71,7 +71,7 @@ def _columns(path: Path, header: list[str]) -> tuple[dict[str, int], str]:
     lacking = [name for name in (_FRAME, _CAMERA[0], _POINT[0], _X, _Y) if name not in found]
     if lacking:
         raise DatasetError(path, "line 1", f"a column {lacking[0]}", ", ".join(given) or "an empty line")
-    return found, "cam" if _CAMERA[0] in given else "port"
+    return found
 
 
 def _view(path: Path, camera: _Lines, count: int, names: tuple[str, ...] | None) -> View:

@@ -13,6 +13,7 @@ from skelsplat.io._files import natural
 
 SORTED = "sorted"
 _WORDS = re.compile(r"\d+|[^\W\d_]+")
+_CAPITAL = re.compile(r"(?<=[a-z])(?=[A-Z])")  # where camA is two words
 _ADVICE = (
     "name each {kind} like its camera, for example cam_01{tail} or cam01{tail} for the camera cam_01, "
     "or state their order: --order sorted, or --order and the {kind} of each camera (in Python order=)"
@@ -72,10 +73,10 @@ def match_by_name(
     separators, leading zeros and a last word "json": camera ``cam_01`` and folder ``cam01_json`` belong
     together. Then, if `Candidates.within`, the camera's words stand together among those of the text
     (``take2_cam01_results`` and ``cam_01``), if that is so for one text alone. Last, either may have words
-    around what names the camera (``int_cam01_img`` and ``cam01_json``), if each fits nothing else. The match
-    must be one to one; a camera without a label gets None if `allow_missing` or it is `optional`, and a label
-    without a camera must be idle. `otherwise` says, from the cameras that lack a label, what else may be
-    done, if anything.
+    around what names the camera (``int_cam01_img`` and ``cam01_json``, ``A`` and ``vid_camA``), if each fits
+    nothing else. The match must be one to one; a camera without a label gets None if `allow_missing` or it is
+    `optional`, and a label without a camera must be idle. `otherwise` says, from the cameras that lack a
+    label, what else may be done, if anything.
     """
     kind, texts = candidates.kind, candidates.texts
     advice = _ADVICE.format(kind=kind, tail=PurePath(next(iter(texts), "")).suffix if kind == "file" else "")
@@ -139,9 +140,11 @@ def _around(
     they differ from the others of their kind.
     """
     taken = set(found.values())
+    if None not in taken:
+        return {}
     busy = [label for label in candidates.texts if label not in candidates.idle]
-    cameras = {name: _words(name) for name in names}
-    texts = {label: _words(candidates.texts[label]) for label in busy or candidates.texts}
+    cameras = {name: _words(_CAPITAL.sub(" ", name)) for name in names}
+    texts = {label: _words(_CAPITAL.sub(" ", candidates.texts[label])) for label in busy or candidates.texts}
     own_camera, own_text = _differing(cameras), _differing(texts)
     fits = {
         (name, label)

@@ -112,7 +112,7 @@ def _told(path: Path) -> str:
         names = [f"{folder.relative_to(path).as_posix()}/" for folder in deeper]
         return f"folders with such detections beneath it: give one of them ({listed(names, _NAMED)})"
     if any(one.suffix.lower() in VIDEO_SUFFIXES for one in chain([path], path.glob("*"), path.glob("*/*"))):
-        return "videos; run a 2D keypoint detector on them first, and give the files that it writes"
+        return "videos; run skelsplat detect or another detector on them first, and give what it writes"
     return "none that is recognised"
 
 

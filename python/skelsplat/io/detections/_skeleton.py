@@ -89,9 +89,10 @@ def _dlc_project(path: Path) -> Skeleton:
         raise DatasetError(path, "bodyparts", expected, names or "none")
     edges = []
     for pair in lists.get("skeleton", []):
-        if not isinstance(pair, list) or len(pair) != 2 or not set(pair) <= set(names):
-            raise DatasetError(path, "skeleton", f"pairs of {', '.join(names)}", pair)
-        edges.append((names.index(pair[0]), names.index(pair[1])))
+        if not isinstance(pair, list) or len(pair) != 2:
+            raise DatasetError(path, "skeleton", "pairs of parts", pair)
+        if set(pair) <= set(names):  # else of the template, or a part of no individual
+            edges.append((names.index(pair[0]), names.index(pair[1])))
     return Skeleton(tuple(names), tuple(edges))
 
 

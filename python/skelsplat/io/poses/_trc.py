@@ -19,7 +19,7 @@ from skelsplat._arrays import Index, positive
 from skelsplat._atomic import atomic_write_text
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.findings import Finding, Subject, warn
+from skelsplat.findings import Finding, Severity, Subject, warn
 from skelsplat.io._files import frame_number, read_text
 from skelsplat.io.poses._pose_data import Y_UP, PoseData, known_frame_rate
 from skelsplat.io.poses._pose_data import marker_names as named
@@ -108,8 +108,8 @@ def read_trc(path: str | os.PathLike[str]) -> PoseData:
     """Read a TRC file; its axes are kept as they are.
 
     The blank sixth line may be missing, and empty fields and "nan" are NaN. ``frames`` are the file's own row
-    numbers, ``frame_rate`` is its DataRate. Slips of the header are warned of, and the rows decide: a number
-    of frames that is off by one, and a DataRate of 0.
+    numbers, ``frame_rate`` is its DataRate. Slips of the header are warned of, and the rows decide: another
+    number of frames than there are, and a DataRate of 0.
 
     Raises
     ------
@@ -138,12 +138,14 @@ def read_trc(path: str | os.PathLike[str]) -> PoseData:
 
 
 def _check_count(path: Path, stated: str, rows: int) -> None:
-    """Warn if the header counts one row more or less; a larger difference is that of a file cut short."""
-    if stated == str(rows):
-        return
-    if stated not in (str(rows - 1), str(rows + 1)):
-        raise DatasetError(path, "line 3 NumFrames", f"the {stated} rows that it states", rows)
-    warn(Finding("trc_frames", "note", Subject(files=(str(path),)), {"stated": int(stated), "rows": rows}))
+    """Warn if the header counts other rows: by one is a slip, by more perhaps a file cut between two rows."""
+    if not stated.isdecimal():
+        raise DatasetError(path, "line 3 NumFrames", "a whole number", repr(stated))
+    difference = frame_number(path, "line 3 NumFrames", stated) - rows
+    if difference:
+        severity: Severity = "note" if abs(difference) == 1 else "warning"
+        numbers = {"stated": rows + difference, "rows": rows}
+        warn(Finding("trc_frames", severity, Subject(files=(str(path),)), numbers))
 
 
 def _rate(path: Path, stated: str, frames: Index, body: Sequence[str]) -> float | None:
