@@ -69,6 +69,8 @@ def test_the_offset_of_aniposes_cropped_videos_is_taken_off_the_centre(tmp_path,
         )
     elif place != "none":
         project.write_text(f'model_folder = "a"\n[triangulation]\noptim = true\n{table}')
+    (tmp_path / "project" / "session" / "config.toml").write_text("[cameras.other]\noffset = [1, 1]\n")
+    (folder / "config.toml").write_text("[broken")
     if place == "other name":
         path = path.rename(folder / "Calib.toml")
     if place in ("none", "other name"):
