@@ -53,6 +53,17 @@ def test_the_folder_of_the_run_knows_the_layout(recorded):
     assert "my_mouse, 22 joints" in page
 
 
+def test_a_length_that_the_recording_contradicts_is_named(recorded):
+    folder, _, _ = recorded
+    lengths = [(("nose", "neck"), 40.0, 1.0), (("left_knee", "left_foot"), 9.9, 1.0)]  # 16.5 and 9.9 mm
+    own = sk.Layout("long", mouse.LAYOUT.joints, limbs=mouse.LAYOUT.limbs, lengths=lengths)
+    given = {"layout": own, "unit": "mm", "html": False, "write": ()}
+    found = run(Job(folder / "rig.toml", folder / "dlc", **given))
+    (wrong,) = (finding for finding in found.findings if finding.kind == "given_lengths_differ")
+    assert wrong.subject.joints == ("nose", "neck")
+    assert wrong.numbers["measured_mm"][0] == pytest.approx(16.5, abs=3.0)
+
+
 def test_a_later_run_with_a_built_in_layout_removes_the_file(recorded, tmp_path):
     folder, _, _ = recorded
     shutil.copytree(folder / "out", tmp_path / "out")

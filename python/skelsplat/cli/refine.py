@@ -19,10 +19,11 @@ from skelsplat.run import Job, PeopleRun, run, run_people
 
 EPILOG = (
     "Results in FOLDER: pose.npz, pose.csv and pose.trc (or the formats of --write), report.json, "
-    "report.html, overview.png and weights.png, with --paper also heatmaps.png, with --angles angles.csv, "
-    "angles.npz and angles.mot; and the input as used, cameras.json and detections.npz. With --people these "
-    "are in the folder of each person, and report.html, overview.png, and people.csv, people.json or "
-    "people.nc have everybody. Files of an earlier run are removed first; plots/ and overlay/ are kept."
+    "report.html, overview.png and weights.png, with --paper also heatmaps.png, with --angles angles.csv,"
+    " angles.npz and angles.mot; and the input as used, cameras.json, detections.npz, and layout.toml for"
+    " a layout of your own. With --people these are in the folder of each person, and report.html, "
+    "overview.png, and people.csv, people.json or people.nc have everybody. Files of an earlier run are "
+    "removed first; plots/ and overlay/ are kept."
 )
 COMMON = (
     *("output", "unit", "layout", "person", "people", "without", "offset", "fps", "filter", "fill_gaps"),

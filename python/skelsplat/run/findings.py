@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 import skelsplat as sk
+from skelsplat._arrays import Array
 from skelsplat.findings import Finding, Remedy, Subject
 from skelsplat.run.displaced import displaced_cameras, find_apart, find_displaced, shift_of
 from skelsplat.run.people import are_mixed, find_people
@@ -243,12 +244,8 @@ def _lengths_mm(inputs: Inputs, outcome: Outcome, limbs: Sequence[tuple[int, int
 
 def _given_lengths(inputs: Inputs, alone: Outcome) -> Iterator[Finding]:
     """Yield a finding on given lengths of bones that the recording contradicts."""
-    given = getattr(alone.config, "bone_lengths_mm", None)  # the paper's method has none
-    if given is None:
-        return
     limbs, joints = inputs.layout.limbs, inputs.layout.joints
-    lengths = np.asarray(given)
-    sigmas = np.asarray(alone.config.bone_sigmas_mm or np.full(len(lengths), _USUAL_SIGMA_MM))
+    lengths, sigmas = _lengths_given(inputs.layout, alone.config)
     measured = np.array(_lengths_mm(inputs, alone, limbs))
     allowed = np.maximum(_GIVEN_SIGMAS * sigmas, _GIVEN_SHARE * lengths)
     wrong = np.flatnonzero((np.abs(measured - lengths) > allowed) & (sigmas < lengths))
@@ -261,6 +258,21 @@ def _given_lengths(inputs: Inputs, alone: Outcome) -> Iterator[Finding]:
         }
         subject = Subject(joints=tuple(dict.fromkeys(joint for limb in named for joint in limb)))
         yield Finding("given_lengths_differ", "warning", subject, numbers)
+
+
+def _lengths_given(layout: sk.Layout, config: sk.RefineConfig) -> tuple[Array, Array]:
+    """Return the lengths of the limbs (B,) that settings or else the layout give, and their sigmas, mm.
+
+    Where none is given, the length is 0; the paper's method has none.
+    """
+    lengths, sigmas = np.zeros(len(layout.limbs)), np.full(len(layout.limbs), _USUAL_SIGMA_MM)
+    if config.method == "paper" or config.bones == "free":
+        return lengths, sigmas
+    if config.bone_lengths_mm is not None:
+        return np.asarray(config.bone_lengths_mm), np.asarray(config.bone_sigmas_mm or sigmas)
+    for ends, length, sigma in layout.lengths:
+        lengths[layout.limbs.index(ends)], sigmas[layout.limbs.index(ends)] = length, sigma
+    return lengths, sigmas
 
 
 def _joints(alone: Statistics, statistics: Statistics) -> Iterator[Finding]:
