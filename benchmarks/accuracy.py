@@ -13,6 +13,7 @@ import inspect
 from typing import Any
 
 import report
+from measures.angles import angles
 from measures.association import mvor_people
 from measures.bones import bones
 from measures.coverage import coverage, coverage_real
@@ -29,6 +30,7 @@ from measures.views import views
 MEASURES = {
     f.__name__: f
     for f in (
+        angles,
         table,
         start,
         bones,

@@ -42,7 +42,7 @@ _RECORDED = {
     "kalman": "+ Kalman smoother per joint",
     "anipose": "triangulate_optim, aniposelib",
     "anipose-tuned": "the same, tuned here",
-    "sequence": "SkelSplat, in time",
+    "sequence": "SkelSplat, solved over time",
 }
 _CONDITIONS = {"occluded2": "occluded 2", "occluded3": "occluded 3"}  # of recordings, by --noise; else good
 

@@ -1,4 +1,4 @@
-"""Recordings solved frame by frame, smoothed, and in time: errors, accelerations and error bars.
+"""Recordings solved frame by frame, smoothed, and over time: errors, accelerations and error bars.
 
     python benchmarks/sequences.py [--takes 12] [--views 4] [--fps 30] [--conditions good heavy] [--joints]
 

@@ -64,7 +64,7 @@ class Broken:
         with h5py.File(self.file, "a") as file:
             change(file)
 
-    def dlc(self, change, key="df_with_missing", **options):
+    def dlc(self, change, *keys, **options):
         rng = np.random.default_rng(0)
         view = rng.uniform(0.0, 1.0, (T, 2, K, 3)) * [900.0, 900.0, 1.0]
         table = deeplabcut_table(view, self.joints, 0, multi=self.case.people)
@@ -72,7 +72,9 @@ class Broken:
         if self.file.suffix == ".csv":
             table.to_csv(self.file)
         else:
-            table.to_hdf(self.file, key=key, format="table", mode="w", **options)
+            self.file.unlink()
+            for key in keys or ["df_with_missing"]:
+                table.to_hdf(self.file, key=key, format="table", **options)
 
     def read(self):
         return read_detections(

@@ -7,11 +7,13 @@ programs write it. Every writer takes a folder and a list of `View` in millimetr
 from __future__ import annotations
 
 import json
+import pickle
 from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
+import scipy.io
 from scipy.spatial.transform import Rotation
 
 
@@ -92,6 +94,105 @@ def caliscope(folder: Path, views):
     return path
 
 
+def pyxy3d(folder: Path, views):
+    """Write Caliscope's older ``config.toml``, vectors and matrices, cameras not used, pairs and settings."""
+    text = "CreationDate = 2023-05-06T11:12:27.631355\nfps_sync_stream_processing = 24\n\n"
+    for i, v in enumerate(views):
+        rotation = v.R if i % 2 == 0 else Rotation.from_matrix(v.R).as_rotvec()
+        text += (
+            f"[cam_{i}]\ncam_id ={i}\nsize = [ {v.size[0]}, {v.size[1]},]\nrotation_count = {-i}\n"
+            f"error = 0.19\nmatrix = {v.K.tolist()}\ndistortions = {v.distortion.tolist()}\n"
+            f"translation = {(v.t / 1000).tolist()}\nrotation = {rotation.tolist()}\nexposure = -7.0\n"
+            "grid_count = 24\nignore = false\nverified_resolutions = [ [ 640, 480,], [ 1280, 720,],]\n\n"
+        )
+    text += (
+        "[cam_9]\ncam_id =9\nsize = [ 1280, 720,]\nrotation_count = 0\nignore = true\n\n"
+        '[capture_volume]\nstage = 2\norigin_sync_index = 77\n\n[charuco]\ncolumns = 4\nunits = "inch"\n\n'
+        "[stereo_0_1]\nRMSE = 3.2\nrotation = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]\n"
+        "translation = [[3.07], [-0.17], [2.39]]\n"
+    )
+    path = folder / "config.toml"
+    path.write_text(text)
+    return path
+
+
+def voxelpose(folder: Path, views):
+    table = {
+        v.name: {
+            "k": v.distortion[[0, 1, 4], None].tolist(),
+            "p": v.distortion[[2, 3], None].tolist(),
+            "R": v.R.tolist(),
+            "T": v.centre[:, None].tolist(),
+            **{"fx": v.K[0, 0], "fy": v.K[1, 1], "cx": v.K[0, 2], "cy": v.K[1, 2]},
+        }
+        for v in views
+    }
+    path = folder / "calibration_shelf.json"
+    path.write_text(json.dumps(table, indent=2))
+    return path
+
+
+def association(folder: Path, views):
+    """Write all three forms of a pose in turn: 12 numbers, a matrix and a vector."""
+    table = {}
+    for i, v in enumerate(views):
+        t = v.t / 1000
+        vector = Rotation.from_matrix(v.R).as_rotvec()
+        pose = {"R": (v.R.ravel() if i % 3 == 1 else vector).tolist(), "T": t.tolist()}
+        table[v.name] = {
+            "K": v.K.ravel().tolist(),
+            **(pose if i % 3 else {"RT": np.c_[v.R, t].ravel().tolist()}),
+            "imgSize": list(v.size),
+            "distCoeff": v.distortion.tolist(),
+            "rectifyAlpha": 0.0,
+        }
+    path = folder / "calibration.json"
+    path.write_text(json.dumps(table))
+    return path
+
+
+def opencap(folder: Path, views):
+    """Write a session: a pickle per camera, heights before widths."""
+    for v in views:
+        beneath = folder / "Videos" / v.name
+        (beneath / "InputMedia").mkdir(parents=True)
+        table = {
+            "distortion": v.distortion[None],
+            "intrinsicMat": v.K,
+            "imageSize": np.array([[float(v.size[1])], [float(v.size[0])]]),
+            "rotation": v.R,
+            "translation": v.t[:, None],
+            "rotation_EulerAngles": cv2.Rodrigues(v.R)[0],
+        }
+        (beneath / "cameraIntrinsicsExtrinsics.pickle").write_bytes(pickle.dumps(table))
+    (folder / "Videos" / "mappingCamDevice.pickle").write_bytes(pickle.dumps({"device": 0}))
+    return folder
+
+
+def matlab_camera(v, skew=0.0):
+    """Return MATLAB's transposes of a camera, whose first pixel is (1, 1)."""
+    K = v.K + np.array([[0.0, skew, 1.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]])
+    radial, tangential = v.distortion[[0, 1, 4]], v.distortion[[2, 3]]
+    return {"K": K.T, "RDistort": radial[None], "TDistort": tangential[None], "r": v.R.T, "t": v.t[None]}
+
+
+def cell(values):
+    """Return a column of MATLAB's cells."""
+    column = np.empty((len(values), 1), dtype=object)
+    column[:, 0] = values
+    return column
+
+
+def dannce(folder: Path, views, skew=0.0):
+    """Write Label3D's file, with labels besides the cameras."""
+    path = folder / "label3d_dannce.mat"
+    labels = cell([{"data_2d": np.zeros((2, 4)), "data_frame": np.zeros((1, 2))} for _ in views])
+    params = cell([matlab_camera(v, skew) for v in views])
+    names = cell([v.name for v in views]).T
+    scipy.io.savemat(path, {"params": params, "camnames": names, "labelData": labels, "sync": labels})
+    return path
+
+
 def easymocap(folder: Path, views, header="%YAML:1.0", with_size=True):
     for name in ("intri.yml", "extri.yml"):
         storage = cv2.FileStorage(str(folder / name), cv2.FILE_STORAGE_WRITE)
@@ -163,7 +264,7 @@ def human36m(folder: Path, views):
     return path
 
 
-def qualisys(folder: Path, views, *, binning=1.0, left=0, top=0, extra=""):
+def qualisys(folder: Path, views, *, binning=1.0, left=0, top=0, extra="", parts=64):
     """Six decimals as QTM writes; `left` and `top` cut the image out of a larger sensor."""
     cameras = '<camera active="1" serial="1234" model="Miqus M3" viewrotation="0"/>'
     for v in views:
@@ -172,14 +273,14 @@ def qualisys(folder: Path, views, *, binning=1.0, left=0, top=0, extra=""):
         x, y, z = v.centre
         full = [round(length * binning) for length in v.size]
         edges = f'left="{left}" top="{top}" right="{left + full[0] - 1}" bottom="{top + full[1] - 1}"'
-        centre = ((v.K[:2, 2] + 0.5) * binning - 0.5 + [left, top]) * 64
+        centre = ((v.K[:2, 2] + 0.5) * binning - 0.5 + [left, top]) * parts
         k1, k2, p1, p2, k3 = v.distortion
         cameras += (
             f'<camera active="1" calibrated="true" avg-residual="0.5" serial="{v.name}" model="Miqus Video" '
             f'viewrotation="0"{extra}><fov_video {edges}/>'
             f'<transform x="{x:.6f}" y="{y:.6f}" z="{z:.6f}" {r}/>'
-            f'<intrinsic focallength="9.3" focalLengthU="{v.K[0, 0] * 64 * binning:.6f}" '
-            f'focalLengthV="{v.K[1, 1] * 64 * binning:.6f}" centerPointU="{centre[0]:.6f}" '
+            f'<intrinsic focallength="9.3" focalLengthU="{v.K[0, 0] * parts * binning:.6f}" '
+            f'focalLengthV="{v.K[1, 1] * parts * binning:.6f}" centerPointU="{centre[0]:.6f}" '
             f'centerPointV="{centre[1]:.6f}" skew="0.000000" radialDistortion1="{k1:.6f}" '
             f'radialDistortion2="{k2:.6f}" radialDistortion3="{k3:.6f}" '
             f'tangentalDistortion1="{p1:.6f}" tangentalDistortion2="{p2:.6f}"/></camera>'
@@ -189,6 +290,28 @@ def qualisys(folder: Path, views, *, binning=1.0, left=0, top=0, extra=""):
         f"<?xml version='1.0' encoding='ASCII'?>\n<calibration qtm-version=\"2.17\"><cameras>{cameras}"
         "</cameras></calibration>\n"
     )
+    return path
+
+
+def theia(folder: Path, views, dimensions=False):
+    """World → camera and pixels, in elements that are called like Qualisys'."""
+    cameras = ""
+    for v in views:
+        K, R, t, (w, h) = v.K.tolist(), v.R.tolist(), v.t.tolist(), v.size
+        k1, k2, p1, p2, k3 = v.distortion.tolist()
+        r = " ".join(f'r{i + 1}{j + 1}="{R[i][j]}"' for i in range(3) for j in range(3))
+        ends = f'sensorMinU="0" sensorMaxU="{w}" sensorMinV="0" sensorMaxV="{h}"'
+        ends = f'sensorDimU="{w:.6f}" sensorDimV="{h:.6f}"' if dimensions else ends
+        cameras += (
+            f'<camera active="1" serial="{v.name}" viewrotation="0" static_boxes="">'
+            f'<transform x="{t[0]}" y="{t[1]}" z="{t[2]}" {r}/>'
+            f'<intrinsic focallength="4.59107e-41" {ends} focalLengthU="{K[0][0]}" '
+            f'focalLengthV="{K[1][1]}" centerPointU="{K[0][2]}" centerPointV="{K[1][2]}" skew="0" '
+            f'radialDistortion1="{k1}" radialDistortion2="{k2}" radialDistortion3="{k3}" '
+            f'tangentalDistortion1="{p1}" tangentalDistortion2="{p2}"/></camera>'
+        )
+    path = folder / "calibration.txt"
+    path.write_text(f"<calibration><results/><cameras>{cameras}</cameras></calibration>\n")
     return path
 
 
@@ -265,12 +388,18 @@ FULL = 1e-9
 FORMATS_WRITTEN = {
     "anipose": (anipose, {"unit": "m"}, NAMES, "m", FULL),
     "caliscope": (caliscope, {}, [f"cam_{i}" for i in range(4)], "m", FULL),
+    "voxelpose": (voxelpose, {"size": dict.fromkeys(NAMES, (1000, 1002))}, NAMES, "mm", FULL),
+    "4d-association": (association, {"unit": "m"}, NAMES, "m", FULL),
+    "opencap": (opencap, {}, NAMES, "mm", FULL),
+    "dannce": (dannce, {"size": dict.fromkeys(NAMES, (1000, 1002))}, NAMES, "mm", FULL),
     "easymocap": (easymocap, {"unit": "m"}, NAMES, "m", FULL),
+    # the files have no sizes: these are given
     "openpose": (openpose, {"size": dict.fromkeys(NAMES, (1000, 1002))}, NAMES, "m", FULL),
     "panoptic": (panoptic, {}, NAMES, "cm", FULL),
     "human36m": (human36m, {"subject": "S9"}, NAMES, "mm", FULL),
     # axes to ½·10⁻⁶ at 1150 px and coefficients likewise: below 5·10⁻³ px
     "qualisys": (qualisys, {}, NAMES, "mm", 5e-3),
+    "theia": (theia, {}, NAMES, "mm", FULL),
     "json": (own_json, {}, NAMES, "mm", FULL),
     "npz": (own_npz, {}, NAMES, "m", FULL),
 }

@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 
 import scenes
 from reference import total
+from skelsplat.run import Run, figures, people_page
 
 
 @pytest.fixture(autouse=True, scope="session")
@@ -31,17 +32,31 @@ def _heeded_signal() -> Iterator[None]:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
-    """Compose figures without painting them, which takes longest; tests marked ``painted`` need it."""
-    if item.get_closest_marker("painted"):
-        return (yield)
+    """Leave out what takes longest of most runs: to compose their figures, and to paint any figure.
+
+    Tests marked ``drawn`` compose the figures of runs, tests marked ``painted`` also paint.
+    """
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Figure, "savefig", _unpainted)
+        painted = item.get_closest_marker("painted")
+        if not painted:
+            patch.setattr(Figure, "savefig", _unpainted)
+        if not painted and not item.get_closest_marker("drawn"):
+            patch.setattr(figures, "write_figures", _undrawn)
+            patch.setattr(people_page, "write_people_figure", lambda _, path: _unpainted(None, path))
         return (yield)
 
 
-def _unpainted(_figure: Figure, target: Any, **_options: object) -> None:
+def _unpainted(_figure: Figure | None, target: Any, **_options: object) -> None:
     write = target.write_bytes if isinstance(target, Path) else target.write
     write(b"\x89PNG, not painted")
+
+
+def _undrawn(run: Run, folder: Path) -> list[str]:
+    heat_maps = ["heatmaps.png"] if run.outcome.config.method == "paper" else []
+    names = ["overview.png", "weights.png", *heat_maps]
+    for name in names:
+        _unpainted(None, folder / name)
+    return names
 
 
 SCENES = {"three_joints": scenes.three_joints, "beyond_the_image": scenes.beyond_the_image}

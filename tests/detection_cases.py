@@ -53,9 +53,18 @@ CASES = {
     "metrabs_ragged": Case(files.metrabs_ragged, "metrabs", confidence=False),
     "deeplabcut": Case(files.deeplabcut, "deeplabcut", people=False),
     "deeplabcut_multi": Case(files.deeplabcut_multi, "deeplabcut"),
+    "deeplabcut_tracks": Case(files.deeplabcut_tracks, "deeplabcut"),
     "deeplabcut_csv": Case(files.deeplabcut_csv, "deeplabcut_csv", people=False),
     "deeplabcut_csv_multi": Case(files.deeplabcut_csv_multi, "deeplabcut_csv"),
     "sleap": Case(files.sleap, "sleap", frames=False),
+    "sleap_without_scores": Case(files.sleap_without_scores, "sleap", confidence=False, frames=False),
+    "sleap_unturned": Case(files.sleap_unturned, "sleap", frames=False),
+    "sleap_standard": Case(files.sleap_standard, "sleap", frames=False),
+    "sleap_csv": Case(files.sleap_csv, "sleap_csv"),
+    "caliscope": Case(files.caliscope, "caliscope", confidence=False, order="sorted"),
+    "caliscope_ports": Case(
+        files.caliscope_ports, "caliscope", people=False, confidence=False, order="sorted"
+    ),
     "freemocap": Case(files.freemocap, "freemocap", layout="coco17", order="sorted", **_ALONE),
     "videopose3d": Case(files.videopose3d, "videopose3d", precision=np.float32, order="sorted", **_ALONE),
     "videopose3d_custom": Case(

@@ -219,14 +219,14 @@ def deeplabcut_table(view: np.ndarray, joints, first, *, multi: bool):
     return pd.DataFrame(values, columns=columns.append(own), index=frame)
 
 
-def _deeplabcut(root: Path, take: Take, *, multi: bool, suffix: str) -> Path:
+def _deeplabcut(root: Path, take: Take, *, multi: bool, suffix: str, key="df_with_missing") -> Path:
     for name, view in take.views():
         table = deeplabcut_table(view, take.joints, take.first, multi=multi)
         path = root / f"{name}{SCORER}{'_el' if multi else ''}{suffix}"
         if suffix == ".csv":
             table.to_csv(path)
         else:
-            table.to_hdf(path, key="df_with_missing", format="table", mode="w")
+            table.to_hdf(path, key=key, format="table", mode="w")
     return root
 
 
@@ -238,6 +238,11 @@ def deeplabcut_multi(root: Path, take: Take) -> Path:
     return _deeplabcut(root, take, multi=True, suffix=".h5")
 
 
+def deeplabcut_tracks(root: Path, take: Take) -> Path:
+    """Write what DeepLabCut's ``stitch_tracklets`` writes."""
+    return _deeplabcut(root, take, multi=True, suffix=".h5", key="tracks")
+
+
 def deeplabcut_csv(root: Path, take: Take) -> Path:
     return _deeplabcut(root, take, multi=False, suffix=".csv")
 
@@ -246,20 +251,112 @@ def deeplabcut_csv_multi(root: Path, take: Take) -> Path:
     return _deeplabcut(root, take, multi=True, suffix=".csv")
 
 
-def sleap(root: Path, take: Take) -> Path:
+EDGES = [(0, 1), (1, 2), (2, 3), (0, 4)]
+_SLEAP_AXES = ("frame", "track", "node", "xy")
+
+
+def _sleap(root: Path, take: Take, axes, *, scores=True, **attrs) -> Path:
+    """Write SLEAP's analysis files with these axes of the tracks, the rest as its `write_tracking_h5`."""
     import h5py
 
+    order = [_SLEAP_AXES.index(axis) for axis in axes]
+    rest = [at for at in order if at < 3]
     for name, view in take.views():
         with h5py.File(root / f"labels.v001.000_{name}.analysis.h5", "w") as file:
             sizes = {"compression": "gzip", "compression_opts": 9}
-            file.create_dataset("tracks", data=view[..., :2].transpose(1, 3, 2, 0), **sizes)
-            file.create_dataset("point_scores", data=view[..., 2].transpose(1, 2, 0), **sizes)
+            file.create_dataset("tracks", data=view[..., :2].transpose(order), **sizes)
+            if scores:
+                file.create_dataset("point_scores", data=view[..., 2].transpose(rest), **sizes)
             seen = np.isfinite(view[..., 0]).any(axis=2)
             file.create_dataset("track_occupancy", data=seen.astype(np.uint8), **sizes)
             file.create_dataset("node_names", data=[np.bytes_(joint) for joint in take.joints])
             tracks = [np.bytes_(f"track_{p}") for p in range(view.shape[1])]
             file.create_dataset("track_names", data=tracks)
+            edges = [edge for edge in EDGES if max(edge) < len(take.joints)]
+            names = [[np.bytes_(take.joints[k]) for k in edge] for edge in edges]
+            file.create_dataset("edge_names", data=names)
+            file.create_dataset("edge_inds", data=edges)
+            for key, value in attrs.items():
+                file.attrs[key] = value
+            if "preset" in attrs:
+                file["tracks"].attrs["dims"] = json.dumps(axes)
     return root
+
+
+def sleap(root: Path, take: Take) -> Path:
+    return _sleap(root, take, ("track", "xy", "node", "frame"))
+
+
+def sleap_without_scores(root: Path, take: Take) -> Path:
+    """Write the files of SLEAP before version 1.1.4."""
+    return _sleap(root, take, ("track", "xy", "node", "frame"), scores=False)
+
+
+def sleap_unturned(root: Path, take: Take) -> Path:
+    """Write the files of SLEAP's `write_occupancy_file` with ``transpose=False``."""
+    return _sleap(root, take, ("frame", "node", "xy", "track"))
+
+
+def sleap_standard(root: Path, take: Take) -> Path:
+    """Write the files of sleap-io with ``preset="standard"``."""
+    return _sleap(root, take, _SLEAP_AXES, preset="standard", format="analysis", sleap_io_version="1.0")
+
+
+def sleap_csv(root: Path, take: Take) -> Path:
+    """Write ``sleap-convert --format analysis.csv``; sleap-io sorts the nodes' columns by name."""
+    for name, view in take.views():
+        lines = [
+            {
+                "track": f"track_{p}",
+                "frame_idx": take.first + t,
+                "instance.score": 0.9,
+                **dict(sorted(_node_columns(person, take.joints))),
+            }
+            for t, frame in enumerate(view)
+            for p, person in enumerate(persons(frame))
+        ]
+        _csv(root / f"labels.v001.000_{name}.analysis.csv", lines)
+    return root
+
+
+def _node_columns(person: np.ndarray, joints) -> Iterator[tuple[str, object]]:
+    for joint, values in zip(joints, person, strict=True):
+        for part, value in zip(("x", "y", "score"), values, strict=True):
+            yield f"{joint}.{part}", "" if np.isnan(value) else value
+
+
+def _caliscope(root: Path, take: Take, camera: str, point: str, *, objects: bool) -> Path:
+    """Write Caliscope's xy file, whose cameras have only numbers; a missing point has no line."""
+    lines = [
+        {
+            "sync_index": take.first + t,
+            camera: m + 1,
+            "frame_index": take.first + t + 3 * m,
+            "frame_time": 48033.0 + t / 30,
+            **({"object_id": p} if objects else {}),
+            point: k,
+            "img_loc_x": x,
+            "img_loc_y": y,
+            **dict.fromkeys(("obj_loc_x", "obj_loc_y"), ""),
+        }
+        for m, (_, view) in enumerate(take.views())
+        for t, frame in enumerate(view)
+        for p, person in enumerate(persons(frame))
+        for k, (x, y, _) in enumerate(person)
+        if np.isfinite(x)
+    ]
+    path = root / "xy_ONNX_rtmpose_t_halpe26.csv"
+    _csv(path, lines)
+    return path
+
+
+def caliscope(root: Path, take: Take) -> Path:
+    return _caliscope(root, take, "cam_id", "keypoint_id", objects=True)
+
+
+def caliscope_ports(root: Path, take: Take) -> Path:
+    """Write the file of versions before 2026, without objects."""
+    return _caliscope(root, take, "port", "point_id", objects=False)
 
 
 def freemocap(root: Path, take: Take) -> Path:

@@ -15,10 +15,12 @@ import numpy as np
 
 import calibration_files
 import detection_files
+import mouse
 import skelsplat as sk
 from docs_code import run
 from skelsplat import synthetic
 from skelsplat.io import read_calibration, sample, write_calibration
+from skelsplat.io.detections._record import Record, Video, write_record
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -26,7 +28,7 @@ if TYPE_CHECKING:
 
 FRAMES = 24
 STEPS = 12
-VIDEO_FRAMES = 8
+VIDEO_FRAMES = 6
 
 
 def prepare(page: str, folder: Path) -> None:
@@ -75,7 +77,20 @@ def _pictures(folder: Path) -> None:
 
 
 def _pose2sim(folder: Path) -> None:
-    _sample(folder, calibration="calibration/Calib_scene.toml", frames=100)
+    _sample(folder, calibration="calibration/Calib_scene.toml")
+
+
+def _batches(folder: Path) -> None:
+    """Write two days and two trials, each with the first frames of the recording."""
+    _sample(folder)
+    days = ("monday", "tuesday", "Project/Trial_1", "Project/Trial_2")
+    for frames, place in zip((10, 12, 10, 12), days, strict=True):
+        shutil.copytree(folder / "pose", folder / place / "pose")
+        for camera in (folder / place / "pose").iterdir():
+            for path in sorted(camera.iterdir())[frames:]:
+                path.unlink()
+    (folder / "Project" / "calibration").mkdir()
+    shutil.copy(folder / "Calib.toml", folder / "Project" / "calibration")
 
 
 def _openpose(folder: Path) -> None:
@@ -119,6 +134,10 @@ def _anipose(folder: Path) -> None:
         )
 
 
+def _own_skeleton(folder: Path) -> None:
+    mouse.write(folder, FRAMES)
+
+
 def _deeplabcut(folder: Path) -> None:
     path, take = _walk(folder, ["camA", "camB", "camC"], "coco17", 1.0)
     path.rename(folder / "calibration.toml")
@@ -134,6 +153,14 @@ def _rtmpose(folder: Path) -> None:
     _, take = _walk(folder, ["cam01", "cam02", "cam03"], "coco17", 1e-3)
     (folder / "mmpose").mkdir()
     detection_files.mmpose(folder / "mmpose", take)
+
+
+def _detected(folder: Path) -> None:
+    """OpenPose's files of the recording with what ``skelsplat detect`` states, and videos."""
+    _pictures(folder)
+    videos = {f"cam{m:02}": Video(f"cam{m:02}.mp4", (1088, 1920), 60.0) for m in range(1, 5)}
+    joints = tuple(sk.layouts.get(sample.LAYOUT).joints)
+    write_record(folder / "pose", Record({"backend": "openpose"}, sample.LAYOUT, joints, videos))
 
 
 def _live(folder: Path) -> None:
@@ -159,18 +186,22 @@ PREPARED: dict[str, Callable[[Path], None]] = {
     "docs/errors.md": _sample,
     "docs/formats.md": _sample,
     "docs/pose-files.md": _sample,
+    "docs/howto/angles.md": _sample,
     "docs/howto/anipose.md": _anipose,
+    "docs/howto/batches.md": _batches,
     "docs/howto/deeplabcut.md": _deeplabcut,
     "docs/howto/freemocap.md": _freemocap,
     "docs/howto/live.md": _live,
     "docs/howto/openpose.md": _openpose,
+    "docs/howto/own-skeleton.md": _own_skeleton,
     "docs/howto/pose2sim.md": _pose2sim,
     "docs/howto/python.md": _sample,
     "docs/howto/rtmpose.md": _rtmpose,
     "docs/howto/run.md": _sample,
     "docs/howto/several-people.md": _several_people,
-    "docs/howto/config.md": lambda folder: _sample(folder, frames=100),
+    "docs/howto/config.md": _sample,
     "docs/howto/pictures.md": _pictures,
+    "docs/howto/videos.md": _detected,
     "docs/synthetic-data.md": _synthetic,
     "docs/tutorial.md": _videos,
 }

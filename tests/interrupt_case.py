@@ -64,7 +64,7 @@ def batch() -> None:
 
 
 def sequence() -> None:
-    """Refine a recording of a quarter of an hour in time, with views that agree on nothing."""
+    """Refine a recording of a quarter of an hour over time, with views that agree on nothing."""
     detections, cameras = views(12, 20_000, 17)
     sk.refine_sequence(detections, cameras, fps=25.0)
 

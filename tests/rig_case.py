@@ -13,7 +13,7 @@ from skelsplat import synthetic
 from skelsplat.cameras import matrix_from_vector as rotation
 from skelsplat.io import read_calibration, read_detections, sample
 
-T = 40
+T = 24
 LAYOUT = "h36m17"
 
 
@@ -44,11 +44,11 @@ def detections(name, motion="walk", noise="good", steps=T):
 
 @cache
 def recording():
-    """Return cameras and people of the recording in the package, every third frame."""
+    """Return cameras and people of the recording in the package, every fifth frame."""
     with TemporaryDirectory() as folder:
         paths = sample.extract(Path(folder))
         cameras = read_calibration(paths.calibration, unit=sample.UNIT)
-        return cameras, read_detections(paths.detections, cameras, layout=sample.LAYOUT).people[::3]
+        return cameras, read_detections(paths.detections, cameras, layout=sample.LAYOUT).people[::5]
 
 
 def mirrored(found, name):

@@ -22,10 +22,16 @@ POSE = (0.0, 0.035, 0.67, 0.565)
 
 def main(folder: Path) -> None:
     with tempfile.TemporaryDirectory() as made:
-        for command in (["demo", "-o", NAME], ["plot", NAME], ["demo", "--people", "-o", PEOPLE]):
+        for command in (
+            ["demo", "-o", NAME],
+            ["plot", NAME, "--only", "trajectories,angles"],
+            ["demo", "--people", "-o", PEOPLE],
+        ):
             subprocess.run([sys.executable, "-m", "skelsplat", *command, "--quiet"], check=True, cwd=made)
-        pictures = (f"{NAME}/{name}.png" for name in ("overview", "weights", "plots/trajectories"))
-        overview, weights, paths, people = (
+        pictures = (
+            f"{NAME}/{name}.png" for name in ("overview", "weights", "plots/trajectories", "plots/angles")
+        )
+        overview, weights, paths, angles, people = (
             Image.open(Path(made) / picture).convert("RGB")
             for picture in (*pictures, f"{PEOPLE}/overview.png")
         )
@@ -35,6 +41,7 @@ def main(folder: Path) -> None:
         ("overview", overview),
         ("weights", weights),
         ("trajectories", paths),
+        ("angles", angles),
         ("several-people", people),
         ("pose", overview.crop(tuple(round(side) for side in box))),
     ):

@@ -1,4 +1,4 @@
-"""The figure of a hidden wrist in time: ``python docs/figures/sequence.py [FOLDER]``.
+"""The figure of a hidden wrist, solved over time: ``python docs/figures/sequence.py [FOLDER]``.
 
 The recordings of ``benchmarks/sequences.py``, condition ``occluded 3``: CMU motions (without the data: the
 package's synthetic ones), simulated detections, 3 of 4 views occluded. An episode is a time in which at least
@@ -52,7 +52,7 @@ class Episode:
         return np.linalg.norm(error, axis=-1)
 
     def gain(self) -> float:
-        """Mean error in time over mean error frame by frame, during the episode."""
+        """Mean error solved over time, divided by that frame by frame, during the episode."""
         mean = {name: self.error(name)[self.begin : self.end].mean() for name in ("frames", "sequence")}
         return float(mean["sequence"] / mean["frames"])
 
@@ -93,7 +93,7 @@ def draw(episode: Episode) -> Figure:
     styles = {
         "frames": {"color": GREY, "ls": ":", "marker": ".", "ms": 6, "label": "frame by frame"},
         "butterworth": {"color": ORANGE, "lw": 1.4, "label": "the same, Butterworth 6 Hz"},
-        "sequence": {"color": BLUE, "lw": 1.8, "label": "in time, with 2 σ"},
+        "sequence": {"color": BLUE, "lw": 1.8, "label": "solved over time, with 2 σ"},
     }
     for name, style in styles.items():
         above.plot(time, tracks[name], **style)
@@ -123,7 +123,7 @@ def main(folder: Path) -> None:
     chosen = found[len(found) // 2]
     gains = np.array([e.gain() for e in found])
     mean = {name: chosen.error(name)[chosen.begin : chosen.end].mean() for name in chosen.solved}
-    print(f"{len(found)} episodes, error in time over frame by frame: quartiles", end=" ")
+    print(f"{len(found)} episodes, error solved over time / frame by frame: quartiles", end=" ")
     print(np.percentile(gains, (0, 25, 50, 75, 100)).round(2), "larger than 1:", (gains > 1).sum())
     print(chosen.take.name, chosen.begin, chosen.end, {name: round(float(x), 1) for name, x in mean.items()})
     with plt.rc_context({"font.size": 9, "axes.spines.top": False, "axes.spines.right": False}):

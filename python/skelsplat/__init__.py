@@ -5,6 +5,7 @@ Gaussian at the 2D detection. The public names are the ones listed in ``__all__`
 """
 
 from skelsplat import layouts, metrics, synthetic
+from skelsplat._angles import JointAngles, joint_angles
 from skelsplat._people import Person, Tracker, track
 from skelsplat._refine import LossAndGradient, Refinement, Refiner, loss_and_gradient, refine
 from skelsplat._sequence import SequenceRefinement, refine_sequence
@@ -37,6 +38,7 @@ __all__ = [
     "DatasetError",
     "DegenerateGeometryError",
     "InvalidInputError",
+    "JointAngles",
     "Layout",
     "LossAndGradient",
     "MissingPackageError",
@@ -49,6 +51,7 @@ __all__ = [
     "Tracker",
     "__version__",
     "fuse_monocular",
+    "joint_angles",
     "layouts",
     "loss_and_gradient",
     "metrics",

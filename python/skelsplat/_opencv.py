@@ -11,6 +11,8 @@ from skelsplat._optional import require
 if TYPE_CHECKING:
     from types import ModuleType
 
+_SILENT = 0
+
 
 @cache
 def opencv() -> ModuleType:
@@ -23,5 +25,5 @@ def opencv() -> ModuleType:
     """
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # read once, when the first video is opened
     module = require("cv2", "videos", "video")
-    module.utils.logging.setLogLevel(module.utils.logging.LOG_LEVEL_SILENT)
+    getattr(module.utils, "logging", module).setLogLevel(_SILENT)  # in OpenCV 5, and 4
     return module

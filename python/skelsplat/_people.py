@@ -27,8 +27,8 @@ from skelsplat.exceptions import InvalidInputError
 # Time in which views detect people and nobody is found, after which something must be wrong, s.
 _IN_VAIN_S = 2.0
 
-#: People per view: an array, or per frame a list of views with the people (P_i, N, 2|3) that each detects.
-People = ArrayLike | Sequence[Sequence[ArrayLike]]
+#: People per view: an array, or per frame a list of views with the people (P_i, N, 2|3) of each, or None.
+People = ArrayLike | Sequence[Sequence[ArrayLike | None]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +49,7 @@ class Person:
     more_slots : (F, M) int64
         A second one, where a detector has split the person into two; else -1.
     refinement : SequenceRefinement
-        Their frames, solved in time; a `Refinement` of one frame from `Tracker.step`.
+        Their frames, solved over time; a `Refinement` of one frame from `Tracker.step`.
     """
 
     id: int
@@ -271,13 +271,13 @@ class Tracker:
         """
         return tuple(self._compiled.ids())
 
-    def step(self, people: ArrayLike | Sequence[ArrayLike]) -> list[Person]:
+    def step(self, people: ArrayLike | Sequence[ArrayLike | None]) -> list[Person]:
         """Return everybody who is known in the next frame.
 
         Parameters
         ----------
         people : (M, P, N, 2|3), or a list of M views with (P_i, N, 2|3) each
-            As a frame of ``track``.
+            As a frame of ``track``; None in the list is a view of nobody.
 
         Returns
         -------

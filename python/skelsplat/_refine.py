@@ -368,7 +368,10 @@ class Refiner:
         self._fps, self._lag = fps, lag
         self._last: NDArray[np.float64] | None = None
         self._begun = False
+        self._joints: int | None = None  # how many, once that is known
         self._prepare(None)
+        if layout is not None:
+            self._joints = (Layout.by_name(layout) if isinstance(layout, str) else layout).n_joints
 
     def _prepare(self, state: NDArray[np.float64] | None) -> None:
         self._prepared = _skelsplat.Refiner(self._cameras, layout=self._layout, config=self._config)
@@ -393,8 +396,12 @@ class Refiner:
         if self._live is not None:
             self._live.reset()
 
-    def step(self, detections: ArrayLike, confidence: ArrayLike | None = None) -> Refinement:
-        """Refine one frame ``(M, N, 2|3)``.
+    def step(
+        self,
+        detections: ArrayLike | Sequence[ArrayLike | None],
+        confidence: ArrayLike | Sequence[ArrayLike | None] | None = None,
+    ) -> Refinement:
+        """Refine one frame ``(M, N, 2|3)``; in a list of views, None is a camera without detections.
 
         With the default the detections of this frame decide wherever two views see a joint, however far the
         person moved; the last pose gives the depth of a joint that one view sees and the place of one that
@@ -411,13 +418,28 @@ class Refiner:
         InvalidInputError
             If ``detections`` is not one frame, or has another number of joints than the frames before.
         """
+        frame, scores = _whole(detections, confidence, self._joints)
         if self._live is None:
-            out, past = self._prepared.follow(self._last, detections, confidence=confidence)
+            out, past = self._prepared.follow(self._last, frame, confidence=scores)
         else:
-            out, past = self._live.step(detections, confidence=confidence), None
+            out, past = self._live.step(frame, confidence=scores), None
         result = Refinement(**refinement_fields(out))
         if not self._begun:
             warn_of_unit(result.pose, self._cameras, self._layout)
-        self._last = past
+        self._last, self._joints = past, result.pose.shape[-2]
         self._begun = not self._lag or self._begun or bool(np.isfinite(result.pose).any())
         return result
+
+
+def _whole(detections: Any, confidence: Any, joints: int | None) -> tuple[Any, Any]:
+    """Return detections and confidence of one frame, NaN and 0 for views that are None."""
+    if not isinstance(detections, list | tuple) or all(view is not None for view in detections):
+        return detections, confidence
+    known = [np.shape(numbers(view, "detections")) for view in detections if view is not None]
+    if not known and joints is None:
+        expected = "detections of a view, which tell how many joints there are (or a layout)"
+        raise InvalidInputError(f"detections: expected {expected}, got None for every view")
+    shape = known[0] if known else (joints, 2)
+    if isinstance(confidence, list | tuple):
+        confidence = [np.zeros(shape[:1]) if view is None else view for view in confidence]
+    return [np.full(shape, np.nan) if view is None else view for view in detections], confidence

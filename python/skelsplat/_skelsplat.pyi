@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from skelsplat.cameras import CameraRig
 
 __all__ = [
+    "HIGHEST_CONFIDENCE",
     "JOINT_STATUS",
     "LAYOUT_NAMES",
     "REJECTED_WEIGHT",
@@ -38,6 +39,8 @@ __all__ = [
 __version__: str
 LAYOUT_NAMES: list[str]
 JOINT_STATUS: list[str]
+HIGHEST_CONFIDENCE: float
+"""A confidence between 1 and this one counts as 1."""
 REJECTED_WEIGHT: float
 """Detections with a weight (``Refinement.view_weights``) below this are rejected."""
 
@@ -56,7 +59,7 @@ class Camera:
     K : (3, 3)
         [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels.
     R : (3, 3)
-        Rotation world to camera.
+        Rotation world to camera. One that is orthonormal to 1e-3 will do: the nearest rotation is taken.
     t : (3,)
         Translation world to camera, in the unit of the rig.
     distortion : (4 | 5 | 8 | 12 | 14,), optional
@@ -133,11 +136,18 @@ class Layout:
         Joints to which ``RefineConfig.occlusion_sigma_mm`` applies.
     root : sequence of joints
         Joints whose mean is the root.
+    lengths : sequence of ((joint, joint), length_mm, sigma_mm)
+        Known lengths of limbs, in mm, and their standard deviations, which ``bone_lengths_mm`` of the
+        configuration replaces.
+    human : bool
+        This is a person's body, whose joints are named as in the built-in layouts: bones with known ends
+        have the proportions of the population, and joints the published errors of detectors.
 
     Raises
     ------
     InvalidInputError
-        An unknown joint name or index, a joint paired with itself, or a tier other than 1, 2, 3.
+        An unknown joint name or index, a joint paired with itself, a tier other than 1, 2, 3, or a length
+        that is not positive or of no limb.
     """
 
     def __new__(
@@ -150,10 +160,12 @@ class Layout:
         left_right: Sequence[Sequence[_Joint]] | None = None,
         occlusion_prone: Sequence[_Joint] | None = None,
         root: Sequence[_Joint] | None = None,
+        lengths: Sequence[tuple[Sequence[_Joint], float, float]] | None = None,
+        human: bool = False,
     ) -> Layout: ...
     @staticmethod
     def by_name(name: str) -> Layout:
-        """Return the built-in layout with this name."""
+        """Return the built-in layout with this name, or read the layout file at this path."""
     @property
     def name(self) -> str:
         """Name of the layout."""
@@ -167,6 +179,9 @@ class Layout:
     def limbs(self) -> tuple[tuple[int, int], ...]:
         """Pairs of connected joints."""
     @property
+    def symmetric(self) -> tuple[tuple[int, tuple[int, int], tuple[int, int]], ...]:
+        """Triples (tier, (l1, l2), (r1, r2)) of limbs of equal length."""
+    @property
     def left_right(self) -> tuple[tuple[int, int], ...]:
         """Pairs (left, right) of joints that are mirror images."""
     @property
@@ -175,6 +190,12 @@ class Layout:
     @property
     def root(self) -> tuple[int, ...]:
         """Joints whose mean is the root."""
+    @property
+    def lengths(self) -> tuple[tuple[tuple[int, int], float, float], ...]:
+        """Triples ((joint, joint), length in mm, sigma in mm) of the limbs whose length is known."""
+    @property
+    def human(self) -> bool:
+        """Whether this is a person's body, with the population's bones and the published errors."""
     def symmetric_pairs(self, tier: int) -> tuple[tuple[tuple[int, int], tuple[int, int]], ...]:
         """Return the pairs ((l1, l2), (r1, r2)) of symmetric limbs up to ``tier``."""
     def __eq__(self, other: object, /) -> bool: ...
@@ -240,7 +261,7 @@ class RefineConfig:
     joint_bias_mm : float or sequence of float, or None, mm, default None
         Standard deviation per axis of the detector's joints from anatomical ones, the same in all views and
         frames, for all joints or N values; part of the error bar, not of the scatter; None: published figures
-        for the built-in layouts, 0 for others.
+        for human layouts, 0 for others.
     undistort : bool, default True
         Remove lens distortion from the detections first; False reproduces results published without
         undistortion.
@@ -275,7 +296,7 @@ class RefineConfig:
         Find and correct detections with left and right swapped.
     bones : {"population", "free"}, default "population"
         Lengths of bones for joints on which neither three views agree nor all that see them: ``population``,
-        with the proportions of people (built-in layouts only) and a stature found in the frame, or ``free``,
+        with the proportions of people (human layouts only) and a stature found in the frame, or ``free``,
         none.
     bone_lengths_mm : sequence of float, or None, mm, default None
         Known length of each of the layout's limbs, for any layout; replaces the population's. None: not

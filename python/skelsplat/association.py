@@ -199,8 +199,15 @@ def _check(people: npt.ArrayLike, cameras: Sequence[sk.Camera]) -> Array:
     if array.ndim != 5 or array.shape[1] != len(cameras) or array.shape[4] != 3 or 0 in array.shape[2:4]:
         expected = f"shape (T, {len(cameras)}, P, K, 3) for {len(cameras)} cameras"
         raise InvalidInputError(f"people: expected {expected}, got {array.shape}")
-    check_people(array)
-    return array
+    return with_confidences(array)
+
+
+def with_confidences(people: Array) -> Array:
+    """Return people (..., 3) with confidences slightly above 1 as 1, or raise `InvalidInputError`."""
+    check_people(people)
+    if not (people[..., 2] > 1.0).any():
+        return people
+    return np.where((people > 1.0) & [False, False, True], 1.0, people)
 
 
 def _mirrored(layout: sk.Layout | None, joints: int) -> Index:

@@ -12,8 +12,6 @@ from skelsplat._skelsplat import Camera
 from skelsplat.exceptions import InvalidInputError, one_of
 
 MM_PER_UNIT = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
-# of a rotation: entries of RRᵀ − I
-_FULL_PRECISION = 1e-12
 
 
 class CameraRig(Sequence[Camera]):
@@ -141,22 +139,6 @@ def matrix_from_quaternion(quaternion: NDArray[np.float64]) -> NDArray[np.float6
             [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
         ]
     )
-
-
-def nearest_rotation(matrix: NDArray[np.float64], tolerance: float) -> NDArray[np.float64] | None:
-    """Rotation (3, 3) nearest to a matrix that is one up to the digits it was written with.
-
-    None if an entry of RRᵀ − I is above `tolerance`. A reflection stays one; a matrix in full precision
-    stays as it is, to the bit.
-    """
-    off = np.abs(matrix @ matrix.T - np.eye(3)).max()
-    if off > tolerance:
-        return None
-    if off < _FULL_PRECISION:
-        return matrix
-    left, _, right = np.linalg.svd(matrix)
-    nearest: NDArray[np.float64] = left @ right
-    return nearest
 
 
 def vector_from_matrix(rotation: NDArray[np.float64]) -> NDArray[np.float64]:

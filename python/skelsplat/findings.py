@@ -9,6 +9,7 @@ is the form for programs.
 from __future__ import annotations
 
 import contextlib
+import inspect
 import shlex
 import warnings
 from collections.abc import Callable, Iterator, Mapping
@@ -125,6 +126,18 @@ class FindingWarning(UserWarning):
 def warn(finding: Finding) -> None:
     """Warn of a finding, as of the line that called the caller."""
     warnings.warn(FindingWarning(finding), stacklevel=3)
+
+
+def warn_of_clipped(argument: str, highest: float) -> None:
+    """Warn that confidences of an argument, slightly above 1, count as 1: as of the line outside the package.
+
+    The text is the same each time, so that Python shows it once per line. The compiled core calls this.
+    """
+    finding = Finding("confidence_clipped", "note", numbers={"argument": argument, "highest": highest})
+    frame, depth = inspect.currentframe(), 1
+    while frame is not None and frame.f_globals.get("__name__", "").partition(".")[0] == __package__:
+        frame, depth = frame.f_back, depth + 1
+    warnings.warn(FindingWarning(finding), stacklevel=depth)
 
 
 def remark(text: str) -> Finding:

@@ -11,7 +11,11 @@ FIGURES = Path(__file__).parents[2] / "docs" / "figures"
 def test_runs_of_figures_have_a_fixed_name() -> None:
     script = (FIGURES / "sample.py").read_text(encoding="utf-8")
     commands = re.findall(r'\["(?:demo|plot)".*?\]', script)
-    assert commands == ['["demo", "-o", NAME]', '["plot", NAME]', '["demo", "--people", "-o", PEOPLE]']
+    assert commands == [
+        '["demo", "-o", NAME]',
+        '["plot", NAME, "--only", "trajectories,angles"]',
+        '["demo", "--people", "-o", PEOPLE]',
+    ]
 
 
 def test_figures_contain_no_path() -> None:

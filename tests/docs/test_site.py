@@ -23,6 +23,7 @@ DOCS = Path(__file__).parents[2] / "docs"
 MODULES = (
     "skelsplat",
     "skelsplat.io",
+    "skelsplat.detect",
     "skelsplat.layouts",
     "skelsplat.metrics",
     "skelsplat.synthetic",

@@ -25,6 +25,7 @@ from reference import paper_loop
 from reference.arrays import Array, View
 from reference.gaussian import covariances
 from reference.symmetry import Pairs
+from sweeps import swept
 
 POSE_MM = 0.01
 TRUTH = np.array([[-60.0, 40.0, 30.0], [-10.0, 70.0, 75.0], [110.0, -90.0, -110.0]])
@@ -60,11 +61,12 @@ def assert_same_course(found: sk.Refinement, expected: paper_loop.PaperResult, s
     "settings",
     [
         {"max_steps": 10},
-        {"max_steps": 40},
+        swept({"max_steps": 40}),
         {"max_steps": 125},
-        {"max_steps": 60, "encoding": "rgb"},
-        {"max_steps": 60, "encoding": "single"},
-        {"max_steps": 60, "views_per_step": 1},
+        {"max_steps": 20, "encoding": "rgb"},
+        {"max_steps": 20, "encoding": "single"},
+        swept({"max_steps": 60, "encoding": "rgb"}),
+        swept({"max_steps": 60, "views_per_step": 1}),
         {"max_steps": 60, "views_per_step": 2},
         {"max_steps": 40, "views_per_step": 3},
         {"max_steps": 30, "sigma_mm": 35.0, "position_lr_mm": 1.5, "log_scale_lr": 0.02, "rotation_lr": 0.01},

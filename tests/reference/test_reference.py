@@ -6,11 +6,12 @@ import pytest
 import scenes
 from reference import adam, gaussian, paper_loop, projection, raster, symmetry, total, triangulation
 from reference.arrays import Array, Gaussians
+from sweeps import swept
 
 GROUPS = ("means", "log_scales", "quaternions")
 
 
-@pytest.mark.parametrize("encoding", raster.ENCODINGS)
+@pytest.mark.parametrize("encoding", ["one_hot", swept("rgb"), "single"])
 def test_gradient_equals_central_differences(scene: scenes.Scene, encoding: str) -> None:
     images = scene.targets(encoding)
 
@@ -161,6 +162,7 @@ def test_early_stopping_compares_the_minima_of_whole_windows() -> None:
     assert paper_loop.window_difference([3, 1, 2, 0.25], 2) == 0.75
 
 
+@pytest.mark.sweep  # the package recovers them, and is compared with the twin
 def test_paper_loop_recovers_exact_detections() -> None:
     views = scenes.small_rig()
     truth = np.array([[-60.0, 40.0, 30.0], [60.0, 70.0, 75.0], [110.0, -90.0, -110.0]])

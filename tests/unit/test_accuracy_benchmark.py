@@ -19,7 +19,7 @@ def accuracy(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "name", ["table", "start", "bones", "coverage", "swaps", "useless", "sweep", "views"]
+    "name", ["angles", "table", "start", "bones", "coverage", "swaps", "useless", "sweep", "views"]
 )
 def test_every_measure_gives_a_table_of_at_most_110_characters(accuracy, capsys, name):
     function = accuracy.MEASURES[name]

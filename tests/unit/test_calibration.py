@@ -142,7 +142,7 @@ MALFORMED = {
     ),
     "not a calibration": (
         "hello, world",
-        r"content: expected a calibration in a known format \(anipose, caliscope, ",
+        r"content: expected a calibration in a known format \(4d-association, anipose, caliscope, ",
     ),
     "not text": (b"\xff\xfe\x00[cam]", r"file: expected text in UTF-8, got byte 0"),
 }
@@ -170,14 +170,43 @@ def test_the_unit_must_be_given_and_the_likely_one_is_named(write):
         read_calibration(write(VALID))
 
 
-@pytest.mark.parametrize(("factor", "likely"), [(1, "m"), (100, "cm"), (1000, "mm")])
-def test_the_likely_unit_follows_the_distance_between_cameras(write, factor, likely):
-    rig = read_calibration(write(VALID), unit="m")
-    scaled = [sk.Camera(c.K, c.R, c.t * factor, size=c.size, name=c.name) for c in rig]
-    path = write("")
+def _scaled(path, rig, factor, focal=1.0):
+    """Write a rig with all lengths times a factor, without its unit."""
+    zoom = np.diag([focal, focal, 1.0])
+    scaled = [sk.Camera(c.K @ zoom, c.R, c.t * factor, size=c.size, name=c.name) for c in rig]
     write_calibration(path, sk.CameraRig(scaled, unit="m"))
     path.write_text(path.read_text().replace('unit = "m"\n', ""))
-    with pytest.raises(sk.InvalidInputError, match=f'so "{likely}" is likely'):
+    return path
+
+
+@pytest.mark.parametrize(
+    ("metres", "file_unit", "hint"),
+    [
+        (5.4, 1, 'so "m" is likely'),
+        (5.4, 1000, 'so "mm" is likely'),
+        (5.4, 100, r'is 540 in the file, that is 0\.54 m in "mm" or 5\.4 m in "cm"$'),
+        (0.3, 1000, r'that is 0\.3 m in "mm" or 3 m in "cm"$'),
+        (1.3, 1000, r'that is 1\.3 m in "mm" or 13 m in "cm"$'),
+        (0.3, 1, 'so "m" is likely'),
+        (0.13, 1000, r'that is 0\.13 m in "mm" or 1\.3 m in "cm"$'),
+        (12.0, 1, r'that is 0\.12 m in "cm" or 12 m in "m"$'),
+    ],
+)
+def test_the_unit_that_alone_gives_a_usual_distance_is_likely(write, metres, file_unit, hint):
+    rig = read_calibration(write(VALID), unit="m")
+    spread = np.linalg.norm(rig[0].centre - rig[1].centre)
+    with pytest.raises(sk.InvalidInputError, match=hint):
+        read_calibration(_scaled(write(""), rig, metres / spread * file_unit))
+
+
+def test_a_rig_on_a_table_or_under_a_microscope_is_neither_refused_nor_doubted(write):
+    rig = read_calibration(write(VALID), unit="m")
+    spread = np.linalg.norm(rig[0].centre - rig[1].centre)
+    for millimetres, focal in ((300, 1.0), (1300, 1.0), (20, 60.0), (2, 60.0)):
+        path = _scaled(write(""), rig, millimetres / spread, focal)
+        assert read_calibration(path, unit="mm").unit == "mm"  # warnings are errors in the tests
+    assert read_calibration(path, unit="mm")[0].K[0, 0] > 1e5
+    with pytest.raises(sk.InvalidInputError, match=r'that is 2 mm in "mm", 20 mm in "cm" or 2 m in "m"$'):
         read_calibration(path)
 
 
@@ -201,7 +230,9 @@ def test_millimetres_read_as_metres_are_warned_about(write):
 
 
 def test_an_unknown_format(write):
-    with pytest.raises(sk.InvalidInputError, match=r"format: expected one of anipose, .*, vicon, got 'qca'"):
+    with pytest.raises(
+        sk.InvalidInputError, match=r"format: expected one of 4d-association, .*, voxelpose, got 'qca'"
+    ):
         read_calibration(write(VALID), unit="m", format="qca")
 
 
@@ -237,6 +268,18 @@ def test_a_file_that_this_package_wrote_states_its_unit(write, tmp_path):
     assert read_calibration(path).unit == "m"
     with pytest.raises(sk.InvalidInputError, match=r'unit: expected none or "m", the unit of .*, got \'mm\''):
         read_calibration(path, unit="mm")
+
+
+@pytest.mark.parametrize("decimals", [3, 6])
+def test_a_rotation_of_few_decimals_becomes_the_nearest(decimals):
+    exact = matrix_from_vector(np.array([0.3, -1.2, 0.7]))
+    rounded = exact.round(decimals)
+    camera = sk.Camera([[900, 0, 320], [0, 900, 240], [0, 0, 1]], rounded, [0, 0, 3], size=(640, 480))
+    left, _, right = np.linalg.svd(rounded)
+    np.testing.assert_allclose(camera.R, left @ right, atol=1e-14)
+    np.testing.assert_allclose(camera.R @ camera.R.T, np.eye(3), atol=1e-14)
+    whole = sk.Camera([[900, 0, 320], [0, 900, 240], [0, 0, 1]], exact, [0, 0, 3], size=(640, 480))
+    np.testing.assert_array_equal(whole.R, exact)
 
 
 def test_rotation_vectors_agree_with_opencv():

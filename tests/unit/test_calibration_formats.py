@@ -11,7 +11,7 @@ import calibration_files as files
 import skelsplat as sk
 from calibration_files import FORMATS_WRITTEN, FULL, NAMES
 from skelsplat.io import convert_unit, read_calibration, sample, write_calibration
-from skelsplat.io.calibration import _xml, find_format
+from skelsplat.io.calibration import _vicon, find_format
 
 MM = {"mm": 1.0, "cm": 10.0, "m": 1000.0}
 
@@ -32,8 +32,168 @@ def test_known_points_fall_where_opencv_projects_them(tmp_path, views, name):
     pixels = sk.project(files.points() / MM[unit], rig)
     np.testing.assert_allclose(pixels, files.projected(views), atol=tolerance, rtol=0)
     for camera, view in zip(rig, views, strict=True):
-        assert camera.size == ((1000, 1002) if name == "openpose" else view.size)
+        assert camera.size == ((1000, 1002) if "size" in options else view.size)
         np.testing.assert_allclose(camera.centre * MM[unit], view.centre, atol=1e-2)
+
+
+def test_an_older_file_of_caliscope_has_matrices_pairs_of_cameras_and_cameras_left_out(tmp_path, views):
+    path = files.pyxy3d(tmp_path, views)
+    assert find_format(path) == "caliscope"
+    rig = read_calibration(path)
+    assert (rig.names, rig.unit) == (("cam_0", "cam_1", "cam_2", "cam_3"), "m")
+    np.testing.assert_allclose(sk.project(files.points() / 1000, rig), files.projected(views), atol=FULL)
+    path.write_text(path.read_text().replace("cam_id =", "port = "))
+    assert read_calibration(path).names[0] == "port_0"
+
+
+def test_pairs_of_cameras_are_no_cameras_of_an_anipose_file(tmp_path, views):
+    path = files.anipose(tmp_path, views)
+    pair = "[stereo_1_2]\nRMSE = 3.0\nrotation = [[1.0]]\ntranslation = [[3.0]]\n"
+    path.write_text(path.read_text() + pair)
+    assert read_calibration(path, unit="m").names == tuple(NAMES)
+
+
+@pytest.mark.parametrize("place", ["calibration", "project", "none", "other name"])
+def test_the_offset_of_aniposes_cropped_videos_is_taken_off_the_centre(tmp_path, views, place):
+    """Anipose adds it to the detections of the crop before it triangulates."""
+    folder = tmp_path / "project" / "session" / "calibration"
+    folder.mkdir(parents=True)
+    path = files.anipose(folder, views).rename(folder / "calibration.toml")
+    table = f'[cameras.{NAMES[1]}]\noffset = [224, 120]\nprefix = "x"\n'
+    project = tmp_path / "project" / "config.toml"
+    if place == "calibration":
+        path.write_text(
+            path.read_text()
+            .replace("fisheye", "offset = [224, 120]\nfisheye", 2)
+            .replace("offset = [224, 120]\nfisheye", "fisheye", 1)
+        )
+    elif place != "none":
+        project.write_text(f'model_folder = "a"\n[triangulation]\noptim = true\n{table}')
+    (tmp_path / "project" / "session" / "config.toml").write_text("[cameras.other]\noffset = [1, 1]\n")
+    (folder / "config.toml").write_text("[broken")
+    if place == "other name":
+        path = path.rename(folder / "Calib.toml")
+    if place in ("none", "other name"):
+        assert read_calibration(path, unit="m")[1].size == views[1].size
+        return
+    with pytest.warns(UserWarning, match=rf"offset: videos of {NAMES[1]} are cropped") as caught:
+        rig = read_calibration(path, unit="m")
+    assert caught[0].message.finding.kind == "crop_applied"
+    assert str(caught[0].message).startswith(str(project if place == "project" else path))
+    expected = files.projected(views)
+    expected[1] -= [224, 120]
+    np.testing.assert_allclose(sk.project(files.points() / 1000, rig), expected, atol=FULL)
+    assert rig[1].size == (1000 - 224, 1000 - 120)
+    assert rig[0].size == views[0].size
+
+
+def test_an_offset_may_have_the_other_corner_as_well(tmp_path, views):
+    path = files.anipose(tmp_path, views)
+    text = path.read_text()
+    path.write_text(text.replace("fisheye", "offset = [480, 360, 900, 840]\nfisheye", 1))
+    with pytest.warns(UserWarning, match="are cropped"):
+        assert read_calibration(path, unit="m")[0].size == (520, 642)
+    path.write_text(text.replace("fisheye", "offset = [480, 360, 900]\nfisheye", 1))
+    with pytest.raises(
+        sk.DatasetError, match=r"cam_0\.offset: expected x and y of the crop's upper left .* 3 num"
+    ):
+        read_calibration(path, unit="m")
+
+
+@pytest.mark.parametrize("offset", ["[-1, 0]", "[2000, 0]", "[0.5, 0]"])
+def test_an_offset_beyond_the_image_is_refused(tmp_path, views, offset):
+    path = files.anipose(tmp_path, views)
+    path.write_text(path.read_text().replace("fisheye", f"offset = {offset}\nfisheye", 1))
+    with pytest.raises(
+        sk.DatasetError, match=rf"offset of {NAMES[0]}: expected whole pixels within 1000×1002"
+    ):
+        read_calibration(path, unit="m")
+
+
+def test_the_rig_of_shelf_is_the_same_in_voxelposes_and_4d_associations_files(tmp_path):
+    """Camera 0 of Shelf as both write it (public code of both, six and eight digits)."""
+    R = [[0.650977, -0.758717, 0.024027], [-0.018862, -0.04781, -0.998678], [0.758863, 0.649664, -0.045434]]
+    T = [[-1586.4496077989998], [-2109.46905869], [1104.209800652]]
+    k, p = [[0.0], [0.0], [0.0]], [[0.0], [0.0]]
+    inner = {"fx": 1063.512085, "fy": 1071.863647, "cx": 511.738251, "cy": 350.088287}
+    RT = [0.65097713, -0.7587173, 0.02402735, -0.5942785, -0.01886197, -0.04781039, -0.99867845, 0.9719739]
+    RT += [0.758863, 0.649664, -0.045434, 2.624511]
+    K = [1.0635121e03, 0.0, 5.1173825e02, 0.0, 1.0718636e03, 3.5008829e02, 0.0, 0.0, 1.0]
+    first, second = tmp_path / "calibration_shelf.json", tmp_path / "calibration.json"
+    first.write_text(json.dumps({"0": {"k": k, "p": p, "R": R, "T": T, **inner}}))
+    second.write_text(json.dumps({"0": {"K": K, "RT": RT, "imgSize": [1032, 776]}}))
+    one = read_calibration(first, size=(1032, 776))
+    with pytest.warns(UserWarning, match="no distortions for 0: assumed to have no lens distortion"):
+        other = read_calibration(second, unit="m")
+    points = np.random.default_rng(0).uniform([-500, -500, 0], [500, 500, 1800], (20, 3))
+    np.testing.assert_allclose(sk.project(points, one), sk.project(points / 1000, other), atol=2e-3)
+
+
+@pytest.mark.parametrize("form", ["session", "Videos", "folders", "files", "one file"])
+def test_opencap_by_session_by_folder_and_by_file(tmp_path, views, form):
+    folder = files.opencap(tmp_path, views) / "Videos"
+    if form == "folders":
+        folder = folder.rename(tmp_path / "calibration")
+    if form in ("files", "one file"):
+        for path in sorted(folder.glob("*/*.pickle")):
+            path.rename(tmp_path / f"{path.parent.name}.pickle")
+        (folder / "mappingCamDevice.pickle").unlink()
+    path = {"session": tmp_path, "files": tmp_path, "one file": tmp_path / f"{NAMES[2]}.pickle"}.get(
+        form, folder
+    )
+    rig = read_calibration(path)
+    assert rig.names == ((NAMES[2],) if form == "one file" else tuple(NAMES))
+    np.testing.assert_array_equal(rig[NAMES[2]].K, views[2].K)
+
+
+@pytest.mark.parametrize("named", [True, False])
+def test_dannce_by_files_of_single_cameras_and_without_names(tmp_path, views, named):
+    import scipy.io
+
+    if named:
+        for v in views:
+            scipy.io.savemat(tmp_path / f"{v.name}_params.mat", files.matlab_camera(v))
+        rig = read_calibration(tmp_path, size=(1000, 1000))
+        assert rig.names == tuple(NAMES)
+    else:
+        params = files.cell([files.matlab_camera(v) for v in views])
+        scipy.io.savemat(tmp_path / "dannce.mat", {"params": params})
+        rig = read_calibration(tmp_path / "dannce.mat", size=(1000, 1000))
+        assert rig.names == ("Camera1", "Camera2", "Camera3", "Camera4")
+    np.testing.assert_allclose(sk.project(files.points(), rig), files.projected(views), atol=FULL)
+
+
+def test_skew_of_matlab_is_followed_to_the_error_that_is_reported(tmp_path, views):
+    plain = [files.View(v.name, v.K, v.R, v.t, v.size, v.distortion) for v in views]
+    path = files.dannce(tmp_path, plain, skew=-5.8)
+    with pytest.warns(
+        UserWarning, match=r"skew of 54138969, .* not supported; .* agree to 1\.3 px at w"
+    ) as caught:
+        rig = read_calibration(path, size=(1000, 1000))
+    exact = files.projected(views)
+    for pixels, v in zip(exact, views, strict=True):
+        pixels[:, 0] += -5.8 * (pixels[:, 1] - v.K[1, 2]) / v.K[1, 1]
+    error = np.abs(sk.project(files.points(), rig) - exact).max()
+    assert 0.2 < error < caught[0].message.finding.numbers["error_px"]
+
+
+def test_a_folder_with_one_calibration_is_that(tmp_path, views):
+    files.own_json(tmp_path, views)
+    (tmp_path / "Config.toml").write_text("[project]\nframe_rate = 60\n")  # Pose2Sim's settings
+    (tmp_path / "notes.txt").write_text("hello")
+    (tmp_path / "broken.json").write_text("{")
+    (tmp_path / "broken.toml").write_text("[cam_0]\nmatrix = [")
+    (tmp_path / "take.mp4").touch()
+    assert find_format(tmp_path) == "json"
+    assert read_calibration(tmp_path).names == tuple(NAMES)
+    assert read_calibration(tmp_path, format="json").names == tuple(NAMES)
+    files.anipose(tmp_path, views)
+    expected = (
+        r"content: expected a folder with one calibration, or the file itself, got Calib\.toml, rig\.json$"
+    )
+    with pytest.raises(sk.DatasetError, match=expected):
+        read_calibration(tmp_path)
+    assert read_calibration(tmp_path, format="json").unit == "mm"
 
 
 def test_vicon_without_a_lens(tmp_path):
@@ -76,7 +236,7 @@ def test_vicons_older_lens_has_two_coefficients_about_the_principal_point(tmp_pa
     v = views[0]
     aspect = v.K[0, 0] / v.K[1, 1]
     measured = np.array([[100.0, 100.0], [900.0, 300.0]])
-    ideal = _xml.ideal_pixels(measured, v.K[:2, 2], np.array([4e-8, 1e-15]), aspect)
+    ideal = _vicon.ideal_pixels(measured, v.K[:2, 2], np.array([4e-8, 1e-15]), aspect)
     np.testing.assert_allclose(camera.undistort(measured), ideal, atol=0.1)
 
 
@@ -127,6 +287,40 @@ def test_a_video_of_fewer_lines_than_the_sensor_needs_the_binning(tmp_path, view
         read_calibration(path)
     path.write_text(text.replace("540p", "1080p"))
     assert len(read_calibration(path)) == 4
+
+
+@pytest.mark.parametrize(("binning", "left"), [(1.0, 0), (2.0, 100)])
+def test_qualisys_in_pixels_is_recognised_and_said(tmp_path, views, binning, left):
+    path = files.qualisys(tmp_path, views, binning=binning, left=left, parts=1.0)
+    with pytest.warns(
+        UserWarning, match=r"focal length and centre of 54138969, .* are in px here, not in 1/64"
+    ):
+        rig = read_calibration(path, binning=binning)
+    np.testing.assert_allclose(sk.project(files.points(), rig), files.projected(views), atol=5e-3)
+
+
+def test_a_focal_length_in_other_parts_of_a_pixel_than_the_centre_is_refused(tmp_path, views):
+    path = files.qualisys(tmp_path, views)
+    text = path.read_text()
+    path.write_text(text.replace(f'focalLengthU="{1140.0 * 64:.6f}"', 'focalLengthU="1140"'))
+    expected = (
+        r"focalLengthU: expected a focal length in 1/64 px, as the centre is, .*got 1140, that is 17.8 px"
+    )
+    with pytest.raises(sk.DatasetError, match=expected):
+        read_calibration(path)
+
+
+def test_theia_states_its_sensors_in_either_of_two_ways(tmp_path, views):
+    rig = read_calibration(files.theia(tmp_path, views))
+    assert read_calibration(files.theia(tmp_path, views, dimensions=True)) == rig
+    path = tmp_path / "calibration.txt"
+    path.write_text(path.read_text().replace('viewrotation="0"', 'viewrotation="270"', 1))
+    with pytest.warns(UserWarning, match="viewrotation: images of 54138969 were rotated for display"):
+        assert read_calibration(path) == rig
+    # Qualisys' own file without fields of view has sensors in 1/64 px
+    path.write_text(path.read_text().replace('sensorDimU="', 'sensorDimU="64'))
+    with pytest.raises(sk.DatasetError, match=r"camera 54138969\.fov_video: expected an element <fov_video>"):
+        read_calibration(path)
 
 
 def test_a_turned_view_is_a_warning(tmp_path, views):

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import json
+import pickle
+from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.io
 
 import calibration_files as files
 import skelsplat as sk
 from calibration_files import FORMATS_WRITTEN, NAMES
 from skelsplat.io import read_calibration
 from skelsplat.io.calibration import FORMATS
+
+N = NAMES[0]
 
 
 @pytest.fixture
@@ -40,6 +45,23 @@ def _npz_edit(path, **changes):
     return path
 
 
+def _pickle(path):
+    return path / "Videos" / N / "cameraIntrinsicsExtrinsics.pickle"
+
+
+def _pickle_edit(path, **changes):
+    table = {**pickle.loads(_pickle(path).read_bytes()), **changes}
+    _pickle(path).write_bytes(pickle.dumps({key: value for key, value in table.items() if value is not None}))
+    return path
+
+
+def _mat_edit(path, *, camnames=None, **changes):
+    cameras = [files.matlab_camera(v) for v in files.reference(NAMES)]
+    cameras[1] = {key: value for key, value in {**cameras[1], **changes}.items() if value is not None}
+    scipy.io.savemat(path, {"params": files.cell(cameras), "camnames": files.cell(camnames or NAMES)})
+    return path
+
+
 def _compressed_otherwise(path):
     """Say method 99, which nothing can unpack, in the first entry of the archive's directory."""
     data = bytearray(path.read_bytes())
@@ -54,7 +76,6 @@ def _pair(path, name, old, new):
     return path
 
 
-N = NAMES[0]
 LENS = "{}: !!opencv-matrix\n   rows: 1\n   cols: 4\n   dt: d\n   data: [ {} ]\n"
 # format: one thing broken, and what the message must say after the file's name
 MALFORMED = {
@@ -87,6 +108,110 @@ MALFORMED = {
         "stretched rotation": (
             lambda p: _edit(p, "rotation = [[", "rotation = [[9, 0, 0], [0, 1, 0], [0, 0, 1]]\nold = [["),
             r"R of camera 'cam_0': expected an orthonormal matrix",
+        ),
+    },
+    "voxelpose": {
+        "no centre": (
+            lambda p: _json_edit(p, lambda d: d[N].pop("T")),
+            rf"{N}\.T: expected 3 numbers, got nothing",
+        ),
+        "two radial coefficients": (
+            lambda p: _json_edit(p, lambda d: d[N]["k"].pop()),
+            rf"{N}\.k: expected 3 numbers, got shape 2",
+        ),
+        "no lens": (
+            lambda p: _json_edit(p, lambda d: d[N].pop("p")),
+            rf"{N}\.p: expected 2 numbers, got nothing",
+        ),
+        "a focal length in words": (
+            lambda p: _json_edit(p, lambda d: d[N].update(fx="1000")),
+            rf"{N}\.fx: expected a finite number, got '1000'",
+        ),
+        "a list": (
+            lambda p: (p.write_text("[1, 2]"), p)[1],
+            r"document: expected a table of cameras with R, T, fx",
+        ),
+        "a note between the cameras": (
+            lambda p: _json_edit(p, lambda d: d.update(note="Shelf")),
+            r"note: expected a table of fields, got 'Shelf'",
+        ),
+    },
+    "4d-association": {
+        "eleven numbers": (
+            lambda p: _json_edit(p, lambda d: d[N]["RT"].pop()),
+            rf"{N}\.RT: expected 12 numbers, got shape 11",
+        ),
+        "no size": (
+            lambda p: _json_edit(p, lambda d: d[N].pop("imgSize")),
+            rf"{N}\.imgSize: expected 2 numbers, got nothing",
+        ),
+        "four numbers for a rotation": (
+            lambda p: _json_edit(p, lambda d: d[NAMES[1]].update(R=[1, 0, 0, 0])),
+            rf"{NAMES[1]}\.R: expected 3 numbers, got shape 4",
+        ),
+        "no translation": (
+            lambda p: _json_edit(p, lambda d: d[NAMES[1]].pop("T")),
+            rf"{NAMES[1]}\.T: expected 3 numbers, got nothing",
+        ),
+        "three coefficients": (
+            lambda p: _json_edit(p, lambda d: d[N].update(distCoeff=[0.1, 0.0, 0.0])),
+            rf"{N}\.distCoeff: expected 4 or 5 .*got 3 of them",
+        ),
+    },
+    "opencap": {
+        "intrinsics alone": (
+            lambda p: _pickle_edit(p, rotation=None),
+            rf"{N}.cameraIntrinsicsExtrinsics\.pickle: document: expected rotation and tr.*intrinsics alone",
+        ),
+        "no translation": (
+            lambda p: _pickle_edit(p, translation=None),
+            r"translation: expected 3 numbers, got nothing",
+        ),
+        "half a pixel": (
+            lambda p: _pickle_edit(p, imageSize=np.array([[720.5], [1280.0]])),
+            r"imageSize: expected a positive whole width and height",
+        ),
+        "NaN": (
+            lambda p: _pickle_edit(p, intrinsicMat=np.full((3, 3), np.nan)),
+            r"intrinsicMat: expected finite numbers",
+        ),
+        "a class": (
+            lambda p: _pickle_edit(p, distortion=Path("lens")),
+            r"pickle: expected NumPy arrays, numbers and builtin .*got the class or function pathlib",
+        ),
+        "cut": (
+            lambda p: (_pickle(p).write_bytes(_pickle(p).read_bytes()[:90]), p)[1],
+            r"pickle: expected a complete pickle, got",
+        ),
+        "a list": (
+            lambda p: (_pickle(p).write_bytes(pickle.dumps([1.0])), p)[1],
+            r"document: expected a table of fields, got \[1\.0\]",
+        ),
+    },
+    "dannce": {
+        "no rotation": (
+            lambda p: _mat_edit(p, r=None),
+            r"params\[1\]\.r: expected 3×3 numbers, got nothing",
+        ),
+        "one radial coefficient": (
+            lambda p: _mat_edit(p, RDistort=np.array([[0.1]])),
+            r"params\[1\]\.RDistort: expected 2 or 3 numbers, got 1 of them",
+        ),
+        "a text for a matrix": (
+            lambda p: _mat_edit(p, K="K"),
+            r"params\[1\]\.K: expected 3×3 numbers, got 'K'",
+        ),
+        "fewer names than cameras": (
+            lambda p: _mat_edit(p, camnames=["a", "b", "c"]),
+            r"camnames: expected 4 names, one per camera, got 3",
+        ),
+        "no cameras": (
+            lambda p: (scipy.io.savemat(p, {"com": 1.0}), p)[1],
+            r"params: expected a cell of cameras with K, r, t, RDistort and TDistort, got nothing",
+        ),
+        "no MAT-file": (
+            lambda p: (p.write_bytes(b"MATLAB 7.3 MAT-file" + bytes(600)), p)[1],
+            r"file: expected a MAT-file of version 5 to 7 \(in MATLAB: save with '-v7'\)",
         ),
     },
     "easymocap": {
@@ -254,6 +379,28 @@ MALFORMED = {
         "no rotation": (
             lambda p: _edit(p, 'r11="', 'r11="5" old="'),
             rf"R of camera '{N}': expected an orthonormal matrix",
+        ),
+    },
+    "theia": {
+        "not active": (
+            lambda p: (p.write_text(p.read_text().replace('active="1"', 'active="0"')), p)[1],
+            r"cameras: expected at least one active <camera> in <calibration>, got none",
+        ),
+        "no transform": (
+            lambda p: _edit(p, "<transform", "<transformation"),
+            rf"camera {N}\.transform: expected an element <transform>",
+        ),
+        "no lens": (
+            lambda p: _edit(p, "tangentalDistortion1", "tangentialDistortion1"),
+            rf"camera {N}\.intrinsic\.tangentalDistortion1: expected an attribute",
+        ),
+        "half a pixel": (
+            lambda p: _edit(p, 'sensorMaxU="1000"', 'sensorMaxU="1000.5"'),
+            rf"camera {N}\.intrinsic\.sensorMaxU: expected a positive whole width and height, got 1000\.5",
+        ),
+        "skew": (
+            lambda p: _edit(p, 'skew="0"', 'skew="2"'),
+            rf"camera {N}\.intrinsic\.skew: expected 0",
         ),
     },
     "vicon": {

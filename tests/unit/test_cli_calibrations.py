@@ -14,7 +14,6 @@ from detection_cases import CASES
 from detection_files import Take
 from skelsplat import synthetic
 from skelsplat.io import read_npz, write_calibration
-from skelsplat.run import figures
 
 NAMES = ["54138969", "55011271", "58860488", "60457274"]
 T = 3
@@ -32,11 +31,6 @@ CALIBRATIONS = [
     (files.own_json, [], "mm", "json"),
     (files.own_npz, [], "m", "npz"),
 ]
-
-
-@pytest.fixture(autouse=True)
-def no_pictures(monkeypatch):
-    monkeypatch.setattr(figures, "write_figures", lambda *_: [])
 
 
 @pytest.fixture
@@ -107,7 +101,11 @@ def test_what_is_missing_or_wrong_is_status_2_and_names_the_option(tmp_path, vie
     fails(files.human36m, [], "--subject: expected one of S1, S9")
     fails(files.openpose, [], "--size: expected")
     fails(files.openpose, ["--size", "wide"], "--size: expected a width and a height", "'wide'")
-    fails(files.anipose, ["--calibration-format", "toml"], "--calibration-format: expected one of anipose")
+    fails(
+        files.anipose,
+        ["--calibration-format", "toml"],
+        "--calibration-format: expected one of 4d-association",
+    )
 
 
 @pytest.fixture(scope="module")

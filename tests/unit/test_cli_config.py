@@ -17,7 +17,6 @@ from skelsplat.cli._app import OneLineErrors
 from skelsplat.cli.command import Application
 from skelsplat.cli.config import entries_of
 from skelsplat.io import sample
-from skelsplat.run import figures
 
 CONVENTIONS = Path(__file__).parents[2] / "docs" / "conventions.md"
 BASE = """
@@ -25,11 +24,6 @@ calibration = "Calib.toml"
 detections = "openpose"
 layout = "h36m17"
 """
-
-
-@pytest.fixture(autouse=True)
-def no_pictures(monkeypatch):
-    monkeypatch.setattr(figures, "write_figures", lambda *_: [])
 
 
 @pytest.fixture

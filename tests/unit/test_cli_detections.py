@@ -14,15 +14,9 @@ from detection_cases import CASES
 from detection_files import Take
 from skelsplat.cli import app
 from skelsplat.io import read_npz, read_openpose
-from skelsplat.run import figures
 
 OPTIONS = ["--unit", "mm", "--layout", "h36m17", "--fps", "50", "-q"]
 JOINTS = sk.layouts.H36M17.joints
-
-
-@pytest.fixture(autouse=True)
-def no_pictures(monkeypatch):
-    monkeypatch.setattr(figures, "write_figures", lambda *_: [])
 
 
 def refine(folder, detections, *options):

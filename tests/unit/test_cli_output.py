@@ -20,6 +20,7 @@ from skelsplat.cli import app, refine
 from skelsplat.cli.output import print_warning
 from skelsplat.cli.table import print_table
 from skelsplat.datasets.synthetic import write_simulated
+from sweeps import swept
 
 
 def commands(group, path=()):
@@ -30,7 +31,8 @@ def commands(group, path=()):
             yield (*path, name), {opt for param in command.params for opt in param.opts}
 
 
-COMMANDS = dict(commands(typer.main.get_command(app)))
+ROOT = typer.main.get_command(app)
+COMMANDS = dict(commands(ROOT))
 
 
 @pytest.mark.parametrize("path", COMMANDS, ids=" ".join)
@@ -44,6 +46,12 @@ def test_every_command_has_examples_json_and_quiet(path):
         assert "there is no --json" in " ".join(text.split())
     else:
         assert "--json" in COMMANDS[path]
+
+
+def test_help_lists_every_command_with_the_first_line_of_its_own():
+    assert {name: command.help.split("\n")[0] for name, command in ROOT.commands.items()} == ROOT.texts
+    listed = invoke("--help").stdout.partition("Commands")[2]
+    assert [name for name in ROOT.texts if f"│ {name} " not in listed] == []
 
 
 def test_help_of_refine_is_one_screen_and_help_all_the_rest():
@@ -109,7 +117,7 @@ def test_the_list_of_data_sets():
     assert invoke("datasets", "list", "-q").stdout.split() == list(datasets.names())
 
 
-def test_a_conversion_says_what_was_written(recording):
+def test_a_conversion_says_what_was_written(recording, finished_run):
     folder, rig, _ = recording
     result = invoke("convert", folder / "Calib.toml", folder / "rig.npz", "--to-unit", "m", "--json")
     document = json.loads(result.stdout)
@@ -117,11 +125,10 @@ def test_a_conversion_says_what_was_written(recording):
     assert document["format"] == "anipose"
     assert document["cameras"] == list(rig.names)
     assert document["unit"] == {"input": "mm", "output": "m"}
-    assert invoke("demo", "-o", folder / "demo", "-q").exit_code == 0
-    result = invoke("convert", folder / "demo" / "pose.npz", folder / "pose.csv", "--json")
+    result = invoke("convert", finished_run / "pose.npz", folder / "pose.csv", "--json")
     document = json.loads(result.stdout)
-    assert (document["kind"], document["format"], document["frames"]) == ("pose file", "npz", 100)
-    assert document["frame_rate_hz"] == 60.0
+    assert (document["kind"], document["format"], document["frames"]) == ("pose file", "npz", 5)
+    assert document["frame_rate_hz"] == 50.0
 
 
 def test_a_quiet_check_of_data_tells_faults(tmp_path):
@@ -152,7 +159,7 @@ def through_a_pipe(*args, **variables):
     return subprocess.run(command, env={**environment, **variables}, capture_output=True, check=True)
 
 
-@pytest.mark.parametrize("args", [["--help"], ["refine", "--help"], COLOURED])
+@pytest.mark.parametrize("args", [["refine", "--help"], COLOURED, swept(["--help"])])
 def test_no_colour_without_a_terminal(args):
     assert b"\x1b" not in through_a_pipe(*args, TERM="xterm-256color", COLORTERM="truecolor").stdout
 

@@ -225,5 +225,5 @@ def test_bad_usage_is_status_2(recording, arguments, extra, parts):
 def test_a_missing_package_is_status_1_before_the_work(arguments, monkeypatch, extra, modules, package):
     for module in modules:
         monkeypatch.setitem(sys.modules, module, None)
-    monkeypatch.setattr(_run, "refine_inputs", lambda *_, **__: pytest.fail("it refined"))
+    monkeypatch.setattr(_run, "read_inputs", lambda *_: pytest.fail("it read"))
     assert_fails(invoke(*arguments, *READ, *extra), 1, f"pip install 'skelsplat[{package}]'")

@@ -12,6 +12,8 @@ import skelsplat as sk
 from command_line import assert_fails, invoke
 from pose_sample import sample
 from skelsplat.io import read_npz, write_pose
+from skelsplat.run.plots import read_source
+from sweeps import swept
 
 LAYOUT = sk.layouts.H36M17
 
@@ -156,7 +158,32 @@ def test_the_range_of_frames_is_that_of_the_numbers(run_folder):
     assert found["bones"][0]["frames_counted"] == 3
 
 
-@pytest.mark.parametrize("suffix", ["npz", "csv", "trc", "c3d", "json", "nc"])
+@pytest.mark.parametrize("layout", ["body25", "halpe26", "coco17"])
+def test_pose2sims_names_are_those_of_the_layout_they_came_from(tmp_path, layout):
+    known = sk.layouts.get(layout)
+    poses = h36m(pose=np.zeros((6, known.n_joints, 3)), joint_names=tuple(known.joints))
+    path = tmp_path / "pose.trc"
+    write_pose(path, poses, frame_rate=50.0, marker_names="pose2sim")
+    found = read_source(path)
+    assert "RWrist" in found.poses.joint_names
+    assert found.limbs == tuple(known.limbs)
+    assert found.left_right == tuple(known.left_right)
+    backward = replace(found.poses, joint_names=found.poses.joint_names[::-1])
+    write_pose(path, backward, frame_rate=50.0)
+    last = known.n_joints - 1
+    assert read_source(path).limbs == ()
+    assert read_source(path, layout=layout).limbs == tuple((last - a, last - b) for a, b in known.limbs)
+
+
+def test_a_slip_of_the_file_is_said(tmp_path):
+    path = written(tmp_path / "pose.trc", h36m())
+    path.write_text(path.read_text().replace("\t6\t17\tm", "\t7\t17\tm"))
+    result = invoke("plot", path, "--only", "bones", "-q")
+    assert result.exit_code == 0, result.output
+    assert "line 3 states 7 frames, but 6 rows follow, which are read" in " ".join(result.stderr.split())
+
+
+@pytest.mark.parametrize("suffix", ["npz", "trc", *map(swept, ["csv", "c3d", "json", "nc"])])
 def test_any_pose_file_has_trajectories_and_bones(tmp_path, suffix):
     path = written(tmp_path / f"walk.{suffix}", h36m())
     result = invoke("plot", path)

@@ -16,7 +16,8 @@ from skelsplat.cameras import without_distortion
 from skelsplat.cli import app
 from skelsplat.io import read_npz
 from skelsplat.io.run_folder import write_run_inputs
-from skelsplat.run.figures import most_moved_frame, vertical_known, world_up
+from skelsplat.run.figures import most_moved_frame
+from skelsplat.run.vertical import vertical_known, world_up
 
 T = 5  # frames of `recording`
 NOISE_PX = 2.0

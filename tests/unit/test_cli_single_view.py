@@ -11,6 +11,8 @@ import pytest
 from command_line import READ, invoke
 from skelsplat.io import read_npz
 
+pytestmark = pytest.mark.drawn
+
 FPS = ["--fps", "50", "--frame-by-frame", "--free-bones"]
 
 

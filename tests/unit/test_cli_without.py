@@ -13,16 +13,10 @@ from command_line import READ, assert_fails, invoke
 from detection_cases import CASES
 from detection_files import Take
 from skelsplat.io import read_npz, read_openpose, read_run
-from skelsplat.run import figures
 
 OUT = "cam3"
 KEPT = ("cam1", "cam2", "cam4")
 LEFT_OUT = ["--without", OUT, "--fps", "50", "--frame-by-frame", "-q"]
-
-
-@pytest.fixture(autouse=True)
-def no_pictures(monkeypatch):
-    monkeypatch.setattr(figures, "write_figures", lambda *_: [])
 
 
 def refine(folder, detections, *options):

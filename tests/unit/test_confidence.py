@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import skelsplat as sk
 from skelsplat import synthetic
 from skelsplat.association import choose_person
 from skelsplat.evaluation import baselines
+from skelsplat.findings import FindingWarning
 from skelsplat.io import read_detections
 
 H36M = sk.layouts.H36M17
@@ -66,6 +68,22 @@ def test_a_wrong_confidence_is_named_where_it_was_given(entry, detections, rig):
     assert str(caught.value).endswith(", got 1.2")
 
 
+@pytest.mark.parametrize("entry", [entry for entry in ENTRIES if entry not in ("baselines",)])
+def test_a_confidence_slightly_above_1_counts_as_1_with_one_warning(entry, detections, rig):
+    call, place = ENTRIES[entry]
+    found = detections.copy()
+    found[1, 2, 3, 2] = 1.0
+    found[1, 1, 4] = [800.0, 500.0, np.nan]  # a detection without a confidence is missing
+    expected = call(found, rig)
+    found[1, 2, 3, 2] = 1.0103
+    text = f"^{place.partition('[')[0]}: confidences slightly above 1, up to 1.05, count as 1$"
+    with pytest.warns(FindingWarning, match=text) as told:
+        np.testing.assert_array_equal(call(found, rig), expected)
+    assert {Path(one.filename) for one in told} == {Path(__file__)}
+    assert len({str(one.message) for one in told}) == 1  # which Python shows once per line
+    assert found[1, 2, 3, 2] == 1.0103
+
+
 @pytest.mark.parametrize("score", [-1.0, 95.0, np.inf])
 @pytest.mark.parametrize("entry", ENTRIES)
 def test_the_confidence_of_a_missing_detection_does_not_count(entry, score, detections, rig):
@@ -82,7 +100,7 @@ def test_the_confidence_of_a_missing_detection_does_not_count(entry, score, dete
 @pytest.mark.parametrize(
     ("score", "advice"),
     [
-        (1.01, " (clip scores: np.clip(scores, 0, 1))"),
+        (1.06, " (clip scores: np.clip(scores, 0, 1))"),
         (-0.1, " (clip scores: np.clip(scores, 0, 1))"),
         (2.5, " (divide percentages by 100)"),
         (100.0, " (divide percentages by 100)"),
@@ -127,6 +145,9 @@ def test_nor_does_it_in_files(tmp_path, write, detections):
     found = read_detections(tmp_path, ["cam"], layout=H36M).people[:, 0, 0]
     assert np.isnan(found[1, 3]).all()
     assert np.isfinite(found).all(axis=-1).sum() == found[..., 0].size - 1
+    view[1, 3] = [5.0, 5.0, 1.05]
+    write(tmp_path, view) if write is not openpose else None
+    assert write is openpose or read_detections(tmp_path, ["cam"], layout=H36M).people[1, 0, 0, 3, 2] == 1.0
     view[1, 3] = [5.0, 5.0, -1.0]
     (tmp_path / "seen").mkdir()
     write(tmp_path / "seen", view)

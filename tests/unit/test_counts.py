@@ -16,7 +16,7 @@ ROWS = {row.name: row for row in counts.folders()}
 
 # Lines of the package without what came later, and what each later capability may add.
 HOUSE = 29_500
-LATER = {"sequences": 1_600, "people": 5_300}
+LATER = {"sequences": 1_600, "people": 5_300, "recordings": 4_770}
 
 
 def test_the_package_is_small() -> None:
@@ -127,4 +127,4 @@ def test_everything_is_printed(
     assert "package: cli" in said
     assert "binding / core: 0." in said
     assert said.startswith("| folder |") == bool(arguments)
-    assert import_circles.main() in (0, 1)
+    assert arguments or import_circles.main() in (0, 1)

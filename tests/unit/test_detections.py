@@ -19,6 +19,11 @@ from skelsplat.io.detections import FORMATS
 
 T = 4
 MISSING = (1, -1, 5)  # frame, camera, joint
+LABELS = {  # of the views in a file of all cameras, if they are not their places
+    "videopose3d": ["54138969", "55011271", "58860488", "60457274"],
+    "caliscope": ["1", "2", "3", "4"],
+    "caliscope_ports": ["1", "2", "3", "4"],
+}
 MULTI = [name for name, case in CASES.items() if case.people]
 
 
@@ -111,10 +116,8 @@ def test_views_follow_the_cameras(tmp_path, people, place, rig, name):
     case = CASES[name]
     path, expected = written(case, tmp_path, people, place, rig)
     backward = list(rig)[::-1]
-    labels = [str(m) for m in range(4)][::-1]
-    if name == "videopose3d":
-        labels = ["54138969", "55011271", "58860488", "60457274"][::-1]
-    order = None if case.order is None else labels
+    labels = LABELS.get(name, ["0", "1", "2", "3"])
+    order = None if case.order is None else labels[::-1]
     np.testing.assert_array_equal(read(case, path, backward, order=order).people, expected[:, ::-1])
 
 
@@ -163,7 +166,7 @@ def test_cameras_are_named_as_loosely_as_their_files(tmp_path, people, place, ri
         read_detections(path, rig, layout="h36m17", offsets={first: 1, loose: 2})
 
 
-@pytest.mark.parametrize("name", ["alphapose", "coco", "csv"])
+@pytest.mark.parametrize("name", ["alphapose", "coco", "csv", "sleap_csv", "caliscope"])
 def test_a_frame_without_people_is_not_listed_and_not_an_error(tmp_path, people, place, rig, name):
     people = people.copy()
     people[2, 1] = np.nan

@@ -109,8 +109,12 @@ MALFORMED = {
         ),
         "no HDF5": (lambda b: b.file.write_text("x" * 99), r"file: expected a complete HDF5 file of pandas"),
         "key": (
-            lambda b: b.dlc(lambda table: table, key="predictions"),
-            r"df_with_missing: expected a table under this key, got keys predictions",
+            lambda b: b.dlc(lambda table: table[table.columns[0]].rename("x")),
+            r"key: expected one table in the file \(df_with_missing or tracks\), got keys df_with_missing",
+        ),
+        "keys": (
+            lambda b: b.dlc(lambda table: table, "df_with_missing", "tracks"),
+            r"key: expected one table in the file .*, got tables df_with_missing, tracks",
         ),
         "levels": (
             lambda b: b.dlc(renamed),
@@ -150,13 +154,13 @@ MALFORMED = {
             lambda b: b.file.write_bytes(b.file.read_bytes()[:3000]),
             r"file: expected a complete HDF5 file, got ",
         ),
-        "no scores": (
-            lambda b: b.h5(lambda file: file.__delitem__("point_scores")),
-            r"point_scores: expected a dataset under this key, got keys node_names, .*tracks",
+        "no tracks": (
+            lambda b: b.h5(lambda file: file.__delitem__("tracks")),
+            r"tracks: expected a dataset under this key, got keys edge_inds, .*track_occupancy",
         ),
         "axes": (
-            lambda b: b.h5(replaced("tracks", np.transpose)),
-            r"tracks: expected shape \(tracks, 2, 17, frames\), got \(3, 17, 2, 2\)",
+            lambda b: b.h5(replaced("tracks", lambda old: np.moveaxis(old, 1, 3))),
+            r"tracks: expected shape \(2, 2, 17, frames\), got \(2, 17, 3, 2\)",
         ),
         "scores of others": (
             lambda b: b.h5(replaced("point_scores", lambda old: old[:, :-1])),

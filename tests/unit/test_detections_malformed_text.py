@@ -191,7 +191,51 @@ MALFORMED = {
             r"line 7: expected \d+ fields, got \d+ fields",
         ),
     },
+    "sleap_csv": {
+        "header": (
+            lambda b: b.text("nose.y", "nose.z"),
+            r"line 1: expected different columns: frame_idx, and NODE\.x and NODE\.y for every node, got",
+        ),
+        "a track twice": (
+            lambda b: b.text("track_1,0,", "track_0,0,"),
+            r"line 3, track: expected a track once per frame, got track_0 again in frame 0",
+        ),
+        "frame": (
+            lambda b: b.text("track_0,0,", "track_0,a,"),
+            r"line 2, frame_idx: expected a frame number, a whole number from 0, got 'a'",
+        ),
+        "text": (
+            lambda b: b.text(",0.9,", ",0.9,x"),
+            r"line 2, head\.score: expected a number or nothing, got",
+        ),
+        "cut": (lambda b: b.file.write_text(b.file.read_text()[:-60]), r"line 7: expected 54 fields, got"),
+        "no lines": (
+            lambda b: b.file.write_text(b.file.read_text().splitlines()[0]),
+            r"lines: expected one line per animal and frame after the header, got none",
+        ),
+    },
+    "caliscope": {
+        "camera": (lambda b: b.text("cam_id", "camera"), r"line 1: expected a column cam_id, got sync_index"),
+        "point": (
+            lambda b: b.text("keypoint_id", "joint"),
+            r"line 1: expected a column keypoint_id, got sync",
+        ),
+        "point twice": (
+            lambda b: b.file.write_text(b.file.read_text() + b.file.read_text().splitlines()[1]),
+            r"line 206, point: expected a point once per camera, sync_index and object_id, got 0 again",
+        ),
+        "a point far up": (
+            lambda b: b.text(",0,0,", ",0,99999,"),
+            r"line 2, point: expected numbers from 0 to 9999, got 99999",
+        ),
+        "frame": (lambda b: b.text("\n0,", "\n0.5,"), r"line 2, sync_index: expected a frame number"),
+        "cut": (lambda b: b.file.write_text(b.file.read_text()[:-40]), r"line 205: expected 10 fields, got"),
+    },
     "csv": {
+        "two people": (
+            lambda b: b.text(",person,", ",who,"),
+            r"line 19, joint: expected a joint, once per frame, or a column person for several, got 'pelvis'",
+        ),
         "open quote": (
             lambda b: b.text("pelvis,", '"pelvis,'),
             r"line 2: expected comma-separated fields, every quote closed, got a quote that is not closed in",

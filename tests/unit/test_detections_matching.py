@@ -16,7 +16,7 @@ from broken_detections import NAMES, K, T, anybody, first_joints, write_case
 from detection_cases import CASES
 from detection_files import Take
 from skelsplat.io import read_detections
-from skelsplat.io.detections._match import Candidates, match_by_order
+from skelsplat.io.detections._match import Candidates, match_by_name, match_by_order
 
 H36M, COCO = sk.layouts.H36M17, sk.layouts.COCO17
 MAIN = anybody()
@@ -93,18 +93,45 @@ def test_another_tools_file_with_a_name_that_says_so(tmp_path):
         (("cam_01", "cam_02"), ("take2_cam1_results", "take2_cam2_results")),
         (("left", "right"), ("Left", "RIGHT")),
         (("1", "2"), ("video_1", "video_2")),
-        (("A", "B"), ("camA", "camB")),
+        (("A", "B"), ("walk1-camA", "walk1-camB")),  # Anipose's
     ],
 )
 def test_files_are_matched_by_the_cameras_words(tmp_path, cameras, files):
     write(tmp_path, "coco", names=files)
-    if files[0] == "camA":
-        with pytest.raises(
-            sk.DatasetError, match=r"files: expected a camera .*no camera for camA\.json, camB"
-        ):
-            read_detections(tmp_path, cameras, layout=H36M)
-        return
     np.testing.assert_array_equal(first_joints(read_detections(tmp_path, cameras, layout=H36M)), X)
+
+
+@pytest.mark.parametrize(
+    ("cameras", "labels"),
+    [
+        (("int_cam01_img", "int_cam02_img"), ("cam01_json", "cam02_json")),
+        (("M11139", "M11140"), ("Camera1_M11139", "Camera2_M11140")),
+        (("int_cam01_img", "int_cam02_img"), ("pose_cam1_a", "pose_cam2_a")),
+        (("cam_1", "cam_2"), ("1", "2")),
+        (("rig_left_4k", "rig_right_4k"), ("take2_left", "take2_right")),
+    ],
+)
+@pytest.mark.parametrize("kind", ["folder", "view"])
+def test_words_around_names_are_allowed_on_both_sides(cameras, labels, kind):
+    candidates = Candidates(Path("pose"), kind, {label: label for label in labels})
+    assert match_by_name(candidates, cameras, allow_missing=False) == dict(zip(cameras, labels, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("cameras", "labels"),
+    [
+        (("int_cam01_img", "int_cam02_img"), ("take_1", "take_2")),  # a number alone is no name
+        (("cam1_left", "cam1_right"), ("cam1", "cam2")),  # cam1 fits both
+        (("cam_1", "cam_2", "cam_3"), ("cam_1", "cam_2", "cam")),
+        (("cam_1", "cam_2"), ("cam_1_old", "cam_1_new")),
+    ],
+)
+def test_words_around_names_that_fit_more_than_one_or_none_are_an_error(cameras, labels):
+    candidates = Candidates(Path("pose"), "folder", {label: label for label in labels})
+    with pytest.raises(
+        sk.DatasetError, match=r"or state their order: --order sorted, or --order and the fol"
+    ):
+        match_by_name(candidates, cameras, allow_missing=False)
 
 
 def test_a_name_that_fits_two_files(tmp_path):
@@ -378,7 +405,7 @@ def test_videos_are_told_from_files_that_are_unknown(tmp_path):
     (tmp_path / "camA" / "walk.MOV").touch()
     (tmp_path / "camA.mp4").touch()
     for path in (tmp_path, tmp_path / "camA", tmp_path / "camA.mp4"):
-        with pytest.raises(sk.DatasetError, match="got videos; run a 2D keypoint detector on them first"):
+        with pytest.raises(sk.DatasetError, match="got videos; run skelsplat detect or another detector"):
             read_detections(path, NAMES, layout=H36M)
 
 

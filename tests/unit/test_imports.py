@@ -15,11 +15,12 @@ PACKAGE = Path(__file__).parents[2] / "python" / "skelsplat"
 LAYERS = (
     {"cli"},
     {"run", "evaluation"},
+    {"detect"},
     {"datasets"},  # writes the sets that `synthetic` makes
     {"io", "viz", "rig_check", "synthetic"},
     {"association", "temporal"},
     {"_people"},
-    {"_sequence"},
+    {"_sequence", "_angles"},
     {"_refine", "metrics"},
     {"cameras", "layouts"},
     {"findings", "_sentences"},  # a finding has its sentence, which is made from its numbers
@@ -78,7 +79,7 @@ def test_imports_point_one_way(part: str) -> None:
         assert not imported(path) & {*not_below, *FORBIDDEN.get(part, ())}, path.relative_to(PACKAGE)
 
 
-def test_optional_packages_are_not_imported_with_the_package() -> None:
+def test_optional_packages_are_not_imported_with_the_package_and_parts_not_with_the_command_line() -> None:
     optional = (
         "scipy",
         "ezc3d",
@@ -90,10 +91,15 @@ def test_optional_packages_are_not_imported_with_the_package() -> None:
         "PIL",
         "matplotlib",
         "plotly",
+        "mediapipe",
+        "rtmlib",
     )
     program = (
-        "import sys, skelsplat, skelsplat.io, skelsplat.temporal, skelsplat.cli, skelsplat.run\n"
-        f"print(*(name for name in {optional} if name in sys.modules))"
+        "import sys, typer, skelsplat.cli\n"
+        "early = {name for name in sys.modules if name.startswith(('skelsplat.io', 'skelsplat.run'))}\n"
+        "typer.main.get_command(skelsplat.cli.app).commands\n"
+        "import skelsplat.io, skelsplat.temporal, skelsplat.run\n"
+        f"print(*early, *(name for name in {optional} if name in sys.modules))"
     )
     run = subprocess.run([sys.executable, "-c", program], check=True, capture_output=True, text=True)
     assert run.stdout.split() == []

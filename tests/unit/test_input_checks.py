@@ -99,7 +99,7 @@ REFINE = {
     ),
     "unknown layout": (
         lambda _: {"layout": "h36m18"},
-        r"layout: unknown name 'h36m18', expected one of h36m17, coco17",
+        r"layout: expected one of h36m17, coco17, .* or a layout file.* got 'h36m18'; did you mean h36m17\?",
     ),
     "layout of another N": (
         lambda _: {"layout": "body25"},

@@ -252,7 +252,7 @@ def test_a_doubt_about_the_unit_is_one_line(tmp_path, detections):
 @pytest.mark.parametrize(
     ("extra", "status", "parts"),
     [
-        (["--unit", "mm"], 2, ["--layout", "h36m17", "nothing"]),
+        (["--unit", "mm"], 2, ["--layout", "name or file", "nothing"]),
         (["--unit", "inch", "--layout", "h36m17"], 2, ["--unit", "'inch'"]),
         ([*OPTIONS, "--fps", "-3"], 2, ["--fps", "expected a positive number, got -3"]),
         ([*OPTIONS, "--lag", "3"], 2, ["--lag", "expected --fps as well"]),

@@ -179,3 +179,33 @@ def test_bad_input_leaves_the_state_as_it_was(seen, lag):
     with pytest.raises(sk.InvalidInputError, match="expected 17 joints, as in the previous frames"):
         live.step(seen[0][:, :5])
     assert bits(live.step(seen[5])) == bits(untouched.step(seen[5]))
+
+
+@pytest.mark.parametrize("rate", [FPS, None])
+def test_none_is_a_camera_without_detections(seen, rate):
+    """Also with another array of confidences, and if every camera is."""
+    blind = seen[:3].copy()
+    blind[1:, [1, 3]] = np.nan
+    blind[2] = np.nan
+    live = sk.Refiner(RIG, layout="h36m17", fps=rate, config=ONE_CORE)
+    first = live.step(list(seen[0, ..., :2]), list(seen[0, ..., 2]))
+    pixels, scores = (
+        [seen[1, 0, :, :2], None, seen[1, 2, :, :2], None],
+        [seen[1, 0, :, 2], None, seen[1, 2, :, 2], None],
+    )
+    found = [first, live.step(pixels, scores), live.step([None] * 4)]
+    live.reset()
+    for one, frame in zip(found, blind, strict=True):
+        other = live.step(frame)
+        assert bits(one.pose) == bits(other.pose)
+        assert bits(one.uncertainty) == bits(other.uncertainty)
+
+
+def test_none_for_every_camera_needs_the_number_of_joints(seen):
+    live = sk.Refiner(RIG, config=ONE_CORE)
+    with pytest.raises(
+        sk.InvalidInputError, match=r"^detections: expected detections of a view, which tell how"
+    ):
+        live.step([None] * 4)
+    live.step(seen[0])
+    assert live.step([None] * 4).pose.shape == (17, 3)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import skelsplat as sk
-from skelsplat.io import read_openpose
+from skelsplat.io import read_detections, read_openpose
 
 CAMERAS = ["cam_01", "cam_02"]
 N = 17
@@ -245,6 +245,25 @@ def test_equal_counts_of_different_frames(root):
     a_file(root, frame=0).rename(a_file(root, frame=3))
     with pytest.raises(sk.DatasetError, match="got equal counts but no frame 0 in cam02_json"):
         read_openpose(root, CAMERAS, layout="coco17")
+
+
+@pytest.mark.parametrize("lost", [2, 1])
+def test_frames_are_judged_after_offsets(root, lost):
+    """A camera that started a frame late has one less, at the end; a frame missing in between is refused."""
+    a_file(root, frame=lost).unlink()
+    for frame in {0, 1, 2} - {lost}:
+        a_file(root, frame=frame).rename(a_file(root, frame=frame + 5))
+    if lost == 2:
+        found = read_detections(root, CAMERAS, layout="coco17", offsets={"cam02": -4})
+        np.testing.assert_array_equal(found.frames, [1, 2])
+        np.testing.assert_array_equal(found.people[:, 1, 0, 0, 0], [200, 210])
+        return
+    message = (
+        r"frames: expected the same frames in every folder after the offsets \(--offset cam_02=-5\), got "
+        r"3 in cam01_json \(0 to 2\), 2 in cam02_json \(0 to 2\); --frames intersection reads"
+    )
+    with pytest.raises(sk.DatasetError, match=message):
+        read_detections(root, CAMERAS, layout="coco17", offsets={"cam02": -5})
 
 
 def test_the_intersection_of_frames(root):

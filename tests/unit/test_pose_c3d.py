@@ -76,6 +76,31 @@ def test_read_back(tmp_path):
     assert np.isnan(back.pose[2]).all()
 
 
+@pytest.mark.parametrize("name", ["x" * 128, "é" * 64, "", " "])
+def test_names_that_the_format_cannot_hold(tmp_path, name):
+    data = replace(sample(), joint_names=("nose", name, "tail"))
+    with pytest.raises(sk.InvalidInputError, match=r"joint_names: expected names of 1 to 127 bytes in a C3D"):
+        write_c3d(tmp_path / "a.c3d", data)
+    assert not list(tmp_path.iterdir())
+
+
+def test_names_and_texts_as_long_as_the_format_holds_them(tmp_path):
+    names = tuple(f"{k:0127d}" for k in range(300))
+    data = PoseData(np.ones((2, 300, 3)), names, np.arange(2), "mm", frame_rate=50.0, processing=("é" * 300,))
+    write_c3d(tmp_path / "a.c3d", data)
+    back = read_c3d(tmp_path / "a.c3d")
+    assert back.joint_names == names
+    assert back.processing == ("é" * 127,)
+
+
+def test_frame_numbers_beyond_single_precision(tmp_path):
+    data = sample()
+    with pytest.raises(
+        sk.InvalidInputError, match=r"frame numbers: expected numbers up to 16,777,216 in a C3D"
+    ):
+        write_c3d(tmp_path / "a.c3d", replace(data, frames=data.frames + 2**25))
+
+
 @pytest.mark.parametrize("first", [0, -5, 70_000])
 def test_frame_numbers_that_the_format_cannot_hold_come_back(tmp_path, first):
     data = replace(sample(), frames=np.arange(first, first + T))

@@ -156,8 +156,8 @@ def refusal(call) -> str:
 
 def test_a_score_above_1_is_named_where_it_was_given(scene):
     found = np.concatenate([scene.detections, np.ones((*scene.detections.shape[:-1], 1))], axis=-1)
-    found[1, 2, 9, 2] = 1.0103
-    hint = "expected a value in [0, 1] (clip scores: np.clip(scores, 0, 1)), got 1.0103"
+    found[1, 2, 9, 2] = 1.0603
+    hint = "expected a value in [0, 1] (clip scores: np.clip(scores, 0, 1)), got 1.0603"
     beside = {"detections": found[..., :2], "confidence": found[..., 2], "cameras": scene.rig}
     assert refusal(lambda: sk.refine(None, found, scene.rig)) == f"detections[1, 2, 9, 2]: {hint}"
     assert refusal(lambda: sk.refine(None, **beside)) == f"confidence[1, 2, 9]: {hint}"

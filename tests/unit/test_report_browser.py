@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from people_page import crowd, people_report
+from people_page import people_report
 from report_page import report_data, sequence, shapes
 from skelsplat.viz import _style, report
+from sweeps import swept
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium: apt-get install chromium")
@@ -32,35 +33,71 @@ def browser():
         opened.close()
 
 
-@pytest.fixture
-def visit(browser, tmp_path):
-    """Open a report in a page of its own; fail in the end if it complained or asked for anything else."""
-    complaints: list[str] = []
-    opened = []
+# As the page was when it was opened; opening one takes longest of all.
+RESET = """
+([fragment, first]) => {
+  pause();
+  for (const one of document.querySelectorAll("input[type=checkbox], input[type=radio]")) {
+    if (one.checked === one.defaultChecked) continue;
+    one.checked = one.defaultChecked;
+    if (one.checked || one.type === "checkbox") one.dispatchEvent(new Event("change"));
+  }
+  for (const one of document.querySelectorAll("select")) {
+    if (one.selectedIndex === 0) continue;
+    one.selectedIndex = 0;
+    one.dispatchEvent(new Event("change"));
+  }
+  setCamera(firstLook());
+  goTo(first);
+  location.hash = fragment;
+}
+"""
 
-    def open_page(data=None, fragment=""):
-        data = report_data() if data is None else data
-        several = isinstance(data, report.PeopleReportData)
-        path = (report.write_people_report if several else report.write_report)(
-            tmp_path / "report.html", data
-        )
-        page = browser.new_page(viewport={"width": 1000, "height": 800})
-        opened.append(page)
-        page.set_default_timeout(PATIENCE_MS)
-        page.context.set_offline(True)
-        page.on("pageerror", lambda error: complaints.append(f"exception: {error}"))
-        page.on("console", lambda said: complaints.append(said.text) if said.type == "error" else None)
-        page.on(
-            "request", lambda asked: complaints.append(asked.url) if is_request(asked.url, path) else None
-        )
-        page.goto(path.as_uri() + fragment)
-        wait(page, READY)
+
+@pytest.fixture(scope="module")
+def opened(browser, tmp_path_factory):
+    """Open the report of a function's data, once, and return its page and what it complains of."""
+    pages = {}
+
+    def open_page(make, fragment):
+        if make in pages:
+            pages[make][0].evaluate(RESET, [fragment, 0])
+        else:
+            pages[make] = _open(browser, tmp_path_factory.mktemp("page") / "report.html", make(), fragment)
+        return pages[make]
+
+    yield open_page
+    for page, _ in pages.values():
+        page.close()
+
+
+def _open(browser, path, data, fragment):
+    several = isinstance(data, report.PeopleReportData)
+    (report.write_people_report if several else report.write_report)(path, data)
+    page, complaints = browser.new_page(viewport={"width": 1000, "height": 800}), []
+    page.set_default_timeout(PATIENCE_MS)
+    page.context.set_offline(True)
+    page.on("pageerror", lambda error: complaints.append(f"exception: {error}"))
+    page.on("console", lambda said: complaints.append(said.text) if said.type == "error" else None)
+    page.on("request", lambda asked: complaints.append(asked.url) if is_request(asked.url, path) else None)
+    page.goto(path.as_uri() + fragment)
+    wait(page, READY)
+    return page, complaints
+
+
+@pytest.fixture
+def visit(opened):
+    """Visit the page of a report; fail in the end if it complained or asked for anything else."""
+    visited = []
+
+    def open_page(make=report_data, fragment=""):
+        page, complaints = opened(make, fragment)
+        visited.append(complaints)
+        wait(page, "!player.busy && player.wanted === null")
         return page
 
     yield open_page
-    for page in opened:
-        page.close()
-    assert complaints == []
+    assert [complaint for complaints in visited for complaint in complaints] == []
 
 
 def wait(page, condition):
@@ -104,12 +141,12 @@ def test_the_skeleton_is_drawn_in_the_colours_of_its_sides(visit):
     assert near(image, COLOURS.right) > 100
 
 
-@pytest.mark.parametrize(("side", "other", "hidden"), [("left", "right", 2), ("right", "left", 1)])
+@pytest.mark.parametrize(("side", "other", "hidden"), [("left", "right", 2), swept("right", "left", 1)])
 def test_each_side_has_its_own_colour(visit, side, other, hidden):
     walk = sequence()
     refined, status = walk.refined.copy(), walk.status.copy()
     refined[:, hidden], status[:, hidden] = np.nan, "unobserved"
-    image = picture(visit(report_data(replace(walk, refined=refined, status=status))))
+    image = picture(visit(lambda: report_data(replace(walk, refined=refined, status=status))))
     assert near(image, getattr(COLOURS, side)) > 100
     assert near(image, getattr(COLOURS, other)) < 10
 
@@ -141,11 +178,22 @@ def test_the_pose_before_and_the_ellipsoids_can_be_chosen(visit):
     assert near(picture(page), COLOURS.start) > near(refined, COLOURS.start) + 50
 
 
-def test_the_ellipsoid_of_an_undetermined_joint_is_cut_off_and_says_so(visit):
-    walk = sequence()
+NASTY = "<img src=x onerror=alert(1)></script>'é"
+STAMPS = 1_636_212_345_678 + 33 * np.arange(40)
+STAMP = f"#frame={STAMPS[7]}"
+
+
+def odd():
+    """Build a report with time stamps for numbers, names that look like markup, and a wide error bar."""
+    walk = sequence(joint_names=(NASTY, "left_knee", "right_knee"), start_name=NASTY)
     wide = walk.error_bar.copy()
     wide[:, 1] = np.diag([900.0, 20.0, 20.0]) ** 2
-    page = visit(report_data(replace(walk, error_bar=wide)))
+    walk = replace(walk, error_bar=wide, frames=STAMPS)
+    return report_data(walk, names=(NASTY, "window"), title=NASTY, warnings=[NASTY], problems=[])
+
+
+def test_the_ellipsoid_of_an_undetermined_joint_is_cut_off_and_says_so(visit):
+    page = visit(odd, STAMP)
     middle, own = page.evaluate("[joint(scene.refined, 0, 1), ellipsoids(0)]")
     corners = np.stack([own[axis] for axis in "xyz"], axis=-1).reshape(-1, 42, 3)[1] - middle
     assert np.linalg.norm(corners, axis=1).max() == pytest.approx(0.3, abs=1e-6)
@@ -155,9 +203,7 @@ def test_the_ellipsoid_of_an_undetermined_joint_is_cut_off_and_says_so(visit):
 
 
 def test_frame_numbers_may_be_time_stamps(visit):
-    stamps = 1_636_212_345_678 + 33 * np.arange(40)
-    page = visit(report_data(replace(sequence(), frames=stamps), problems=[]), f"#frame={stamps[7]}")
-    assert frame_of(page) == stamps[7]
+    assert frame_of(visit(odd, STAMP)) == STAMPS[7]
 
 
 def test_a_link_leads_to_its_frame(visit):
@@ -221,10 +267,15 @@ PLACES = """
 """
 
 
-@pytest.mark.parametrize("reach", [1.0, 3.0])
-def test_the_view_of_all_cameras_holds_them_and_is_filled(visit, reach):
+def far_cameras():
+    """Build a report of cameras three times as far away."""
     near = shapes(("door", "window", "wall"))
-    page = visit(report_data(names=near.names, shapes=replace(near, centres=reach * near.centres)))
+    return report_data(names=near.names, shapes=replace(near, centres=3.0 * near.centres))
+
+
+@pytest.mark.parametrize("make", [report_data, swept(far_cameras)])
+def test_the_view_of_all_cameras_holds_them_and_is_filled(visit, make):
+    page = visit(make)
     page.click("#fit-all")
     picture(page)
     points = (
@@ -257,11 +308,11 @@ def test_the_heat_map_switches_and_a_curve_leads_to_its_frame(visit):
     assert abs(frame_of(page) - 120) <= 2
 
 
-@pytest.mark.parametrize("frames", [1, 3])
+@pytest.mark.parametrize("frames", [1, swept(3)])
 def test_a_sequence_without_a_single_joint_opens(visit, frames):
     nothing = np.full((frames, 3, 3), np.nan)
     walk = sequence(frames, refined=nothing, start=nothing, error_bar=np.full((frames, 3, 3, 3), np.nan))
-    page = visit(report_data(walk, problems=[]))
+    page = visit(lambda: report_data(walk, problems=[]))
     page.check("input[name=pose][value=both]")
     page.evaluate(f"show({frames - 1})")
     picture(page)
@@ -269,16 +320,14 @@ def test_a_sequence_without_a_single_joint_opens(visit, frames):
 
 
 def test_names_from_files_are_shown_as_they_are(visit):
-    name = "<img src=x onerror=alert(1)></script>'é"
-    walk = sequence(joint_names=(name, "left_knee", "right_knee"), start_name=name)
-    page = visit(report_data(walk, names=(name, "window"), title=name, warnings=[name]))
-    assert page.inner_text("h1") == name
+    page = visit(odd, STAMP)
+    assert page.inner_text("h1") == NASTY
     assert page.locator("img").count() == 0
     picture(page)
 
 
 def in_time():
-    """Build a report of a solution in time: each frame alone has knees that jump up and down."""
+    """Build a report of a solution over time: each frame alone has knees that jump up and down."""
     walk = sequence()
     jumps = np.zeros_like(walk.refined)
     jumps[::2, 1:, 2] = 60.0
@@ -299,11 +348,11 @@ def curves(page, div):
 
 
 def test_in_time_and_frame_by_frame_can_be_compared(visit):
-    page = visit(in_time())
+    page = visit(in_time)
     refined = picture(page)
     names = page.locator("fieldset").first.locator("label").all_inner_texts()
     assert [name.strip() for name in names] == [
-        *("in time", "frame by frame", "start: plain triangulation", "in time and frame by frame"),
+        *("over time", "frame by frame", "start: plain triangulation", "over time and frame by frame"),
     ]
     page.check("input[name=pose][value=alone]")
     assert np.abs(picture(page) - refined).max() > 0.1
@@ -312,10 +361,10 @@ def test_in_time_and_frame_by_frame_can_be_compared(visit):
 
 
 def test_bone_lengths_and_speeds_are_drawn_by_name_with_both_sides(visit):
-    page = visit(in_time())
+    page = visit(in_time)
     lengths, titles = curves(page, "bones")
     assert titles == ["hip – knee"]
-    assert len(lengths) == 4  # frame by frame and in time, left and right
+    assert len(lengths) == 4  # frame by frame and over time, left and right
     np.testing.assert_allclose(lengths[1], np.hypot(150.0, 450.0), atol=0.5)
     assert np.ptp(lengths[0]) > 40.0
     speeds, titles = curves(page, "speeds")
@@ -326,7 +375,7 @@ def test_bone_lengths_and_speeds_are_drawn_by_name_with_both_sides(visit):
 
 @pytest.mark.parametrize("data", [in_time, report_data])
 def test_the_trajectory_of_the_chosen_joint_has_its_band(visit, data):
-    page = visit(data())
+    page = visit(data)
     page.select_option("#trajectory-joint", label="right knee")
     found, titles = curves(page, "trajectory")
     assert titles == ["x [mm]", "y [mm]", "z [mm]"]
@@ -338,7 +387,7 @@ def test_the_trajectory_of_the_chosen_joint_has_its_band(visit, data):
 
 
 def test_people_have_their_colours_and_names_in_the_view(visit):
-    page = visit(people_report(), "#frame=110")
+    page = visit(people_report, "#frame=110")
     image = picture(page)
     for colour in _style.PEOPLE[:3]:
         assert near(image, colour) > 100
@@ -350,7 +399,7 @@ def test_people_have_their_colours_and_names_in_the_view(visit):
 
 
 def test_the_view_follows_the_person_chosen(visit):
-    page = visit(people_report(), "#frame=130")
+    page = visit(people_report, "#frame=130")
     page.select_option("#follow", "1")
     wait(page, "!player.busy && player.wanted === null")
     centre = page.evaluate("liveCamera().center")
@@ -361,7 +410,7 @@ def test_the_view_follows_the_person_chosen(visit):
 
 
 def test_a_bar_is_as_long_as_the_person_is_there(visit):
-    page = visit(people_report(crowd()))
+    page = visit(people_report)
     rows = page.evaluate("charts.lines.data.filter((trace) => trace.type === 'heatmap').map(({ z }) => z[0])")
     assert [sum(count is not None for count in row) for row in rows] == [40, 30, 20]
     assert page.evaluate("charts.lines.layout.yaxis4.ticktext") == ["person 0", "person 1", "person 2"]

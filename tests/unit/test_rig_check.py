@@ -199,7 +199,7 @@ def test_bad_arguments():
     good = detections("room")
     with pytest.raises(sk.InvalidInputError, match=r"people: expected shape \(T, 4, P, N, 3\) .* got"):
         check_rig(rig("room"), good[:, :3])
-    with pytest.raises(sk.InvalidInputError, match="frames: expected 40 ascending numbers"):
+    with pytest.raises(sk.InvalidInputError, match="frames: expected 24 ascending numbers"):
         check_rig(rig("room"), good, frames=np.zeros(T, dtype=int))
     with pytest.raises(sk.InvalidInputError, match="cameras: expected at least two with detections, got 1"):
         check_rig(rig("room")[:1], good[:, :1])
@@ -227,3 +227,14 @@ def test_poses_in_another_convention_are_named_alone(words, name):
     found = [finding for finding in report.findings if finding.kind not in GEOMETRY]
     assert [finding.kind for finding in found] == ["pose_convention"], report.findings
     assert words in found[0].text
+
+
+def test_a_rig_under_a_microscope_is_sound():
+    """Cameras 20 mm apart with focal lengths of 10⁵ px: a field of view of 0.6°."""
+    lens = np.diag([100.0, 100.0, 1.0]) @ [[1145, 0, 5], [0, 1145, 5], [0, 0, 1]]
+    room = rig("room")
+    cameras = [sk.Camera(lens, c.R, c.t / 400, size=c.size, name=c.name) for c in room]
+    assert check_rig(sk.CameraRig(cameras, unit="mm")).findings == ()
+    odd = [*cameras[:3], sk.Camera(lens, cameras[3].R, cameras[3].t, size=(80, 80), name="cam4")]
+    (finding,) = [f for f in check_rig(sk.CameraRig(odd)).findings if f.kind == "field_of_view"]
+    assert finding.subject.cameras == ("cam4",)

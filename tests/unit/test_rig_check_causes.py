@@ -5,10 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rig_case import LAYOUT, T, detections, only, recording, replaced, rig, turned
+import skelsplat as sk
+from rig_case import LAYOUT, T, detections, mirrored, only, recording, replaced, rig, turned
+from skelsplat._sentences.words import percent
 from skelsplat.io import sample
+from skelsplat.layouts import mirror_images
 from skelsplat.rig_check import check_rig
 from sweeps import diagonal
+
+MIRROR = mirror_images(17, sk.layouts.H36M17.left_right)
 
 
 @pytest.mark.parametrize(
@@ -64,9 +69,10 @@ def test_a_turn_and_an_offset_of_the_same_camera_are_told_apart_or_both_said():
 
 @pytest.mark.parametrize(("shift", "words"), [(-5, " (4 to 5 fit almost as well): "), (5, " too high: its")])
 def test_frames_that_fit_nearly_as_well_are_a_range(shift, words):
-    found, whole = detections("room").copy(), detections("room")
+    whole = detections("room", steps=40)
+    found = whole.copy()
     found[:, 1] = np.nan
-    here, there = slice(max(shift, 0), T + min(shift, 0)), slice(max(-shift, 0), T + min(-shift, 0))
+    here, there = slice(max(shift, 0), 40 + min(shift, 0)), slice(max(-shift, 0), 40 + min(-shift, 0))
     found[here, 1] = whole[there, 1]
     finding = only(check_rig(rig("room"), found, layout=LAYOUT))
     assert (finding.kind, finding.subject.cameras, finding.numbers["frames"]) == (
@@ -109,6 +115,61 @@ def test_a_camera_turned_by_two_degrees_is_named(name, axis):
     # 3 px of noise at 1100 px and more are 0.15° a detection; hundreds of them are averaged
     assert finding.numbers["degrees"] == pytest.approx(2.0, abs=0.1)
     assert ("An image shifted by" in finding.text) == (axis in [(1, 0, 0), (0, 1, 0)])
+
+
+def sides_swapped(found, view, frames=slice(None)):
+    """Return the detections with left and right swapped in some frames of a view."""
+    changed = found.copy()
+    changed[frames, view] = found[frames, view][..., MIRROR, :]
+    return changed
+
+
+@pytest.mark.parametrize(
+    ("name", "motion", "fifths"),
+    diagonal(("room", "dome of 3", "dome of 6", "ring of 4"), ("walk", "sit", "reach"), (5, 4)),
+)
+def test_swapped_sides_are_named_not_a_moved_camera(name, motion, fifths):
+    found = sides_swapped(detections(name, motion), 1, np.arange(T) % 5 < fifths)
+    finding = only(check_rig(rig(name), found, layout=LAYOUT))
+    assert (finding.kind, finding.subject.cameras) == ("sides_swapped", (rig(name).names[1],))
+    assert finding.numbers["share_of_frames"] == pytest.approx(fifths / 5, abs=0.06)
+    assert finding.numbers["after_px"] < 6 < finding.numbers["before_px"]
+    assert (
+        f": left and right are swapped in {percent(finding.numbers['share_of_frames'])} of its"
+        in finding.text
+    )
+
+
+def test_swapped_sides_need_a_layout_that_tells_them():
+    found = sides_swapped(detections("room"), 1)
+    assert only(check_rig(rig("room"), found)).kind != "sides_swapped"
+    with pytest.raises(sk.InvalidInputError, match=r"^layout: expected one of 17 joints, got 25$"):
+        check_rig(rig("room"), found, layout="body25b")
+
+
+def test_swapped_sides_of_one_of_two_views():
+    finding = only(check_rig(rig("pair"), sides_swapped(detections("pair", "reach"), 1), layout=LAYOUT))
+    assert (finding.kind, finding.subject.cameras) == ("sides_swapped", ("left",))
+    assert " Swapping left and right in right explains it almost as well " in finding.text
+
+
+def test_swapped_sides_next_to_a_turned_camera():
+    cameras, found = turned(rig("dome of 6"), 2, 2.0, (0, 1, 0)), detections("dome of 6", steps=15)
+    findings = check_rig(cameras, sides_swapped(found, 1), layout=LAYOUT).findings
+    assert {finding.kind: finding.subject.cameras for finding in findings} == {
+        "sides_swapped": ("hd01",),
+        "camera_rotated": ("hd02",),
+    }
+
+
+@pytest.mark.parametrize("named_by_detector", [True, False])
+def test_mirrored_images_of_a_camera_are_named(named_by_detector):
+    """A detector takes the left hand of a mirrored person for the right one; mirrored coordinates do not."""
+    found = sides_swapped(detections("room"), 1) if named_by_detector else detections("room").copy()
+    found[:, 1] = mirrored(found, "room")[:, 1]
+    finding = only(check_rig(rig("room"), found, layout=LAYOUT))
+    assert (finding.kind, finding.subject.cameras) == ("image_changed", ("cam2",))
+    assert "cam2's images are mirrored (" in finding.text
 
 
 def test_a_moved_camera_is_named():

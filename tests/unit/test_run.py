@@ -12,6 +12,7 @@ import pytest
 
 import skelsplat as sk
 from skelsplat import synthetic
+from skelsplat.io import write_calibration
 from skelsplat.run import Butterworth, IncompleteJobError, Job, Run, run
 
 LAYOUT = "h36m17"
@@ -107,6 +108,7 @@ def test_a_report_of_another_version_is_named(run_folder, change):
         Run.open(run_folder)
 
 
+@pytest.mark.drawn
 def test_a_result_made_of_arrays_has_findings_report_and_figures(tmp_path, capfd):
     pixels, rig = scene()
     result = sk.refine(None, pixels, rig, layout=LAYOUT)
@@ -162,6 +164,7 @@ def test_confidences_are_refused_as_by_refine(channels, shape, message):
         Run.from_arrays(result, rig, seen, LAYOUT, confidence=confidence)
 
 
+@pytest.mark.drawn
 def test_a_notebook_shows_facts_findings_and_the_overview():
     pixels, rig = scene()
     found = Run.from_arrays(sk.refine(None, pixels, rig, layout=LAYOUT), rig, pixels, LAYOUT)
@@ -232,6 +235,21 @@ def test_a_filter_is_tried_before_anything_is_read(job, monkeypatch):
     monkeypatch.setattr("skelsplat.run._run.read_inputs", lambda *_: pytest.fail("it read"))
     with pytest.raises(sk.InvalidInputError, match=r"filter: cutoff.* got 30"):
         run(job(filter=Butterworth(30.0)))
+
+
+def test_frames_that_a_file_cannot_hold_are_refused_before_the_person_is_chosen(
+    recording, monkeypatch, tmp_path
+):
+    pytest.importorskip("ezc3d", reason="ezc3d is not installed")
+    _, rig, _ = recording
+    pixels, _ = scene()
+    frames = np.array([0, 1, 2, 3, 4, 65_535])
+    np.savez(tmp_path / "d.npz", detections=pixels, camera_names=list(rig.names), frames=frames)
+    write_calibration(tmp_path / "Calib.toml", rig)
+    given = {"layout": LAYOUT, "output": tmp_path / "out", "write": ("c3d",)}
+    monkeypatch.setattr("skelsplat.run.tracked.pick_places", lambda *_: pytest.fail("it chose"))
+    with pytest.raises(sk.InvalidInputError, match=r"frame numbers: expected 1 to 65535 .*, got 65536"):
+        run(Job(tmp_path / "Calib.toml", tmp_path / "d.npz", **given))
 
 
 def test_results_never_replace_the_input(recording, job):

@@ -11,6 +11,8 @@ import skelsplat as sk
 from skelsplat import synthetic, viz
 from skelsplat.run import Run
 
+pytestmark = pytest.mark.drawn
+
 
 @pytest.fixture(scope="module")
 def drawn(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:

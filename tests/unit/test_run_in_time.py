@@ -1,4 +1,4 @@
-"""Runs in time: when, what is written of them, and what is said where the frames are solved one by one."""
+"""Runs over time: when, what is written of them, and what is said where the frames are solved one by one."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_a_known_frame_rate_solves_in_time(job):
         actual = getattr(found.result, entry.name)
         np.testing.assert_array_equal(actual, getattr(expected, entry.name), err_msg=entry.name)
     solution = found.report["solution"]
-    assert (solution["method"], solution["fps"], solution["inferred"]) == ("in time", FPS, 0)
+    assert (solution["method"], solution["fps"], solution["inferred"]) == ("over time", FPS, 0)
     bone = solution["bones"][0]
     ends = [found.layout.joints[joint] for joint in expected.bones[0]]
     assert (bone["joints"], bone["length_mm"]) == (ends, expected.bone_lengths[0])
@@ -66,9 +66,9 @@ def test_frame_by_frame_is_as_without_a_rate(job):
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        (["--fps", 50], "Solved in time at 50 frames per second: constant bone lengths, smooth motion."),
+        (["--fps", 50], "Solved over time at 50 frames per second: constant bone lengths, smooth motion."),
         (["--fps", 50, "--frame-by-frame"], "Solved frame by frame (--frame-by-frame)."),
-        ([], "Solved frame by frame: the frame rate is unknown. --fps HZ solves in time."),
+        ([], "Solved frame by frame: the frame rate is unknown. --fps HZ solves over time."),
         (["--fps", 50, "--paper", "--max-steps", 1], None),
     ],
 )
@@ -192,7 +192,7 @@ def test_files_hold_velocities_and_bones_in_their_unit(job, tmp_path):
         np.testing.assert_allclose(metres.bone_lengths, poses.bone_lengths / 1000)
     opened = Run.open(tmp_path / "out")
     np.testing.assert_array_equal(opened.outcome.sequence.bone_lengths, result.bone_lengths)
-    assert opened.report["solution"]["method"] == "in time"
+    assert opened.report["solution"]["method"] == "over time"
     assert opened.statistics.total.after_px == pytest.approx(found.statistics.total.after_px)
 
 
@@ -241,7 +241,7 @@ def test_poses_in_time_that_leave_the_detections_are_a_finding():
     result = sk.refine_sequence(detections, rig, fps=FPS, layout=LAYOUT)
     away = replace(result, reprojection_error=3 * result.reprojection_error)
     (finding,) = Run.from_arrays(away, rig, detections, LAYOUT, fps=FPS).findings
-    assert (finding.kind, finding.severity) == ("further_in_time", "warning")
+    assert (finding.kind, finding.severity) == ("further_over_time", "warning")
     assert "check that the frames are in order" in finding.text
     assert [remedy.text for remedy in finding.remedy] == ["--frame-by-frame"]
 
@@ -272,7 +272,7 @@ def test_videos_state_the_rate(recording, job, arguments, place):
     found = run(job(fps=None))
     assert (found.report["solution"]["fps"], found.report["solution"]["fps_from"]) == (25.0, "videos")
     printed = invoke(*arguments, *READ, "--no-html").stdout
-    assert "Solved in time at 25 frames per second, as the videos state." in printed
+    assert "Solved over time at 25 frames per second, as the videos state." in printed
     assert run(job()).report["solution"]["fps_from"] is None  # the option wins
     short = folder / place / f"{rig.names[1]}.mp4"
     write_video(short, count=3, rate=25.0)

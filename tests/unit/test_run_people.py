@@ -19,6 +19,7 @@ from skelsplat import synthetic
 from skelsplat.findings import Finding
 from skelsplat.io import read_csv, read_json, read_netcdf, read_npz, write_calibration, write_people
 from skelsplat.run import Job, PeopleRun, Run, run, run_people
+from sweeps import swept
 from two_people import LAYOUT, crossing, seen, shuffled
 
 RIG = synthetic.human36m_like()
@@ -66,6 +67,27 @@ def folder(recording, tmp_path_factory):
 
 def command(recording, out):
     return ["refine", recording / "Calib.toml", recording / "openpose", "-o", out, *READ, "--fps", FPS]
+
+
+def test_everybody_has_joint_angles(found, tmp_path, monkeypatch):
+    for module in ("folder", "several"):
+        monkeypatch.setattr(f"skelsplat.run.{module}.can_draw", lambda: False)  # pictures take longer
+    found.write(tmp_path / "out", ("npz",), html=False, angles=True)
+    for identity, person in found.people.items():
+        with np.load(tmp_path / "out" / f"person_{identity}" / "angles.npz") as stored:
+            np.testing.assert_array_equal(stored["degrees"], person.angles.degrees)
+            assert len(stored["frames"]) == len(person.frames)
+    assert "angles.csv" in read_report(tmp_path / "out" / "person_1")["files"]
+    assert not (tmp_path / "out" / "angles.csv").exists()
+
+
+def test_a_file_in_the_place_of_a_persons_folder_is_refused_before_the_work(recording, tmp_path, monkeypatch):
+    (tmp_path / "person_1").write_text("mine")
+    monkeypatch.setattr("skelsplat.run.several.read_everybody", lambda *_: pytest.fail("it read"))
+    with pytest.raises(
+        sk.DatasetError, match=r"person_1: output: expected a folder, or nothing, .*got a file"
+    ):
+        run_people(job(recording, output=tmp_path))
 
 
 def test_everybody_is_refined_as_alone(people, found):
@@ -212,7 +234,7 @@ def test_a_camera_is_doubted_if_it_disagrees_about_most(named, tmp_path):
     ]
 
 
-@pytest.mark.parametrize("views", [(1, 1), (1, 2)])
+@pytest.mark.parametrize("views", [(1, 2), swept((1, 1))])
 def test_one_sentence_on_the_rig_sums_up_all_people(views, tmp_path):
     people = seen(crossing(FRAMES), RIG)
     for person, view in enumerate(views):
@@ -361,7 +383,7 @@ def test_files_of_one_person_need_no_choice(tmp_path):
 )
 def test_everybody_is_refined_as_asked(recording, options):
     several = run_people(job(recording, **options))
-    solution = "in time" if "filter" in options else "frame by frame"
+    solution = "over time" if "filter" in options else "frame by frame"
     for one in several.people.values():
         assert one.report["solution"]["method"] == solution
         assert bool(one.poses.processing) == ("filter" in options)

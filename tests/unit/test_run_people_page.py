@@ -14,6 +14,8 @@ from skelsplat.run import Job, PeopleRun, run_people
 from skelsplat.run.people_page import tracks_of
 from two_people import LAYOUT, crossing, seen, shuffled
 
+pytestmark = pytest.mark.drawn
+
 RIG = synthetic.human36m_like()
 FRAMES = 40
 HIDDEN = slice(10, 20)  # frames in which the first camera sees nobody

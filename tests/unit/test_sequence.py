@@ -40,7 +40,7 @@ def recorded(
 
 
 def solve(detections: np.ndarray, rig: Any = RIG, **given: Any) -> sk.SequenceRefinement:
-    """Refine in time, as Human3.6M's skeleton unless another layout is given."""
+    """Refine over time, as Human3.6M's skeleton unless another layout is given."""
     return sk.refine_sequence(detections, rig, **{"fps": FPS, "layout": "h36m17", **given})
 
 

@@ -11,6 +11,7 @@ import pytest
 import skelsplat as sk
 from pose_sample import assert_equal
 from skelsplat._atomic import atomic_write, atomic_write_text
+from skelsplat.findings import FindingWarning
 from skelsplat.io import PoseData, read_npz, read_trc, write_csv, write_npz, write_trc
 
 T, N, M = 3, 2, 2
@@ -255,6 +256,36 @@ def test_trc_of_other_writers(data, tmp_path, change):
     assert_equal(read_trc(path), expected)
 
 
+@pytest.mark.parametrize(("stated", "severity"), [(2, "note"), (4, "note"), (6, "warning"), (0, "warning")])
+def test_a_trc_that_miscounts_its_frames_is_read_by_its_rows(data, tmp_path, stated, severity):
+    path = tmp_path / "pose.trc"
+    write_trc(path, data, frame_rate=50.0)
+    expected = read_trc(path)
+    path.write_text(path.read_text().replace("\t3\t2\tm", f"\t{stated}\t2\tm"))
+    with pytest.warns(FindingWarning, match=f"line 3 states {stated} frames, but 3 rows follow") as told:
+        found = read_trc(path)
+    assert_equal(found, expected)
+    assert [one.message.finding.severity for one in told] == [severity]
+
+
+@pytest.mark.parametrize(
+    ("change", "rate", "text"),
+    [
+        (lambda line: line, 50.0, "the times of the rows give 50"),
+        (lambda line: line.replace("\t0.0", "\tx0.0", 1), None, "the times of the rows give none either"),
+        (lambda line: line.replace("\t0.02", "\t0.00", 1), None, "the times of the rows give none either"),
+    ],
+    ids=["times", "text", "no time passes"],
+)
+def test_a_trc_with_a_frame_rate_of_0_has_that_of_its_times(data, tmp_path, change, rate, text):
+    path = tmp_path / "pose.trc"
+    write_trc(path, data, frame_rate=50.0)
+    lines = path.read_text().replace("\n50\t50\t", "\n0.00\t50\t").split("\n")
+    path.write_text("\n".join([*lines[:6], *map(change, lines[6:])]))
+    with pytest.warns(FindingWarning, match=f"line 3 states 0 frames per second; {text}"):
+        assert read_trc(path).frame_rate == rate
+
+
 MALFORMED_TRC = {
     "not a trc": (
         lambda _: ["hello"],
@@ -273,14 +304,13 @@ MALFORMED_TRC = {
         "line 3 DataRate: expected frames per second, a positive number, got 'x'",
     ),
     "a row cut short": (lambda lines: [*lines[:6], lines[6][:30]], r"line 7: expected 8 fields, got \d"),
-    "rows cut off": (lambda lines: lines[:8], "line 3 NumFrames: expected the 3 rows that it states, got 2"),
-    "a row too many": (
-        lambda lines: [*lines[:9], lines[8]],
-        "line 3 NumFrames: expected the 3 rows that it states, got 4",
+    "a frame rate below 0": (
+        lambda lines: [line.replace("50\t50\t", "-5\t50\t") for line in lines],
+        "line 3 DataRate: expected frames per second, a positive number, got '-5'",
     ),
     "no count": (
         lambda lines: [line.replace("\t3\t2\tm", "\tx\t2\tm") for line in lines],
-        "line 3 NumFrames: expected the x rows that it states, got 3",
+        "line 3 NumFrames: expected a whole number, got 'x'",
     ),
     "a frame of 20 digits": (
         lambda lines: [*lines[:6], 20 * "1" + lines[6], *lines[7:]],

@@ -18,8 +18,19 @@ pub struct SymmetricPair {
     pub right: [usize; 2],
 }
 
+/// The length of a limb that is known beforehand.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct KnownLength {
+    /// Index of the limb.
+    pub limb: usize,
+    /// Its length, mm.
+    pub mean_mm: f64,
+    /// Standard deviation of the length, mm.
+    pub sigma_mm: f64,
+}
+
 /// The parts of a [`Layout`]. All except the joints may be empty.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct LayoutSpec {
     /// Name of the layout.
     pub name: String,
@@ -35,10 +46,15 @@ pub struct LayoutSpec {
     pub occlusion_prone: Vec<usize>,
     /// Joints whose mean is the root.
     pub root: Vec<usize>,
+    /// Lengths of limbs that are known; `bone_lengths_mm` of a configuration replaces them.
+    pub lengths: Vec<KnownLength>,
+    /// Whether this is a person's body, with the joint names of the built-in layouts: its bones have the population's
+    /// proportions, and its joints the published errors.
+    pub human: bool,
 }
 
 /// A validated [`LayoutSpec`], with read access to its fields.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Layout(LayoutSpec);
 
 impl Deref for Layout {
@@ -51,17 +67,18 @@ impl Deref for Layout {
 
 impl Layout {
     /// Names of the built-in layouts.
-    pub const NAMES: [&'static str; 8] = tables::NAMES;
+    pub const NAMES: [&'static str; 9] = tables::NAMES;
 
     /// A custom layout.
     ///
     /// # Errors
     /// [`Error::InvalidInput`] naming the field: no joints, an empty or repeated joint name, an index out of range, a limb
-    /// or pair of a joint with itself, a joint in two left–right pairs, or a tier other than 1, 2, 3.
+    /// or pair of a joint with itself, a joint in two left–right pairs, a tier other than 1, 2, 3, or a length that is not positive.
     pub fn new(spec: LayoutSpec) -> Result<Self> {
         check_joints(&spec.joints)?;
         check_indices(&spec)?;
         check_pairs(&spec)?;
+        check_lengths(&spec)?;
         Ok(Self(spec))
     }
 
@@ -77,10 +94,10 @@ impl Layout {
         })
     }
 
-    /// Whether this is one of the built-in layouts, which are all human.
+    /// Whether this is a person's body ([`LayoutSpec::human`]).
     #[must_use]
-    pub fn is_built_in(&self) -> bool {
-        tables::spec(&self.name).is_some_and(|known| known == self.0)
+    pub fn is_human(&self) -> bool {
+        self.human
     }
 
     /// Number of joints `N`.
@@ -152,6 +169,27 @@ fn check_pairs(spec: &LayoutSpec) -> Result<()> {
     if let Some((i, joint)) = paired.iter().enumerate().find(|(i, j)| paired[..*i].contains(j)) {
         let actual = format!("joint {joint} repeated in pair {}", i / 2);
         return Err(Error::invalid("left_right", "each joint in one pair", actual));
+    }
+    Ok(())
+}
+
+fn check_lengths(spec: &LayoutSpec) -> Result<()> {
+    for (i, known) in spec.lengths.iter().enumerate() {
+        if known.limb >= spec.limbs.len() {
+            let expected = format!("limb indices below {}", spec.limbs.len());
+            return Err(Error::invalid("lengths", expected, known.limb.to_string()));
+        }
+        if spec.lengths[..i].iter().any(|other| other.limb == known.limb) {
+            let [a, b] = spec.limbs[known.limb].map(|joint| spec.joints[joint].as_str());
+            let actual = format!("two for {a}–{b}");
+            return Err(Error::invalid("lengths", "one length for each limb", actual));
+        }
+        for (quantity, value) in [("length", known.mean_mm), ("sigma", known.sigma_mm)] {
+            if !(value.is_finite() && value > 0.0) {
+                let expected = format!("a positive {quantity} in mm");
+                return Err(Error::invalid("lengths", expected, value.to_string()));
+            }
+        }
     }
     Ok(())
 }

@@ -94,7 +94,7 @@ pub use detections::Detections;
 pub use error::{Error, Result};
 pub use follow::Follower;
 pub use gaussian::{Gaussian, GaussianGradient};
-pub use layout::{Layout, LayoutSpec, SymmetricPair};
+pub use layout::{KnownLength, Layout, LayoutSpec, SymmetricPair};
 pub use nalgebra;
 pub use outcome::{JointStatus, Loss, StopReason};
 pub use paper::{Encoding, LossAndGradient, PaperSettings, PositionLearningRate, Renderer};

@@ -75,7 +75,7 @@ pub struct Implausible {
 /// The median extent of these skeletons, `(T, N)` in `unit`, if it is below 10 cm or above 10 m; `None` if it is plausible
 /// or the skeletons are too incomplete to measure.
 ///
-/// A custom layout need not be a person: its limits are 1 mm and 20 m.
+/// A layout that is not human may be of any size that bodies have: its limits are 1 mm and 20 m.
 #[must_use]
 pub fn implausible_extent(
     poses: &[Vec<Vector3<f64>>],
@@ -89,7 +89,7 @@ pub fn implausible_extent(
     extents.sort_by(f64::total_cmp);
     let extent = extents[extents.len() / 2];
     let mm = extent * unit.millimetres();
-    let [low, high] = if layout.is_none_or(Layout::is_built_in) { PERSON } else { ANYTHING };
+    let [low, high] = if layout.is_none_or(Layout::is_human) { PERSON } else { ANYTHING };
     let taller = mm > high;
     let limit_mm = if taller { high } else { low };
     (!(low..=high).contains(&mm)).then_some(Implausible { extent, taller, limit_mm })

@@ -83,7 +83,9 @@ fn built_in_layouts_have_published_figures_and_others_none() {
         let j = layout.joints.iter().position(|joint| joint == name).unwrap();
         assert!((found.joint_bias[j] - sigma).abs() < 1e-3, "{name}: {}", found.joint_bias[j]);
     }
-    let own = Layout::new(LayoutSpec { name: "mine".to_owned(), ..(*layout).clone() }).unwrap();
+    let own =
+        Layout::new(LayoutSpec { name: "mine".to_owned(), human: false, ..(*layout).clone() })
+            .unwrap();
     for layout in [None, Some(&own)] {
         let found = refined(Unit::Millimetre, layout, RefineConfig::default()).unwrap();
         assert_eq!(*found.joint_bias, [0.0; 17]);

@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use skelsplat_core::{Error, Layout, LayoutSpec, SymmetricPair};
+use skelsplat_core::{Error, KnownLength, Layout, LayoutSpec, SymmetricPair};
 
 fn all() -> impl Iterator<Item = Layout> {
     Layout::NAMES.into_iter().map(|name| Layout::by_name(name).unwrap())
@@ -34,6 +34,7 @@ fn sizes() {
         ("body25b", 25, [2, 4, 5], 11, 2),
         ("halpe26", 26, [2, 4, 6], 11, 1),
         ("shelf14", 14, [2, 4, 5], 6, 2),
+        ("mediapipe33", 33, [2, 4, 4], 16, 2),
     ];
     for (name, joints, tiers, left_right, root) in expected {
         let layout = Layout::by_name(name).unwrap();
@@ -50,7 +51,7 @@ fn sizes() {
 /// A few indices of each published order, chosen where orders are easily confused.
 #[test]
 fn joint_orders() {
-    let expected: [(&str, &[(usize, &str)]); 8] = [
+    let expected: [(&str, &[(usize, &str)]); 9] = [
         (
             "h36m17",
             &[(1, "right_hip"), (4, "left_hip"), (8, "neck"), (10, "head"), (16, "right_wrist")],
@@ -62,6 +63,16 @@ fn joint_orders() {
         ("body25b", &[(9, "left_wrist"), (17, "neck"), (18, "head"), (21, "left_heel")]),
         ("halpe26", &[(17, "head"), (18, "neck"), (19, "pelvis"), (21, "right_big_toe")]),
         ("shelf14", &[(0, "right_ankle"), (6, "right_wrist"), (11, "left_wrist"), (13, "head")]),
+        (
+            "mediapipe33",
+            &[
+                (4, "right_eye_inner"),
+                (9, "left_mouth"),
+                (17, "left_pinky"),
+                (22, "right_thumb"),
+                (32, "right_foot_index"),
+            ],
+        ),
     ];
     for (name, joints) in expected {
         let layout = Layout::by_name(name).unwrap();
@@ -147,7 +158,7 @@ fn names_are_found_in_any_case() {
     assert_eq!(
         error.to_string(),
         "layout: unknown name 'coco', expected one of h36m17, coco17, panoptic19, \
-         occlusion_person15, body25, body25b, halpe26, shelf14"
+         occlusion_person15, body25, body25b, halpe26, shelf14, mediapipe33"
     );
 }
 
@@ -162,6 +173,8 @@ fn arms() -> LayoutSpec {
         left_right: vec![[1, 2], [3, 4]],
         occlusion_prone: vec![3, 4],
         root: vec![0],
+        lengths: vec![KnownLength { limb: 2, mean_mm: 60.0, sigma_mm: 6.0 }],
+        human: false,
     }
 }
 
@@ -176,7 +189,7 @@ fn a_layout_of_ones_own() {
 #[test]
 fn broken_layouts_are_refused() {
     type Break = fn(&mut LayoutSpec);
-    let cases: [(Break, &str); 9] = [
+    let cases: [(Break, &str); 13] = [
         (|s| s.joints.clear(), "joints: expected at least one joint, got none"),
         (|s| s.joints[2].clear(), "joints[2]: expected a non-empty name, got an empty one"),
         (
@@ -192,6 +205,13 @@ fn broken_layouts_are_refused() {
             |s| s.left_right.push([0, 1]),
             "left_right: expected each joint in one pair, got joint 1 repeated in pair 2",
         ),
+        (|s| s.lengths[0].limb = 4, "lengths: expected limb indices below 4, got 4"),
+        (
+            |s| s.lengths.push(s.lengths[0]),
+            "lengths: expected one length for each limb, got two for left_hand–left_tip",
+        ),
+        (|s| s.lengths[0].mean_mm = 0.0, "lengths: expected a positive length in mm, got 0"),
+        (|s| s.lengths[0].sigma_mm = f64::NAN, "lengths: expected a positive sigma in mm, got NaN"),
     ];
     for (break_it, message) in cases {
         let mut spec = arms();

@@ -4,8 +4,8 @@ use nalgebra::Vector3;
 use skelsplat_core::study::bones::population::proportions;
 use skelsplat_core::testing::scenes::{Noise, exact_detections, noisy_detections, room, standing};
 use skelsplat_core::{
-    AnnealedSettings, Bones, Camera, Detections, Frame, JointStatus, Layout, LayoutSpec,
-    RefineConfig, Refinement, Refiner, Unit,
+    AnnealedSettings, Bones, Camera, Detections, Frame, JointStatus, KnownLength, Layout,
+    LayoutSpec, RefineConfig, Refinement, Refiner, Unit,
 };
 
 const WRIST: usize = 13;
@@ -58,7 +58,9 @@ fn every_human_layout_has_the_long_bones_and_others_have_none() {
             let bone = bones.iter().find(|bone| ends.iter().all(|j| bone.joints.contains(j)));
             assert!((bone.unwrap().ratio - ratio).abs() < 1e-12, "{name}");
         }
-        let own = Layout::new(LayoutSpec { name: "own".to_owned(), ..(*layout).clone() }).unwrap();
+        let own =
+            Layout::new(LayoutSpec { name: "own".to_owned(), human: false, ..(*layout).clone() })
+                .unwrap();
         assert!(proportions(&own).is_empty());
     }
 }
@@ -153,7 +155,7 @@ fn a_child_and_a_tall_person_are_not_pulled_to_the_average() {
 }
 
 fn own() -> Layout {
-    Layout::new(LayoutSpec { name: "own".to_owned(), ..(*human()).clone() }).unwrap()
+    Layout::new(LayoutSpec { name: "own".to_owned(), human: false, ..(*human()).clone() }).unwrap()
 }
 
 fn with_lengths(lengths: &[f64], sigmas: Option<&[f64]>) -> RefineConfig {
@@ -183,6 +185,17 @@ fn given_lengths_place_the_joints_of_any_layout() {
     let long = (found.pose[WRIST] - found.pose[ELBOW]).norm();
     assert!((long - lengths[bone]).abs() < 5.0, "{long} mm for {}", lengths[bone]);
     assert_ne!(found.joint_status[WRIST], JointStatus::Ok);
+    // The same from the layout, which the settings replace.
+    let length =
+        |(limb, mean_mm): (usize, &f64)| KnownLength { limb, mean_mm: *mean_mm, sigma_mm: 5.0 };
+    let known: Vec<KnownLength> = lengths.iter().enumerate().map(length).collect();
+    let layout = Layout::new(LayoutSpec { lengths: known, ..(*own()).clone() }).unwrap();
+    let of_layout = |config: RefineConfig| {
+        let refiner = Refiner::new(&cameras, Unit::Millimetre, Some(&layout), config).unwrap();
+        refiner.refine(&Frame::from(seen.clone())).unwrap().pose
+    };
+    assert_eq!(of_layout(RefineConfig::default()), found.pose);
+    assert!(of_layout(with_lengths(&lengths, Some(&[1e4; 16])))[WRIST].x.is_nan());
     // A σ of the length's size: nothing is known.
     assert!(solve(with_lengths(&lengths, Some(&[1e4; 16]))).pose[WRIST].x.is_nan());
 }

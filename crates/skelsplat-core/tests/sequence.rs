@@ -270,7 +270,8 @@ fn given_lengths_hold_where_no_frame_shows_the_bone_and_yield_where_frames_contr
         *frame = Detections::new(4, 17, &pixels.collect::<Vec<f64>>(), None).unwrap();
     }
     let layout = Layout::by_name("h36m17").unwrap();
-    let own = Layout::new(LayoutSpec { name: "own".to_owned(), ..(*layout).clone() }).unwrap();
+    let own = Layout::new(LayoutSpec { name: "own".to_owned(), human: false, ..(*layout).clone() })
+        .unwrap();
     let length = |[a, b]: &[usize; 2]| (truth[0][*a] - truth[0][*b]).norm();
     let mut lengths: Vec<f64> = own.limbs.iter().map(length).collect();
     lengths[1] += 150.0;
@@ -489,5 +490,5 @@ fn one_second_of_a_motion_is_not_smoothed_away() {
     let found = refine_sequence(&refiner, &frames, 15.0, &Progress::default()).unwrap();
     let (in_time, alone) =
         (mean_error(&found.frames.pose, &truth), mean_error(&found.frames.init_pose, &truth));
-    assert!(in_time < alone, "{in_time} in time, {alone} alone");
+    assert!(in_time < alone, "{in_time} solved over time, {alone} alone");
 }

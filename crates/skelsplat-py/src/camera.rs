@@ -26,7 +26,7 @@ use crate::geometry::in_every_view;
 /// K : (3, 3)
 ///     [[fx, 0, cx], [0, fy, cy], [0, 0, 1]] in pixels.
 /// R : (3, 3)
-///     Rotation world to camera.
+///     Rotation world to camera. One that is orthonormal to 1e-3 will do: the nearest rotation is taken.
 /// t : (3,)
 ///     Translation world to camera, in the unit of the rig.
 /// distortion : (4 | 5 | 8 | 12 | 14,), optional

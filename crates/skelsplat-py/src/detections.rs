@@ -7,6 +7,8 @@ use skelsplat_core::Detections;
 use crate::args::{Array, Confidence, Out, place, shown};
 use crate::errors::{Failure, Result, refuse};
 
+/// A confidence up to this one counts as 1: rounding, and peaks of heat maps that are drawn to end at 1.
+pub(crate) const HIGHEST_CONFIDENCE: f64 = 1.05;
 /// Peaks of a detector's heat maps slightly exceed the range [0, 1].
 const HIGHEST_PEAK: f64 = 2.0;
 const HIGHEST_PERCENTAGE: f64 = 100.0;
@@ -39,8 +41,8 @@ impl<'py> FromPyObject<'_, 'py> for Frames {
             return refuse("detections", "at least one view and one joint", actual);
         }
         let (pixels, scores) = split(array);
-        let frames = Self { pixels, scores, batch, count, n_views, n_joints };
-        frames.check_own_scores("detections", ", 2")?;
+        let mut frames = Self { pixels, scores, batch, count, n_views, n_joints };
+        frames.check_own_scores(value.py(), "detections", ", 2")?;
         Ok(frames)
     }
 }
@@ -65,13 +67,13 @@ impl Frames {
         }
         let shape = self.shape(&[self.n_views, self.n_joints]);
         self.scores = array.of(&shape, "")?.values;
-        self.check_own_scores("confidence", "")?;
+        Python::attach(|py| self.check_own_scores(py, "confidence", ""))?;
         Ok(self)
     }
 
-    fn check_own_scores(&self, name: &str, channel: &str) -> Result<()> {
+    fn check_own_scores(&mut self, py: Python<'_>, name: &str, channel: &str) -> Result<()> {
         let shape = self.shape(&[self.n_views, self.n_joints]);
-        check_scores(&self.scores, &self.pixels, |k| place(name, &shape, k, channel))
+        check_scores(py, name, &mut self.scores, &self.pixels, |k| place(name, &shape, k, channel))
     }
 
     /// The frames as core types.
@@ -139,18 +141,33 @@ pub(crate) fn split(array: Array) -> (Vec<f64>, Vec<f64>) {
     (rows().flat_map(|d| [d[0], d[1]]).collect(), rows().map(|d| d[2]).collect())
 }
 
-/// Rejects a confidence outside [0, 1], located by `place`, except for missing detections (pixel not finite).
+/// Rejects a confidence outside [0, 1], located by `place`, except for missing detections (pixel not finite). What is
+/// slightly above 1 becomes 1, with a warning that names the argument.
 pub(crate) fn check_scores(
-    scores: &[f64],
+    py: Python<'_>,
+    name: &str,
+    scores: &mut [f64],
     pixels: &[f64],
     place: impl Fn(usize) -> String,
 ) -> Result<()> {
-    let wrong = |(score, pixel): (&f64, &[f64])| {
-        (*score < 0.0 || *score > 1.0) && pixel.iter().all(|p| p.is_finite())
+    let above = |limit: f64| {
+        let wrong = move |(score, pixel): (&f64, &[f64])| {
+            (*score < 0.0 || *score > limit) && pixel.iter().all(|p| p.is_finite())
+        };
+        scores.iter().zip(pixels.chunks_exact(2)).position(wrong)
     };
-    let Some(k) = scores.iter().zip(pixels.chunks_exact(2)).position(wrong) else { return Ok(()) };
-    let expected = format!("a value in [0, 1]{}", advice(scores[k]));
-    refuse(place(k), expected, scores[k].to_string())
+    if above(1.0).is_none() {
+        return Ok(());
+    }
+    if let Some(k) = above(HIGHEST_CONFIDENCE) {
+        let expected = format!("a value in [0, 1]{}", advice(scores[k]));
+        return refuse(place(k), expected, scores[k].to_string());
+    }
+    for score in scores.iter_mut().filter(|score| **score > 1.0) {
+        *score = 1.0; // not `min`, which makes 1 of NaN
+    }
+    py.import("skelsplat.findings")?.call_method1("warn_of_clipped", (name, HIGHEST_CONFIDENCE))?;
+    Ok(())
 }
 
 /// Advice for such a score; empty if the value is clearly a pixel coordinate.

@@ -4,7 +4,7 @@ use pyo3::Borrowed;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString, PyTuple};
 use skelsplat_core::Error;
-use skelsplat_core::{Layout as Core, LayoutSpec, SymmetricPair};
+use skelsplat_core::{KnownLength, Layout as Core, LayoutSpec, SymmetricPair};
 
 use crate::args::{JointNames, Name, Rebuilt, Tier, object, rebuilt, repr, type_name};
 use crate::errors::{Failure, Result, in_words};
@@ -25,11 +25,18 @@ use crate::errors::{Failure, Result, in_words};
 ///     Joints to which ``RefineConfig.occlusion_sigma_mm`` applies.
 /// root : sequence of joints
 ///     Joints whose mean is the root.
+/// lengths : sequence of ((joint, joint), length_mm, sigma_mm)
+///     Known lengths of limbs, in mm, and their standard deviations, which ``bone_lengths_mm`` of the
+///     configuration replaces.
+/// human : bool
+///     This is a person's body, whose joints are named as in the built-in layouts: bones with known ends
+///     have the proportions of the population, and joints the published errors of detectors.
 ///
 /// Raises
 /// ------
 /// InvalidInputError
-///     An unknown joint name or index, a joint paired with itself, or a tier other than 1, 2, 3.
+///     An unknown joint name or index, a joint paired with itself, a tier other than 1, 2, 3, or a length
+///     that is not positive or of no limb.
 #[pyclass(frozen, eq, module = "skelsplat", name = "Layout")]
 #[derive(PartialEq)]
 pub(crate) struct Layout(pub(crate) Core);
@@ -37,10 +44,14 @@ pub(crate) struct Layout(pub(crate) Core);
 impl<'py> FromPyObject<'_, 'py> for Layout {
     type Error = Failure;
 
-    /// A layout or the name of a built-in one.
+    /// A layout, the name of a built-in one, or the path of a layout file, which Python reads.
     fn extract(value: Borrowed<'_, 'py, PyAny>) -> Result<Self> {
         if let Ok(name) = value.cast::<PyString>() {
-            return Ok(Self(Core::by_name(&name.to_cow()?)?));
+            if let Ok(known) = Core::by_name(&name.to_cow()?) {
+                return Ok(Self(known));
+            }
+            let read = value.py().import("skelsplat.layouts")?.call_method1("get", (name,))?;
+            return object("layout", &read, "a Layout").map(|it: &Self| Self(it.0.clone()));
         }
         object("layout", &value, "a Layout, its name or None").map(|it: &Self| Self(it.0.clone()))
     }
@@ -105,12 +116,25 @@ impl Reader<'_> {
             Ok(SymmetricPair { tier, left: self.pair(&left)?, right: self.pair(&right)? })
         })
     }
+
+    fn lengths(&self, value: Given<'_>, limbs: &[[usize; 2]]) -> Result<Vec<KnownLength>> {
+        let expected = "triples ((joint, joint), length in mm, sigma in mm)";
+        self.each(value, expected, |item| {
+            let words = || Error::invalid(self.argument, expected, repr(item));
+            let (ends, mean_mm, sigma_mm): (Bound<'_, PyAny>, f64, f64) =
+                item.extract().map_err(|e| in_words(item.py(), e, words))?;
+            let [a, b] = self.pair(&ends)?;
+            let limb = limbs.iter().position(|limb| *limb == [a, b] || *limb == [b, a]);
+            let none = || Error::invalid(self.argument, "two joints of a limb", repr(&ends));
+            Ok(KnownLength { limb: limb.ok_or_else(none)?, mean_mm, sigma_mm })
+        })
+    }
 }
 
 #[pymethods]
 impl Layout {
     #[new]
-    #[pyo3(signature = (name, joints, *, limbs=None, symmetric=None, left_right=None, occlusion_prone=None, root=None))]
+    #[pyo3(signature = (name, joints, *, limbs=None, symmetric=None, left_right=None, occlusion_prone=None, root=None, lengths=None, human=false))]
     #[allow(clippy::too_many_arguments, reason = "a layout's parts, all but two by keyword")]
     fn new(
         name: Name,
@@ -120,24 +144,29 @@ impl Layout {
         left_right: Given<'_>,
         occlusion_prone: Given<'_>,
         root: Given<'_>,
+        lengths: Given<'_>,
+        human: bool,
     ) -> Result<Self> {
         let of = |argument| Reader { argument, joints: &joints.0 };
+        let limbs = of("limbs").pairs(limbs)?;
         let spec = LayoutSpec {
-            limbs: of("limbs").pairs(limbs)?,
+            lengths: of("lengths").lengths(lengths, &limbs)?,
+            limbs,
             symmetric: of("symmetric").symmetric(symmetric)?,
             left_right: of("left_right").pairs(left_right)?,
             occlusion_prone: of("occlusion_prone").list(occlusion_prone)?,
             root: of("root").list(root)?,
+            human,
             name: name.0,
             joints: joints.0.clone(),
         };
         Ok(Self(Core::new(spec)?))
     }
 
-    /// Return the built-in layout with this name.
+    /// Return the built-in layout with this name, or read the layout file at this path.
     #[staticmethod]
-    fn by_name(name: Name) -> Result<Self> {
-        Ok(Self(Core::by_name(&name.0)?))
+    fn by_name(name: Self) -> Self {
+        name
     }
 
     /// Name of the layout.
@@ -164,6 +193,13 @@ impl Layout {
         PyTuple::new(py, self.0.limbs.iter().map(|[a, b]| (*a, *b)))
     }
 
+    /// Triples (tier, (l1, l2), (r1, r2)) of limbs of equal length.
+    #[getter]
+    fn symmetric<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        let side = |[a, b]: [usize; 2]| (a, b);
+        PyTuple::new(py, self.0.symmetric.iter().map(|p| (p.tier, side(p.left), side(p.right))))
+    }
+
     /// Pairs (left, right) of joints that are mirror images.
     #[getter]
     fn left_right<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
@@ -182,6 +218,20 @@ impl Layout {
         PyTuple::new(py, &self.0.root)
     }
 
+    /// Triples ((joint, joint), length in mm, sigma in mm) of the limbs whose length is known.
+    #[getter]
+    fn lengths<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        let ends = |l: &KnownLength| (self.0.limbs[l.limb][0], self.0.limbs[l.limb][1]);
+        let known = self.0.lengths.iter();
+        PyTuple::new(py, known.map(|l| (ends(l), l.mean_mm, l.sigma_mm)))
+    }
+
+    /// Whether this is a person's body, with the population's bones and the published errors.
+    #[getter]
+    fn human(&self) -> bool {
+        self.0.human
+    }
+
     /// Return the pairs ((l1, l2), (r1, r2)) of symmetric limbs up to ``tier``.
     fn symmetric_pairs<'py>(&self, py: Python<'py>, tier: Tier) -> PyResult<Bound<'py, PyTuple>> {
         let pairs: Vec<_> =
@@ -191,14 +241,12 @@ impl Layout {
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Rebuilt<'py>> {
         let (py, layout) = (slf.py(), &slf.get().0);
-        let symmetric: Vec<_> =
-            layout.symmetric.iter().map(|p| (p.tier, p.left, p.right)).collect();
         let keywords = PyDict::new(py);
-        keywords.set_item("limbs", &layout.limbs)?;
-        keywords.set_item("symmetric", symmetric)?;
-        keywords.set_item("left_right", &layout.left_right)?;
-        keywords.set_item("occlusion_prone", &layout.occlusion_prone)?;
-        keywords.set_item("root", &layout.root)?;
+        for name in
+            ["limbs", "symmetric", "left_right", "occlusion_prone", "root", "lengths", "human"]
+        {
+            keywords.set_item(name, slf.getattr(name)?)?;
+        }
         let arguments = (&layout.name, &layout.joints).into_pyobject(py)?;
         rebuilt(slf.as_any(), arguments, keywords)
     }

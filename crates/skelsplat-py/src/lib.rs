@@ -48,6 +48,7 @@ mod _skelsplat {
         crate::config::describe(m.py())?;
         m.add("__version__", env!("CARGO_PKG_VERSION"))?;
         m.add("LAYOUT_NAMES", skelsplat_core::Layout::NAMES.to_vec())?;
+        m.add("HIGHEST_CONFIDENCE", crate::detections::HIGHEST_CONFIDENCE)?;
         m.add("REJECTED_WEIGHT", skelsplat_core::study::annealed::consensus::REJECTED)?;
         m.add(
             "JOINT_STATUS",

@@ -36,10 +36,9 @@ impl<'py> FromPyObject<'_, 'py> for People {
         };
         let array = array.bounded(", or NaN where missing")?;
         let shape = array.shape.clone();
-        let (pixels, scores) = split(array);
-        if !scores.is_empty() {
-            check_scores(&scores, &pixels, |k| place("people", &shape[..4], k, ", 2"))?;
-        }
+        let (pixels, mut scores) = split(array);
+        let place = |k| place("people", &shape[..4], k, ", 2");
+        check_scores(value.py(), "people", &mut scores, &pixels, place)?;
         Ok(Self { pixels, scores, shape: [t, m, p, n] })
     }
 }

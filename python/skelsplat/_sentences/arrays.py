@@ -24,6 +24,12 @@ def _length(mm: float) -> str:
     return f"{mm:g} mm"
 
 
+def _trc_rate(finding: Finding) -> str:
+    rate = finding.numbers["frame_rate"]
+    given = f"the times of the rows give {rate:g}" if rate else "the times of the rows give none either"
+    return f"{finding.subject.files[0]}: line 3 states 0 frames per second; {given}"
+
+
 SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "implausible_size": _implausible_size,
     "start_contradicts": (
@@ -34,6 +40,7 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
         "in {frames} frames two or more views detect people, but no two agree on a person: check the unit of "
         "the cameras, their order, and that all detections of a frame are from the same instant"
     ),
+    "confidence_clipped": "{argument}: confidences slightly above 1, up to {highest}, count as 1",
     "lens_assumed": "{files}: no distortions for {cameras}: assumed to have no lens distortion",
     "view_rotated": (
         "{files}: viewrotation: images of {cameras} were rotated for display; the calibration is for images "
@@ -43,8 +50,21 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
         "{files}: camera {cameras}: OpenCV's lens model follows Vicon's to {error_px:.2g} px at worst "
         "(towards the corners of the image)"
     ),
+    "focal_in_pixels": (
+        "{files}: focal length and centre of {cameras} are in px here, not in 1/64 px as Qualisys writes "
+        "them; read as px"
+    ),
+    "crop_applied": (
+        "{files}: offset: videos of {cameras} are cropped; detections are taken to be in pixels of the crop"
+    ),
+    "skew_approximated": (
+        "{files}: skew of {cameras}: not supported; the cameras turned by half of it agree to {error_px:.2g} "
+        "px at worst (towards the corners of the image)"
+    ),
     "axes_unknown": (
         "{files}: a TRC file does not state which axis is up; --y-up turns it once more if y is already"
     ),
+    "trc_frames": "{files}: line 3 states {stated} frames, but {rows} rows follow, which are read",
+    "trc_rate": _trc_rate,
     "axes_turned": "{files}: y is up in it already (POINT:Y_SCREEN); --y-up turns its axes once more",
 }

@@ -90,6 +90,14 @@ def _images(numbers: Numbers, name: str) -> str:
     return f"{name}'s images are {numbers['images']} ({_change(numbers)})."
 
 
+def _sides(numbers: Numbers, name: str) -> str:
+    share = percent(numbers["share_of_frames"])
+    return (
+        f"{name}: left and right are swapped in {share} of its frames ({_change(numbers)}). Were its "
+        "images mirrored for the detector, or its joints named from the viewer's side?"
+    )
+
+
 def _pose(numbers: Numbers, name: str) -> str:
     text = (
         f"{name}'s calibration looks wrong: {_motion(numbers, 'the camera')} restores agreement "
@@ -116,6 +124,8 @@ def _briefly(numbers: Numbers) -> str:
         return f"multiplying {name}'s detections by {numbers['factor']:.3g}"
     if kind == "image_changed":
         return f"treating {name}'s images as {numbers['images']}"
+    if kind == "sides_swapped":
+        return f"swapping left and right in {name}"
     return _motion(numbers, name)
 
 
@@ -190,6 +200,7 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "images_changed": _all_cameras,
     "cameras_exchanged": _all_cameras,
     "frame_offset": _one_camera(_offset),
+    "sides_swapped": _one_camera(_sides),
     "image_resized": _one_camera(_resized),
     "image_changed": _one_camera(_images),
     "camera_rotated": _one_camera(_pose),

@@ -50,6 +50,15 @@ def _no_match(finding: Finding) -> str:
     )
 
 
+def _layout_of_file(finding: Finding) -> str:
+    """Return what the skeleton of a file has, and which pairs its names state."""
+    pairs, (file,) = finding.numbers["pairs"], finding.subject.files
+    count = f"{len(pairs)} left–right pair{'' if len(pairs) == 1 else 's'} by name"
+    limbs = f"{finding.numbers['limbs']} limbs" if finding.numbers["limbs"] else "no limbs"
+    shown = f" ({', '.join(pairs[:_MOST_NAMES])}{', …' if len(pairs) > _MOST_NAMES else ''})" if pairs else ""
+    return f"The layout is that of {file}: {finding.numbers['joints']} joints, {limbs}, {count}{shown}."
+
+
 def _unused(finding: Finding) -> str:
     return (
         f"{finding.subject.cameras[0]} has no usable detections. Either the person is not in view, or its "
@@ -302,13 +311,29 @@ def named(finding: Finding) -> str:
 
 
 SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
+    "layout_of_file": _layout_of_file,
     "option_unused": "{option} has no effect: it applies to pose.trc and pose.c3d, and --write lists neither",
+    "vertical_unknown": "--angles: the cameras do not show which axis of the world is vertical: "
+    "trunk and pelvis are left out",
     "times_assumed": lambda f: (
         f"--fps: not given; the times in {listed(f.subject.files)} assume {f.numbers['fps']:g} frames per "
         "second"
     ),
     "video_one_frame_late": "{files}: frames 0 to {last}, and the run has 1 to {last_of_run} of {cameras}: "
     "if its detector counts from 1, all is drawn one frame late; --first-frame 1 corrects that",
+    "nobody_detected": "{cameras}: no person detected in any frame ({frames} in all)",
+    "videos_differ_in_length": (
+        "the videos have different numbers of frames ({each}): if they begin at the same instant, refine "
+        "needs --frames intersection"
+    ),
+    "videos_differ_in_rate": (
+        "the videos have different frame rates ({each}): frames of the same number, which refine "
+        "compares, are then not of the same instant"
+    ),
+    "video_turned": (
+        "{files}: frames are turned by {degrees}° as the video's metadata say; the calibration must "
+        "be of frames turned in the same way"
+    ),
     "video_padded": "{files}: {size[0]}×{size[1]}, but the camera {cameras} has "
     "{size_of_camera[0]}×{size_of_camera[1]}: drawn without scaling",
     "video_rate_assumed": "--fps: not given, and neither the images nor the run state it; assuming {fps:g} "
@@ -322,9 +347,9 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "many_rejected": _many_rejected,
     "further_than_start": "The refined pose lies further from the detections than its start (median "
     "{before_px:.1f} to {after_px:.1f} px): check the layout, the unit and the calibration.",
-    "further_in_time": "In time, the pose lies much further from the detections than frame by frame (median "
-    "{before_px:.1f} to {after_px:.1f} px): check that the frames are in order and --fps is their rate; "
-    "--frame-by-frame solves each frame alone.",
+    "further_over_time": "Solved over time, the pose lies much further from the detections than frame by "
+    "frame (median {before_px:.1f} to {after_px:.1f} px): check that the frames are in order and --fps is "
+    "their rate; --frame-by-frame solves each frame alone.",
     "no_match": _no_match,
     "camera_unused": _unused,
     "camera_disagrees": _disagrees,

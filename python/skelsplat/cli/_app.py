@@ -10,11 +10,27 @@ from typing import Annotated, Any, NoReturn
 import typer
 
 import skelsplat as sk
-from skelsplat.cli.command import Application, Group
+from skelsplat.cli.command import Application, Group, LazyGroup
 from skelsplat.cli.config import origin
-from skelsplat.cli.output import print_message
 
 FAILED, BAD_USAGE, INTERRUPTED = 1, 2, 130
+# The first line of each command's help, by name; the command is in the module of that name, see `LazyGroup`.
+COMMANDS = {
+    "demo": "Refine the recording that ships with the package: 4 cameras, 100 frames, OpenPose.",
+    "refine": "Refine the 3D pose of one person, or of several, from 2D detections.",
+    "batch": "Refine many recordings, listed in a file or in the folders of a Pose2Sim project.",
+    "detect": "Detect people in the videos of all cameras, for refine.",
+    "overlay": "Draw a run on its videos: detections, reprojected skeleton, error ellipses.",
+    "live": "Refine frame by frame: detections as JSON lines on stdin, poses on stdout.",
+    "plot": "Draw joint trajectories with error bands, bone lengths and errors.",
+    "convert": "Convert a calibration, or poses (a file, or the folder of a run), to another format.",
+    "check-cameras": "Find faults in a calibration: wrong unit, swapped, rotated or unsynchronised cameras.",
+    "layouts": "List the joint layouts, or explain one: joints, limbs, symmetric pairs, bones.",
+    "synth": "Write a simulated data set: known poses, simulated detections of two detectors.",
+    "datasets": "Data sets with ground truth: list them, check one on disk.",
+    "evaluate": "Run methods on a data set with ground truth and print their errors with published ones.",
+    "ablate": "Repeat an ablation of the paper and print its tables with the paper's rows.",
+}
 
 
 class OneLineErrors(Group):
@@ -61,6 +77,8 @@ class OneLineErrors(Group):
 
 
 def _fail(status: int, message: str, prefix: str = "error: ") -> NoReturn:
+    from skelsplat.cli.output import print_message
+
     print_message(prefix + " ".join(message.split()))
     sys.exit(status)
 
@@ -99,9 +117,13 @@ def _show_version(value: bool) -> None:
         raise typer.Exit
 
 
+class _Program(OneLineErrors, LazyGroup):
+    texts = COMMANDS
+
+
 app = Application(
     name="skelsplat",
-    cls=OneLineErrors,
+    cls=_Program,
     help="Multi-view 3D human pose from 2D keypoints, by differentiable Gaussian splatting.",
     epilog="Every command has --help with examples, and reads options from a file with --config FILE.toml. "
     "Exit status: 0 ok, 1 failed, 2 bad usage, 130 interrupted.",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import shlex
 import sys
 from functools import partial
@@ -23,6 +24,7 @@ from skelsplat.evaluation import ablations
 from skelsplat.evaluation.ablations import Choices, OnDisk, Simulated, Source
 from skelsplat.evaluation.methods import DEFAULT_INIT_SIGMA_MM
 from skelsplat.findings import Finding
+from skelsplat.run.folder import output_folder
 
 _data, _method, _output = (
     partial(typer.Option, rich_help_panel=panel) for panel in ("Data", "Method", "Output")
@@ -100,7 +102,8 @@ def ablate(
         init_sigma_mm=init_sigma_mm,
         undistort=LENSES[options.one_of("--protocol", protocol, tuple(LENSES))],
     )
-    with described("reading", shown=not quiet, time=TimeElapsedColumn()) as progress:
+    place = contextlib.nullcontext() if out is None else output_folder(out)
+    with place, described("reading", shown=not quiet, time=TimeElapsedColumn()) as progress:
         source: Source
         if data is None:
             if detections or setting:

@@ -89,7 +89,7 @@ def check_cameras(
     if detections is None:
         inputs.refuse_detection_options(context)
     given = {
-        "layout": layout and layout.lower(),
+        "layout": layout,
         "frames": options.one_of("--frames", frames, FRAME_MODES),
         "sequence": sequence,
         **inputs.detection_arguments(format, offset, order, joint_map),

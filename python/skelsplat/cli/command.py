@@ -6,15 +6,15 @@ import functools
 import inspect
 import itertools
 import re
-from collections.abc import Callable, Sequence
-from typing import Annotated, Any
+from collections.abc import Callable, Mapping, Sequence
+from importlib import import_module
+from typing import Annotated, Any, ClassVar
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 
 from skelsplat.cli.config import Config
 from skelsplat.exceptions import InvalidInputError
-from skelsplat.run.job import IncompleteJobError
 
 _ALL = "skelsplat.help.all"
 # Arguments of the package that have another name as a command's parameter.
@@ -33,6 +33,58 @@ class _FlagHelp:
 
 class Group(_FlagHelp, TyperGroup):
     """A group of commands."""
+
+
+class LazyGroup(Group):
+    """A group whose commands are imported when they are needed.
+
+    The command ``a-b`` is the function ``a_b`` of `skelsplat.cli.a_b`, with that module's ``EPILOG`` and
+    ``COMMON``, if any; of a group, the module has the `Application` ``app``. `texts` has the names, with the
+    lines that the help of this group shows.
+    """
+
+    texts: ClassVar[Mapping[str, str]] = {}
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Return the names of the commands."""
+        del ctx
+        return list(self.texts)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Return a command, imported now if it was not before; None if there is none."""
+        del ctx
+        if cmd_name in self.texts and cmd_name not in self._loaded:
+            self._loaded[cmd_name] = _load(cmd_name)
+        return self._loaded.get(cmd_name)
+
+    @property  # type: ignore[override]
+    def commands(self) -> dict[str, Any]:
+        """All commands, all imported."""
+        return {name: self.get_command(None, name) for name in self.texts}
+
+    @commands.setter
+    def commands(self, registered: dict[str, Any]) -> None:
+        self._loaded = dict[str, Any](registered)
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Write help, for which no command is imported."""
+        loaded = self._loaded
+        self._loaded = {name: TyperCommand(name, help=text) for name, text in self.texts.items()}
+        try:
+            super().format_help(ctx, formatter)
+        finally:
+            self._loaded = loaded
+
+
+def _load(name: str) -> Any:
+    attribute = name.replace("-", "_")
+    module = import_module(f"skelsplat.cli.{attribute}")
+    if hasattr(module, "app"):
+        return typer.main.get_group(module.app)
+    alone = Application(add_completion=False, rich_markup_mode="rich")
+    epilog, common = getattr(module, "EPILOG", None), getattr(module, "COMMON", ())
+    alone.command(name, epilog=epilog, common=common)(getattr(module, attribute))
+    return typer.main.get_command(alone)
 
 
 class Application(typer.Typer):
@@ -74,6 +126,25 @@ def _with_options(function: Callable[..., Any], extra: dict[str, Any]) -> Callab
     ]
     command.__signature__ = signature.replace(parameters=[*signature.parameters.values(), *options])  # type: ignore[attr-defined]
     return command
+
+
+def with_parameters_of(
+    other: Callable[..., Any], *, without: Sequence[str] = ()
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Give a function, which takes them as keywords, the parameters of another one before its own options."""
+
+    def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
+        own, theirs = (
+            list(inspect.signature(f, eval_str=True).parameters.values()) for f in (function, other)
+        )
+        named = [one for one in own if one.kind is not inspect.Parameter.VAR_KEYWORD]
+        first = [one for one in named if one.kind is not inspect.Parameter.KEYWORD_ONLY]
+        added = [one for one in theirs if one.name not in without]
+        signature = inspect.Signature([*first, *added, *named[len(first) :]])
+        function.__signature__ = signature  # type: ignore[attr-defined]
+        return function
+
+    return decorate
 
 
 def _show_all(context: typer.Context, value: bool | None) -> None:
@@ -149,6 +220,8 @@ class Command(_FlagHelp, TyperCommand):
         try:
             return super().invoke(ctx)
         except InvalidInputError as error:
+            from skelsplat.run.job import IncompleteJobError
+
             option, message = self._option(error.argument.removeprefix("config.")), error.reason
             if option is None:
                 raise

@@ -8,7 +8,7 @@ for every command that has the option; those in a table with a command's name, s
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
@@ -18,7 +18,6 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 import typer
 
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._files import parse_toml, read_text
 
 NAME_OR_PATH = "name or path"
 """Marks a text option in its `Annotated`: a name, or a path where a file of that name exists."""
@@ -59,6 +58,8 @@ def _load(context: typer.Context, path: Path | None) -> None:
     """Make the values of a file the defaults of the command that is about to run."""
     if path is None or context.resilient_parsing:
         return
+    from skelsplat.io._files import parse_toml, read_text
+
     entries, found = entries_of(context.command), {}
     document = parse_toml(path, read_text(path))
     try:
@@ -66,7 +67,7 @@ def _load(context: typer.Context, path: Path | None) -> None:
             entry = entries.get(_normal(key.rpartition(".")[2]))
             if entry is not None:
                 found[entry.parameter] = (key, _value(key, entry, value, path.parent))
-    except _MisfitError as misfit:
+    except MisfitError as misfit:
         raise typer.BadParameter(str(DatasetError(path, *misfit.args)), param_hint="--config") from misfit
     context.default_map = {name: value for name, (_, value) in found.items()}
     context.meta[_KEYS] = (path, {name: key for name, (key, _) in found.items()})
@@ -85,7 +86,7 @@ Config = Annotated[
 ]
 
 
-class _MisfitError(Exception):
+class MisfitError(Exception):
     """A key of the file, what is expected there, and what the file has."""
 
 
@@ -124,6 +125,33 @@ def entries_of(command: Any) -> dict[str, Entry]:
     return entries
 
 
+def options_in(
+    table: Mapping[str, Any], known: Mapping[str, Entry], folder: Path, prefix: str
+) -> dict[str, Any]:
+    """Return the options that a table of a file holds, by parameter; paths are relative to ``folder``.
+
+    Raises
+    ------
+    MisfitError
+        If a key is none of those `known`, or a value does not fit its option.
+    """
+    found: dict[str, Any] = {}
+    for key, value in table.items():
+        entry = known.get(_normal(key))
+        if entry is None:
+            raise unknown(prefix + key, "an option or argument of refine", list(known))
+        if entry.parameter in found:
+            raise MisfitError(prefix + key, "each option once", "it twice, with - and with _")
+        found[entry.parameter] = _value(prefix + key, entry, value, folder)
+    return found
+
+
+def unknown(key: str, expected: str, known: Sequence[str]) -> MisfitError:
+    """Return the error for a key that is none of those `known`, with the nearest of them."""
+    close = get_close_matches(_normal(key.rpartition(".")[2]), known, n=1, cutoff=0.75)
+    return MisfitError(key, expected, "an unknown key" + (f"; did you mean {close[0]}?" if close else ""))
+
+
 def _normal(key: str) -> str:
     return key.replace("_", "-")
 
@@ -140,16 +168,14 @@ def _chosen(document: dict[str, Any], context: typer.Context) -> Iterator[tuple[
         for key, value in table.items():
             if _normal(key) in commands:
                 if not isinstance(value, dict):
-                    raise _MisfitError(prefix + key, f"a table [{prefix}{key}] of options", _shown(value))
+                    raise MisfitError(prefix + key, f"a table [{prefix}{key}] of options", _shown(value))
                 tables[_normal(key)] = value
                 continue
             if _normal(key) not in known:
-                close = get_close_matches(_normal(key), [*known, *commands], n=1, cutoff=0.75)
-                hint = f"; did you mean {close[0]}?" if close else ""
                 of = " ".join(str(each.info_name) for each in lineage[1 : level + 1]) or "a command"
-                raise _MisfitError(prefix + key, f"an option or argument of {of}", f"an unknown key{hint}")
+                raise unknown(prefix + key, f"an option or argument of {of}", [*known, *commands])
             if _normal(key) in seen:
-                raise _MisfitError(prefix + key, "each option once", "it twice, with - and with _")
+                raise MisfitError(prefix + key, "each option once", "it twice, with - and with _")
             seen.add(_normal(key))
             yield prefix + key, value
         if step is not context:
@@ -175,7 +201,7 @@ def _value(key: str, entry: Entry, value: Any, folder: Path) -> Any:
         kinds, expected = (entry.kind,), _word(entry.kind)
     converted = [_scalar(kind, part, entry, folder) for kind, part in zip(kinds, values, strict=False)]
     if None in converted or len(kinds) != len(values):
-        raise _MisfitError(key, expected, _shown(value))
+        raise MisfitError(key, expected, _shown(value))
     return converted if form in (list, tuple) else converted[0]
 
 
@@ -207,7 +233,7 @@ def _right(key: str, value: Any) -> str:
         return f"{texts[0]}," if len(texts) == 1 else ",".join(texts)
     if isinstance(value, str | int | float) and not isinstance(value, bool):
         return str(value)
-    raise _MisfitError(key, "text or a number", _shown(value))
+    raise MisfitError(key, "text or a number", _shown(value))
 
 
 def _shown(value: Any) -> str:

@@ -137,11 +137,11 @@ def _kind(source: Path, *, named: bool) -> str:
         return "calibration"
     if is_pose_file(source) or is_pose_file(source / POSES):
         return "pose file"
-    if find_format(source) is not None:  # an error of its own for a damaged file
-        return "calibration"
     if people := folders_of_run(source):
         got = f"a run of several ({', '.join(people)}); give that of one, for example {source / people[0]}"
         raise DatasetError(source, "folder", "one person", got)
+    if find_format(source) is not None:  # an error of its own for a damaged file
+        return "calibration"
     expected = "a calibration in a known format, a pose file, or the folder of a run"
     raise DatasetError(source, "content", expected, "something else (convert --help lists the formats)")
 

@@ -65,7 +65,7 @@ Fps = Annotated[
     float | None,
     _data(
         metavar="HZ",
-        help="Frames per second, for annealed-butterworth, annealed-kalman and in-time.",
+        help="Frames per second, for annealed-butterworth, annealed-kalman and over-time.",
         show_default="the data set's",
     ),
 ]

@@ -22,7 +22,7 @@ Calibration = Annotated[
     typer.Argument(
         readable=False,
         metavar="CALIBRATION",
-        help="Calibration file or folder. convert --help lists the formats.",
+        help="Calibration file or its folder. convert --help lists the formats.",
     ),
 ]
 
@@ -32,7 +32,7 @@ Unit = Annotated[
         _PANEL,
         metavar="mm|cm|m",
         help="Length unit of the calibration. Needed if the format does not state it: Anipose TOML, OpenCV "
-        "YAML.",
+        "YAML, 4D association.",
     ),
 ]
 CalibrationFormat = Annotated[
@@ -58,7 +58,9 @@ Subject = Annotated[
 Size = Annotated[
     str | None,
     options.option(
-        _PANEL, metavar="WxH", help="Image size, if the files do not state it: OpenPose, some OpenCV YAML."
+        _PANEL,
+        metavar="WxH",
+        help="Image size, if the files do not state it: OpenPose, some OpenCV YAML, VoxelPose, DANNCE.",
     ),
 ]
 Binning = Annotated[

@@ -13,10 +13,10 @@ import typer
 import skelsplat as sk
 from skelsplat.cli import inputs, options
 from skelsplat.cli._app import FAILED, INTERRUPTED
-from skelsplat.cli.options import one_of
 from skelsplat.cli.table import tell
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import collected_warnings
+from skelsplat.io import read_layout
 from skelsplat.run.live import MalformedLineError, OnePerson, Session, SeveralPeople
 from skelsplat.run.read import read_rig
 
@@ -109,7 +109,9 @@ def live(
 
     detector | skelsplat live Calib.toml --unit m --layout coco17 --fps 30 --people all
     """
-    known = sk.layouts.get(one_of("--layout", layout and layout.lower(), sk.layouts.names))
+    if layout is None:
+        raise typer.BadParameter("expected a layout's name or file, got nothing", param_hint="--layout")
+    known = read_layout(layout)
     read = inputs.calibration_arguments(unit, calibration_format, camera_type, subject, size, binning)
     settings = {
         "min_confidence": min_confidence,

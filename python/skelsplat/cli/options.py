@@ -12,7 +12,8 @@ from typing import Annotated, Any
 
 import typer
 
-from skelsplat import RefineConfig, layouts
+from skelsplat import RefineConfig
+from skelsplat.cli.config import NAME_OR_PATH
 from skelsplat.io.detections import FORMATS
 
 _INPUT, _METHOD, _TIME, _OUTPUT = "Input", "Method", "Over time", "Output"
@@ -69,9 +70,11 @@ LayoutName = Annotated[
     option(
         _INPUT,
         metavar="NAME",
-        help=f"Joint layout, such as body25b. One of {', '.join(layouts.names)}.",
+        help="Joint layout, such as body25b. A name (skelsplat layouts lists them), a layout file (.toml), "
+        "or file: the joints as the detections name them.",
         default="found from the joint names in the files",
     ),
+    NAME_OR_PATH,
 ]
 RequiredLayout = Annotated[
     str | None,
@@ -79,8 +82,10 @@ RequiredLayout = Annotated[
         _INPUT,
         "--layout",
         metavar="NAME",
-        help=f"Joint layout of the detections, one of {', '.join(layouts.names)}. Required.",
+        help="Joint layout of the detections: a name (skelsplat layouts lists them) or a layout file "
+        "(.toml). Required.",
     ),
+    NAME_OR_PATH,
 ]
 Format = Annotated[
     str | None,
@@ -322,14 +327,26 @@ Fps = Annotated[
     option(
         _TIME,
         metavar="HZ",
-        help="Frame rate; solves in time. If it is known, all frames are solved together: bones keep their "
-        "length and joints move smoothly.",
+        help="Frame rate. If it is known, the recording is solved over time: bones keep their length and "
+        "joints move smoothly.",
         default="as files or videos state it",
     ),
 ]
 YUp = Annotated[
     bool,
-    flag(_OUTPUT, "--y-up", help="Write TRC and C3D with y up, for OpenSim. The calibration must have z up."),
+    flag(
+        _OUTPUT,
+        "--y-up",
+        help="Write TRC and C3D with y up. OpenSim expects it; the calibration must have z up.",
+    ),
+]
+Angles = Annotated[
+    bool,
+    flag(
+        _OUTPUT,
+        "--angles",
+        help="Write joint angles. angles.csv and angles.npz have error bars, angles.mot is for OpenSim.",
+    ),
 ]
 NoHtml = Annotated[bool, flag(_OUTPUT, "--no-html", help="Do not write report.html. It takes 5 MB or more.")]
 MarkerNames = Annotated[

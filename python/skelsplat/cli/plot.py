@@ -9,18 +9,22 @@ import typer
 from rich.console import Console
 
 from skelsplat.cli import options
+from skelsplat.cli.config import NAME_OR_PATH
 from skelsplat.cli.output import counting, print_json, print_warning
+from skelsplat.cli.table import tell
+from skelsplat.findings import collected_warnings
 from skelsplat.run.frame_range import FrameRange
-from skelsplat.run.plots import PICTURES, Drawn, Source, read_source, write_plots
+from skelsplat.run.plots import PICTURES, USUAL, Drawn, Source, read_source, write_plots
 
 EPILOG = (
     "trajectories: positions with bands of ±1 and ±2 standard deviations. bones: lengths of the limbs, left "
     "next to right. errors: median reprojection error and share of rejected detections, camera by joint. "
+    "angles: joint angles with the same bands. "
     "Figures are 180 mm wide; further pages of PNG files are numbered. A pose file is npz, csv, trc, c3d, "
     "json or nc; what can be drawn depends on what its format stores."
 )
 _FORMATS = ("png", "pdf")
-_ALL = ",".join(PICTURES)
+_USUAL = ",".join(USUAL)
 _WHAT, _OUTPUT = "Drawing", "Output"
 
 _Run = Annotated[
@@ -40,7 +44,9 @@ _Output = Annotated[
 ]
 _Only = Annotated[
     str,
-    options.option(_WHAT, metavar="FIGURES", help="Figures to draw: some of trajectories, bones, errors."),
+    options.option(
+        _WHAT, metavar="FIGURES", help="Figures to draw: some of trajectories, bones, errors, angles."
+    ),
 ]
 _Joints = Annotated[
     str | None,
@@ -56,9 +62,10 @@ _Layout = Annotated[
     options.option(
         _WHAT,
         metavar="NAME",
-        help="Joint layout, for limbs and sides.",
+        help="Joint layout, for limbs and sides: a name, or a layout file (.toml).",
         default="that of the run, or found from the joints' names",
     ),
+    NAME_OR_PATH,
 ]
 _Format = Annotated[str, options.option(_OUTPUT, metavar="FORMATS", help="png, pdf or png,pdf.")]
 
@@ -66,7 +73,7 @@ _Format = Annotated[str, options.option(_OUTPUT, metavar="FORMATS", help="png, p
 def plot(
     run: _Run,
     *,
-    only: _Only = _ALL,
+    only: _Only = _USUAL,
     joints: _Joints = None,
     range: options.Range = None,
     layout: _Layout = None,
@@ -85,6 +92,8 @@ def plot(
 
     skelsplat plot out --only trajectories --joints left_wrist,right_wrist
 
+    skelsplat plot out --only angles
+
     skelsplat plot out --range 200-400
 
     skelsplat plot walk.trc --only bones --layout body25b
@@ -95,7 +104,8 @@ def plot(
         options.some_of("--only", only, PICTURES),
         options.some_of("--format", format, _FORMATS),
     )
-    source = read_source(run, layout=layout, range=FrameRange.parse(range), joints=joints)
+    with collected_warnings(tell):
+        source = read_source(run, layout=layout, range=FrameRange.parse(range), joints=joints)
     folder = output or (run.parent if run.is_file() else run) / "plots"
     with counting("figures", shown=not quiet) as progress:
         drawn = write_plots(source, folder, only=pictures, formats=formats, progress=progress)

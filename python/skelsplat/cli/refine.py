@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
 import skelsplat as sk
 from skelsplat.cli import inputs, options
+from skelsplat.cli.command import with_parameters_of
 from skelsplat.cli.output import counting, print_json, print_warning
 from skelsplat.cli.people_table import print_people
 from skelsplat.cli.table import print_files, print_run, tell
@@ -17,19 +19,20 @@ from skelsplat.run import Job, PeopleRun, run, run_people
 
 EPILOG = (
     "Results in FOLDER: pose.npz, pose.csv and pose.trc (or the formats of --write), report.json, "
-    "report.html, overview.png and weights.png, with --paper also heatmaps.png; and the input as used, "
-    "cameras.json and detections.npz. With --people these are in the folder of each person, and report.html, "
+    "report.html, overview.png and weights.png, with --paper also heatmaps.png, with --angles angles.csv,"
+    " angles.npz and angles.mot; and the input as used, cameras.json, detections.npz, and layout.toml for"
+    " a layout of your own. With --people these are in the folder of each person, and report.html, "
     "overview.png, and people.csv, people.json or people.nc have everybody. Files of an earlier run are "
     "removed first; plots/ and overlay/ are kept."
 )
 COMMON = (
     *("output", "unit", "layout", "person", "people", "without", "offset", "fps", "filter", "fill_gaps"),
-    *("write", "y_up", "paper", "quiet", "as_json"),
+    *("write", "y_up", "angles", "paper", "quiet", "as_json"),
 )
 
 
 # long: a parameter per option
-def refine(
+def job_of(
     source: inputs.Calibration,
     detections: options.Detections,
     *,
@@ -72,21 +75,10 @@ def refine(
     write: options.Write = "csv,trc",
     y_up: options.YUp = False,
     marker_names: options.MarkerNames = "skelsplat",
+    angles: options.Angles = False,
     no_html: options.NoHtml = False,
-    quiet: options.Quiet = False,
-    as_json: options.AsJson = False,
-) -> None:
-    """Refine the 3D pose of one person, or of several, from 2D detections.
-
-    [bold]Examples[/bold]
-
-    skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b
-
-    skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b --fps 60
-    --write trc,c3d
-
-    skelsplat refine --config run.toml --fps 60 --people all
-    """
+) -> Job:
+    """Return the job of these options and arguments."""
     given = {
         "sigma_mm": sigma_mm,
         "occlusion_sigma_mm": occlusion_sigma_mm,
@@ -101,11 +93,11 @@ def refine(
     }
     settings = {name: value for name, value in given.items() if value is not None}
     read = inputs.calibration_arguments(unit, calibration_format, camera_type, subject, size, binning)
-    job = Job(
+    return Job(
         source,
         detections,
         **read,
-        layout=layout and layout.lower(),
+        layout=layout,
         person=person,
         people=people and (options.number_of_people("--people", people) or "all"),
         frames=frames,
@@ -125,9 +117,25 @@ def refine(
         write=options.some_of("--write", write, tuple(POSE_FORMATS)),
         y_up=y_up,
         marker_names=marker_names,
+        angles=angles,
         html=not no_html,
     )
-    run_and_print(job, quiet=quiet, as_json=as_json)
+
+
+@with_parameters_of(job_of)
+def refine(*, quiet: options.Quiet = False, as_json: options.AsJson = False, **given: Any) -> None:
+    """Refine the 3D pose of one person, or of several, from 2D detections.
+
+    [bold]Examples[/bold]
+
+    skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b
+
+    skelsplat refine Calib.toml pose/ -o out --unit m --layout body25b --fps 60
+    --write trc,c3d --angles
+
+    skelsplat refine --config run.toml --fps 60 --people all
+    """
+    run_and_print(job_of(**given), quiet=quiet, as_json=as_json)
 
 
 def run_and_print(job: Job, *, quiet: bool, as_json: bool) -> None:

@@ -200,7 +200,7 @@ def _kalman(alone: Refinement, take: Take, settings: Settings, part: slice) -> A
 
 
 def _in_time(take: Take, layout: Layout, settings: Settings, progress: Progress | None) -> Array:
-    """Solve each stretch of consecutive frames in time, and single ones by themselves."""
+    """Solve each stretch of consecutive frames over time, and single ones by themselves."""
 
     def solved(part: Take) -> Array:
         if len(part) == 1:
@@ -311,7 +311,7 @@ _ALL = (
         lambda options: {**_annealed(options), "density_mm2_s3": over_time.DENSITY_MM2_S3},
         over_time=True,
     ),
-    Method("in-time", "all frames of a recording in one solve", _in_time, _annealed, over_time=True),
+    Method("over-time", "all frames of a recording in one solve", _in_time, _annealed, over_time=True),
     Method("annealed-prior", "annealed with the fused monocular poses as a Gaussian prior", _refine, _prior),
     Method(
         "paper-closed-form",

@@ -1,6 +1,6 @@
 """What smooths single frames afterwards, at the rate of a recording and never across a gap in its frames.
 
-These are the methods that one which solves in time is compared with, with the settings of
+These are the methods that one which solves over time is compared with, with the settings of
 ``benchmarks/sequences.py``.
 """
 

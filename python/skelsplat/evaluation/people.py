@@ -66,7 +66,7 @@ def _affinity(scene: PeopleTake, *_: object) -> Tracks:
 _ALL = (
     PeopleMethod("track", "skelsplat.track", _track),
     PeopleMethod("affinity", "affinity of rays, greedy groups, DLT, nearest neighbour", _affinity),
-    PeopleMethod("oracle", "in time, with detections associated by the ground truth", _oracle),
+    PeopleMethod("oracle", "over time, with detections associated by the ground truth", _oracle),
 )
 _BY_NAME = {method.name: method for method in _ALL}
 

@@ -244,7 +244,7 @@ def notes(evaluation: Evaluation) -> tuple[str, ...]:
         rates = sorted({f"{case.take.fps:g}" for case in evaluation.cases if case.take.fps is not None})
         lines.append(
             f"acc: mean error of the acceleration, m/s², of consecutive frames at {' or '.join(rates)} Hz. "
-            "annealed-butterworth, annealed-kalman and in-time use all frames of a take, never across a gap."
+            "annealed-butterworth, annealed-kalman and over-time use all frames of a take, not across gaps."
         )
     if evaluation.published is not None:
         table = evaluation.published.table

@@ -7,6 +7,8 @@ import re
 from pathlib import Path
 
 POSES, CAMERAS, DETECTIONS, REPORT = "pose.npz", "cameras.json", "detections.npz", "report.json"
+LAYOUT = "layout.toml"
+"""The layout of a run, if it is not a built-in one."""
 UNFINISHED = "unfinished"
 """Key of a report whose run still writes its files, or was stopped there."""
 

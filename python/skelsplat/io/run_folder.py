@@ -4,6 +4,7 @@
 pose.npz            every array of the refinement (`skelsplat.io.write_npz`)
 cameras.json        the cameras, in the unit of the poses (`skelsplat.io.write_calibration`)
 detections.npz      the detections of the person who was followed (`skelsplat.io.read_detections`)
+layout.toml         the layout, if it is not a built-in one (`skelsplat.layouts.read`)
 report.json         settings, inputs and statistics
 ==================  ==========================================================================================
 """
@@ -23,7 +24,7 @@ from skelsplat._atomic import atomic_write
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._fields import Field
 from skelsplat.io._files import load_json
-from skelsplat.io._run_files import CAMERAS, DETECTIONS, POSES, REPORT, UNFINISHED, folders_of_run
+from skelsplat.io._run_files import CAMERAS, DETECTIONS, LAYOUT, POSES, REPORT, UNFINISHED, folders_of_run
 from skelsplat.io.calibration import read_calibration, write_calibration
 from skelsplat.io.detections import read_detections
 from skelsplat.io.poses._npz import read_npz
@@ -75,8 +76,11 @@ def write_run_inputs(
     frames: Index,
     frame_rate: float | None = None,
 ) -> list[str]:
-    """Write the cameras and the detections (T, M, N, 3) of one person; return the names of the files."""
+    """Write cameras, detections (T, M, N, 3) of one person and an own layout; return the files' names."""
     write_calibration(folder / CAMERAS, rig)
+    own = not sk.layouts.is_built_in(layout)
+    if own:
+        sk.layouts.write(folder / LAYOUT, layout)
     names = {
         "camera_names": np.array(rig.names, dtype=np.str_),
         "joint_names": np.array(layout.joints, dtype=np.str_),
@@ -86,7 +90,7 @@ def write_run_inputs(
         np.savez_compressed(
             stream, allow_pickle=False, detections=detections, frames=frames, frame_rate=rate, **names
         )
-    return [CAMERAS, DETECTIONS]
+    return [CAMERAS, DETECTIONS, *([LAYOUT] if own else [])]
 
 
 def read_run(path: str | os.PathLike[str]) -> RunFolder:
@@ -103,7 +107,8 @@ def read_run(path: str | os.PathLike[str]) -> RunFolder:
         got = "a folder without it" if folder.is_dir() else "no such folder"
         raise DatasetError(folder, REPORT, "the folder of a run of skelsplat refine", got)
     report = _read_report(folder / REPORT)
-    layout = report["input"]["layout"].layout()
+    own = folder / LAYOUT
+    layout = sk.layouts.read(own) if own.is_file() else report["input"]["layout"].layout()
     rig = read_calibration(folder / CAMERAS)
     poses = read_npz(folder / POSES)
     found = read_detections(folder / DETECTIONS, list(rig.names), layout=layout, format="npz")

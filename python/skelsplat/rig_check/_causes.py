@@ -1,8 +1,8 @@
 """What could be wrong with one camera, tried out: the change that makes all cameras agree is the cause.
 
-Every hypothesis changes the scene: another frame count, detections of another image size, a turned camera, a
-moved one. It is judged by leave-one-out reprojection of *all* cameras, because a camera that is wrong spoils
-what the others are compared with, too.
+Every hypothesis changes the scene: another frame count, left and right swapped, detections of another image,
+a turned camera, a moved one. It is judged by leave-one-out reprojection of *all* cameras, because a camera
+that is wrong spoils what the others are compared with, too.
 """
 
 from __future__ import annotations
@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 
 import skelsplat as sk
-from skelsplat._arrays import Array
+from skelsplat._arrays import Array, Index, medians
 from skelsplat.cameras import altered, matrix_from_vector
 from skelsplat.findings import Finding, Subject
+from skelsplat.layouts import mirror_images
 from skelsplat.rig_check._files import CHANGES, Change, resizer
 from skelsplat.rig_check._scene import Scene, named
 
@@ -33,25 +34,30 @@ _GOOD = 0.012
 _AS_GOOD = 1.1
 # Frames of the camera's count that are tried, at most this part of the recording; a few frames do not tell.
 _MOST_SHIFT, _PART, _LEAST_SPAN = 30, 3, 12
+# Or, for swapped sides, so little of its error is left: nothing was fitted, and another fault may remain.
+_MUCH_BETTER = 0.35
 # What explains nearly as much is named with it.
 _NEARLY_AS_GOOD = 1.2
 # Frames that fit a camera this much worse than the best do so nearly as well.
 _FITS = 1.05
 # What fewer frames show may be chance.
 _FEW = 12
+# Left and right are swapped in this share of a camera's frames or more.
+_MIRRORED_SHARE = 1 / 4
 # a turn about the optical axis is no shift of the picture
 _ROLL = 0.25
 # Steps of a resection, and the least number of points for one.
 _ROUNDS, _LEAST = 30, 20
 # From the simplest kind of cause on.
-_ORDER = ("frame_offset", "image_changed", "image_resized", "camera_rotated", "camera_moved")
+_ORDER = ("frame_offset", "sides_swapped", "image_changed", "image_resized", "camera_rotated", "camera_moved")
 
 
 @dataclass(frozen=True)
 class Cause:
     """A hypothesis about one camera, and the scene in which it is corrected.
 
-    `images` says what the camera's images are, `factor` by what its detections are multiplied.
+    `images` says what the camera's images are, `factor` by what its detections are multiplied, `share` in how
+    many of its frames left and right are swapped.
     """
 
     kind: str
@@ -59,17 +65,21 @@ class Cause:
     scene: Scene
     images: str = ""
     factor: float = 1.0
+    share: float = 0.0
 
 
-def explain(scene: Scene, earlier: Sequence[Finding] = ()) -> tuple[list[Finding], Scene]:
+def explain(
+    scene: Scene, earlier: Sequence[Finding] = (), layout: sk.Layout | None = None
+) -> tuple[list[Finding], Scene]:
     """Name the causes of disagreement one by one, and return the scene with all of them corrected.
 
-    In the given scene what was found `earlier` is corrected.
+    In the given scene what was found `earlier` is corrected. The layout tells left from right.
     """
+    mirror = None if layout is None else mirror_images(layout.n_joints, layout.left_right)
     findings: list[Finding] = []
     for _ in range(scene.views):
         known = np.isfinite(scene.disagreement)
-        causes = [cause for cause in _causes(scene) if _explains(scene, cause)] if known else []
+        causes = [cause for cause in _causes(scene, mirror) if _explains(scene, cause)] if known else []
         if not causes:
             break
         cause = _simplest_of_the_best(causes)
@@ -130,6 +140,8 @@ def _change(scene: Scene, cause: Cause) -> dict[str, Any]:
         return {"frames": cause.scene.shifts[view] - scene.shifts[view]}
     if cause.kind == "image_changed":
         return {"images": cause.images}
+    if cause.kind == "sides_swapped":
+        return {"share_of_frames": cause.share}
     if cause.kind == "image_resized":
         return {"factor": cause.factor}
     old, new = scene.cameras[view], cause.scene.cameras[view]
@@ -174,20 +186,24 @@ def _explains(scene: Scene, cause: Cause) -> bool:
     before, after = scene.left_out[cause.view], cause.scene.left_out[cause.view]
     after *= max(1.0, 1.0 / cause.factor)  # smaller images make smaller errors
     better = _ALL_BETTER if scene.views > 2 else _TWO_BETTER
+    good = _GOOD * np.hypot(*scene.cameras[cause.view].size)
+    if cause.kind == "sides_swapped":
+        good = max(good, _MUCH_BETTER * before)
     halves = zip(scene.left_out_halves(cause.view), cause.scene.left_out_halves(cause.view), strict=True)
     return bool(
         cause.scene.disagreement <= better * scene.disagreement
         and after <= _ITSELF_BETTER * before
         and before - after >= _LEAST_PX
-        and after <= _GOOD * np.hypot(*scene.cameras[cause.view].size)
+        and after <= good
         # NaN, a half in which the camera sees nothing, does not count
         and all(not new > _HALF_BETTER * old for old, new in halves)
     )
 
 
-def _causes(scene: Scene) -> Iterator[Cause]:
+def _causes(scene: Scene, mirror: Index | None) -> Iterator[Cause]:
+    """Yield every hypothesis; `mirror` (N,) is the joint on the other side of the body, if that is known."""
     if scene.views == 2:
-        yield from _between_two(scene)
+        yield from _between_two(scene, mirror)
         return
     for view in range(scene.views):
         points = scene.points_without(view)
@@ -199,22 +215,47 @@ def _causes(scene: Scene) -> Iterator[Cause]:
             yield Cause("image_resized", view, _with_change(scene, view, resizer(factor)), factor=factor)
         for words, change in CHANGES.items():
             yield Cause("image_changed", view, _with_change(scene, view, change), words)
+        if mirror is not None:
+            yield from _swapped(scene, view, points, mirror)
+            # the detector takes the left hand of a mirrored person for the right one
+            swapped = scene.with_detections(view, scene.detections[:, view, mirror])
+            yield Cause("image_changed", view, _with_change(swapped, view, CHANGES["mirrored"]), "mirrored")
         for kind, move in (("camera_rotated", False), ("camera_moved", True)):
             camera = resect(scene, view, points, move=move)
             if camera is not None:
                 yield Cause(kind, view, scene.with_camera(view, camera))
 
 
+def _swapped(scene: Scene, view: int, points: Array, mirror: Index) -> Iterator[Cause]:
+    """Left and right swapped in the frames in which the camera fits the points better that way."""
+    sides = mirror != np.arange(len(mirror))
+    exchanged = scene.with_detections(view, scene.detections[:, view, mirror])
+    as_given, otherwise = (medians(one.distances(view, points)[:, sides]) for one in (scene, exchanged))
+    known = np.isfinite(as_given) & np.isfinite(otherwise)
+    share = float((otherwise < as_given)[known].mean()) if known.any() else 0.0
+    if share < _MIRRORED_SHARE:
+        return
+    # frames that are not judged are like the nearest one that is
+    judged = scene.frames[scene.judged][known] + scene.shifts[view]
+    middle = (judged[1:] + judged[:-1]) / 2
+    swapped = (otherwise < as_given)[known][np.searchsorted(middle, scene.frames)]
+    found = np.where(swapped[:, None, None], exchanged.detections[:, view], scene.detections[:, view])
+    yield Cause("sides_swapped", view, scene.with_detections(view, found), share=share)
+
+
 def _with_change(scene: Scene, view: int, change: Change) -> Scene:
     return scene.with_detections(view, change(scene.detections[:, view], scene.cameras[view].size))
 
 
-def _between_two(scene: Scene) -> Iterator[Cause]:
-    """Another frame count of the second of two cameras; nothing else can be told from two."""
+def _between_two(scene: Scene, mirror: Index | None) -> Iterator[Cause]:
+    """Another frame count of the second of two cameras, or sides swapped in either; two tell nothing else."""
     tried = (scene.with_shift(1, shift) for shift in _shifts(scene, 1))
     best = min(tried, key=lambda other: other.disagreement, default=scene)
     if best.shifts != scene.shifts:
         yield Cause("frame_offset", 1, best)
+    for view in range(2) if mirror is not None else ():
+        swapped = scene.with_detections(view, scene.detections[:, view, mirror])
+        yield Cause("sides_swapped", view, swapped, share=1.0)
 
 
 def _shifts(scene: Scene, view: int) -> list[int]:

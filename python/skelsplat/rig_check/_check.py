@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 import skelsplat as sk
 from skelsplat._arrays import Array, Index, median, numbers, whole_numbers
-from skelsplat._skelsplat import check_people
+from skelsplat.association import with_confidences
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.findings import Finding, Subject
 from skelsplat.rig_check._causes import explain, once_corrected
@@ -46,10 +46,10 @@ def check_rig(
     also the convention of the poses (camera → world? OpenGL's axes?), the unit (is the body as large as a
     person; with a layout of one's own, between 1 mm and 20 m?), detections of other images than the
     calibration's (resized, turned, mirrored), exchanged cameras (every pair is tried), frame offsets between
-    cameras, and cameras that were turned or moved; half of the cameras or more mean another recording. A
-    cause is named when with it corrected all cameras agree clearly better by leave-one-out reprojection; what
-    is left over is named as a camera that disagrees. It takes three cameras to tell which one is wrong, and
-    where half of them are wrong it is impossible to tell which half.
+    cameras, left and right swapped in a view, and cameras that were turned or moved; half of the cameras or
+    more mean another recording. A cause is named when with it corrected all cameras agree clearly better by
+    leave-one-out reprojection; what is left over is named as a camera that disagrees. It takes three cameras
+    to tell which one is wrong, and where half of them are wrong it is impossible to tell which half.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def check_rig(
     frames : (T,) int, optional
         Frame numbers, ascending; 0, 1, … when left out.
     layout : str or Layout, optional
-        Lets a person stand in a view with left and right exchanged. Give an animal one
+        Tells left from right, which may be swapped in a view. Give an animal one
         of its own: without a layout, or with a built-in one, it has to be of a person's size.
     min_confidence : float
         Detections below it are not used.
@@ -77,8 +77,8 @@ def check_rig(
     Raises
     ------
     InvalidInputError
-        If shapes do not fit, a confidence lies outside [0, 1], or there are fewer than two cameras with
-        detections.
+        If shapes or the layout do not fit, a confidence lies outside [0, 1], or there are fewer than two
+        cameras with detections.
     """
     findings = check_geometry(in_mm(rig))
     if people is None:
@@ -86,6 +86,8 @@ def check_rig(
     everyone = _checked(people, rig)
     numbers = _numbers(frames, len(everyone))
     shape = sk.layouts.get(layout) if isinstance(layout, str) else layout
+    if shape is not None and shape.n_joints != everyone.shape[3]:
+        raise InvalidInputError(f"layout: expected one of {everyone.shape[3]} joints, got {shape.n_joints}")
     if everyone.shape[-1] == 3:
         everyone = np.where(everyone[..., 2:] >= min_confidence, everyone, np.nan)
     findings += _images(rig, everyone)
@@ -111,7 +113,7 @@ def _with_detections(
         cameras = in_mm(sk.CameraRig(list(rig), unit=likely))
     if any(finding.kind == "images_changed" for finding in earlier):
         findings = [finding for finding in findings if finding.kind != "detections_outside"]
-    causes, corrected = explain(scene_of(cameras, given, frames), earlier)
+    causes, corrected = explain(scene_of(cameras, given, frames), earlier, layout)
     recording = _check_recording(causes, corrected)
     if recording is not None:  # what single cameras or their order would explain is chance then
         return RigReport((recording, *findings), tuple(rows_of(as_given, as_given)))
@@ -130,9 +132,7 @@ def _checked(people: npt.ArrayLike, rig: sk.CameraRig) -> Array:
     if array.ndim != 5 or array.shape[1] != len(rig) or array.shape[4] not in (2, 3) or 0 in array.shape:
         expected = f"shape (T, {len(rig)}, P, N, 3) for {len(rig)} cameras"
         raise InvalidInputError(f"people: expected {expected}, got {array.shape}")
-    if array.shape[4] == 3:
-        check_people(array)
-    return array
+    return with_confidences(array) if array.shape[4] == 3 else array
 
 
 def _numbers(frames: npt.ArrayLike | None, count: int) -> Index:

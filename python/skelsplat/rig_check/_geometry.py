@@ -14,6 +14,8 @@ from skelsplat.rig_check._scene import named
 
 # degrees: a long telephoto lens and a wide one without a fisheye model
 _VIEW_DEG = (3.0, 150.0)
+# a narrower view is no fault where others are about as narrow: under a microscope
+_LIKE_OTHERS = 3.0
 # a crop may put the principal point off the middle, but hardly out of the middle 60 % of the image
 _OFF_CENTRE = 0.3
 _ASPECT = 1.2
@@ -26,22 +28,28 @@ _PARALLEL_DEG = 10.0
 def check_geometry(cameras: Sequence[sk.Camera]) -> list[Finding]:
     """Return findings on lenses, on cameras in one place, and on cameras that look away from the others."""
     names = named(cameras)
+    narrowest = min(_VIEW_DEG[0], float(np.median([_view(camera) for camera in cameras])) / _LIKE_OTHERS)
     findings = [
         Finding(kind, subject=Subject(cameras=(name,)), numbers=numbers)
         for name, camera in zip(names, cameras, strict=True)
-        for kind, numbers in _lens(camera)
+        for kind, numbers in _lens(camera, narrowest)
     ]
     if len(cameras) < 2:
         return findings
     return [*findings, *_same_place(cameras, names), *_directions(cameras, names)]
 
 
-def _lens(camera: sk.Camera) -> Iterator[tuple[str, dict[str, float]]]:
+def _view(camera: sk.Camera) -> float:
+    """Return the field of view along the longer side, degrees."""
+    wide, high = camera.size / np.asarray(camera.K)[[0, 1], [0, 1]]
+    return float(np.degrees(2 * np.arctan(max(wide, high) / 2)))
+
+
+def _lens(camera: sk.Camera, narrowest: float) -> Iterator[tuple[str, dict[str, float]]]:
     """Yield kinds and numbers of findings on one camera's lens."""
     K, (width, height) = np.asarray(camera.K), camera.size
-    size = {"width": width, "height": height}
-    view = float(np.degrees(2 * np.arctan(max(width / K[0, 0], height / K[1, 1]) / 2)))
-    if not camera.fisheye and not _VIEW_DEG[0] <= view <= _VIEW_DEG[1]:
+    size, view = {"width": width, "height": height}, _view(camera)
+    if not camera.fisheye and not narrowest <= view <= _VIEW_DEG[1]:
         yield "field_of_view", {"focal_px": float(K[0, 0]), **size, "degrees": view}
     off = np.abs((K[:2, 2] - [(width - 1) / 2, (height - 1) / 2]) / [width, height])
     if (off > _OFF_CENTRE).any():

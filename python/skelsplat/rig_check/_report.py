@@ -62,8 +62,8 @@ class RigReport:
 
     @property
     def ok(self) -> bool:
-        """Whether nothing was found."""
-        return not self.findings
+        """Whether nothing was found, or notes alone, which are for information."""
+        return all(finding.severity == "note" for finding in self.findings)
 
 
 def rows_of(scene: Scene, corrected: Scene) -> list[CameraRow]:

@@ -96,8 +96,8 @@ def check_unit(rig: sk.CameraRig, detections: Array, layout: sk.Layout | None) -
 
 
 def _may_be_anything(layout: sk.Layout | None) -> bool:
-    """Whether the layout is the user's own: an animal, a hand. The built-in ones are people's."""
-    return layout is not None and all(layout != sk.layouts.get(name) for name in sk.layouts.names)
+    """Whether the layout is not a person's body: an animal, a hand."""
+    return layout is not None and not layout.human
 
 
 def _of_anything(size_mm: float, stated: str) -> Finding | None:

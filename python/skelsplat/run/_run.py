@@ -13,11 +13,12 @@ from skelsplat._arrays import Array, Index, numbers
 from skelsplat._atomic import atomic_write_text
 from skelsplat._json import to_text
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.findings import Finding, collected_warnings
+from skelsplat.findings import Finding, collected_warnings, warn
 from skelsplat.io import PoseData
 from skelsplat.io._run_files import REPORT
 from skelsplat.io.run_folder import read_run
 from skelsplat.run import folder as folders
+from skelsplat.run.angles import angles_of
 from skelsplat.run.findings import find_findings
 from skelsplat.run.frames import find_in_frames
 from skelsplat.run.html import notebook_view, show_page, write_html
@@ -88,6 +89,11 @@ class Run:
     def layout(self) -> sk.Layout:
         """What the N joints are."""
         return self.inputs.layout
+
+    @property
+    def angles(self) -> sk.JointAngles:
+        """The joint angles of `poses`; those against the vertical if the cameras show which axis is up."""
+        return angles_of(self)
 
     @property
     def detections(self) -> Array:
@@ -199,7 +205,8 @@ class Run:
         """Write everything, as ``skelsplat refine`` does; return the names of the files.
 
         Files of an earlier run are removed first. The folder can be read by `open`, and drawn by
-        ``skelsplat plot`` and ``skelsplat overlay``. ``options`` are those of `write_poses`.
+        ``skelsplat plot`` and ``skelsplat overlay``. ``options`` are those of `write_poses`, and
+        ``angles`` as of `Job`.
 
         Raises
         ------
@@ -259,6 +266,7 @@ def run(
     output, writing = Path(job.output), folders.Writing.of(job)
     folders.keep_input(job)
     folders.check_places(output, writing.names(job.settings.method))
+    writing.check()
     with folders.output_folder(output):
         found = _run(job, progress, tell)
         return folders.write_folder(found, output, writing)
@@ -267,23 +275,23 @@ def run(
 def _run(job: Job, progress: Progress | None, tell: Callable[[Finding], None] | None) -> Run:
     with collected_warnings(tell) as notes:
         try_over_time(job)
-        inputs = read_inputs(job, progress)
-        for note in check_output(job, inputs):
-            notes.append(note)
-            if tell is not None:
-                tell(note)
+        inputs = read_inputs(job, progress, lambda found: check_output(job, found))
+        warn_of_output(job, inputs)
         outcome = refine_inputs(inputs, job, progress)
     return summed_up(inputs, outcome, job, notes)
 
 
-def check_output(job: Job, inputs: Inputs) -> list[Finding]:
-    """Check, once the input is known, that the results can be written; return notes on how."""
-    if job.output is None:
-        return []
-    folders.keep_input(job, inputs.sources)
-    writing = folders.Writing.of(job)
-    writing.check(inputs.frames)
-    return writing.notes(inputs.fps)
+def check_output(job: Job, inputs: Inputs) -> None:
+    """Check, once the frames of the input are known, that the results can be written."""
+    if job.output is not None:
+        folders.keep_input(job, inputs.sources)
+        folders.Writing.of(job).check(inputs)
+
+
+def warn_of_output(job: Job, inputs: Inputs) -> None:
+    """Warn of notes on how the results are written."""
+    for note in folders.Writing.of(job).notes(inputs) if job.output is not None else ():
+        warn(note)
 
 
 def in_order(findings: Iterable[Finding]) -> tuple[Finding, ...]:

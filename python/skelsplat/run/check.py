@@ -70,7 +70,7 @@ def check_cameras(
         else:
             found = read_detections(detections, every, without=without, **given)
             read_as = ReadAs(found.labels, named_offsets(every, given.get("offsets", {})), found.uneven)
-            people, layout = found.people, sk.layouts.get(found.layout)
+            people, layout = found.people, found.skeleton
             if person != "consistent":  # whom `check_rig` finds on its own
                 people = take_people(people, pick_places(people, rig, person, layout)[0])
             report = check_rig(rig, people, frames=found.frames, layout=layout, read_as=read_as)

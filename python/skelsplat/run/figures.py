@@ -13,11 +13,7 @@ from skelsplat.run._run import Run
 from skelsplat.run.read import Inputs
 from skelsplat.run.solve import Outcome
 from skelsplat.run.summary import Statistics, finite_median, frame_medians
-
-# Length of the cameras' mean upward direction below which they do not agree on a vertical: they look down.
-_AGREED_UP = 0.3
-# Cosine of the angle between that direction and the nearest axis, below which no axis is taken for vertical.
-_NEAR_AXIS = 0.75
+from skelsplat.run.vertical import vertical_known, world_up
 
 
 def write_figures(run: Run, folder: Path) -> list[str]:
@@ -77,25 +73,6 @@ def most_moved_frame(moved_mm: Array) -> int:
     median, known = frame_medians(moved_mm), np.isfinite(moved_mm).sum(axis=1)
     usual = np.median(known[known > 0]) if known.any() else 0
     return int(np.argmax(np.where(np.isfinite(median) & (known >= usual), median, -np.inf)))
-
-
-def world_up(rig: sk.CameraRig) -> Array:
-    """Return the axis of the world nearest to the cameras' mean upward direction; z if they do not agree."""
-    mean: Array = np.mean([-np.asarray(camera.R)[1] for camera in rig], axis=0)
-    up = np.zeros(3)
-    if np.linalg.norm(mean) < _AGREED_UP:
-        up[2] = 1.0
-        return up
-    axis = int(np.argmax(np.abs(mean)))
-    up[axis] = np.sign(mean[axis])
-    return up
-
-
-def vertical_known(rig: sk.CameraRig) -> bool:
-    """Tell whether the cameras agree on a vertical that is close to an axis of the world (`world_up`)."""
-    mean: Array = np.mean([-np.asarray(camera.R)[1] for camera in rig], axis=0)
-    length = float(np.linalg.norm(mean))
-    return length >= _AGREED_UP and float(np.abs(mean).max()) >= _NEAR_AXIS * length
 
 
 def _caption(frame: int, inputs: Inputs, outcome: Outcome, statistics: Statistics) -> str:

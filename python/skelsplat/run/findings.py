@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 import skelsplat as sk
+from skelsplat._arrays import Array
 from skelsplat.findings import Finding, Remedy, Subject
 from skelsplat.run.displaced import displaced_cameras, find_apart, find_displaced, shift_of
 from skelsplat.run.people import are_mixed, find_people
@@ -30,7 +31,7 @@ _BAD_SHARE, _BEST_RATIO = 0.2, 2.0
 _WHOLE_SHARE, _REST_SHARE = 1 / 3, 0.2
 # A robust fit may leave the median where it was; a tenth more is further away.
 _FURTHER, _FURTHER_PX = 1.1, 0.1  # less is the rounding of the detections
-_FURTHER_IN_TIME = 1.25
+_FURTHER_OVER_TIME = 1.25
 # Two views' plain triangulation follows three of their four numbers.
 _FURTHER_OF_TWO, _CONFIRMED = 1.25, 3
 # No person that a camera detects matches the other cameras, in this share of the frames at least; if that is
@@ -95,16 +96,16 @@ def _further(statistics: Statistics) -> float:
 
 
 def _in_time(statistics: Statistics, alone: Statistics) -> Iterator[Finding]:
-    """Yield a finding if the poses in time leave the detections further than those frame by frame explain.
+    """Yield a finding if poses solved over time are further from the detections than frame by frame explains.
 
-    From V views a frame alone follows 3 of 2V numbers, noise and all; in time hardly any are followed.
+    From V views a frame alone follows 3 of 2V numbers, noise and all; over time hardly any.
     """
     views = max(2.0, finite_median(statistics.views_used))
     before, after = alone.total.after_px, statistics.total.after_px
-    allowed = _FURTHER_IN_TIME * np.sqrt(2 * views / (2 * views - 3)) * before
+    allowed = _FURTHER_OVER_TIME * np.sqrt(2 * views / (2 * views - 3)) * before
     if after > max(allowed, before + _FURTHER_PX):
         numbers = {"before_px": before, "after_px": after}
-        yield Finding("further_in_time", "warning", numbers=numbers, remedy=(Remedy("frame_by_frame"),))
+        yield Finding("further_over_time", "warning", numbers=numbers, remedy=(Remedy("frame_by_frame"),))
 
 
 def _rest(statistics: Statistics) -> float:
@@ -243,12 +244,8 @@ def _lengths_mm(inputs: Inputs, outcome: Outcome, limbs: Sequence[tuple[int, int
 
 def _given_lengths(inputs: Inputs, alone: Outcome) -> Iterator[Finding]:
     """Yield a finding on given lengths of bones that the recording contradicts."""
-    given = getattr(alone.config, "bone_lengths_mm", None)  # the paper's method has none
-    if given is None:
-        return
     limbs, joints = inputs.layout.limbs, inputs.layout.joints
-    lengths = np.asarray(given)
-    sigmas = np.asarray(alone.config.bone_sigmas_mm or np.full(len(lengths), _USUAL_SIGMA_MM))
+    lengths, sigmas = _lengths_given(inputs.layout, alone.config)
     measured = np.array(_lengths_mm(inputs, alone, limbs))
     allowed = np.maximum(_GIVEN_SIGMAS * sigmas, _GIVEN_SHARE * lengths)
     wrong = np.flatnonzero((np.abs(measured - lengths) > allowed) & (sigmas < lengths))
@@ -261,6 +258,21 @@ def _given_lengths(inputs: Inputs, alone: Outcome) -> Iterator[Finding]:
         }
         subject = Subject(joints=tuple(dict.fromkeys(joint for limb in named for joint in limb)))
         yield Finding("given_lengths_differ", "warning", subject, numbers)
+
+
+def _lengths_given(layout: sk.Layout, config: sk.RefineConfig) -> tuple[Array, Array]:
+    """Return the lengths of the limbs (B,) that settings or else the layout give, and their sigmas, mm.
+
+    Where none is given, the length is 0; the paper's method has none.
+    """
+    lengths, sigmas = np.zeros(len(layout.limbs)), np.full(len(layout.limbs), _USUAL_SIGMA_MM)
+    if config.method == "paper" or config.bones == "free":
+        return lengths, sigmas
+    if config.bone_lengths_mm is not None:
+        return np.asarray(config.bone_lengths_mm), np.asarray(config.bone_sigmas_mm or sigmas)
+    for ends, length, sigma in layout.lengths:
+        lengths[layout.limbs.index(ends)], sigmas[layout.limbs.index(ends)] = length, sigma
+    return lengths, sigmas
 
 
 def _joints(alone: Statistics, statistics: Statistics) -> Iterator[Finding]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from skelsplat._arrays import Index
+from skelsplat import layouts
 from skelsplat._atomic import atomic_write_text, opening
 from skelsplat._json import to_text
 from skelsplat._optional import can_draw
@@ -18,6 +18,7 @@ from skelsplat.io import PoseData, write_pose
 from skelsplat.io._run_files import (
     CAMERAS,
     DETECTIONS,
+    LAYOUT,
     REPORT,
     UNFINISHED,
     files_of_run,
@@ -28,21 +29,27 @@ from skelsplat.io._run_files import (
 from skelsplat.io.poses import PEOPLE_FORMATS, POSE_FORMATS, check_pose_format
 from skelsplat.io.poses._pose_data import MARKER_NAMES
 from skelsplat.io.run_folder import write_run_inputs
+from skelsplat.run.angles import FILES as ANGLE_FILES
+from skelsplat.run.angles import check_angles, describe, write_angles
 from skelsplat.run.html import write_html
+from skelsplat.run.vertical import vertical_known
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from skelsplat.run._run import Run
     from skelsplat.run.job import Job
+    from skelsplat.run.read import Inputs
 
 PAGE = "report.html"
 _PICTURES, _PAPERS_PICTURE = ("overview.png", "weights.png"), "heatmaps.png"
 _POSSIBLE = (
     *(f"pose.{kind}" for kind in POSE_FORMATS),
     *(f"people.{kind}" for kind in PEOPLE_FORMATS),
+    *ANGLE_FILES,
     CAMERAS,
     DETECTIONS,
+    LAYOUT,
     *_PICTURES,
     _PAPERS_PICTURE,
     PAGE,
@@ -60,33 +67,42 @@ class Writing:
     formats: tuple[str, ...] = ("npz", "csv", "trc")
     y_up: bool = False
     marker_names: str = MARKER_NAMES[0]
+    angles: bool = False
     html: bool = True
 
     @classmethod
     def of(cls, job: Job) -> Writing:
         """Return what a job asks for."""
-        return cls(job.pose_formats, job.y_up, job.marker_names, job.html)
+        return cls(job.pose_formats, job.y_up, job.marker_names, job.angles, job.html)
 
-    def names(self, method: str) -> list[str]:
+    def names(self, method: str, *, own_layout: bool = False) -> list[str]:
         """Return the names of the files, but for the report; pictures need the extra viz."""
         wanted = {*(f"pose.{kind}" for kind in self.formats), CAMERAS, DETECTIONS}
+        wanted |= set(ANGLE_FILES) if self.angles else set()
+        wanted |= {LAYOUT} if own_layout else set()
         if can_draw():
             wanted |= {*_PICTURES, *([_PAPERS_PICTURE] if method == "paper" else [])}
             wanted |= {PAGE} if self.html else set()
         return [name for name in _POSSIBLE if name in wanted]
 
-    def check(self, frames: Index) -> None:
-        """Apply `skelsplat.io.poses.check_pose_format` to each format."""
+    def check(self, inputs: Inputs | None = None) -> None:
+        """Apply `skelsplat.io.poses.check_pose_format` to each format, and `check_angles`."""
+        frames, layout = (None, None) if inputs is None else (inputs.frames, inputs.layout)
         for kind in self.formats:
-            check_pose_format(kind, frames)
+            check_pose_format(kind, frames, None if layout is None else layout.joints)
+        if self.angles and layout is not None:
+            check_angles(layout)
 
-    def notes(self, fps: float | None) -> list[Finding]:
-        """Return notes: options without effect, an assumed frame rate, missing pictures."""
+    def notes(self, inputs: Inputs) -> list[Finding]:
+        """Return notes: options without effect, assumed times, no vertical, missing pictures."""
         timed = tuple(f"pose.{kind}" for kind in self.formats if kind in _WITH_MARKERS)
         given = {"--y-up": self.y_up, "--marker-names": self.marker_names != MARKER_NAMES[0]}
         unused = [option for option, value in given.items() if value and not timed]
         found = [Finding("option_unused", "note", numbers={"option": option}) for option in unused]
-        if timed and fps is None:
+        if self.angles:
+            timed = (*timed, ANGLE_FILES[-1])
+            found += [] if vertical_known(inputs.rig) else [Finding("vertical_unknown", "note")]
+        if timed and inputs.fps is None:
             found.append(Finding("times_assumed", "note", Subject(files=timed), {"fps": _ASSUMED_FPS}))
         if not can_draw():
             found.append(Finding("no_pictures", "note"))
@@ -107,9 +123,15 @@ def write_poses(folder: Path, data: PoseData, writing: Writing) -> list[str]:
 
 def write_folder(run: Run, folder: Path, writing: Writing) -> Run:
     """Write the whole folder of a run, its report last; return the run with the files in its report."""
-    run = replace(run, report={**run.report, "files": writing.names(run.outcome.config.method)})
+    own = not layouts.is_built_in(run.layout)
+    names = writing.names(run.outcome.config.method, own_layout=own)
+    report = {**run.report, "files": names}
+    report.pop("joint_angles", None)
+    run = replace(run, report={**report, **({"joint_angles": describe(run)} if writing.angles else {})})
     begin_writing(folder, run.report)
     write_poses(folder, run.poses, writing)
+    if writing.angles:
+        write_angles(run, folder, _ASSUMED_FPS)
     write_run_inputs(folder, run.cameras, run.layout, run.detections, run.frames, run.poses.frame_rate)
     if can_draw():
         from skelsplat.run.figures import write_figures  # matplotlib takes long to load
@@ -162,7 +184,7 @@ def _in_the_way(path: Path) -> InvalidInputError:
 
 def check_places(folder: Path, names: Sequence[str]) -> None:
     """Raise `DatasetError` if a folder has the name of a result."""
-    for path in (folder / name for name in (*names, REPORT)):
+    for path in (folder / name for name in (*names, LAYOUT, REPORT)):
         if path.is_dir():
             raise DatasetError(path, "output", "a file, or nothing, with the name of a result", "a folder")
 

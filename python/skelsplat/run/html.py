@@ -16,9 +16,11 @@ import numpy as np
 import skelsplat as sk
 from skelsplat._optional import can_draw
 from skelsplat._sentences.words import number
+from skelsplat.run.angles import angles_of, by_title
 from skelsplat.run.frames import problems_of, rows_of
 from skelsplat.run.report import MEANINGS, solved_in_words
 from skelsplat.run.summary import DOWN_WEIGHTED, error_maps, finite_median, frame_medians
+from skelsplat.run.vertical import world_up
 
 if TYPE_CHECKING:
     from skelsplat.run._run import Run
@@ -41,6 +43,10 @@ _SHARED = (
     ),
     ("weight", MEANINGS["mean_weight"]),
     ("swapped", MEANINGS["swapped"]),
+)
+_ANGLES = (
+    "Joint angles have the colours of the sides of the body in the 3D view. All are 0 in upright standing "
+    "with the arms hanging; angles.csv has their error bars, and the guide on joint angles their definitions."
 )
 _OF_JOINTS = (
     ("views used", "views with a detection that is used and not rejected: median over the frames (lowest)"),
@@ -77,7 +83,7 @@ def write_html(run: Run, path: Path) -> None:
         joints=_joint_table(inputs, statistics),
         errors_px=errors_px[:-1, :-1],
         rejected=rejected[:-1, :-1],
-        lines=_lines(run),
+        lines=[*_lines(run), *_angle_lines(run)],
         problems=rows_of(problems_of(run.frame_findings), inputs.frames.tolist()),
         bones=_bones(run),
     )
@@ -211,6 +217,7 @@ def _notes(run: Run) -> list[str]:
         "anatomical joint. It contains the scatter, what another recording of the same pose by the same "
         "detector would give, and how far detectors place joints from anatomical ones in all views and "
         "frames (--joint-bias-mm).",
+        *([_ANGLES] if "joint_angles" in run.report else []),
         *of_the_view(run.poses.frame_rate),
     ]
 
@@ -226,7 +233,7 @@ def of_the_view(rate: float | None) -> list[str]:
 
 
 def _sequence(run: Run) -> page.Sequence3D:
-    from skelsplat.run.figures import skeleton_of, world_up  # as in write_html
+    from skelsplat.run.figures import skeleton_of  # as in write_html
     from skelsplat.viz.report import Sequence3D
 
     mm, poses, found = run.cameras.mm_per_unit, run.poses, run.outcome.sequence
@@ -247,7 +254,7 @@ def _sequence(run: Run) -> page.Sequence3D:
 
 
 def _bones(run: Run) -> list[tuple[int, int, float, float]]:
-    """Return the bones of a solution in time with their lengths and standard errors in mm."""
+    """Return the bones of a solution over time with their lengths and standard errors in mm."""
     found, mm = run.outcome.sequence, run.cameras.mm_per_unit
     if found is None:
         return []
@@ -275,6 +282,19 @@ def _lines(run: Run) -> list[page.TimeLine]:
         TimeLine("Detections rejected", "", statistics.rejected.sum(axis=(1, 2)).astype(float), peaks=True),
         TimeLine("Left–right swaps", "", swapped.astype(float), peaks=True),
         TimeLine("Largest error bar", "mm", bars, peaks=True),
+    ]
+
+
+def _angle_lines(run: Run) -> list[page.TimeLines]:
+    """Return the joint angles, left and right together, if they are among the results."""
+    from skelsplat.viz.report import TimeLines  # as in write_html
+
+    if "joint_angles" not in run.report:
+        return []
+    found = angles_of(run)
+    return [
+        TimeLines(title, "°", [(side, side or "middle", found.degrees[:, k]) for side, k in sides])
+        for title, sides in by_title(found.names).items()
     ]
 
 

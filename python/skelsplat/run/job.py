@@ -11,6 +11,7 @@ from skelsplat import temporal
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import InvalidInputError, one_of
 from skelsplat.io.detections import FORMATS
+from skelsplat.io.detections._layout import check_layout
 from skelsplat.io.poses import POSE_FORMATS
 from skelsplat.io.poses._pose_data import MARKER_NAMES
 from skelsplat.run.over_time import Filter, parse_filter
@@ -44,7 +45,8 @@ class Job:
     unit, calibration_format, camera_type, subject, size, binning
         How to read the calibration, as for `skelsplat.io.read_calibration`; None: as the file states it.
     layout
-        Name of the joint layout of the detections; None: found from the joint names in the files.
+        The joint layout of the detections, as `skelsplat.io.read_layout` takes it: a name, a layout file, a
+        `skelsplat.Layout`, or ``"file"``; None: found from the joint names in the files.
     person
         ``"consistent"``: the person the views agree on. The others follow people over time, as
         `skelsplat.track`, and choose one: a number from 0, the identity; ``"largest"``: whoever is largest in
@@ -77,7 +79,7 @@ class Job:
     fps
         Frames per second of the recording; None: as the files, or videos next to them, state it.
     frame_by_frame
-        Solve each frame alone even if the frame rate is known, instead of all in time (`Outcome.sequence`).
+        Solve each frame alone even if the frame rate is known, instead of all over time (`Outcome.sequence`).
     fill_gaps
         Longest gap to fill, in frames; 0: none.
     fill_method
@@ -94,6 +96,8 @@ class Job:
         Write ``pose.trc`` and ``pose.c3d`` with y pointing up, for OpenSim, instead of z.
     marker_names
         What joints are called in these two, of `skelsplat.io.poses.MARKER_NAMES`.
+    angles
+        Write the joint angles as well, `skelsplat.joint_angles`: ``angles.csv``, ``.npz`` and ``.mot``.
     html
         Write ``report.html``.
     note
@@ -114,7 +118,7 @@ class Job:
     subject: str | None = None
     size: tuple[int, int] | None = None
     binning: float | None = None
-    layout: str | None = None
+    layout: str | os.PathLike[str] | sk.Layout | None = None
     person: str | int = "consistent"
     people: str | int | None = None
     frames: str = "strict"
@@ -137,12 +141,14 @@ class Job:
     write: tuple[str, ...] = ("npz", "csv", "trc")
     y_up: bool = False
     marker_names: str = MARKER_NAMES[0]
+    angles: bool = False
     html: bool = True
     note: str = ""
 
     def __post_init__(self) -> None:
         one_of("unit", self.unit, (None, *MM_PER_UNIT))
-        one_of("layout", self.layout, (None, *sk.layouts.names))
+        if self.layout is not None:
+            check_layout(self.layout)
         one_of("format", self.format, (None, *FORMATS))
         one_of("frames", self.frames, FRAME_MODES)
         check_person(self.person)

@@ -9,7 +9,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import skelsplat as sk
 from skelsplat.findings import Finding, Remedy, Subject
+from skelsplat.io._run_files import LAYOUT
 from skelsplat.run._run import Run, in_order
 from skelsplat.run.people_report import folder_of
 
@@ -105,4 +107,5 @@ def _command(identity: int, run: Run, job: Job) -> str:
     else:
         words += [str(job.calibration), str(folder / "detections.npz")]
         words += ["--unit", job.unit] if job.unit else []
-    return shlex.join([*words, "--layout", run.layout.name])
+    own = not sk.layouts.is_built_in(run.layout)
+    return shlex.join([*words, "--layout", str(folder / LAYOUT) if own else run.layout.name])

@@ -11,10 +11,11 @@ import numpy as np
 from skelsplat import viz
 from skelsplat._arrays import Array
 from skelsplat._sentences.words import number
-from skelsplat.run.figures import skeleton_of, world_up
+from skelsplat.run.figures import skeleton_of
 from skelsplat.run.frames import problems_of, rows_of
 from skelsplat.run.html import camera_shapes, facts_of, of_the_view
 from skelsplat.run.summary import finite_median, frame_medians
+from skelsplat.run.vertical import world_up
 from skelsplat.viz import report as page
 
 if TYPE_CHECKING:
@@ -198,7 +199,7 @@ def _problems(run: PeopleRun) -> list[tuple[int, int, str]]:
 
 
 def _bones(runs: Sequence[Run], names: Sequence[str]) -> page.Table:
-    """Return the lengths of bones over all frames; no rows if the poses were not solved in time."""
+    """Return the lengths of bones over all frames; no rows if the poses were not solved over time."""
     columns = [("bone", ""), *((name, "") for name in names)]
     solved = [one.outcome.sequence for one in runs]
     mm, joints = runs[0].cameras.mm_per_unit, runs[0].layout.joints

@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from skelsplat import viz
-from skelsplat._arrays import Array, medians
+from skelsplat._angles import angle_names
+from skelsplat._arrays import Array, median, medians
 from skelsplat.io import PoseData
+from skelsplat.run.angles import angles_of_poses, by_title
 from skelsplat.run.plots import Pairs, Source
 from skelsplat.run.summary import error_maps
 
@@ -32,8 +34,12 @@ _EQUAL = (
     "The refinement kept {which} nearly equal on the left and right, so their difference means nothing; "
     "to study it, refine with --symmetry-tier 0."
 )
-_IN_TIME = "Solved in time, where bones keep their length: how they vary frame by frame is in report.html."
+_IN_TIME = "Solved over time, where bones keep their length: how they vary frame by frame is in report.html."
 _KEPT_EQUAL = {1: "lower arms and legs", 2: "arms and legs", 3: "arms, legs and trunk"}  # by the tier
+_ANGLE_BANDS = (
+    "Bands: error bars of 1 and 2 σ; above a panel their median (1 σ). All angles are 0 in upright standing."
+)
+_NO_VERTICAL = "The vertical is not known: angles of trunk and pelvis are left out."
 _COUNTED = "All detections used are counted, including the rejected ones. Grey: no detection used."
 
 
@@ -115,10 +121,43 @@ def errors(source: Source) -> Picture:
     return [viz.draw_error_map(data)], _about_errors(poses, median, share), numbers
 
 
+def angles(source: Source) -> Picture:
+    """Draw all joint angles over time."""
+    poses, joints = source.poses, source.named or source.poses.joint_names
+    if not angle_names(joints, leaning=source.up is not None):
+        return [], "the joints match no layout that has any (--layout names the layout)", None
+    found = angles_of_poses(poses, source.up, joints)
+    columns = list(zip(found.degrees.T, found.sigma.T, strict=True))
+    panels = [
+        viz.AnglePanel(title, [viz.AngleCurve(side, *columns[k]) for side, k in sides])
+        for title, sides in by_title(found.names).items()
+    ]
+    with_bars = bool(np.isfinite(found.sigma).any())
+    notes = (
+        *([_ANGLE_BANDS] if with_bars else []),
+        *([_NO_VERTICAL] if source.up is None else []),
+        *poses.processing,
+    )
+    time = viz.TimeAxis(poses.frames, poses.frame_rate, source.zero)
+    numbers = [
+        {
+            "angle": name,
+            "median_degrees": _number(median(degrees)),
+            "sigma_median_degrees": _number(median(sigma)),
+            "frames_known": int(np.isfinite(degrees).sum()),
+        }
+        for name, (degrees, sigma) in zip(found.names, columns, strict=True)
+    ]
+    bars = "" if with_bars else "; no error bands, the file has no error bars"
+    pages = viz.draw_angles(panels, time, title=source.title, notes=notes)
+    return pages, f"{len(columns)} joint angles over time{bars}.", numbers
+
+
 DRAW: dict[str, Callable[[Source], Picture]] = {
     "trajectories": trajectories,
     "bones": bones,
     "errors": errors,
+    "angles": angles,
 }
 
 

@@ -1,4 +1,4 @@
-"""Figures of a run, or of a file of poses, in print size: trajectories, bone lengths, errors.
+"""Figures of a run, or of a file of poses, in print size: trajectories, bone lengths, errors, angles.
 
 >>> from skelsplat.run.plots import read_source, write_plots
 >>> write_plots(read_source("out"), "figures", formats=("pdf",))  # doctest: +SKIP
@@ -15,14 +15,17 @@ from typing import Any
 import numpy as np
 
 import skelsplat as sk
+from skelsplat._arrays import Array
 from skelsplat._optional import require
 from skelsplat.exceptions import DatasetError, InvalidInputError
-from skelsplat.io import PoseData, read_pose, read_run
-from skelsplat.io.poses._pose_data import ARRAYS
+from skelsplat.io import PoseData, read_layout, read_pose, read_run
+from skelsplat.io.poses._pose_data import ARRAYS, MARKER_NAMES, marker_names
+from skelsplat.run.angles import vertical_of
 from skelsplat.run.folder import output_folder
 from skelsplat.run.frame_range import FrameRange
 
-PICTURES = ("trajectories", "bones", "errors")
+PICTURES = ("trajectories", "bones", "errors", "angles")
+USUAL = PICTURES[:3]  # unless told otherwise
 Pairs = tuple[tuple[int, int], ...]
 # Without a choice of joints: the ends of the limbs, where errors show first, or else so many of the first.
 _DISTAL, _FEW = ("wrist", "ankle"), 4
@@ -41,6 +44,8 @@ class Source:
     zero: int  # the first frame number of the whole recording, where time begins
     # which limbs the run kept equal left and right (`RefineConfig.symmetry_tier`); 0 if it is not known
     symmetry_tier: int = 0
+    named: tuple[str, ...] = ()  # what the layout calls the joints, if the file calls them otherwise
+    up: Array | None = None  # the axis of the world that is vertical (3,); None if it is not known
 
     @property
     def title(self) -> str:
@@ -54,7 +59,7 @@ class Source:
 def read_source(
     path: str | PathLike[str],
     *,
-    layout: str | None = None,
+    layout: str | PathLike[str] | sk.Layout | None = None,
     range: FrameRange | None = None,
     joints: str | None = None,
 ) -> Source:
@@ -63,9 +68,9 @@ def read_source(
     Parameters
     ----------
     path : str or Path
-    layout : str, optional
-        Name of the joint layout, for limbs and sides; by default that of the run, or the built-in layout with
-        exactly the joints of the file.
+    layout : str, path or Layout, optional
+        The joint layout, for limbs and sides, as `skelsplat.io.read_layout` takes it; by default that of the
+        run, or the built-in layout with exactly the joints of the file.
     range : FrameRange, optional
         The frames to keep; all by default.
     joints : str, optional
@@ -79,15 +84,15 @@ def read_source(
         joints, no frame lies in the range or a name is no joint.
     """
     path, chosen = Path(path), range or FrameRange()
-    named = None if layout is None else sk.layouts.get(layout.lower())
-    tier = 0
+    named = None if layout is None else read_layout(layout)
+    tier, up = 0, None
     if path.is_file():
         poses = read_pose(path)
         known = _known_layout(poses.joint_names) if named is None else named
     else:
         run = read_run(path)
         poses, known = run.poses, run.layout if named is None else named
-        tier = _symmetry_tier(run.report["settings"])
+        tier, up = _symmetry_tier(run.report["settings"]), vertical_of(run.rig)
     if not len(poses.frames):
         raise DatasetError(path, "frames", "at least one", "none")
     if (np.diff(poses.frames) < 1).any():
@@ -95,7 +100,10 @@ def read_source(
     limbs, left_right = _connections(known, poses.joint_names)
     zero = int(poses.frames[0])
     poses = _between(poses, *chosen.within(poses.frames)).in_unit("mm")
-    return Source(path, poses, limbs, left_right, _chosen_joints(joints, poses.joint_names), zero, tier)
+    shown = _chosen_joints(joints, poses.joint_names)
+    other = known is not None and not set(known.joints) <= set(poses.joint_names)
+    called = tuple(known.joints) if known is not None and other else ()
+    return Source(path, poses, limbs, left_right, shown, zero, tier, called, up)
 
 
 def _symmetry_tier(settings: dict[str, Any]) -> int:
@@ -104,8 +112,11 @@ def _symmetry_tier(settings: dict[str, Any]) -> int:
 
 
 def _known_layout(joints: tuple[str, ...]) -> sk.Layout | None:
-    """Return the built-in layout with exactly these joints in this order."""
-    return next((layout for layout in map(sk.layouts.get, sk.layouts.names) if layout.joints == joints), None)
+    """Return the built-in layout with exactly these joints in this order, in any style of `MARKER_NAMES`."""
+    for layout in map(sk.layouts.get, sk.layouts.names):
+        if joints in (marker_names(tuple(layout.joints), style) for style in MARKER_NAMES):
+            return layout
+    return None
 
 
 def _connections(layout: sk.Layout | None, joints: tuple[str, ...]) -> tuple[Pairs, Pairs]:
@@ -114,8 +125,10 @@ def _connections(layout: sk.Layout | None, joints: tuple[str, ...]) -> tuple[Pai
     if layout is None:
         mirrored = ((name, name.replace("left", "right", 1)) for name in joints if name.startswith("left"))
         return (), tuple((place[left], place[right]) for left, right in mirrored if right in place)
-    if set(layout.joints) <= set(joints):
-        places = [place[name] for name in layout.joints]
+    styles = (marker_names(tuple(layout.joints), style) for style in MARKER_NAMES)
+    named = next((names for names in styles if set(names) <= set(joints)), None)
+    if named is not None:
+        places = [place[name] for name in named]
     elif layout.n_joints == len(joints):
         places = list(range(len(joints)))
     else:
@@ -167,7 +180,7 @@ def write_plots(
     source: Source,
     folder: str | PathLike[str],
     *,
-    only: Sequence[str] = PICTURES,
+    only: Sequence[str] = USUAL,
     formats: Sequence[str] = ("png",),
     progress: Callable[[str, int, int], None] | None = None,
 ) -> list[Drawn]:
@@ -179,7 +192,7 @@ def write_plots(
     folder : str or Path
         It is made if it is missing.
     only : sequence of str
-        Some of "trajectories", "bones", "errors".
+        Some of "trajectories", "bones", "errors", the default, and "angles".
     formats : sequence of str
         "png", "pdf" or both.
     progress : callable, optional

@@ -48,7 +48,7 @@ class Inputs:
     crowd: Crowd | None = None  # the people that the cameras see; None if they see one
     fps: float | None = None  # frames per second; None if unknown
     fps_source: str = ""  # what states the rate, if the user did not: "files" or "videos"
-    # the frames solved in time, if following people over time has done so, and the seconds that took
+    # the frames solved over time, if following people over time has done so, and the seconds that took
     solved: sk.SequenceRefinement | None = None
     solved_s: float = float("nan")
     doubts: tuple[Finding, ...] = ()  # about the person, if followed over time
@@ -83,7 +83,7 @@ def read_everybody(job: Job) -> tuple[Array, Inputs]:
         mapping=job.mapping,
         sequence=job.sequence,
     )
-    layout = sk.layouts.get(found.layout)
+    layout = found.skeleton
     init = None if job.init is None else _read_init(Path(job.init), rig, len(found.frames), layout)
     rate, stated = _known_rate(job, found, init, rig)
     steps, views = found.people.shape[:2]

@@ -27,7 +27,7 @@ MEANINGS = {
     "error_bar": "standard deviation from an anatomical joint, root mean square over the axes: scatter, and "
     "what detectors err by in all views and frames (settings.joint_bias_mm; null: published figures)",
     "scatter": "standard deviation between recordings of the same pose by the same detector, likewise",
-    "solution": "in time: all frames together, with one length per bone and smooth motion; or frame by frame",
+    "solution": "over time: all frames together, with constant bones and smooth motion; or frame by frame",
     "inferred": "joint positions that bones and neighbouring frames determine, not two views of their frame",
     "start": "what before_px and moved are measured from: the initial pose if one was given, else DLT",
     "findings": "what to check before trusting the run",
@@ -37,7 +37,7 @@ MEANINGS = {
 _ALONE = {
     ASKED: "Solved frame by frame (--frame-by-frame).",
     PRIOR: "Solved frame by frame: --init-sigma-mm is for single frames.",
-    NO_RATE: "Solved frame by frame: the frame rate is unknown. --fps HZ solves in time.",
+    NO_RATE: "Solved frame by frame: the frame rate is unknown. --fps HZ solves over time.",
     SPARSE: "Solved frame by frame: most frames are missing.",
 }
 _MEANING = (
@@ -94,7 +94,7 @@ def versions() -> dict[str, str]:
 
 
 def _solution(inputs: Inputs, outcome: Outcome) -> dict[str, Any]:
-    """Return how the frames were solved, and the lengths of the bones if in time."""
+    """Return how the frames were solved, and the lengths of the bones if over time."""
     found, joints, mm = outcome.sequence, inputs.layout.joints, inputs.rig.mm_per_unit
     if found is None:
         return {"method": "frame by frame", "reason": outcome.alone or None}
@@ -105,7 +105,7 @@ def _solution(inputs: Inputs, outcome: Outcome) -> dict[str, Any]:
     ]
     inferred = int((np.asarray(found.joint_status) == "inferred").sum())
     rate = {"fps": inputs.fps, "fps_from": inputs.fps_source or None}
-    return {"method": "in time", **rate, "inferred": inferred, "bones": bones}
+    return {"method": "over time", **rate, "inferred": inferred, "bones": bones}
 
 
 def solved_in_words(report: dict[str, Any]) -> list[str]:
@@ -116,7 +116,7 @@ def solved_in_words(report: dict[str, Any]) -> list[str]:
     rate = "" if solution["fps"] is None else f" at {solution['fps']:g} frames per second"
     source = solution.get("fps_from")
     stated = f", as the {source} state" if source else ": constant bone lengths, smooth motion"
-    found = [f"Solved in time{rate}{stated}."]
+    found = [f"Solved over time{rate}{stated}."]
     if count := solution["inferred"]:
         what = "1 joint position is" if count == 1 else f"{count:,} joint positions are"
         found.append(f"{what} inferred from bones and neighbouring frames.")

@@ -17,10 +17,10 @@ from skelsplat._optional import can_draw
 from skelsplat.exceptions import DatasetError
 from skelsplat.findings import Finding, collected_warnings
 from skelsplat.io import write_people
-from skelsplat.io._run_files import REPORT, UNFINISHED, folders_of_run
+from skelsplat.io._run_files import REPORT, UNFINISHED, folders_of_run, is_person
 from skelsplat.io.poses import PEOPLE_FORMATS
 from skelsplat.run import folder as folders
-from skelsplat.run._run import Run, check_output, in_order, summed_up
+from skelsplat.run._run import Run, check_output, in_order, summed_up, warn_of_output
 from skelsplat.run.over_people import find_over_people, in_proportion, with_checks
 from skelsplat.run.over_time import try_over_time
 from skelsplat.run.people_report import build_people_report, folder_of
@@ -134,6 +134,10 @@ def run_people(
     output, writing = Path(job.output), folders.Writing.of(job)
     folders.keep_input(job)
     folders.check_places(output, _together(writing))
+    for path in output.glob("person_*"):
+        if is_person(path.name) and not path.is_dir():
+            raise DatasetError(path, "output", "a folder, or nothing, with the name of a person's", "a file")
+    writing.check()
     with folders.output_folder(output):
         return write_everybody(_run_people(job, progress, tell), output, writing)
 
@@ -144,10 +148,8 @@ def _run_people(job: Job, progress: Progress | None, tell: Callable[[Finding], N
         try_over_time(job)
         people, whole = read_everybody(job)
         check_times(whole, job)
-        for note in check_output(job, whole):
-            notes.append(note)
-            if tell is not None:
-                tell(note)
+        check_output(job, whole)
+        warn_of_output(job, whole)
         everybody = follow_everybody(people, whole, job, progress)
         outcomes = [refine_inputs(inputs, job) for inputs in everybody.people]
     pairs = zip(everybody.people, outcomes, strict=True)

@@ -1,4 +1,4 @@
-"""From inputs to refined poses, in time or frame by frame, and the plain triangulation beside them."""
+"""From inputs to refined poses, over time or frame by frame, and the plain triangulation beside them."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Outcome:
     start: Array
     start_name: str = PLAIN_START  # what ``start`` is, in words
     seconds: float = float("nan")  # wall time of the refinement alone; NaN if unknown
-    alone: str = ""  # why it was solved frame by frame, such as `NO_RATE`; "" in time or if unknown
+    alone: str = ""  # why it was solved frame by frame, such as `NO_RATE`; "" if solved over time or unknown
 
     @classmethod
     def of(
@@ -64,12 +64,12 @@ class Outcome:
 
     @property
     def sequence(self) -> sk.SequenceRefinement | None:
-        """The result, if it was solved in time."""
+        """The result, if it was solved over time."""
         return self.result if isinstance(self.result, sk.SequenceRefinement) else None
 
 
 def refine_inputs(inputs: Inputs, job: Job, progress: Progress | None = None) -> Outcome:
-    """Refine all frames, in time if that is possible and not refused.
+    """Refine all frames, over time if that is possible and not refused.
 
     ``progress`` is called with (frames done, frames in all).
     """
@@ -95,7 +95,7 @@ def refine_inputs(inputs: Inputs, job: Job, progress: Progress | None = None) ->
 
 
 def why_alone(inputs: Inputs, job: Job) -> str:
-    """Return why the frames have to be solved one by one, "" if they are solved in time."""
+    """Return why the frames have to be solved one by one, "" if they are solved over time."""
     reasons = {
         PAPER: job.settings.method == "paper",
         ASKED: job.frame_by_frame,
@@ -155,7 +155,7 @@ def spread(values: Array, places: Index) -> Array:
 
 
 def frames_of(result: sk.Refinement, places: Index) -> sk.SequenceRefinement:
-    """Return some frames of a result in time."""
+    """Return some frames of a result over time."""
     parts = {entry.name: getattr(result, entry.name) for entry in fields(sk.SequenceRefinement)}
     return sk.SequenceRefinement(
         **{name: value if name in _OF_BONES else value[places] for name, value in parts.items()}
@@ -165,7 +165,7 @@ def frames_of(result: sk.Refinement, places: Index) -> sk.SequenceRefinement:
 def frame_by_frame(inputs: Inputs, outcome: Outcome) -> Outcome:
     """Return the same frames solved one by one, from which cameras and people are judged.
 
-    There an offset shows undisturbed, while in time it turns into rejected detections, and limbs keep their
+    There an offset shows undisturbed, while over time it turns into rejected detections, and limbs keep their
     length in any case.
     """
     if outcome.sequence is None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -49,10 +49,13 @@ class Everybody:
     whole: Inputs
 
 
-def read_inputs(job: Job, progress: Progress | None = None) -> Inputs:
+def read_inputs(
+    job: Job, progress: Progress | None = None, check: Callable[[Inputs], None] | None = None
+) -> Inputs:
     """Read what ``job`` names and follow one person through it.
 
     A number, and the largest, is an identity where the frame rate is known; otherwise each file's own.
+    ``check`` is called as soon as the frames of the result are known, before the person if possible.
 
     Raises
     ------
@@ -63,7 +66,12 @@ def read_inputs(job: Job, progress: Progress | None = None) -> Inputs:
     person = str(job.person)
     by_place, alone = person == "largest" or person.isdecimal(), people.shape[2] == 1
     if person != "consistent" and not (by_place and (alone or whole.fps is None)):
-        return choose(follow_everybody(people, whole, job, progress), person)
+        found = choose(follow_everybody(people, whole, job, progress), person)
+        if check is not None:
+            check(found)
+        return found
+    if check is not None:
+        check(whole)
     index, unmatched = pick_places(people, whole.rig, person, whole.layout)
     if person.isdecimal() and not alone:
         warn(Finding("person_by_place", "note", numbers={"person": person}))

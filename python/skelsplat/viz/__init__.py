@@ -15,6 +15,7 @@ from skelsplat.viz._people import PersonTrack
 from skelsplat.viz._skeleton import Skeleton, body_axes
 from skelsplat.viz._style import person_colour, write_pages
 from skelsplat.viz._time import TimeAxis
+from skelsplat.viz.angles import AngleCurve, AnglePanel, draw_angles
 from skelsplat.viz.bones import Bone, BonePanel, draw_bones
 from skelsplat.viz.charts import BarData, Line, Panel, write_bars, write_panels
 from skelsplat.viz.error_map import ErrorMapData, draw_error_map
@@ -25,6 +26,8 @@ from skelsplat.viz.trajectories import TrajectoryData, draw_trajectories
 from skelsplat.viz.weights import WeightData, write_weights
 
 __all__ = [
+    "AngleCurve",
+    "AnglePanel",
     "BarData",
     "Bone",
     "BonePanel",
@@ -41,6 +44,7 @@ __all__ = [
     "TrajectoryData",
     "WeightData",
     "body_axes",
+    "draw_angles",
     "draw_bones",
     "draw_error_map",
     "draw_trajectories",

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,13 +14,14 @@ from skelsplat._arrays import Array, ArrayFields, Mask
 from skelsplat.viz import _style
 from skelsplat.viz._time import TimeAxis, draw_series, finish
 
+P = TypeVar("P")
 COLOURS = {**_style.SIDES, "": _style.MIDDLE}
 # A panel shows at least this part of the length above and below it: what is rigid looks flat.
 _LEAST_SHARE = 0.1
 _PALE = 0.35
 _SMALL_PT = _style.PRINT.small_pt
 
-_UPPER_PT, _LOWER_PT = 13.0, 4.0  # of the two lines above a panel
+UPPER_PT, LOWER_PT = 13.0, 4.0  # of the two lines above a panel
 _COLUMNS, _ROWS = 2, 7  # on a page
 _AXES_IN, _TEXT_IN = 0.74, 0.46
 _HEAD_IN, _FOOT_IN = 0.16, 0.42
@@ -57,28 +59,38 @@ def draw_bones(
     panels: Sequence[BonePanel], time: TimeAxis, *, title: str = "", notes: Sequence[str] = ()
 ) -> list[Figure]:
     """Draw the panels in two columns, at most fourteen on a page, with a title above and notes below."""
-    most = _COLUMNS * _ROWS
-    return [_draw_page(panels[k : k + most], time, title, notes) for k in range(0, len(panels), most)]
+    return draw_columns(panels, time, _draw_panel, title=title, notes=notes)
 
 
-def _draw_page(panels: Sequence[BonePanel], time: TimeAxis, title: str, notes: Sequence[str]) -> Figure:
-    lines = _style.note_lines(notes)
+def draw_columns(
+    panels: Sequence[P],
+    time: TimeAxis,
+    draw: Callable[[Axes, P, TimeAxis], None],
+    *,
+    title: str,
+    notes: Sequence[str],
+) -> list[Figure]:
+    """Draw panels in two columns over one axis of time; ``draw`` fills one, with two lines of text above."""
+    most, lines = _COLUMNS * _ROWS, _style.note_lines(notes)
     foot = _FOOT_IN + _style.notes_height(lines)
-    rows = -(-len(panels) // _COLUMNS)
-    figure = _style.new_figure(foot + rows * (_AXES_IN + _TEXT_IN) + _HEAD_IN, _style.PRINT)
     width = (_style.PRINT.width_in - _LEFT_IN - _RIGHT_IN - (_COLUMNS - 1) * _ACROSS_IN) / _COLUMNS
-    for k, panel in enumerate(panels):
-        row, column = divmod(k, _COLUMNS)
-        left = _LEFT_IN + column * (width + _ACROSS_IN)
-        bottom = foot + (rows - 1 - row) * (_AXES_IN + _TEXT_IN)
-        axes = figure.add_axes(_style.box(figure, left, bottom, width, _AXES_IN))
-        _draw_panel(axes, panel, time)
-        if k + _COLUMNS >= len(panels):
-            axes.set_xlabel(time.label, labelpad=2)
-        else:
-            axes.tick_params(labelbottom=False)
-    _style.write_around(figure, title, lines)
-    return figure
+    pages = []
+    for page in (panels[k : k + most] for k in range(0, len(panels), most)):
+        rows = -(-len(page) // _COLUMNS)
+        figure = _style.new_figure(foot + rows * (_AXES_IN + _TEXT_IN) + _HEAD_IN, _style.PRINT)
+        for k, panel in enumerate(page):
+            row, column = divmod(k, _COLUMNS)
+            left = _LEFT_IN + column * (width + _ACROSS_IN)
+            bottom = foot + (rows - 1 - row) * (_AXES_IN + _TEXT_IN)
+            axes = figure.add_axes(_style.box(figure, left, bottom, width, _AXES_IN))
+            draw(axes, panel, time)
+            if k + _COLUMNS >= len(page):
+                axes.set_xlabel(time.label, labelpad=2)
+            else:
+                axes.tick_params(labelbottom=False)
+        _style.write_around(figure, title, lines)
+        pages.append(figure)
+    return pages
 
 
 def _draw_panel(axes: Axes, panel: BonePanel, time: TimeAxis) -> None:
@@ -97,15 +109,15 @@ def _draw_panel(axes: Axes, panel: BonePanel, time: TimeAxis) -> None:
 
 def _write_numbers(axes: Axes, panel: BonePanel) -> None:
     """Write two lines above a panel: the limb and the difference of its sides, then each side's numbers."""
-    _write(axes, (0.0, _UPPER_PT), panel.title, size=_style.PRINT.label_pt, weight="bold")
-    _write(axes, (1.0, _UPPER_PT), difference_in_words(panel), ha="right")
+    write_above(axes, (0.0, UPPER_PT), panel.title, size=_style.PRINT.label_pt, weight="bold")
+    write_above(axes, (1.0, UPPER_PT), difference_in_words(panel), ha="right")
     for place, end, bone in zip((0.0, 1.0), ("left", "right"), panel.bones, strict=False):
         numbers = in_words(bone)
         words = f"{bone.side} {numbers}".strip() if numbers else ""
-        _write(axes, (place, _LOWER_PT), words, color=COLOURS[bone.side], ha=end)
+        write_above(axes, (place, LOWER_PT), words, color=COLOURS[bone.side], ha=end)
 
 
-def _write(
+def write_above(
     axes: Axes, place: tuple[float, float], words: str, size: float = _SMALL_PT, **style: object
 ) -> None:
     """Write words above an axes at a part of its width and some points above it."""

@@ -32,6 +32,8 @@ _GAP_IN = 0.3
 _MARGIN_MM = 120.0
 _GRID_MM = 250.0
 _REACH_MM = 1400.0
+# Bodies below this size, such as mice and hands, have margin and grid in proportion.
+_SMALL_MM = 500.0
 _MOST_NUMBERS = 8  # cameras for which the numbers fit between the bars
 
 
@@ -133,8 +135,8 @@ def _draw_body(figure: Figure, body: OverviewData, skeleton: Skeleton, bottom_in
         axes = figure.add_axes(_style.box(figure, start, bottom_in, *size))
         _draw_view(axes, points, _flat_covariances(body, right), body.status[body.frame], skeleton)
         axes.set(xlim=limit[0], ylim=(low, high), xlabel=label, title=title)
-        axes.xaxis.set_major_locator(MultipleLocator(_GRID_MM))
-        axes.yaxis.set_major_locator(MultipleLocator(_GRID_MM))
+        axes.xaxis.set_major_locator(MultipleLocator(_grid(max(*widths, high - low))))
+        axes.yaxis.set_major_locator(MultipleLocator(_grid(max(*widths, high - low))))
         if points is flat[0]:
             axes.set_ylabel("height [mm]" if body.up_known else f"{_axis_name(body.up)} [mm]")
         else:
@@ -202,8 +204,18 @@ def _limits(points: Array) -> tuple[tuple[float, float], tuple[float, float]]:
         return (-500.0, 500.0), (-500.0, 500.0)
     middle = np.median(known, axis=0)
     near = np.clip(known, middle - _REACH_MM, middle + _REACH_MM)
-    low, high = near.min(axis=0) - _MARGIN_MM, near.max(axis=0) + _MARGIN_MM
+    size = float((near.max(axis=0) - near.min(axis=0)).max())
+    margin = _MARGIN_MM * min(1.0, max(size, 1.0) / _SMALL_MM)
+    low, high = near.min(axis=0) - margin, near.max(axis=0) + margin
     return (float(low[0]), float(high[0])), (float(low[1]), float(high[1]))
+
+
+def _grid(size: float) -> float:
+    """Return the distance of grid lines in mm: 250 for people, about a quarter of smaller bodies."""
+    if size >= _SMALL_MM:
+        return _GRID_MM
+    power = 10.0 ** np.floor(np.log10(size / 4))
+    return float(power * next(step for step in (1.0, 2.0, 5.0, 10.0) if step * power >= size / 4))
 
 
 def _draw_cameras(axes: Axes, before: Array, after: Array, names: Sequence[str]) -> None:

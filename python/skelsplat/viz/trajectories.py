@@ -99,7 +99,7 @@ def _draw_panel(axes: Axes, data: TrajectoryData, place: tuple[int, int], colour
     joint, axis = place
     time, values = data.time, data.pose[:, joint, axis]
     status = data.status[:, joint]
-    _draw_bands(axes, time, values, (data.sigma[:, joint, axis], colour))
+    draw_bands(axes, time, values, (data.sigma[:, joint, axis], colour))
     draw_series(
         axes, time, data.start[:, joint, axis], color=_style.BEFORE, linewidth=0.6, zorder=2.2, label="start"
     )
@@ -120,13 +120,13 @@ def _draw_panel(axes: Axes, data: TrajectoryData, place: tuple[int, int], colour
             zorder=3,
             label=name,
         )
-    low, high = _limits(values, data.sigma[:, joint, axis], data.start[:, joint, axis])
+    low, high = limits(values, data.sigma[:, joint, axis], data.start[:, joint, axis])
     room = 2 * _MARK_HEIGHT * (high - low) if np.isin(data.status[:, data.joints], list(MARKS)).any() else 0.0
     missing = None if np.isfinite(values).any() else "no position"
     finish(axes, time, (low - room, high), ticks=4, missing=missing)
 
 
-def _draw_bands(axes: Axes, time: TimeAxis, values: Array, spread: tuple[Array, str]) -> None:
+def draw_bands(axes: Axes, time: TimeAxis, values: Array, spread: tuple[Array, str]) -> None:
     """Draw ±2σ and ±1σ; a frame without neighbours gets bars."""
     sigma, colour = spread
     x, y, s = time.broken(values, sigma)
@@ -150,7 +150,7 @@ def _draw_bands(axes: Axes, time: TimeAxis, values: Array, spread: tuple[Array, 
             )
 
 
-def _limits(values: Array, sigma: Array, start: Array) -> tuple[float, float]:
+def limits(values: Array, sigma: Array, start: Array) -> tuple[float, float]:
     """Return the range of a panel: all positions, most of the band, and a start that is not far away.
 
     A joint that is hardly determined has a band of metres, and a bad start is anywhere; neither may flatten

@@ -13,6 +13,7 @@ from skelsplat import DatasetError, datasets, io, synthetic
 from skelsplat.cli import app
 from skelsplat.datasets import synthetic as on_disk
 from skelsplat.datasets.synthetic import write_simulated
+from sweeps import diagonal
 
 NAME = "human36m-like-occ-2"
 TAKE = "S9/Directions"
@@ -41,8 +42,7 @@ def edit_index(root, change):
     (root / "dataset.json").write_text(json.dumps(index))
 
 
-@pytest.mark.parametrize("name", synthetic.set_names)
-@pytest.mark.parametrize("detector", ["good", "noisy"])
+@pytest.mark.parametrize(("name", "detector"), diagonal(synthetic.set_names, ["good", "noisy"]))
 def test_what_is_written_comes_back(tmp_path, name, detector):
     made = synthetic.simulate_set(name, poses=70)
     write_simulated(tmp_path / "data", made)

@@ -28,10 +28,13 @@ from writers import panoptic as panoptic_files
 FEW, STEPS = 60, 4
 
 
+make = cache(lambda name, seed: synthetic.simulate_set(name, poses=FEW, seed=seed))
+RECORDS: dict[str, ablations.Record] = {}
+
+
 @pytest.fixture(autouse=True)
 def small_sets(monkeypatch: pytest.MonkeyPatch) -> None:
     """Simulate as few poses as a set can have, once per set, and take few steps."""
-    make = cache(lambda name, seed: synthetic.simulate_set(name, poses=FEW, seed=seed))
     monkeypatch.setattr(_source, "simulate_set", lambda name, *, seed: make(name, seed))
     refined = Source.refined
 
@@ -66,6 +69,20 @@ def whole(lines: list[str], table: dict[str, Any]) -> bool:
     )
 
 
+@pytest.fixture
+def measured_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Measure each ablation once: what is printed and written depends on its record alone."""
+    measure = ablations.run
+
+    def found(name: str, *given: Any, **more: Any) -> ablations.Record:
+        if name not in RECORDS:
+            RECORDS[name] = measure(name, *given, **more)
+        return RECORDS[name]
+
+    monkeypatch.setattr(ablations, "run", found)
+
+
+@pytest.mark.usefixtures("measured_once")
 @pytest.mark.parametrize("name", ablations.names)
 def test_no_table_of_an_ablation_is_wider_than_the_console_or_breaks_a_name(
     name: str, tmp_path: Path
@@ -79,6 +96,7 @@ def test_no_table_of_an_ablation_is_wider_than_the_console_or_breaks_a_name(
         assert not any("tab:" in line or "text:" in line for line in lines)
 
 
+@pytest.mark.usefixtures("measured_once")
 @pytest.mark.parametrize("name", ablations.names)
 def test_every_ablation_runs_prints_the_papers_row_and_writes_its_files(name: str, tmp_path: Path) -> None:
     output = run(name, "--poses", 2, "-o", tmp_path)
@@ -108,6 +126,14 @@ def test_csv_holds_every_figure_with_all_digits(tmp_path: Path) -> None:
     for row in table["rows"]:
         for column, value in zip(table["columns"], row["values"], strict=True):
             assert by_row[row["method"], row["data"], column] == ("" if value is None else repr(value))
+
+
+def test_a_folder_that_cannot_be_written_is_refused_before_the_work(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setattr(ablations, "run", lambda *_, **__: pytest.fail("it worked"))
+    result = CliRunner().invoke(app, ["ablate", "noise", "-o", str(tmp_path / "file" / "out")])
+    assert result.exit_code == 1
+    assert "output: expected a folder that can be written" in result.stderr
 
 
 def test_same_seed_gives_the_same_figures_and_another_does_not() -> None:

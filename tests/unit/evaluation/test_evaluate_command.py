@@ -17,6 +17,7 @@ from skelsplat.cli import app
 from skelsplat.datasets.synthetic import write_simulated
 from skelsplat.evaluation.report import Published
 from skelsplat.evaluation.reported import reported
+from sweeps import swept
 
 FILES = {"report.md", "report.csv", "report.json", "bars.png", "runs"}
 
@@ -67,7 +68,7 @@ def test_wide_tables_are_cut_not_squeezed(room: Path, tmp_path: Path) -> None:
     assert any(line.startswith(" right_wrist") for line in lines)
 
 
-@pytest.mark.parametrize("columns", [60, 80, 120, None])
+@pytest.mark.parametrize("columns", [60, None, swept(80), swept(120)])
 def test_no_name_is_broken(room: Path, tmp_path: Path, columns: int | None) -> None:
     methods = ("dlt", "ransac-iskakov", "annealed")
     found = run("synthetic", room, "-o", tmp_path, "-m", ",".join(methods), "--per-joint", columns=columns)
@@ -126,7 +127,7 @@ def test_options_of_a_method(room: Path, tmp_path: Path) -> None:
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Write the dome with consecutive frame numbers instead of every 32nd."""
     root = tmp_path_factory.mktemp("data") / "dome"
-    whole = synthetic.simulate_set("dome", poses=240)
+    whole = synthetic.simulate_set("dome", poses=120)
     parts = [replace(part, frames=np.arange(len(part.frames))) for part in whole.recordings]
     write_simulated(root, replace(whole, recordings=tuple(parts)))
     return root
@@ -134,7 +135,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_methods_over_time_run_at_a_rate(recording: Path, tmp_path: Path) -> None:
     found = run(
-        "synthetic", recording, "-o", tmp_path, "--fps", 1.5625, "-m", "annealed,in-time,annealed-kalman"
+        "synthetic", recording, "-o", tmp_path, "--fps", 1.5625, "-m", "annealed,over-time,annealed-kalman"
     )
     assert "acc" in found.stdout
     assert "of consecutive frames at 1.5625 Hz" in " ".join(found.stdout.split())
@@ -146,15 +147,15 @@ def test_methods_over_time_run_at_a_rate(recording: Path, tmp_path: Path) -> Non
 def test_without_a_rate_they_are_left_out_and_asking_names_the_option(
     recording: Path, tmp_path: Path
 ) -> None:
-    error = run("synthetic", recording, "-o", tmp_path, "-m", "in-time", status=1).stderr
-    assert "fps: expected the frame rate (--fps), for the method in-time, got none" in error
+    error = run("synthetic", recording, "-o", tmp_path, "-m", "over-time", status=1).stderr
+    assert "fps: expected the frame rate (--fps), for the method over-time, got none" in error
     assert error.count("\n") == 1
     index = json.loads((recording / "dataset.json").read_text(encoding="utf-8"))
     for fps in (None, 1.5625):
         text = json.dumps(index if fps is None else {**index, "fps": fps})
         (recording / "dataset.json").write_text(text, encoding="utf-8")
         content = json.loads(run("synthetic", recording, "-o", tmp_path, "--json").stdout)
-        assert [s["method"] for s in content["scores"]].count("in-time") == (fps is not None)
+        assert [s["method"] for s in content["scores"]].count("over-time") == (fps is not None)
     (recording / "dataset.json").write_text(json.dumps(index), encoding="utf-8")
 
 

@@ -15,6 +15,7 @@ from skelsplat.cli import app
 from skelsplat.datasets.synthetic import write_simulated
 from skelsplat.evaluation import people, people_tables, protocols
 from skelsplat.evaluation.people_scores import Tally
+from sweeps import diagonal
 from writers import shelf_campus
 
 
@@ -171,8 +172,7 @@ def test_data_of_one_person_have_nobody_to_tell_apart(tmp_path):
         people.get("dlt")
 
 
-@pytest.mark.parametrize("name", ["shelf", "campus"])
-@pytest.mark.parametrize("form", ["npz", "pickle"])
+@pytest.mark.parametrize(("name", "form"), diagonal(["shelf", "campus"], ["npz", "pickle"]))
 def test_shelf_and_campus_without_oracle_association(tmp_path, name, form):
     shelf_campus.write_everybody(tmp_path / "data", name, form=form, n_frames=121)
     command = ["evaluate", name, str(tmp_path / "data"), "-o", str(tmp_path / "out"), "--json"]

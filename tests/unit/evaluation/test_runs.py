@@ -21,6 +21,7 @@ from skelsplat.cli import app
 from skelsplat.datasets import Dataset
 from skelsplat.datasets.synthetic import write_simulated
 from skelsplat.evaluation import export, methods, protocols, report, runs
+from sweeps import swept
 
 DATA = takes.simulated(3)
 
@@ -202,7 +203,7 @@ def undisturbed(small_set: Path, tmp_path_factory: pytest.TempPathFactory) -> li
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
-@pytest.mark.parametrize(("number", "status"), [(signal.SIGKILL, -signal.SIGKILL), (signal.SIGINT, 130)])
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), swept(signal.SIGKILL, -signal.SIGKILL)])
 def test_a_stopped_evaluation_goes_on(
     number: signal.Signals, status: int, small_set: Path, undisturbed: list[str], tmp_path: Path
 ) -> None:
@@ -233,13 +234,13 @@ def test_over_time_all_frames_are_solved_and_those_that_count_are_kept(tmp_path:
     rules = replace(protocols.get("human36m"), every=16)
     (case,) = rules.cases(data)
     assert case.take.frames.tolist() == [0, 16, 32]
-    method, options = methods.get("in-time"), methods.Options()
+    method, options = methods.get("over-time"), methods.Options()
     whole = method.solve(data.takes[0], data.layout, method.settings(options))
 
     def found(data: Dataset, rules: protocols.Protocol) -> np.ndarray:
         store = runs.Store(tmp_path, {})
         cases = rules.cases(data)
-        return runs.run(cases, data.layout, [method], options, store=store)["in-time"][0].pose
+        return runs.run(cases, data.layout, [method], options, store=store)["over-time"][0].pose
 
     frames = data.takes[0].frames
     np.testing.assert_array_equal(found(data, rules), whole.pose[np.isin(frames, [0, 16, 32])])

@@ -15,7 +15,7 @@ from skelsplat.datasets import Dataset
 from skelsplat.evaluation import export, methods, protocols, report, tables
 from skelsplat.evaluation.tables import Column, Row, Table
 
-OVER_TIME = ["annealed-butterworth", "annealed-kalman", "in-time"]
+OVER_TIME = ["annealed-butterworth", "annealed-kalman", "over-time"]
 NAMES = ["dlt", "fusion", "annealed"]
 DATA = takes.simulated(4, keys=("S9/Walking", "S9/Greeting", "S11/Directions 1"))
 
@@ -222,7 +222,7 @@ def test_without_names_everything_runs_that_the_data_allow(monkeypatch: pytest.M
     assert set(OVER_TIME) < {s.method for s in report.evaluate(recording).scores}
     monkeypatch.setattr(report, "find_spec", lambda name: None if name == "scipy" else name)
     without = {method.name for method in report.select([], rules.cases(recording), methods.Options())}
-    assert without & set(OVER_TIME) == {"annealed-kalman", "in-time"}
+    assert without & set(OVER_TIME) == {"annealed-kalman", "over-time"}
     monkeypatch.undo()
     with_paper = report.select(["all"], [], methods.Options())
     assert [method.name for method in with_paper] == list(methods.names)

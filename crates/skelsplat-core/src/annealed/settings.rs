@@ -24,7 +24,7 @@ settings! {
             "Find and correct detections with left and right swapped.";
         bones: Bones = Bones::Population, Domain::Any, "",
             "Lengths of bones for joints on which neither three views agree nor all that see them: `population`, with the proportions of people \
-             (built-in layouts only) and a stature found in the frame, or `free`, none.";
+             (human layouts only) and a stature found in the frame, or `free`, none.";
         bone_lengths_mm: Option<Vec<f64>> = None, Domain::Positive, "mm",
             "Known length of each of the layout's limbs, for any layout; replaces the population's. None: not known.";
         bone_sigmas_mm: Option<Vec<f64>> = None, Domain::Positive, "mm",

@@ -31,7 +31,7 @@ pub struct Shown {
 
 impl Expected {
     /// The population's proportions for a human `layout`, replaced where the user gives `lengths` of the layout's limbs, mm, with
-    /// standard deviations `sigmas`. A length with a σ of its own size or more is unknown.
+    /// standard deviations `sigmas`, or else the layout knows them. A length with a σ of its own size or more is unknown.
     ///
     /// # Errors
     /// [`Error::InvalidInput`] if there is not one length, and one σ, for each limb.
@@ -55,12 +55,17 @@ impl Expected {
         if sigmas.is_some() && lengths.is_none() {
             return Err(Error::invalid("config.bone_sigmas_mm", "bone_lengths_mm as well", "None"));
         }
-        let bone = |(b, mean): (usize, &f64)| {
-            let sigma = sigmas.map_or(LEAST_SPREAD, |sigmas| sigmas[b]);
-            Bone { joints: limbs[b], length: Length { mean: *mean, sigma } }
+        let bone =
+            |b: usize, mean, sigma| Bone { joints: limbs[b], length: Length { mean, sigma } };
+        let sigma = |b: usize| sigmas.map_or(LEAST_SPREAD, |sigmas| sigmas[b]);
+        let mut given: Vec<Bone> = match (lengths, layout) {
+            (Some(all), _) => (0..all.len()).map(|b| bone(b, all[b], sigma(b))).collect(),
+            (None, Some(layout)) => {
+                layout.lengths.iter().map(|l| bone(l.limb, l.mean_mm, l.sigma_mm)).collect()
+            }
+            (None, None) => Vec::new(),
         };
-        let all = lengths.unwrap_or_default().iter().enumerate().map(bone);
-        let given: Vec<Bone> = all.filter(|bone| bone.length.sigma < bone.length.mean).collect();
+        given.retain(|bone| bone.length.sigma < bone.length.mean);
         let mut proportions = layout.map(proportions).unwrap_or_default();
         proportions.retain(|p| given.iter().all(|bone| bone.joints != p.joints));
         Ok(Self { given, proportions })

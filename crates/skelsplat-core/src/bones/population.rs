@@ -26,7 +26,7 @@ pub struct Proportion {
 pub const STATURE: [f64; 2] = [1600.0, 350.0];
 
 /// Ends of a bone without their sides, ratio and spread.
-const TABLE: [(&str, &str, f64, f64); 18] = [
+const TABLE: [(&str, &str, f64, f64); 19] = [
     ("shoulder", "elbow", 0.186, 0.06),
     ("elbow", "wrist", 0.146, 0.06),
     ("hip", "knee", 0.245, 0.06),
@@ -45,12 +45,13 @@ const TABLE: [(&str, &str, f64, f64); 18] = [
     ("ear", "shoulder", 0.14, 0.25),
     ("ankle", "heel", 0.045, 0.25),
     ("ankle", "big_toe", 0.11, 0.2),
+    ("ankle", "foot_index", 0.11, 0.2),
 ];
 
-/// The bones of a built-in layout that the table knows; none for one's own layouts, which need not be human.
+/// The bones of a human layout that the table knows; none for other layouts.
 #[must_use]
 pub fn proportions(layout: &Layout) -> Vec<Proportion> {
-    if !layout.is_built_in() {
+    if !layout.is_human() {
         return Vec::new();
     }
     let bare = |j: usize| layout.joints[j].trim_start_matches("left_").trim_start_matches("right_");

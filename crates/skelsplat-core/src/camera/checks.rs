@@ -4,8 +4,10 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::error::{Error, Result};
 
-/// Largest entry of `RᵀR − I` accepted: single-precision and seven-digit files pass, a scaled or sheared R does not.
-const ORTHONORMAL: f64 = 1e-6;
+/// Largest entry of `RᵀR − I` accepted: files with three decimals and more pass, a scaled or sheared R does not.
+const ORTHONORMAL: f64 = 1e-3;
+/// Largest entry of `RᵀR − I` of a rotation in double precision, which stays as it is, to the bit.
+const EXACT: f64 = 1e-12;
 /// Largest entry, relative to fx, that is accepted as one of K's zeros (rounding of a computed K).
 const ZERO: f64 = 1e-9;
 
@@ -62,9 +64,10 @@ pub(super) fn intrinsics(k: &Matrix3<f64>) -> Result<()> {
     Ok(())
 }
 
-pub(super) fn rotation(r: &Matrix3<f64>) -> Result<()> {
+/// The rotation nearest to a matrix that is one to the digits it was written with.
+pub(super) fn rotation(r: &Matrix3<f64>) -> Result<Matrix3<f64>> {
     finite("R", r.as_slice())?;
-    let off = (r.tr_mul(r) - Matrix3::identity()).amax();
+    let off = deviation(r);
     if off > ORTHONORMAL {
         let expected = format!("an orthonormal matrix (RᵀR = I to {ORTHONORMAL:e})");
         return Err(Error::invalid("R", expected, format!("a deviation of {off:.3e}")));
@@ -73,7 +76,23 @@ pub(super) fn rotation(r: &Matrix3<f64>) -> Result<()> {
         let actual = "a reflection (determinant -1): an axis is flipped or two are swapped";
         return Err(Error::invalid("R", "a rotation (determinant +1)", actual));
     }
-    Ok(())
+    Ok(nearest(*r))
+}
+
+fn deviation(r: &Matrix3<f64>) -> f64 {
+    (r.tr_mul(r) - Matrix3::identity()).amax()
+}
+
+/// The nearest rotation in the Frobenius norm, by Newton's iteration for the polar decomposition: each step squares the
+/// deviation, so that three suffice from [`ORTHONORMAL`].
+fn nearest(mut r: Matrix3<f64>) -> Matrix3<f64> {
+    if deviation(&r) > EXACT {
+        for _ in 0..3 {
+            let Some(inverse) = r.try_inverse() else { break };
+            r = (r + inverse.transpose()) * 0.5;
+        }
+    }
+    r
 }
 
 pub(super) fn translation(t: &Vector3<f64>) -> Result<()> {

@@ -37,10 +37,13 @@ pub struct Camera {
 impl Camera {
     /// A camera without lens distortion and without a name; `size` is (width, height) in pixels.
     ///
+    /// A rotation that is orthonormal to 1e-3 (files have few digits) is replaced by the nearest rotation; one in double
+    /// precision stays as it is.
+    ///
     /// # Errors
     /// [`Error::InvalidInput`] naming `K`, `R`, `t` or `size`: a value is not finite, K is not
     /// `[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]` with focal lengths from 1e-9 to 1e9 and a principal point within ±1e9
-    /// pixels, R is not orthonormal to 1e-6 or is a reflection, t is not within ±1e12, or the image is not 1 to
+    /// pixels, R is not orthonormal to 1e-3 or is a reflection, t is not within ±1e12, or the image is not 1 to
     /// 65 535 pixels wide and high. [`for_camera`] adds the camera's name.
     pub fn new(
         k: &Matrix3<f64>,
@@ -49,14 +52,14 @@ impl Camera {
         size: [u32; 2],
     ) -> Result<Self> {
         checks::intrinsics(k)?;
-        checks::rotation(rotation)?;
+        let rotation = checks::rotation(rotation)?;
         checks::translation(translation)?;
         checks::size(size)?;
         Ok(Self {
             name: None,
             focal: Vector2::new(k[(0, 0)], k[(1, 1)]),
             principal: Vector2::new(k[(0, 2)], k[(1, 2)]),
-            rotation: *rotation,
+            rotation,
             translation: *translation,
             size,
             distortion: Distortion::None,

@@ -7,7 +7,7 @@
 use super::{LayoutSpec, SymmetricPair};
 
 /// Canonical names, in the order of [`JOINTS`].
-pub(super) const NAMES: [&str; 8] = [
+pub(super) const NAMES: [&str; 9] = [
     "h36m17",
     "coco17",
     "panoptic19",
@@ -16,10 +16,11 @@ pub(super) const NAMES: [&str; 8] = [
     "body25b",
     "halpe26",
     "shelf14",
+    "mediapipe33",
 ];
 
 /// Joints of each layout; `l_` and `r_` stand for `left_` and `right_`.
-const JOINTS: [&str; 8] = [
+const JOINTS: [&str; 9] = [
     "pelvis r_hip r_knee r_ankle l_hip l_knee l_ankle spine neck nose head \
      l_shoulder l_elbow l_wrist r_shoulder r_elbow r_wrist",
     "nose l_eye r_eye l_ear r_ear l_shoulder r_shoulder l_elbow r_elbow l_wrist r_wrist \
@@ -39,10 +40,13 @@ const JOINTS: [&str; 8] = [
      l_big_toe r_big_toe l_small_toe r_small_toe l_heel r_heel",
     "r_ankle r_knee r_hip l_hip l_knee l_ankle r_wrist r_elbow r_shoulder \
      l_shoulder l_elbow l_wrist neck head",
+    "nose l_eye_inner l_eye l_eye_outer r_eye_inner r_eye r_eye_outer l_ear r_ear l_mouth r_mouth \
+     l_shoulder r_shoulder l_elbow r_elbow l_wrist r_wrist l_pinky r_pinky l_index r_index l_thumb r_thumb \
+     l_hip r_hip l_knee r_knee l_ankle r_ankle l_heel r_heel l_foot_index r_foot_index",
 ];
 
 /// Limbs of one side with their symmetry tier (0: drawn, but not part of the symmetry loss).
-const SIDE: [(&str, &str, u8); 13] = [
+const SIDE: [(&str, &str, u8); 22] = [
     ("elbow", "wrist", 1),
     ("knee", "ankle", 1),
     ("shoulder", "elbow", 2),
@@ -54,6 +58,15 @@ const SIDE: [(&str, &str, u8); 13] = [
     ("ankle", "heel", 0),
     ("ankle", "big_toe", 0),
     ("big_toe", "small_toe", 0),
+    ("nose", "eye_inner", 0),
+    ("eye_inner", "eye", 0),
+    ("eye", "eye_outer", 0),
+    ("eye_outer", "ear", 0),
+    ("nose", "mouth", 0),
+    ("wrist", "thumb", 0),
+    ("wrist", "index", 0),
+    ("wrist", "pinky", 0),
+    ("ankle", "foot_index", 0),
     // Where the trunk has no joints of its own, its sides and the ears connect the skeleton.
     ("shoulder", "hip", 0),
     ("ear", "shoulder", 0),
@@ -89,6 +102,8 @@ pub(super) fn spec(name: &str) -> Option<LayoutSpec> {
         left_right: left_right.collect(),
         occlusion_prone: occlusion_prone.collect(),
         root: root(&joints),
+        lengths: Vec::new(),
+        human: true,
         symmetric,
         joints,
     })
@@ -131,6 +146,7 @@ fn limbs(joints: &[String]) -> Vec<[usize; 2]> {
         ("left_hip", "right_hip") => has("pelvis"),
         ("left_shoulder", "right_shoulder") | ("ear", "shoulder") => has("neck"),
         ("shoulder", "hip") => has("neck") && has("pelvis"),
+        ("nose", "eye") | ("eye", "ear") => has("left_eye_inner"),
         _ => false,
     };
     let middle = MIDDLE

@@ -1,4 +1,4 @@
-//! A recording of several people: one pass to find them, a second look at who has which figure, and each solved in time.
+//! A recording of several people: one pass to find them, a second look at who has which figure, and each solved over time.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -42,7 +42,7 @@ pub struct Person {
     pub slots: Vec<Option<usize>>,
     /// Slot of another figure that has more of the person's joints `(F, M)`.
     pub more: Vec<Option<usize>>,
-    /// The person's frames, solved in time.
+    /// The person's frames, solved over time.
     pub sequence: Sequence,
 }
 

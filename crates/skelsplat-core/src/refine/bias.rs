@@ -15,7 +15,7 @@
 //!   in Sports and Active Living 2:50 (2020), all joints: "an accuracy of 30 mm or less".
 //!
 //! Bridged: the pelvis, the middle of the hips, errs like a hip, and the neck, between the shoulders, like a shoulder. For spine,
-//! head, face, heels and toes, no abstract has a figure of its own; they get Nakano's.
+//! head, face, fingers, heels and toes, no abstract has a figure of its own; they get Nakano's.
 
 use crate::layout::Layout;
 use crate::settings::{Kind, Parameter, Value};
@@ -23,7 +23,7 @@ use crate::settings::{Kind, Parameter, Value};
 /// Standard deviation per axis of the errors that all views and frames share.
 #[derive(Debug, Clone, PartialEq)]
 pub enum JointBias {
-    /// The published figures for joints of the built-in layouts, 0 for others.
+    /// The published figures for joints of human layouts, 0 for others.
     OfLayout,
     /// The same for every joint, mm.
     All(f64),
@@ -52,7 +52,7 @@ impl JointBias {
         match (self, layout) {
             (Self::All(sigma), _) => vec![*sigma; n],
             (Self::Each(sigmas), _) => sigmas.clone(),
-            (Self::OfLayout, Some(layout)) if layout.is_built_in() => {
+            (Self::OfLayout, Some(layout)) if layout.is_human() => {
                 layout.joints.iter().map(|name| published(name)).collect()
             }
             (Self::OfLayout, _) => vec![0.0; n],

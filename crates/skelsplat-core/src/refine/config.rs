@@ -43,7 +43,7 @@ settings! {
              every frame.";
         joint_bias_mm: JointBias = JointBias::OfLayout, Domain::NotNegative, "mm",
             "Standard deviation per axis of the detector's joints from anatomical ones, the same in all views and frames, for all \
-             joints or N values; part of the error bar, not of the scatter; None: published figures for the built-in layouts, 0 \
+             joints or N values; part of the error bar, not of the scatter; None: published figures for human layouts, 0 \
              for others.";
         undistort: bool = true, Domain::Any, "",
             "Remove lens distortion from the detections first; False reproduces results published without undistortion.";

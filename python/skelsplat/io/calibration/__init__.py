@@ -16,14 +16,14 @@ from typing import Any
 import numpy as np
 
 import skelsplat as sk
-from skelsplat._arrays import Array
 from skelsplat._atomic import atomic_write, atomic_write_text
-from skelsplat.cameras import MM_PER_UNIT, altered, nearest_rotation
+from skelsplat.cameras import MM_PER_UNIT, altered
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
-from skelsplat.findings import Finding, FindingWarning, Subject
+from skelsplat.findings import FindingWarning
 from skelsplat.io._files import of_file
-from skelsplat.io.calibration import _json, _opencv, _toml, _xml
+from skelsplat.io.calibration import _binary, _json, _opencv, _tables, _toml, _vicon, _xml
 from skelsplat.io.calibration._format import CalibrationFormat, RawCamera, Source
+from skelsplat.io.calibration._unit import check_unit
 
 __all__ = ["FORMATS", "convert_unit", "find_format", "read_calibration", "write_calibration"]
 
@@ -34,22 +34,24 @@ FORMATS: dict[str, CalibrationFormat] = {
         CalibrationFormat("npz", _json.is_npz, _json.parse_npz),
         CalibrationFormat("json", _json.is_json, _json.parse_json),
         CalibrationFormat("human36m", _json.is_human36m, _json.parse_human36m, ("subject", "size")),
+        CalibrationFormat("voxelpose", _tables.is_voxelpose, _tables.parse_voxelpose, ("size",)),
+        CalibrationFormat("4d-association", _tables.is_association, _tables.parse_association),
         CalibrationFormat("panoptic", _json.is_panoptic, _json.parse_panoptic, ("camera_type",)),
+        CalibrationFormat("theia", _xml.is_theia, _xml.parse_theia),
         CalibrationFormat("qualisys", _xml.is_qualisys, _xml.parse_qualisys, ("camera_type", "binning")),
-        CalibrationFormat("vicon", _xml.is_vicon, _xml.parse_vicon, ("camera_type",)),
+        CalibrationFormat("vicon", _vicon.is_vicon, _vicon.parse_vicon, ("camera_type",)),
         CalibrationFormat("openpose", _opencv.is_openpose, _opencv.parse_openpose, ("size",)),
         CalibrationFormat("easymocap", _opencv.is_easymocap, _opencv.parse_easymocap, ("size",)),
+        CalibrationFormat("opencap", _binary.is_opencap, _binary.parse_opencap),
+        CalibrationFormat("dannce", _binary.is_dannce, _binary.parse_dannce, ("size",)),
         CalibrationFormat("caliscope", _toml.is_caliscope, _toml.parse_caliscope),
         CalibrationFormat("anipose", _toml.is_anipose, _toml.parse_anipose),
     )
 }
 _WRITTEN = {".toml": "anipose", ".json": "json", ".npz": "npz"}
-# Qualisys writes six digits, EasyMocap six, Vicon's are exact: more is no rounding
-_ROTATION_DIGITS = 1e-3
-# from a macro rig on a table to a stadium; outside it the unit is wrong rather than the rig unusual
-_PLAUSIBLE_M = (0.05, 100.0)
-# cameras of a room stand about this far apart; the likely unit is the one that comes closest
-_TYPICAL_M = 4.0
+# of files that may be calibrations in a folder, and how many are looked at
+_SUFFIXES = (".toml", ".json", ".xml", ".txt", ".xcp", ".yml", ".yaml", ".npz", ".mat", ".pickle", ".pkl")
+_MOST_FILES = 50
 
 
 def read_calibration(
@@ -67,7 +69,7 @@ def read_calibration(
     Parameters
     ----------
     path : path
-        The calibration file, or the folder where a format is one.
+        The calibration file, the folder where a format is one, or a folder with one calibration.
     unit : "mm", "cm" or "m"
         The length unit of the file's translations. It must be given for the formats that do not say it:
         ``anipose`` (unless this package wrote the file) and ``easymocap``. For the others it may be left out;
@@ -75,18 +77,23 @@ def read_calibration(
     format : str, optional
         Found from the content when left out. A key of `FORMATS`:
 
-        ================  =============================================================== =========
-        ``"anipose"``     TOML of Anipose, Pose2Sim, FreeMoCap and Caliscope's export     asked for
-        ``"caliscope"``   Caliscope's ``camera_array.toml``                               m
-        ``"easymocap"``   OpenCV YAML pair intri.yml, extri.yml: folder or either file    asked for
-        ``"openpose"``    folder of OpenPose XML files, one per camera                    m
-        ``"panoptic"``    CMU Panoptic JSON                                               cm
-        ``"human36m"``    Human3.6M ``camera-parameters.json``                            mm
-        ``"qualisys"``    Qualisys ``.qca.txt``                                           mm
-        ``"vicon"``       Vicon ``.xcp``                                                  mm
-        ``"json"``        this package's JSON                                             in it
-        ``"npz"``         NumPy arrays K, R, t, size, names, unit                         in it
-        ================  =============================================================== =========
+        ====================  =========================================================== =========
+        ``"anipose"``         TOML of Anipose, Pose2Sim, FreeMoCap and Caliscope's export asked for
+        ``"caliscope"``       Caliscope's ``camera_array.toml``, older ``config.toml``    m
+        ``"easymocap"``       OpenCV YAML pair intri.yml, extri.yml: folder, or one file  asked for
+        ``"openpose"``        folder of OpenPose XML files, one per camera                m
+        ``"panoptic"``        CMU Panoptic JSON                                           cm
+        ``"human36m"``        Human3.6M ``camera-parameters.json``                        mm
+        ``"voxelpose"``       VoxelPose's and MMPose's JSON of Shelf and Campus           mm
+        ``"4d-association"``  4D association's JSON                                       asked for
+        ``"opencap"``         OpenCap session, or folder of its pickles                   mm
+        ``"dannce"``          MAT-file of DANNCE and Label3D, or folder of one per camera mm
+        ``"qualisys"``        Qualisys ``.qca.txt``                                       mm
+        ``"theia"``           Theia3D's, XML like Qualisys'                               mm
+        ``"vicon"``           Vicon ``.xcp``                                              mm
+        ``"json"``            this package's JSON                                         in it
+        ``"npz"``             NumPy arrays K, R, t, size, names, unit                     in it
+        ====================  =========================================================== =========
     camera_type : str, optional
         Which cameras of a file with several kinds: for Panoptic ``"hd"`` (default), ``"vga"``, …; for
         Qualisys and Vicon the video cameras (default); ``"all"``.
@@ -118,8 +125,7 @@ def read_calibration(
         TOML has no lens coefficients; if a Qualisys camera's view was turned; if Vicon's lens model could not
         be followed to 0.1 px.
     """
-    source = Source(path)
-    chosen = _find(source, format)
+    source, chosen = _find(Source(path), format)
     options = {"camera_type": camera_type, "subject": subject, "size": size, "binning": binning}
     _check_options(chosen, options)
     parsed = chosen.parse(source, **{name: options[name] for name in chosen.options if name != "size"})
@@ -129,32 +135,65 @@ def read_calibration(
         raise DatasetError(source.path, "cameras", "at least one camera", "none")
     _check_names(source.path, parsed.cameras)
     cameras = [_build(source.path, camera, _size(source.path, camera, size)) for camera in parsed.cameras]
-    centres = [np.asarray(camera.centre) for camera in cameras]
-    known_unit = _check_unit(source.path, centres, unit, stated=parsed.unit)
+    known_unit = check_unit(source.path, cameras, unit, stated=parsed.unit)
     return sk.CameraRig(cameras, unit=known_unit)
 
 
 def find_format(path: str | os.PathLike[str]) -> str | None:
     """Return the key of the format that a file or folder has; None if it is no calibration.
 
-    A file that cannot be read, or begins like JSON, XML or TOML and is broken, is a `DatasetError`.
+    A file that cannot be read, or begins like JSON, XML or TOML and is broken, and a folder with several
+    calibrations are a `DatasetError`.
     """
-    return _recognised(Source(path))
+    found = _found(Source(path), None)
+    return None if found is None else found[1].name
 
 
 def _recognised(source: Source) -> str | None:
     return next((known.name for known in FORMATS.values() if known.matches(source)), None)
 
 
-def _find(source: Source, name: str | None) -> CalibrationFormat:
+def _find(source: Source, name: str | None) -> tuple[Source, CalibrationFormat]:
+    """Return the calibration, in a folder or not, and its format."""
     known = sorted(FORMATS)
     one_of("format", name, (None, *known))
-    found = name or _recognised(source)
+    found = _found(source, name)
     if found is None:
         actual = "a folder without one" if source.is_folder else "something else"
         expected = f"a calibration in a known format ({', '.join(known)})"
         raise DatasetError(source.path, "content", expected, actual)
-    return FORMATS[found]
+    return found
+
+
+def _found(source: Source, name: str | None) -> tuple[Source, CalibrationFormat] | None:
+    """Return a source in a format, or the only file of a folder that is one; a named format is believed."""
+    form = _recognised(source) if name is None or source.is_folder else None
+    inside = _among(source, name) if form is None else {}
+    if len(inside) > 1:
+        names = ", ".join(one.path.name for one in inside)
+        raise DatasetError(source.path, "content", "a folder with one calibration, or the file itself", names)
+    if inside:
+        return next(iter(inside.items()))
+    return None if name is form is None else (source, FORMATS[name or form or ""])
+
+
+def _among(source: Source, name: str | None) -> dict[Source, CalibrationFormat]:
+    """Return the calibrations among a folder's files, of this format if one is named.
+
+    A broken file is passed over; so is a folder with so many files that they are detections.
+    """
+    files = [path for path in source.files if path.suffix.lower() in _SUFFIXES]
+    found = {}
+    for one in map(Source, files if len(files) <= _MOST_FILES else []):
+        try:
+            form = _recognised(one)
+            if form == "anipose" and not _toml.has_cameras(one):
+                continue
+        except DatasetError:
+            continue
+        if form is not None and name in (None, form):
+            found[one] = FORMATS[form]
+    return found
 
 
 def _check_options(chosen: CalibrationFormat, options: Mapping[str, Any]) -> None:
@@ -193,11 +232,10 @@ def _size(
 
 
 def _build(path: Path, raw: RawCamera, size: tuple[int, int]) -> sk.Camera:
-    rotation = nearest_rotation(raw.R, _ROTATION_DIGITS)
     try:
         return sk.Camera(
             raw.K,
-            raw.R if rotation is None else rotation,
+            raw.R,
             raw.t,
             distortion=raw.distortion,
             fisheye=raw.fisheye,
@@ -206,42 +244,6 @@ def _build(path: Path, raw: RawCamera, size: tuple[int, int]) -> sk.Camera:
         )
     except InvalidInputError as error:
         raise of_file(path, error) from error
-
-
-def _check_unit(path: Path, centres: Sequence[Array], unit: str | None, *, stated: str | None = None) -> str:
-    """Return the unit, given or `stated` by the file; warn if the cameras' spread makes it implausible."""
-    spread = _spread(centres)
-    if stated is not None:
-        if unit not in (None, stated):
-            raise InvalidInputError(f'unit: expected none or "{stated}", the unit of {path}, got {unit!r}')
-        unit = stated
-    if unit is None:
-        raise InvalidInputError(f'unit: expected "mm", "cm" or "m" for {path}, got none; {_hint(spread)}')
-    one_of("unit", unit, MM_PER_UNIT)
-    metres = spread * MM_PER_UNIT[unit] / 1000.0
-    if spread > 0.0 and not _PLAUSIBLE_M[0] <= metres <= _PLAUSIBLE_M[1]:
-        numbers = {"metres": metres, "unit": unit, "spread": spread, "likely": _likely(spread)}
-        subject = Subject(files=(str(path),))
-        warnings.warn(FindingWarning(Finding("unit_implausible", "warning", subject, numbers)), stacklevel=3)
-    return unit
-
-
-def _spread(centres: Sequence[Array]) -> float:
-    """Largest distance between two camera centres, in the file's unit; 0 for one camera."""
-    points = np.stack(centres)
-    return float(np.linalg.norm(points[:, None] - points[None], axis=-1).max())
-
-
-def _hint(spread: float) -> str:
-    if spread == 0.0:
-        return "one camera gives no hint of it"
-    return (
-        f'the largest distance between cameras is {spread:.4g} in the file, so "{_likely(spread)}" is likely'
-    )
-
-
-def _likely(spread: float) -> str:
-    return min(MM_PER_UNIT, key=lambda name: abs(np.log(spread * MM_PER_UNIT[name] / 1000.0 / _TYPICAL_M)))
 
 
 def convert_unit(rig: sk.CameraRig, unit: str) -> sk.CameraRig:

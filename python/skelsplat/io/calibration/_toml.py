@@ -8,25 +8,47 @@ length unit; files that this package wrote state it as ``unit`` under ``metadata
 Caliscope's ``camera_array.toml``: the tables are ``[cameras.N]``, in metres, the name is ``cam_id`` (older
 files: ``port``), ``rotation`` is a Rodrigues vector or, in older files, a matrix 3×3, and both it and
 ``translation`` are null before the cameras were calibrated together. Cameras with ``ignore = true`` are
-passed over. ``rotation_count`` turns Caliscope's display, not the pixels that were calibrated.
+passed over. ``rotation_count`` turns Caliscope's display, not the pixels that were calibrated. Before 0.3,
+and in pyxy3d, the same tables were ``[cam_N]`` of ``config.toml``, among ``charuco``, ``capture_volume`` and
+``stereo_A_B``, which has the pose of a pair of cameras.
+
+A crop: Anipose's ``config.toml`` may have ``offset`` (x, y) of ``[cameras.NAME]``, the upper left corner in
+the calibrated image of the videos in which points were detected. It is taken off the principal point.
 """
 
 from __future__ import annotations
 
 import json
 import re
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 import skelsplat as sk
+from skelsplat._arrays import Array
 from skelsplat.cameras import matrix_from_vector, vector_from_matrix
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._fields import Field
-from skelsplat.io.calibration._format import Parsed, RawCamera, Source, lens_of, noted, rotation_of, size_of
+from skelsplat.io._files import parse_toml, read_text
+from skelsplat.io.calibration._format import (
+    Parsed,
+    RawCamera,
+    Source,
+    lens_of,
+    noted,
+    rotation_of,
+    size_of,
+    whole_size,
+)
 
 _REQUIRED = ("matrix", "rotation", "translation")
 _LENS = ("distortion", "distortions")
-_NOT_CAMERAS = frozenset({"metadata", "capture_volume", "charuco", "checkerboard"})
+_NOT_CAMERAS = re.compile(r"metadata|capture_volume|charuco|checkerboard|stereo_.*")
+# of Anipose; `config.toml` is in the project's folder, some levels above the calibration
+_ANIPOSE, _PROJECT, _LEVELS = "calibration.toml", "config.toml", 4
 
 
 def _looks_like_toml(text: str) -> bool:
@@ -39,10 +61,19 @@ def is_anipose(source: Source) -> bool:
     return not source.start.startswith(("<", "{", "%YAML")) and _looks_like_toml(source.text)
 
 
+def has_cameras(source: Source) -> bool:
+    """Whether TOML has a camera: much other TOML is of no known format, either."""
+    return bool(_cameras(source))
+
+
+def _cameras(source: Source) -> list[Field]:
+    document = Field(source.path, "", source.toml)
+    return [document[key] for key in source.toml if _is_camera(document[key])]
+
+
 def parse_anipose(source: Source) -> Parsed:
     """Return the cameras of a file of the Anipose family, in its order."""
-    document = Field(source.path, "", source.toml)
-    cameras = [document[key] for key in source.toml if _is_camera(document[key])]
+    document, cameras = Field(source.path, "", source.toml), _cameras(source)
     if not cameras:
         expected = "at least one camera table with matrix, rotation and translation"
         raise DatasetError(source.path, "cameras", expected, f"tables {', '.join(source.toml) or 'none'}")
@@ -50,7 +81,11 @@ def parse_anipose(source: Source) -> Parsed:
     unit = document["metadata"]["unit"].value
     known = unit if unit in ("mm", "cm", "m") else None
     found = [noted("lens_assumed", source.path, *bare)] if bare else []
-    return Parsed([_anipose_camera(one) for one in cameras], known, found)
+    read = [_anipose_camera(one) for one in cameras]
+    offsets, file = _offsets(source, cameras)
+    if offsets:
+        found.append(noted("crop_applied", file, *offsets))
+    return Parsed([_cropped(file, camera, offsets.get(camera.name)) for camera in read], known, found)
 
 
 def _is_camera(entry: Field) -> bool:
@@ -58,7 +93,51 @@ def _is_camera(entry: Field) -> bool:
 
     One of the three required keys is enough: a camera that lacks another is an error, not a table to skip.
     """
-    return entry.place not in _NOT_CAMERAS and any(name in entry for name in _REQUIRED)
+    return not _NOT_CAMERAS.fullmatch(entry.place) and any(name in entry for name in _REQUIRED)
+
+
+def _offsets(source: Source, cameras: Sequence[Field]) -> tuple[dict[str, Array], Path]:
+    """Return the offsets of crops by camera, and the file that has them: this one, or Anipose's project's."""
+    named = {str(one.value.get("name", one.place)): one for one in cameras}
+    for document in _with_offsets(source):
+        table = document["cameras"]
+        fields = [(name, one["offset"], table[name]["offset"]) for name, one in named.items()]
+        given = {name: beside if own.is_missing else own for name, own, beside in fields}
+        corners = {name: _corner(field) for name, field in given.items() if not field.is_missing}
+        if corners:
+            return {name: corner for name, corner in corners.items() if corner.any()}, document.path
+    return {}, source.path
+
+
+def _with_offsets(source: Source) -> Iterator[Field]:
+    """Yield the calibration, and what may be Anipose's configuration in its folder and above."""
+    yield Field(source.path, "", source.toml)
+    for folder in source.path.absolute().parents[:_LEVELS] if source.path.name == _ANIPOSE else []:
+        path = folder / _PROJECT
+        if path.is_file():
+            with suppress(DatasetError):  # somebody else's
+                yield Field(path, "", parse_toml(path, read_text(path)))
+
+
+def _corner(field: Field) -> Array:
+    """Return the first two numbers of an offset, as Anipose does: some give the other corner as well."""
+    offset = field.numbers(None)
+    if offset.size not in (2, 4):
+        raise field.error("x and y of the crop's upper left corner", f"{offset.size} numbers")
+    return offset[:2]
+
+
+def _cropped(file: Path, camera: RawCamera, offset: Array | None) -> RawCamera:
+    """Return the camera of the part of its image that begins at an offset and reaches at most to its end."""
+    if offset is None or camera.size is None:
+        return camera
+    size = whole_size(*(np.array(camera.size) - offset))
+    if size is None or (offset < 0).any():
+        expected = f"whole pixels within {camera.size[0]}×{camera.size[1]}"
+        raise DatasetError(file, f"offset of {camera.name}", expected, offset.tolist())
+    K = camera.K.copy()
+    K[:2, 2] -= offset
+    return replace(camera, K=K, size=size)
 
 
 def _anipose_camera(entry: Field) -> RawCamera:
@@ -78,12 +157,17 @@ def _anipose_camera(entry: Field) -> RawCamera:
 
 def is_caliscope(source: Source) -> bool:
     """Whether a source is TOML with Caliscope's tables."""
-    return "cameras." in source.text and _looks_like_toml(source.text) and bool(_caliscope(source))
+    shown = "cameras." in source.text or "rotation_count" in source.text
+    return shown and _looks_like_toml(source.text) and bool(_caliscope(source))
 
 
 def _caliscope(source: Source) -> list[Field]:
-    cameras = Field(source.path, "", source.toml)["cameras"]
-    return [cameras[name] for name in cameras.value] if isinstance(cameras.value, dict) else []
+    """Return the tables of cameras, if they are numbered: those of ``cameras``, in older files ``cam_N``."""
+    document = Field(source.path, "", source.toml)
+    cameras = document["cameras"] if isinstance(document["cameras"].value, dict) else document
+    tables = [cameras[name] for name in cameras.value if cameras is not document or name.startswith("cam_")]
+    numbered = [table for table in tables if not {"cam_id", "port"}.isdisjoint(table.table().value)]
+    return tables if numbered else []
 
 
 def parse_caliscope(source: Source) -> Parsed:
@@ -91,7 +175,7 @@ def parse_caliscope(source: Source) -> Parsed:
     entries = _caliscope(source)
     if not entries:
         actual = f"tables {', '.join(source.toml) or 'none'}"
-        raise DatasetError(source.path, "cameras", "tables [cameras.N]", actual)
+        raise DatasetError(source.path, "cameras", "tables [cameras.N], or [cam_N]", actual)
     wanted = [entry for entry in entries if not entry.table()["ignore"].flag()]
     if not wanted:
         raise DatasetError(source.path, "cameras", "a camera without ignore = true", "none")

@@ -22,11 +22,23 @@ from skelsplat._arrays import Array, Index
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 from skelsplat.io.detections._format import View
 from skelsplat.io.detections._frames import FRAME_MODES, FrameMode, check_offsets
-from skelsplat.io.detections._joints import arranged, check_mapping, choose_layout, places_of
+from skelsplat.io.detections._joints import arranged, check_mapping, places_of
+from skelsplat.io.detections._layout import choose_layout, read_layout
 from skelsplat.io.detections._match import camera_called, cameras_called
 from skelsplat.io.detections._registry import FORMATS, Matching, find_format, open_sources
+from skelsplat.io.detections._skeleton import Skeleton, read_skeleton
 
-__all__ = ["FORMATS", "DetectionSet", "camera_called", "cameras_called", "read_detections", "read_openpose"]
+__all__ = [
+    "FORMATS",
+    "DetectionSet",
+    "Skeleton",
+    "camera_called",
+    "cameras_called",
+    "read_detections",
+    "read_layout",
+    "read_openpose",
+    "read_skeleton",
+]
 
 # pixels of a whole view that all lie within this are parts of the image's size
 _NORMALISED = 1.5
@@ -39,9 +51,9 @@ class DetectionSet:
     Attributes
     ----------
     people : (T, M, P, K, 3)
-        x and y in pixels of the original image, confidence in [0, 1]. A joint that was not detected, and a
-        place in P where nobody stands, is NaN. The order of people in a frame is the detector's: place p is
-        nobody's identity.
+        x and y in pixels of the original image, confidence in [0, 1]. NaN: a joint that was not detected,
+        also one at exactly (0, 0) if a camera has several, and a place in P where nobody stands. The order of
+        people in a frame is the detector's: place p is nobody's identity.
     frames : (T,) int
         Frame numbers, ascending.
     camera_names : tuple of str
@@ -50,6 +62,8 @@ class DetectionSet:
         The folder or file of each camera; None for a camera without detections.
     layout : str
         Name of the joint layout of the K joints.
+    skeleton : Layout
+        The layout itself, which may be that of a file.
     format : str
         Name of the format that they were read from.
     labels : tuple of str or None
@@ -65,6 +79,7 @@ class DetectionSet:
     camera_names: tuple[str, ...]
     sources: tuple[Path | None, ...]
     layout: str
+    skeleton: sk.Layout
     format: str = ""
     labels: tuple[str | None, ...] = ()
     uneven: bool = False
@@ -82,7 +97,7 @@ def read_detections(
     path: str | os.PathLike[str],
     cameras: sk.CameraRig | Sequence[sk.Camera] | Sequence[str],
     *,
-    layout: str | sk.Layout | None = None,
+    layout: str | os.PathLike[str] | sk.Layout | None = None,
     format: str | None = None,
     frames: FrameMode = "strict",
     offsets: Mapping[str, int] | None = None,
@@ -101,9 +116,10 @@ def read_detections(
         page on file formats says what each tool writes.
     cameras : CameraRig, sequence of Camera or of names
         Gives the views and their order. Cameras must have names, unless `order` is given.
-    layout : str or Layout
-        What the N joints are. It may be left out only if the files name exactly the joints of one built-in
-        layout; a count alone does not say which they are.
+    layout : str, path or Layout
+        What the N joints are, as `read_layout` takes it; ``"file"``: those that the files name. It may be
+        left out only if the files name exactly the joints of one built-in layout, or the number of joints is
+        that of one detector alone (21, 33, 133, 136); other counts do not say which they are.
     format : str, optional
         A key of `FORMATS`; found from the files when left out.
     frames : {"strict", "intersection", "union"}
@@ -112,8 +128,8 @@ def read_detections(
         do not list frames without people; there ``strict`` reads every frame that is listed for any camera.
     offsets : dict, optional
         By camera, frames to add to its numbers: ``{"cam2": 3}`` if that camera started 3 frames late. The
-        frame numbers of the result count in the common time. ``strict`` still compares the numbers as the
-        files have them, and then reads what the cameras share in the common time. Cameras may be written as
+        frame numbers of the result count in the common time, in which ``strict`` asks for the same numbers
+        from the latest beginning to the earliest end, and reads these. Cameras may be written as
         loosely as their folders: ``cam2`` for ``cam_02``.
     order : sequence of str or "sorted", optional
         The folder, file, or place in the file of each camera, in the order of `cameras`, instead of matching
@@ -154,7 +170,7 @@ def read_detections(
     sources = open_sources(root, form, Matching(names, order, allow_missing, left_out), sequence)
     names = [name for name in names if name not in left_out]
     numbers = sources.shared(frames, shifts)
-    chosen = choose_layout(layout, sources.views.values())
+    chosen = choose_layout(layout, sources.views.values(), root)
     joints = check_mapping(mapping, chosen)
     read = {
         name: _read_view(view, numbers - shifts[name], chosen, joints) for name, view in sources.views.items()
@@ -166,6 +182,7 @@ def read_detections(
         camera_names=tuple(names),
         sources=tuple(sources.views[name].path if name in sources.views else None for name in names),
         layout=chosen.name,
+        skeleton=chosen,
         format=form.name,
         labels=tuple(sources.labels[name] for name in names),
         uneven=sources.uneven,
@@ -177,7 +194,7 @@ def read_openpose(
     folder: str | os.PathLike[str],
     cameras: sk.CameraRig | Sequence[sk.Camera] | Sequence[str],
     *,
-    layout: str | sk.Layout | None = None,
+    layout: str | os.PathLike[str] | sk.Layout | None = None,
     frames: FrameMode = "strict",
     allow_missing: bool = False,
 ) -> DetectionSet:
@@ -209,7 +226,9 @@ def _read_view(
         else []
         for number in numbers.tolist()
     ]
-    _check_pixels(view, [person for people in read for person in people])
+    everybody = [person for people in read for person in people]
+    _check_pixels(view, everybody)
+    _forget_zeros(everybody)
     return read
 
 
@@ -222,6 +241,17 @@ def _check_pixels(view: View, people: Sequence[Array]) -> None:
     if len(points) > 1 and np.abs(points).max() <= _NORMALISED:
         actual = f"numbers from {points.min():.3g} to {points.max():.3g}, parts of the image's size"
         raise DatasetError(view.path, "keypoints", "pixels of the original image", actual)
+
+
+def _forget_zeros(people: Sequence[Array]) -> None:
+    """Make the joints of a camera that are at exactly (0, 0) missing, unless there is only one.
+
+    YOLO writes so what it did not detect, with a confidence.
+    """
+    zeros = [(person[:, :2] == 0.0).all(axis=1) for person in people]
+    if sum(int(zero.sum()) for zero in zeros) > 1:
+        for person, zero in zip(people, zeros, strict=True):
+            person[zero] = np.nan
 
 
 def _stack(views: Sequence[Sequence[Sequence[Array]]], steps: int, n_joints: int) -> Array:

@@ -125,14 +125,6 @@ def is_metrabs(path: Path) -> bool:
     return not npz_keys(path).isdisjoint(_METRABS)
 
 
-_SIDED = "eye_inner eye eye_outer"
-_PAIRS = "shoulder elbow wrist pinky index thumb hip knee ankle heel foot_index"
-_BODY = (
-    "nose",
-    *(f"{side}_{part}" for side in ("left", "right") for part in _SIDED.split()),
-    *("left_ear", "right_ear", "mouth_left", "mouth_right"),
-    *(f"{side}_{part}" for part in _PAIRS.split() for side in ("left", "right")),
-)
 # MediaPipe's body; with two hands of 21; with 468 or 478 points of the face
 _COUNTS = (33, 75, 543, 553)
 
@@ -163,7 +155,13 @@ def _mediapipe_names(path: Path, count: int) -> tuple[str, ...] | None:
     if count not in _COUNTS:
         counts = ", ".join(str(known) for known in _COUNTS)
         raise DatasetError(path, "array", f"one of {counts} points of MediaPipe", count)
-    return (*_BODY, *(f"point_{place}" for place in range(len(_BODY), count)))
+    return mediapipe_names(count)
+
+
+def mediapipe_names(count: int) -> tuple[str, ...]:
+    """Return the names of MediaPipe's points, of which the first 33 are the body."""
+    body = layouts.MEDIAPIPE33.joints
+    return (*body, *(f"point_{place}" for place in range(len(body), count)))
 
 
 def is_freemocap(path: Path) -> bool:

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from skelsplat._skelsplat import HIGHEST_CONFIDENCE
 from skelsplat.exceptions import DatasetError
 from skelsplat.io._files import csv_header, csv_lines, frame_number, whole_number
 from skelsplat.io.detections._format import Person, Recording, View, joints_of, list_view
@@ -57,7 +58,8 @@ def _read(path: Path) -> tuple[dict[str, Lines], tuple[str, ...]]:
         frame = camera.setdefault(frame_in(path, f"line {number}, frame", cell["frame"]), {})
         person = frame.setdefault(cell.get("person", ""), {})
         if not cell["joint"] or cell["joint"] in person:
-            expected = "a joint, once per person"
+            alone = bool(cell["joint"]) and "person" not in columns
+            expected = f"a joint, once per {'frame, or a column person for several' if alone else 'person'}"
             raise DatasetError(path, f"line {number}, joint", expected, repr(cell["joint"]))
         person[cell["joint"]] = _values(path, number, cell)
         joints[cell["joint"]] = None
@@ -87,7 +89,7 @@ def _values(path: Path, line: int, cell: dict[str, str]) -> tuple[float, ...]:
     x, y, sure = (
         number_in(path, f"line {line}, {name}", cell.get(name, "1")) for name in ("x", "y", "confidence")
     )
-    if not np.isnan([x, y, sure]).any() and not 0.0 <= sure <= 1.0:
+    if not np.isnan([x, y, sure]).any() and not 0.0 <= sure <= HIGHEST_CONFIDENCE:
         expected, actual = "a confidence in [0, 1]", cell["confidence"]
         raise DatasetError(path, f"line {line}, confidence", expected, actual)
     return x, y, sure

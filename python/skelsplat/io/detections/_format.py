@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from skelsplat._arrays import Array
+from skelsplat._skelsplat import HIGHEST_CONFIDENCE
 from skelsplat.exceptions import DatasetError
 
 
@@ -78,15 +79,16 @@ def joints_of(path: Path, where: str, xy: Array, confidence: Array | None, *, cl
     """Join pixels (…, 2) and confidence (…) to (…, 3) with NaN for missing.
 
     A joint without finite pixels, without confidence, or with a confidence of 0 is missing. Without any
-    confidence a joint counts as sure (1). With `clip`, a score above 1 counts as 1 and one below 0 as
-    missing: maxima of heat maps and SimCC are no probabilities. The confidence of a joint without pixels does
-    not count, whatever it is.
+    confidence a joint counts as sure (1), as with one slightly above 1. With `clip`, any score above 1 counts
+    as 1 and one below 0 as missing: maxima of heat maps and SimCC are no probabilities. The confidence of a
+    joint without pixels does not count, whatever it is.
     """
     if np.isinf(xy).any():
         raise DatasetError(path, where, "pixels, NaN for missing", "an infinite number")
     sure = np.ones(xy.shape[:-1]) if confidence is None else np.array(confidence, dtype=np.float64)
     if clip:
         sure = np.clip(sure, 0.0, 1.0)
+    sure[(sure > 1.0) & (sure <= HIGHEST_CONFIDENCE)] = 1.0
     wrong = ((sure < 0.0) | (sure > 1.0)) & np.isfinite(xy).all(axis=-1)
     if wrong.any():
         place = tuple(int(i) for i in np.argwhere(wrong)[0])

@@ -66,22 +66,25 @@ class Sources:
         """Return the ascending frame numbers to read, (T,), in the common time.
 
         `offsets` are by camera: what is to be added to its own numbers to get the common time. ``strict``
-        asks for the same numbers in all views, before the offsets, and reads what they share after them. Of
-        a sparse format it reads every frame that is listed anywhere.
+        asks for the same numbers in all views: in the files, or after the offsets from the first frame that
+        all have begun by to the last before one ends. Of a sparse format it reads every frame that is listed
+        anywhere.
         """
         own = {str(self.labels[name]): set(view.frames) for name, view in self.views.items()}
-        if mode == "strict" and self.uneven:
-            raise DatasetError(self.root, "frames", f"the same frames in every {self.kind}", _difference(own))
         added = [offsets[name] for name in self.views]
         common = {
             label: {n + offset for n in frames}
             for (label, frames), offset in zip(own.items(), added, strict=True)
         }
+        judged = _between(common) if any(added) else own
+        if mode == "strict" and self.uneven and len({frozenset(frames) for frames in judged.values()}) > 1:
+            expected = f"the same frames in every {self.kind}{_after(offsets)}"
+            raise DatasetError(self.root, "frames", expected, _difference(judged, ranges=any(added)))
         union, shared = set.union(*common.values()), set.intersection(*common.values())
         if mode == "strict" and self.sparse:
             shared = set() if any(_alone(label, common) for label in common) else union
         if mode != "union" and union and not shared:
-            expected = f"frames that all {self.kind}s have" + (" after the offsets" if any(added) else "")
+            expected = f"frames that all {self.kind}s have{_after(offsets)}"
             counts = _counts(common, ranges=any(added) or self.sparse)
             raise DatasetError(self.root, "frames", expected, counts)
         return np.array(sorted(union if mode == "union" else shared), dtype=np.int64)
@@ -93,7 +96,21 @@ def _alone(label: str, sets: dict[str, set[int]]) -> bool:
     return bool(others) and all(sets[label].isdisjoint(frames) for frames in others)
 
 
-def _difference(sets: dict[str, set[int]]) -> str:
+def _after(offsets: Mapping[str, int]) -> str:
+    """Return a clause: the offsets, as options write them; "" without any."""
+    given = [f"--offset {name}={frames}" for name, frames in offsets.items() if frames]
+    return f" after the offsets ({' '.join(given)})" if given else ""
+
+
+def _between(sets: dict[str, set[int]]) -> dict[str, set[int]]:
+    """Return what each has from the latest first frame of all to the earliest last one."""
+    if not all(sets.values()):
+        return sets
+    first, last = max(map(min, sets.values())), min(map(max, sets.values()))
+    return {label: {n for n in frames if first <= n <= last} for label, frames in sets.items()}
+
+
+def _difference(sets: dict[str, set[int]], *, ranges: bool = False) -> str:
     advice = (
         "--frames intersection reads the frames that all have, --frames union every frame "
         '(in Python frames="intersection", frames="union")'
@@ -101,7 +118,7 @@ def _difference(sets: dict[str, set[int]]) -> str:
     union, shared = set.union(*sets.values()), set.intersection(*sets.values())
     first = min(union - shared)
     if len({len(frames) for frames in sets.values()}) > 1:
-        return f"{_counts(sets)}; {advice}"
+        return f"{_counts(sets, ranges=ranges)}; {advice}"
     without = ", ".join(name for name, frames in sets.items() if first not in frames)
     return f"equal counts but no frame {first} in {without}; {advice}"
 

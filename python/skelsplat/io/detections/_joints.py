@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -20,70 +19,28 @@ Places = tuple[int | None, ...]
 
 _SIDES = {"l": "left", "r": "right"}
 _SHOWN = 40
-_UNKNOWN = "no known layout"
-_CUSTOM = (
+UNKNOWN = "no known layout"
+CUSTOM = (
     "; choose a known one with --layout and assign its joints with --map JOINT=NAME (in Python layout= and "
-    "mapping=), where NAME is a name, a place from 0, or none; a layout of just these joints needs Python "
-    "(skelsplat.Layout)"
+    "mapping=), where NAME is a name, a place from 0, or none, or describe these joints in a layout file "
+    "(skelsplat layouts --help; in Python skelsplat.Layout)"
 )
 
 
-def choose_layout(layout: str | sk.Layout | None, views: Iterable[View]) -> sk.Layout:
-    """Return the layout that is asked for, or the one whose joints the files name exactly."""
-    if isinstance(layout, str):
-        return sk.layouts.get(layout)
-    if layout is not None:
-        return layout
-    hint = "the files hold no person to count joints of"
-    for view in views:
-        named = [known for known in _known() if view.joints and _same_joints(known, view.joints)]
-        if len(named) == 1:
-            return named[0]
-        if view.joints and not view.own_order:
-            hint = f"{view.path} names {listed(view.joints, _SHOWN)}: {_named_layouts(view.joints)}"
-            break
-        counted = _count(view)
-        if counted:
-            path, joints = counted
-            names = f"; it names {listed(view.joints, _SHOWN)}" if view.joints else ""
-            hint = f"{path} has {joints} joints per person: {layouts_of(joints)}{names}{_advice_on(joints)}"
-            break
-    raise InvalidInputError(f"layout: expected the name of a joint layout, got none; {hint}")
-
-
-def _known() -> list[sk.Layout]:
+def known_layouts() -> list[sk.Layout]:
+    """Return the built-in layouts."""
     return [sk.layouts.get(name) for name in sk.layouts.names]
-
-
-def _same_joints(layout: sk.Layout, names: Sequence[str]) -> bool:
-    return len(names) == layout.n_joints and {_key(n) for n in names} == {_key(n) for n in layout.joints}
-
-
-def _count(view: View) -> tuple[Path, int] | None:
-    """Return the file that says how many joints a person has, and the number; None without a person."""
-    if view.joints is not None:
-        return view.path, len(view.joints)
-    people = (person for number in view.frames for person in view.people(number))
-    first = next((person for person in people if len(person.joints)), None)
-    return None if first is None else (first.path, len(first.joints))
 
 
 def layouts_of(joints: int) -> str:
     """Names of the known layouts with that many joints, as a phrase."""
-    fitting = [layout.name for layout in _known() if layout.n_joints == joints]
-    return " or ".join(fitting) if fitting else _UNKNOWN
+    fitting = [layout.name for layout in known_layouts() if layout.n_joints == joints]
+    return " or ".join(fitting) if fitting else UNKNOWN
 
 
-def _named_layouts(names: Sequence[str]) -> str:
-    """Say which known layouts have all their joints among the names, or what to do if none has."""
-    there = {_key(name) for name in names}
-    fitting = [layout.name for layout in _known() if there.issuperset(map(_key, layout.joints))]
-    return f"all joints of {' or '.join(fitting)}" if fitting else f"all those of {_UNKNOWN}{_CUSTOM}"
-
-
-def _advice_on(joints: int) -> str:
+def advice_on(joints: int) -> str:
     """Say what to do with so many joints if they are those of no known layout."""
-    return "" if layouts_of(joints) != _UNKNOWN else _CUSTOM
+    return "" if layouts_of(joints) != UNKNOWN else CUSTOM
 
 
 def check_mapping(mapping: Mapping[str, Joint] | None, layout: sk.Layout) -> dict[str, Joint]:
@@ -107,12 +64,12 @@ def places_of(view: View, layout: sk.Layout, mapping: Mapping[str, Joint]) -> Pl
     """
     if view.joints is None:
         return _without_names(view, layout, mapping) if mapping else None
-    if not mapping and view.own_order and _confirmed(view.joints, layout):
+    if not mapping and view.own_order and confirmed(view.joints, layout):
         return None
     keys: dict[tuple[str, ...], list[int]] = {}
     for place, name in enumerate(view.joints):
-        keys.setdefault(_key(name), []).append(place)
-    named = {joint: keys.get(_key(joint), []) for joint in layout.joints if joint not in mapping}
+        keys.setdefault(key(name), []).append(place)
+    named = {joint: keys.get(key(joint), []) for joint in layout.joints if joint not in mapping}
     for joint, places in named.items():
         if len(places) > 1:
             names = ", ".join(view.joints[place] for place in places)
@@ -142,10 +99,10 @@ def _without_names(view: View, layout: sk.Layout, mapping: Mapping[str, Joint]) 
     return tuple(_mapped(view, joint, mapping[joint]) for joint in layout.joints)
 
 
-def _confirmed(names: Sequence[str], layout: sk.Layout) -> bool:
+def confirmed(names: Sequence[str], layout: sk.Layout) -> bool:
     """Say whether the names that belong to the layout stand at its places, and are half of it or more."""
-    known = {_key(joint): place for place, joint in enumerate(layout.joints)}
-    stands = [known[_key(name)] == place for place, name in enumerate(names) if _key(name) in known]
+    known = {key(joint): place for place, joint in enumerate(layout.joints)}
+    stands = [known[key(name)] == place for place, name in enumerate(names) if key(name) in known]
     return len(names) == layout.n_joints and all(stands) and 2 * len(stands) >= layout.n_joints
 
 
@@ -159,7 +116,7 @@ def _mapped(view: View, joint: str, target: Joint) -> int | None:
     return names.index(target)
 
 
-def _key(name: str) -> tuple[str, ...]:
+def key(name: str) -> tuple[str, ...]:
     """Sort a name's words, in lower case, sides in full: ``LHip``, ``hip_left`` and ``Left hip`` are one."""
     words = re.findall(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+", name)
     return tuple(sorted(_SIDES.get(word.lower(), word.lower()) for word in words))
@@ -177,7 +134,7 @@ def arranged(person: Person, layout: sk.Layout, places: Places | None, *, flat: 
         if flat:
             expected = f"3·{n} = {3 * n} numbers (layout {layout.name})"
             actual = f"{3 * count} (3·{count}: {layouts_of(count)})"
-        raise DatasetError(person.path, person.field, expected, actual + _advice_on(count))
+        raise DatasetError(person.path, person.field, expected, actual + advice_on(count))
     highest = max((place for place in places if place is not None), default=-1)
     if highest >= count:
         expected = f"a joint at place {highest} (mapping)"

@@ -14,6 +14,7 @@ from skelsplat.io._fields import Field
 from skelsplat.io._files import frame_number, head, load_json
 from skelsplat.io.detections._format import Person, View, joints_of, list_view
 from skelsplat.io.detections._frames import frame_files
+from skelsplat.io.detections._record import with_record
 
 # more than any map's peak: a pixel in the place of a score
 _NO_SCORE = 100.0
@@ -35,9 +36,9 @@ def read_openpose(folder: Path) -> View:
     ``{"people": [{"pose_keypoints_2d": [x, y, c, …]}]}``, pixels of the original image; x = y = c = 0 marks a
     joint that was not detected. A score is the peak of a map and may lie above 1, where it counts as 1. A
     person ``{}``, or one with an empty list, as Pose2Sim writes it, is nobody in that place. The frame number
-    is the last integer in the file's name.
+    is the last integer in the file's name. Joints and frame rate are those that ``skelsplat detect`` states.
     """
-    return _frame_view(folder, _openpose_people, flat=True)
+    return with_record(_frame_view(folder, _openpose_people, flat=True))
 
 
 def _openpose_people(path: Path) -> list[Person]:

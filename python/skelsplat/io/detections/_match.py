@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePath
@@ -12,9 +13,10 @@ from skelsplat.io._files import natural
 
 SORTED = "sorted"
 _WORDS = re.compile(r"\d+|[^\W\d_]+")
+_CAPITAL = re.compile(r"(?<=[a-z])(?=[A-Z])")  # where camA is two words
 _ADVICE = (
     "name each {kind} like its camera, for example cam_01{tail} or cam01{tail} for the camera cam_01, "
-    "or state their order with --order (in Python order=)"
+    "or state their order: --order sorted, or --order and the {kind} of each camera (in Python order=)"
 )
 
 
@@ -69,16 +71,19 @@ def match_by_name(
 
     A text that is exactly the camera's name comes first; otherwise both are compared in lower case, without
     separators, leading zeros and a last word "json": camera ``cam_01`` and folder ``cam01_json`` belong
-    together. Last, if `Candidates.within`, the camera's words stand together among those of the text
-    (``take2_cam01_results`` and ``cam_01``), if that is so for one text alone. The match must be one to one;
-    a camera without a label gets None if `allow_missing` or it is `optional`, and a label without a camera
-    must be idle. `otherwise` says, from the cameras that lack a label, what else may be done, if anything.
+    together. Then, if `Candidates.within`, the camera's words stand together among those of the text
+    (``take2_cam01_results`` and ``cam_01``), if that is so for one text alone. Last, either may have words
+    around what names the camera (``int_cam01_img`` and ``cam01_json``, ``A`` and ``vid_camA``), if each fits
+    nothing else. The match must be one to one; a camera without a label gets None if `allow_missing` or it is
+    `optional`, and a label without a camera must be idle. `otherwise` says, from the cameras that lack a
+    label, what else may be done, if anything.
     """
     kind, texts = candidates.kind, candidates.texts
     advice = _ADVICE.format(kind=kind, tail=PurePath(next(iter(texts), "")).suffix if kind == "file" else "")
     if not texts:
         raise candidates.error(f"one {kind} per camera ({', '.join(names)})", f"no {kind}s")
     found = {name: _label_of(candidates, name, names, advice) for name in names}
+    found |= _around(candidates, names, found)
     taken = list(found.values())
     twice = [name for name in names if found[name] and taken.count(found[name]) > 1]
     if twice:
@@ -124,6 +129,55 @@ def _fitting(texts: Mapping[str, str], name: str, names: Sequence[str], *, withi
     if alike or not within:
         return alike
     return [label for label, key in free.items() if _is_within(words, key)]
+
+
+def _around(
+    candidates: Candidates, names: Sequence[str], found: Mapping[str, str | None]
+) -> dict[str, str | None]:
+    """Return labels for cameras without one: of words around one name, and around no other.
+
+    A pair fits if one's words stand together among the other's, or if both share words that hold all in which
+    they differ from the others of their kind.
+    """
+    taken = set(found.values())
+    if None not in taken:
+        return {}
+    busy = [label for label in candidates.texts if label not in candidates.idle]
+    cameras = {name: _words(_CAPITAL.sub(" ", name)) for name in names}
+    texts = {label: _words(_CAPITAL.sub(" ", candidates.texts[label])) for label in busy or candidates.texts}
+    own_camera, own_text = _differing(cameras), _differing(texts)
+    fits = {
+        (name, label)
+        for name, here in cameras.items()
+        for label, there in texts.items()
+        if any(
+            run in (here, there) or (_is_within(own_camera[name], run) and _is_within(own_text[label], run))
+            for run in _shared(here, there)
+        )
+    }
+    by_camera, by_label = Counter(name for name, _ in fits), Counter(label for _, label in fits)
+    return {
+        name: label
+        for name, label in fits
+        if by_camera[name] == by_label[label] == 1 and found[name] is None and label not in taken
+    }
+
+
+def _differing(group: Mapping[str, tuple[str, ...]]) -> dict[str, tuple[str, ...]]:
+    """Return the words of each without those that all begin and end with; all words of one alone."""
+    every = list(group.values())
+    shortest = min(map(len, every)) - 1 if len(every) > 1 else 0
+    first = next((i for i in range(shortest) if len({words[i] for words in every}) > 1), shortest)
+    rest = max(shortest - first, 0)
+    last = next((i for i in range(rest) if len({words[-1 - i] for words in every}) > 1), rest)
+    return {key: words[first : len(words) - last] for key, words in group.items()}
+
+
+def _shared(one: tuple[str, ...], other: tuple[str, ...]) -> list[tuple[str, ...]]:
+    """Return the runs of words that both have: all of one, or with letters among them."""
+    runs = {one[i:j] for i in range(len(one)) for j in range(i + 1, len(one) + 1)}
+    shared = [run for run in runs if _is_within(run, other)]
+    return [run for run in shared if run in (one, other) or not "".join(run).isdigit()]
 
 
 def match_by_order(

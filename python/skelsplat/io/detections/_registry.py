@@ -13,7 +13,7 @@ from skelsplat._atomic import opening
 from skelsplat.exceptions import DatasetError, InvalidInputError, one_of
 from skelsplat.io._files import VIDEO_SUFFIXES, listed
 from skelsplat.io._run_files import is_run
-from skelsplat.io.detections import _animals, _arrays, _csv, _json
+from skelsplat.io.detections import _arrays, _caliscope, _csv, _deeplabcut, _json, _sleap
 from skelsplat.io.detections._format import DetectionFormat, View
 from skelsplat.io.detections._frames import Sources
 from skelsplat.io.detections._match import Candidates, match_by_name, match_by_order
@@ -34,9 +34,13 @@ FORMATS: dict[str, DetectionFormat] = {
             "rtmlib", (".npz", ".npy"), _arrays.is_rtmlib, _arrays.read_rtmlib, _arrays.read_rtmlib_folder
         ),
         DetectionFormat("metrabs", (".npz",), _arrays.is_metrabs, _arrays.read_metrabs),
-        DetectionFormat("deeplabcut", (".h5",), _animals.is_dlc, _animals.read_dlc, added=_DLC),
-        DetectionFormat("deeplabcut_csv", (".csv",), _animals.is_dlc_csv, _animals.read_dlc_csv, added=_DLC),
-        DetectionFormat("sleap", (".h5", ".hdf5"), _animals.is_sleap, _animals.read_sleap, added=_SLEAP),
+        DetectionFormat("deeplabcut", (".h5",), _deeplabcut.is_dlc, _deeplabcut.read_dlc, added=_DLC),
+        DetectionFormat(
+            "deeplabcut_csv", (".csv",), _deeplabcut.is_dlc_csv, _deeplabcut.read_dlc_csv, added=_DLC
+        ),
+        DetectionFormat("sleap", (".h5", ".hdf5"), _sleap.is_sleap, _sleap.read_sleap, added=_SLEAP),
+        DetectionFormat("sleap_csv", (".csv",), _sleap.is_sleap_csv, _sleap.read_sleap_csv, added=_SLEAP),
+        DetectionFormat("caliscope", (".csv",), _caliscope.is_caliscope, recording=_caliscope.read_caliscope),
         DetectionFormat("freemocap", (".npy",), _arrays.is_freemocap, recording=_arrays.read_freemocap),
         DetectionFormat("easymocap", (".json",), _json.is_easymocap, folder=_json.read_easymocap),
         DetectionFormat(
@@ -95,6 +99,12 @@ def _recognised(path: Path) -> dict[str, Path]:
     return found
 
 
+def first_file(path: Path, form: DetectionFormat) -> Path:
+    """Return the file, or the first one in a folder, that `find_format` found to be of a format."""
+    there = (sample for sample in _samples(path) if sample.suffix.lower() in form.suffixes)
+    return next(sample for sample in there if form.matches(sample))
+
+
 def _told(path: Path) -> str:
     """Say what is there if it is no detections: folders with some beneath it, or only videos."""
     deeper = folders_beneath(path, _has_detections)
@@ -102,7 +112,7 @@ def _told(path: Path) -> str:
         names = [f"{folder.relative_to(path).as_posix()}/" for folder in deeper]
         return f"folders with such detections beneath it: give one of them ({listed(names, _NAMED)})"
     if any(one.suffix.lower() in VIDEO_SUFFIXES for one in chain([path], path.glob("*"), path.glob("*/*"))):
-        return "videos; run a 2D keypoint detector on them first, and give the files that it writes"
+        return "videos; run skelsplat detect or another detector on them first, and give what it writes"
     return "none that is recognised"
 
 

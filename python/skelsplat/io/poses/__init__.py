@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,14 +17,14 @@ from skelsplat.exceptions import DatasetError, InvalidInputError
 from skelsplat.findings import Finding, FindingWarning, Subject
 from skelsplat.io._arrays import npz_keys
 from skelsplat.io._files import head
-from skelsplat.io.poses._c3d import c3d_is_y_up, check_c3d_frames, read_c3d, write_c3d
+from skelsplat.io.poses._c3d import c3d_is_y_up, check_c3d, read_c3d, write_c3d
 from skelsplat.io.poses._csv import read_csv, write_csv
 from skelsplat.io.poses._json import is_json_poses, read_json, write_json
 from skelsplat.io.poses._npz import read_npz, write_npz
 from skelsplat.io.poses._people import PEOPLE_FORMATS as PEOPLE_FORMATS
 from skelsplat.io.poses._people import write_people as write_people
 from skelsplat.io.poses._pose_data import PoseData
-from skelsplat.io.poses._trc import read_trc, write_trc
+from skelsplat.io.poses._trc import check_trc_names, read_trc, write_trc
 from skelsplat.io.poses._xarray import read_netcdf, write_netcdf
 
 
@@ -61,15 +61,19 @@ def pose_format(path: str | os.PathLike[str]) -> str:
     return suffix
 
 
-def check_pose_format(kind: str, frames: Index | None = None) -> None:
+def check_pose_format(
+    kind: str, frames: Index | None = None, joint_names: Sequence[str] | None = None
+) -> None:
     """Raise before long work if a file of this kind cannot be written.
 
-    It may need a package that is not installed, or the frame numbers do not fit into such a file.
+    It may need a package that is not installed, or frame numbers or names do not fit into such a file.
     """
     for module in POSE_FORMATS[kind].packages:
         require(module, f".{kind} files")
     if kind == "c3d" and frames is not None:
-        check_c3d_frames(frames)
+        check_c3d(frames, joint_names or ())
+    if kind == "trc":
+        check_trc_names(joint_names or ())
 
 
 def write_pose(path: str | os.PathLike[str], data: PoseData, **options: object) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import struct
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,10 @@ from skelsplat.io.poses._pose_data import marker_names as named
 # Frame numbers are 16-bit words that start at 1, and a residual is seven bits of a byte in whole units.
 MAX_FRAMES = 65535
 _MAX_RESIDUAL = 127
+# Names are stored 255 at a time, padded to the longest, within 32,767 bytes; texts have at most 255 bytes.
+_MAX_NAME, _MAX_TEXT = 127, 255
+# What is added to frame numbers is stored in single precision.
+_EXACT = 2**24
 _MISSING, _INTERPOLATED = -1.0, 0.0
 _GROUP = "SKELSPLAT"
 _BLOCK = 512
@@ -63,8 +68,8 @@ def write_c3d(
     Raises
     ------
     InvalidInputError
-        If no frame rate is known, `marker_names` is unknown, or there are no frames, or more than 65535 from
-        the first to the last.
+        If no frame rate is known, `marker_names` is unknown, a name is empty or longer than 127 bytes, or
+        there are no frames, or more than 65535 from the first to the last.
     MissingPackageError
         If ezc3d is not installed.
     DatasetError
@@ -73,7 +78,7 @@ def write_c3d(
     ezc3d = require("ezc3d", "C3D files")
     labels = named(data.joint_names, marker_names)
     rate = known_frame_rate(data, frame_rate, "C3D")
-    check_c3d_frames(data.frames)
+    check_c3d(data.frames, labels)
     fits = data.frames[0] >= 1 and data.frames[-1] <= MAX_FRAMES
     shift = 0 if fits else 1 - int(data.frames[0])  # added to the frame numbers so that C3D can hold them
     rows = data.frames - data.frames[0]
@@ -99,13 +104,14 @@ def write_c3d(
     file.add_parameter(_GROUP, "VERSION", [sk.__version__])
     file.add_parameter(_GROUP, "FRAME_SHIFT", [shift])
     if data.processing:
-        file.add_parameter(_GROUP, "PROCESSING", list(data.processing))
+        texts = [text.encode()[:_MAX_TEXT].decode(errors="ignore") for text in data.processing]
+        file.add_parameter(_GROUP, "PROCESSING", texts)
     with atomic_path(path, suffix=".c3d") as temporary:  # ezc3d appends it to a name without it
         file.write(str(temporary))
 
 
-def check_c3d_frames(frames: Index) -> None:
-    """Raise `InvalidInputError` unless the frame numbers fit into one C3D file."""
+def check_c3d(frames: Index, names: Sequence[str]) -> None:
+    """Raise `InvalidInputError` unless frame numbers and joints of these names fit into one C3D file."""
     span = int(frames[-1] - frames[0]) + 1 if len(frames) else 0
     if not 1 <= span <= MAX_FRAMES:
         raise InvalidInputError(
@@ -113,6 +119,13 @@ def check_c3d_frames(frames: Index) -> None:
         )
     if (np.diff(frames) < 1).any():
         raise InvalidInputError("frame numbers: expected ascending numbers, got some that are not")
+    if abs(int(frames[0])) > _EXACT:
+        expected = f"numbers up to {_EXACT:,} in a C3D file"
+        raise InvalidInputError(f"frame numbers: expected {expected}, got {frames[0]}")
+    for name in names:
+        if not name.strip() or len(name.encode()) > _MAX_NAME:
+            expected = f"names of 1 to {_MAX_NAME} bytes in a C3D file"
+            raise InvalidInputError(f"joint_names: expected {expected}, got {name!r:.60}")
 
 
 def _residuals(data: PoseData) -> Array:

@@ -41,11 +41,11 @@ def write_json(path: str | os.PathLike[str], data: PoseData) -> None:
 
     Its keys are ``format`` ("skelsplat-poses"), ``version`` (1), ``written_by``, ``unit``, ``frame_rate``
     (null if unknown), ``joint_names`` (N), ``camera_names`` (M), ``processing`` (sentences) and ``frames``, a
-    list of objects; of a refinement in time also ``bones`` (B × 2 joint indices, from 0), ``bone_lengths``
-    and ``bone_length_sigma``. Each of the frames has ``frame``, the number of the frame, ``pose``, N times
-    [x, y, z] in ``unit``, and of the other arrays of `PoseData` those that the data have, under their names
-    and without their first axis: ``uncertainty`` (the scatter) and ``error_bar`` (not read) N times 3 × 3,
-    ``joint_status`` N, ``view_weights`` M times N, ``noise`` one number, and so on.
+    list of objects; of a recording solved over time also ``bones`` (B × 2 joint indices, from 0),
+    ``bone_lengths`` and ``bone_length_sigma``. Each of the frames has ``frame``, the number of the frame,
+    ``pose``, N times [x, y, z] in ``unit``, and of the other arrays of `PoseData` those that the data have,
+    under their names and without their first axis: ``uncertainty`` (the scatter) and ``error_bar`` (not read)
+    N times 3 × 3, ``joint_status`` N, ``view_weights`` M times N, ``noise`` one number, and so on.
 
     What does not exist is null: a number, or a whole joint in ``pose`` and the covariances. NaN, which is no
     JSON, does not occur.

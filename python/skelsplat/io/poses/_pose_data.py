@@ -66,7 +66,7 @@ class PoseData:
     unit : "mm", "cm" or "m"
     camera_names : tuple of str, M
     init_pose : (T, N, 3)
-        The poses that the refinement started from, in `unit`; of one in time, the poses of each frame alone.
+        The poses that the refinement started from, in `unit`; solved over time, those of each frame alone.
     covariance : (T, N, 3, 3)
         Splat covariances, in `unit` squared: the shape of the splats, no error bars.
     uncertainty : (T, N, 3, 3)
@@ -94,8 +94,8 @@ class PoseData:
     n_iter : (T,) int
     stop_reason : (T,) str
     velocity : (T, N, 3)
-        Velocities of the joints, in `unit` per second. These and what follows are those of a refinement in
-        time (`skelsplat.refine_sequence`), and empty for one frame by frame.
+        Velocities of the joints, in `unit` per second. These and what follows are those of a recording
+        solved over time (`skelsplat.refine_sequence`), and empty for one frame by frame.
     velocity_uncertainty : (T, N, 3, 3)
         Their posterior covariances.
     bones : (B, 2) int

@@ -9,15 +9,17 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from skelsplat._arrays import positive
+from skelsplat._arrays import Index, positive
 from skelsplat._atomic import atomic_write_text
 from skelsplat.cameras import MM_PER_UNIT
 from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.findings import Finding, Severity, Subject, warn
 from skelsplat.io._files import frame_number, read_text
 from skelsplat.io.poses._pose_data import Y_UP, PoseData, known_frame_rate
 from skelsplat.io.poses._pose_data import marker_names as named
@@ -68,9 +70,7 @@ def write_trc(
         raise InvalidInputError(f'unit: expected "m" or "mm" in a TRC file, got {unit!r}')
     rate = known_frame_rate(data, frame_rate, "TRC")
     data = replace(data, joint_names=named(data.joint_names, marker_names))
-    for name in data.joint_names:
-        if not name.strip() or "\t" in name or name.splitlines() != [name]:
-            raise InvalidInputError(f"joint_names: expected names without tabs and line breaks, got {name!r}")
+    check_trc_names(data.joint_names)
     points = data.pose * (MM_PER_UNIT[data.unit] / MM_PER_UNIT[unit])
     if y_up:
         points = points[..., Y_UP]
@@ -82,6 +82,13 @@ def write_trc(
         fields = [f"{value:.{_DECIMALS[unit]}f}" if math.isfinite(value) else "" for value in values]
         lines.append("\t".join([str(step + 1), f"{step / rate:.6f}", *fields, ""]))
     atomic_write_text(path, "\n".join(lines) + "\n")
+
+
+def check_trc_names(names: Sequence[str]) -> None:
+    """Raise `InvalidInputError` if a joint's name cannot stand in a line of tab-separated fields."""
+    for name in names:
+        if not name.strip() or "\t" in name or name.splitlines() != [name]:
+            raise InvalidInputError(f"joint_names: expected names without tabs and line breaks, got {name!r}")
 
 
 def _header(file_name: str, data: PoseData, frame_rate: float, unit: str) -> list[str]:
@@ -101,7 +108,8 @@ def read_trc(path: str | os.PathLike[str]) -> PoseData:
     """Read a TRC file; its axes are kept as they are.
 
     The blank sixth line may be missing, and empty fields and "nan" are NaN. ``frames`` are the file's own row
-    numbers, ``frame_rate`` is its DataRate.
+    numbers, ``frame_rate`` is its DataRate. Slips of the header are warned of, and the rows decide: another
+    number of frames than there are, and a DataRate of 0.
 
     Raises
     ------
@@ -119,21 +127,52 @@ def read_trc(path: str | os.PathLike[str]) -> PoseData:
     if str(len(markers)) != stated[3].strip():
         expected = f"the {stated[3]} marker names that line 3 states"
         raise DatasetError(source, "line 4", expected, len(markers))
-    try:
-        rate = float(stated[0])
-        positive("frame_rate", rate)
-    except ValueError as error:
-        expected = "frames per second, a positive number"
-        raise DatasetError(source, "line 3 DataRate", expected, repr(stated[0])) from error
     body = [(number, line) for number, line in enumerate(lines[5:], start=6) if line.strip()]
     rows = [_read_row(source, number, line, 3 * len(markers)) for number, line in body]
-    if stated[2].strip() != str(len(rows)):  # a file cut between two rows looks whole
-        expected = f"the {stated[2].strip()} rows that it states"
-        raise DatasetError(source, "line 3 NumFrames", expected, len(rows))
+    _check_count(source, stated[2].strip(), len(rows))
     frames = np.array([frame for frame, _ in rows], dtype=np.int64)
+    rate = _rate(source, stated[0], frames, [line for _, line in body])
     points = np.array([values for _, values in rows], dtype=np.float64)
     pose = points.reshape(len(rows), len(markers), 3)
     return PoseData(pose, markers, frames, stated[4], frame_rate=rate)
+
+
+def _check_count(path: Path, stated: str, rows: int) -> None:
+    """Warn if the header counts other rows: by one is a slip, by more perhaps a file cut between two rows."""
+    if not stated.isdecimal():
+        raise DatasetError(path, "line 3 NumFrames", "a whole number", repr(stated))
+    difference = frame_number(path, "line 3 NumFrames", stated) - rows
+    if difference:
+        severity: Severity = "note" if abs(difference) == 1 else "warning"
+        numbers = {"stated": rows + difference, "rows": rows}
+        warn(Finding("trc_frames", severity, Subject(files=(str(path),)), numbers))
+
+
+def _rate(path: Path, stated: str, frames: Index, body: Sequence[str]) -> float | None:
+    """Return the frames per second that the header states; if it states 0, those of the rows' times."""
+    try:
+        rate = float(stated)
+        if rate != 0.0:
+            positive("frame_rate", rate)
+            return rate
+    except ValueError as error:
+        expected = "frames per second, a positive number"
+        raise DatasetError(path, "line 3 DataRate", expected, repr(stated)) from error
+    found = _rate_of(frames, [line.split("\t")[1] for line in body])
+    warn(Finding("trc_rate", "note", Subject(files=(str(path),)), {"frame_rate": found}))
+    return found
+
+
+def _rate_of(frames: Index, times: Sequence[str]) -> float | None:
+    """Return the frame rate at which frames have these times; None if the times are none that ascend."""
+    try:
+        seconds = np.array([float(time) for time in times])
+    except ValueError:
+        return None
+    if len(seconds) < 2 or not (np.diff(seconds) > 0.0).all():
+        return None
+    rate = round(float((frames[-1] - frames[0]) / (seconds[-1] - seconds[0])), 3)
+    return rate if 0.0 < rate < math.inf else None
 
 
 def _read_row(path: Path, number: int, line: str, count: int) -> tuple[int, list[float]]:

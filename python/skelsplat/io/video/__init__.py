@@ -7,8 +7,8 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 from skelsplat._atomic import opening
-from skelsplat.exceptions import DatasetError
-from skelsplat.io._files import VIDEO_SUFFIXES
+from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.io._files import VIDEO_SUFFIXES, natural
 from skelsplat.io.detections._match import Candidates, cameras_called, match_by_name, match_by_order
 from skelsplat.io.video._frames import (
     IMAGE_SUFFIXES,
@@ -21,7 +21,16 @@ from skelsplat.io.video._frames import (
     open_source,
 )
 
-__all__ = ["FrameSource", "Image", "PlainFrames", "Size", "find_videos", "open_sink", "open_source"]
+__all__ = [
+    "FrameSource",
+    "Image",
+    "PlainFrames",
+    "Size",
+    "find_videos",
+    "open_sink",
+    "open_source",
+    "videos_of",
+]
 
 _CHOOSE = "or draw only the cameras that have one with --camera CAMERA, repeatable (in Python chosen=)"
 
@@ -59,6 +68,26 @@ def find_videos(
         expected = f"a {kind} for every chosen camera ({kind}s: {', '.join(found)})"
         raise DatasetError(root, "content", expected, f"none for {', '.join(missing)}")
     return {name: found[label] for name in wanted if (label := labels[name]) is not None}
+
+
+def videos_of(paths: str | os.PathLike[str] | Sequence[str | os.PathLike[str]]) -> dict[str, Path]:
+    """Return the videos, or folders of images, by camera, which has the name of the file or folder.
+
+    A path is one of them, or a folder of them. A path without videos is a `DatasetError`, two of one name are
+    an `InvalidInputError`.
+    """
+    several = [paths] if isinstance(paths, str | os.PathLike) else list(paths)
+    found: dict[str, Path] = {}
+    for root in map(Path, several):
+        kind, entries = _entries(root)
+        for path in entries.values():
+            place = path.absolute()  # "." has no name
+            camera = place.stem if kind == "file" else place.name
+            if camera in found:
+                expected = "videos with different names, those of their cameras"
+                raise InvalidInputError(f"videos: expected {expected}, got {found[camera]} and {path}")
+            found[camera] = path
+    return dict(sorted(found.items(), key=lambda item: natural(item[0])))
 
 
 def _entries(root: Path) -> tuple[str, dict[str, Path]]:

@@ -39,6 +39,7 @@ class FrameSource:
     last: int  # of a video what its header says
     # files of a folder by the frame's number, ascending; none for a video
     images: Mapping[int, Path] = field(default_factory=dict)
+    rotation: int = 0  # degrees by which a video's frames are turned to be upright, as its metadata say
 
     def frames(self, first: int, last: int) -> Iterator[tuple[int, Image]]:
         """Yield (number, image (H, W, 3), blue first) of the frames `first` to `last` that can be read.
@@ -108,8 +109,10 @@ def open_source(path: Path, first_frame: int = 0) -> FrameSource:
             raise DatasetError(path, "video", "frames that can be decoded", "none")
         rate = float(capture.get(opencv().CAP_PROP_FPS))
         count = max(1, int(capture.get(opencv().CAP_PROP_FRAME_COUNT)))
+        turned = int(capture.get(opencv().CAP_PROP_ORIENTATION_META)) % 360
     known = rate if math.isfinite(rate) and rate > 0 else None
-    return FrameSource(path, _size(image), known, first_frame, first_frame + count - 1)
+    last = first_frame + count - 1
+    return FrameSource(path, _size(image), known, first_frame, last, rotation=turned)
 
 
 @contextmanager

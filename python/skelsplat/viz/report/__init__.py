@@ -1,7 +1,7 @@
 """A run as one HTML page that opens from disk: numbers, tables, charts and the sequence in 3D."""
 
 from skelsplat.viz.report._page import ReportData, write_report
-from skelsplat.viz.report._parts import Table, TimeLine
+from skelsplat.viz.report._parts import Table, TimeLine, TimeLines
 from skelsplat.viz.report._people import PeopleReportData, write_people_report
 from skelsplat.viz.report._scene import CameraShapes, Sequence3D, person_class
 
@@ -12,6 +12,7 @@ __all__ = [
     "Sequence3D",
     "Table",
     "TimeLine",
+    "TimeLines",
     "person_class",
     "write_people_report",
     "write_report",

@@ -12,7 +12,7 @@ from skelsplat._arrays import Array, ArrayFields
 from skelsplat._atomic import atomic_write_text
 from skelsplat.viz import _style
 from skelsplat.viz.report import _parts
-from skelsplat.viz.report._parts import Problem, Table, TimeLine
+from skelsplat.viz.report._parts import Problem, Table, TimeLine, TimeLines
 from skelsplat.viz.report._scene import (
     CameraShapes,
     Sequence3D,
@@ -47,17 +47,17 @@ class ReportData(ArrayFields):
     # NaN where a camera has no detection of a joint that is used
     errors_px: Array
     rejected: Array
-    lines: Sequence[TimeLine]
+    lines: Sequence[TimeLine | TimeLines]
     # (first frame, last frame, words) of stretches of frames that have the same problem
     problems: Sequence[Problem]
-    # (joint, joint, length, standard error) of the bones of a solution in time, in mm; NaN where unknown
+    # (joint, joint, length, standard error) of the bones of a solution over time, in mm; NaN where unknown
     bones: Sequence[tuple[int, int, float, float]] = ()
 
 
 def write_report(path: str | os.PathLike[str], data: ReportData) -> Path:
     """Write a report as one HTML file that needs no network, whole or not at all.
 
-    plotly.js is 4.8 MB of it; a sequence takes 33 bytes per joint and frame, in time 44.
+    plotly.js is 4.8 MB of it; a sequence takes 33 bytes per joint and frame, solved over time 44.
     One of more than `_scene.MOST_POSITIONS` is thinned out, and the page says so.
     """
     atomic_write_text(path, build_page(data))

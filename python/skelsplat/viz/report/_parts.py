@@ -62,7 +62,7 @@ class TimeLine(ArrayFields):
 
 @dataclass(frozen=True)
 class TimeLines(ArrayFields):
-    """Curves over the frames, one per person."""
+    """Curves over the frames, one per person or side of the body."""
 
     # what the values are
     title: str

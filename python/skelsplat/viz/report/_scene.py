@@ -57,7 +57,7 @@ class Sequence3D(ArrayFields):
     skeleton: Skeleton  # limbs and sides
     up: Array  # (3,) the vertical: an axis of the world or its opposite
     start_name: str  # what ``start`` is, in words
-    # of a solution in time: (T, N, 3) the joint positions of each frame alone in mm, and (T, N) the speeds in
+    # if solved over time: (T, N, 3) the joint positions of each frame alone in mm, and (T, N) the speeds in
     # mm/s, NaN where unknown
     alone: Array | None = None
     speed: Array | None = None
@@ -74,7 +74,7 @@ class Sequence3D(ArrayFields):
     @property
     def refined_name(self) -> str:
         """What ``refined`` is, in words."""
-        return "refined" if self.alone is None else "in time"
+        return "refined" if self.alone is None else "over time"
 
     @property
     def grey(self) -> str:

@@ -1,4 +1,4 @@
-// Small charts side by side: the trajectory of a joint, and of a solution in time bones and speeds.
+// Small charts side by side: the trajectory of a joint, and of a solution over time bones and speeds.
 "use strict";
 
 const PANEL = { height: 132, title: 22, foot: 18, between: 58 }; // px
@@ -119,7 +119,7 @@ function plainName(j) {
   return scene.joints[j].replace(/^(left|right)_/, "").replaceAll("_", " ");
 }
 
-// Lengths in mm: frame by frame thin, in time thick, and the length of the whole recording with its error.
+// Lengths in mm: frame by frame thin, over time thick, and the length of the whole recording with its error.
 function drawBones() {
   const add = (panel, { ends: [a, b], length_mm: length, sigma_mm: sigma }) => {
     const sides = new Set([a, b].map((j) => scene.sides[j]).filter((one) => one < 2));
@@ -130,7 +130,7 @@ function drawBones() {
       return from && to ? 1000 * Math.hypot(...from.map((value, k) => value - to[k])) : null;
     });
     panel.lines.push({ y: lengths(scene.alone), colour: own, width: 0.8, opacity: 0.55, words: sideIn(side, "frame by frame") });
-    panel.lines.push({ y: lengths(scene.refined), colour: own, width: 1.8, words: sideIn(side, "in time") });
+    panel.lines.push({ y: lengths(scene.refined), colour: own, width: 1.8, words: sideIn(side, "over time") });
     if (length !== null && sigma !== null) {
       panel.bands.push({ low: overFrames(() => length - sigma), high: overFrames(() => length + sigma), colour: own });
     }

@@ -1,8 +1,7 @@
-"""Detections of animals: DeepLabCut (h5, csv) and SLEAP (h5), one file per camera."""
+"""Detections of DeepLabCut (h5, csv), one file per camera."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -14,27 +13,31 @@ import numpy as np
 from skelsplat._arrays import Array
 from skelsplat._optional import require
 from skelsplat.exceptions import DatasetError
-from skelsplat.io._arrays import array_names, as_numbers, hdf5_mentions
+from skelsplat.io._arrays import hdf5_mentions
 from skelsplat.io._files import csv_header, csv_lines, frame_number, parsing
 from skelsplat.io.detections._csv import frame_in, number_in
 from skelsplat.io.detections._format import View, array_view, joints_of
 
 Columns = dict[str, dict[str, dict[str, int]]]  # by individual, part and coordinate
 
-_KEY = "df_with_missing"
+# pandas marks its tables in HDF5 with the first; the second is one of the levels of columns
+_MARKS = (b"pandas_type", b"bodyparts")
 _LEVELS = (("scorer", "bodyparts", "coords"), ("scorer", "individuals", "bodyparts", "coords"))
 # DeepLabCut's own name for parts that belong to no individual
 _UNIQUE = "single"
 _COORDS = ("x", "y", "likelihood")
+# x, y and likelihood in the place of an individual that was not found (DeepLabCut 3)
+_NOBODY = -1.0
 
 
 def read_dlc(path: Path) -> View:
     """Return the view of one camera from DeepLabCut's h5, single- or multi-animal.
 
     A table with columns (scorer, [individuals,] bodyparts, coords), coords x, y in pixels and likelihood; the
-    index is the frame number. Parts are matched to joints by name. The table is under the key
-    ``df_with_missing`` and needs pandas and PyTables, which can run what a malicious file holds: open files
-    of people you trust (the csv has the same numbers and no such risk).
+    index is the frame number. Parts are matched to joints by name. The table is the only one in the file,
+    under any key: ``df_with_missing``, or ``tracks`` for stitched tracks. It needs pandas and PyTables, which
+    can run what a malicious file holds: open files of people you trust (the csv has the same numbers and no
+    such risk).
     """
     frame = _load(path)
     if not hasattr(frame, "columns") or not hasattr(frame.columns, "levels"):
@@ -55,9 +58,11 @@ def _load(path: Path) -> Any:
     require("tables", f"{path}: DeepLabCut's h5")
     with parsing(path, "a complete HDF5 file of pandas"), pandas.HDFStore(path, mode="r") as store:
         keys = [key.strip("/") for key in store.keys()]  # noqa: SIM118 - a store, not a dict
-        table = store[_KEY] if _KEY in keys else None
+        tables = [key for key in keys if str(store.get_storer(key).pandas_type).startswith("frame")]
+        table = store[tables[0]] if len(tables) == 1 else None
     if table is None:
-        raise DatasetError(path, _KEY, "a table under this key", f"keys {', '.join(keys) or 'none'}")
+        actual = f"tables {', '.join(tables)}" if tables else f"keys {', '.join(keys) or 'none'}"
+        raise DatasetError(path, "key", "one table in the file (df_with_missing or tracks)", actual)
     return table
 
 
@@ -138,86 +143,18 @@ class _Table:
         """Return the joints (T, K, 3) of one individual."""
         xy = np.stack([self.values[:, [columns[p]["x"], columns[p]["y"]]] for p in parts], axis=1)
         sure = [columns[part].get("likelihood") for part in parts]
-        likelihood = [np.ones(len(xy)) if place is None else self.values[:, place] for place in sure]
-        return joints_of(self.path, "likelihood", xy, np.stack(likelihood, axis=1), clip=False)
+        given = [np.ones(len(xy)) if place is None else self.values[:, place] for place in sure]
+        likelihood = np.stack(given, axis=1)
+        likelihood[likelihood == _NOBODY] = 0.0
+        return joints_of(self.path, "likelihood", xy, likelihood, clip=False)
 
 
 def is_dlc(path: Path) -> bool:
-    """Whether a file is HDF5 with DeepLabCut's key in it."""
-    return hdf5_mentions(path, _KEY.encode())
+    """Whether a file is HDF5 of pandas with DeepLabCut's levels of columns."""
+    return hdf5_mentions(path, *_MARKS)
 
 
 def is_dlc_csv(path: Path) -> bool:
     """Whether the first line of a file is DeepLabCut's."""
     first = csv_header(path)
     return len(first) > 1 and first[0] == "scorer"
-
-
-_AXES = ("track", "xy", "node", "frame")
-_TRACKS, _SCORES, _NAMES = "tracks", "point_scores", "node_names"
-
-
-def read_sleap(path: Path) -> View:
-    """Return the view of one camera from SLEAP's analysis file.
-
-    ``tracks`` (tracks, 2, nodes, frames) in pixels, NaN for missing, ``point_scores`` (tracks, nodes, frames)
-    and ``node_names``; frames count from 0. Newer files state the order of the axes in an attribute ``dims``.
-    A score is the peak of a confidence map: above 1 it counts as 1; a point without one was placed by hand
-    and counts as 1. Nodes are matched to joints by name. Needs h5py.
-    """
-    h5py = require("h5py", f"{path}: SLEAP's h5")
-    with parsing(path, "a complete HDF5 file"), h5py.File(path, "r") as file:
-        tracks, scores = (_dataset(path, file, key) for key in (_TRACKS, _SCORES))
-        order = _axes(path, tracks)
-        names = np.asarray(_dataset(path, file, _NAMES)[()])
-        pixels = as_numbers(path, _TRACKS, tracks[()])
-        sure = as_numbers(path, _SCORES, scores[()])
-    xy = _arranged(path, pixels, order, len(names))
-    confidence = _scores(path, sure, order, xy.shape[:3])
-    known = array_names(path, _NAMES, names, xy.shape[2])
-    return array_view(path, _TRACKS, joints_of(path, _TRACKS, xy, confidence, clip=True), names=known)
-
-
-def _dataset(path: Path, file: Any, key: str) -> Any:
-    if key not in file or not hasattr(file[key], "shape"):
-        raise DatasetError(path, key, "a dataset under this key", f"keys {', '.join(file) or 'none'}")
-    return file[key]
-
-
-def _axes(path: Path, tracks: Any) -> tuple[str, ...]:
-    """Return the names of the axes of `tracks`."""
-    stated = tracks.attrs.get("dims")
-    if stated is None:
-        return _AXES
-    try:
-        axes = tuple(str(axis) for axis in json.loads(stated))
-    except (TypeError, ValueError):
-        axes = ()
-    if sorted(axes) != sorted(_AXES):
-        raise DatasetError(path, f"{_TRACKS}.dims", f"an order of {', '.join(_AXES)}", repr(stated))
-    return axes
-
-
-def _arranged(path: Path, pixels: Array, order: tuple[str, ...], nodes: int) -> Array:
-    """Return pixels (T, P, K, 2)."""
-    sizes = dict(zip(order, pixels.shape, strict=False))
-    if pixels.ndim != len(order) or sizes["xy"] != 2 or sizes["node"] != nodes:
-        fixed = {"xy": "2", "node": str(nodes)}
-        expected = f"shape ({', '.join(fixed.get(axis, f'{axis}s') for axis in order)})"
-        raise DatasetError(path, _TRACKS, expected, pixels.shape)
-    return np.transpose(pixels, [order.index(axis) for axis in ("frame", "track", "node", "xy")])
-
-
-def _scores(path: Path, scores: Array, order: tuple[str, ...], shape: tuple[int, ...]) -> Array:
-    """Return scores (T, P, K), 1 where there is none."""
-    axes = [axis for axis in order if axis != "xy"]
-    expected = tuple(dict(zip(("frame", "track", "node"), shape, strict=True))[axis] for axis in axes)
-    if scores.shape != expected:
-        raise DatasetError(path, _SCORES, f"shape {expected} like the tracks", scores.shape)
-    arranged = np.transpose(scores, [axes.index(axis) for axis in ("frame", "track", "node")])
-    return np.where(np.isnan(arranged), 1.0, arranged)
-
-
-def is_sleap(path: Path) -> bool:
-    """Whether a file is HDF5 with SLEAP's names in it."""
-    return hdf5_mentions(path, b"node_names", b"track")

@@ -1,0 +1,218 @@
+"""``skelsplat batch``: many recordings, each as ``skelsplat refine`` does it, and one table of them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from os import cpu_count
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+
+from skelsplat._sentences.words import number
+from skelsplat.cli import options
+from skelsplat.cli._app import FAILED
+from skelsplat.cli.command import Application, with_parameters_of
+from skelsplat.cli.config import MisfitError, entries_of, options_in, unknown
+from skelsplat.cli.output import counting, print_json, print_message
+from skelsplat.cli.refine import job_of
+from skelsplat.cli.table import new_table, print_paragraphs, print_table
+from skelsplat.exceptions import DatasetError
+from skelsplat.io._files import parse_toml, read_text
+from skelsplat.run import Batch, Job, run_batch
+from skelsplat.run.batch import DONE, RECORD, TABLE, UNCHANGED, trials
+from skelsplat.run.batch import FAILED as FAILED_RECORDING
+
+EPILOG = (
+    "SESSIONS.toml has a table session per recording, with calibration, detections, optionally name and "
+    "output, and any option of refine under its name; a table defaults has what all share. Options of "
+    "the command line win. In a project of Pose2Sim, a recording is a folder with pose-sync or else pose, "
+    "and its calibration is the TOML in a folder with calib in its name, there or above. The results of a "
+    "recording are in FOLDER/NAME; batch.csv and batch.json in FOLDER have the table. Exit status 1 if a "
+    "recording failed."
+)
+COMMON = (
+    *("output", "jobs", "overwrite", "unit", "layout", "fps", "people", "write", "y_up", "quiet"),
+    *("as_json",),
+)
+_OF_A_SESSION = ("source", "detections")
+# The last part of a path of detections that names no recording.
+_USUAL = ("pose", "pose-sync", "pose-associated", "openpose", "detections", "pose-2d")
+
+_program = Application(add_completion=False)
+_program.command("refine")(job_of)
+_refine: Any = typer.main.get_command(_program)
+
+
+# long: a parameter per option
+@with_parameters_of(job_of, without=(*_OF_A_SESSION, "output"))
+def batch(
+    context: typer.Context,
+    sessions: Annotated[
+        Path,
+        typer.Argument(
+            readable=False,
+            metavar="SESSIONS",
+            help="TOML file with the recordings, or the folder of a Pose2Sim project.",
+        ),
+    ],
+    *,
+    output: options.Out,
+    jobs: Annotated[
+        int | None,
+        options.option(
+            "Computation",
+            metavar="N",
+            min=1,
+            help="Recordings refined at the same time, each in a process of its own.",
+            default="one per core",
+        ),
+    ] = None,
+    overwrite: Annotated[
+        bool, options.flag("Output", "--overwrite", help="Refine recordings again that have not changed.")
+    ] = False,
+    quiet: options.Quiet = False,
+    as_json: options.AsJson = False,
+    **given: Any,
+) -> None:
+    """Refine many recordings, listed in a file or in the folders of a Pose2Sim project.
+
+    A recording is skipped if its results are complete and neither its files nor
+    its options have changed, so a batch that was stopped goes on.
+
+    [bold]Examples[/bold]
+
+    skelsplat batch sessions.toml -o results
+
+    skelsplat batch Project/ -o results --unit m --layout halpe26 --people all
+
+    skelsplat batch sessions.toml -o results --write trc,c3d --jobs 1 --overwrite
+    """
+    ways = {name: getattr(context.get_parameter_source(name), "name", "") for name in given}
+    stated = {name: given[name] for name, way in ways.items() if way == "COMMANDLINE"}
+    usual = {name: given[name] for name, way in ways.items() if way == "DEFAULT_MAP"}
+    wanted = {
+        name: _job(sessions, name, {**usual, **values, **stated})
+        for name, values in (_of_project if sessions.is_dir() else _of_file)(sessions)
+    }
+    with counting("recordings", shown=not quiet) as count:
+        found = run_batch(
+            wanted,
+            output,
+            overwrite=overwrite,
+            processes=jobs or cpu_count() or 1,
+            progress=lambda done, total: count("refining", done, total),
+        )
+    if as_json:
+        print_json(found.to_dict())
+    elif not quiet:
+        _print(Console(highlight=False, markup=False), found, output)
+    if quiet or as_json:
+        for one in found.failed:
+            print_message(f"error: {one.name}: {one.error}")
+    if found.failed:
+        raise typer.Exit(FAILED)
+
+
+def _of_project(folder: Path) -> Iterator[tuple[str, dict[str, Any]]]:
+    for name, (calibration, detections) in trials(folder).items():
+        yield name, {"source": calibration, "detections": detections}
+
+
+def _of_file(path: Path) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the name and the options of each session of a file."""
+    document = parse_toml(path, read_text(path))
+    try:
+        yield from _sessions(document, path.parent)
+    except MisfitError as misfit:
+        raise typer.BadParameter(str(DatasetError(path, *misfit.args)), param_hint="SESSIONS") from misfit
+
+
+def _sessions(document: dict[str, Any], folder: Path) -> Iterator[tuple[str, dict[str, Any]]]:
+    known = entries_of(_refine)
+    for key in document:
+        if key not in ("defaults", "session"):
+            raise unknown(key, "[defaults] or [[session]]", ["defaults", "session"])
+    tables, shared = document.get("session", []), document.get("defaults", {})
+    if not isinstance(shared, dict):
+        raise MisfitError("defaults", "a table [defaults] of options", "something else")
+    if not tables or not all(
+        isinstance(table, dict) for table in (tables if isinstance(tables, list) else [0])
+    ):
+        raise MisfitError(
+            "session", "a table [[session]] per recording", "none" if not tables else "something else"
+        )
+    defaults, names = options_in(shared, known, folder, "defaults."), set()
+    for place, table in enumerate(tables, 1):
+        prefix, options_of = f"session {place}.", {k: v for k, v in table.items() if k != "name"}
+        values = defaults | options_in(options_of, known, folder, prefix)
+        for argument, parameter in (("calibration", "source"), ("detections", "detections")):
+            if parameter not in values:
+                raise MisfitError(
+                    prefix + argument, f"a path in [[session]] {place} or in [defaults]", "none"
+                )
+        name = _name(table.get("name", _named_by(values["detections"], folder)), prefix)
+        if name in names:
+            raise MisfitError(f"{prefix}name", "a name of its own for each session", f"{name} twice")
+        names.add(name)
+        yield name, values
+
+
+def _named_by(detections: Path, folder: Path) -> str:
+    """Return the name of a recording: the path of its detections from the file's folder, without ``pose``."""
+    path = Path(os.path.relpath(detections, folder))
+    parts = [part for part in path.with_suffix("").parts if part != ".."]
+    if len(parts) > 1 and parts[-1].lower() in _USUAL:
+        parts.pop()
+    return "/".join(parts)
+
+
+def _name(name: Any, prefix: str) -> str:
+    if not isinstance(name, str) or not name or Path(name).is_absolute() or ".." in Path(name).parts:
+        raise MisfitError(f"{prefix}name", "text that can be the name of a folder", repr(name))
+    return name
+
+
+def _job(sessions: Path, name: str, values: Mapping[str, Any]) -> Job:
+    """Return the job of a recording, whose options are checked as those of the command line."""
+    values = {"output": Path(), **values}
+    try:
+        job: Job = _refine.main([], prog_name="refine", standalone_mode=False, default_map=values)
+    except Exception as error:
+        if not hasattr(error, "format_message"):  # what every error of usage has
+            raise
+        text = error.format_message().replace("Invalid value for ", "", 1).replace("'", "", 2)
+        raise typer.BadParameter(f"{sessions}: {name}: {text}", param_hint="SESSIONS") from error
+    return replace(job, output=None) if job.output == Path() else job
+
+
+def _print(console: Console, found: Batch, folder: Path) -> None:
+    table = new_table(None, "recording", ["frames", "error\n[px]", "rejected"])
+    table.add_column("findings")
+    for row in found.rows():
+        person = "" if row["person"] is None else f", person {row['person']}"
+        told = row["findings"] if row["status"] != FAILED_RECORDING else "failed, see below"
+        share = row["rejected_share"]
+        table.add_row(
+            row["recording"] + person,
+            "–" if row["frames"] is None else str(row["frames"]),
+            "–" if row["median_error_px"] is None else number(row["median_error_px"]),
+            "–" if share is None else f"{100 * share:.0f}%",
+            told or "none",
+            style="red" if row["status"] == FAILED_RECORDING else None,
+        )
+    print_table(console, table)
+    console.print()
+    print_paragraphs(console, [f"! {one.name}: {one.error}" for one in found.failed])
+    count = {status: sum(one.status == status for one in found.recordings) for status in (DONE, UNCHANGED)}
+    said = [f"{count[DONE]} refined"]
+    if count[UNCHANGED]:
+        said.append(f"{count[UNCHANGED]} unchanged (--overwrite refines them again)")
+    if found.failed:
+        said.append(f"{len(found.failed)} failed")
+    total = len(found.recordings)
+    console.print(f"{total} recording{'s' * (total != 1)}: {', '.join(said)}.")
+    console.print(f"Wrote to {folder}/: {TABLE}, {RECORD}, and a folder per recording")

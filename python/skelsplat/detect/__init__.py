@@ -1,0 +1,15 @@
+"""2D detections from videos, by detectors that are optional packages.
+
+>>> from skelsplat.detect import MediaPipe, detect
+>>> detect("videos", "pose", MediaPipe())  # doctest: +SKIP
+
+`detect` runs a `Detector` on one video per camera and writes OpenPose JSON, which this package and Pose2Sim
+read. `MediaPipe` and `RTMLib` are the detectors; any object with the members of `Detector` will do.
+"""
+
+from skelsplat.detect._detect import Detected, detect
+from skelsplat.detect._detector import Detector
+from skelsplat.detect._mediapipe import MediaPipe
+from skelsplat.detect._rtmlib import RTMLib
+
+__all__ = ["Detected", "Detector", "MediaPipe", "RTMLib", "detect"]

@@ -1,0 +1,154 @@
+"""Detections of SLEAP: analysis files (h5, csv), one per camera."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from skelsplat._arrays import Array
+from skelsplat._optional import require
+from skelsplat.exceptions import DatasetError
+from skelsplat.io._arrays import array_names, as_numbers, hdf5_mentions
+from skelsplat.io._files import csv_header, csv_lines, parsing
+from skelsplat.io.detections._csv import frame_in, number_in
+from skelsplat.io.detections._format import Person, View, array_view, joints_of, list_view
+
+_AXES = ("track", "xy", "node", "frame")
+# as SLEAP holds them; it turns them round for MATLAB unless told not to (``transpose=False``)
+_UNTURNED = ("frame", "node", "xy", "track")
+_TRACKS, _SCORES, _NAMES = "tracks", "point_scores", "node_names"
+
+
+def read_sleap(path: Path) -> View:
+    """Return the view of one camera from SLEAP's analysis file.
+
+    ``tracks`` (tracks, 2, nodes, frames) in pixels, NaN for missing, ``point_scores`` (tracks, nodes, frames)
+    and ``node_names``; frames count from 0. Newer files state the order of the axes in an attribute ``dims``,
+    older ones may be (frames, nodes, 2, tracks) without saying so, which the sizes tell. A score is the peak
+    of a confidence map: above 1 it counts as 1; a point without one was placed by hand and counts as 1, as do
+    all in files without scores. Nodes are matched to joints by name. Needs h5py.
+    """
+    h5py = require("h5py", f"{path}: SLEAP's h5")
+    with parsing(path, "a complete HDF5 file"), h5py.File(path, "r") as file:
+        names = np.asarray(_dataset(path, file, _NAMES)[()])
+        order = _axes(path, file, len(names))
+        pixels = as_numbers(path, _TRACKS, file[_TRACKS][()])
+        sure = as_numbers(path, _SCORES, _dataset(path, file, _SCORES)[()]) if _SCORES in file else None
+    xy = np.transpose(pixels, [order.index(axis) for axis in ("frame", "track", "node", "xy")])
+    confidence = None if sure is None else _scores(path, sure, order, xy.shape[:3])
+    known = array_names(path, _NAMES, names, xy.shape[2])
+    return array_view(path, _TRACKS, joints_of(path, _TRACKS, xy, confidence, clip=True), names=known)
+
+
+def _dataset(path: Path, file: Any, key: str) -> Any:
+    if key not in file or not hasattr(file[key], "shape"):
+        raise DatasetError(path, key, "a dataset under this key", f"keys {', '.join(file) or 'none'}")
+    return file[key]
+
+
+def _axes(path: Path, file: Any, nodes: int) -> tuple[str, ...]:
+    """Return the names of the axes of `tracks`: as stated, else the usual ones, unless only others fit."""
+    tracks = _dataset(path, file, _TRACKS)
+    stated = tracks.attrs.get("dims")
+    unturned = file.attrs.get("transpose") is not None and not file.attrs["transpose"]
+    orders = (
+        [_stated(path, stated)] if stated is not None else [_UNTURNED] if unturned else [_AXES, _UNTURNED]
+    )
+    named = len(file["track_names"]) if "track_names" in file else 0
+    sizes = {"xy": 2, "node": nodes, **({"track": named} if named else {})}
+    for order in orders:
+        if (
+            len(tracks.shape) == len(order)
+            and sizes.items() <= dict(zip(order, tracks.shape, strict=True)).items()
+        ):
+            return order
+    expected = f"shape ({', '.join(str(sizes.get(axis, f'{axis}s')) for axis in orders[0])})"
+    raise DatasetError(path, _TRACKS, expected, tracks.shape)
+
+
+def _stated(path: Path, stated: Any) -> tuple[str, ...]:
+    try:
+        axes = tuple(str(axis) for axis in json.loads(stated))
+    except (TypeError, ValueError):
+        axes = ()
+    if sorted(axes) != sorted(_AXES):
+        raise DatasetError(path, f"{_TRACKS}.dims", f"an order of {', '.join(_AXES)}", repr(stated))
+    return axes
+
+
+def _scores(path: Path, scores: Array, order: tuple[str, ...], shape: tuple[int, ...]) -> Array:
+    """Return scores (T, P, K), 1 where there is none."""
+    axes = [axis for axis in order if axis != "xy"]
+    expected = tuple(dict(zip(("frame", "track", "node"), shape, strict=True))[axis] for axis in axes)
+    if scores.shape != expected:
+        raise DatasetError(path, _SCORES, f"shape {expected} like the tracks", scores.shape)
+    arranged = np.transpose(scores, [axes.index(axis) for axis in ("frame", "track", "node")])
+    return np.where(np.isnan(arranged), 1.0, arranged)
+
+
+def is_sleap(path: Path) -> bool:
+    """Whether a file is HDF5 with SLEAP's names in it."""
+    return hdf5_mentions(path, b"node_names", b"track")
+
+
+_FRAME, _TRACK = "frame_idx", "track"
+
+
+def read_sleap_csv(path: Path) -> View:
+    """Return the view of one camera from SLEAP's analysis csv.
+
+    A line per animal and frame: ``track`` (a name, empty without tracking), ``frame_idx``, and for each node
+    ``NODE.x``, ``NODE.y`` and perhaps ``NODE.score``, in any order. An empty position is missing; scores are
+    those of `read_sleap`. A frame without animals has no line.
+    """
+    lines = csv_lines(path)
+    nodes = _nodes(path, lines[0] if lines else [])
+    places = {name: place for place, name in enumerate(lines[0])}
+    people: dict[int, list[Person]] = {}
+    seen: set[tuple[int, str]] = set()
+    for number, line in enumerate(lines[1:], start=2):
+        if not line:
+            continue
+        frame = frame_in(path, f"line {number}, {_FRAME}", line[places[_FRAME]].strip())
+        track = line[places[_TRACK]] if _TRACK in places else ""
+        if track and (frame, track) in seen:
+            actual = f"{track} again in frame {frame}"
+            raise DatasetError(path, f"line {number}, {_TRACK}", "a track once per frame", actual)
+        seen.add((frame, track))
+        rows = np.array([_node(path, number, line, places, node) for node in nodes])
+        joints = joints_of(path, f"line {number}", rows[:, :2], rows[:, 2], clip=True)
+        people.setdefault(frame, []).append(Person(path, f"line {number}", joints))
+    if not people:
+        raise DatasetError(path, "lines", "one line per animal and frame after the header", "none")
+    return replace(list_view(path, people), joints=nodes, sparse=True)
+
+
+def _nodes(path: Path, header: Sequence[str]) -> tuple[str, ...]:
+    nodes = tuple(name.removesuffix(".x") for name in header if name.endswith(".x"))
+    lacking = [name for name in (_FRAME, *(f"{node}.y" for node in nodes)) if name not in header]
+    if lacking or not nodes or len(set(header)) < len(header):
+        expected = f"different columns: {_FRAME}, and NODE.x and NODE.y for every node"
+        raise DatasetError(path, "line 1", expected, ", ".join(header)[:200] or "an empty line")
+    return nodes
+
+
+def _node(path: Path, number: int, line: list[str], places: dict[str, int], node: str) -> tuple[float, ...]:
+    """Return x, y and score of a node; 1 where there is no score."""
+    x, y, score = (
+        number_in(path, f"line {number}, {node}.{part}", line[places[f"{node}.{part}"]])
+        if f"{node}.{part}" in places
+        else np.nan
+        for part in ("x", "y", "score")
+    )
+    return x, y, 1.0 if np.isnan(score) else score
+
+
+def is_sleap_csv(path: Path) -> bool:
+    """Whether the first line of a file has SLEAP's columns."""
+    header = csv_header(path)
+    return _FRAME in header and any(name.endswith(".x") for name in header)

@@ -1,0 +1,187 @@
+"""Joint layouts: names, limbs, symmetric pairs in three tiers, occlusion-prone joints.
+
+``H36M17`` and its siblings are people's; the joint orders are those of the data sets' own tools. Every
+argument ``layout`` takes a `skelsplat.Layout`, the name of a built-in one (`names`), or the path of a layout
+file in TOML (`read`, `write`). The built-in ones that are not compiled are such files themselves.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Sequence
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from skelsplat._skelsplat import LAYOUT_NAMES, Layout
+from skelsplat.exceptions import DatasetError, InvalidInputError
+from skelsplat.layouts._files import (
+    SUFFIX,
+    About,
+    about_of,
+    hint_at,
+    mirrored_names,
+    of_names,
+    read_file,
+    read_toml,
+    to_toml,
+    write_file,
+)
+
+H36M17 = Layout.by_name("h36m17")
+COCO17 = Layout.by_name("coco17")
+PANOPTIC19 = Layout.by_name("panoptic19")
+OCCLUSION_PERSON15 = Layout.by_name("occlusion_person15")
+BODY25 = Layout.by_name("body25")
+BODY25B = Layout.by_name("body25b")
+HALPE26 = Layout.by_name("halpe26")
+SHELF14 = Layout.by_name("shelf14")
+MEDIAPIPE33 = Layout.by_name("mediapipe33")
+
+_FOLDER = Path(__file__).with_name("data")
+_IN_FILES = ("wholebody133", "halpe136", "hand21", "mouse22", "fly38")
+
+#: Names of the built-in layouts, as `get` and every argument ``layout`` take them.
+names: tuple[str, ...] = (*LAYOUT_NAMES, *_IN_FILES)
+
+__all__ = [
+    "BODY25",
+    "BODY25B",
+    "COCO17",
+    "H36M17",
+    "HALPE26",
+    "MEDIAPIPE33",
+    "OCCLUSION_PERSON15",
+    "PANOPTIC19",
+    "SHELF14",
+    "About",
+    "about",
+    "from_names",
+    "get",
+    "is_built_in",
+    "mirrored_names",
+    "names",
+    "read",
+    "to_toml",
+    "write",
+]
+
+
+def mirror_images(n_joints: int, left_right: Iterable[tuple[int, int]]) -> npt.NDArray[np.int64]:
+    """Return the place of every joint's mirror image, (N,); its own where it has none."""
+    places = np.arange(n_joints)
+    for left, right in left_right:
+        places[left], places[right] = right, left
+    return places
+
+
+def get(name: str | os.PathLike[str] | Layout) -> Layout:
+    """Return the built-in layout called ``name``, or read the layout file at this path.
+
+    Parameters
+    ----------
+    name : str, path or Layout
+        A name in lower or upper case, or a path that ends in ``.toml``. A layout is returned as it is.
+
+    Raises
+    ------
+    InvalidInputError
+        If there is none of that name; the message lists all names.
+    DatasetError
+        If the file cannot be read; the message names it and the field.
+    """
+    if isinstance(name, Layout):
+        return name
+    if not isinstance(name, str | os.PathLike):
+        raise InvalidInputError(f"layout: expected a name, a path or a Layout, got {type(name).__name__}")
+    text = os.fspath(name)
+    if text.lower() in names:
+        return _built_in(text.lower())
+    if Path(text).suffix.lower() == SUFFIX:
+        return read(text)
+    expected = f"one of {', '.join(names)}, or a layout file ({SUFFIX})"
+    raise InvalidInputError(f"layout: expected {expected}, got {text!r}{hint_at(text.lower(), names)}")
+
+
+def read(path: str | os.PathLike[str]) -> Layout:
+    """Read a layout file.
+
+    Raises
+    ------
+    DatasetError
+        If it is missing or malformed, or has the name of a built-in layout with other contents.
+    """
+    layout, _ = read_file(Path(path))
+    if layout.name in names and layout != _built_in(layout.name):
+        expected = "a name of its own, as the contents are not those of the built-in layout"
+        raise DatasetError(Path(path), "name", expected, layout.name)
+    return layout
+
+
+def write(path: str | os.PathLike[str], layout: Layout | str, *, about: About | None = None) -> None:
+    """Write a layout file, which `read` reads back as the same layout.
+
+    Parameters
+    ----------
+    path : path
+        Its name should end in ``.toml``, by which arguments ``layout`` know it from a name.
+    layout : Layout or str
+    about : About, optional
+        What it is for, for people; by default what is known of a built-in layout.
+    """
+    layout = get(layout)
+    if about is None and is_built_in(layout):
+        about = _about(layout.name)
+    write_file(Path(path), to_toml(layout, about))
+
+
+def from_names(name: str, joints: Sequence[str], limbs: Sequence[tuple[int, int]] = ()) -> Layout:
+    """Return a layout whose mirror images and symmetric limbs are those that the joints' names state.
+
+    Parameters
+    ----------
+    name : str
+    joints : sequence of str
+        As `mirrored_names` reads their sides.
+    limbs : sequence of (int, int), optional
+
+    Raises
+    ------
+    InvalidInputError
+        As `skelsplat.Layout`.
+    """
+    return of_names(name, joints, limbs=limbs)
+
+
+def is_built_in(layout: Layout) -> bool:
+    """Whether this is one of the built-in layouts."""
+    return layout.name in names and layout == _built_in(layout.name)
+
+
+def about(name: str | os.PathLike[str] | Layout) -> About:
+    """Return what a built-in layout or a layout file says it is for.
+
+    Raises
+    ------
+    InvalidInputError, DatasetError
+        As `get`.
+    """
+    if isinstance(name, Layout):
+        return _about(name.name) if is_built_in(name) else About()
+    layout = get(name)
+    return _about(layout.name) if is_built_in(layout) else read_file(Path(name))[1]
+
+
+@cache
+def _built_in(name: str) -> Layout:
+    return read_file(_FOLDER / f"{name}{SUFFIX}")[0] if name in _IN_FILES else Layout.by_name(name)
+
+
+@cache
+def _about(name: str) -> About:
+    """Return what is known of a built-in layout; of those in the core, from a file of all."""
+    if name in _IN_FILES:
+        return read_file(_FOLDER / f"{name}{SUFFIX}")[1]
+    return about_of(read_toml(_FOLDER / f"about{SUFFIX}").get(name, {}))

@@ -1,0 +1,120 @@
+"""The joint angles of a run: which there are, and their files ``angles.csv``, ``.npz`` and ``.mot``."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import skelsplat as sk
+from skelsplat._angles import angle_names, angles_of_joints
+from skelsplat._arrays import Array, Index
+from skelsplat._atomic import atomic_write, atomic_write_text
+from skelsplat.exceptions import InvalidInputError
+from skelsplat.run.vertical import vertical_known, world_up
+
+if TYPE_CHECKING:
+    from skelsplat.io import PoseData
+    from skelsplat.run._run import Run
+
+FILES = ("angles.csv", "angles.npz", "angles.mot")
+_DECIMALS = 4  # of a degree
+
+
+def check_angles(layout: sk.Layout) -> None:
+    """Raise before the work if the layout has no angle."""
+    if not angle_names(layout.joints):
+        expected = "a layout with names such as left_hip, left_knee and left_ankle"
+        raise InvalidInputError(f"angles: expected {expected}, got {layout.name}")
+
+
+def vertical_of(rig: sk.CameraRig) -> Array | None:
+    """Return the axis of the world that is up (3,); None if the cameras do not show it."""
+    return world_up(rig) if vertical_known(rig) else None
+
+
+def angles_of_poses(poses: PoseData, up: Array | None, joints: tuple[str, ...] = ()) -> sk.JointAngles:
+    """Return the angles of poses; ``joints`` are names that replace those of the poses."""
+    bars = poses.error_bar if poses.error_bar.size else None
+    return angles_of_joints(poses.pose, joints or poses.joint_names, bars, up)
+
+
+def angles_of(run: Run) -> sk.JointAngles:
+    """Return the angles of a run's poses as they are written."""
+    return angles_of_poses(run.poses, vertical_of(run.cameras), tuple(run.layout.joints))
+
+
+def by_title(names: Sequence[str]) -> dict[str, list[tuple[str, int]]]:
+    """Return by title, "Knee flexion", the sides ("left", "right" or "") and places of angles."""
+    found: dict[str, list[tuple[str, int]]] = {}
+    for k, name in enumerate(names):
+        side, _, rest = name.partition("_")
+        what, side = (rest, side) if side in ("left", "right") else (name, "")
+        found.setdefault(what.replace("_", " ").capitalize(), []).append((side, k))
+    return found
+
+
+def describe(run: Run) -> dict[str, Any]:
+    """Return the entry of the report: the names and the vertical."""
+    up = vertical_of(run.cameras)
+    names = angle_names(run.layout.joints, leaning=up is not None)
+    return {"names": list(names), "up": None if up is None else up.tolist()}
+
+
+def write_angles(run: Run, folder: Path, frame_rate: float) -> None:
+    """Write `FILES`; ``frame_rate`` gives the times in ``angles.mot`` if the run has none."""
+    poses, up = run.poses, vertical_of(run.cameras)
+    angles = angles_of(run)
+    scatter = angles_of_joints(poses.pose, run.layout.joints, poses.uncertainty, up).sigma
+    atomic_write_text(folder / FILES[0], _csv(angles, scatter, poses.frames))
+    with atomic_write(folder / FILES[1]) as stream:
+        np.savez_compressed(
+            stream,
+            allow_pickle=False,
+            names=np.array(angles.names, dtype=np.str_),
+            degrees=angles.degrees,
+            sigma=angles.sigma,
+            scatter=scatter,
+            frames=poses.frames,
+            frame_rate=np.array(np.nan if poses.frame_rate is None else poses.frame_rate),
+            up=np.full(3, np.nan) if up is None else up,
+            version=np.array(sk.__version__),
+        )
+    times = (poses.frames - poses.frames[0]) / (poses.frame_rate or frame_rate)
+    atomic_write_text(folder / FILES[2], mot_text(angles, times))
+
+
+def _csv(angles: sk.JointAngles, scatter: Array, frames: Index) -> str:
+    """Return a row per frame, with three columns per angle; a field without a number is empty."""
+    ends = ("", "_sigma", "_scatter")
+    values = np.stack([angles.degrees, angles.sigma, scatter], axis=-1).reshape(len(frames), -1)
+    lines = [",".join(["frame", *(name + end for name in angles.names for end in ends)])]
+    for frame, row in zip(frames.tolist(), values.tolist(), strict=True):
+        numbers = (f"{value:.{_DECIMALS}f}" if math.isfinite(value) else "" for value in row)
+        lines.append(",".join([str(frame), *numbers]))
+    return "\n".join(lines) + "\n"
+
+
+def mot_text(angles: sk.JointAngles, times: Array) -> str:
+    """Return angles (T, A) at ``times`` in s as OpenSim stores motions.
+
+    nColumns counts the time. A missing value is ``nan``: a field cannot be empty, since OpenSim takes several
+    tabs for one.
+    """
+    header = [
+        "Coordinates",
+        "version=1",
+        f"nRows={len(times)}",
+        f"nColumns={len(angles.names) + 1}",
+        "inDegrees=yes",
+        "endheader",
+        "\t".join(["time", *angles.names]),
+    ]
+    rows = (
+        "\t".join([f"{time:.6f}", *(f"{value:.{_DECIMALS}f}" for value in row)])
+        for time, row in zip(times.tolist(), angles.degrees.tolist(), strict=True)
+    )
+    return "\n".join([*header, *rows]) + "\n"

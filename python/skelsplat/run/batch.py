@@ -1,0 +1,389 @@
+"""Many recordings: each is a run with a folder of its own, and one table has the findings of all."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import json
+import os
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any
+
+from skelsplat._atomic import atomic_write_text
+from skelsplat._json import plain, to_text
+from skelsplat.exceptions import DatasetError, InvalidInputError, SkelSplatError
+from skelsplat.io._files import VIDEO_SUFFIXES, listed, load_json
+from skelsplat.io._run_files import REPORT, files_of_run, folders_of_run
+from skelsplat.run._run import run
+from skelsplat.run.folder import output_folder
+from skelsplat.run.job import Job
+from skelsplat.run.report import versions
+from skelsplat.run.several import run_people
+
+TABLE, RECORD = "batch.csv", "batch.json"
+DONE, UNCHANGED, FAILED = "done", "unchanged", "failed"
+COLUMNS = (
+    *("recording", "status", "person", "frames", "frame_rate_hz", "median_error_px", "rejected_share"),
+    *("errors", "warnings", "findings", "output", "error"),
+)
+# Fields of a job whose content counts instead, or nothing at all.
+_NOT_AS_TEXT = ("output", "calibration", "detections", "init", "config")
+_PROGRAM = "from skelsplat.run.batch import _work; _work()"
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One recording of a batch.
+
+    Attributes
+    ----------
+    name : str
+    status : str
+        ``"done"``; ``"unchanged"``: refined by an earlier batch, and left as it is; or ``"failed"``.
+    output : Path
+        The folder of its run.
+    error : str
+        Why it failed.
+    report : dict
+        ``report.json`` of its run; empty if it failed.
+    """
+
+    name: str
+    status: str
+    output: Path
+    error: str = ""
+    report: Mapping[str, Any] = field(default_factory=dict)
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return the rows of the table: one, or one per person; by `COLUMNS`, None where nothing is known."""
+        row = dict.fromkeys(COLUMNS) | {"recording": self.name, "status": self.status}
+        row |= {"output": str(self.output), "error": self.error or None}
+        if not self.report:
+            return [row]
+        rate, shared = self.report["input"]["frame_rate_hz"], self.report["findings"]
+        row["frame_rate_hz"] = rate
+        if "people" not in self.report:
+            total = self.report["reprojection_error"]["all"]
+            numbers = {"median_error_px": total["after_px"], "rejected_share": total["rejected_share"]}
+            return [{**row, "frames": self.report["input"]["frames"], **numbers, **_summed_up(shared)}]
+        return [
+            {
+                **row,
+                "person": person["id"],
+                **{name: person[name] for name in ("frames", "median_error_px", "rejected_share")},
+                **_summed_up([*shared, *person["findings"]]),
+            }
+            for person in self.report["people"]
+        ]
+
+
+def _summed_up(findings: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return the numbers of errors and warnings, and what they are: kinds, with the cameras concerned."""
+    told = [finding for finding in findings if finding["severity"] != "note"]
+    count = [sum(finding["severity"] == severity for finding in told) for severity in ("error", "warning")]
+    texts = []
+    for finding in told:
+        cameras = ", ".join(finding["subject"].get("cameras", ()))
+        texts.append(finding["kind"].replace("_", " ") + (f" ({cameras})" if cameras else ""))
+    return {"errors": count[0], "warnings": count[1], "findings": "; ".join(dict.fromkeys(texts))}
+
+
+@dataclass(frozen=True)
+class Batch:
+    """What became of all recordings, in the order given."""
+
+    recordings: tuple[Recording, ...]
+
+    @property
+    def failed(self) -> tuple[Recording, ...]:
+        """Those that failed."""
+        return tuple(one for one in self.recordings if one.status == FAILED)
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return the rows of the table, one per recording, or per person of one."""
+        return [row for one in self.recordings for row in one.rows()]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the batch as JSON values: the rows, and the findings of each recording in full."""
+        entries = [
+            {
+                "name": one.name,
+                "status": one.status,
+                "output": str(one.output),
+                "error": one.error or None,
+                "rows": one.rows(),
+                "findings": one.report.get("findings", []),
+            }
+            for one in self.recordings
+        ]
+        document: dict[str, Any] = plain({"versions": versions(), "recordings": entries})
+        return document
+
+
+def run_batch(
+    jobs: Mapping[str, Job],
+    folder: str | os.PathLike[str],
+    *,
+    overwrite: bool = False,
+    processes: int = 1,
+    progress: Callable[[int, int], None] | None = None,
+) -> Batch:
+    """Refine many recordings, and write ``batch.json`` and ``batch.csv``.
+
+    A recording that an earlier batch has refined is left as it is if its folder is complete and neither its
+    input nor its options have changed. One that fails does not stop the others. The results do not depend on
+    the number of processes.
+
+    Parameters
+    ----------
+    jobs : mapping of str to Job
+        By name. Without ``output``, the results are in the folder of that name in ``folder``.
+    folder : path
+        For the two files. They are written after each recording, so that a batch which is stopped goes on.
+    overwrite : bool
+        Refine every recording again.
+    processes : int
+        How many recordings are refined at the same time; they share the cores.
+    progress : callable, optional
+        Called with (recordings done, recordings in all).
+
+    Returns
+    -------
+    Batch
+
+    Raises
+    ------
+    SkelSplatError
+        If there are no jobs, two have the same output, or ``folder`` cannot be written.
+    """
+    top = Path(folder)
+    jobs = {name: replace(job, output=job.output or top / name) for name, job in jobs.items()}
+    _check(jobs, processes)
+    with output_folder(top):
+        keys = {name: key_of(job) for name, job in jobs.items()}
+        earlier = {} if overwrite else _earlier(top / RECORD, keys)
+        found = {
+            name: _read(name, job, UNCHANGED)
+            for name, job in jobs.items()
+            if name in earlier and _complete(Path(str(job.output)), earlier[name])
+        }
+        _write(top, jobs, found, keys, earlier)
+        for name, error in _refined({n: job for n, job in jobs.items() if n not in found}, processes):
+            found[name] = _read(name, jobs[name], DONE, error)
+            _write(top, jobs, found, keys, earlier)
+            if progress is not None:
+                progress(len(found), len(jobs))
+    return Batch(tuple(found[name] for name in jobs))
+
+
+def _check(jobs: Mapping[str, Job], processes: int) -> None:
+    if processes < 1:
+        raise InvalidInputError(f"processes: expected at least 1, got {processes}")
+    if not jobs:
+        raise InvalidInputError("jobs: expected at least one recording, got none")
+    places: dict[Path, str] = {}
+    for name, job in jobs.items():
+        place = Path(str(job.output)).resolve()
+        if place in places:
+            expected = (
+                f"a folder of its own for each recording, got {job.output} for {places[place]} and {name}"
+            )
+            raise InvalidInputError(f"output: expected {expected}")
+        places[place] = name
+
+
+def key_of(job: Job) -> str:
+    """Return a text that differs if the results of a job may: options, content of the files, version.
+
+    Of videos, which state the frame rate alone, only the size and time count.
+    """
+    settings = job.settings.to_dict()
+    settings.pop("n_threads")  # the results do not depend on it
+    options = {one.name: getattr(job, one.name) for one in fields(job) if one.name not in _NOT_AS_TEXT}
+    options |= {"settings": settings, "version": versions()["skelsplat"]}
+    found = hashlib.sha256(json.dumps(options, sort_keys=True, default=_text).encode())
+    given = (job.calibration, job.detections, job.init, job.layout)
+    places = [Path(path) for path in given if isinstance(path, str | os.PathLike)]
+    if job.fps is None:
+        places.append(Path(job.detections).parent / "videos")
+    for place in places:
+        inside = sorted(path for path in place.rglob("*") if path.is_file()) if place.is_dir() else [place]
+        for path in (path for path in inside if path.is_file()):
+            found.update(f"{path.relative_to(place.parent)}\0".encode())
+            found.update(_content(path))
+    return found.hexdigest()
+
+
+def _text(value: object) -> str:
+    """Return a path, or what a layout or a filter consists of, as text."""
+    return os.fspath(value) if isinstance(value, os.PathLike) else pickle.dumps(value).hex()
+
+
+def _content(path: Path) -> bytes:
+    if path.suffix.lower() in VIDEO_SUFFIXES:
+        status = path.stat()
+        return f"{status.st_size} {status.st_mtime_ns}".encode()
+    return hashlib.sha256(path.read_bytes()).digest()
+
+
+def _earlier(path: Path, keys: Mapping[str, str]) -> dict[str, dict[str, Any]]:
+    """Return the entries of an earlier batch with the same keys, by name; none if it cannot be read."""
+    try:
+        entries = load_json(path, "a batch")["recordings"] if path.is_file() else []
+        return {entry["name"]: entry for entry in entries if entry.get("key") == keys.get(entry["name"], "")}
+    except (DatasetError, AttributeError, KeyError, TypeError):
+        return {}
+
+
+def _complete(folder: Path, entry: Mapping[str, Any]) -> bool:
+    """Whether a folder holds the run that a batch has written there, with all its files."""
+    if entry.get("report_sha256") != _sha256(folder / REPORT):
+        return False
+    places = [folder, *(folder / name for name in folders_of_run(folder))]
+    names = [files_of_run(place) for place in places]
+    return all(
+        (place / name).is_file()
+        for place, listed in zip(places, names, strict=True)
+        for name in listed or [""]
+    )
+
+
+def _sha256(path: Path) -> str | None:
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else None
+
+
+def _read(name: str, job: Job, status: str, error: str = "") -> Recording:
+    folder = Path(str(job.output))
+    if error:
+        return Recording(name, FAILED, folder, error)
+    return Recording(name, status, folder, report=json.loads((folder / REPORT).read_bytes()))
+
+
+def _write(
+    folder: Path,
+    names: Iterable[str],
+    found: Mapping[str, Recording],
+    keys: Mapping[str, str],
+    earlier: Mapping[str, Mapping[str, Any]],
+) -> None:
+    """Write both files, with the recordings in the order of ``names``.
+
+    Those still to come keep the entries of an earlier batch, since their folders do.
+    """
+    batch = Batch(tuple(found[name] for name in names if name in found))
+    document = batch.to_dict()
+    for one, entry in zip(batch.recordings, document["recordings"], strict=True):
+        if one.status != FAILED:
+            entry |= {"key": keys[one.name], "report_sha256": _sha256(one.output / REPORT)}
+    document["recordings"] += [entry for name, entry in earlier.items() if name not in found]
+    atomic_write_text(folder / RECORD, to_text(document))
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(batch.rows())
+    atomic_write_text(folder / TABLE, text.getvalue())
+
+
+def _refined(jobs: Mapping[str, Job], processes: int) -> Iterator[tuple[str, str]]:
+    """Refine recordings, and yield the name of each as it is done, with its error or ""."""
+    if processes == 1 or len(jobs) < 2:
+        yield from ((name, attempt(job)) for name, job in jobs.items())
+        return
+    processes = min(processes, len(jobs))
+    threads = max(1, (os.cpu_count() or 1) // processes)
+    with ThreadPoolExecutor(processes) as pool:
+        waiting = {pool.submit(_in_a_process, _on_threads(job, threads)): name for name, job in jobs.items()}
+        try:
+            for future in as_completed(waiting):
+                yield waiting[future], future.result()
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def _on_threads(job: Job, count: int) -> Job:
+    """Return the job on so many threads, unless it states a number; the results are the same."""
+    settings = job.settings
+    return job if settings.n_threads else replace(job, config=settings.replace(n_threads=count))
+
+
+def attempt(job: Job) -> str:
+    """Do a job, and return why it failed, or ""."""
+    try:
+        (run if job.people is None else run_people)(job)
+    except (SkelSplatError, OSError) as error:
+        return " ".join(str(error).split())
+    except Exception as error:  # a defect, of which the other recordings know nothing
+        return " ".join(f"{type(error).__name__}: {error}".split())
+    return ""
+
+
+def _in_a_process(job: Job) -> str:
+    """Do a job in a process of its own, which may end in any way: Python's lock is not shared, nor memory."""
+    paths = os.pathsep.join(path for path in sys.path if path)
+    done = subprocess.run(
+        [sys.executable, "-c", _PROGRAM],
+        input=pickle.dumps(job),
+        env={**os.environ, "PYTHONPATH": paths},
+        capture_output=True,
+        check=False,
+    )
+    if done.returncode == 0:
+        return str(json.loads(done.stdout.splitlines()[-1]))
+    last = done.stderr.decode(errors="replace").strip().splitlines()[-1:]
+    return f"its process ended with status {done.returncode}" + (f": {last[0]}" if last else "")
+
+
+def _work() -> None:
+    """Do the job on stdin, and print the outcome as a line of JSON."""
+    print(json.dumps(attempt(pickle.load(sys.stdin.buffer))), flush=True)
+
+
+def trials(project: str | os.PathLike[str]) -> dict[str, tuple[Path, Path]]:
+    """Find the trials of a Pose2Sim project: by name, the calibration and the folder of detections.
+
+    A trial is a folder with ``pose-sync`` or else ``pose``. Its calibration is the TOML in a folder with
+    *calib* in its name, of the trial or of the nearest folder above it within the project.
+
+    Raises
+    ------
+    DatasetError
+        If there is no trial, or for one of them no calibration, or several.
+    """
+    root = Path(project)
+    found = {}
+    for place, names, _ in os.walk(root):
+        detections = next((name for name in ("pose-sync", "pose") if _filled(Path(place, name))), None)
+        names[:] = sorted(name for name in names if not name.startswith((".", "pose")))
+        if detections is not None:
+            trial = Path(place)
+            name = "/".join(trial.relative_to(root).parts) or root.resolve().name
+            found[name] = (_calibration_of(trial, root), trial / detections)
+    if not found:
+        raise DatasetError(root, "folder", "trials: folders with a folder pose or pose-sync", "none")
+    return found
+
+
+def _filled(folder: Path) -> bool:
+    return folder.is_dir() and any(folder.iterdir())
+
+
+def _calibration_of(trial: Path, root: Path) -> Path:
+    for place in (trial, *trial.parents):
+        folders = sorted(path for path in place.iterdir() if path.is_dir() and "calib" in path.name.lower())
+        files = [path for folder in folders for path in sorted(folder.glob("*.toml"))]
+        if len(files) > 1:
+            names = listed([path.name for path in files], 5)
+            raise DatasetError(trial, "calibration", "one TOML in the folder of calibrations", names)
+        if files:
+            return files[0]
+        if place == root:
+            break
+    raise DatasetError(trial, "calibration", "a TOML in a folder calibration, here or above", "none")

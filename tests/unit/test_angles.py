@@ -1,0 +1,400 @@
+"""Joint angles: against poses built from angles, central differences, and Pose2Sim's and Sports2D's own."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from skelsplat._arrays import Array
+
+LAYOUT = sk.layouts.HALPE26
+PLACE = {name: k for k, name in enumerate(LAYOUT.joints)}
+SIDES = ("left", "right")
+# x forward, y left, z up, in mm
+STANDING = {
+    "hip": (0, 120, 900),
+    "knee": (0, 120, 480),
+    "ankle": (0, 120, 80),
+    "heel": (-60, 120, 30),
+    "big_toe": (180, 120, 30),
+    "small_toe": (160, 170, 30),
+    "shoulder": (0, 180, 1400),
+    "elbow": (0, 180, 1100),
+    "wrist": (0, 180, 850),
+}
+
+
+def standing() -> Array:
+    """Upright, facing x, arms hanging."""
+    pose = np.full((LAYOUT.n_joints, 3), 1500.0)
+    for joint, (x, y, z) in STANDING.items():
+        pose[PLACE[f"left_{joint}"]] = (x, y, z)
+        pose[PLACE[f"right_{joint}"]] = (x, -y, z)
+    return pose
+
+
+def posed(**places: tuple[float, float, float]) -> Array:
+    """`standing` with some joints elsewhere."""
+    pose = standing()
+    for joint, place in places.items():
+        pose[PLACE[joint]] = place
+    return pose
+
+
+def random_pose(seed: int) -> Array:
+    return standing() + np.random.default_rng(seed).normal(0.0, 150.0, (LAYOUT.n_joints, 3))
+
+
+def random_covariance(seed: int, n_joints: int = LAYOUT.n_joints) -> Array:
+    factor = np.random.default_rng(seed).normal(0.0, 5.0, (n_joints, 3, 3))
+    return factor @ np.swapaxes(factor, -1, -2)
+
+
+def angles(pose: Array, **options: object) -> sk.JointAngles:
+    return sk.joint_angles(pose, layout=LAYOUT, **options)
+
+
+def direction(a: float, b: float = 0.0) -> Array:
+    """Of a limb that hangs down, swung forward by a and then raised to the left by b, in degrees."""
+    a, b = np.radians([a, b])
+    return np.array([np.sin(a) * np.cos(b), np.sin(b), -np.cos(a) * np.cos(b)])
+
+
+# definitions
+
+
+def test_all_angles_of_upright_standing_are_0() -> None:
+    found = angles(standing())
+    assert len(found.names) == 18
+    np.testing.assert_allclose(found.degrees, 0.0, atol=1e-9)
+    assert np.isnan(found.sigma).all()
+
+
+@pytest.mark.parametrize("side", SIDES)
+@pytest.mark.parametrize("swung", [-60.0, 0.0, 35.0, 120.0, 170.0])
+@pytest.mark.parametrize("raised", [-10.0, 0.0, 50.0])
+def test_limbs_have_the_angles_they_are_built_with(side: str, swung: float, raised: float) -> None:
+    outward = 1.0 if side == "left" else -1.0
+    for upper, joint in (("shoulder", "elbow"), ("hip", "knee")):
+        pose = standing()
+        pose[PLACE[f"{side}_{joint}"]] = pose[PLACE[f"{side}_{upper}"]] + 300 * direction(
+            swung, outward * raised
+        )
+        found = angles(pose)
+        assert found[f"{side}_{upper}_flexion"] == pytest.approx(swung)
+        assert found[f"{side}_{upper}_abduction"] == pytest.approx(raised)
+
+
+@pytest.mark.parametrize("bend", [0.0, 20.0, 90.0, 150.0])
+def test_knees_elbows_and_ankles(bend: float) -> None:
+    pose = standing()
+    pose[PLACE["left_ankle"]] = pose[PLACE["left_knee"]] + 400 * direction(-bend)
+    pose[PLACE["right_wrist"]] = pose[PLACE["right_elbow"]] + 250 * direction(bend)
+    raised = np.radians(bend / 6)
+    pose[PLACE["right_big_toe"]] = pose[PLACE["right_heel"]] + 240 * np.array(
+        [np.cos(raised), 0, np.sin(raised)]
+    )
+    found = angles(pose)
+    assert found["left_knee_flexion"] == pytest.approx(bend, abs=1e-6)
+    assert found["right_elbow_flexion"] == pytest.approx(bend, abs=1e-6)
+    assert found["right_ankle_dorsiflexion"] == pytest.approx(bend / 6)
+
+
+def test_trunk_and_pelvis_lean_against_the_vertical() -> None:
+    pose = standing()
+    middle = pose[[PLACE["left_hip"], PLACE["right_hip"]]].mean(axis=0)
+    for side in SIDES:  # 30° forward, then 20° to the left
+        pose[PLACE[f"{side}_shoulder"]] += middle - 500 * direction(-30.0, -20.0) - (0, 0, 1400)
+    found = angles(pose)
+    assert found["trunk_forward_lean"] == pytest.approx(30.0)
+    assert found["trunk_side_lean"] == pytest.approx(20.0)
+    total = np.degrees(np.arccos(np.cos(np.radians(30.0)) * np.cos(np.radians(20.0))))
+    assert found["trunk_inclination"] == pytest.approx(total)
+    hip = 240 * np.sin(np.radians(10.0))
+    pose = posed(left_hip=(0, -120 + 240 * np.cos(np.radians(10.0)), 900 + hip), right_hip=(0, -120, 900))
+    assert angles(pose)["pelvis_obliquity"] == pytest.approx(10.0)  # the left hip is higher
+    assert [name for name in found.names if name not in angles(pose, up=None).names] == [
+        "trunk_inclination",
+        "trunk_forward_lean",
+        "trunk_side_lean",
+        "pelvis_obliquity",
+    ]
+
+
+def test_the_world_may_be_turned_moved_and_scaled() -> None:
+    turn, _ = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))
+    turn *= np.linalg.det(turn)
+    pose, covariance = random_pose(2), random_covariance(2)
+    here = angles(pose, uncertainty=covariance)
+    there = angles(
+        0.001 * pose @ turn.T + 5.0, uncertainty=1e-6 * turn @ covariance @ turn.T, up=3 * turn[:, 2]
+    )
+    np.testing.assert_allclose(there.degrees, here.degrees, atol=1e-7)
+    np.testing.assert_allclose(there.sigma, here.sigma, rtol=1e-7)
+    np.testing.assert_array_equal(angles(pose[:, [0, 2, 1]] * [1, -1, 1], up="-y").names, here.names)
+
+
+def test_the_mirror_image_exchanges_the_sides() -> None:
+    pose = random_pose(4)
+    mirrored = pose * [1, -1, 1]
+    for left, right in LAYOUT.left_right:
+        mirrored[[left, right]] = mirrored[[right, left]]
+    one, other = angles(pose), angles(mirrored)
+    for name in one.names:
+        twin = name.replace("left", "LEFT").replace("right", "left").replace("LEFT", "right")
+        sign = -1.0 if name in ("trunk_side_lean", "pelvis_obliquity") else 1.0
+        assert other[twin] == pytest.approx(sign * one[name])
+
+
+# other projects' definitions, from what their documentation and tables of angles state
+
+
+def turn_2d(a: Array, b: Array) -> float:
+    """Signed angle from one direction of an image (y down) to another, clockwise positive on the screen."""
+    return float(np.degrees(np.arctan2(a[0] * b[1] - a[1] * b[0], a @ b)))
+
+
+def wrapped(degrees: float) -> float:
+    return (degrees + 180.0) % 360.0 - 180.0
+
+
+def sagittal_pose(rng: np.random.Generator) -> Array:
+    """Both sides move in planes of constant y; knees and elbows bend their own way; the whole leans."""
+    pose = standing()
+    for side in SIDES:
+        places = {name: pose[PLACE[f"{side}_{name}"]] for name in STANDING}  # views
+        thigh, arm = rng.uniform(-40, 120), rng.uniform(-50, 170)
+        shank, forearm = thigh - rng.uniform(5, 140), arm + rng.uniform(5, 140)
+        sole = direction(shank + 90 + rng.uniform(-40, 40))
+        places["knee"][:] = places["hip"] + 400 * direction(thigh)
+        places["ankle"][:] = places["knee"] + 400 * direction(shank)
+        places["heel"][:], places["big_toe"][:] = (places["ankle"] + size * sole for size in (-50, 180))
+        places["elbow"][:] = places["shoulder"] + 300 * direction(arm)
+        places["wrist"][:] = places["elbow"] + 250 * direction(forearm)
+    lean = np.radians(rng.uniform(-60, 60))
+    turn = np.array([[np.cos(lean), 0, np.sin(lean)], [0, 1, 0], [-np.sin(lean), 0, np.cos(lean)]])
+    return pose @ turn.T
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_in_the_sagittal_plane_flexions_are_those_of_sports2d(seed: int) -> None:
+    """Of an image of a person who faces right; it adds −180° at knees, 180° at elbows, 90° at ankles."""
+    pose = sagittal_pose(np.random.default_rng(seed))
+    image = pose[:, [0, 2]] * [1, -1]
+    hip, neck = (
+        image[[PLACE[f"{side}_{name}"] for side in SIDES]].mean(axis=0) for name in ("hip", "shoulder")
+    )
+    found = angles(pose)
+    for side in SIDES:
+        at = {name: image[PLACE[f"{side}_{name}"]] for name in STANDING}
+        theirs = {
+            "knee_flexion": -turn_2d(at["ankle"] - at["knee"], at["hip"] - at["knee"]) - 180,
+            "elbow_flexion": turn_2d(at["wrist"] - at["elbow"], at["shoulder"] - at["elbow"]) - 180,
+            "ankle_dorsiflexion": 90 - turn_2d(at["ankle"] - at["knee"], at["heel"] - at["big_toe"]),
+            "hip_flexion": turn_2d(at["hip"] - at["knee"], neck - hip),
+            "shoulder_flexion": turn_2d(at["shoulder"] - at["elbow"], neck - hip),
+        }
+        for name, angle in theirs.items():
+            assert wrapped(float(found[f"{side}_{name}"]) - angle) == pytest.approx(0.0, abs=1e-6), name
+    trunk = -np.degrees(np.arctan2(neck[1] - hip[1], neck[0] - hip[0]))  # 90° when upright
+    assert found["trunk_forward_lean"] == pytest.approx(90.0 - trunk)
+
+
+def test_in_3d_they_are_those_of_pose2sim() -> None:
+    """Pose2Sim's angles in 3D have no sign; those of hips and shoulders combine flexion and abduction."""
+
+    def degrees(a: Array, b: Array) -> float:
+        return float(np.degrees(np.arccos(a @ b / np.linalg.norm(a) / np.linalg.norm(b))))
+
+    for seed in range(20):
+        pose = random_pose(seed)
+        hip, neck = (
+            (pose[PLACE[f"left_{name}"]] + pose[PLACE[f"right_{name}"]]) / 2 for name in ("hip", "shoulder")
+        )
+        found = angles(pose)
+        for side in SIDES:
+            at = {name: pose[PLACE[f"{side}_{name}"]] for name in STANDING}
+            knee = abs(wrapped(degrees(at["ankle"] - at["knee"], at["hip"] - at["knee"]) - 180))
+            assert found[f"{side}_knee_flexion"] == pytest.approx(knee)
+            elbow = abs(wrapped(degrees(at["wrist"] - at["elbow"], at["shoulder"] - at["elbow"]) + 180))
+            assert found[f"{side}_elbow_flexion"] == pytest.approx(elbow)
+            foot = wrapped(degrees(at["ankle"] - at["knee"], at["heel"] - at["big_toe"]) + 90)
+            ours = float(found[f"{side}_ankle_dorsiflexion"])
+            assert wrapped(180 - foot - ours) == pytest.approx(0.0, abs=1e-6)
+            for joint, end in (("hip", "knee"), ("shoulder", "elbow")):
+                theirs = degrees(at[joint] - at[end], neck - hip)
+                both = [np.radians(found[f"{side}_{joint}_{kind}"]) for kind in ("flexion", "abduction")]
+                assert np.degrees(np.arccos(np.cos(both).prod())) == pytest.approx(theirs)
+
+
+# error bars
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_error_bars_are_those_of_central_differences(seed: int) -> None:
+    """Differences over ±0.1 µm: the angles' third derivatives leave 1e-9, rounding 1e-7 of a gradient."""
+    pose, covariance = random_pose(seed), random_covariance(seed)
+    found = angles(pose, uncertainty=covariance)
+    step = 1e-4
+    shifts = step * np.eye(pose.size).reshape(pose.size, 1, *pose.shape)  # each a sequence of one frame
+    ahead, behind = (angles(pose + sign * shifts).degrees[:, 0] for sign in (1.0, -1.0))
+    gradient = ((ahead - behind) / (2 * step)).T.reshape(len(found.names), *pose.shape)
+    variance = np.einsum("ani,nij,anj->a", gradient, covariance, gradient)
+    np.testing.assert_allclose(found.sigma, np.sqrt(variance), rtol=1e-6)
+
+
+def test_straight_limbs_have_an_error_bar() -> None:
+    """At 0° the angle has no derivative; each end counts with its distance across the limb."""
+    covariance = np.broadcast_to(4.0 * np.eye(3), (LAYOUT.n_joints, 3, 3))
+    sigma = angles(standing(), uncertainty=covariance).sigma
+    thigh, shank = 420.0, 400.0
+    expected = 2.0 * np.sqrt(1 / thigh**2 + (1 / thigh + 1 / shank) ** 2 + 1 / shank**2)
+    assert sigma[angles(standing()).names.index("left_knee_flexion")] == pytest.approx(np.degrees(expected))
+    assert np.isfinite(sigma).all()
+
+
+def test_only_the_joints_of_an_angle_count() -> None:
+    pose, covariance = random_pose(1), random_covariance(1)
+    whole = angles(pose, uncertainty=covariance)
+    wrist = PLACE["left_wrist"]
+    for lost in (np.nan, np.inf):
+        partly = covariance.copy()
+        partly[wrist] = lost
+        sigma = angles(pose, uncertainty=partly).sigma
+        (changed,) = np.flatnonzero(~np.isfinite(sigma))
+        assert whole.names[changed] == "left_elbow_flexion"
+        np.testing.assert_array_equal(np.delete(sigma, changed), np.delete(whole.sigma, changed))
+
+
+# what is missing, and time
+
+
+def test_missing_and_coinciding_joints_give_nan() -> None:
+    pose = random_pose(5)
+    pose[PLACE["right_knee"]] = np.nan
+    pose[PLACE["left_wrist"]] = pose[PLACE["left_elbow"]]
+    found = angles(pose, uncertainty=random_covariance(5))
+    expected = [
+        *(f"right_{name}" for name in ("hip_flexion", "hip_abduction", "knee_flexion", "ankle_dorsiflexion")),
+        "left_elbow_flexion",
+    ]
+    for values in (found.degrees, found.sigma):
+        assert {name for name, value in zip(found.names, values, strict=True) if np.isnan(value)} == set(
+            expected
+        )
+
+
+def test_a_limb_along_the_axis_through_both_sides_has_no_flexion() -> None:
+    found = angles(posed(left_elbow=(0, 480, 1400)), uncertainty=random_covariance(0))
+    assert np.isnan(found["left_shoulder_flexion"])
+    assert np.isnan(found.sigma[found.names.index("left_shoulder_flexion")])
+    assert found["left_shoulder_abduction"] == pytest.approx(90.0)
+
+
+def circling(swung: Array) -> Array:
+    pose = np.repeat(standing()[None], len(swung), axis=0)
+    pose[:, PLACE["left_elbow"]] = pose[:, PLACE["left_shoulder"]] + [
+        300 * direction(angle, 20.0) for angle in swung
+    ]
+    return pose
+
+
+def test_turns_are_counted_along_the_axis_of_time() -> None:
+    swung = np.arange(0.0, 1000.0, 20.0)
+    pose = circling(swung)
+    np.testing.assert_allclose(angles(pose)["left_shoulder_flexion"], swung, atol=1e-9)
+    backwards = angles(circling(-swung))["left_shoulder_flexion"]
+    np.testing.assert_allclose(backwards, -swung, atol=1e-9)
+    both = np.stack([pose, pose[::-1]])
+    np.testing.assert_allclose(
+        angles(both)["left_shoulder_flexion"][1], angles(pose[::-1])["left_shoulder_flexion"]
+    )
+    single = angles(pose[30])["left_shoulder_flexion"]
+    assert single == pytest.approx((swung[30] + 90) % 360 - 90)
+
+
+def test_after_a_gap_turns_are_counted_anew() -> None:
+    swung = np.arange(0.0, 600.0, 20.0)
+    pose = circling(swung)
+    pose[20, PLACE["left_elbow"]] = np.nan
+    found = angles(pose)["left_shoulder_flexion"]
+    np.testing.assert_allclose(found[:20], swung[:20], atol=1e-9)
+    np.testing.assert_allclose(found[21:], swung[21:] - 360.0, atol=1e-9)
+
+
+def test_an_arm_raised_sideways_comes_down_where_it_was() -> None:
+    """Through the axis its flexion is any number: no turn is counted there."""
+    raised = np.concatenate([np.arange(2.0, 180.0, 4.0), np.arange(178.0, 0.0, -4.0)])
+    noise = np.random.default_rng(0).normal(0.0, 8.0, (len(raised), 3))
+    pose = np.repeat(standing()[None], len(raised), axis=0)
+    pose[:, PLACE["left_elbow"]] = pose[:, PLACE["left_shoulder"]] + noise
+    pose[:, PLACE["left_elbow"]] += [300 * direction(0.0, angle) for angle in raised]
+    found = angles(pose)["left_shoulder_flexion"]
+    assert abs(found[0]) < 20
+    assert abs(found[-1]) < 20
+    assert abs(found[len(raised) // 2] - 180) < 60
+
+
+# input
+
+
+def test_a_refinement_brings_its_error_bars() -> None:
+    pose = random_pose(6)[None]
+    covariance = random_covariance(6)[None]
+    empty = dict.fromkeys((entry.name for entry in fields(sk.Refinement)), np.empty(0))
+    result = sk.Refinement(
+        **{**empty, "pose": pose, "uncertainty": covariance, "joint_bias": np.full((1, 26), 3.0)}
+    )
+    found = sk.joint_angles(result, layout="halpe26")
+    np.testing.assert_array_equal(found.sigma, angles(pose, uncertainty=covariance + 9 * np.eye(3)).sigma)
+    scatter = sk.joint_angles(result, layout="halpe26", uncertainty=result.uncertainty)
+    assert (scatter.sigma < found.sigma).all()
+
+
+WITHOUT_ANGLES = ("hand21", "fly38")
+NOT_PEOPLE = (*WITHOUT_ANGLES, "mouse22")
+
+
+@pytest.mark.parametrize("name", [name for name in sk.layouts.names if name not in NOT_PEOPLE])
+def test_every_layout_of_people_has_angles(name: str) -> None:
+    layout = sk.layouts.get(name)
+    pose = np.random.default_rng(0).normal(0.0, 300.0, (4, layout.n_joints, 3))
+    found = sk.joint_angles(pose, layout=name)
+    assert found.degrees.shape == found.sigma.shape == (4, len(found.names))
+    assert len(found.names) == (18 if "left_heel" in layout.joints else 16)
+    assert repr(found) == f"JointAngles({len(found.names)} angles, degrees (4, {len(found.names)}))"
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"pose": np.zeros((17, 3))}, "pose: expected shape (…, 26, 3), got (17, 3)"),
+        ({"uncertainty": np.zeros((26, 3))}, "uncertainty: expected shape (26, 3, 3), got (26, 3)"),
+        ({"up": "w"}, "up: expected x, y, z, -x, -y, -z, a direction (3,) or None, got 'w'"),
+        (
+            {"up": [0, 0, 0]},
+            "up: expected x, y, z, -x, -y, -z, a direction (3,) or None, got [0.0, 0.0, 0.0]",
+        ),
+    ],
+)
+def test_bad_input_is_named(options: dict[str, object], message: str) -> None:
+    with pytest.raises(sk.InvalidInputError) as error:
+        sk.joint_angles(**{"pose": standing(), "layout": LAYOUT, **options})
+    assert str(error.value) == message
+
+
+@pytest.mark.parametrize("name", WITHOUT_ANGLES)
+def test_a_layout_without_angles_is_refused(name: str) -> None:
+    pose = np.zeros((sk.layouts.get(name).n_joints, 3))
+    with pytest.raises(
+        sk.InvalidInputError, match=rf"layout: expected joints of at least one angle.*{name} joints"
+    ):
+        sk.joint_angles(pose, layout=name)
+
+
+def test_an_unknown_angle_is_refused() -> None:
+    with pytest.raises(sk.InvalidInputError, match="name: expected one of left_hip_flexion"):
+        angles(standing())["knee"]

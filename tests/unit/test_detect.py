@@ -1,0 +1,413 @@
+"""``skelsplat.detect``: files, resuming and refusals with a detector of the test; the tools are imitated.
+
+The networks of rtmlib are not run here; MediaPipe's is in tests/real/test_detect.py.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import struct
+import sys
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from command_line import assert_fails, invoke
+from overlay_case import FRAMES, SIZE, level, need_opencv, write_images, write_video
+
+need_opencv()
+
+from skelsplat.detect import MediaPipe, RTMLib, detect  # noqa: E402  after the check
+from skelsplat.io import read_detections  # noqa: E402
+
+CAMERAS = ("cam1", "cam2")
+
+
+@dataclass
+class Counting:
+    """Finds as many people as the frame's number, up to two, and can be interrupted after some images."""
+
+    layout: str = "coco17"
+    follows: bool = False
+    version: str = "1"
+    stop_after: int = 99
+    seen: list[int] = field(default_factory=list)
+
+    @property
+    def settings(self):
+        return {"backend": "counting", "version": self.version}
+
+    @contextlib.contextmanager
+    def open(self):
+        yield self._find
+
+    def _find(self, image):
+        if len(self.seen) == self.stop_after:
+            raise KeyboardInterrupt
+        self.seen.append(level(image))
+        people = np.full((min(level(image), 2), 17, 3), 0.5)
+        people[:, :, 0] = 10 * level(image) + np.arange(17)
+        people[:, 3] = np.nan
+        return people
+
+
+@pytest.fixture
+def videos(tmp_path):
+    for name in CAMERAS:
+        write_video(tmp_path / "videos" / f"{name}.mp4")
+    return tmp_path / "videos"
+
+
+def contents(folder):
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*.json")}
+
+
+def test_openpose_files_that_state_their_layout_and_rate(videos, tmp_path):
+    steps = []
+    written = detect(videos, tmp_path / "pose", Counting(), progress=lambda *step: steps.append(step))
+    assert [(one.camera, one.frames, one.new, one.empty, one.size) for one in written] == [
+        (name, FRAMES, FRAMES, 1, SIZE) for name in CAMERAS
+    ]
+    assert steps[0] == ("cam1", 0, FRAMES)
+    assert steps[-1] == ("cam2", FRAMES, FRAMES)
+    path = tmp_path / "pose" / "cam1_json" / "cam1_000000000001.json"
+    (person,) = json.loads(path.read_text())["people"]
+    assert person["pose_keypoints_2d"][:12] == [10, 0.5, 0.5, 11, 0.5, 0.5, 12, 0.5, 0.5, 0, 0, 0]
+    found = read_detections(tmp_path / "pose", CAMERAS)
+    assert (found.format, found.layout, found.frame_rate) == ("openpose", "coco17", 25.0)
+    assert found.people_per_frame.tolist() == [[0, 0], [1, 1], [2, 2], [2, 2], [2, 2], [2, 2]]
+    assert np.isnan(found.people[:, :, :, 3]).all()
+
+
+def test_a_stated_layout_takes_its_joints_by_name_or_is_refused(videos, tmp_path):
+    detect(videos, tmp_path / "pose", Counting())
+    found = read_detections(tmp_path / "pose", CAMERAS, layout="coco17")
+    assert found.people.shape[3] == 17
+    with pytest.raises(
+        sk.DatasetError, match="expected a name for every joint of h36m17, got none for pelvis"
+    ):
+        read_detections(tmp_path / "pose", CAMERAS, layout="h36m17")
+
+
+@pytest.mark.parametrize("follows", [False, True])
+def test_what_is_there_after_an_interruption_is_not_detected_again(videos, tmp_path, follows):
+    with pytest.raises(KeyboardInterrupt):
+        detect(videos, tmp_path / "pose", Counting(follows=follows, stop_after=FRAMES + 2))
+    assert len(contents(tmp_path / "pose")) == FRAMES + 2 + 1  # and detect.json
+    (tmp_path / "pose" / "cam2_json" / "cam2_000000000001.json").write_bytes(b"")  # after a power failure
+    again = Counting(follows=follows)
+    written = detect(videos, tmp_path / "pose", again)
+    rest = list(range(FRAMES)) if follows else list(range(1, FRAMES))
+    assert again.seen == rest
+    assert [(one.frames, one.new) for one in written] == [(FRAMES, 0), (FRAMES, len(rest))]
+    detect(videos, tmp_path / "whole", Counting())
+    assert contents(tmp_path / "pose") == contents(tmp_path / "whole")
+    nothing = Counting(follows=follows)
+    detect(videos, tmp_path / "pose", nothing)
+    assert nothing.seen == []
+
+
+def test_ranges_add_up(videos, tmp_path):
+    first, rest = Counting(), Counting()
+    detect(videos / "cam1.mp4", tmp_path / "pose", first, last=1)
+    detect([videos / "cam1.mp4", videos / "cam2.mp4"], tmp_path / "pose", rest, first=1, last=3)
+    assert (first.seen, rest.seen) == ([0, 1], [2, 3, 1, 2, 3])
+    with pytest.raises(
+        sk.InvalidInputError, match=r"range: expected some of the frames 0 to 5 of .*, got 9-12"
+    ):
+        detect(videos, tmp_path / "pose", Counting(), first=9, last=12)
+    with pytest.raises(sk.InvalidInputError, match=r", got 9-$"):
+        detect(videos, tmp_path / "pose", Counting(), first=9)
+
+
+def test_images_keep_their_numbers(tmp_path):
+    write_images(tmp_path / "images" / "left", first=7, numbers=range(7, 10))
+    (one,) = detect(tmp_path / "images" / "left", tmp_path / "pose", Counting())
+    assert (one.camera, one.frames, one.frame_rate) == ("left", 3, None)
+    assert sorted(path.name for path in one.folder.iterdir())[0] == "left_000000000007.json"
+
+
+def test_other_detections_are_neither_mixed_nor_lost(videos, tmp_path):
+    pose = tmp_path / "pose"
+    detect(videos, pose, Counting())
+    with pytest.raises(
+        sk.InvalidInputError, match=r"output: expected a folder of the same detector .*counting, 2"
+    ):
+        detect(videos, pose, Counting(version="2"))
+    with pytest.raises(sk.InvalidInputError, match="or --overwrite for all its cameras"):
+        detect(videos / "cam1.mp4", pose, Counting(version="2"), overwrite=True)
+    write_video(tmp_path / "other" / "cam1.mp4", count=FRAMES + 1)  # recorded once more
+    with pytest.raises(sk.InvalidInputError, match=r"expected cam1.mp4 of 320×240, \d+ bytes for cam1 again"):
+        detect(tmp_path / "other", pose, Counting())
+    before = contents(pose)
+    own = pose / "cam1_json" / "mine.json"
+    own.write_text("{}")
+    with pytest.raises(
+        sk.InvalidInputError, match=r"without JSON files of another program; .* with mine.json"
+    ):
+        detect(videos, pose, Counting(version="2"), overwrite=True)
+    own.unlink()
+    assert contents(pose) == before
+    again = Counting(version="2")
+    detect(videos, pose, again, last=2, overwrite=True)
+    assert again.seen == [0, 1, 2] * 2
+    assert len(contents(pose)) == 7
+
+
+def test_a_detector_that_failed_at_once_leaves_the_folder_free(videos, tmp_path):
+    with pytest.raises(KeyboardInterrupt):
+        detect(videos, tmp_path / "pose", Counting(stop_after=0))
+    detect(videos, tmp_path / "pose", Counting(version="2"), first=1, last=1)
+    assert len(contents(tmp_path / "pose")) == 3
+
+
+def test_files_of_another_program_are_left_alone(videos, tmp_path):
+    folder = tmp_path / "pose" / "cam1_json"
+    folder.mkdir(parents=True)
+    (folder / "cam1_000000000000.json").write_text("{}")
+    (tmp_path / "pose" / "detect.json").write_text("{}")
+    for overwrite in (False, True):
+        with pytest.raises(sk.InvalidInputError, match="JSON files of another program"):
+            detect(videos, tmp_path / "pose", Counting(), overwrite=overwrite)
+    assert contents(folder) == {"cam1_000000000000.json": b"{}"}
+
+
+def test_videos_that_differ_and_a_camera_without_anybody(tmp_path):
+    write_video(tmp_path / "videos" / "a.mp4", count=1)
+    write_video(tmp_path / "videos" / "b.mp4", count=2, rate=30.0)
+    with pytest.warns(UserWarning) as found:  # noqa: PT030  the texts are below
+        detect(tmp_path / "videos", tmp_path / "pose", Counting())
+    texts = [str(one.message) for one in found]
+    assert texts[0] == "a: no person detected in any frame (1 in all)"
+    assert "different numbers of frames (a 1, b 2)" in texts[1]
+    assert "different frame rates (a 25, b 30)" in texts[2]
+
+
+def test_videos_need_different_names(tmp_path, videos):
+    write_video(tmp_path / "more" / "cam1.mp4")
+    with pytest.raises(sk.InvalidInputError, match="videos: expected videos with different names"):
+        detect([videos, tmp_path / "more"], tmp_path / "pose", Counting())
+    with pytest.raises(sk.DatasetError, match=r"expected videos \(.mp4, "):
+        detect(tmp_path, tmp_path / "pose", Counting())
+
+
+def turned(path, degrees):
+    """Write the turn into an MP4's track header, as a phone does: a matrix of 16.16 and 2.30 numbers."""
+    data = bytearray(path.read_bytes())
+    place = data.index(b"tkhd") + 4 + 40
+    cos, sin = {90: (0, 1), 180: (-1, 0), 270: (0, -1)}[degrees]
+    one = 1 << 16
+    data[place : place + 36] = struct.pack(
+        ">9i", cos * one, sin * one, 0, -sin * one, cos * one, 0, 0, 0, 1 << 30
+    )
+    path.write_bytes(data)
+
+
+def test_a_turned_video_is_detected_upright_and_said(videos, tmp_path):
+    turned(videos / "cam1.mp4", 90)
+    with pytest.warns(UserWarning, match=r"cam1.mp4: frames are turned by \d+° as the video's metadata say"):
+        (one,) = detect(videos / "cam1.mp4", tmp_path / "pose", Counting())
+    assert one.size == SIZE[::-1]
+    assert one.rotation in (90, 270)
+
+
+# MediaPipe and rtmlib, imitated
+
+
+class Pose:
+    """`mediapipe.solutions.pose.Pose`: somebody in every image that is not black."""
+
+    made: list[dict] = []  # noqa: RUF012
+
+    def __init__(self, **options):
+        self.made.append(options)
+        self.closed = False
+
+    def process(self, image):
+        assert image.flags.c_contiguous
+        point = SimpleNamespace(x=0.5, y=1.25, visibility=float(image[0, 0, 0]) / 255)
+        there = SimpleNamespace(landmark=[point] * 33) if image.any() else None
+        return SimpleNamespace(pose_landmarks=there)
+
+    def close(self):
+        self.closed = True
+
+
+@pytest.fixture
+def mediapipe(monkeypatch):
+    Pose.made.clear()
+    module = SimpleNamespace(
+        __version__="0.10.21", solutions=SimpleNamespace(pose=SimpleNamespace(Pose=Pose))
+    )
+    monkeypatch.setitem(sys.modules, "mediapipe", module)
+    return module
+
+
+@pytest.mark.usefixtures("mediapipe")
+def test_mediapipes_landmarks_in_pixels():
+    image = np.zeros((240, 320, 3), dtype=np.uint8)
+    with MediaPipe("heavy").open() as find:
+        assert find(image).shape == (0, 33, 3)
+        image[:, :, 2] = 51  # blue first
+        assert find(image).tolist() == [[[160.0, 300.0, 0.2]] * 33]
+    assert Pose.made == [{"static_image_mode": False, "model_complexity": 2, "smooth_landmarks": False}]
+    assert MediaPipe().settings == {"backend": "mediapipe", "version": "0.10.21", "model": "full"}
+    assert sk.layouts.get(MediaPipe().layout).n_joints == 33
+
+
+def test_a_mediapipe_without_its_model_is_refused(mediapipe, videos, tmp_path):
+    del mediapipe.solutions
+    mediapipe.__version__ = "0.10.33"
+    result = invoke("detect", videos, "-o", tmp_path / "pose")
+    assert_fails(result, 1, "got version 0.10.33; run: pip install 'skelsplat[mediapipe]'")
+
+
+def test_a_model_that_cannot_be_downloaded(mediapipe):
+    def fails(**_):
+        raise OSError("no network")
+
+    mediapipe.solutions.pose.Pose = fails
+    message = r"load 'lite' \(it downloads this model .*\), got no network"
+    with MediaPipe("lite").open() as find, pytest.raises(sk.SkelSplatError, match=message):
+        find(np.zeros((240, 320, 3), dtype=np.uint8))
+
+
+class Network:
+    def __init__(self, size):
+        self.model_input_size = "rtmlib's"
+        self.session = SimpleNamespace(get_inputs=lambda: [SimpleNamespace(shape=["batch", 3, *size])])
+
+
+class Solution:
+    """A solution class of rtmlib: boxes, then joints and scores, for as many people as the image's level."""
+
+    made: list[dict] = []  # noqa: RUF012
+    joints = 26
+
+    def __init__(self, **options):
+        self.made.append(options)
+        print("load it with onnxruntime backend")
+        self.det_model, self.pose_model = _Boxes((416, 640)), _Joints((256, 192))
+        self.pose_model.joints = self.joints
+
+
+class _Boxes(Network):
+    def __call__(self, image):
+        return np.tile([0.0, 0.0, 50.0, 90.0], (level(image), 1))
+
+
+class _Joints(Network):
+    def __call__(self, _image, bboxes):
+        assert len(bboxes)  # none would be the whole image
+        pixels = np.arange(len(bboxes) * self.joints * 2.0).reshape(len(bboxes), self.joints, 2)
+        return pixels, np.full((len(bboxes), self.joints), 1.07)
+
+
+@pytest.fixture
+def rtmlib(monkeypatch):
+    Solution.made.clear()
+    module = SimpleNamespace(BodyWithFeet=Solution, Body=Solution, Wholebody=Solution)
+    monkeypatch.setitem(sys.modules, "rtmlib", module)
+    return module
+
+
+@pytest.mark.usefixtures("rtmlib")
+def test_rtmlib_finds_several_people_from_the_command_line(videos, tmp_path):
+    pose = tmp_path / "pose"
+    result = invoke("detect", videos, "-o", pose, "--backend", "rtmlib", "--mode", "lightweight", "--json")
+    assert result.exit_code == 0, result.output
+    document = json.loads(result.stdout)
+    assert document["layout"] == "halpe26"
+    assert document["detector"]["mode"] == "lightweight"
+    assert [camera["new"] for camera in document["cameras"]] == [FRAMES, FRAMES]
+    assert Solution.made == [{"mode": "lightweight", "backend": "onnxruntime", "device": "cpu"}]
+    found = read_detections(pose, CAMERAS)
+    assert found.layout == "halpe26"
+    assert found.people_per_frame[:, 0].tolist() == list(range(FRAMES))
+    assert found.people[5, 0, 1, 0].tolist() == [52.0, 53.0, 1.0]
+
+
+@pytest.mark.usefixtures("rtmlib")
+def test_networks_from_files_have_the_files_input_size(tmp_path):
+    files = [tmp_path / "yolox.onnx", tmp_path / "rtmpose.onnx"]
+    for path in files:
+        path.touch()
+    detector = RTMLib(det_model=files[0], pose_model=files[1])
+    from skelsplat.detect import _rtmlib
+
+    solution = _rtmlib._loaded(detector)
+    assert {"det": str(files[0]), "pose": str(files[1])}.items() <= Solution.made[0].items()
+    # rtmlib has YOLOX's as height, width and RTMPose's as width, height
+    assert (solution.det_model.model_input_size, solution.pose_model.model_input_size) == (
+        (416, 640),
+        (192, 256),
+    )
+    assert detector.settings["pose_model"] == "rtmpose.onnx"
+    assert _rtmlib._loaded(RTMLib(model="body")).det_model.model_input_size == "rtmlib's"
+
+
+def test_whole_bodies_have_their_layout(rtmlib, videos, tmp_path):
+    rtmlib.Wholebody = type("Wholebody", (Solution,), {"joints": 133})
+    detect(videos, tmp_path / "pose", RTMLib("whole-body"), last=1)
+    found = read_detections(tmp_path / "pose", CAMERAS)
+    assert (found.layout, found.people.shape[3]) == ("wholebody133", 133)
+
+
+@pytest.mark.usefixtures("rtmlib")
+def test_a_network_of_other_joints_is_refused():
+    with RTMLib(model="body", device="cuda").open() as find, pytest.raises(sk.InvalidInputError) as found:
+        find(np.full((240, 320, 3), 60, dtype=np.uint8))
+    assert str(found.value) == "pose_model: expected a network of 17 points (the model body), got one of 26"
+
+
+def test_networks_that_cannot_be_loaded(rtmlib, videos, tmp_path):
+    def fails(**_):
+        raise OSError("<urlopen error [Errno -3]>")
+
+    rtmlib.Body = fails
+    options = ["--backend", "rtmlib", "--model", "body", "--mode", "performance"]
+    result = invoke("detect", videos, "-o", tmp_path / "pose", *options)
+    assert_fails(result, 1, "rtmlib: expected rtmlib to download and load its networks, or files", "urlopen")
+
+
+# The command
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "words"),
+    [
+        (["--backend", "openpose"], 2, "--backend: expected one of mediapipe, rtmlib, got 'openpose'"),
+        (["--model", "body"], 2, "--model: expected one of lite, full, heavy, got 'body'"),
+        (["--device", "cuda"], 2, "--device: does not apply to mediapipe, only to rtmlib"),
+        (["--backend", "rtmlib", "--mode", "fast"], 2, "--mode: expected one of balanced"),
+        (["--backend", "rtmlib", "--pose-model", "no.onnx"], 1, "no.onnx: model: expected an ONNX file"),
+        (["--range", "x"], 2, "--range: expected A-B"),
+    ],
+)
+def test_wrong_options(videos, tmp_path, arguments, status, words):
+    assert_fails(invoke("detect", videos, "-o", tmp_path / "pose", *arguments), status, words)
+
+
+@pytest.mark.parametrize("name", ["mediapipe", "rtmlib"])
+def test_a_missing_package_and_its_extra(monkeypatch, tmp_path, name):
+    monkeypatch.setitem(sys.modules, name, None)
+    result = invoke("detect", tmp_path / "no videos", "-o", tmp_path / "pose", "--backend", name)
+    assert_fails(result, 1, f"the package {name} to be installed", f"pip install 'skelsplat[{name}]'")
+    assert not (tmp_path / "pose").exists()
+
+
+@pytest.mark.usefixtures("mediapipe")
+def test_what_it_prints(videos, tmp_path):
+    pose = tmp_path / "pose"
+    result = invoke("detect", videos / "cam1.mp4", "-o", pose)
+    assert result.stdout == (
+        f"{pose}/cam1_json: 6 frames (cam1.mp4, 320×240, 25 Hz)\n"
+        f"Wrote to {pose}/: layout mediapipe33, read by skelsplat refine CALIBRATION {pose}\n"
+    )
+    result = invoke("detect", videos / "cam1.mp4", "-o", pose)
+    assert "6 frames, 0 of them new" in result.stdout
+    assert invoke("detect", videos / "cam1.mp4", "-o", pose, "-q").output == ""

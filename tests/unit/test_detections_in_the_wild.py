@@ -1,0 +1,133 @@
+"""What files of detections hold besides their format: padding, zeros, skeletons."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from broken_detections import Broken, anybody, write_case
+from detection_cases import CASES
+from detection_files import EDGES
+from skelsplat.io import read_detections, read_skeleton
+
+NAMES = ["camA", "camB"]
+JOINTS = sk.layouts.H36M17.joints
+
+
+def read(path, name):
+    return read_detections(path, NAMES, layout="h36m17", order=CASES[name].order).people
+
+
+@pytest.mark.parametrize("name", ["deeplabcut_multi", "deeplabcut_csv_multi"])
+def test_deeplabcut_writes_minus_one_for_an_individual_that_it_does_not_find(tmp_path, name):
+    people = anybody()
+    people[1, 0, 1] = -1.0
+    found = read(write_case(tmp_path, name, people=people), name)
+    assert np.isnan(found[1, 0, 1]).all()
+    np.testing.assert_array_equal(found[1, 0, 0], people[1, 0, 0])
+
+
+@pytest.mark.parametrize("name", ["openpose", "coco", "rtmlib_cameras", "npz", "csv"])
+def test_zeros_with_a_confidence_are_missing_if_there_are_several(tmp_path, name):
+    people = anybody()
+    people[0, 0, 0, 3, :2] = people[2, 0, 1, 5, :2] = people[1, 1, 0, 7, :2] = 0.0  # two in camA, one in camB
+    found = read(write_case(tmp_path, name, people=people), name)
+    assert np.isnan(found[0, 0, 0, 3]).all()
+    assert np.isnan(found[2, 0, 1, 5]).all()
+    np.testing.assert_array_equal(found[1, 1, 0, 7], people[1, 1, 0, 7])
+    assert np.isnan(found).sum() == 6
+
+
+def test_two_nodes_and_tracks_of_sleap_are_read_in_its_usual_order(tmp_path):
+    people = anybody()[:, :, :, :2]
+    path = write_case(tmp_path, "sleap_without_scores", people=people, joints=("nose", "tail"))
+    layout = sk.Layout("pair", ["nose", "tail"])
+    found = read_detections(path, NAMES, layout=layout)
+    np.testing.assert_array_equal(found.people[..., :2], people[..., :2])
+
+
+@pytest.mark.parametrize("names", [["cam_2", "cam_1"], ["port_2", "port_1"], ["2", "1"]])
+def test_caliscopes_numbers_are_those_of_its_cameras(tmp_path, names):
+    people = anybody()
+    found = read_detections(write_case(tmp_path, "caliscope_ports", people=people), names, layout="h36m17")
+    np.testing.assert_array_equal(found.people[:, ::-1, 0, :, :2], people[:, :, 0, :, :2])
+
+
+def test_an_old_caliscope_tracker_has_mediapipes_joints_by_name(tmp_path):
+    path = write_case(tmp_path, "caliscope_ports", people=anybody())
+    path = path.rename(tmp_path / "xy_POSE.csv")
+    found = read_detections(path, NAMES, layout="coco17", order="sorted")
+    np.testing.assert_array_equal(found.people[0, :, 0, 9, 0], anybody()[0, :, 0, 15, 0])  # left wrist
+    assert np.isnan(found.people[:, :, :, 11:]).all()  # points 17 and above: without a line in this file
+
+
+@pytest.mark.parametrize("name", ["sleap", "sleap_without_scores", "sleap_csv", "deeplabcut_tracks", "csv"])
+def test_the_skeleton_of_a_file_or_folder(tmp_path, name):
+    path = write_case(tmp_path, name, people=anybody())
+    for place in {path, Broken(tmp_path, name).file}:
+        names, edges = read_skeleton(place)
+        assert set(names) == set(JOINTS)
+        assert edges == (tuple(EDGES) if name.startswith("sleap") and name != "sleap_csv" else ())
+
+
+CONFIG = """
+Task: openfield
+multianimalproject:{multi}
+bodyparts:{parts}
+# Plotting configuration
+skeleton:
+{skeleton}
+skeleton_color: black
+corner2move2:
+- 50
+"""
+
+
+@pytest.mark.parametrize(
+    ("multi", "parts", "skeleton"),
+    [
+        ("", "\n- nose\n- 'left ear'\n- tail", "- - nose\n  - left ear\n- - nose\n  - tail"),
+        ("", " [nose, left ear, tail]", "  - [nose, left ear]  # by hand\n  - [nose, tail]"),
+        (
+            " true\nmultianimalbodyparts:\n- nose\n- left ear\n- tail",
+            " MULTI!",
+            "- [nose, left ear]\n- [nose, tail]",
+        ),
+    ],
+)
+def test_the_skeleton_of_a_deeplabcut_project(tmp_path, multi, parts, skeleton):
+    path = tmp_path / "config.yaml"
+    path.write_text(CONFIG.format(multi=multi, parts=parts, skeleton=skeleton))
+    assert read_skeleton(path) == (("nose", "left ear", "tail"), ((0, 1), (0, 2)))
+
+
+def test_pairs_of_the_template_that_a_project_kept_are_no_edges(tmp_path):
+    path = tmp_path / "config.yaml"
+    kept = "- - nose\n  - tail\n- - objectA\n  - bodypart3"
+    path.write_text(CONFIG.format(multi="", parts="\n- nose\n- tail", skeleton=kept))
+    assert read_skeleton(path) == (("nose", "tail"), ((0, 1),))
+
+
+def test_a_skeleton_that_is_none(tmp_path):
+    path = tmp_path / "config.yaml"
+    path.write_text(CONFIG.format(multi="", parts="\n- nose", skeleton="- [nose, tail, ear]"))
+    with pytest.raises(
+        sk.DatasetError, match=r"skeleton: expected pairs of parts, got \['nose', 'tail', 'ear'\]"
+    ):
+        read_skeleton(path)
+    path.write_text("a: 1")
+    with pytest.raises(sk.DatasetError, match=r"bodyparts: expected a list of different names, .*got none"):
+        read_skeleton(path)
+    path = write_case(tmp_path / "o", "openpose", people=anybody())
+    with pytest.raises(
+        sk.DatasetError, match=r"joint names: expected .*names, got openpose, where they have numbers"
+    ):
+        read_skeleton(path)
+    (tmp_path / "s").mkdir()
+    broken = Broken(tmp_path / "s", "sleap")
+    broken.h5(lambda file: file["edge_inds"].__setitem__((0, 0), 99))
+    with pytest.raises(
+        sk.DatasetError, match=r"edge_inds: expected pairs of places from 0 to 16, got \[\[99"
+    ):
+        read_skeleton(broken.file)

@@ -1,0 +1,275 @@
+"""Joint layouts: the built-in ones, layout files, and what names of joints say."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from command_line import assert_fails, invoke
+from detection_files import Take, openpose, sleap
+from skelsplat import layouts, synthetic
+from skelsplat.io import read_detections, read_layout
+from skelsplat.layouts import mirrored_names
+
+H36M = layouts.H36M17
+
+
+@pytest.fixture(scope="module")
+def walk():
+    """Return four cameras, a walk (T, 17, 3) and where they see it (T, M, 17, 2)."""
+    rig = synthetic.ring(4)
+    pose = np.asarray(synthetic.motion("walk", 2, seed=4))
+    return rig, pose, np.swapaxes(sk.project(pose, rig), 0, 1)
+
+
+@pytest.mark.parametrize("name", layouts.names)
+def test_every_layout_is_written_and_read_back_as_it_is(name, tmp_path):
+    layout, path = layouts.get(name.upper()), tmp_path / "written.toml"
+    layouts.write(path, name)
+    assert layouts.read(path) == layout == layouts.get(path) == sk.Layout.by_name(str(path))
+    assert layouts.about(path) == layouts.about(layout) == layouts.about(name)
+    assert all(vars(layouts.about(name)).values())
+    assert layouts.is_built_in(layout)
+    assert layout.name == name
+    assert re.search(r"\d+", name.removeprefix("h36m"))[0] == str(layout.n_joints)
+
+
+# Indices that the tools publish, where orders are easily confused.
+@pytest.mark.parametrize(
+    ("name", "published", "pairs", "human"),
+    [
+        (
+            "wholebody133",
+            {
+                17: "left_big_toe",
+                20: "right_big_toe",
+                23: "face_0",
+                91: "left_hand_root",
+                132: "right_pinky_finger4",
+            },
+            61,
+            True,
+        ),
+        (
+            "halpe136",
+            {
+                17: "head",
+                19: "pelvis",
+                21: "right_big_toe",
+                26: "face_0",
+                94: "left_hand_root",
+                115: "right_hand_root",
+            },
+            61,
+            True,
+        ),
+        ("hand21", {0: "wrist", 4: "thumb_tip", 5: "index_finger_mcp", 20: "pinky_tip"}, 0, False),
+        ("mouse22", {2: "nose", 7: "tail_end", 11: "left_shoulder", 21: "right_hip"}, 8, False),
+        (
+            "fly38",
+            {0: "right_front_coxa", 15: "right_antenna", 19: "left_front_coxa", 37: "left_stripe3"},
+            19,
+            False,
+        ),
+    ],
+)
+def test_orders_are_the_published_ones(name, published, pairs, human):
+    layout = layouts.get(name)
+    assert {k: layout.joints[k] for k in published} == published
+    assert len(layout.left_right) == pairs
+    assert layout.human is human
+    assert len({frozenset(limb) for limb in layout.limbs}) == len(layout.limbs)
+
+
+@pytest.mark.parametrize(("whole", "body"), [("wholebody133", layouts.COCO17), ("halpe136", layouts.HALPE26)])
+def test_the_body_of_a_whole_person_is_solved_as_it_is_alone(whole, body, walk):
+    """Bones of people place a wrist that one view sees; without them it has no depth."""
+    rig, _, detections = walk
+    place = {name: k for k, name in enumerate(H36M.joints)}
+    seen = np.full((1, len(rig), layouts.get(whole).n_joints, 2), np.nan)
+    for k, name in enumerate(body.joints):
+        if name in place:
+            seen[:, :, k] = detections[:1, :, place[name]]
+    wrist = body.joints.index("left_wrist")
+    seen[:, 1:, wrist] = np.nan
+    there = seen[:, :, : body.n_joints]
+    alone = sk.refine(None, there, rig, layout=body).pose
+    assert np.isfinite(alone[0, wrist]).all()
+    np.testing.assert_allclose(
+        sk.refine(None, seen, rig, layout=whole).pose[:, : body.n_joints], alone, atol=1e-3
+    )
+    own = sk.Layout("own", body.joints, limbs=body.limbs)
+    assert np.isnan(sk.refine(None, there, rig, layout=own).pose[0, wrist]).all()
+
+
+MOUSE = """
+name = "mouse"
+joints = ["nose", "ear_l", "ear_r", "tail"]
+limbs = [["nose", "ear_l"], ["nose", "ear_r"], ["nose", "tail"]]
+bones = [{ joints = ["tail", "nose"], length_mm = 80 }, { joints = ["nose", "ear_l"] }]
+root = ["nose"]
+"""
+
+
+def write(folder, text):
+    path = folder / "mine.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_what_a_layout_file_leaves_out_follows_from_the_names(tmp_path):
+    layout = layouts.read(write(tmp_path, MOUSE))
+    assert layout.left_right == ((1, 2),)
+    assert layout.symmetric == ((3, (0, 1), (0, 2)),)
+    assert layout.lengths == (((0, 3), 80.0, 8.0),)
+    assert layout.root == (0,)
+    assert not layout.human
+    bare = layouts.read(write(tmp_path, 'joints = ["a_l", "a_r"]\nleft_right = []'))
+    assert (bare.name, bare.left_right, bare.limbs) == ("mine", (), ())
+
+
+def test_lengths_of_a_layout_file_place_a_joint_that_one_view_sees(tmp_path, walk):
+    rig, pose, detections = walk
+    wrist, elbow = (H36M.joints.index(f"left_{name}") for name in ("wrist", "elbow"))
+    seen = detections[:1].copy()
+    seen[:, 1:, wrist] = np.nan
+    length = float(np.linalg.norm(pose[0, wrist] - pose[0, elbow]))
+    given = {"limbs": H36M.limbs, "lengths": [((wrist, elbow), length, 5.0)]}
+    path = tmp_path / "person.toml"
+    layouts.write(path, sk.Layout("person", H36M.joints, **given))
+    found = sk.refine(None, seen, rig, layout=str(path)).pose[0]
+    assert np.linalg.norm(found[wrist] - found[elbow]) == pytest.approx(length, abs=5.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('jonts = ["a"]', "jonts: expected one of name, .*, got an unknown key; did you mean joints?"),
+        ("limbs = []", "joints: expected the names of the joints, got nothing"),
+        ('joints = "a"', "joints: expected a list, got 'a'"),
+        ('joints = ["a", "a"]', r"joints\[1\]: expected a name not used before, got 'a' repeated"),
+        ('joints = ["a", 3]', r"joints: expected a sequence of strings, got \['a', 3\]"),
+        ('joints = ["a"]\nlimbs = [["a", "b"]]', "limbs: expected a joint of the layout, got 'b'"),
+        ('joints = ["a"]\nhuman = 1', "human: expected true or false, got 1"),
+        ('joints = ["a"]\nsymmetric = [3]', r"symmetric\[0\]: expected a table of tier, left, right, got 3"),
+        (
+            'joints = ["a"]\nbones = [{ joint = 1 }]',
+            r"bones\[0\].joint: expected one of joints, .*unknown key",
+        ),
+        ('joints = ["a"]\nbones = [{}]', r"bones\[0\].joints: expected a value, got nothing"),
+        (
+            'joints = ["a", "b"]\nbones = [{ joints = ["a", "b"], length_mm = 3 }]',
+            r"bones: expected two joints of a limb, got \['a', 'b'\]",
+        ),
+        (
+            'joints = ["a", "b"]\nlimbs = [["a", "b"]]\nbones = [{ joints = ["a", "b"], length_mm = "3" }]',
+            r"bones\[0\].length_mm: expected a number of mm, got '3'",
+        ),
+        (
+            'joints = ["a", "b"]\nlimbs = [["a", "b"]]\nbones = [{ joints = ["a", "b"], length_mm = -3 }]',
+            "bones: expected a positive length in mm, got -3",
+        ),
+        ('name = "coco17"\njoints = ["a"]', "name: expected a name of its own, .*, got coco17"),
+        ('joints = ["a"', "TOML: expected valid TOML, got "),
+    ],
+)
+def test_a_malformed_layout_file_is_named_with_its_field(tmp_path, text, message):
+    path = write(tmp_path, text)
+    with pytest.raises(sk.DatasetError, match=rf"^{re.escape(str(path))}: {message}"):
+        layouts.get(path)
+
+
+def test_an_unknown_layout_is_an_error_with_the_nearest_name(tmp_path):
+    message = r"layout: expected one of h36m17, .*, or a layout file \(\.toml\), got 'mouse2'; did you mean "
+    with pytest.raises(sk.InvalidInputError, match=message + r"mouse22\?"):
+        layouts.get("mouse2")
+    with pytest.raises(sk.InvalidInputError, match="layout: expected a name, a path or a Layout, got int"):
+        layouts.get(3)
+    with pytest.raises(
+        sk.DatasetError, match=r"gone\.toml: file: expected a readable file, got no such file"
+    ):
+        layouts.get(tmp_path / "gone.toml")
+
+
+@pytest.mark.parametrize(
+    ("joints", "pairs"),
+    [
+        (["left_ear", "tail", "right_ear"], ((0, 2),)),
+        (["REar", "LEar"], ((1, 0),)),
+        (["earL", "earR"], ((0, 1),)),
+        (["Lear", "Rear", "rear"], ((0, 1),)),
+        (["leftear", "rightear"], ((0, 1),)),
+        (["paw_l_1", "paw_r_1", "paw_l_2", "paw_r_2"], ((0, 1), (2, 3))),
+        (["Left Ear", "Right Ear"], ((0, 1),)),
+        (["hip_left", "left_hip", "right_hip"], ()),  # which of the two?
+        (["left_left_a", "right_left_a"], ()),
+        (["left_ear", "ear"], ()),
+        (["L", "R"], ()),
+    ],
+)
+def test_sides_are_read_from_names_where_they_are_unambiguous(joints, pairs):
+    assert mirrored_names(joints) == pairs
+
+
+@pytest.mark.parametrize("name", ["hand21", "mediapipe33", "wholebody133", "halpe136"])
+def test_a_number_of_joints_that_one_detector_alone_has_tells_the_layout(tmp_path, name):
+    people = np.full((2, 2, 1, layouts.get(name).n_joints, 3), 0.5)
+    openpose(tmp_path, Take(people * 100, ["a", "b"], None))
+    found = read_detections(tmp_path, ["a", "b"])
+    assert (found.layout, found.skeleton) == (name, layouts.get(name))
+
+
+def test_a_project_of_deeplabcut_is_a_layout(tmp_path):
+    path = tmp_path / "config.yaml"
+    path.write_text(
+        "bodyparts:\n- snout\n- earL\n- earR\nskeleton:\n- - snout\n  - earL\n- - snout\n  - earR\n"
+    )
+    said = rf"{re.escape(str(path))}: 3 joints, 2 limbs, 1 left–right pair by name \(earL–earR\)\."
+    with pytest.warns(UserWarning, match=said):
+        layout = read_layout(path)
+    assert layout.limbs == ((0, 1), (0, 2))
+    assert layout.symmetric == ((3, (0, 1), (0, 2)),)
+    with pytest.raises(
+        sk.InvalidInputError, match="layout: expected a name or a path, as there are no detections"
+    ):
+        read_layout("file")
+
+
+def test_a_file_of_sleap_is_a_layout_with_its_edges(tmp_path):
+    path = sleap(tmp_path, Take(np.full((2, 1, 1, 3, 3), 0.5), ["a"], ["snout", "ear_l", "ear_r"]))
+    with pytest.warns(UserWarning, match="3 joints, 2 limbs, 1 left–right pair by name"):
+        layout = read_layout(path)
+    assert layout.joints == ("snout", "ear_l", "ear_r")
+    assert layout.limbs == ((0, 1), (1, 2))
+
+
+def test_the_command_lists_and_explains(tmp_path, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    listed = invoke("layouts").stdout
+    assert all(
+        re.search(rf"^ {name} +{layouts.get(name).n_joints} ", listed, re.MULTILINE) for name in layouts.names
+    )
+    assert [row["name"] for row in json.loads(invoke("layouts", "--json").stdout)] == list(layouts.names)
+    assert invoke("layouts", "-q").stdout.split() == list(layouts.names)
+    shown = invoke("layouts", "mouse22").stdout
+    for part in ("mouse22, 22 joints. A mouse", "DANNCE", " 2 nose", "Limbs (21)", "tail_middle–tail_end"):
+        assert part in shown
+    assert "left_knee–left_hip = right_knee–right_hip" in shown
+    path = tmp_path / "own.toml"
+    path.write_text(invoke("layouts", "mouse22", "--toml").stdout, encoding="utf-8")
+    assert layouts.read(path) == layouts.get("mouse22")
+    own = layouts.read(write(tmp_path, MOUSE))
+    explained = invoke("layouts", str(tmp_path / "mine.toml")).stdout
+    assert "Lengths of bones: nose–tail 80 ± 8 mm." in explained
+    document = json.loads(invoke("layouts", str(tmp_path / "mine.toml"), "--json").stdout)
+    assert document["joints"] == list(own.joints)
+    assert document["bones"] == [{"joints": [0, 3], "length_mm": 80.0, "sigma_mm": 8.0}]
+    assert invoke("layouts", "hand21", "-q").stdout.split() == list(layouts.get("hand21").joints)
+    assert_fails(invoke("layouts", "body99"), 2, "NAME", "'body99'", "did you mean body25?")
+    assert_fails(invoke("layouts", "--toml"), 2, "--toml")
+    assert Path(layouts.__file__).with_name("data").is_dir()

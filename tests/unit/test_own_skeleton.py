@@ -1,0 +1,120 @@
+"""A recording of a simulated mouse through files, with a layout of one's own, to every result."""
+
+from __future__ import annotations
+
+import shutil
+
+import numpy as np
+import pytest
+
+import mouse
+import skelsplat as sk
+from skelsplat.io import read_detections, read_layout, read_run
+from skelsplat.run import Job, Run, run
+from skelsplat.run.check import check_cameras
+from skelsplat.run.overlay import OverlayJob, write_overlay
+from skelsplat.run.plots import read_source, write_plots
+from skelsplat.viz.overlay import Shown
+
+STEPS = 24
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """Return the folder of a recording, the run with a layout file, and the true joints."""
+    folder = tmp_path_factory.mktemp("mouse")
+    truth = mouse.write(folder, STEPS)
+    own = sk.Layout("my_mouse", mouse.LAYOUT.joints, limbs=mouse.LAYOUT.limbs)
+    sk.layouts.write(folder / "my_mouse.toml", own)
+    text = (folder / "my_mouse.toml").read_text(encoding="utf-8")
+    kept = [line for line in text.splitlines() if not line.startswith(("left_right", "symmetric"))]
+    (folder / "my_mouse.toml").write_text("\n".join(kept), encoding="utf-8")
+    given = {"layout": str(folder / "my_mouse.toml"), "unit": "mm", "fps": mouse.FPS}
+    found = run(Job(folder / "rig.toml", folder / "dlc", output=folder / "out", **given))
+    shutil.move(folder / "my_mouse.toml", folder / "elsewhere.toml")  # the run's folder has all that it needs
+    return folder, found, truth
+
+
+def test_the_mouse_is_found(recorded):
+    _, found, truth = recorded
+    error = np.linalg.norm(found.poses.pose - truth, axis=-1)
+    assert error.mean() < 0.6
+    assert found.layout.left_right == mouse.LAYOUT.left_right
+    assert [finding for finding in found.findings if finding.severity != "note"] == []
+
+
+def test_the_folder_of_the_run_knows_the_layout(recorded):
+    folder, found, _ = recorded
+    assert "layout.toml" in found.report["files"]
+    assert found.report["input"]["layout"] == "my_mouse"
+    assert read_run(folder / "out").layout == found.layout
+    assert Run.open(folder / "out").layout == found.layout
+    page = (folder / "out" / "report.html").read_text(encoding="utf-8")
+    assert "my_mouse, 22 joints" in page
+
+
+def test_a_length_that_the_recording_contradicts_is_named(recorded):
+    folder, _, _ = recorded
+    lengths = [(("nose", "neck"), 40.0, 1.0), (("left_knee", "left_foot"), 9.9, 1.0)]  # 16.5 and 9.9 mm
+    own = sk.Layout("long", mouse.LAYOUT.joints, limbs=mouse.LAYOUT.limbs, lengths=lengths)
+    given = {"layout": own, "unit": "mm", "html": False, "write": ()}
+    found = run(Job(folder / "rig.toml", folder / "dlc", **given))
+    (wrong,) = (finding for finding in found.findings if finding.kind == "given_lengths_differ")
+    assert wrong.subject.joints == ("nose", "neck")
+    assert wrong.numbers["measured_mm"][0] == pytest.approx(16.5, abs=3.0)
+
+
+def test_a_later_run_with_a_built_in_layout_removes_the_file(recorded, tmp_path):
+    folder, _, _ = recorded
+    shutil.copytree(folder / "out", tmp_path / "out")
+    given = {"layout": "mouse22", "unit": "mm", "html": False, "write": ()}
+    run(Job(folder / "rig.toml", folder / "dlc", output=tmp_path / "out", **given))
+    assert not (tmp_path / "out" / "layout.toml").exists()
+    assert read_run(tmp_path / "out").layout == mouse.LAYOUT
+
+
+def test_pictures_and_overlays_need_no_file_again(recorded):
+    folder, _, _ = recorded
+    source = read_source(folder / "out")
+    assert len(source.limbs) == len(mouse.LAYOUT.limbs)
+    (drawn,) = write_plots(source, folder / "plots", only=("bones",))
+    assert drawn.files
+    named = read_source(folder / "out" / "pose.trc", layout=folder / "elsewhere.toml")
+    assert named.limbs == source.limbs
+    job = OverlayJob(
+        folder / "out", None, folder / "overlay", Shown(rejected_below=0.25), cameras=("camA",), png=True
+    )
+    (written,) = write_overlay(job)
+    assert (list(written.cameras), written.frames) == (["camA"], STEPS)
+
+
+def test_cameras_are_checked_with_the_layout_file(recorded):
+    folder, _, _ = recorded
+    found = check_cameras(
+        folder / "rig.toml", folder / "dlc", layout=str(folder / "elsewhere.toml"), read={"unit": "mm"}
+    )
+    assert found.report.ok, found.report.findings
+
+
+def test_a_mouse_is_tracked_with_the_layout_file(recorded):
+    folder, _, truth = recorded
+    rig, layout = mouse.rig(), str(folder / "elsewhere.toml")
+    seen = read_detections(folder / "dlc", rig, layout=layout)
+    (one,) = sk.track(seen.people, rig, fps=mouse.FPS, layout=layout)
+    error = np.linalg.norm(one.refinement.pose - truth[one.frames], axis=-1)
+    assert len(one.frames) == STEPS
+    assert error.mean() < 0.6
+    tracker = sk.Tracker(rig, fps=mouse.FPS, layout=layout)
+    assert [len(tracker.step(list(frame))) for frame in seen.people][-1] == 1
+
+
+def test_the_skeleton_of_the_files_is_taken_as_it_is(recorded, tmp_path):
+    folder, _, truth = recorded
+    given = {"layout": "file", "unit": "mm", "html": False, "write": ()}
+    found = run(Job(folder / "rig.toml", folder / "dlc", output=tmp_path / "out", **given))
+    (note,) = (finding for finding in found.findings if finding.kind == "layout_of_file")
+    assert "22 joints, no limbs, 8 left–right pairs by name (left_ear_tip–right_ear_tip" in note.text
+    assert found.layout.name == "dlc"
+    assert np.linalg.norm(found.poses.pose - truth, axis=-1).mean() < 1.2
+    assert read_run(tmp_path / "out").layout == found.layout
+    assert read_layout(tmp_path / "out" / "layout.toml") == found.layout

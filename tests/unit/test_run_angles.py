@@ -1,0 +1,172 @@
+"""``refine --angles``: the files of joint angles, their picture, and the page's curves."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import skelsplat as sk
+from command_line import READ, RESULTS, assert_fails, invoke, read_report, texts
+from skelsplat.io import read_npz, write_npz
+from skelsplat.run import Run
+from skelsplat.run.angles import FILES, check_angles, mot_text
+from skelsplat.run.folder import Writing
+
+NAMES = 16  # angles of h36m17, which has no feet
+
+
+@pytest.fixture
+def no_pictures(monkeypatch):
+    monkeypatch.setattr("skelsplat.run.folder.can_draw", lambda: False)
+
+
+@pytest.fixture(scope="module")
+def with_angles(finished_run, tmp_path_factory):
+    """Return the folder of a run with angles; not to be written to."""
+    out = tmp_path_factory.mktemp("angles") / "out"
+    stored = [finished_run / "cameras.json", finished_run / "detections.npz"]
+    result = invoke("refine", *stored, *READ, "--fps", 50, "--angles", "-o", out)
+    assert result.exit_code == 0, result.output
+    assert "angles.csv" in result.stdout
+    return out
+
+
+def test_three_files_come_with_the_others_and_are_listed(with_angles):
+    assert {path.name for path in with_angles.iterdir()} == RESULTS | set(FILES)
+    report = read_report(with_angles)
+    assert set(FILES) <= set(report["files"])
+    assert report["joint_angles"]["up"] == [0.0, 0.0, 1.0]
+    assert len(report["joint_angles"]["names"]) == NAMES
+
+
+def test_the_files_hold_the_angles_of_the_poses(with_angles):
+    poses = read_npz(with_angles / "pose.npz")
+    expected = sk.joint_angles(poses.pose, layout="h36m17", uncertainty=poses.error_bar)
+    scatter = sk.joint_angles(poses.pose, layout="h36m17", uncertainty=poses.uncertainty)
+    with np.load(with_angles / "angles.npz") as stored:
+        assert tuple(stored["names"]) == expected.names
+        np.testing.assert_array_equal(stored["degrees"], expected.degrees)
+        np.testing.assert_array_equal(stored["sigma"], expected.sigma)
+        np.testing.assert_array_equal(stored["scatter"], scatter.sigma)
+        np.testing.assert_array_equal(stored["frames"], poses.frames)
+        assert stored["frame_rate"] == 50
+        np.testing.assert_array_equal(stored["up"], [0, 0, 1])
+    rows = list(csv.DictReader((with_angles / "angles.csv").read_text().splitlines()))
+    assert [int(row["frame"]) for row in rows] == poses.frames.tolist()
+    for values, end in ((expected.degrees, ""), (expected.sigma, "_sigma"), (scatter.sigma, "_scatter")):
+        read = np.array([[float(row[name + end]) for name in expected.names] for row in rows])
+        np.testing.assert_allclose(read, values, atol=0.5e-4)
+    np.testing.assert_array_equal(Run.open(with_angles).angles.degrees, expected.degrees)
+
+
+def test_the_motion_file_has_the_header_of_opensim(with_angles):
+    lines = (with_angles / "angles.mot").read_text().splitlines()
+    rows = [line.split("\t") for line in lines[6:]]
+    assert lines[:6] == [
+        "Coordinates",
+        "version=1",
+        f"nRows={len(rows) - 1}",
+        f"nColumns={len(rows[0])}",
+        "inDegrees=yes",
+        "endheader",
+    ]
+    assert rows[0][:2] == ["time", "left_hip_flexion"]
+    assert [float(row[0]) for row in rows[1:]] == pytest.approx([0, 0.02, 0.04, 0.06, 0.08])
+    with np.load(with_angles / "angles.npz") as stored:
+        np.testing.assert_allclose(np.array(rows[1:], dtype=float)[:, 1:], stored["degrees"], atol=0.5e-4)
+
+
+def test_a_missing_angle_is_nan_in_motion_files():
+    angles = sk.JointAngles(("a", "b"), np.array([[1.0, np.nan], [-2.5, 3.0]]), np.zeros((2, 2)))
+    rows = mot_text(angles, np.array([0.0, 0.1])).splitlines()[6:]
+    assert rows == ["time\ta\tb", "0.000000\t1.0000\tnan", "0.100000\t-2.5000\t3.0000"]
+
+
+def test_the_page_has_a_curve_per_side(with_angles):
+    page = (with_angles / "report.html").read_text()
+    assert '"title":"Knee flexion","unit":"\\u00b0","curves":[{"name":"left","colour":"left"' in page
+    assert '"title":"Trunk inclination"' in page
+    assert "Joint angles have the colours of the sides" in page
+
+
+@pytest.mark.usefixtures("no_pictures")
+def test_without_the_option_nothing_is_written(run_folder, tmp_path):
+    run = Run.open(run_folder)
+    names = run.write(tmp_path / "out", ("npz",), html=False, angles=True)
+    assert set(FILES) <= set(names)
+    assert not set(FILES) & set(run.write(tmp_path / "out", ("npz",), html=False))
+    assert not [name for name in FILES if (tmp_path / "out" / name).exists()]
+    assert "joint_angles" not in read_report(tmp_path / "out")
+
+
+@pytest.mark.usefixtures("no_pictures")
+def test_cameras_without_a_vertical_leave_out_trunk_and_pelvis(finished_run, tmp_path):
+    run = Run.open(finished_run)
+    down = [
+        sk.Camera(camera.K, np.diag([k, -k, -1.0]), camera.t, size=camera.size, name=camera.name)
+        for camera, k in zip(run.cameras, (1.0, -1.0, 1.0, -1.0), strict=True)
+    ]
+    run = replace(run, inputs=replace(run.inputs, rig=sk.CameraRig(down)))
+    run.write(tmp_path / "out", ("npz",), html=False, angles=True)
+    report = read_report(tmp_path / "out")
+    assert "vertical_unknown" in [note.kind for note in Writing(angles=True).notes(run.inputs)]
+    assert report["joint_angles"]["up"] is None
+    assert report["joint_angles"]["names"][-1] == "right_elbow_flexion"
+    with np.load(tmp_path / "out" / "angles.npz") as stored:
+        assert np.isnan(stored["up"]).all()
+
+
+@pytest.mark.usefixtures("no_pictures")
+def test_times_are_assumed_without_a_frame_rate(recording, arguments):
+    result = invoke(*arguments, *READ, "--write", "npz", "--no-html", "--angles")
+    assert result.exit_code == 0, result.output
+    notes = texts(read_report(recording[0] / "out"), "note")
+    assert any("the times in angles.mot assume 30 frames per second" in note for note in notes)
+
+
+def test_a_layout_without_angles_is_refused_before_the_work():
+    with pytest.raises(sk.InvalidInputError, match=r"angles: expected a layout with names.*, got hand21"):
+        check_angles(sk.layouts.get("hand21"))
+
+
+# plot
+
+
+def test_angles_are_drawn_with_their_bands(with_angles, tmp_path, figures):
+    result = invoke("plot", with_angles, "--only", "angles", "-o", tmp_path, "--json")
+    assert result.exit_code == 0, result.output
+    (knee,) = [one for one in json.loads(result.stdout)["angles"] if one["angle"] == "left_knee_flexion"]
+    with np.load(with_angles / "angles.npz") as stored:
+        column = stored["names"].tolist().index("left_knee_flexion")
+        assert knee["median_degrees"] == pytest.approx(np.median(stored["degrees"][:, column]))
+        assert knee["sigma_median_degrees"] == pytest.approx(np.median(stored["sigma"][:, column]))
+        shown = {line.get_label(): line.get_ydata() for line in figures[0].axes[2].lines[:2]}
+        np.testing.assert_array_equal(shown["left"], stored["degrees"][:, column])
+    assert [axes.texts[0].get_text() for axes in figures[0].axes][:3] == [
+        "Hip flexion",
+        "Hip abduction",
+        "Knee flexion",
+    ]
+    assert len(figures[0].axes[2].collections) == 4  # two bands a side
+    assert (tmp_path / "angles.png").is_file()
+
+
+def test_a_file_of_poses_has_no_vertical(with_angles, tmp_path, figures):
+    result = invoke("plot", with_angles / "pose.trc", "--only", "angles", "-o", tmp_path)
+    assert result.stdout.startswith("angles: 12 joint angles over time; no error bands")
+    assert "Trunk inclination" not in [axes.texts[0].get_text() for axes in figures[0].axes]
+    assert any("vertical is not known" in text.get_text() for text in figures[0].texts)
+
+
+def test_joints_of_other_names_have_no_angles_until_a_layout_names_them(with_angles, tmp_path):
+    poses = read_npz(with_angles / "pose.npz")
+    other = replace(poses, joint_names=tuple(f"joint{k}" for k in range(17)))
+
+    write_npz(tmp_path / "other.npz", other)
+    result = invoke("plot", tmp_path / "other.npz", "--only", "angles")
+    assert_fails(result, 1, "angles: the joints match no layout that has any (--layout names the layout)")
+    assert invoke("plot", tmp_path / "other.npz", "--only", "angles", "--layout", "h36m17").exit_code == 0
