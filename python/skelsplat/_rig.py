@@ -1,4 +1,4 @@
-"""``adjust_cameras``: cameras set right by the detections of a recording. All computation is in the compiled core."""
+"""``adjust_cameras``: cameras set right by the detections of a recording, in the compiled core."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ def adjust_cameras(
     Parameters
     ----------
     detections : (T, M, N, 2|3)
-        Of one person or animal who moves about, as in ``refine_sequence``: frames in order, NaN where missing.
+        Of one person or animal who moves about: the frames in order, NaN where missing.
     cameras : CameraRig or sequence of Camera
     free : sequence of str or int, optional
         Names or numbers of the cameras that are wrong, in place of finding them; at least one must stay.

@@ -11,7 +11,7 @@ use crate::detections::Frames;
 use crate::errors::Result;
 use crate::watch;
 
-/// Return the adjusted cameras and the fields of every ``skelsplat.CameraAdjustment``; angles in radians.
+/// Return adjusted cameras and the fields of every ``skelsplat.CameraAdjustment``; radians.
 #[pyfunction]
 #[pyo3(signature = (detections, cameras, *, confidence=None, free=None, focal=false, clock=false, config=None))]
 #[allow(clippy::too_many_arguments, reason = "all but two by keyword")]
