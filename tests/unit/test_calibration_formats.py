@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 
 import numpy as np
 import pytest
@@ -144,6 +145,13 @@ def test_opencap_by_session_by_folder_and_by_file(tmp_path, views, form):
     rig = read_calibration(path)
     assert rig.names == ((NAMES[2],) if form == "one file" else tuple(NAMES))
     np.testing.assert_array_equal(rig[NAMES[2]].K, views[2].K)
+
+
+def test_a_mat_file_without_scipy_is_answered_with_the_pip_line(tmp_path, views, monkeypatch):
+    path = files.dannce(tmp_path, views)
+    monkeypatch.setitem(sys.modules, "scipy.io", None)
+    with pytest.raises(sk.SkelSplatError, match=r"MAT-files: .*run: pip install 'skelsplat\[formats\]'"):
+        read_calibration(path, size=(1000, 1000))
 
 
 @pytest.mark.parametrize("named", [True, False])

@@ -9,7 +9,6 @@ import pytest
 import counts
 import import_circles
 from import_circles import circles, python_graph, rust_graph
-from sweeps import swept
 
 ROWS = {row.name: row for row in counts.folders()}
 
@@ -117,7 +116,8 @@ def test_functions_are_measured() -> None:
     assert counts._reason(python.splitlines(), 2) == "because"
 
 
-@pytest.mark.parametrize("arguments", [["--markdown"], swept([])])
+@pytest.mark.sweep
+@pytest.mark.parametrize("arguments", [["--markdown"], []])
 def test_everything_is_printed(
     arguments: list[str], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
