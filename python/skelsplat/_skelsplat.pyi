@@ -21,6 +21,7 @@ __all__ = [
     "Setting",
     "Tracker",
     "__version__",
+    "adjust_cameras",
     "check_people",
     "fuse_monocular",
     "implausible_extent",
@@ -723,6 +724,18 @@ def track_people(
     progress: Callable[[int, int], object] | None = None,
 ) -> list[dict[str, Any]]:
     """Return the fields of every ``skelsplat.Person``, its refinement as in ``Refiner.refine_sequence``."""
+
+def adjust_cameras(
+    detections: ArrayLike,
+    cameras: _Cameras,
+    *,
+    confidence: ArrayLike | None = None,
+    free: Sequence[int] | None = None,
+    focal: bool = False,
+    clock: bool = False,
+    config: RefineConfig | None = None,
+) -> tuple[list[Camera], dict[str, Any]]:
+    """Return adjusted cameras and the fields of every ``skelsplat.CameraAdjustment``; radians."""
 
 def implausible_extent(
     poses: ArrayLike, cameras: _Cameras, *, layout: str | Layout | None = None
