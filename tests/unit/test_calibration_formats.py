@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 
 import numpy as np
 import pytest
@@ -69,6 +70,8 @@ def test_the_offset_of_aniposes_cropped_videos_is_taken_off_the_centre(tmp_path,
         )
     elif place != "none":
         project.write_text(f'model_folder = "a"\n[triangulation]\noptim = true\n{table}')
+    (tmp_path / "project" / "session" / "config.toml").write_text("[cameras.other]\noffset = [1, 1]\n")
+    (folder / "config.toml").write_text("[broken")
     if place == "other name":
         path = path.rename(folder / "Calib.toml")
     if place in ("none", "other name"):
@@ -142,6 +145,13 @@ def test_opencap_by_session_by_folder_and_by_file(tmp_path, views, form):
     rig = read_calibration(path)
     assert rig.names == ((NAMES[2],) if form == "one file" else tuple(NAMES))
     np.testing.assert_array_equal(rig[NAMES[2]].K, views[2].K)
+
+
+def test_a_mat_file_without_scipy_is_answered_with_the_pip_line(tmp_path, views, monkeypatch):
+    path = files.dannce(tmp_path, views)
+    monkeypatch.setitem(sys.modules, "scipy.io", None)
+    with pytest.raises(sk.SkelSplatError, match=r"MAT-files: .*run: pip install 'skelsplat\[formats\]'"):
+        read_calibration(path, size=(1000, 1000))
 
 
 @pytest.mark.parametrize("named", [True, False])

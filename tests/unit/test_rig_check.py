@@ -10,6 +10,7 @@ from rig_case import LAYOUT, T, detections, only, replaced, rig, turned
 from skelsplat import synthetic
 from skelsplat.cameras import matrix_from_vector as rotation
 from skelsplat.rig_check import check_rig
+from skelsplat.rig_check._scene import Scene, in_mm, scene_of
 from sweeps import diagonal, swept
 
 
@@ -207,6 +208,20 @@ def test_bad_arguments():
     percentages[3, 1, 2, 2] = 95.0
     with pytest.raises(sk.InvalidInputError, match=r"people\[3, 1, 0, 2, 2\]: expected a value in \[0, 1\]"):
         check_rig(rig("room"), percentages)
+
+
+def test_what_a_change_leaves_is_not_computed_again():
+    scene = scene_of(in_mm(rig("room")), detections("room")[..., :2], np.arange(T))
+    points = scene.points_without(1)
+    for changed in (
+        scene.with_camera(1, turned(rig("room"), 1, 2.0, (1, 0, 0))[1]),
+        scene.with_detections(1, scene.detections[:, 0]),
+        scene.with_shift(1, 2),
+    ):
+        assert changed.points_without(1) is points
+        anew = Scene(changed.cameras, changed.detections, changed.frames, changed.shifts)
+        for view in range(scene.views):
+            np.testing.assert_array_equal(changed.residuals_of(view), anew.residuals_of(view))
 
 
 FLIP = np.diag([1.0, -1.0, -1.0])

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 import skelsplat as sk
-from skelsplat._arrays import Array, Index, medians
+from skelsplat._arrays import Array, Index, median, medians
 from skelsplat.cameras import altered, matrix_from_vector
 from skelsplat.findings import Finding, Subject
 from skelsplat.layouts import mirror_images
@@ -183,7 +183,7 @@ def _rivals(chosen: Cause, causes: Sequence[Cause]) -> list[Cause]:
 
 
 def _explains(scene: Scene, cause: Cause) -> bool:
-    before, after = scene.left_out[cause.view], cause.scene.left_out[cause.view]
+    before, after = scene.left_out[cause.view], median(cause.scene.residuals_of(cause.view))
     after *= max(1.0, 1.0 / cause.factor)  # smaller images make smaller errors
     better = _ALL_BETTER if scene.views > 2 else _TWO_BETTER
     good = _GOOD * np.hypot(*scene.cameras[cause.view].size)
@@ -191,12 +191,12 @@ def _explains(scene: Scene, cause: Cause) -> bool:
         good = max(good, _MUCH_BETTER * before)
     halves = zip(scene.left_out_halves(cause.view), cause.scene.left_out_halves(cause.view), strict=True)
     return bool(
-        cause.scene.disagreement <= better * scene.disagreement
-        and after <= _ITSELF_BETTER * before
+        after <= _ITSELF_BETTER * before
         and before - after >= _LEAST_PX
         and after <= good
         # NaN, a half in which the camera sees nothing, does not count
         and all(not new > _HALF_BETTER * old for old, new in halves)
+        and cause.scene.disagreement <= better * scene.disagreement  # last, as it takes longest
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -55,8 +56,18 @@ class Scene:
         """Detections at the judged frames, shifts applied, (J, M, N, 2)."""
         return np.stack([self.seen(view) for view in range(self.views)], axis=1)
 
+    @cached_property
+    def _points(self) -> dict[int, Array]:
+        """What `points_without` has returned, by view."""
+        return {}
+
     def points_without(self, view: int) -> Array:
         """Triangulate the judged frames robustly without one camera, (J, N, 3) mm; NaN where unknown."""
+        if view not in self._points:
+            self._points[view] = self._triangulated_without(view)
+        return self._points[view]
+
+    def _triangulated_without(self, view: int) -> Array:
         others = [i for i in range(self.views) if i != view]
         cameras = [self.cameras[i] for i in others]
         return np.asarray(sk.triangulate(self.judged_detections[:, others], cameras))
@@ -70,7 +81,11 @@ class Scene:
         if self.views == 2:
             points = np.asarray(sk.triangulate(self.judged_detections, self.cameras, method="dlt"))
             return np.stack([self.distances(view, points) for view in range(2)])
-        return np.stack([self.distances(view, self.points_without(view)) for view in range(self.views)])
+        return np.stack([self.residuals_of(view) for view in range(self.views)])
+
+    def residuals_of(self, view: int) -> Array:
+        """Return one camera's `residuals` (J, N), without computing those of the others."""
+        return self.residuals[view] if self.views == 2 else self.distances(view, self.points_without(view))
 
     @cached_property
     def left_out(self) -> Array:
@@ -79,8 +94,8 @@ class Scene:
 
     def left_out_halves(self, view: int) -> tuple[float, float]:
         """Medians of one camera's `residuals` in the first and the second half of the recording, px."""
-        middle = (len(self.judged) + 1) // 2
-        return median(self.residuals[view, :middle]), median(self.residuals[view, middle:])
+        middle, own = (len(self.judged) + 1) // 2, self.residuals_of(view)
+        return median(own[:middle]), median(own[middle:])
 
     @cached_property
     def disagreement(self) -> float:
@@ -107,19 +122,26 @@ class Scene:
         """Return the scene with one camera exchanged for another calibration of it."""
         cameras = list(self.cameras)
         cameras[view] = camera
-        return replace(self, cameras=tuple(cameras))
+        return self._changed(view, cameras=tuple(cameras))
 
     def with_detections(self, view: int, detections: Array) -> Scene:
         """Return the scene with one camera's detections (T, N, 2) exchanged."""
         changed = self.detections.copy()
         changed[:, view] = detections
-        return replace(self, detections=changed)
+        return self._changed(view, detections=changed)
 
     def with_shift(self, view: int, shift: int) -> Scene:
         """Return the scene with one camera's frames counted differently."""
         shifts = list(self.shifts)
         shifts[view] = shift
-        return replace(self, shifts=tuple(shifts))
+        return self._changed(view, shifts=tuple(shifts))
+
+    def _changed(self, view: int, **changes: Any) -> Scene:
+        """Return the scene with a change of one camera, without which the points stay what they are."""
+        scene = replace(self, **changes)
+        if view in self._points:
+            scene._points[view] = self._points[view]
+        return scene
 
 
 def in_mm(rig: sk.CameraRig) -> tuple[sk.Camera, ...]:

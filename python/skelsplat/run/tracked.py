@@ -111,7 +111,7 @@ def follow_everybody(people: Array, whole: Inputs, job: Job, progress: Progress 
             progress=False if progress is None else progress,
         )
     for one in told:
-        if one.kind != "nobody_found":  # an error below
+        if one.kind not in ("nobody_found", "limbs_differ"):  # an error below, a finding about each person
             warn(one)
     each = (time.perf_counter() - begin) / max(1, len(found))
     detected = count_people(people)

@@ -20,7 +20,8 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -82,9 +83,8 @@ def parse_anipose(source: Source) -> Parsed:
     found = [noted("lens_assumed", source.path, *bare)] if bare else []
     read = [_anipose_camera(one) for one in cameras]
     offsets, file = _offsets(source, cameras)
-    if any(offset.any() for offset in offsets.values()):
-        cropped = [camera.name for camera in read if camera.name in offsets]
-        found.append(noted("crop_applied", file, *cropped))
+    if offsets:
+        found.append(noted("crop_applied", file, *offsets))
     return Parsed([_cropped(file, camera, offsets.get(camera.name)) for camera in read], known, found)
 
 
@@ -98,20 +98,25 @@ def _is_camera(entry: Field) -> bool:
 
 def _offsets(source: Source, cameras: Sequence[Field]) -> tuple[dict[str, Array], Path]:
     """Return the offsets of crops by camera, and the file that has them: this one, or Anipose's project's."""
-    own = {str(one.value.get("name", one.place)): one["offset"] for one in cameras if "offset" in one}
-    folders = source.path.absolute().parents[:_LEVELS] if source.path.name == _ANIPOSE else []
-    files = [source.path, *(folder / _PROJECT for folder in folders)]
-    for path in files:
-        document = Field(path, "", source.toml if path == source.path else None)
-        if path != source.path and path.is_file():
-            document = Field(path, "", parse_toml(path, read_text(path)))
-        table = document["cameras"].value
-        listed = table if isinstance(table, dict) else {}
-        beside = {name: document["cameras"][name]["offset"] for name in listed}
-        given = {name: field for name, field in {**beside, **own}.items() if not field.is_missing}
-        if given:
-            return {name: _corner(field) for name, field in given.items()}, path
+    named = {str(one.value.get("name", one.place)): one for one in cameras}
+    for document in _with_offsets(source):
+        table = document["cameras"]
+        fields = [(name, one["offset"], table[name]["offset"]) for name, one in named.items()]
+        given = {name: beside if own.is_missing else own for name, own, beside in fields}
+        corners = {name: _corner(field) for name, field in given.items() if not field.is_missing}
+        if corners:
+            return {name: corner for name, corner in corners.items() if corner.any()}, document.path
     return {}, source.path
+
+
+def _with_offsets(source: Source) -> Iterator[Field]:
+    """Yield the calibration, and what may be Anipose's configuration in its folder and above."""
+    yield Field(source.path, "", source.toml)
+    for folder in source.path.absolute().parents[:_LEVELS] if source.path.name == _ANIPOSE else []:
+        path = folder / _PROJECT
+        if path.is_file():
+            with suppress(DatasetError):  # somebody else's
+                yield Field(path, "", parse_toml(path, read_text(path)))
 
 
 def _corner(field: Field) -> Array:
