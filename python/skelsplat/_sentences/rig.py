@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 # A change below this part of its error bar is none.
 _NOTHING = 0.01
+# Multiples of its error bar from which the rest of a clock is worth mentioning.
+_SHOWN = 4.0
 
 
 def _px(error: float | None, digits: int = 1) -> str:
@@ -229,7 +231,7 @@ def _late(finding: Finding) -> str:
     if not whole:
         return f"{text}: less than half a frame, which no option corrects."
     rest = abs(frames - whole)
-    left = f" ({rest:.1f} of a frame remains)" if rest >= 0.05 else ""
+    left = f" ({rest:.1f} of a frame remains)" if sigma is not None and rest > _SHOWN * sigma else ""
     return f"{text}; a calibration has no clock: refine with {options(finding.remedy)}{left}."
 
 
@@ -272,7 +274,9 @@ SENTENCES: Mapping[str, str | Callable[[Finding], str]] = {
     "camera_unseen": (
         "{cameras} sees too few of the joints that other cameras see, so it was not judged and not adjusted."
     ),
-    "cameras_sound": "No camera was adjusted: all {cameras} that could be judged agree with this recording.",
+    "cameras_sound": (
+        "No camera was adjusted: the {cameras} cameras that could be judged agree with this recording."
+    ),
     "cameras_not_adjusted": "No camera was adjusted, because of another fault: {why}.",
     "cameras_apart": _apart,
     "recording_other": _recording,

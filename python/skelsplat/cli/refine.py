@@ -26,7 +26,7 @@ EPILOG = (
     "removed first; plots/ and overlay/ are kept."
 )
 COMMON = (
-    *("output", "unit", "layout", "person", "people", "without", "offset", "adjust_cameras", "fps"),
+    *("output", "unit", "layout", "person", "people", "without", "offset", "fps"),
     *("filter", "fill_gaps", "write", "y_up", "angles", "paper", "quiet", "as_json"),
 )
 
