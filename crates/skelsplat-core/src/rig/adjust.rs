@@ -1,6 +1,8 @@
 //! The cameras of a recording set right.
 
-use super::bundle::unknowns;
+use super::bundle::{Bundle, Reduced, unknowns};
+use nalgebra::Vector3;
+
 use super::placed::{Change, Freedom, Placed, rebuilt};
 use super::scene::{Scene, median};
 use super::search::{Bars, Explanation, Found, Scope, bars, both, is_worse, total};
@@ -189,7 +191,7 @@ impl Task<'_> {
             };
             let points = scope.scene.points(scope.frames, &rig.cameras, &used);
             let sigma = scope.sigma(&rig.cameras);
-            if let Some(camera) = scope.placed(&rig, i, kind, &points, sigma)? {
+            if let Some(camera) = scope.placed(&rig, i, kind, &points, sigma) {
                 rig.cameras[i] = camera;
                 rig.freedom[i] = kind;
                 trusted[i] = true;
@@ -246,7 +248,7 @@ impl Task<'_> {
         let mut rig = Explanation::start(cameras, freedom);
         for _ in 0..ROUNDS {
             let sigma = scope.sigma(&rig.cameras);
-            rig = scope.explain(rig.cameras, rig.freedom, sigma, 1.0)?;
+            rig = scope.explain(rig.cameras, rig.freedom, sigma, 1.0);
         }
         Ok(rig)
     }
@@ -332,6 +334,38 @@ impl Task<'_> {
         };
         (0..m).map(one).collect()
     }
+}
+
+/// The equations of all parameters of all cameras, mm, with joints `(T, N)` at `points`, and what the detections cost: S, s.
+///
+/// # Errors
+/// [`Error::InvalidInput`] if the numbers of views or points do not match.
+pub fn equations(
+    cameras: Vec<Placed>,
+    frames: &[Detections],
+    points: Vec<Vector3<f64>>,
+    sigma: f64,
+) -> Result<Reduced> {
+    let all: Vec<Camera> = cameras.iter().map(|one| one.camera.clone()).collect();
+    check(&all, frames, &Adjustable::default())?;
+    let scene = Scene::new(frames);
+    if points.len() != frames.len() * scene.n_joints() {
+        let expected = format!("{} x {} points", frames.len(), scene.n_joints());
+        return Err(Error::invalid("points", expected, points.len().to_string()));
+    }
+    let numbers: Vec<usize> = (0..frames.len()).collect();
+    let free = Freedom { focal: true, clock: true, ..Freedom::PLACE };
+    let freedom = vec![free; cameras.len()];
+    let bundle = Bundle {
+        scene,
+        frames: &numbers,
+        given: &cameras,
+        cameras: cameras.clone(),
+        freedom,
+        points,
+        fixed: false,
+    };
+    Ok(Reduced::sum(&bundle.clusters(sigma)))
 }
 
 /// Frames to adjust on and to judge on.
