@@ -8,6 +8,7 @@ from skelsplat import layouts, metrics, synthetic
 from skelsplat._angles import JointAngles, joint_angles
 from skelsplat._people import Person, Tracker, track
 from skelsplat._refine import LossAndGradient, Refinement, Refiner, loss_and_gradient, refine
+from skelsplat._rig import CameraAdjustment, RigAdjustment, adjust_cameras
 from skelsplat._sequence import SequenceRefinement, refine_sequence
 from skelsplat._skelsplat import (
     REJECTED_WEIGHT,
@@ -34,6 +35,7 @@ from skelsplat.exceptions import (
 __all__ = [
     "REJECTED_WEIGHT",
     "Camera",
+    "CameraAdjustment",
     "CameraRig",
     "DatasetError",
     "DegenerateGeometryError",
@@ -46,10 +48,12 @@ __all__ = [
     "RefineConfig",
     "Refinement",
     "Refiner",
+    "RigAdjustment",
     "SequenceRefinement",
     "SkelSplatError",
     "Tracker",
     "__version__",
+    "adjust_cameras",
     "fuse_monocular",
     "joint_angles",
     "layouts",

@@ -22,10 +22,14 @@ from skelsplat._refine import (
 )
 from skelsplat._sequence import SequenceRefinement
 from skelsplat._skelsplat import Layout, RefineConfig
+from skelsplat.cameras import mm_per_unit
 from skelsplat.exceptions import InvalidInputError
 
 # Time in which views detect people and nobody is found, after which something must be wrong, s.
 _IN_VAIN_S = 2.0
+
+# Nobody's left and right limbs differ by more: joints are in another order than the layout states.
+_LIMB_RATIO = 1.5
 
 #: People per view: an array, or per frame a list of views with the people (P_i, N, 2|3) of each, or None.
 People = ArrayLike | Sequence[Sequence[ArrayLike | None]]
@@ -119,8 +123,8 @@ def track(
     Warns
     -----
     UserWarning
-        As ``refine``; or if two views or more detect people in half of the frames, or for two seconds, and
-        nobody is found.
+        As ``refine``; if two views or more detect people in half of the frames, or for two seconds, and
+        nobody is found; or if left and right limbs differ in length as with a wrong layout.
     """
     positive("fps", fps)
     prepared = _skelsplat.Refiner(cameras, layout=layout, config=config)
@@ -135,7 +139,37 @@ def track(
     in_vain = 0 if everybody else _frames_of_two_views(frames)
     if in_vain >= max(3.0, min(_IN_VAIN_S * fps, 0.5 * len(np.asarray(frames)))):
         warn_of("nobody_found", {"frames": in_vain}, 3)
+    limbs = _unequal_limbs(everybody, cameras, layout)
+    if limbs is not None:
+        warn_of("limbs_differ", limbs, 3)
     return everybody
+
+
+def _unequal_limbs(
+    everybody: Sequence[Person], cameras: Cameras, layout: str | Layout
+) -> dict[str, Any] | None:
+    """Return the left and right limb that differ most, over everybody; None if they hardly do."""
+    layout = Layout.by_name(layout) if isinstance(layout, str) else layout
+    pairs = layout.symmetric_pairs(2)
+    found = [one.refinement for one in everybody if isinstance(one.refinement, SequenceRefinement)]
+    known = [dict(zip(map(frozenset, one.bones.tolist()), one.bone_lengths, strict=True)) for one in found]
+    # (people, pairs, 2), NaN where a limb is no bone
+    sizes = np.array(
+        [[[own.get(frozenset(limb), np.nan) for limb in pair] for pair in pairs] for own in known]
+    )
+    if not sizes.size:
+        return None
+    typical = np.median(sizes, axis=0) * mm_per_unit(cameras)
+    ratios = np.nan_to_num(typical.max(axis=1) / typical.min(axis=1))
+    worst = int(ratios.argmax())
+    if ratios[worst] <= _LIMB_RATIO:
+        return None
+    alike = [name for name in _skelsplat.LAYOUT_NAMES if Layout.by_name(name).n_joints == layout.n_joints]
+    return {
+        "limbs": [[layout.joints[joint] for joint in limb] for limb in pairs[worst]],
+        "lengths_mm": typical[worst].tolist(),
+        "layouts_of_as_many_joints": [name for name in alike if name != layout.name],
+    }
 
 
 def _frames(people: People, cameras: Cameras) -> ArrayLike:

@@ -21,6 +21,7 @@ __all__ = [
     "Setting",
     "Tracker",
     "__version__",
+    "adjust_cameras",
     "check_people",
     "fuse_monocular",
     "implausible_extent",
@@ -688,6 +689,23 @@ class Tracker:
     def copy(self) -> Tracker:
         """Return another tracker in the same state."""
 
+def people_choices(
+    cameras: _Cameras,
+    people: ArrayLike,
+    gates_px: Sequence[float],
+    *,
+    min_confidence: float,
+    min_joints: int,
+    mirror: Sequence[int],
+    most: int,
+    worse: float,
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return ways to choose one person in each frame: frame (C,), slots (C, M), cost (C,), pose (C, N, 3).
+
+    Of each frame the ``most`` cheapest, none by more than ``worse`` than the first; -1 is no slot.
+    ``gates_px`` is per view the largest median distance, ``mirror`` (N,) every joint's mirror image.
+    """
+
 def people_scores(
     refiner: Refiner, layout: str | Layout, people: ArrayLike, pose: ArrayLike
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
@@ -706,6 +724,18 @@ def track_people(
     progress: Callable[[int, int], object] | None = None,
 ) -> list[dict[str, Any]]:
     """Return the fields of every ``skelsplat.Person``, its refinement as in ``Refiner.refine_sequence``."""
+
+def adjust_cameras(
+    detections: ArrayLike,
+    cameras: _Cameras,
+    *,
+    confidence: ArrayLike | None = None,
+    free: Sequence[int] | None = None,
+    focal: bool = False,
+    clock: bool = False,
+    config: RefineConfig | None = None,
+) -> tuple[list[Camera], dict[str, Any]]:
+    """Return adjusted cameras and the fields of every ``skelsplat.CameraAdjustment``; radians."""
 
 def implausible_extent(
     poses: ArrayLike, cameras: _Cameras, *, layout: str | Layout | None = None

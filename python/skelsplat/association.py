@@ -9,8 +9,7 @@ person is followed.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import combinations, pairwise
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -18,21 +17,17 @@ import numpy.typing as npt
 
 import skelsplat as sk
 from skelsplat._arrays import Array, Index, Mask, medians, numbers
-from skelsplat._skelsplat import check_people
+from skelsplat._skelsplat import check_people, people_choices
 from skelsplat.cameras import mm_per_unit
 from skelsplat.exceptions import InvalidInputError
 from skelsplat.layouts import mirror_images
 
-# bounds the memory of a step: distances held at once, 8 bytes each
-_CHUNK = 4_000_000
 # hypotheses of a frame that stay in the running when frames are linked
 _KEPT = 8
 # changing to someone else once must pay for itself: worth two views of one frame
 _SWITCH_COST = 2.0
 # a step from frame to frame of this length counts as someone else; a runner covers 0.4 m in 1/25 s
 _SWITCH_MM = 1000.0
-# two equal explanations are told apart by size
-_SIZE_COST = 1e-3
 # of a body's size: who is nearer to someone else than this is the same body, detected twice
 _SAME_BODY = 0.25
 
@@ -82,17 +77,20 @@ def choose_person(
         If the shapes do not fit, a confidence is outside [0, 1], or there are fewer than two cameras.
     """
     everyone = _check(people, cameras)
-    steps, views, _, joints, _ = everyone.shape
-    usable = np.where(everyone[..., 2:] >= min_confidence, everyone, np.nan)
-    diagonals = np.array([np.hypot(*camera.size) for camera in cameras])
-    shares = extents(usable) / diagonals[:, None]
-    evidence = _Evidence(
-        usable, shares, cameras, gate * diagonals, min(min_joints, joints), _mirrored(layout, joints)
+    joints = everyone.shape[3]
+    step, slots, cost, pose = people_choices(
+        cameras,
+        everyone,
+        [gate * float(np.hypot(*camera.size)) for camera in cameras],
+        min_confidence=min_confidence,
+        min_joints=min(min_joints, joints),
+        mirror=_mirrored(layout, joints).tolist(),
+        most=_KEPT,
+        worse=2 * _SWITCH_COST,  # going over to the best of a frame and back costs no more
     )
-    candidates = evidence.candidates()
-    path = _link(candidates, mm_per_unit(cameras))
-    index = np.full((steps, views), -1, dtype=np.int64)
-    index[candidates.step[path]] = candidates.index[path]
+    path = _link(step, cost, pose, mm_per_unit(cameras))
+    index = np.full(everyone.shape[:2], -1, dtype=np.int64)
+    index[step[path]] = slots[path]
     return take_people(everyone, index), index
 
 
@@ -219,130 +217,16 @@ def _mirrored(layout: sk.Layout | None, joints: int) -> Index:
     return mirror_images(joints, layout.left_right)
 
 
-@dataclass(frozen=True)
-class _Candidates:
-    """Different ways to choose people, several per frame, in the order of their frames.
+def _link(step: Index, cost: Array, pose: Array, mm_per_unit: float) -> Index:
+    """Rows of the chosen hypotheses, one per frame that has any: the cheapest sequence in all.
 
-    A cost is the unexplained views + the median error as a part of the gate (below 1) + a little for being
-    small.
+    Dynamic programming over the frames ``step`` (C,), ascending, last frame first in the result.
     """
-
-    step: Index  # (C,) of the frame
-    index: Index  # (C, M) person per view, -1 for none
-    cost: Array  # (C,)
-    pose: Array  # (C, K, 3) world
-
-    def take(self, rows: Index) -> _Candidates:
-        return _Candidates(self.step[rows], self.index[rows], self.cost[rows], self.pose[rows])
-
-
-@dataclass(frozen=True)
-class _Evidence:
-    """What it takes to weigh hypotheses."""
-
-    people: Array  # (T, M, P, K, 3) usable detections
-    shares: Array  # (T, M, P) their extent as a part of the image's diagonal
-    cameras: sk.CameraRig | Sequence[sk.Camera]
-    gates: Array  # (M,) largest median reprojection error, px
-    min_joints: int  # that must be in common for a comparison
-    mirrored: Index  # (K,) place of every joint's mirror image
-
-    def candidates(self) -> _Candidates:
-        """Weigh all hypotheses; of each frame the best few different ones are kept."""
-        pairs = self._pairs()
-        _, views, places, joints, _ = self.people.shape
-        size = max(1, _CHUNK // (views * places * joints * 3))
-        parts = [self._weigh(pairs[at : at + size]) for at in range(0, max(1, len(pairs)), size)]
-        step, index, cost, pose = (np.concatenate(column) for column in zip(*parts, strict=True))
-        return _best_few(_Candidates(step, index, cost, pose))
-
-    def _pairs(self) -> Index:
-        """Hypotheses (H, 5): frame, view, person, other view, other person."""
-        enough = np.isfinite(self.people[..., :2]).all(axis=-1).sum(axis=-1) >= self.min_joints
-        found = [np.empty((0, 5), dtype=np.int64)]
-        for i, j in combinations(range(self.people.shape[1]), 2):
-            t, a, b = np.nonzero(enough[:, i, :, None] & enough[:, j, None, :])
-            found.append(np.stack([t, np.full_like(t, i), a, np.full_like(t, j), b], axis=1))
-        rows = np.concatenate(found)
-        return rows[np.argsort(rows[:, 0], kind="stable")]
-
-    def _weigh(self, pairs: Index) -> tuple[Index, Index, Array, Array]:
-        """Frame (C,), person per view (C, M), cost (C,) and pose (C, K, 3) of the hypotheses that hold."""
-        if not len(pairs):
-            views, joints = self.people.shape[1], self.people.shape[3]
-            return pairs[:, 0], np.empty((0, views), dtype=np.int64), np.empty(0), np.empty((0, joints, 3))
-        step, pose = pairs[:, 0], self._triangulate(pairs)
-        error = self._errors(step, pose)
-        index = error.argmin(axis=2)
-        error = error.min(axis=2)
-        explained = error < 1.0
-        index[~explained] = -1
-        count = explained.sum(axis=1)
-        cost = (
-            explained.shape[1]
-            - count
-            + medians(np.where(explained, error, np.nan))
-            + _SIZE_COST * (1.0 - self._size(step, index))
-        )
-        holds = np.flatnonzero(count >= 2)
-        return step[holds], index[holds], cost[holds], pose[holds]
-
-    def _triangulate(self, pairs: Index) -> Array:
-        """Poses (H, K, 3) of the pairs, each from its two views alone."""
-        step, i, a, j, b = pairs.T
-        rows = np.arange(len(pairs))
-        seen = np.full((len(pairs), self.people.shape[1], *self.people.shape[3:]), np.nan)
-        seen[rows, i] = self.people[step, i, a]
-        seen[rows, j] = self.people[step, j, b]
-        return np.asarray(sk.triangulate(seen, self.cameras, method="dlt"))
-
-    def _errors(self, step: Index, pose: Array) -> Array:
-        """Median reprojection error as a part of the gate, (H, M, P); infinite without common joints."""
-        pixels = np.moveaxis(np.asarray(sk.project(pose, self.cameras)), 0, 1)
-        people = self.people[step][..., :2]
-
-        def median(seen: Array) -> Array:
-            offset = seen - pixels[:, :, None]
-            distance = np.hypot(offset[..., 0], offset[..., 1])
-            error = medians(distance, self.min_joints) / self.gates[:, None]
-            return np.where(np.isnan(error), np.inf, error)
-
-        if (self.mirrored == np.arange(len(self.mirrored))).all():
-            return median(people)
-        return np.minimum(median(people), median(people[:, :, :, self.mirrored]))
-
-    def _size(self, step: Index, index: Index) -> Array:
-        """How large the people are in the images, (H,): mean extent as a part of the diagonal, below 1."""
-        own = self.shares[step[:, None], np.arange(index.shape[1]), index]
-        shown = np.where(index >= 0, own, 0.0)
-        mean: Array = shown.sum(axis=1) / np.maximum((index >= 0).sum(axis=1), 1)
-        return mean
-
-
-def _best_few(candidates: _Candidates) -> _Candidates:
-    """Keep, frame by frame, the cheapest of each choice of people, and of those the cheapest few."""
-    order = np.lexsort((candidates.cost, candidates.step))
-    kept: list[int] = []
-    seen: dict[int, set[tuple[int, ...]]] = {}
-    for row in order.tolist():
-        choices = seen.setdefault(int(candidates.step[row]), set())
-        choice = tuple(candidates.index[row].tolist())
-        if len(choices) < _KEPT and choice not in choices:
-            choices.add(choice)
-            kept.append(row)
-    return candidates.take(np.array(kept, dtype=np.int64))
-
-
-def _link(candidates: _Candidates, mm_per_unit: float) -> Index:
-    """Rows of the chosen candidates, one per frame that has any: the cheapest sequence in all.
-
-    Dynamic programming over the frames, last frame first in the result.
-    """
-    groups = _groups(candidates.step)
-    total = candidates.cost.copy()
+    groups = _groups(step)
+    total = cost.copy()
     came_from = np.full(len(total), -1, dtype=np.int64)
     for before, now in pairwise(groups):
-        ways = total[before][:, None] + _switch_costs(candidates.pose, before, now, mm_per_unit)
+        ways = total[before][:, None] + _switch_costs(pose, before, now, mm_per_unit)
         came_from[now] = before[ways.argmin(axis=0)]
         total[now] += ways.min(axis=0)
     path: list[int] = []

@@ -16,7 +16,7 @@ LAYERS = [
     {"refine", "triangulation"},
     {"batch"},
     {"sequence"},
-    {"follow", "people"},
+    {"follow", "people", "rig"},
 ]
 
 

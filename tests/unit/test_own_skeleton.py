@@ -9,6 +9,7 @@ import pytest
 
 import mouse
 import skelsplat as sk
+from skelsplat import synthetic
 from skelsplat.io import read_detections, read_layout, read_run
 from skelsplat.run import Job, Run, run
 from skelsplat.run.check import check_cameras
@@ -106,6 +107,21 @@ def test_a_mouse_is_tracked_with_the_layout_file(recorded):
     assert error.mean() < 0.6
     tracker = sk.Tracker(rig, fps=mouse.FPS, layout=layout)
     assert [len(tracker.step(list(frame))) for frame in seen.people][-1] == 1
+
+
+def test_two_mice_are_told_apart_on_their_own_scale():
+    rig, noise = mouse.rig(), synthetic.DetectionNoise(sigma_px=1.5)
+    truth = [mouse.motion(STEPS) + np.array([0.0, y, 0.0]) for y in (0.0, 25.0)]
+    seen = [
+        synthetic.simulate_detections(one, rig, noise=noise, layout=mouse.LAYOUT, seed=k)
+        for k, one in enumerate(truth)
+    ]
+    people = np.stack(seen, axis=2)
+    people[::2, 1] = people[::2, 1, ::-1]  # the order in a view means nothing
+    found = sk.track(people, rig, fps=mouse.FPS, layout="mouse22", config=sk.RefineConfig(sigma_mm=3.0))
+    assert len(found) == 2
+    errors = [[np.linalg.norm(one.refinement.pose - pose, axis=-1).mean() for pose in truth] for one in found]
+    assert np.min(errors, axis=0).max() < 0.6
 
 
 def test_the_skeleton_of_the_files_is_taken_as_it_is(recorded, tmp_path):

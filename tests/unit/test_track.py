@@ -13,6 +13,7 @@ import skelsplat as sk
 from array_forms import bits
 from skelsplat import metrics, synthetic
 from skelsplat.exceptions import InvalidInputError
+from skelsplat.findings import FindingWarning
 from skelsplat.synthetic import Crowding, Scene
 
 FPS = 30.0
@@ -328,3 +329,10 @@ def test_two_cameras_and_many_people_are_an_outcome(seed: int) -> None:
     for fps in (15.0, 30.0):
         for person in sk.track(people, crowded.cameras, fps=fps, layout=crowded.layout):
             assert np.isfinite(person.refinement.pose).any()
+
+
+def test_a_wrong_layout_is_said_once(three) -> None:
+    with pytest.warns(FindingWarning, match="Left and right limbs differ in length, ") as said:
+        sk.track(three.people, three.cameras, fps=FPS, layout="coco17")
+    assert len(said) == 1
+    assert "Is the layout correct (h36m17 has the same number of joints)?" in str(said[0].message)

@@ -76,6 +76,7 @@ mod paper;
 mod people;
 mod projection;
 mod refine;
+mod rig;
 mod sequence;
 mod settings;
 mod symmetry;
@@ -101,6 +102,7 @@ pub use people::{Person, Seen, Tracker, track};
 pub use refine::{
     Control, Frame, JointBias, Method, RefineConfig, Refinement, Refinements, Refiner,
 };
+pub use rig::{Adjustable, CameraAdjustment, CameraStatus, RigAdjustment, adjust_cameras};
 pub use sequence::{Live, Sequence, refine_sequence};
 pub use settings::{Domain, Kind, Setting, Value};
 pub use triangulate::{Triangulated, fuse_monocular};
@@ -137,6 +139,7 @@ parts! {
     people: "Several people.",
     projection: "Gaussians projected into a view.",
     refine: "Settings, the refiner and its result.",
+    rig: "Cameras set right.",
     sequence: "A recording as a whole.",
     symmetry: "The limb-symmetry loss.",
     triangulate: "Algebraic triangulation.",

@@ -12,6 +12,7 @@ mod geometry;
 mod layout;
 mod people;
 mod refine;
+mod rig;
 mod study;
 mod watch;
 
@@ -31,9 +32,11 @@ mod _skelsplat {
     #[pymodule_export]
     use crate::layout::Layout;
     #[pymodule_export]
-    use crate::people::{PyTracker, check_people, people_scores, track_people};
+    use crate::people::{PyTracker, check_people, people_choices, people_scores, track_people};
     #[pymodule_export]
     use crate::refine::{PyLive, PyRefiner, implausible_extent};
+    #[pymodule_export]
+    use crate::rig::adjust_cameras;
     #[pymodule_export]
     use crate::study::{
         loss_and_gradient, most_likely_places, project_gaussians, pseudo_ground_truth, render,

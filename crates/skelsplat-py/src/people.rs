@@ -6,12 +6,14 @@ use pyo3::Borrowed;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use skelsplat_core::study::people::births::Judge;
+use skelsplat_core::study::people::choice::{Choice, Rules, choices};
 use skelsplat_core::study::people::known::Known;
 use skelsplat_core::study::people::score::{at_body, of_pair};
 use skelsplat_core::study::people::{Crowd, Figure};
 use skelsplat_core::{Detections, Person, Progress, Tracker, track};
 
 use crate::args::{Array, Out, Poses, place};
+use crate::camera::Cameras;
 use crate::detections::{Frames, check_scores, split};
 use crate::errors::{Failure, Result, refuse};
 use crate::layout::Layout;
@@ -105,6 +107,47 @@ pub(crate) fn track_people<'py>(
         Ok(out)
     };
     found.into_iter().map(one).collect()
+}
+
+/// Frames (C,), slots (C, M), costs (C,) and poses (C, N, 3).
+type Chosen = (Out<i64>, Out<i64>, Out<f64>, Out<f64>);
+
+/// Return the ways to choose one person in each frame: frame (C,), slots (C, M), costs (C,) and poses (C, N, 3).
+///
+/// Of each frame the ``most`` cheapest, none by more than ``worse`` than the first; -1 is no slot. ``gates_px`` is per view the largest median
+/// distance, ``mirror`` (N,) the place of every joint's mirror image.
+#[pyfunction]
+#[pyo3(signature = (cameras, people, gates_px, *, min_confidence, min_joints, mirror, most, worse))]
+#[allow(
+    clippy::too_many_arguments,
+    reason = "one settings object in Python would carry them one step"
+)]
+pub(crate) fn people_choices(
+    py: Python<'_>,
+    cameras: Cameras,
+    people: People,
+    gates_px: Vec<f64>,
+    min_confidence: f64,
+    min_joints: usize,
+    mirror: Vec<usize>,
+    most: usize,
+    worse: f64,
+) -> Result<Chosen> {
+    let ([_, m, _, n], cameras) = (people.shape, cameras.cameras);
+    let slots = people.slots()?;
+    let rules = Rules { gates_px, min_confidence, min_joints, mirror, most, worse };
+    let work = move |progress: &Progress| choices(&slots, &cameras, &rules, progress);
+    let found: Vec<Vec<Choice>> = watch::run(py, false, work)?;
+    let of = |(t, frame): (usize, &Vec<Choice>)| vec![t as i64; frame.len()];
+    let step: Vec<i64> = found.iter().enumerate().flat_map(of).collect();
+    let all = found.concat();
+    let slot = |slot: &Option<usize>| slot.map_or(-1, |s| s as i64);
+    let chosen = all.iter().flat_map(|one| one.slots.iter().map(slot)).collect();
+    let costs = all.iter().map(|one| one.cost).collect();
+    let poses: Vec<_> = all.iter().flat_map(|one| one.pose.iter().copied()).collect();
+    let count = step.len();
+    let (step, chosen) = (Out(step, vec![count]), Out(chosen, vec![count, m]));
+    Ok((step, chosen, Out(costs, vec![count]), Out::points(&poses, vec![count, n, 3])))
 }
 
 /// Return scores of the figures of a frame: at a body (M, P), of pairs (M, P, M, P), support of the body.

@@ -23,6 +23,7 @@ mod again;
 pub mod associate;
 pub mod births;
 pub mod body;
+pub mod choice;
 pub mod crowd;
 mod identities;
 pub mod known;

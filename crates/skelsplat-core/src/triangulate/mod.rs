@@ -6,6 +6,7 @@ pub mod ransac;
 
 use nalgebra::Vector3;
 
+pub(crate) use dlt::TwoViews;
 pub use dlt::dlt;
 pub use fusion::fuse_monocular;
 pub use ransac::ransac;

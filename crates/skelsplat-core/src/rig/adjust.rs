@@ -1,0 +1,356 @@
+//! The cameras of a recording set right.
+
+use super::bundle::unknowns;
+use super::placed::{Change, Freedom, Placed, rebuilt};
+use super::scene::{Scene, median};
+use super::search::{Bars, Explanation, Found, Scope, bars, both, is_worse, total};
+use crate::batch::Progress;
+use crate::camera::{Camera, Distortion};
+use crate::detections::Detections;
+use crate::error::{Error, Result};
+use crate::refine::RefineConfig;
+use crate::threads;
+use crate::unit::Unit;
+
+/// Frames on which cameras are adjusted, on which faults are searched, and on which the result is judged: at most.
+const FITTED: usize = 1000;
+const SEARCHED: usize = 120;
+const JUDGED: usize = 200;
+/// The recording is divided into so many parts at most, of which every fifth is left out; fewer frames are all used.
+const PARTS: usize = 50;
+const LEFT_OUT: [usize; 2] = [2, 5];
+const LEAST_DIVIDED: usize = 10;
+/// Solutions with kernels that follow the noise.
+const ROUNDS: usize = 2;
+
+/// What may be adjusted.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Adjustable {
+    /// Views whose cameras are wrong; `None`: found out.
+    pub free: Option<Vec<usize>>,
+    /// Also focal lengths.
+    pub focal: bool,
+    /// Also clocks.
+    pub clock: bool,
+}
+
+/// What became of a camera.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CameraStatus {
+    /// It stays as it is.
+    Sound,
+    /// It was set right.
+    Adjusted,
+    /// Its clock is off, and clocks were not to be adjusted.
+    Late,
+    /// It or another is wrong, which cannot be told.
+    Doubtful,
+    /// It sees too little to say.
+    Unseen,
+}
+
+impl CameraStatus {
+    /// One word.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Sound => "sound",
+            Self::Adjusted => "adjusted",
+            Self::Late => "late",
+            Self::Doubtful => "doubtful",
+            Self::Unseen => "unseen",
+        }
+    }
+}
+
+/// What is said of one camera.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CameraAdjustment {
+    /// What became of it.
+    pub status: CameraStatus,
+    /// From the given camera to the adjusted one; to the supposed one of a late or doubtful camera, which is not applied. Lengths in
+    /// the unit of the cameras.
+    pub change: Change,
+    /// Error bars of the change; of a sound camera those that a change would have.
+    pub bars: Bars,
+    /// Median distance of its detections from where the other cameras place the joints, in frames that were left out, px: as
+    /// given and as returned.
+    pub before: f64,
+    /// After.
+    pub after: f64,
+}
+
+/// Cameras set right.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RigAdjustment {
+    /// Cameras, in the unit of the given ones.
+    pub cameras: Vec<Camera>,
+    /// One for each.
+    pub report: Vec<CameraAdjustment>,
+    /// Number of frames on which they were adjusted and judged.
+    pub frames: [usize; 2],
+}
+
+/// Finds cameras that are wrong, and sets them right.
+///
+/// # Errors
+/// [`Error::InvalidInput`] if the numbers of views do not match, a view of `free` does not exist or all are free, [`Error::Cancelled`].
+pub fn adjust_cameras(
+    cameras: &[Camera],
+    unit: Unit,
+    frames: &[Detections],
+    what: &Adjustable,
+    config: &RefineConfig,
+    progress: &Progress,
+) -> Result<RigAdjustment> {
+    check(cameras, frames, what)?;
+    threads::install(config.n_threads, |_| {
+        let used: Vec<Detections> =
+            frames.iter().map(|one| one.above(config.min_confidence)).collect();
+        let mm = |camera: &Camera| {
+            let camera = camera.clone().with_length_scale(unit.millimetres());
+            let ideal = !config.undistort;
+            let camera = if ideal { camera.with_distortion(Distortion::None) } else { camera };
+            Placed { camera, clock: 0.0 }
+        };
+        let given: Vec<Placed> = cameras.iter().map(mm).collect();
+        let (fitted, judged) = divided(frames.len());
+        let task = Task { scene: Scene::new(&used), given: &given, what, fitted, judged };
+        let (found, bars) = task.solve(progress)?;
+        task.report(&found, &bars, cameras, unit)
+    })
+}
+
+fn check(cameras: &[Camera], frames: &[Detections], what: &Adjustable) -> Result<()> {
+    let m = cameras.len();
+    if m < 2 {
+        return Err(Error::invalid("cameras", "at least two cameras", m.to_string()));
+    }
+    if frames.is_empty() {
+        return Err(Error::invalid("detections", "at least one frame", "none"));
+    }
+    if let Some(frame) = frames.iter().find(|frame| frame.n_views() != m) {
+        let expected = format!("one view per camera ({m})");
+        return Err(Error::invalid("detections", expected, format!("{} views", frame.n_views())));
+    }
+    let Some(free) = &what.free else { return Ok(()) };
+    if let Some(i) = free.iter().find(|i| **i >= m) {
+        return Err(Error::invalid("free", format!("cameras 0 to {}", m - 1), i.to_string()));
+    }
+    match (0..m).filter(|i| !free.contains(i)).count() {
+        0 => Err(Error::invalid("free", "at least one camera that stays", "all cameras")),
+        _ => Ok(()),
+    }
+}
+
+struct Task<'a> {
+    scene: Scene<'a>,
+    given: &'a [Placed],
+    what: &'a Adjustable,
+    fitted: Vec<usize>,
+    judged: Vec<usize>,
+}
+
+impl Task<'_> {
+    fn scope<'a>(&'a self, frames: &'a [usize]) -> Scope<'a> {
+        let Adjustable { focal, clock, .. } = *self.what;
+        Scope { scene: self.scene, frames, given: self.given, focal, clock }
+    }
+
+    /// The cameras, and the error bars of each.
+    fn solve(&self, progress: &Progress) -> Result<(Found, Vec<Bars>)> {
+        let some = spread(&self.fitted, SEARCHED);
+        let scope = self.scope(&some);
+        let mut found = match &self.what.free {
+            None => scope.search(progress)?,
+            Some(free) => self.free(&scope, free)?,
+        };
+        let mut bars = found.bars.clone();
+        let scope = self.scope(&self.fitted);
+        if found.rig.freedom.iter().any(|freedom| freedom.any()) {
+            progress.check()?;
+            found.rig = self.whole(&scope, found.rig, &mut bars)?;
+        }
+        Ok((found, bars))
+    }
+
+    /// The cameras that are known to be wrong, placed by the others one after the other.
+    fn free(&self, scope: &Scope<'_>, free: &[usize]) -> Result<Found> {
+        let m = self.given.len();
+        let Adjustable { focal, clock, .. } = *self.what;
+        let mut rig = Explanation::start(self.given.to_vec(), vec![Freedom::default(); m]);
+        let mut trusted: Vec<bool> = (0..m).map(|i| !free.contains(&i)).collect();
+        for &i in free {
+            let kind = Freedom { focal, clock, ..Freedom::PLACE };
+            let used = if trusted.iter().filter(|one| **one).count() < 2 {
+                vec![true; m]
+            } else {
+                trusted.clone()
+            };
+            let points = scope.scene.points(scope.frames, &rig.cameras, &used);
+            let sigma = scope.sigma(&rig.cameras);
+            if let Some(camera) = scope.placed(&rig, i, kind, &points, sigma)? {
+                rig.cameras[i] = camera;
+                rig.freedom[i] = kind;
+                trusted[i] = true;
+            }
+        }
+        Ok(Found { rig, rivals: Vec::new(), bars: vec![Bars::UNKNOWN; m] })
+    }
+
+    /// Adjusts on all frames. The error bars are those with every part of a change free, also where one of them is enough.
+    fn whole(&self, scope: &Scope<'_>, rig: Explanation, all: &mut [Bars]) -> Result<Explanation> {
+        let Adjustable { focal, clock, .. } = *self.what;
+        let full = |freedom: &Freedom| match freedom.turn || freedom.focal {
+            true => both(*freedom, Freedom { focal, clock, ..Freedom::PLACE }),
+            false => *freedom,
+        };
+        let freedom: Vec<Freedom> = rig.freedom.iter().map(full).collect();
+        let mut rig = self.settle(scope, rig.cameras, freedom.clone())?;
+        let free = unknowns(&freedom);
+        for (i, _) in freedom.iter().enumerate().filter(|(_, one)| one.any()) {
+            all[i] = bars(&rig.covariance, &free, i);
+        }
+        for i in 0..freedom.len() {
+            rig = self.simplified(scope, rig, i)?;
+        }
+        Ok(rig)
+    }
+
+    /// Only the part of a camera's change that explains as much as all of it, and more than any other part alone; else all of it.
+    fn simplified(&self, scope: &Scope<'_>, rig: Explanation, i: usize) -> Result<Explanation> {
+        let parts: Vec<Freedom> = rig.freedom[i].parts().collect();
+        if parts.len() < 2 {
+            return Ok(rig);
+        }
+        let alone = |part: Freedom| -> Result<Explanation> {
+            let (mut cameras, mut freedom) = (rig.cameras.clone(), rig.freedom.clone());
+            cameras[i] = self.reset(i, &cameras[i], part)?;
+            freedom[i] = part;
+            self.settle(scope, cameras, freedom)
+        };
+        let mut single = parts.into_iter().map(alone).collect::<Result<Vec<_>>>()?;
+        single.sort_by(|a, b| total(&a.costs).total_cmp(&total(&b.costs)));
+        let best = single.swap_remove(0);
+        let enough = !is_worse(&best.costs, &rig.costs)
+            && single.iter().all(|other| is_worse(&other.costs, &best.costs));
+        Ok(if enough { best } else { rig })
+    }
+
+    fn settle(
+        &self,
+        scope: &Scope<'_>,
+        cameras: Vec<Placed>,
+        freedom: Vec<Freedom>,
+    ) -> Result<Explanation> {
+        let mut rig = Explanation::start(cameras, freedom);
+        for _ in 0..ROUNDS {
+            let sigma = scope.sigma(&rig.cameras);
+            rig = scope.explain(rig.cameras, rig.freedom, sigma, 1.0)?;
+        }
+        Ok(rig)
+    }
+
+    /// The camera with what is not free as given.
+    fn reset(&self, i: usize, now: &Placed, freedom: Freedom) -> Result<Placed> {
+        let given = &self.given[i];
+        let from = |free: bool| if free { now } else { given };
+        let centre = from(freedom.shift).camera.centre();
+        let zoom = from(freedom.focal).camera.focal()[0] / given.camera.focal()[0];
+        let rotation = *from(freedom.turn).camera.rotation();
+        let camera = rebuilt(&given.camera, &rotation, &centre, zoom)?;
+        Ok(Placed { camera, clock: from(freedom.clock).clock })
+    }
+
+    fn report(
+        &self,
+        found: &Found,
+        bars: &[Bars],
+        cameras: &[Camera],
+        unit: Unit,
+    ) -> Result<RigAdjustment> {
+        let before = self.left_out(self.given);
+        let after = self.left_out(&found.rig.cameras);
+        let mm = unit.millimetres();
+        let one = |i: usize| {
+            let (change, bars, status) = self.verdict(found, bars, i);
+            CameraAdjustment {
+                status,
+                change: Change { shift: change.shift / mm, ..change },
+                bars: Bars { shift: bars.shift / mm, ..bars },
+                before: before[i],
+                after: after[i],
+            }
+        };
+        let report: Vec<CameraAdjustment> = (0..cameras.len()).map(one).collect();
+        let returned = |(i, camera): (usize, &Camera)| -> Result<Camera> {
+            let new = &found.rig.cameras[i].camera;
+            let freedom = found.rig.freedom[i];
+            if !(freedom.turn || freedom.shift || freedom.focal) {
+                return Ok(camera.clone());
+            }
+            let zoom = new.focal()[0] / self.given[i].camera.focal()[0];
+            rebuilt(camera, new.rotation(), &(new.centre() / mm), zoom)
+        };
+        let cameras: Result<Vec<Camera>> = cameras.iter().enumerate().map(returned).collect();
+        let frames = [self.fitted.len(), self.judged.len()];
+        Ok(RigAdjustment { cameras: cameras?, report, frames })
+    }
+
+    fn verdict(&self, found: &Found, bars: &[Bars], i: usize) -> (Change, Bars, CameraStatus) {
+        let now = |rig: &Explanation| Change::between(&self.given[i], &rig.cameras[i]);
+        if let Some(one) = found.rivals.iter().find(|one| one.view == i) {
+            return (now(&one.rig), one.bars, CameraStatus::Doubtful);
+        }
+        let change = now(&found.rig);
+        let freedom = found.rig.freedom[i];
+        let status = match freedom.any() {
+            true if freedom.clock && !self.what.clock => CameraStatus::Late,
+            true => CameraStatus::Adjusted,
+            false if self.is_unseen(i) => CameraStatus::Unseen,
+            false => CameraStatus::Sound,
+        };
+        (change, bars[i], status)
+    }
+
+    fn is_unseen(&self, i: usize) -> bool {
+        let n = self.scene.n_joints();
+        let seen = |t: &usize| {
+            (0..n).filter(|j| self.scene.sight(*t, i, *j, 0.0, false).is_some()).count()
+        };
+        self.fitted.iter().map(seen).sum::<usize>() < 20
+    }
+
+    /// Median distance of each view's detections from where the others place the joints, px, in frames that were left out.
+    fn left_out(&self, cameras: &[Placed]) -> Vec<f64> {
+        let m = cameras.len();
+        let one = |i: usize| {
+            let others: Vec<bool> = (0..m).map(|k| k != i || m == 2).collect();
+            let points = self.scene.points(&self.judged, cameras, &others);
+            let off = self.scene.distances(&self.judged, &points, i, &cameras[i]);
+            median(off.iter().map(|(px, _)| *px).collect())
+        };
+        (0..m).map(one).collect()
+    }
+}
+
+/// Frames to adjust on and to judge on.
+fn divided(n: usize) -> (Vec<usize>, Vec<usize>) {
+    if n < LEAST_DIVIDED {
+        return ((0..n).collect(), Vec::new());
+    }
+    let parts = PARTS.min(n);
+    let [left, every] = LEFT_OUT;
+    let (judged, fitted): (Vec<usize>, Vec<usize>) =
+        (0..n).partition(|t| (t * parts / n) % every == left);
+    (spread(&fitted, FITTED), spread(&judged, JUDGED))
+}
+
+/// At most so many, evenly spread.
+fn spread(frames: &[usize], most: usize) -> Vec<usize> {
+    let n = frames.len();
+    if n <= most {
+        return frames.to_vec();
+    }
+    (0..most).map(|k| frames[(2 * k + 1) * n / (2 * most)]).collect()
+}

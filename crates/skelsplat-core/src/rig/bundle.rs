@@ -1,0 +1,335 @@
+//! Bundle adjustment: some cameras and all joints together, joints eliminated by the Schur complement.
+//!
+//! A detection of confidence c with the residual r, px, at a joint where a pixel is a millimetres, has e = a r and
+//! k = exp(−|e|²/4σ²), and costs c 2σ²(1 − k), the loss of the annealed method. With W = c k a² its Gauss–Newton terms are
+//! W AᵀA for the joint, W BᵀB for the camera and W BᵀA between them, A = ∂r/∂x, B = ∂r/∂θ. a counts as given, or a camera would gain
+//! by coming nearer. For one joint with H = Σ W AᵀA, C = Σ W BᵀA, and gradients g of the cameras and h of the joint,
+//!
+//! ```text
+//! S = Σ W BᵀB − C H⁻¹ Cᵀ      s = g − C H⁻¹ h      (Σ S) δθ = −Σ s      δx = −H⁻¹ Σ W Aᵀ(r + B δθ)
+//! ```
+//!
+//! Each free parameter θ has a wide normal prior at its given value, which holds what no detection does: ½ ŝ² (θ/σ_θ)², with the
+//! noise ŝ of a detection.
+
+use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, Vector3};
+use rayon::prelude::*;
+
+use super::placed::{Change, Freedom, PARAMETERS, Placed, Residual, Step};
+use super::scene::Scene;
+use crate::error::Result;
+
+/// Frames that one task sums up.
+const CHUNK: usize = 16;
+/// Width of the final kernel in multiples of the noise.
+pub const PER_NOISE: f64 = 2.5;
+/// Numbers of clusters: at least, and at most where there are many joints.
+const CLUSTERS: [usize; 2] = [12, 32];
+/// Information on a joint that holds what no ray does, relative to a detection's.
+const LOOSE: f64 = 1e-5;
+/// Most widths above the final one, each half of the one before if so many suffice.
+const WIDTHS: f64 = 8.0;
+/// Most steps at the final width.
+const STEPS: usize = 15;
+/// Converged when no camera turns, rad, moves, relative to its distance, or changes otherwise by more.
+const STILL: f64 = 3e-6;
+/// Standard deviations of the prior: turn, rad, shift, relative to the distance of the joints, logarithm of the focal length,
+/// clock, frames.
+const PRIOR: [f64; 4] = [0.35, 0.25, 0.1, 30.0];
+
+/// Cameras and joints that are adjusted together.
+#[derive(Debug, Clone)]
+pub struct Bundle<'a> {
+    /// The detections.
+    pub scene: Scene<'a>,
+    /// Frames that are used.
+    pub frames: &'a [usize],
+    /// Cameras as given, to which the prior pulls.
+    pub given: &'a [Placed],
+    /// Cameras.
+    pub cameras: Vec<Placed>,
+    /// What of each may change.
+    pub freedom: Vec<Freedom>,
+    /// Joints (frames, N), mm; NaN where unknown.
+    pub points: Vec<Vector3<f64>>,
+    /// Whether the joints are left where they are.
+    pub fixed: bool,
+}
+
+/// The equations of the cameras from a part of the detections, joints eliminated.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Reduced {
+    /// S.
+    pub matrix: DMatrix<f64>,
+    /// s.
+    pub gradient: DVector<f64>,
+    /// What the detections cost, mm².
+    pub cost: f64,
+}
+
+impl Reduced {
+    fn nothing(q: usize) -> Self {
+        Self { matrix: DMatrix::zeros(q, q), gradient: DVector::zeros(q), cost: 0.0 }
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.matrix += &other.matrix;
+        self.gradient += &other.gradient;
+        self.cost += other.cost;
+    }
+}
+
+/// One detection of a joint.
+struct Term {
+    view: usize,
+    /// W.
+    weight: f64,
+    residual: Residual,
+}
+
+/// Where a camera's parameters stand among those of all.
+type Columns = Vec<Vec<(usize, usize)>>;
+
+impl Bundle<'_> {
+    /// Solves under kernels that narrow from `start` to `sigma`, mm.
+    ///
+    /// # Errors
+    /// [`crate::Error::InvalidInput`] if a camera leaves what a camera can be.
+    pub fn solve(&mut self, start: f64, sigma: f64) -> Result<()> {
+        let wider = if start.is_finite() { start / sigma } else { 1.0 };
+        let widths = wider.log2().ceil().clamp(0.0, WIDTHS);
+        for k in 0..widths as usize {
+            let width = sigma * wider.powf(1.0 - k as f64 / widths);
+            self.step(width)?;
+            self.step(width)?;
+        }
+        for _ in 0..STEPS {
+            if self.step(sigma)? < STILL {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// One step under kernels of the width `sigma`; how far it goes.
+    fn step(&mut self, sigma: f64) -> Result<f64> {
+        let free = unknowns(&self.freedom);
+        let mut sum = Reduced::nothing(free.len());
+        self.clusters(sigma).iter().for_each(|one| sum.add(one));
+        let reach = self.reach();
+        let prior = self.prior(sigma, &reach);
+        for (q, (i, k)) in free.iter().enumerate() {
+            sum.matrix[(q, q)] += prior[q];
+            sum.gradient[q] +=
+                prior[q] * Change::between(&self.given[*i], &self.cameras[*i]).parameter(*k);
+        }
+        let Some(factor) = sum.matrix.cholesky() else { return Ok(0.0) };
+        let delta = -factor.solve(&sum.gradient);
+        let mut steps = vec![Step::zeros(); self.cameras.len()];
+        let mut farthest = 0.0_f64;
+        for ((i, k), d) in free.iter().zip(delta.iter()) {
+            steps[*i][*k] = *d;
+            let size = if (3..6).contains(k) { d / reach[*i] } else { *d };
+            farthest = farthest.max(size.abs());
+        }
+        if !self.fixed {
+            self.move_points(sigma, &steps);
+        }
+        for (camera, step) in self.cameras.iter_mut().zip(&steps) {
+            *camera = camera.stepped(step)?;
+        }
+        Ok(farthest)
+    }
+
+    /// Distance of each camera from the joints, mm.
+    fn reach(&self) -> Vec<f64> {
+        let known = || self.points.iter().filter(|x| x.x.is_finite());
+        let middle = known().sum::<Vector3<f64>>() / known().count().max(1) as f64;
+        self.given.iter().map(|one| (one.camera.centre() - middle).norm().max(1.0)).collect()
+    }
+
+    /// Precision of the prior of every unknown.
+    fn prior(&self, sigma: f64, reach: &[f64]) -> Vec<f64> {
+        let noise = sigma / PER_NOISE;
+        let one = |(i, k): (usize, usize)| (noise / prior_sigma(k, reach[i])).powi(2);
+        unknowns(&self.freedom).into_iter().map(one).collect()
+    }
+
+    /// The equations of every cluster: a joint, or where there are few joints a joint in a part of the recording.
+    #[must_use]
+    pub fn clusters(&self, sigma: f64) -> Vec<Reduced> {
+        let (n, q) = (self.scene.n_joints(), unknowns(&self.freedom).len());
+        let mut columns: Columns = vec![Vec::new(); self.cameras.len()];
+        unknowns(&self.freedom)
+            .iter()
+            .enumerate()
+            .for_each(|(q, (i, k))| columns[*i].push((q, *k)));
+        let [least, most] = CLUSTERS;
+        let parts = least.div_ceil(n).min(self.frames.len()).max(1);
+        let joints = n.min(most);
+        let cluster = |t: usize, j: usize| j % joints + joints * (t * parts / self.frames.len());
+        let sum_of = |first: usize| {
+            let mut out = vec![Reduced::nothing(q); joints * parts];
+            let mut terms = Vec::new();
+            for t in first..(first + CHUNK).min(self.frames.len()) {
+                for j in 0..n {
+                    out[cluster(t, j)].cost += self.terms(t, j, sigma, &mut terms);
+                    self.eliminate(&terms, &columns, &mut out[cluster(t, j)]);
+                }
+            }
+            out
+        };
+        let starts: Vec<usize> = (0..self.frames.len()).step_by(CHUNK).collect();
+        let parts_of: Vec<Vec<Reduced>> = starts.into_par_iter().map(sum_of).collect();
+        let mut total = vec![Reduced::nothing(q); joints * parts];
+        for part in &parts_of {
+            total.iter_mut().zip(part).for_each(|(sum, one)| sum.add(one));
+        }
+        total
+    }
+
+    /// The detections of a joint that count, and what all of them cost.
+    fn terms(&self, t: usize, j: usize, sigma: f64, out: &mut Vec<Term>) -> f64 {
+        out.clear();
+        let x = &self.points[t * self.scene.n_joints() + j];
+        if !x.x.is_finite() {
+            return 0.0;
+        }
+        let (mut cost, most) = (0.0, 2.0 * sigma * sigma);
+        for (view, placed) in self.cameras.iter().enumerate() {
+            let Some(sight) =
+                self.scene.sight(self.frames[t], view, j, placed.clock, self.freedom[view].clock)
+            else {
+                continue;
+            };
+            let Some(residual) = placed.residual(x, &sight) else {
+                cost += sight.confidence * most;
+                continue;
+            };
+            let size = residual.pixel * residual.pixel;
+            let k = (-0.5 * size * residual.value.norm_squared() / most).exp();
+            cost += sight.confidence * most * (1.0 - k);
+            out.push(Term { view, weight: sight.confidence * k * size, residual });
+        }
+        cost
+    }
+
+    /// Adds what a joint says of the cameras.
+    fn eliminate(&self, terms: &[Term], columns: &Columns, out: &mut Reduced) {
+        if columns.iter().all(Vec::is_empty) {
+            return;
+        }
+        let (inverse, pull) = match self.fixed {
+            true => (Matrix3::zeros(), Vector3::zeros()),
+            false => match information(terms) {
+                Some((inverse, gradient)) => (inverse, inverse * gradient),
+                None => return,
+            },
+        };
+        let mixed: Vec<(usize, SMatrix<f64, PARAMETERS, 3>)> = terms
+            .iter()
+            .filter(|term| !columns[term.view].is_empty())
+            .map(|Term { view, weight, residual: r }| {
+                let own = r.by_camera.transpose() * *weight;
+                let (matrix, gradient) = (own * r.by_camera, own * r.value);
+                for (a, k) in &columns[*view] {
+                    out.gradient[*a] += gradient[*k];
+                    columns[*view]
+                        .iter()
+                        .for_each(|(b, l)| out.matrix[(*a, *b)] += matrix[(*k, *l)]);
+                }
+                (*view, own * r.by_point)
+            })
+            .collect();
+        for (i, c) in &mixed {
+            let left = c * inverse;
+            let gradient = c * pull;
+            columns[*i].iter().for_each(|(a, k)| out.gradient[*a] -= gradient[*k]);
+            for (m, d) in &mixed {
+                let block = left * d.transpose();
+                for (a, k) in &columns[*i] {
+                    columns[*m].iter().for_each(|(b, l)| out.matrix[(*a, *b)] -= block[(*k, *l)]);
+                }
+            }
+        }
+    }
+
+    /// The joints' part of a step.
+    fn move_points(&mut self, sigma: f64, steps: &[Step]) {
+        let n = self.scene.n_joints();
+        let one = |k: usize| {
+            let mut terms = Vec::new();
+            self.terms(k / n, k % n, sigma, &mut terms);
+            for term in &mut terms {
+                term.residual.value += term.residual.by_camera * steps[term.view];
+            }
+            information(&terms)
+                .map_or(self.points[k], |(inverse, pull)| self.points[k] - inverse * pull)
+        };
+        self.points = (0..self.points.len()).into_par_iter().map(one).collect();
+    }
+
+    /// Cost of every cluster that has detections, and the covariance of the unknowns by leaving out one cluster after the other, as detections err in common over time.
+    ///
+    /// Without cluster j the solution moves by δ_j = (S − S_j)⁻¹ s_j; their scatter (G−1)/G Σ δ_j δ_jᵀ is that of the solution
+    /// (jackknife), to which the prior adds S⁻¹ Π S⁻¹. Infinite with a single cluster.
+    #[must_use]
+    pub fn judge(&self, sigma: f64) -> (Vec<f64>, DMatrix<f64>) {
+        let clusters = self.clusters(sigma);
+        let costs = clusters.iter().map(|one| one.cost).collect();
+        (costs, self.covariance(&clusters, sigma))
+    }
+
+    fn covariance(&self, clusters: &[Reduced], sigma: f64) -> DMatrix<f64> {
+        let prior = self.prior(sigma, &self.reach());
+        let q = prior.len();
+        let mut whole = DMatrix::from_diagonal(&DVector::from_vec(prior.clone()));
+        clusters.iter().for_each(|one| whole += &one.matrix);
+        let there = clusters.iter().filter(|one| one.matrix.trace() > 0.0);
+        let moved: Option<Vec<DVector<f64>>> = there
+            .map(|one| Some((&whole - &one.matrix).cholesky()?.solve(&one.gradient)))
+            .collect();
+        let (Some(moved), Some(inverse)) = (moved, whole.try_inverse()) else {
+            return DMatrix::from_diagonal_element(q, q, f64::INFINITY);
+        };
+        let g = moved.len() as f64;
+        if moved.len() < 2 {
+            return DMatrix::from_diagonal_element(q, q, f64::INFINITY);
+        }
+        let scatter: DMatrix<f64> =
+            moved.iter().fold(DMatrix::zeros(q, q), |sum, d| sum + d * d.transpose());
+        let noise = (sigma / PER_NOISE).powi(2);
+        let known = DMatrix::from_diagonal(&DVector::from_vec(prior)) * noise;
+        scatter * ((g - 1.0) / g) + &inverse * known * &inverse
+    }
+}
+
+/// Camera and parameter of every unknown.
+#[must_use]
+pub fn unknowns(freedom: &[Freedom]) -> Vec<(usize, usize)> {
+    let all = freedom.iter().enumerate();
+    all.flat_map(|(i, freedom)| freedom.columns().map(move |k| (i, k))).collect()
+}
+
+/// H⁻¹ and h of a joint; `None` if nothing is known of it.
+fn information(terms: &[Term]) -> Option<(Matrix3<f64>, Vector3<f64>)> {
+    let (mut matrix, mut gradient) = (Matrix3::zeros(), Vector3::zeros());
+    for Term { weight, residual, .. } in terms {
+        let left = residual.by_point.transpose() * *weight;
+        matrix += left * residual.by_point;
+        gradient += left * residual.value;
+    }
+    let loose = LOOSE * matrix.trace();
+    let inverse = (matrix + Matrix3::from_diagonal_element(loose)).try_inverse();
+    inverse.filter(|_| loose > 0.0).map(|inverse| (inverse, gradient))
+}
+
+/// Standard deviation of the prior of a parameter of a camera at this distance.
+fn prior_sigma(k: usize, reach: f64) -> f64 {
+    match k {
+        0..3 => PRIOR[0],
+        3..6 => PRIOR[1] * reach,
+        6 => PRIOR[2],
+        _ => PRIOR[3],
+    }
+}

@@ -1,0 +1,13 @@
+//! The cameras of a recording set right: bundle adjustment of the cameras that were moved, and of all joints.
+//!
+//! [`search`] finds out which cameras are wrong, [`bundle`] adjusts them, [`adjust`] reports what became of each.
+
+pub mod adjust;
+pub mod bundle;
+pub mod placed;
+pub mod scene;
+pub mod search;
+
+pub use adjust::{Adjustable, CameraAdjustment, CameraStatus, RigAdjustment, adjust_cameras};
+pub use placed::{Change, Freedom, Placed};
+pub use search::Bars;

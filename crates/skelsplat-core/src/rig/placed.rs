@@ -1,0 +1,194 @@
+//! A camera that may be wrong: its place, focal length and clock, and how pixels depend on them.
+
+use nalgebra::{Matrix3, Rotation3, SMatrix, UnitQuaternion, Vector2, Vector3};
+
+use crate::camera::Camera;
+use crate::error::Result;
+
+/// Number of parameters of a camera: turn, shift, logarithm of the focal length, clock.
+pub const PARAMETERS: usize = 8;
+
+/// A small change of a camera.
+pub type Step = SMatrix<f64, PARAMETERS, 1>;
+
+/// d residual / d [`Step`].
+pub type Slope = SMatrix<f64, 2, PARAMETERS>;
+
+/// What of a camera may change.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Freedom {
+    /// Its orientation.
+    pub turn: bool,
+    /// Its position.
+    pub shift: bool,
+    /// Its focal length.
+    pub focal: bool,
+    /// Its clock.
+    pub clock: bool,
+}
+
+impl Freedom {
+    /// Orientation and position.
+    pub const PLACE: Self = Self { turn: true, shift: true, focal: false, clock: false };
+    /// The clock.
+    pub const CLOCK: Self = Self { turn: false, shift: false, focal: false, clock: true };
+
+    /// Indices of the free parameters.
+    pub fn columns(self) -> impl Iterator<Item = usize> {
+        let free = move |k: &usize| match k {
+            0..3 => self.turn,
+            3..6 => self.shift,
+            6 => self.focal,
+            _ => self.clock,
+        };
+        (0..PARAMETERS).filter(free)
+    }
+
+    /// Each part by itself.
+    pub fn parts(self) -> impl Iterator<Item = Self> {
+        let none = Self::default();
+        let all = [
+            Self { turn: self.turn, ..none },
+            Self { shift: self.shift, ..none },
+            Self { focal: self.focal, ..none },
+            Self { clock: self.clock, ..none },
+        ];
+        all.into_iter().filter(|part| part.any())
+    }
+
+    /// Whether anything may change.
+    #[must_use]
+    pub fn any(self) -> bool {
+        self.turn || self.shift || self.focal || self.clock
+    }
+}
+
+/// A camera, mm, and its clock: what all cameras see in frame t it calls frame t + `clock`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Placed {
+    /// The camera.
+    pub camera: Camera,
+    /// Frames.
+    pub clock: f64,
+}
+
+/// One detection as a camera's clock has it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sight {
+    /// Pixel.
+    pub pixel: Vector2<f64>,
+    /// Movement of the pixel, px per frame; 0 where unknown.
+    pub speed: Vector2<f64>,
+    /// Confidence.
+    pub confidence: f64,
+}
+
+/// Projection minus detection, px, with its derivatives.
+#[derive(Debug, Clone, Copy)]
+pub struct Residual {
+    /// px.
+    pub value: Vector2<f64>,
+    /// With respect to the point.
+    pub by_point: SMatrix<f64, 2, 3>,
+    /// With respect to the camera.
+    pub by_camera: Slope,
+    /// Size of a pixel at the point, mm.
+    pub pixel: f64,
+}
+
+impl Placed {
+    /// The residual of a detection of the point `x`; `None` behind the camera.
+    ///
+    /// With p = R x + t and δp = ω × p − R δc, and A = ∂u/∂x = J R: ∂u/∂ω = −A Rᵀ\[p\]ₓ, ∂u/∂c = −A, ∂u/∂(ln f) = u − c₀. A
+    /// later clock takes the detection from a later frame, ∂r/∂τ = −v.
+    #[must_use]
+    pub fn residual(&self, x: &Vector3<f64>, sight: &Sight) -> Option<Residual> {
+        let (pixel, by_point) = self.camera.project_with_jacobian(x)?;
+        let (rotation, p) = (self.camera.rotation(), self.camera.to_camera(x));
+        let turn = -by_point * rotation.tr_mul(&p.cross_matrix());
+        let [cx, cy] = self.camera.principal_point();
+        let [fx, fy] = self.camera.focal();
+        let mut by_camera = Slope::zeros();
+        by_camera.fixed_columns_mut::<3>(0).copy_from(&turn);
+        by_camera.fixed_columns_mut::<3>(3).copy_from(&-by_point);
+        by_camera.set_column(6, &(pixel - Vector2::new(cx, cy)));
+        by_camera.set_column(7, &-sight.speed);
+        let value = pixel - sight.pixel;
+        Some(Residual { value, by_point, by_camera, pixel: p.z / (fx * fy).sqrt() })
+    }
+
+    /// The camera after a step.
+    ///
+    /// # Errors
+    /// [`crate::Error::InvalidInput`] if it is no camera any more.
+    pub fn stepped(&self, step: &Step) -> Result<Self> {
+        if step.iter().all(|d| *d == 0.0) {
+            return Ok(self.clone());
+        }
+        let turn = Rotation3::new(step.fixed_rows::<3>(0).into_owned());
+        let turned = turn * Rotation3::from_matrix_unchecked(*self.camera.rotation());
+        // Through the quaternion, so that many steps leave a rotation.
+        let quaternion = UnitQuaternion::from_rotation_matrix(&turned).into_inner();
+        let rotation = UnitQuaternion::new_normalize(quaternion).to_rotation_matrix();
+        let centre = self.camera.centre() + step.fixed_rows::<3>(3);
+        let camera = rebuilt(&self.camera, rotation.matrix(), &centre, step[6].exp())?;
+        Ok(Self { camera, clock: self.clock + step[7] })
+    }
+}
+
+/// The camera at another place, with its focal lengths multiplied.
+pub(super) fn rebuilt(
+    camera: &Camera,
+    rotation: &Matrix3<f64>,
+    centre: &Vector3<f64>,
+    zoom: f64,
+) -> Result<Camera> {
+    let mut k = camera.k();
+    k[(0, 0)] *= zoom;
+    k[(1, 1)] *= zoom;
+    let moved = Camera::new(&k, rotation, &-(rotation * centre), camera.size())?;
+    let moved = moved.with_distortion(camera.distortion().clone());
+    Ok(match camera.name() {
+        Some(name) => moved.with_name(name),
+        None => moved,
+    })
+}
+
+/// How one camera differs from another.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Change {
+    /// Rotation vector about the camera's axes, radians.
+    pub turn: Vector3<f64>,
+    /// Movement of the centre in the world, mm.
+    pub shift: Vector3<f64>,
+    /// Factor of the focal length.
+    pub zoom: f64,
+    /// Frames.
+    pub clock: f64,
+}
+
+impl Change {
+    /// From `old` to `new`.
+    #[must_use]
+    pub fn between(old: &Placed, new: &Placed) -> Self {
+        let [before, after] =
+            [old, new].map(|p| Rotation3::from_matrix_unchecked(*p.camera.rotation()));
+        Self {
+            turn: (after * before.inverse()).scaled_axis(),
+            shift: new.camera.centre() - old.camera.centre(),
+            zoom: new.camera.focal()[0] / old.camera.focal()[0],
+            clock: new.clock - old.clock,
+        }
+    }
+
+    /// A parameter in the order of [`Step`].
+    #[must_use]
+    pub fn parameter(&self, k: usize) -> f64 {
+        match k {
+            0..3 => self.turn[k],
+            3..6 => self.shift[k - 3],
+            6 => self.zoom.ln(),
+            _ => self.clock,
+        }
+    }
+}

@@ -1,0 +1,393 @@
+//! Which cameras are wrong: one fault after the other is supposed, and the one that explains most is kept.
+//!
+//! A calibration is either right or wrong, so the prior of a camera is a spike at its calibration and a wide normal: a camera stays
+//! exactly where it is unless it is shown to be elsewhere. Each supposition is solved on its own: the other cameras place the joints,
+//! the camera is placed by them, then everything is adjusted together. A fault counts where the change is several times its error
+//! bar; it is told from another where the joints agree that it explains more.
+
+use nalgebra::{DMatrix, DVector, Vector3};
+
+use super::bundle::{Bundle, PER_NOISE, unknowns};
+use super::placed::{Change, Freedom, Placed};
+use super::scene::{Scene, median};
+use crate::batch::Progress;
+use crate::error::Result;
+
+/// Fewer detections do not place a camera.
+const LEAST: usize = 20;
+/// Median distance of normal errors in a plane, relative to their standard deviation.
+const RAYLEIGH: f64 = 1.177_41;
+/// Least noise, pixels.
+const LEAST_PX: f64 = 0.05;
+/// A change is a fault from this [`surety`] on.
+pub const SURE: f64 = 4.0;
+/// The least part of the cost that a fault explains.
+const GAIN: f64 = 0.01;
+/// Joints agree that one fault explains more than another from this t statistic on: by chance once in twenty cases.
+const AGREED: f64 = 1.7;
+/// Frames by which clocks may differ: at most, and at most this part of the recording; and the least recording.
+const LATEST: isize = 30;
+const PART: usize = 3;
+const LEAST_FRAMES: usize = 12;
+
+/// What a search may suppose.
+#[derive(Debug, Clone, Copy)]
+pub struct Scope<'a> {
+    /// The detections.
+    pub scene: Scene<'a>,
+    /// Frames that are looked at.
+    pub frames: &'a [usize],
+    /// Cameras as given.
+    pub given: &'a [Placed],
+    /// Whether focal lengths may be wrong.
+    pub focal: bool,
+    /// Whether clocks may be wrong.
+    pub clock: bool,
+}
+
+/// What a camera is supposed to have done.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Fault {
+    /// It was turned.
+    Turn,
+    /// It was zoomed.
+    Zoom,
+    /// It was turned and moved, or zoomed.
+    Place,
+    /// Its frames are counted differently.
+    Clock,
+}
+
+/// Error bars of a camera's change: root-mean-square length of the error.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bars {
+    /// Radians.
+    pub turn: f64,
+    /// mm.
+    pub shift: f64,
+    /// Of the focal length, relative.
+    pub zoom: f64,
+    /// Frames.
+    pub clock: f64,
+}
+
+impl Bars {
+    /// Of nothing that was estimated.
+    pub const UNKNOWN: Self =
+        Self { turn: f64::NAN, shift: f64::NAN, zoom: f64::NAN, clock: f64::NAN };
+}
+
+/// A rig that explains the detections.
+#[derive(Debug, Clone)]
+pub struct Explanation {
+    /// Cameras.
+    pub cameras: Vec<Placed>,
+    /// What of each was free.
+    pub freedom: Vec<Freedom>,
+    /// Cost of every cluster.
+    pub costs: Vec<f64>,
+    /// Covariance of what was free: see [`Bundle::covariance`].
+    pub covariance: DMatrix<f64>,
+}
+
+/// A fault of one camera on top of what is known.
+#[derive(Debug, Clone)]
+pub struct Supposed {
+    /// The camera.
+    pub view: usize,
+    /// The fault.
+    pub fault: Fault,
+    /// The rig with it corrected.
+    pub rig: Explanation,
+    /// Error bars of the camera.
+    pub bars: Bars,
+    /// How sure its change is: see [`surety`].
+    pub surety: f64,
+}
+
+/// What a search found.
+#[derive(Debug, Clone)]
+pub struct Found {
+    /// The rig with every fault corrected that could be told.
+    pub rig: Explanation,
+    /// Faults of which one is there that could not be told from each other; empty where there is no doubt.
+    pub rivals: Vec<Supposed>,
+    /// Error bars of cameras that are sound.
+    pub bars: Vec<Bars>,
+}
+
+impl Supposed {
+    /// Whether this is another camera, or time against place.
+    fn differs(&self, other: &Self) -> bool {
+        self.view != other.view || (self.fault == Fault::Clock) != (other.fault == Fault::Clock)
+    }
+}
+
+impl Explanation {
+    /// Cameras of which nothing is known yet.
+    pub fn start(cameras: Vec<Placed>, freedom: Vec<Freedom>) -> Self {
+        Self { cameras, freedom, costs: Vec::new(), covariance: DMatrix::zeros(0, 0) }
+    }
+}
+
+impl Scope<'_> {
+    /// Corrects at most as many cameras as leave a majority that is sound.
+    ///
+    /// # Errors
+    /// [`crate::Error::Cancelled`].
+    pub fn search(&self, progress: &Progress) -> Result<Found> {
+        let m = self.given.len();
+        let start = Explanation::start(self.given.to_vec(), vec![Freedom::default(); m]);
+        let mut found = Found { rig: start, rivals: Vec::new(), bars: vec![Bars::UNKNOWN; m] };
+        // The rigs before each correction, the correction first among what explained as much.
+        let mut rounds: Vec<(Explanation, Vec<Supposed>)> = Vec::new();
+        loop {
+            let sigma = self.sigma(&found.rig.cameras);
+            found.rig = self.explain(found.rig.cameras, found.rig.freedom, sigma, 1.0)?;
+            let best = self.best(&mut found, sigma, progress)?;
+            let Some(first) = best.first() else { break };
+            rounds.push((std::mem::replace(&mut found.rig, first.rig.clone()), best));
+        }
+        // What was corrected later is a fault of its own.
+        let corrected = found.rig.freedom.clone();
+        let open = |one: &&Supposed| !covers(corrected[one.view], one.fault);
+        for (before, best) in rounds {
+            let rivals: Vec<Supposed> = best[1..].iter().filter(open).cloned().collect();
+            if !rivals.is_empty() {
+                found.rivals = best[..1].iter().cloned().chain(rivals).collect();
+                found.rig = before;
+                break;
+            }
+        }
+        Ok(found)
+    }
+
+    /// The fault that explains most, and those of other cameras, or of time instead of place, that explain as much.
+    fn best(&self, found: &mut Found, sigma: f64, progress: &Progress) -> Result<Vec<Supposed>> {
+        let mut faults = Vec::new();
+        for (view, fault) in self.candidates(&found.rig) {
+            progress.check()?;
+            if let Some(one) = self.suppose(&found.rig, view, fault, sigma)? {
+                if !found.rig.freedom[view].any() && fault == Fault::Place {
+                    found.bars[view] = one.bars;
+                }
+                faults.push(one);
+            }
+        }
+        faults.retain(|one| self.is_fault(&found.rig, one));
+        faults.sort_by(|a, b| total(&a.rig.costs).total_cmp(&total(&b.rig.costs)));
+        let Some(best) = faults.first().cloned() else { return Ok(faults) };
+        let is_rival =
+            |one: &Supposed| best.differs(one) && !is_worse(&one.rig.costs, &best.rig.costs);
+        let rivals = faults.into_iter().filter(is_rival);
+        Ok(std::iter::once(best.clone()).chain(rivals).collect())
+    }
+
+    /// Faults that may be supposed next.
+    fn candidates(&self, rig: &Explanation) -> Vec<(usize, Fault)> {
+        let m = self.given.len();
+        let known = rig.freedom.iter().filter(|freedom| freedom.any()).count();
+        let mut out = Vec::new();
+        for (i, freedom) in rig.freedom.iter().enumerate() {
+            let another = freedom.any() || 2 * (known + 1) < m;
+            if m > 2 && another && !freedom.turn {
+                out.extend([(i, Fault::Turn), (i, Fault::Place)]);
+                out.extend(self.focal.then_some((i, Fault::Zoom)));
+            }
+            // Of two clocks, only the difference can be told.
+            if (another || m == 2 && i == 1) && !freedom.clock && self.latest() > 0 {
+                out.push((i, Fault::Clock));
+            }
+        }
+        out
+    }
+
+    /// Width of the kernel for these cameras, mm.
+    pub fn sigma(&self, cameras: &[Placed]) -> f64 {
+        let points = self.scene.points(self.frames, cameras, &vec![true; cameras.len()]);
+        let all = cameras.iter().enumerate();
+        let sights: Vec<(f64, f64)> = all
+            .flat_map(|(i, camera)| self.scene.distances(self.frames, &points, i, camera))
+            .collect();
+        let noise = median(sights.iter().map(|(px, mm)| px * mm).collect()) / RAYLEIGH;
+        let least = LEAST_PX * median(sights.iter().map(|(_, mm)| *mm).collect());
+        PER_NOISE * if noise > least { noise } else { least.max(f64::MIN_POSITIVE) }
+    }
+
+    /// Adjusts what is free, from kernels `wider` than the final ones.
+    pub fn explain(
+        &self,
+        cameras: Vec<Placed>,
+        freedom: Vec<Freedom>,
+        sigma: f64,
+        wider: f64,
+    ) -> Result<Explanation> {
+        let points = self.scene.points(self.frames, &cameras, &vec![true; cameras.len()]);
+        let mut bundle = self.bundle(cameras, freedom, points);
+        bundle.solve(wider * sigma, sigma)?;
+        let (costs, covariance) = bundle.judge(sigma);
+        Ok(Explanation { cameras: bundle.cameras, freedom: bundle.freedom, costs, covariance })
+    }
+
+    /// The cameras with joints.
+    fn bundle(
+        &self,
+        cameras: Vec<Placed>,
+        freedom: Vec<Freedom>,
+        points: Vec<Vector3<f64>>,
+    ) -> Bundle<'_> {
+        let Self { scene, frames, given, .. } = *self;
+        Bundle { scene, frames, given, cameras, freedom, points, fixed: false }
+    }
+
+    /// The rig in which one more fault is corrected; `None` if the camera sees too little to say.
+    fn suppose(
+        &self,
+        rig: &Explanation,
+        view: usize,
+        fault: Fault,
+        sigma: f64,
+    ) -> Result<Option<Supposed>> {
+        let m = rig.cameras.len();
+        let others: Vec<bool> = (0..m).map(|i| i != view || m == 2).collect();
+        let points = self.scene.points(self.frames, &rig.cameras, &others);
+        let kind = match fault {
+            Fault::Turn => Freedom { shift: false, ..Freedom::PLACE },
+            Fault::Zoom => Freedom { focal: true, ..Freedom::default() },
+            Fault::Place => Freedom { focal: self.focal, ..Freedom::PLACE },
+            Fault::Clock => Freedom::CLOCK,
+        };
+        let Some(camera) = self.placed(rig, view, kind, &points, sigma)? else { return Ok(None) };
+        let (mut cameras, mut freedom) = (rig.cameras.clone(), rig.freedom.clone());
+        cameras[view] = camera;
+        freedom[view] = both(freedom[view], kind);
+        let explained = self.explain(cameras, freedom, sigma, 2.0)?;
+        let covariance = explained.covariance.clone();
+        let unknowns = unknowns(&explained.freedom);
+        let bars = bars(&covariance, &unknowns, view);
+        let change = Change::between(&rig.cameras[view], &explained.cameras[view]);
+        let surety = surety(&covariance, &unknowns, view, kind, &change, explained.costs.len());
+        Ok(Some(Supposed { view, fault, rig: explained, bars, surety }))
+    }
+
+    /// One camera placed by joints that the others place.
+    pub fn placed(
+        &self,
+        rig: &Explanation,
+        view: usize,
+        kind: Freedom,
+        points: &[Vector3<f64>],
+        sigma: f64,
+    ) -> Result<Option<Placed>> {
+        let mut camera = rig.cameras[view].clone();
+        if kind.clock {
+            match self.late(&camera, view, points) {
+                Some(clock) => camera.clock = clock,
+                None => return Ok(None),
+            }
+        }
+        let off = self.scene.distances(self.frames, points, view, &camera);
+        if off.len() < LEAST {
+            return Ok(None);
+        }
+        let start = median(off.iter().map(|(px, mm)| px * mm).collect());
+        let mut cameras = rig.cameras.clone();
+        cameras[view] = camera;
+        let mut freedom = vec![Freedom::default(); cameras.len()];
+        freedom[view] = kind;
+        let mut bundle = self.bundle(cameras, freedom, points.to_vec());
+        bundle.fixed = true;
+        bundle.solve(start, sigma)?;
+        Ok(Some(bundle.cameras.swap_remove(view)))
+    }
+
+    /// The most frames by which a clock may be off.
+    fn latest(&self) -> isize {
+        let n = self.scene.len();
+        if n < LEAST_FRAMES { 0 } else { LATEST.min((n / PART) as isize) }
+    }
+
+    /// The whole number of frames by which a camera's clock fits best; `None` if only a part of a frame is left, which is not asked
+    /// for, or nothing fits.
+    fn late(&self, camera: &Placed, view: usize, points: &[Vector3<f64>]) -> Option<f64> {
+        let now = camera.clock.round();
+        let count = self.scene.distances(self.frames, points, view, camera).len();
+        let off = |shift: isize| {
+            let tried = Placed { clock: now + shift as f64, ..camera.clone() };
+            let sights = self.scene.distances(self.frames, points, view, &tried);
+            let enough = 2 * sights.len() >= count && sights.len() >= LEAST;
+            enough.then(|| median(sights.iter().map(|(px, mm)| px * mm).collect()))
+        };
+        let most = self.latest();
+        let tried = (-most..=most).filter_map(|shift| Some((shift, off(shift)?)));
+        let (best, _) = tried.min_by(|a, b| a.1.total_cmp(&b.1).then(a.0.abs().cmp(&b.0.abs())))?;
+        (best != 0 || self.clock).then_some(now + best as f64)
+    }
+
+    /// Whether a change is more than chance.
+    fn is_fault(&self, rig: &Explanation, supposed: &Supposed) -> bool {
+        let (before, after) = (total(&rig.costs), total(&supposed.rig.costs));
+        after <= (1.0 - GAIN) * before && supposed.surety > SURE
+    }
+}
+
+/// Error bars of one camera.
+pub fn bars(covariance: &DMatrix<f64>, unknowns: &[(usize, usize)], view: usize) -> Bars {
+    let of = |range: std::ops::Range<usize>| {
+        let own = |(i, k): &(usize, usize)| *i == view && range.contains(k);
+        let places = (0..unknowns.len()).filter(|q| own(&unknowns[*q]));
+        let (n, sum) = places.fold((0, 0.0), |(n, sum), q| (n + 1, sum + covariance[(q, q)]));
+        if n > 0 { sum.sqrt() } else { f64::NAN }
+    };
+    Bars { turn: of(0..3), shift: of(3..6), zoom: of(6..7), clock: of(7..8) }
+}
+
+/// How sure a change of what is free in one camera is: √(θᵀC⁻¹θ/p), of p parameters and with the covariance from G clusters
+/// widened as in Hotelling's test, (G−p)/(G−1).
+pub fn surety(
+    covariance: &DMatrix<f64>,
+    unknowns: &[(usize, usize)],
+    view: usize,
+    of: Freedom,
+    change: &Change,
+    clusters: usize,
+) -> f64 {
+    let own: Vec<usize> = of.columns().collect();
+    let place = |k: &usize| unknowns.iter().position(|one| *one == (view, *k));
+    let Some(rows) = own.iter().map(place).collect::<Option<Vec<usize>>>() else { return 0.0 };
+    let (p, g) = (rows.len(), clusters as f64);
+    let part = DMatrix::from_fn(p, p, |a, b| covariance[(rows[a], rows[b])]);
+    let theta = DVector::from_fn(p, |a, _| change.parameter(own[a]));
+    let Some(inverse) = part.try_inverse().filter(|_| clusters > p) else { return 0.0 };
+    let square = theta.dot(&(inverse * &theta)) / p as f64;
+    (square * (g - p as f64) / (g - 1.0)).max(0.0).sqrt()
+}
+
+/// What either leaves free.
+pub fn both(a: Freedom, b: Freedom) -> Freedom {
+    Freedom {
+        turn: a.turn || b.turn,
+        shift: a.shift || b.shift,
+        focal: a.focal || b.focal,
+        clock: a.clock || b.clock,
+    }
+}
+
+/// Whether a fault is among those that were corrected.
+fn covers(corrected: Freedom, fault: Fault) -> bool {
+    if fault == Fault::Clock { corrected.clock } else { corrected.turn || corrected.focal }
+}
+
+/// The cost of all clusters.
+pub fn total(costs: &[f64]) -> f64 {
+    costs.iter().sum()
+}
+
+/// Whether clusters agree that costs are higher than others.
+pub fn is_worse(costs: &[f64], others: &[f64]) -> bool {
+    let difference: Vec<f64> = costs.iter().zip(others).map(|(a, b)| a - b).collect();
+    let n = difference.len() as f64;
+    let mean = total(&difference) / n;
+    let squares: f64 = difference.iter().map(|d| (d - mean).powi(2)).sum();
+    mean > AGREED * (squares / (n * (n - 1.0).max(1.0))).sqrt()
+}

@@ -1,0 +1,55 @@
+//! `adjust_cameras`.
+
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use skelsplat_core::{Adjustable, CameraAdjustment, Progress, adjust_cameras as core_adjust};
+
+use crate::args::{Confidence, Out};
+use crate::camera::{Camera, Cameras};
+use crate::config::RefineConfig;
+use crate::detections::Frames;
+use crate::errors::Result;
+use crate::watch;
+
+/// Return adjusted cameras and the fields of every ``skelsplat.CameraAdjustment``; radians.
+#[pyfunction]
+#[pyo3(signature = (detections, cameras, *, confidence=None, free=None, focal=false, clock=false, config=None))]
+#[allow(clippy::too_many_arguments, reason = "all but two by keyword")]
+pub(crate) fn adjust_cameras<'py>(
+    py: Python<'py>,
+    detections: Frames,
+    cameras: Cameras,
+    confidence: Option<Confidence>,
+    free: Option<Vec<usize>>,
+    focal: bool,
+    clock: bool,
+    config: Option<RefineConfig>,
+) -> Result<(Vec<Camera>, Bound<'py, PyDict>)> {
+    let mut frames = detections.with(confidence)?.recording()?;
+    frames.expect_views(cameras.cameras.len())?;
+    let (seen, what) = (frames.take()?, Adjustable { free, focal, clock });
+    let config = config.map_or_else(Default::default, |config| config.0);
+    let done = watch::watched(py, 0, None, move |progress: &Progress| {
+        core_adjust(&cameras.cameras, cameras.unit, &seen, &what, &config, progress)
+    })?;
+    let m = done.report.len();
+    let each =
+        |get: fn(&CameraAdjustment) -> f64| Out(done.report.iter().map(get).collect(), vec![m]);
+    let vectors = |get: fn(&CameraAdjustment) -> nalgebra::Vector3<f64>| {
+        Out::points(&done.report.iter().map(get).collect::<Vec<_>>(), vec![m, 3])
+    };
+    let out = PyDict::new(py);
+    out.set_item("status", done.report.iter().map(|one| one.status.name()).collect::<Vec<_>>())?;
+    out.set_item("turn", vectors(|one| one.change.turn))?;
+    out.set_item("shift", vectors(|one| one.change.shift))?;
+    out.set_item("zoom", each(|one| one.change.zoom))?;
+    out.set_item("clock", each(|one| one.change.clock))?;
+    out.set_item("turn_sigma", each(|one| one.bars.turn))?;
+    out.set_item("shift_sigma", each(|one| one.bars.shift))?;
+    out.set_item("zoom_sigma", each(|one| one.bars.zoom))?;
+    out.set_item("clock_sigma", each(|one| one.bars.clock))?;
+    out.set_item("before", each(|one| one.before))?;
+    out.set_item("after", each(|one| one.after))?;
+    out.set_item("frames", done.frames)?;
+    Ok((done.cameras.into_iter().map(Camera).collect(), out))
+}

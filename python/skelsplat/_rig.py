@@ -1,0 +1,178 @@
+"""``adjust_cameras``: cameras set right by the detections of a recording, in the compiled core."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from skelsplat import _skelsplat
+from skelsplat._refine import Cameras
+from skelsplat._skelsplat import RefineConfig
+from skelsplat.cameras import CameraRig
+from skelsplat.exceptions import InvalidInputError
+
+
+@dataclass(frozen=True, slots=True)
+class CameraAdjustment:
+    """What became of one camera.
+
+    Error bars (``…_sigma``) are root-mean-square lengths of the error. They come from leaving out one joint
+    after the other, as a detector's errors last. Those of a camera that stays say how far it could be off
+    unnoticed: a fault is noticed from about four times the error bar on. NaN for what was not looked at.
+
+    Attributes
+    ----------
+    name : str
+    status : str
+        ``"sound"``: it stays as it is; ``"adjusted"``: it was set right; ``"late"``: its clock is off, and
+        clocks were not to be adjusted; ``"doubtful"``: it or another doubtful camera is wrong, and the
+        detections do not tell which, so that all of them stay; ``"unseen"``: it sees too little to say.
+    turn : (3,) float64
+        Rotation vector from the given orientation to the new one about the camera's x, y, z axes, degrees.
+        Of a doubtful camera, this and the following are what it is suspected of.
+    shift : (3,) float64
+        Movement of the camera's centre in the world, in the unit of the cameras.
+    focal : float
+        Factor of the focal lengths.
+    clock : float
+        Frames by which the camera's count is ahead: its frame t + ``clock`` shows what the others show in
+        frame t. ``skelsplat refine --offset NAME=-clock`` corrects it.
+    turn_sigma, shift_sigma, focal_sigma, clock_sigma : float
+        Error bars: degrees, the unit of the cameras, relative, frames.
+    before, after : float
+        Median distance, px, of the camera's detections from where the other cameras place the joints, in
+        frames on which nothing was adjusted; with all cameras as given, and as returned with clocks as found.
+    """
+
+    name: str
+    status: str
+    turn: NDArray[np.float64]
+    shift: NDArray[np.float64]
+    focal: float
+    clock: float
+    turn_sigma: float
+    shift_sigma: float
+    focal_sigma: float
+    clock_sigma: float
+    before: float
+    after: float
+
+    @property
+    def degrees(self) -> float:
+        """Angle of the turn."""
+        return float(np.linalg.norm(self.turn))
+
+    @property
+    def distance(self) -> float:
+        """Length of the shift, in the unit of the cameras."""
+        return float(np.linalg.norm(self.shift))
+
+
+@dataclass(frozen=True, slots=True)
+class RigAdjustment:
+    """What ``adjust_cameras`` returns.
+
+    Attributes
+    ----------
+    cameras : CameraRig
+        The adjusted cameras; those that are not ``"adjusted"`` are the given ones.
+    report : tuple of CameraAdjustment
+        One for each camera.
+    fitted, judged : int
+        Numbers of frames on which cameras were adjusted, and of others on which ``before`` and ``after``
+        were measured; 0 of a recording of fewer than ten frames.
+    """
+
+    cameras: CameraRig
+    report: tuple[CameraAdjustment, ...]
+    fitted: int = field(repr=False)
+    judged: int = field(repr=False)
+
+    def of(self, *status: str) -> tuple[CameraAdjustment, ...]:
+        """Return the reports of cameras with one of these ``status``."""
+        return tuple(one for one in self.report if one.status in status)
+
+
+def adjust_cameras(
+    detections: ArrayLike,
+    cameras: Cameras,
+    *,
+    free: Sequence[str | int] | None = None,
+    focal: bool = False,
+    clock: bool = False,
+    confidence: ArrayLike | None = None,
+    config: RefineConfig | None = None,
+) -> RigAdjustment:
+    """Find the cameras that were turned or moved since the calibration, and set them right.
+
+    Bundle adjustment of cameras and joints together, with the robust kernel of ``refine``. A camera stays
+    exactly where it is unless the detections show that it is elsewhere; the sound ones, more than half, hold
+    the world's frame and scale. Where the detections do not tell which of two cameras is wrong, nothing is
+    changed, and both are reported. docs/method.md has the mathematics.
+
+    Parameters
+    ----------
+    detections : (T, M, N, 2|3)
+        Of one person or animal who moves about: the frames in order, NaN where missing.
+    cameras : CameraRig or sequence of Camera
+    free : sequence of str or int, optional
+        Names or numbers of the cameras that are wrong, in place of finding them; at least one must stay.
+    focal : bool
+        Also adjust focal lengths. Close to a movement along the optical axis, so only where zoom or focus may
+        have changed.
+    clock : bool
+        Also adjust clocks, to parts of a frame. Offsets of whole frames are looked for in any case, and
+        reported with the status ``"late"``.
+    confidence, config
+        As in ``refine``. Of the settings, ``min_confidence``, ``undistort`` and ``n_threads`` count.
+
+    Returns
+    -------
+    RigAdjustment
+
+    Raises
+    ------
+    InvalidInputError
+        As ``refine``, and if ``detections`` is a single frame, there are fewer than two cameras, or ``free``
+        names an unknown camera or all of them.
+    """
+    rig = cameras if isinstance(cameras, CameraRig) else CameraRig(cameras)
+    chosen = None if free is None else [_number(rig, one) for one in free]
+    adjusted, out = _skelsplat.adjust_cameras(
+        detections, rig, confidence=confidence, free=chosen, focal=focal, clock=clock, config=config
+    )
+    degrees = 180.0 / math.pi
+    report = [
+        CameraAdjustment(
+            name=name,
+            status=out["status"][i],
+            turn=out["turn"][i] * degrees,
+            shift=out["shift"][i],
+            focal=float(out["zoom"][i]),
+            clock=float(out["clock"][i]),
+            turn_sigma=float(out["turn_sigma"][i]) * degrees,
+            shift_sigma=float(out["shift_sigma"][i]),
+            focal_sigma=float(out["zoom_sigma"][i]),
+            clock_sigma=float(out["clock_sigma"][i]),
+            before=float(out["before"][i]),
+            after=float(out["after"][i]),
+        )
+        for i, name in enumerate(rig.names)
+    ]
+    fitted, judged = out["frames"]
+    return RigAdjustment(CameraRig(adjusted, rig.unit), tuple(report), fitted, judged)
+
+
+def _number(rig: CameraRig, camera: str | int) -> int:
+    """Return the place of a camera given by name or number."""
+    if isinstance(camera, str):
+        if camera not in rig.names:
+            raise InvalidInputError(f"free: unknown camera '{camera}'; there are {', '.join(rig.names)}")
+        return rig.names.index(camera)
+    if not 0 <= camera < len(rig):
+        raise InvalidInputError(f"free: expected cameras 0 to {len(rig) - 1}, got {camera}")
+    return int(camera)
