@@ -20,7 +20,7 @@ LAYERS = (
     {"io", "viz", "rig_check", "synthetic"},
     {"association", "temporal"},
     {"_people"},
-    {"_sequence", "_angles"},
+    {"_sequence", "_angles", "_rig"},
     {"_refine", "metrics"},
     {"cameras", "layouts"},
     {"findings", "_sentences"},  # a finding has its sentence, which is made from its numbers
