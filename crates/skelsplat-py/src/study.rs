@@ -260,7 +260,7 @@ pub(crate) fn rig_equations(
     let placed = cameras.cameras.into_iter().zip(clocks);
     let placed: Vec<Placed> = placed.map(|(camera, clock)| Placed { camera, clock }).collect();
     let q = 8 * placed.len();
-    let found = rig_step(placed, &detections.detections()?, points.0.points(), sigma)?;
+    let found = rig_step(&placed, &detections.detections()?, points.0.points(), sigma)?;
     let matrix = found.matrix.transpose().as_slice().to_vec();
     let gradient = found.gradient.as_slice().to_vec();
     Ok((Out(matrix, vec![q, q]), Out(gradient, vec![q]), found.cost))

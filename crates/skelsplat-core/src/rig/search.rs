@@ -300,7 +300,7 @@ impl Scope<'_> {
 
     /// The most frames by which a clock may be off.
     fn latest(&self) -> isize {
-        let n = self.scene.len();
+        let n = self.scene.n_frames();
         if n < LEAST_FRAMES { 0 } else { LATEST.min((n / PART) as isize) }
     }
 
