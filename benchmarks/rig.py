@@ -1,16 +1,16 @@
-"""Cameras set right: how much of a fault `skelsplat.adjust_cameras` leaves, and what it does to sound cameras.
+"""Cameras set right: what `skelsplat.adjust_cameras` leaves of a fault, and what it does to sound cameras.
 
     python benchmarks/rig.py [--views 3 4] [--faults "turn 1" sound] [--takes 20] [--condition good]
 
 Simulated: CMU motions of ten seconds at 30 Hz (without the data: the package's synthetic motions), detections
-with memory (`recordings.noise`), and one camera, or two of five or more, turned or moved in a random
-direction, zoomed, or late. Nothing tells the method which. Fault: degrees, mm, share of the focal length, frames. A late
-camera is looked for with `clock=True`, a zoomed one with `focal=True`; both are also listed without.
+with memory (`recordings.noise`), and one camera, in half of the takes two of five or more, that was turned or
+moved in a random direction, zoomed, or is late. Nothing tells the method which. Faults are in degrees, mm,
+shares of the focal length, and frames; `focal=True` and `clock=True` are given for these faults alone.
 
-set right: takes in which every faulty camera is adjusted (or late) and no other, and at most a tenth of the fault or twice
-the error bar is left, of the fault and of what it might be confused with. beyond: adjusted, but more is left. doubt: said
-to be doubtful, the faulty one among them. missed: nothing found; noticed from: the median of four times the error bar. wrong: a
-sound camera was changed. left: median of what is left of the fault in those set right.
+set right: takes in which every faulty camera is adjusted (or late) and no other, and at most a tenth of the
+fault or twice the error bar is left, of the fault and of what it might be confused with. beyond: more is left.
+doubt: a faulty camera is among those said to be doubtful. missed: nothing is found. wrong: a sound camera was
+changed. left, error bar: medians of what is left of the fault, and of its error bar. CPU s: one core.
 """
 
 from __future__ import annotations
@@ -97,7 +97,9 @@ def case(views: int, kind: str, size: float, condition: str, seed: int) -> Case:
     true = rig(views)
     number = 0 if kind == "sound" else 2 if views >= 5 and rng.random() < 0.5 else 1
     faulty = {int(i) for i in rng.permutation(views)[:number]}
-    late = np.array([size * rng.choice([-1, 1]) if kind == "clock" and i in faulty else 0.0 for i in range(views)])
+    late = np.array(
+        [size * rng.choice([-1, 1]) if kind == "clock" and i in faulty else 0.0 for i in range(views)]
+    )
     given = [spoilt(c, kind, size, rng) if i in faulty else c for i, c in enumerate(true)]
     noise = recordings.noise(condition, views, FPS)
     if late.any():  # each camera sees the motion at its own time
@@ -175,12 +177,16 @@ def row(name: str, views: int, takes: int, condition: str) -> list[object]:
         left.append(rest)
         bars.append(bar)
     share = [100 * counts[key] / takes for key in ("set right", "beyond", "doubt", "missed", "wrong")]
-    middle = [float(np.nanmedian(x)) if np.isfinite(x).any() else np.nan for x in (np.array(left), np.array(bars))]
+    middle = [
+        float(np.nanmedian(x)) if np.isfinite(x).any() else np.nan for x in (np.array(left), np.array(bars))
+    ]
     return [name, *share, *middle, float(np.mean(seconds))]
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--views", type=int, nargs="+", default=[3, 4, 5, 8])
     parser.add_argument("--faults", nargs="+", default=list(FAULTS))
     parser.add_argument("--takes", type=int, default=20)
@@ -196,7 +202,11 @@ def main() -> None:
             rows = [[str(one[0]), *(f"{value:.3g}" for value in one[1:])] for one in report[str(views)]]
             common.show(title, COLUMNS, rows, markdown=given.markdown)
     if given.json:
-        print(json.dumps({"circumstances": common.circumstances(), "columns": COLUMNS, "views": report}, indent=2))
+        print(
+            json.dumps(
+                {"circumstances": common.circumstances(), "columns": COLUMNS, "views": report}, indent=2
+            )
+        )
         return
     print(common.circumstances())
 

@@ -93,7 +93,10 @@ def slopes(camera: Camera, x: Array, speed: Array) -> tuple[Array, Array]:
     """Derivatives of a pixel by the point (2, 3) and by the camera (2, 8)."""
     nothing = np.zeros(7)
     A = np.stack(
-        [(camera.pixel(x + e, nothing) - camera.pixel(x - e, nothing)) / (2 * STEP) for e in STEP * np.eye(3)],
+        [
+            (camera.pixel(x + e, nothing) - camera.pixel(x - e, nothing)) / (2 * STEP)
+            for e in STEP * np.eye(3)
+        ],
         axis=1,
     )
     B = np.empty((2, 8))
