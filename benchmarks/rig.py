@@ -8,7 +8,7 @@ moved in a random direction, zoomed, or is late. Nothing tells the method which.
 shares of the focal length, and frames; `focal=True` and `clock=True` are given for these faults alone.
 
 set right: takes in which every faulty camera is adjusted (or late) and no other, and at most a tenth of the
-fault or twice the error bar is left, of the fault and of what it might be confused with. beyond: more is left.
+fault or twice the error bar is left, of the fault and of what it might be confused with. beyond: more is.
 doubt: a faulty camera is among those said to be doubtful. missed: nothing is found. wrong: a sound camera was
 changed. left, error bar: medians of what is left of the fault, and of its error bar. CPU s: one core.
 """
@@ -122,7 +122,7 @@ def at(poses: FloatArray, shift: float) -> FloatArray:
 
 
 def errors(true: sk.Camera, camera: sk.Camera, late: float) -> FloatArray:
-    """What is wrong with a camera: degrees, mm, share of the focal length, frames."""
+    """Return what is wrong with a camera: degrees, mm, share of the focal length, frames."""
     turn = np.asarray(camera.R) @ np.asarray(true.R).T
     degrees = np.degrees(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1)))
     mm = np.linalg.norm(np.asarray(camera.centre) - np.asarray(true.centre))
@@ -131,7 +131,7 @@ def errors(true: sk.Camera, camera: sk.Camera, late: float) -> FloatArray:
 
 
 def verdict(one: Case, found: sk.RigAdjustment) -> tuple[str, float, float]:
-    """Return what became of a case, what is left of the fault, and its error bar; NaN where it is not set right."""
+    """Return what became of a case, what is left of the fault, and its error bar; NaN if not set right."""
     changed = {i for i, r in enumerate(found.report) if r.status in ("adjusted", "late")}
     doubtful = {i for i, r in enumerate(found.report) if r.status == "doubtful"}
     if changed - one.faulty:
@@ -157,7 +157,7 @@ def verdict(one: Case, found: sk.RigAdjustment) -> tuple[str, float, float]:
 
 def row(name: str, views: int, takes: int, condition: str) -> list[object]:
     """Measure one fault in one rig."""
-    kind, size = (name.split() + ["0"])[:2]
+    kind, size = [*name.split(), "0"][:2]
     counts: Counter[str] = Counter()
     left, bars, seconds = [], [], []
     for seed in range(FIRST, FIRST + takes):

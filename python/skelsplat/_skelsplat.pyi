@@ -731,8 +731,8 @@ def rig_equations(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
     """Return S (8 M, 8 M), s (8 M,) and the cost of the equations of ``adjust_cameras``, joints eliminated.
 
-    ``points`` (T, N, 3), mm, under kernels of ``sigma`` mm; ``clocks`` of the cameras, in frames. Every camera
-    has turn, shift, logarithm of the focal length and clock, in this order.
+    ``points`` (T, N, 3), mm, under kernels of ``sigma`` mm; ``clocks`` of the cameras, in frames. Every
+    camera has turn, shift, logarithm of the focal length and clock, in this order.
     """
 
 def adjust_cameras(

@@ -1,4 +1,4 @@
-"""The equations of `adjust_cameras` in NumPy: derivatives by central differences, joints eliminated by dense algebra."""
+"""The equations of `adjust_cameras`: derivatives by central differences, joints eliminated densely."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ class Camera:
     clock: float
 
     def pixel(self, x: Array, change: Array) -> Array:
-        """Project a point (3,) by the camera turned by change[:3] about its axes, moved by change[3:6], zoomed."""
+        """Project a point (3,) by the camera turned about its axes, moved and zoomed by change (7,)."""
         angle = float(np.linalg.norm(change[:3]))
         R = self.R
         if angle > 0:
@@ -61,7 +61,7 @@ def sight(detections: Array, t: int, i: int, j: int, clock: float) -> tuple[Arra
 def equations(
     points: Array, detections: Array, cameras: Sequence[Camera], sigma: float
 ) -> tuple[Array, Array, float]:
-    """S (8M, 8M), s (8M,) and cost of joints (T, N, 3) with detections (T, M, N, 3) under kernels of sigma mm."""
+    """Return S (8M, 8M), s (8M,) and cost of joints (T, N, 3) and detections (T, M, N, 3); sigma in mm."""
     size = 8 * len(cameras)
     matrix, gradient, cost = np.zeros((size, size)), np.zeros(size), 0.0
     for t, j in np.ndindex(points.shape[:2]):
@@ -90,7 +90,7 @@ def equations(
 
 
 def slopes(camera: Camera, x: Array, speed: Array) -> tuple[Array, Array]:
-    """Derivatives of a pixel by the point (2, 3) and by the camera (2, 8)."""
+    """Return derivatives of a pixel by the point (2, 3) and by the camera (2, 8)."""
     nothing = np.zeros(7)
     A = np.stack(
         [

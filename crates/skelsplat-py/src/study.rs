@@ -246,8 +246,8 @@ pub(crate) fn sequence_equations(
 
 /// Return S (8 M, 8 M), s (8 M,) and the cost of the equations of ``adjust_cameras``, joints eliminated.
 ///
-/// ``points`` (T, N, 3), mm, under kernels of ``sigma`` mm; ``clocks`` of the cameras, in frames. Every camera
-/// has turn, shift, logarithm of the focal length and clock, in this order.
+/// ``points`` (T, N, 3), mm, under kernels of ``sigma`` mm; ``clocks`` of the cameras, in frames. Every
+/// camera has turn, shift, logarithm of the focal length and clock, in this order.
 #[pyfunction]
 #[pyo3(signature = (points, detections, cameras, *, clocks, sigma))]
 pub(crate) fn rig_equations(
